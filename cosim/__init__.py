@@ -1,0 +1,1 @@
+"""The loop around the gyroscope FMU: observers, controller, angle units, master."""

@@ -1,0 +1,203 @@
+"""Angle units: the angle of the vibration pattern, no rate integrated (source 000 eqs. 8-11).
+
+    phi = atan2(2 (w^2 x y + x' y'), w^2 (x^2 - y^2) + x'^2 - y'^2) / 2,   w^2 = k / m
+
+(the source prints k for w^2 and a plain arctan). The pattern turns by -lambda int(Omega dt) in the
+body, so the reported angle is theta = -(phi - phi at convergence) / lambda.
+
+A: band-pass the four states, then phi. B: phi, then low-pass. C: subtract the observer's response
+to the two tones, then phi, no filter.
+
+x' of a turning pattern also holds Omega y, which ripples phi by Omega/(2 w), 0.008 deg at 5 rad/s,
+at twice the oscillation frequency and with zero mean; it is left in.
+
+Why B works although the tones bend phi by tens of degrees: with z = x + j x'/w and likewise y, phi
+is half the argument of (z_x + j z_y)(z_x* + j z_y*). Each factor is the pattern, turning at the
+oscillation frequency, plus the tones; as long as the pattern is larger, the argument of
+1 + tone/pattern has zero mean over its turns, and what the tones add lies near the difference of
+the frequencies (2.5 kHz), far above the low-pass.
+"""
+
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy import signal
+
+from cosim.angle_filters import Filter, Floats, Shape, band_pass, low_pass
+
+
+class Block(NamedTuple):
+    """What the loop records over n consecutive samples; the arrays are not changed.
+
+    t [s]; x, x_dot, y, y_dot: estimates at t [m, m/s]; forced: the observer's response to the tones
+    x, x_dot, y, y_dot, shape (4, n); omega_squared = k/m [1/s^2]; converged: bool; lambda_: the
+    angular gain [1].
+    """
+
+    t: Floats
+    x: Floats
+    x_dot: Floats
+    y: Floats
+    y_dot: Floats
+    forced: Floats
+    omega_squared: Floats
+    converged: NDArray[np.bool_]
+    lambda_: float
+
+    def states(self) -> Floats:
+        """Return x, x_dot, y, y_dot, shape (4, n), as an array of its own."""
+        return np.stack((self.x, self.x_dot, self.y, self.y_dot))
+
+
+class AngleUnit(Protocol):
+    """An angle unit remembers what it needs, so that the division into blocks changes nothing."""
+
+    name: str
+
+    @property
+    def filter(self) -> Filter | None:
+        """The filter that the angle passes, if any."""
+        ...
+
+    def process(self, block: Block) -> tuple[Floats, Floats]:
+        """Return angle [rad], unwrapped, NaN before convergence, and quality, each shape (n,).
+
+        Quality is (a^2 - b^2)/(a^2 + b^2) of the orbit with semi-axes a, b: 1 is a straight line,
+        0 a circle, which has no angle.
+        """
+        ...
+
+
+class UnitA:
+    """Band-pass on the four states, then phi (source 000 eqs. 8-9)."""
+
+    name = "A"
+
+    def __init__(self, design: Filter) -> None:
+        self.filter = design
+        self._memory = np.zeros((len(design.sos), 4, 2))
+        self._pattern = Pattern()
+
+    def process(self, block: Block) -> tuple[Floats, Floats]:
+        """Angle [rad] and quality, see AngleUnit."""
+        states, self._memory = signal.sosfilt(self.filter.sos, block.states(), zi=self._memory)
+        phi, quality = self._pattern.phi(states, block.omega_squared)
+        return self._pattern.angle(phi, block), quality
+
+
+class UnitB:
+    """Phi of the unfiltered states, then low-pass on angle and quality (source 000 eqs. 10-11)."""
+
+    name = "B"
+
+    def __init__(self, design: Filter) -> None:
+        self.filter = design
+        self._memory: Floats | None = None
+        self._pattern = Pattern()
+
+    def process(self, block: Block) -> tuple[Floats, Floats]:
+        """Angle [rad] and quality, see AngleUnit."""
+        both = np.stack(self._pattern.phi(block.states(), block.omega_squared))
+        if self._memory is None:
+            # Start as if the first sample had been there for ever: no step from zero.
+            settled = signal.sosfilt_zi(self.filter.sos)
+            self._memory = settled[:, np.newaxis, :] * both[:, :1]
+        (phi, quality), self._memory = signal.sosfilt(self.filter.sos, both, zi=self._memory)
+        # The lag-free low-pass overshoots; quality is a ratio.
+        return self._pattern.angle(phi, block), np.clip(quality, 0.0, 1.0)
+
+
+class UnitC:
+    """Subtract the forced response to the two tones, then phi; no filter."""
+
+    name = "C"
+    filter = None
+
+    def __init__(self) -> None:
+        self._pattern = Pattern()
+
+    def process(self, block: Block) -> tuple[Floats, Floats]:
+        """Angle [rad] and quality, see AngleUnit."""
+        phi, quality = self._pattern.phi(block.states() - block.forced, block.omega_squared)
+        return self._pattern.angle(phi, block), quality
+
+
+UNIT_NAMES: Final = ("A", "B", "C")
+
+
+def make_units(sample_rate: float, frequency_hz: float, shape: Shape = "lag_free") -> dict[str, AngleUnit]:
+    """Return fresh units A, B and C for an oscillation at `frequency_hz` = sqrt(k/m)/2pi.
+
+    Raises InputError where a filter does not fit below half of `sample_rate` [Hz].
+    """
+    return {
+        "A": UnitA(band_pass(sample_rate, frequency_hz, shape)),
+        "B": UnitB(low_pass(sample_rate, frequency_hz, shape)),
+        "C": UnitC(),
+    }
+
+
+class Pattern:
+    """Follows the orientation phi of an orbit over blocks, and sets the angle's zero."""
+
+    def __init__(self) -> None:
+        self._turns = np.zeros(2)
+        self._zero = np.nan
+
+    def phi(self, states: Floats, omega_squared: Floats) -> tuple[Floats, Floats]:
+        """Return phi [rad], unwrapped, and quality, shape (n,), of x, x', y, y', shape (4, n)."""
+        phi, quality = np.empty_like(omega_squared), np.empty_like(omega_squared)
+        _follow(states, omega_squared, self._turns, phi, quality)
+        return phi, quality
+
+    def angle(self, phi: Floats, block: Block) -> Floats:
+        """Return theta [rad] of `phi`: zero at the first converged sample, NaN before."""
+        first = 0
+        if np.isnan(self._zero):
+            if not block.converged.any():
+                return np.full_like(phi, np.nan)
+            first = int(block.converged.argmax())
+            self._zero = float(phi[first])
+        # This order of the difference makes the first converged angle +0.0.
+        angle = (self._zero - phi) / block.lambda_
+        angle[:first] = np.nan
+        return angle
+
+
+def sine_lag(t: Floats, angle: Floats, angle_true: Floats, frequency_hz: float = 20.0) -> float:
+    """Lag [s] of `angle` behind `angle_true` for a rate that is a sine of `frequency_hz`.
+
+    Offset and drift are fitted with the sine and so removed; samples without an angle (NaN) are
+    left out. Shapes (n,). The lag is unambiguous within half a period.
+    """
+    valid = np.isfinite(angle) & np.isfinite(angle_true)
+    since = t[valid] - t[valid].mean()
+    phase = 2 * np.pi * frequency_hz * since
+    basis = np.stack((np.ones_like(since), since, np.cos(phase), np.sin(phase)), axis=1)
+    fitted, *_ = np.linalg.lstsq(basis, np.stack((angle[valid], angle_true[valid]), axis=1))
+    measured, true = fitted[2] - 1j * fitted[3]
+    return float(-np.angle(measured / true) / (2 * np.pi * frequency_hz))
+
+
+@njit(cache=True)
+def _follow(states, omega_squared, turns, phi, quality):  # type: ignore[no-untyped-def]
+    """Phi [rad] and quality in one pass; turns = [last phi within +-pi/2, half turns so far]."""
+    for k in range(len(phi)):
+        x, x_dot, y, y_dot = states[0, k], states[1, k], states[2, k], states[3, k]
+        cross = 2 * (omega_squared[k] * x * y + x_dot * y_dot)
+        energy_x = omega_squared[k] * x * x + x_dot * x_dot
+        energy_y = omega_squared[k] * y * y + y_dot * y_dot
+        wrapped = 0.5 * np.arctan2(cross, energy_x - energy_y)
+        change = wrapped - turns[0]
+        if change > 0.5 * np.pi:
+            turns[1] -= 1
+        elif change < -0.5 * np.pi:
+            turns[1] += 1
+        turns[0] = wrapped
+        phi[k] = wrapped + np.pi * turns[1]
+        straight = np.sqrt((energy_x - energy_y) ** 2 + cross * cross)
+        total = energy_x + energy_y
+        # Rounding may take the ratio of a straight line past 1 by an ulp.
+        quality[k] = min(straight / total, 1.0) if total > 0 else 0.0

@@ -1,0 +1,1 @@
+"""Controllers: from the estimates of an observer to the force on the device."""

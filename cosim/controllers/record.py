@@ -1,0 +1,43 @@
+"""What a controller is: a record of two compiled functions on flat arrays."""
+
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.observers.record import settings_array
+
+INIT_SIGNATURE: Final = "void(f8[::1], f8[::1], f8)"
+STEP_SIGNATURE: Final = "void(f8[::1], f8[::1], f8, f8[::1], f8[::1], f8[::1])"
+
+FORCE_X: Final = 0
+FORCE_Y: Final = 1
+CONVERGED: Final = 2
+CONVERGED_AT: Final = 3
+FORCED: Final = 4
+OMEGA_SQUARED: Final = 8
+OUTPUT_SIZE: Final = 9
+"""Length of `output`: u_x, u_y [N], converged 0/1, its time [s] or NaN, the forced response
+x, x', y, y' [m, m/s] to the tones at t_k, omega^2 = k / m of the isotropic oscillator [1/s^2]."""
+
+
+class Controller(NamedTuple):
+    """A controller; `init` and `step` are compiled with INIT_SIGNATURE and STEP_SIGNATURE.
+
+    init(memory, settings, period); step(memory, settings, t, estimate, deviation, output): at t_k
+    [s], after the observer's correction with sample k, sets the force for [t_k, t_{k+1}).
+    """
+
+    name: str
+    memory_size: int
+    settings: dict[str, float]
+    init: Callable[..., None]
+    step: Callable[..., None]
+
+    def settings_array(self, **changes: float) -> npt.NDArray[np.float64]:
+        """Return the settings as the flat array of `init` and `step`, with `changes` made.
+
+        Raises ValueError for a name that the controller does not have.
+        """
+        return settings_array(self.name, self.settings, changes)

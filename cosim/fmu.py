@@ -1,0 +1,176 @@
+"""The plant as the loop sees it: the FMU, its variables by name, and compiled calls of its functions.
+
+A step through fmpy's classes costs microseconds. Here fmpy loads the FMU and initialises it; the loop then calls the three FMI functions
+of a step by their addresses from compiled code. Addresses are plain integers, so that the compiled loop can be cached.
+"""
+
+import ctypes
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from gyro_model.build import build, model_token
+from gyro_model.errors import InputError, nearest
+from gyro_model.model import Model, load_model
+
+FMI_ERROR: Final = 3
+"""fmi3Error: the step was refused or failed; what lies below is usable."""
+
+INPUT_NAMES: Final = ("u_x", "u_y", "omega_z")
+OUTPUT_NAMES: Final = ("v_x", "v_y", "x", "x_dot", "y", "y_dot")
+
+SET, STEP, GET, INSTANCE, HANDLE_SIZE = range(5)
+"""Layout of a plant's handle, int64: the addresses of fmi3SetFloat64, fmi3DoStep, fmi3GetFloat64 and of the instance."""
+
+
+class Plant:
+    """An initialised FMU instance, to be used as a context manager.
+
+    ``handle``, ``inputs`` and ``outputs`` (value references, uint32) are what the compiled ``exchange`` takes.
+    """
+
+    def __init__(self, path: Path, parameters: Mapping[str, float], model: Model | None = None) -> None:
+        """Loads the FMU at ``path`` and initialises it with ``parameters`` (SI).
+
+        Raises InputError where the FMU is of another model, a parameter is unknown, or the FMU refuses a value.
+        """
+        from fmpy import extract, read_model_description
+        from fmpy.fmi3 import FMU3Slave
+
+        self._complaints: list[str] = []
+        self._folder: str | None = None
+        try:
+            description = read_model_description(path)
+        except Exception as error:  # fmpy raises Exception itself
+            raise InputError(f"FMU {path}: not a readable FMU ({error}); build it anew with `gyrotwin build`") from None
+        token = model_token(model or load_model())
+        if description.guid != token and description.instantiationToken != token:
+            raise InputError(f"FMU {path}: is of another model than this program; build it anew with `gyrotwin build`")
+        self.references = {variable.name: variable.valueReference for variable in description.modelVariables}
+        self._integers = {variable.name for variable in description.modelVariables if variable.type == "Int32"}
+        self._folder = extract(path)
+        self._fmu: Any = FMU3Slave(
+            guid=token,
+            unzipDirectory=self._folder,
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName="plant",
+        )
+        try:
+            self._start(parameters)
+        except BaseException:
+            self.close()
+            raise
+
+    def _start(self, parameters: Mapping[str, float]) -> None:
+        self._fmu.instantiate(loggingOn=False, logMessage=self._log)
+        try:
+            for name, value in parameters.items():
+                self._set(name, value)
+            self._fmu.enterInitializationMode()
+            self._fmu.exitInitializationMode()
+        except InputError:
+            raise
+        except Exception as error:  # fmpy raises Exception itself
+            raise InputError(self.complaint() or str(error)) from None
+        self.handle = np.zeros(HANDLE_SIZE, dtype=np.int64)
+        for slot, name in ((SET, "fmi3SetFloat64"), (STEP, "fmi3DoStep"), (GET, "fmi3GetFloat64")):
+            self.handle[slot] = ctypes.cast(getattr(self._fmu.dll, name), ctypes.c_void_p).value
+        self.handle[INSTANCE] = self._fmu.component
+        self.inputs = self.value_references(INPUT_NAMES)
+        self.outputs = self.value_references(OUTPUT_NAMES)
+
+    def _set(self, name: str, value: float) -> None:
+        if name not in self.references:
+            raise InputError(f"parameter {name!r} is unknown to the FMU{nearest(name, self.references)}")
+        if name in self._integers:
+            self._fmu.setInt32([self.references[name]], [int(value)])
+        else:
+            self._fmu.setFloat64([self.references[name]], [value])
+
+    def _log(self, environment: Any, status: int, category: bytes, message: bytes) -> None:
+        self._complaints.append(message.decode(errors="replace"))
+
+    def value_references(self, names: Sequence[str]) -> NDArray[np.uint32]:
+        """The value references of variables by name."""
+        return np.array([self.references[name] for name in names], dtype=np.uint32)
+
+    def get(self, names: Sequence[str]) -> NDArray[np.float64]:
+        """Present values of variables by name."""
+        return np.array(self._fmu.getFloat64(self.value_references(names).tolist()))
+
+    def complaint(self) -> str:
+        """What the FMU said last, without the name of the FMI function."""
+        return self._complaints[-1].partition(": ")[2] if self._complaints else ""
+
+    def close(self) -> None:
+        """Frees the instance and removes the extracted FMU."""
+        if getattr(self, "_fmu", None) is not None and self._fmu.component:
+            self._fmu.freeInstance()
+            self._fmu.component = None
+        if self._folder:
+            shutil.rmtree(self._folder, ignore_errors=True)
+            self._folder = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+def open_plant(parameters: Mapping[str, float], model: Model | None = None) -> Plant:
+    """The plant of the present model, its FMU built where that has not been done."""
+    return Plant(build(model).fmi3, parameters, model)
+
+
+def _pointer_call(name: str, arguments: Sequence[ir.Type]) -> Any:
+    """A compiled call of the C function at an address: int32 f(address, ...), every argument an integer, float64 or address."""
+
+    @intrinsic
+    def call(typing_context, address, values):  # type: ignore[no-untyped-def]
+        def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
+            function = ir.FunctionType(ir.IntType(32), arguments)
+            pointer = builder.inttoptr(args[0], function.as_pointer(), name=name)
+            given = cgutils.unpack_tuple(builder, args[1], len(arguments))
+            cast = [
+                builder.inttoptr(value, kind) if isinstance(kind, ir.PointerType) else value
+                for value, kind in zip(given, arguments, strict=True)
+            ]
+            return builder.call(pointer, cast)
+
+        return types.int32(address, values), generate
+
+    return call
+
+
+_ADDRESS: Final = ir.IntType(8).as_pointer()
+_SIZE: Final = ir.IntType(64)
+_REAL: Final = ir.DoubleType()
+_BOOL: Final = ir.IntType(1)
+
+_set_float64 = _pointer_call("fmi3SetFloat64", (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS, _SIZE))
+_get_float64 = _pointer_call("fmi3GetFloat64", (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS, _SIZE))
+_do_step = _pointer_call("fmi3DoStep", (_ADDRESS, _REAL, _REAL, _BOOL, _ADDRESS, _ADDRESS, _ADDRESS, _ADDRESS))
+
+
+@njit(cache=True)
+def exchange(handle, inputs, input_values, outputs, output_values, flags, t, step):  # type: ignore[no-untyped-def]
+    """Sets inputs, steps from ``t`` by ``step`` [s], gets outputs; gives the worst FMI status.
+
+    handle int64[4]; inputs, outputs uint32 value references; input_values, output_values f8 [SI]; flags f8[4], scratch of the step.
+    """
+    instance = handle[INSTANCE]
+    n_in, n_out = len(input_values), len(output_values)
+    status = _set_float64(handle[SET], (instance, inputs.ctypes.data, n_in, input_values.ctypes.data, n_in))
+    at = flags.ctypes.data
+    status = max(status, _do_step(handle[STEP], (instance, t, step, False, at, at + 8, at + 16, at + 24)))
+    return max(status, _get_float64(handle[GET], (instance, outputs.ctypes.data, n_out, output_values.ctypes.data, n_out)))

@@ -1,0 +1,383 @@
+"""Adaptive observer whose gain comes from a Lyapunov function (source 000, eqs. 3-4).
+
+Construction (an adaptive observer of the Kreisselmeier-Zhang type, one step a sample)
+    x- = f(x, theta, u)        exact motion over one period; F = df/dx, D = df/dtheta
+    Y- = F Y + D,  Y = (I - G C) Y-     response of the state error to the parameter error
+    e  = z - C x-              innovation, z the sensed coordinates
+    dtheta = Gamma Y-' C' S^-1 e,  S = C Y- Gamma Y-' C' + r
+    x  = x- + G e + Y dtheta
+    Gamma = Gamma - Gamma Y-' C' S^-1 C Y- Gamma, then Gamma = Gamma + Q
+G = kappa C': the sensed coordinates move by kappa e. That is kappa E^-1 C' (C E^-1 C')^-1 for the
+energy E(eta) = eta_v' eta_v + eta_q' (K/m) eta_q, so it suits every positive stiffness and needs no
+Riccati equation.
+
+Lyapunov function, with theta_err and x_err the errors and eta = x_err - Y theta_err:
+    V = E(eta) / (r kappa (2 - kappa) k) + theta_err' Gamma^-1 theta_err,
+r the smallest noise variance, kappa the smallest gain, k the lowest eigenvalue of K/m (1 where
+velocity is sensed). Decrease, for constant theta and samples without noise:
+1. eta- = F eta, for the terms with theta_err cancel. Free motion gains no energy, so
+   E(eta-) <= E(eta).
+2. The gain takes kappa (2 - kappa) k |C eta-|^2 or more out of E, so the first term of V falls by
+   at least b' r^-1 b, b = C eta-.
+3. e = C Y- theta_err + b. The identity of least squares says that the second term of V changes by
+   b' r^-1 b - e' S^-1 e. A larger r, and Q >= 0, only lower it.
+Together V falls by at least e' S^-1 e every sample, for any sequences kappa and r above their
+smallest values and any Q >= 0. With the tones and the vibration exciting all parameters, e = 0
+leaves only zero error. Assumed: f linear in theta_err. Exactly, x_err- carries a remainder rho of
+second order in the error, and then sqrt(V+) <= sqrt(V) + sqrt(E(rho) / (r kappa (2 - kappa) k)).
+
+The sequences follow the innovation: while it exceeds the noise, r and kappa rise, so that what a
+jump of omega_z leaves in eta dies fast and moves nothing else; and Q rises, faster for omega_z and
+the dampings than for the stiffnesses and the mass, so that parameters may change. Gamma is kept as
+U diag(d) U' (Bierman; Agee-Turner for Q), which rounding can't make negative, and Q stops where a
+parameter is as uncertain as at the start.
+"""
+
+from math import pi, sqrt
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from cosim.layout import KXX, OMEGA_Z, M
+from cosim.observers.record import (
+    INIT_SIGNATURE,
+    NOISE_RMS,
+    SENSE_GAIN_X,
+    SENSES_VELOCITY,
+    STEP_SIGNATURE,
+    Observer,
+)
+from cosim.propagation import (
+    PHI,
+    STATE,
+    THETA_SIZE,
+    WIDTH,
+    WORK_SIZE,
+    linearise,
+    parameters_of,
+    taylor_order,
+    theta_of,
+)
+
+N: Final = THETA_SIZE
+BLOCK: Final = 64
+
+SETTINGS: Final = {
+    "damping_min": 0.25,
+    "damping_max": 0.8,
+    "omega_walk": 5.0,
+    "memory_stiffness": 3.0,
+    "memory_damping": 1.0,
+    "residual_memory": 20.0,
+    "patience": 5.0,
+    "relearn": 0.6,
+    "noise_memory": 15.0,
+}
+"""damping_min, damping_max: damping ratio that the gain gives the observer, at rest and while the
+innovation exceeds the noise; omega_walk: angular rate as a random walk [rad/s per sqrt(s)];
+memory_stiffness (and mass), memory_damping [s]: older samples count less by exp(-age/memory);
+residual_memory [samples]: the innovation is averaged over; patience [periods of x alone]: a large
+innovation that lasts longer is no jump of omega_z; relearn [periods of x alone]: in place of
+memory_damping from then on, and memory_stiffness in proportion; noise_memory [periods of x alone]:
+the noise, taken as stated at first, grows or falls e-fold in this time towards the innovation."""
+
+_DAMPING_MIN, _DAMPING_MAX, _OMEGA_WALK, _MEMORY_K, _MEMORY_D = range(5)
+_RESIDUAL, _PATIENCE, _RELEARN, _NOISE = range(5, 9)
+
+# A mean of 20 squared pairs of unit noise passes 3 once in more than 1e10 samples.
+_EXCESS: Final = 3.0
+# The noise counts as at least this part of the first uncertainty of the motion.
+_SMALLEST_NOISE: Final = 1e-6
+
+_THETA: Final = 4
+_Y: Final = _THETA + N
+_U: Final = _Y + 4 * N
+_D: Final = _U + N * N
+_WORK: Final = _D + N
+_GAIN: Final = _WORK + WORK_SIZE
+_CHANGE: Final = _GAIN + N
+_LIMIT: Final = _CHANGE + N
+_CONST: Final = _LIMIT + N
+_GAIN_X, _GAIN_Y, _R_X, _R_Y, _ROW, _PERIOD, _COUNT, _ORDER = range(_CONST, _CONST + 8)
+_KAPPA, _KAPPA_MIN, _KAPPA_MAX, _RHO, _FLOOR, _GROWTH = range(_CONST + 8, _CONST + 14)
+_LASTED, _LONG, _BOOST = range(_CONST + 14, _CONST + 17)
+_EXTRA: Final = _CONST + 17
+MEMORY_SIZE: Final = _EXTRA + 10
+
+
+@njit(cache=True)
+def _fold(u, d, h, r, gain):  # type: ignore[no-untyped-def]
+    """Take the scalar h' theta + noise of variance r into u d u'; return S, write gain * S."""
+    s = r
+    for j in range(N):
+        f = h[j]
+        for i in range(j):
+            f += u[i * N + j] * h[i]
+        v = d[j] * f
+        s_next = s + f * v
+        factor = -f / s
+        d[j] *= s / s_next
+        for i in range(j):
+            old = u[i * N + j]
+            u[i * N + j] = old + factor * gain[i]
+            gain[i] += old * v
+        gain[j] = v
+        s = s_next
+    return s
+
+
+@njit(cache=True)
+def _raise(u, d, index, q, column):  # type: ignore[no-untyped-def]
+    """Add the variance q to parameter `index` of u d u'; `column` f8[N] is scratch."""
+    for i in range(index):
+        column[i] = 0.0
+    column[index] = 1.0
+    for j in range(index, -1, -1):
+        old = d[j]
+        d[j] = old + q * column[j] * column[j]
+        if d[j] == 0.0:
+            continue
+        factor = q * column[j] / d[j]
+        q *= old / d[j]
+        for i in range(j):
+            column[i] -= column[j] * u[i * N + j]
+            u[i * N + j] += factor * column[i]
+
+
+@njit(cache=True)
+def _covariance(u, d, i, j):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for k in range(max(i, j), N):
+        total += u[i * N + k] * u[j * N + k] * d[k]
+    return total
+
+
+@njit(cache=True)
+def _respond(memory, work):  # type: ignore[no-untyped-def]
+    """Turn the derivatives by theta in `work` into Y- = F Y + D."""
+    for i in range(4):
+        for k in range(4):
+            factor = work[i * WIDTH + PHI + k]
+            for j in range(N):
+                work[i * WIDTH + j] += factor * memory[_Y + k * N + j]
+
+
+@njit(cache=True)
+def _excess(memory, rho):  # type: ignore[no-untyped-def]
+    return max(rho / memory[_FLOOR] - _EXCESS, 0.0)
+
+
+@njit(cache=True)
+def _adapt(memory, settings, e_x, e_y):  # type: ignore[no-untyped-def]
+    """Follow the innovation with kappa; return the factor on the noise variances."""
+    now = 0.5 * (e_x * e_x / memory[_R_X] + e_y * e_y / memory[_R_Y])
+    memory[_RHO] += (now - memory[_RHO]) / settings[_RESIDUAL]
+    memory[_LASTED] += 1.0
+    if _excess(memory, memory[_RHO]) > 0.0:
+        memory[_FLOOR] *= 1.0 + memory[_GROWTH]
+    else:
+        memory[_LASTED] = 0.0
+        if memory[_RHO] < memory[_FLOOR]:
+            memory[_FLOOR] = max(memory[_FLOOR] * (1.0 - memory[_GROWTH]), 1.0)
+    excess = _excess(memory, max(memory[_RHO], now))
+    kappa = memory[_KAPPA_MIN] * sqrt(max(excess, 1.0))
+    memory[_KAPPA] = min(kappa, memory[_KAPPA_MAX])
+    return memory[_FLOOR] * (1.0 + excess)
+
+
+@njit(cache=True)
+def _correct(memory, work, e_x, e_y, factor):  # type: ignore[no-untyped-def]
+    """Correct theta, Gamma and the state with the innovation."""
+    u = memory[_U:_D]
+    d = memory[_D:_WORK]
+    gain = memory[_GAIN:_CHANGE]
+    change = memory[_CHANGE:_LIMIT]
+    row = int(memory[_ROW])
+    h = work[row * WIDTH : row * WIDTH + N]
+    scaled = e_x / _fold(u, d, h, memory[_R_X] * factor, gain)
+    for j in range(N):
+        change[j] = gain[j] * scaled
+    h = work[(row + 2) * WIDTH : (row + 2) * WIDTH + N]
+    rest = e_y
+    for j in range(N):
+        rest -= h[j] * change[j]
+    scaled = rest / _fold(u, d, h, memory[_R_Y] * factor, gain)
+    for j in range(N):
+        change[j] += gain[j] * scaled
+        memory[_THETA + j] += change[j]
+    for i in range(4):
+        kappa = 0.0
+        if i % 2 == row:
+            kappa = memory[_KAPPA]
+        total = work[i * WIDTH + STATE] + kappa * (e_x if i < 2 else e_y)
+        for j in range(N):
+            response = (1.0 - kappa) * work[i * WIDTH + j]
+            memory[_Y + i * N + j] = response
+            total += response * change[j]
+        memory[i] = total
+
+
+@njit(cache=True)
+def _forget(memory, settings):  # type: ignore[no-untyped-def]
+    """Add Q: to omega_z, and to the other seven in turn."""
+    u = memory[_U:_D]
+    d = memory[_D:_WORK]
+    period = memory[_PERIOD]
+    q = settings[_OMEGA_WALK] ** 2 * period * (1.0 + _excess(memory, memory[_RHO]))
+    room = memory[_LIMIT] - _covariance(u, d, 0, 0)
+    d[0] += max(min(q, room), 0.0)
+    index = 1 + int(memory[_COUNT]) % (N - 1)
+    duration = settings[_MEMORY_K]
+    if 4 <= index <= 6:
+        duration = settings[_MEMORY_D]
+    rate = 2.0 * (N - 1) * period / duration
+    if memory[_LASTED] > memory[_LONG]:
+        rate *= memory[_BOOST]
+    variance = _covariance(u, d, index, index)
+    q = min(rate * variance, memory[_LIMIT + index] - variance)
+    if q > 0.0:
+        _raise(u, d, index, q, memory[_GAIN:_CHANGE])
+
+
+@njit(cache=True)
+def _write(memory, estimate, deviation):  # type: ignore[no-untyped-def]
+    """Write the estimates; the deviations are those of Gamma times the measured innovation."""
+    u = memory[_U:_D]
+    d = memory[_D:_WORK]
+    parameters_of(memory[_THETA:_Y], estimate)
+    scale = sqrt(max(memory[_RHO] / memory[_FLOOR], 1.0))
+    mass = estimate[M]
+    p_mm = d[N - 1]
+    deviation[OMEGA_Z] = scale * sqrt(_covariance(u, d, 0, 0))
+    for i in range(1, 7):
+        value = estimate[KXX + i - 1]
+        p_im = u[i * N + N - 1] * p_mm
+        variance = _covariance(u, d, i, i) - 2.0 * value * p_im + value * value * p_mm
+        deviation[KXX + i - 1] = scale * mass * sqrt(max(variance, 0.0))
+    deviation[M] = scale * mass * mass * sqrt(p_mm)
+    # Without parameter error a lossless mode driven by kappa * noise has kappa/2 of its variance.
+    share = 0.5 * memory[_KAPPA]
+    omega = sqrt(max(memory[_THETA + 1], 0.0))
+    for i in range(4):
+        unit = 1.0
+        if i % 2 != memory[_ROW]:
+            unit = omega if i % 2 == 1 else 1.0 / max(omega, 1.0)
+        variance = share * memory[_FLOOR] * memory[_R_X if i < 2 else _R_Y] * unit * unit
+        for k in range(N):
+            f = memory[_Y + i * N + k]
+            for j in range(k):
+                f += memory[_Y + i * N + j] * u[j * N + k]
+            variance += f * f * d[k]
+        estimate[i] = memory[i]
+        deviation[i] = scale * sqrt(variance)
+    for i in range(5):
+        estimate[12 + i] = memory[_EXTRA + i]
+        deviation[12 + i] = memory[_EXTRA + 5 + i]
+
+
+@njit(INIT_SIGNATURE, cache=True)
+def _init(memory, settings, start, start_deviation, sensor, period):  # type: ignore[no-untyped-def]
+    memory[:] = 0.0
+    memory[0:4] = start[0:4]
+    theta_of(start, memory[_THETA:_Y])
+    mass = start[M]
+    relative_m = start_deviation[M] / mass
+    memory[_LIMIT] = start_deviation[OMEGA_Z] ** 2
+    for i in range(6):
+        rate = start[KXX + i] / mass
+        own = start_deviation[KXX + i] / mass
+        memory[_LIMIT + 1 + i] = own * own + rate * rate * relative_m * relative_m
+    memory[_LIMIT + 7] = (relative_m / mass) ** 2
+    for j in range(N):
+        memory[_U + j * N + j] = 1.0
+        memory[_D + j] = memory[_LIMIT + j]
+    row = int(sensor[SENSES_VELOCITY])
+    memory[_ROW] = row
+    for i in range(2):
+        noise = sensor[NOISE_RMS] / sensor[SENSE_GAIN_X + i]
+        smallest = _SMALLEST_NOISE * start_deviation[row + 2 * i]
+        memory[_R_X + i] = max(noise, smallest) ** 2
+        memory[_GAIN_X + i] = sensor[SENSE_GAIN_X + i]
+    memory[_PERIOD] = period
+    memory[_ORDER] = taylor_order(memory[_THETA:_Y], period) + 2
+    once = 2.0 * sqrt(start[KXX] / mass) * period
+    cycle = 4.0 * pi / once
+    memory[_FLOOR] = 1.0
+    memory[_GROWTH] = 1.0 / (settings[_NOISE] * cycle)
+    memory[_LONG] = settings[_PATIENCE] * cycle
+    memory[_BOOST] = settings[_MEMORY_D] / (settings[_RELEARN] * cycle * period)
+    memory[_KAPPA_MIN] = min(once * settings[_DAMPING_MIN], 1.0)
+    memory[_KAPPA_MAX] = min(once * settings[_DAMPING_MAX], 1.0)
+    memory[_KAPPA] = memory[_KAPPA_MIN]
+    memory[_EXTRA : _EXTRA + 5] = start[12:17]
+    memory[_EXTRA + 5 : _EXTRA + 10] = start_deviation[12:17]
+
+
+@njit(STEP_SIGNATURE, cache=True)
+def _step(memory, settings, u_x, u_y, v_x, v_y, estimate, deviation):  # type: ignore[no-untyped-def]
+    row = int(memory[_ROW])
+    z_x = v_x / memory[_GAIN_X]
+    z_y = v_y / memory[_GAIN_Y]
+    if memory[_COUNT] == 0.0:
+        memory[row] = z_x
+        memory[row + 2] = z_y
+    else:
+        work = memory[_WORK:_GAIN]
+        theta = memory[_THETA:_Y]
+        linearise(memory, theta, u_x, u_y, memory[_PERIOD], int(memory[_ORDER]), work)
+        _respond(memory, work)
+        e_x = z_x - work[row * WIDTH + STATE]
+        e_y = z_y - work[(row + 2) * WIDTH + STATE]
+        factor = _adapt(memory, settings, e_x, e_y)
+        _correct(memory, work, e_x, e_y, factor)
+        _forget(memory, settings)
+        if memory[_COUNT] % BLOCK == 0.0:
+            memory[_ORDER] = taylor_order(theta, memory[_PERIOD])
+    memory[_COUNT] += 1.0
+    _write(memory, estimate, deviation)
+
+
+def energy_weight(memory: npt.NDArray[np.float64], theta: npt.NDArray[np.float64]) -> float:
+    """Return 1/(r kappa (2 - kappa) k) of the Lyapunov function, for the true `theta` f8[8]."""
+    kappa = memory[_KAPPA_MIN]
+    if memory[_ROW] == 0.0:
+        lowest = float(np.linalg.eigvalsh([[theta[1], theta[3]], [theta[3], theta[2]]])[0])
+    else:
+        lowest = 1.0
+    return float(1.0 / (min(memory[_R_X], memory[_R_Y]) * kappa * (2.0 - kappa) * lowest))
+
+
+def energy(error: npt.NDArray[np.float64], theta: npt.NDArray[np.float64]) -> float:
+    """Return twice the energy per mass [m^2/s^2] of a motion [x, x', y, y'] under `theta` f8[8]."""
+    x, x_dot, y, y_dot = error
+    strain = theta[1] * x * x + 2.0 * theta[3] * x * y + theta[2] * y * y
+    return float(x_dot * x_dot + y_dot * y_dot + strain)
+
+
+def split_error(
+    memory: npt.NDArray[np.float64],
+    state: npt.NDArray[np.float64],
+    theta: npt.NDArray[np.float64],
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return eta f8[4] and theta_err f8[8] of an observer's memory, given the truth (SI)."""
+    theta_error = theta - memory[_THETA:_Y]
+    return state - memory[:4] - memory[_Y:_U].reshape(4, N) @ theta_error, theta_error
+
+
+def lyapunov_function(
+    memory: npt.NDArray[np.float64],
+    state: npt.NDArray[np.float64],
+    theta: npt.NDArray[np.float64],
+) -> float:
+    """Return V of an observer's memory, given the true state f8[4] and theta f8[8] (SI)."""
+    eta, theta_error = split_error(memory, state, theta)
+    whitened = np.linalg.solve(memory[_U:_D].reshape(N, N), theta_error)
+    return float(
+        energy_weight(memory, theta) * energy(eta, theta)
+        + np.sum(whitened * whitened / memory[_D:_WORK])
+    )
+
+
+OBSERVER: Final = Observer("lyapunov", MEMORY_SIZE, SETTINGS, _init, _step)

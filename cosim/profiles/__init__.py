@@ -1,0 +1,1 @@
+"""Rate profiles of our own making, and what made them."""

@@ -1,0 +1,69 @@
+"""Observers and controllers by name: those of the package, found by a scan of its folders, or a user's own file."""
+
+import importlib
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+from cosim.controllers.record import Controller
+from cosim.observers.record import Observer
+from gyro_model.errors import InputError, nearest
+
+_FOLDER = Path(__file__).parent
+
+
+def observer_names() -> list[str]:
+    """Names of the packaged observers."""
+    return _names("observers", "OBSERVER")
+
+
+def controller_names() -> list[str]:
+    """Names of the packaged controllers."""
+    return _names("controllers", "CONTROLLER")
+
+
+def find_observer(name: str) -> Observer:
+    """The observer of that name, or the OBSERVER of the Python file at that path. Raises InputError where there is none."""
+    found = _find("observers", "OBSERVER", name)
+    if not isinstance(found, Observer):
+        raise InputError(f"observer {name}: OBSERVER is no cosim.observers.record.Observer; build it as one")
+    return found
+
+
+def find_controller(name: str) -> Controller:
+    """The controller of that name, or the CONTROLLER of the Python file at that path. Raises InputError where there is none."""
+    found = _find("controllers", "CONTROLLER", name)
+    if not isinstance(found, Controller):
+        raise InputError(f"controller {name}: CONTROLLER is no cosim.controllers.record.Controller; build it as one")
+    return found
+
+
+def _names(folder: str, attribute: str) -> list[str]:
+    # By their text, so that listing the names compiles none of them.
+    files = sorted((_FOLDER / folder).glob("*.py"))
+    return [path.stem for path in files if f"\n{attribute}:" in path.read_text(encoding="utf-8")]
+
+
+def _find(folder: str, attribute: str, name: str) -> Any:
+    if name.endswith(".py"):
+        return _from_file(Path(name), attribute)
+    names = _names(folder, attribute)
+    if name not in names:
+        raise InputError(f"{attribute.lower()} {name!r} is unknown{nearest(name, names)} (or give a file NAME.py)")
+    return getattr(importlib.import_module(f"cosim.{folder}.{name}"), attribute)
+
+
+def _from_file(path: Path, attribute: str) -> Any:
+    if not path.is_file():
+        raise InputError(f"{attribute.lower()} file {path}: not found")
+    spec = importlib.util.spec_from_file_location(f"_user_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{attribute.lower()} file {path}: can't be loaded as Python")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise InputError(f"{attribute.lower()} file {path}: {type(error).__name__}: {error}") from error
+    if not hasattr(module, attribute):
+        raise InputError(f"{attribute.lower()} file {path}: defines no {attribute}; assign it")
+    return getattr(module, attribute)

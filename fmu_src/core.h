@@ -1,0 +1,54 @@
+/* One gyroscope: parameters, inputs, state, and the steps that move it. The FMI layers (fmi2.c, fmi3.c) call only this header.
+
+   Time is an integer count of internal steps. Everything that the device is (variables, effects) comes from generated/model.h. */
+
+#ifndef GYRO_CORE_H
+#define GYRO_CORE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "generated/model.h"
+
+#define GYRO_MESSAGE_SIZE 320
+
+typedef enum {
+    GYRO_OK = 0,
+    GYRO_ERROR = 1 /* the instance is unchanged, its message says why */
+} gyro_status;
+
+typedef struct gyro_instance gyro_instance;
+
+/* A new instance with every variable at its start value; NULL when memory is short. */
+gyro_instance *gyro_new(void);
+void gyro_free(gyro_instance *g);
+
+/* Back to what gyro_new gives, bit for bit. */
+void gyro_reset(gyro_instance *g);
+
+/* The text of the latest GYRO_ERROR, "" before any. */
+const char *gyro_message(const gyro_instance *g);
+
+/* Variables by value reference, 0 <= vr < GYRO_N_VARIABLES (see gyro_variables[] for name, kind, start, min, max). SI units.
+   gyro_set refuses NaN and infinity and never checks the life cycle: that is the FMI layer's. */
+gyro_status gyro_set(gyro_instance *g, uint32_t vr, double value);
+double gyro_get(const gyro_instance *g, uint32_t vr);
+
+/* Checks the parameters, sets the initial state at `start_time` [s] and takes sample 0, so that outputs are valid. May be called again
+   (after further gyro_set) until the first gyro_advance. */
+gyro_status gyro_start(gyro_instance *g, double start_time);
+
+/* Moves time from `from` by `step` [s], inputs held. Both must be multiples of internal_step (within 1e-6 of one step, plus what an
+   importer's own addition can have rounded away), `from` the present time; otherwise GYRO_ERROR with the nearest multiples named. */
+gyro_status gyro_advance(gyro_instance *g, double from, double step);
+
+/* Present time [s]. */
+double gyro_time(const gyro_instance *g);
+
+/* The whole instance as bytes: magic, version, length, checksum, then numbers only (no pointers).
+   gyro_load refuses what gyro_save of this very model did not write, and then leaves the instance as it was. */
+size_t gyro_save_size(const gyro_instance *g);
+void gyro_save(const gyro_instance *g, unsigned char *bytes);
+gyro_status gyro_load(gyro_instance *g, const unsigned char *bytes, size_t size);
+
+#endif

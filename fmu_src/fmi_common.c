@@ -1,0 +1,316 @@
+/* The instance that both FMI layers hold: life cycle, variables, steps, in this order.
+   Nothing on the way of a set, step or get that succeeds writes to the log. */
+
+#include "fmi_common.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { STATES_SIZE = 96 };
+
+/* Both indexed by gyro_kind. */
+static const unsigned can_set[] = {[GYRO_INPUT] = CAN_SET_INPUT, [GYRO_PARAMETER] = CAN_SET_PARAMETER, [GYRO_OUTPUT] = 0};
+static const unsigned can_get[] = {
+    [GYRO_INPUT] = CAN_GET_INPUT, [GYRO_PARAMETER] = CAN_GET_PARAMETER, [GYRO_OUTPUT] = CAN_GET_OUTPUT};
+
+double fmi_time(const fmi_instance *f)
+{
+    return f->stale ? f->start_time : gyro_time(f->core);
+}
+
+static fmi_status fail_with_core_message(const fmi_instance *f, const char *call)
+{
+    return fmi_fail(f, call, "%s", gyro_message(f->core));
+}
+
+/* "a or b or c" of the states in `states`. */
+static void name_states(unsigned states, char text[STATES_SIZE])
+{
+    static const char *const names[] = {"instantiated", "initialization mode", "step mode", "terminated"};
+    text[0] = '\0';
+    for (unsigned i = 0; i < 4; i++) {
+        if ((states & (1u << i)) != 0) {
+            if (text[0] != '\0') {
+                strcat(text, " or ");
+            }
+            strcat(text, names[i]);
+        }
+    }
+}
+
+/* `what` is the call, or a variable's name within it. */
+static fmi_status refuse_state(const fmi_instance *f, const char *call, const char *what, unsigned allowed)
+{
+    char present[STATES_SIZE], wanted[STATES_SIZE];
+    name_states(f->state, present);
+    name_states(allowed, wanted);
+    return fmi_fail(f, call, "%s is not allowed now: the instance is in state %s; allowed in %s", what, present, wanted);
+}
+
+fmi_status fmi_allow(const fmi_instance *f, const char *call, unsigned allowed)
+{
+    fmi_status status = FMI_OK;
+    if (f == NULL) {
+        status = FMI_ERROR;
+    } else if ((f->state & allowed) == 0) {
+        status = refuse_state(f, call, "the call", allowed);
+    }
+    return status;
+}
+
+static void begin_life(fmi_instance *f)
+{
+    f->state = INSTANTIATED;
+    f->stale = 1;
+    f->last_step = FMI_OK;
+    f->start_time = 0.0;
+    f->stop_time = INFINITY;
+    f->latest_time = INFINITY;
+}
+
+fmi_instance *fmi_new(const fmi_request *r)
+{
+    const char *name = r->name != NULL ? r->name : "";
+    size_t name_size = strlen(name) + 1;
+    fmi_status status = FMI_OK;
+    fmi_instance *f = calloc(1, sizeof *f + name_size);
+    if (f != NULL) {
+        begin_life(f);
+        f->n_readable = r->n_readable;
+        f->logging = LOG_ERRORS | (r->logging_on ? LOG_EVENTS : 0);
+        f->emit = r->emit;
+        f->callback = r->callback;
+        f->environment = r->environment;
+        memcpy(f->name, name, name_size);
+        if (r->refusal != NULL) {
+            status = fmi_fail(f, r->call, "%s", r->refusal);
+        } else if (r->token == NULL || strcmp(r->token, GYRO_TOKEN) != 0) {
+            status = fmi_fail(f, r->call, "the token is %.60s, this library belongs to %s; use the modelDescription.xml of the same FMU",
+                              r->token != NULL ? r->token : "NULL", GYRO_TOKEN);
+        } else if ((f->core = gyro_new()) == NULL) {
+            status = fmi_fail(f, r->call, "out of memory");
+        }
+        if (status != FMI_OK) {
+            fmi_free(f);
+            f = NULL;
+        } else {
+            fmi_report(f, r->call, "instantiated");
+        }
+    }
+    return f;
+}
+
+void fmi_free(fmi_instance *f)
+{
+    if (f != NULL && f->core != NULL) {
+        gyro_free(f->core);
+    }
+    free(f);
+}
+
+fmi_status fmi_set_times(fmi_instance *f, const char *call, double start_time, int stop_defined, double stop_time)
+{
+    fmi_status status = fmi_allow(f, call, CAN_SETUP);
+    if (status == FMI_OK && !isfinite(start_time)) {
+        status = fmi_fail(f, call, "startTime is %g; give a finite time in s", start_time);
+    } else if (status == FMI_OK && stop_defined && !(stop_time >= start_time)) {
+        status = fmi_fail(f, call, "stopTime is %g s; it must not be before startTime %g s", stop_time, start_time);
+    }
+    if (status == FMI_OK) {
+        f->start_time = start_time;
+        f->stop_time = stop_defined ? stop_time : INFINITY;
+    }
+    return status;
+}
+
+fmi_status fmi_enter_initialization(fmi_instance *f, const char *call)
+{
+    fmi_status status = fmi_allow(f, call, CAN_ENTER_INITIALIZATION);
+    if (status == FMI_OK) {
+        f->state = INITIALIZATION;
+        fmi_report(f, call, "initialization begins");
+    }
+    return status;
+}
+
+/* Makes the outputs those of what has been set. */
+static fmi_status refresh(fmi_instance *f, const char *call)
+{
+    fmi_status status = FMI_OK;
+    if (gyro_start(f->core, f->start_time) != GYRO_OK) {
+        status = fail_with_core_message(f, call);
+    } else {
+        f->stale = 0;
+    }
+    return status;
+}
+
+void fmi_find_latest_time(fmi_instance *f)
+{
+    f->latest_time = f->stop_time + 0.5 * gyro_get(f->core, GYRO_INTERNAL_STEP);
+}
+
+fmi_status fmi_exit_initialization(fmi_instance *f, const char *call)
+{
+    fmi_status status = fmi_allow(f, call, CAN_EXIT_INITIALIZATION);
+    if (status == FMI_OK && f->stale) {
+        status = refresh(f, call);
+    }
+    if (status == FMI_OK) {
+        fmi_find_latest_time(f);
+        f->state = STEPPING;
+        fmi_report(f, call, "initialized");
+    }
+    return status;
+}
+
+fmi_status fmi_terminate(fmi_instance *f, const char *call)
+{
+    fmi_status status = fmi_allow(f, call, CAN_TERMINATE);
+    if (status == FMI_OK) {
+        f->state = TERMINATED;
+        fmi_report(f, call, "terminated");
+    }
+    return status;
+}
+
+fmi_status fmi_reset(fmi_instance *f, const char *call)
+{
+    fmi_status status = fmi_allow(f, call, CAN_RESET);
+    if (status == FMI_OK) {
+        gyro_reset(f->core);
+        begin_life(f);
+        fmi_report(f, call, "reset");
+    }
+    return status;
+}
+
+static const char *const type_names[] = {[GYRO_REAL] = "real (Float64)", [GYRO_INTEGER] = "integer (Int32)"};
+
+static const char *name_of(uint32_t vr)
+{
+    return vr < GYRO_N_VARIABLES ? gyro_variables[vr].name : "time";
+}
+
+static gyro_type type_of(uint32_t vr)
+{
+    return vr < GYRO_N_VARIABLES ? gyro_variables[vr].type : GYRO_REAL;
+}
+
+static double element(gyro_type type, const void *values, size_t i)
+{
+    return type == GYRO_REAL ? ((const double *)values)[i] : (double)((const int32_t *)values)[i];
+}
+
+static fmi_status check_arrays(const fmi_instance *f, const char *call, const void *vr, size_t n, const void *values, size_t n_values)
+{
+    fmi_status status = FMI_OK;
+    if (f == NULL) {
+        status = FMI_ERROR;
+    } else if (n_values != n) {
+        status = fmi_fail(f, call, "%lu values for %lu value references; every variable is a scalar: pass as many values as references",
+                          (unsigned long)n_values, (unsigned long)n);
+    } else if (n > 0 && (vr == NULL || values == NULL)) {
+        status = fmi_fail(f, call, "%s is NULL; pass an array of %lu", vr == NULL ? "the value references" : "the values", (unsigned long)n);
+    }
+    return status;
+}
+
+static fmi_status check_type(const fmi_instance *f, const char *call, gyro_type type, uint32_t vr)
+{
+    fmi_status status = FMI_OK;
+    if (vr >= f->n_readable) {
+        status = fmi_fail(f, call, "no variable has the value reference %lu; they go from 0 to %lu", (unsigned long)vr,
+                          (unsigned long)f->n_readable - 1);
+    } else if (type_of(vr) != type) {
+        status = fmi_fail(f, call, "%s is %s, not %s", name_of(vr), type_names[type_of(vr)], type_names[type]);
+    }
+    return status;
+}
+
+static fmi_status check_set(const fmi_instance *f, const char *call, gyro_type type, uint32_t vr, double value)
+{
+    fmi_status status = check_type(f, call, type, vr);
+    unsigned allowed = vr < GYRO_N_VARIABLES ? can_set[gyro_variables[vr].kind] : 0;
+    if (status == FMI_OK && allowed == 0) {
+        status = fmi_fail(f, call, "%s is computed by the FMU; only inputs and parameters can be set", name_of(vr));
+    } else if (status == FMI_OK && (f->state & allowed) == 0) {
+        status = refuse_state(f, call, name_of(vr), allowed);
+    } else if (status == FMI_OK && !isfinite(value)) {
+        status = fmi_fail(f, call, "%s is %g; give a finite value", name_of(vr), value);
+    }
+    return status;
+}
+
+fmi_status fmi_set(fmi_instance *f, const char *call, gyro_type type, const uint32_t vr[], size_t n, const void *values, size_t n_values)
+{
+    fmi_status status = check_arrays(f, call, vr, n, values, n_values);
+    for (size_t i = 0; i < n && status == FMI_OK; i++) {
+        status = check_set(f, call, type, vr[i], element(type, values, i));
+    }
+    for (size_t i = 0; i < n && status == FMI_OK; i++) {
+        if (gyro_set(f->core, vr[i], element(type, values, i)) != GYRO_OK) {
+            status = fail_with_core_message(f, call);
+        }
+    }
+    if (status == FMI_OK && f->state != STEPPING) {
+        f->stale = 1;
+    }
+    return status;
+}
+
+static fmi_status check_get(fmi_instance *f, const char *call, gyro_type type, uint32_t vr)
+{
+    fmi_status status = check_type(f, call, type, vr);
+    if (status == FMI_OK && vr < GYRO_N_VARIABLES && f->stale) {
+        unsigned allowed = can_get[gyro_variables[vr].kind];
+        if ((f->state & allowed) == 0) {
+            status = refuse_state(f, call, name_of(vr), allowed);
+        } else if (gyro_variables[vr].kind == GYRO_OUTPUT) {
+            status = refresh(f, call);
+        }
+    }
+    return status;
+}
+
+fmi_status fmi_get(fmi_instance *f, const char *call, gyro_type type, const uint32_t vr[], size_t n, void *values, size_t n_values)
+{
+    fmi_status status = check_arrays(f, call, vr, n, values, n_values);
+    for (size_t i = 0; i < n && status == FMI_OK; i++) {
+        status = check_get(f, call, type, vr[i]);
+        if (status == FMI_OK && type == GYRO_INTEGER) {
+            ((int32_t *)values)[i] = (int32_t)gyro_get(f->core, vr[i]);
+        } else if (status == FMI_OK) {
+            ((double *)values)[i] = vr[i] < GYRO_N_VARIABLES ? gyro_get(f->core, vr[i]) : fmi_time(f);
+        }
+    }
+    return status;
+}
+
+fmi_status fmi_no_such_type(const fmi_instance *f, const char *call, const uint32_t vr[], size_t n)
+{
+    fmi_status status = check_arrays(f, call, vr, n, vr, n);
+    if (status == FMI_OK && n > 0) {
+        status = vr[0] < f->n_readable
+                     ? fmi_fail(f, call, "%s is %s; no variable has the type of this function", name_of(vr[0]), type_names[type_of(vr[0])])
+                     : fmi_fail(f, call, "no variable has the value reference %lu", (unsigned long)vr[0]);
+    }
+    return status;
+}
+
+fmi_status fmi_step(fmi_instance *f, const char *call, double from, double step)
+{
+    fmi_status status = fmi_allow(f, call, CAN_STEP);
+    if (status == FMI_OK) {
+        double end = gyro_time(f->core) + step;
+        if (end > f->latest_time) {
+            status = fmi_fail(f, call, "the step to %.9g s passes the stop time %.9g s; step less, or set a later stop time at the start", end,
+                              f->stop_time);
+        } else if (gyro_advance(f->core, from, step) != GYRO_OK) {
+            status = fail_with_core_message(f, call);
+        }
+        f->last_step = status;
+    }
+    return status;
+}

@@ -1,0 +1,128 @@
+/* What fmi2.c and fmi3.c share: the life cycle and the checks of arguments (fmi_common.c), the log (fmi_log.c), the saved state (fmi_saved.c).
+
+   Every function takes the name of the FMI function that was called (`call`), so that a message names it. A refused call (FMI_ERROR)
+   changes nothing, and the instance stays usable. */
+
+#ifndef GYRO_FMI_COMMON_H
+#define GYRO_FMI_COMMON_H
+
+#include "core.h"
+
+/* The same numbers in FMI 2 and FMI 3. */
+typedef enum { FMI_OK = 0, FMI_ERROR = 3 } fmi_status;
+
+/* Where an instance is in its life. Bits, so that a set of states is one number. */
+enum {
+    INSTANTIATED = 1,
+    INITIALIZATION = 2,
+    STEPPING = 4,
+    TERMINATED = 8,
+    ANY_STATE = INSTANTIATED | INITIALIZATION | STEPPING | TERMINATED
+};
+
+/* The life cycle in one table: the states in which a call is allowed. */
+enum {
+    CAN_SETUP = INSTANTIATED,
+    CAN_ENTER_INITIALIZATION = INSTANTIATED,
+    CAN_EXIT_INITIALIZATION = INITIALIZATION,
+    CAN_SET_PARAMETER = INSTANTIATED | INITIALIZATION,
+    CAN_SET_INPUT = INSTANTIATED | INITIALIZATION | STEPPING,
+    CAN_GET_PARAMETER = ANY_STATE,
+    CAN_GET_INPUT = ANY_STATE,
+    CAN_GET_OUTPUT = INITIALIZATION | STEPPING | TERMINATED,
+    CAN_STEP = STEPPING,
+    CAN_GET_STATUS = STEPPING | TERMINATED,
+    CAN_TERMINATE = STEPPING,
+    CAN_RESET = ANY_STATE,
+    CAN_SAVE = ANY_STATE,
+    CAN_RESTORE = ANY_STATE,
+    CAN_SET_LOGGING = ANY_STATE
+};
+
+/* Categories of the log, bits. Errors are reported unless the importer switches off just that category. */
+enum { LOG_ERRORS = 1, LOG_EVENTS = 2 };
+
+typedef struct fmi_instance fmi_instance;
+
+typedef void (*fmi_callback)(void); /* the importer's log function, whatever its standard's signature */
+typedef void (*fmi_emit)(const fmi_instance *f, fmi_status status, const char *category, const char *text);
+
+struct fmi_instance {
+    gyro_instance *core;
+    unsigned state;         /* one of the life-cycle bits */
+    int stale;              /* 1: something was set since gyro_start, outputs wait for it */
+    uint32_t n_readable;    /* value references below this exist; one more than GYRO_N_VARIABLES where `time` is a variable */
+    fmi_status last_step;   /* of the latest step */
+    double start_time;      /* s */
+    double stop_time;       /* s, infinite when undefined */
+    double latest_time;     /* s, stop_time plus half an internal step: no step may end later */
+    unsigned logging;       /* LOG_ bits that are on */
+    fmi_emit emit;          /* hands a text to `callback` the standard's way */
+    fmi_callback callback;  /* may be NULL */
+    void *environment;      /* the importer's, for `callback` */
+    char name[];            /* the importer's name of the instance */
+};
+
+/* What an importer asks for when it makes an instance. */
+typedef struct {
+    const char *call;
+    const char *name;
+    const char *token;      /* must be GYRO_TOKEN */
+    const char *refusal;    /* why this kind of instance does not exist; NULL: it does */
+    int logging_on;
+    uint32_t n_readable;
+    fmi_emit emit;
+    fmi_callback callback;
+    void *environment;
+} fmi_request;
+
+/* A new instance; NULL, with a message in the log, when the request is refused. */
+fmi_instance *fmi_new(const fmi_request *request);
+void fmi_free(fmi_instance *f);
+
+/* Logs "call: why" (a printf format) as an error; FMI_ERROR always. `f` may be NULL. */
+#if defined(__GNUC__)
+__attribute__((format(printf, 3, 4)))
+#endif
+fmi_status fmi_fail(const fmi_instance *f, const char *call, const char *why, ...);
+
+/* Logs "call: event at t = ..." when events are asked for. */
+void fmi_report(const fmi_instance *f, const char *call, const char *event);
+
+/* Present time, s; the start time before the core has started. */
+double fmi_time(const fmi_instance *f);
+
+/* FMI_ERROR when the instance is NULL or its state is not among `allowed`. */
+fmi_status fmi_allow(const fmi_instance *f, const char *call, unsigned allowed);
+
+/* Log categories on or off, by n names; n = 0: all on, or all but errors off. */
+fmi_status fmi_set_logging(fmi_instance *f, const char *call, int on, size_t n, const char *const categories[]);
+
+/* Times in s; stop_time counts only when stop_defined. */
+fmi_status fmi_set_times(fmi_instance *f, const char *call, double start_time, int stop_defined, double stop_time);
+fmi_status fmi_enter_initialization(fmi_instance *f, const char *call);
+fmi_status fmi_exit_initialization(fmi_instance *f, const char *call);
+void fmi_find_latest_time(fmi_instance *f); /* from stop_time and the parameter internal_step */
+fmi_status fmi_terminate(fmi_instance *f, const char *call);
+fmi_status fmi_reset(fmi_instance *f, const char *call);
+
+/* vr: n value references; values: n_values of double for GYRO_REAL, of int32_t for GYRO_INTEGER, in SI units. All or none are set. */
+fmi_status fmi_set(fmi_instance *f, const char *call, gyro_type type, const uint32_t vr[], size_t n, const void *values, size_t n_values);
+fmi_status fmi_get(fmi_instance *f, const char *call, gyro_type type, const uint32_t vr[], size_t n, void *values, size_t n_values);
+
+/* For the types that no variable has: FMI_OK for n = 0, else an error that says what the first variable is. */
+fmi_status fmi_no_such_type(const fmi_instance *f, const char *call, const uint32_t vr[], size_t n);
+
+/* From time `from` on by `step`, s. */
+fmi_status fmi_step(fmi_instance *f, const char *call, double from, double step);
+
+/* Saved states are blocks of their own, good for any instance of this model; *saved NULL: a new block, else it is used again.
+   As bytes they begin with magic, length and checksum, and hold no pointer. */
+fmi_status fmi_save(fmi_instance *f, const char *call, void **saved);
+fmi_status fmi_restore(fmi_instance *f, const char *call, const void *saved);
+fmi_status fmi_free_saved(const fmi_instance *f, const char *call, void **saved);
+fmi_status fmi_saved_size(const fmi_instance *f, const char *call, const void *saved, size_t *size);
+fmi_status fmi_serialize(const fmi_instance *f, const char *call, const void *saved, unsigned char bytes[], size_t size);
+fmi_status fmi_deserialize(const fmi_instance *f, const char *call, const unsigned char bytes[], size_t size, void **saved);
+
+#endif

@@ -1,0 +1,82 @@
+/* One step of the explicit Runge-Kutta method of order 8 in 12 stages by Dormand and Prince, as DOP853 uses it without its error estimate:
+   E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd edition 1993, section II.5 and appendix.
+   benchmarks/work_precision.py compares it with others. */
+
+#ifndef GYRO_INTEGRATOR_H
+#define GYRO_INTEGRATOR_H
+
+#include "generated/effects.h"
+
+/* The rate k[stage] of the states at `sum` of the earlier rates, at the fraction `node` of the step. */
+#define STAGE(stage, node, sum)         \
+    for (int i = 0; i < n; i++) {       \
+        g->s[i] = start[i] + h * (sum); \
+    }                                   \
+    g->t = t + (node) * h;              \
+    if (g->any_law) {                   \
+        apply_laws(g, value);           \
+    }                                   \
+    state_rate(g, k[stage])
+
+/* Moves the states of the view from time t by h [s], the force of the view held. `value` shape (GYRO_N_VARIABLES), as set; n states,
+   a constant at each call, so that the loops unroll. */
+static inline void integrate_states(gyro_view *g, const double *value, double t, double h, int n)
+{
+    double start[GYRO_N_STATES];
+    double k[12][GYRO_N_STATES];
+    for (int i = 0; i < n; i++) {
+        start[i] = g->s[i];
+    }
+    STAGE(0, 0.0, 0.0);
+    STAGE(1, 0.05260015195876773,
+          0.05260015195876773 * k[0][i]);
+    STAGE(2, 0.0789002279381516,
+          0.0197250569845379 * k[0][i] + 0.0591751709536137 * k[1][i]);
+    STAGE(3, 0.1183503419072274,
+          0.02958758547680685 * k[0][i] + 0.08876275643042054 * k[2][i]);
+    STAGE(4, 0.2816496580927726,
+          0.2413651341592667 * k[0][i] + -0.8845494793282861 * k[2][i] + 0.924834003261792 * k[3][i]);
+    STAGE(5, 0.3333333333333333,
+          0.037037037037037035 * k[0][i] + 0.17082860872947386 * k[3][i] + 0.12546768756682242 * k[4][i]);
+    STAGE(6, 0.25,
+          0.037109375 * k[0][i] + 0.17025221101954405 * k[3][i] + 0.06021653898045596 * k[4][i] +
+          -0.017578125 * k[5][i]);
+    STAGE(7, 0.3076923076923077,
+          0.03709200011850479 * k[0][i] + 0.17038392571223998 * k[3][i] + 0.10726203044637328 * k[4][i] +
+          -0.015319437748624402 * k[5][i] + 0.008273789163814023 * k[6][i]);
+    STAGE(8, 0.6512820512820513,
+          0.6241109587160757 * k[0][i] + -3.3608926294469414 * k[3][i] + -0.868219346841726 * k[4][i] +
+          27.59209969944671 * k[5][i] + 20.154067550477894 * k[6][i] + -43.48988418106996 * k[7][i]);
+    STAGE(9, 0.6,
+          0.47766253643826434 * k[0][i] + -2.4881146199716677 * k[3][i] + -0.590290826836843 * k[4][i] +
+          21.230051448181193 * k[5][i] + 15.279233632882423 * k[6][i] + -33.28821096898486 * k[7][i] +
+          -0.020331201708508627 * k[8][i]);
+    STAGE(10, 0.8571428571428571,
+          -0.9371424300859873 * k[0][i] + 5.186372428844064 * k[3][i] + 1.0914373489967295 * k[4][i] +
+          -8.149787010746927 * k[5][i] + -18.52006565999696 * k[6][i] + 22.739487099350505 * k[7][i] +
+          2.4936055526796523 * k[8][i] + -3.0467644718982196 * k[9][i]);
+    STAGE(11, 1.0,
+          2.273310147516538 * k[0][i] + -10.53449546673725 * k[3][i] + -2.0008720582248625 * k[4][i] +
+          -17.9589318631188 * k[5][i] + 27.94888452941996 * k[6][i] + -2.8589982771350235 * k[7][i] +
+          -8.87285693353063 * k[8][i] + 12.360567175794303 * k[9][i] + 0.6433927460157636 * k[10][i]);
+    for (int i = 0; i < n; i++) {
+        g->s[i] = start[i] + h * (0.054293734116568765 * k[0][i] + 4.450312892752409 * k[5][i] + 1.8915178993145003 * k[6][i] +
+                              -5.801203960010585 * k[7][i] + 0.3111643669578199 * k[8][i] + -0.1521609496625161 * k[9][i] +
+                              0.20136540080403034 * k[10][i] + 0.04471061572777259 * k[11][i]);
+    }
+    g->t = t + h;
+}
+
+#undef STAGE
+
+/* The same, leaving out the states of effects when no force but the nominal ones acts: they are zero and stay so. */
+static inline void integrate(gyro_view *g, const double *value, double t, double h)
+{
+    if (g->any_force) {
+        integrate_states(g, value, t, h, GYRO_N_STATES);
+    } else {
+        integrate_states(g, value, t, h, GYRO_STATE_Y_DOT + 1);
+    }
+}
+
+#endif

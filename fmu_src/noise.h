@@ -1,0 +1,11 @@
+/* Counter-based noise: a standard normal number is a pure function of (seed, stream, counter), so that any step pattern draws the same. */
+
+#ifndef GYRO_NOISE_H
+#define GYRO_NOISE_H
+
+#include <stdint.h>
+
+/* Two independent standard normal numbers. */
+void gyro_normal_pair(uint32_t seed, uint32_t stream, uint64_t counter, double normal[2]);
+
+#endif

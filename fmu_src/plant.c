@@ -1,0 +1,240 @@
+#include "plant.h"
+
+#include "integrator.h"
+#include "noise.h"
+
+/* Inputs are held: the view takes them over once a call. */
+static void take_inputs(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    for (int vr = 0; vr < GYRO_N_VARIABLES && gyro_variables[vr].kind == GYRO_INPUT; vr++) {
+        view->p[vr] = g->value[vr];
+    }
+    view->p[GYRO_TEMPERATURE_STRUCTURE] = g->value[GYRO_TEMPERATURE];
+    view->p[GYRO_TEMPERATURE_CIRCUIT] = g->value[GYRO_TEMPERATURE];
+}
+
+/* The commanded force of `age` internal steps ago [N]; before the start it is the first one. */
+static const double *past_force(const gyro_instance *g, int64_t age)
+{
+    const int64_t tick = g->memory.tick - age;
+    return g->delay_line[(size_t)(tick > 0 ? tick : 0) % g->delay_length];
+}
+
+/* The force on the mass during the coming internal step. */
+static void find_force(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    view->u[0] = g->value[GYRO_U_X];
+    view->u[1] = g->value[GYRO_U_Y];
+    if (g->plan.any_delay) {
+        double *now = g->delay_line[(size_t)g->memory.tick % g->delay_length];
+        now[0] = view->u[0];
+        now[1] = view->u[1];
+        const double *late = past_force(g, g->plan.delay_ticks);
+        const double *later = past_force(g, g->plan.delay_ticks + 1);
+        for (int axis = 0; axis < 2; axis++) {
+            view->u[axis] = (1.0 - g->plan.delay_fraction) * late[axis] + g->plan.delay_fraction * later[axis];
+        }
+    }
+    actuate(view);
+}
+
+void gyro_pass_events(gyro_instance *g, int64_t tick, double fraction)
+{
+    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
+        const int64_t event = g->plan.event_tick[effect];
+        const int passed = tick > event || (tick == event && fraction >= g->plan.event_fraction[effect]);
+        g->view.after[effect] = passed ? 1.0 : 0.0;
+    }
+}
+
+/* The first event inside the internal step after `fraction` of it; 1 where there is none. */
+static double next_event(const gyro_instance *g, double fraction)
+{
+    double next = 1.0;
+    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
+        const double event = g->plan.event_fraction[effect];
+        if (g->plan.event_tick[effect] == g->memory.tick && event > fraction) {
+            next = smaller(next, event);
+        }
+    }
+    return next;
+}
+
+/* Everything that holds between two events: laws, then the noise force, which depends on them. */
+static void refresh(gyro_view *view, const double *value)
+{
+    if (view->any_law) {
+        apply_laws(view, value);
+    }
+    hold_noise(view);
+}
+
+/* One internal step of the states, cut at the events in it. */
+static void move_states(gyro_instance *g)
+{
+    const double h = g->plan.step;
+    const double start = g->memory.start_time + (double)g->memory.tick * h;
+    if (!g->plan.any_event) {
+        integrate(&g->view, g->value, start, h);
+    } else {
+        double done = 0.0;
+        while (done < 1.0) {
+            const double until = next_event(g, done);
+            gyro_pass_events(g, g->memory.tick, done);
+            refresh(&g->view, g->value);
+            integrate(&g->view, g->value, start + done * h, (until - done) * h);
+            done = until;
+        }
+    }
+}
+
+/* First-order lag over one internal step, exact for an input quadratic in time through its values at the start, middle and end.
+   With z = h/tau, phi_1 = (1 - e^-z)/z and phi_2 = (1 - phi_1)/z; the series for small z avoid the cancellation. */
+static double lag(double before, double start, double middle, double end, double z)
+{
+    const double slope = -3.0 * start + 4.0 * middle - end;
+    const double curvature = 2.0 * start - 4.0 * middle + 2.0 * end;
+    const double gone = -expm1(-z);
+    double phi_1, phi_2;
+    if (z < 0.5) {
+        /* Terms fall faster than z^k/k!: 0.5^13/15! < 1e-16. */
+        double term = 1.0;
+        phi_1 = 0.0;
+        phi_2 = 0.0;
+        for (int k = 1; k <= 13; k++) {
+            phi_1 += term / k;
+            phi_2 += term / (k * (k + 1));
+            term *= -z / k;
+        }
+    } else {
+        phi_1 = gone / z;
+        phi_2 = (1.0 - phi_1) / z;
+    }
+    return (1.0 - gone) * before + gone * start + (1.0 - phi_1) * slope + (1.0 - 2.0 * phi_2) * curvature;
+}
+
+/* The pickoff's voltage with the displacement at `q` [m]. */
+static void voltage_at(gyro_view *view, const double q[2], double v[2])
+{
+    const double x = view->s[GYRO_STATE_X], y = view->s[GYRO_STATE_Y];
+    view->s[GYRO_STATE_X] = q[0];
+    view->s[GYRO_STATE_Y] = q[1];
+    pick_off(view);
+    view->s[GYRO_STATE_X] = x;
+    view->s[GYRO_STATE_Y] = y;
+    v[0] = view->v[0];
+    v[1] = view->v[1];
+}
+
+/* The amplifier's lag over one internal step; `before` shape (GYRO_N_STATES), the states at its start. */
+static void move_lag(gyro_instance *g, const double *before)
+{
+    gyro_view *view = &g->view;
+    const double h = g->plan.step, z = h / lag_time_constant(view);
+    const double *after = view->s;
+    const double q_start[2] = {before[GYRO_STATE_X], before[GYRO_STATE_Y]};
+    /* Cubic Hermite interpolation: off by h^4 q''''/384. */
+    const double q_middle[2] = {
+        0.5 * (before[GYRO_STATE_X] + after[GYRO_STATE_X]) + 0.125 * h * (before[GYRO_STATE_X_DOT] - after[GYRO_STATE_X_DOT]),
+        0.5 * (before[GYRO_STATE_Y] + after[GYRO_STATE_Y]) + 0.125 * h * (before[GYRO_STATE_Y_DOT] - after[GYRO_STATE_Y_DOT])};
+    const double q_end[2] = {after[GYRO_STATE_X], after[GYRO_STATE_Y]};
+    double start[2], middle[2], end[2];
+    voltage_at(view, q_start, start);
+    voltage_at(view, q_middle, middle);
+    voltage_at(view, q_end, end);
+    for (int axis = 0; axis < 2; axis++) {
+        g->memory.lagged[axis] = lag(g->memory.lagged[axis], start[axis], middle[axis], end[axis], z);
+    }
+}
+
+static void draw_noise(gyro_instance *g)
+{
+    if (g->plan.any_draw) {
+        for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
+            if (streams[effect] != 0u && g->view.active[effect]) {
+                gyro_normal_pair((uint32_t)g->value[GYRO_SEED], streams[effect], (uint64_t)g->memory.sample,
+                                 g->view.normal[effect]);
+            }
+        }
+    }
+}
+
+/* The sample at the present time, the force being the one that has acted until now. */
+static void take_sample(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    draw_noise(g);
+    if (g->plan.any_lag) {
+        view->v[0] = g->memory.lagged[0];
+        view->v[1] = g->memory.lagged[1];
+    } else {
+        pick_off(view);
+    }
+    amplify(view);
+    convert(view);
+    g->value[GYRO_V_X] = view->v[0];
+    g->value[GYRO_V_Y] = view->v[1];
+}
+
+static void put_out(gyro_instance *g)
+{
+    const gyro_view *view = &g->view;
+    g->value[GYRO_X] = view->s[GYRO_STATE_X];
+    g->value[GYRO_Y] = view->s[GYRO_STATE_Y];
+    g->value[GYRO_X_DOT] = view->s[GYRO_STATE_X_DOT];
+    g->value[GYRO_Y_DOT] = view->s[GYRO_STATE_Y_DOT];
+    g->value[GYRO_TEMPERATURE_STRUCTURE] = view->p[GYRO_TEMPERATURE_STRUCTURE];
+    g->value[GYRO_TEMPERATURE_CIRCUIT] = view->p[GYRO_TEMPERATURE_CIRCUIT];
+}
+
+void gyro_first_sample(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    take_inputs(g);
+    view->t = g->memory.start_time;
+    if (view->any_law) {
+        apply_laws(view, g->value);
+    }
+    view->u[0] = g->value[GYRO_U_X];
+    view->u[1] = g->value[GYRO_U_Y];
+    actuate(view);
+    pick_off(view);
+    g->memory.lagged[0] = view->v[0];
+    g->memory.lagged[1] = view->v[1];
+    take_sample(g);
+    put_out(g);
+}
+
+void gyro_tick(gyro_instance *g, int64_t ticks)
+{
+    gyro_view *view = &g->view;
+    double before[GYRO_N_STATES];
+    take_inputs(g);
+    refresh(view, g->value);
+    for (int64_t i = 0; i < ticks; i++) {
+        find_force(g);
+        for (int k = 0; g->plan.any_lag && k < GYRO_N_STATES; k++) {
+            before[k] = view->s[k];
+        }
+        move_states(g);
+        if (g->plan.any_lag) {
+            move_lag(g, before);
+        }
+        g->memory.tick++;
+        g->memory.ticks_to_sample--;
+        /* From the count, not by addition: rounding would add up, and a restored instance would differ in the last bit. */
+        view->t = g->memory.start_time + (double)g->memory.tick * g->plan.step;
+        if (view->any_law) {
+            apply_laws(view, g->value);
+        }
+        if (g->memory.ticks_to_sample == 0) {
+            g->memory.ticks_to_sample = g->plan.sample_ticks;
+            g->memory.sample++;
+            take_sample(g);
+            hold_noise(view);
+        }
+    }
+    put_out(g);
+}

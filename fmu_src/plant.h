@@ -1,0 +1,62 @@
+/* What an instance holds, and the one internal step. Shared by core.c (life of an instance), plant.c (the step) and snapshot.c. */
+
+#ifndef GYRO_PLANT_H
+#define GYRO_PLANT_H
+
+#include "core.h"
+#include "generated/effects.h"
+
+/* Follows from the parameters and stays during a run. */
+typedef struct {
+    double step;                           /* internal step, s */
+    int64_t sample_ticks;                  /* internal steps a sample */
+    int64_t delay_ticks;                   /* whole internal steps of the force delay */
+    double delay_fraction;                 /* the rest of it, in internal steps, [0, 1) */
+    int64_t event_tick[GYRO_N_EFFECTS];    /* internal step in which each effect's event falls; INT64_MAX: none */
+    double event_fraction[GYRO_N_EFFECTS]; /* where in that step, [0, 1) */
+    unsigned char any_event;
+    unsigned char any_delay;
+    unsigned char any_lag;
+    unsigned char any_draw;
+} gyro_plan;
+
+/* Changes with time. With the values, the states and normal numbers of the view, and the delay line, it is all that a snapshot holds. */
+typedef struct {
+    double start_time;       /* s */
+    int64_t started;         /* 1 after gyro_start */
+    int64_t tick;            /* internal steps since the start */
+    int64_t sample;          /* index of the latest sample */
+    int64_t ticks_to_sample; /* internal steps until the next one */
+    int64_t calls;           /* calls of gyro_advance */
+    double lagged[2];        /* voltage after the amplifier's lag, V */
+} gyro_memory;
+
+struct gyro_instance {
+    double value[GYRO_N_VARIABLES]; /* as set and as last put out, SI, by value reference */
+    gyro_memory memory;
+    gyro_plan plan;
+    gyro_view view;
+    double (*delay_line)[2]; /* commanded forces of past internal steps, N, shape (delay_length, 2); NULL without a delay */
+    size_t delay_length;
+    char message[GYRO_MESSAGE_SIZE];
+};
+
+/* Records why a call is refused, printf style; gives GYRO_ERROR. */
+gyro_status gyro_refuse(gyro_instance *g, const char *format, ...);
+
+/* Builds the plan, the rest of the view and an empty delay line from values and memory; refuses parameters that don't fit one another. */
+gyro_status gyro_prepare(gyro_instance *g);
+
+/* Whether `time` [s] is a multiple of `step` [s] to within `slack` steps; the nearest multiple goes to *count. */
+int gyro_whole_steps(double time, double step, double slack, int64_t *count);
+
+/* Sets the switches of the view for the events that have passed at `fraction` of internal step `tick`. */
+void gyro_pass_events(gyro_instance *g, int64_t tick, double fraction);
+
+/* Takes sample 0: draws the noise, sets the amplifier's lag to its input, latches the outputs. */
+void gyro_first_sample(gyro_instance *g);
+
+/* Moves `ticks` internal steps with the inputs as they are, taking the samples that fall on the way. */
+void gyro_tick(gyro_instance *g, int64_t ticks);
+
+#endif

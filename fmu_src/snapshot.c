@@ -1,0 +1,122 @@
+/* An instance as bytes: a header, then plain numbers. */
+
+#include <string.h>
+
+#include "plant.h"
+
+static const uint64_t MAGIC = 0x3154415453595247u; /* "GRYSTAT1" read as little-endian bytes; another byte order reads another number */
+static const uint64_t VERSION = 1;
+
+typedef struct {
+    uint64_t magic;
+    uint64_t version;
+    uint64_t model;    /* hash of GYRO_TOKEN */
+    uint64_t length;   /* of everything, bytes */
+    uint64_t checksum; /* of what follows the header */
+} snapshot_header;
+
+/* FNV-1a, 64 bit. */
+static uint64_t hash(const void *bytes, size_t size)
+{
+    const unsigned char *byte = bytes;
+    uint64_t value = 0xcbf29ce484222325u;
+    for (size_t i = 0; i < size; i++) {
+        value = (value ^ byte[i]) * 0x100000001b3u;
+    }
+    return value;
+}
+
+typedef struct {
+    void *data;
+    size_t size; /* bytes */
+} part;
+
+enum { N_PARTS = 5 };
+
+/* What a snapshot holds, in order. */
+static void list_parts(const gyro_instance *g, part parts[N_PARTS])
+{
+    gyro_instance *mutable_g = (gyro_instance *)g;
+    parts[0] = (part){mutable_g->value, sizeof g->value};
+    parts[1] = (part){&mutable_g->memory, sizeof g->memory};
+    parts[2] = (part){mutable_g->view.s, sizeof g->view.s};
+    parts[3] = (part){mutable_g->view.normal, sizeof g->view.normal};
+    parts[4] = (part){mutable_g->delay_line, g->delay_length * sizeof *g->delay_line};
+}
+
+size_t gyro_save_size(const gyro_instance *g)
+{
+    part parts[N_PARTS];
+    size_t size = sizeof(snapshot_header);
+    list_parts(g, parts);
+    for (int i = 0; i < N_PARTS; i++) {
+        size += parts[i].size;
+    }
+    return size;
+}
+
+void gyro_save(const gyro_instance *g, unsigned char *bytes)
+{
+    part parts[N_PARTS];
+    const size_t size = gyro_save_size(g);
+    size_t at = sizeof(snapshot_header);
+    list_parts(g, parts);
+    for (int i = 0; i < N_PARTS; i++) {
+        if (parts[i].size > 0) {
+            memcpy(bytes + at, parts[i].data, parts[i].size);
+            at += parts[i].size;
+        }
+    }
+    const snapshot_header header = {MAGIC, VERSION, hash(GYRO_TOKEN, strlen(GYRO_TOKEN)), size,
+                                    hash(bytes + sizeof header, size - sizeof header)};
+    memcpy(bytes, &header, sizeof header);
+}
+
+static gyro_status check_header(gyro_instance *g, const unsigned char *bytes, size_t size)
+{
+    snapshot_header header = {0};
+    gyro_status status = GYRO_OK;
+    if (size >= sizeof header) {
+        memcpy(&header, bytes, sizeof header);
+    }
+    if (size < sizeof header || header.magic != MAGIC) {
+        status = gyro_refuse(g, "state of %zu bytes: not a saved gyroscope; give bytes that this FMU wrote", size);
+    } else if (header.version != VERSION || header.model != hash(GYRO_TOKEN, strlen(GYRO_TOKEN))) {
+        status = gyro_refuse(g, "state of another model or version: give bytes that this very FMU wrote");
+    } else if (header.length != size || header.checksum != hash(bytes + sizeof header, size - sizeof header)) {
+        status = gyro_refuse(g, "state of %zu bytes is damaged: length or checksum differ from its header", size);
+    }
+    return status;
+}
+
+/* Reads the parts whose size the values alone give (all but the delay line); gives the bytes read. */
+static size_t read_parts(gyro_instance *g, const unsigned char *bytes, int first, int last)
+{
+    part parts[N_PARTS];
+    size_t at = 0;
+    list_parts(g, parts);
+    for (int i = first; i <= last; i++) {
+        if (parts[i].size > 0) {
+            memcpy(parts[i].data, bytes + at, parts[i].size);
+            at += parts[i].size;
+        }
+    }
+    return at;
+}
+
+gyro_status gyro_load(gyro_instance *g, const unsigned char *bytes, size_t size)
+{
+    gyro_status status = check_header(g, bytes, size);
+    if (status == GYRO_OK) {
+        const unsigned char *body = bytes + sizeof(snapshot_header);
+        body += read_parts(g, body, 0, 3);
+        if (g->memory.started) {
+            /* The values were those of a running instance, so that only memory can be short here. */
+            status = gyro_prepare(g);
+            if (status == GYRO_OK) {
+                read_parts(g, body, 4, 4);
+            }
+        }
+    }
+    return status;
+}

@@ -1,0 +1,231 @@
+"""The anatomy of an effect: what one file in ``gyro_model/effects`` states, as data.
+
+An effect belongs to one stage, and each stage is a class:
+
+* ``Law`` changes parameters, ``Force`` adds a force (and states of its own), ``Map`` rewrites the signal at its place in the chain,
+  ``Delay`` and ``Lag`` hold a signal back.
+
+Expressions are sympy, in the symbols of ``gyro_model.symbols`` and the effect's own parameters. Every class checks itself where it is
+built and raises InputError.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+from sympy import Expr, Symbol, sympify
+
+from gyro_model import symbols
+from gyro_model.errors import InputError, nearest
+from gyro_model.quantities import Quantity
+
+Pair = tuple[Expr, Expr]
+
+U, Q, V = (symbols.u_x, symbols.u_y), (symbols.q_x, symbols.q_y), (symbols.v_x, symbols.v_y)
+
+
+
+class Slot(NamedTuple):
+    """A place in the chain: the pair of signals that enters it and the pair that leaves it."""
+
+    enters: tuple[Symbol, Symbol]
+    leaves: tuple[Symbol, Symbol]
+
+
+SLOTS: Mapping[str, Slot] = {
+    "actuator delay": Slot(U, U),
+    "actuator curve": Slot(U, U),
+    "actuator gain": Slot(U, U),
+    "actuator misalignment": Slot(U, U),
+    "pickoff misalignment": Slot(Q, Q),
+    "pickoff pair": Slot(Q, Q),
+    "pickoff gain": Slot(Q, V),
+    "pickoff gain mismatch": Slot(V, V),
+    "pickoff parasitic": Slot(V, V),
+    "amplifier feedthrough": Slot(V, V),
+    "amplifier lag": Slot(V, V),
+    "amplifier offset": Slot(V, V),
+    "amplifier drift": Slot(V, V),
+    "sampled noise": Slot(V, V),
+    "sampled clip": Slot(V, V),
+    "sampled round": Slot(V, V),
+}
+"""The chain in its order (SYSTEM.md section 8); the first word is the stage. Forces act on the displacement after the actuator slots."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A case worked out by hand: at the values ``at`` (others at their start), the term is ``gives``; ``why`` is the working."""
+
+    why: str
+    at: Mapping[str, float]
+    gives: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class State:
+    """A continuous state that an effect brings along, zero at the start: ``rate`` is its time derivative."""
+
+    symbol: Symbol
+    unit: str
+    description: str
+    rate: Expr
+
+
+@dataclass(frozen=True)
+class Energy:
+    """The power balance of a force: force·velocity + d(stored)/dt + dissipated = 0, ``dissipated`` never negative.
+
+    Both zero for a gyroscopic force. ``None`` in place of an Energy: the force exchanges energy with the outside.
+    """
+
+    stored: Expr = sympify(0)
+    dissipated: Expr = sympify(0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect:
+    """What every effect states. ``id`` is the name of its file; ``nominal`` effects are the device itself and always act.
+
+    ``doc`` is the docstring of the file, filled in by the registry.
+    """
+
+    STAGE: ClassVar[str] = ""
+
+    id: str
+    parameters: tuple[Quantity, ...] = ()
+    signature: str
+    host_experiment: str
+    limits: tuple[Limit, ...]
+    nominal: bool = False
+    noise: bool = False
+    doc: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.id.isidentifier():
+            raise InputError(f"effect {self.id!r}: an id is a C identifier")
+        if not (self.nominal or self.sizes):
+            raise InputError(f"effect {self.id}: has no size parameter; add one that is neutral by default")
+        if not self.limits:
+            raise InputError(f"effect {self.id}: give at least one limit case computed by hand")
+
+    @property
+    def stage(self) -> str:
+        """The stage that the effect belongs to, as SYSTEM.md section 8 names it."""
+        return self.STAGE
+
+    @property
+    def sizes(self) -> tuple[Quantity, ...]:
+        """The parameters that switch the effect on."""
+        return tuple(p for p in self.parameters if p.role == "size")
+
+    def terms(self) -> dict[str, Expr]:
+        """The expressions of the effect by the name that a limit case uses."""
+        raise NotImplementedError
+
+    def neutral(self) -> dict[str, Expr]:
+        """What each of ``terms`` is where the effect is switched off."""
+        raise NotImplementedError
+
+    @property
+    def symbols(self) -> frozenset[Symbol]:
+        """Every symbol that a term uses."""
+        return frozenset().union(*(expr.free_symbols for expr in self.terms().values()))
+
+
+def _sympified(terms: Mapping[str, Expr]) -> dict[str, Expr]:
+    return {name: sympify(expr) for name, expr in terms.items()}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law(Effect):
+    """Changes parameters: ``changes`` gives the new value of each target, written with the target's own symbol for the old value.
+
+    ``event`` is the time parameter at which the symbol ``after`` turns from 0 to 1; the integrator stops there.
+    """
+
+    STAGE: ClassVar[str] = "parameter law"
+    changes: Mapping[Symbol, Expr]
+    event: Symbol | None = None
+
+    def terms(self) -> dict[str, Expr]:
+        return _sympified({target.name: expr for target, expr in self.changes.items()})
+
+    def neutral(self) -> dict[str, Expr]:
+        return {target.name: target for target in self.changes}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Force(Effect):
+    """Adds a force [N] to each axis. A force that uses ``normal_x, normal_y`` is drawn anew at each sample and held."""
+
+    STAGE: ClassVar[str] = "force"
+    force: Pair
+    energy: Energy | None
+    states: tuple[State, ...] = ()
+
+    def terms(self) -> dict[str, Expr]:
+        rates = {f"d_{state.symbol.name}": state.rate for state in self.states}
+        return _sympified({"force_x": self.force[0], "force_y": self.force[1], **rates})
+
+    def neutral(self) -> dict[str, Expr]:
+        return {"force_x": sympify(0), "force_y": sympify(0)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Map(Effect):
+    """Rewrites the pair of signals at ``slot``: ``output`` is the new pair, written with the signal that enters the slot.
+
+    Effects that share a slot see the same entering signal, and their changes add up.
+    """
+
+    slot: str
+    output: Pair
+
+    def __post_init__(self) -> None:
+        if self.slot not in SLOTS:
+            raise InputError(f"effect {self.id}: slot {self.slot!r} is unknown{nearest(self.slot, SLOTS)}")
+        super().__post_init__()
+
+    @property
+    def stage(self) -> str:
+        """The stage that the slot belongs to."""
+        word = self.slot.split()[0]
+        return "sampled block" if word == "sampled" else word
+
+    def terms(self) -> dict[str, Expr]:
+        leaving = (symbol.name for symbol in SLOTS[self.slot].leaves)
+        return _sympified(dict(zip(leaving, self.output, strict=True)))
+
+    def neutral(self) -> dict[str, Expr]:
+        return {symbol.name: symbol for symbol in SLOTS[self.slot].enters}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Delay(Effect):
+    """Holds the force back by ``delay`` [s]; a fraction of an internal step is a time-weighted mean."""
+
+    STAGE: ClassVar[str] = "actuator"
+    slot: ClassVar[str] = "actuator delay"
+    delay: Symbol
+
+    def terms(self) -> dict[str, Expr]:
+        return {"delay": self.delay}
+
+    def neutral(self) -> dict[str, Expr]:
+        return {"delay": sympify(0)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lag(Effect):
+    """A first-order lag of the voltage with ``time_constant`` [s], updated exactly for a signal quadratic in time over a step."""
+
+    STAGE: ClassVar[str] = "amplifier"
+    slot: ClassVar[str] = "amplifier lag"
+    time_constant: Symbol
+
+    def terms(self) -> dict[str, Expr]:
+        return {"time_constant": self.time_constant}
+
+    def neutral(self) -> dict[str, Expr]:
+        return {"time_constant": sympify(0)}

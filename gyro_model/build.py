@@ -1,0 +1,204 @@
+"""Builds the FMUs: generates the C and XML of a model, compiles, packs, and remembers what is built by the model's token."""
+
+import hashlib
+import importlib.util
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+import platformdirs
+
+from gyro_model import generate_c, generate_xml
+from gyro_model.errors import InputError
+from gyro_model.model import Model, load_model
+
+PACKAGE = Path(__file__).parent
+CHECKOUT = PACKAGE.parent
+# Strict arithmetic: contraction to fused multiply-add would make platforms differ in the last bit.
+FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fvisibility=hidden", "-Wall", "-Wextra", "-Wpedantic")
+GENERATED = "generated"
+
+
+class Fmus(NamedTuple):
+    """Paths of the two FMUs of a model."""
+
+    fmi2: Path
+    fmi3: Path
+
+
+class _Platform(NamedTuple):
+    fmi2: str
+    fmi3: str
+    suffix: str
+
+
+def _platform() -> _Platform:
+    import fmpy
+
+    suffix = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+    return _Platform(fmpy.platform, fmpy.platform_tuple, suffix)
+
+
+def handwritten_folder() -> Path:
+    """The folder of the handwritten C: beside the package in a checkout, inside it when installed."""
+    for folder in (CHECKOUT / "fmu_src", PACKAGE / "fmu_src"):
+        if (folder / "core.c").is_file():
+            return folder
+    raise InputError("C sources: found neither beside the package nor in it; install gyrotwin anew")
+
+
+def generated_files(model: Model) -> dict[str, str]:
+    """Every generated text by its path below ``fmu_src``, the token filled in."""
+    token = model_token(model)
+    return {
+        f"{GENERATED}/model.h": generate_c.header(model, token),
+        f"{GENERATED}/model.c": generate_c.table(model),
+        f"{GENERATED}/effects.h": generate_c.effects(model),
+    }
+
+
+def model_token(model: Model) -> str:
+    """Names a model: a digest of all its C and XML, so that an FMU of other effects, bounds or code has another token."""
+    digest = hashlib.sha256()
+    texts = [generate_c.header(model, ""), generate_c.table(model), generate_c.effects(model)]
+    texts += [generate_xml.fmi2(model, "", ()), generate_xml.fmi3(model, "")]
+    texts += [path.read_text(encoding="utf-8") for path in sorted(handwritten_folder().glob("*.[ch]"))]
+    for text in texts:
+        digest.update(text.encode())
+    code = digest.hexdigest()
+    return f"{{{code[:8]}-{code[8:12]}-{code[12:16]}-{code[16:20]}-{code[20:32]}}}"
+
+
+def default_folder(model: Model) -> Path:
+    """Where FMUs of ``model`` go: ``dist`` in a checkout, else the user's cache, by token."""
+    packaged = model == load_model()
+    if packaged and (CHECKOUT / "pyproject.toml").is_file() and handwritten_folder().parent == CHECKOUT:
+        return CHECKOUT / "dist"
+    return Path(platformdirs.user_cache_dir("gyrotwin")) / model_token(model).strip("{}")
+
+
+def build(model: Model | None = None, folder: Path | None = None, *, force: bool = False) -> Fmus:
+    """Builds ``fmi2/Gyroscope.fmu`` and ``fmi3/Gyroscope.fmu`` in ``folder``, unless those there already are of this model.
+
+    Raises InputError where there is no compiler or it fails.
+    """
+    model = model or load_model()
+    folder = folder or default_folder(model)
+    token = model_token(model)
+    fmus = Fmus(*(folder / name / f"{generate_xml.NAME}.fmu" for name in Fmus._fields))
+    for fmi, path in zip(Fmus._fields, fmus, strict=True):
+        if force or token_of(path) != token:
+            _build_one(model, token, fmi, path)
+    return fmus
+
+
+def token_of(path: Path) -> str | None:
+    """The token of the FMU at ``path``; None where there is no FMU."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            root = ET.fromstring(archive.read("modelDescription.xml"))
+    except (OSError, KeyError, zipfile.BadZipFile, ET.ParseError):
+        return None
+    return root.get("guid") or root.get("instantiationToken")
+
+
+def update_generated(model: Model | None = None) -> list[Path]:
+    """Writes the committed generated files anew; gives those that changed."""
+    changed = []
+    for name, text in generated_files(model or load_model()).items():
+        path = handwritten_folder() / name
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+            changed.append(path)
+    return changed
+
+
+def find_compiler() -> list[str]:
+    """The command of the C compiler: $CC, cc, gcc, clang, or that of the package ziglang. Raises InputError where there is none."""
+    asked = shlex.split(os.environ.get("CC", ""))
+    if asked:
+        if shutil.which(asked[0]) is None:
+            raise InputError(f"compiler CC={asked[0]!r}: not found; correct CC or unset it")
+        return asked
+    for name in ("cc", "gcc", "clang"):
+        if shutil.which(name):
+            return [name]
+    if importlib.util.find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc"]
+    raise InputError("no C compiler: install gcc or clang, set CC, or `pip install gyrotwin[zig]`")
+
+
+def compile_library(sources: Path, files: Sequence[str], library: Path, extra: Sequence[str] = ()) -> None:
+    """Compiles the C ``files`` in the folder ``sources`` into a shared ``library``. Raises InputError with the compiler's first words."""
+    headers = Path(importlib.util.find_spec("fmpy").submodule_search_locations[0]) / "c-code"  # type: ignore[union-attr,index]
+    position = () if sys.platform == "win32" else ("-fPIC",)
+    math = () if sys.platform == "win32" else ("-lm",)
+    command = [*find_compiler(), *FLAGS, *extra, *position, "-shared", "-I", str(headers), "-I", str(sources)]
+    command += [str(sources / name) for name in files] + ["-o", str(library), *math]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    if result.returncode != 0:
+        complaint = next((line for line in result.stderr.splitlines() if "error" in line), result.stderr.strip()[:300])
+        raise InputError(f"compiler {command[0]!r} failed: {complaint}")
+
+
+def write_sources(model: Model, folder: Path) -> None:
+    """Copies the handwritten C and writes the generated C into ``folder``."""
+    for path in handwritten_folder().glob("*.[ch]"):
+        shutil.copy(path, folder / path.name)
+    for name, text in generated_files(model).items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+def c_files(folder: Path, fmi: str) -> list[str]:
+    """The C files of one FMU, relative to ``folder``: all but the layer of the other FMI version."""
+    other = {"fmi2": "fmi3.c", "fmi3": "fmi2.c"}[fmi]
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*.c") if path.name != other)
+
+
+def _build_one(model: Model, token: str, fmi: str, path: Path) -> None:
+    platform = _platform()
+    with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
+        root = Path(name)
+        sources = root / "sources"
+        sources.mkdir()
+        write_sources(model, sources)
+        files = c_files(sources, fmi)
+        (sources / {"fmi2": "fmi3.c", "fmi3": "fmi2.c"}[fmi]).unlink()
+        if fmi == "fmi2":
+            description, binaries = generate_xml.fmi2(model, token, files), platform.fmi2
+        else:
+            description, binaries = generate_xml.fmi3(model, token), platform.fmi3
+            (sources / "buildDescription.xml").write_text(generate_xml.build_description(files), encoding="utf-8")
+        (root / "modelDescription.xml").write_text(description, encoding="utf-8")
+        library = root / "binaries" / binaries / f"{generate_xml.NAME}{platform.suffix}"
+        library.parent.mkdir(parents=True)
+        compile_library(sources, files, library)
+        _pack(root, path)
+
+
+def _pack(root: Path, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_suffix(f".{os.getpid()}.part")
+    try:
+        with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
+            for file in sorted(p for p in root.rglob("*") if p.is_file()):
+                # A fixed date makes equal models give equal files.
+                info = zipfile.ZipInfo(file.relative_to(root).as_posix(), (2000, 1, 1, 0, 0, 0))
+                info.external_attr = (0o755 if "binaries" in file.parts else 0o644) << 16
+                info.compress_type = zipfile.ZIP_DEFLATED
+                archive.writestr(info, file.read_bytes())
+        os.replace(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+

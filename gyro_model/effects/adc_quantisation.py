@@ -1,0 +1,30 @@
+"""The converter rounds to whole steps.
+
+    v → round(v/lsb) · lsb, ties to even
+
+SYSTEM.md section 8. It looks like white noise of lsb²/12 where the signal crosses many steps.
+"""
+
+from gyro_model.anatomy import Limit, Map
+from gyro_model.quantities import size
+from gyro_model.symbols import nearest_integer, v_x, v_y
+
+STEP = size("adc_lsb", "V", "step of the converter", low=0.0)
+lsb = STEP.symbol
+
+EFFECT = Map(
+    id="adc_quantisation",
+    parameters=(STEP,),
+    noise=True,
+    slot="sampled round",
+    output=(nearest_integer(v_x / lsb) * lsb, nearest_integer(v_y / lsb) * lsb),
+    signature="the output takes whole multiples of one voltage",
+    host_experiment="any",
+    limits=(
+        Limit(
+            why="steps of ¼ V (exact in binary): 0.6 V lies nearest to 0.5 V; -0.375 V is a tie between -0.25 V and -0.5 V: to even",
+            at={"adc_lsb": 0.25, "v_x": 0.6, "v_y": -0.375},
+            gives={"v_x": 0.5, "v_y": -0.5},
+        ),
+    ),
+)

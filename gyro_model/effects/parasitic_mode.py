@@ -1,0 +1,43 @@
+"""A parasitic mode: another mass on its own spring, coupled to the x axis.
+
+    q'' + (w/Q) q' + w² q = -(κ/m) x,  F_x = -κ q,  w = 2π · frequency
+
+The mode is scaled to the proof mass, so that the coupling is one symmetric spring κ and no energy appears from nowhere. SYSTEM.md section 8.
+"""
+
+from sympy import Rational, Symbol, pi
+
+from gyro_model.anatomy import Energy, Force, Limit, State
+from gyro_model.quantities import shape, size
+from gyro_model.symbols import m, x
+
+COUPLING = size("parasitic_coupling", "N/m", "spring that couples the parasitic mode to x")
+FREQUENCY = shape("parasitic_frequency", "Hz", 5000.0, "frequency of the parasitic mode alone", low=1e-3)
+QUALITY = shape("parasitic_q", "1", 1000.0, "quality factor of the parasitic mode", low=1e-3)
+
+kappa = COUPLING.symbol
+w = 2 * pi * FREQUENCY.symbol
+q, q_dot = Symbol("parasitic", real=True), Symbol("parasitic_dot", real=True)
+
+EFFECT = Force(
+    id="parasitic_mode",
+    parameters=(COUPLING, FREQUENCY, QUALITY),
+    states=(
+        State(q, "m", "displacement of the parasitic mode", rate=q_dot),
+        State(q_dot, "m/s", "its velocity", rate=-(w / QUALITY.symbol) * q_dot - w**2 * q - (kappa / m) * x),
+    ),
+    force=(-kappa * q, 0),
+    energy=Energy(
+        stored=Rational(1, 2) * m * (q_dot**2 + w**2 * q**2) + kappa * q * x,
+        dissipated=m * (w / QUALITY.symbol) * q_dot**2,
+    ),
+    signature="a second resonance in x, with an antiresonance beside it",
+    host_experiment="off-resonance drive near the parasitic frequency",
+    limits=(
+        Limit(
+            why="2 N/m at 3 nm: 6 nN; x = 1 µm pulls the mode with 2 N/m/(1e-7 kg) · 1 µm; at rest w² q = (2π·1000)² · 3e-9",
+            at={"parasitic_coupling": 2.0, "m": 1e-7, "x": 1e-6, "parasitic": 3e-9, "parasitic_frequency": 1000.0},
+            gives={"force_x": -6e-9, "force_y": 0.0, "d_parasitic": 0.0, "d_parasitic_dot": -20.11843525281307},
+        ),
+    ),
+)

@@ -1,0 +1,18 @@
+"""The one exception for input that a user can mend, and the hint that names the nearest valid name."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class InputError(ValueError):
+    """Input that can't be used.
+
+    The message is one line that names what is wrong, the value and the remedy; the command line
+    prints it alone and ends with exit code 2.
+    """
+
+
+def nearest(name: str, valid: Iterable[str]) -> str:
+    """``"; did you mean 'kxx'?"`` with the valid name nearest to ``name``, or ``""`` if none is near."""
+    matches = get_close_matches(name, list(valid), n=1)
+    return f"; did you mean {matches[0]!r}?" if matches else ""

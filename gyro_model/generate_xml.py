@@ -1,0 +1,131 @@
+"""Writes ``modelDescription.xml`` of a model for FMI 2.0 and FMI 3.0, and the build description of FMI 3.0."""
+
+from collections.abc import Sequence
+from math import isfinite
+from xml.etree import ElementTree as ET
+
+from gyro_model.model import Model
+from gyro_model.quantities import Quantity
+from gyro_model.units import dimension
+
+NAME = "Gyroscope"
+DESCRIPTION = "MEMS vibratory gyroscope: two coupled axes, actuators, pickoff and amplifier with their effects"
+LOG_CATEGORIES = {"logStatusError": "refused calls and failed steps", "logEvents": "life-cycle calls", "logAll": "both"}
+
+# Relative accuracy is the integrator's own; 1 s in steps of the sample period is what most importers should start with.
+_EXPERIMENT = {"startTime": "0", "stopTime": "1", "stepSize": "5e-6"}
+
+
+def fmi2(model: Model, token: str, sources: Sequence[str]) -> str:
+    """The model description for FMI 2.0 co-simulation; ``sources`` are the C files relative to the folder sources/."""
+    root = ET.Element("fmiModelDescription", fmiVersion="2.0", modelName=NAME, guid=token, description=DESCRIPTION)
+    root.set("variableNamingConvention", "flat")
+    simulation = ET.SubElement(
+        root,
+        "CoSimulation",
+        modelIdentifier=NAME,
+        canHandleVariableCommunicationStepSize="true",
+        canNotUseMemoryManagementFunctions="true",
+        canGetAndSetFMUstate="true",
+        canSerializeFMUstate="true",
+    )
+    files = ET.SubElement(simulation, "SourceFiles")
+    for name in sources:
+        ET.SubElement(files, "File", name=name)
+    _add_units(root, model)
+    _add_log_categories(root)
+    ET.SubElement(root, "DefaultExperiment", _EXPERIMENT)
+    variables = ET.SubElement(root, "ModelVariables")
+    for reference, quantity in enumerate(model.quantities):
+        scalar = ET.SubElement(variables, "ScalarVariable", _common(quantity, reference))
+        ET.SubElement(scalar, "Integer" if quantity.integer else "Real", _typed(quantity))
+    structure = ET.SubElement(root, "ModelStructure")
+    for group in ("Outputs", "InitialUnknowns"):
+        element = ET.SubElement(structure, group)
+        for reference in _outputs(model):
+            ET.SubElement(element, "Unknown", index=str(reference + 1))
+    return _text(root)
+
+
+def fmi3(model: Model, token: str) -> str:
+    """The model description for FMI 3.0 co-simulation."""
+    root = ET.Element("fmiModelDescription", fmiVersion="3.0", modelName=NAME, instantiationToken=token)
+    root.set("description", DESCRIPTION)
+    ET.SubElement(
+        root,
+        "CoSimulation",
+        modelIdentifier=NAME,
+        canHandleVariableCommunicationStepSize="true",
+        canGetAndSetFMUState="true",
+        canSerializeFMUState="true",
+    )
+    _add_units(root, model)
+    _add_log_categories(root)
+    ET.SubElement(root, "DefaultExperiment", _EXPERIMENT)
+    variables = ET.SubElement(root, "ModelVariables")
+    for reference, quantity in enumerate(model.quantities):
+        tag = "Int32" if quantity.integer else "Float64"
+        ET.SubElement(variables, tag, {**_common(quantity, reference), **_typed(quantity)})
+    time = {"name": "time", "valueReference": str(len(model.quantities)), "causality": "independent", "unit": "s"}
+    ET.SubElement(variables, "Float64", {**time, "variability": "continuous", "description": "simulation time"})
+    structure = ET.SubElement(root, "ModelStructure")
+    for group in ("Output", "InitialUnknown"):
+        for reference in _outputs(model):
+            ET.SubElement(structure, group, valueReference=str(reference))
+    return _text(root)
+
+
+def build_description(sources: Sequence[str]) -> str:
+    """``sources/buildDescription.xml`` of FMI 3.0."""
+    root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
+    configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=NAME)
+    files = ET.SubElement(configuration, "SourceFileSet", language="C99", compilerOptions="-O3 -ffp-contract=off")
+    for name in sources:
+        ET.SubElement(files, "SourceFile", name=name)
+    return _text(root)
+
+
+def _outputs(model: Model) -> list[int]:
+    return [reference for reference, q in enumerate(model.quantities) if q.role == "output"]
+
+
+def _common(quantity: Quantity, reference: int) -> dict[str, str]:
+    attributes = {"name": quantity.name, "valueReference": str(reference), "description": quantity.description}
+    if quantity.role in ("input", "output"):
+        sampled = quantity.name in ("v_x", "v_y")
+        attributes |= {"causality": quantity.role, "variability": "discrete" if sampled else "continuous"}
+        return attributes | ({"initial": "calculated"} if quantity.role == "output" else {})
+    return attributes | {"causality": "parameter", "variability": "fixed", "initial": "exact"}
+
+
+def _typed(quantity: Quantity) -> dict[str, str]:
+    def number(value: float) -> str:
+        return str(int(value)) if quantity.integer else repr(float(value))
+
+    attributes = {} if quantity.unit == "1" else {"unit": quantity.unit}
+    bounds = {"min": quantity.low, "max": quantity.high}
+    attributes |= {name: number(value) for name, value in bounds.items() if isfinite(value)}
+    return attributes | ({} if quantity.role == "output" else {"start": number(quantity.start)})
+
+
+def _add_units(root: ET.Element, model: Model) -> None:
+    definitions = ET.SubElement(root, "UnitDefinitions")
+    for name in sorted({q.unit for q in model.quantities} | {"s"}):
+        if name == "1":
+            continue
+        unit = ET.SubElement(definitions, "Unit", name=name)
+        exponents = dict(zip(("kg", "m", "s", "A", "K", "rad"), dimension(name).exponents, strict=True))
+        # FMI knows whole exponents only; a unit such as V/Hz0.5 goes by its name.
+        if all(value.denominator == 1 for value in exponents.values()):
+            ET.SubElement(unit, "BaseUnit", {base: str(value) for base, value in exponents.items() if value})
+
+
+def _add_log_categories(root: ET.Element) -> None:
+    categories = ET.SubElement(root, "LogCategories")
+    for name, description in LOG_CATEGORIES.items():
+        ET.SubElement(categories, "Category", name=name, description=description)
+
+
+def _text(root: ET.Element) -> str:
+    ET.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"

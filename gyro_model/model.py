@@ -1,0 +1,142 @@
+"""The model: all effects found in the effect folders, joined into one table of quantities and one ordered chain."""
+
+import importlib.util
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from pathlib import Path
+
+from sympy import Symbol
+
+from gyro_model import symbols
+from gyro_model.anatomy import SLOTS, Delay, Effect, Force, Lag, Law, Map, State
+from gyro_model.errors import InputError, nearest
+from gyro_model.quantities import INPUTS, OUTPUTS, PARAMETERS, Quantity
+
+EFFECTS_FOLDER = Path(__file__).parent / "effects"
+
+
+@dataclass(frozen=True)
+class Model:
+    """Effects in a fixed order (nominal ones first, then by id) with what follows from them.
+
+    Raises InputError where two effects claim one name, a symbol is unknown, or a delay or lag is not alone in its slot.
+    """
+
+    effects: tuple[Effect, ...]
+
+    def __post_init__(self) -> None:
+        _refuse_twins("quantity", (q.name for q in self.quantities))
+        _refuse_twins("state", (state.symbol.name for state in self.states))
+        for held in (Delay, Lag):
+            _refuse_twins(f"{held.__name__.lower()} in the chain:", [held.__name__ for e in self.effects if isinstance(e, held)])
+        for effect in self.effects:
+            self._check_symbols(effect)
+
+    def _check_symbols(self, effect: Effect) -> None:
+        always = ("t", "after", "normal_x", "normal_y", "q_x", "q_y")
+        known = {*self.by_name, *always, *(state.symbol.name for state in self.states)}
+        targets = effect.changes if isinstance(effect, Law) else ()
+        for name in sorted(symbol.name for symbol in effect.symbols | set(targets)):
+            if name not in known:
+                raise InputError(f"effect {effect.id}: symbol {name!r} is unknown{nearest(name, known)}")
+        if symbols.m in targets:
+            raise InputError(f"effect {effect.id}: a law can't change m, by which every force is divided beforehand")
+
+    @cached_property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Every FMI variable; the index is its value reference: inputs, outputs, parameters, then effect by effect."""
+        return (*INPUTS, *OUTPUTS, *PARAMETERS, *(p for effect in self.effects for p in effect.parameters))
+
+    @cached_property
+    def by_name(self) -> dict[str, Quantity]:
+        """The quantities by name."""
+        return {q.name: q for q in self.quantities}
+
+    @cached_property
+    def states(self) -> tuple[State, ...]:
+        """The continuous states that effects bring, after x, x_dot, y, y_dot."""
+        return tuple(state for effect in self.effects if isinstance(effect, Force) for state in effect.states)
+
+    @cached_property
+    def state_symbols(self) -> tuple[Symbol, ...]:
+        """All continuous states in order."""
+        return (*symbols.STATES, *(state.symbol for state in self.states))
+
+    @property
+    def forces(self) -> tuple[Force, ...]:
+        """The effects of the force stage."""
+        return tuple(e for e in self.effects if isinstance(e, Force))
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The parameter laws."""
+        return tuple(e for e in self.effects if isinstance(e, Law))
+
+    def in_slot(self, slot: str) -> tuple[Map, ...]:
+        """The maps at one place of the chain."""
+        return tuple(e for e in self.effects if isinstance(e, Map) and e.slot == slot)
+
+    def effect(self, effect_id: str) -> Effect:
+        """The effect of that id. Raises InputError with the nearest id where there is none."""
+        for effect in self.effects:
+            if effect.id == effect_id:
+                return effect
+        raise InputError(f"effect {effect_id!r} is unknown{nearest(effect_id, [e.id for e in self.effects])}")
+
+    def parameter(self, name: str) -> Quantity:
+        """The parameter of that name. Raises InputError with the nearest name where there is none."""
+        settable = {q.name: q for q in self.quantities if q.role not in ("input", "output")}
+        if name not in settable:
+            raise InputError(f"parameter {name!r} is unknown{nearest(name, settable)}")
+        return settable[name]
+
+
+def _refuse_twins(kind: str, names: Iterable[str]) -> None:
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise InputError(f"{kind} {name!r} is defined twice; rename one")
+        seen.add(name)
+
+
+def _load_effect(path: Path) -> Effect:
+    # The packaged files keep their importable name, so that one may use another's symbols; a user's files get a private one.
+    packaged = path.parent == EFFECTS_FOLDER
+    name = f"gyro_model.effects.{path.stem}" if packaged else f"_user_effect_{path.stem}"
+    if packaged and name in sys.modules:
+        module = sys.modules[name]
+    else:
+        spec = importlib.util.spec_from_file_location(name, path)
+        if spec is None or spec.loader is None:
+            raise InputError(f"effect file {path}: can't be loaded as Python")
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module
+        spec.loader.exec_module(module)
+    effect = getattr(module, "EFFECT", None)
+    if not isinstance(effect, Effect):
+        raise InputError(f"effect file {path}: defines no EFFECT; assign one of Law, Force, Map, Delay, Lag to it")
+    if effect.id != path.stem:
+        raise InputError(f"effect file {path}: its id is {effect.id!r}; name the file {effect.id}.py")
+    return replace(effect, doc=module.__doc__ or "")
+
+
+@cache
+def load_model(*folders: Path) -> Model:
+    """The model of the packaged effects and those in further ``folders``, each file ``<id>.py`` with its ``EFFECT``.
+
+    Raises InputError where a folder is missing, a file is no effect, or effects contradict one another.
+    """
+    for folder in folders:
+        if not folder.is_dir():
+            raise InputError(f"effect folder {folder}: is not a folder; name one that holds effect files")
+    paths = [path for folder in (EFFECTS_FOLDER, *folders) for path in folder.glob("*.py") if path.stem != "__init__"]
+    effects = [_load_effect(path) for path in paths]
+    _refuse_twins("effect", (effect.id for effect in effects))
+    return Model(tuple(sorted(effects, key=lambda e: (not e.nominal, e.id))))
+
+
+def chain(model: Model) -> tuple[tuple[str, tuple[Map, ...]], ...]:
+    """The slots that some map occupies, in the order of the chain."""
+    return tuple((slot, model.in_slot(slot)) for slot in SLOTS if model.in_slot(slot))

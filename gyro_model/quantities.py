@@ -1,0 +1,121 @@
+"""The table of quantities: every input, output and device parameter that no effect owns, each in one place.
+
+Effects add their own parameters in their own files; ``gyro_model.model`` joins both into the table that the FMU, its XML and the
+documentation are made from.
+"""
+
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import Literal
+
+from sympy import Symbol
+
+from gyro_model.errors import InputError
+from gyro_model.units import dimension
+
+Role = Literal["input", "output", "parameter", "size", "shape"]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One number with a name: ``start`` is its value where nobody sets it (for a size parameter: neutral).
+
+    ``low`` and ``high`` are inclusive bounds in ``unit``. ``role`` is ``input``, ``output``, ``parameter`` (the nominal device and
+    the simulation), ``size`` (switches an effect on) or ``shape`` (of an effect; switches nothing).
+    """
+
+    name: str
+    unit: str
+    start: float
+    description: str
+    role: Role = "parameter"
+    low: float = -inf
+    high: float = inf
+    integer: bool = False
+
+    def __post_init__(self) -> None:
+        dimension(self.unit)
+        if not self.name.isidentifier():
+            raise InputError(f"quantity {self.name!r}: a name is a C identifier")
+        if not (isfinite(self.start) and self.low <= self.start <= self.high):
+            raise InputError(f"quantity {self.name}: start {self.start} is outside [{self.low}, {self.high}]")
+
+    @property
+    def symbol(self) -> Symbol:
+        """The sympy symbol of the same name."""
+        return Symbol(self.name, real=True)
+
+    def check(self, value: float) -> float:
+        """``value`` as a float. Raises InputError where it is not a finite number within the bounds, naming them."""
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
+            raise InputError(f"{self.name} = {value!r}: give a finite number in {self.unit}")
+        if not self.low <= value <= self.high:
+            raise InputError(f"{self.name} = {value:g} {self.unit}: give a value from {self.low:g} to {self.high:g}")
+        if self.integer and value != int(value):
+            raise InputError(f"{self.name} = {value:g}: give a whole number")
+        return float(value)
+
+
+def size(name: str, unit: str, description: str, *, neutral: float = 0.0, low: float = -inf, high: float = inf) -> Quantity:
+    """A parameter that switches its effect on where it differs from ``neutral``."""
+    return Quantity(name, unit, neutral, description, "size", low, high)
+
+
+def shape(name: str, unit: str, start: float, description: str, *, low: float = -inf, high: float = inf) -> Quantity:
+    """A parameter that shapes its effect and has a usable default; it switches nothing."""
+    return Quantity(name, unit, start, description, "shape", low, high)
+
+
+def _parameter(name: str, unit: str, start: float, text: str, low: float = -inf, high: float = inf) -> Quantity:
+    return Quantity(name, unit, start, text, "parameter", low, high)
+
+
+def _input(name: str, unit: str, start: float, text: str, low: float = -inf) -> Quantity:
+    return Quantity(name, unit, start, text, "input", low)
+
+
+def _output(name: str, unit: str, text: str, start: float = 0.0) -> Quantity:
+    return Quantity(name, unit, start, text, "output")
+
+
+INPUTS = (
+    _input("u_x", "N", 0.0, "force on the x axis, held over a communication step"),
+    _input("u_y", "N", 0.0, "force on the y axis, held over a communication step"),
+    _input("omega_z", "rad/s", 0.0, "rate of the package about z"),
+    _input("temperature", "K", 298.15, "ambient temperature", low=0.0),
+    _input("a_x", "m/s2", 0.0, "acceleration of the package along x"),
+    _input("a_y", "m/s2", 0.0, "acceleration of the package along y"),
+    _input("v_bias", "V", 0.0, "bias voltage of the electrodes"),
+)
+
+OUTPUTS = (
+    _output("v_x", "V", "x sensor voltage, latched at the last sample instant"),
+    _output("v_y", "V", "y sensor voltage, latched at the last sample instant"),
+    _output("x", "m", "x displacement, for analysis"),
+    _output("y", "m", "y displacement, for analysis"),
+    _output("x_dot", "m/s", "x velocity, for analysis"),
+    _output("y_dot", "m/s", "y velocity, for analysis"),
+    _output("temperature_structure", "K", "temperature of the structure, for analysis", 298.15),
+    _output("temperature_circuit", "K", "temperature of the circuit, for analysis", 298.15),
+)
+
+# Reference device of SYSTEM.md section 1 (source 000 gives the symbols; the numbers are the specification's).
+# The lowest mass and sample period exclude zero, by which the model divides.
+PARAMETERS = (
+    _parameter("m", "kg", 1.8e-7, "proof mass", low=1e-18),
+    _parameter("kxx", "N/m", 63.955, "stiffness, x axis", low=0.0),
+    _parameter("kyy", "N/m", 95.92, "stiffness, y axis", low=0.0),
+    _parameter("kxy", "N/m", 12.779, "stiffness, cross axis"),
+    _parameter("dxx", "N.s/m", 1.8e-6, "damping, x axis", low=0.0),
+    _parameter("dyy", "N.s/m", 1.8e-6, "damping, y axis", low=0.0),
+    _parameter("dxy", "N.s/m", 3.6e-7, "damping, cross axis"),
+    _parameter("sense_gain_x", "V/m", 1e6, "pickoff gain, x axis"),
+    _parameter("sense_gain_y", "V/m", 1e6, "pickoff gain, y axis"),
+    _parameter("x_start", "m", 0.0, "x displacement at the start"),
+    _parameter("x_dot_start", "m/s", 0.0, "x velocity at the start"),
+    _parameter("y_start", "m", 0.0, "y displacement at the start"),
+    _parameter("y_dot_start", "m/s", 0.0, "y velocity at the start"),
+    _parameter("internal_step", "s", 1e-6, "step of the integrator and unit of time", low=1e-9, high=1e-3),
+    _parameter("sample_period", "s", 5e-6, "time between samples and between draws of noise", low=1e-9, high=1.0),
+    Quantity("seed", "1", 0, "seed of all noises", "parameter", 0, 2**31 - 1, integer=True),
+)

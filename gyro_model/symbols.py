@@ -1,0 +1,43 @@
+"""The symbols that an effect file may write its term in, besides its own parameters.
+
+Signals run along the chain of SYSTEM.md section 8: ``u_x, u_y`` are the force after the actuator stages that come before the effect,
+``q_x, q_y`` [m] the displacement as the pickoff stages before it leave it, ``v_x, v_y`` [V] likewise the voltage.
+"""
+
+from sympy import Float, Function, Symbol
+
+from gyro_model.quantities import INPUTS, OUTPUTS, PARAMETERS
+
+BY_NAME = {quantity.name: quantity.symbol for quantity in (*INPUTS, *OUTPUTS, *PARAMETERS)}
+
+m, kxx, kyy, kxy, dxx, dyy, dxy = (BY_NAME[name] for name in ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy"))
+sense_gain_x, sense_gain_y = BY_NAME["sense_gain_x"], BY_NAME["sense_gain_y"]
+sample_period = BY_NAME["sample_period"]
+temperature_structure, temperature_circuit = BY_NAME["temperature_structure"], BY_NAME["temperature_circuit"]
+omega_z, a_x, a_y, v_bias = BY_NAME["omega_z"], BY_NAME["a_x"], BY_NAME["a_y"], BY_NAME["v_bias"]
+x, y, x_dot, y_dot = BY_NAME["x"], BY_NAME["y"], BY_NAME["x_dot"], BY_NAME["y_dot"]
+u_x, u_y, v_x, v_y = BY_NAME["u_x"], BY_NAME["u_y"], BY_NAME["v_x"], BY_NAME["v_y"]
+
+q_x, q_y = Symbol("q_x", real=True), Symbol("q_y", real=True)
+
+t = Symbol("t", real=True)
+"""Time [s]."""
+
+after = Symbol("after", real=True)
+"""1 from the effect's event on, 0 before it."""
+
+normal_x, normal_y = Symbol("normal_x", real=True), Symbol("normal_y", real=True)
+"""Two independent standard normal numbers, of the effect's own stream, new at every sample."""
+
+
+class nearest_integer(Function):
+    """Rounds to the nearest integer, ties to even."""
+
+    is_real = True
+
+
+
+BOLTZMANN = Float("1.380649e-23", 17)
+"""Boltzmann constant [J/K], exact by the definition of the kelvin (SI brochure, 9th edition)."""
+
+STATES = (x, x_dot, y, y_dot)

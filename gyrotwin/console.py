@@ -1,0 +1,63 @@
+"""The results of a run as tables in the terminal."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from gyrotwin.numbers import degrees, microseconds, milliseconds, relative, significant
+
+
+def results(summary: Mapping[str, Any]) -> RenderableType:
+    """Return what summary.json holds, as tables for rich."""
+    return Group(_headline(summary), _parameters(summary), _angles(summary))
+
+
+def _headline(summary: Mapping[str, Any]) -> Text:
+    converged = summary["converged_at"]
+    state = "never converged: no angle" if converged is None else "converged at "
+    text = Text(f"{summary['scenario']}, seed {summary['seed']}: {state}")
+    if converged is not None:
+        text.append(milliseconds(converged), style="bold")
+    text.append(
+        f"; rate error {significant(summary['omega']['rms_error'])} rad/s rms"
+        f"; {significant(summary['real_time_factor'])} x real time"
+    )
+    return text
+
+
+def _parameters(summary: Mapping[str, Any]) -> Table:
+    table = Table(title="Parameters at the end (SI units)", title_justify="left")
+    table.add_column("name")
+    for heading in ("true", "estimate", "error", "within 1 % at", "error/bound"):
+        table.add_column(heading, justify="right")
+    for name, values in summary["parameters"].items():
+        table.add_row(
+            name,
+            significant(values["true"], 5),
+            significant(values["estimate"], 5),
+            relative(values["relative_error"]),
+            milliseconds(values["within_1_percent_at"]),
+            significant(values["over_bound"]),
+        )
+    return table
+
+
+def _angles(summary: Mapping[str, Any]) -> Table:
+    table = Table(title="Angle, from convergence to the end", title_justify="left")
+    table.add_column("unit")
+    for heading in ("rms", "largest", "drift", "lag"):
+        table.add_column(heading, justify="right")
+    for name, values in summary["angle_units"].items():
+        chosen = name == summary["angle"]["unit"]
+        table.add_row(
+            f"{name} (chosen)" if chosen else name,
+            degrees(values["rms_deg"]),
+            degrees(values["max_deg"]),
+            degrees(values["drift_deg_per_s"], "°/s"),
+            microseconds(values["lag_s"]),
+            style="bold" if chosen else None,
+        )
+    return table

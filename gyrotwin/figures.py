@@ -1,0 +1,335 @@
+"""The figures of the report as plain data: panels of lines, ready for JSON.
+
+A figure redraws one of source 000, or shows what the source leaves out. The page's script turns a
+panel into a Plotly plot; colours and dashes follow the role of a line.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from cosim.angle import UNIT_NAMES
+from cosim.angle_filters import Filter
+from cosim.layout import PARAMETER_NAMES
+from cosim.metrics import SETTLING, WITHIN, Bounds, reference_mean
+
+Floats = NDArray[np.float64]
+
+POINTS: Final = 1200
+"""Points of a line at most: about two for each pixel of a wide panel."""
+BINS: Final = 200
+"""Windows in which the rms error is compared with the bound."""
+
+STATE_LABELS: Final = {"x": "x [µm]", "x_dot": "x' [mm/s]", "y": "y [µm]", "y_dot": "y' [mm/s]"}
+STATE_SCALES: Final = {"x": 1e6, "x_dot": 1e3, "y": 1e6, "y_dot": 1e3}
+START_SHOWN: Final = 2e-3
+"""How much of the start the figure of the states shows [s]: six periods at 3 kHz."""
+SWING_HZ: Final = 10.0
+"""The frequency of the rate in both embodiments."""
+
+PARAMETER_UNITS: Final = {"k": ("N/m", 1.0), "d": ("µN·s/m", 1e6), "m": ("µg", 1e9)}
+"""Unit on the axis and its number in one SI unit, by first letter of the parameter."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line: x, y lists of numbers (None: gap); role: how it is drawn."""
+
+    name: str
+    role: str
+    x: list[float | None]
+    y: list[float | None]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes. y_range: [low, high] or None; band: shaded interval of x."""
+
+    x_title: str
+    y_title: str
+    lines: list[Line]
+    title: str = ""
+    x_log: bool = False
+    y_log: bool = False
+    y_range: list[float] | None = None
+    band: list[float] | None = None
+    wide: bool = False
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Panels under one heading; key: (role, label) of the lines; caption: what to see."""
+
+    id: str
+    heading: str
+    source: str
+    caption: str
+    key: list[tuple[str, str]]
+    panels: list[Panel]
+
+    def data(self) -> list[dict[str, Any]]:
+        """Return the panels as JSON-ready values."""
+        return [asdict(panel) for panel in self.panels]
+
+
+def states_figure(start: pl.DataFrame) -> Figure:
+    """Redraw figure 4: the four states and their estimates at the start of the run.
+
+    start: t and est_x .. est_y_dot, and true_x .. true_y_dot where they are known.
+    """
+    shown = start.filter(pl.col("t") <= START_SHOWN)
+    t = 1e3 * shown["t"].to_numpy()
+    panels = []
+    for name, label in STATE_LABELS.items():
+        lines = []
+        for kind, role in (("true", "truth"), ("est", "estimate")):
+            if f"{kind}_{name}" in shown.columns:
+                values = STATE_SCALES[name] * shown[f"{kind}_{name}"].to_numpy()
+                lines.append(line(kind, role, t, values))
+        panels.append(Panel("t [ms]", label, lines))
+    return Figure(
+        "states",
+        "The states converge at once",
+        "fig. 4",
+        "Position and velocity along both axes over the first two milliseconds: the estimate meets "
+        "the truth within the first periods, long before the parameters are known.",
+        [("truth", "truth"), ("estimate", "estimate")],
+        panels,
+    )
+
+
+def parameters_figure(trace: pl.DataFrame, varying: bool) -> Figure:
+    """Redraw figure 5 (or 8): the eight parameters and their estimates."""
+    t = trace["t"].to_numpy()
+    panels = []
+    for name in PARAMETER_NAMES:
+        unit, scale = PARAMETER_UNITS[name[0]]
+        true, estimate = (scale * trace[f"{kind}_{name}"].to_numpy() for kind in ("true", "est"))
+        panels.append(_convergence_panel(t, true, estimate, f"{name} [{unit}]"))
+    omega_true, omega = trace["omega_true"].to_numpy(), trace["est_omega_z"].to_numpy()
+    panels.append(_convergence_panel(t, omega_true, omega, "Ωz [rad/s]"))
+    return Figure(
+        "parameters",
+        "The eight parameters converge",
+        "fig. 8" if varying else "fig. 5",
+        "Stiffness, damping, mass and rate of turn from first estimates that are 10 to 50 % off. "
+        + ("After the damping doubles at 0.45 s the estimates find it again. " if varying else "")
+        + "The source shows convergence within 0.3 s.",
+        [("truth", "truth"), ("estimate", "estimate")],
+        panels,
+    )
+
+
+def relative_error_figure(trace: pl.DataFrame) -> Figure:
+    """Relative errors of the seven parameters on a logarithmic scale."""
+    t = trace["t"].to_numpy()
+    lines = [line(name, name, *rms_in_bins(t, relative_error(trace, name))) for name in PARAMETER_NAMES]
+    lines.append(line("1 %", "limit", t[[0, -1]], np.full(2, WITHIN)))
+    panel = Panel("t [s]", "relative error (rms)", lines, y_log=True, wide=True)
+    return Figure(
+        "relative-error",
+        "Relative error of the parameters",
+        "not in the source",
+        "The same estimates on a logarithmic scale, as rms over short windows. Dashed: the 1 % "
+        "that counts as converged.",
+        [(name, name) for name in PARAMETER_NAMES] + [("limit", "1 %")],
+        [panel],
+    )
+
+
+def bound_figure(trace: pl.DataFrame, bounds: Bounds) -> Figure:
+    """Errors over the Cramer-Rao bound."""
+    t = trace["t"].to_numpy()
+    lines = []
+    for index, name in enumerate(PARAMETER_NAMES):
+        middle, error = rms_in_bins(t, relative_error(trace, name))
+        ratio = error / bounds.relative_at(middle)[:, index]
+        lines.append(line(name, name, middle, ratio))
+    lines.append(line("bound", "limit", t[[0, -1]], np.ones(2)))
+    panel = Panel("t [s]", "rms error / bound", lines, y_log=True, wide=True)
+    return Figure(
+        "bound",
+        "Distance from what can be known",
+        "not in the source",
+        "Error of each parameter, rms over short windows, over its posterior Cramér–Rao bound at "
+        "that time. Over many seeds no observer stays below 1 on average; a single run scatters.",
+        [(name, name) for name in PARAMETER_NAMES] + [("limit", "bound")],
+        [panel],
+    )
+
+
+def angle_figure(trace: pl.DataFrame, unit: str, converged_at: float | None, varying: bool) -> Figure:
+    """Redraw figure 7 (or 10): the angle of the chosen unit against the truth."""
+    t = trace["t"].to_numpy()
+    true, angle = np.rad2deg(trace["angle_true"].to_numpy()), np.rad2deg(trace["angle"].to_numpy())
+    quality = trace["angle_quality"].to_numpy()
+    return Figure(
+        "angle",
+        "The angle follows the truth",
+        "fig. 10" if varying else "fig. 7",
+        f"Angle of unit {unit}, read off the vibration pattern and never integrated. It is valid "
+        "from convergence on, where it is set to zero. Quality is 1 for a straight line and 0 for "
+        "a circle, which has no angle.",
+        [("truth", "truth"), ("estimate", f"unit {unit}")],
+        [
+            Panel(
+                "t [s]",
+                "angle [°]",
+                [
+                    line("truth", "truth", *envelope(t, true)),
+                    line(f"unit {unit}", "estimate", *envelope(t, angle)),
+                ],
+                wide=True,
+            ),
+            Panel(
+                "t [s]",
+                "error [°]",
+                [line("error", "error", *envelope(t, angle_error(trace, unit, converged_at)))],
+            ),
+            Panel(
+                "t [s]",
+                "quality [1]",
+                [line("quality", "estimate", *envelope(t, quality))],
+                y_range=[-0.02, 1.05],
+            ),
+        ],
+    )
+
+
+def units_figure(trace: pl.DataFrame, converged_at: float | None) -> Figure:
+    """Angle errors of the three units, each less its mean after convergence."""
+    t = trace["t"].to_numpy()
+    lines = []
+    for name in UNIT_NAMES:
+        error = angle_error(trace, name, converged_at)
+        lines.append(line(f"unit {name}", f"unit-{name}", *envelope(t, error)))
+    return Figure(
+        "units",
+        "Three ways to read the angle",
+        "not in the source",
+        "Angle error of unit A (band-pass, then angle), unit B (angle, then low-pass) and unit C "
+        "(the response to the two tones subtracted, no filter), from the same run. At an edge of "
+        "the rate a filter without lag still errs for a moment; "
+        f"{1e3 * SETTLING:.0f} ms later that is over.",
+        [("unit-A", "unit A"), ("unit-B", "unit B"), ("unit-C", "unit C")],
+        [Panel("t [s]", "angle error [°]", lines, wide=True)],
+    )
+
+
+def filter_figure(filters: Sequence[Filter]) -> Figure:
+    """Redraw figures 6 and 9: magnitude and phase of the filters."""
+    used = [f for f in filters if f.shape == "lag_free"]
+    panels = []
+    for name in ("band-pass", "low-pass"):
+        group = [f for f in filters if f.name == name]
+        panels += _response_panels(name, group)
+    caption = (
+        "Shaded: the pass band. The phase of the filters in use is level where the angle is "
+        "carried, at the oscillation frequency (A) and at zero (B): no lag for a steady rate. The "
+        "price is up to 3 dB inside the band, which makes a swing of the angle too large: "
+    )
+    gains = (f"{100 * (abs(f.swing(SWING_HZ)) - 1):.1f} % ({f.name})" for f in used)
+    caption += f"at {SWING_HZ:g} Hz by {' and '.join(gains)}."
+    key = [("estimate", "in use")]
+    others = [f for f in filters if f.shape == "butterworth"]
+    if others:
+        delays = (f"{1e3 * f.group_delay:.2f} ms ({f.name})" for f in others)
+        caption += f" Dashed: Butterworth of the same band, which delays {' or '.join(delays)}."
+        key.append(("reference", "Butterworth"))
+    heading = "Filters of units A and B"
+    return Figure("filters", heading, "figs. 6 and 9", caption, key, panels)
+
+
+def angle_error(trace: pl.DataFrame, unit: str, converged_at: float | None) -> Floats:
+    """Return the angle error of a unit [deg], less its mean just after convergence, shape (n,)."""
+    t = trace["t"].to_numpy()
+    error: Floats = np.rad2deg((trace[f"angle_{unit}"] - trace["angle_true"]).to_numpy())
+    if converged_at is None:
+        return error
+    return error - reference_mean(t, error, converged_at)
+
+
+def relative_error(trace: pl.DataFrame, name: str) -> Floats:
+    """Return estimate/true - 1 of one parameter, shape (n,)."""
+    ratio: Floats = trace[f"est_{name}"].to_numpy() / trace[f"true_{name}"].to_numpy()
+    return ratio - 1
+
+
+def line(name: str, role: str, x: Floats, y: Floats) -> Line:
+    """Return a line with six significant digits a number and None for what is not finite."""
+    return Line(name, role, _plain(x), _plain(y))
+
+
+def envelope(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Return at most POINTS points, with the extremes of `y` kept, shape (n,) both.
+
+    x, y: shape (n,). Fast ripple stays visible as its band, and no peak is lost.
+    """
+    if len(y) <= POINTS:
+        return x, y
+    starts = np.linspace(0, len(y), POINTS // 2 + 1).astype(int)
+    kept: list[int] = []
+    for low, high in zip(starts[:-1], starts[1:], strict=True):
+        part = y[low:high]
+        if np.isfinite(part).any():
+            kept += sorted({low + int(np.nanargmin(part)), low + int(np.nanargmax(part))})
+        else:
+            kept.append(int(low))
+    return x[kept], y[kept]
+
+
+def rms_in_bins(t: Floats, error: Floats) -> tuple[Floats, Floats]:
+    """Return the middle of each of BINS windows [s] and the rms of `error` within it."""
+    starts = np.unique(np.linspace(0, len(t), BINS + 1).astype(int))[:-1]
+    counts = np.diff(np.append(starts, len(t)))
+    power = np.add.reduceat(error**2, starts) / counts
+    return np.add.reduceat(t, starts) / counts, np.sqrt(power)
+
+
+def _plain(values: Floats) -> list[float | None]:
+    return [float(f"{v:.6g}") if np.isfinite(v) else None for v in values]
+
+
+def _convergence_panel(t: Floats, true: Floats, estimate: Floats, label: str) -> Panel:
+    """Truth and estimate, with room for first estimates that are 50 % off but not for wild ones."""
+    size = np.abs(true).max()
+    reach = 0.6 * size
+    low = min(true.min(), max(estimate.min(), true.min() - reach))
+    high = max(true.max(), min(estimate.max(), true.max() + reach))
+    # At least 4 % of the value, so that a settled line is not drawn as noise.
+    room = max(0.1 * (high - low), 0.02 * size)
+    return Panel(
+        "t [s]",
+        label,
+        [
+            line("truth", "truth", *envelope(t, true)),
+            line("estimate", "estimate", *envelope(t, estimate)),
+        ],
+        y_range=[float(low - room), float(high + room)],
+    )
+
+
+def _response_panels(name: str, group: Sequence[Filter]) -> list[Panel]:
+    if not group:
+        return []
+    low, high = group[0].band_hz
+    lowest, highest = (low / 8, high * 3) if low > 0 else (high / 40, high * 40)
+    frequency = np.geomspace(lowest, min(highest, 0.49 * group[0].sample_rate), 400)
+    magnitudes, phases = [], []
+    for design in group:
+        role = "estimate" if design.shape == "lag_free" else "reference"
+        magnitude, phase = design.response(frequency)
+        label = design.shape.replace("_", " ")
+        magnitudes.append(line(label, role, frequency, magnitude))
+        phases.append(line(label, role, frequency, phase))
+    band = [float(np.log10(max(low, lowest))), float(np.log10(high))]
+    unit = "A" if name == "band-pass" else "B"
+    title = f"unit {unit}: {name}"
+    return [
+        Panel("f [Hz]", "magnitude [dB]", magnitudes, title, True, y_range=[-100, 10], band=band),
+        Panel("f [Hz]", "phase [°]", phases, title, True, band=band),
+    ]

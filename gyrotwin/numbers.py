@@ -1,0 +1,37 @@
+"""How numbers of a result are written, in the terminal and in the report."""
+
+MISSING = "–"
+
+
+def significant(value: float | None, digits: int = 3) -> str:
+    """Return `value` with so many significant digits, or a dash for None."""
+    return MISSING if value is None else f"{value:.{digits}g}"
+
+
+def relative(value: float | None) -> str:
+    """Return a relative value with its sign: in percent, or in ppm below 0.01 %."""
+    if value is None:
+        return MISSING
+    return f"{100 * value:+.2g} %" if abs(value) >= 1e-4 else f"{1e6 * value:+.2g} ppm"
+
+
+def milliseconds(value: float | None) -> str:
+    """Return a time [s] in ms."""
+    return _fixed(value, 1e3, 1, " ms")
+
+
+def microseconds(value: float | None) -> str:
+    """Return a time [s] in whole µs."""
+    return _fixed(value, 1e6, 0, " µs")
+
+
+def degrees(value: float | None, unit: str = "°") -> str:
+    """Return an angle, or its rate, in degrees with three decimals."""
+    return _fixed(value, 1.0, 3, unit)
+
+
+def _fixed(value: float | None, scale: float, decimals: int, unit: str) -> str:
+    if value is None:
+        return MISSING
+    # Adding zero turns the -0.0 of a small negative number into 0.0.
+    return f"{round(scale * value, decimals) + 0.0:.{decimals}f}{unit}"

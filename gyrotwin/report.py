@@ -1,0 +1,93 @@
+"""The report: one self-contained HTML page that works without a network."""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any, Final
+
+import jinja2
+import plotly.offline
+import polars as pl
+from markupsafe import Markup
+
+from cosim.angle_filters import Filter
+from cosim.metrics import Bounds
+from gyrotwin import figures, numbers
+
+SI_UNITS: Final = {"k": "N/m", "d": "N·s/m", "m": "kg"}
+"""By first letter of the parameter."""
+UNIT_OF_FILTER: Final = {"band-pass": "A", "low-pass": "B"}
+
+
+def render(
+    summary: Mapping[str, Any],
+    trace: pl.DataFrame,
+    bounds: Bounds | None,
+    filters: Sequence[Filter],
+    out: Path,
+    start: pl.DataFrame | None = None,
+) -> None:
+    """Write the report of one run to `out`, complete or not at all.
+
+    summary: content of summary.json; trace: columns of trace.parquet; filters: those of the angle
+    units, and others of the same bands to compare them with; start: the first milliseconds at the
+    full sample rate, columns t, true_x .. true_y_dot, est_x .. est_y_dot (default: the trace).
+    """
+    shown = _figures(summary, trace, bounds, filters, trace if start is None else start)
+    page = _template().render(
+        summary=summary,
+        figures=shown,
+        data=_json({figure.id: figure.data() for figure in shown}),
+        units={name: SI_UNITS[name[0]] for name in summary["parameters"]},
+        plotly=Markup(plotly.offline.get_plotlyjs()),
+        lags={UNIT_OF_FILTER[f.name]: f.swing_lag() for f in filters if f.shape == "lag_free"},
+    )
+    beside = out.with_name(out.name + ".part")
+    try:
+        beside.write_text(page, encoding="utf-8")
+        os.replace(beside, out)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _figures(
+    summary: Mapping[str, Any],
+    trace: pl.DataFrame,
+    bounds: Bounds | None,
+    filters: Sequence[Filter],
+    start: pl.DataFrame,
+) -> list[figures.Figure]:
+    varying = summary["scenario"] == "varying"
+    converged_at = summary["converged_at"]
+    shown = [
+        figures.angle_figure(trace, summary["angle"]["unit"], converged_at, varying),
+        figures.units_figure(trace, converged_at),
+        figures.states_figure(start),
+        figures.parameters_figure(trace, varying),
+        figures.relative_error_figure(trace),
+    ]
+    if bounds is not None:
+        shown.append(figures.bound_figure(trace, bounds))
+    shown.append(figures.filter_figure(filters))
+    return shown
+
+
+def _template() -> jinja2.Template:
+    folder = resources.files("gyrotwin") / "templates"
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(lambda name: (folder / name).read_text(encoding="utf-8")),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    for name in ("significant", "relative", "milliseconds", "microseconds", "degrees"):
+        environment.filters[name] = getattr(numbers, name)
+    return environment.get_template("report.html.j2")
+
+
+def _json(data: object) -> Markup:
+    """Return strict JSON that can't end the script element it stands in."""
+    return Markup(json.dumps(data, allow_nan=False, separators=(",", ":")).replace("</", "<\\/"))
