@@ -212,7 +212,8 @@ static fmi_status check_arrays(const fmi_instance *f, const char *call, const vo
         status = fmi_fail(f, call, "%lu values for %lu value references; every variable is a scalar: pass as many values as references",
                           (unsigned long)n_values, (unsigned long)n);
     } else if (n > 0 && (vr == NULL || values == NULL)) {
-        status = fmi_fail(f, call, "%s is NULL; pass an array of %lu", vr == NULL ? "the value references" : "the values", (unsigned long)n);
+        status = fmi_fail(f, call, "%s is NULL; pass an array of %lu", vr == NULL ? "the value references" : "the values",
+                          (unsigned long)n);
     }
     return status;
 }
@@ -305,8 +306,8 @@ fmi_status fmi_step(fmi_instance *f, const char *call, double from, double step)
     if (status == FMI_OK) {
         double end = gyro_time(f->core) + step;
         if (end > f->latest_time) {
-            status = fmi_fail(f, call, "the step to %.9g s passes the stop time %.9g s; step less, or set a later stop time at the start", end,
-                              f->stop_time);
+            status = fmi_fail(f, call, "the step to %.9g s passes the stop time %.9g s; step less, or set a later stop time at the start",
+                              end, f->stop_time);
         } else if (gyro_advance(f->core, from, step) != GYRO_OK) {
             status = fail_with_core_message(f, call);
         }

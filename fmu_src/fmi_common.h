@@ -1,7 +1,7 @@
-/* What fmi2.c and fmi3.c share: the life cycle and the checks of arguments (fmi_common.c), the log (fmi_log.c), the saved state (fmi_saved.c).
+/* What fmi2.c and fmi3.c share: life cycle and checks of arguments (fmi_common.c), log (fmi_log.c), saved state (fmi_saved.c).
 
    Every function takes the name of the FMI function that was called (`call`), so that a message names it. A refused call (FMI_ERROR)
-   changes nothing, and the instance stays usable. */
+   changes nothing, and the instance stays usable; only a step that diverges has moved it. */
 
 #ifndef GYRO_FMI_COMMON_H
 #define GYRO_FMI_COMMON_H

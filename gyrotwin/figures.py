@@ -6,6 +6,7 @@ panel into a Plotly plot; colours and dashes follow the role of a line.
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -273,7 +274,7 @@ def envelope(x: Floats, y: Floats) -> tuple[Floats, Floats]:
         return x, y
     starts = np.linspace(0, len(y), POINTS // 2 + 1).astype(int)
     kept: list[int] = []
-    for low, high in zip(starts[:-1], starts[1:], strict=True):
+    for low, high in pairwise(starts):
         part = y[low:high]
         if np.isfinite(part).any():
             kept += sorted({low + int(np.nanargmin(part)), low + int(np.nanargmax(part))})

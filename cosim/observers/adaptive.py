@@ -137,7 +137,7 @@ _DESIGN: Final = _GAIN + EXTENDED
     _WAIT,
 ) = range(_DESIGN, _DESIGN + 13)
 _VARIANCE: Final = _DESIGN + 13  # of the state now, of theta at the last adaptation
-_START: Final = _VARIANCE + PLAIN
+_START: Final = _VARIANCE + EXTENDED
 MEMORY_SIZE: Final = _START + 10
 
 
@@ -250,13 +250,13 @@ def _predict(memory: Array, settings: Array, u_x: float, u_y: float, size: int) 
         row[i] = -work[i * WIDTH + PHI + 2] * y - work[i * WIDTH + PHI + 3] * y_dot
     _scale_y(memory, work, row, ratio)
     predict_factors(u, d, size, work)
-    _kick(memory, settings, size)
     if size == EXTENDED:
         _predict_sensor(memory, u, row, period, size)
+    _kick(memory, settings, u_y, size)
 
 
 @njit(cache=True)
-def _kick(memory: Array, settings: Array, size: int) -> None:
+def _kick(memory: Array, settings: Array, u_y: float, size: int) -> None:
     """Add the unmodelled acceleration: thermal, and the products of errors that F leaves out.
 
     Early on the error of k/m times that of x is far above the noise where an offset hides x.
@@ -274,6 +274,9 @@ def _kick(memory: Array, settings: Array, size: int) -> None:
     cross = 4.0 * v[4] + v[10]
     product_x = v[5] * v[0] + v[7] * v[2] + v[8] * v[1] + cross * v[3]
     product_y = v[7] * v[0] + v[6] * v[2] + v[9] * v[3] + cross * v[1]
+    if size == EXTENDED:
+        product_x += v[_RATIO] * v[7] * memory[2] ** 2
+        product_y += v[_RATIO] * (v[7] * memory[0] ** 2 + v[11] * u_y * u_y)
     row[0] = 0.5 * period
     row[1] = 1.0
     add_variance(u, d, size, 1, (thermal + 2.0 * product_x) * period * period, row)
@@ -343,6 +346,15 @@ def _correct_axis(memory: Array, axis: int, value: float, size: int) -> float:
             row[j] += by_mismatch * u[column + _MISMATCH] + by_gap * u[column + _GAP]
     d = memory[_D:_U]
     noise = memory[_NOISE_X + axis]
+    if size == EXTENDED:
+        # Products of errors that the linear curve leaves out: of its slope and of q, and of q.
+        v = memory[_VARIANCE:_START]
+        by_mismatch = 2.0 * p
+        by_gap = 6.0 * p * q / ratio
+        slope_variance = by_mismatch * by_mismatch * v[_MISMATCH] + by_gap * by_gap * v[_GAP]
+        bend = 2.0 * inverse_gap * (e + 3.0 * p)
+        slope_variance += 0.25 * bend * bend * v[index]
+        noise += 2.0 * slope_variance * v[index]
     variance = correct_factors(memory, u, d, size, row, noise, innovation, gain)
     memory[_SUM] += gain[4] * innovation / variance
     memory[_SUM_VARIANCE] += gain[4] * gain[4] / variance
@@ -378,7 +390,7 @@ def _reopen(memory: Array, settings: Array, size: int) -> None:
 
 @njit(cache=True)
 def _refresh(memory: Array, size: int) -> None:
-    for i in range(4, PLAIN):
+    for i in range(4, size):
         memory[_VARIANCE + i] = variance_of(memory[_U:_WORK], memory[_D:_U], size, i)
 
 

@@ -284,15 +284,16 @@ def _init(memory, settings, start, start_deviation, sensor, period):  # type: ig
     theta_of(start, memory[_THETA:_Y])
     mass = start[M]
     relative_m = start_deviation[M] / mass
-    memory[_LIMIT] = start_deviation[OMEGA_Z] ** 2
+    # k/m and 1/m share the error of m: without their covariance the prior on k would be wrong.
+    memory[_D] = start_deviation[OMEGA_Z] ** 2
+    memory[_D + 7] = (relative_m / mass) ** 2
     for i in range(6):
-        rate = start[KXX + i] / mass
-        own = start_deviation[KXX + i] / mass
-        memory[_LIMIT + 1 + i] = own * own + rate * rate * relative_m * relative_m
-    memory[_LIMIT + 7] = (relative_m / mass) ** 2
+        memory[_D + 1 + i] = (start_deviation[KXX + i] / mass) ** 2
+        memory[_U + (1 + i) * N + 7] = start[KXX + i]
     for j in range(N):
         memory[_U + j * N + j] = 1.0
-        memory[_D + j] = memory[_LIMIT + j]
+    for j in range(N):
+        memory[_LIMIT + j] = _covariance(memory[_U:_D], memory[_D:_WORK], j, j)
     row = int(sensor[SENSES_VELOCITY])
     memory[_ROW] = row
     for i in range(2):
@@ -342,10 +343,9 @@ def _step(memory, settings, u_x, u_y, v_x, v_y, estimate, deviation):  # type: i
 def energy_weight(memory: npt.NDArray[np.float64], theta: npt.NDArray[np.float64]) -> float:
     """Return 1/(r kappa (2 - kappa) k) of the Lyapunov function, for the true `theta` f8[8]."""
     kappa = memory[_KAPPA_MIN]
+    lowest = 1.0
     if memory[_ROW] == 0.0:
         lowest = float(np.linalg.eigvalsh([[theta[1], theta[3]], [theta[3], theta[2]]])[0])
-    else:
-        lowest = 1.0
     return float(1.0 / (min(memory[_R_X], memory[_R_Y]) * kappa * (2.0 - kappa) * lowest))
 
 
@@ -374,10 +374,7 @@ def lyapunov_function(
     """Return V of an observer's memory, given the true state f8[4] and theta f8[8] (SI)."""
     eta, theta_error = split_error(memory, state, theta)
     whitened = np.linalg.solve(memory[_U:_D].reshape(N, N), theta_error)
-    return float(
-        energy_weight(memory, theta) * energy(eta, theta)
-        + np.sum(whitened * whitened / memory[_D:_WORK])
-    )
+    return float(energy_weight(memory, theta) * energy(eta, theta) + np.sum(whitened * whitened / memory[_D:_WORK]))
 
 
 OBSERVER: Final = Observer("lyapunov", MEMORY_SIZE, SETTINGS, _init, _step)

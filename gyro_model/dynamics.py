@@ -1,0 +1,124 @@
+"""The whole device as expressions, composed from the effects that act: rates of the states, voltage, Jacobians.
+
+The C of the FMU comes from the same effect files but not through here: it calls effect after effect. Both meet in the tests.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
+
+from sympy import Expr, Matrix, Symbol
+
+from gyro_model import symbols
+from gyro_model.anatomy import SLOTS, Delay, Effect, Force, Lag, Law, Map
+from gyro_model.model import Model, load_model
+
+Substitution = dict[Symbol, Expr]
+_E = TypeVar("_E", bound=Effect)
+
+
+def normals_of(effect_id: str) -> tuple[Symbol, Symbol]:
+    """The two normal numbers of one effect, told from those of others."""
+    return Symbol(f"normal_x_{effect_id}", real=True), Symbol(f"normal_y_{effect_id}", real=True)
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """The device with the effects ``acting`` (nominal ones always), in terms of states, inputs, parameters, t and switches ``after_ID``.
+
+    ``u_x, u_y`` are the forces after the actuator delay. Raises InputError for an unknown effect id.
+    """
+
+    acting: tuple[str, ...] = ()
+    model: Model = load_model()
+
+    def __post_init__(self) -> None:
+        for effect_id in self.acting:
+            self.model.effect(effect_id)
+
+    @cached_property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects that act, in the model's order."""
+        return tuple(e for e in self.model.effects if e.nominal or e.id in self.acting)
+
+    @cached_property
+    def states(self) -> tuple[Symbol, ...]:
+        """x, x_dot, y, y_dot, then the states of acting effects."""
+        own = (state.symbol for e in self._of(Force) for state in e.states)
+        return (*symbols.STATES, *own)
+
+    @cached_property
+    def rates(self) -> tuple[Expr, ...]:
+        """Time derivative of each state [SI/s]; source 000 eq. 1 with the acting forces."""
+        own, force = [], list(self._along(("actuator curve", "actuator gain", "actuator misalignment"), symbols.u_x, symbols.u_y))
+        for effect in self._of(Force):
+            terms = self._privately(effect)
+            force = [total + terms[f"force_{axis}"] for total, axis in zip(force, "xy", strict=True)]
+            own += [terms[f"d_{state.symbol.name}"] for state in effect.states]
+        rates = (symbols.x_dot, force[0] / symbols.m, symbols.y_dot, force[1] / symbols.m, *own)
+        return tuple(rate.subs(self._laws, simultaneous=True) for rate in rates)
+
+    @cached_property
+    def voltage(self) -> tuple[Expr, Expr]:
+        """Voltage before the amplifier's lag [V], from the states and the force ``u_x, u_y`` on the mass."""
+        names = list(SLOTS)
+        slots = names[names.index("pickoff misalignment") : names.index("amplifier lag")]
+        return self._lawful(self._along(slots, symbols.x, symbols.y))
+
+    @cached_property
+    def sample(self) -> tuple[Expr, Expr]:
+        """The sample [V] from the voltage ``v_x, v_y`` after the amplifier's lag."""
+        names = list(SLOTS)
+        return self._lawful(self._along(names[names.index("amplifier offset") :], symbols.v_x, symbols.v_y))
+
+    @cached_property
+    def delay(self) -> Expr:
+        """Delay of the force [s]."""
+        return next((self._lawful((e.delay,))[0] for e in self._of(Delay)), symbols.t * 0)
+
+    @cached_property
+    def time_constant(self) -> Expr:
+        """Time constant of the amplifier's lag [s]; 0 where there is none."""
+        return next((self._lawful((e.time_constant,))[0] for e in self._of(Lag)), symbols.t * 0)
+
+    def state_jacobian(self) -> Matrix:
+        """Derivatives of ``rates`` by the states, shape (n, n)."""
+        return Matrix(self.rates).jacobian(Matrix(self.states))
+
+    def parameter_jacobian(self, names: Iterable[str]) -> Matrix:
+        """Derivatives of ``rates`` by parameters of these names, shape (n, len(names)). Raises InputError for an unknown name."""
+        return Matrix(self.rates).jacobian(Matrix([self.model.parameter(name).symbol for name in names]))
+
+    def _of(self, kind: type[_E]) -> tuple[_E, ...]:
+        return tuple(e for e in self.effects if isinstance(e, kind))
+
+    def _privately(self, effect: Effect) -> dict[str, Expr]:
+        own = dict(zip((symbols.normal_x, symbols.normal_y), normals_of(effect.id), strict=True))
+        own[symbols.after] = Symbol(f"after_{effect.id}", real=True)
+        return {name: expr.subs(own) for name, expr in effect.terms().items()}
+
+    @cached_property
+    def _laws(self) -> Substitution:
+        changed: Substitution = {}
+        for law in self._of(Law):
+            terms = self._privately(law)
+            changed |= {target: terms[target.name].subs(changed, simultaneous=True) for target in law.changes}
+        return changed
+
+    def _lawful(self, exprs: Iterable[Expr]) -> tuple[Expr, ...]:
+        return tuple(expr.subs(self._laws, simultaneous=True) for expr in exprs)
+
+    def _along(self, slots: Iterable[str], first: Expr, second: Expr) -> tuple[Expr, Expr]:
+        signal = (first, second)
+        for slot in slots:
+            members = [e for e in self._of(Map) if e.slot == slot]
+            outputs = [tuple(self._privately(e).values()) for e in members]
+            if outputs and SLOTS[slot].enters != SLOTS[slot].leaves:
+                [changed] = outputs
+            else:
+                entering = SLOTS[slot].enters
+                changed = tuple(entering[i] + sum(output[i] - entering[i] for output in outputs) for i in (0, 1))
+            known = dict(zip(SLOTS[slot].enters, signal, strict=True))
+            signal = (changed[0].subs(known, simultaneous=True), changed[1].subs(known, simultaneous=True))
+        return signal

@@ -1,0 +1,160 @@
+"""The reference simulation: the same device by scipy's DOP853 at 1e-12, slow and independent of the C.
+
+Inputs are held between samples as SYSTEM.md section 1 says; a delayed force switches exactly when it is due, where the FMU takes a
+time-weighted mean over an internal step.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from sympy import Expr, Symbol, lambdify
+
+from gyro_model import symbols
+from gyro_model.anatomy import Law
+from gyro_model.device import Device
+from gyro_model.dynamics import Dynamics, normals_of
+from gyro_model.errors import InputError
+from gyro_model.quantities import INPUTS
+
+Floats = NDArray[np.float64]
+Normals = Callable[[str, int], tuple[float, float]]
+
+TOLERANCE = 1e-12
+
+# What counts as zero beside rtol: 1e-12 of a picometre and of its velocity at 1 kHz, of the voltage that it makes at 1 V/um.
+_NEGLIGIBLE = {"m": 1e-24, "m/s": 1e-20, "V": 1e-18}
+
+
+def no_noise(effect_id: str, sample: int) -> tuple[float, float]:
+    """Normal numbers of a simulation without noise."""
+    return 0.0, 0.0
+
+
+def simulate(device: Device, t: Floats, inputs: Mapping[str, Floats], normals: Normals = no_noise) -> dict[str, Floats]:
+    """Simulates ``device`` over the samples at ``t`` [s], shape (n,), evenly spaced.
+
+    inputs: by FMU name, SI, shape (n,), held over [t_k, t_{k+1}); missing ones stay at their start value. normals: standard normal numbers
+    of an effect at a sample. Gives v_x, v_y [V] and every state by name, each shape (n,), sample k as taken just before u changes to u_k.
+    Raises InputError where shapes differ or an input is unknown.
+    """
+    return _Simulation(device, t, inputs, normals).run()
+
+
+class _Simulation:
+    def __init__(self, device: Device, t: Floats, inputs: Mapping[str, Floats], normals: Normals) -> None:
+        starts = {q.name: q.start for q in INPUTS}
+        for name, values in inputs.items():
+            if name not in starts or np.shape(values) != np.shape(t):
+                raise InputError(f"input {name!r}: give a known input with one value a sample")
+        self.t = t
+        self.inputs = {name: np.broadcast_to(inputs.get(name, start), t.shape) for name, start in starts.items()}
+        self.values: dict[str, Any] = device.all_parameters
+        self.by_symbol = {Symbol(name, real=True): value for name, value in self.values.items()}
+        self.normals = normals
+        self.dynamics = Dynamics(tuple(e.id for e in device.model.effects if device.acts(e)), device.model)
+        self.names = [state.name for state in self.dynamics.states]
+        self.rate = self._compiled(self.dynamics.rates)
+        self.voltage = self._compiled(self.dynamics.voltage)
+        self.sample = self._compiled(self.dynamics.sample)
+        self.delay = float(self.dynamics.delay.subs(self.by_symbol))
+        self.lag = float(self.dynamics.time_constant.subs(self.by_symbol))
+        units = ["m", "m/s", "m", "m/s", *(s.unit for s in device.model.states if s.symbol in self.dynamics.states), "V", "V"]
+        self.negligible = np.array([_NEGLIGIBLE[unit] for unit in units[: len(self.names) + 2 * (self.lag > 0)]])
+
+    def _compiled(self, exprs: tuple[Expr, ...]) -> Callable[..., Any]:
+        drawn = [symbol for e in self.dynamics.effects for symbol in normals_of(e.id)]
+        switches = [Symbol(f"after_{e.id}", real=True) for e in self.dynamics.effects]
+        held = [symbols.BY_NAME[name] for name in self.inputs]
+        temperatures = [symbols.temperature_structure, symbols.temperature_circuit]
+        arguments = (symbols.t, list(self.dynamics.states), [symbols.v_x, symbols.v_y], held, temperatures, drawn, switches)
+        return lambdify(arguments, [expr.subs(self.by_symbol) for expr in exprs], modules=[{"nearest_integer": np.rint}, "numpy"])
+
+    def _context(self, k: int, t: float, u: tuple[float, float]) -> tuple[list[float], ...]:
+        held = [u[0] if name == "u_x" else u[1] if name == "u_y" else float(values[k]) for name, values in self.inputs.items()]
+        drawn = [number for e in self.dynamics.effects for number in self.normals(e.id, k)]
+        switches = [float(isinstance(e, Law) and e.event is not None and t >= self.values[e.event.name]) for e in self.dynamics.effects]
+        return held, [float(self.inputs["temperature"][k])] * 2, drawn, switches
+
+    def _force(self, t: float) -> tuple[float, float]:
+        """The force at the mass at time ``t``: the one commanded ``delay`` ago, before the start the first."""
+        period = self.t[1] - self.t[0]
+        # A hair before a switch is the switch.
+        k = int(np.clip(np.floor((t - self.delay - self.t[0]) / period + 1e-9), 0, len(self.t) - 1))
+        return float(self.inputs["u_x"][k]), float(self.inputs["u_y"][k])
+
+    def _switches(self, begin: float, end: float) -> list[float]:
+        """Instants inside (begin, end) at which the delayed force changes or an event falls."""
+        events = [self.values[e.event.name] for e in self.dynamics.effects if isinstance(e, Law) and e.event is not None]
+        instants = [*events, *(self.t + self.delay if self.delay > 0 else [])]
+        hair = 1e-9 * (end - begin)
+        return sorted({float(s) for s in instants if begin + hair < s < end - hair})
+
+    def run(self) -> dict[str, Floats]:
+        state = np.zeros(len(self.negligible))
+        state[:4] = [self.values[f"{name}_start"] for name in self.names[:4]]
+        acting = self._force(self.t[0])
+        if self.lag > 0:
+            state[-2:] = self.voltage(self.t[0], state[: len(self.names)], [0, 0], *self._context(0, self.t[0], acting))
+        rows = []
+        for k, t in enumerate(self.t):
+            rows.append(self._row(k, t, state, acting))
+            if k + 1 < len(self.t):
+                border = [t, *self._switches(t, self.t[k + 1]), self.t[k + 1]]
+                for begin, end in zip(border[:-1], border[1:], strict=True):
+                    acting = self._force(0.5 * (begin + end))
+                    state = self._advance(k, begin, end, state, acting)
+        columns = np.array(rows).T
+        return dict(zip(("v_x", "v_y", *self.names), columns, strict=True))
+
+    def _row(self, k: int, t: float, state: Floats, acting: tuple[float, float]) -> list[float]:
+        own = state[: len(self.names)]
+        context = self._context(k, t, acting)
+        v = state[-2:] if self.lag > 0 else self.voltage(t, own, [0, 0], *context)
+        return [*self.sample(t, own, v, *context), *own]
+
+    def _advance(self, k: int, begin: float, end: float, state: Floats, acting: tuple[float, float]) -> Floats:
+        context = self._context(k, 0.5 * (begin + end), acting)
+        n = len(self.names)
+
+        def rate(t: float, s: Floats) -> list[float]:
+            moving = list(self.rate(t, s[:n], [0, 0], *context))
+            if self.lag > 0:
+                v = self.voltage(t, s[:n], [0, 0], *context)
+                moving += [(v[i] - s[n + i]) / self.lag for i in (0, 1)]
+            return moving
+
+        result = solve_ivp(rate, (begin, end), state, method="DOP853", rtol=TOLERANCE, atol=self.negligible)
+        return np.asarray(result.y[:, -1])
+
+
+def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Mapping[str, Floats]) -> Floats:
+    """Derivatives of the states at ``t`` by the parameters ``names``: shape (n, states, len(names)), by the variational equation.
+
+    S' = (∂f/∂s) S + ∂f/∂p, S = 0 at the start. Raises InputError as ``simulate`` does, and for a device with delayed forces.
+    """
+    simulation = _Simulation(device, t, inputs, no_noise)
+    if simulation.delay > 0 or simulation.lag > 0:
+        raise InputError("sensitivities: set actuator_delay and amplifier_time_constant to 0 first")
+    dynamics, n = simulation.dynamics, len(simulation.names)
+    by_state = simulation._compiled(tuple(dynamics.state_jacobian()))
+    by_parameter = simulation._compiled(tuple(dynamics.parameter_jacobian(names)))
+    state = np.zeros(n * (1 + len(names)))
+    state[:4] = [simulation.values[f"{name}_start"] for name in simulation.names[:4]]
+    rows = [state]
+    for k in range(len(t) - 1):
+        acting = simulation._force(0.5 * (t[k] + t[k + 1]))
+        context = simulation._context(k, 0.5 * (t[k] + t[k + 1]), acting)
+
+        def rate(time: float, s: Floats, context: tuple[list[float], ...] = context) -> Floats:
+            own, derivative = s[:n], s[n:].reshape(n, -1)
+            jacobian = np.reshape(by_state(time, own, [0, 0], *context), (n, n))
+            forcing = np.reshape(by_parameter(time, own, [0, 0], *context), (n, -1))
+            moving = simulation.rate(time, own, [0, 0], *context)
+            return np.concatenate((moving, (jacobian @ derivative + forcing).ravel()))
+
+        result = solve_ivp(rate, (t[k], t[k + 1]), rows[-1], method="DOP853", rtol=TOLERANCE, atol=1e-24)
+        rows.append(result.y[:, -1])
+    return np.array(rows)[:, n:].reshape(len(t), n, len(names))

@@ -1,0 +1,5 @@
+"""`python -m gyrotwin`."""
+
+from gyrotwin.cli import main
+
+main()

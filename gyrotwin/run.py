@@ -1,0 +1,175 @@
+"""One run from the command line: what was asked for becomes a cosim Run, its result becomes summary.json, trace.parquet, report.html."""
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from cosim.angle import UNIT_NAMES
+from cosim.angle_filters import band_pass, low_pass
+from cosim.master import Progress, Result, Run, simulate
+from cosim.metrics import summarise
+from cosim.rate_profile import read_profile
+from cosim.registry import find_controller, find_observer
+from cosim.scenarios import scenario
+from gyro_model.device import Device, load_device
+from gyro_model.errors import InputError, nearest
+from gyrotwin.report import render
+
+SENSING_DEFECTS: Final = {
+    "offset_x": 0.01,
+    "offset_y": 0.01,
+    "offset_drift": 0.01,
+    "pickoff_inverse_gap": 4e4,
+    "pickoff_mismatch": 0.02,
+    "pickoff_gain_mismatch": 0.03,
+    "parasitic_ratio": 0.05,
+}
+"""What --sensing-defects sets: offset 10 mV, drift 10 mV/s, 1/g = 4e4 1/m with a pair mismatch of 2 %, gain ratio 3 %, parasitic 5 %."""
+
+
+class Request(NamedTuple):
+    """A run as typed; None where the scenario decides. ``settings`` are texts ``name=value``."""
+
+    scenario: str
+    device: str = "reference"
+    settings: tuple[str, ...] = ()
+    rate_profile: Path | None = None
+    rate_column: str | None = None
+    rate_unit: str = "deg/s"
+    rate_start: float = 0.0
+    observer: str = "ekf"
+    controller: str = "foucault"
+    sensing_defects: bool = False
+    angle: str | None = None
+    sample_rate: float = 200e3
+    duration: float | None = None
+    seed: int = 1
+
+
+def prepare(request: Request) -> Run:
+    """The run that ``request`` asks for. Raises InputError, with a remedy, for whatever is wrong in it."""
+    profile = None
+    if request.rate_profile is not None:
+        if request.rate_column is None:
+            raise InputError("--rate-profile needs --rate-column: name the column that holds the rate")
+        profile = read_profile(request.rate_profile, request.rate_column, request.rate_unit)
+    chosen = scenario(request.scenario, profile, request.rate_start)
+    if request.angle is not None:
+        if request.angle not in UNIT_NAMES:
+            raise InputError(f"angle unit {request.angle!r}: give {', '.join(UNIT_NAMES)}")
+        chosen = chosen._replace(angle_unit=request.angle)
+    own, controller_settings = _settings(request.settings)
+    device = load_device(request.device)
+    # The device's own start comes before the scenario's, what the user sets before both.
+    device = device.with_parameters({**chosen.parameters, **device.parameters})
+    device = device.with_parameters({**(SENSING_DEFECTS if request.sensing_defects else {}), **own})
+    observer = "ekf_extended" if request.sensing_defects and request.observer == "ekf" else request.observer
+    duration = request.duration if request.duration is not None else chosen.duration
+    run = Run(
+        scenario=chosen,
+        device=device,
+        observer=find_observer(observer),
+        controller=find_controller(request.controller),
+        sample_rate=request.sample_rate,
+        duration=duration,
+        seed=int(device.model.parameter("seed").check(request.seed)),
+        known_gap=request.sensing_defects,
+        settings=controller_settings,
+    )
+    chosen.omega_z(run.samples - 1, 1, run.period)  # a rate profile too short for the run is refused before it begins
+    return run
+
+
+def _settings(texts: Iterable[str]) -> tuple[dict[str, float], dict[str, float]]:
+    """Splits ``name=value`` texts into device parameters and, for names ``controller.NAME``, settings of the controller."""
+    own: dict[str, float] = {}
+    controller: dict[str, float] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        try:
+            number = float(value)
+        except ValueError:
+            raise InputError(f"--set {text!r}: give name=value with a number, SI") from None
+        if not equals or not name:
+            raise InputError(f"--set {text!r}: give name=value with a number, SI")
+        target, key = (controller, name.removeprefix("controller.")) if name.startswith("controller.") else (own, name)
+        target[key.strip()] = number
+    return own, controller
+
+
+def check_controller_settings(run: Run) -> None:
+    """Raises InputError for a ``controller.NAME`` that the controller does not have."""
+    for name in run.settings:
+        if name not in run.controller.settings:
+            raise InputError(f"controller setting {name!r} is unknown{nearest(name, run.controller.settings)}")
+
+
+def execute(run: Run, folder: Path, progress: Progress | None = None) -> dict[str, Any]:
+    """Runs and writes the three files into ``folder``, complete or not at all; gives the summary."""
+    result = simulate(run, progress)
+    summary = _summary(run, result)
+    filters = [unit.filter for unit in result.units.values() if unit.filter is not None]
+    frequency = filters[0].centre_hz if filters else 0.0
+    filters += [design(run.sample_rate, frequency, "butterworth") for design in (band_pass, low_pass)] if filters else []
+
+    def write_summary(path: Path) -> None:
+        path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+    publish(
+        folder,
+        {
+            "summary.json": write_summary,
+            "trace.parquet": result.trace.write_parquet,
+            "report.html": lambda path: render(summary, result.trace, result.bounds, filters, path, result.start),
+        },
+    )
+    return summary
+
+
+def _summary(run: Run, result: Result) -> dict[str, Any]:
+    return summarise(
+        result.trace,
+        scenario=run.scenario.name,
+        seed=run.seed,
+        unit=run.scenario.angle_unit,
+        converged_at=result.converged_at,
+        edges=run.scenario.edges_until(run.duration),
+        bounds=result.bounds,
+        real_time_factor=run.duration / result.wall_time,
+        run={
+            "description": run.scenario.description,
+            "device": run.device.name,
+            "observer": run.observer.name,
+            "controller": run.controller.name,
+            "duration": run.duration,
+            "sample_rate": run.sample_rate,
+            "effects": ", ".join(_acting(run.device)) or None,
+        },
+    )
+
+
+def _acting(device: Device) -> list[str]:
+    return [effect.id for effect in device.model.effects if not effect.nominal and device.acts(effect)]
+
+
+def publish(folder: Path, writers: Mapping[str, Callable[[Path], object]]) -> None:
+    """Lets each writer write its file in a folder beside, then moves all of them into ``folder``: none half-written, none alone.
+
+    Raises InputError where the folder can't be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        beside = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
+    except OSError as error:
+        raise InputError(f"output folder {folder}: {error.strerror}; name another with --out") from None
+    try:
+        for name, write in writers.items():
+            write(beside / name)
+        for name in writers:
+            os.replace(beside / name, folder / name)
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
