@@ -1,4 +1,5 @@
-"""Builds dist/fmi2/Gyroscope.fmu and dist/fmi3/Gyroscope.fmu; `--update` first writes the committed generated C anew."""
+"""Builds dist/fmi2/Gyroscope.fmu and dist/fmi3/Gyroscope.fmu; `--update` first writes the committed generated C
+anew."""
 
 import sys
 

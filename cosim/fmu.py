@@ -1,7 +1,8 @@
 """The plant as the loop sees it: the FMU, its variables by name, and compiled calls of its functions.
 
-A step through fmpy's classes costs microseconds. Here fmpy loads the FMU and initialises it; the loop then calls the three FMI functions
-of a step by their addresses from compiled code. Addresses are plain integers, so that the compiled loop can be cached.
+A step through fmpy's classes costs microseconds. Here fmpy loads the FMU and initialises it; the loop then calls the
+three FMI functions of a step by their addresses from compiled code. Addresses are plain integers, so that the
+compiled loop can be cached.
 """
 
 import ctypes
@@ -29,7 +30,8 @@ INPUT_NAMES: Final = ("u_x", "u_y", "omega_z")
 OUTPUT_NAMES: Final = ("v_x", "v_y", "x", "x_dot", "y", "y_dot")
 
 SET, STEP, GET, INSTANCE, HANDLE_SIZE = range(5)
-"""Layout of a plant's handle, int64: the addresses of fmi3SetFloat64, fmi3DoStep, fmi3GetFloat64 and of the instance."""
+"""Layout of a plant's handle, int64: the addresses of fmi3SetFloat64, fmi3DoStep, fmi3GetFloat64 and of the
+instance."""
 
 
 class Plant:
@@ -83,7 +85,7 @@ class Plant:
             raise InputError(self.complaint() or str(error)) from None
         self.handle = np.zeros(HANDLE_SIZE, dtype=np.int64)
         for slot, name in ((SET, "fmi3SetFloat64"), (STEP, "fmi3DoStep"), (GET, "fmi3GetFloat64")):
-            self.handle[slot] = ctypes.cast(getattr(self._fmu.dll, name), ctypes.c_void_p).value
+            self.handle[slot] = ctypes.cast(getattr(self._fmu.dll, name), ctypes.c_void_p).value or 0
         self.handle[INSTANCE] = self._fmu.component
         self.inputs = self.value_references(INPUT_NAMES)
         self.outputs = self.value_references(OUTPUT_NAMES)
@@ -123,7 +125,9 @@ class Plant:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
 
@@ -133,7 +137,8 @@ def open_plant(parameters: Mapping[str, float], model: Model | None = None) -> P
 
 
 def _pointer_call(name: str, arguments: Sequence[ir.Type]) -> Any:
-    """A compiled call of the C function at an address: int32 f(address, ...), every argument an integer, float64 or address."""
+    """A compiled call of the C function at an address: int32 f(address, ...), every argument an integer, float64 or
+    address."""
 
     @intrinsic
     def call(typing_context, address, values):  # type: ignore[no-untyped-def]
@@ -166,11 +171,14 @@ _do_step = _pointer_call("fmi3DoStep", (_ADDRESS, _REAL, _REAL, _BOOL, _ADDRESS,
 def exchange(handle, inputs, input_values, outputs, output_values, flags, t, step):  # type: ignore[no-untyped-def]
     """Sets inputs, steps from ``t`` by ``step`` [s], gets outputs; gives the worst FMI status.
 
-    handle int64[4]; inputs, outputs uint32 value references; input_values, output_values f8 [SI]; flags f8[4], scratch of the step.
+    handle int64[4]; inputs, outputs uint32 value references; input_values, output_values f8 [SI]; flags f8[4],
+    scratch of the step.
     """
     instance = handle[INSTANCE]
     n_in, n_out = len(input_values), len(output_values)
     status = _set_float64(handle[SET], (instance, inputs.ctypes.data, n_in, input_values.ctypes.data, n_in))
     at = flags.ctypes.data
     status = max(status, _do_step(handle[STEP], (instance, t, step, False, at, at + 8, at + 16, at + 24)))
-    return max(status, _get_float64(handle[GET], (instance, outputs.ctypes.data, n_out, output_values.ctypes.data, n_out)))
+    return max(
+        status, _get_float64(handle[GET], (instance, outputs.ctypes.data, n_out, output_values.ctypes.data, n_out))
+    )

@@ -1,7 +1,7 @@
 """The compiled loop: plant, observer and controller, sample by sample (SYSTEM.md sections 1 to 3).
 
-At t_k: sample k is there, taken just before the force changes; the observer predicts with the force held until now and corrects with the
-sample; the controller sets u_k; the plant moves to t_{k+1} with u_k and the rate held.
+At t_k: sample k is there, taken just before the force changes; the observer predicts with the force held until now
+and corrects with the sample; the controller sets u_k; the plant moves to t_{k+1} with u_k and the rate held.
 """
 
 from typing import Final
@@ -22,7 +22,8 @@ DEVIATION: Final = ESTIMATE + ESTIMATE_SIZE
 CONTROL: Final = DEVIATION + ESTIMATE_SIZE
 PLANT: Final = CONTROL + OUTPUT_SIZE
 ROW_SIZE: Final = PLANT + N_OUTPUTS
-"""A row: estimates and deviations (cosim.layout), output of the controller, outputs of the plant at t_k (OUTPUT_NAMES)."""
+"""A row: estimates and deviations (cosim.layout), output of the controller, outputs of the plant at t_k
+(OUTPUT_NAMES)."""
 
 _ARRAY = float64[::1]
 _OBSERVER_STEP = types.FunctionType(void(_ARRAY, _ARRAY, float64, float64, float64, float64, _ARRAY, _ARRAY))
@@ -57,9 +58,9 @@ def run_block(  # type: ignore[no-untyped-def]
 ):
     """Runs the samples first .. first + n - 1 and records a row of each, n = len(omega_z).
 
-    Gives n, or the index in the block of the sample from which the plant could not go on. ``input_values`` (u_x, u_y, omega_z) and
-    ``output_values`` (OUTPUT_NAMES) hold what the last block left and are left for the next. It is compiled once for all observers and
-    controllers, which come as compiled functions.
+    Gives n, or the index in the block of the sample from which the plant could not go on. ``input_values`` (u_x, u_y,
+    omega_z) and ``output_values`` (OUTPUT_NAMES) hold what the last block left and are left for the next. It is
+    compiled once for all observers and controllers, which come as compiled functions.
     """
     estimate = np.zeros(ESTIMATE_SIZE)
     deviation = np.zeros(ESTIMATE_SIZE)

@@ -23,7 +23,8 @@ def controller_names() -> list[str]:
 
 
 def find_observer(name: str) -> Observer:
-    """The observer of that name, or the OBSERVER of the Python file at that path. Raises InputError where there is none."""
+    """The observer of that name, or the OBSERVER of the Python file at that path. Raises InputError where there is
+    none."""
     found = _find("observers", "OBSERVER", name)
     if not isinstance(found, Observer):
         raise InputError(f"observer {name}: OBSERVER is no cosim.observers.record.Observer; build it as one")
@@ -31,7 +32,8 @@ def find_observer(name: str) -> Observer:
 
 
 def find_controller(name: str) -> Controller:
-    """The controller of that name, or the CONTROLLER of the Python file at that path. Raises InputError where there is none."""
+    """The controller of that name, or the CONTROLLER of the Python file at that path. Raises InputError where there
+    is none."""
     found = _find("controllers", "CONTROLLER", name)
     if not isinstance(found, Controller):
         raise InputError(f"controller {name}: CONTROLLER is no cosim.controllers.record.Controller; build it as one")

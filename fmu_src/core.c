@@ -203,6 +203,7 @@ gyro_status gyro_start(gyro_instance *g, double start_time)
         memset(&g->memory, 0, sizeof g->memory);
         memset(&g->view, 0, sizeof g->view);
         g->memory.start_time = start_time;
+        g->memory.next_time = start_time;
         status = gyro_prepare(g);
     }
     if (status == GYRO_OK) {
@@ -234,18 +235,20 @@ static gyro_status check_step(gyro_instance *g, double from, double step, int64_
 {
     const double h = g->plan.step;
     const double now = gyro_time(g);
-    /* An importer that adds up its time has rounded by half a unit in the last place a call; one that subtracts times, by a few. */
-    const double rounding = 0.5 * DBL_EPSILON * (fabs(from) + fabs(step)) / h;
-    const double slack = ON_GRID + ((double)g->memory.calls + 8.0) * rounding;
+    /* An importer may subtract or multiply times: a few units in the last place. One that adds them up strays further with every call,
+       so that its own last sum counts as the present time too. */
+    const double rounding = 4.0 * DBL_EPSILON * (fabs(from) + fabs(step));
+    const double slack = ON_GRID + rounding / h;
     gyro_status status = GYRO_OK;
     int64_t at;
     if (!g->memory.started) {
         status = gyro_refuse(g, "step before the start: initialise first");
     } else if (!isfinite(from) || !isfinite(step)) {
         status = gyro_refuse(g, "communication point %g s, step %g s: give finite numbers", from, step);
-    } else if (!gyro_whole_steps(from - g->memory.start_time, h, slack, &at) || at != g->memory.tick) {
+    } else if (!(fabs(from - g->memory.next_time) <= rounding) &&
+               (!gyro_whole_steps(from - g->memory.start_time, h, slack, &at) || at != g->memory.tick)) {
         status = gyro_refuse(g, "communication point %.15g s is not the present time %.15g s: go on from there", from, now);
-    } else if (!(step > 0.0) || !gyro_whole_steps(step, h, ON_GRID + 8.0 * rounding, ticks) || *ticks < 1) {
+    } else if (!(step > 0.0) || !gyro_whole_steps(step, h, slack, ticks) || *ticks < 1) {
         const double below = step > h ? floor(step / h) : 1.0;
         status = gyro_refuse(g, "communication step %.15g s is no positive multiple of internal_step = %.9g s: nearest are %.15g s and %.15g s", step,
                              h, below * h, (below + 1.0) * h);
@@ -259,6 +262,7 @@ gyro_status gyro_advance(gyro_instance *g, double from, double step)
     gyro_status status = check_step(g, from, step, &ticks);
     if (status == GYRO_OK) {
         g->memory.calls++;
+        g->memory.next_time = from + step;
         gyro_tick(g, ticks);
         status = check_finite(g);
     }

@@ -14,7 +14,7 @@
 
 typedef enum {
     GYRO_OK = 0,
-    GYRO_ERROR = 1 /* the instance is unchanged, its message says why */
+    GYRO_ERROR = 1 /* refused, the instance is unchanged; or a step diverged. The message says why */
 } gyro_status;
 
 typedef struct gyro_instance gyro_instance;
@@ -38,8 +38,9 @@ double gyro_get(const gyro_instance *g, uint32_t vr);
    (after further gyro_set) until the first gyro_advance. */
 gyro_status gyro_start(gyro_instance *g, double start_time);
 
-/* Moves time from `from` by `step` [s], inputs held. Both must be multiples of internal_step (within 1e-6 of one step, plus what an
-   importer's own addition can have rounded away), `from` the present time; otherwise GYRO_ERROR with the nearest multiples named. */
+/* Moves time from `from` by `step` [s], inputs held. Both must be multiples of internal_step (within 1e-6 of one step and the rounding of
+   the numbers themselves), `from` the present time or the importer's own sum of its steps; otherwise GYRO_ERROR with the nearest multiples
+   named. A state that is no longer finite is a GYRO_ERROR too, with the time moved on. */
 gyro_status gyro_advance(gyro_instance *g, double from, double step);
 
 /* Present time [s]. */

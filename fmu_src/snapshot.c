@@ -31,7 +31,7 @@ typedef struct {
     size_t size; /* bytes */
 } part;
 
-enum { N_PARTS = 5 };
+enum { DELAY_LINE = 4, N_PARTS = 5 };
 
 /* What a snapshot holds, in order. */
 static void list_parts(const gyro_instance *g, part parts[N_PARTS])
@@ -41,7 +41,7 @@ static void list_parts(const gyro_instance *g, part parts[N_PARTS])
     parts[1] = (part){&mutable_g->memory, sizeof g->memory};
     parts[2] = (part){mutable_g->view.s, sizeof g->view.s};
     parts[3] = (part){mutable_g->view.normal, sizeof g->view.normal};
-    parts[4] = (part){mutable_g->delay_line, g->delay_length * sizeof *g->delay_line};
+    parts[DELAY_LINE] = (part){mutable_g->delay_line, g->delay_length * sizeof *g->delay_line};
 }
 
 size_t gyro_save_size(const gyro_instance *g)
@@ -89,7 +89,7 @@ static gyro_status check_header(gyro_instance *g, const unsigned char *bytes, si
     return status;
 }
 
-/* Reads the parts whose size the values alone give (all but the delay line); gives the bytes read. */
+/* Reads the parts first .. last; gives the bytes read. */
 static size_t read_parts(gyro_instance *g, const unsigned char *bytes, int first, int last)
 {
     part parts[N_PARTS];
@@ -104,19 +104,36 @@ static size_t read_parts(gyro_instance *g, const unsigned char *bytes, int first
     return at;
 }
 
+/* Fills a new instance from the body of a checked snapshot; values and memory tell how long the delay line is. */
+static gyro_status read_body(gyro_instance *g, const unsigned char *body)
+{
+    gyro_status status = GYRO_OK;
+    body += read_parts(g, body, 0, DELAY_LINE - 1);
+    if (g->memory.started) {
+        status = gyro_prepare(g);
+    }
+    if (status == GYRO_OK) {
+        read_parts(g, body, DELAY_LINE, DELAY_LINE);
+    }
+    return status;
+}
+
 gyro_status gyro_load(gyro_instance *g, const unsigned char *bytes, size_t size)
 {
+    gyro_instance *loaded = NULL;
     gyro_status status = check_header(g, bytes, size);
     if (status == GYRO_OK) {
-        const unsigned char *body = bytes + sizeof(snapshot_header);
-        body += read_parts(g, body, 0, 3);
-        if (g->memory.started) {
-            /* The values were those of a running instance, so that only memory can be short here. */
-            status = gyro_prepare(g);
-            if (status == GYRO_OK) {
-                read_parts(g, body, 4, 4);
-            }
+        loaded = gyro_new();
+        status = loaded != NULL ? read_body(loaded, bytes + sizeof(snapshot_header)) : GYRO_ERROR;
+        if (status != GYRO_OK) {
+            gyro_refuse(g, "state not restored: %s", loaded != NULL ? gyro_message(loaded) : "no memory");
+        } else {
+            /* The two change places, so that the old delay line goes with the old numbers. */
+            const gyro_instance old = *g;
+            *g = *loaded;
+            *loaded = old;
         }
     }
+    gyro_free(loaded);
     return status;
 }

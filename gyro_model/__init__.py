@@ -1,1 +1,2 @@
-"""What the device is: quantities, effects, and everything made from them (C, XML, reference simulation, documentation)."""
+"""What the device is: quantities, effects, and everything made from them (C, XML, reference simulation,
+documentation)."""

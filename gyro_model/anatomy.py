@@ -2,11 +2,12 @@
 
 An effect belongs to one stage, and each stage is a class:
 
-* ``Law`` changes parameters, ``Force`` adds a force (and states of its own), ``Map`` rewrites the signal at its place in the chain,
+* ``Law`` changes parameters, ``Force`` adds a force (and states of its own), ``Map`` rewrites the signal at its place
+in the chain,
   ``Delay`` and ``Lag`` hold a signal back.
 
-Expressions are sympy, in the symbols of ``gyro_model.symbols`` and the effect's own parameters. Every class checks itself where it is
-built and raises InputError.
+Expressions are sympy, in the symbols of ``gyro_model.symbols`` and the effect's own parameters. Every class checks
+itself where it is built and raises InputError.
 """
 
 from collections.abc import Mapping
@@ -22,7 +23,6 @@ from gyro_model.quantities import Quantity
 Pair = tuple[Expr, Expr]
 
 U, Q, V = (symbols.u_x, symbols.u_y), (symbols.q_x, symbols.q_y), (symbols.v_x, symbols.v_y)
-
 
 
 class Slot(NamedTuple):
@@ -50,12 +50,14 @@ SLOTS: Mapping[str, Slot] = {
     "sampled clip": Slot(V, V),
     "sampled round": Slot(V, V),
 }
-"""The chain in its order (SYSTEM.md section 8); the first word is the stage. Forces act on the displacement after the actuator slots."""
+"""The chain in its order (SYSTEM.md section 8); the first word is the stage. Forces act on the displacement after the
+actuator slots."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """A case worked out by hand: at the values ``at`` (others at their start), the term is ``gives``; ``why`` is the working."""
+    """A case worked out by hand: at the values ``at`` (others at their start), the term is ``gives``; ``why`` is the
+    working."""
 
     why: str
     at: Mapping[str, float]
@@ -85,7 +87,8 @@ class Energy:
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """What every effect states. ``id`` is the name of its file; ``nominal`` effects are the device itself and always act.
+    """What every effect states. ``id`` is the name of its file; ``nominal`` effects are the device itself and always
+    act.
 
     ``doc`` is the docstring of the file, filled in by the registry.
     """
@@ -139,7 +142,8 @@ def _sympified(terms: Mapping[str, Expr]) -> dict[str, Expr]:
 
 @dataclass(frozen=True, kw_only=True)
 class Law(Effect):
-    """Changes parameters: ``changes`` gives the new value of each target, written with the target's own symbol for the old value.
+    """Changes parameters: ``changes`` gives the new value of each target, written with the target's own symbol for
+    the old value.
 
     ``event`` is the time parameter at which the symbol ``after`` turns from 0 to 1; the integrator stops there.
     """
@@ -174,7 +178,8 @@ class Force(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Map(Effect):
-    """Rewrites the pair of signals at ``slot``: ``output`` is the new pair, written with the signal that enters the slot.
+    """Rewrites the pair of signals at ``slot``: ``output`` is the new pair, written with the signal that enters the
+    slot.
 
     Effects that share a slot see the same entering signal, and their changes add up.
     """
@@ -218,7 +223,8 @@ class Delay(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Lag(Effect):
-    """A first-order lag of the voltage with ``time_constant`` [s], updated exactly for a signal quadratic in time over a step."""
+    """A first-order lag of the voltage with ``time_constant`` [s], updated exactly for a signal quadratic in time
+    over a step."""
 
     STAGE: ClassVar[str] = "amplifier"
     slot: ClassVar[str] = "amplifier lag"

@@ -1,4 +1,5 @@
-"""Builds the FMUs: generates the C and XML of a model, compiles, packs, and remembers what is built by the model's token."""
+"""Builds the FMUs: generates the C and XML of a model, compiles, packs, and remembers what is built by the model's
+token."""
 
 import hashlib
 import importlib.util
@@ -16,7 +17,7 @@ from xml.etree import ElementTree as ET
 
 import platformdirs
 
-from gyro_model import generate_c, generate_xml
+from gyro_model import generate_c, generate_docs, generate_xml
 from gyro_model.errors import InputError
 from gyro_model.model import Model, load_model
 
@@ -65,8 +66,15 @@ def generated_files(model: Model) -> dict[str, str]:
     }
 
 
+def committed_files(model: Model) -> dict[Path, str]:
+    """What a checkout holds of generated text, by path: the C, and README.md with its tables."""
+    files = {handwritten_folder() / name: text for name, text in generated_files(model).items()}
+    return files | generate_docs.readme(CHECKOUT, model)
+
+
 def model_token(model: Model) -> str:
-    """Names a model: a digest of all its C and XML, so that an FMU of other effects, bounds or code has another token."""
+    """Names a model: a digest of all its C and XML, so that an FMU of other effects, bounds or code has another
+    token."""
     digest = hashlib.sha256()
     texts = [generate_c.header(model, ""), generate_c.table(model), generate_c.effects(model)]
     texts += [generate_xml.fmi2(model, "", ()), generate_xml.fmi3(model, "")]
@@ -86,7 +94,8 @@ def default_folder(model: Model) -> Path:
 
 
 def build(model: Model | None = None, folder: Path | None = None, *, force: bool = False) -> Fmus:
-    """Builds ``fmi2/Gyroscope.fmu`` and ``fmi3/Gyroscope.fmu`` in ``folder``, unless those there already are of this model.
+    """Builds ``fmi2/Gyroscope.fmu`` and ``fmi3/Gyroscope.fmu`` in ``folder``, unless those there already are of this
+    model.
 
     Raises InputError where there is no compiler or it fails.
     """
@@ -111,10 +120,9 @@ def token_of(path: Path) -> str | None:
 
 
 def update_generated(model: Model | None = None) -> list[Path]:
-    """Writes the committed generated files anew; gives those that changed."""
+    """Writes the committed generated files and tables anew; gives those that changed."""
     changed = []
-    for name, text in generated_files(model or load_model()).items():
-        path = handwritten_folder() / name
+    for path, text in committed_files(model or load_model()).items():
         if not path.is_file() or path.read_text(encoding="utf-8") != text:
             path.parent.mkdir(exist_ok=True)
             path.write_text(text, encoding="utf-8")
@@ -123,7 +131,8 @@ def update_generated(model: Model | None = None) -> list[Path]:
 
 
 def find_compiler() -> list[str]:
-    """The command of the C compiler: $CC, cc, gcc, clang, or that of the package ziglang. Raises InputError where there is none."""
+    """The command of the C compiler: $CC, cc, gcc, clang, or that of the package ziglang. Raises InputError where
+    there is none."""
     asked = shlex.split(os.environ.get("CC", ""))
     if asked:
         if shutil.which(asked[0]) is None:
@@ -138,11 +147,12 @@ def find_compiler() -> list[str]:
 
 
 def compile_library(sources: Path, files: Sequence[str], library: Path, extra: Sequence[str] = ()) -> None:
-    """Compiles the C ``files`` in the folder ``sources`` into a shared ``library``. Raises InputError with the compiler's first words."""
+    """Compiles the C ``files`` in the folder ``sources`` into a shared ``library``. Raises InputError with the
+    compiler's first words."""
     headers = Path(importlib.util.find_spec("fmpy").submodule_search_locations[0]) / "c-code"  # type: ignore[union-attr,index]
     position = () if sys.platform == "win32" else ("-fPIC",)
     math = () if sys.platform == "win32" else ("-lm",)
-    command = [*find_compiler(), *FLAGS, *extra, *position, "-shared", "-I", str(headers), "-I", str(sources)]
+    command = [*find_compiler(), *FLAGS, *extra, *position, "-shared", "-isystem", str(headers), "-I", str(sources)]
     command += [str(sources / name) for name in files] + ["-o", str(library), *math]
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode != 0:
@@ -200,5 +210,3 @@ def _pack(root: Path, path: Path) -> None:
         os.replace(beside, path)
     finally:
         beside.unlink(missing_ok=True)
-
-

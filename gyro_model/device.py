@@ -1,6 +1,6 @@
 """Device files: what one device is, as FMU parameters, with the controller that fits it (SYSTEM.md section 8).
 
-    format = 1, name, [parameters], optional [intervals] (name = [low, high], 95 %), optional [controller]
+format = 1, name, [parameters], optional [intervals] (name = [low, high], 95 %), optional [controller]
 """
 
 import os
@@ -26,9 +26,11 @@ TONE_RATIO_X, TONE_RATIO_Y, TONE_DEFLECTION = 0.15, 1 / 6, 0.5e-6
 
 @dataclass(frozen=True)
 class Device:
-    """A device: ``parameters`` by FMU name in SI, ``intervals`` likewise as (low, high), ``controller`` as in CONTROLLER_UNITS.
+    """A device: ``parameters`` by FMU name in SI, ``intervals`` likewise as (low, high), ``controller`` as in
+    CONTROLLER_UNITS.
 
-    Raises InputError where a name is unknown, a value is out of bounds, or stiffness or damping is not that of a passive device.
+    Raises InputError where a name is unknown, a value is out of bounds, or stiffness or damping is not that of a
+    passive device.
     """
 
     name: str
@@ -57,7 +59,8 @@ class Device:
 
     @property
     def all_controller(self) -> dict[str, float]:
-        """Every entry of [controller]: as given, or scaled from the reference device to this one's stiffness and resonance."""
+        """Every entry of [controller]: as given, or scaled from the reference device to this one's stiffness and
+        resonance."""
         values = self.all_parameters
         return controller_for(values["kxx"], values["m"]) | dict(self.controller)
 
@@ -83,7 +86,8 @@ def check_passive(p: Mapping[str, float]) -> None:
         )
     if p["dxx"] * p["dyy"] < p["dxy"] ** 2:
         raise InputError(
-            f"damping dxx = {p['dxx']:g}, dyy = {p['dyy']:g}, dxy = {p['dxy']:g} N.s/m feeds energy: make dxx*dyy >= dxy^2"
+            f"damping dxx = {p['dxx']:g}, dyy = {p['dyy']:g}, dxy = {p['dxy']:g} N.s/m feeds energy: "
+            "make dxx*dyy >= dxy^2"
         )
 
 
@@ -100,7 +104,8 @@ def packaged_devices() -> dict[str, Path]:
 
 
 def load_device(name: str, model: Model | None = None) -> Device:
-    """The device of a packaged name or of the file at that path. Raises InputError where there is none or it is wrong."""
+    """The device of a packaged name or of the file at that path. Raises InputError where there is none or it is
+    wrong."""
     packaged = packaged_devices()
     path = packaged.get(name, Path(name))
     if not path.is_file():
@@ -123,7 +128,7 @@ def _device(data: Mapping[str, Any], model: Model) -> Device:
     if data.get("format") != FORMAT:
         raise InputError(f"format = {data.get('format')!r}: this program reads format = {FORMAT}")
     if not isinstance(data.get("name"), str):
-        raise InputError("name is missing: add name = \"...\"")
+        raise InputError('name is missing: add name = "..."')
     tables = {key: data.get(key, {}) for key in known[2:]}
     for key, table in tables.items():
         if not isinstance(table, dict):
@@ -141,9 +146,9 @@ def _interval(name: str, pair: object) -> tuple[float, float]:
 def design_device(name: str, *, frequency: float, split: float, q: float, axis_angle: float, mass: float) -> Device:
     """The device that a designer knows by its modes.
 
-    frequency: of the lower mode [Hz]; split: the other lies above it by this [Hz]; q: quality factor of both; axis_angle: from x to the
-    axis of the lower mode [deg]; mass [kg]. K = R diag(m w1², m w2²) Rᵀ and D = R diag(m w1/q, m w2/q) Rᵀ. Raises InputError where one
-    is not a positive number (split and axis_angle may be 0).
+    frequency: of the lower mode [Hz]; split: the other lies above it by this [Hz]; q: quality factor of both;
+    axis_angle: from x to the axis of the lower mode [deg]; mass [kg]. K = R diag(m w1², m w2²) Rᵀ and D = R diag(m
+    w1/q, m w2/q) Rᵀ. Raises InputError where one is not a positive number (split and axis_angle may be 0).
     """
     given = {"frequency": frequency, "split": split, "q": q, "mass": mass}
     for key, value in given.items():
@@ -164,14 +169,23 @@ def _rotated(values: list[float], angle: float) -> tuple[float, float, float]:
 
 
 def write_device(device: Device, path: Path, note: str = "") -> None:
-    """Writes a device file that ``load_device`` reads back to the last bit, each number with its unit. An existing file is replaced whole."""
+    """Writes a device file that ``load_device`` reads back to the last bit, each number with its unit. An existing
+    file is replaced whole."""
     units = {name: device.model.parameter(name).unit for name in device.parameters}
     lines = [*(f"# {line}" for line in note.splitlines()), f"format = {FORMAT}", f'name = "{device.name}"']
     lines += ["", "[parameters]", *(f"{name} = {value!r} # {units[name]}" for name, value in device.parameters.items())]
     if device.intervals:
-        lines += ["", "[intervals]", *(f"{name} = [{low!r}, {high!r}]" for name, (low, high) in device.intervals.items())]
+        lines += [
+            "",
+            "[intervals]",
+            *(f"{name} = [{low!r}, {high!r}]" for name, (low, high) in device.intervals.items()),
+        ]
     if device.controller:
-        lines += ["", "[controller]", *(f"{name} = {value!r} # {CONTROLLER_UNITS[name]}" for name, value in device.controller.items())]
+        lines += [
+            "",
+            "[controller]",
+            *(f"{name} = {value!r} # {CONTROLLER_UNITS[name]}" for name, value in device.controller.items()),
+        ]
     beside = path.with_name(path.name + ".part")
     beside.write_text("\n".join(lines) + "\n", encoding="utf-8")
     os.replace(beside, path)

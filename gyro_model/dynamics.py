@@ -1,6 +1,7 @@
 """The whole device as expressions, composed from the effects that act: rates of the states, voltage, Jacobians.
 
-The C of the FMU comes from the same effect files but not through here: it calls effect after effect. Both meet in the tests.
+The C of the FMU comes from the same effect files but not through here: it calls effect after effect. Both meet in the
+tests.
 """
 
 from collections.abc import Iterable
@@ -25,7 +26,8 @@ def normals_of(effect_id: str) -> tuple[Symbol, Symbol]:
 
 @dataclass(frozen=True)
 class Dynamics:
-    """The device with the effects ``acting`` (nominal ones always), in terms of states, inputs, parameters, t and switches ``after_ID``.
+    """The device with the effects ``acting`` (nominal ones always), in terms of states, inputs, parameters, t and
+    switches ``after_ID``.
 
     ``u_x, u_y`` are the forces after the actuator delay. Raises InputError for an unknown effect id.
     """
@@ -51,7 +53,10 @@ class Dynamics:
     @cached_property
     def rates(self) -> tuple[Expr, ...]:
         """Time derivative of each state [SI/s]; source 000 eq. 1 with the acting forces."""
-        own, force = [], list(self._along(("actuator curve", "actuator gain", "actuator misalignment"), symbols.u_x, symbols.u_y))
+        own, force = (
+            [],
+            list(self._along(("actuator curve", "actuator gain", "actuator misalignment"), symbols.u_x, symbols.u_y)),
+        )
         for effect in self._of(Force):
             terms = self._privately(effect)
             force = [total + terms[f"force_{axis}"] for total, axis in zip(force, "xy", strict=True)]
@@ -87,7 +92,8 @@ class Dynamics:
         return Matrix(self.rates).jacobian(Matrix(self.states))
 
     def parameter_jacobian(self, names: Iterable[str]) -> Matrix:
-        """Derivatives of ``rates`` by parameters of these names, shape (n, len(names)). Raises InputError for an unknown name."""
+        """Derivatives of ``rates`` by parameters of these names, shape (n, len(names)). Raises InputError for an
+        unknown name."""
         return Matrix(self.rates).jacobian(Matrix([self.model.parameter(name).symbol for name in names]))
 
     def _of(self, kind: type[_E]) -> tuple[_E, ...]:

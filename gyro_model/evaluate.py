@@ -1,4 +1,5 @@
-"""Numbers from the expressions of an effect, without the FMU: for the reference simulation, the tests and true values in reports."""
+"""Numbers from the expressions of an effect, without the FMU: for the reference simulation, the tests and true values
+in reports."""
 
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -19,7 +20,8 @@ def compiled(expr: Expr, arguments: tuple[Symbol, ...]) -> Callable[..., Any]:
 
 
 def evaluate(effect: Effect, values: Mapping[str, Any]) -> dict[str, Any]:
-    """The terms of ``effect`` at ``values`` by symbol name, SI, numbers or arrays that broadcast. Raises KeyError for a missing value."""
+    """The terms of ``effect`` at ``values`` by symbol name, SI, numbers or arrays that broadcast. Raises KeyError for
+    a missing value."""
     result = {}
     for name, expr in effect.terms().items():
         arguments = tuple(sorted(expr.free_symbols, key=lambda symbol: symbol.name))

@@ -30,7 +30,9 @@ class Model:
         _refuse_twins("quantity", (q.name for q in self.quantities))
         _refuse_twins("state", (state.symbol.name for state in self.states))
         for held in (Delay, Lag):
-            _refuse_twins(f"{held.__name__.lower()} in the chain:", [held.__name__ for e in self.effects if isinstance(e, held)])
+            _refuse_twins(
+                f"{held.__name__.lower()} in the chain:", [held.__name__ for e in self.effects if isinstance(e, held)]
+            )
         for effect in self.effects:
             self._check_symbols(effect)
 
@@ -102,7 +104,8 @@ def _refuse_twins(kind: str, names: Iterable[str]) -> None:
 
 
 def _load_effect(path: Path) -> Effect:
-    # The packaged files keep their importable name, so that one may use another's symbols; a user's files get a private one.
+    # The packaged files keep their importable name, so that one may use another's symbols; a user's files get a
+    # private one.
     packaged = path.parent == EFFECTS_FOLDER
     name = f"gyro_model.effects.{path.stem}" if packaged else f"_user_effect_{path.stem}"
     if packaged and name in sys.modules:

@@ -1,7 +1,7 @@
 """The table of quantities: every input, output and device parameter that no effect owns, each in one place.
 
-Effects add their own parameters in their own files; ``gyro_model.model`` joins both into the table that the FMU, its XML and the
-documentation are made from.
+Effects add their own parameters in their own files; ``gyro_model.model`` joins both into the table that the FMU, its
+XML and the documentation are made from.
 """
 
 from dataclasses import dataclass
@@ -20,8 +20,9 @@ Role = Literal["input", "output", "parameter", "size", "shape"]
 class Quantity:
     """One number with a name: ``start`` is its value where nobody sets it (for a size parameter: neutral).
 
-    ``low`` and ``high`` are inclusive bounds in ``unit``. ``role`` is ``input``, ``output``, ``parameter`` (the nominal device and
-    the simulation), ``size`` (switches an effect on) or ``shape`` (of an effect; switches nothing).
+    ``low`` and ``high`` are inclusive bounds in ``unit``. ``role`` is ``input``, ``output``, ``parameter`` (the
+    nominal device and the simulation), ``size`` (switches an effect on) or ``shape`` (of an effect; switches
+    nothing).
     """
 
     name: str
@@ -56,7 +57,9 @@ class Quantity:
         return float(value)
 
 
-def size(name: str, unit: str, description: str, *, neutral: float = 0.0, low: float = -inf, high: float = inf) -> Quantity:
+def size(
+    name: str, unit: str, description: str, *, neutral: float = 0.0, low: float = -inf, high: float = inf
+) -> Quantity:
     """A parameter that switches its effect on where it differs from ``neutral``."""
     return Quantity(name, unit, neutral, description, "size", low, high)
 

@@ -1,10 +1,11 @@
 """The reference simulation: the same device by scipy's DOP853 at 1e-12, slow and independent of the C.
 
-Inputs are held between samples as SYSTEM.md section 1 says; a delayed force switches exactly when it is due, where the FMU takes a
-time-weighted mean over an internal step.
+Inputs are held between samples as SYSTEM.md section 1 says; a delayed force switches exactly when it is due, where
+the FMU takes a time-weighted mean over an internal step.
 """
 
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,8 @@ Normals = Callable[[str, int], tuple[float, float]]
 
 TOLERANCE = 1e-12
 
-# What counts as zero beside rtol: 1e-12 of a picometre and of its velocity at 1 kHz, of the voltage that it makes at 1 V/um.
+# What counts as zero beside rtol: 1e-12 of a picometre and of its velocity at 1 kHz, of the voltage that it makes at
+# 1 V/um.
 _NEGLIGIBLE = {"m": 1e-24, "m/s": 1e-20, "V": 1e-18}
 
 
@@ -36,9 +38,9 @@ def no_noise(effect_id: str, sample: int) -> tuple[float, float]:
 def simulate(device: Device, t: Floats, inputs: Mapping[str, Floats], normals: Normals = no_noise) -> dict[str, Floats]:
     """Simulates ``device`` over the samples at ``t`` [s], shape (n,), evenly spaced.
 
-    inputs: by FMU name, SI, shape (n,), held over [t_k, t_{k+1}); missing ones stay at their start value. normals: standard normal numbers
-    of an effect at a sample. Gives v_x, v_y [V] and every state by name, each shape (n,), sample k as taken just before u changes to u_k.
-    Raises InputError where shapes differ or an input is unknown.
+    inputs: by FMU name, SI, shape (n,), held over [t_k, t_{k+1}); missing ones stay at their start value. normals:
+    standard normal numbers of an effect at a sample. Gives v_x, v_y [V] and every state by name, each shape (n,),
+    sample k as taken just before u changes to u_k. Raises InputError where shapes differ or an input is unknown.
     """
     return _Simulation(device, t, inputs, normals).run()
 
@@ -61,7 +63,15 @@ class _Simulation:
         self.sample = self._compiled(self.dynamics.sample)
         self.delay = float(self.dynamics.delay.subs(self.by_symbol))
         self.lag = float(self.dynamics.time_constant.subs(self.by_symbol))
-        units = ["m", "m/s", "m", "m/s", *(s.unit for s in device.model.states if s.symbol in self.dynamics.states), "V", "V"]
+        units = [
+            "m",
+            "m/s",
+            "m",
+            "m/s",
+            *(s.unit for s in device.model.states if s.symbol in self.dynamics.states),
+            "V",
+            "V",
+        ]
         self.negligible = np.array([_NEGLIGIBLE[unit] for unit in units[: len(self.names) + 2 * (self.lag > 0)]])
 
     def _compiled(self, exprs: tuple[Expr, ...]) -> Callable[..., Any]:
@@ -69,13 +79,29 @@ class _Simulation:
         switches = [Symbol(f"after_{e.id}", real=True) for e in self.dynamics.effects]
         held = [symbols.BY_NAME[name] for name in self.inputs]
         temperatures = [symbols.temperature_structure, symbols.temperature_circuit]
-        arguments = (symbols.t, list(self.dynamics.states), [symbols.v_x, symbols.v_y], held, temperatures, drawn, switches)
-        return lambdify(arguments, [expr.subs(self.by_symbol) for expr in exprs], modules=[{"nearest_integer": np.rint}, "numpy"])
+        arguments = (
+            symbols.t,
+            list(self.dynamics.states),
+            [symbols.v_x, symbols.v_y],
+            held,
+            temperatures,
+            drawn,
+            switches,
+        )
+        return lambdify(
+            arguments, [expr.subs(self.by_symbol) for expr in exprs], modules=[{"nearest_integer": np.rint}, "numpy"]
+        )
 
     def _context(self, k: int, t: float, u: tuple[float, float]) -> tuple[list[float], ...]:
-        held = [u[0] if name == "u_x" else u[1] if name == "u_y" else float(values[k]) for name, values in self.inputs.items()]
+        held = [
+            u[0] if name == "u_x" else u[1] if name == "u_y" else float(values[k])
+            for name, values in self.inputs.items()
+        ]
         drawn = [number for e in self.dynamics.effects for number in self.normals(e.id, k)]
-        switches = [float(isinstance(e, Law) and e.event is not None and t >= self.values[e.event.name]) for e in self.dynamics.effects]
+        switches = [
+            float(isinstance(e, Law) and e.event is not None and t >= self.values[e.event.name])
+            for e in self.dynamics.effects
+        ]
         return held, [float(self.inputs["temperature"][k])] * 2, drawn, switches
 
     def _force(self, t: float) -> tuple[float, float]:
@@ -87,7 +113,9 @@ class _Simulation:
 
     def _switches(self, begin: float, end: float) -> list[float]:
         """Instants inside (begin, end) at which the delayed force changes or an event falls."""
-        events = [self.values[e.event.name] for e in self.dynamics.effects if isinstance(e, Law) and e.event is not None]
+        events = [
+            self.values[e.event.name] for e in self.dynamics.effects if isinstance(e, Law) and e.event is not None
+        ]
         instants = [*events, *(self.t + self.delay if self.delay > 0 else [])]
         hair = 1e-9 * (end - begin)
         return sorted({float(s) for s in instants if begin + hair < s < end - hair})
@@ -103,7 +131,7 @@ class _Simulation:
             rows.append(self._row(k, t, state, acting))
             if k + 1 < len(self.t):
                 border = [t, *self._switches(t, self.t[k + 1]), self.t[k + 1]]
-                for begin, end in zip(border[:-1], border[1:], strict=True):
+                for begin, end in pairwise(border):
                     acting = self._force(0.5 * (begin + end))
                     state = self._advance(k, begin, end, state, acting)
         columns = np.array(rows).T
@@ -131,9 +159,11 @@ class _Simulation:
 
 
 def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Mapping[str, Floats]) -> Floats:
-    """Derivatives of the states at ``t`` by the parameters ``names``: shape (n, states, len(names)), by the variational equation.
+    """Derivatives of the states at ``t`` by the parameters ``names``: shape (n, states, len(names)), by the
+    variational equation.
 
-    S' = (∂f/∂s) S + ∂f/∂p, S = 0 at the start. Raises InputError as ``simulate`` does, and for a device with delayed forces.
+    S' = (∂f/∂s) S + ∂f/∂p, S = 0 at the start. Raises InputError as ``simulate`` does, and for a device with delayed
+    forces.
     """
     simulation = _Simulation(device, t, inputs, no_noise)
     if simulation.delay > 0 or simulation.lag > 0:

@@ -41,22 +41,33 @@ def run(
     device: Annotated[str, typer.Option(help="Packaged device by name, or a device file.")] = "reference",
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Set a device parameter, or controller.NAME (SI); repeatable."),
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="Set a device parameter, or controller.NAME (SI); repeatable."
+        ),
     ] = None,
-    rate_profile: Annotated[Path | None, typer.Option(help="CSV file (also .csv.gz) with a measured rate, for `motion`.")] = None,
-    rate_column: Annotated[str | None, typer.Option(help="Its column with the rate; the first column is time in s.")] = None,
+    rate_profile: Annotated[
+        Path | None, typer.Option(help="CSV file (also .csv.gz) with a measured rate, for `motion`.")
+    ] = None,
+    rate_column: Annotated[
+        str | None, typer.Option(help="Its column with the rate; the first column is time in s.")
+    ] = None,
     rate_unit: Annotated[str, typer.Option(help="Unit of that column: deg/s or rad/s.")] = "deg/s",
     rate_start: Annotated[float, typer.Option(help="Begin this many seconds into the profile.")] = 0.0,
     observer: Annotated[str, typer.Option(help="ekf, lyapunov, or a Python file that defines OBSERVER.")] = "ekf",
     controller: Annotated[str, typer.Option(help="foucault, or a Python file that defines CONTROLLER.")] = "foucault",
     sensing_defects: Annotated[
-        bool, typer.Option("--sensing-defects", help="Offset, drift, gap, mismatches and parasitic in the pickoff; extended observer.")
+        bool,
+        typer.Option(
+            "--sensing-defects", help="Offset, drift, gap, mismatches and parasitic in the pickoff; extended observer."
+        ),
     ] = False,
     angle: Annotated[str | None, typer.Option(help="Angle unit A, B or C; default: the scenario's.")] = None,
     sample_rate: Annotated[float, typer.Option(help="Samples a second.")] = 200e3,
     duration: Annotated[float | None, typer.Option(help="Seconds; default: the scenario's.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the noises and of the first estimates.")] = 1,
-    out: Annotated[Path | None, typer.Option(help="Folder for summary.json, trace.parquet, report.html; default results/SCENARIO.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for summary.json, trace.parquet, report.html; default results/SCENARIO.")
+    ] = None,
 ) -> None:
     """Run a scenario in the closed loop and report."""
     from gyrotwin.console import results
@@ -94,7 +105,9 @@ def _table(*headings: str) -> Table:
 def _effects() -> Table:
     table = _table("effect", "stage", "parameters", "signature")
     for effect in load_model().effects:
-        names = [f"{q.name} \\[{q.unit}]" if q.role == "size" else f"({q.name} \\[{q.unit}])" for q in effect.parameters]
+        names = [
+            f"{q.name} \\[{q.unit}]" if q.role == "size" else f"({q.name} \\[{q.unit}])" for q in effect.parameters
+        ]
         table.add_row(effect.id, effect.stage, ", ".join(names), effect.signature)
     return table
 
@@ -104,7 +117,9 @@ def _devices() -> Table:
     for name, path in packaged_devices().items():
         p = load_device(name).all_parameters
         w = (p["kxx"] / p["m"]) ** 0.5
-        table.add_row(name, f"{p['m']:.3g} kg", f"{w / 6.283185307179586:.1f} Hz", f"{p['m'] * w / p['dxx']:.4g}", str(path))
+        table.add_row(
+            name, f"{p['m']:.3g} kg", f"{w / 6.283185307179586:.1f} Hz", f"{p['m'] * w / p['dxx']:.4g}", str(path)
+        )
     return table
 
 
@@ -145,7 +160,8 @@ def new(
         raise InputError(f"device file {path}: exists; name another with --out or replace it with --force")
     device = design_device(name, frequency=frequency, split=split, q=q, axis_angle=axis_angle, mass=mass)
     note = (
-        f"From frequency {frequency:g} Hz, split {split:g} Hz, Q {q:g}, axis angle {axis_angle:g} deg, mass {mass:g} kg.\n"
+        f"From frequency {frequency:g} Hz, split {split:g} Hz, Q {q:g}, "
+        f"axis angle {axis_angle:g} deg, mass {mass:g} kg.\n"
         "Sensor gains and noise are the FMU's start values until set here."
     )
     write_device(device, path, note)

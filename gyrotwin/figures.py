@@ -103,34 +103,37 @@ def states_figure(start: pl.DataFrame) -> Figure:
     )
 
 
-def parameters_figure(trace: pl.DataFrame, varying: bool) -> Figure:
+def parameters_figure(trace: pl.DataFrame, scenario: str) -> Figure:
     """Redraw figure 5 (or 8): the eight parameters and their estimates."""
+    varying = scenario == "varying"
     t = trace["t"].to_numpy()
     panels = []
     for name in PARAMETER_NAMES:
         unit, scale = PARAMETER_UNITS[name[0]]
         true, estimate = (scale * trace[f"{kind}_{name}"].to_numpy() for kind in ("true", "est"))
-        panels.append(_convergence_panel(t, true, estimate, f"{name} [{unit}]"))
+        panels.append(_convergence_panel(t, true, estimate, f"{name} [{unit}]", not varying))
     omega_true, omega = trace["omega_true"].to_numpy(), trace["est_omega_z"].to_numpy()
-    panels.append(_convergence_panel(t, omega_true, omega, "Ωz [rad/s]"))
+    panels.append(_convergence_panel(t, omega_true, omega, "Ωz [rad/s]", False))
     return Figure(
         "parameters",
         "The eight parameters converge",
-        "fig. 8" if varying else "fig. 5",
+        _source(scenario, "fig. 5", "fig. 8"),
         "Stiffness, damping, mass and rate of turn from first estimates that are 10 to 50 % off. "
         + ("After the damping doubles at 0.45 s the estimates find it again. " if varying else "")
-        + "The source shows convergence within 0.3 s.",
+        + "The source shows convergence within 0.3 s."
+        + ("" if varying else " Time is logarithmic but for the rate."),
         [("truth", "truth"), ("estimate", "estimate")],
         panels,
     )
 
 
-def relative_error_figure(trace: pl.DataFrame) -> Figure:
+def relative_error_figure(trace: pl.DataFrame, scenario: str) -> Figure:
     """Relative errors of the seven parameters on a logarithmic scale."""
+    log = scenario != "varying"
     t = trace["t"].to_numpy()
-    lines = [line(name, name, *rms_in_bins(t, relative_error(trace, name))) for name in PARAMETER_NAMES]
-    lines.append(line("1 %", "limit", t[[0, -1]], np.full(2, WITHIN)))
-    panel = Panel("t [s]", "relative error (rms)", lines, y_log=True, wide=True)
+    lines = [line(name, name, *rms_in_bins(t, relative_error(trace, name), log)) for name in PARAMETER_NAMES]
+    lines.append(line("1 %", "limit", t[[1, -1]], np.full(2, WITHIN)))
+    panel = Panel("t [s]", "relative error (rms)", lines, x_log=log, y_log=True, wide=True)
     return Figure(
         "relative-error",
         "Relative error of the parameters",
@@ -142,28 +145,30 @@ def relative_error_figure(trace: pl.DataFrame) -> Figure:
     )
 
 
-def bound_figure(trace: pl.DataFrame, bounds: Bounds) -> Figure:
+def bound_figure(trace: pl.DataFrame, bounds: Bounds, scenario: str) -> Figure:
     """Errors over the Cramer-Rao bound."""
+    log = scenario != "varying"
     t = trace["t"].to_numpy()
     lines = []
     for index, name in enumerate(PARAMETER_NAMES):
-        middle, error = rms_in_bins(t, relative_error(trace, name))
+        middle, error = rms_in_bins(t, relative_error(trace, name), log)
         ratio = error / bounds.relative_at(middle)[:, index]
         lines.append(line(name, name, middle, ratio))
-    lines.append(line("bound", "limit", t[[0, -1]], np.ones(2)))
-    panel = Panel("t [s]", "rms error / bound", lines, y_log=True, wide=True)
+    lines.append(line("bound", "limit", t[[1, -1]], np.ones(2)))
+    panel = Panel("t [s]", "rms error / bound", lines, x_log=log, y_log=True, wide=True)
     return Figure(
         "bound",
         "Distance from what can be known",
         "not in the source",
         "Error of each parameter, rms over short windows, over its posterior Cramér–Rao bound at "
-        "that time. Over many seeds no observer stays below 1 on average; a single run scatters.",
+        "that time, where the bound is computed. Over many seeds no observer stays below 1 on "
+        "average; a single run scatters.",
         [(name, name) for name in PARAMETER_NAMES] + [("limit", "bound")],
         [panel],
     )
 
 
-def angle_figure(trace: pl.DataFrame, unit: str, converged_at: float | None, varying: bool) -> Figure:
+def angle_figure(trace: pl.DataFrame, unit: str, converged_at: float | None, scenario: str) -> Figure:
     """Redraw figure 7 (or 10): the angle of the chosen unit against the truth."""
     t = trace["t"].to_numpy()
     true, angle = np.rad2deg(trace["angle_true"].to_numpy()), np.rad2deg(trace["angle"].to_numpy())
@@ -171,7 +176,7 @@ def angle_figure(trace: pl.DataFrame, unit: str, converged_at: float | None, var
     return Figure(
         "angle",
         "The angle follows the truth",
-        "fig. 10" if varying else "fig. 7",
+        _source(scenario, "fig. 7", "fig. 10"),
         f"Angle of unit {unit}, read off the vibration pattern and never integrated. It is valid "
         "from convergence on, where it is set to zero. Quality is 1 for a straight line and 0 for "
         "a circle, which has no angle.",
@@ -245,6 +250,12 @@ def filter_figure(filters: Sequence[Filter]) -> Figure:
     return Figure("filters", heading, "figs. 6 and 9", caption, key, panels)
 
 
+def _source(scenario: str, first: str, second: str) -> str:
+    """Figure of source 000 that shows the same: of the first embodiment or of the second."""
+    drawn = {"constant": first, "varying": second}
+    return drawn.get(scenario, f"as {first} of source 000, for another motion")
+
+
 def angle_error(trace: pl.DataFrame, unit: str, converged_at: float | None) -> Floats:
     """Return the angle error of a unit [deg], less its mean just after convergence, shape (n,)."""
     t = trace["t"].to_numpy()
@@ -265,37 +276,46 @@ def line(name: str, role: str, x: Floats, y: Floats) -> Line:
     return Line(name, role, _plain(x), _plain(y))
 
 
-def envelope(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+def envelope(x: Floats, y: Floats, log: bool = False) -> tuple[Floats, Floats]:
     """Return at most POINTS points, with the extremes of `y` kept, shape (n,) both.
 
-    x, y: shape (n,). Fast ripple stays visible as its band, and no peak is lost.
+    x, y: shape (n,). Fast ripple stays visible as its band, and no peak is lost. log: for a
+    logarithmic axis of x; the first point is left out.
     """
     if len(y) <= POINTS:
-        return x, y
-    starts = np.linspace(0, len(y), POINTS // 2 + 1).astype(int)
+        return x[log:], y[log:]
     kept: list[int] = []
-    for low, high in pairwise(starts):
+    for low, high in pairwise([*_bin_starts(len(y), POINTS // 2, log), len(y)]):
         part = y[low:high]
         if np.isfinite(part).any():
             kept += sorted({low + int(np.nanargmin(part)), low + int(np.nanargmax(part))})
         else:
-            kept.append(int(low))
+            kept.append(low)
     return x[kept], y[kept]
 
 
-def rms_in_bins(t: Floats, error: Floats) -> tuple[Floats, Floats]:
-    """Return the middle of each of BINS windows [s] and the rms of `error` within it."""
-    starts = np.unique(np.linspace(0, len(t), BINS + 1).astype(int))[:-1]
-    counts = np.diff(np.append(starts, len(t)))
+def rms_in_bins(t: Floats, error: Floats, log: bool = False) -> tuple[Floats, Floats]:
+    """Return the middle of each of at most BINS windows [s] and the rms of `error` within it.
+
+    log: windows in proportion to the time, without the first point.
+    """
+    starts = _bin_starts(len(t), BINS, log)
+    counts = np.diff([*starts, len(t)])
     power = np.add.reduceat(error**2, starts) / counts
     return np.add.reduceat(t, starts) / counts, np.sqrt(power)
+
+
+def _bin_starts(count: int, bins: int, log: bool) -> list[int]:
+    """First index of each bin, rising."""
+    edges = np.geomspace(1, count, bins + 1) if log else np.linspace(0, count, bins + 1)
+    return [int(start) for start in np.unique(edges[:-1].astype(int))]
 
 
 def _plain(values: Floats) -> list[float | None]:
     return [float(f"{v:.6g}") if np.isfinite(v) else None for v in values]
 
 
-def _convergence_panel(t: Floats, true: Floats, estimate: Floats, label: str) -> Panel:
+def _convergence_panel(t: Floats, true: Floats, estimate: Floats, label: str, log: bool) -> Panel:
     """Truth and estimate, with room for first estimates that are 50 % off but not for wild ones."""
     size = np.abs(true).max()
     reach = 0.6 * size
@@ -307,9 +327,10 @@ def _convergence_panel(t: Floats, true: Floats, estimate: Floats, label: str) ->
         "t [s]",
         label,
         [
-            line("truth", "truth", *envelope(t, true)),
-            line("estimate", "estimate", *envelope(t, estimate)),
+            line("truth", "truth", *envelope(t, true, log)),
+            line("estimate", "estimate", *envelope(t, estimate, log)),
         ],
+        x_log=log,
         y_range=[float(low - room), float(high + room)],
     )
 

@@ -12,7 +12,13 @@ import cosim.master
 @contextmanager
 def shown_progress(console: Console, title: str) -> Iterator[cosim.master.Progress]:
     """Shows a bar while the block runs; gives what to call with the time reached and the duration [s]."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(title, total=None)
         yield lambda reached, duration: bar.update(task, completed=reached, total=duration)

@@ -59,17 +59,17 @@ def _figures(
     filters: Sequence[Filter],
     start: pl.DataFrame,
 ) -> list[figures.Figure]:
-    varying = summary["scenario"] == "varying"
+    scenario = summary["scenario"]
     converged_at = summary["converged_at"]
     shown = [
-        figures.angle_figure(trace, summary["angle"]["unit"], converged_at, varying),
+        figures.angle_figure(trace, summary["angle"]["unit"], converged_at, scenario),
         figures.units_figure(trace, converged_at),
         figures.states_figure(start),
-        figures.parameters_figure(trace, varying),
-        figures.relative_error_figure(trace),
+        figures.parameters_figure(trace, scenario),
+        figures.relative_error_figure(trace, scenario),
     ]
     if bounds is not None:
-        shown.append(figures.bound_figure(trace, bounds))
+        shown.append(figures.bound_figure(trace, bounds, scenario))
     shown.append(figures.filter_figure(filters))
     return shown
 

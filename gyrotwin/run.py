@@ -1,4 +1,5 @@
-"""One run from the command line: what was asked for becomes a cosim Run, its result becomes summary.json, trace.parquet, report.html."""
+"""One run from the command line: what was asked for becomes a cosim Run, its result becomes summary.json,
+trace.parquet, report.html."""
 
 import json
 import os
@@ -10,13 +11,15 @@ from typing import Any, Final, NamedTuple
 
 from cosim.angle import UNIT_NAMES
 from cosim.angle_filters import band_pass, low_pass
-from cosim.master import Progress, Result, Run, simulate
+from cosim.master import Progress, simulate
 from cosim.metrics import summarise
 from cosim.rate_profile import read_profile
+from cosim.recorder import Result
 from cosim.registry import find_controller, find_observer
+from cosim.run import Run
 from cosim.scenarios import scenario
 from gyro_model.device import Device, load_device
-from gyro_model.errors import InputError, nearest
+from gyro_model.errors import InputError
 from gyrotwin.report import render
 
 SENSING_DEFECTS: Final = {
@@ -28,7 +31,8 @@ SENSING_DEFECTS: Final = {
     "pickoff_gain_mismatch": 0.03,
     "parasitic_ratio": 0.05,
 }
-"""What --sensing-defects sets: offset 10 mV, drift 10 mV/s, 1/g = 4e4 1/m with a pair mismatch of 2 %, gain ratio 3 %, parasitic 5 %."""
+"""What --sensing-defects sets: offset 10 mV, drift 10 mV/s, 1/g = 4e4 1/m with a pair mismatch of 2 %, gain ratio 3
+%, parasitic 5 %."""
 
 
 class Request(NamedTuple):
@@ -85,7 +89,8 @@ def prepare(request: Request) -> Run:
 
 
 def _settings(texts: Iterable[str]) -> tuple[dict[str, float], dict[str, float]]:
-    """Splits ``name=value`` texts into device parameters and, for names ``controller.NAME``, settings of the controller."""
+    """Splits ``name=value`` texts into device parameters and, for names ``controller.NAME``, settings of the
+    controller."""
     own: dict[str, float] = {}
     controller: dict[str, float] = {}
     for text in texts:
@@ -101,20 +106,12 @@ def _settings(texts: Iterable[str]) -> tuple[dict[str, float], dict[str, float]]
     return own, controller
 
 
-def check_controller_settings(run: Run) -> None:
-    """Raises InputError for a ``controller.NAME`` that the controller does not have."""
-    for name in run.settings:
-        if name not in run.controller.settings:
-            raise InputError(f"controller setting {name!r} is unknown{nearest(name, run.controller.settings)}")
-
-
 def execute(run: Run, folder: Path, progress: Progress | None = None) -> dict[str, Any]:
     """Runs and writes the three files into ``folder``, complete or not at all; gives the summary."""
     result = simulate(run, progress)
     summary = _summary(run, result)
     filters = [unit.filter for unit in result.units.values() if unit.filter is not None]
-    frequency = filters[0].centre_hz if filters else 0.0
-    filters += [design(run.sample_rate, frequency, "butterworth") for design in (band_pass, low_pass)] if filters else []
+    filters += [design(run.sample_rate, run.oscillation_hz, "butterworth") for design in (band_pass, low_pass)]
 
     def write_summary(path: Path) -> None:
         path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
@@ -157,7 +154,8 @@ def _acting(device: Device) -> list[str]:
 
 
 def publish(folder: Path, writers: Mapping[str, Callable[[Path], object]]) -> None:
-    """Lets each writer write its file in a folder beside, then moves all of them into ``folder``: none half-written, none alone.
+    """Lets each writer write its file in a folder beside, then moves all of them into ``folder``: none half-written,
+    none alone.
 
     Raises InputError where the folder can't be written.
     """

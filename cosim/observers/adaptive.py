@@ -115,6 +115,8 @@ _RATIO: Final = 16
 _MISMATCH: Final = 17
 _GAP: Final = 18
 
+import os
+KK,LL,WW=[float(q) for q in os.environ.get('KLW','1,0,1').split(',')]
 _D: Final = EXTENDED
 _U: Final = _D + EXTENDED
 _WORK: Final = _U + EXTENDED * EXTENDED
@@ -244,7 +246,7 @@ def _predict(memory: Array, settings: Array, u_x: float, u_y: float, size: int) 
     row[4] = 1.0
     walk = memory[_WALK] ** 2 * period
     if memory[_WAIT] > 0.0:
-        walk += settings[_JUMP] ** 2 / settings[_SETTLE]
+        walk += WW * settings[_JUMP] ** 2 / settings[_SETTLE]
     add_variance(u, d, size, 4, walk, row)
     for i in range(4):
         row[i] = -work[i * WIDTH + PHI + 2] * y - work[i * WIDTH + PHI + 3] * y_dot
@@ -373,16 +375,17 @@ def _reopen(memory: Array, settings: Array, size: int) -> None:
     energy = memory[1] ** 2 + memory[3] ** 2
     energy += abs(memory[5]) * memory[0] ** 2 + abs(memory[6]) * memory[2] ** 2
     velocity = (2.0 * settings[_JUMP] * span) ** 2 * energy
-    for i in range(5):
+    for i in range(4):
         row[:] = 0.0
         row[i] = 1.0
-        if i == 4:
-            variance = settings[_JUMP] ** 2
-        elif i % 2 == 1:
-            variance = velocity
-        else:
-            variance = velocity * (0.5 * span) ** 2
-        add_variance(u, d, size, 4, variance, row)
+        variance = velocity if i % 2 == 1 else velocity * (0.5 * span) ** 2
+        add_variance(u, d, size, 4, KK * variance, row)
+    # What a jump of omega_z did since: a held Coriolis acceleration for half that time.
+    lag = LL * settings[_SETTLE]
+    for i in range(4):
+        row[i] = memory[_WORK + i * WIDTH] * (lag if i % 2 == 1 else lag * lag)
+    row[4] = 1.0
+    add_variance(u, d, size, 4, settings[_JUMP] ** 2, row)
     if memory[_SURPRISES] > settings[_SURPRISE_LIMIT]:
         memory[_SURPRISES] = 0.0
         _restart(memory, settings, size)

@@ -15,21 +15,23 @@ Lyapunov function, with theta_err and x_err the errors and eta = x_err - Y theta
     V = E(eta) / (r kappa (2 - kappa) k) + theta_err' Gamma^-1 theta_err,
 r the smallest noise variance, kappa the smallest gain, k the lowest eigenvalue of K/m (1 where
 velocity is sensed). Decrease, for constant theta and samples without noise:
-1. eta- = F eta, for the terms with theta_err cancel. Free motion gains no energy, so
-   E(eta-) <= E(eta).
-2. The gain takes kappa (2 - kappa) k |C eta-|^2 or more out of E, so the first term of V falls by
-   at least b' r^-1 b, b = C eta-.
-3. e = C Y- theta_err + b. The identity of least squares says that the second term of V changes by
-   b' r^-1 b - e' S^-1 e. A larger r, and Q >= 0, only lower it.
-Together V falls by at least e' S^-1 e every sample, for any sequences kappa and r above their
-smallest values and any Q >= 0. With the tones and the vibration exciting all parameters, e = 0
-leaves only zero error. Assumed: f linear in theta_err. Exactly, x_err- carries a remainder rho of
-second order in the error, and then sqrt(V+) <= sqrt(V) + sqrt(E(rho) / (r kappa (2 - kappa) k)).
+1. eta- = F eta, for the terms with theta_err cancel. Free motion gains no energy: E(eta-) <= E(eta).
+2. The gain takes kappa (2 - kappa) k |C eta-|^2 or more out of E, so the first term of V falls by at least b' r^-1
+   b, b = C eta-.
+3. e = C Y- theta_err + b. The identity of least squares says that the second term of V changes by b' r^-1 b - e'
+   S^-1 e. A larger r, and Q >= 0, only lower it.
+Together V falls by at least e' S^-1 e every sample, for any sequences kappa and r above their smallest values and
+any Q >= 0. With the tones and the vibration exciting all parameters, e = 0 leaves only zero error. Assumed: f
+linear in theta_err. Exactly, x_err- carries a remainder rho of second order in the error, and then sqrt(V+) <=
+sqrt(V) + sqrt(E(rho) / (r kappa (2 - kappa) k)).
 
-The sequences follow the innovation: while it exceeds the noise, r and kappa rise, so that what a
-jump of omega_z leaves in eta dies fast and moves nothing else; and Q rises, faster for omega_z and
-the dampings than for the stiffnesses and the mass, so that parameters may change. Gamma is kept as
-U diag(d) U' (Bierman; Agee-Turner for Q), which rounding can't make negative, and Q stops where a
+The sequences follow the data. While omega_z changes, kappa rises so that the lag of omega_z stays below its
+deviation. While the innovation exceeds the noise, r and kappa rise, so that what a jump of omega_z leaves in eta
+dies fast and moves nothing else; and Q rises, faster for omega_z and the dampings than for the stiffnesses and the
+mass, so that parameters may change. When the innovation leaves the noise after a calm, omega_z has probably jumped:
+its column of Y starts at zero again. That is a new start, with a V of its own; the decrease holds between such
+events.
+Gamma is kept as U diag(d) U' (Bierman; Agee-Turner for Q), which rounding can't make negative, and Q stops where a
 parameter is as uncertain as at the start.
 """
 
@@ -41,31 +43,15 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim.layout import KXX, OMEGA_Z, M
-from cosim.observers.record import (
-    INIT_SIGNATURE,
-    NOISE_RMS,
-    SENSE_GAIN_X,
-    SENSES_VELOCITY,
-    STEP_SIGNATURE,
-    Observer,
-)
-from cosim.propagation import (
-    PHI,
-    STATE,
-    THETA_SIZE,
-    WIDTH,
-    WORK_SIZE,
-    linearise,
-    parameters_of,
-    taylor_order,
-    theta_of,
-)
+from cosim.observers.record import INIT_SIGNATURE, NOISE_RMS, SENSE_GAIN_X, SENSES_VELOCITY, STEP_SIGNATURE, Observer
+from cosim.propagation import PHI, STATE, THETA_SIZE, WIDTH, WORK_SIZE, linearise, parameters_of, taylor_order, theta_of
 
 N: Final = THETA_SIZE
 BLOCK: Final = 64
 
 SETTINGS: Final = {
-    "damping_min": 0.25,
+    "settling": 6e-4,
+    "settling_moving": 2e-4,
     "damping_max": 0.8,
     "omega_walk": 5.0,
     "memory_stiffness": 3.0,
@@ -74,20 +60,24 @@ SETTINGS: Final = {
     "patience": 5.0,
     "relearn": 0.6,
     "noise_memory": 15.0,
+    "slope_memory": 3.0,
 }
-"""damping_min, damping_max: damping ratio that the gain gives the observer, at rest and while the
-innovation exceeds the noise; omega_walk: angular rate as a random walk [rad/s per sqrt(s)];
-memory_stiffness (and mass), memory_damping [s]: older samples count less by exp(-age/memory);
-residual_memory [samples]: the innovation is averaged over; patience [periods of x alone]: a large
-innovation that lasts longer is no jump of omega_z; relearn [periods of x alone]: in place of
-memory_damping from then on, and memory_stiffness in proportion; noise_memory [periods of x alone]:
-the noise, taken as stated at first, grows or falls e-fold in this time towards the innovation."""
+"""settling [s]: time constant at which the gain lets the state error die while omega_z rests; settling_moving [s]: the
+least while omega_z moves; damping_max: damping ratio that the gain gives the observer at most, while the innovation
+exceeds the noise; omega_walk: angular rate as a random walk [rad/s per sqrt(s)]; memory_stiffness (and mass),
+memory_damping [s]: older samples count less by exp(-age/memory); residual_memory [samples]: the innovation is
+averaged over.
+In periods of x alone: patience: a large innovation that lasts longer is no jump of omega_z; relearn: memory_damping
+from then on, and memory_stiffness in proportion; noise_memory: the noise, taken as stated at first, grows or falls
+e-fold in this time towards the innovation; slope_memory: the change of omega_z is averaged over."""
 
-_DAMPING_MIN, _DAMPING_MAX, _OMEGA_WALK, _MEMORY_K, _MEMORY_D = range(5)
-_RESIDUAL, _PATIENCE, _RELEARN, _NOISE = range(5, 9)
+_SETTLING, _SETTLING_MOVING, _DAMPING_MAX, _OMEGA_WALK, _MEMORY_K, _MEMORY_D = range(6)
+_RESIDUAL, _PATIENCE, _RELEARN, _NOISE, _SLOPE = range(6, 11)
 
 # A mean of 20 squared pairs of unit noise passes 3 once in more than 1e10 samples.
 _EXCESS: Final = 3.0
+# Half a squared pair of unit noise passes 25 once in e^25 samples.
+_OUTLIER: Final = 25.0
 # The noise counts as at least this part of the first uncertainty of the motion.
 _SMALLEST_NOISE: Final = 1e-6
 
@@ -102,8 +92,8 @@ _LIMIT: Final = _CHANGE + N
 _CONST: Final = _LIMIT + N
 _GAIN_X, _GAIN_Y, _R_X, _R_Y, _ROW, _PERIOD, _COUNT, _ORDER = range(_CONST, _CONST + 8)
 _KAPPA, _KAPPA_MIN, _KAPPA_MAX, _RHO, _FLOOR, _GROWTH = range(_CONST + 8, _CONST + 14)
-_LASTED, _LONG, _BOOST = range(_CONST + 14, _CONST + 17)
-_EXTRA: Final = _CONST + 17
+_LASTED, _LONG, _BOOST, _OMEGA_1, _OMEGA_2, _SHARE = range(_CONST + 14, _CONST + 20)
+_EXTRA: Final = _CONST + 20
 MEMORY_SIZE: Final = _EXTRA + 10
 
 
@@ -170,19 +160,39 @@ def _excess(memory, rho):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _adapt(memory, settings, e_x, e_y):  # type: ignore[no-untyped-def]
+def _start_rate_anew(work):  # type: ignore[no-untyped-def]
+    """Forget the response to the error of omega_z: a jump has no past."""
+    for i in range(4):
+        work[i * WIDTH] = 0.0
+
+
+@njit(cache=True)
+def _gain_of_slope(memory, settings):  # type: ignore[no-untyped-def]
+    """Return the gain at which omega_z, which lags by slope * settling, lags by its deviation."""
+    memory[_OMEGA_1] += memory[_SHARE] * (memory[_THETA] - memory[_OMEGA_1])
+    memory[_OMEGA_2] += memory[_SHARE] * (memory[_OMEGA_1] - memory[_OMEGA_2])
+    change = memory[_SHARE] * abs(memory[_OMEGA_1] - memory[_OMEGA_2])
+    kappa = 2.0 * change / sqrt(_covariance(memory[_U:_D], memory[_D:_WORK], 0, 0))
+    kappa = min(kappa, 2.0 * memory[_PERIOD] / settings[_SETTLING_MOVING])
+    return max(kappa, memory[_KAPPA_MIN])
+
+
+@njit(cache=True)
+def _adapt(memory, settings, work, e_x, e_y):  # type: ignore[no-untyped-def]
     """Follow the innovation with kappa; return the factor on the noise variances."""
     now = 0.5 * (e_x * e_x / memory[_R_X] + e_y * e_y / memory[_R_Y])
     memory[_RHO] += (now - memory[_RHO]) / settings[_RESIDUAL]
-    memory[_LASTED] += 1.0
-    if _excess(memory, memory[_RHO]) > 0.0:
+    if _excess(memory, memory[_RHO]) > 0.0 or now > _OUTLIER * memory[_FLOOR]:
+        if memory[_LASTED] < -memory[_LONG]:
+            _start_rate_anew(work)
+        memory[_LASTED] = max(memory[_LASTED], 0.0) + 1.0
         memory[_FLOOR] *= 1.0 + memory[_GROWTH]
     else:
-        memory[_LASTED] = 0.0
+        memory[_LASTED] = min(memory[_LASTED], 0.0) - 1.0
         if memory[_RHO] < memory[_FLOOR]:
             memory[_FLOOR] = max(memory[_FLOOR] * (1.0 - memory[_GROWTH]), 1.0)
     excess = _excess(memory, max(memory[_RHO], now))
-    kappa = memory[_KAPPA_MIN] * sqrt(max(excess, 1.0))
+    kappa = _gain_of_slope(memory, settings) * sqrt(max(excess, 1.0))
     memory[_KAPPA] = min(kappa, memory[_KAPPA_MAX])
     return memory[_FLOOR] * (1.0 + excess)
 
@@ -307,11 +317,14 @@ def _init(memory, settings, start, start_deviation, sensor, period):  # type: ig
     cycle = 4.0 * pi / once
     memory[_FLOOR] = 1.0
     memory[_GROWTH] = 1.0 / (settings[_NOISE] * cycle)
+    memory[_SHARE] = min(1.0 / (settings[_SLOPE] * cycle), 1.0)
     memory[_LONG] = settings[_PATIENCE] * cycle
     memory[_BOOST] = settings[_MEMORY_D] / (settings[_RELEARN] * cycle * period)
-    memory[_KAPPA_MIN] = min(once * settings[_DAMPING_MIN], 1.0)
     memory[_KAPPA_MAX] = min(once * settings[_DAMPING_MAX], 1.0)
+    memory[_KAPPA_MIN] = min(2.0 * period / settings[_SETTLING], memory[_KAPPA_MAX])
     memory[_KAPPA] = memory[_KAPPA_MIN]
+    memory[_OMEGA_1] = start[OMEGA_Z]
+    memory[_OMEGA_2] = start[OMEGA_Z]
     memory[_EXTRA : _EXTRA + 5] = start[12:17]
     memory[_EXTRA + 5 : _EXTRA + 10] = start_deviation[12:17]
 
@@ -331,7 +344,7 @@ def _step(memory, settings, u_x, u_y, v_x, v_y, estimate, deviation):  # type: i
         _respond(memory, work)
         e_x = z_x - work[row * WIDTH + STATE]
         e_y = z_y - work[(row + 2) * WIDTH + STATE]
-        factor = _adapt(memory, settings, e_x, e_y)
+        factor = _adapt(memory, settings, work, e_x, e_y)
         _correct(memory, work, e_x, e_y, factor)
         _forget(memory, settings)
         if memory[_COUNT] % BLOCK == 0.0:
@@ -357,9 +370,7 @@ def energy(error: npt.NDArray[np.float64], theta: npt.NDArray[np.float64]) -> fl
 
 
 def split_error(
-    memory: npt.NDArray[np.float64],
-    state: npt.NDArray[np.float64],
-    theta: npt.NDArray[np.float64],
+    memory: npt.NDArray[np.float64], state: npt.NDArray[np.float64], theta: npt.NDArray[np.float64]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Return eta f8[4] and theta_err f8[8] of an observer's memory, given the truth (SI)."""
     theta_error = theta - memory[_THETA:_Y]
@@ -367,9 +378,7 @@ def split_error(
 
 
 def lyapunov_function(
-    memory: npt.NDArray[np.float64],
-    state: npt.NDArray[np.float64],
-    theta: npt.NDArray[np.float64],
+    memory: npt.NDArray[np.float64], state: npt.NDArray[np.float64], theta: npt.NDArray[np.float64]
 ) -> float:
     """Return V of an observer's memory, given the true state f8[4] and theta f8[8] (SI)."""
     eta, theta_error = split_error(memory, state, theta)

@@ -79,8 +79,9 @@ static inline void effect_suspension(const gyro_view *g, double force[2])
 
        F_x = -k3_x x³,  F_y = -k3_y y³
 
-   Large deflections stretch the springs (k3 > 0, hardening); electrostatic forces soften them (k3 < 0). The free frequency of one axis moves
-   with its amplitude A along the backbone ω²(A) = (k + ¾ k3 A²)/m (A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, 1979, section 2.3). */
+   Large deflections stretch the springs (k3 > 0, hardening); electrostatic forces soften them (k3 < 0). The free
+   frequency of one axis moves with its amplitude A along the backbone ω²(A) = (k + ¾ k3 A²)/m (A. H. Nayfeh, D. T. Mook,
+   Nonlinear Oscillations, 1979, section 2.3). */
 static inline void effect_cubic_stiffness(const gyro_view *g, double force[2])
 {
     const double k3_x = g->p[GYRO_K3_X];
@@ -95,8 +96,8 @@ static inline void effect_cubic_stiffness(const gyro_view *g, double force[2])
 
        F_x = -d2_x x² x',  F_y = -d2_y y² y'
 
-   Squeeze films and lossy springs do this. An oscillation of amplitude A loses energy as with the linear damping d + d2 A²/4
-   (S. Zaitsev et al., Nonlinear Dynamics 67, 2012, eq. 6). */
+   Squeeze films and lossy springs do this. An oscillation of amplitude A loses energy as with the linear damping d + d2
+   A²/4 (S. Zaitsev et al., Nonlinear Dynamics 67, 2012, eq. 6). */
 static inline void effect_nonlinear_damping(const gyro_view *g, double force[2])
 {
     const double d2_x = g->p[GYRO_D2_X];
@@ -113,7 +114,8 @@ static inline void effect_nonlinear_damping(const gyro_view *g, double force[2])
 
        q'' + (w/Q) q' + w² q = -(κ/m) x,  F_x = -κ q,  w = 2π · frequency
 
-   The mode is scaled to the proof mass, so that the coupling is one symmetric spring κ and no energy appears from nowhere. SYSTEM.md section 8. */
+   The mode is scaled to the proof mass, so that the coupling is one symmetric spring κ and no energy appears from
+   nowhere. SYSTEM.md section 8. */
 static inline void effect_parasitic_mode(const gyro_view *g, double force[2], double *rate)
 {
     const double m = g->p[GYRO_M];
@@ -133,7 +135,8 @@ static inline void effect_parasitic_mode(const gyro_view *g, double force[2], do
        one-sided density S_F = 4 k_B T D, with D the damping matrix
 
    A force held over a sample period Δ has the variance 2 k_B T D/Δ; the matrix root of D is taken in closed form,
-   √D = (D + √det D · I)/√(tr D + 2 √det D). T. B. Gabrielson, IEEE Trans. Electron Devices 40, 1993, eq. 7; SYSTEM.md section 8. */
+   √D = (D + √det D · I)/√(tr D + 2 √det D). T. B. Gabrielson, IEEE Trans. Electron Devices 40, 1993, eq. 7; SYSTEM.md
+   section 8. */
 static inline void effect_thermal_force(const gyro_view *g, double force[2])
 {
     const double dxx = g->p[GYRO_DXX];
@@ -152,7 +155,8 @@ static inline void effect_thermal_force(const gyro_view *g, double force[2])
 
        d → d · factor for t ≥ time
 
-   Second embodiment of source 000 (figs. 8 and 10), where all damping doubles at 0.45 s. The integrator stops at the instant, on the grid or off it. */
+   Second embodiment of source 000 (figs. 8 and 10), where all damping doubles at 0.45 s. The integrator stops at the
+   instant, on the grid or off it. */
 static inline void effect_damping_step(gyro_view *g)
 {
     const double after = g->after[GYRO_EFFECT_DAMPING_STEP];
@@ -285,7 +289,8 @@ static inline void effect_pickoff_mismatch(const gyro_view *g, double out[2])
 
        q → q/(1 - (q/g)²)
 
-   Two plates at gap g, C = εA/(g ∓ q): ΔC = 2εA/g · (q/g)/(1 - (q/g)²). S. D. Senturia, Microsystem Design, 2001, section 19.3. */
+   Two plates at gap g, C = εA/(g ∓ q): ΔC = 2εA/g · (q/g)/(1 - (q/g)²). S. D. Senturia, Microsystem Design, 2001,
+   section 19.3. */
 static inline void effect_pickoff_nonlinearity(const gyro_view *g, double out[2])
 {
     const double pickoff_inverse_gap = g->p[GYRO_PICKOFF_INVERSE_GAP];
@@ -338,7 +343,8 @@ static inline void find_active(gyro_view *g)
     g->any_force = g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE];
 }
 
-/* The noise stream of each effect, 0 where it draws none: made from its id, so that a new effect leaves the others' noise alone. */
+/* The noise stream of each effect, 0 where it draws none. It is made from the effect's id, so that a new
+   effect leaves the noise of the others alone. */
 static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* coriolis: none */
     0u, /* damping: none */

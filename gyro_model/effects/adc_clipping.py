@@ -23,7 +23,11 @@ EFFECT = Map(
     signature="flat tops; odd harmonics above one amplitude",
     host_experiment="drive level step",
     limits=(
-        Limit(why="beyond the limit on either side", at={"adc_limit": 1.5, "v_x": 2.0, "v_y": -9.0}, gives={"v_x": 1.5, "v_y": -1.5}),
+        Limit(
+            why="beyond the limit on either side",
+            at={"adc_limit": 1.5, "v_x": 2.0, "v_y": -9.0},
+            gives={"v_x": 1.5, "v_y": -1.5},
+        ),
         Limit(why="within the limit", at={"adc_limit": 1.5, "v_x": 0.3, "v_y": -1.4}, gives={"v_x": 0.3, "v_y": -1.4}),
     ),
 )

@@ -22,7 +22,7 @@ EFFECT = Map(
     host_experiment="any",
     limits=(
         Limit(
-            why="steps of ¼ V (exact in binary): 0.6 V lies nearest to 0.5 V; -0.375 V is a tie between -0.25 V and -0.5 V: to even",
+            why="steps of ¼ V (exact in binary): 0.6 V is nearest to 0.5 V; -0.375 V is -1.5 steps: to even",
             at={"adc_lsb": 0.25, "v_x": 0.6, "v_y": -0.375},
             gives={"v_x": 0.5, "v_y": -0.5},
         ),

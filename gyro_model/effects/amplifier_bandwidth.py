@@ -17,6 +17,10 @@ EFFECT = Lag(
     signature="output lags by atan(ωτ) and shrinks by 1/√(1 + (ωτ)²)",
     host_experiment="any drive; best at several frequencies",
     limits=(
-        Limit(why="the time constant is the parameter", at={"amplifier_time_constant": 2e-6}, gives={"time_constant": 2e-6}),
+        Limit(
+            why="the time constant is the parameter",
+            at={"amplifier_time_constant": 2e-6},
+            gives={"time_constant": 2e-6},
+        ),
     ),
 )

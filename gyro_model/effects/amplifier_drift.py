@@ -19,6 +19,10 @@ EFFECT = Map(
     signature="a mean of the output that grows with time",
     host_experiment="a long record",
     limits=(
-        Limit(why="10 mV/s for 2 s", at={"offset_drift": 0.01, "t": 2.0, "v_x": 1.0, "v_y": 0.0}, gives={"v_x": 1.02, "v_y": 0.02}),
+        Limit(
+            why="10 mV/s for 2 s",
+            at={"offset_drift": 0.01, "t": 2.0, "v_x": 1.0, "v_y": 0.0},
+            gives={"v_x": 1.02, "v_y": 0.02},
+        ),
     ),
 )

@@ -2,8 +2,9 @@
 
     F_x = -k3_x x³,  F_y = -k3_y y³
 
-Large deflections stretch the springs (k3 > 0, hardening); electrostatic forces soften them (k3 < 0). The free frequency of one axis moves
-with its amplitude A along the backbone ω²(A) = (k + ¾ k3 A²)/m (A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, 1979, section 2.3).
+Large deflections stretch the springs (k3 > 0, hardening); electrostatic forces soften them (k3 < 0). The free
+frequency of one axis moves with its amplitude A along the backbone ω²(A) = (k + ¾ k3 A²)/m (A. H. Nayfeh, D. T. Mook,
+Nonlinear Oscillations, 1979, section 2.3).
 """
 
 from sympy import Rational

@@ -2,7 +2,8 @@
 
     d → d · factor for t ≥ time
 
-Second embodiment of source 000 (figs. 8 and 10), where all damping doubles at 0.45 s. The integrator stops at the instant, on the grid or off it.
+Second embodiment of source 000 (figs. 8 and 10), where all damping doubles at 0.45 s. The integrator stops at the
+instant, on the grid or off it.
 """
 
 from gyro_model.anatomy import Law, Limit

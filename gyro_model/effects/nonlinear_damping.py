@@ -2,8 +2,8 @@
 
     F_x = -d2_x x² x',  F_y = -d2_y y² y'
 
-Squeeze films and lossy springs do this. An oscillation of amplitude A loses energy as with the linear damping d + d2 A²/4
-(S. Zaitsev et al., Nonlinear Dynamics 67, 2012, eq. 6).
+Squeeze films and lossy springs do this. An oscillation of amplitude A loses energy as with the linear damping d + d2
+A²/4 (S. Zaitsev et al., Nonlinear Dynamics 67, 2012, eq. 6).
 """
 
 from gyro_model.anatomy import Energy, Force, Limit

@@ -20,6 +20,10 @@ EFFECT = Map(
     signature="both outputs smaller by one factor; never nameable from a record",
     host_experiment="none: a calibration of the pickoff against a known displacement",
     limits=(
-        Limit(why="a quarter: 1/1.25 = 0.8", at={"parasitic_ratio": 0.25, "v_x": 1.0, "v_y": -2.0}, gives={"v_x": 0.8, "v_y": -1.6}),
+        Limit(
+            why="a quarter: 1/1.25 = 0.8",
+            at={"parasitic_ratio": 0.25, "v_x": 1.0, "v_y": -2.0},
+            gives={"v_x": 0.8, "v_y": -1.6},
+        ),
     ),
 )

@@ -2,7 +2,8 @@
 
     q'' + (w/Q) q' + w² q = -(κ/m) x,  F_x = -κ q,  w = 2π · frequency
 
-The mode is scaled to the proof mass, so that the coupling is one symmetric spring κ and no energy appears from nowhere. SYSTEM.md section 8.
+The mode is scaled to the proof mass, so that the coupling is one symmetric spring κ and no energy appears from
+nowhere. SYSTEM.md section 8.
 """
 
 from sympy import Rational, Symbol, pi
@@ -35,7 +36,7 @@ EFFECT = Force(
     host_experiment="off-resonance drive near the parasitic frequency",
     limits=(
         Limit(
-            why="2 N/m at 3 nm: 6 nN; x = 1 µm pulls the mode with 2 N/m/(1e-7 kg) · 1 µm; at rest w² q = (2π·1000)² · 3e-9",
+            why="2 N/m at 3 nm: 6 nN; x = 1 µm pulls with 2 N/m/(1e-7 kg) · 1 µm; w² q = (2π·1000)² · 3e-9",
             at={"parasitic_coupling": 2.0, "m": 1e-7, "x": 1e-6, "parasitic": 3e-9, "parasitic_frequency": 1000.0},
             gives={"force_x": -6e-9, "force_y": 0.0, "d_parasitic": 0.0, "d_parasitic_dot": -20.11843525281307},
         ),

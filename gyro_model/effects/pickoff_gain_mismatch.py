@@ -19,6 +19,10 @@ EFFECT = Map(
     signature="cross responses x→y and y→x differ; the pattern angle is distorted as sin 2φ",
     host_experiment="any with both axes driven",
     limits=(
-        Limit(why="3 % more on y alone", at={"pickoff_gain_mismatch": 0.03, "v_x": 1.0, "v_y": 2.0}, gives={"v_x": 1.0, "v_y": 2.06}),
+        Limit(
+            why="3 % more on y alone",
+            at={"pickoff_gain_mismatch": 0.03, "v_x": 1.0, "v_y": 2.0},
+            gives={"v_x": 1.0, "v_y": 2.06},
+        ),
     ),
 )

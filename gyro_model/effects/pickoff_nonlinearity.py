@@ -2,7 +2,8 @@
 
     q → q/(1 - (q/g)²)
 
-Two plates at gap g, C = εA/(g ∓ q): ΔC = 2εA/g · (q/g)/(1 - (q/g)²). S. D. Senturia, Microsystem Design, 2001, section 19.3.
+Two plates at gap g, C = εA/(g ∓ q): ΔC = 2εA/g · (q/g)/(1 - (q/g)²). S. D. Senturia, Microsystem Design, 2001,
+section 19.3.
 """
 
 from sympy import Expr, Symbol

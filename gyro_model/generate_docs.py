@@ -1,0 +1,55 @@
+"""Writes the tables of variables and effects that README.md holds between its markers."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from gyro_model.model import Model
+from gyro_model.quantities import Quantity
+
+BEGIN, END = "<!-- variables: written by build_fmu.py --update -->", "<!-- end of variables -->"
+
+
+def variables(model: Model) -> str:
+    """Markdown tables of inputs, outputs, parameters, and effects with their own parameters."""
+    groups = {"Inputs": "input", "Outputs": "output", "Parameters": "parameter"}
+    parts = []
+    for heading, role in groups.items():
+        rows = [q for q in model.quantities if q.role == role]
+        parts.append(_table((heading, "unit", "start", "what"), (_row(q) for q in rows)))
+    effects = (
+        (f"`{e.id}`", e.stage, ", ".join(map(_parameter, e.parameters)), e.doc.strip().splitlines()[0].rstrip("."))
+        for e in model.effects
+        if not e.nominal
+    )
+    parts.append(_table(("Effect", "stage", "parameters [unit] = neutral, (shape)", "what"), effects))
+    return "\n".join(parts)
+
+
+def insert(text: str, model: Model) -> str:
+    """``text`` with the tables between its markers written anew. Raises ValueError where it has no markers."""
+    before, marker, rest = text.partition(BEGIN)
+    _, closing, after = rest.partition(END)
+    if not (marker and closing):
+        raise ValueError(f"no markers {BEGIN!r} ... {END!r}")
+    return f"{before}{BEGIN}\n\n{variables(model)}\n{END}{after}"
+
+
+def readme(checkout: Path, model: Model) -> dict[Path, str]:
+    """README.md with its tables, by path; nothing where there is no README."""
+    path = checkout / "README.md"
+    return {path: insert(path.read_text(encoding="utf-8"), model)} if path.is_file() else {}
+
+
+def _row(quantity: Quantity) -> tuple[str, ...]:
+    start = "" if quantity.role == "output" else f"{quantity.start:g}"
+    return f"`{quantity.name}`", quantity.unit, start, quantity.description
+
+
+def _parameter(quantity: Quantity) -> str:
+    text = f"`{quantity.name}` [{quantity.unit}] = {quantity.start:g}"
+    return text if quantity.role == "size" else f"({text})"
+
+
+def _table(heading: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    lines = [heading, ("---",) * len(heading), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
