@@ -62,7 +62,9 @@ def parameter_bound(
     index = np.rint(np.asarray(times) / motion.period).astype(np.int64)
     if index.size and (index.min() < 0 or index.max() >= len(motion.states)):
         last = (len(motion.states) - 1) * motion.period
-        raise ValueError(f"times = {times} s: choose times from 0 to {last} s, where the motion ends")
+        raise ValueError(
+            f"times = {times} s: choose times from 0 to {last} s, where the motion ends"
+        )
     covariances = _covariances(
         np.ascontiguousarray(motion.states),
         np.ascontiguousarray(motion.forces),

@@ -63,7 +63,7 @@ def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
             rows[:count],
         )
         if done < count:
-            raise InputError(f"run stopped at {(first + done) * run.period:.6g} s: {plant.complaint()}")
+            raise InputError(f"run {plant.complaint()}")
         recorder.keep(first, rows[:count], omega_z)
         if progress is not None:
             progress((first + count) * run.period, run.duration)

@@ -109,7 +109,8 @@ def load_device(name: str, model: Model | None = None) -> Device:
     packaged = packaged_devices()
     path = packaged.get(name, Path(name))
     if not path.is_file():
-        raise InputError(f"device {name!r}: neither a packaged device nor a file{nearest(name, packaged)}")
+        hint = nearest(name, packaged) or f"; packaged are {', '.join(packaged)}"
+        raise InputError(f"device {name!r}: neither a packaged device nor a file{hint}")
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

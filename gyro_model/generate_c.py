@@ -34,6 +34,11 @@ class _Printer(C99CodePrinter):
             return f"1.0/({product})" if exponent < -1 else f"1.0/{text}"
         return str(super()._print_Pow(expr))
 
+    def _print_Mul(self, expr: Expr) -> str:
+        # A power below the line is one factor: a/x**2 would print as a/x*x.
+        below = {f: 1 / Symbol(f"({self._print(1 / f)})") for f in expr.args if f.is_Pow and f.exp.is_Integer and f.exp < -1}
+        return str(super()._print_Mul(expr.xreplace(below)))
+
     def _print_Pi(self, expr: Expr) -> str:
         return "3.141592653589793"
 

@@ -80,8 +80,12 @@ def run(
     )  # fmt: skip
     prepared = prepare(request)
     folder = out or Path("results") / scenario
-    with shown_progress(console, f"{scenario}, {prepared.duration:g} s") as progress:
-        summary = execute(prepared, folder, progress)
+    try:
+        with shown_progress(console, f"{scenario}, {prepared.duration:g} s") as progress:
+            summary = execute(prepared, folder, progress)
+    except KeyboardInterrupt:
+        print("gyrotwin: interrupted; nothing written", file=sys.stderr)
+        raise typer.Exit(130) from None
     console.print(results(summary))
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
 
@@ -169,15 +173,12 @@ def new(
 
 
 def main(arguments: list[str] | None = None) -> Any:
-    """Entry point: one line and exit code 2 for wrong input, 130 for Ctrl-C."""
+    """Entry point: one line and exit code 2 for wrong input."""
     try:
         return app(args=arguments, prog_name="gyrotwin")
     except InputError as error:
         print(f"gyrotwin: {error}", file=sys.stderr)
         sys.exit(2)
-    except KeyboardInterrupt:
-        print("gyrotwin: interrupted; nothing written", file=sys.stderr)
-        sys.exit(130)
 
 
 if __name__ == "__main__":

@@ -108,6 +108,7 @@ def _settings(texts: Iterable[str]) -> tuple[dict[str, float], dict[str, float]]
 
 def execute(run: Run, folder: Path, progress: Progress | None = None) -> dict[str, Any]:
     """Runs and writes the three files into ``folder``, complete or not at all; gives the summary."""
+    check_writable(folder)
     result = simulate(run, progress)
     summary = _summary(run, result)
     filters = [unit.filter for unit in result.units.values() if unit.filter is not None]
@@ -151,6 +152,13 @@ def _summary(run: Run, result: Result) -> dict[str, Any]:
 
 def _acting(device: Device) -> list[str]:
     return [effect.id for effect in device.model.effects if not effect.nominal and device.acts(effect)]
+
+
+def check_writable(folder: Path) -> None:
+    """Raises InputError unless ``folder`` can be made or written, so that a long run does not end in nothing."""
+    nearest_folder = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+    if not (nearest_folder.is_dir() and os.access(nearest_folder, os.W_OK)):
+        raise InputError(f"output folder {folder}: can't be written; name another with --out")
 
 
 def publish(folder: Path, writers: Mapping[str, Callable[[Path], object]]) -> None:

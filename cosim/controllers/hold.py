@@ -91,9 +91,7 @@ def _make_isotropic(
     omega = sqrt(omega_squared)
     wanted = complex(cos(omega * period), sin(omega * period))
     for a in range(2):
-        push = 0.5 * complex(
-            s[_FORCE + 4 * a + 2 * a], -s[_FORCE + 4 * a + 2 * a + 1] / omega
-        )
+        push = 0.5 * complex(s[_FORCE + 4 * a + 2 * a], -s[_FORCE + 4 * a + 2 * a + 1] / omega)
         for b in range(2):
             total = 0.0j
             for i in range(2):

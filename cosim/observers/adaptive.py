@@ -102,6 +102,10 @@ and 1/g relative to its design value (it also takes up the unknowable common gai
     _GAP_DEVIATION,
 ) = range(15)
 
+_LAG: Final = 0.3
+"""Typical age of a jump of omega_z when it shows, over `settle`."""
+_SLACK: Final = 0.1
+"""What that guess leaves unexplained of the state, over what a jump does to it in `settle`."""
 BLOCK: Final = 64
 """Samples between two adaptations."""
 _RATIO_MAX: Final = 10.0
@@ -115,8 +119,6 @@ _RATIO: Final = 16
 _MISMATCH: Final = 17
 _GAP: Final = 18
 
-import os
-KK,LL,WW=[float(q) for q in os.environ.get('KLW','1,0,1').split(',')]
 _D: Final = EXTENDED
 _U: Final = _D + EXTENDED
 _WORK: Final = _U + EXTENDED * EXTENDED
@@ -244,10 +246,7 @@ def _predict(memory: Array, settings: Array, u_x: float, u_y: float, size: int) 
         memory[i] = work[i * WIDTH + STATE]
         row[i] = 0.0
     row[4] = 1.0
-    walk = memory[_WALK] ** 2 * period
-    if memory[_WAIT] > 0.0:
-        walk += WW * settings[_JUMP] ** 2 / settings[_SETTLE]
-    add_variance(u, d, size, 4, walk, row)
+    add_variance(u, d, size, 4, memory[_WALK] ** 2 * period, row)
     for i in range(4):
         row[i] = -work[i * WIDTH + PHI + 2] * y - work[i * WIDTH + PHI + 3] * y_dot
     _scale_y(memory, work, row, ratio)
@@ -379,9 +378,9 @@ def _reopen(memory: Array, settings: Array, size: int) -> None:
         row[:] = 0.0
         row[i] = 1.0
         variance = velocity if i % 2 == 1 else velocity * (0.5 * span) ** 2
-        add_variance(u, d, size, 4, KK * variance, row)
+        add_variance(u, d, size, 4, _SLACK * _SLACK * variance, row)
     # What a jump of omega_z did since: a held Coriolis acceleration for half that time.
-    lag = LL * settings[_SETTLE]
+    lag = _LAG * settings[_SETTLE]
     for i in range(4):
         row[i] = memory[_WORK + i * WIDTH] * (lag if i % 2 == 1 else lag * lag)
     row[4] = 1.0

@@ -43,8 +43,25 @@ import numpy.typing as npt
 from numba import njit
 
 from cosim.layout import KXX, OMEGA_Z, M
-from cosim.observers.record import INIT_SIGNATURE, NOISE_RMS, SENSE_GAIN_X, SENSES_VELOCITY, STEP_SIGNATURE, Observer
-from cosim.propagation import PHI, STATE, THETA_SIZE, WIDTH, WORK_SIZE, linearise, parameters_of, taylor_order, theta_of
+from cosim.observers.record import (
+    INIT_SIGNATURE,
+    NOISE_RMS,
+    SENSE_GAIN_X,
+    SENSES_VELOCITY,
+    STEP_SIGNATURE,
+    Observer,
+)
+from cosim.propagation import (
+    PHI,
+    STATE,
+    THETA_SIZE,
+    WIDTH,
+    WORK_SIZE,
+    linearise,
+    parameters_of,
+    taylor_order,
+    theta_of,
+)
 
 N: Final = THETA_SIZE
 BLOCK: Final = 64
@@ -383,7 +400,10 @@ def lyapunov_function(
     """Return V of an observer's memory, given the true state f8[4] and theta f8[8] (SI)."""
     eta, theta_error = split_error(memory, state, theta)
     whitened = np.linalg.solve(memory[_U:_D].reshape(N, N), theta_error)
-    return float(energy_weight(memory, theta) * energy(eta, theta) + np.sum(whitened * whitened / memory[_D:_WORK]))
+    return float(
+        energy_weight(memory, theta) * energy(eta, theta)
+        + np.sum(whitened * whitened / memory[_D:_WORK])
+    )
 
 
 OBSERVER: Final = Observer("lyapunov", MEMORY_SIZE, SETTINGS, _init, _step)
