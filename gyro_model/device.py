@@ -3,6 +3,7 @@
 format = 1, name, [parameters], optional [intervals] (name = [low, high], 95 %), optional [controller]
 """
 
+import json
 import os
 import tomllib
 from collections.abc import Mapping
@@ -169,24 +170,29 @@ def _rotated(values: list[float], angle: float) -> tuple[float, float, float]:
     return along * c * c + across * s * s, along * s * s + across * c * c, (along - across) * c * s
 
 
+def _digits(value: float) -> str:
+    # A numpy float has another repr than the float that it is.
+    return repr(value) if isinstance(value, int) else repr(float(value))
+
+
+def _quoted(text: str) -> str:
+    # JSON's escapes are TOML's, but for DEL, which JSON leaves as it is.
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
 def write_device(device: Device, path: Path, note: str = "") -> None:
     """Writes a device file that ``load_device`` reads back to the last bit, each number with its unit. An existing
     file is replaced whole."""
     units = {name: device.model.parameter(name).unit for name in device.parameters}
-    lines = [*(f"# {line}" for line in note.splitlines()), f"format = {FORMAT}", f'name = "{device.name}"']
-    lines += ["", "[parameters]", *(f"{name} = {value!r} # {units[name]}" for name, value in device.parameters.items())]
+    lines = [*(f"# {line}" for line in note.splitlines()), f"format = {FORMAT}", f"name = {_quoted(device.name)}"]
+    lines += ["", "[parameters]"]
+    lines += [f"{name} = {_digits(value)} # {units[name]}" for name, value in device.parameters.items()]
     if device.intervals:
-        lines += [
-            "",
-            "[intervals]",
-            *(f"{name} = [{low!r}, {high!r}]" for name, (low, high) in device.intervals.items()),
-        ]
+        lines += ["", "[intervals]"]
+        lines += [f"{name} = [{_digits(low)}, {_digits(high)}]" for name, (low, high) in device.intervals.items()]
     if device.controller:
-        lines += [
-            "",
-            "[controller]",
-            *(f"{name} = {value!r} # {CONTROLLER_UNITS[name]}" for name, value in device.controller.items()),
-        ]
+        lines += ["", "[controller]"]
+        lines += [f"{name} = {_digits(value)} # {CONTROLLER_UNITS[name]}" for name, value in device.controller.items()]
     beside = path.with_name(path.name + ".part")
     beside.write_text("\n".join(lines) + "\n", encoding="utf-8")
     os.replace(beside, path)

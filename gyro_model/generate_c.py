@@ -36,7 +36,9 @@ class _Printer(C99CodePrinter):
 
     def _print_Mul(self, expr: Expr) -> str:
         # A power below the line is one factor: a/x**2 would print as a/x*x.
-        below = {f: 1 / Symbol(f"({self._print(1 / f)})") for f in expr.args if f.is_Pow and f.exp.is_Integer and f.exp < -1}
+        below = {
+            f: 1 / Symbol(f"({self._print(1 / f)})") for f in expr.args if f.is_Pow and f.exp.is_Integer and f.exp < -1
+        }
         return str(super()._print_Mul(expr.xreplace(below)))
 
     def _print_Pi(self, expr: Expr) -> str:

@@ -51,7 +51,8 @@ class Quantity:
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
             raise InputError(f"{self.name} = {value!r}: give a finite number in {self.unit}")
         if not self.low <= value <= self.high:
-            raise InputError(f"{self.name} = {value:g}: give a number from {self.low:g} to {self.high:g} in {self.unit}")
+            bounds = f"from {self.low:g} to {self.high:g}"
+            raise InputError(f"{self.name} = {value:g}: give a number {bounds} in {self.unit}")
         if self.integer and value != int(value):
             raise InputError(f"{self.name} = {value:g}: give a whole number")
         return float(value)

@@ -92,12 +92,13 @@ class _Simulation:
             arguments, [expr.subs(self.by_symbol) for expr in exprs], modules=[{"nearest_integer": np.rint}, "numpy"]
         )
 
-    def _context(self, k: int, t: float, u: tuple[float, float]) -> tuple[list[float], ...]:
+    def _context(self, k: int, t: float, u: tuple[float, float], sample: int) -> tuple[list[float], ...]:
+        """What holds at time ``t``: the inputs of index ``k``, the force ``u``, the noise of ``sample``, the switches."""
         held = [
             u[0] if name == "u_x" else u[1] if name == "u_y" else float(values[k])
             for name, values in self.inputs.items()
         ]
-        drawn = [number for e in self.dynamics.effects for number in self.normals(e.id, k)]
+        drawn = [number for e in self.dynamics.effects for number in self.normals(e.id, sample)]
         switches = [
             float(isinstance(e, Law) and e.event is not None and t >= self.values[e.event.name])
             for e in self.dynamics.effects
@@ -125,7 +126,9 @@ class _Simulation:
         state[:4] = [self.values[f"{name}_start"] for name in self.names[:4]]
         acting = self._force(self.t[0])
         if self.lag > 0:
-            state[-2:] = self.voltage(self.t[0], state[: len(self.names)], [0, 0], *self._context(0, self.t[0], acting))
+            state[-2:] = self.voltage(
+                self.t[0], state[: len(self.names)], [0, 0], *self._context(0, self.t[0], acting, 0)
+            )
         rows = []
         for k, t in enumerate(self.t):
             rows.append(self._row(k, t, state, acting))
@@ -138,13 +141,14 @@ class _Simulation:
         return dict(zip(("v_x", "v_y", *self.names), columns, strict=True))
 
     def _row(self, k: int, t: float, state: Floats, acting: tuple[float, float]) -> list[float]:
+        # The inputs are those held until now, the noise is that of this sample.
         own = state[: len(self.names)]
-        context = self._context(k, t, acting)
+        context = self._context(max(k - 1, 0), t, acting, k)
         v = state[-2:] if self.lag > 0 else self.voltage(t, own, [0, 0], *context)
         return [*self.sample(t, own, v, *context), *own]
 
     def _advance(self, k: int, begin: float, end: float, state: Floats, acting: tuple[float, float]) -> Floats:
-        context = self._context(k, 0.5 * (begin + end), acting)
+        context = self._context(k, 0.5 * (begin + end), acting, k)
         n = len(self.names)
 
         def rate(t: float, s: Floats) -> list[float]:
@@ -176,7 +180,7 @@ def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Map
     rows = [state]
     for k in range(len(t) - 1):
         acting = simulation._force(0.5 * (t[k] + t[k + 1]))
-        context = simulation._context(k, 0.5 * (t[k] + t[k + 1]), acting)
+        context = simulation._context(k, 0.5 * (t[k] + t[k + 1]), acting, k)
 
         def rate(time: float, s: Floats, context: tuple[list[float], ...] = context) -> Floats:
             own, derivative = s[:n], s[n:].reshape(n, -1)

@@ -58,16 +58,17 @@ def dimension(unit: str) -> Dimension:
 
     Raises InputError where a factor is not a unit of the table ``UNITS``.
     """
-    numerator, _, denominator = unit.partition("/")
+    numerator, slash, denominator = unit.partition("/")
     result = _product(numerator, unit)
-    if denominator:
+    if slash:
         result = result * _product(denominator.strip("()"), unit) ** Fraction(-1)
     return result
 
 
 def _product(text: str, unit: str) -> Dimension:
     result = Dimension()
-    for factor in text.split("."):
+    # A dot before a digit is a decimal point, as in Hz0.5.
+    for factor in re.split(r"\.(?!\d)", text):
         match = _FACTOR.fullmatch(factor)
         if match is None or match[1] not in UNITS:
             raise InputError(f"unit {unit!r}: factor {factor!r} is unknown{nearest(factor, UNITS)}")

@@ -75,6 +75,23 @@ static inline void effect_suspension(const gyro_view *g, double force[2])
     force[1] += -kxy*x - kyy*y;
 }
 
+/* The Coriolis coupling of a real structure is a part of that of a point mass.
+
+       2 m Ω → 2 λ m Ω, so that F_x = 2 (λ - 1) m Ω y', F_y = -2 (λ - 1) m Ω x' is added
+
+   A ring has λ = 0.4 or less, a mass that moves whole has 1 (D. D. Lynch, Coriolis vibratory gyroscopes, IEEE Std
+   1431-2004, annex B). The pattern turns by -λ∫Ω dt. */
+static inline void effect_angular_gain(const gyro_view *g, double force[2])
+{
+    const double angular_gain = g->p[GYRO_ANGULAR_GAIN];
+    const double m = g->p[GYRO_M];
+    const double omega_z = g->p[GYRO_OMEGA_Z];
+    const double x_dot = g->s[GYRO_STATE_X_DOT];
+    const double y_dot = g->s[GYRO_STATE_Y_DOT];
+    force[0] += m*omega_z*y_dot*(2*angular_gain - 2);
+    force[1] += m*omega_z*x_dot*(2 - 2*angular_gain);
+}
+
 /* Cubic (Duffing) stiffness of the suspension, axis by axis.
 
        F_x = -k3_x x³,  F_y = -k3_y y³
@@ -90,6 +107,39 @@ static inline void effect_cubic_stiffness(const gyro_view *g, double force[2])
     const double y = g->s[GYRO_STATE_Y];
     force[0] += -k3_x*x*x*x;
     force[1] += -k3_y*y*y*y;
+}
+
+/* Parallel-plate electrodes at a bias voltage pull the mass away from the centre.
+
+       F_q = a V² q/(1 - (q/g)²)², q = x, y, V = v_bias
+
+   Two plates at gap g: F = εA V²/2 · [1/(g - q)² - 1/(g + q)²], a = 2 εA/g³ (S. D. Senturia, Microsystem Design, 2001,
+   section 6.4). */
+static inline void effect_electrostatic_softening(const gyro_view *g, double force[2])
+{
+    const double electrode_gap = g->p[GYRO_ELECTRODE_GAP];
+    const double softening = g->p[GYRO_SOFTENING];
+    const double v_bias = g->p[GYRO_V_BIAS];
+    const double x = g->s[GYRO_STATE_X];
+    const double y = g->s[GYRO_STATE_Y];
+    force[0] += softening*v_bias*v_bias*x/((1 - x*x/(electrode_gap*electrode_gap))*(1 - x*x/(electrode_gap*electrode_gap)));
+    force[1] += softening*v_bias*v_bias*y/((1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap)));
+}
+
+/* The package accelerates, and the mass lags behind.
+
+       F_x = c_x m a_x,  F_y = c_y m a_y; physically c = -1, a tuning fork's two tines cancel most of it
+
+   SYSTEM.md section 8. */
+static inline void effect_linear_acceleration(const gyro_view *g, double force[2])
+{
+    const double a_x = g->p[GYRO_A_X];
+    const double a_y = g->p[GYRO_A_Y];
+    const double acceleration_gain_x = g->p[GYRO_ACCELERATION_GAIN_X];
+    const double acceleration_gain_y = g->p[GYRO_ACCELERATION_GAIN_Y];
+    const double m = g->p[GYRO_M];
+    force[0] += a_x*acceleration_gain_x*m;
+    force[1] += a_y*acceleration_gain_y*m;
 }
 
 /* Damping that grows with the square of the displacement, axis by axis (van der Pol form).
@@ -128,6 +178,22 @@ static inline void effect_parasitic_mode(const gyro_view *g, double force[2], do
     force[0] += -parasitic*parasitic_coupling;
     rate[GYRO_STATE_PARASITIC] = parasitic_dot;
     rate[GYRO_STATE_PARASITIC_DOT] = -4*3.141592653589793*3.141592653589793*parasitic*parasitic_frequency*parasitic_frequency - 2*3.141592653589793*parasitic_dot*parasitic_frequency/parasitic_q - parasitic_coupling*x/m;
+}
+
+/* Quadratic stiffness of the suspension, axis by axis: one that is not the same in both directions.
+
+       F_x = -k2_x x²,  F_y = -k2_y y²
+
+   Bent beams and one-sided electrodes do this. A vibration of amplitude A shifts its mean by -k2 A²/(2 k) (A. H. Nayfeh,
+   D. T. Mook, Nonlinear Oscillations, 1979, section 2.3). */
+static inline void effect_quadratic_stiffness(const gyro_view *g, double force[2])
+{
+    const double k2_x = g->p[GYRO_K2_X];
+    const double k2_y = g->p[GYRO_K2_Y];
+    const double x = g->s[GYRO_STATE_X];
+    const double y = g->s[GYRO_STATE_Y];
+    force[0] += -k2_x*x*x;
+    force[1] += -k2_y*y*y;
 }
 
 /* Mechanical-thermal noise: the white force that keeps a damped mass at temperature T.
@@ -169,6 +235,74 @@ static inline void effect_damping_step(gyro_view *g)
     g->p[GYRO_DXY] = dxy*(after*(damping_step_factor - 1) + 1);
 }
 
+/* Charge collects in the dielectric of the electrodes and adds to the bias voltage.
+
+       v_bias → v_bias + V_c (1 - exp(-t/τ)); acts where softening ≠ 0
+
+   SYSTEM.md section 8. */
+static inline void effect_dielectric_charging(gyro_view *g)
+{
+    const double charging_time = g->p[GYRO_CHARGING_TIME];
+    const double charging_voltage = g->p[GYRO_CHARGING_VOLTAGE];
+    const double t = g->t;
+    const double v_bias = g->p[GYRO_V_BIAS];
+    g->p[GYRO_V_BIAS] = charging_voltage*(1 - exp(-t/charging_time)) + v_bias;
+}
+
+/* All damping changes with the temperature of the structure: the gas of a sealed cavity becomes more viscous.
+
+       d → d (1 + tcd ΔT), ΔT = T_structure - t_ref
+
+   Source 003, eq. 6 (Q falls as T rises at constant P/T); SYSTEM.md section 6. */
+static inline void effect_thermal_damping(gyro_view *g)
+{
+    const double dxx = g->p[GYRO_DXX];
+    const double dxy = g->p[GYRO_DXY];
+    const double dyy = g->p[GYRO_DYY];
+    const double t_ref = g->p[GYRO_T_REF];
+    const double tcd = g->p[GYRO_TCD];
+    const double temperature_structure = g->p[GYRO_TEMPERATURE_STRUCTURE];
+    g->p[GYRO_DXX] = dxx*(tcd*(-t_ref + temperature_structure) + 1);
+    g->p[GYRO_DYY] = dyy*(tcd*(-t_ref + temperature_structure) + 1);
+    g->p[GYRO_DXY] = dxy*(tcd*(-t_ref + temperature_structure) + 1);
+}
+
+/* The gain of both pickoffs changes with the temperature of the circuit.
+
+       G → G (1 + tcg (T_circuit - t_ref))
+
+   SYSTEM.md sections 6 and 8. */
+static inline void effect_thermal_gain(gyro_view *g)
+{
+    const double sense_gain_x = g->p[GYRO_SENSE_GAIN_X];
+    const double sense_gain_y = g->p[GYRO_SENSE_GAIN_Y];
+    const double t_ref = g->p[GYRO_T_REF];
+    const double tcg = g->p[GYRO_TCG];
+    const double temperature_circuit = g->p[GYRO_TEMPERATURE_CIRCUIT];
+    g->p[GYRO_SENSE_GAIN_X] = sense_gain_x*(tcg*(-t_ref + temperature_circuit) + 1);
+    g->p[GYRO_SENSE_GAIN_Y] = sense_gain_y*(tcg*(-t_ref + temperature_circuit) + 1);
+}
+
+/* Stiffness changes with the temperature of the structure, y by another rate than x.
+
+       kxx, kxy → (1 + tck ΔT), kyy → (1 + (tck + tck_split) ΔT), ΔT = T_structure - t_ref
+
+   Source 003, k(T) = k0 [1 - α (T - T0)], so that f(T) ≈ f0 [1 - ½ α (T - T0)]: tck = -α. For silicon tck is about
+   -6e-5 /K. */
+static inline void effect_thermal_stiffness(gyro_view *g)
+{
+    const double kxx = g->p[GYRO_KXX];
+    const double kxy = g->p[GYRO_KXY];
+    const double kyy = g->p[GYRO_KYY];
+    const double t_ref = g->p[GYRO_T_REF];
+    const double tck = g->p[GYRO_TCK];
+    const double tck_split = g->p[GYRO_TCK_SPLIT];
+    const double temperature_structure = g->p[GYRO_TEMPERATURE_STRUCTURE];
+    g->p[GYRO_KXX] = kxx*(tck*(-t_ref + temperature_structure) + 1);
+    g->p[GYRO_KXY] = kxy*(tck*(-t_ref + temperature_structure) + 1);
+    g->p[GYRO_KYY] = kyy*((-t_ref + temperature_structure)*(tck + tck_split) + 1);
+}
+
 /* The ideal pickoff: a voltage in proportion to the displacement of each axis.
 
        v = G q
@@ -182,6 +316,50 @@ static inline void effect_ideal_pickoff(const gyro_view *g, double out[2])
     const double sense_gain_y = g->p[GYRO_SENSE_GAIN_Y];
     out[0] = q_x*sense_gain_x;
     out[1] = q_y*sense_gain_y;
+}
+
+/* The y actuator gives another force than commanded.
+
+       u_y → u_y (1 + ε)
+
+   SYSTEM.md section 8. */
+static inline void effect_actuator_gain_mismatch(const gyro_view *g, double out[2])
+{
+    const double actuator_gain_mismatch = g->p[GYRO_ACTUATOR_GAIN_MISMATCH];
+    const double u_x = g->u[0];
+    const double u_y = g->u[1];
+    out[0] = u_x;
+    out[1] = u_y*(actuator_gain_mismatch + 1);
+}
+
+/* Each actuator also pushes along the other axis.
+
+       u_x → u_x + ε u_y, u_y → u_y + ε u_x
+
+   SYSTEM.md section 8. */
+static inline void effect_actuator_misalignment(const gyro_view *g, double out[2])
+{
+    const double actuator_misalignment = g->p[GYRO_ACTUATOR_MISALIGNMENT];
+    const double u_x = g->u[0];
+    const double u_y = g->u[1];
+    out[0] = actuator_misalignment*u_y + u_x;
+    out[1] = actuator_misalignment*u_x + u_y;
+}
+
+/* The force is not proportional to the command.
+
+       u → u + a2 u² + a3 u³
+
+   Electrostatic actuators pull with the square of the voltage; what linearisation leaves is a2 and a3.
+   SYSTEM.md section 8. */
+static inline void effect_actuator_nonlinearity(const gyro_view *g, double out[2])
+{
+    const double actuator_a2 = g->p[GYRO_ACTUATOR_A2];
+    const double actuator_a3 = g->p[GYRO_ACTUATOR_A3];
+    const double u_x = g->u[0];
+    const double u_y = g->u[1];
+    out[0] = actuator_a2*u_x*u_x + actuator_a3*u_x*u_x*u_x + u_x;
+    out[1] = actuator_a2*u_y*u_y + actuator_a3*u_y*u_y*u_y + u_y;
 }
 
 /* The converter saturates.
@@ -242,6 +420,22 @@ static inline void effect_amplifier_offset(const gyro_view *g, double out[2])
     out[1] = offset_y + v_y;
 }
 
+/* The drive voltage couples into the amplifier's input past the mass.
+
+       v → v + c_ft u, with the force that has acted until the sample
+
+   SYSTEM.md section 8. */
+static inline void effect_drive_feedthrough(const gyro_view *g, double out[2])
+{
+    const double feedthrough = g->p[GYRO_FEEDTHROUGH];
+    const double u_x = g->u[0];
+    const double u_y = g->u[1];
+    const double v_x = g->v[0];
+    const double v_y = g->v[1];
+    out[0] = feedthrough*u_x + v_x;
+    out[1] = feedthrough*u_y + v_y;
+}
+
 /* A capacitance to ground at the amplifier's input takes a part of the charge.
 
        v → v/(1 + r), r = c_p/(A c_f), c_f the feedback capacitance and A the open-loop gain
@@ -268,6 +462,20 @@ static inline void effect_pickoff_gain_mismatch(const gyro_view *g, double out[2
     const double v_y = g->v[1];
     out[0] = v_x;
     out[1] = v_y*(pickoff_gain_mismatch + 1);
+}
+
+/* Each pickoff also sees the other axis.
+
+       x → x + ε y, y → y + ε x
+
+   SYSTEM.md section 8. */
+static inline void effect_pickoff_misalignment(const gyro_view *g, double out[2])
+{
+    const double pickoff_misalignment = g->p[GYRO_PICKOFF_MISALIGNMENT];
+    const double q_x = g->q[0];
+    const double q_y = g->q[1];
+    out[0] = pickoff_misalignment*q_y + q_x;
+    out[1] = pickoff_misalignment*q_x + q_y;
 }
 
 /* An unequal pair of sensing capacitors: the signal is not odd in the displacement.
@@ -324,23 +532,36 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_IDEAL_PICKOFF] = 1;
     g->active[GYRO_EFFECT_SUSPENSION] = 1;
     g->active[GYRO_EFFECT_ACTUATOR_DELAY] = g->p[GYRO_ACTUATOR_DELAY] != 0.0;
+    g->active[GYRO_EFFECT_ACTUATOR_GAIN_MISMATCH] = g->p[GYRO_ACTUATOR_GAIN_MISMATCH] != 0.0;
+    g->active[GYRO_EFFECT_ACTUATOR_MISALIGNMENT] = g->p[GYRO_ACTUATOR_MISALIGNMENT] != 0.0;
+    g->active[GYRO_EFFECT_ACTUATOR_NONLINEARITY] = g->p[GYRO_ACTUATOR_A2] != 0.0 || g->p[GYRO_ACTUATOR_A3] != 0.0;
     g->active[GYRO_EFFECT_ADC_CLIPPING] = g->p[GYRO_ADC_LIMIT] != 1e+300;
     g->active[GYRO_EFFECT_ADC_QUANTISATION] = g->p[GYRO_ADC_LSB] != 0.0;
     g->active[GYRO_EFFECT_AMPLIFIER_BANDWIDTH] = g->p[GYRO_AMPLIFIER_TIME_CONSTANT] != 0.0;
     g->active[GYRO_EFFECT_AMPLIFIER_DRIFT] = g->p[GYRO_OFFSET_DRIFT] != 0.0;
     g->active[GYRO_EFFECT_AMPLIFIER_OFFSET] = g->p[GYRO_OFFSET_X] != 0.0 || g->p[GYRO_OFFSET_Y] != 0.0;
+    g->active[GYRO_EFFECT_ANGULAR_GAIN] = g->p[GYRO_ANGULAR_GAIN] != 1.0;
     g->active[GYRO_EFFECT_CUBIC_STIFFNESS] = g->p[GYRO_K3_X] != 0.0 || g->p[GYRO_K3_Y] != 0.0;
     g->active[GYRO_EFFECT_DAMPING_STEP] = g->p[GYRO_DAMPING_STEP_FACTOR] != 1.0;
+    g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] = g->p[GYRO_CHARGING_VOLTAGE] != 0.0;
+    g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH] = g->p[GYRO_FEEDTHROUGH] != 0.0;
+    g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] = g->p[GYRO_SOFTENING] != 0.0;
+    g->active[GYRO_EFFECT_LINEAR_ACCELERATION] = g->p[GYRO_ACCELERATION_GAIN_X] != 0.0 || g->p[GYRO_ACCELERATION_GAIN_Y] != 0.0;
     g->active[GYRO_EFFECT_NONLINEAR_DAMPING] = g->p[GYRO_D2_X] != 0.0 || g->p[GYRO_D2_Y] != 0.0;
     g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE] = g->p[GYRO_PARASITIC_RATIO] != 0.0;
     g->active[GYRO_EFFECT_PARASITIC_MODE] = g->p[GYRO_PARASITIC_COUPLING] != 0.0;
     g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH] = g->p[GYRO_PICKOFF_GAIN_MISMATCH] != 0.0;
+    g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT] = g->p[GYRO_PICKOFF_MISALIGNMENT] != 0.0;
     g->active[GYRO_EFFECT_PICKOFF_MISMATCH] = g->p[GYRO_PICKOFF_MISMATCH] != 0.0;
     g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY] = g->p[GYRO_PICKOFF_INVERSE_GAP] != 0.0;
+    g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] = g->p[GYRO_K2_X] != 0.0 || g->p[GYRO_K2_Y] != 0.0;
     g->active[GYRO_EFFECT_SENSE_NOISE] = g->p[GYRO_SENSE_NOISE] != 0.0;
+    g->active[GYRO_EFFECT_THERMAL_DAMPING] = g->p[GYRO_TCD] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_FORCE] = g->p[GYRO_THERMAL_FORCE] != 0.0;
-    g->any_law = g->active[GYRO_EFFECT_DAMPING_STEP];
-    g->any_force = g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE];
+    g->active[GYRO_EFFECT_THERMAL_GAIN] = g->p[GYRO_TCG] != 0.0;
+    g->active[GYRO_EFFECT_THERMAL_STIFFNESS] = g->p[GYRO_TCK] != 0.0 || g->p[GYRO_TCK_SPLIT] != 0.0;
+    g->any_law = g->active[GYRO_EFFECT_DAMPING_STEP] || g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] || g->active[GYRO_EFFECT_THERMAL_DAMPING] || g->active[GYRO_EFFECT_THERMAL_GAIN] || g->active[GYRO_EFFECT_THERMAL_STIFFNESS];
+    g->any_force = g->active[GYRO_EFFECT_ANGULAR_GAIN] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_LINEAR_ACCELERATION] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS];
 }
 
 /* The noise stream of each effect, 0 where it draws none. It is made from the effect's id, so that a new
@@ -351,21 +572,34 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* ideal_pickoff: none */
     0u, /* suspension: none */
     0u, /* actuator_delay: none */
+    0u, /* actuator_gain_mismatch: none */
+    0u, /* actuator_misalignment: none */
+    0u, /* actuator_nonlinearity: none */
     0u, /* adc_clipping: none */
     0u, /* adc_quantisation: none */
     0u, /* amplifier_bandwidth: none */
     0u, /* amplifier_drift: none */
     0u, /* amplifier_offset: none */
+    0u, /* angular_gain: none */
     0u, /* cubic_stiffness: none */
     0u, /* damping_step: none */
+    0u, /* dielectric_charging: none */
+    0u, /* drive_feedthrough: none */
+    0u, /* electrostatic_softening: none */
+    0u, /* linear_acceleration: none */
     0u, /* nonlinear_damping: none */
     0u, /* parasitic_capacitance: none */
     0u, /* parasitic_mode: none */
     0u, /* pickoff_gain_mismatch: none */
+    0u, /* pickoff_misalignment: none */
     0u, /* pickoff_mismatch: none */
     0u, /* pickoff_nonlinearity: none */
+    0u, /* quadratic_stiffness: none */
     0x922a3e3bu, /* sense_noise */
+    0u, /* thermal_damping: none */
     0xd9b10be9u, /* thermal_force */
+    0u, /* thermal_gain: none */
+    0u, /* thermal_stiffness: none */
 };
 
 /* The time of each active effect's event [s]; the entries of the others stay as they are. */
@@ -382,8 +616,26 @@ static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES]
     g->p[GYRO_DXX] = value[GYRO_DXX];
     g->p[GYRO_DXY] = value[GYRO_DXY];
     g->p[GYRO_DYY] = value[GYRO_DYY];
+    g->p[GYRO_KXX] = value[GYRO_KXX];
+    g->p[GYRO_KXY] = value[GYRO_KXY];
+    g->p[GYRO_KYY] = value[GYRO_KYY];
+    g->p[GYRO_SENSE_GAIN_X] = value[GYRO_SENSE_GAIN_X];
+    g->p[GYRO_SENSE_GAIN_Y] = value[GYRO_SENSE_GAIN_Y];
+    g->p[GYRO_V_BIAS] = value[GYRO_V_BIAS];
     if (g->active[GYRO_EFFECT_DAMPING_STEP]) {
         effect_damping_step(g);
+    }
+    if (g->active[GYRO_EFFECT_DIELECTRIC_CHARGING]) {
+        effect_dielectric_charging(g);
+    }
+    if (g->active[GYRO_EFFECT_THERMAL_DAMPING]) {
+        effect_thermal_damping(g);
+    }
+    if (g->active[GYRO_EFFECT_THERMAL_GAIN]) {
+        effect_thermal_gain(g);
+    }
+    if (g->active[GYRO_EFFECT_THERMAL_STIFFNESS]) {
+        effect_thermal_stiffness(g);
     }
 }
 
@@ -420,14 +672,26 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
     effect_damping(g, force);
     effect_suspension(g, force);
     if (g->any_force) {
+        if (g->active[GYRO_EFFECT_ANGULAR_GAIN]) {
+            effect_angular_gain(g, force);
+        }
         if (g->active[GYRO_EFFECT_CUBIC_STIFFNESS]) {
             effect_cubic_stiffness(g, force);
+        }
+        if (g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING]) {
+            effect_electrostatic_softening(g, force);
+        }
+        if (g->active[GYRO_EFFECT_LINEAR_ACCELERATION]) {
+            effect_linear_acceleration(g, force);
         }
         if (g->active[GYRO_EFFECT_NONLINEAR_DAMPING]) {
             effect_nonlinear_damping(g, force);
         }
         if (g->active[GYRO_EFFECT_PARASITIC_MODE]) {
             effect_parasitic_mode(g, force, rate);
+        }
+        if (g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS]) {
+            effect_quadratic_stiffness(g, force);
         }
     }
     rate[GYRO_STATE_X] = g->s[GYRO_STATE_X_DOT];
@@ -439,7 +703,22 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
 /* The force from the command to the mass, after the delay. */
 static inline void actuate(gyro_view *g)
 {
-    (void)g;
+    double out[2];
+    if (g->active[GYRO_EFFECT_ACTUATOR_NONLINEARITY]) {
+        effect_actuator_nonlinearity(g, out);
+        g->u[0] = out[0];
+        g->u[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_ACTUATOR_GAIN_MISMATCH]) {
+        effect_actuator_gain_mismatch(g, out);
+        g->u[0] = out[0];
+        g->u[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_ACTUATOR_MISALIGNMENT]) {
+        effect_actuator_misalignment(g, out);
+        g->u[0] = out[0];
+        g->u[1] = out[1];
+    }
 }
 
 /* The voltage before the amplifier's lag, from the displacement. */
@@ -448,6 +727,11 @@ static inline void pick_off(gyro_view *g)
     double out[2];
     g->q[0] = g->s[GYRO_STATE_X];
     g->q[1] = g->s[GYRO_STATE_Y];
+    if (g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT]) {
+        effect_pickoff_misalignment(g, out);
+        g->q[0] = out[0];
+        g->q[1] = out[1];
+    }
     {
         const double entering[2] = {g->q[0], g->q[1]};
         double sum[2] = {entering[0], entering[1]};
@@ -474,6 +758,11 @@ static inline void pick_off(gyro_view *g)
     }
     if (g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE]) {
         effect_parasitic_capacitance(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH]) {
+        effect_drive_feedthrough(g, out);
         g->v[0] = out[0];
         g->v[1] = out[1];
     }

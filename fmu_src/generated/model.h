@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{e0775dc0-26b3-144a-a75b-8efb2bab7865}"
+#define GYRO_TOKEN "{ec80ce70-6598-62ce-df6d-60b4020a4564}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -43,28 +43,48 @@ enum {
     GYRO_SAMPLE_PERIOD = 29, /* [s] parameter: time between samples and between draws of noise */
     GYRO_SEED = 30, /* [1] parameter: seed of all noises */
     GYRO_ACTUATOR_DELAY = 31, /* [s] size: the force acts later by this */
-    GYRO_ADC_LIMIT = 32, /* [V] size: largest voltage that the converter can give */
-    GYRO_ADC_LSB = 33, /* [V] size: step of the converter */
-    GYRO_AMPLIFIER_TIME_CONSTANT = 34, /* [s] size: time constant of the charge amplifier */
-    GYRO_OFFSET_DRIFT = 35, /* [V/s] size: drift of the offset of both amplifiers */
-    GYRO_OFFSET_X = 36, /* [V] size: offset of the x amplifier */
-    GYRO_OFFSET_Y = 37, /* [V] size: offset of the y amplifier */
-    GYRO_K3_X = 38, /* [N/m3] size: cubic stiffness, x axis */
-    GYRO_K3_Y = 39, /* [N/m3] size: cubic stiffness, y axis */
-    GYRO_DAMPING_STEP_FACTOR = 40, /* [1] size: all damping multiplies by this */
-    GYRO_DAMPING_STEP_TIME = 41, /* [s] shape: instant at which the damping steps */
-    GYRO_D2_X = 42, /* [N.s/m3] size: nonlinear damping, x axis */
-    GYRO_D2_Y = 43, /* [N.s/m3] size: nonlinear damping, y axis */
-    GYRO_PARASITIC_RATIO = 44, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
-    GYRO_PARASITIC_COUPLING = 45, /* [N/m] size: spring that couples the parasitic mode to x */
-    GYRO_PARASITIC_FREQUENCY = 46, /* [Hz] shape: frequency of the parasitic mode alone */
-    GYRO_PARASITIC_Q = 47, /* [1] shape: quality factor of the parasitic mode */
-    GYRO_PICKOFF_GAIN_MISMATCH = 48, /* [1] size: relative excess of the y pickoff gain */
-    GYRO_PICKOFF_MISMATCH = 49, /* [1] size: relative mismatch of the pair of sensing capacitors */
-    GYRO_PICKOFF_INVERSE_GAP = 50, /* [1/m] size: one over the gap of the sensing capacitors */
-    GYRO_SENSE_NOISE = 51, /* [V] size: white noise, rms a sample */
-    GYRO_THERMAL_FORCE = 52, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_N_VARIABLES = 53
+    GYRO_ACTUATOR_GAIN_MISMATCH = 32, /* [1] size: relative excess of the y force */
+    GYRO_ACTUATOR_MISALIGNMENT = 33, /* [1] size: part of each force that acts on the other axis */
+    GYRO_ACTUATOR_A2 = 34, /* [1/N] size: quadratic part of the actuator curve */
+    GYRO_ACTUATOR_A3 = 35, /* [1/N2] size: cubic part of the actuator curve */
+    GYRO_ADC_LIMIT = 36, /* [V] size: largest voltage that the converter can give */
+    GYRO_ADC_LSB = 37, /* [V] size: step of the converter */
+    GYRO_AMPLIFIER_TIME_CONSTANT = 38, /* [s] size: time constant of the charge amplifier */
+    GYRO_OFFSET_DRIFT = 39, /* [V/s] size: drift of the offset of both amplifiers */
+    GYRO_OFFSET_X = 40, /* [V] size: offset of the x amplifier */
+    GYRO_OFFSET_Y = 41, /* [V] size: offset of the y amplifier */
+    GYRO_ANGULAR_GAIN = 42, /* [1] size: Coriolis coupling relative to that of a point mass */
+    GYRO_K3_X = 43, /* [N/m3] size: cubic stiffness, x axis */
+    GYRO_K3_Y = 44, /* [N/m3] size: cubic stiffness, y axis */
+    GYRO_DAMPING_STEP_FACTOR = 45, /* [1] size: all damping multiplies by this */
+    GYRO_DAMPING_STEP_TIME = 46, /* [s] shape: instant at which the damping steps */
+    GYRO_CHARGING_VOLTAGE = 47, /* [V] size: what the charge adds to the bias voltage in the end */
+    GYRO_CHARGING_TIME = 48, /* [s] shape: time constant of charging */
+    GYRO_FEEDTHROUGH = 49, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
+    GYRO_SOFTENING = 50, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
+    GYRO_ELECTRODE_GAP = 51, /* [m] shape: gap of the electrodes */
+    GYRO_ACCELERATION_GAIN_X = 52, /* [1] size: part of the package's acceleration that moves the mass, x axis */
+    GYRO_ACCELERATION_GAIN_Y = 53, /* [1] size: part of the package's acceleration that moves the mass, y axis */
+    GYRO_D2_X = 54, /* [N.s/m3] size: nonlinear damping, x axis */
+    GYRO_D2_Y = 55, /* [N.s/m3] size: nonlinear damping, y axis */
+    GYRO_PARASITIC_RATIO = 56, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
+    GYRO_PARASITIC_COUPLING = 57, /* [N/m] size: spring that couples the parasitic mode to x */
+    GYRO_PARASITIC_FREQUENCY = 58, /* [Hz] shape: frequency of the parasitic mode alone */
+    GYRO_PARASITIC_Q = 59, /* [1] shape: quality factor of the parasitic mode */
+    GYRO_PICKOFF_GAIN_MISMATCH = 60, /* [1] size: relative excess of the y pickoff gain */
+    GYRO_PICKOFF_MISALIGNMENT = 61, /* [1] size: part of each displacement that the other pickoff sees */
+    GYRO_PICKOFF_MISMATCH = 62, /* [1] size: relative mismatch of the pair of sensing capacitors */
+    GYRO_PICKOFF_INVERSE_GAP = 63, /* [1/m] size: one over the gap of the sensing capacitors */
+    GYRO_K2_X = 64, /* [N/m2] size: quadratic stiffness, x axis */
+    GYRO_K2_Y = 65, /* [N/m2] size: quadratic stiffness, y axis */
+    GYRO_SENSE_NOISE = 66, /* [V] size: white noise, rms a sample */
+    GYRO_TCD = 67, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 68, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 69, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_TCK = 70, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 71, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 72, /* [K] shape: temperature at which parameters are as given */
+    GYRO_N_VARIABLES = 73
 };
 
 /* Continuous states. */
@@ -85,22 +105,35 @@ enum {
     GYRO_EFFECT_IDEAL_PICKOFF = 2,
     GYRO_EFFECT_SUSPENSION = 3,
     GYRO_EFFECT_ACTUATOR_DELAY = 4,
-    GYRO_EFFECT_ADC_CLIPPING = 5,
-    GYRO_EFFECT_ADC_QUANTISATION = 6,
-    GYRO_EFFECT_AMPLIFIER_BANDWIDTH = 7,
-    GYRO_EFFECT_AMPLIFIER_DRIFT = 8,
-    GYRO_EFFECT_AMPLIFIER_OFFSET = 9,
-    GYRO_EFFECT_CUBIC_STIFFNESS = 10,
-    GYRO_EFFECT_DAMPING_STEP = 11,
-    GYRO_EFFECT_NONLINEAR_DAMPING = 12,
-    GYRO_EFFECT_PARASITIC_CAPACITANCE = 13,
-    GYRO_EFFECT_PARASITIC_MODE = 14,
-    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 15,
-    GYRO_EFFECT_PICKOFF_MISMATCH = 16,
-    GYRO_EFFECT_PICKOFF_NONLINEARITY = 17,
-    GYRO_EFFECT_SENSE_NOISE = 18,
-    GYRO_EFFECT_THERMAL_FORCE = 19,
-    GYRO_N_EFFECTS = 20
+    GYRO_EFFECT_ACTUATOR_GAIN_MISMATCH = 5,
+    GYRO_EFFECT_ACTUATOR_MISALIGNMENT = 6,
+    GYRO_EFFECT_ACTUATOR_NONLINEARITY = 7,
+    GYRO_EFFECT_ADC_CLIPPING = 8,
+    GYRO_EFFECT_ADC_QUANTISATION = 9,
+    GYRO_EFFECT_AMPLIFIER_BANDWIDTH = 10,
+    GYRO_EFFECT_AMPLIFIER_DRIFT = 11,
+    GYRO_EFFECT_AMPLIFIER_OFFSET = 12,
+    GYRO_EFFECT_ANGULAR_GAIN = 13,
+    GYRO_EFFECT_CUBIC_STIFFNESS = 14,
+    GYRO_EFFECT_DAMPING_STEP = 15,
+    GYRO_EFFECT_DIELECTRIC_CHARGING = 16,
+    GYRO_EFFECT_DRIVE_FEEDTHROUGH = 17,
+    GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 18,
+    GYRO_EFFECT_LINEAR_ACCELERATION = 19,
+    GYRO_EFFECT_NONLINEAR_DAMPING = 20,
+    GYRO_EFFECT_PARASITIC_CAPACITANCE = 21,
+    GYRO_EFFECT_PARASITIC_MODE = 22,
+    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 23,
+    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 24,
+    GYRO_EFFECT_PICKOFF_MISMATCH = 25,
+    GYRO_EFFECT_PICKOFF_NONLINEARITY = 26,
+    GYRO_EFFECT_QUADRATIC_STIFFNESS = 27,
+    GYRO_EFFECT_SENSE_NOISE = 28,
+    GYRO_EFFECT_THERMAL_DAMPING = 29,
+    GYRO_EFFECT_THERMAL_FORCE = 30,
+    GYRO_EFFECT_THERMAL_GAIN = 31,
+    GYRO_EFFECT_THERMAL_STIFFNESS = 32,
+    GYRO_N_EFFECTS = 33
 };
 
 typedef enum { GYRO_INPUT, GYRO_PARAMETER, GYRO_OUTPUT } gyro_kind;
