@@ -52,20 +52,23 @@ class Motion:
 
 
 def parameter_bound(
-    motion: Motion, noise: tuple[float, float], times: Array, prior: Prior
+    motion: Motion,
+    noise: tuple[float, float],
+    times: Array,
+    prior: Prior,
+    per_mass: bool = False,
 ) -> tuple[Array, Array]:
     """Return the bounds at `times` [s] on the seven (relative, f8[t, 7]) and omega_z (f8[t], rad/s).
 
-    noise: standard deviation of one sample along x and y [m]. Raises ValueError for a time that
-    the motion does not reach.
+    noise: standard deviation of one sample along x and y [m]; per_mass: bound k/m and d/m in place
+    of k and d, as the table of SYSTEM.md section 2 does. Raises ValueError for a time that the
+    motion does not reach.
     """
     index = np.rint(np.asarray(times) / motion.period).astype(np.int64)
     if index.size and (index.min() < 0 or index.max() >= len(motion.states)):
         last = (len(motion.states) - 1) * motion.period
-        raise ValueError(
-            f"times = {times} s: choose times from 0 to {last} s, where the motion ends"
-        )
-    covariances = _covariances(
+        raise ValueError(f"times = {times} s: choose times from 0 to {last} s, where the motion ends")
+    factors, diagonals = _covariance_factors(
         np.ascontiguousarray(motion.states),
         np.ascontiguousarray(motion.forces),
         motion.omega_z,
@@ -75,33 +78,37 @@ def parameter_bound(
         index,
         np.array([prior.omega_walk, prior.omega, prior.parameters, prior.amplitude]),
     )
-    to_physical = _physical(motion.parameters)
+    to_physical = _physical(motion.parameters, per_mass)
     bounds = np.empty((len(index), 7))
     omega = np.empty(len(index))
-    for i, covariance in enumerate(covariances):
+    for i, (u, d) in enumerate(zip(factors, diagonals, strict=True)):
+        factor = u.reshape(_SIZE, _SIZE).T
+        covariance = (factor * d) @ factor.T
         physical = to_physical @ covariance[5:, 5:] @ to_physical.T
         bounds[i] = np.sqrt(np.diag(physical)) / np.abs(motion.parameters)
         omega[i] = np.sqrt(covariance[4, 4])
     return bounds, omega
 
 
-def _physical(parameters: Array) -> Array:
-    """Return d(kxx .. dxy, m) / d(kxx/m .. dxy/m, 1/m), (7, 7)."""
+def _physical(parameters: Array, per_mass: bool) -> Array:
+    """Return d(kxx .. dxy, m) / d(kxx/m .. dxy/m, 1/m), (7, 7), with k/m as m * k/m if `per_mass`."""
     mass = parameters[6]
     jacobian = np.diag(np.full(7, mass))
-    jacobian[:6, 6] = -mass * parameters[:6]
+    if not per_mass:
+        jacobian[:6, 6] = -mass * parameters[:6]
     jacobian[6, 6] = -mass * mass
     return jacobian
 
 
 @njit(cache=True)
-def _covariances(  # type: ignore[no-untyped-def]
+def _covariance_factors(  # type: ignore[no-untyped-def]
     states, forces, omega_z, parameters, period, noise, index, prior
 ):
     size = _SIZE
     mass = parameters[6]
     theta = np.empty(8)
-    theta[1:7] = parameters[:6] / mass
+    for i in range(6):
+        theta[1 + i] = parameters[i] / mass
     theta[7] = 1.0 / mass
     u = np.zeros(size * size)
     d = np.zeros(size)
@@ -110,15 +117,19 @@ def _covariances(  # type: ignore[no-untyped-def]
     work = np.empty(WORK_SIZE)
     row = np.zeros(size)
     gain = np.empty(size)
-    result = np.zeros((len(index), size, size))
+    factors = np.zeros((len(index), size * size))
+    diagonals = np.zeros((len(index), size))
     order = taylor_order(theta, period) + 2
-    last = index.max() if len(index) else -1
+    last = -1
+    for i in index:
+        last = max(last, i)
     for k in range(last + 1):
         if k > 0:
             theta[0] = omega_z[k - 1]
             force = forces[k - 1]
             linearise(states[k - 1], theta, force[0], force[1], period, order, work)
-            row[:4] = 0.0
+            for j in range(4):
+                row[j] = 0.0
             row[4] = 1.0
             add_variance(u, d, size, 4, prior[0] ** 2 * period, row)
             predict_factors(u, d, size, work)
@@ -128,9 +139,11 @@ def _covariances(  # type: ignore[no-untyped-def]
             correct_factors(nothing, u, d, size, row, noise[axis], 0.0, gain)
         for i in range(len(index)):
             if index[i] == k:
-                factor = u.copy().reshape(size, size).T
-                result[i] = (factor * d) @ np.ascontiguousarray(factor.T)
-    return result
+                for j in range(size):
+                    diagonals[i, j] = d[j]
+                for j in range(size * size):
+                    factors[i, j] = u[j]
+    return factors, diagonals
 
 
 @njit(cache=True)

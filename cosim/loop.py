@@ -81,10 +81,13 @@ def run_block(  # type: ignore[no-untyped-def]
         )
         controller_step(controller_memory, controller_settings, t, estimate, deviation, control)
         row = rows[k]
-        row[ESTIMATE:DEVIATION] = estimate
-        row[DEVIATION:CONTROL] = deviation
-        row[CONTROL:PLANT] = control
-        row[PLANT:ROW_SIZE] = output_values
+        for i in range(ESTIMATE_SIZE):
+            row[ESTIMATE + i] = estimate[i]
+            row[DEVIATION + i] = deviation[i]
+        for i in range(OUTPUT_SIZE):
+            row[CONTROL + i] = control[i]
+        for i in range(N_OUTPUTS):
+            row[PLANT + i] = output_values[i]
         input_values[0] = control[FORCE_X]
         input_values[1] = control[FORCE_X + 1]
         input_values[2] = omega_z[k]

@@ -31,7 +31,7 @@ OMEGA_WALK: Final = 10.0
 class Result(NamedTuple):
     """What a run gives.
 
-    trace: columns of trace.parquet; start: the first milliseconds at full rate; units: the angle units, after use;
+    trace: columns of trace.parquet; start: the first milliseconds at full rate, with the true states; units: the angle units, after use;
     converged_at [s] or None; bounds: None where more acts than the bound covers; wall_time: of the loop [s].
     """
 
@@ -73,7 +73,7 @@ class Recorder:
         true_states = plant[:, -len(STATE_NAMES) :]
         if first * run.period < START_DURATION:
             count = round(START_DURATION * run.sample_rate)
-            self._start.append(_start_frame(t, true_states, estimate)[:count])
+            self._start.append(self._start_frame(t, true_states, estimate, omega_z)[:count])
         if first * run.period < BOUND_DURATION:
             self._motion.append((true_states.copy(), control[:, FORCE_X : FORCE_X + 2].copy(), omega_z))
         kept = slice(-first % self.every, None, self.every)
@@ -135,6 +135,15 @@ class Recorder:
         }
         return pl.DataFrame({name: np.ascontiguousarray(column) for name, column in columns.items()})
 
+    def _start_frame(self, t: Floats, true: Floats, estimate: Floats, omega_z: Floats) -> pl.DataFrame:
+        parameters = true_parameters(self.run.device, t)
+        columns = {"t": t, "omega_true": omega_z, "est_omega_z": estimate[:, OMEGA_Z]}
+        columns |= {f"true_{name}": true[:, i] for i, name in enumerate(STATE_NAMES)}
+        columns |= {f"est_{name}": estimate[:, i] for i, name in enumerate(STATE_NAMES)}
+        columns |= {f"true_{name}": parameters[name] for name in PARAMETER_NAMES}
+        columns |= {f"est_{name}": estimate[:, KXX + i] for i, name in enumerate(PARAMETER_NAMES)}
+        return pl.DataFrame({name: np.ascontiguousarray(column) for name, column in columns.items()})
+
     def _bounds(self) -> Bounds | None:
         """The bound along the first part of the run; None where more acts than the nominal device and white noise."""
         device = self.run.device
@@ -165,13 +174,6 @@ def _check_finite(t: Floats, estimate: Floats) -> None:
             f"run diverged at {t[row]:.6g} s: the estimate of {ESTIMATE_NAMES[column]} is not finite; "
             "check the device and the sample rate"
         )
-
-
-def _start_frame(t: Floats, true: Floats, estimate: Floats) -> pl.DataFrame:
-    columns = {"t": t}
-    columns |= {f"true_{name}": true[:, i] for i, name in enumerate(STATE_NAMES)}
-    columns |= {f"est_{name}": estimate[:, i] for i, name in enumerate(STATE_NAMES)}
-    return pl.DataFrame({name: np.ascontiguousarray(column) for name, column in columns.items()})
 
 
 def true_parameters(device: Device, t: Floats) -> dict[str, Floats]:

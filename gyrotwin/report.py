@@ -33,7 +33,8 @@ def render(
 
     summary: content of summary.json; trace: columns of trace.parquet; filters: those of the angle
     units, and others of the same bands to compare them with; start: the first milliseconds at the
-    full sample rate, columns t, true_x .. true_y_dot, est_x .. est_y_dot (default: the trace).
+    full sample rate, with true_x .. true_y_dot, est_x .. est_y_dot beside columns of the trace
+    (default: the trace).
     """
     shown = _figures(summary, trace, bounds, filters, trace if start is None else start)
     page = _template().render(
@@ -59,14 +60,17 @@ def _figures(
     filters: Sequence[Filter],
     start: pl.DataFrame,
 ) -> list[figures.Figure]:
+    # Most of the convergence happens before the second row of the trace.
+    common = [name for name in trace.columns if name in start.columns]
+    whole = pl.concat([start[common], trace.filter(pl.col("t") > start["t"][-1])[common]])
     scenario = summary["scenario"]
     converged_at = summary["converged_at"]
     shown = [
         figures.angle_figure(trace, summary["angle"]["unit"], converged_at, scenario),
         figures.units_figure(trace, converged_at),
         figures.states_figure(start),
-        figures.parameters_figure(trace, scenario),
-        figures.relative_error_figure(trace, scenario),
+        figures.parameters_figure(whole, scenario),
+        figures.relative_error_figure(whole, scenario),
     ]
     if bounds is not None:
         shown.append(figures.bound_figure(trace, bounds, scenario))

@@ -38,6 +38,7 @@ SETTINGS: Final = {
     "update_period": 0.01,
     "agreement": 0.01,
     "jump": 0.05,
+    "turn_limit": 2e-3,
     "energy_loop": 0.0,
     "energy_rate": 20.0,
     "force_limit": 4.0,
@@ -50,7 +51,8 @@ k: stiffness of the isotropic oscillator [N/m]; tone_amplitude [N], tone_x, tone
 amplitude: of the pattern [m]; update_period: between two U_n [s]; agreement: largest relative
 change of a constant from U_n to U_n+1, and its largest relative standard deviation, at which the
 estimates count as converged; jump: once converged, a relative change of a constant that is worth
-a new U_n at a tenth of the period; energy_loop: 1 holds the energy at that of `amplitude`;
+a new U_n at a tenth of the period; turn_limit: an error of the damping that turns the pattern by no
+more than this [rad/s] counts as none (2e-3: 0.1 deg/s); energy_loop: 1 holds the energy at that of `amplitude`;
 energy_rate: its rate [1/s]; force_limit: largest feedback force over k * amplitude;
 hold_compensation, coriolis_compensation: 0 leaves them out.
 """
@@ -64,12 +66,15 @@ hold_compensation, coriolis_compensation: 0 leaves them out.
     _UPDATE_PERIOD,
     _AGREEMENT,
     _JUMP,
+    _TURN_LIMIT,
     _ENERGY_LOOP,
     _ENERGY_RATE,
     _FORCE_LIMIT,
     _HOLD,
     _CORIOLIS,
-) = range(13)
+) = range(14)
+
+_CROSS: Final = 0.1
 
 _GAIN: Final = 0  # 2 x 4: force on the state
 _MIX: Final = 8  # 2 x 2: force on what is added to the feedback
@@ -83,12 +88,29 @@ MEMORY_SIZE: Final = _SCRATCH + HOLD_SIZE
 
 
 @njit(cache=True)
+def _tolerance(settings: Array, estimate: Array, i: int, share: float) -> float:
+    """Return the change of constant i that `share` of it stands for.
+
+    A cross term may be zero: it counts as no smaller than a tenth of its geometric mean. A damping
+    error d turns the pattern by d/(2 m) at most: at a high Q a share of the damping would ask for
+    more than any record of that length can tell, and than the angle needs.
+    """
+    size = abs(estimate[KXX + i])
+    if i == 2 or i == 5:
+        size = max(size, _CROSS * sqrt(abs(estimate[KXX + i - 2] * estimate[KXX + i - 1])))
+    tolerance = share * size
+    if 3 <= i <= 5:
+        tolerance = max(tolerance, 2.0 * abs(estimate[M]) * settings[_TURN_LIMIT])
+    return tolerance
+
+
+@njit(cache=True)
 def _check(memory: Array, settings: Array, t: float, estimate: Array, deviation: Array) -> None:
     """Set `converged` once the constants agree with those of the last update and are known."""
     agree = memory[_CHECKED] != 0.0
     for i in range(7):
         value = estimate[KXX + i]
-        tolerance = settings[_AGREEMENT] * abs(value)
+        tolerance = _tolerance(settings, estimate, i, settings[_AGREEMENT])
         change = abs(value - memory[_PREVIOUS + i])
         if not (change <= tolerance and deviation[KXX + i] <= tolerance):
             agree = False
@@ -104,7 +126,7 @@ def _has_jumped(memory: Array, settings: Array, estimate: Array, deviation: Arra
     """Tell whether a constant has left the one in use by `jump` of it and 3 standard deviations."""
     for i in range(7):
         change = abs(estimate[KXX + i] - memory[_IN_USE + i])
-        limit = settings[_JUMP] * abs(memory[_IN_USE + i])
+        limit = _tolerance(settings, memory[_IN_USE - KXX :], i, settings[_JUMP])
         if change > max(limit, 3.0 * deviation[KXX + i]):
             return True
     return False
@@ -116,7 +138,8 @@ def _form(memory: Array, settings: Array, estimate: Array) -> None:
     # A positive mass and stiffness are all the formulas need; until then keep the last signal.
     if not (estimate[M] > 0.0):
         return
-    memory[_IN_USE : _IN_USE + 7] = estimate[KXX : KXX + 7]
+    for i in range(7):
+        memory[_IN_USE + i] = estimate[KXX + i]
     gain = memory[_GAIN:_MIX]
     mix = memory[_MIX:_PHASOR]
     scratch = memory[_SCRATCH:]
@@ -172,9 +195,12 @@ def _step(memory, settings, t, estimate, deviation, output):  # type: ignore[no-
     if memory[_COUNT] % every == 0.0:
         _check(memory, settings, t, estimate, deviation)
         _form(memory, settings, estimate)
-    elif memory[_CONVERGED] != 0.0 and memory[_COUNT] % max(every // 10, 1) == 0.0:
-        if _has_jumped(memory, settings, estimate, deviation):
-            _form(memory, settings, estimate)
+    elif (
+        memory[_CONVERGED] != 0.0
+        and memory[_COUNT] % max(every // 10, 1) == 0.0
+        and _has_jumped(memory, settings, estimate, deviation)
+    ):
+        _form(memory, settings, estimate)
     memory[_COUNT] += 1.0
     mass = memory[_IN_USE + 6]
     omega_z = estimate[OMEGA_Z]

@@ -33,6 +33,7 @@ _THETA: Final = 24
 _RATE: Final = 32  # 2 x 4 and 2 x 2: feedback before the solve
 _LINEAR: Final = 44  # 8 x 9
 _WORK: Final = _LINEAR + 72
+_ROUNDS: Final = 4
 HOLD_SIZE: Final = _WORK + WORK_SIZE
 """Length of `scratch`."""
 
@@ -79,38 +80,57 @@ def _solve_for_force(s: Array, gain: Array, mix: Array) -> None:
 
 
 @njit(cache=True)
-def _make_isotropic(
-    omega_squared: float, omega_z: float, period: float, gain: Array, s: Array
-) -> None:
+def _mode(omega: float, gain: Array, s: Array, a: int, b: int, twin: bool) -> complex:
+    """Return l_a (phi + force gain) r_b, or with the conjugate of r_b (`twin`).
+
+    r = (1, i omega) and l = (1, -i / omega) / 2 on axis a, b: the oscillator turning exp(i omega t).
+    """
+    total = 0.0j
+    for i in range(2):
+        left = 0.5 + 0.0j if i == 0 else complex(0.0, -0.5 / omega)
+        for j in range(2):
+            right = 1.0 + 0.0j if j == 0 else complex(0.0, -omega if twin else omega)
+            row = 2 * a + i
+            column = 2 * b + j
+            loop = s[_PHI + 4 * row + column]
+            loop += s[_FORCE + row] * gain[column]
+            loop += s[_FORCE + 4 + row] * gain[4 + column]
+            total += left * loop * right
+    return total
+
+
+@njit(cache=True)
+def _make_isotropic(omega_squared: float, omega_z: float, period: float, gain: Array, s: Array) -> None:
     """Correct `gain` so that the sampled loop turns exp(i omega T), and by -omega_z T in the plane.
 
-    With right and left vectors r = (1, i omega), l = (1, -i / omega) / 2 of the oscillator, the
-    slow motion sees only l (phi + force gain)_ab r, for the four pairs of axes a, b. A change
-    of the gain by dk + dd d/dt moves that by (l force_a) (dk + i omega dd): one division each.
+    The slow motion sees l A r between either axis, and by way of the counter-rotating motion (a
+    Schur complement, second order). A change of the gain by dk + dd d/dt moves it by
+    (l force) (dk + i omega dd): one division an entry, repeated for what is of higher order.
     """
     omega = sqrt(omega_squared)
-    wanted = complex(cos(omega * period), sin(omega * period))
-    for a in range(2):
-        push = 0.5 * complex(s[_FORCE + 4 * a + 2 * a], -s[_FORCE + 4 * a + 2 * a + 1] / omega)
-        for b in range(2):
-            total = 0.0j
-            for i in range(2):
-                left = 0.5 + 0.0j if i == 0 else complex(0.0, -0.5 / omega)
-                for j in range(2):
-                    right = 1.0 + 0.0j if j == 0 else complex(0.0, omega)
-                    row = 2 * a + i
-                    column = 2 * b + j
-                    loop = s[_PHI + 4 * row + column]
-                    loop += s[_FORCE + row] * gain[column]
-                    loop += s[_FORCE + 4 + row] * gain[4 + column]
-                    total += left * loop * right
-            if a == b:
-                total -= wanted * cos(omega_z * period)
-            else:
-                total -= wanted * sin(omega_z * period) * (b - a)
-            change = -total / push
-            gain[4 * a + 2 * b] += change.real
-            gain[4 * a + 2 * b + 1] += change.imag / omega
+    angle = omega * period
+    wanted = complex(cos(angle), sin(angle))
+    for _ in range(_ROUNDS):
+        n_00 = _mode(omega, gain, s, 0, 0, True)
+        n_01 = _mode(omega, gain, s, 0, 1, True)
+        n_10 = _mode(omega, gain, s, 1, 0, True)
+        n_11 = _mode(omega, gain, s, 1, 1, True)
+        for a in range(2):
+            push = 0.5 * complex(s[_FORCE + 6 * a], -s[_FORCE + 6 * a + 1] / omega)
+            left = n_00 if a == 0 else n_10
+            right = n_01 if a == 0 else n_11
+            for b in range(2):
+                down = (n_00 if b == 0 else n_01).conjugate()
+                up = (n_10 if b == 0 else n_11).conjugate()
+                total = _mode(omega, gain, s, a, b, False)
+                total += (left * down + right * up) / complex(0.0, 2.0 * sin(angle))
+                if a == b:
+                    total -= wanted * cos(omega_z * period)
+                else:
+                    total -= wanted * sin(omega_z * period) * (b - a)
+                change = -total / push
+                gain[4 * a + 2 * b] += change.real
+                gain[4 * a + 2 * b + 1] += change.imag / omega
 
 
 @njit(cache=True)

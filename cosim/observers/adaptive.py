@@ -3,8 +3,9 @@
 State [x, x', y, y', theta] (theta of cosim.propagation) and, in the extended one, the sensor's
 [offset_x, offset_y, drift_x, drift_y, gain ratio, pair mismatch, 1/gap]. Lengths are metres of the
 nominal gains, and y is kept as gain ratio * y, what the pickoff sees: then the unknown ratio enters
-the dynamics, where its error grows slowly, and not the measurement. The acceleration is linear in theta, so the only nonlinearity of one sample is
-(stiffness error) x (state error), far below the noise once the first sample is in.
+the dynamics, where its error grows slowly, and not the measurement. The acceleration is linear in
+theta, so all that linearising leaves out are products of two errors; early on, and with an unknown
+offset, they exceed the noise, so their variance is added to it.
 
 Three things let the estimates move. The random walk of omega_z follows the data: it grows while the
 corrections of omega_z keep one sign for a block of samples, and shrinks while they cancel. A sample
@@ -13,13 +14,63 @@ say that the constants have changed: theirs are reopened too. Beside that, old s
 """
 
 from math import exp, sqrt
-from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
 from cosim.layout import KXX, OFFSET_X, OMEGA_Z, M
+from cosim.observers.adaptive_layout import (
+    BLOCK,
+    BOLTZMANN,
+    COUNT,
+    DESIGN,
+    DRIFT,
+    EXTENDED,
+    GAIN,
+    GAIN_X,
+    GAIN_Y,
+    GAP,
+    GAP_DEVIATION,
+    JUMP,
+    LAG,
+    MEMORY,
+    MISMATCH,
+    MISMATCH_DEVIATION,
+    NOISE_X,
+    NOISE_Y,
+    OFFSET,
+    ORDER,
+    PERIOD,
+    PLAIN,
+    RATIO,
+    RATIO_MAX,
+    RESTART_DAMPING,
+    RESTART_STIFFNESS,
+    ROW,
+    SETTLE,
+    SLACK,
+    START,
+    STROKE_MAX,
+    SUM,
+    SUM_VARIANCE,
+    SURPRISE,
+    SURPRISE_LIMIT,
+    SURPRISE_MEMORY,
+    SURPRISES,
+    TEMPERATURE,
+    THERMAL,
+    VARIANCE,
+    VELOCITY,
+    WAIT,
+    WALK,
+    WALK_MAX,
+    WALK_MIN,
+    WALK_RATE,
+    WORK,
+    D,
+    U,
+)
 from cosim.observers.kalman import (
     add_variance,
     correct_factors,
@@ -38,7 +89,6 @@ from cosim.propagation import (
     PHI,
     STATE,
     WIDTH,
-    WORK_SIZE,
     linearise,
     parameters_of,
     taylor_order,
@@ -46,103 +96,6 @@ from cosim.propagation import (
 )
 
 Array = npt.NDArray[np.float64]
-
-PLAIN: Final = 12
-EXTENDED: Final = 19
-
-SETTINGS: Final = {
-    "omega_walk_min": 0.3,
-    "omega_walk_max": 100.0,
-    "omega_walk_rate": 0.5,
-    "omega_jump": 10.0,
-    "surprise": 30.0,
-    "surprise_limit": 2.5,
-    "surprise_memory": 400.0,
-    "settle": 10.0,
-    "restart_stiffness": 1e-3,
-    "restart_damping": 1.0,
-    "memory": 5.0,
-    "thermal_force": 0.0,
-    "temperature": 298.15,
-}
-"""What the filter can be told.
-
-omega_walk_min, _max: limits of the random walk of omega_z [rad/s per sqrt(s)];
-omega_walk_rate: how fast it adapts [1/block]; omega_jump: size of a sudden change [rad/s];
-surprise: squared innovation over its variance, both axes, that counts as one;
-surprise_limit: so many within surprise_memory [samples] reopen the constants;
-settle: samples that a surprise may have taken to show; restart_stiffness, _damping: standard
-deviation, relative, of reopened k and m, and of reopened d; memory: samples of age t count
-exp(-t / memory) [s]; thermal_force: 1 expects the thermal force at `temperature` [K].
-"""
-
-EXTENDED_SETTINGS: Final = {
-    **SETTINGS,
-    "mismatch_deviation": 0.05,
-    "gap_deviation": 0.1,
-}
-"""Further: what may be wrong with the gap curve, as standard deviations: mismatch of the pair,
-and 1/g relative to its design value (it also takes up the unknowable common gain)."""
-
-(
-    _WALK_MIN,
-    _WALK_MAX,
-    _WALK_RATE,
-    _JUMP,
-    _SURPRISE,
-    _SURPRISE_LIMIT,
-    _SURPRISE_MEMORY,
-    _SETTLE,
-    _RESTART_STIFFNESS,
-    _RESTART_DAMPING,
-    _MEMORY,
-    _THERMAL,
-    _TEMPERATURE,
-    _MISMATCH_DEVIATION,
-    _GAP_DEVIATION,
-) = range(15)
-
-_LAG: Final = 0.3
-"""Typical age of a jump of omega_z when it shows, over `settle`."""
-_SLACK: Final = 0.1
-"""What that guess leaves unexplained of the state, over what a jump does to it in `settle`."""
-BLOCK: Final = 64
-"""Samples between two adaptations."""
-_RATIO_MAX: Final = 10.0
-_STROKE_MAX: Final = 0.9
-"""Largest |q| over the gap that the gap curve is used for."""
-_BOLTZMANN: Final = 1.380649e-23
-
-_OFFSET: Final = 12
-_DRIFT: Final = 14
-_RATIO: Final = 16
-_MISMATCH: Final = 17
-_GAP: Final = 18
-
-_D: Final = EXTENDED
-_U: Final = _D + EXTENDED
-_WORK: Final = _U + EXTENDED * EXTENDED
-_ROW: Final = _WORK + WORK_SIZE
-_GAIN: Final = _ROW + EXTENDED
-_DESIGN: Final = _GAIN + EXTENDED
-(
-    _GAIN_X,
-    _GAIN_Y,
-    _NOISE_X,
-    _NOISE_Y,
-    _VELOCITY,
-    _PERIOD,
-    _COUNT,
-    _ORDER,
-    _WALK,
-    _SUM,
-    _SUM_VARIANCE,
-    _SURPRISES,
-    _WAIT,
-) = range(_DESIGN, _DESIGN + 13)
-_VARIANCE: Final = _DESIGN + 13  # of the state now, of theta at the last adaptation
-_START: Final = _VARIANCE + EXTENDED
-MEMORY_SIZE: Final = _START + 10
 
 
 @njit(cache=True)
@@ -157,11 +110,13 @@ def start_filter(
 ) -> None:
     """Do `init` of cosim.observers.record for a filter of `size` states."""
     memory[:] = 0.0
-    memory[0:4] = start[0:4]
+    # Element by element: an assignment of slices takes numba a second longer to compile.
+    for i in range(4):
+        memory[i] = start[i]
     theta_of(start, memory[4:12])
     mass = start[M]
-    d = memory[_D:_U]
-    u = memory[_U:_WORK]
+    d = memory[D:U]
+    u = memory[U:WORK]
     for i in range(size):
         u[i * size + i] = 1.0
     for i in range(5):
@@ -171,34 +126,35 @@ def start_filter(
         d[5 + i] = (start_deviation[KXX + i] / mass) ** 2
         u[11 * size + 5 + i] = start[KXX + i]
     d[11] = (start_deviation[M] / mass**2) ** 2
-    memory[_GAIN_X] = sensor[SENSE_GAIN_X]
-    memory[_GAIN_Y] = sensor[SENSE_GAIN_Y]
-    memory[_NOISE_X] = (sensor[NOISE_RMS] / sensor[SENSE_GAIN_X]) ** 2
-    memory[_NOISE_Y] = (sensor[NOISE_RMS] / sensor[SENSE_GAIN_Y]) ** 2
-    memory[_VELOCITY] = sensor[SENSES_VELOCITY]
-    memory[_PERIOD] = period
-    memory[_ORDER] = taylor_order(memory[4:12], period) + 2
-    memory[_WALK] = settings[_WALK_MAX]
-    memory[_START : _START + 5] = start[OFFSET_X : OFFSET_X + 5]
-    memory[_START + 5 : _START + 10] = start_deviation[OFFSET_X : OFFSET_X + 5]
+    memory[GAIN_X] = sensor[SENSE_GAIN_X]
+    memory[GAIN_Y] = sensor[SENSE_GAIN_Y]
+    memory[NOISE_X] = (sensor[NOISE_RMS] / sensor[SENSE_GAIN_X]) ** 2
+    memory[NOISE_Y] = (sensor[NOISE_RMS] / sensor[SENSE_GAIN_Y]) ** 2
+    memory[VELOCITY] = sensor[SENSES_VELOCITY]
+    memory[PERIOD] = period
+    memory[ORDER] = taylor_order(memory[4:12], period) + 2
+    memory[WALK] = settings[WALK_MAX]
+    for i in range(5):
+        memory[START + i] = start[OFFSET_X + i]
+        memory[START + 5 + i] = start_deviation[OFFSET_X + i]
     for i in range(2):
         gain = sensor[SENSE_GAIN_X + i]
-        memory[_OFFSET + i] = start[OFFSET_X + i] / gain
-        memory[_DRIFT + i] = start[OFFSET_X + 2 + i] / gain
-    memory[_RATIO] = start[OFFSET_X + 4]
-    memory[2] *= memory[_RATIO]
-    memory[3] *= memory[_RATIO]
+        memory[OFFSET + i] = start[OFFSET_X + i] / gain
+        memory[DRIFT + i] = start[OFFSET_X + 2 + i] / gain
+    memory[RATIO] = start[OFFSET_X + 4]
+    memory[2] *= memory[RATIO]
+    memory[3] *= memory[RATIO]
     if sensor[SENSES_VELOCITY] == 0.0:
-        memory[_GAP] = sensor[INVERSE_GAP]
+        memory[GAP] = sensor[INVERSE_GAP]
     if size == EXTENDED:
         for i in range(2):
             gain = sensor[SENSE_GAIN_X + i]
-            d[_OFFSET + i] = (start_deviation[OFFSET_X + i] / gain) ** 2
-            d[_DRIFT + i] = (start_deviation[OFFSET_X + 2 + i] / gain) ** 2
-        d[_RATIO] = start_deviation[OFFSET_X + 4] ** 2
-        if memory[_GAP] > 0.0:
-            d[_MISMATCH] = settings[_MISMATCH_DEVIATION] ** 2
-            d[_GAP] = (settings[_GAP_DEVIATION] * memory[_GAP]) ** 2
+            d[OFFSET + i] = (start_deviation[OFFSET_X + i] / gain) ** 2
+            d[DRIFT + i] = (start_deviation[OFFSET_X + 2 + i] / gain) ** 2
+        d[RATIO] = start_deviation[OFFSET_X + 4] ** 2
+        if memory[GAP] > 0.0:
+            d[MISMATCH] = settings[MISMATCH_DEVIATION] ** 2
+            d[GAP] = (settings[GAP_DEVIATION] * memory[GAP]) ** 2
     _refresh(memory, size)
 
 
@@ -215,38 +171,38 @@ def step_filter(
     size: int,
 ) -> None:
     """Do `step` of cosim.observers.record for a filter of `size` states."""
-    if memory[_COUNT] > 0.0:
+    if memory[COUNT] > 0.0:
         _predict(memory, settings, u_x, u_y, size)
-    memory[_COUNT] += 1.0
-    surprise = _correct_axis(memory, 0, v_x / memory[_GAIN_X], size)
-    surprise += _correct_axis(memory, 1, v_y / memory[_GAIN_Y], size)
-    memory[_SURPRISES] *= 1.0 - 1.0 / settings[_SURPRISE_MEMORY]
-    memory[_WAIT] -= 1.0
-    if surprise > settings[_SURPRISE] and memory[_WAIT] < 0.0:
+    memory[COUNT] += 1.0
+    surprise = _correct_axis(memory, 0, v_x / memory[GAIN_X], size)
+    surprise += _correct_axis(memory, 1, v_y / memory[GAIN_Y], size)
+    memory[SURPRISES] *= 1.0 - 1.0 / settings[SURPRISE_MEMORY]
+    memory[WAIT] -= 1.0
+    if surprise > settings[SURPRISE] and memory[WAIT] < 0.0:
         _reopen(memory, settings, size)
-    if memory[_COUNT] % BLOCK == 0.0:
+    if memory[COUNT] % BLOCK == 0.0:
         _adapt(memory, settings, size)
     _write(memory, estimate, deviation, size)
 
 
 @njit(cache=True)
 def _predict(memory: Array, settings: Array, u_x: float, u_y: float, size: int) -> None:
-    u = memory[_U:_WORK]
-    d = memory[_D:_U]
-    work = memory[_WORK:_ROW]
-    row = memory[_ROW:_GAIN]
-    period = memory[_PERIOD]
-    ratio = memory[_RATIO]
+    u = memory[U:WORK]
+    d = memory[D:U]
+    work = memory[WORK:ROW]
+    row = memory[ROW:GAIN]
+    period = memory[PERIOD]
+    ratio = memory[RATIO]
     y = memory[2] / ratio
     y_dot = memory[3] / ratio
     memory[2] = y
     memory[3] = y_dot
-    linearise(memory, memory[4:12], u_x, u_y, period, int(memory[_ORDER]), work)
+    linearise(memory, memory[4:12], u_x, u_y, period, int(memory[ORDER]), work)
     for i in range(4):
         memory[i] = work[i * WIDTH + STATE]
         row[i] = 0.0
     row[4] = 1.0
-    add_variance(u, d, size, 4, memory[_WALK] ** 2 * period, row)
+    add_variance(u, d, size, 4, memory[WALK] ** 2 * period, row)
     for i in range(4):
         row[i] = -work[i * WIDTH + PHI + 2] * y - work[i * WIDTH + PHI + 3] * y_dot
     _scale_y(memory, work, row, ratio)
@@ -262,22 +218,22 @@ def _kick(memory: Array, settings: Array, u_y: float, size: int) -> None:
 
     Early on the error of k/m times that of x is far above the noise where an offset hides x.
     """
-    u = memory[_U:_WORK]
-    d = memory[_D:_U]
-    row = memory[_ROW:_GAIN]
-    period = memory[_PERIOD]
+    u = memory[U:WORK]
+    d = memory[D:U]
+    row = memory[ROW:GAIN]
+    period = memory[PERIOD]
     thermal = 0.0
-    if settings[_THERMAL] != 0.0:
+    if settings[THERMAL] != 0.0:
         # Two-sided density 2 k_B T d of the force, over the mean damping of the axes.
         damping = 0.5 * (abs(memory[8]) + abs(memory[9])) * abs(memory[11])
-        thermal = 2.0 * _BOLTZMANN * settings[_TEMPERATURE] * damping / period
-    v = memory[_VARIANCE:_START]
+        thermal = 2.0 * BOLTZMANN * settings[TEMPERATURE] * damping / period
+    v = memory[VARIANCE:START]
     cross = 4.0 * v[4] + v[10]
     product_x = v[5] * v[0] + v[7] * v[2] + v[8] * v[1] + cross * v[3]
     product_y = v[7] * v[0] + v[6] * v[2] + v[9] * v[3] + cross * v[1]
     if size == EXTENDED:
-        product_x += v[_RATIO] * v[7] * memory[2] ** 2
-        product_y += v[_RATIO] * (v[7] * memory[0] ** 2 + v[11] * u_y * u_y)
+        product_x += v[RATIO] * v[7] * memory[2] ** 2
+        product_y += v[RATIO] * (v[7] * memory[0] ** 2 + v[11] * u_y * u_y)
     row[0] = 0.5 * period
     row[1] = 1.0
     add_variance(u, d, size, 1, (thermal + 2.0 * product_x) * period * period, row)
@@ -310,104 +266,104 @@ def _scale_y(memory: Array, work: Array, by_ratio: Array, ratio: float) -> None:
 
 @njit(cache=True)
 def _predict_sensor(memory: Array, u: Array, by_ratio: Array, period: float, size: int) -> None:
-    for j in range(_RATIO, size):
+    for j in range(RATIO, size):
         for i in range(4):
-            u[j * size + i] += by_ratio[i] * u[j * size + _RATIO]
+            u[j * size + i] += by_ratio[i] * u[j * size + RATIO]
     for i in range(2):
-        memory[_OFFSET + i] += period * memory[_DRIFT + i]
-        for j in range(_DRIFT + i, size):
-            u[j * size + _OFFSET + i] += period * u[j * size + _DRIFT + i]
+        memory[OFFSET + i] += period * memory[DRIFT + i]
+        for j in range(DRIFT + i, size):
+            u[j * size + OFFSET + i] += period * u[j * size + DRIFT + i]
 
 
 @njit(cache=True)
 def _correct_axis(memory: Array, axis: int, value: float, size: int) -> float:
     """Correct with one sample [m]; return its squared innovation over the variance."""
-    u = memory[_U:_WORK]
-    row = memory[_ROW:_GAIN]
-    gain = memory[_GAIN:_DESIGN]
-    index = 2 * axis + int(memory[_VELOCITY])
-    ratio = memory[_RATIO] if axis == 1 else 1.0
-    e = memory[_MISMATCH]
-    inverse_gap = memory[_GAP]
+    u = memory[U:WORK]
+    row = memory[ROW:GAIN]
+    gain = memory[GAIN:DESIGN]
+    index = 2 * axis + int(memory[VELOCITY])
+    ratio = memory[RATIO] if axis == 1 else 1.0
+    e = memory[MISMATCH]
+    inverse_gap = memory[GAP]
     # The gap curve of SYSTEM.md section 8, q (1 + e p) / (1 - p^2) with p = q/g, times the ratio.
     q = memory[index]
-    p = min(max(inverse_gap * q / ratio, -_STROKE_MAX), _STROKE_MAX)
+    p = min(max(inverse_gap * q / ratio, -STROKE_MAX), STROKE_MAX)
     shape = 1.0 / (1.0 - p * p)
     slope = (1.0 + 2.0 * e * p + p * p) * shape * shape
-    innovation = value - q * (1.0 + e * p) * shape - memory[_OFFSET + axis]
+    innovation = value - q * (1.0 + e * p) * shape - memory[OFFSET + axis]
     for j in range(size):
         row[j] = slope * u[j * size + index]
     if size == EXTENDED:
         by_mismatch = q * p * shape
         by_gap = q * q / ratio * (e + 2.0 * p + e * p * p) * shape * shape
         by_ratio = -by_gap * inverse_gap / ratio if axis == 1 else 0.0
-        for j in range(_OFFSET + axis, size):
+        for j in range(OFFSET + axis, size):
             column = j * size
-            row[j] += u[column + _OFFSET + axis] + by_ratio * u[column + _RATIO]
-            row[j] += by_mismatch * u[column + _MISMATCH] + by_gap * u[column + _GAP]
-    d = memory[_D:_U]
-    noise = memory[_NOISE_X + axis]
+            row[j] += u[column + OFFSET + axis] + by_ratio * u[column + RATIO]
+            row[j] += by_mismatch * u[column + MISMATCH] + by_gap * u[column + GAP]
+    d = memory[D:U]
+    noise = memory[NOISE_X + axis]
     if size == EXTENDED:
         # Products of errors that the linear curve leaves out: of its slope and of q, and of q.
-        v = memory[_VARIANCE:_START]
+        v = memory[VARIANCE:START]
         by_mismatch = 2.0 * p
         by_gap = 6.0 * p * q / ratio
-        slope_variance = by_mismatch * by_mismatch * v[_MISMATCH] + by_gap * by_gap * v[_GAP]
+        slope_variance = by_mismatch * by_mismatch * v[MISMATCH] + by_gap * by_gap * v[GAP]
         bend = 2.0 * inverse_gap * (e + 3.0 * p)
         slope_variance += 0.25 * bend * bend * v[index]
         noise += 2.0 * slope_variance * v[index]
     variance = correct_factors(memory, u, d, size, row, noise, innovation, gain)
-    memory[_SUM] += gain[4] * innovation / variance
-    memory[_SUM_VARIANCE] += gain[4] * gain[4] / variance
+    memory[SUM] += gain[4] * innovation / variance
+    memory[SUM_VARIANCE] += gain[4] * gain[4] / variance
     return innovation * innovation / variance
 
 
 @njit(cache=True)
 def _reopen(memory: Array, settings: Array, size: int) -> None:
     """Reopen omega_z, and the state by what a jump of it did in `settle` samples."""
-    u = memory[_U:_WORK]
-    d = memory[_D:_U]
-    row = memory[_ROW:_GAIN]
-    memory[_SURPRISES] += 1.0
-    memory[_WAIT] = settings[_SETTLE]
-    span = settings[_SETTLE] * memory[_PERIOD]
+    u = memory[U:WORK]
+    d = memory[D:U]
+    row = memory[ROW:GAIN]
+    memory[SURPRISES] += 1.0
+    memory[WAIT] = settings[SETTLE]
+    span = settings[SETTLE] * memory[PERIOD]
     energy = memory[1] ** 2 + memory[3] ** 2
     energy += abs(memory[5]) * memory[0] ** 2 + abs(memory[6]) * memory[2] ** 2
-    velocity = (2.0 * settings[_JUMP] * span) ** 2 * energy
+    velocity = (2.0 * settings[JUMP] * span) ** 2 * energy
     for i in range(4):
         row[:] = 0.0
         row[i] = 1.0
         variance = velocity if i % 2 == 1 else velocity * (0.5 * span) ** 2
-        add_variance(u, d, size, 4, _SLACK * _SLACK * variance, row)
+        add_variance(u, d, size, 4, SLACK * SLACK * variance, row)
     # What a jump of omega_z did since: a held Coriolis acceleration for half that time.
-    lag = _LAG * settings[_SETTLE]
+    lag = LAG * settings[SETTLE]
     for i in range(4):
-        row[i] = memory[_WORK + i * WIDTH] * (lag if i % 2 == 1 else lag * lag)
+        row[i] = memory[WORK + i * WIDTH] * (lag if i % 2 == 1 else lag * lag)
     row[4] = 1.0
-    add_variance(u, d, size, 4, settings[_JUMP] ** 2, row)
-    if memory[_SURPRISES] > settings[_SURPRISE_LIMIT]:
-        memory[_SURPRISES] = 0.0
+    add_variance(u, d, size, 4, settings[JUMP] ** 2, row)
+    if memory[SURPRISES] > settings[SURPRISE_LIMIT]:
+        memory[SURPRISES] = 0.0
         _restart(memory, settings, size)
 
 
 @njit(cache=True)
 def _refresh(memory: Array, size: int) -> None:
     for i in range(4, size):
-        memory[_VARIANCE + i] = variance_of(memory[_U:_WORK], memory[_D:_U], size, i)
+        memory[VARIANCE + i] = variance_of(memory[U:WORK], memory[D:U], size, i)
 
 
 @njit(cache=True)
 def _restart(memory: Array, settings: Array, size: int) -> None:
     """Begin again with theta from its present value; what the sensor is stays known."""
-    u = memory[_U:_WORK]
-    d = memory[_D:_U]
+    u = memory[U:WORK]
+    d = memory[D:U]
     for j in range(PLAIN, size):
         d[j] = variance_of(u, d, size, j)
     for j in range(5, size):
         for i in range(j):
             u[j * size + i] = 0.0
     for i in range(5, PLAIN):
-        relative = settings[_RESTART_DAMPING] if 8 <= i <= 10 else settings[_RESTART_STIFFNESS]
+        relative = settings[RESTART_DAMPING] if 8 <= i <= 10 else settings[RESTART_STIFFNESS]
         d[i] = (relative * memory[i]) ** 2
         u[11 * size + i] = memory[i] / memory[11]
     u[11 * size + 11] = 1.0
@@ -417,33 +373,31 @@ def _restart(memory: Array, settings: Array, size: int) -> None:
 @njit(cache=True)
 def _adapt(memory: Array, settings: Array, size: int) -> None:
     """Fit the random walk of omega_z to the last block, and forget a little."""
-    ratio = _RATIO_MAX
-    if memory[_SUM_VARIANCE] > 0.0:
-        ratio = min(memory[_SUM] ** 2 / memory[_SUM_VARIANCE], _RATIO_MAX)
-    memory[_SUM] = 0.0
-    memory[_SUM_VARIANCE] = 0.0
-    walk = memory[_WALK] * exp(0.5 * settings[_WALK_RATE] * (ratio - 1.0))
-    memory[_WALK] = min(max(walk, settings[_WALK_MIN]), settings[_WALK_MAX])
-    memory[_ORDER] = taylor_order(memory[4:12], memory[_PERIOD])
-    factor = 1.0 + 0.5 * BLOCK * memory[_PERIOD] / settings[_MEMORY]
+    ratio = RATIO_MAX
+    if memory[SUM_VARIANCE] > 0.0:
+        ratio = min(memory[SUM] ** 2 / memory[SUM_VARIANCE], RATIO_MAX)
+    memory[SUM] = 0.0
+    memory[SUM_VARIANCE] = 0.0
+    walk = memory[WALK] * exp(0.5 * settings[WALK_RATE] * (ratio - 1.0))
+    memory[WALK] = min(max(walk, settings[WALK_MIN]), settings[WALK_MAX])
+    memory[ORDER] = taylor_order(memory[4:12], memory[PERIOD])
+    factor = 1.0 + 0.5 * BLOCK * memory[PERIOD] / settings[MEMORY]
     for i in range(5, size):
-        inflate(memory[_U:_WORK], memory[_D:_U], size, i, factor)
+        inflate(memory[U:WORK], memory[D:U], size, i, factor)
     _refresh(memory, size)
 
 
 @njit(cache=True)
-def _write_y(
-    memory: Array, u: Array, d: Array, estimate: Array, deviation: Array, size: int
-) -> None:
+def _write_y(memory: Array, u: Array, d: Array, estimate: Array, deviation: Array, size: int) -> None:
     """Write y and y' from ratio * y, ratio * y'."""
-    ratio = memory[_RATIO]
+    ratio = memory[RATIO]
     for i in range(2, 4):
         value = memory[i] / ratio
         variance = 0.0
         for j in range(size):
             slope = u[j * size + i]
             if size == EXTENDED:
-                slope -= value * u[j * size + _RATIO]
+                slope -= value * u[j * size + RATIO]
             variance += slope * slope * d[j]
         estimate[i] = value
         deviation[i] = sqrt(variance) / abs(ratio)
@@ -451,15 +405,15 @@ def _write_y(
 
 @njit(cache=True)
 def _write(memory: Array, estimate: Array, deviation: Array, size: int) -> None:
-    u = memory[_U:_WORK]
-    d = memory[_D:_U]
+    u = memory[U:WORK]
+    d = memory[D:U]
     parameters_of(memory[4:12], estimate)
     mass = estimate[M]
     for i in range(4):
         estimate[i] = memory[i]
-        memory[_VARIANCE + i] = variance_of(u, d, size, i)
-        deviation[i] = sqrt(memory[_VARIANCE + i])
-    if memory[_RATIO] != 1.0:
+        memory[VARIANCE + i] = variance_of(u, d, size, i)
+        deviation[i] = sqrt(memory[VARIANCE + i])
+    if memory[RATIO] != 1.0:
         _write_y(memory, u, d, estimate, deviation, size)
     deviation[OMEGA_Z] = sqrt(variance_of(u, d, size, 4))
     for i in range(6):
@@ -471,12 +425,12 @@ def _write(memory: Array, estimate: Array, deviation: Array, size: int) -> None:
         deviation[KXX + i] = abs(mass) * sqrt(variance)
     deviation[M] = mass * mass * sqrt(variance_of(u, d, size, 11))
     for i in range(5):
-        estimate[OFFSET_X + i] = memory[_START + i]
-        deviation[OFFSET_X + i] = memory[_START + 5 + i]
+        estimate[OFFSET_X + i] = memory[START + i]
+        deviation[OFFSET_X + i] = memory[START + 5 + i]
     if size == EXTENDED:
         for i in range(5):
             gain = 1.0
             if i < 4:
-                gain = memory[_GAIN_X + i % 2]
-            estimate[OFFSET_X + i] = gain * memory[_OFFSET + i]
-            deviation[OFFSET_X + i] = gain * sqrt(variance_of(u, d, size, _OFFSET + i))
+                gain = memory[GAIN_X + i % 2]
+            estimate[OFFSET_X + i] = gain * memory[OFFSET + i]
+            deviation[OFFSET_X + i] = gain * sqrt(variance_of(u, d, size, OFFSET + i))

@@ -7,7 +7,8 @@ from typing import Final
 
 from numba import njit
 
-from cosim.observers.adaptive import MEMORY_SIZE, PLAIN, SETTINGS, start_filter, step_filter
+from cosim.observers.adaptive import start_filter, step_filter
+from cosim.observers.adaptive_layout import MEMORY_SIZE, PLAIN, SETTINGS
 from cosim.observers.record import INIT_SIGNATURE, STEP_SIGNATURE, Observer
 
 

@@ -10,13 +10,8 @@ from typing import Final
 
 from numba import njit
 
-from cosim.observers.adaptive import (
-    EXTENDED,
-    EXTENDED_SETTINGS,
-    MEMORY_SIZE,
-    start_filter,
-    step_filter,
-)
+from cosim.observers.adaptive import start_filter, step_filter
+from cosim.observers.adaptive_layout import EXTENDED, EXTENDED_SETTINGS, MEMORY_SIZE
 from cosim.observers.record import INIT_SIGNATURE, STEP_SIGNATURE, Observer
 
 

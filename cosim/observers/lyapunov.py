@@ -400,10 +400,7 @@ def lyapunov_function(
     """Return V of an observer's memory, given the true state f8[4] and theta f8[8] (SI)."""
     eta, theta_error = split_error(memory, state, theta)
     whitened = np.linalg.solve(memory[_U:_D].reshape(N, N), theta_error)
-    return float(
-        energy_weight(memory, theta) * energy(eta, theta)
-        + np.sum(whitened * whitened / memory[_D:_WORK])
-    )
+    return float(energy_weight(memory, theta) * energy(eta, theta) + np.sum(whitened * whitened / memory[_D:_WORK]))
 
 
 OBSERVER: Final = Observer("lyapunov", MEMORY_SIZE, SETTINGS, _init, _step)

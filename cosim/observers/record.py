@@ -42,9 +42,7 @@ class Observer(NamedTuple):
         return settings_array(self.name, self.settings, changes)
 
 
-def settings_array(
-    owner: str, defaults: dict[str, float], changes: dict[str, float]
-) -> npt.NDArray[np.float64]:
+def settings_array(owner: str, defaults: dict[str, float], changes: dict[str, float]) -> npt.NDArray[np.float64]:
     """Return the values of `defaults` with `changes` made, in the order of `defaults`."""
     for name, value in changes.items():
         if name not in defaults:
