@@ -1,7 +1,7 @@
 """The loop around the gyroscope FMU: observers, controller, angle units, master.
 
-numba checks only the file of a compiled function for changes, not the files of what it calls. So compiled code is cached
-in a folder named after the text of the whole package: an edit anywhere compiles anew, and nothing stale runs.
+numba checks only the file of a compiled function for changes, not the files of what it calls. So compiled code is
+cached in a folder named after the text of the whole package: an edit anywhere compiles anew, and nothing stale runs.
 """
 
 import hashlib

@@ -31,8 +31,8 @@ OMEGA_WALK: Final = 10.0
 class Result(NamedTuple):
     """What a run gives.
 
-    trace: columns of trace.parquet; start: the first milliseconds at full rate, with the true states; units: the angle units, after use;
-    converged_at [s] or None; bounds: None where more acts than the bound covers; wall_time: of the loop [s].
+    trace: columns of trace.parquet; start: the first milliseconds at full rate, with the true states; units: the angle
+    units, after use; converged_at [s] or None; bounds: None where more acts than the bound covers; wall_time: of the loop [s].
     """
 
     trace: pl.DataFrame

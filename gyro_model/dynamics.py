@@ -51,25 +51,30 @@ class Dynamics:
         return (*symbols.STATES, *own)
 
     @cached_property
+    def _actuated(self) -> tuple[Expr, Expr]:
+        """The force after the actuators [N]."""
+        return self._along(("actuator curve", "actuator gain", "actuator misalignment"), symbols.u_x, symbols.u_y)
+
+    @cached_property
     def rates(self) -> tuple[Expr, ...]:
         """Time derivative of each state [SI/s]; source 000 eq. 1 with the acting forces."""
-        own, force = (
-            [],
-            list(self._along(("actuator curve", "actuator gain", "actuator misalignment"), symbols.u_x, symbols.u_y)),
-        )
+        own: list[Expr] = []
+        force = self._actuated
         for effect in self._of(Force):
             terms = self._privately(effect)
-            force = [total + terms[f"force_{axis}"] for total, axis in zip(force, "xy", strict=True)]
+            force = (force[0] + terms["force_x"], force[1] + terms["force_y"])
             own += [terms[f"d_{state.symbol.name}"] for state in effect.states]
         rates = (symbols.x_dot, force[0] / symbols.m, symbols.y_dot, force[1] / symbols.m, *own)
         return tuple(rate.subs(self._laws, simultaneous=True) for rate in rates)
 
     @cached_property
     def voltage(self) -> tuple[Expr, Expr]:
-        """Voltage before the amplifier's lag [V], from the states and the force ``u_x, u_y`` on the mass."""
+        """Voltage before the amplifier's lag [V]. What feeds through is the force as the actuators give it."""
         names = list(SLOTS)
         slots = names[names.index("pickoff misalignment") : names.index("amplifier lag")]
-        return self._lawful(self._along(slots, symbols.x, symbols.y))
+        actuated = dict(zip((symbols.u_x, symbols.u_y), self._actuated, strict=True))
+        voltage = self._along(slots, symbols.x, symbols.y)
+        return self._lawful(expr.subs(actuated, simultaneous=True) for expr in voltage)
 
     @cached_property
     def sample(self) -> tuple[Expr, Expr]:

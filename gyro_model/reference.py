@@ -93,7 +93,7 @@ class _Simulation:
         )
 
     def _context(self, k: int, t: float, u: tuple[float, float], sample: int) -> tuple[list[float], ...]:
-        """What holds at time ``t``: the inputs of index ``k``, the force ``u``, the noise of ``sample``, the switches."""
+        """What holds at ``t``: the inputs of index ``k``, the force ``u``, the noise of ``sample``, the switches."""
         held = [
             u[0] if name == "u_x" else u[1] if name == "u_y" else float(values[k])
             for name, values in self.inputs.items()
