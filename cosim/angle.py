@@ -205,7 +205,7 @@ def _orientation(x, x_dot, y, y_dot, omega_squared):  # type: ignore[no-untyped-
     return 0.5 * np.arctan2(cross, energy_x - energy_y), quality
 
 
-@njit(cache=True)
+@njit("void(f8[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[::1], f8[::1], f8[::1])", cache=True)
 def _follow(states, omega_squared, sos, memory, last, phi, quality):  # type: ignore[no-untyped-def]
     """Phi [rad], unwrapped, and quality, both through the sections (transposed direct form II).
 

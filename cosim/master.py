@@ -41,7 +41,7 @@ def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
     input_values = np.zeros(len(INPUT_NAMES))
     output_values = plant.get(OUTPUT_NAMES)
     rows = np.empty((min(size, run.samples), loop.ROW_SIZE))
-    began = time.perf_counter()
+    clock = _Clock()
     for first in range(0, run.samples, size):
         count = min(size, run.samples - first)
         omega_z = run.scenario.omega_z(first, count, run.period)
@@ -65,6 +65,26 @@ def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
         if done < count:
             raise InputError(f"run {plant.complaint()}")
         recorder.keep(first, rows[:count], omega_z)
+        clock.tick(count)
         if progress is not None:
             progress((first + count) * run.period, run.duration)
-    return recorder.result(time.perf_counter() - began)
+    return recorder.result(clock.wall_time())
+
+
+class _Clock:
+    """Wall time of the whole run at the pace after the first block, in which compiled code is still being loaded."""
+
+    def __init__(self) -> None:
+        self._times = [time.perf_counter()]
+        self._counts = [0]
+
+    def tick(self, count: int) -> None:
+        """Another block of ``count`` samples is done."""
+        self._times.append(time.perf_counter())
+        self._counts.append(self._counts[-1] + count)
+
+    def wall_time(self) -> float:
+        """Wall time [s]."""
+        first = 1 if len(self._times) > 2 else 0
+        pace = (self._times[-1] - self._times[first]) / (self._counts[-1] - self._counts[first])
+        return pace * self._counts[-1]

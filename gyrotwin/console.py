@@ -22,8 +22,8 @@ def _headline(summary: Mapping[str, Any]) -> Text:
     if converged is not None:
         text.append(milliseconds(converged), style="bold")
     text.append(
-        f"; rate error {significant(summary['omega']['rms_error'])} rad/s rms"
-        f"; {significant(summary['real_time_factor'])} x real time"
+        f"; rate {significant(summary['omega']['rms_error'])} rad/s rms"
+        f"; {significant(summary['real_time_factor'])} × real time"
     )
     return text
 
