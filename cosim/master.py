@@ -15,7 +15,7 @@ from gyro_model.errors import InputError
 Progress = Callable[[float, float], None]
 """Called with the time reached and the duration [s]."""
 
-BLOCK_DURATION: Final = 0.05
+BLOCK_DURATION: Final = 0.02
 """Length of a block [s]: short enough for Ctrl-C and progress, long enough that Python's share of the time is small."""
 
 

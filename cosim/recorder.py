@@ -1,6 +1,6 @@
 """What is kept of a run: the trace, its first samples at full rate, and what the Cramer-Rao bound needs."""
 
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -32,7 +32,8 @@ class Result(NamedTuple):
     """What a run gives.
 
     trace: columns of trace.parquet; start: the first milliseconds at full rate, with the true states; units: the angle
-    units, after use; converged_at [s] or None; bounds: None where more acts than the bound covers; wall_time: of the loop [s].
+    units, after use; converged_at [s] or None; bounds: None where more acts than the bound covers; wall_time: of the
+    loop [s].
     """
 
     trace: pl.DataFrame
@@ -51,7 +52,8 @@ class Recorder:
         self.units = make_units(run.sample_rate, run.oscillation_hz)
         self.every = max(round(run.sample_rate / run.trace_rate), 1)
         self.converged_at: float | None = None
-        self._traces: list[pl.DataFrame] = []
+        self._rows = -(-run.samples // self.every)
+        self._columns: dict[str, NDArray[Any]] = {}
         self._start: list[pl.DataFrame] = []
         self._motion: list[tuple[Floats, Floats, Floats]] = []
         self._turned = 0.0
@@ -78,12 +80,16 @@ class Recorder:
             self._motion.append((true_states.copy(), control[:, FORCE_X : FORCE_X + 2].copy(), omega_z))
         kept = slice(-first % self.every, None, self.every)
         angle_true = self._angle_true(converged, omega_z)
-        self._traces.append(self._trace(t[kept], rows[kept], omega_z[kept], angle_true[kept], angles, kept))
+        columns = self._trace(t[kept], rows[kept], omega_z[kept], angle_true[kept], angles, kept)
+        begin = -(-first // self.every)
+        for name, values in columns.items():
+            whole = self._columns.setdefault(name, np.empty(self._rows, dtype=values.dtype))
+            whole[begin : begin + len(values)] = values
 
     def result(self, wall_time: float) -> Result:
         """What has been kept, joined."""
-        trace, start = pl.concat(self._traces), pl.concat(self._start)
-        return Result(trace, start, self.units, self.converged_at, self._bounds(), wall_time)
+        start = pl.concat(self._start)
+        return Result(pl.DataFrame(self._columns), start, self.units, self.converged_at, self._bounds(), wall_time)
 
     def _angle_true(self, converged: NDArray[np.bool_], omega_z: Floats) -> Floats:
         """Integral of exactly the held rate [rad], zero at convergence and NaN before."""
@@ -111,11 +117,11 @@ class Recorder:
         angle_true: Floats,
         angles: dict[str, tuple[Floats, Floats]],
         kept: slice,
-    ) -> pl.DataFrame:
+    ) -> dict[str, NDArray[Any]]:
         estimate, control, plant = _parts(rows)
         true = true_parameters(self.run.device, t)
         angle, quality = angles[self.run.scenario.angle_unit]
-        columns = {
+        return {
             "t": t,
             "omega_true": omega_z,
             "angle_true": angle_true,
@@ -133,7 +139,6 @@ class Recorder:
             **{f"est_{name}": estimate[:, OFFSET_X + i] for i, name in enumerate(DEFECT_NAMES)},
             **{f"angle_{name}": angles[name][0][kept] for name in UNIT_NAMES},
         }
-        return pl.DataFrame({name: np.ascontiguousarray(column) for name, column in columns.items()})
 
     def _start_frame(self, t: Floats, true: Floats, estimate: Floats, omega_z: Floats) -> pl.DataFrame:
         parameters = true_parameters(self.run.device, t)

@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 LONG_RUN: Final = 1.0
 """Runs over this use the energy loop [s] (SYSTEM.md section 3)."""
 LARGEST_STEP: Final = 5e-6
-"""Internal step at most [s]: order 8 leaves 6e-12 rad after 1 s of the reference device, see benchmarks/."""
+"""Internal step at most [s]: order 8 leaves 6e-11 rad after 1 s of the reference device, see benchmarks/."""
 FINE_STEP: Final = 1e-6
 """Internal step at most where a delay or lag acts, which are resolved by it [s]."""
 

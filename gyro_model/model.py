@@ -116,7 +116,12 @@ def _load_effect(path: Path) -> Effect:
             raise InputError(f"effect file {path}: can't be loaded as Python")
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
-        spec.loader.exec_module(module)
+        try:
+            spec.loader.exec_module(module)
+        except InputError:
+            raise
+        except Exception as error:
+            raise InputError(f"effect file {path}: {type(error).__name__}: {error}") from error
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):
         raise InputError(f"effect file {path}: defines no EFFECT; assign one of Law, Force, Map, Delay, Lag to it")

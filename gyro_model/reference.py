@@ -24,6 +24,8 @@ Floats = NDArray[np.float64]
 Normals = Callable[[str, int], tuple[float, float]]
 
 TOLERANCE = 1e-12
+FAR = 1.0
+"""No device moves a metre: a simulation that does has diverged, and its steps would shrink without end."""
 
 # What counts as zero beside rtol: 1e-12 of a picometre and of its velocity at 1 kHz, of the voltage that it makes at
 # 1 V/um.
@@ -152,6 +154,8 @@ class _Simulation:
         n = len(self.names)
 
         def rate(t: float, s: Floats) -> list[float]:
+            if not (abs(s[0]) < FAR and abs(s[2]) < FAR):
+                raise InputError(f"reference diverged at {t:.9g} s: x or y is beyond {FAR:g} m; check effect sizes")
             moving = list(self.rate(t, s[:n], [0, 0], *context))
             if self.lag > 0:
                 v = self.voltage(t, s[:n], [0, 0], *context)

@@ -70,6 +70,9 @@ def run(
     ] = None,
 ) -> None:
     """Run a scenario in the closed loop and report."""
+    from gyrotwin.compiled import compile_once
+
+    compile_once(console, "ekf_extended" if sensing_defects and observer == "ekf" else observer, controller)
     from gyrotwin.console import results
     from gyrotwin.progress import shown_progress
     from gyrotwin.run import Request, execute, prepare

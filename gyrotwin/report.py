@@ -18,6 +18,8 @@ from gyrotwin import figures, numbers
 
 SI_UNITS: Final = {"k": "N/m", "d": "N·s/m", "m": "kg"}
 """By first letter of the parameter."""
+LONGEST: Final = 40_000
+"""Rows of a trace that the figures of convergence look at: more would only cost memory."""
 UNIT_OF_FILTER: Final = {"band-pass": "A", "low-pass": "B"}
 
 
@@ -62,7 +64,8 @@ def _figures(
 ) -> list[figures.Figure]:
     # Most of the convergence happens before the second row of the trace.
     common = [name for name in trace.columns if name in start.columns]
-    whole = pl.concat([start[common], trace.filter(pl.col("t") > start["t"][-1])[common]])
+    rest = trace[common].gather_every(max(len(trace) // LONGEST, 1))
+    whole = pl.concat([start[common], rest.filter(pl.col("t") > start["t"][-1])])
     scenario = summary["scenario"]
     converged_at = summary["converged_at"]
     shown = [

@@ -121,7 +121,8 @@ def execute(run: Run, folder: Path, progress: Progress | None = None) -> dict[st
         folder,
         {
             "summary.json": write_summary,
-            "trace.parquet": result.trace.write_parquet,
+            # Small groups keep the memory of the writer small.
+            "trace.parquet": lambda path: result.trace.write_parquet(path, row_group_size=20_000),
             "report.html": lambda path: render(summary, result.trace, result.bounds, filters, path, result.start),
         },
     )

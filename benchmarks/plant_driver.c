@@ -1,0 +1,81 @@
+/* The plant call as a C program makes it: opens the library of an FMI 3.0 FMU, and sets, steps and gets in a loop. The yardstick of
+   benchmarks/plant_call.py. */
+
+#include <stdint.h>
+#include <stdlib.h>
+
+#include "fmi3FunctionTypes.h"
+
+#ifdef _WIN32
+#include <windows.h>
+#define EXPORT __declspec(dllexport)
+static void *open_library(const char *path) { return (void *)LoadLibraryA(path); }
+static void *find(void *library, const char *name) { return (void *)GetProcAddress((HMODULE)library, name); }
+#else
+#include <dlfcn.h>
+#define EXPORT __attribute__((visibility("default")))
+static void *open_library(const char *path) { return dlopen(path, RTLD_NOW | RTLD_LOCAL); }
+static void *find(void *library, const char *name) { return dlsym(library, name); }
+#endif
+
+typedef struct {
+    fmi3Instance instance;
+    fmi3SetFloat64TYPE *set;
+    fmi3DoStepTYPE *step;
+    fmi3GetFloat64TYPE *get;
+    fmi3FreeInstanceTYPE *release;
+} driver;
+
+/* An object pointer becomes a function pointer, which C99 leaves to POSIX and Windows, through a copy of its bytes. */
+#define LOAD(target, library, name) (*(void **)&(target) = find(library, name))
+
+/* An initialised instance of the FMU in the library at `path`, its parameters set [SI]; NULL where any step fails. */
+EXPORT driver *driver_open(const char *path, const char *token, const uint32_t *references, const double *values, size_t count)
+{
+    fmi3InstantiateCoSimulationTYPE *instantiate;
+    fmi3EnterInitializationModeTYPE *enter;
+    fmi3ExitInitializationModeTYPE *leave;
+    void *library = open_library(path);
+    driver *d = calloc(1, sizeof *d);
+    if (library == NULL || d == NULL) {
+        free(d);
+        return NULL;
+    }
+    LOAD(instantiate, library, "fmi3InstantiateCoSimulation");
+    LOAD(enter, library, "fmi3EnterInitializationMode");
+    LOAD(leave, library, "fmi3ExitInitializationMode");
+    LOAD(d->set, library, "fmi3SetFloat64");
+    LOAD(d->step, library, "fmi3DoStep");
+    LOAD(d->get, library, "fmi3GetFloat64");
+    LOAD(d->release, library, "fmi3FreeInstance");
+    d->instance = instantiate("driver", token, NULL, 0, 0, 0, 0, NULL, 0, NULL, NULL, NULL);
+    if (d->instance == NULL || d->set(d->instance, references, count, values, count) > fmi3Warning ||
+        enter(d->instance, 0, 0.0, 0.0, 0, 0.0) > fmi3Warning || leave(d->instance) > fmi3Warning) {
+        free(d);
+        return NULL;
+    }
+    return d;
+}
+
+/* Steps first .. first + count - 1 of `period` [s] each; gives the number done. Inputs [SI] are set and outputs [SI] got at each. */
+EXPORT int64_t driver_run(driver *d, int64_t first, int64_t count, double period, const uint32_t *inputs, const double *input_values,
+                          size_t n_in, const uint32_t *outputs, double *output_values, size_t n_out)
+{
+    bool event, terminate, early;
+    double reached;
+    for (int64_t k = 0; k < count; k++) {
+        const double t = (double)(first + k) * period;
+        if (d->set(d->instance, inputs, n_in, input_values, n_in) > fmi3Warning ||
+            d->step(d->instance, t, period, 0, &event, &terminate, &early, &reached) > fmi3Warning ||
+            d->get(d->instance, outputs, n_out, output_values, n_out) > fmi3Warning) {
+            return k;
+        }
+    }
+    return count;
+}
+
+EXPORT void driver_close(driver *d)
+{
+    d->release(d->instance);
+    free(d);
+}

@@ -1,0 +1,90 @@
+"""The benchmarks run and give rows; the targets are theirs to judge."""
+
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from benchmarks import angle_lag, loop_measures, plant_call, startup, work_precision
+from benchmarks.__main__ import NAMES, command_of
+from benchmarks.closed_loop import compiled_loop, fmpy_loop
+from benchmarks.integrators import METHODS, Integrators
+from benchmarks.report import Options, Report, Row, Table, over_seeds, row, write
+from gyrotwin.run import Request, prepare
+
+
+def test_row_says_which_columns_meet_the_target():
+    assert Row("", "s", {"median": 1.0, "worst": 3.0}, limit=2.0).met == "median only"
+    assert Row("", "s", {"median": 1.0, "worst": 2.0}, limit=2.0).met == "yes"
+    assert Row("", "1", {"best": 3.0}, limit=2.0, at_least=True).met == "yes"
+    assert Row("", "1", {"plain": 9.0, "ratio": 1.0}, limit=2.0, judged=("ratio",)).met == "yes"
+    assert row("", "s", {"median": np.inf}, limit=2.0).met == "no"
+
+
+def test_median_and_worst_count_what_was_never_reached():
+    assert over_seeds([1.0, -3.0, 2.0]) == {"median": 2.0, "worst": 3.0}
+    assert over_seeds([1.0, np.inf, np.inf]) == {"median": np.inf, "worst": np.inf}
+
+
+def test_results_are_written_as_json_and_markdown(tmp_path):
+    table = Table("t", [row("never", "s", {"median": np.inf}, limit=1.0)])
+    write(Report("name", "Title", [table], ["a note"]), command_of("name", Options()), tmp_path)
+    written = json.loads((tmp_path / "name.json").read_text(encoding="utf-8"))
+    assert written["tables"][0]["rows"][0]["values"] == {"median": None}
+    assert "| never | s | – | ≤ 1 | no |  |" in (tmp_path / "name.md").read_text(encoding="utf-8")
+
+
+def test_every_benchmark_can_be_run_by_name():
+    modules = (angle_lag, loop_measures, plant_call, startup, work_precision)
+    assert {module.__name__.removeprefix("benchmarks.") for module in modules} == set(NAMES)
+    assert all(callable(module.run) for module in modules)
+
+
+def test_loop_measures_give_rows():
+    study = loop_measures.Study([1], observers=("ekf",), windows=(), duration=0.06)
+    report = loop_measures.make_report(study, jobs=1)
+    assert [table.title for table in report.tables][:2] == ["constant", "varying"]
+    assert all(table.rows for table in report.tables)
+
+
+def test_angle_lag_gives_rows():
+    # Two periods of the sine: enough to fit it.
+    assert len(angle_lag.rows([1], ["ekf"], duration=0.12, jobs=1)) == 3
+
+
+def test_plant_call_gives_rows():
+    rows = plant_call.plant_rows(calls=200, repeats=1)
+    assert all(value for line in rows for value in line.values.values())
+
+
+def test_both_loops_compute_the_same():
+    run = prepare(Request("constant"))
+    np.testing.assert_array_equal(compiled_loop(run, 50)[0], fmpy_loop(run, 50)[0])
+
+
+def test_startup_commands_run():
+    if startup.sys.platform != "win32":
+        [base] = startup.memory_rows(startup.SHORT, ["ekf"])[:1]
+        assert base.values["measured"] is not None
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_methods_have_their_order(name):
+    integrators = Integrators()
+    truth = work_precision.find_truth(integrators, 1e-3)
+    points = [
+        work_precision.measure_method(integrators, name, step, truth, 1e-3, repeats=1).duffing
+        for step in (20e-6, 10e-6)
+    ]
+    [slope] = [np.log2(coarse / fine) for coarse, fine in pairwise(points)]
+    # The next order in the step adds its share: w h = 0.5 at 20 us, so up to one order off.
+    assert abs(slope - METHODS[name].order) < 1.0
+
+
+def test_work_precision_gives_rows_and_a_diagram():
+    points, truth = work_precision.measure([5.0, 10.0], duration=4e-3, repeats=1)
+    assert len(work_precision.rows_of(points)) == 10
+    assert work_precision.diagram(points).startswith("<svg")
+    # 4 ms are 90 rad: extended precision keeps 1e-17 of it, the comparison in double 1e-16.
+    assert max(truth.values()) < 1e-14

@@ -1,0 +1,19 @@
+"""Fixtures of the tests of the model and of the FMU's physics."""
+
+import pytest
+from gyro_runner import Runner
+
+from gyro_model.build import Fmus
+
+
+@pytest.fixture(scope="session")
+def runners(fmus: Fmus, tmp_path_factory: pytest.TempPathFactory) -> dict[int, Runner]:
+    """Both FMUs of the packaged model by version."""
+    pair = [Runner(path, tmp_path_factory.mktemp(name)) for name, path in fmus._asdict().items()]
+    return {runner.version: runner for runner in pair}
+
+
+@pytest.fixture(scope="session")
+def plant(runners: dict[int, Runner]) -> Runner:
+    """The FMU for FMI 3.0."""
+    return runners[3]

@@ -1,0 +1,200 @@
+"""The build: what makes it necessary, what it says when it can't, what the libraries hold."""
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from effect_points import MODEL
+
+from gyro_model import build as building
+from gyro_model.build import Fmus, build, default_folder, model_token, token_of
+from gyro_model.errors import InputError
+from gyro_model.model import Model
+
+# What a library of the FMU may take from the system: memory, text, and libm's few for effects that are off by default.
+ALLOWED = {
+    *("calloc", "malloc", "realloc", "free", "memcpy", "memset", "memcmp", "memmove", "strlen", "strcmp", "strncmp"),
+    *("strcpy", "strcat"),
+    *("snprintf", "vsnprintf", "__snprintf_chk", "__vsnprintf_chk", "__memcpy_chk", "__stack_chk_fail"),
+    *("expm1", "exp", "rint", "sqrt", "floor"),
+}
+
+posix = pytest.mark.skipif(shutil.which("nm") is None or sys.platform != "linux", reason="needs nm on Linux")
+COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
+
+
+def changed(effect_id: str, **changes: object) -> Model:
+    """The packaged model with the first parameter of one effect changed."""
+    effect = MODEL.effect(effect_id)
+    mended = replace(effect, parameters=(replace(effect.parameters[0], **changes), *effect.parameters[1:]))
+    return Model(tuple(mended if e is effect else e for e in MODEL.effects))
+
+
+def test_token_names_the_model() -> None:
+    token = model_token(MODEL)
+    assert token == model_token(MODEL)
+    others = [
+        Model(tuple(e for e in MODEL.effects if e.id != "cubic_stiffness")),
+        changed("cubic_stiffness", high=1e15),
+        changed("cubic_stiffness", description="another text"),
+        changed("cubic_stiffness", unit="N/m2"),
+    ]
+    assert len({token, *map(model_token, others)}) == 1 + len(others)
+
+
+def test_token_names_the_handwritten_c(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for path in building.handwritten_folder().glob("*.[ch]"):
+        shutil.copy(path, tmp_path)
+    token = model_token(MODEL)
+    monkeypatch.setattr(building, "handwritten_folder", lambda: tmp_path)
+    assert model_token(MODEL) == token
+    (tmp_path / "core.c").write_text((tmp_path / "core.c").read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    assert model_token(MODEL) != token
+
+
+def test_an_fmu_that_fits_is_left_alone(fmus: Fmus, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError("built anew")
+
+    monkeypatch.setattr(building, "_build_one", refuse)
+    before = [path.stat().st_mtime_ns for path in fmus]
+    assert build() == fmus
+    assert [path.stat().st_mtime_ns for path in fmus] == before
+    with pytest.raises(AssertionError, match="built anew"):
+        build(force=True)
+
+
+def test_what_is_no_fmu_of_this_model_is_built_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    built: list[Path] = []
+    monkeypatch.setattr(building, "_build_one", lambda model, token, fmi, path: built.append(path))
+    wanted = [tmp_path / name / "Gyroscope.fmu" for name in ("fmi2", "fmi3")]
+    for path in wanted:
+        path.parent.mkdir()
+    wanted[0].write_bytes(b"no archive")
+    with zipfile.ZipFile(wanted[1], "w") as archive:
+        archive.writestr("modelDescription.xml", '<fmiModelDescription instantiationToken="{other}"/>')
+    assert token_of(wanted[0]) is None
+    assert token_of(wanted[1]) == "{other}"
+    build(folder=tmp_path)
+    assert built == wanted
+
+
+def test_folder_of_another_model_is_the_cache_by_token() -> None:
+    model = changed("cubic_stiffness", high=1e15)
+    assert default_folder(MODEL).name == "dist"
+    assert default_folder(model).name == model_token(model).strip("{}")
+
+
+def test_equal_models_give_equal_files(fmus: Fmus, tmp_path: Path) -> None:
+    again = build(folder=tmp_path, force=True)
+    for first, second in zip(fmus, again, strict=True):
+        assert first.read_bytes() == second.read_bytes(), "time or place of the build is in the file"
+
+
+@pytest.fixture
+def no_compilers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder as the whole PATH, neither CC nor the package ziglang."""
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "ziglang" else find(name))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+    return tmp_path
+
+
+def test_no_compiler(no_compilers: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "dist"
+    with pytest.raises(
+        InputError, match=r"no C compiler: install gcc or clang, set CC, or `pip install gyrotwin\[zig\]`"
+    ):
+        build(folder=folder)
+    assert not list(folder.rglob("*.*")), "something half-written"
+
+
+def test_cc_that_is_not_there(no_compilers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "mycc -m64")
+    with pytest.raises(InputError, match="compiler CC='mycc': not found; correct CC or unset it"):
+        building.find_compiler()
+
+
+def test_order_of_compilers(no_compilers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("clang", "gcc", "cc"):
+        (no_compilers / name).write_text("")
+        os.chmod(no_compilers / name, 0o755)
+        assert building.find_compiler() == [name]
+    monkeypatch.setenv("CC", "gcc -m64")
+    assert building.find_compiler() == ["gcc", "-m64"]
+
+
+def test_ziglang_is_the_last_resort(no_compilers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: object() if name == "ziglang" else find(name))
+    assert building.find_compiler() == [sys.executable, "-m", "ziglang", "cc"]
+
+
+def test_failing_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bad = tmp_path / "bad.c"
+    bad.write_text("int main(void) { return nothing; }\n")
+    with pytest.raises(InputError, match=r"compiler .* failed: .*error") as caught:
+        building.compile_library(tmp_path, ["bad.c"], tmp_path / "bad.so")
+    assert "\n" not in str(caught.value)
+    monkeypatch.setenv("CC", "false")
+    with pytest.raises(InputError, match="compiler 'false' failed"):
+        build(folder=tmp_path / "dist")
+    assert not list((tmp_path / "dist").rglob("*.*"))
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("fmi", ["fmi2", "fmi3"])
+def test_c_compiles_without_a_warning(compiler: str, fmi: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", compiler)
+    building.write_sources(MODEL, tmp_path)
+    files = building.c_files(tmp_path, fmi)
+    # -O1 sees the flow of values, which some warnings need, in half the time of -O3.
+    strict = ("-Werror", "-Wshadow", "-Wstrict-prototypes", "-Wvla", "-O1")
+    building.compile_library(tmp_path, files, tmp_path / "strict.so", strict)
+
+
+def names_of(fmu: Path, folder: Path, *options: str) -> set[str]:
+    """Symbols of the library of an FMU as nm lists them, versions of the C library cut off."""
+    with zipfile.ZipFile(fmu) as archive:
+        [library] = [name for name in archive.namelist() if name.endswith(".so")]
+        archive.extract(library, folder)
+    listing = subprocess.run(["nm", "-D", *options, str(folder / library)], capture_output=True, text=True, check=True)
+    return {line.split()[-1].partition("@")[0] for line in listing.stdout.splitlines()}
+
+
+@posix
+def test_only_fmi_functions_are_exported(fmus: Fmus, tmp_path: Path) -> None:
+    for name, path in fmus._asdict().items():
+        exported = names_of(path, tmp_path / name, "--defined-only")
+        assert exported
+        assert all(symbol.startswith(name) for symbol in exported), exported
+
+
+@posix
+def test_little_is_taken_from_the_system(fmus: Fmus, tmp_path: Path) -> None:
+    for name, path in fmus._asdict().items():
+        undefined = {
+            s
+            for s in names_of(path, tmp_path / name, "--undefined-only")
+            if not s.startswith(("_ITM", "__gmon", "__cxa"))
+        }
+        assert undefined <= ALLOWED, undefined - ALLOWED
+
+
+def test_default_step_calls_no_libm() -> None:
+    # Platforms' libm differ in the last bit. The terms that act by default are sums and products; the integrator too.
+    text = building.generated_files(MODEL)["generated/effects.h"]
+    nominal = [text.partition(f"void effect_{e.id}(")[2].partition("\n}\n")[0] for e in MODEL.effects if e.nominal]
+    integrator = (building.handwritten_folder() / "integrator.h").read_text(encoding="utf-8")
+    for body in (*nominal, integrator):
+        assert body
+        assert not any(
+            f"{function}(" in body for function in ("sqrt", "pow", "exp", "sin", "cos", "log", "rint", "floor")
+        )

@@ -1,0 +1,32 @@
+"""Imports run one way: gyro_model <- cosim <- discrepancy <- gyrotwin."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+ORDER = ("gyro_model", "cosim", "discrepancy", "gyrotwin")
+FILES = [path for package in ORDER for path in sorted((ROOT / package).rglob("*.py"))]
+
+
+def imported(path: Path) -> set[str]:
+    """The first name of every module that a file imports, at any depth of its code."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names.add(node.module.partition(".")[0])
+    return names
+
+
+def test_there_is_something_to_check() -> None:
+    assert {"gyro_model", "cosim", "gyrotwin"} <= {path.relative_to(ROOT).parts[0] for path in FILES}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_no_file_imports_a_package_above_its_own(path: Path) -> None:
+    package = path.relative_to(ROOT).parts[0]
+    above = set(ORDER[ORDER.index(package) + 1 :])
+    assert not imported(path) & above
