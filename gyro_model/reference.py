@@ -42,7 +42,8 @@ def simulate(device: Device, t: Floats, inputs: Mapping[str, Floats], normals: N
 
     inputs: by FMU name, SI, shape (n,), held over [t_k, t_{k+1}); missing ones stay at their start value. normals:
     standard normal numbers of an effect at a sample. Gives v_x, v_y [V] and every state by name, each shape (n,),
-    sample k as taken just before u changes to u_k. Raises InputError where shapes differ or an input is unknown.
+    sample k as taken just before u changes to u_k. Raises InputError where shapes differ, an input
+    is unknown, or the simulation diverges.
     """
     return _Simulation(device, t, inputs, normals).run()
 
