@@ -61,7 +61,9 @@ def parameter_metrics(trace: pl.DataFrame, bounds: Bounds | None) -> Summary:
     result: Summary = {}
     for index, name in enumerate(PARAMETER_NAMES):
         true, estimate = trace[f"true_{name}"].to_numpy(), trace[f"est_{name}"].to_numpy()
-        error = estimate / true - 1
+        # A cross term may be zero; its relative error is then no number.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            error = estimate / true - 1
         over_bound = None
         if bounds is not None:
             last = np.searchsorted(t, bounds.t[-1], side="right") - 1

@@ -249,9 +249,11 @@ static gyro_status check_step(gyro_instance *g, double from, double step, int64_
                (!gyro_whole_steps(from - g->memory.start_time, h, slack, &at) || at != g->memory.tick)) {
         status = gyro_refuse(g, "communication point %.15g s is not the present time %.15g s: go on from there", from, now);
     } else if (!(step > 0.0) || !gyro_whole_steps(step, h, slack, ticks) || *ticks < 1) {
-        const double below = step > h ? floor(step / h) : 1.0;
-        status = gyro_refuse(g, "communication step %.15g s is no positive multiple of internal_step = %.9g s: nearest are %.15g s and %.15g s", step,
-                             h, below * h, (below + 1.0) * h);
+        const double below = floor(step / h);
+        status = step > h ? gyro_refuse(g, "communication step %.15g s is no multiple of internal_step = %.9g s: nearest are %.15g s and %.15g s",
+                                        step, h, below * h, (below + 1.0) * h)
+                          : gyro_refuse(g, "communication step %.15g s is no positive multiple of internal_step = %.9g s: nearest is %.15g s",
+                                        step, h, h);
     }
     return status;
 }

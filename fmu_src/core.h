@@ -10,6 +10,11 @@
 
 #include "generated/model.h"
 
+/* Also where an importer compiles the sources without -fvisibility=hidden, two FMUs in one process keep to their own. */
+#if defined(__GNUC__)
+#pragma GCC visibility push(hidden)
+#endif
+
 #define GYRO_MESSAGE_SIZE 320
 
 typedef enum {
@@ -51,5 +56,9 @@ double gyro_time(const gyro_instance *g);
 size_t gyro_save_size(const gyro_instance *g);
 void gyro_save(const gyro_instance *g, unsigned char *bytes);
 gyro_status gyro_load(gyro_instance *g, const unsigned char *bytes, size_t size);
+
+#if defined(__GNUC__)
+#pragma GCC visibility pop
+#endif
 
 #endif

@@ -240,6 +240,12 @@ static fmi_status check_set(const fmi_instance *f, const char *call, gyro_type t
         status = refuse_state(f, call, name_of(vr), allowed);
     } else if (status == FMI_OK && !isfinite(value)) {
         status = fmi_fail(f, call, "%s is %g; give a finite value", name_of(vr), value);
+    } else if (status == FMI_OK && gyro_variables[vr].kind == GYRO_INPUT) {
+        /* Parameters are checked at the start, together. */
+        const gyro_variable *input = &gyro_variables[vr];
+        if (value < input->min || value > input->max) {
+            status = fmi_fail(f, call, "%s is %g; give a value from %g to %g", input->name, value, input->min, input->max);
+        }
     }
     return status;
 }

@@ -8,6 +8,11 @@
 
 #include "core.h"
 
+/* Also where an importer compiles the sources without -fvisibility=hidden, two FMUs in one process keep to their own. */
+#if defined(__GNUC__)
+#pragma GCC visibility push(hidden)
+#endif
+
 /* The same numbers in FMI 2 and FMI 3. */
 typedef enum { FMI_OK = 0, FMI_ERROR = 3 } fmi_status;
 
@@ -124,5 +129,9 @@ fmi_status fmi_free_saved(const fmi_instance *f, const char *call, void **saved)
 fmi_status fmi_saved_size(const fmi_instance *f, const char *call, const void *saved, size_t *size);
 fmi_status fmi_serialize(const fmi_instance *f, const char *call, const void *saved, unsigned char bytes[], size_t size);
 fmi_status fmi_deserialize(const fmi_instance *f, const char *call, const unsigned char bytes[], size_t size, void **saved);
+
+#if defined(__GNUC__)
+#pragma GCC visibility pop
+#endif
 
 #endif

@@ -5,7 +5,16 @@
 
 #include <stdint.h>
 
+/* Also where an importer compiles the sources without -fvisibility=hidden, two FMUs in one process keep to their own. */
+#if defined(__GNUC__)
+#pragma GCC visibility push(hidden)
+#endif
+
 /* Two independent standard normal numbers. */
 void gyro_normal_pair(uint32_t seed, uint32_t stream, uint64_t counter, double normal[2]);
+
+#if defined(__GNUC__)
+#pragma GCC visibility pop
+#endif
 
 #endif

@@ -6,6 +6,11 @@
 #include "core.h"
 #include "generated/effects.h"
 
+/* Also where an importer compiles the sources without -fvisibility=hidden, two FMUs in one process keep to their own. */
+#if defined(__GNUC__)
+#pragma GCC visibility push(hidden)
+#endif
+
 /* Follows from the parameters and stays during a run. */
 typedef struct {
     double step;                           /* internal step, s */
@@ -59,5 +64,9 @@ void gyro_first_sample(gyro_instance *g);
 
 /* Moves `ticks` internal steps with the inputs as they are, taking the samples that fall on the way. */
 void gyro_tick(gyro_instance *g, int64_t ticks);
+
+#if defined(__GNUC__)
+#pragma GCC visibility pop
+#endif
 
 #endif

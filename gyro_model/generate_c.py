@@ -172,8 +172,16 @@ typedef struct {{
     double max;   /* inclusive */
 }} gyro_variable;
 
+#if defined(__GNUC__)
+#pragma GCC visibility push(hidden)
+#endif
+
 /* Shape (GYRO_N_VARIABLES), by value reference. */
 extern const gyro_variable gyro_variables[GYRO_N_VARIABLES];
+
+#if defined(__GNUC__)
+#pragma GCC visibility pop
+#endif
 
 #endif
 """

@@ -9,6 +9,7 @@ from gyro_model.quantities import Quantity
 from gyro_model.units import dimension
 
 NAME = "Gyroscope"
+TOOL = "gyrotwin"
 DESCRIPTION = "MEMS vibratory gyroscope: two coupled axes, actuators, pickoff and amplifier with their effects"
 LOG_CATEGORIES = {"logStatusError": "refused calls and failed steps", "logEvents": "life-cycle calls", "logAll": "both"}
 
@@ -19,6 +20,7 @@ _EXPERIMENT = {"startTime": "0", "stopTime": "1", "stepSize": "5e-6"}
 def fmi2(model: Model, token: str, sources: Sequence[str]) -> str:
     """The model description for FMI 2.0 co-simulation; ``sources`` are the C files relative to the folder sources/."""
     root = ET.Element("fmiModelDescription", fmiVersion="2.0", modelName=NAME, guid=token, description=DESCRIPTION)
+    root.set("generationTool", TOOL)
     root.set("variableNamingConvention", "flat")
     simulation = ET.SubElement(
         root,
@@ -43,7 +45,10 @@ def fmi2(model: Model, token: str, sources: Sequence[str]) -> str:
     for group in ("Outputs", "InitialUnknowns"):
         element = ET.SubElement(structure, group)
         for reference in _outputs(model):
-            ET.SubElement(element, "Unknown", index=str(reference + 1))
+            unknown = ET.SubElement(element, "Unknown", index=str(reference + 1))
+            if group == "Outputs":
+                # Outputs are those of the last communication point: no loop through the FMU is algebraic.
+                unknown.set("dependencies", "")
     return _text(root)
 
 
@@ -51,6 +56,7 @@ def fmi3(model: Model, token: str) -> str:
     """The model description for FMI 3.0 co-simulation."""
     root = ET.Element("fmiModelDescription", fmiVersion="3.0", modelName=NAME, instantiationToken=token)
     root.set("description", DESCRIPTION)
+    root.set("generationTool", TOOL)
     ET.SubElement(
         root,
         "CoSimulation",
@@ -71,7 +77,9 @@ def fmi3(model: Model, token: str) -> str:
     structure = ET.SubElement(root, "ModelStructure")
     for group in ("Output", "InitialUnknown"):
         for reference in _outputs(model):
-            ET.SubElement(structure, group, valueReference=str(reference))
+            unknown = ET.SubElement(structure, group, valueReference=str(reference))
+            if group == "Output":
+                unknown.set("dependencies", "")
     return _text(root)
 
 

@@ -38,7 +38,7 @@ SETTINGS: Final = {
     "update_period": 0.01,
     "agreement": 0.01,
     "jump": 0.05,
-    "turn_limit": 2e-3,
+    "turn_limit": 5e-3,
     "energy_loop": 0.0,
     "energy_rate": 20.0,
     "force_limit": 4.0,
@@ -52,7 +52,8 @@ amplitude: of the pattern [m]; update_period: between two U_n [s]; agreement: la
 change of a constant from U_n to U_n+1, and its largest relative standard deviation, at which the
 estimates count as converged; jump: once converged, a relative change of a constant that is worth
 a new U_n at a tenth of the period; turn_limit: an error of the damping that turns the pattern by no
-more than this [rad/s] counts as none (2e-3: 0.1 deg/s); energy_loop: 1 holds the energy at that of `amplitude`;
+more than this [rad/s] counts as none (5e-3 rad/s is half of what 1 % of the reference device's dxy
+does); energy_loop: 1 holds the energy at that of `amplitude`;
 energy_rate: its rate [1/s]; force_limit: largest feedback force over k * amplitude;
 hold_compensation, coriolis_compensation: 0 leaves them out.
 """
@@ -91,16 +92,17 @@ MEMORY_SIZE: Final = _SCRATCH + HOLD_SIZE
 def _tolerance(settings: Array, estimate: Array, i: int, share: float) -> float:
     """Return the change of constant i that `share` of it stands for.
 
-    A cross term may be zero: it counts as no smaller than a tenth of its geometric mean. A damping
-    error d turns the pattern by d/(2 m) at most: at a high Q a share of the damping would ask for
-    more than any record of that length can tell, and than the angle needs.
+    A cross term may be zero: it counts as no smaller than a tenth of its geometric mean. An error of
+    dxy turns the pattern by dxy/(2 m) at most, one of dxx or dyy by half of that: at a high Q a
+    share of the damping would ask for more than the record can tell, and than the angle needs.
     """
     size = abs(estimate[KXX + i])
     if i == 2 or i == 5:
         size = max(size, _CROSS * sqrt(abs(estimate[KXX + i - 2] * estimate[KXX + i - 1])))
     tolerance = share * size
     if 3 <= i <= 5:
-        tolerance = max(tolerance, 2.0 * abs(estimate[M]) * settings[_TURN_LIMIT])
+        turning_mass = (2.0 if i == 5 else 4.0) * abs(estimate[M])
+        tolerance = max(tolerance, turning_mass * settings[_TURN_LIMIT])
     return tolerance
 
 

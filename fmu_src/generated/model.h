@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{ec80ce70-6598-62ce-df6d-60b4020a4564}"
+#define GYRO_TOKEN "{baa29463-8cfd-5180-dfc4-e60b18985bb7}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -148,7 +148,15 @@ typedef struct {
     double max;   /* inclusive */
 } gyro_variable;
 
+#if defined(__GNUC__)
+#pragma GCC visibility push(hidden)
+#endif
+
 /* Shape (GYRO_N_VARIABLES), by value reference. */
 extern const gyro_variable gyro_variables[GYRO_N_VARIABLES];
+
+#if defined(__GNUC__)
+#pragma GCC visibility pop
+#endif
 
 #endif

@@ -110,6 +110,14 @@ def test_values_that_are_no_numbers_are_refused_by_name(gyro: Instance, name: st
     assert gyro.get(name) == before
 
 
+def test_an_input_beyond_its_bounds_is_refused_by_name_while_stepping(gyro: Instance) -> None:
+    gyro.start()
+    before = gyro.get("temperature")
+    assert gyro.try_set("temperature", -5.0) == ERROR
+    assert "temperature is -5; give a value from 0" in gyro.message
+    assert gyro.get("temperature") == before
+
+
 def test_refused_set_changes_none_of_its_variables(gyro: Instance) -> None:
     references = [gyro.fmu.variables[name].valueReference for name in ("u_x", "u_y")]
     assert gyro.set_by_reference(gyro.kind("u_x"), references, (ct.c_double * 2)(1e-6, float("nan"))) == ERROR
