@@ -21,6 +21,8 @@ from numba import njit
 
 from cosim.layout import KXX, OFFSET_X, OMEGA_Z, M
 from cosim.observers.adaptive_layout import (
+    ANEW_DAMPING,
+    ANEW_STIFFNESS,
     BLOCK,
     BOLTZMANN,
     COUNT,
@@ -46,7 +48,9 @@ from cosim.observers.adaptive_layout import (
     RATIO,
     RATIO_MAX,
     RESTART_DAMPING,
+    RESTART_LIMIT,
     RESTART_STIFFNESS,
+    RESTARTS,
     ROW,
     SETTLE,
     SLACK,
@@ -147,15 +151,21 @@ def start_filter(
     if sensor[SENSES_VELOCITY] == 0.0:
         memory[GAP] = sensor[INVERSE_GAP]
     if size == EXTENDED:
-        for i in range(2):
-            gain = sensor[SENSE_GAIN_X + i]
-            d[OFFSET + i] = (start_deviation[OFFSET_X + i] / gain) ** 2
-            d[DRIFT + i] = (start_deviation[OFFSET_X + 2 + i] / gain) ** 2
-        d[RATIO] = start_deviation[OFFSET_X + 4] ** 2
-        if memory[GAP] > 0.0:
-            d[MISMATCH] = settings[MISMATCH_DEVIATION] ** 2
-            d[GAP] = (settings[GAP_DEVIATION] * memory[GAP]) ** 2
+        _open_sensor(memory, settings)
     _refresh(memory, size)
+
+
+@njit(cache=True)
+def _open_sensor(memory: Array, settings: Array) -> None:
+    """Set the variances of the sensor's states to those of the start."""
+    d = memory[D:U]
+    for i in range(2):
+        d[OFFSET + i] = (memory[START + 5 + i] / memory[GAIN_X + i]) ** 2
+        d[DRIFT + i] = (memory[START + 7 + i] / memory[GAIN_X + i]) ** 2
+    d[RATIO] = memory[START + 9] ** 2
+    if memory[GAP] > 0.0:
+        d[MISMATCH] = settings[MISMATCH_DEVIATION] ** 2
+        d[GAP] = (settings[GAP_DEVIATION] * memory[GAP]) ** 2
 
 
 @njit(cache=True)
@@ -177,6 +187,7 @@ def step_filter(
     surprise = _correct_axis(memory, 0, v_x / memory[GAIN_X], size)
     surprise += _correct_axis(memory, 1, v_y / memory[GAIN_Y], size)
     memory[SURPRISES] *= 1.0 - 1.0 / settings[SURPRISE_MEMORY]
+    memory[RESTARTS] *= 1.0 - 0.1 / settings[SURPRISE_MEMORY]
     memory[WAIT] -= 1.0
     if surprise > settings[SURPRISE] and memory[WAIT] < 0.0:
         _reopen(memory, settings, size)
@@ -354,9 +365,15 @@ def _refresh(memory: Array, size: int) -> None:
 
 @njit(cache=True)
 def _restart(memory: Array, settings: Array, size: int) -> None:
-    """Begin again with theta from its present value; what the sensor is stays known."""
+    """Begin again with theta from its present value; what the sensor is stays known.
+
+    Where that does not help, several times in a row, the filter has settled on a wrong sensor or
+    wrong stiffnesses and is sure of them: then everything is open again.
+    """
     u = memory[U:WORK]
     d = memory[D:U]
+    memory[RESTARTS] += 1.0
+    anew = memory[RESTARTS] > settings[RESTART_LIMIT]
     for j in range(PLAIN, size):
         d[j] = variance_of(u, d, size, j)
     for j in range(5, size):
@@ -364,9 +381,18 @@ def _restart(memory: Array, settings: Array, size: int) -> None:
             u[j * size + i] = 0.0
     for i in range(5, PLAIN):
         relative = settings[RESTART_DAMPING] if 8 <= i <= 10 else settings[RESTART_STIFFNESS]
-        d[i] = (relative * memory[i]) ** 2
+        deviation = relative * abs(memory[i])
+        if anew and 8 <= i <= 10:
+            deviation = max(deviation, ANEW_DAMPING * sqrt(abs(memory[5])))
+        elif anew:
+            deviation = ANEW_STIFFNESS * abs(memory[i])
+        d[i] = deviation**2
         u[11 * size + i] = memory[i] / memory[11]
     u[11 * size + 11] = 1.0
+    if anew:
+        memory[RESTARTS] = 0.0
+        if size == EXTENDED:
+            _open_sensor(memory, settings)
     _refresh(memory, size)
 
 

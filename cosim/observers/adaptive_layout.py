@@ -19,6 +19,7 @@ SETTINGS: Final = {
     "settle": 10.0,
     "restart_stiffness": 1e-3,
     "restart_damping": 1.0,
+    "restart_limit": 2.5,
     "memory": 5.0,
     "thermal_force": 0.0,
     "temperature": 298.15,
@@ -30,7 +31,8 @@ omega_walk_rate: how fast it adapts [1/block]; omega_jump: size of a sudden chan
 surprise: squared innovation over its variance, both axes, that counts as one;
 surprise_limit: so many within surprise_memory [samples] reopen the constants;
 settle: samples that a surprise may have taken to show; restart_stiffness, _damping: standard
-deviation, relative, of reopened k and m, and of reopened d; memory: samples of age t count
+deviation, relative, of reopened k and m, and of reopened d; restart_limit: so many reopenings
+within 10 surprise_memory begin anew, the sensor included; memory: samples of age t count
 exp(-t / memory) [s]; thermal_force: 1 expects the thermal force at `temperature` [K].
 """
 
@@ -53,12 +55,13 @@ and 1/g relative to its design value (it also takes up the unknowable common gai
     SETTLE,
     RESTART_STIFFNESS,
     RESTART_DAMPING,
+    RESTART_LIMIT,
     MEMORY,
     THERMAL,
     TEMPERATURE,
     MISMATCH_DEVIATION,
     GAP_DEVIATION,
-) = range(15)
+) = range(16)
 
 LAG: Final = 0.3
 """Typical age of a jump of omega_z when it shows, over `settle`."""
@@ -68,6 +71,9 @@ BLOCK: Final = 64
 """Samples between two adaptations."""
 RATIO_MAX: Final = 10.0
 """Largest evidence that one block may give for a faster random walk."""
+ANEW_STIFFNESS: Final = 0.1
+ANEW_DAMPING: Final = 1e-3
+"""Standard deviations of k and m, relative, and of d/m over sqrt(k/m), where the filter begins anew."""
 STROKE_MAX: Final = 0.9
 """Largest |q| over the gap that the gap curve is used for."""
 BOLTZMANN: Final = 1.380649e-23
@@ -99,8 +105,9 @@ DESIGN: Final = GAIN + EXTENDED
     SUM,
     SUM_VARIANCE,
     SURPRISES,
+    RESTARTS,
     WAIT,
-) = range(DESIGN, DESIGN + 13)
-VARIANCE: Final = DESIGN + 13  # of the state now, of theta at the last adaptation
+) = range(DESIGN, DESIGN + 14)
+VARIANCE: Final = DESIGN + 14  # of the state now, of theta at the last adaptation
 START: Final = VARIANCE + EXTENDED
 MEMORY_SIZE: Final = START + 10
