@@ -85,8 +85,8 @@ def parameter_bound(
         factor = u.reshape(_SIZE, _SIZE).T
         covariance = (factor * d) @ factor.T
         physical = to_physical @ covariance[5:, 5:] @ to_physical.T
-        # A cross term may be zero; its relative bound is then infinite.
-        with np.errstate(divide="ignore"):
+        # A cross term may be zero; its relative bound is then no number.
+        with np.errstate(divide="ignore", invalid="ignore"):
             bounds[i] = np.sqrt(np.diag(physical)) / np.abs(motion.parameters)
         omega[i] = np.sqrt(covariance[4, 4])
     return bounds, omega
