@@ -144,8 +144,8 @@ def _summary(run: Run, result: Result) -> dict[str, Any]:
             "device": run.device.name,
             "observer": run.observer.name,
             "controller": run.controller.name,
-            "duration": run.duration,
-            "sample_rate": run.sample_rate,
+            "duration": f"{run.duration:g} s",
+            "sample_rate": f"{run.sample_rate / 1e3:g} kHz",
             "effects": ", ".join(_acting(run.device)) or None,
         },
     )
