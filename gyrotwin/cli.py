@@ -12,6 +12,7 @@ from gyro_model.build import build as build_fmus
 from gyro_model.device import design_device, load_device, packaged_devices, write_device
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
+from gyrotwin.dataset import dataset_app
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -22,6 +23,7 @@ app = typer.Typer(
 )
 device_app = typer.Typer(no_args_is_help=True, help="Device files.")
 app.add_typer(device_app, name="device")
+app.add_typer(dataset_app, name="dataset")
 
 console = Console()
 

@@ -1,0 +1,314 @@
+"""A lab's own tables become a data set: columns mapped and scaled to SI, runs cut where a hole is, one held out."""
+
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+
+from discrepancy.dataset import FILE, FORMAT
+from discrepancy.record import MINIMUM_SAMPLES, Floats, measured_rate
+from discrepancy.table import COLUMNS, SUFFIXES, numbers, read_table
+from gyro_model.errors import InputError, nearest
+from gyro_model.model import load_model
+
+_PREFIX: Final = {"": 1.0, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3}
+G: Final = 9.80665
+"""m/s2, standard gravity."""
+UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
+    "s": {f"{p}s": (x, 0.0) for p, x in _PREFIX.items() if p != "k"},
+    "N": {f"{p}N": (x, 0.0) for p, x in _PREFIX.items()},
+    "V": {f"{p}V": (x, 0.0) for p, x in _PREFIX.items()},
+    "rad/s": {"rad/s": (1.0, 0.0), "deg/s": (np.pi / 180, 0.0), "°/s": (np.pi / 180, 0.0), "dps": (np.pi / 180, 0.0)},
+    "K": {"K": (1.0, 0.0), "degC": (1.0, 273.15), "°C": (1.0, 273.15), "C": (1.0, 273.15)},
+    "m/s2": {"m/s2": (1.0, 0.0), "m/s^2": (1.0, 0.0), "m/s²": (1.0, 0.0), "g": (G, 0.0), "mg": (1e-3 * G, 0.0)},
+}
+"""By SI unit: what a heading or --scale may say, and (factor, offset) so that SI = factor * value + offset."""
+
+SI: Final = {"t": "s", "u_x": "N", "u_y": "N", "v_x": "V", "v_y": "V", "omega_z": "rad/s", "temperature": "K",
+             "a_x": "m/s2", "a_y": "m/s2", "v_bias": "V"}  # fmt: skip
+
+ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
+    "t": ("t", "time", "zeit", "timestamp"),
+    "u_x": ("u_x", "ux", "fx", "f_x", "force_x", "drive_x", "u1", "u", "force", "input", "v1"),
+    "u_y": ("u_y", "uy", "fy", "f_y", "force_y", "drive_y", "u2"),
+    "v_x": ("v_x", "vx", "sense_x", "out_x", "y1", "output", "v2"),
+    "v_y": ("v_y", "vy", "sense_y", "out_y", "y2"),
+    "omega_z": ("omega_z", "omega", "wz", "rate", "rate_z", "gyro_z"),
+    "temperature": ("temperature", "temp", "t_amb"),
+    "a_x": ("a_x", "ax", "acc_x", "accel_x"),
+    "a_y": ("a_y", "ay", "acc_y", "accel_y"),
+    "v_bias": ("v_bias", "vbias", "bias", "v_dc"),
+}
+"""Headings, without unit and case, that are taken for a column; V1 in and V2 out as in the Silverbox record."""
+
+HELD_OUT: Final = 0.2
+"""Share of a single run that is cut off its end and held out."""
+
+_HEADING: Final = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
+
+
+class Source(NamedTuple):
+    """Where a column comes from: the heading in the lab's table, and SI = factor * value + offset."""
+
+    heading: str
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked for. maps: column to heading; scales: column to a number or a unit; sample_rate [Hz] where the
+    tables have no time; hold as in dataset.toml; nominal by FMU name; held_out: one of ``files``."""
+
+    files: tuple[Path, ...]
+    out: Path
+    maps: Mapping[str, str] = field(default_factory=dict)
+    scales: Mapping[str, str] = field(default_factory=dict)
+    sample_rate: float | None = None
+    hold: str = "zero"
+    nominal: Mapping[str, float] = field(default_factory=dict)
+    held_out: Path | None = None
+    force: bool = False
+
+
+class Piece(NamedTuple):
+    """One run to be written: columns (n,) in SI."""
+
+    name: str
+    source: Path
+    columns: Mapping[str, Floats]
+
+
+def read_lab_table(path: Path) -> pl.DataFrame:
+    """A lab's table: comma, semicolon or tab between cells; columns without heading and without content are left out.
+    Raises InputError where it can't be read."""
+    if not path.name.lower().endswith(SUFFIXES):
+        raise InputError(f"{path}: can't tell its kind; give a table that ends in {', '.join(SUFFIXES)}")
+    try:
+        table = read_table(path)
+        for separator in ";\t":
+            if table.width == 1 and separator in table.columns[0]:
+                table = read_table(path, separator=separator)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    return table.select([name for name in table.columns if table[name].null_count() < len(table)])
+
+
+def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source]:
+    """The source of every column that is mapped by hand or has a heading that tells it. Raises InputError for a heading
+    or a column that does not exist, two headings for one column, and a unit that does not fit."""
+    for option, given in (("--map", request.maps), ("--scale", request.scales)):
+        for column in given:
+            if column not in COLUMNS:
+                raise InputError(f"{option} {column}: no such column{nearest(column, COLUMNS)}")
+    sources: dict[str, Source] = {}
+    for column in COLUMNS:
+        heading = request.maps.get(column)
+        if heading is None:
+            taken = set(request.maps.values())
+            fitting = [h for h in headings if h not in taken and _bare(h) in ALIASES[column]]
+            # The column's own name goes before its other names.
+            fitting = [h for h in fitting if _bare(h) == column] or fitting
+            if len(fitting) > 1:
+                raise InputError(f"{column} may be {' or '.join(map(repr, fitting))}: choose by --map {column}=HEADING")
+            if not fitting:
+                continue
+            heading = fitting[0]
+        elif heading not in headings:
+            raise InputError(
+                f"--map {column}={heading!r}: no such heading{nearest(heading, headings)} ({_all(headings)})"
+            )
+        sources[column] = Source(heading, *_scale(column, heading, request.scales.get(column)))
+    return sources
+
+
+def missing_columns(sources: Mapping[str, Source], sample_rate: float | None) -> list[str]:
+    """What must still be named: u_x and v_x, both of y if one is there, and t unless the sample rate is given."""
+    needed = ["u_x", "v_x"] if sample_rate else ["t", "u_x", "v_x"]
+    if "u_y" in sources or "v_y" in sources:
+        needed += ["u_y", "v_y"]
+    return [column for column in needed if column not in sources]
+
+
+def write_dataset(request: Request) -> tuple[Path, list[str]]:
+    """Writes the data set: everything beside, then moved in place. Gives the path of its dataset.toml and what was
+    decided, in lines. Raises InputError where anything is missing, and where files exist and force is not set."""
+    pieces: list[Piece] = []
+    said: list[str] = []
+    for path in request.files:
+        found, lines = _pieces(path, request)
+        pieces += found
+        said += lines
+    _refuse_twins([piece.name for piece in pieces])
+    pieces, held_out, line = _held_out(pieces, request)
+    rates = {piece.name: measured_rate(piece.columns["t"]) for piece in pieces}
+    text = _toml(pieces, rates, held_out, request)
+    targets = [request.out / FILE, *(request.out / piece.name for piece in pieces)]
+    existing = [target for target in targets if target.exists()]
+    if existing and not request.force:
+        raise InputError(f"{existing[0]} exists: name another folder with --out, or replace it with --force")
+    _write(request.out, pieces, text)
+    return request.out / FILE, [*dict.fromkeys(said), line]
+
+
+def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
+    """The runs in one table, cut at holes, and what was decided."""
+    table = read_lab_table(path)
+    sources = guess_sources(table.columns, request)
+    for column in missing_columns(sources, request.sample_rate):
+        rate = ", or --sample-rate HZ" if column == "t" else ""
+        raise InputError(
+            f"{path}: which heading is {column}? Give --map {column}=HEADING{rate} ({_all(table.columns)})"
+        )
+    said = [
+        f"{column} = {source.heading!r}" + (f" * {source.factor:g}" if source.factor != 1 else "")
+        + (f" + {source.offset:g}" if source.offset else "") + f" [{SI[column]}]"
+        for column, source in sources.items()
+    ]  # fmt: skip
+    columns = {column: source.factor * _numbers(table, source.heading, path) + source.offset
+               for column, source in sources.items()}  # fmt: skip
+    if "t" not in columns:
+        columns = {"t": np.arange(len(table)) / float(request.sample_rate or 1.0)} | columns
+    return _cut(path, columns, said)
+
+
+def _numbers(table: pl.DataFrame, heading: str, path: Path) -> Floats:
+    try:
+        return numbers(table, heading)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _cut(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[list[Piece], list[str]]:
+    """The runs between holes of t and rows that hold no number; those too short are left out, and it is said."""
+    t = columns["t"]
+    whole = np.all([np.isfinite(values) for values in columns.values()], axis=0)
+    rows = np.flatnonzero(whole)
+    if len(rows) < MINIMUM_SAMPLES:
+        raise InputError(f"{path}: {len(rows)} rows hold numbers in every column; a run needs {MINIMUM_SAMPLES}")
+    step = np.diff(t[rows])
+    if not (step > 0).all():
+        raise InputError(
+            f"{path}: time does not increase after {t[rows][int(np.argmax(step <= 0))]:.9g} s: sort the rows"
+        )
+    borders = np.flatnonzero(step > 1.5 * np.median(step)) + 1
+    parts = [part for part in np.split(rows, borders) if len(part) >= MINIMUM_SAMPLES]
+    if not parts:
+        raise InputError(f"{path}: holes leave no stretch of {MINIMUM_SAMPLES} rows")
+    stem = path.name
+    for suffix in sorted(SUFFIXES, key=len, reverse=True):
+        stem = stem.removesuffix(suffix)
+    names = [f"{stem}.parquet"] if len(parts) == 1 else [f"{stem}-{i}.parquet" for i in range(1, len(parts) + 1)]
+    lost = len(t) - sum(map(len, parts))
+    if len(borders) or lost:
+        cut = f"cut into {len(parts)} runs at holes of its time; " if len(parts) > 1 else ""
+        said = [*said, f"{path.name}: {cut}{lost} of {len(t)} rows left out"]
+    pieces = [Piece(n, path, {c: v[part] for c, v in columns.items()}) for n, part in zip(names, parts, strict=True)]
+    return pieces, said
+
+
+def _held_out(pieces: list[Piece], request: Request) -> tuple[list[Piece], set[str], str]:
+    """The runs, the names of those held out, and the line that says so; a single run is cut in two."""
+    if request.held_out is not None:
+        chosen = {piece.name for piece in pieces if piece.source == request.held_out}
+        if not chosen:
+            raise InputError(f"--held-out {request.held_out}: is none of the files given ({_all(request.files)})")
+        if len(chosen) == len(pieces):
+            raise InputError(f"--held-out {request.held_out}: leaves no run to fit; give a further file")
+        return pieces, chosen, f"held out: {', '.join(sorted(chosen))}"
+    if len(pieces) > 1:
+        return pieces, {pieces[-1].name}, f"held out: {pieces[-1].name}, the last"
+    [single] = pieces
+    n = len(single.columns["t"])
+    border = round((1 - HELD_OUT) * n)
+    if n - border < MINIMUM_SAMPLES:
+        raise InputError(f"{single.source}: {n} rows are too few to hold out a fifth; give a second file")
+    stem = single.name.removesuffix(".parquet")
+    parts = [Piece(f"{stem}-{word}.parquet", single.source, {c: v[rows] for c, v in single.columns.items()})
+             for word, rows in (("fit", slice(None, border)), ("held-out", slice(border, None)))]  # fmt: skip
+    return parts, {parts[1].name}, f"held out: the last fifth of the only run, {parts[1].name}"
+
+
+def _toml(pieces: list[Piece], rates: Mapping[str, float], held_out: set[str], request: Request) -> str:
+    lines = [f"format = {FORMAT}", "", "[nominal]"]
+    model = load_model()
+    lines += [f"{name} = {float(value)!r} # {model.parameter(name).unit}" for name, value in request.nominal.items()]
+    if not request.nominal:
+        lines += ["# What you believe of the device, SI; or name the device by --nominal.",
+                  "# m = 1.8e-7", "# kxx = 63.955", "# dxx = 1.8e-6", "# sense_gain_x = 1e6"]  # fmt: skip
+    for piece in pieces:
+        rate = request.sample_rate or float(f"{rates[piece.name]:.6g}")
+        lines += ["", "[[run]]", f'file = "{piece.name}"', f"sample_rate = {float(rate)!r}"]
+        lines += ['role = "held-out"'] if piece.name in held_out else []
+        lines += [f'hold = "{request.hold}"'] if request.hold != "zero" else []
+    return "\n".join(lines) + "\n"
+
+
+def _write(folder: Path, pieces: list[Piece], text: str) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        beside = Path(tempfile.mkdtemp(prefix=".dataset-", dir=folder))
+    except OSError as error:
+        raise InputError(f"--out {folder}: can't be written: {error.strerror}") from None
+    try:
+        for piece in pieces:
+            pl.DataFrame({c: piece.columns[c] for c in COLUMNS if c in piece.columns}).write_parquet(
+                beside / piece.name
+            )
+        (beside / FILE).write_text(text, encoding="utf-8")
+        # dataset.toml last: where it stands, its tables do.
+        for name in [*(piece.name for piece in pieces), FILE]:
+            os.replace(beside / name, folder / name)
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def _bare(heading: str) -> str:
+    """A heading without unit: lower case, with _ for space and dash."""
+    match = _HEADING.fullmatch(heading)
+    return re.sub(r"[\s\-]+", "_", (match[1] if match else heading).strip().lower())
+
+
+def _scale(column: str, heading: str, given: str | None) -> tuple[float, float]:
+    """(factor, offset) by --scale, else by the unit in the heading, else SI."""
+    units = UNITS[SI[column]]
+    if given is not None:
+        if given in units:
+            return units[given]
+        try:
+            factor = float(given)
+        except ValueError:
+            factor = 0.0
+        if factor == 0 or not np.isfinite(factor):
+            raise InputError(f"--scale {column}={given}: give a number or one of {', '.join(units)}")
+        return factor, 0.0
+    match = _HEADING.fullmatch(heading)
+    unit = match[2] if match else None
+    if not unit:
+        return 1.0, 0.0
+    if unit not in units:
+        raise InputError(
+            f"{column} = {heading!r}: {unit!r} is no unit of it; "
+            f"give --scale {column}=NUMBER or one of {', '.join(units)}"
+        )
+    return units[unit]
+
+
+def _refuse_twins(names: list[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"two files would both become {name}: rename one")
+
+
+def _all(names: Sequence[object]) -> str:
+    return "there are " + ", ".join(repr(str(name)) for name in names)
+
+
+__all__ = ["Request", "guess_sources", "missing_columns", "read_lab_table", "write_dataset"]

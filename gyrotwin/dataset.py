@@ -1,0 +1,101 @@
+"""`gyrotwin dataset`: data sets of measured runs from a lab's own tables."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, get_args
+
+import typer
+from rich.console import Console
+
+from gyro_model.device import load_device
+from gyro_model.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from discrepancy.import_table import Request
+
+dataset_app = typer.Typer(no_args_is_help=True, help="Data sets of measured runs.")
+
+console = Console()
+
+
+@dataset_app.callback()
+def group() -> None:
+    """Data sets of measured runs."""
+
+
+@dataset_app.command()
+def init(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Tables: .csv, .csv.gz, .parquet; one a run.")],
+    out: Annotated[Path, typer.Option(help="Folder for dataset.toml and the tables in SI.")] = Path("dataset"),
+    maps: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="COLUMN=HEADING", help='As in --map v_x="Ch 1 \\[mV]"; repeatable.'),
+    ] = None,
+    scales: Annotated[
+        list[str] | None,
+        typer.Option("--scale", metavar="COLUMN=NUMBER|UNIT", help="To SI, as in --scale v_x=mV; repeatable."),
+    ] = None,
+    sample_rate: Annotated[float | None, typer.Option(help="Samples a second, where no column is the time.")] = None,
+    hold: Annotated[str, typer.Option(help="How u runs between samples: zero, first, band-limited.")] = "zero",
+    nominal: Annotated[
+        str | None, typer.Option(metavar="DEVICE|FILE", help="Device whose parameters are the nominal ones.")
+    ] = None,
+    held_out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Table that no fit sees; default the last, or a fifth of one.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
+) -> None:
+    r"""Write a data set from a lab's own tables: columns and units are guessed by headings such as `rate \[deg/s]`."""
+    from discrepancy.import_table import Request, write_dataset
+    from discrepancy.record import Hold
+
+    if hold not in get_args(Hold):
+        raise InputError(f"--hold {hold}: use {', '.join(get_args(Hold))}{nearest(hold, get_args(Hold))}")
+    if sample_rate is not None and not 0 < sample_rate < float("inf"):
+        raise InputError(f"--sample-rate {sample_rate:g}: give a positive number in Hz")
+    parameters = load_device(nominal).parameters if nominal else {}
+    request = Request(
+        tuple(files),
+        out,
+        _pairs("--map", maps),
+        _pairs("--scale", scales),
+        sample_rate,
+        hold,
+        parameters,
+        held_out,
+        force,
+    )
+    request = _asked(request) if sys.stdin.isatty() and sys.stdout.isatty() else request
+    path, said = write_dataset(request)
+    for line in [*said, f"wrote {path}"]:
+        console.print(line, soft_wrap=True, highlight=False, markup=False)
+    if not parameters:
+        console.print("fill in [nominal], or name the device by --nominal", highlight=False, markup=False)
+
+
+def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
+    """COLUMN=VALUE texts as a mapping. Raises InputError where the = is missing."""
+    pairs: dict[str, str] = {}
+    for text in texts or []:
+        column, equals, value = text.partition("=")
+        if not (column and equals and value):
+            raise InputError(f"{option} {text!r}: write {option} COLUMN=VALUE")
+        pairs[column] = value
+    return pairs
+
+
+def _asked(request: "Request") -> "Request":
+    """The request with what the first table does not tell, asked on the terminal."""
+    from discrepancy.import_table import guess_sources, missing_columns, read_lab_table
+
+    headings = read_lab_table(request.files[0]).columns
+    while missing := missing_columns(guess_sources(headings, request), request.sample_rate):
+        console.print(f"headings: {', '.join(headings)}", soft_wrap=True, highlight=False, markup=False)
+        if missing[0] == "t":
+            rate = typer.prompt("No column is the time. Samples a second", type=float)
+            request = replace(request, sample_rate=rate if rate > 0 else None)
+        else:
+            heading = typer.prompt(f"Which heading is {missing[0]}")
+            request = replace(request, maps={**request.maps, missing[0]: heading})
+    return request

@@ -1,0 +1,168 @@
+"""`gyrotwin dataset init` as a user types it: a lab's tables in, a data set that loads out, or one line."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+import typer
+
+from discrepancy.dataset import load_dataset
+from gyro_model.device import load_device
+from gyro_model.errors import InputError
+from gyrotwin.dataset import dataset_app
+
+SILVERBOX = Path(__file__).parents[3] / "shared" / "data" / "silverbox" / "SNLS80mV.csv.gz"
+N = 1000
+T = np.arange(N) / 1e5
+WAVE = np.sin(2 * np.pi * 3000 * T)
+LAB = {
+    "Time (ms)": 1e3 * T,
+    "F_x [uN]": WAVE,
+    "F_y [uN]": 2 * WAVE,
+    "sense x [mV]": 100 * WAVE,
+    "sense y [mV]": 200 * WAVE,
+    "rate [deg/s]": np.full(N, 90.0),
+    "temp [degC]": np.full(N, 25.0),
+    "remark": ["x"] * N,
+}
+
+
+def init(*arguments: str | Path) -> None:
+    """The sub-command in this process; raises what it raises."""
+    typer.main.get_command(dataset_app).main(["init", *map(str, arguments)], standalone_mode=False)
+
+
+def lab_table(folder: Path, name: str = "one.csv", **changes: object) -> Path:
+    pl.DataFrame({k: v for k, v in (LAB | changes).items() if v is not None}).write_csv(folder / name)
+    return folder / name
+
+
+def test_guesses_columns_and_units_from_headings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = [lab_table(tmp_path, name) for name in ("one.csv", "two.csv")]
+    init(*files, "--out", tmp_path / "set", "--nominal", "reference")
+    data = load_dataset(tmp_path / "set")
+    [record] = data.fit
+    assert record.name == "one.parquet"
+    assert [held.name for held in data.held_out] == ["two.parquet"]
+    assert "held out: two.parquet" in capsys.readouterr().out
+    assert data.nominal == load_device("reference").parameters
+    assert record.sample_rate == pytest.approx(1e5, rel=1e-6)  # written with six digits
+    # One multiplication by a unit's factor rounds twice at most.
+    for values, expected in (
+        (record.t, T),
+        (record.u, 1e-6 * np.stack((WAVE, 2 * WAVE), 1)),
+        (record.v, 0.1 * np.stack((WAVE, 2 * WAVE), 1)),
+        (record.conditions["omega_z"], np.full(N, np.pi / 2)),
+        (record.conditions["temperature"], np.full(N, 298.15)),
+    ):
+        assert values == pytest.approx(expected, rel=1e-14, abs=1e-30)
+
+
+def test_a_single_table_is_cut_for_the_held_out_run(tmp_path: Path) -> None:
+    init(lab_table(tmp_path), "--out", tmp_path / "set", "--nominal", "reference")
+    data = load_dataset(tmp_path / "set")
+    assert [len(record.t) for record in data.records] == [800, 200]
+    assert data.held_out[0].name == "one-held-out.parquet"
+
+
+def test_a_hole_and_empty_rows_cut_a_table(tmp_path: Path) -> None:
+    t = 1e3 * np.where(np.arange(N) < 400, T, T + 0.01)
+    sense = [None if k == 700 else 100 * WAVE[k] for k in range(N)]
+    init(
+        lab_table(tmp_path, **{"Time (ms)": t, "sense x [mV]": sense}),
+        "--out",
+        tmp_path / "set",
+        "--nominal",
+        "reference",
+    )
+    data = load_dataset(tmp_path / "set")
+    assert [len(record.t) for record in data.records] == [400, 300, 299]
+    assert [record.role for record in data.records] == ["fit", "fit", "held-out"]
+
+
+def test_map_scale_held_out_and_hold(tmp_path: Path) -> None:
+    files = [lab_table(tmp_path, f"{name}.csv", **{"sense x [mV]": None, "Ch 1=A": 50 * WAVE}) for name in ("a", "b")]
+    options = ["--map", "v_x=Ch 1=A", "--scale", "v_x=mV", "--scale", "u_x=1e-6", "--held-out", files[0]]
+    init(*files, "--out", tmp_path / "set", "--nominal", "reference", "--hold", "first", *options)
+    data = load_dataset(tmp_path / "set")
+    assert [record.name for record in data.held_out] == ["a.parquet"]
+    assert {record.hold for record in data.records} == {"first"}
+    # Two roundings of a product.
+    assert data.fit[0].v[:, 0] == pytest.approx(0.05 * WAVE, rel=1e-14, abs=1e-30)
+
+
+def test_semicolons_and_a_sample_rate_in_place_of_time(tmp_path: Path) -> None:
+    file = tmp_path / "s.csv"
+    pl.DataFrame({"V1": WAVE, "V2": 2 * WAVE}).write_csv(file, separator=";")
+    init(file, "--out", tmp_path / "set", "--sample-rate", "1e5")
+    with pytest.raises(InputError, match=r"lacks m \[kg\]"):
+        load_dataset(tmp_path / "set")
+    device = load_device("reference").parameters
+    data = load_dataset(tmp_path / "set", device)
+    assert (data.axes, data.fit[0].sample_rate) == (1, 1e5)
+
+
+@pytest.mark.skipif(not SILVERBOX.is_file(), reason="the measured data ../shared/data is absent")
+def test_the_silverbox_as_its_lab_gives_it(tmp_path: Path) -> None:
+    device = tmp_path / "box.toml"
+    mechanics = "m = 5.44749e-06\nkxx = 0.987802\nkxy = 0.0\ndxx = 0.000250409\nsense_gain_x = 1.0\n"
+    device.write_text(f'format = 1\nname = "box"\n[parameters]\n{mechanics}')
+    options = ["--sample-rate", "610.35", "--hold", "band-limited", "--out", tmp_path / "set"]
+    init(SILVERBOX, *options, "--nominal", device)
+    data = load_dataset(tmp_path / "set")
+    assert data.axes == 1
+    assert sum(len(record.t) for record in data.records) == 131072
+    assert data.nominal["kxx"] == 0.987802
+
+
+def test_existing_files_stay_without_force(tmp_path: Path) -> None:
+    file = lab_table(tmp_path)
+    init(file, "--out", tmp_path / "set")
+    before = (tmp_path / "set" / "dataset.toml").read_text()
+    with pytest.raises(InputError, match="--force"):
+        init(file, "--out", tmp_path / "set", "--nominal", "reference")
+    assert (tmp_path / "set" / "dataset.toml").read_text() == before
+    init(file, "--out", tmp_path / "set", "--nominal", "reference", "--force")
+    assert "kxx = 63.955" in (tmp_path / "set" / "dataset.toml").read_text()
+    assert sorted(path.name for path in (tmp_path / "set").iterdir()) == [
+        "dataset.toml",
+        "one-fit.parquet",
+        "one-held-out.parquet",
+    ]
+
+
+WRONG: dict[str, tuple[dict[str, object], list[str], str]] = {
+    "no force": ({"F_x [uN]": None}, [], "--map u_x=HEADING"),
+    "no time": ({"Time (ms)": None}, [], "--sample-rate"),
+    "half an axis": ({"sense y [mV]": None}, [], "--map v_y=HEADING"),
+    "heading": ({}, ["--map", "v_x=sense z [mV]"], "'sense x [mV]'"),
+    "column": ({}, ["--map", "vx=remark"], "'v_x'"),
+    "text of --map": ({}, ["--map", "v_x"], "COLUMN=VALUE"),
+    "scale": ({}, ["--scale", "v_x=deg/s"], "mV"),
+    "unit of a heading": ({"sense x [mV]": None, "sense x [counts]": WAVE}, [], "--scale v_x=NUMBER"),
+    "two headings": ({"v_x out": None, "vx": WAVE}, [], "--map v_x=HEADING"),
+    "text in a column": ({"F_x [uN]": ["low"] * N}, [], "'low'"),
+    "time backwards": ({"Time (ms)": -T}, [], "does not increase"),
+    "sample rate": ({}, ["--sample-rate", "-1"], "--sample-rate"),
+    "hold": ({}, ["--hold", "zoh"], "band-limited"),
+    "held out": ({}, ["--held-out", "none.csv"], "none of the files"),
+    "nominal": ({}, ["--nominal", "refrence"], "'reference'"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_input_is_one_line_and_writes_nothing(tmp_path: Path, case: str) -> None:
+    changes, options, expected = WRONG[case]
+    file = lab_table(tmp_path, **changes)
+    with pytest.raises(InputError) as error:
+        init(file, "--out", tmp_path / "set", *options)
+    assert expected in str(error.value)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "set").exists()
+
+
+def test_a_missing_file_and_a_wrong_kind(tmp_path: Path) -> None:
+    for name, expected in (("none.csv", "does not exist"), ("data.mat", ".parquet")):
+        with pytest.raises(InputError, match=expected):
+            init(tmp_path / name, "--out", tmp_path / "set")
