@@ -1,10 +1,7 @@
 """The anatomy of an effect: what one file in ``gyro_model/effects`` states, as data.
 
-An effect belongs to one stage, and each stage is a class:
-
-* ``Law`` changes parameters, ``Force`` adds a force (and states of its own), ``Map`` rewrites the signal at its place
-in the chain,
-  ``Delay`` and ``Lag`` hold a signal back.
+An effect belongs to one stage, and each stage is a class: ``Law`` changes parameters, ``Force`` adds a force (and
+states of its own), ``Map`` rewrites the signal at its place in the chain, ``Delay`` and ``Lag`` hold a signal back.
 
 Expressions are sympy, in the symbols of ``gyro_model.symbols`` and the effect's own parameters. Every class checks
 itself where it is built and raises InputError.
