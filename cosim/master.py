@@ -63,6 +63,8 @@ def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
             rows[:count],
         )
         if done < count:
+            # A force that is no number comes from an estimate that is none.
+            recorder.check(first, rows[: done + 1])
             raise InputError(f"run {plant.complaint()}")
         recorder.keep(first, rows[:count], omega_z)
         clock.tick(count)

@@ -67,7 +67,7 @@ class Recorder:
         run = self.run
         t: Floats = np.arange(first, first + len(rows), dtype=np.float64) * np.float64(run.period)
         estimate, control, plant = _parts(rows)
-        _check_finite(t, estimate)
+        self.check(first, rows)
         converged = control[:, CONVERGED] > 0
         if self.converged_at is None and converged.any():
             self.converged_at = float(control[converged.argmax(), CONVERGED_AT])
@@ -85,6 +85,16 @@ class Recorder:
         for name, values in columns.items():
             whole = self._columns.setdefault(name, np.empty(self._rows, dtype=values.dtype))
             whole[begin : begin + len(values)] = values
+
+    def check(self, first: int, rows: Floats) -> None:
+        """Raises InputError, with time and name, where an estimate in the rows from sample ``first`` on is not finite."""
+        estimate, _, _ = _parts(rows)
+        if not np.isfinite(estimate).all():
+            row, column = np.argwhere(~np.isfinite(estimate))[0]
+            raise InputError(
+                f"run diverged at {(first + row) * self.run.period:.6g} s: the estimate of {ESTIMATE_NAMES[column]} "
+                "is not finite; check the device, its effects and the sample rate"
+            )
 
     def result(self, wall_time: float) -> Result:
         """What has been kept, joined."""
@@ -170,15 +180,6 @@ class Recorder:
 def _parts(rows: Floats) -> tuple[Floats, Floats, Floats]:
     """The estimates, the controller's output and the plant's output in rows of the loop."""
     return rows[:, : loop.DEVIATION], rows[:, loop.CONTROL : loop.PLANT], rows[:, loop.PLANT :]
-
-
-def _check_finite(t: Floats, estimate: Floats) -> None:
-    if not np.isfinite(estimate).all():
-        row, column = np.argwhere(~np.isfinite(estimate))[0]
-        raise InputError(
-            f"run diverged at {t[row]:.6g} s: the estimate of {ESTIMATE_NAMES[column]} is not finite; "
-            "check the device and the sample rate"
-        )
 
 
 def true_parameters(device: Device, t: Floats) -> dict[str, Floats]:
