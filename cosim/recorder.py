@@ -87,7 +87,7 @@ class Recorder:
             whole[begin : begin + len(values)] = values
 
     def check(self, first: int, rows: Floats) -> None:
-        """Raises InputError, with time and name, where an estimate in the rows from sample ``first`` on is not finite."""
+        """Raises InputError, with time and name, where an estimate in the rows from ``first`` on is not finite."""
         estimate, _, _ = _parts(rows)
         if not np.isfinite(estimate).all():
             row, column = np.argwhere(~np.isfinite(estimate))[0]
