@@ -1,0 +1,142 @@
+"""Measures of a fitted model: noise of the sensor, misfit on held-out runs, where disagreement lies (SYSTEM.md
+section 9)."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.stats import chi2
+
+from discrepancy.linear_fit import mode_frequencies
+from discrepancy.record import Floats, Record
+from discrepancy.refit import Fitted, Fitter
+from discrepancy.simulate import Simulator
+from discrepancy.whitening import whitener
+
+START_TIME, START_SAMPLES = 5e-3, 50
+"""Length of the start that gives the initial state: the longer of the two."""
+FALSE_DISCOVERIES: Final = 0.01
+"""Share of the places named that may be chance (Y. Benjamini, Y. Hochberg, J. Royal Statistical Society B 57, 1995)."""
+TIME_BLOCKS: Final = 8
+
+
+@dataclass(frozen=True)
+class Noise:
+    """density: deviation of the white noise, rms a sample [V], with its 95 % interval; lsb: step of the converter [V]
+    or 0."""
+
+    rms: float
+    low: float
+    high: float
+    lsb: float
+
+
+def noise_of(residuals: Sequence[Floats], records: Sequence[Record], parameters: Mapping[str, float]) -> Noise | None:
+    """From the residual's density above five times the highest mode and below 0.45 of the rate; None without such a
+    band."""
+    rate = records[0].sample_rate
+    low, high = 5 * mode_frequencies(parameters, records[0].axes)[-1], 0.45 * rate
+    square, count = 0.0, 0
+    for residual in residuals:
+        n = len(residual)
+        window = np.hanning(n)[:, None]
+        power = np.abs(np.fft.rfft(residual * window, axis=0)) ** 2 / np.sum(window**2)
+        f = np.fft.rfftfreq(n, 1 / rate)
+        inside = power[(f > low) & (f < high)]
+        square, count = square + float(inside.sum()), count + inside.size
+    if count < 20:
+        return None
+    # Two degrees a bin; neighbours under a Hann window share half of what they hold.
+    bounds = chi2.ppf([0.975, 0.025], count) / count
+    mean = square / count
+    lows = float(np.sqrt(mean / bounds[0])), float(np.sqrt(mean / bounds[1]))
+    return Noise(float(np.sqrt(mean)), *lows, lsb=converter_step(records))
+
+
+def converter_step(records: Sequence[Record]) -> float:
+    """The step [V] of which every sample is a whole multiple, 0 where there is none."""
+    v = np.concatenate([r.v.ravel() for r in records])
+    levels = np.unique(v)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1e-9 * np.abs(v).max()]
+    if len(gaps) < 10:
+        return 0.0
+    step = float(gaps.min())
+    whole = v / step
+    # Printed digits leave gaps of one unit too; they count as the converter's where no finer one is seen.
+    return step if np.abs(whole - np.rint(whole)).max() < 0.01 else 0.0
+
+
+def start_fitted(simulator: Simulator, record: Record, parameters: Mapping[str, float]) -> tuple[Floats, int]:
+    """The residual (n, axes) [V] of a run whose first samples gave the initial state, and how many those were."""
+    n = max(START_SAMPLES, round(START_TIME * record.sample_rate))
+    held = {name: values[:n] for name, values in record.conditions.items()}
+    head = replace(record, t=record.t[:n], u=record.u[:n], v=record.v[:n], conditions=held, valid=record.valid[:n]) \
+        if n >= 100 else _longer(record)  # fmt: skip
+    fitter = Fitter(simulator, [head])
+    plain = whitener(parameters, record.axes, 1 / record.sample_rate, 0.0)
+    starts = (dict.fromkeys(fitter.state_names, 0.0),)
+    if n < len(head.t):
+        head = replace(head, valid=head.valid & (np.arange(len(head.t)) < n))
+        fitter = Fitter(simulator, [head])
+    at = fitter.fit(fitter.evaluated(Fitted(dict(parameters), starts, (), plain, ())), rounds=3)
+    return record.v - simulator.run(record, {**parameters, **at.starts[0]}), n
+
+
+def _longer(record: Record) -> Record:
+    held = {name: values[:100] for name, values in record.conditions.items()}
+    return replace(record, t=record.t[:100], u=record.u[:100], v=record.v[:100], conditions=held,
+                   valid=record.valid[:100])  # fmt: skip
+
+
+def misfit(simulator: Simulator, records: Sequence[Record], parameters: Mapping[str, float]) -> dict[str, float]:
+    """rms(v - v_sim)/rms(v) of each run by name and of all as ``""``."""
+    result, errors, signals = {}, 0.0, 0.0
+    for record in records:
+        residual, n = start_fitted(simulator, record, parameters)
+        usable = record.valid & (np.arange(len(record.t)) >= n)
+        error, signal = float(np.sum(residual[usable] ** 2)), float(np.sum(record.v[usable] ** 2))
+        result[record.name] = float(np.sqrt(error / signal))
+        errors, signals = errors + error, signals + signal
+    return result | {"": float(np.sqrt(errors / signals))}
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place of disagreement: run, channel, t [s] and f [Hz] as (begin, end), share of all residual power."""
+
+    run: str
+    channel: str
+    t: tuple[float, float]
+    f: tuple[float, float]
+    share: float
+
+
+def located(
+    residuals: Sequence[Floats], records: Sequence[Record], parameters: Mapping[str, float], noise: Noise
+) -> tuple[Place, ...]:
+    """Where residuals exceed the white noise, by channel, eighth of a run and band (below, about, above the modes,
+    harmonics), largest share first; false discoveries at most 1 %."""
+    modes = mode_frequencies(parameters, records[0].axes)
+    edges = [0.0, 0.1 * modes[0], 0.85 * modes[0], 1.15 * modes[-1], 2.5 * modes[-1], 3.5 * modes[-1]]
+    edges = [*[e for e in edges if e < 0.5 * records[0].sample_rate], 0.5 * records[0].sample_rate]
+    found: list[tuple[float, Place, float]] = []
+    total = sum(float(np.sum(r**2)) for r in residuals)
+    for residual, record in zip(residuals, records, strict=True):
+        for part in np.array_split(np.arange(len(residual)), TIME_BLOCKS):
+            power = 2 * np.abs(np.fft.rfft(residual[part], axis=0)) ** 2 / len(part)
+            f = np.fft.rfftfreq(len(part), 1 / record.sample_rate)
+            span = float(record.t[part[0]]), float(record.t[part[-1]])
+            for low, high in itertools.pairwise(edges):
+                inside = (f >= low) & (f < high)
+                for axis in range(record.axes):
+                    square = float(power[inside, axis].sum())
+                    chance = float(chi2.sf(square / noise.rms**2, 2 * max(int(inside.sum()), 1)))
+                    place = Place(record.name, "v_" + "xy"[axis], span, (low, high), square / 2 * 2 / total)
+                    found.append((chance, place, square))
+    found.sort(key=lambda entry: entry[0])
+    passed = [i for i, entry in enumerate(found) if entry[0] <= FALSE_DISCOVERIES * (i + 1) / len(found)]
+    kept = [entry[1] for entry in found[: max(passed, default=-1) + 1]]
+    return tuple(sorted(kept, key=lambda place: -place.share))

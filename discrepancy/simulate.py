@@ -1,0 +1,178 @@
+"""Simulates measured runs with the FMU, many at a time: one instance a thread, the loop over samples compiled."""
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from queue import SimpleQueue
+from types import TracebackType
+from typing import Final, Self
+
+import numpy as np
+from numba import njit
+from scipy.fft import irfft, next_fast_len, rfft
+
+from cosim.fmu import HANDLE_SIZE, Plant, exchange
+from discrepancy.record import CONDITIONS, Floats, Record
+from gyro_model.build import build
+from gyro_model.errors import InputError
+from gyro_model.model import Model
+
+OVERSAMPLING: Final = 8
+"""Steps a sample where u runs between samples: a hold over T/8 shrinks a mode at a tenth of the rate by 3e-4, which k
+and m take up, and its harmonic images lie above ten times the sample rate."""
+MARGIN: Final = 256
+"""Samples by which a record is continued at both ends before it is interpolated band-limited."""
+INPUTS: Final = ("u_x", "u_y", *CONDITIONS)
+OUTPUTS: Final = ("v_x", "v_y")
+ONE_AXIS: Final = {"kxy": 0.0, "dxy": 0.0}
+
+Job = tuple[Record, Mapping[str, float]]
+
+
+@njit(cache=True, nogil=True)
+def _run(handle, inputs, values, outputs, start, step, stride, v):  # type: ignore[no-untyped-def]
+    """Steps through values (steps, inputs) and puts v (samples, 2); gives the sample it failed at, or len(v)."""
+    flags = np.zeros(HANDLE_SIZE)
+    for k in range(len(v) - 1):
+        for i in range(stride):
+            n = k * stride + i
+            if exchange(handle, inputs, values[n], outputs, v[k + 1], flags, start + n * step, step) > 0:
+                return k
+    return len(v)
+
+
+class _Bench(Plant):
+    """A plant that starts anew without loading the FMU again."""
+
+    def restart(self, parameters: Mapping[str, float], start: float) -> None:
+        self._fmu.reset()
+        try:
+            for name, value in parameters.items():
+                self._set(name, value)
+            self._fmu.enterInitializationMode(startTime=start)
+            self._fmu.exitInitializationMode()
+        except InputError:
+            raise
+        except Exception as error:  # fmpy raises Exception itself
+            raise InputError(self.complaint() or str(error)) from None
+
+
+class Simulator:
+    """Runs of a model under measured inputs; a context manager. ``jobs``: threads, by default one a core."""
+
+    def __init__(self, model: Model, jobs: int | None = None) -> None:
+        """Builds the FMU where that has not been done. Raises InputError as ``build`` does."""
+        path = build(model).fmi3
+        self.model = model
+        count = jobs or os.cpu_count() or 1
+        self._benches: SimpleQueue[_Bench] = SimpleQueue()
+        self._all = [_Bench(path, {}, model) for _ in range(count)]
+        for bench in self._all:
+            self._benches.put(bench)
+        self._pool = ThreadPoolExecutor(count)
+        self.samples = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._pool.shutdown(cancel_futures=True)
+        for bench in self._all:
+            bench.close()
+
+    def run(self, record: Record, parameters: Mapping[str, float]) -> Floats:
+        """The voltage [V] (n, axes) that the model gives under the record's inputs, noise off.
+
+        parameters: by FMU name, SI, initial state included. Raises InputError where the FMU refuses one; NaN from the
+        sample on at which the motion left all bounds.
+        """
+        bench = self._benches.get()
+        try:
+            return self._on(bench, record, parameters)
+        finally:
+            self._benches.put(bench)
+
+    def run_all(self, jobs: Sequence[Job]) -> list[Floats]:
+        """``run`` of each job, in parallel."""
+        return list(self._pool.map(lambda job: self.run(*job), jobs))
+
+    def try_all(self, jobs: Sequence[Job]) -> list[Floats | None]:
+        """``run`` of each job, in parallel; None where the FMU refuses its parameters or the motion leaves all
+        bounds."""
+
+        def attempt(job: Job) -> Floats | None:
+            try:
+                v = self.run(*job)
+            except InputError:
+                return None
+            return v if np.isfinite(v).all() else None
+
+        return list(self._pool.map(attempt, jobs))
+
+    def _on(self, bench: _Bench, record: Record, parameters: Mapping[str, float]) -> Floats:
+        values, names, step = _driven(record)
+        stride = len(values) // len(record.t)
+        alone = ONE_AXIS if record.axes == 1 else {}
+        first = dict(zip(names, values[0].tolist(), strict=True))
+        clock = {"internal_step": step, "sample_period": step * stride}
+        start = float(record.t[0])
+        bench.restart({**alone, **parameters, **clock, **first}, start)
+        v = np.full((len(record.t), 2), np.nan)
+        v[0] = bench.get(OUTPUTS)
+        references = bench.value_references(names)
+        done = _run(bench.handle, references, values, bench.value_references(OUTPUTS), start, step, stride, v)
+        v[done + 1 :] = np.nan
+        self.samples += len(v)
+        return np.ascontiguousarray(v[:, : record.axes])
+
+
+class _Key:
+    """A record as a key: by identity, arrays do not hash."""
+
+    def __init__(self, record: Record) -> None:
+        self.record = record
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and self.record is other.record
+
+    def __hash__(self) -> int:
+        return id(self.record)
+
+
+def _driven(record: Record) -> tuple[Floats, tuple[str, ...], float]:
+    """Inputs of each step (steps, inputs), their names, and the step [s]."""
+    return _driven_once(_Key(record))
+
+
+@lru_cache(maxsize=64)
+def _driven_once(key: _Key) -> tuple[Floats, tuple[str, ...], float]:
+    record = key.record
+    stride = 1 if record.hold == "zero" else OVERSAMPLING
+    u = between(record.u, record.hold, stride)
+    columns = [u[:, i] for i in range(record.axes)]
+    columns += [np.repeat(values, stride) for values in record.conditions.values()]
+    names = (*INPUTS[: record.axes], *record.conditions)
+    return np.ascontiguousarray(np.column_stack(columns)), names, 1 / (record.sample_rate * stride)
+
+
+def between(u: Floats, hold: str, stride: int) -> Floats:
+    """U (n, axes) at the middle of each ``stride``-th of a sample period: (n*stride, axes)."""
+    n = len(u)
+    if hold == "zero":
+        return np.repeat(u, stride, axis=0)
+    at = np.arange(n * stride) / stride + 0.5 / stride
+    if hold == "first":
+        return np.column_stack([np.interp(at, np.arange(n), column) for column in u.T])
+    # Continued by its point reflection, which keeps value and slope, so that the ends do not ring.
+    margin = min(MARGIN, n - 1)
+    longer = np.concatenate((2 * u[0] - u[margin:0:-1], u, 2 * u[-1] - u[-2 : -margin - 2 : -1]))
+    size = next_fast_len(len(longer), real=True)
+    longer = np.concatenate((longer, np.linspace(longer[-1], longer[0], size - len(longer) + 2)[1:-1]))
+    spectrum = rfft(longer, axis=0)
+    turn = np.exp(1j * np.pi * np.arange(len(spectrum)) / (size * stride))[:, None]
+    fine = irfft(np.concatenate((spectrum * turn, np.zeros((size * stride // 2 + 1 - len(spectrum), u.shape[1])))),
+                 size * stride, axis=0) * stride  # fmt: skip
+    return np.ascontiguousarray(fine[margin * stride : (margin + n) * stride])
