@@ -1,5 +1,6 @@
 """The command `gyrotwin`."""
 
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -85,12 +86,8 @@ def run(
     )  # fmt: skip
     prepared = prepare(request)
     folder = out or Path("results") / scenario
-    try:
-        with shown_progress(console, f"{scenario}, {prepared.duration:g} s") as progress:
-            summary = execute(prepared, folder, progress)
-    except KeyboardInterrupt:
-        print("gyrotwin: interrupted; nothing written", file=sys.stderr)
-        raise typer.Exit(130) from None
+    with shown_progress(console, f"{scenario}, {prepared.duration:g} s") as progress:
+        summary = execute(prepared, folder, progress)
     console.print(results(summary))
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
 
@@ -177,13 +174,27 @@ def new(
     console.print(f"wrote {path}", soft_wrap=True, highlight=False)
 
 
+class _Interrupted(BaseException):
+    """Ctrl-C. Not a KeyboardInterrupt, which typer would answer with words and an exit code of its own."""
+
+
+def _interrupt(number: int, frame: object) -> None:
+    raise _Interrupted
+
+
 def main(arguments: list[str] | None = None) -> Any:
-    """Entry point: one line and exit code 2 for wrong input."""
+    """Entry point: one line and exit code 2 for wrong input, 130 for Ctrl-C."""
+    signal.signal(signal.SIGINT, _interrupt)
     try:
         return app(args=arguments, prog_name="gyrotwin")
     except InputError as error:
         print(f"gyrotwin: {error}", file=sys.stderr)
         sys.exit(2)
+    except _Interrupted:
+        print("gyrotwin: interrupted; nothing written", file=sys.stderr)
+        sys.exit(130)
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 if __name__ == "__main__":

@@ -156,10 +156,11 @@ def test_no_compiler_is_said(wrong_folder: Path) -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
 def test_ctrl_c_ends_a_run_and_leaves_nothing(tmp_path: Path) -> None:
-    command = [*COMMAND, "run", "motion", "--out", "out"]
+    # A minute of it takes some twenty seconds, or more where the loop has to be compiled first.
+    command = [*COMMAND, "run", "constant", "--duration", "60", "--out", "out"]
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    # By then it is past the imports and well inside the run, which takes seconds.
-    time.sleep(3.5)
+    # By then it is past its first imports, on a busy machine too.
+    time.sleep(5)
     process.send_signal(signal.SIGINT)
     _, complaint = process.communicate(timeout=60)
     assert process.returncode == 130
