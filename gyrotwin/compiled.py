@@ -1,4 +1,4 @@
-"""The first run compiles the loop for half a minute at most; it is done in a process of its own, and said.
+"""The first run compiles the loop, some fifteen seconds; it is done in a process of its own, and said.
 
 In a process of its own because the compiler's memory, some 100 MB, would stay with the run.
 """

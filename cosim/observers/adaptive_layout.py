@@ -3,6 +3,7 @@
 from typing import Final
 
 from cosim.propagation import WORK_SIZE
+from gyro_model import symbols
 
 PLAIN: Final = 12
 EXTENDED: Final = 19
@@ -76,7 +77,7 @@ ANEW_DAMPING: Final = 1e-3
 """Standard deviations of k and m, relative, and of d/m over sqrt(k/m), where the filter begins anew."""
 STROKE_MAX: Final = 0.9
 """Largest |q| over the gap that the gap curve is used for."""
-BOLTZMANN: Final = 1.380649e-23
+BOLTZMANN: Final = float(symbols.BOLTZMANN)
 
 # States of the sensor, after [x, x', y, y', theta].
 OFFSET: Final = 12
