@@ -2,12 +2,12 @@
 
     y'' + (ω/Q) y' + ω² y = n(t) + F cos(ω_x t)
 
-n is the thermal force. The modal amplitude ζ' = s ζ + n, s = -ω/(2Q) + iω√(1 - 1/(4Q²)), y = Im ζ/Im s, is stepped by its
-exact solution over a sample period with the exact covariance of its noise; the line is the steady state of the
+n is the thermal force. The modal amplitude ζ' = s ζ + n, s = -ω/(2Q) + iω√(1 - 1/(4Q²)), y = Im ζ/Im s, is stepped by
+its exact solution over a sample period with the exact covariance of its noise; the line is the steady state of the
 transfer function. White and flicker noise are added per sample.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -60,10 +60,6 @@ class SenseAxis:
         if self.line is not None:
             return self.line
         return LINE_PER_HZ / float(np.hypot(self.f_y - self.f_x, self.half_width))
-
-    def without_hump(self) -> "SenseAxis":
-        """The same floor, the mass at absolute zero: hump 120 dB under the floor, line kept."""
-        return replace(self, hump_db=self.hump_db)
 
 
 def thermal(axis: SenseAxis, rate: float, count: int, rng: np.random.Generator) -> NDArray[np.float64]:

@@ -14,26 +14,25 @@ from typing import Final
 import numpy as np
 from scipy.signal import fftconvolve, find_peaks
 
-from cosim.mode_split.model import response
+from cosim.mode_split.model import SplitModel, response
 from cosim.mode_split.record import Envelope, Floats
 from cosim.mode_split.spectrum import Spectrum
 from gyro_model.symbols import BOLTZMANN
 
 ROOM_TEMPERATURE: Final = 298.15
-SHAPE_REACH: Final = 40.0
-"""Half-widths of N either side of f0: its flank has fallen to 1/1600."""
 STANDS_OUT: Final = 0.05
 """Prominence of a peak of R, of its own height: below it is ripple."""
 
 
 @dataclass(frozen=True)
 class Correlation:
-    """lag (n,) [Hz]; r (n,) [V⁴/Hz]; preset f0 [Hz]; line_lag: peak nearest f_x - f0; hump_lag: the largest other [Hz]
-    or None where R has no other peak."""
+    """lag (n,) [Hz]; r (n,) [V⁴/Hz]; preset f0 [Hz]; q of N; line_lag: peak at f_x - f0; hump_lag: the largest other
+    [Hz], or None where R has no such peak."""
 
     lag: Floats
     r: Floats
     preset: float
+    q: float
     line_lag: float | None
     hump_lag: float | None
 
@@ -57,7 +56,7 @@ def theoretical_spectrum(
 
 
 def measured_spectrum(part: Envelope) -> tuple[Floats, Floats]:
-    """f (n,) [Hz] and M (n,) [V²/Hz], the periodogram with its line, two-sided as the source has it."""
+    """Frequencies (n,) [Hz] and M (n,) [V²/Hz]: the periodogram with its line, two-sided as the source has it."""
     n = len(part.values)
     density = np.abs(np.fft.fftshift(np.fft.fft(part.values))) ** 2 / (n * part.rate)
     f = part.centre + np.fft.fftshift(np.fft.fftfreq(n, 1 / part.rate))
@@ -68,21 +67,21 @@ def measured_spectrum(part: Envelope) -> tuple[Floats, Floats]:
 
 def correlate(f: Floats, m: Floats, drive_line: float, q: float, preset: float) -> Correlation:
     """R over the lags at which f0 + λ lies on ``f`` (n,), with its two peaks."""
-    step = (f[-1] - f[0]) / (len(f) - 1)
-    reach = min(int(SHAPE_REACH * 0.5 * preset / q / step) + 1, len(f) - 1)
-    shape = theoretical_spectrum(preset + step * np.arange(-reach, reach + 1), preset, q)
+    step, n = (f[-1] - f[0]) / (len(f) - 1), len(f)
+    # N as far as it can meet M at any lag: cut shorter, it would hide the flanks that a line gives R.
+    shape = theoretical_spectrum(preset + step * np.arange(-n + 1, n), preset, q)
     # Correlation is convolution with the shape turned round.
-    r = fftconvolve(m, shape[::-1], mode="same" if len(m) >= len(shape) else "full")[: len(f)] * step
+    r = fftconvolve(m, shape[::-1])[n - 1 : 2 * n - 1] * step
     lag = f - preset
     peaks, found = find_peaks(r, prominence=0.0)
     peaks = peaks[found["prominences"] > STANDS_OUT * r[peaks]]
     if len(peaks) == 0:
-        return Correlation(lag, r, preset, None, None)
+        return Correlation(lag, r, preset, q, None, None)
     line = int(peaks[np.argmin(np.abs(lag[peaks] - (drive_line - preset)))])
     at_line = abs(lag[line] - (drive_line - preset)) <= max(0.5 * preset / q, 2 * step)
     others = peaks[peaks != line] if at_line else peaks
     hump = float(lag[others[np.argmax(r[others])]]) if len(others) else None
-    return Correlation(lag, r, preset, float(lag[line]) if at_line else None, hump)
+    return Correlation(lag, r, preset, q, float(lag[line]) if at_line else None, hump)
 
 
 def correlate_without_line(spectrum: Spectrum, q: float, preset: float) -> Correlation:
@@ -90,4 +89,22 @@ def correlate_without_line(spectrum: Spectrum, q: float, preset: float) -> Corre
     filled = np.interp(spectrum.f, spectrum.f[spectrum.valid], spectrum.power[spectrum.valid])
     found = correlate(spectrum.f, 0.5 * filled, spectrum.drive_line, q, preset)
     best = int(np.argmax(found.r))
-    return Correlation(found.lag, found.r, preset, None, float(found.lag[best]))
+    return Correlation(found.lag, found.r, preset, q, None, float(found.lag[best]))
+
+
+def peak_uncertainty(found: Correlation, model: SplitModel, spectrum: Spectrum, line_power: float) -> float:
+    """Half-width [Hz] of the 95 % interval of the hump's peak, with the shift by the flank of a line left in M.
+
+    model: what M is; line_power: two-sided [V²]. R' = -∫ N' M has the variance Σ N'² M² df² over the bins; the peak
+    moves by R' over R''.
+    """
+    if found.f_y is None:
+        return np.inf
+    step = spectrum.bin
+    f = spectrum.f
+    shape = theoretical_spectrum(f, found.f_y, found.q)
+    slope, m = np.gradient(shape, step), 0.5 * model.density(f)
+    curvature = float(np.gradient(slope, step) @ m) * step
+    scatter = float(np.sqrt(spectrum.spread * np.sum((slope * m) ** 2))) * step
+    flank = line_power * float(np.interp(spectrum.drive_line, f, slope))
+    return (1.96 * scatter + abs(flank)) / abs(curvature)

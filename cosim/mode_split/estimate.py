@@ -6,6 +6,13 @@ from typing import Final
 
 import numpy as np
 
+from cosim.mode_split.correlation import (
+    Correlation,
+    correlate,
+    correlate_without_line,
+    measured_spectrum,
+    peak_uncertainty,
+)
 from cosim.mode_split.model import F_Y, LOG_Q, SplitModel, frequency_bound, information, kept_information
 from cosim.mode_split.record import Envelope, VoltageRecord, envelope, find_line
 from cosim.mode_split.search import NARROWEST, Found, detectable, find_hump
@@ -54,7 +61,7 @@ class Question:
 class Split:
     """The answer. f_x, f_y [Hz]; deviation of f_y by Fisher information [Hz]; interval of f_y, 95 %, by likelihood
     profile [Hz]; q with its interval (equal to it where it was given); hump_over_floor at f_y [1]; bound: Cramér–Rao,
-    σ_f = √(Γ/(T g))/2π [Hz]; g; chance: that the floor alone gives such a hump; duration [s]."""
+    σ_f = √(Γ/(T g))/2π [Hz]; g; chance: that the floor alone gives such a hump; duration [s]; found: the fit."""
 
     f_x: float
     f_y: float
@@ -67,7 +74,12 @@ class Split:
     bound: float
     chance: float
     duration: float
-    model: SplitModel
+    found: Found
+
+    @property
+    def model(self) -> SplitModel:
+        """The spectrum at the maximum of the likelihood."""
+        return self.found.fit.model
 
     @property
     def split(self) -> float:
@@ -127,7 +139,7 @@ def estimate(spectrum: Spectrum, question: Question, near: tuple[float, float] |
         frequency_bound(model.f_y, model.q, spectrum.duration, ratio),
         found.chance,
         spectrum.duration,
-        model,
+        found,
     )
 
 
@@ -139,6 +151,21 @@ def spectrum_bound(model: SplitModel, spectrum: Spectrum) -> float:
     # Terms that the band can't tell apart make the matrix nearly singular; f_y is not among them.
     inverse = np.linalg.pinv(matrix[np.ix_(some, some)] * np.outer(scale, scale), rcond=1e-10, hermitian=True)
     return float(np.sqrt(inverse[F_Y, F_Y]) * scale[F_Y])
+
+
+def correlations(analysis: Analysis) -> tuple[tuple[Correlation, float], tuple[Correlation, float]]:
+    """The source's cross-correlation as printed, and with the line removed, each with the half-width of its 95 %
+    interval [Hz]. Preset at f_x, so that the lag of the hump is the split."""
+    split, spectrum = analysis.split, analysis.spectrum
+    f, m = measured_spectrum(analysis.part)
+    on_line = np.abs(f - split.f_x) < spectrum.guard
+    printed = correlate(f, m, split.f_x, split.q, split.f_x)
+    cut = correlate_without_line(spectrum, split.q, split.f_x)
+    power = float(m[on_line].sum()) * spectrum.bin
+    return (
+        (printed, peak_uncertainty(printed, split.model, spectrum, power)),
+        (cut, peak_uncertainty(cut, split.model, spectrum, 0.0)),
+    )
 
 
 def check_length(duration: float, f_x: float, q: float | None) -> None:
@@ -161,7 +188,8 @@ def check_resolution(split: Split, resolution: float | None) -> None:
 
 
 def _nothing(spectrum: Spectrum, question: Question, found: Found) -> str:
-    q = question.q or found.fit.model.q
+    # Where Q is not known: one that the record resolves as well as the bound asks, T = 150 Q/(π f).
+    q = question.q or np.pi * spectrum.drive_line * spectrum.duration / 150
     height = 10 * np.log10(detectable(spectrum, found, q))
     return (
         f"no thermal hump found from {spectrum.f[0]:.6g} to {spectrum.f[-1]:.6g} Hz in {spectrum.duration:.4g} s "

@@ -64,10 +64,7 @@ class VoltageRecord:
 
 @dataclass(frozen=True)
 class Envelope:
-    """Complex (n,) samples z at ``rate`` [Hz], v(t) = Re z exp(i 2 π centre t), true to ±``band`` [Hz] of ``centre``.
-
-
-    """
+    """Complex samples z (n,) at ``rate`` [Hz]: v(t) = Re z exp(i 2 π centre t), true to ±``band`` [Hz] of ``centre``."""
 
     values: Complexes
     rate: float
@@ -81,11 +78,13 @@ class Envelope:
 
     def part(self, start: float, stop: float) -> "Envelope":
         """The envelope from ``start`` to ``stop`` [s]."""
-        return Envelope(self.values[round(start * self.rate) : round(stop * self.rate)], self.rate, self.centre, self.band)
+        return Envelope(
+            self.values[round(start * self.rate) : round(stop * self.rate)], self.rate, self.centre, self.band
+        )
 
 
 def envelope(record: VoltageRecord, centre: float, span: float) -> Envelope:
-    """The envelope of ``record`` around ``centre`` [Hz], true to at least ±``span`` [Hz] where the record has that band.
+    """The envelope of ``record`` around ``centre`` [Hz], true to at least ±``span`` [Hz] or as far as the record has it.
 
     Mixed down and decimated by a whole number through a linear-phase low-pass (Kaiser window).
     """
@@ -108,7 +107,8 @@ def envelope(record: VoltageRecord, centre: float, span: float) -> Envelope:
     low_pass /= low_pass.sum()
     if len(record.values) < 4 * taps:
         raise InputError(
-            f"{len(record.values)} samples: a band of ±{band:.4g} Hz needs at least {4 * taps}, {4 * taps / record.rate:.3g} s"
+            f"{len(record.values)} samples: a band of ±{band:.4g} Hz needs at least {4 * taps}, "
+            f"{4 * taps / record.rate:.3g} s"
         )
     return Envelope(_decimated(record, shift, low_pass, factor), record.rate / factor, centre, band)
 

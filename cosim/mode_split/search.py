@@ -12,7 +12,6 @@ from scipy.optimize import brentq
 from scipy.signal import oaconvolve
 
 from cosim.mode_split.model import SplitModel, response
-from cosim.mode_split.record import Floats
 from cosim.mode_split.spectrum import Groups, Spectrum, grouped
 from cosim.mode_split.whittle import Fit, Likelihood, free_parameters, maximise
 
@@ -71,7 +70,6 @@ def detectable(spectrum: Spectrum, found: Found, q: float) -> float:
 
     The gain has about the mean Σ (R s - ln(1 + R s)) and the variance Σ (R s)², s = |G|² on the bins.
     """
-    model = found.fit.model
     f = spectrum.f[spectrum.valid]
     shape = response(f, 0.5 * (f[0] + f[-1]), q)
     threshold = np.log(max(found.trials, 1.0) / FALSE_ALARM) * spectrum.spread
@@ -80,7 +78,6 @@ def detectable(spectrum: Spectrum, found: Found, q: float) -> float:
         size = np.exp(log_height) * shape
         return float(np.sum(size - np.log1p(size)) - POWER * np.sqrt(np.sum(size**2) / (1 + size.max())) - threshold)
 
-    del model
     return float(np.exp(brentq(surplus, np.log(1e-3), np.log(1e9))))
 
 
@@ -110,7 +107,9 @@ def _floor(spectrum: Spectrum) -> SplitModel:
     return model
 
 
-def _proposal(spectrum: Spectrum, floor: SplitModel, width: float, low: float, high: float) -> tuple[float, float, float]:
+def _proposal(
+    spectrum: Spectrum, floor: SplitModel, width: float, low: float, high: float
+) -> tuple[float, float, float]:
     """The best matched filter of one width: its output in deviations, its place [Hz], the width [Hz]."""
     size = max(int(width / spectrum.bin / PER_HALF_WIDTH), 1)
     starts = np.arange(0, len(spectrum.f), size)

@@ -50,7 +50,13 @@ class Spectrum:
         """The bins within ``low`` .. ``high`` [Hz]."""
         inside = slice(*np.searchsorted(self.f, [low, high]))
         return Spectrum(
-            self.f[inside], self.power[inside], self.valid[inside], self.drive_line, self.guard, self.duration, self.spread
+            self.f[inside],
+            self.power[inside],
+            self.valid[inside],
+            self.drive_line,
+            self.guard,
+            self.duration,
+            self.spread,
         )
 
 
@@ -104,7 +110,8 @@ def _refined(part: Envelope, drive_line: float) -> float:
     best = f[int(np.argmax(power))]
     around = best + np.array([-0.5, 0.0, 0.5]) / part.duration
     left, peak, right = (
-        np.log(abs(windowed @ np.exp(-2j * np.pi * (g - part.centre) * time)) ** 2 + np.finfo(float).tiny) for g in around
+        np.log(abs(windowed @ np.exp(-2j * np.pi * (g - part.centre) * time)) ** 2 + np.finfo(float).tiny)
+        for g in around
     )
     curvature = left - 2 * peak + right
     return float(best + (0.25 * (left - right) / curvature / part.duration if curvature < 0 else 0.0))
