@@ -1,0 +1,160 @@
+"""A record of one voltage, and its slow complex envelope around the drive line."""
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import kaiserord, upfirdn
+from scipy.signal.windows import kaiser
+
+from gyro_model.errors import InputError
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+FLAT: Final = 0.4
+"""Band of a decimated record, of its rate, either way: the filter is flat below it, what folds back lies above it."""
+STOP_DB: Final = 120.0
+"""Attenuation of what folds back: a line 60 dB above the hump's power lies then 60 dB below that."""
+RIPPLE: Final = 10 ** (-STOP_DB / 20)
+BLOCK: Final = 1 << 18
+"""Samples mixed at a time: what is in memory beside the record stays below 20 MB."""
+LINE_OVER_MEDIAN: Final = 30.0
+"""A bin this many times the median around it is a line: noise alone gives one in 2**30 bins."""
+LONGEST_SEARCHED: Final = 1 << 22
+"""Samples in which the drive line is looked for."""
+
+
+@dataclass(frozen=True)
+class VoltageRecord:
+    """Samples of one voltage at ``rate`` [Hz]: real (n,) [V], or complex (n,) around ``carrier`` [Hz].
+
+    Complex samples z mean v(t) = Re z exp(i 2 π carrier t). Raises InputError where the samples make no record.
+    """
+
+    values: Floats | Complexes
+    rate: float
+    carrier: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.rate) and self.rate > 0):
+            raise InputError(f"sample rate {self.rate:g} Hz: give a positive number")
+        if self.is_complex and not self.carrier > 0:
+            raise InputError("two columns are I and Q around a carrier: give its frequency by --carrier")
+        if len(self.values) < 256:
+            raise InputError(f"{len(self.values)} samples: a spectrum needs at least 256")
+        finite = np.isfinite(self.values)
+        if not finite.all():
+            raise InputError(f"the voltage is no finite number in data row {int(np.argmin(finite)) + 1}: mend the row")
+        if np.ptp(np.abs(self.values)) == 0 and np.ptp(self.values.real) == 0:
+            raise InputError("the voltage never changes: the record holds no signal; name another column by --column")
+
+    @property
+    def is_complex(self) -> bool:
+        """Whether the samples are an envelope around the carrier."""
+        return bool(np.iscomplexobj(self.values))
+
+    @property
+    def duration(self) -> float:
+        """Length [s]."""
+        return len(self.values) / self.rate
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """Complex samples z (n,) at ``rate`` [Hz]: v(t) = Re z exp(i 2 π centre t), true to ±``band`` [Hz] of ``centre``."""
+
+    values: Complexes
+    rate: float
+    centre: float
+    band: float
+
+    @property
+    def duration(self) -> float:
+        """Length [s]."""
+        return len(self.values) / self.rate
+
+    def part(self, start: float, stop: float) -> "Envelope":
+        """The envelope from ``start`` to ``stop`` [s]."""
+        return Envelope(
+            self.values[round(start * self.rate) : round(stop * self.rate)], self.rate, self.centre, self.band
+        )
+
+
+def envelope(record: VoltageRecord, centre: float, span: float) -> Envelope:
+    """The envelope of ``record`` around ``centre`` [Hz], true to at least ±``span`` [Hz] or as far as the record has it.
+
+    Mixed down and decimated by a whole number through a linear-phase low-pass (Kaiser window).
+    """
+    shift = centre - record.carrier
+    edge = record.rate / 2
+    if not (0 < shift < edge if not record.is_complex else abs(shift) < edge):
+        low, high = (record.carrier - edge, record.carrier + edge) if record.is_complex else (0.0, edge)
+        raise InputError(f"frequency {centre:g} Hz: the record reaches from {low:g} to {high:g} Hz")
+    # An envelope given comes through a decimation filter of its own; a real voltage ends at zero frequency.
+    reach = 2 * FLAT * edge - abs(shift) if record.is_complex else 0.95 * min(edge - shift, shift)
+    if reach <= 0:
+        raise InputError(f"frequency {centre:g} Hz: too near the edge of the record's band, {record.rate:g} Hz wide")
+    band = min(span, reach)
+    factor = max(int(FLAT * record.rate / band), 1)
+    if factor == 1:
+        return Envelope(_mixed(record, shift, 0, len(record.values)), record.rate, centre, band)
+    taps, beta = kaiserord(STOP_DB, 2 * (1 - 2 * FLAT) / factor)
+    taps = taps | 1
+    low_pass = np.sinc((np.arange(taps) - taps // 2) / factor) * kaiser(taps, beta)
+    low_pass /= low_pass.sum()
+    if len(record.values) < 4 * taps:
+        raise InputError(
+            f"{len(record.values)} samples: a band of ±{band:.4g} Hz needs at least {4 * taps}, "
+            f"{4 * taps / record.rate:.3g} s"
+        )
+    return Envelope(_decimated(record, shift, low_pass, factor), record.rate / factor, centre, band)
+
+
+def find_line(record: VoltageRecord) -> float:
+    """Frequency [Hz] of the strongest line, by the peak of a Hann-windowed spectrum.
+
+    Raises InputError where no bin stands out of the noise around it.
+    """
+    values = record.values[:LONGEST_SEARCHED]
+    n = len(values)
+    spectrum = np.fft.fft(values * np.hanning(n)) if record.is_complex else np.fft.rfft(values * np.hanning(n))
+    power = np.abs(spectrum) ** 2
+    if not record.is_complex:
+        # Offset and drift of the amplifier: the lowest 0.5 % of the band.
+        power[: max(len(power) // 200, 8)] = 0.0
+    best = int(np.argmax(power))
+    around = power[np.r_[best - 24 : best - 4, best + 5 : best + 25] % len(power)]
+    if not power[best] > LINE_OVER_MEDIAN * np.median(around):
+        raise InputError("no drive line stands out of the noise: give the drive frequency by --drive-frequency")
+    left, peak, right = np.log(power[[best - 1, best, (best + 1) % len(power)]] + np.finfo(float).tiny)
+    place = (best + 0.5 * (left - right) / (left - 2 * peak + right)) / n
+    return float(record.carrier + record.rate * (place - (place > 0.5)))
+
+
+def _mixed(record: VoltageRecord, shift: float, first: int, last: int) -> Complexes:
+    """Samples first .. last - 1 around the shifted frequency, as an envelope: a real record counts twice."""
+    inside = record.values[max(first, 0) : max(last, 0)]
+    turns = shift / record.rate * np.arange(max(first, 0), max(first, 0) + len(inside))
+    mixed: Complexes = (1 if record.is_complex else 2) * inside * np.exp(-2j * np.pi * (turns % 1))
+    return mixed
+
+
+def _decimated(record: VoltageRecord, shift: float, low_pass: Floats, factor: int) -> Complexes:
+    """Every ``factor``-th sample of the mixed and filtered record, those that the filter sees in full."""
+    taps = len(low_pass)
+    count = (len(record.values) - taps) // factor + 1
+    each = max(BLOCK // factor, 1)
+    parts = []
+    for first in range(0, count, each):
+        many = min(each, count - first)
+        start = first * factor
+        block = _mixed(record, shift, start, start + (many - 1) * factor + taps)
+        # upfirdn keeps output 0, factor, ...; that of full overlap is output taps - 1.
+        lead = (-(taps - 1)) % factor
+        filtered = upfirdn(low_pass, np.concatenate([np.zeros(lead), block]), 1, factor)
+        begin = (taps - 1 + lead) // factor
+        parts.append(filtered[begin : begin + many])
+    return np.concatenate(parts)

@@ -1,0 +1,120 @@
+"""`gyrotwin split`: the frequency split of the two modes from the thermal noise in a record of normal operation."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from cosim.mode_split import Analysis, Correlation
+
+console = Console()
+
+
+def split(
+    record: Annotated[Path, typer.Argument(help="Table of one voltage: .csv, .csv.gz or .parquet.")],
+    q: Annotated[
+        float | None, typer.Option("--q", help="Quality factor of the sense mode; found where not given.")
+    ] = None,
+    drive_frequency: Annotated[
+        float | None, typer.Option(help="Drive frequency, Hz; the strongest line where not given.")
+    ] = None,
+    sample_rate: Annotated[float | None, typer.Option(help="Samples a second, where no column is the time.")] = None,
+    column: Annotated[
+        list[str] | None, typer.Option(help="Column of the voltage; with --carrier twice, I and Q.")
+    ] = None,
+    carrier: Annotated[
+        float | None, typer.Option(help="The columns are I and Q around this frequency, Hz: v = I cos - Q sin.")
+    ] = None,
+    span: Annotated[
+        float | None, typer.Option(help="Search this far either side of the drive, Hz; default a third of it.")
+    ] = None,
+    guard: Annotated[
+        float, typer.Option(help="Leave out this much either side of the drive line, Hz: the rate's bandwidth.")
+    ] = 0.0,
+    resolution: Annotated[
+        float | None, typer.Option(help="Refuse an answer with a 95 % interval wider than plus or minus this, Hz.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for summary.json and report.html.")] = None,
+) -> None:
+    """Find the frequency split of the two modes in a record of normal operation, from thermal noise."""
+    from cosim.mode_split import Question, find_split
+    from gyrotwin.run import check_writable, publish
+    from gyrotwin.split_record import read_record
+    from gyrotwin.split_report import render_split
+
+    question = Question(q, drive_frequency, span, guard, resolution)
+    folder = out or Path("results") / "split"
+    check_writable(folder)
+    analysis = find_split(read_record(record, column or (), sample_rate, carrier), question)
+    summary = summarise(analysis, question.q, record.name)
+
+    def write_summary(path: Path) -> None:
+        path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+    publish(folder, {"summary.json": write_summary, "report.html": lambda path: render_split(summary, analysis, path)})
+    console.print(results(summary))
+    console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
+
+
+def summarise(analysis: "Analysis", q_given: float | None, name: str) -> dict[str, Any]:
+    """The answer as JSON-ready values: Hz, V²/Hz one-sided, intervals 95 %."""
+    from cosim.mode_split import correlations
+
+    found = analysis.split
+    low, high = found.interval
+    printed, cut = correlations(analysis)
+    return {
+        "record": {"file": name, "duration_s": found.duration, "band_hz": analysis.part.band},
+        "f_x": found.f_x,
+        "f_y": {"value": found.f_y, "low": low, "high": high},
+        "split": {"value": found.split, "low": low - found.f_x, "high": high - found.f_x},
+        "q": {"value": found.q, "low": found.q_interval[0], "high": found.q_interval[1], "given": q_given is not None},
+        "hump_over_floor_db": float(10 * np.log10(found.hump_over_floor)),
+        "deviation": found.deviation,
+        "bound": found.bound,
+        "information_kept": found.g,
+        "chance": found.chance,
+        "cross_correlation": {
+            "preset": cut[0].preset,
+            "as_printed": _with_interval(*printed, analysis.part.band),
+            "line_removed": _with_interval(*cut, analysis.part.band),
+        },
+    }
+
+
+def results(summary: dict[str, Any]) -> Table:
+    """The summary as a table for rich."""
+    table = Table(title=f"Split from noise: {summary['record']['file']}", title_justify="left")
+    for heading in ("", "value", "95 % interval"):
+        table.add_column(heading, justify="left" if not heading else "right")
+    table.add_row("drive line f_x", f"{summary['f_x']:.4f} Hz", "")
+    for key, text in (("f_y", "sense resonance f_y"), ("split", "split f_y - f_x")):
+        value = summary[key]
+        low, high = value["low"], value["high"]
+        table.add_row(
+            text, f"{value['value']:.4f} Hz", f"{low:.4f} .. {high:.4f}", style="bold" if key == "split" else ""
+        )
+    q = summary["q"]
+    table.add_row("Q", f"{q['value']:.4g}", "given" if q["given"] else f"{q['low']:.4g} .. {q['high']:.4g}")
+    table.add_row("hump over the floor", f"{summary['hump_over_floor_db']:.1f} dB", "")
+    table.add_row("standard deviation", f"{summary['deviation']:.3g} Hz", "")
+    table.add_row("Cramér–Rao bound", f"{summary['bound']:.3g} Hz", "")
+    for key, text in (("as_printed", "cross-correlation, as printed"), ("line_removed", "the same, line removed")):
+        value = summary["cross_correlation"][key]
+        if value is None:
+            table.add_row(text, "no second peak", "")
+        else:
+            table.add_row(text, f"{value['value']:.4f} Hz", f"{value['low']:.4f} .. {value['high']:.4f}")
+    return table
+
+
+def _with_interval(found: "Correlation", half: float, band: float) -> dict[str, float] | None:
+    """f_y of a correlation, or None where it has no second peak, or the line's flank shifts it by half the band."""
+    if found.f_y is None or not half < 0.5 * band:
+        return None
+    return {"value": found.f_y, "low": found.f_y - half, "high": found.f_y + half}
