@@ -64,8 +64,9 @@ class _Locals:
             return "g->t"
         if symbol == symbols.after:
             return f"g->after[{effect_macro(effect)}]"
-        if symbol in (symbols.normal_x, symbols.normal_y):
-            return f"g->normal[{effect_macro(effect)}][{int(symbol == symbols.normal_y)}]"
+        for numbers in (symbols.NORMAL, symbols.PINK):
+            if symbol in numbers:
+                return f"g->drawn[{effect_macro(effect)}][{numbers.index(symbol)}]"
         return f"g->p[{macro(symbol.name)}]"
 
 
@@ -113,7 +114,7 @@ typedef struct {
     double lagging[GYRO_N_LAGGING];       /* quantities that lag, at the start of the internal step, SI */
     double lagging_now[GYRO_N_LAGGING];   /* the same, now */
     double inverse_mass;                  /* 1/kg */
-    double normal[GYRO_N_EFFECTS][2];     /* standard normal numbers of each effect, of the latest sample */
+    double drawn[GYRO_N_EFFECTS][2];      /* normal or pink numbers of each effect, of the latest sample */
     double after[GYRO_N_EFFECTS];         /* 1 from the event of each effect on, 0 before */
     unsigned char active[GYRO_N_EFFECTS]; /* a size parameter differs from neutral */
     unsigned char any_law;
@@ -218,14 +219,18 @@ def _activity(model: Model) -> str:
 
 
 def _streams(model: Model) -> str:
+    pink = [e for e in model.effects if e.symbols & set(symbols.PINK)]
+    places = "".join(f"    {pink.index(e) if e in pink else -1}, /* {e.id} */\n" for e in model.effects)
     rows = "".join(
-        f"    {zlib.crc32(e.id.encode()):#010x}u, /* {e.id} */\n" if _is_drawn(e) else f"    0u, /* {e.id}: none */\n"
+        f"    {zlib.crc32(e.id.encode()):#010x}u, /* {e.id} */\n" if e.drawn else f"    0u, /* {e.id}: none */\n"
         for e in model.effects
     )
     return (
         "/* The noise stream of each effect, 0 where it draws none. It is made from the effect's id, so that a new\n"
         "   effect leaves the noise of the others alone. */\n"
-        f"static const uint32_t streams[GYRO_N_EFFECTS] = {{\n{rows}}};\n"
+        f"static const uint32_t streams[GYRO_N_EFFECTS] = {{\n{rows}}};\n\n"
+        "/* The place of each effect that draws pink numbers among those that do, -1 of the others. */\n"
+        f"static const int pink_places[GYRO_N_EFFECTS] = {{\n{places}}};\n"
     )
 
 
@@ -290,7 +295,7 @@ def _follows(model: Model) -> list[Follow]:
 def _derivative(model: Model) -> str:
     nominal = "".join(f"    {_call(e)}" for e in model.forces if e.nominal)
     others = "".join(_guarded(e, _call(e)) for e in _added_forces(model))
-    held = "".join(_guarded(e, _call(e)) for e in model.forces if _is_drawn(e))
+    held = "".join(_guarded(e, _call(e)) for e in model.forces if e.drawn)
     quiet = "".join(f"    rate[{state_macro(s.symbol)}] = 0.0;\n" for s in model.states)
     return f"""/* The noise forces [N], drawn with the latest sample. */
 static inline void hold_noise(gyro_view *g)
@@ -333,12 +338,8 @@ def _asks_rate(effect: Effect) -> bool:
     return bool({symbols.v_x_rate, symbols.v_y_rate} & effect.symbols)
 
 
-def _is_drawn(effect: Effect) -> bool:
-    return bool({symbols.normal_x, symbols.normal_y} & effect.symbols)
-
-
 def _added_forces(model: Model) -> list[Force]:
-    return [e for e in model.forces if not e.nominal and not _is_drawn(e)]
+    return [e for e in model.forces if not e.nominal and not e.drawn]
 
 
 _STAGES = (
