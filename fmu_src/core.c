@@ -187,6 +187,9 @@ gyro_status gyro_prepare(gyro_instance *g)
         for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
             g->plan.any_draw |= (unsigned char)(streams[effect] != 0u && view->active[effect]);
         }
+        if (g->plan.any_draw) {
+            gyro_pink_design(&g->plan.pink, g->value[GYRO_SAMPLE_PERIOD]);
+        }
         g->plan.any_lag = (unsigned char)lag_acts(view);
         status = plan_delay(g);
     }

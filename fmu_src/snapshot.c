@@ -40,7 +40,7 @@ static void list_parts(const gyro_instance *g, part parts[N_PARTS])
     parts[0] = (part){mutable_g->value, sizeof g->value};
     parts[1] = (part){&mutable_g->memory, sizeof g->memory};
     parts[2] = (part){mutable_g->view.s, sizeof g->view.s};
-    parts[3] = (part){mutable_g->view.normal, sizeof g->view.normal};
+    parts[3] = (part){mutable_g->view.drawn, sizeof g->view.drawn};
     parts[4] = (part){mutable_g->view.lagging, sizeof g->view.lagging};
     parts[DELAY_LINE] = (part){mutable_g->delay_line, g->delay_length * sizeof *g->delay_line};
 }
