@@ -36,6 +36,9 @@ def split(
     guard: Annotated[
         float, typer.Option(help="Leave out this much either side of the drive line, Hz: the rate's bandwidth.")
     ] = 0.0,
+    clean_line: Annotated[
+        bool, typer.Option("--clean-line", help="The drive line has no phase noise: finds a hump right under it.")
+    ] = False,
     resolution: Annotated[
         float | None, typer.Option(help="Refuse an answer with a 95 % interval wider than plus or minus this, Hz.")
     ] = None,
@@ -47,7 +50,7 @@ def split(
     from gyrotwin.split_record import read_record
     from gyrotwin.split_report import render_split
 
-    question = Question(q, drive_frequency, span, guard, resolution)
+    question = Question(q, drive_frequency, span, guard, resolution, clean_line)
     folder = out or Path("results") / "split"
     check_writable(folder)
     analysis = find_split(read_record(record, column or (), sample_rate, carrier), question)

@@ -64,7 +64,8 @@ def _spectra(analysis: Analysis) -> Figure:
         "Measured and theoretical spectrum",
         "source 004, M and N",
         "Means over neighbouring bins of the periodogram. The line at the drive frequency is Coriolis force and "
-        "quadrature; the hump is the thermal motion of the sense mode. N is the theoretical hump for this Q, preset at the drive frequency and "
+        "quadrature; the hump is the thermal motion of the sense mode. N is the theoretical hump for this "
+        "Q, preset at the drive frequency and "
         f"drawn at the height of the one found. Masked around the line: ±{spectrum.guard:.3g} Hz.",
         [("measured", "M, measured"), ("estimate", "M, model"), ("error", "N at the preset frequency")],
         [panel],

@@ -13,7 +13,7 @@ from cosim.mode_split.correlation import (
     measured_spectrum,
     peak_uncertainty,
 )
-from cosim.mode_split.model import F_Y, LOG_Q, SplitModel, frequency_bound, information, kept_information
+from cosim.mode_split.model import F_Y, LOG_Q, SplitModel, frequency_bound, kept_information
 from cosim.mode_split.record import Envelope, VoltageRecord, envelope, find_line
 from cosim.mode_split.search import NARROWEST, Found, detectable, find_hump
 from cosim.mode_split.spectrum import Spectrum, line_spectrum
@@ -37,7 +37,9 @@ class Question:
 
     q: of the sense mode, or None where it is to be found; drive_frequency [Hz] or None; span: half-width of the band
     searched [Hz], default a third of the drive frequency; guard: half-width [Hz] of the band around the line where the
-    rate modulates it; resolution: half-width of the 95 % interval asked for [Hz].
+    rate modulates it; resolution: half-width of the 95 % interval asked for [Hz]; clean_line: the line
+    has no phase noise beside its mask. Otherwise a skirt ∝ (f - f_x)⁻² is fitted, and a hump closer to the line than
+    its own width can't be told from that.
     """
 
     q: float | None = None
@@ -45,6 +47,7 @@ class Question:
     span: float | None = None
     guard: float = 0.0
     resolution: float | None = None
+    clean_line: bool = False
 
     def __post_init__(self) -> None:
         for name in ("q", "drive_frequency", "span", "resolution"):
@@ -118,7 +121,7 @@ def find_split(record: VoltageRecord, question: Question = Question()) -> Analys
 
 def estimate(spectrum: Spectrum, question: Question, near: tuple[float, float] | None = None) -> Split:
     """Maximum likelihood on a spectrum. near: (f_y, reach) [Hz]. Raises NothingFoundError."""
-    found = find_hump(spectrum, question.q, near)
+    found = find_hump(spectrum, question.q, question.clean_line, near)
     if not found.is_hump:
         raise NothingFoundError(_nothing(spectrum, question, found))
     model, fit = found.fit.model, found.fit
@@ -141,16 +144,6 @@ def estimate(spectrum: Spectrum, question: Question, near: tuple[float, float] |
         spectrum.duration,
         found,
     )
-
-
-def spectrum_bound(model: SplitModel, spectrum: Spectrum) -> float:
-    """Cramér–Rao bound of f_y [Hz] on the bins that are there, floor, Q and hump unknown: numerically exact."""
-    matrix = information(model, spectrum.f[spectrum.valid], np.ones(int(spectrum.valid.sum())))
-    some = np.diag(matrix) > 0
-    scale = 1 / np.sqrt(np.diag(matrix)[some])
-    # Terms that the band can't tell apart make the matrix nearly singular; f_y is not among them.
-    inverse = np.linalg.pinv(matrix[np.ix_(some, some)] * np.outer(scale, scale), rcond=1e-10, hermitian=True)
-    return float(np.sqrt(inverse[F_Y, F_Y]) * scale[F_Y])
 
 
 def correlations(analysis: Analysis) -> tuple[tuple[Correlation, float], tuple[Correlation, float]]:

@@ -64,7 +64,7 @@ class VoltageRecord:
 
 @dataclass(frozen=True)
 class Envelope:
-    """Complex samples z (n,) at ``rate`` [Hz]: v(t) = Re z exp(i 2 π centre t), true to ±``band`` [Hz] of ``centre``."""
+    """Complex samples z (n,) at ``rate`` [Hz]: v(t) = Re z exp(i 2 π centre t), true within centre ± ``band`` [Hz]."""
 
     values: Complexes
     rate: float
@@ -84,7 +84,7 @@ class Envelope:
 
 
 def envelope(record: VoltageRecord, centre: float, span: float) -> Envelope:
-    """The envelope of ``record`` around ``centre`` [Hz], true to at least ±``span`` [Hz] or as far as the record has it.
+    """The envelope of ``record`` around ``centre`` [Hz], true within ±``span`` [Hz] or as far as the record is.
 
     Mixed down and decimated by a whole number through a linear-phase low-pass (Kaiser window).
     """

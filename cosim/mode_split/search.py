@@ -51,9 +51,12 @@ class Found:
         return self.chance < FALSE_ALARM
 
 
-def find_hump(spectrum: Spectrum, q: float | None, near: tuple[float, float] | None = None) -> Found:
-    """The hump of greatest likelihood. near: (f_y, reach) [Hz] where f_y is looked for; default the whole band."""
-    floor = _floor(spectrum)
+def find_hump(
+    spectrum: Spectrum, q: float | None, clean_line: bool = False, near: tuple[float, float] | None = None
+) -> Found:
+    """The hump of greatest likelihood. clean_line: the line has no skirt of phase noise; near: (f_y, reach) [Hz] where
+    f_y is looked for, default the whole band."""
+    floor = _floor(spectrum, clean_line)
     low, high = (spectrum.f[0], spectrum.f[-1]) if near is None else (near[0] - near[1], near[0] + near[1])
     widths = _widths(spectrum, q)
     proposals = [_proposal(spectrum, floor, width, low, high) for width in widths]
@@ -90,19 +93,18 @@ def _widths(spectrum: Spectrum, q: float | None) -> list[float]:
     return [float(width) for width in np.geomspace(narrow, max(wide, narrow), count + 1)]
 
 
-def _floor(spectrum: Spectrum) -> SplitModel:
+def _floor(spectrum: Spectrum, clean_line: bool) -> SplitModel:
     """The floor alone, fitted to the spectrum with what stands out of it clipped."""
     groups = grouped(spectrum, max(len(spectrum.f) // 4000, 1))
     level = float(np.median(groups.power))
-    tiny = 1e-6 * level + np.finfo(float).tiny
-    model = SplitModel(
-        spectrum.drive_line, 1.0, 0.0, 0.7 * level, 0.3 * level, tiny, spectrum.drive_line, spectrum.guard
-    )
     beside = float(np.median(groups.power[np.argsort(np.abs(groups.f - spectrum.drive_line))[:5]]))
-    model = model.at(np.append(model.vector[:-1], np.log(max(beside, tiny))))
+    skirt = 0.0 if clean_line else beside
+    model = SplitModel(
+        spectrum.drive_line, 1.0, 0.0, 0.7 * level, 0.3 * level, skirt, spectrum.drive_line, spectrum.guard
+    )
+    free = free_parameters(hump=False, q_known=True, clean_line=clean_line)
     for _ in range(4):
         clipped = Groups(groups.f, np.minimum(groups.power, 3 * model.floor(groups.f)), groups.count)
-        free = free_parameters(hump=False, q_known=True)
         model = maximise(Likelihood(clipped, model.vector, spectrum.spread), model, free).model
     return model
 
@@ -138,7 +140,8 @@ def _fitted(
     hump = max(level - local, 0.1 * local)
     start = SplitModel(place, start_q, hump, floor.white, floor.flicker, floor.skirt, floor.drive_line, floor.guard)
     likelihood = Likelihood(groups, start.vector, spectrum.spread)
-    fit = maximise(likelihood, start, free_parameters(True, q is not None))
+    clean_line = floor.skirt == 0
+    fit = maximise(likelihood, start, free_parameters(True, q is not None, clean_line))
     alone = SplitModel(place, start_q, 0.0, floor.white, floor.flicker, floor.skirt, floor.drive_line, floor.guard)
-    without = maximise(likelihood, alone, free_parameters(False, True))
+    without = maximise(likelihood, alone, free_parameters(False, True, clean_line))
     return fit, likelihood, groups, fit.value - without.value

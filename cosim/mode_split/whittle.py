@@ -58,7 +58,8 @@ class Likelihood:
 
     def _off(self, model: SplitModel) -> Floats:
         places = list(FLOOR_TERMS)
-        return (model.vector[places] - self.start[places]) / LOOSE
+        there = np.isfinite(self.start[places])
+        return np.where(there, model.vector[places] - np.where(there, self.start[places], 0.0), 0.0) / LOOSE
 
 
 @dataclass(frozen=True)
@@ -72,10 +73,10 @@ class Fit:
     free: tuple[int, ...]
 
 
-def free_parameters(hump: bool, q_known: bool) -> tuple[int, ...]:
-    """Which parameters a fit finds: with or without a hump, Q free or held."""
+def free_parameters(hump: bool, q_known: bool, clean_line: bool) -> tuple[int, ...]:
+    """Which parameters a fit finds: with or without a hump, Q free or held, with or without a skirt of the line."""
     shape = ((F_Y, LOG_HUMP) if q_known else (F_Y, LOG_Q, LOG_HUMP)) if hump else ()
-    return (*shape, *FLOOR_TERMS)
+    return (*shape, LOG_WHITE, LOG_FLICKER) if clean_line else (*shape, *FLOOR_TERMS)
 
 
 def maximise(likelihood: Likelihood, start: SplitModel, free: tuple[int, ...]) -> Fit:
