@@ -240,9 +240,19 @@ def make_unknown(name: str, number: int, block: str = "tune", multiple: float = 
         term = TERMS[number - 1]
         label = {"kind": "unknown", "level": term.name, "effects": [], "parameters": {"c": size},
                  "detectable": {term.name: found}, "multiple": {term.name: size / found},
-                 "multiple_apart": size / apart, "force_x": term.force_x, "force_y": term.force_y}  # fmt: skip
+                 "multiple_apart": size / apart, "force_x": term.force_x, "force_y": term.force_y,
+                 "points": _points(placed(size), runs)}  # fmt: skip
         return _finished(rng, name, device, placed(size), runs, Noise(), label)
     raise RuntimeError(f"trial {name}: no draw in 30 shows term {number} apart from every effect")
+
+
+def _points(plant: Plant, runs: Sequence[Run]) -> list[list[float]]:
+    """Some 100 states and forces of every fitted run, x, y, x', y', u_x, u_y, on which formulas are compared."""
+    rows = []
+    for run in runs[:-1]:
+        some = slice(len(run.u) // 5, None, len(run.u) // 120)
+        rows += np.hstack([simulate(plant, run).state[some], run.u[some]]).tolist()
+    return rows
 
 
 def _rival_changes(projector: Projector, true: Plant, scale: Scale) -> list[Floats]:
