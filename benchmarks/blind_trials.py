@@ -45,9 +45,7 @@ def main(
         sys.exit(2)
 
 
-def run(
-    kinds: tuple[str, ...], limit: int | None, only: str, block: str, jobs: int, ask: Ask, baselines: int
-) -> None:
+def run(kinds: tuple[str, ...], limit: int | None, only: str, block: str, jobs: int, ask: Ask, baselines: int) -> None:
     """All trials of some kinds, then the tables."""
     chosen = [entry for kind in kinds
               for entry in islice((e for e in entries((kind,), block) if only in e.name), limit)]  # fmt: skip

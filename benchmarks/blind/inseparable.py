@@ -13,7 +13,7 @@ from benchmarks.blind.effects import BY_ID, Scale, direction
 from benchmarks.blind.experiment import ROOM, RUNS, Device, Plan, draw_device, draw_run
 from benchmarks.blind.noise import Noise, sigma
 from benchmarks.blind.physics import Floats, Plant, Run
-from benchmarks.blind.trial import Trial, _finished, rng_of, scale_of
+from benchmarks.blind.trial import Trial, finished, rng_of, scale_of
 
 Conditions = Callable[[Floats, int], dict[str, Floats]]
 ALIKE, TOLD = 2.0, 10.0
@@ -105,7 +105,7 @@ def make_inseparable(name: str, number: int, stage: str, block: str = "tune") ->
         # Added runs are fitted; the held-out one stays last.
         shown = runs if stage == "before" else [*runs[:-1], *added, runs[-1]]
         stage_rng = rng_of(block, f"{name} {stage}")
-        return _finished(stage_rng, f"{name}-{stage}", device, plant, shown, Noise(), label | {"level": stage})
+        return finished(stage_rng, f"{name}-{stage}", device, plant, shown, Noise(), label | {"level": stage})
     raise RuntimeError(f"trial {name}: no draw in 30 makes {case.truth} and {case.rival} alike, and apart afterwards")
 
 
@@ -119,7 +119,8 @@ def _made(
     def drawn(number: int, conditions: dict[str, Floats], high: bool = False) -> Run:
         # Far above the modes q = u/(m w²): the band of a mode three times as high.
         lifted = device._replace(low=3 * device.low, high=3 * device.high) if high else device
-        return draw_run(rng, lifted, Plan(), number, n, rate)._replace(**conditions)
+        run = draw_run(rng, lifted, Plan(), number, n, rate)
+        return Run(**(run._asdict() | conditions))
 
     runs = [drawn(i, case.before(t, i)) for i in range(RUNS)]
     added = [drawn(i, case.after(t, i), case.high) for i in range(ADDED)]
@@ -140,10 +141,17 @@ def _made(
         size = min(multiple * detectable, cap)
         left = [p.length(placed(size), [p.raw(r) for r in rivals]) for p in (before, after)]
         if left[0] < ALIKE and left[1] > TOLD and size >= 3 * detectable:
-            label = {"kind": "inseparable", "effects": [case.truth], "rival": case.rival, "why": case.why,
-                     "next": case.next, "parameters": {s: getattr(placed(size), s) for s in effect.sizes},
-                     "detectable": {case.truth: detectable}, "multiple": {case.truth: size / detectable},
-                     "left": left}  # fmt: skip
+            label: dict[str, object] = {
+                "kind": "inseparable",
+                "effects": [case.truth],
+                "rival": case.rival,
+                "why": case.why,
+                "next": case.next,
+                "parameters": {s: getattr(placed(size), s) for s in effect.sizes},
+                "detectable": {case.truth: detectable},
+                "multiple": {case.truth: size / detectable},
+                "left": left,
+            }
             return device, placed(size), runs, added, label
     return None
 

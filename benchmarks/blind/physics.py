@@ -26,7 +26,8 @@ RADIANS: Final = 0.15
 
 class Plant(NamedTuple):
     """Every parameter, SI, neutral where the effect is absent (units: SYSTEM.md section 8). term, term_size: a force
-    that stands in no effect file, number 1 to 20 of ``terms.TERMS``."""
+    that stands in no effect file, number 1 to 20 of ``terms.TERMS``
+    (0: none)."""
 
     m: float = 1.8e-7
     kxx: float = 63.955
@@ -79,7 +80,7 @@ class Plant(NamedTuple):
     charging_voltage: float = 0.0
     charging_time: float = 1.0
     adc_limit: float = 1e300
-    term: int = 0
+    term: float = 0.0
     term_size: float = 0.0
 
 

@@ -32,8 +32,14 @@ class Entry(NamedTuple):
 
 def entries(kinds: tuple[str, ...], block: str) -> Iterator[Entry]:
     """All trials of some kinds. Raises InputError for an unknown kind."""
-    makers = {"null": nulls, "single": singles, "pair": partial(several, count=2), "triple": partial(several, count=3),
-              "unknown": unknowns, "inseparable": inseparables}  # fmt: skip
+    makers: dict[str, Callable[[str], Iterator[Entry]]] = {
+        "null": nulls,
+        "single": singles,
+        "pair": partial(several, count=2),
+        "triple": partial(several, count=3),
+        "unknown": unknowns,
+        "inseparable": inseparables,
+    }
     for kind in kinds:
         if kind not in makers:
             raise InputError(f"kind {kind!r} is not known{nearest(kind, KINDS)} (kinds: {', '.join(KINDS)})")
