@@ -26,7 +26,8 @@ class Scale(NamedTuple):
 Shape = Callable[[np.random.Generator, Plant, Scale], Mapping[str, float]]
 
 
-def _no_shape(rng: np.random.Generator, plant: Plant, scale: Scale) -> Mapping[str, float]:
+def no_shape(rng: np.random.Generator, plant: Plant, scale: Scale) -> Mapping[str, float]:
+    """Of effects without shape parameters."""
     return {}
 
 
@@ -55,7 +56,7 @@ class Effect(NamedTuple):
     sizes: tuple[str, ...]
     cap: Callable[[Plant, Scale], float]
     host: tuple[str, ...] = ()
-    shape: Shape = _no_shape
+    shape: Shape = no_shape
     base: float = 0.0
     signs: tuple[int, ...] = (1, -1)
     partner: tuple[str, str, float] | None = None

@@ -26,7 +26,8 @@ RADIANS: Final = 0.15
 
 class Plant(NamedTuple):
     """Every parameter, SI, neutral where the effect is absent (units: SYSTEM.md section 8). term, term_size: a force
-    that stands in no effect file, number 1 to 20 of ``terms.TERMS``."""
+    that stands in no effect file, number 1 to 20 of ``terms.TERMS``
+    (0: none)."""
 
     m: float = 1.8e-7
     kxx: float = 63.955
@@ -79,7 +80,7 @@ class Plant(NamedTuple):
     charging_voltage: float = 0.0
     charging_time: float = 1.0
     adc_limit: float = 1e300
-    term: int = 0
+    term: float = 0.0
     term_size: float = 0.0
 
 
@@ -109,10 +110,17 @@ class Motion(NamedTuple):
 
 
 @njit(cache=True)
-def _slope(s, t, ux, uy, omega, ax, ay, bias, warm, worn, p, out):  # type: ignore[no-untyped-def]
-    """d/dt of s = x, y, x', y', q, q' (q: parasitic mode) at time t; warm: structure over t_ref [K]; worn:
-    the factor of the damping step."""
+def _followed(value, target, h, lag):  # type: ignore[no-untyped-def]
+    """A temperature that has followed ``target`` for h."""
+    return target + (value - target) * math.exp(-h / lag) if lag > 0 else target
+
+
+@njit(cache=True)
+def _slope(s, t, ux, uy, omega, ax, ay, bias, heat, worn, p, out):  # type: ignore[no-untyped-def]
+    """d/dt of s = x, y, x', y', q, q' (q: parasitic mode) at time t; heat: where the structure's temperature goes to,
+    where it was and when; worn: the factor of the damping step."""
     x, y, dx, dy, q, dq = s[0], s[1], s[2], s[3], s[4], s[5]
+    warm = _followed(heat[1], heat[0], t - heat[2], p.structure_lag) - p.t_ref
     soft = 1 + p.tck * warm
     kxx, kxy = p.kxx * soft, p.kxy * soft
     kyy = p.kyy * (1 + (p.tck + p.tck_split) * warm)
@@ -146,7 +154,7 @@ def _slope(s, t, ux, uy, omega, ax, ay, bias, warm, worn, p, out):  # type: igno
 
 
 @njit(cache=True)
-def _advance(s, t, h, steps, ux, uy, omega, ax, ay, bias, warm, worn, p, slopes, trial):  # type: ignore[no-untyped-def]
+def _advance(s, t, h, steps, ux, uy, omega, ax, ay, bias, heat, worn, p, slopes, trial):  # type: ignore[no-untyped-def]
     """S from t to t + h in equal steps, in place."""
     h /= steps
     for step in range(steps):
@@ -157,7 +165,7 @@ def _advance(s, t, h, steps, ux, uy, omega, ax, ay, bias, warm, worn, p, slopes,
                 for k in range(i):
                     total += A[i, k] * slopes[k, j]
                 trial[j] = s[j] + h * total
-            _slope(trial, begin + C[i] * h, ux, uy, omega, ax, ay, bias, warm, worn, p, slopes[i])
+            _slope(trial, begin + C[i] * h, ux, uy, omega, ax, ay, bias, heat, worn, p, slopes[i])
         for j in range(6):
             total = 0.0
             for i in range(STAGES):
@@ -204,7 +212,7 @@ def _sensed(s, u, hot, p, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _lagged(v, first, last, h, tau):  # type: ignore[no-untyped-def]
-    """V of tau v' = w - v after h, exactly for the cubic w through the values and slopes first, last = (w, w')."""
+    """The lag tau v' = w - v after h, exact for the cubic w through the values and slopes first, last = (w, w')."""
     if tau <= 0:
         return last[0]
     a = h / tau
@@ -224,12 +232,6 @@ def _lagged(v, first, last, h, tau):  # type: ignore[no-untyped-def]
         i2 = (1 - i3) * a / 3
         i1 = (1 - i2) * a / 2
     return v * decay + first[0] * (1 - decay) + c1 * i1 + c2 * i2 + c3 * i3
-
-
-@njit(cache=True)
-def _followed(value, target, h, lag):  # type: ignore[no-untyped-def]
-    """A temperature that has followed ``target`` for h."""
-    return target + (value - target) * math.exp(-h / lag) if lag > 0 else target
 
 
 @njit(cache=True)
@@ -253,7 +255,7 @@ def _run(p, h, u, omega, temperature, acceleration, v_bias, start, steps, v, sta
             # Euler force of a step of the held rate: a jump of the velocity.
             jump = p.frame_rotation * (omega[k] - omega[k - 1])
             s[2], s[3] = s[2] + jump * s[1], s[3] - jump * s[0]
-        _sensed(s, u[k], circuit - p.t_ref, p, before)
+        heat = (temperature[k], structure, t)
         old = _actuated(u[max(k - whole - 1, 0)], p)
         new = _actuated(u[max(k - whole, 0)], p)
         cuts[0], cuts[1], cuts[2], cuts[3] = 0.0, part, min(max(p.damping_step_time - t, 0.0), h), h
@@ -263,17 +265,16 @@ def _run(p, h, u, omega, temperature, acceleration, v_bias, start, steps, v, sta
             if length > 1e-9 * h:
                 middle = 0.5 * (cuts[i] + cuts[i + 1])
                 ux, uy = new if middle > part else old
-                warm = _followed(structure, temperature[k], middle, p.structure_lag) - p.t_ref
                 worn = p.damping_step_factor if t + middle > p.damping_step_time else 1.0
+                _sensed(s, u[k], circuit - p.t_ref, p, before)
                 _advance(s, t + cuts[i], length, steps, ux, uy, omega[k], acceleration[k, 0], acceleration[k, 1],
-                         v_bias[k], warm, worn, p, slopes, trial)  # fmt: skip
+                         v_bias[k], heat, worn, p, slopes, trial)  # fmt: skip
+                earlier, circuit = circuit, _followed(circuit, temperature[k], length, p.circuit_lag)
+                _sensed(s, u[k], circuit - p.t_ref, p, after)
+                tau = p.amplifier_time_constant + p.tcp * (0.5 * (earlier + circuit) - p.t_ref)
+                for j in range(2):
+                    output[j] = _lagged(output[j], before[:, j], after[:, j], length, tau)
         structure = _followed(structure, temperature[k], h, p.structure_lag)
-        earlier, circuit = circuit, _followed(circuit, temperature[k], h, p.circuit_lag)
-        mean = 0.5 * (earlier + circuit)
-        _sensed(s, u[k], circuit - p.t_ref, p, after)
-        tau = p.amplifier_time_constant + p.tcp * (mean - p.t_ref)
-        for j in range(2):
-            output[j] = _lagged(output[j], before[:, j], after[:, j], h, tau)
 
 
 def fastest(p: Plant) -> float:

@@ -40,7 +40,7 @@ TERMS: Final = (
 
 @njit(cache=True)
 def extra_force(
-    number: int, c: float, x: float, y: float, dx: float, dy: float, ux: float, uy: float
+    number: float, c: float, x: float, y: float, dx: float, dy: float, ux: float, uy: float
 ) -> tuple[float, float]:
     """Force [N] on x and y of TERMS[number - 1]; none for number 0. The test compares it with the sympy text."""
     if number == 1:

@@ -9,11 +9,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from benchmarks.blind.detect import DEVIATIONS, Projector
-from benchmarks.blind.effects import BY_ID, EFFECTS, Effect, Scale, direction, units
+from benchmarks.blind.effects import BY_ID, EFFECTS, Effect, Scale, direction, no_shape, units
 from benchmarks.blind.experiment import TOLERANCE, Device, Plan, draw_device, draw_runs
 from benchmarks.blind.noise import Noise, measured, sigma
 from benchmarks.blind.physics import Floats, Plant, Run, clipped, simulate
-from benchmarks.blind.terms import TERMS
+from benchmarks.blind.terms import TERMS, extra_force
 
 BLOCKS: Final = {"tune": 1_000_000, "report": 2_000_000}
 """Seeds to tune thresholds on, and those of the reported run."""
@@ -81,7 +81,7 @@ def make_null(name: str, kind: str, block: str = "tune") -> Trial:
         "flicker": Noise(flicker=10 ** rng.uniform(-5, -4)),
         "jitter": Noise(jitter=10 ** rng.uniform(-9, -8)),
     }.get(kind, Noise())
-    return _finished(rng, name, device, device.true, runs, noise, {"kind": "null", "level": kind, "effects": []})
+    return finished(rng, name, device, device.true, runs, noise, {"kind": "null", "level": kind, "effects": []})
 
 
 def make_effects(
@@ -107,8 +107,7 @@ def make_effects(
             continue
         start, hidden, scale = drawn
         plant = _placed(start, hidden, scale)
-        plant = _stable(plant, runs, scale)
-        if plant is None:
+        if not _stable(plant, runs, scale):
             continue
         return _with_effects(rng, name, device, start, plant, runs, hidden, partner_known, scale)
     raise RuntimeError(f"trial {name}: no draw in 30 has {', '.join(ids)} visible and separable")
@@ -152,13 +151,13 @@ def _drawn(
     for effect, aim, detectable in zip(effects, aims, found, strict=True):
         wanted = multiple if isinstance(multiple, float | int) else float(np.exp(rng.uniform(*np.log(multiple))))
         cap = effect.cap(start, scale)
-        if len(effects) > 1 and cap < multiple_low(multiple) * detectable:
+        if len(effects) > 1 and cap < _lowest(multiple) * detectable:
             return None
         hidden.append(Hidden(effect, min(wanted * detectable, cap), aim, detectable, wanted * detectable > cap))
     return start, hidden, scale
 
 
-def multiple_low(multiple: float | tuple[float, float]) -> float:
+def _lowest(multiple: float | tuple[float, float]) -> float:
     """The lower end of a range of multiples."""
     return multiple[0] if isinstance(multiple, tuple) else multiple
 
@@ -170,26 +169,28 @@ def _placed(start: Plant, hidden: Sequence[Hidden], scale: Scale) -> Plant:
     return plant
 
 
-def _stable(plant: Plant, runs: Sequence[Run], scale: Scale) -> Plant | None:
-    """``plant`` where it moves by no more than LARGEST times what it does without effects."""
+def _stable(plant: Plant, runs: Sequence[Run], scale: Scale) -> bool:
+    """Whether ``plant`` moves by no more than LARGEST times what it does without effects."""
     for run in runs:
         state = simulate(plant, run).state
         if not np.isfinite(state).all() or np.abs(state[:, :2]).max() > LARGEST * scale.q:
-            return None
-    return plant
+            return False
+    return True
 
 
 def _with_effects(
     rng: np.random.Generator, name: str, device: Device, start: Plant, plant: Plant, runs: list[Run],
     hidden: Sequence[Hidden], partner_known: bool, scale: Scale,
 ) -> Trial:  # fmt: skip
-    true, known, ids = {}, {}, [h.effect.id for h in hidden]
+    true: dict[str, float] = {}
+    known: dict[str, float] = {}
+    ids = [h.effect.id for h in hidden]
     for h in hidden:
         if h.effect.id == "adc_clipping":
             peak = max(float(np.abs(simulate(plant, run).v).max()) for run in runs[:-1])
             plant = plant._replace(adc_limit=peak - h.size)
         true |= {n: getattr(plant, n) for n in h.effect.sizes}
-        if h.effect.shape is not BY_ID["cubic_stiffness"].shape:
+        if h.effect.shape is not no_shape:
             true |= {n: getattr(plant, n) for n in h.effect.shape(np.random.default_rng(0), start, scale)}
         if h.effect.partner:
             partner, parameter, _ = h.effect.partner
@@ -212,7 +213,7 @@ def _with_effects(
         "known_partner": known,
     }
     nominal = device._replace(nominal=device.nominal | known)
-    return _finished(rng, name, nominal, plant, runs, Noise(), label)
+    return finished(rng, name, nominal, plant, runs, Noise(), label)
 
 
 def make_unknown(name: str, number: int, block: str = "tune", multiple: float = 10.0) -> Trial:
@@ -227,7 +228,7 @@ def make_unknown(name: str, number: int, block: str = "tune", multiple: float = 
         rivals = _rival_changes(projector, device.true, scale)
 
         def placed(size: float, true: Plant = device.true) -> Plant:
-            return true._replace(term=number, term_size=size)
+            return true._replace(term=float(number), term_size=size)
 
         cap = _term_cap(placed, device.true, runs, 0.2 * min(device.true.kxx, device.true.kyy) * scale.q)
         found = projector.detectable(placed, cap)
@@ -235,26 +236,31 @@ def make_unknown(name: str, number: int, block: str = "tune", multiple: float = 
         size = min(multiple * apart, cap)
         if not (math.isfinite(apart) and size >= 2 * apart and size >= 10 * found):
             continue
-        if _stable(placed(size), runs, scale) is None:
+        if not _stable(placed(size), runs, scale):
             continue
         term = TERMS[number - 1]
         label = {"kind": "unknown", "level": term.name, "effects": [], "parameters": {"c": size},
                  "detectable": {term.name: found}, "multiple": {term.name: size / found},
-                 "multiple_apart": size / apart, "force_x": term.force_x, "force_y": term.force_y}  # fmt: skip
-        return _finished(rng, name, device, placed(size), runs, Noise(), label)
+                 "multiple_apart": size / apart, "force_x": term.force_x, "force_y": term.force_y,
+                 "points": _points(placed(size), runs)}  # fmt: skip
+        return finished(rng, name, device, placed(size), runs, Noise(), label)
     raise RuntimeError(f"trial {name}: no draw in 30 shows term {number} apart from every effect")
+
+
+def _points(plant: Plant, runs: Sequence[Run]) -> list[list[float]]:
+    """Some 100 states and forces of every fitted run, x, y, x', y', u_x, u_y, on which formulas are compared."""
+    rows = []
+    for run in runs[:-1]:
+        some = slice(len(run.u) // 5, None, len(run.u) // 120)
+        rows += np.hstack([simulate(plant, run).state[some], run.u[some]]).tolist()
+    return rows
 
 
 def _rival_changes(projector: Projector, true: Plant, scale: Scale) -> list[Floats]:
     """What every effect of the plain host experiment does, one change a parameter."""
     changes = []
     for effect in EFFECTS:
-        if (
-            effect.host
-            or effect.partner
-            or effect.shape is not BY_ID["cubic_stiffness"].shape
-            or effect.id == "adc_clipping"
-        ):
+        if effect.host or effect.partner or effect.shape is not no_shape or effect.id == "adc_clipping":
             continue
         for place in range(len(effect.sizes)):
             aim = tuple(u * (i == place) for i, u in enumerate(units(effect, scale)))
@@ -264,8 +270,6 @@ def _rival_changes(projector: Projector, true: Plant, scale: Scale) -> list[Floa
 
 def _term_cap(placed: Any, true: Plant, runs: Sequence[Run], force: float) -> float:
     """Coefficient at which the term is as large as ``force`` [N] on the motion without it."""
-    from benchmarks.blind.terms import extra_force
-
     number, largest = placed(1.0).term, 0.0
     for run in runs[:-1]:
         state = simulate(true, run).state
@@ -274,7 +278,7 @@ def _term_cap(placed: Any, true: Plant, runs: Sequence[Run], force: float) -> fl
     return force / largest
 
 
-def _finished(
+def finished(
     rng: np.random.Generator,
     name: str,
     device: Device,
@@ -283,6 +287,7 @@ def _finished(
     noise: Noise,
     label: dict[str, Any],
 ) -> Trial:
+    """The data of ``plant``, and the label completed by what is the same for every kind."""
     voltages = [measured(rng, plant, run, noise) for run in runs]
     clean = clipped(simulate(plant, runs[-1]).v, plant)
     first = max(int(SETTLE[0] * runs[-1].rate), SETTLE[1])

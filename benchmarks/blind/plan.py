@@ -1,0 +1,102 @@
+"""Which trials there are, by name, and how each is made. The list is fixed: the same names give the same data."""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Final, NamedTuple
+
+from benchmarks.blind.effects import EFFECTS
+from benchmarks.blind.inseparable import SITUATIONS, make_inseparable
+from benchmarks.blind.terms import TERMS
+from benchmarks.blind.trial import NULLS, Trial, make_effects, make_null, make_unknown, rng_of
+from gyro_model.errors import InputError, nearest
+
+KINDS: Final = ("null", "single", "pair", "triple", "unknown", "inseparable")
+NULL_COUNT, PAIRS, TRIPLES, SEEDS = 400, 60, 30, 3
+LEVELS: Final = (3.0, 10.0, 100.0)
+MULTIPLES: Final = (10.0, 30.0)
+"""Of the detectable sizes, of the effects in pairs and triples."""
+DRAWS: Final = 12
+"""Choices of effects before a pair or triple is given up: not all are separable or large enough together."""
+APART: Final = frozenset({"actuator_delay", "drive_feedthrough", "amplifier_bandwidth", "thermal_phase"})
+"""At most one of these in a set: lag and delay are the same to first order, and SYSTEM.md does not say whether a
+delayed actuator delays what feeds through."""
+
+
+class Entry(NamedTuple):
+    """A trial to be made: ``make()`` gives it, always the same."""
+
+    kind: str
+    name: str
+    make: Callable[[], Trial]
+
+
+def entries(kinds: tuple[str, ...], block: str) -> Iterator[Entry]:
+    """All trials of some kinds. Raises InputError for an unknown kind."""
+    makers: dict[str, Callable[[str], Iterator[Entry]]] = {
+        "null": nulls,
+        "single": singles,
+        "pair": partial(several, count=2),
+        "triple": partial(several, count=3),
+        "unknown": unknowns,
+        "inseparable": inseparables,
+    }
+    for kind in kinds:
+        if kind not in makers:
+            raise InputError(f"kind {kind!r} is not known{nearest(kind, KINDS)} (kinds: {', '.join(KINDS)})")
+        yield from makers[kind](block)
+
+
+def nulls(block: str) -> Iterator[Entry]:
+    """NULL_COUNT sets without anything hidden, the kinds in turn."""
+    for number in range(NULL_COUNT):
+        kind = NULLS[number % len(NULLS)]
+        name = f"null-{kind}-{number // len(NULLS):02}"
+        yield Entry("null", name, partial(make_null, name, kind, block))
+
+
+def singles(block: str) -> Iterator[Entry]:
+    """Every effect at every level and seed; the partner of one that needs it is known but for the second seed."""
+    for level in LEVELS[1], LEVELS[2], LEVELS[0]:
+        for seed in range(SEEDS):
+            for effect in EFFECTS:
+                name = f"single-{effect.id}-{level:g}x-{seed}"
+                make = partial(make_effects, name, [effect.id], level, block, partner_known=seed != 1)
+                yield Entry("single", name, make)
+
+
+def several(block: str, count: int) -> Iterator[Entry]:
+    """Sets of ``count`` effects that the generator can tell from one another."""
+    kind = {2: "pair", 3: "triple"}[count]
+    for number in range({2: PAIRS, 3: TRIPLES}[count]):
+        name = f"{kind}-{number:02}"
+        yield Entry(kind, name, partial(_several, name, count, block))
+
+
+def _several(name: str, count: int, block: str) -> Trial:
+    rng = rng_of(block, f"{name} choice")
+    usual = [effect.id for effect in EFFECTS if not effect.partner]
+    for draw in range(DRAWS):
+        ids = rng.choice(usual, count, replace=False).tolist()
+        if len(APART & set(ids)) > 1:
+            continue
+        try:
+            made = make_effects(f"{name}-{draw}", ids, MULTIPLES, block)
+        except RuntimeError:
+            continue
+        return Trial(name, made.nominal, made.runs, made.measured, {**made.label, "id": name})
+    raise RuntimeError(f"trial {name}: no set of {count} effects in {DRAWS} draws is separable")
+
+
+def unknowns(block: str) -> Iterator[Entry]:
+    """Every term that stands in no file."""
+    for number, term in enumerate(TERMS, 1):
+        name = f"unknown-{term.name}"
+        yield Entry("unknown", name, partial(make_unknown, name, number, block))
+
+
+def inseparables(block: str) -> Iterator[Entry]:
+    """Every situation, before and after the experiment that separates."""
+    for number in range(len(SITUATIONS)):
+        for stage in ("before", "after"):
+            name = f"inseparable-{number}"
+            yield Entry("inseparable", f"{name}-{stage}", partial(make_inseparable, name, number, stage, block))

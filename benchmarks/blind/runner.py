@@ -1,0 +1,107 @@
+"""Runs trials: makes the data, seals the label, asks the tool, hashes its answer, opens the label. One file a trial."""
+
+import importlib
+import json
+import math
+import time
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from benchmarks.blind.plan import Entry
+from benchmarks.blind.store import DATA, digest, opened, save
+
+RESULTS: Final = "results"
+Tool = Callable[[Path], dict[str, Any]]
+
+
+class Ask(NamedTuple):
+    """What to do with a trial. folder: where everything goes; tool: ``module:function`` from a data set's folder to a
+    report; keep: leave the tables on disk."""
+
+    folder: Path
+    tool: str = "benchmarks.blind.tool:diagnosis"
+    keep: bool = True
+
+
+def run_all(entries: Iterable[Entry], ask: Ask, jobs: int) -> Iterator[dict[str, Any]]:
+    """Results as they come; a trial whose result file is there is not run again."""
+    waiting = []
+    for entry in entries:
+        done = result_file(ask.folder, entry.name)
+        if done.is_file():
+            yield json.loads(done.read_text(encoding="utf-8"))
+        else:
+            waiting.append(entry)
+    if jobs == 1:
+        yield from (run_one(entry, ask) for entry in waiting)
+        return
+    # Spawned: the threads of numba and polars do not survive a fork.
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(run_one, entry, ask) for entry in waiting]):
+            yield future.result()
+
+
+def result_file(folder: Path, name: str) -> Path:
+    """Where the result of a trial stands."""
+    return folder / RESULTS / f"{name}.json"
+
+
+def run_one(entry: Entry, ask: Ask) -> dict[str, Any]:
+    """One trial from data to result, written to its file."""
+    try:
+        trial = entry.make()
+    except RuntimeError as error:
+        return _written(ask, {"id": entry.name, "kind": entry.kind, "not_made": str(error)})
+    data = save(trial, ask.folder)
+    sealed = digest(dict(trial.label))
+    tool = tool_of(ask.tool)
+    begin, wall = time.process_time(), time.perf_counter()
+    answer: dict[str, Any]
+    try:
+        answer = finite(tool(data))
+    except Exception as error:  # the tool's every failure is a result
+        answer = {"error": f"{type(error).__name__}: {error}", "trace": traceback.format_exc(limit=-3)}
+    seconds, wall = time.process_time() - begin, time.perf_counter() - wall
+    hashed = digest(answer)
+    if not ask.keep:
+        for table in data.glob("*.parquet"):
+            table.unlink()
+    label = opened(ask.folder, entry.name)
+    return _written(ask, {"id": entry.name, "kind": entry.kind, "answer": answer, "answer_sha256": hashed,
+                          "label": label, "label_sha256": sealed, "cpu_s": seconds, "wall_s": wall})  # fmt: skip
+
+
+def _written(ask: Ask, result: dict[str, Any]) -> dict[str, Any]:
+    file = result_file(ask.folder, result["id"])
+    file.parent.mkdir(parents=True, exist_ok=True)
+    part = file.with_suffix(".part")
+    part.write_text(json.dumps(result, indent=1), encoding="utf-8")
+    part.replace(file)
+    return result
+
+
+def tool_of(name: str) -> Tool:
+    """The function that ``module:function`` names."""
+    module, _, function = name.partition(":")
+    tool: Tool = getattr(importlib.import_module(module), function)
+    return tool
+
+
+def finite(value: Any) -> Any:
+    """A JSON value: numbers that are not finite become None, numpy's scalars plain ones."""
+    if isinstance(value, dict):
+        return {str(key): finite(v) for key, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(v) for v in value]
+    if hasattr(value, "item"):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def data_folder(folder: Path, name: str) -> Path:
+    """The data set of a trial."""
+    return folder / DATA / name

@@ -1,0 +1,152 @@
+"""Rates with intervals, the confusion matrix, and the rows of the targets, from the results of all trials."""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Final
+
+from scipy.stats import norm
+
+from benchmarks.blind.grade import Grade, grade
+from benchmarks.report import Report, Row, Table
+
+Z: Final = float(norm.ppf(0.975))
+LARGE: Final = 9.9
+"""Multiple of the detectable size from which a trial counts as "at ≥ 10×"; what a cap made smaller does not."""
+WITHIN: Final = 1.2
+"""Final misfit over the true noise floor that a right model reaches."""
+
+
+def wilson(hits: int, of: int) -> tuple[float, float]:
+    """The 95 % interval of a rate (Wilson 1927, without correction for continuity); (0, 1) of nothing."""
+    if of == 0:
+        return 0.0, 1.0
+    p, z = hits / of, Z
+    middle = p + z * z / (2 * of)
+    half = z * math.sqrt(p * (1 - p) / of + z * z / (4 * of * of))
+    return max(0.0, (middle - half) / (1 + z * z / of)), min(1.0, (middle + half) / (1 + z * z / of))
+
+
+def rate(what: str, hits: Iterable[bool], **rest: Any) -> Row:
+    """One row: a rate, its interval, and of how many."""
+    counted = list(hits)
+    low, high = wilson(sum(counted), len(counted))
+    value = sum(counted) / len(counted) if counted else None
+    values = {"rate": value, "low": low, "high": high, "of": float(len(counted))}
+    return Row(what, "1", values, judged=("rate",), **rest)
+
+
+def summarise(name: str, results: Sequence[Mapping[str, Any]], more: Sequence[Table] = ()) -> Report:
+    """The report on finished trials; ``more``: further tables, of the baselines."""
+    grades = [g for g in map(grade, results) if g is not None]
+    tables = [Table("targets", targets(grades)), Table("by size and kind", by_kind(grades)),
+              Table("single effects, one by one", by_effect(grades)), *more]  # fmt: skip
+    tables = [table for table in tables if table.rows]
+    missing = [r["id"] for r in results if "not_made" in r]
+    notes = [
+        "Intervals are Wilson's, 95 %. The answer of each trial was hashed (SHA-256, in its result) before its label "
+        "was opened; labels lay in a folder that the tool is not given.",
+        "Noise floor, detectable sizes and what can be told apart are the generator's own; data and simulation share "
+        "no code with the model under test.",
+        f"CPU time a trial: median {_median([g.cpu_s for g in grades]):.1f} s, largest "
+        f"{max((g.cpu_s for g in grades), default=0):.1f} s.",
+    ]
+    if missing:
+        notes.append(f"{len(missing)} trials could not be made as asked for: {', '.join(missing)}.")
+    return Report(name, "Blind trials of the diagnosis", tables, notes, {"confusion": confusion(grades)},
+                  {f"{name}_confusion.md": confusion_text(grades)})  # fmt: skip
+
+
+def targets(grades: Sequence[Grade]) -> list[Row]:
+    """The rows of the table of promises; those without a trial are left out."""
+    nulls = _kind(grades, "null")
+    large = [g for g in _kind(grades, "single") if g.multiple >= LARGE]
+    several = _kind(grades, "pair", "triple")
+    unknown = _kind(grades, "unknown")
+    named = [g for g in grades if g.right and g.truth]
+    scored = [g for g in grades if g.kind in ("null", "single", "pair", "triple")]
+    rows = [
+        rate("false alarm on nulls", (not g.right for g in nulls), limit=0.0),
+        rate("single effect at ≥ 10×: exact name or correct either", (g.right for g in large), limit=0.97,
+             at_least=True),
+        rate("pairs and triples at ≥ 10×: exact set", (g.right for g in several), limit=0.9, at_least=True),
+        rate("95 % intervals that cover", (c for g in named for c in g.covered.values()), limit=0.9, at_least=True,
+             note="and at most 0.99"),
+        rate("final misfit ≤ 1.2 of the noise floor", (_within(g.ratio) for g in scored), limit=0.95, at_least=True,
+             note="nulls, singles, pairs, triples"),
+        rate("term in no file: never a wrong name", (g.right for g in unknown), limit=0.95, at_least=True,
+             note="\"nothing missing\" counts as wrong"),
+        rate("term in no file: formula right", (bool(g.formula) for g in unknown), limit=0.7, at_least=True),
+        rate("inseparable, before: one finding with both", _stage(grades, "before"), limit=0.9, at_least=True),
+        rate("inseparable, after: the right one alone", _stage(grades, "after"), limit=0.9, at_least=True),
+    ]  # fmt: skip
+    return [row for row in rows if row.values["of"]]
+
+
+def _within(ratio: float | None) -> bool:
+    return ratio is not None and ratio <= WITHIN
+
+
+def _stage(grades: Sequence[Grade], level: str) -> list[bool]:
+    return [g.right for g in _kind(grades, "inseparable") if g.level == level]
+
+
+def _kind(grades: Sequence[Grade], *kinds: str) -> list[Grade]:
+    return [g for g in grades if g.kind in kinds]
+
+
+def level_of(g: Grade) -> str:
+    """The size of a single effect in words; for others the level of the label."""
+    if g.kind != "single":
+        return g.level
+    edges = ((2.9, "< 3×"), (LARGE, "3× to 10×"), (99.0, "10× to 100×"))
+    return next((text for edge, text in edges if g.multiple < edge), "100×")
+
+
+def by_kind(grades: Sequence[Grade]) -> list[Row]:
+    """How often right, by kind and size; beside it the misfits."""
+    groups = sorted({(g.kind, level_of(g)) for g in grades if g.kind != "unknown"})
+    rows = [_group(f"{kind} {level}".strip(), [g for g in grades if (g.kind, level_of(g)) == (kind, level)])
+            for kind, level in groups]  # fmt: skip
+    return rows + [_group("unknown", _kind(grades, "unknown"))] * bool(_kind(grades, "unknown"))
+
+
+def by_effect(grades: Sequence[Grade]) -> list[Row]:
+    """Of the single effects at ten times the detectable size and more."""
+    large = [g for g in _kind(grades, "single") if g.multiple >= LARGE]
+    effects = sorted({g.id.split("-")[1] for g in large})
+    return [_group(effect, [g for g in large if g.id.split("-")[1] == effect]) for effect in effects]
+
+
+def _group(what: str, grades: Sequence[Grade]) -> Row:
+    row = rate(what, (g.right for g in grades))
+    ratios = [g.ratio for g in grades if g.ratio is not None]
+    refit = [g.refit_ratio for g in grades if g.refit_ratio is not None]
+    wrong = Counter("+".join(g.named) or g.verdict for g in grades if not g.right)
+    said = ", ".join(f"{text} {n}" for text, n in wrong.most_common(4))
+    more = {"final/floor": _median(ratios), "refit/floor": _median(refit)}
+    finite = {name: value if math.isfinite(value) else None for name, value in more.items()}
+    return row._replace(values=dict(row.values) | finite, note=f"else: {said}" if said else "", judged=())
+
+
+def confusion(grades: Iterable[Grade]) -> dict[str, dict[str, int]]:
+    """How often what was said, by what was hidden; of trials with at most one effect."""
+    table: dict[str, Counter[str]] = {}
+    for g in grades:
+        if g.kind in ("null", "single", "unknown"):
+            hidden = g.level if g.kind == "unknown" else "+".join(g.truth) or "(nothing)"
+            table.setdefault(hidden, Counter())["+".join(sorted(g.named)) or f"({g.verdict})"] += 1
+    return {hidden: dict(said.most_common()) for hidden, said in sorted(table.items())}
+
+
+def confusion_text(grades: Iterable[Grade]) -> str:
+    """The confusion matrix as Markdown, one line a hidden effect: most of its columns would be empty."""
+    lines = ["# Confusion matrix", "", "| hidden | said (times) |", "| --- | --- |"]
+    for hidden, said in confusion(grades).items():
+        lines.append(f"| {hidden} | {', '.join(f'{name} ({n})' for name, n in said.items())} |")
+    return "\n".join([*lines, ""])
+
+
+def _median(values: Sequence[float], of: Callable[[Sequence[float]], list[float]] = sorted) -> float:
+    ordered = of(values)
+    return ordered[(len(ordered) - 1) // 2] if ordered else math.nan

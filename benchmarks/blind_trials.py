@@ -1,0 +1,74 @@
+"""``python -m benchmarks.blind_trials``: effects hidden by a generator of its own, and what the diagnosis finds.
+
+Labels stay sealed until the answers are in; one result file a trial, so that an interrupted run goes on where it was.
+"""
+
+import sys
+from itertools import islice
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from benchmarks.blind.grade import grade
+from benchmarks.blind.plan import KINDS, entries
+from benchmarks.blind.runner import Ask, run_all
+from benchmarks.blind.summary import summarise
+from benchmarks.blind.trial import BLOCKS
+from benchmarks.report import RESULTS, show, write
+from gyro_model.errors import InputError, nearest
+
+NAME = "blind_trials"
+console = Console(width=None if sys.stdout.isatty() else 160)
+
+
+def main(
+    kind: Annotated[str, typer.Option(help=f"Of {','.join(KINDS)}.")] = ",".join(KINDS),
+    limit: Annotated[int | None, typer.Option(min=1, help="At most so many trials of each kind.")] = None,
+    only: Annotated[str, typer.Option(help="Trials whose name contains this.")] = "",
+    seed_block: Annotated[str, typer.Option(help="tune, to choose thresholds on, or report.")] = "report",
+    jobs: Annotated[int, typer.Option(min=1, help="Processes at a time.")] = 2,
+    folder: Annotated[Path, typer.Option(help="Where data, labels and results go.")] = Path("blind-trials"),
+    tool: Annotated[str, typer.Option(help="module:function, from a folder to a report.")] = Ask(Path()).tool,
+    keep: Annotated[bool, typer.Option(help="Leave the tables on disk.")] = True,
+    baselines: Annotated[int, typer.Option(min=0, help="Trials that pysindy tries too (needs --keep).")] = 0,
+) -> None:
+    """Run trials, print the rates, and write them: to benchmarks/results/ for the report block, else into the
+    folder."""
+    try:
+        if seed_block not in BLOCKS:
+            raise InputError(f"--seed-block {seed_block!r}: use {', '.join(BLOCKS)}{nearest(seed_block, BLOCKS)}")
+        run(tuple(kind.split(",")), limit, only, seed_block, jobs, Ask(folder / seed_block, tool, keep), baselines)
+    except InputError as error:
+        console.print(f"blind_trials: {error}", markup=False, highlight=False, style="red")
+        sys.exit(2)
+
+
+def run(kinds: tuple[str, ...], limit: int | None, only: str, block: str, jobs: int, ask: Ask, baselines: int) -> None:
+    """All trials of some kinds, then the tables."""
+    chosen = [entry for kind in kinds
+              for entry in islice((e for e in entries((kind,), block) if only in e.name), limit)]  # fmt: skip
+    if not chosen:
+        raise InputError(f"--only {only!r} leaves no trial: their names begin with {', '.join(KINDS)}")
+    results = []
+    for number, result in enumerate(run_all(chosen, ask, jobs), 1):
+        results.append(result)
+        found = grade(result)
+        said = "not made" if found is None else f"{'right' if found.right else 'WRONG'}: {found.verdict} {found.named}"
+        console.print(f"{number}/{len(chosen)} {result['id']}: {said}", markup=False, highlight=False, soft_wrap=True)
+    results.sort(key=lambda result: result["id"])
+    tables = []
+    if baselines:
+        from benchmarks.blind.baselines import sparse_regression
+
+        tables.append(sparse_regression(results, ask.folder, baselines))
+    report = summarise(NAME, results, tables)
+    show(report, console)
+    target = RESULTS if block == "report" and not only and limit is None and set(kinds) == set(KINDS) else ask.folder
+    write(report, " ".join(["python -m benchmarks.blind_trials", *sys.argv[1:]]), target)
+    console.print(f"written: {target / NAME}.json, .md", soft_wrap=True, highlight=False)
+
+
+if __name__ == "__main__":
+    typer.run(main)
