@@ -7,8 +7,8 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from discrepancy.answer import Diagnosis, Finding, Stage, Value, Verdict
-from discrepancy.clipping import flat_tops
 from discrepancy.columns import Candidate, nameable
+from discrepancy.limits import SAME
 from discrepancy.measures import Noise, converter_step, located, misfits, noise_of, start_fitted
 from discrepancy.record import Floats
 from discrepancy.refit import SETTLED
@@ -18,6 +18,8 @@ from gyro_model.anatomy import Effect, Force, Map
 if TYPE_CHECKING:
     from discrepancy.naming import Accepted, Search
 
+CLIP: Final = "sampled clip"
+"""The slot of the effect that such samples show."""
 POWER: Final = 0.95
 WIDTH: Final = float(norm.ppf(0.975))
 OPEN: Final = 1.5
@@ -39,7 +41,6 @@ def assemble(search: "Search") -> Diagnosis:
     places = located(refitted.residuals, search.dataset.fit, refitted.parameters, noise) \
         if noise and len(refitted.residuals) == len(search.dataset.fit) else ()  # fmt: skip
     floor = gaps["noise_floor"]
-    doubts = _doubts(search)
     unfinished = search.fitter is not search.whole or (floor is not None and gaps["final"] > OPEN * floor)
     verdict: Verdict = "nothing missing"
     if effects:
@@ -47,8 +48,10 @@ def assemble(search: "Search") -> Diagnosis:
     elif unfinished:
         verdict = "unexplained"
     rivals = {entry.id: entry.rivals for entry in search.accepted if entry.rivals}
-    return Diagnosis(verdict, effects, _immaterial(search), _noises(noise), gaps, places, _detectable(search), device,
-                     parameters, rivals, tuple(search.steps), stages, _removed(search, effects, parameters), doubts)  # fmt: skip
+    return Diagnosis(
+        verdict, effects, _immaterial(search), _noises(noise), gaps, places, _detectable(search), device, parameters,
+        rivals, tuple(search.steps), stages, _removed(search, effects, parameters), _doubts(search),
+    )  # fmt: skip
 
 
 def _device(search: "Search") -> dict[str, Value]:
@@ -75,19 +78,14 @@ def forces(effect: Effect) -> dict[str, str]:
 
 
 def _clipping(search: "Search") -> list[Finding]:
-    """The clip's own test: samples at a flat top say its level, which is exact but for the converter's step."""
-    clips = [
-        e for e in nameable(search.simulator.model, limits=True) if isinstance(e, Map) and e.slot == "sampled clip"
-    ]
-    levels = [np.abs(record.v[flat_tops(record.v)]) for record in search.dataset.fit]
-    level = np.concatenate(levels) if levels else np.zeros(0)
-    if not clips or level.size == 0:
+    """The clip, if there is one: its level is exact but for the converter's step."""
+    clips = [e for e in nameable(search.simulator.model, limits=True) if isinstance(e, Map) and e.slot == CLIP]
+    if search.clip is None or not clips:
         return []
     (quantity,) = clips[0].sizes
-    value, spread = float(np.median(level)), float(np.ptp(level))
-    records = search.dataset.fit
-    room = max(spread, 0.5 * converter_step(records), 1e-9 * value)
-    return [Finding(clips[0].id, (), {quantity.name: Value(value, value - room, value + room, quantity.unit)})]
+    room = max(0.5 * converter_step(search.dataset.records), SAME * search.clip)
+    value = Value(search.clip, search.clip - room, search.clip + room, quantity.unit)
+    return [Finding(clips[0].id, (), {quantity.name: value})]
 
 
 def _stages(search: "Search", final: Mapping[str, float], last: list[str]) -> tuple[Stage, ...]:

@@ -12,6 +12,7 @@ from discrepancy.assemble import assemble
 from discrepancy.columns import Candidate, Library, finer, nameable
 from discrepancy.continuation import IN_STEP, settled
 from discrepancy.dataset import Dataset
+from discrepancy.limits import clip_level, masked
 from discrepancy.refit import Fitted, Fitter, Free
 from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator
@@ -82,9 +83,9 @@ class Search:
     """The state of a search: what is accepted, and the model fitted with it (``at``, over the runs of ``fitter``)."""
 
     def __init__(self, simulator: Simulator, dataset: Dataset, progress: Progress) -> None:
-        self.simulator, self.dataset, self.progress = simulator, dataset, progress
-        self.whole = Fitter(simulator, dataset.fit)
-        self.library = Library(self.whole)
+        self.simulator, self.progress = simulator, progress
+        self.clip: float | None = None
+        self._take(dataset)
         noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
         self.nominal = {name: value for name, value in dataset.nominal.items() if name not in noise}
         self.accepted: list[Accepted] = []
@@ -92,13 +93,30 @@ class Search:
         self.steps: list[Step] = []
         self.stages: list[tuple[str, dict[str, float]]] = [("nominal", dict(self.nominal))]
 
+    def _take(self, dataset: Dataset) -> None:
+        self.dataset = dataset
+        self.whole = Fitter(self.simulator, dataset.fit)
+        self.library = Library(self.whole)
+
+    def _mask_clipped(self) -> None:
+        """Looks for clipped samples beside the present model, and takes them out of everything else."""
+        if self.clip is None and self.fitter is self.whole:
+            self.clip = clip_level(self.dataset.fit, self.at.residuals)
+            if self.clip is not None:
+                self.progress(f"samples clipped at {self.clip:.6g} V")
+                records = tuple(masked(record, self.clip) for record in self.dataset.records)
+                self._take(replace(self.dataset, records=records))
+                self._settle(self.at)
+
     def run(self, max_effects: int) -> None:
         """Searches to the end."""
         self.progress("nominal parameters and initial states")
         self._settle(self.whole.begin(self.nominal, self._believed()))
+        self._mask_clipped()
         self.refitted = self.at
         self._stage("refit")
         while True:
+            self._mask_clipped()
             self._scan()
             if len(self.accepted) >= max_effects or not self._accept():
                 break
