@@ -1,33 +1,37 @@
 """What each effect would add to the simulated voltage, found from the effect files alone: columns of the test.
 
 A column is the change that the FMU shows when a size parameter leaves neutral by a probe, chosen so that the change is
-about as large as the residual's noise. So every stage (law, force with states, map, delay, lag) has its column
-without a rule of its own, and an effect file that a user adds is scored as it stands. Sizes that act by a power (1/g
-by its square) show it in how the change grows. Shape parameters that decide where an effect shows (an instant, a
-frequency, a time constant) are searched on a grid: each grid point is a column.
+small beside the residual's noise. So every stage (law, force with states, map, delay, lag) has its column without a
+rule of its own, and an effect file that a user adds is scored as it stands. Sizes that act by a power (1/g by its
+square) show it in how the change grows. Shape parameters that decide where an effect shows (an instant, a frequency,
+a time constant) are searched on a grid: each grid point is a column, and each counts as a trial. An effect that changes
+nothing alone, but reads or feeds another, is tried together with that one.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from math import isfinite
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
+from discrepancy.linear_fit import mode_frequencies
 from discrepancy.record import Record
 from discrepancy.refit import Fitted, Fitter, Free
 from gyro_model.anatomy import Effect, Law
-from gyro_model.errors import InputError
 from gyro_model.model import Model
 from gyro_model.quantities import Quantity
 from gyro_model.units import dimension
 
-SCALING: Final = 2000
-"""Samples of the run with the largest motion on which a probe is scaled."""
-FREQUENCIES, INSTANTS, TIMES = 24, 16, 6
+NEVER: Final = 1e100
+"""A neutral value beyond this is a limit that is never reached: no small step leaves it."""
+FREQUENCIES, INSTANTS, TIMES = 60, 16, 6
 """Grid points: over 0.2 to 3 times the highest mode, over a run, and over 0.01 to 10 runs by decades and halves."""
-SEARCH_QUALITY: Final = 30.0
-"""Quality factor of a searched resonance: as broad as its grid is coarse; the refit sharpens it."""
+SEARCH_QUALITY: Final = 20.0
+"""Quality factor of a searched resonance: as broad as its grid is coarse."""
+FINER: Final = 4.0
+"""By which each refinement of such a grid is finer."""
+ATTEMPTS: Final = 6
+"""Tries at a probe of the right size."""
 
 
 @dataclass(frozen=True)
@@ -51,130 +55,203 @@ class Probe:
         signed = size if self.power % 2 == 0 or amplitude > 0 else -size
         return float(np.clip(self.quantity.start + signed, self.quantity.low, self.quantity.high))
 
+    def free(self) -> Free:
+        """The parameter for a refit."""
+        return Free(self.quantity.name, abs(self.step), self.quantity.low, self.quantity.high)
+
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect with its probes at one choice of shape parameters; ``searched`` are those that the refit may move."""
+    """An effect with its probes at one choice of shape parameters; ``searched`` are those that the refit may move.
+
+    trials: grid points of the search that it belongs to. partner: an effect without which it changes nothing.
+    """
 
     effect: Effect
     probes: tuple[Probe, ...]
     shapes: Mapping[str, float]
     searched: tuple[Quantity, ...] = ()
+    trials: int = 1
+    partner: "Candidate | None" = None
+
+    @property
+    def all_probes(self) -> tuple[Probe, ...]:
+        """The partner's probes, then its own: a column each."""
+        return (*(self.partner.probes if self.partner else ()), *self.probes)
 
     def changes(self) -> list[dict[str, float]]:
-        """The changed parameters of each column."""
-        return [{**self.shapes, p.quantity.name: p.quantity.start + p.step} for p in self.probes]
+        """The changed parameters of each column; a column of its own has the partner's changes too."""
+        before = self.partner.changes() if self.partner else []
+        joint = {name: value for change in before for name, value in change.items()}
+        own = [{**joint, **self.shapes, p.quantity.name: p.quantity.start + p.step} for p in self.probes]
+        return [*before, *own]
+
+    def values(self, amplitudes: Sequence[float], deviations: Sequence[float]) -> dict[str, float]:
+        """The size parameters of these column amplitudes (with standard deviations)."""
+        split = len(self.all_probes) - len(self.probes)
+        own = dict(zip(self.probes, amplitudes[split:], strict=True))
+        values = {}
+        for probe, amplitude, deviation in zip(self.all_probes[:split], amplitudes, deviations, strict=False):
+            # Columns of its own hold the partner's; a product is shared so that both keep a size.
+            total = amplitude + sum(own.values())
+            least = deviation if np.isfinite(deviation) else 1.0
+            kept = max(total, least) if probe.one_sided else (total or least)
+            values[probe.quantity.name] = probe.value(kept)
+            share = (values[probe.quantity.name] - probe.quantity.start) / probe.step
+            own = {p: a / share if share else a for p, a in own.items()}
+        return values | {p.quantity.name: p.value(a) for p, a in own.items()}
 
     def free(self, period: float) -> tuple[Free, ...]:
         """The parameters for a refit."""
-        sizes = [Free(p.quantity.name, abs(p.step), p.quantity.low, p.quantity.high) for p in self.probes]
         shapes = []
         for q in self.searched:
             event = isinstance(self.effect, Law) and self.effect.event is not None
             step = period if event else 1e-3 * abs(self.shapes[q.name])
             shapes.append(Free(q.name, step, max(q.low, 0.0), q.high))
-        return (*sizes, *shapes)
+        before = self.partner.free(period) if self.partner else ()
+        return (*before, *(p.free() for p in self.probes), *shapes)
 
 
-def nameable(model: Model) -> tuple[Effect, ...]:
-    """The effects that a diagnosis may name: neither the device itself nor noise."""
-    return tuple(e for e in model.effects if not (e.nominal or e.noise) and all(isfinite(q.start) for q in e.sizes)
-                 and all(abs(q.start) < 1e100 for q in e.sizes))  # fmt: skip
+def nameable(model: Model, *, limits: bool = False) -> tuple[Effect, ...]:
+    """The effects that a diagnosis may name: neither the device itself nor noise; those that small steps show, or
+    ``limits``."""
+    return tuple(e for e in model.effects
+                 if not (e.nominal or e.noise) and limits != all(abs(q.start) < NEVER for q in e.sizes))  # fmt: skip
 
 
-def candidates(fitter: Fitter, at: Fitted, accepted: Sequence[str]) -> list[Candidate]:
-    """Every effect not yet accepted that changes the voltage of these runs, at each point of its grid."""
-    scale = _Scale(fitter, at)
-    found = []
-    for effect in nameable(fitter.simulator.model):
-        if effect.id in accepted:
-            continue
-        grid, searched = _grid(effect, fitter, at)
-        # An event at the start changes the samples on which a probe is scaled; a later one may not.
-        event = isinstance(effect, Law) and effect.event is not None
-        middle = grid[0 if event else len(grid) // 4]
-        sized = [scale.probe(q, middle) for q in effect.sizes]
-        probes = tuple(p for p in sized if p is not None)
-        if probes:
-            found += [Candidate(effect, probes, shapes, searched) for shapes in grid]
-    return found
+class Library:
+    """All candidates of a model, with probes that it keeps from one scan to the next."""
+
+    def __init__(self, fitter: Fitter) -> None:
+        self.model, self.records = fitter.simulator.model, fitter.records
+        self.duration = max(len(r.t) for r in self.records) * fitter.period
+        self.begin = min(float(r.t[0]) for r in self.records)
+        self.period = fitter.period
+        self._kept: dict[tuple[str, str], Probe] = {}
+
+    def candidates(self, fitter: Fitter, at: Fitted, present: Sequence[str]) -> list[Candidate]:
+        """Every effect beside those ``present`` that changes the voltage of these runs, at each point of its grid."""
+        scale = _Scale(fitter, at)
+        found, silent = [], []
+        for effect in nameable(self.model):
+            if effect.id not in present:
+                own = self._of(effect, scale, at)
+                found += own
+                silent += [] if own else [effect]
+        for effect in silent:
+            for partner in list(found):
+                if partner.partner is None and _linked(effect, partner.effect):
+                    found += [replace(c, partner=partner) for c in self._of(effect, scale, at, partner)]
+        return found
+
+    def _of(self, effect: Effect, scale: "_Scale", at: Fitted, partner: Candidate | None = None) -> list[Candidate]:
+        grid, searched = self._grid(effect, at)
+        # An event at the start changes the whole run, a later one less of it.
+        middle = grid[0 if isinstance(effect, Law) and effect.event is not None else len(grid) // 4]
+        base = {k: v for change in partner.changes() for k, v in change.items()} if partner else {}
+        probes = []
+        for q in effect.sizes:
+            key = q.name, partner.effect.id if partner else ""
+            probe = scale.probe(q, middle, base, self._kept.get(key))
+            if probe:
+                self._kept[key] = probe
+                probes.append(probe)
+        return [Candidate(effect, tuple(probes), shapes, searched, len(grid)) for shapes in grid] if probes else []
+
+    def _grid(self, effect: Effect, at: Fitted) -> tuple[list[dict[str, float]], tuple[Quantity, ...]]:
+        """Values of the shape parameters to try and which of them a refit may move."""
+        shapes = [q for q in effect.parameters if q.role == "shape"]
+        if isinstance(effect, Law) and effect.event is not None:
+            moved = tuple(q for q in shapes if q.name == effect.event.name)
+            instants = self.begin + self.duration * np.arange(INSTANTS) / INSTANTS
+            return [{effect.event.name: float(time)} for time in instants], moved
+        rates = [q for q in shapes if q.unit == "Hz"]
+        if rates:
+            top = float(mode_frequencies(at.parameters, self.records[0].axes)[-1])
+            widths = {q.name: SEARCH_QUALITY for q in shapes if q.unit == "1"}
+            grid = np.geomspace(0.2 * top, min(3 * top, 0.4 / self.period), FREQUENCIES)
+            return [{rates[0].name: float(f), **widths} for f in grid], tuple(shapes)
+        times = [q for q in shapes if q.unit == "s"]
+        if times:
+            return [{times[0].name: float(tau)} for tau in self.duration * np.geomspace(0.01, 10, TIMES)], (times[0],)
+        return [{}], ()
 
 
-def _grid(effect: Effect, fitter: Fitter, at: Fitted) -> tuple[list[dict[str, float]], tuple[Quantity, ...]]:
-    """Values of the shape parameters to try and which of them a refit may move."""
-    shapes = [q for q in effect.parameters if q.role == "shape"]
-    duration = max(len(r.t) for r in fitter.records) * fitter.period
-    begin = min(float(r.t[0]) for r in fitter.records)
-    if isinstance(effect, Law) and effect.event is not None:
-        moved = tuple(q for q in shapes if q.name == effect.event.name)
-        instants = begin + duration * np.arange(INSTANTS) / INSTANTS
-        return [{effect.event.name: float(time)} for time in instants], moved
-    rates = [q for q in shapes if q.unit == "Hz"]
-    if rates:
-        top = np.sqrt(max(at.parameters["kxx"], at.parameters.get("kyy", 0.0)) / at.parameters["m"]) / (2 * np.pi)
-        widths = {q.name: SEARCH_QUALITY for q in shapes if q.unit == "1"}
-        grid = np.geomspace(0.2 * top, min(3 * top, 0.4 / fitter.period), FREQUENCIES)
-        return [{rates[0].name: float(f), **widths} for f in grid], tuple(shapes)
-    times = [q for q in shapes if q.unit == "s"]
-    if times:
-        return [{times[0].name: float(tau)} for tau in duration * np.geomspace(0.01, 10, TIMES)], (times[0],)
-    return [{}], ()
+def finer(candidate: Candidate) -> list[Candidate]:
+    """Grid points about that of ``candidate``, FINER times closer, where its grid is one of resonances; else none."""
+    rates = [q for q in candidate.searched if q.unit == "Hz"]
+    if not rates:
+        return []
+    own = dict(candidate.shapes)
+    widths = {q.name: own[q.name] * FINER for q in candidate.searched if q.unit == "1" and q.name in own}
+    quality = next(iter(widths.values()), SEARCH_QUALITY * FINER)
+    around = own[rates[0].name] * (1 + np.arange(-FINER, FINER + 1) / quality)
+    more = candidate.trials + len(around)
+    return [replace(candidate, shapes={**own, **widths, rates[0].name: float(f)}, trials=more) for f in around]
+
+
+def _linked(effect: Effect, partner: Effect) -> bool:
+    """Whether ``effect`` reads a size of ``partner``, or changes what that one reads."""
+    reads = {s.name for s in effect.symbols} - {q.name for q in effect.parameters}
+    writes = {s.name for s in effect.changes} if isinstance(effect, Law) else set()
+    return bool(reads & {q.name for q in partner.sizes} or writes & {s.name for s in partner.symbols})
 
 
 class _Scale:
-    """Finds probes on the first samples of the run that moves most."""
+    """Finds probes that change the voltage of the runs by as much as a difference quotient should."""
 
     def __init__(self, fitter: Fitter, at: Fitted) -> None:
-        index = int(np.argmax([np.mean(r.v**2) for r in fitter.records]))
-        run = fitter.records[index]
-        n = min(len(run.t), SCALING)
-        held = {name: values[:n] for name, values in run.conditions.items()}
-        self.record = Record(
-            run.name, run.role, run.hold, run.sample_rate, run.t[:n], run.u[:n], run.v[:n], held, run.valid[:n]
-        )
-        self.simulator = fitter.simulator
-        self.parameters = {**at.parameters, **at.starts[index]}
-        self.base = self.simulator.run(self.record, self.parameters)
-        self.target = float(np.sqrt(at.variance))
-        self._find_natural()
-
-    def _find_natural(self) -> None:
-        p = self.parameters
-        w = float(np.sqrt(p["kxx"] / p["m"]))
-        volt = float(np.sqrt(np.mean(self.record.v**2)))
+        self.fitter, self.at = fitter, at
+        self.target = fitter.target(at)
+        p = at.parameters
+        w, volt = float(np.sqrt(p["kxx"] / p["m"])), fitter.signal
         length = volt / p["sense_gain_x"]
-        ampere = p["m"] * length**2 * w**3 / volt
-        self.natural = np.array([p["m"], length, 1 / w, ampere, 1.0, 1.0])
+        # Natural units of kg, m, s, A, K, 1: a probe's first guess is 1e-4 of them.
+        self.natural = np.array([p["m"], length, 1 / w, p["m"] * length**2 * w**3 / volt, 1.0, 1.0])
+        self.jobs: list[tuple[Record, dict[str, float]]] = [
+            (record, {**p, **start}) for record, start in zip(fitter.records, at.starts, strict=True)
+        ]
 
-    def probe(self, quantity: Quantity, shapes: Mapping[str, float]) -> Probe | None:
-        """A probe of ``quantity`` that changes the voltage by about the noise; None where nothing changes."""
-        exponents = [float(e) for e in dimension(quantity.unit).exponents]
-        step = 1e-4 * float(np.prod(self.natural**exponents))
-        sign = -1.0 if quantity.high <= quantity.start else 1.0
-        step = sign * min(step, 0.5 * abs((quantity.high if sign > 0 else quantity.low) - quantity.start))
-        change = 0.0
-        for _ in range(4):
-            change = self._change(quantity, shapes, step)
-            if change > 1e-6 * self.target:
-                break
-            step *= 30.0
-        else:
-            return None
-        power = 1
-        for _ in range(3):
-            larger = self._change(quantity, shapes, 2 * step)
-            power = int(np.clip(round(np.log2(larger / change)), 1, 4)) if 0 < larger < np.inf else power
-            step *= float(np.clip((self.target / change) ** (1 / power), 1e-9, 1e9))
-            change = self._change(quantity, shapes, step)
-            if not (0 < change < np.inf) or 0.3 < change / self.target < 3:
-                break
-        room = abs((quantity.high if step > 0 else quantity.low) - quantity.start)
-        return Probe(quantity, float(np.clip(step, -room, room)), power) if 0 < change < np.inf else None
+    def probe(self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float],
+              before: Probe | None) -> Probe | None:  # fmt: skip
+        """A probe of ``q``; None where nothing changes. base: changes beside which it acts; before: a guess."""
+        sign = -1.0 if q.high <= q.start else 1.0
+        room = abs((q.high if sign > 0 else q.low) - q.start)
+        step = abs(before.step) if before else self._natural(q)
+        step = min(step, 0.5 * room)
+        power, known = (before.power, True) if before else (1, False)
+        for _ in range(ATTEMPTS):
+            change = self._change(q, shapes, base, sign * step)
+            if 0.3 < change / self.target < 3 and known:
+                return Probe(q, sign * min(step, room), power)
+            if change < 1e-6 * self.target or not np.isfinite(change):
+                step *= 1e3 if change < self.target else 1e-3
+                if step > room:
+                    return None
+                continue
+            if not known:
+                larger = self._change(q, shapes, base, sign * 2 * step)
+                power = int(np.clip(round(np.log2(larger / change)), 1, 4)) if 0 < larger < np.inf else power
+                known = True
+            step *= float((self.target / change) ** (1 / power))
+        change = self._change(q, shapes, base, sign * min(step, room))
+        return Probe(q, sign * min(step, room), power) if 0 < change < np.inf else None
 
-    def _change(self, quantity: Quantity, shapes: Mapping[str, float], step: float) -> float:
-        value = float(np.clip(quantity.start + step, quantity.low, quantity.high))
-        try:
-            v = self.simulator.run(self.record, {**self.parameters, **shapes, quantity.name: value})
-        except InputError:
-            return float("inf")
-        return float(np.sqrt(np.mean((v - self.base) ** 2)))
+    def _natural(self, q: Quantity) -> float:
+        exponents = [float(e) for e in dimension(q.unit).exponents]
+        return 1e-4 * float(np.prod(self.natural**exponents))
+
+    def _change(self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float], step: float) -> float:
+        """What the step changes, rms over all runs [V]; inf where the FMU refuses it."""
+        value = float(np.clip(q.start + step, q.low, q.high))
+        runs = self.fitter.simulator.try_all([(r, {**p, **base, **shapes, q.name: value}) for r, p in self.jobs])
+        beside = [r.v - e for r, e in zip(self.fitter.records, self.at.residuals, strict=True)]
+        if base:
+            found = self.fitter.simulator.try_all([(r, {**p, **base}) for r, p in self.jobs])
+            beside = [v if v is not None else b for v, b in zip(found, beside, strict=True)]
+        square = 0.0
+        for v, b in zip(runs, beside, strict=True):
+            if v is None:
+                return float("inf")
+            square += float(np.sum((v - b) ** 2))
+        return float(np.sqrt(square / sum(r.v.size for r in self.fitter.records)))

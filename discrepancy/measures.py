@@ -10,10 +10,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from discrepancy.linear_fit import mode_frequencies
-from discrepancy.record import Floats, Record
+from discrepancy.record import MINIMUM_SAMPLES, Floats, Record
 from discrepancy.refit import Fitted, Fitter
 from discrepancy.simulate import Simulator
-from discrepancy.whitening import whitener
 
 START_TIME, START_SAMPLES = 5e-3, 50
 """Length of the start that gives the initial state: the longer of the two."""
@@ -72,30 +71,22 @@ def converter_step(records: Sequence[Record]) -> float:
 def start_fitted(simulator: Simulator, record: Record, parameters: Mapping[str, float]) -> tuple[Floats, int]:
     """The residual (n, axes) [V] of a run whose first samples gave the initial state, and how many those were."""
     n = max(START_SAMPLES, round(START_TIME * record.sample_rate))
-    held = {name: values[:n] for name, values in record.conditions.items()}
-    head = replace(record, t=record.t[:n], u=record.u[:n], v=record.v[:n], conditions=held, valid=record.valid[:n]) \
-        if n >= 100 else _longer(record)  # fmt: skip
+    # A record has a least length, so the head may be longer than what counts of it.
+    own = slice(0, max(n, MINIMUM_SAMPLES))
+    held = {name: values[own] for name, values in record.conditions.items()}
+    counted = record.valid[own] & (np.arange(len(record.t))[own] < n)
+    head = replace(record, t=record.t[own], u=record.u[own], v=record.v[own], conditions=held, valid=counted)
     fitter = Fitter(simulator, [head])
-    plain = whitener(parameters, record.axes, 1 / record.sample_rate, 0.0)
-    starts = (dict.fromkeys(fitter.state_names, 0.0),)
-    if n < len(head.t):
-        head = replace(head, valid=head.valid & (np.arange(len(head.t)) < n))
-        fitter = Fitter(simulator, [head])
-    at = fitter.fit(fitter.evaluated(Fitted(dict(parameters), starts, (), plain, ())), rounds=3)
+    at = fitter.fit(fitter.evaluated(Fitted(dict(parameters), fitter.at_rest, (), fitter.plain(parameters), ())), 4)
+    simulator.forget([head])
     return record.v - simulator.run(record, {**parameters, **at.starts[0]}), n
 
 
-def _longer(record: Record) -> Record:
-    held = {name: values[:100] for name, values in record.conditions.items()}
-    return replace(record, t=record.t[:100], u=record.u[:100], v=record.v[:100], conditions=held,
-                   valid=record.valid[:100])  # fmt: skip
-
-
-def misfit(simulator: Simulator, records: Sequence[Record], parameters: Mapping[str, float]) -> dict[str, float]:
-    """rms(v - v_sim)/rms(v) of each run by name and of all as ``""``."""
+def misfits(records: Sequence[Record], residuals: Mapping[str, tuple[Floats, int]]) -> dict[str, float]:
+    """rms(v - v_sim)/rms(v) of each run by name and of all as ``""``; residuals as ``start_fitted`` gives them."""
     result, errors, signals = {}, 0.0, 0.0
     for record in records:
-        residual, n = start_fitted(simulator, record, parameters)
+        residual, n = residuals[record.name]
         usable = record.valid & (np.arange(len(record.t)) >= n)
         error, signal = float(np.sum(residual[usable] ** 2)), float(np.sum(record.v[usable] ** 2))
         result[record.name] = float(np.sqrt(error / signal))

@@ -1,103 +1,72 @@
-"""Names the effects that a model lacks: score all, refit the best, accept, repeat, delete what has become needless."""
+"""Names the effects that a model lacks: score all, refit the best, accept, repeat, then question each again."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Final
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.stats import chi2
 
-from discrepancy.columns import Candidate, candidates, nameable
+from discrepancy.answer import Diagnosis, Finding, Stage, Step, Value
+from discrepancy.assemble import assemble
+from discrepancy.columns import Candidate, Library, finer, nameable
+from discrepancy.continuation import IN_STEP, settled
 from discrepancy.dataset import Dataset
-from discrepancy.measures import Noise, Place, located, misfit, noise_of
-from discrepancy.refit import BLOCKS, Fitted, Fitter, pieces
-from discrepancy.score import Score, score
+from discrepancy.limits import clip_level, masked
+from discrepancy.refit import Fitted, Fitter, Free
+from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator
-from gyro_model.anatomy import Force
 from gyro_model.model import Model
 
 CHANCE: Final = 1e-6
-"""Probability of one test by chance at which an effect counts as significant: 60 columns and 400 null sets make 0.02
-false alarms."""
+"""Probability of one test by chance at which an effect counts as significant: 60 effects and 400 null sets make 0.02
+false alarms; the points of a grid count as tests."""
 MATERIAL: Final = 3e-4
 """Share of the residual's square that an effect has to take away to be worth a parameter."""
-RIVALS, RIVAL_SHARE = 4, 0.5
-"""Refitted before one is named: at most so many effects, whose linear share is at least this of the best."""
+RIVALS: Final = 6
+"""At most so many effects are refitted before one is named."""
+RIVAL_SHARE: Final = 0.5
+"""Of the best one's linear gain, that a rival must have where the simulation is not close: there, linear scores tell
+half the truth."""
 EVEN: Final = 9.0
 """Chi-square by which a rival may fit worse and still count as not told apart: three standard deviations."""
-POWER: Final = 0.95
-ASTRAY: Final = 0.02
-"""Residual over signal from which a simulation may be too far off for a test that is linear in what it lacks."""
-PIECES: Final = 8
-"""Cuts of a run in that case."""
+SIMPLER: Final = 12.0
+"""Chi-square that a further size parameter must bring."""
 
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Value:
-    """A number with its 95 % interval."""
+class Accepted:
+    """An effect in the model: how it was probed, the share of the residual's square it took, and rivals (parameters by
+    id) that fit as well."""
 
-    value: float
-    low: float
-    high: float
-    unit: str
+    candidate: Candidate
+    share: float
+    rivals: dict[str, dict[str, float]]
 
+    @property
+    def id(self) -> str:
+        """The effect's."""
+        return self.candidate.effect.id
 
-@dataclass(frozen=True)
-class Finding:
-    """An effect that is missing; ``either``: others that fit as well. forces: sympy text by axis, empty where it is no
-    force."""
-
-    id: str
-    either: tuple[str, ...]
-    parameters: Mapping[str, Value]
-    forces: Mapping[str, str] = field(default_factory=dict)
-    share: float = 0.0
+    @property
+    def names(self) -> set[str]:
+        """Its parameters."""
+        return {q.name for q in self.candidate.effect.parameters}
 
 
-@dataclass(frozen=True)
-class Step:
-    """One step of the search: the best score of every effect (by id) and what was accepted."""
-
-    scores: Mapping[str, Score]
-    accepted: str | None
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """The answer. device: every parameter of the improved model with its interval; steps: how it was found."""
-
-    verdict: str
-    effects: tuple[Finding, ...]
-    immaterial: tuple[Finding, ...]
-    noise: Mapping[str, Value]
-    misfit: Mapping[str, Any]
-    located: tuple[Place, ...]
-    detectable: Mapping[str, Mapping[str, float]]
-    device: Mapping[str, Value]
-    steps: tuple[Step, ...] = field(repr=False, default=())
-
-    def report(self) -> dict[str, Any]:
-        """The contents of report.json (SYSTEM.md section 9)."""
-        return {
-            "verdict": self.verdict,
-            "effects": [_listed(f) for f in self.effects],
-            "immaterial": [_listed(f) for f in self.immaterial],
-            "noise": {name: asdict(value) for name, value in self.noise.items()},
-            "misfit": dict(self.misfit),
-            "located": [asdict(place) for place in self.located],
-            "detectable": {name: dict(sizes) for name, sizes in self.detectable.items()},
-        }
-
-
-def _listed(finding: Finding) -> dict[str, Any]:
-    values = {name: asdict(value) for name, value in finding.parameters.items()}
-    return {"id": finding.id, "either": list(finding.either), "parameters": values, **finding.forces}
+Scored = tuple[Candidate, Score]
 
 
 def diagnose(
-    dataset: Dataset, model: Model, *, max_effects: int = 4, jobs: int | None = None, progress: Progress | None = None
+    dataset: Dataset,
+    model: Model,
+    *,
+    max_effects: int = 4,
+    jobs: int | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
 ) -> Diagnosis:
     """Finds what ``model`` lacks to explain ``dataset``; held-out runs are simulated once, at the end.
 
@@ -105,212 +74,240 @@ def diagnose(
     where the FMU can't be built or refuses the nominal values.
     """
     with Simulator(model, jobs) as simulator:
-        return _Search(simulator, dataset, progress or (lambda _: None)).run(max_effects)
+        search = Search(simulator, dataset, progress or (lambda _: None))
+        search.run(max_effects)
+        return assemble(search)
 
 
-class _Search:
+class Search:
+    """The state of a search: what is accepted, and the model fitted with it (``at``, over the runs of ``fitter``)."""
+
     def __init__(self, simulator: Simulator, dataset: Dataset, progress: Progress) -> None:
-        self.simulator, self.dataset, self.progress = simulator, dataset, progress
-        self.fitter = Fitter(simulator, dataset.fit)
-        self.accepted: list[tuple[Candidate, tuple[str, ...], float]] = []
-        self.immaterial: list[Finding] = []
+        self.simulator, self.progress = simulator, progress
+        self.clip: float | None = None
+        self._take(dataset)
+        noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
+        self.nominal = {name: value for name, value in dataset.nominal.items() if name not in noise}
+        self.accepted: list[Accepted] = []
+        self.scored: list[Scored] = []
         self.steps: list[Step] = []
+        self.stages: list[tuple[str, dict[str, float]]] = [("nominal", dict(self.nominal))]
 
-    def run(self, max_effects: int) -> Diagnosis:
+    def _take(self, dataset: Dataset) -> None:
+        self.dataset = dataset
+        self.whole = Fitter(self.simulator, dataset.fit)
+        self.library = Library(self.whole)
+
+    def _mask_clipped(self) -> None:
+        """Looks for clipped samples beside the present model, and takes them out of everything else."""
+        if self.clip is None and self.fitter is self.whole:
+            self.clip = clip_level(self.dataset.fit, self.at.residuals)
+            if self.clip is not None:
+                self.progress(f"samples clipped at {self.clip:.6g} V")
+                records = tuple(masked(record, self.clip) for record in self.dataset.records)
+                self._take(replace(self.dataset, records=records))
+                self._settle(self.at)
+
+    def run(self, max_effects: int) -> None:
+        """Searches to the end."""
         self.progress("nominal parameters and initial states")
-        refitted = at = self._settled(self.fitter.begin(self.dataset.nominal))
-        scored: list[tuple[Candidate, Score]] = []
-        for _ in range(max_effects + 1):
-            scored = self._scored(at)
-            self.immaterial = [self._slight(c, s) for c, s in _best(scored) if _sure(s) and s.share < MATERIAL]
-            found = self._accepted(at, scored) if len(self.accepted) < max_effects else None
-            if found is None and len(self.accepted) < max_effects and _misses(at, self.fitter) > ASTRAY:
-                found = self._accepted_in_pieces(at)
-            if found is None:
-                self.steps.append(Step({c.effect.id: s for c, s in _best(scored)}, None))
+        self._settle(self.whole.begin(self.nominal, self._believed()))
+        self._mask_clipped()
+        self.refitted = self.at
+        self._stage("refit")
+        while True:
+            self._mask_clipped()
+            self._scan()
+            if len(self.accepted) >= max_effects or not self._accept():
                 break
-            at = self._settled(found)
-        at = self._pruned(at)
-        return self._answer(refitted, at, scored)
+            self._stage(self.accepted[-1].id)
+        self.steps.append(Step({c.effect.id: s for c, s in best_of(self.scored)}, None))
+        self._delete()
+        self._exchange()
 
-    def _settled(self, at: Fitted) -> Fitted:
-        """``at`` fitted under the whitening that its own residuals ask for."""
-        for _ in range(3):
-            bandwidth = at.whiten.bandwidth
-            at = self.fitter.whitened(self.fitter.fit(at))
-            if at.whiten.bandwidth == bandwidth:
-                break
-        return at
+    @property
+    def present(self) -> list[str]:
+        """Effects that the model has: accepted, or believed by the lab to be there."""
+        believed = [e.id for e in nameable(self.simulator.model)
+                    if any(self.nominal.get(q.name, q.start) != q.start for q in e.sizes)]  # fmt: skip
+        return [*believed, *(a.id for a in self.accepted)]
 
-    def _scored(self, at: Fitted) -> list[tuple[Candidate, Score]]:
-        found = candidates(self.fitter, at, [c.effect.id for c, _, _ in self.accepted])
-        linear = self.fitter.with_grams(at, [changes for c in found for changes in c.changes()])
+    def _believed(self) -> list[Free]:
+        """Sizes of effects that the nominal model has: fitted with it."""
+        sizes = [q for e in nameable(self.simulator.model) for q in e.sizes]
+        return [Free(q.name, 1e-6 * abs(self.nominal[q.name] - q.start), q.low, q.high) for q in sizes
+                if self.nominal.get(q.name, q.start) != q.start]  # fmt: skip
+
+    def _settle(self, at: Fitted) -> None:
+        self.fitter, self.at = settled(self.whole, at)
+
+    def _stage(self, name: str) -> None:
+        self.stages.append((name, dict(self.at.parameters)))
+
+    def _scan(self) -> None:
+        """Scores every candidate at the present fit."""
+        found = self.library.candidates(self.fitter, self.at, self.present)
+        self.scored = self._scores(found)
+        best = best_of(self.scored)
+        for candidate, result in best:
+            sharper = candidate
+            # A resonance on a coarse grid: finer about the best point, twice, where it may matter.
+            while result.probability < 0.01 and result.gain > 0.2 * best[0][1].gain and sharper.trials < 100:
+                more = self._scores(finer(sharper))
+                if not more:
+                    break
+                self.scored += more
+                sharper = max(more, key=lambda entry: entry[1].gain)[0]
+
+    def _scores(self, found: Sequence[Candidate]) -> list[Scored]:
+        linear = self.fitter.with_grams(self.at, [change for c in found for change in c.changes()])
         assert linear.grams is not None
-        known = place = len(at.free) + len(self.fitter.state_names) * len(self.fitter.records)
-        scored = []
+        place, scored = linear.known, []
         for candidate in found:
-            columns = tuple(range(place, place + len(candidate.probes)))
+            columns = tuple(range(place, place + len(candidate.all_probes)))
             place += len(columns)
-            result = score(linear.grams, known, columns, at.count)
-            if not _impossible(candidate, result):
+            result = signed_score(linear.grams, linear.known, columns, candidate, self.at.count)
+            if result is not None:
                 scored.append((candidate, result))
         return scored
 
-    def _accepted(self, at: Fitted, scored: list[tuple[Candidate, Score]]) -> Fitted | None:
-        """The fit with the best effect in, None where none is both significant and material."""
-        worth = [(c, s) for c, s in _best(scored) if _sure(s) and s.share >= MATERIAL]
+    def _accept(self) -> bool:
+        """Takes the best effect that is both significant and material into the model; False where there is none."""
+        worth = [(c, s) for c, s in best_of(self.scored) if sure(c, s) and s.share >= MATERIAL]
         if not worth:
-            return None
-        rivals = [(c, s) for c, s in worth if s.share >= RIVAL_SHARE * worth[0][1].share][:RIVALS]
+            return False
+        rivals = self._close(worth)
         self.progress("refit with " + ", ".join(c.effect.id for c, _ in rivals))
-        fits = [(self.fitter.fit(self._with(at, c, s)), c, s) for c, s in rivals]
-        fits.sort(key=lambda entry: entry[0].cost)
-        best, chosen, result = fits[0]
-        if not at.cost - best.cost > chi2.isf(CHANCE, result.freedom) * best.variance:
-            return None
-        even = tuple(c.effect.id for f, c, _ in fits[1:] if f.cost - best.cost < EVEN * best.variance)
-        self.steps.append(Step({c.effect.id: s for c, s in _best(scored)}, chosen.effect.id))
-        self.accepted.append((chosen, even, 1 - best.cost / at.cost))
+        fits = [(self.fitter.fit(self.with_effect(self.at, c, s)), c, s) for c, s in rivals]
+        best, chosen, result = min(
+            fits, key=lambda entry: entry[0].cost + SIMPLER * entry[2].freedom * self.at.variance
+        )
+        gain = self.at.cost - best.cost
+        if not gain > chi2.isf(CHANCE / chosen.trials, result.freedom) * result.inflation * best.variance:
+            return False
+        scores = {c.effect.id: s for c, s in best_of(self.scored)}
+        self.steps.append(Step(scores, chosen.effect.id))
+        share = 1 - best.cost / self.at.cost
+        if chosen.partner:
+            self.accepted.append(Accepted(chosen.partner, share, {}))
+        self.accepted.append(Accepted(chosen, share, {}))
         self.progress(f"accepted {chosen.effect.id}")
-        return best
+        self._settle(best)
+        return True
 
-    def _accepted_in_pieces(self, at: Fitted) -> Fitted | None:
-        """As ``_accepted``, over pieces of the runs: a simulation out of step with the motion by a radian says nothing
-        about what it lacks, one restarted often does."""
-        whole = self.fitter
-        cut = pieces(whole.records, PIECES)
-        self.fitter = Fitter(self.simulator, cut, blocks=max(2, BLOCKS // PIECES))
-        try:
-            starts = tuple(dict.fromkeys(whole.state_names, 0.0) for _ in cut)
-            begun = self.fitter.evaluated(replace(at, starts=starts, grams=None))
-            settled = self.fitter.whitened(self.fitter.fit(begun, rounds=2))
-            found = self._accepted(settled, self._scored(settled))
-        finally:
-            self.fitter = whole
-        if found is None:
-            return None
-        return whole.whitened(whole.evaluated(replace(found, starts=at.starts, grams=None)))
+    def _close(self, worth: list[Scored]) -> list[Scored]:
+        """Those whose refit could be the best: all that the linear scores leave open."""
+        top = max(s.gain - SIMPLER * s.freedom for _, s in worth)
+        linear = self.fitter.off(self.at) < IN_STEP
+        least = [top - 4 * EVEN * s.inflation - 0.1 * top if linear else RIVAL_SHARE * top for _, s in worth]
+        close = [(c, s) for (c, s), low in zip(worth, least, strict=True) if s.gain - SIMPLER * s.freedom >= low]
+        return close[:RIVALS]
 
-    def _with(self, at: Fitted, candidate: Candidate, result: Score) -> Fitted:
-        values = {p.quantity.name: p.value(a) for p, a in zip(candidate.probes, result.amplitudes, strict=True)}
+    def with_effect(self, at: Fitted, candidate: Candidate, result: Score) -> Fitted:
+        """``at`` with the effect switched on at the size that its score says, to be fitted."""
+        values = candidate.values(result.amplitudes, result.deviations)
         free = (*at.free, *candidate.free(self.fitter.period))
-        parameters = {**at.parameters, **candidate.shapes, **values}
-        return self.fitter.evaluated(replace(at, parameters=parameters, free=free, grams=None))
+        shapes = {**(candidate.partner.shapes if candidate.partner else {}), **candidate.shapes}
+        return self.fitter.evaluated(replace(at, parameters={**at.parameters, **shapes, **values}, free=free))
 
-    def _pruned(self, at: Fitted) -> Fitted:
+    def without_effect(self, at: Fitted, entry: Accepted) -> Fitted:
+        """``at`` with the effect switched off, to be fitted."""
+        free = tuple(f for f in at.free if f.name not in entry.names)
+        return self.fitter.evaluated(replace(at, parameters={**at.parameters, **_neutral(entry)}, free=free))
+
+    def _delete(self) -> None:
         """Backward deletion: without each effect that the others have made needless."""
         for entry in list(self.accepted):
-            names = {q.name for q in entry[0].effect.parameters}
             if len(self.accepted) < 2:
                 break
-            neutral = {p.quantity.name: p.quantity.start for p in entry[0].probes}
-            free = tuple(f for f in at.free if f.name not in names)
-            without = self.fitter.evaluated(replace(at, parameters={**at.parameters, **neutral}, free=free))
-            without = self.fitter.fit(without)
-            gain = without.cost - at.cost
-            if gain < chi2.isf(CHANCE, len(entry[0].probes)) * at.variance or gain < MATERIAL * without.cost:
-                self.progress(f"deleted {entry[0].effect.id}")
+            fitted = self.fitter.fit(self.without_effect(self.at, entry))
+            gain = fitted.cost - self.at.cost
+            needed = chi2.isf(CHANCE / entry.candidate.trials, len(entry.candidate.probes)) * self.at.variance
+            if gain < needed or gain < MATERIAL * fitted.cost:
+                self.progress(f"deleted {entry.id}")
                 self.accepted.remove(entry)
-                at = self._settled(without)
-        return at
+                self._settle(fitted)
 
-    def _slight(self, candidate: Candidate, result: Score) -> Finding:
-        values = {}
-        for p, a, d in zip(candidate.probes, result.amplitudes, result.deviations, strict=True):
-            if np.isfinite(d):
-                ends = sorted((p.value(a - 1.96 * d), p.value(a + 1.96 * d)))
-                values[p.quantity.name] = Value(p.value(a), ends[0], ends[1], p.quantity.unit)
-        return Finding(candidate.effect.id, (), values, _forces(candidate), result.share)
+    def _exchange(self) -> None:
+        """With all in: could another effect stand in the place of each? One that fits better takes it, one that fits as
+        well is its ``either``."""
+        for place, entry in enumerate(self.accepted):
+            if any(a.candidate.partner and a.candidate.partner.effect.id == entry.id for a in self.accepted):
+                continue
+            base = self.without_effect(self.at, entry)
+            fits: dict[str, tuple[Fitted, Candidate]] = {}
+            for candidate, result in self._stand_ins(entry):
+                self.progress(f"{candidate.effect.id} in place of {entry.id}")
+                at = self.fitter.fit(self.with_effect(base, candidate, result))
+                if at.cost < self.at.cost + EVEN * self.at.variance:
+                    fits[candidate.effect.id] = at, candidate
+            best = min(fits.values(), key=lambda fit: fit[0].cost, default=None)
+            if best is not None and best[0].cost < self.at.cost - EVEN * self.at.variance:
+                fits = {i: f for i, f in fits.items() if f[0].cost < best[0].cost + EVEN * best[0].variance}
+                fits.pop(best[1].effect.id)
+                if self.at.cost < best[0].cost + EVEN * best[0].variance:
+                    fits[entry.id] = self.at, entry.candidate
+                self.at, entry = best[0], Accepted(best[1], entry.share, {})
+            rivals = {i: dict(fit.parameters) for i, (fit, _) in fits.items()}
+            self.accepted[place] = replace(entry, rivals=rivals)
 
-    def _answer(self, refitted: Fitted, at: Fitted, scored: list[tuple[Candidate, Score]]) -> Diagnosis:
-        self.progress("held-out runs")
-        device = self._device(at)
-        effects = []
-        for candidate, even, share in self.accepted:
-            values = {q.name: device[q.name] for q in candidate.effect.parameters if q.name in device}
-            effects.append(Finding(candidate.effect.id, even, values, _forces(candidate), share))
-        noise = noise_of(at.residuals, self.fitter.records, at.parameters)
-        gaps = self._misfit(refitted, at, noise)
-        places = located(refitted.residuals, self.fitter.records, refitted.parameters, noise) if noise else ()
-        floor = gaps["noise_floor"]
-        # Twice the floor: a coloured noise alone, which is no missing effect, may lie well above the floor.
-        open_gap = not effects and floor is not None and gaps["final"] > 2 * floor
-        verdict = "missing effects" if effects else "unexplained" if open_gap else "nothing missing"
-        detectable = self._detectable(scored)
-        noises = _noises(noise)
-        return Diagnosis(verdict, tuple(effects), tuple(self.immaterial), noises, gaps, places, detectable, device,
-                         tuple(self.steps))  # fmt: skip
-
-    def _device(self, at: Fitted) -> dict[str, Value]:
-        width = norm.ppf(0.975)
-        result = {}
-        for name, deviation in self.fitter.deviations(at).items():
-            value, unit = at.parameters[name], self.simulator.model.parameter(name).unit
-            result[name] = Value(value, value - width * deviation, value + width * deviation, unit)
-        return result
-
-    def _misfit(self, refitted: Fitted, at: Fitted, noise: Noise | None) -> dict[str, Any]:
-        runs = self.dataset.held_out
-        names = {"nominal": dict(self.dataset.nominal), "refit": refitted.parameters, "final": at.parameters}
-        gaps = {key: misfit(self.simulator, runs, values) for key, values in names.items()}
-        signal = {r.name: float(np.sqrt(np.mean(r.v[r.valid] ** 2))) for r in runs}
-        signal[""] = float(np.sqrt(np.mean(np.concatenate([r.v[r.valid].ravel() for r in runs]) ** 2)))
-        table = {run: {**{key: gaps[key][run] for key in gaps}, "noise_floor": noise.rms / rms if noise else None}
-                 for run, rms in signal.items()}  # fmt: skip
-        return {**table.pop(""), "runs": table}
-
-    def _detectable(self, scored: list[tuple[Candidate, Score]]) -> dict[str, dict[str, float]]:
-        sizes: dict[str, dict[str, float]] = {}
-        for candidate, result in scored:
-            reach = np.sqrt(chi2.isf(CHANCE, max(result.freedom, 1))) + norm.ppf(POWER)
-            for p, d in zip(candidate.probes, result.deviations, strict=False):
-                if np.isfinite(d):
-                    own = sizes.setdefault(candidate.effect.id, {})
-                    value = abs(p.value(reach * d) - p.quantity.start)
-                    own[p.quantity.name] = min(own.get(p.quantity.name, np.inf), value)
-        return sizes
+    def _stand_ins(self, entry: Accepted) -> list[Scored]:
+        """Effects that explain what ``entry`` does nearly as well, by their columns at the present fit."""
+        found = self.library.candidates(self.fitter, self.at, self.present)
+        removal = [_neutral(entry)]
+        changes = [change for c in found for change in c.changes()]
+        linear = self.fitter.with_grams(self.at, [*removal, *changes])
+        assert linear.grams is not None
+        grams = without(linear.grams, linear.known)
+        own = [i for i, f in enumerate(linear.free) if f.name in entry.names]
+        others = [i for i in range(linear.known) if i not in own]
+        least = score(grams, others, own, self.at.count)
+        place, scored = linear.known + 1, []
+        for candidate in found:
+            columns = tuple(range(place, place + len(candidate.all_probes)))
+            place += len(columns)
+            result = signed_score(grams, others, columns, candidate, self.at.count)
+            if result and result.gain > least.gain - 4 * EVEN * least.inflation - 0.1 * least.gain:
+                scored.append((candidate, result))
+        return best_of(scored)[:RIVALS]
 
 
-def _misses(at: Fitted, fitter: Fitter) -> float:
-    error = sum(float(np.sum(residual**2)) for residual in at.residuals)
-    return float(np.sqrt(error / sum(float(np.sum(record.v**2)) for record in fitter.records)))
+def signed_score(grams: object, known: int | Sequence[int], columns: Sequence[int], candidate: Candidate,
+                 count: int) -> Score | None:  # fmt: skip
+    """The score of a candidate's columns, those left out that would have to act with a sign that they can't take; None
+    where none is left."""
+    used = list(range(len(columns)))
+    probes = candidate.all_probes
+    while used:
+        result = score(grams, known, [columns[i] for i in used], count)  # type: ignore[arg-type]
+        if not result.amplitudes:
+            return None
+        wrong = [i for i, a in zip(used, result.amplitudes, strict=True) if probes[i].one_sided and a < 0
+                 and candidate.partner is None]  # fmt: skip
+        if not wrong:
+            amplitudes, deviations = np.zeros(len(columns)), np.full(len(columns), np.inf)
+            amplitudes[used], deviations[used] = result.amplitudes, result.deviations
+            return replace(result, amplitudes=tuple(amplitudes), deviations=tuple(deviations))
+        used = [i for i in used if i not in wrong]
+    return None
 
 
-def _best(scored: list[tuple[Candidate, Score]]) -> list[tuple[Candidate, Score]]:
-    """Of each effect the best point of its grid, largest share first."""
-    best: dict[str, tuple[Candidate, Score]] = {}
+def _neutral(entry: Accepted) -> dict[str, float]:
+    return {p.quantity.name: p.quantity.start for p in entry.candidate.probes}
+
+
+def best_of(scored: Sequence[Scored]) -> list[Scored]:
+    """Of each effect the best point of its grid, largest gain first."""
+    best: dict[str, Scored] = {}
     for candidate, result in scored:
         before = best.get(candidate.effect.id)
-        if before is None or result.share > before[1].share:
+        if before is None or result.gain > before[1].gain:
             best[candidate.effect.id] = (candidate, result)
-    return sorted(best.values(), key=lambda entry: -entry[1].share)
+    return sorted(best.values(), key=lambda entry: SIMPLER * entry[1].freedom - entry[1].gain)
 
 
-def _sure(result: Score) -> bool:
-    return result.probability < CHANCE
+def sure(candidate: Candidate, result: Score) -> bool:
+    return result.probability * candidate.trials < CHANCE
 
 
-def _impossible(candidate: Candidate, result: Score) -> bool:
-    """Whether a size would have to lie on the side that it can't take."""
-    pairs = zip(candidate.probes, result.amplitudes, strict=False)
-    return any(p.one_sided and a < 0 for p, a in pairs)
-
-
-def _forces(candidate: Candidate) -> dict[str, str]:
-    if not isinstance(candidate.effect, Force):
-        return {}
-    return {f"force_{axis}": str(term) for axis, term in zip("xy", candidate.effect.force, strict=True)}
-
-
-def _noises(noise: Noise | None) -> dict[str, Value]:
-    if noise is None:
-        return {}
-    rounding = noise.lsb**2 / 12
-    white = [float(np.sqrt(max(value**2 - rounding, 0.0))) for value in (noise.rms, noise.low, noise.high)]
-    result = {"sense_noise": Value(white[0], white[1], white[2], "V")}
-    if noise.lsb:
-        result["adc_lsb"] = Value(noise.lsb, noise.lsb, noise.lsb, "V")
-    return result
-
-
-__all__ = ["Diagnosis", "Finding", "Value", "diagnose", "nameable"]
+__all__ = ["Diagnosis", "Finding", "Search", "Stage", "Step", "Value", "diagnose", "nameable"]

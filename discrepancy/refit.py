@@ -1,11 +1,16 @@
-"""Fits parameters and initial states by full simulation: output error with innovations, Gauss-Newton."""
+"""Fits parameters and initial states by full simulation: output error with innovations, Levenberg-Marquardt.
 
-from collections.abc import Mapping, Sequence
+Initial states belong to one run each and are taken out of every linear problem by projection, run by run, so that its
+size does not grow with the number of runs (G. H. Golub, V. Pereyra, SIAM J. Numerical Analysis 10, 1973).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
+from discrepancy.algebra import inverse_scaled
 from discrepancy.linear_fit import WeakForm, weak_form
 from discrepancy.linear_fit import fit as fit_weak_form
 from discrepancy.record import Floats, Record
@@ -16,6 +21,21 @@ from gyro_model.errors import InputError
 BLOCKS: Final = 24
 """Blocks of a run for block statistics: enough for a variance from few runs, each many periods long."""
 STATES: Final = ("x_start", "x_dot_start", "y_start", "y_dot_start")
+SMALL, SMALLEST = 0.1, 1e-9
+"""What a difference quotient may change the voltage by: over the noise, and over the signal (rounding of a run leaves
+1e-13 of it). Errors of second order are then 1e-6 of a column and less, which matters where 1 - 1e-6 of it lies along
+other parameters."""
+LINEAR: Final = 1e-5
+"""The same over the signal where the residual is far above the noise."""
+PASSIVE: Final = 0.999
+"""Of the largest cross damping or stiffness that a passive device has: a search that reaches the bound goes on along
+it."""
+SETTLED: Final = 0.02
+"""A fit has ended when a further step would take less than this many variances of an innovation from the cost: an
+error of 0.14 standard deviations of one parameter at most."""
+
+Columns = Callable[[int], Floats]
+"""Further columns of a run by its index: (columns, n, axes) [V]."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +50,13 @@ class Free:
 
 @dataclass(frozen=True)
 class Fitted:
-    """A model fitted to runs. parameters: shared ones by name; starts: initial states of each run; covariance of
-    ``free`` in their order (block statistics); grams (blocks, p, p) of [free, starts, residual] as innovations; cost:
-    sum of squared innovations [V²], count of them."""
+    """A model fitted to runs.
+
+    parameters: shared ones by name; starts: initial states of each run. cost: sum of squared innovations [V²], count of
+    them. Of the last linearisation, if there is one: grams (blocks, p, p) of [free, further columns, residual] as
+    innovations with the states projected out; fill, by run (states, p): the change of the states, in their steps, that
+    goes with each; left: what a further step would take from the cost, in variances of an innovation.
+    """
 
     parameters: Mapping[str, float]
     starts: tuple[Mapping[str, float], ...]
@@ -42,11 +66,18 @@ class Fitted:
     cost: float = np.inf
     count: int = 1
     grams: Floats | None = field(default=None, repr=False)
+    fill: tuple[Floats, ...] = field(default=(), repr=False)
+    left: float = np.inf
 
     @property
     def variance(self) -> float:
         """Mean square of an innovation [V²]."""
         return self.cost / self.count
+
+    @property
+    def known(self) -> int:
+        """How many columns of the grams are the model's own: those before any further ones."""
+        return len(self.free)
 
 
 class Fitter:
@@ -57,26 +88,35 @@ class Fitter:
         self.axes = self.records[0].axes
         self.period = 1 / self.records[0].sample_rate
         self.state_names = STATES[: 2 * self.axes]
+        self.signal = float(np.sqrt(np.mean([np.mean(r.v**2) for r in self.records])))
 
-    def begin(self, nominal: Mapping[str, float]) -> Fitted:
-        """The start of a fit: m, k, d by the weak form, which has no other minimum, at rest."""
+    def begin(self, nominal: Mapping[str, float], more: Sequence[Free] = ()) -> Fitted:
+        """The start of a fit: m, k, d by the weak form, which has no other minimum, at rest. ``more``: parameters to
+        fit beside them."""
         forms = [form for form in (weak_form(record, nominal) for record in self.records) if form is not None]
         parameters = dict(nominal)
         if forms:
             joined = WeakForm(*(np.concatenate(arrays, axis=1) for arrays in zip(*map(_arrays, forms), strict=True)))
-            parameters |= _passive(fit_weak_form(joined, nominal).values, nominal)
+            parameters |= _damped(fit_weak_form(joined, nominal).values, nominal)
         names = ("m", "kxx", "dxx") if self.axes == 1 else ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
-        free = tuple(_nominal(name, parameters) for name in names)
-        starts = tuple(dict.fromkeys(self.state_names, 0.0) for _ in self.records)
-        plain = whitener(parameters, self.axes, self.period, 0.0)
-        return self.whitened(self.evaluated(Fitted(parameters, starts, free, plain, ())))
+        free = (*(_nominal(name, parameters) for name in names), *more)
+        return self.whitened(self.evaluated(Fitted(parameters, self.at_rest, free, self.plain(parameters), ())))
+
+    def plain(self, parameters: Mapping[str, float]) -> Whitener:
+        """No whitening."""
+        return whitener(parameters, self.axes, self.period, 0.0)
+
+    @property
+    def at_rest(self) -> tuple[Mapping[str, float], ...]:
+        """Initial states of zero for every run."""
+        return tuple(dict.fromkeys(self.state_names, 0.0) for _ in self.records)
 
     def evaluated(self, at: Fitted) -> Fitted:
         """``at`` with residuals and cost of its parameters."""
         try:
             simulated = self.simulator.run_all(self._jobs(at, {}))
         except InputError:
-            # Parameters that no passive device has: no better than a motion out of bounds.
+            # Parameters that the FMU refuses: no better than a motion out of bounds.
             return replace(at, residuals=tuple(np.full_like(r.v, np.nan) for r in self.records), cost=np.inf, count=1)
         residuals = tuple(r.v - v for r, v in zip(self.records, simulated, strict=True))
         return self._costed(replace(at, residuals=residuals))
@@ -85,29 +125,36 @@ class Fitter:
         cost, count = 0.0, 0
         for record, residual in zip(self.records, at.residuals, strict=True):
             if not np.isfinite(residual).all():
-                return replace(at, cost=np.inf, count=1, grams=None)
+                return _bare(replace(at, cost=np.inf, count=1))
             cost += float(np.sum(at.whiten(residual[None], record.valid) ** 2))
             count += int(record.valid.sum()) * self.axes
-        return replace(at, cost=cost, count=count, grams=None)
+        return _bare(replace(at, cost=cost, count=count))
 
     def whitened(self, at: Fitted) -> Fitted:
         """``at`` with the whitening that its residuals ask for."""
         found = likeliest(at.parameters, self.period, at.residuals, [r.valid for r in self.records])
         return self._costed(replace(at, whiten=found))
 
+    def off(self, at: Fitted) -> float:
+        """The residual over the signal, rms."""
+        error = sum(float(np.sum(e[r.valid] ** 2)) for e, r in zip(at.residuals, self.records, strict=True))
+        return float(np.sqrt(error / sum(float(np.sum(r.v[r.valid] ** 2)) for r in self.records)))
+
+    def target(self, at: Fitted) -> float:
+        """The change of the voltage [V rms] that a difference quotient should make."""
+        return max(min(SMALL * at.variance**0.5, LINEAR * self.signal), SMALLEST * self.signal)
+
     def _jobs(self, at: Fitted, changes: Mapping[str, float], only: int | None = None) -> list[Job]:
         chosen = range(len(self.records)) if only is None else (only,)
         return [(self.records[i], {**at.parameters, **at.starts[i], **changes}) for i in chosen]
 
     def columns(self, at: Fitted, run: int, probes: Sequence[Mapping[str, float]]) -> Floats:
-        """What each set of changed parameters adds to the simulated voltage of a run: (probes, n, axes) [V]."""
-        jobs = [job for changes in probes for job in self._jobs(at, changes, run)]
+        """What each set of changed parameters adds to the simulated voltage of a run: (probes, n, axes) [V]; zero
+        where the FMU refuses one or the motion leaves all bounds."""
         base = self.records[run].v - at.residuals[run]
+        jobs = [job for changes in probes for job in self._jobs(at, changes, run)]
         found = self.simulator.try_all(jobs)
-        # A probe beyond what a passive device has gives no column.
-        return (
-            np.stack([v - base if v is not None else 0 * base for v in found]) if jobs else np.empty((0, *base.shape))
-        )
+        return np.array([v - base if v is not None else 0 * base for v in found]).reshape(len(probes), *base.shape)
 
     def _derivatives(self, at: Fitted, run: int) -> Floats:
         """By each free parameter, a full ``step`` of it, and each state of this run: (p, n, axes) [V]."""
@@ -119,90 +166,161 @@ class Fitter:
         found = self.columns(at, run, probes)
         n = len(at.free)
         for i, free in enumerate(at.free):
-            width = probes[2 * i][free.name] - probes[2 * i + 1][free.name]
-            found[i] = (found[2 * i] - found[2 * i + 1]) * (free.step / width)
+            ends = [probes[2 * i + side][free.name] if found[2 * i + side].any() else at.parameters[free.name]
+                    for side in (0, 1)]  # fmt: skip
+            width = ends[0] - ends[1]
+            found[i] = (found[2 * i] - found[2 * i + 1]) * (free.step / width) if width > 0 else 0.0
         return np.concatenate((found[:n], found[2 * n :]))
 
     def _state_steps(self, at: Fitted, run: int) -> dict[str, float]:
-        size = 1e-3 * float(np.sqrt(np.mean(self.records[run].v ** 2))) / at.parameters["sense_gain_x"]
+        size = LINEAR * self.signal / at.parameters["sense_gain_x"]
         speed = size * float(np.sqrt(at.parameters["kxx"] / at.parameters["m"]))
         return {name: speed if "dot" in name else size for name in self.state_names}
 
-    def with_grams(self, at: Fitted, extra: Sequence[Mapping[str, float]] = ()) -> Fitted:
-        """``at`` with its grams, columns in the order: free, states of all runs, ``extra`` probes, residual."""
-        n, states, runs = len(at.free), len(self.state_names), len(self.records)
-        size = n + states * runs + len(extra) + 1
-        grams = np.zeros((self.blocks * runs, size, size))
-        for run, record in enumerate(self.records):
-            own = np.concatenate((self._derivatives(at, run), self.columns(at, run, extra), at.residuals[run][None]))
-            place = [*range(n), *range(n + states * run, n + states * (run + 1)), *range(size - len(extra) - 1, size)]
-            innovations = at.whiten(own, record.valid)
-            for block, part in enumerate(np.array_split(innovations, self.blocks, axis=1)):
-                flat = part.reshape(len(part), -1)
-                grams[np.ix_([self.blocks * run + block], place, place)] = flat @ flat.T
-        return replace(at, grams=grams)
+    def with_grams(self, at: Fitted, extra: Sequence[Mapping[str, float]] = (), own: Columns | None = None) -> Fitted:
+        """``at`` linearised, with columns in the order: free, ``extra`` probes (changed parameters), ``own``, residual.
 
-    def fit(self, at: Fitted, rounds: int = 10, tolerance: float = 0.05) -> Fitted:
-        """Gauss-Newton from ``at``, damped where a step does not help; ends where a round gains less than
-        ``tolerance`` of an innovation's variance. Grams are those of the last linearisation."""
+        Steps of ``free`` that have become too large or small for their difference quotients are set anew.
+        """
+        grams, fills = [], []
+        square, n = np.zeros(len(at.free)), len(at.free)
+        for run, record in enumerate(self.records):
+            parts = [self._derivatives(at, run), self.columns(at, run, extra), *([own(run)] if own else [])]
+            square += np.sum(parts[0][:n] ** 2, axis=(1, 2))
+            raw = at.whiten(np.concatenate((*parts, at.residuals[run][None])), record.valid)
+            states, rest = raw[n : n + len(self.state_names)], np.delete(raw, np.s_[n : n + len(self.state_names)], 0)
+            fill = _projection(states, rest)
+            fills.append(fill)
+            rest -= np.einsum("sp,sna->pna", fill, states)
+            for part in np.array_split(rest, self.blocks, axis=1):
+                flat = part.reshape(len(part), -1)
+                grams.append(flat @ flat.T)
+        return self._rescaled(replace(at, grams=np.array(grams), fill=tuple(fills)), square)
+
+    def _rescaled(self, at: Fitted, square: Floats) -> Fitted:
+        """``at`` with steps that change the voltage by ``target``; square: what the present ones do, summed [V²]."""
+        assert at.grams is not None
+        size = np.sqrt(square / sum(r.v.size for r in self.records))
+        factor = np.where(size > 0, self.target(at) / np.maximum(size, 1e-300), 1.0)
+        full = np.ones(at.grams.shape[1])
+        full[: at.known] = factor
+        free = tuple(replace(f, step=f.step * s) for f, s in zip(at.free, factor, strict=True))
+        grams = at.grams * full[:, None] * full
+        scaled = replace(at, free=free, grams=grams, fill=tuple(fill * full for fill in at.fill))
+        step = self._step(scaled, 0.0)
+        total = grams.sum(axis=0)
+        own = np.array([*range(at.known), -1])
+        ahead = np.append(step, -1.0)
+        gain = float(total[-1, -1] - ahead @ total[np.ix_(own, own)] @ ahead)
+        states = self._state_gain(scaled)
+        return replace(scaled, left=max(gain + states, 0.0) / max(at.variance, 1e-300))
+
+    @staticmethod
+    def _state_gain(at: Fitted) -> float:
+        assert at.grams is not None
+        return at.cost - float(at.grams[:, -1, -1].sum())
+
+    def fit(self, at: Fitted, rounds: int = 30) -> Fitted:
+        """The minimum near ``at``, linearised there. ``left`` says how far it is from a minimum: above SETTLED the
+        rounds were used up or no step helped."""
         damping = 0.0
+        at = self.with_grams(at) if at.cost < np.inf else at
         for _ in range(rounds):
-            linear = self.with_grams(at)
-            before = at.cost
-            for _ in range(8):
-                moved = self.evaluated(self._moved(linear, damping))
-                if moved.cost < at.cost:
-                    at, damping = moved, damping / 10 if damping > 1e-4 else 0.0
-                    break
-                damping = max(1e-3, 10 * damping)
-            if before - at.cost < tolerance * at.variance or at.cost == before:
+            if at.left < SETTLED or at.grams is None:
                 break
+            for _ in range(10):
+                moved = self.evaluated(self._moved(at, damping))
+                if moved.cost < at.cost:
+                    damping = damping / 10 if damping > 1e-6 else 0.0
+                    break
+                damping = max(1e-5, 10 * damping)
+            else:
+                break
+            at = self.with_grams(moved)
         return at
 
-    def _moved(self, at: Fitted, damping: float) -> Fitted:
+    def _step(self, at: Fitted, damping: float) -> Floats:
+        """Changes of the free parameters in their steps; one that a bound stops stays, and the others are solved
+        again."""
         assert at.grams is not None
         total = at.grams.sum(axis=0)
-        step = solve_scaled(total[:-1, :-1], total[:-1, -1], damping)
+        step = np.zeros(at.known)
+        held: set[int] = set()
+        while True:
+            own = [i for i in range(at.known) if i not in held]
+            right = total[own, -1] - total[np.ix_(own, sorted(held))] @ step[sorted(held)]
+            step[own] = inverse_scaled(total[np.ix_(own, own)], damping) @ right
+            stopped = set()
+            for i in own:
+                free, value = at.free[i], at.parameters[at.free[i].name]
+                bounded = float(np.clip(value + free.step * step[i], free.low, free.high))
+                if bounded != value + free.step * step[i]:
+                    step[i] = (bounded - value) / free.step
+                    stopped.add(i)
+            if not stopped:
+                return step
+            held |= stopped
+
+    def _moved(self, at: Fitted, damping: float) -> Fitted:
+        step = self._step(at, damping)
         parameters = dict(at.parameters)
-        for free, change in zip(at.free, step, strict=False):
-            parameters[free.name] = float(np.clip(parameters[free.name] + free.step * change, free.low, free.high))
-        n, count = len(at.free), len(self.state_names)
+        for free, change in zip(at.free, step, strict=True):
+            parameters[free.name] = float(parameters[free.name] + free.step * change)
+        parameters = passive(parameters, self.axes)
+        # What passivity took back counts for the states as well.
+        step = np.array([(parameters[f.name] - at.parameters[f.name]) / f.step for f in at.free])
         starts = []
         for run, start in enumerate(at.starts):
+            change = at.fill[run][:, -1] - at.fill[run][:, : at.known] @ step
             sizes = self._state_steps(at, run)
-            own = step[n + count * run : n + count * (run + 1)]
-            starts.append({name: start[name] + sizes[name] * float(c) for name, c in zip(start, own, strict=True)})
-        return replace(at, parameters=parameters, starts=tuple(starts), grams=None)
+            starts.append({name: start[name] + sizes[name] * float(c) for name, c in zip(start, change, strict=True)})
+        return _bare(replace(at, parameters=parameters, starts=tuple(starts)))
 
-    def deviations(self, at: Fitted) -> dict[str, float]:
-        """Standard deviation of each free parameter: the larger of that by white innovations and by blocks."""
+    def covariance(self, at: Fitted) -> Floats:
+        """Covariance of the free parameters: that by white innovations, widened in each direction where block
+        statistics say more."""
         linear = at if at.grams is not None else self.with_grams(at)
         assert linear.grams is not None
-        grams = linear.grams[:, :-1, :-1]
-        inverse = inverse_scaled(grams.sum(axis=0))
-        scores = linear.grams[:, :-1, -1]
+        own = np.s_[: linear.known]
+        inverse = inverse_scaled(linear.grams[:, own, own].sum(axis=0))
+        scores = linear.grams[:, own, -1]
         blocks = inverse @ (scores.T @ scores) @ inverse
         white = inverse * linear.variance
-        size = np.sqrt(np.maximum(np.diag(white), np.diag(blocks)))
-        return {free.name: float(free.step * size[i]) for i, free in enumerate(linear.free)}
+        size = np.sqrt(np.maximum(np.diag(blocks) / np.maximum(np.diag(white), 1e-300), 1.0))
+        step = np.array([free.step for free in linear.free]) * size
+        return np.asarray(white * np.outer(step, step))
+
+    def deviations(self, at: Fitted) -> dict[str, float]:
+        """Standard deviation of each free parameter."""
+        size = np.sqrt(np.diag(self.covariance(at)))
+        return {free.name: float(value) for free, value in zip(at.free, size, strict=True)}
 
 
-def pieces(records: Sequence[Record], number: int) -> tuple[Record, ...]:
-    """Each run cut into ``number`` runs with initial states of their own, over which a wrong model strays less."""
-    cut = []
-    for r in records:
-        for part in np.array_split(np.arange(len(r.t)), max(1, min(number, len(r.t) // 200))):
-            own = slice(part[0], part[-1] + 1)
-            held = {name: values[own] for name, values in r.conditions.items()}
-            cut.append(replace(r, t=r.t[own], u=r.u[own], v=r.v[own], conditions=held, valid=r.valid[own]))
-    return tuple(cut)
+def _bare(at: Fitted) -> Fitted:
+    return replace(at, grams=None, fill=(), left=np.inf)
+
+
+def _projection(states: Floats, rest: Floats) -> Floats:
+    """Coefficients (s, p) of ``rest`` (p, n, axes) along ``states`` (s, n, axes)."""
+    flat = states.reshape(len(states), -1)
+    return inverse_scaled(flat @ flat.T) @ (flat @ rest.reshape(len(rest), -1).T)
 
 
 def _arrays(form: WeakForm) -> tuple[Floats, ...]:
     return form.force, form.q, form.velocity, form.acceleration, form.turning  # type: ignore[return-value]
 
 
-def _passive(values: Mapping[str, float], nominal: Mapping[str, float]) -> dict[str, float]:
+def passive(p: Mapping[str, float], axes: int) -> dict[str, float]:
+    """``p`` with the cross damping and stiffness of a passive device."""
+    result = dict(p)
+    if axes == 2:
+        for kind in "kd":
+            room = PASSIVE * float(np.sqrt(max(p[kind + "xx"] * p[kind + "yy"], 0.0)))
+            result[kind + "xy"] = float(np.clip(p[kind + "xy"], -room, room))
+    return result
+
+
+def _damped(values: Mapping[str, float], nominal: Mapping[str, float]) -> dict[str, float]:
     """Damping well inside what a passive device has, so that a search can leave from there in every direction."""
     d = {name: max(values[name], 0.2 * nominal[name]) for name in values if name in ("dxx", "dyy")}
     if "dxy" in values:
@@ -212,23 +330,9 @@ def _passive(values: Mapping[str, float], nominal: Mapping[str, float]) -> dict[
 
 
 def _nominal(name: str, parameters: Mapping[str, float]) -> Free:
-    """A step of 1e-6 of m or k moves the phase of a mode of Q = 2000 by 1e-3: linear, and far above rounding."""
+    """With a step by which a mode of Q = 2000 turns by 1e-3: the first linearisation sets it anew."""
     if name == "m":
         return Free(name, 1e-6 * parameters["m"], low=1e-3 * parameters["m"])
-    kind, low = name[0], 0.0 if name[1:] in ("xx", "yy") else -np.inf
+    kind = name[0]
+    low = -np.inf if name[1:] == "xy" else 1e-6 * parameters[name]
     return Free(name, (1e-6 if kind == "k" else 1e-3) * parameters[kind + "xx"], low)
-
-
-def solve_scaled(matrix: Floats, right: Floats, damping: float = 0.0) -> Floats:
-    """Least squares from its gram matrix, columns of any size; dead columns and directions get zero."""
-    return inverse_scaled(matrix, damping) @ right
-
-
-def inverse_scaled(matrix: Floats, damping: float = 0.0) -> Floats:
-    """The inverse of a gram matrix; directions below 1e-13 of the largest are left out."""
-    size = np.sqrt(np.diag(matrix))
-    size = np.where(size > 0, size, 1.0)
-    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
-    kept = values > 1e-13 * values[-1]
-    inverse = (vectors[:, kept] / (values[kept] + damping)) @ vectors[:, kept].T
-    return np.asarray(inverse / np.outer(size, size))

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from dataclasses import replace
 from queue import SimpleQueue
 from types import TracebackType
 from typing import Final, Self
@@ -28,6 +28,8 @@ OUTPUTS: Final = ("v_x", "v_y")
 ONE_AXIS: Final = {"kxy": 0.0, "dxy": 0.0}
 
 Job = tuple[Record, Mapping[str, float]]
+_Driven = tuple[Floats, tuple[str, ...], float]
+"""Inputs of each step (steps, inputs), their names, and the step [s]."""
 
 
 @njit(cache=True, nogil=True)
@@ -71,7 +73,7 @@ class Simulator:
         for bench in self._all:
             self._benches.put(bench)
         self._pool = ThreadPoolExecutor(count)
-        self.samples = 0
+        self._driven: dict[int, tuple[Record, _Driven]] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -112,8 +114,34 @@ class Simulator:
 
         return list(self._pool.map(attempt, jobs))
 
+    def cut(self, record: Record, number: int) -> tuple[Record, ...]:
+        """``record`` in ``number`` records of equal length, each under the force that it has in the whole."""
+        values, names, step = self._inputs(record)
+        stride = len(values) // len(record.t)
+        parts = []
+        for rows in np.array_split(np.arange(len(record.t)), number):
+            own = slice(int(rows[0]), int(rows[-1]) + 1)
+            held = {name: column[own] for name, column in record.conditions.items()}
+            part = replace(record, t=record.t[own], u=record.u[own], v=record.v[own], conditions=held,
+                           valid=record.valid[own])  # fmt: skip
+            self._driven[id(part)] = part, (values[own.start * stride : own.stop * stride], names, step)
+            parts.append(part)
+        return tuple(parts)
+
+    def _inputs(self, record: Record) -> _Driven:
+        """What drives each step of a record; kept, since a record is simulated many times."""
+        kept = self._driven.get(id(record))
+        if kept is None:
+            kept = self._driven[id(record)] = record, _driven(record)
+        return kept[1]
+
+    def forget(self, records: Sequence[Record]) -> None:
+        """Frees what is kept of records that will not be simulated again."""
+        for record in records:
+            self._driven.pop(id(record), None)
+
     def _on(self, bench: _Bench, record: Record, parameters: Mapping[str, float]) -> Floats:
-        values, names, step = _driven(record)
+        values, names, step = self._inputs(record)
         stride = len(values) // len(record.t)
         alone = ONE_AXIS if record.axes == 1 else {}
         first = dict(zip(names, values[0].tolist(), strict=True))
@@ -125,31 +153,10 @@ class Simulator:
         references = bench.value_references(names)
         done = _run(bench.handle, references, values, bench.value_references(OUTPUTS), start, step, stride, v)
         v[done + 1 :] = np.nan
-        self.samples += len(v)
         return np.ascontiguousarray(v[:, : record.axes])
 
 
-class _Key:
-    """A record as a key: by identity, arrays do not hash."""
-
-    def __init__(self, record: Record) -> None:
-        self.record = record
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and self.record is other.record
-
-    def __hash__(self) -> int:
-        return id(self.record)
-
-
-def _driven(record: Record) -> tuple[Floats, tuple[str, ...], float]:
-    """Inputs of each step (steps, inputs), their names, and the step [s]."""
-    return _driven_once(_Key(record))
-
-
-@lru_cache(maxsize=64)
-def _driven_once(key: _Key) -> tuple[Floats, tuple[str, ...], float]:
-    record = key.record
+def _driven(record: Record) -> _Driven:
     stride = 1 if record.hold == "zero" else OVERSAMPLING
     u = between(record.u, record.hold, stride)
     columns = [u[:, i] for i in range(record.axes)]

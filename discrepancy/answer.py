@@ -1,0 +1,113 @@
+"""The answer of a diagnosis as data, and as the contents of report.json (SYSTEM.md section 9)."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from math import isfinite
+from typing import Any, Literal
+
+from discrepancy.measures import Place
+from discrepancy.record import Floats
+from discrepancy.score import Score
+
+Verdict = Literal["missing effects", "nothing missing", "unexplained"]
+
+
+@dataclass(frozen=True)
+class Value:
+    """A number with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """An effect that is missing; ``either``: others that the data can't tell from it.
+
+    forces: sympy text by ``force_x``, ``force_y``, empty where it is no force; share of the residual's square that it
+    takes away; next_experiment: what would tell it from the others.
+    """
+
+    id: str
+    either: tuple[str, ...]
+    parameters: Mapping[str, Value]
+    forces: Mapping[str, str] = field(default_factory=dict)
+    share: float = 0.0
+    next_experiment: str = ""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of the search: the best score of every effect (by id) and what was accepted."""
+
+    scores: Mapping[str, Score]
+    accepted: str | None
+
+
+@dataclass(frozen=True)
+class Stage:
+    """The model at one stage ("nominal", "refit", then an effect's id) on the held-out runs.
+
+    parameters: all of them; misfit by run, ``""`` for all; residuals by run, (n, axes) [V].
+    """
+
+    name: str
+    parameters: Mapping[str, float]
+    misfit: Mapping[str, float]
+    residuals: Mapping[str, Floats] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer. device: every fitted parameter of the improved model with its interval; parameters: all its values.
+
+    rivals: by finding, the parameters of the model with each other effect of its ``either`` in its place; removed: by
+    effect, what taking it out changes in the output of each held-out run, (n, axes) [V]; steps: how it was found;
+    doubts: what the reader should know about the fit, one line each.
+    """
+
+    verdict: Verdict
+    effects: tuple[Finding, ...]
+    immaterial: tuple[Finding, ...]
+    noise: Mapping[str, Value]
+    misfit: Mapping[str, Any]
+    located: tuple[Place, ...]
+    detectable: Mapping[str, Mapping[str, float]]
+    device: Mapping[str, Value]
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    rivals: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)
+    steps: tuple[Step, ...] = field(repr=False, default=())
+    stages: tuple[Stage, ...] = field(repr=False, default=())
+    removed: Mapping[str, Mapping[str, Floats]] = field(repr=False, default_factory=dict)
+    doubts: tuple[str, ...] = ()
+
+    def report(self) -> dict[str, Any]:
+        """The contents of report.json: plain Python, null where a number is not finite."""
+        return _plain({
+            "verdict": self.verdict,
+            "effects": [_listed(f) for f in self.effects],
+            "immaterial": [_listed(f) for f in self.immaterial],
+            "noise": {name: asdict(value) for name, value in self.noise.items()},
+            "misfit": self.misfit,
+            "located": [asdict(place) for place in self.located],
+            "detectable": self.detectable,
+        })  # fmt: skip
+
+
+def _listed(finding: Finding) -> dict[str, Any]:
+    values = {name: asdict(value) for name, value in finding.parameters.items()}
+    more = {"next_experiment": finding.next_experiment} if finding.either else {}
+    return {"id": finding.id, "either": list(finding.either), "parameters": values, **finding.forces, **more}
+
+
+def _plain(value: Any) -> Any:
+    """``value`` in types that JSON has."""
+    if isinstance(value, Mapping):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, (str, bool)) or value is None:
+        return value
+    return float(value) if isfinite(value) else None

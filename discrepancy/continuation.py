@@ -1,0 +1,90 @@
+"""Fits that do not end in a wrong minimum: the runs are cut into pieces, whose length grows.
+
+Over a long run a simulation with wrong parameters gets out of step with the motion, and its error has minima at every
+turn. Pieces with initial states of their own are too short for that; what they give starts the next longer ones
+(multiple shooting: H. G. Bock, in Modelling of Chemical Reaction Systems, Springer 1981; here without conditions of
+continuity, which nothing needs in the end, when a piece is a run).
+"""
+
+from dataclasses import replace
+from typing import Final
+
+from discrepancy.linear_fit import mode_frequencies
+from discrepancy.refit import BLOCKS, Fitted, Fitter
+
+IN_STEP: Final = 0.02
+"""Residual over signal below which a simulation is in step with the motion: an error of phase of 0.02 rad, where what
+is linear in it is right to 1e-2."""
+SHORTEST: Final = 12.0
+"""Periods of the lowest mode in the shortest piece, and 100 samples: four states a piece, eight shared parameters."""
+GROWTH: Final = 4
+"""By which pieces grow: a frequency known to 1e-2 rad over one piece is known to 4e-2 over the next."""
+ROUNDS, LAST_ROUNDS = 8, 30
+"""Steps at a length that is not the last, and at the last."""
+SLIP: Final = 2.0
+"""By how much more a longer piece may be off than a shorter one and count as in step: a model that lacks something is
+off at any length."""
+
+
+def settled(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
+    """``at`` fitted and whitened: over the whole runs, or, where no such fit stays in step, over the longest pieces
+    that do, with the fitter of those pieces. ``at`` may come from pieces or from the whole."""
+    direct = whitened(whole, whole.fit(_started(whole, at)))
+    if whole.off(direct) < IN_STEP:
+        return whole, direct
+    best = whole, direct
+    now: Fitted | None = None
+    for number in reversed(_numbers(whole, at)):
+        fitter = cut(whole, number)
+        before = now
+        now = whitened(fitter, fitter.fit(_started(fitter, before or at), _rounds(number)))
+        if before is None or fitter.off(now) < max(IN_STEP, SLIP * best[0].off(best[1])):
+            best = fitter, now
+        else:
+            break
+    if best[0] is whole or whole.off(direct) < max(IN_STEP, SLIP * best[0].off(best[1])):
+        # In step as it was; the better of two minima.
+        ends = [direct, *([now] if best[0] is whole and now is not None else [])]
+        return whole, min(ends, key=lambda end: end.variance)
+    return best
+
+
+def _started(fitter: Fitter, at: Fitted) -> Fitted:
+    """``at`` on the runs of ``fitter``; where these are others, with initial states fitted to them first."""
+    if len(at.starts) == len(fitter.records):
+        return fitter.evaluated(at)
+    free = at.free
+    plain = fitter.evaluated(replace(at, starts=fitter.at_rest, free=(), whiten=fitter.plain(at.parameters)))
+    return replace(fitter.fit(plain, 3), free=free, grams=None, fill=(), left=float("inf"))
+
+
+def whitened(fitter: Fitter, at: Fitted) -> Fitted:
+    """``at`` fitted under the whitening that its own residuals ask for."""
+    for _ in range(3):
+        bandwidth = at.whiten.bandwidth
+        again = fitter.whitened(at)
+        if again.whiten.bandwidth == bandwidth:
+            break
+        at = fitter.fit(again)
+    return at
+
+
+def cut(whole: Fitter, number: int) -> Fitter:
+    """A fitter of the runs of ``whole``, each in ``number`` pieces."""
+    if number == 1:
+        return whole
+    pieces = [piece for record in whole.records for piece in whole.simulator.cut(record, number)]
+    return Fitter(whole.simulator, pieces, blocks=max(1, BLOCKS // number))
+
+
+def _numbers(whole: Fitter, at: Fitted) -> list[int]:
+    """Into how many pieces the runs are cut, fewest first."""
+    period = whole.records[0].sample_rate / float(mode_frequencies(at.parameters, whole.axes)[0])
+    least = max(SHORTEST * period, 100.0)
+    length = min(len(record.t) for record in whole.records)
+    return [GROWTH**i for i in range(12) if length >= GROWTH**i * least] or [1]
+
+
+def _rounds(number: int) -> int:
+    """How many steps a fit to so many pieces may take."""
+    return ROUNDS if number > 1 else LAST_ROUNDS
