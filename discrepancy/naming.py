@@ -9,7 +9,8 @@ from scipy.stats import chi2, norm
 
 from discrepancy.columns import Candidate, candidates, nameable
 from discrepancy.dataset import Dataset
-from discrepancy.measures import Noise, Place, located, misfit, noise_of
+from discrepancy.locate import Place, located
+from discrepancy.measures import Noise, misfit, noise_of
 from discrepancy.refit import BLOCKS, Fitted, Fitter, pieces
 from discrepancy.score import Score, score
 from discrepancy.simulate import Simulator
@@ -231,7 +232,7 @@ class _Search:
             effects.append(Finding(candidate.effect.id, even, values, _forces(candidate), share))
         noise = noise_of(at.residuals, self.fitter.records, at.parameters)
         gaps = self._misfit(refitted, at, noise)
-        places = located(refitted.residuals, self.fitter.records, refitted.parameters, noise) if noise else ()
+        places = located(refitted.residuals, self.fitter.records, refitted.parameters)
         floor = gaps["noise_floor"]
         # Twice the floor: a coloured noise alone, which is no missing effect, may lie well above the floor.
         open_gap = not effects and floor is not None and gaps["final"] > 2 * floor
