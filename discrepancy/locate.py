@@ -253,7 +253,7 @@ def _places(
             own = slice(first, last + 1)
             held = mark[:, own, axis].any(axis=1)
             texts = {str(splits[k, axis]): splits[k, axis] for k in range(first, last + 1) if (k, axis) in splits}
-            for begin, end in _runs(held):
+            for begin, end in _runs(np.asarray(held)):
                 here = excess[begin:end, own, axis].sum(axis=1)
                 if here.sum() < MATERIAL * total:
                     continue

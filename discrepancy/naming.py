@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -59,10 +60,12 @@ class Finding:
 
 @dataclass(frozen=True)
 class Step:
-    """One step of the search: the best score of every effect (by id) and what was accepted."""
+    """One step of the search: the best score of every effect (by id), what was accepted, and the parameters [SI] at
+    which they were scored."""
 
     scores: Mapping[str, Score]
     accepted: str | None
+    parameters: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,14 @@ def _listed(finding: Finding) -> dict[str, Any]:
 
 
 def diagnose(
-    dataset: Dataset, model: Model, *, max_effects: int = 4, jobs: int | None = None, progress: Progress | None = None
+    dataset: Dataset,
+    model: Model,
+    *,
+    max_effects: int = 4,
+    jobs: int | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+    checkpoint: Path | None = None,
 ) -> Diagnosis:
     """Finds what ``model`` lacks to explain ``dataset``; held-out runs are simulated once, at the end.
 
@@ -128,7 +138,7 @@ class _Search:
             if found is None and len(self.accepted) < max_effects and _misses(at, self.fitter) > ASTRAY:
                 found = self._accepted_in_pieces(at)
             if found is None:
-                self.steps.append(Step({c.effect.id: s for c, s in _best(scored)}, None))
+                self.steps.append(Step({c.effect.id: s for c, s in _best(scored)}, None, at.parameters))
                 break
             at = self._settled(found)
         at = self._pruned(at)
@@ -170,7 +180,7 @@ class _Search:
         if not at.cost - best.cost > chi2.isf(CHANCE, result.freedom) * best.variance:
             return None
         even = tuple(c.effect.id for f, c, _ in fits[1:] if f.cost - best.cost < EVEN * best.variance)
-        self.steps.append(Step({c.effect.id: s for c, s in _best(scored)}, chosen.effect.id))
+        self.steps.append(Step({c.effect.id: s for c, s in _best(scored)}, chosen.effect.id, at.parameters))
         self.accepted.append((chosen, even, 1 - best.cost / at.cost))
         self.progress(f"accepted {chosen.effect.id}")
         return best
@@ -190,6 +200,7 @@ class _Search:
             self.fitter = whole
         if found is None:
             return None
+        self.steps[-1] = replace(self.steps[-1], parameters=at.parameters)
         return whole.whitened(whole.evaluated(replace(found, starts=at.starts, grams=None)))
 
     def _with(self, at: Fitted, candidate: Candidate, result: Score) -> Fitted:

@@ -55,7 +55,7 @@ class Device:
     @property
     def all_parameters(self) -> dict[str, float]:
         """Every FMU parameter: this device's value, or the FMU's start value."""
-        starts = {q.name: q.start for q in self.model.quantities if q.role not in ("input", "output")}
+        starts = {q.name: self.model.start(q) for q in self.model.quantities if q.role not in ("input", "output")}
         return starts | dict(self.parameters)
 
     @property
@@ -67,7 +67,7 @@ class Device:
 
     def acts(self, effect: Effect) -> bool:
         """Whether ``effect`` acts in this device: it is nominal, or a size parameter differs from neutral."""
-        return effect.nominal or any(self.parameters.get(q.name, q.start) != q.start for q in effect.sizes)
+        return effect.nominal or any(self.parameters.get(q.name, self.model.start(q)) != q.start for q in effect.sizes)
 
     def with_parameters(self, changes: Mapping[str, float]) -> "Device":
         """The device with some parameters changed."""

@@ -192,7 +192,7 @@ def table(model: Model) -> str:
     kinds = {"input": "GYRO_INPUT", "output": "GYRO_OUTPUT"}
     rows = "\n".join(
         f'    {{"{q.name}", {kinds.get(q.role, "GYRO_PARAMETER")}, {"GYRO_INTEGER" if q.integer else "GYRO_REAL"}, '
-        f"{_c_double(q.start)}, {_c_double(q.low)}, {_c_double(q.high)}}},"
+        f"{_c_double(model.start(q))}, {_c_double(q.low)}, {_c_double(q.high)}}},"
         for q in model.quantities
     )
     return f"""{STAMP}
