@@ -86,6 +86,7 @@ def execute(request: Request, out: Console) -> dict[str, Any]:
     report = plain(found.report())
     with out.status("report and FMU"):
         _write(request, data, model, found, shown, report, warnings)
+    (request.out / CHECKPOINT).unlink(missing_ok=True)
     out.print(results(report, data, shown))
     out.print(f"report: {request.out / 'report.html'}", soft_wrap=True, highlight=False)
     return report
@@ -123,8 +124,8 @@ def _dataset(request: Request, model: Model) -> tuple["Dataset", list[str]]:
 
 
 def _search(request: Request, data: "Dataset", model: Model, out: Console) -> tuple["Diagnosis", "Evidence"]:
-    """The diagnosis and its stages on held-out runs. An interrupted search leaves its checkpoint, any other end does
-    not."""
+    """The diagnosis and its stages on held-out runs. An interrupted search leaves its
+    checkpoint."""
     from discrepancy import naming
     from discrepancy.simulate import Simulator
     from discrepancy.stages import evidence
@@ -133,6 +134,9 @@ def _search(request: Request, data: "Dataset", model: Model, out: Console) -> tu
     checkpoint = request.out / CHECKPOINT
     try:
         request.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"output folder {request.out}: {error.strerror}; name another with --out") from None
+    try:
         with _steps_shown(out) as progress:
             if checkpoint.is_file():
                 progress(f"going on from {checkpoint}")
@@ -152,12 +156,9 @@ def _search(request: Request, data: "Dataset", model: Model, out: Console) -> tu
         if checkpoint.is_file():
             stop.left = f"{checkpoint} keeps the search: the same command goes on from there"
         raise
-    except OSError as error:
-        raise InputError(f"output folder {request.out}: {error.strerror}; name another with --out") from None
     finally:
         if made and request.out.is_dir() and not any(request.out.iterdir()):
             request.out.rmdir()
-    checkpoint.unlink(missing_ok=True)
     return found, shown
 
 

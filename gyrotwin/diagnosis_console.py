@@ -20,7 +20,7 @@ def results(report: Mapping[str, Any], data: Dataset, shown: Evidence) -> Render
     parts: list[RenderableType] = [Text(verdict(report), style="bold")]
     if report["effects"]:
         parts.append(_effects(report["effects"]))
-    parts.append(_misfit(report, data, shown))
+    parts += [Text("Misfit on held-out runs, rms(v - v_sim)/rms(v)", style="italic"), _misfit(report, data, shown)]
     parts += [Text(f"next: {e['next_experiment']}") for e in report["effects"] if e.get("next_experiment")]
     return Group(*parts)
 
@@ -62,7 +62,7 @@ def _value(p: Mapping[str, Any]) -> str:
 
 
 def _misfit(report: Mapping[str, Any], data: Dataset, shown: Evidence) -> Table:
-    table = Table(title="Misfit on held-out runs, rms(v - v_sim)/rms(v)", title_justify="left")
+    table = Table()
     runs = list(report["misfit"]["runs"])
     table.add_column("model")
     for heading in ("all", *(runs if 1 < len(runs) <= MOST_RUNS else ())):

@@ -56,6 +56,7 @@ class Bars(Panel):
     texts: list[str] = field(default_factory=list)
     dots: dict[str, list[float]] = field(default_factory=dict)
     floor: float | None = None
+    height: int = 340
 
 
 def misfit_figure(data: Dataset, shown: Evidence, floor: float | None) -> Figure:
@@ -184,7 +185,7 @@ def score_figure(steps: Sequence[Step]) -> Figure:
 
 
 def _percent(value: float) -> str:
-    return f"{value:.3g} %" if value >= 10 else f"{value:.2g} %"
+    return f"{value:.3g} %" if value >= 10 else f"{value:.2g} %" if value >= 1e-3 else "< 0.001 %"
 
 
 def _share(step: Step, name: str) -> float | None:

@@ -85,7 +85,7 @@ function bars(panel) {
   const named = panel.names.map((name, k) => k < 2 ? STYLE.before.color : STYLE.after.color);
   return [{
     type: "bar", x: panel.names, y: panel.values, marker: {color: named}, width: 0.5, text: panel.texts,
-    textposition: "inside", insidetextanchor: "start", textangle: 0, insidetextfont: {color: "#ffffff", size: 13},
+    textposition: "inside", insidetextanchor: "start", textangle: innerWidth < 620 ? -90 : 0, insidetextfont: {color: "#ffffff", size: 13},
     constraintext: "none", hovertemplate: "%{x}: %{y:.4g}<extra></extra>",
   }, ...Object.entries(panel.dots).map(([run, values]) => ({
     type: "scatter", mode: "markers", name: run, x: panel.names, y: values,
