@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, field
 from math import isfinite
 from typing import Any, Literal
 
-from discrepancy.measures import Place
+from discrepancy.locate import Place
 from discrepancy.record import Floats
 from discrepancy.score import Score
 

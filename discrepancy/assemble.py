@@ -9,7 +9,8 @@ from scipy.stats import chi2, norm
 from discrepancy.answer import Diagnosis, Finding, Stage, Value, Verdict
 from discrepancy.columns import Candidate, nameable
 from discrepancy.limits import SAME
-from discrepancy.measures import Noise, converter_step, located, misfits, noise_of, start_fitted
+from discrepancy.locate import located
+from discrepancy.measures import Noise, converter_step, misfits, noise_of, start_fitted
 from discrepancy.record import Floats
 from discrepancy.refit import SETTLED
 from discrepancy.score import Score
@@ -38,8 +39,8 @@ def assemble(search: "Search") -> Diagnosis:
     effects = (*(_finding(search, entry, device) for entry in search.accepted), *clipped)
     gaps = _misfit(search, stages, noise)
     refitted = search.refitted
-    places = located(refitted.residuals, search.dataset.fit, refitted.parameters, noise) \
-        if noise and len(refitted.residuals) == len(search.dataset.fit) else ()  # fmt: skip
+    places = located(refitted.residuals, search.dataset.fit, refitted.parameters) \
+        if len(refitted.residuals) == len(search.dataset.fit) else ()  # fmt: skip
     floor = gaps["noise_floor"]
     unfinished = search.fitter is not search.whole or (floor is not None and gaps["final"] > OPEN * floor)
     verdict: Verdict = "nothing missing"

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -67,6 +68,7 @@ def diagnose(
     jobs: int | None = None,
     seed: int = 0,
     progress: Progress | None = None,
+    checkpoint: Path | None = None,
 ) -> Diagnosis:
     """Finds what ``model`` lacks to explain ``dataset``; held-out runs are simulated once, at the end.
 

@@ -55,7 +55,7 @@ class Device:
     @property
     def all_parameters(self) -> dict[str, float]:
         """Every FMU parameter: this device's value, or the FMU's start value."""
-        starts = {q.name: q.start for q in self.model.quantities if q.role not in ("input", "output")}
+        starts = {q.name: self.model.start(q) for q in self.model.quantities if q.role not in ("input", "output")}
         return starts | dict(self.parameters)
 
     @property
@@ -71,7 +71,7 @@ class Device:
         return effect.nominal or any(map(self._switched_on, (effect, *self.model.wakers(effect))))
 
     def _switched_on(self, effect: Effect) -> bool:
-        return any(self.parameters.get(q.name, q.start) != q.start for q in effect.sizes)
+        return any(self.parameters.get(q.name, self.model.start(q)) != q.start for q in effect.sizes)
 
     def with_parameters(self, changes: Mapping[str, float]) -> "Device":
         """The device with some parameters changed."""

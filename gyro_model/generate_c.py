@@ -88,7 +88,7 @@ def table(model: Model) -> str:
     kinds = {"input": "GYRO_INPUT", "output": "GYRO_OUTPUT"}
     rows = "\n".join(
         f'    {{"{q.name}", {kinds.get(q.role, "GYRO_PARAMETER")}, {"GYRO_INTEGER" if q.integer else "GYRO_REAL"}, '
-        f"{c_double(q.start)}, {c_double(q.low)}, {c_double(q.high)}}},"
+        f"{c_double(model.start(q))}, {c_double(q.low)}, {c_double(q.high)}}},"
         for q in model.quantities
     )
     return f"""{STAMP}

@@ -40,7 +40,7 @@ def fmi2(model: Model, token: str, sources: Sequence[str]) -> str:
     variables = ET.SubElement(root, "ModelVariables")
     for reference, quantity in enumerate(model.quantities):
         scalar = ET.SubElement(variables, "ScalarVariable", _common(quantity, reference))
-        ET.SubElement(scalar, "Integer" if quantity.integer else "Real", _typed(quantity))
+        ET.SubElement(scalar, "Integer" if quantity.integer else "Real", _typed(quantity, model))
     structure = ET.SubElement(root, "ModelStructure")
     for group in ("Outputs", "InitialUnknowns"):
         element = ET.SubElement(structure, group)
@@ -71,7 +71,7 @@ def fmi3(model: Model, token: str) -> str:
     variables = ET.SubElement(root, "ModelVariables")
     for reference, quantity in enumerate(model.quantities):
         tag = "Int32" if quantity.integer else "Float64"
-        ET.SubElement(variables, tag, {**_common(quantity, reference), **_typed(quantity)})
+        ET.SubElement(variables, tag, {**_common(quantity, reference), **_typed(quantity, model)})
     time = {"name": "time", "valueReference": str(len(model.quantities)), "causality": "independent", "unit": "s"}
     ET.SubElement(variables, "Float64", {**time, "variability": "continuous", "description": "simulation time"})
     structure = ET.SubElement(root, "ModelStructure")
@@ -106,14 +106,14 @@ def _common(quantity: Quantity, reference: int) -> dict[str, str]:
     return attributes | {"causality": "parameter", "variability": "fixed", "initial": "exact"}
 
 
-def _typed(quantity: Quantity) -> dict[str, str]:
+def _typed(quantity: Quantity, model: Model) -> dict[str, str]:
     def number(value: float) -> str:
         return str(int(value)) if quantity.integer else repr(float(value))
 
     attributes = {} if quantity.unit == "1" else {"unit": quantity.unit}
     bounds = {"min": quantity.low, "max": quantity.high}
     attributes |= {name: number(value) for name, value in bounds.items() if isfinite(value)}
-    return attributes | ({} if quantity.role == "output" else {"start": number(quantity.start)})
+    return attributes | ({} if quantity.role == "output" else {"start": number(model.start(quantity))})
 
 
 def _add_units(root: ET.Element, model: Model) -> None:

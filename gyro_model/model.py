@@ -2,7 +2,7 @@
 
 import importlib.util
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -19,12 +19,14 @@ EFFECTS_FOLDER = Path(__file__).parent / "effects"
 
 @dataclass(frozen=True)
 class Model:
-    """Effects in a fixed order (nominal ones first, then by id) with what follows from them.
+    """Effects in a fixed order (nominal ones first, then by id) with what follows from them; ``starts``: parameters
+    (name, value) [SI] whose FMU starts at another value than the table of quantities says.
 
     Raises InputError where two effects claim one name, a symbol is unknown, or a delay or lag is not alone in its slot.
     """
 
     effects: tuple[Effect, ...]
+    starts: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         _refuse_twins("quantity", (q.name for q in self.quantities))
@@ -37,6 +39,17 @@ class Model:
         for effect in self.effects:
             self._check_symbols(effect)
         self._check_targets()
+
+    def starting_at(self, parameters: Mapping[str, float]) -> "Model":
+        """The same model whose FMU, where nobody sets a parameter, is the device with ``parameters`` [SI].
+
+        What an effect is neutral at stays. Raises InputError for an unknown name or a value out of bounds.
+        """
+        return Model(self.effects, tuple((name, self.parameter(name).check(v)) for name, v in parameters.items()))
+
+    def start(self, quantity: Quantity) -> float:
+        """The value of ``quantity`` where nobody sets it."""
+        return dict(self.starts).get(quantity.name, quantity.start)
 
     def _check_symbols(self, effect: Effect) -> None:
         private = ("t", "after", "q_x", "q_y", *(number.name for number in (*symbols.NORMAL, *symbols.PINK)))

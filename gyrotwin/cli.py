@@ -14,6 +14,8 @@ from gyro_model.device import design_device, load_device, packaged_devices, writ
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
 from gyrotwin.dataset import dataset_app
+from gyrotwin.diagnose import diagnose
+from gyrotwin.interrupt import Interrupted, interrupt
 from gyrotwin.split import split
 
 app = typer.Typer(
@@ -27,6 +29,7 @@ device_app = typer.Typer(no_args_is_help=True, help="Device files.")
 app.add_typer(device_app, name="device")
 app.add_typer(dataset_app, name="dataset")
 app.command()(split)
+app.command()(diagnose)
 
 console = Console()
 
@@ -44,6 +47,9 @@ def build(
 def run(
     scenario: Annotated[str, typer.Argument(help="constant, varying or motion; see `gyrotwin list scenarios`.")],
     device: Annotated[str, typer.Option(help="Packaged device by name, or a device file.")] = "reference",
+    effects: Annotated[
+        list[Path] | None, typer.Option(metavar="DIR", help="Folder of further effect files; repeatable.")
+    ] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option(
@@ -84,7 +90,7 @@ def run(
 
     request = Request(
         scenario, device, tuple(settings or ()), rate_profile, rate_column, rate_unit, rate_start, observer, controller,
-        sensing_defects, angle, sample_rate, duration, seed,
+        sensing_defects, angle, sample_rate, duration, seed, tuple(effects or ()),
     )  # fmt: skip
     prepared = prepare(request)
     folder = out or Path("results") / scenario
@@ -176,24 +182,16 @@ def new(
     console.print(f"wrote {path}", soft_wrap=True, highlight=False)
 
 
-class _Interrupted(BaseException):
-    """Ctrl-C. Not a KeyboardInterrupt, which typer would answer with words and an exit code of its own."""
-
-
-def _interrupt(number: int, frame: object) -> None:
-    raise _Interrupted
-
-
 def main(arguments: list[str] | None = None) -> Any:
     """Entry point: one line and exit code 2 for wrong input, 130 for Ctrl-C."""
-    signal.signal(signal.SIGINT, _interrupt)
+    signal.signal(signal.SIGINT, interrupt)
     try:
         return app(args=arguments, prog_name="gyrotwin")
     except InputError as error:
         print(f"gyrotwin: {error}", file=sys.stderr)
         sys.exit(2)
-    except _Interrupted:
-        print("gyrotwin: interrupted; nothing written", file=sys.stderr)
+    except Interrupted as stop:
+        print(f"gyrotwin: interrupted; {stop.left}", file=sys.stderr)
         sys.exit(130)
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)

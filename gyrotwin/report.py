@@ -39,7 +39,7 @@ def render(
     (default: the trace).
     """
     shown = _figures(summary, trace, bounds, filters, trace if start is None else start)
-    page = template().render(
+    page = template("report.html.j2").render(
         summary=summary,
         figures=shown,
         data=as_json({figure.id: figure.data() for figure in shown}),
@@ -47,11 +47,11 @@ def render(
         plotly=Markup(plotly.offline.get_plotlyjs()),
         lags={UNIT_OF_FILTER[f.name]: f.swing_lag() for f in filters if f.shape == "lag_free"},
     )
-    write_page(page, out)
+    write_whole(page, out)
 
 
-def write_page(page: str, out: Path) -> None:
-    """Write a page, complete or not at all."""
+def write_whole(page: str, out: Path) -> None:
+    """Writes `page` to `out`, complete or not at all."""
     beside = out.with_name(out.name + ".part")
     try:
         beside.write_text(page, encoding="utf-8")
@@ -86,18 +86,18 @@ def _figures(
     return shown
 
 
-def template(name: str = "report.html.j2") -> jinja2.Template:
-    """A template of the package, with the filters for numbers."""
+def template(name: str) -> jinja2.Template:
+    """A page in the folder templates, with the filters of ``numbers``."""
     folder = resources.files("gyrotwin") / "templates"
     environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(lambda file: (folder / file).read_text(encoding="utf-8")),
+        loader=jinja2.FunctionLoader(lambda name: (folder / name).read_text(encoding="utf-8")),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    for style in ("significant", "relative", "milliseconds", "microseconds", "degrees"):
-        environment.filters[style] = getattr(numbers, style)
+    for filter_name in ("significant", "relative", "milliseconds", "microseconds", "degrees", "uncertain", "hertz"):
+        environment.filters[filter_name] = getattr(numbers, filter_name)
     return environment.get_template(name)
 
 

@@ -20,6 +20,7 @@ from cosim.run import Run
 from cosim.scenarios import scenario
 from gyro_model.device import Device, load_device
 from gyro_model.errors import InputError
+from gyro_model.model import load_model
 from gyrotwin.report import render
 
 SENSING_DEFECTS: Final = {
@@ -52,6 +53,7 @@ class Request(NamedTuple):
     sample_rate: float = 200e3
     duration: float | None = None
     seed: int = 1
+    effects: tuple[Path, ...] = ()
 
 
 def prepare(request: Request) -> Run:
@@ -67,7 +69,7 @@ def prepare(request: Request) -> Run:
             raise InputError(f"angle unit {request.angle!r}: give {', '.join(UNIT_NAMES)}")
         chosen = chosen._replace(angle_unit=request.angle)
     own, controller_settings = _settings(request.settings)
-    device = load_device(request.device)
+    device = load_device(request.device, load_model(*request.effects))
     # The device's own start comes before the scenario's, what the user sets before both.
     device = device.with_parameters({**chosen.parameters, **device.parameters})
     device = device.with_parameters({**(SENSING_DEFECTS if request.sensing_defects else {}), **own})
@@ -175,8 +177,10 @@ def publish(folder: Path, writers: Mapping[str, Callable[[Path], object]]) -> No
         raise InputError(f"output folder {folder}: {error.strerror}; name another with --out") from None
     try:
         for name, write in writers.items():
+            (beside / name).parent.mkdir(exist_ok=True)
             write(beside / name)
         for name in writers:
+            (folder / name).parent.mkdir(exist_ok=True)
             os.replace(beside / name, folder / name)
     finally:
         shutil.rmtree(beside, ignore_errors=True)

@@ -13,7 +13,7 @@ from cosim.mode_split import Analysis, Correlation, Split, correlations, theoret
 from cosim.mode_split.correlation import measured_spectrum
 from cosim.mode_split.whittle import QUANTILE_95, profile
 from gyrotwin.figures import POINTS, Figure, Line, Panel, envelope, line
-from gyrotwin.report import as_json, template, write_page
+from gyrotwin.report import as_json, template, write_whole
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ def render_split(summary: Mapping[str, Any], analysis: Analysis, out: Path) -> N
         data=as_json({figure.id: figure.data() for figure in shown}),
         plotly=Markup(plotly.offline.get_plotlyjs()),
     )
-    write_page(page, out)
+    write_whole(page, out)
 
 
 def _spectra(analysis: Analysis) -> Figure:

@@ -8,7 +8,7 @@ from effect_points import MODEL
 from gyro_runner import Runner
 
 from gyro_model.anatomy import SLOTS
-from gyro_model.build import build, model_token
+from gyro_model.build import build, generated_files, model_token
 from gyro_model.device import Device
 from gyro_model.errors import InputError
 from gyro_model.model import EFFECTS_FOLDER, chain, load_model
@@ -168,3 +168,17 @@ def test_a_quantity_checks_values() -> None:
     with pytest.raises(InputError, match="give a whole number"):
         MODEL.parameter("seed").check(1.5)
     assert size("own", "m", "one", neutral=1.0).role == "size"
+
+
+def test_other_starts_make_another_model_with_the_same_neutral_values() -> None:
+    started = MODEL.starting_at({"kxx": 70.0, "k3_x": 2e9, "seed": 5})
+    cubic = started.parameter("k3_x")
+    assert (started.start(cubic), cubic.start) == (2e9, 0.0)
+    assert started.start(started.parameter("m")) == MODEL.parameter("m").start
+    assert model_token(started) != model_token(MODEL)
+    assert generated_files(started)["generated/effects.h"] == generated_files(MODEL)["generated/effects.h"]
+    assert Device("d", {}, model=started).acts(started.effect("cubic_stiffness"))
+    with pytest.raises(InputError, match="did you mean 'k3_x'"):
+        MODEL.starting_at({"k3_xx": 1.0})
+    with pytest.raises(InputError, match="m = 0"):
+        MODEL.starting_at({"m": 0.0})

@@ -196,7 +196,7 @@ def test_listings(what: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert named[what] in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", [["run"], ["build"], ["list"], ["device", "new"]])
+@pytest.mark.parametrize("command", [["run"], ["build"], ["list"], ["device", "new"], ["diagnose"]])
 def test_help_explains_every_option(command: list[str], tmp_path: Path) -> None:
     result = gyrotwin(*command, "--help", folder=tmp_path, COLUMNS="200", NO_COLOR="1", TERM="dumb")
     assert result.returncode == 0

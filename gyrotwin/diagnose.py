@@ -1,0 +1,238 @@
+"""`gyrotwin diagnose`: a data set becomes report.json, report.html, device.toml and the FMU of the improved model."""
+
+import json
+import math
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
+
+import typer
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from gyro_model.build import build
+from gyro_model.device import Device, load_device, write_device
+from gyro_model.errors import InputError
+from gyro_model.model import Model, load_model
+from gyrotwin.interrupt import Interrupted
+
+if TYPE_CHECKING:
+    from discrepancy.answer import Diagnosis
+    from discrepancy.dataset import Dataset
+
+CHECKPOINT: Final = "search.checkpoint"
+MIRRORED: Final = {"kyy": "kxx", "dyy": "dxx", "sense_gain_y": "sense_gain_x"}
+"""What a device of a one-axis record has along y, which was not measured: the same as along x."""
+
+console = Console()
+
+
+class Request(NamedTuple):
+    """A diagnosis as typed."""
+
+    dataset: Path
+    out: Path
+    device: str | None = None
+    effects: tuple[Path, ...] = ()
+    max_effects: int = 4
+    jobs: int | None = None
+    seed: int = 0
+
+
+def diagnose(
+    dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml; `gyrotwin dataset init` writes one.")],
+    device: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="Nominal values: this device's replace those of the data set."),
+    ] = None,
+    effects: Annotated[
+        list[Path] | None, typer.Option(metavar="DIR", help="Folder of further effect files; repeatable.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder to write; default results/NAME.")] = None,
+    max_effects: Annotated[int, typer.Option(help="Name at most so many effects.")] = 4,
+    jobs: Annotated[int | None, typer.Option(help="Simulations at a time; default one a core.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of whatever the search draws.")] = 0,
+) -> None:
+    """Find what a model lacks to explain measured data, and write the improved model."""
+    folder = out or Path("results") / _name(dataset)
+    request = Request(dataset, folder, device, tuple(effects or ()), max_effects, jobs, seed)
+    execute(request, console)
+
+
+def execute(request: Request, out: Console) -> dict[str, Any]:
+    """Diagnoses and writes all files of ``request.out``, complete or not at all; shows what is found on ``out``; gives
+    the contents of report.json.
+
+    Raises InputError for anything wrong in the request or in the data. An interrupted search leaves its checkpoint.
+    """
+    from discrepancy.checks import check
+    from gyrotwin.diagnosis_console import results
+    from gyrotwin.run import check_writable
+
+    _check(request)
+    check_writable(request.out)
+    model = load_model(*request.effects)
+    data, notes = _dataset(request, model)
+    warnings = [*notes, *map(str, check(data))]
+    for warning in warnings:
+        out.print(f"warning: {warning}", style="yellow", soft_wrap=True, highlight=False, markup=False)
+    found = _search(request, data, model, out)
+    report = plain(found.report())
+    with out.status("report and FMU"):
+        _write(request, data, model, found, report, warnings)
+    (request.out / CHECKPOINT).unlink(missing_ok=True)
+    out.print(results(report, data, found))
+    out.print(f"report: {request.out / 'report.html'}", soft_wrap=True, highlight=False)
+    return report
+
+
+def _check(request: Request) -> None:
+    if request.max_effects < 0:
+        raise InputError(f"--max-effects {request.max_effects}: give 0 or more")
+    if request.jobs is not None and request.jobs < 1:
+        raise InputError(f"--jobs {request.jobs}: give 1 or more")
+
+
+def _name(dataset: Path) -> str:
+    """The name of a data set: that of its folder."""
+    whole = dataset.resolve()
+    return whole.parent.name if whole.suffix == ".toml" else whole.name
+
+
+def _dataset(request: Request, model: Model) -> tuple["Dataset", list[str]]:
+    """The data set with the nominal values to start from, and what to say about them.
+
+    A device that is asked for counts: its values replace [nominal]. Noise is switched off: it is found, not assumed.
+    """
+    from discrepancy.dataset import Y_ONLY, load_dataset
+
+    given = dict(load_device(request.device, model).parameters) if request.device else {}
+    noise = {q.name for effect in model.effects if effect.noise for q in effect.sizes}
+    given = {name: value for name, value in given.items() if name not in noise}
+    data = load_dataset(request.dataset, given)
+    nominal = {name: value for name, value in data.nominal.items() if name not in noise}
+    used = {name: v for name, v in given.items() if data.axes == 2 or name not in Y_ONLY}
+    changed = [name for name, value in used.items() if nominal.get(name, value) != value]
+    notes = [f"device {request.device} replaces the nominal {', '.join(changed)} of the data set"] if changed else []
+    return replace(data, nominal=nominal | used), notes
+
+
+def _search(request: Request, data: "Dataset", model: Model, out: Console) -> "Diagnosis":
+    """The diagnosis. An interrupted search leaves its checkpoint."""
+    from discrepancy import naming
+
+    made = not request.out.exists()
+    checkpoint = request.out / CHECKPOINT
+    try:
+        request.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"output folder {request.out}: {error.strerror}; name another with --out") from None
+    try:
+        with _steps_shown(out) as progress:
+            if checkpoint.is_file():
+                progress(f"going on from {checkpoint}")
+            found = naming.diagnose(
+                data,
+                model,
+                max_effects=request.max_effects,
+                jobs=request.jobs,
+                seed=request.seed,
+                progress=progress,
+                checkpoint=checkpoint,
+            )
+    except Interrupted as stop:
+        if checkpoint.is_file():
+            stop.left = f"{checkpoint} keeps the search: the same command goes on from there"
+        raise
+    finally:
+        if made and request.out.is_dir() and not any(request.out.iterdir()):
+            request.out.rmdir()
+    return found
+
+
+@contextmanager
+def _steps_shown(out: Console) -> Iterator[Any]:
+    """Shows the step at work with the time since the start; steps done stay as lines."""
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
+    with Progress(*columns, console=out, transient=True) as bar:
+        task = bar.add_task("start", total=None)
+
+        def progress(line: str) -> None:
+            bar.update(task, description=line)
+            out.print(f"· {line}", style="dim", soft_wrap=True, highlight=False, markup=False)
+
+        yield progress
+
+
+def _write(
+    request: Request,
+    data: "Dataset",
+    model: Model,
+    found: "Diagnosis",
+    report: Mapping[str, Any],
+    warnings: list[str],
+) -> None:
+    from gyrotwin.diagnosis_report import render
+    from gyrotwin.run import publish
+
+    name = _name(request.dataset)
+    device = improved_device(name, data, model, found)
+    note = f"{report['verdict'].capitalize()}: the model of data set {name} after `gyrotwin diagnose`.\n" + (
+        "Only x was measured: y stands here like x, uncoupled." if data.axes == 1 else ""
+    )
+    with tempfile.TemporaryDirectory(prefix="gyrotwin-") as folder:
+        fmus = build(improved_model(data, model, device), Path(folder))
+        effects = {f"effects/{path.name}": path for given in request.effects for path in sorted(given.glob("*.py"))}
+        copies = {"fmi2.fmu": fmus.fmi2, "fmi3.fmu": fmus.fmi3, **effects}
+        publish(
+            request.out,
+            {
+                **{target: partial(shutil.copy, source) for target, source in copies.items()},
+                "device.toml": lambda path: write_device(device, path, note.strip()),
+                "report.json": lambda path: path.write_text(
+                    json.dumps(report, indent=2, allow_nan=False) + "\n", encoding="utf-8"
+                ),
+                "report.html": lambda path: render(name, data, model, report, found, warnings, path),
+            },
+        )
+
+
+def improved_device(name: str, data: "Dataset", model: Model, found: "Diagnosis") -> Device:
+    """The device that the data shows: nominal values, what was fitted, effects, noise, with intervals."""
+    known = {**found.device, **{n: value for n, value in found.noise.items() if value.value > 0}}
+    parameters = {**data.nominal, **{n: value.value for n, value in known.items()}}
+    if data.axes == 1:
+        parameters |= {own: parameters[other] for own, other in MIRRORED.items()} | {"kxy": 0.0, "dxy": 0.0}
+    intervals = {n: (float(v.low), float(v.high)) for n, v in known.items() if math.isfinite(v.high - v.low)}
+    return Device(name, {n: float(value) for n, value in parameters.items()}, intervals, {}, model)
+
+
+def improved_model(data: "Dataset", model: Model, device: Device) -> Model:
+    """The model whose FMU is the improved device where nobody sets a parameter; noise off, as in the fit, and the clock
+    of the data."""
+    from discrepancy.simulate import OVERSAMPLING
+
+    noise = {q.name for effect in model.effects if effect.noise for q in effect.sizes}
+    first = data.fit[0]
+    steps = 1 if first.hold == "zero" else OVERSAMPLING
+    clock = {"internal_step": 1 / (first.sample_rate * steps), "sample_period": 1 / first.sample_rate}
+    return model.starting_at({n: v for n, v in device.parameters.items() if n not in noise} | clock)
+
+
+def plain(value: Any) -> Any:
+    """``value`` as strict JSON: numbers of numpy as Python's, None for what is not finite."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(entry) for entry in value]
+    if value is None or isinstance(value, (str, bool)):
+        return value
+    if isinstance(value, int):
+        return value
+    number = float(value)
+    return number if math.isfinite(number) else None
