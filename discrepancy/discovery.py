@@ -18,7 +18,7 @@ from discrepancy.columns import Candidate, Probe
 from discrepancy.effect_file import peaks_of, scales_of, write_effect
 from discrepancy.library import Form, forms, known, magnitude
 from discrepancy.record import Record
-from discrepancy.refit import Fitted, Fitter
+from discrepancy.refit import BLOCKS, Fitted, Fitter, pieces
 from discrepancy.score import Score, score
 from discrepancy.simulate import Simulator
 from gyro_model.anatomy import Effect
@@ -29,7 +29,7 @@ CHANCE: Final = 1e-8
 make 0.001 false alarms."""
 MATERIAL: Final = 3e-4
 """Share of the residual's square that a term has to take away."""
-SHORTLIST, SHORT_SHARE = 8, 0.5
+SHORTLIST, SHORT_SHARE = 6, 0.6
 """Terms refitted: at most so many, whose linear share is at least this of the best."""
 DEGREE_PRICE: Final = 1.0
 """Chi-square that a term has to gain for each degree: between two that fit evenly the lower one is named."""
@@ -39,6 +39,10 @@ PROBE: Final = 1e-7
 """Force of a probe over the spring's: at Q = 1e5 it changes the motion by a hundredth, and always by 1e7 roundings."""
 SCREENED: Final = 64_000
 """Samples on which the library is scored, shared by the runs: 300 columns in a few seconds."""
+ASTRAY: Final = 0.02
+"""Residual over signal from which the search goes over pieces of the runs."""
+PIECES: Final = 8
+"""Of each run in that case."""
 BATCH: Final = 80
 """Columns held at a time."""
 
@@ -143,7 +147,7 @@ class Library:
             named = names or tuple(q.name for q in self.effects[form.id].sizes)
             if fitted & set(named):
                 continue
-            sizes = {}
+            sizes: dict[str, Probe] = {}
             for name, part in zip(named, form.parts, strict=True):
                 force = magnitude(part, self.scales)
                 if name and force > 0:
@@ -203,12 +207,31 @@ class Library:
 
     def contest(self, fitter: Fitter, at: Fitted, least: float = 0.0) -> list[Entry]:
         """The best terms refitted, lowest price first; ``least`` share that a term must have to be refitted."""
-        scored = self.scored(fitter, at)
+        screen = self.fitter(_begins(fitter.records), fitter.blocks)
+        scored = self.scored(screen, screen.evaluated(replace(at, grams=None)))
         worth = [c for c in scored if c.score.probability < CHANCE and c.score.share >= max(MATERIAL, least)]
         short = [c for c in worth if c.score.share >= SHORT_SHARE * worth[0].score.share][:SHORTLIST]
-        entries = [self.refitted(fitter, at, c) for c in short]
-        variance = min((e.fitted.variance for e in entries), default=0.0)
-        return sorted(entries, key=lambda e: e.price(variance))
+        return _ranked([self.refitted(fitter, at, c) for c in short])
+
+    def contest_in_pieces(self, records: Sequence[Record], at: Fitted) -> list[Entry]:
+        """``contest`` where the simulation strays from the motion: over pieces of the runs, each with a start of its
+        own, and the best of them over the whole."""
+        cut = pieces(records, PIECES)
+        fitter = self.fitter(cut, max(2, BLOCKS // PIECES))
+        starts = tuple(dict.fromkeys(fitter.state_names, 0.0) for _ in cut)
+        begun = fitter.evaluated(replace(at, starts=starts, grams=None))
+        entries = self.contest(fitter, fitter.whitened(fitter.fit(begun, rounds=3)))[:2]
+        whole = self.fitter(records, BLOCKS)
+        again = []
+        for entry in entries:
+            begun = whole.evaluated(replace(entry.fitted, starts=at.starts, whiten=at.whiten, grams=None))
+            again.append(replace(entry, fitted=whole.fit(begun)))
+        return _ranked(again)
+
+
+def _ranked(entries: Sequence[Entry]) -> list[Entry]:
+    variance = min((e.fitted.variance for e in entries), default=0.0)
+    return sorted(entries, key=lambda e: e.price(variance))
 
 
 def discover(
@@ -222,8 +245,10 @@ def discover(
     tell = progress or (lambda _: None)
     tell("search for a term that is in no file")
     with Library(fitter, at) as library:
-        wide = library.fitter(fitter.records, fitter.blocks)
-        entries = library.contest(wide, at)
+        if strays(fitter, at):
+            entries = library.contest_in_pieces(fitter.records, at)
+        else:
+            entries = library.contest(library.fitter(fitter.records, fitter.blocks), at)
         scales = library.scales
     if not entries:
         return None
@@ -300,6 +325,12 @@ def _in_place(library: Library, fitter: Fitter, full: Fitted, group: Sequence[st
     if best.price(variance) + EVEN < full.cost / variance + fitted * float(np.log(full.count)):
         return str(best.contestant.form.parts)
     return None
+
+
+def strays(fitter: Fitter, at: Fitted) -> bool:
+    """Whether the residual is so large that a test linear in what is missing may mislead."""
+    error = sum(float(np.sum(residual**2)) for residual in at.residuals)
+    return error > ASTRAY**2 * sum(float(np.sum(record.v**2)) for record in fitter.records)
 
 
 def joined(model: Model, effects: Iterable[Effect]) -> Model:

@@ -16,7 +16,7 @@ from gyro_model.model import load_model
 
 UNITS: Final = {"x": "m", "y": "m", "x_dot": "m/s", "y_dot": "m/s", "u_x": "N", "u_y": "N"}
 
-_TEXT: Final = '''"""A force that no effect file states, found in measured data by its share of the disagreement (SYSTEM.md section 9).
+_TEXT: Final = '''"""A force that no effect file states, found in measured data (SYSTEM.md section 9).
 
 {formula}
 
@@ -64,7 +64,7 @@ def write_effect(form: Form, folder: Path, peaks: Mapping[str, float]) -> tuple[
 
 def effect_text(form: Form, peaks: Mapping[str, float]) -> str:
     """The Python of the effect file."""
-    effect = form.effect()
+    effect = form.effect(form.energy())
     used = [s.name for s in SIGNALS if s in effect.symbols | _balance(effect)]
     seen = [s.name for s in SIGNALS if s in effect.symbols]
     limit = effect.limits[0]

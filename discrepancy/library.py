@@ -50,21 +50,25 @@ class Form:
         return tuple(size(f"{self.id}_{_axes(part)}", _unit(part), f"coefficient of {_text(part)}")
                      for part in self.parts)  # fmt: skip
 
-    def effect(self) -> Force:
-        """The form as an effect of the model."""
+    def effect(self, energy: Energy | None = None) -> Force:
+        """The form as an effect of the model; ``energy``: its balance where that matters."""
         coefficients = self.quantities()
         force = tuple(sum((-q.symbol * p[axis] for q, p in zip(coefficients, self.parts, strict=True)), Integer(0))
                       for axis in (0, 1))  # fmt: skip
         return Force(
             id=self.id,
             parameters=coefficients,
-            force=force,  # type: ignore[arg-type]
-            energy=_energy(force, coefficients, self.parts),
+            force=force,
+            energy=energy,
             signature=f"what a force {_text((force[0], force[1]))} does",
             host_experiment="drive level step",
             limits=(self._limit(),),
             doc="A term of the library.",
         )
+
+    def energy(self) -> Energy | None:
+        """What the force stores, or what it dissipates where it never feeds; None where it may do neither alone."""
+        return _energy(self.quantities(), self.parts)
 
     def _limit(self) -> Limit:
         at: dict[str, Decimal] = {s.name: Decimal(_EXAMPLE[s]) for s in SIGNALS if s in _symbols(self.parts)}
@@ -220,8 +224,7 @@ def _factor(name: str, power: int) -> str:
     return name if power == 1 else f"{name}{power}"
 
 
-def _energy(force: Sequence[Expr], coefficients: Sequence[Quantity], parts: Sequence[Pair]) -> Energy | None:
-    """What the force stores, or what it dissipates where it never feeds; None where it may do neither alone."""
+def _energy(coefficients: Sequence[Quantity], parts: Sequence[Pair]) -> Energy | None:
     signals = _symbols(parts)
     if signals & {U_X, U_Y}:
         return None
