@@ -17,6 +17,7 @@ from scipy.stats import chi2
 from discrepancy.columns import Candidate, Probe
 from discrepancy.effect_file import peaks_of, scales_of, write_effect
 from discrepancy.library import Form, forms, known, magnitude
+from discrepancy.measures import noise_of
 from discrepancy.record import Record
 from discrepancy.refit import BLOCKS, Fitted, Fitter, pieces
 from discrepancy.score import Score, score
@@ -43,6 +44,9 @@ ASTRAY: Final = 0.02
 """Residual over signal from which the search goes over pieces of the runs."""
 PIECES: Final = 8
 """Of each run in that case."""
+CLOSE: Final = 1.1
+"""Innovations over the white noise up to which a fit counts as one to the noise: an estimate of either is good to 1 %,
+a coloured noise besides may be larger."""
 BATCH: Final = 80
 """Columns held at a time."""
 
@@ -51,11 +55,12 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Contestant:
-    """A term with its probes; ``known``: it is an effect of the model."""
+    """A term with its probes and their amplitudes; ``known``: it is an effect of the model."""
 
     form: Form
     candidate: Candidate
     known: bool
+    amplitudes: tuple[float, ...]
     score: Score = field(repr=False)
 
     @property
@@ -85,7 +90,8 @@ class Entry:
 class Discovery:
     """The term that explains what was left. model: with the term as an effect; fitted: refit of all with it there;
     ``known``: the model had the effect already and no file was written; share of the residual's square that it takes
-    away; deviations [SI] of its parameters."""
+    away; deviations [SI] of its parameters; fits: whether no more than the sensor's noise is left, None where the runs
+    have no band that shows that noise alone."""
 
     effect: Effect
     model: Model
@@ -93,6 +99,7 @@ class Discovery:
     known: bool
     share: float
     deviations: Mapping[str, float]
+    fits: bool | None
     path: Path | None
 
     @property
@@ -176,20 +183,18 @@ class Library:
                 columns = tuple(range(known_columns, known_columns + len(own)))
                 result = score(grams, known_columns, columns, at.count)
                 if result.amplitudes:
-                    found.append(Contestant(form, candidate, form.id in self.known, result))
+                    found.append(Contestant(form, candidate, form.id in self.known, result.amplitudes, result))
         return sorted(found, key=lambda c: -c.score.share)
 
-    def refitted(self, fitter: Fitter, at: Fitted, contestant: Contestant) -> Entry:
-        """The fit with a term, without those of its parts that do not earn their coefficient."""
-        entry = self._fitted(fitter, at, contestant)
+    def pruned(self, fitter: Fitter, at: Fitted, entry: Entry) -> Entry:
+        """The term without those of its parts that do not earn their coefficient; ``at``: the fit before it."""
         while len(entry.contestant.candidate.probes) > 1 and np.isfinite(entry.fitted.cost):
             candidate, parameters = entry.contestant.candidate, entry.fitted.parameters
             deviation = fitter.deviations(entry.fitted)
             surety = {p: abs(parameters[p.quantity.name]) / deviation[p.quantity.name] for p in candidate.probes}
-            kept = [p for p in candidate.probes if p != min(surety, key=lambda p: surety[p])]
-            amplitudes = tuple(parameters[p.quantity.name] / p.step for p in kept)
-            result = replace(contestant.score, amplitudes=amplitudes)
-            fewer = replace(contestant, candidate=replace(candidate, probes=tuple(kept)), score=result)
+            kept = tuple(p for p in candidate.probes if p != min(surety, key=lambda p: surety[p]))
+            sizes = tuple(parameters[p.quantity.name] / p.step for p in kept)
+            fewer = replace(entry.contestant, candidate=replace(candidate, probes=kept), amplitudes=sizes)
             less = self._fitted(fitter, at, fewer)
             variance = entry.fitted.variance
             if less.price(variance) >= entry.price(variance):
@@ -199,19 +204,21 @@ class Library:
 
     def _fitted(self, fitter: Fitter, at: Fitted, contestant: Contestant) -> Entry:
         candidate = contestant.candidate
-        sizes = zip(candidate.probes, contestant.score.amplitudes, strict=True)
+        sizes = zip(candidate.probes, contestant.amplitudes, strict=True)
         values = {p.quantity.name: p.value(a) for p, a in sizes}
         free = (*at.free, *candidate.free(fitter.period))
         begun = replace(at, parameters={**at.parameters, **values}, free=free, grams=None)
         return Entry(contestant, fitter.fit(fitter.evaluated(begun)))
 
-    def contest(self, fitter: Fitter, at: Fitted, least: float = 0.0) -> list[Entry]:
-        """The best terms refitted, lowest price first; ``least`` share that a term must have to be refitted."""
+    def contest(self, fitter: Fitter, at: Fitted, least: float = 0.0, number: int = SHORTLIST) -> list[Entry]:
+        """The best ``number`` terms refitted, lowest price first; ``least``: share that a term must have."""
         screen = self.fitter(_begins(fitter.records), fitter.blocks)
         scored = self.scored(screen, screen.evaluated(replace(at, grams=None)))
         worth = [c for c in scored if c.score.probability < CHANCE and c.score.share >= max(MATERIAL, least)]
-        short = [c for c in worth if c.score.share >= SHORT_SHARE * worth[0].score.share][:SHORTLIST]
-        return _ranked([self.refitted(fitter, at, c) for c in short])
+        short = [c for c in worth if c.score.share >= SHORT_SHARE * worth[0].score.share][:number]
+        entries = _ranked([self._fitted(fitter, at, c) for c in short])
+        # A part that earns nothing costs its term about a dozen: more than two terms are seldom so close.
+        return _ranked([self.pruned(fitter, at, e) for e in entries[:2]]) + entries[2:]
 
     def contest_in_pieces(self, records: Sequence[Record], at: Fitted) -> list[Entry]:
         """``contest`` where the simulation strays from the motion: over pieces of the runs, each with a start of its
@@ -249,7 +256,6 @@ def discover(
             entries = library.contest_in_pieces(fitter.records, at)
         else:
             entries = library.contest(library.fitter(fitter.records, fitter.blocks), at)
-        scales = library.scales
     if not entries:
         return None
     best = entries[0]
@@ -259,15 +265,12 @@ def discover(
     share = 1 - best.fitted.cost / at.cost
     tell(f"found {best.contestant.candidate.effect.terms()}")
     if best.contestant.known:
-        deviations = _own(fitter, best.fitted, best.contestant.candidate.effect)
-        return Discovery(best.contestant.candidate.effect, fitter.simulator.model, best.fitted, True, share,
-                         deviations, None)  # fmt: skip
-    return _made(fitter, best, folder, f"discovered_{number}", share, scales)
+        effect = best.contestant.candidate.effect
+        return _settled(fitter, best.fitted, effect, share, None)
+    return _made(fitter, best, folder, f"discovered_{number}", share)
 
 
-def _made(
-    fitter: Fitter, entry: Entry, folder: Path, name: str, share: float, scales: Mapping[str, float]
-) -> Discovery:
+def _made(fitter: Fitter, entry: Entry, folder: Path, name: str, share: float) -> Discovery:
     """The term as an effect file, in the FMU, refitted."""
     contestant = entry.contestant
     old = [q.name for q in contestant.candidate.effect.sizes]
@@ -281,9 +284,17 @@ def _made(
     with Simulator(model) as simulator:
         exact = Fitter(simulator, fitter.records, fitter.blocks)
         begun = exact.evaluated(replace(entry.fitted, parameters=parameters, free=free, grams=None))
-        fitted = exact.fit(exact.whitened(begun))
-        deviations = _own(exact, fitted, effect)
-    return Discovery(effect, model, fitted, False, share, deviations, path)
+        return _settled(exact, begun, effect, share, path)
+
+
+def _settled(fitter: Fitter, at: Fitted, effect: Effect, share: float, path: Path | None) -> Discovery:
+    """The answer, fitted under the whitening that its residuals ask for."""
+    at = fitter.fit(fitter.whitened(at))
+    names = {q.name for q in effect.parameters}
+    deviations = {name: value for name, value in fitter.deviations(at).items() if name in names}
+    noise = noise_of(at.residuals, fitter.records, at.parameters)
+    fits = None if noise is None else bool(at.variance < CLOSE**2 * noise.rms**2)
+    return Discovery(effect, fitter.simulator.model, at, path is None, share, deviations, fits, path)
 
 
 def rivals(fitter: Fitter, at: Fitted, named: Sequence[str], progress: Progress | None = None) -> Rivals:
@@ -315,8 +326,8 @@ def _in_place(library: Library, fitter: Fitter, full: Fitted, group: Sequence[st
     parameters = {**full.parameters, **{q.name: q.start for q in own if q.role == "size"}}
     free = tuple(f for f in full.free if f.name not in names)
     without = fitter.fit(fitter.evaluated(replace(full, parameters=parameters, free=free, grams=None)))
-    entries = [e for e in library.contest(fitter, without, 0.5 * (1 - full.cost / without.cost))
-               if e.contestant.id not in group]  # fmt: skip
+    least = 0.5 * (1 - full.cost / without.cost)
+    entries = [e for e in library.contest(fitter, without, least, 3) if e.contestant.id not in group]
     if not entries:
         return None
     best = entries[0]
@@ -336,11 +347,6 @@ def strays(fitter: Fitter, at: Fitted) -> bool:
 def joined(model: Model, effects: Iterable[Effect]) -> Model:
     """The model with further effects, in the order of ``load_model``."""
     return Model(tuple(sorted((*model.effects, *effects), key=lambda e: (not e.nominal, e.id))))
-
-
-def _own(fitter: Fitter, at: Fitted, effect: Effect) -> dict[str, float]:
-    names = {q.name for q in effect.parameters}
-    return {name: value for name, value in fitter.deviations(at).items() if name in names}
 
 
 def _begins(records: Sequence[Record]) -> tuple[Record, ...]:
