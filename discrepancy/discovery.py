@@ -1,0 +1,360 @@
+"""Searches the library of terms for what no effect file explains, and tells whether one does better than a name.
+
+The library is a model: its terms are effects beside those of the device, in one FMU that is built once. So a term is
+scored by what the FMU shows, as an effect is (``columns.py``, ``score.py``), exactly through the whole chain, and
+refitted by the same fitter. The simplest term that fits wins: each coefficient has to earn what the Bayesian
+information criterion asks (G. Schwarz, Annals of Statistics 6, 1978), and a higher degree a little more.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from scipy.stats import chi2
+
+from discrepancy.columns import Candidate, Probe
+from discrepancy.effect_file import peaks_of, scales_of, write_effect
+from discrepancy.library import Form, forms, known, magnitude
+from discrepancy.measures import noise_of
+from discrepancy.record import Record
+from discrepancy.refit import BLOCKS, Fitted, Fitter, pieces
+from discrepancy.score import Score, score
+from discrepancy.simulate import Simulator
+from gyro_model.anatomy import Effect
+from gyro_model.model import Model
+
+CHANCE: Final = 1e-8
+"""Probability of one test by chance at which a term counts as significant: with some 300 tests a search, 400 null sets
+make 0.001 false alarms."""
+MATERIAL: Final = 3e-4
+"""Share of the residual's square that a term has to take away."""
+SHORTLIST, SHORT_SHARE = 6, 0.6
+"""Terms refitted: at most so many, whose linear share is at least this of the best."""
+DEGREE_PRICE: Final = 1.0
+"""Chi-square that a term has to gain for each degree: between two that fit evenly the lower one is named."""
+EVEN: Final = 9.0
+"""Chi-square by which a term has to fit better than a name to refute it: three standard deviations."""
+PROBE: Final = 1e-7
+"""Force of a probe over the spring's: at Q = 1e5 it changes the motion by a hundredth, and always by 1e7 roundings."""
+SCREENED: Final = 64_000
+"""Samples on which the library is scored, shared by the runs: 300 columns in a few seconds."""
+ASTRAY: Final = 0.02
+"""Residual over signal from which the search goes over pieces of the runs."""
+PIECES: Final = 8
+"""Of each run in that case."""
+CLOSE: Final = 1.1
+"""Innovations over the white noise up to which a fit counts as one to the noise: an estimate of either is good to 1 %,
+a coloured noise besides may be larger."""
+BATCH: Final = 80
+"""Columns held at a time."""
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A term with its probes and their amplitudes; ``known``: it is an effect of the model."""
+
+    form: Form
+    candidate: Candidate
+    known: bool
+    amplitudes: tuple[float, ...]
+    score: Score = field(repr=False)
+
+    @property
+    def id(self) -> str:
+        """Of the effect that it is."""
+        return self.candidate.effect.id
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A contestant, refitted."""
+
+    contestant: Contestant
+    fitted: Fitted
+
+    def price(self, variance: float) -> float:
+        """What its misfit and its complexity come to, as a chi-square."""
+        coefficients = len(self.contestant.candidate.probes)
+        return (
+            self.fitted.cost / variance
+            + coefficients * float(np.log(self.fitted.count))
+            + DEGREE_PRICE * self.contestant.form.degree
+        )
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """The term that explains what was left. model: with the term as an effect; fitted: refit of all with it there;
+    ``known``: the model had the effect already and no file was written; share of the residual's square that it takes
+    away; deviations [SI] of its parameters; fits: whether no more than the sensor's noise is left, None where the runs
+    have no band that shows that noise alone."""
+
+    effect: Effect
+    model: Model
+    fitted: Fitted
+    known: bool
+    share: float
+    deviations: Mapping[str, float]
+    fits: bool | None
+    path: Path | None
+
+    @property
+    def forces(self) -> dict[str, str]:
+        """Sympy text by axis, as report.json wants it."""
+        return {name: str(term) for name, term in self.effect.terms().items() if name in ("force_x", "force_y")}
+
+
+@dataclass(frozen=True)
+class Rivals:
+    """What speaks against names. instead: by the ids of the effects left out, the term that fits significantly better
+    in their place; beside: terms that explain something significant and material besides."""
+
+    instead: Mapping[tuple[str, ...], str]
+    beside: Mapping[str, float]
+
+    @property
+    def refuted(self) -> bool:
+        """Whether some name is wrong."""
+        return bool(self.instead)
+
+
+class Library:
+    """The model of a fitter with all terms of the library in it, as a context manager."""
+
+    def __init__(self, fitter: Fitter, at: Fitted) -> None:
+        """Builds the FMU where that has not been done. ``at``: a fit, which says how large the motion is."""
+        model = fitter.simulator.model
+        self.forms = forms(fitter.axes)
+        self.known = known(model, self.forms)
+        self.effects = {form.id: form.effect() for form in self.forms if form.id not in self.known}
+        self.simulator = Simulator(joined(model, self.effects.values()))
+        self.scales = scales_of(fitter, at)
+        self.spring = at.parameters["kxx"] * self.scales["x"]
+
+    def __enter__(self) -> "Library":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.simulator.__exit__(None, None, None)
+
+    def fitter(self, records: Sequence[Record], blocks: int) -> Fitter:
+        """One for ``records`` with the library's FMU."""
+        return Fitter(self.simulator, records, blocks)
+
+    def candidates(self, at: Fitted) -> list[tuple[Form, Candidate]]:
+        """Every term that is not fitted in ``at`` already, with both of its parts where both can be seen."""
+        fitted = {free.name for free in at.free}
+        found = []
+        for form in self.forms:
+            effect, names = self.known.get(form.id) or (self.effects[form.id], ())
+            named = names or tuple(q.name for q in self.effects[form.id].sizes)
+            if fitted & set(named):
+                continue
+            sizes: dict[str, Probe] = {}
+            for name, part in zip(named, form.parts, strict=True):
+                force = magnitude(part, self.scales)
+                if name and force > 0:
+                    quantity = next(q for q in effect.sizes if q.name == name)
+                    sizes.setdefault(name, Probe(quantity, PROBE * self.spring / force, 1))
+            if sizes:
+                found.append((form, Candidate(effect, tuple(sizes.values()), {})))
+        return found
+
+    def scored(self, fitter: Fitter, at: Fitted) -> list[Contestant]:
+        """Every term, largest share first."""
+        left = self.candidates(at)
+        known_columns = len(at.free) + len(fitter.state_names) * len(fitter.records)
+        found = []
+        while left:
+            count = int(np.searchsorted(np.cumsum([len(c.probes) for _, c in left]), BATCH, side="right"))
+            batch, left = left[:count], left[count:]
+            linear = fitter.with_grams(at, [changes for _, c in batch for changes in c.changes()])
+            assert linear.grams is not None
+            place = known_columns
+            for form, candidate in batch:
+                own = range(place, place + len(candidate.probes))
+                place += len(own)
+                kept = [*range(known_columns), *own, linear.grams.shape[1] - 1]
+                grams = linear.grams[np.ix_(range(len(linear.grams)), kept, kept)]
+                columns = tuple(range(known_columns, known_columns + len(own)))
+                result = score(grams, known_columns, columns, at.count)
+                if result.amplitudes:
+                    found.append(Contestant(form, candidate, form.id in self.known, result.amplitudes, result))
+        return sorted(found, key=lambda c: -c.score.share)
+
+    def pruned(self, fitter: Fitter, at: Fitted, entry: Entry) -> Entry:
+        """The term without those of its parts that do not earn their coefficient; ``at``: the fit before it."""
+        while len(entry.contestant.candidate.probes) > 1 and np.isfinite(entry.fitted.cost):
+            candidate, parameters = entry.contestant.candidate, entry.fitted.parameters
+            deviation = fitter.deviations(entry.fitted)
+            surety = {p: abs(parameters[p.quantity.name]) / deviation[p.quantity.name] for p in candidate.probes}
+            kept = tuple(p for p in candidate.probes if p != min(surety, key=lambda p: surety[p]))
+            sizes = tuple(parameters[p.quantity.name] / p.step for p in kept)
+            fewer = replace(entry.contestant, candidate=replace(candidate, probes=kept), amplitudes=sizes)
+            less = self._fitted(fitter, at, fewer)
+            variance = entry.fitted.variance
+            if less.price(variance) >= entry.price(variance):
+                break
+            entry = less
+        return entry
+
+    def _fitted(self, fitter: Fitter, at: Fitted, contestant: Contestant) -> Entry:
+        candidate = contestant.candidate
+        sizes = zip(candidate.probes, contestant.amplitudes, strict=True)
+        values = {p.quantity.name: p.value(a) for p, a in sizes}
+        free = (*at.free, *candidate.free(fitter.period))
+        begun = replace(at, parameters={**at.parameters, **values}, free=free, grams=None)
+        return Entry(contestant, fitter.fit(fitter.evaluated(begun)))
+
+    def contest(self, fitter: Fitter, at: Fitted, least: float = 0.0, number: int = SHORTLIST) -> list[Entry]:
+        """The best ``number`` terms refitted, lowest price first; ``least``: share that a term must have."""
+        screen = self.fitter(_begins(fitter.records), fitter.blocks)
+        scored = self.scored(screen, screen.evaluated(replace(at, grams=None)))
+        worth = [c for c in scored if c.score.probability < CHANCE and c.score.share >= max(MATERIAL, least)]
+        short = [c for c in worth if c.score.share >= SHORT_SHARE * worth[0].score.share][:number]
+        entries = _ranked([self._fitted(fitter, at, c) for c in short])
+        # A part that earns nothing costs its term about a dozen: more than two terms are seldom so close.
+        return _ranked([self.pruned(fitter, at, e) for e in entries[:2]]) + entries[2:]
+
+    def contest_in_pieces(self, records: Sequence[Record], at: Fitted) -> list[Entry]:
+        """``contest`` where the simulation strays from the motion: over pieces of the runs, each with a start of its
+        own, and the best of them over the whole."""
+        cut = pieces(records, PIECES)
+        fitter = self.fitter(cut, max(2, BLOCKS // PIECES))
+        starts = tuple(dict.fromkeys(fitter.state_names, 0.0) for _ in cut)
+        begun = fitter.evaluated(replace(at, starts=starts, grams=None))
+        entries = self.contest(fitter, fitter.whitened(fitter.fit(begun, rounds=3)))[:2]
+        whole = self.fitter(records, BLOCKS)
+        again = []
+        for entry in entries:
+            begun = whole.evaluated(replace(entry.fitted, starts=at.starts, whiten=at.whiten, grams=None))
+            again.append(replace(entry, fitted=whole.fit(begun)))
+        return _ranked(again)
+
+
+def _ranked(entries: Sequence[Entry]) -> list[Entry]:
+    variance = min((e.fitted.variance for e in entries), default=0.0)
+    return sorted(entries, key=lambda e: e.price(variance))
+
+
+def discover(
+    fitter: Fitter, at: Fitted, folder: Path, number: int = 1, progress: Progress | None = None
+) -> Discovery | None:
+    """The term that explains best what is left of ``at``; None where none is significant and material.
+
+    A new one is written to ``folder`` as the effect ``discovered_<number>``, built into the FMU and refitted there.
+    Raises InputError where the FMU can't be built or the folder not written.
+    """
+    tell = progress or (lambda _: None)
+    tell("search for a term that is in no file")
+    with Library(fitter, at) as library:
+        if strays(fitter, at):
+            entries = library.contest_in_pieces(fitter.records, at)
+        else:
+            entries = library.contest(library.fitter(fitter.records, fitter.blocks), at)
+    if not entries:
+        return None
+    best = entries[0]
+    coefficients = len(best.contestant.candidate.probes)
+    if not at.cost - best.fitted.cost > chi2.isf(CHANCE, coefficients) * best.fitted.variance:
+        return None
+    share = 1 - best.fitted.cost / at.cost
+    tell(f"found {best.contestant.candidate.effect.terms()}")
+    if best.contestant.known:
+        effect = best.contestant.candidate.effect
+        return _settled(fitter, best.fitted, effect, share, None)
+    return _made(fitter, best, folder, f"discovered_{number}", share)
+
+
+def _made(fitter: Fitter, entry: Entry, folder: Path, name: str, share: float) -> Discovery:
+    """The term as an effect file, in the FMU, refitted."""
+    contestant = entry.contestant
+    old = [q.name for q in contestant.candidate.effect.sizes]
+    kept = {p.quantity.name for p in contestant.candidate.probes}
+    form = replace(contestant.form.only([i for i, n in enumerate(old) if n in kept]), id=name)
+    effect, path = write_effect(form, folder, peaks_of(fitter, entry.fitted))
+    model = joined(fitter.simulator.model, [effect])
+    renamed = dict(zip((n for n in old if n in kept), (q.name for q in effect.sizes), strict=True))
+    parameters = {renamed.get(n, n): v for n, v in entry.fitted.parameters.items()}
+    free = tuple(replace(f, name=renamed.get(f.name, f.name)) for f in entry.fitted.free)
+    with Simulator(model) as simulator:
+        exact = Fitter(simulator, fitter.records, fitter.blocks)
+        begun = exact.evaluated(replace(entry.fitted, parameters=parameters, free=free, grams=None))
+        return _settled(exact, begun, effect, share, path)
+
+
+def _settled(fitter: Fitter, at: Fitted, effect: Effect, share: float, path: Path | None) -> Discovery:
+    """The answer, fitted under the whitening that its residuals ask for."""
+    at = fitter.fit(fitter.whitened(at))
+    names = {q.name for q in effect.parameters}
+    deviations = {name: value for name, value in fitter.deviations(at).items() if name in names}
+    noise = noise_of(at.residuals, fitter.records, at.parameters)
+    fits = None if noise is None else bool(at.variance < CLOSE**2 * noise.rms**2)
+    return Discovery(effect, fitter.simulator.model, at, path is None, share, deviations, fits, path)
+
+
+def rivals(fitter: Fitter, at: Fitted, named: Sequence[str], progress: Progress | None = None) -> Rivals:
+    """Whether terms of the library speak against the effects ``named`` (ids) that are fitted in ``at``.
+
+    Each effect alone, and all together, are left out, the rest is refitted, and the library's terms compete for their
+    place. To be called when no further effect is found: what is missing besides may look like anything.
+    """
+    tell = progress or (lambda _: None)
+    tell("terms against names")
+    instead: dict[tuple[str, ...], str] = {}
+    with Library(fitter, at) as library:
+        short = library.fitter(_begins(fitter.records), fitter.blocks)
+        full = short.fit(short.evaluated(replace(at, grams=None)), rounds=3)
+        beside = {str(c.form.parts): c.score.share for c in library.scored(short, full)
+                  if c.score.probability < CHANCE and c.score.share >= MATERIAL}  # fmt: skip
+        groups = [(name,) for name in named] + ([tuple(named)] if len(named) > 1 else [])
+        for group in groups:
+            best = _in_place(library, short, full, group)
+            if best is not None:
+                instead[group] = best
+    return Rivals(instead, beside)
+
+
+def _in_place(library: Library, fitter: Fitter, full: Fitted, group: Sequence[str]) -> str | None:
+    model = library.simulator.model
+    own = [q for name in group for q in model.effect(name).parameters]
+    names = {q.name for q in own}
+    parameters = {**full.parameters, **{q.name: q.start for q in own if q.role == "size"}}
+    free = tuple(f for f in full.free if f.name not in names)
+    without = fitter.fit(fitter.evaluated(replace(full, parameters=parameters, free=free, grams=None)))
+    least = 0.5 * (1 - full.cost / without.cost)
+    entries = [e for e in library.contest(fitter, without, least, 3) if e.contestant.id not in group]
+    if not entries:
+        return None
+    best = entries[0]
+    variance = best.fitted.variance
+    fitted = sum(1 for f in full.free if f.name in names)
+    if best.price(variance) + EVEN < full.cost / variance + fitted * float(np.log(full.count)):
+        return str(best.contestant.form.parts)
+    return None
+
+
+def strays(fitter: Fitter, at: Fitted) -> bool:
+    """Whether the residual is so large that a test linear in what is missing may mislead."""
+    error = sum(float(np.sum(residual**2)) for residual in at.residuals)
+    return error > ASTRAY**2 * sum(float(np.sum(record.v**2)) for record in fitter.records)
+
+
+def joined(model: Model, effects: Iterable[Effect]) -> Model:
+    """The model with further effects, in the order of ``load_model``."""
+    return Model(tuple(sorted((*model.effects, *effects), key=lambda e: (not e.nominal, e.id))))
+
+
+def _begins(records: Sequence[Record]) -> tuple[Record, ...]:
+    """The first samples of each run, all together ``SCREENED``."""
+    n = max(4000, SCREENED // len(records))
+    cut = []
+    for r in records:
+        held = {name: values[:n] for name, values in r.conditions.items()}
+        cut.append(r if len(r.t) <= n else
+                   replace(r, t=r.t[:n], u=r.u[:n], v=r.v[:n], conditions=held, valid=r.valid[:n]))  # fmt: skip
+    return tuple(cut)
