@@ -194,6 +194,11 @@ void gyro_first_sample(gyro_instance *g)
     gyro_view *view = &g->view;
     take_inputs(g);
     view->t = g->memory.start_time;
+    view->s[GYRO_STATE_X] = g->value[GYRO_X_START];
+    view->s[GYRO_STATE_X_DOT] = g->value[GYRO_X_DOT_START];
+    view->s[GYRO_STATE_Y] = g->value[GYRO_Y_START];
+    view->s[GYRO_STATE_Y_DOT] = g->value[GYRO_Y_DOT_START];
+    g->memory.ticks_to_sample = g->plan.sample_ticks;
     if (view->any_law) {
         apply_laws(view, g->value);
     }

@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{baa29463-8cfd-5180-dfc4-e60b18985bb7}"
+#define GYRO_TOKEN "{52b28748-93e5-fe9b-94f2-6f0f347c0883}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
