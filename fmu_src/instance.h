@@ -1,5 +1,6 @@
-/* What core.c and snapshot.c share with the plant inside an instance. Each FMU has a plant.h of its own, which defines `struct gyro_instance`
-   with `value`, `message`, a `memory` that begins with the fields that core.c uses, and a `plan` with the internal step. */
+/* What core.c, events.c and snapshot.c share with the plant inside an instance. Each FMU has a plant.h of its own, which defines `struct gyro_instance`
+   with `value`, `message`, a `memory` that begins with the fields that core.c uses, and a `plan` with
+   the internal step and the events. */
 
 #ifndef GYRO_INSTANCE_H
 #define GYRO_INSTANCE_H
@@ -24,6 +25,17 @@ gyro_status gyro_check(gyro_instance *g);
 
 /* Whether `time` [s] is a multiple of `step` [s] to within `slack` steps; the nearest multiple goes to *count. */
 int gyro_whole_steps(double time, double step, double slack, int64_t *count);
+
+/* From events.c, over the event_ fields of the plan. */
+
+/* Finds the internal step and the fraction of it in which each effect's event falls. */
+void gyro_plan_events(gyro_instance *g);
+
+/* Sets the switches of the view for the events that have passed at `fraction` of internal step `tick`. */
+void gyro_pass_events(gyro_instance *g, int64_t tick, double fraction);
+
+/* The first event inside the present internal step after `fraction` of it; 1 where there is none. */
+double gyro_next_event(const gyro_instance *g, double fraction);
 
 /* From the plant. */
 

@@ -1,4 +1,4 @@
-/* What follows from the parameters of an instance: samples, events, delay. */
+/* What follows from the parameters of an instance: samples and delay. */
 
 #include <stdlib.h>
 #include <string.h>
@@ -25,28 +25,6 @@ static gyro_status plan_samples(gyro_instance *g)
     }
     g->plan.sample_ticks = ticks;
     return status;
-}
-
-static void plan_events(gyro_instance *g)
-{
-    double time[GYRO_N_EFFECTS];
-    g->plan.any_event = 0;
-    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-        time[effect] = INFINITY;
-    }
-    event_times(&g->view, time);
-    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-        const double steps = (time[effect] - g->memory.start_time) / g->plan.step;
-        const double nearest = floor(steps + 0.5);
-        g->plan.event_tick[effect] = INT64_MAX;
-        g->plan.event_fraction[effect] = 0.0;
-        if (fabs(steps) < 4.6e18) {
-            const double whole = fabs(steps - nearest) <= GYRO_ON_GRID ? nearest : floor(steps);
-            g->plan.event_tick[effect] = (int64_t)whole;
-            g->plan.event_fraction[effect] = whole == nearest && steps <= nearest ? 0.0 : steps - whole;
-            g->plan.any_event = 1;
-        }
-    }
 }
 
 static gyro_status plan_delay(gyro_instance *g)
@@ -82,7 +60,7 @@ gyro_status gyro_prepare(gyro_instance *g)
         view->inverse_mass = 1.0 / g->value[GYRO_M];
         view->t = gyro_time(g);
         find_active(view);
-        plan_events(g);
+        gyro_plan_events(g);
         gyro_pass_events(g, g->memory.tick, 0.0);
         g->plan.any_draw = 0;
         for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {

@@ -51,9 +51,6 @@ struct gyro_instance {
     char message[GYRO_MESSAGE_SIZE];
 };
 
-/* Sets the switches of the view for the events that have passed at `fraction` of internal step `tick`. */
-void gyro_pass_events(gyro_instance *g, int64_t tick, double fraction);
-
 #if defined(__GNUC__)
 #pragma GCC visibility pop
 #endif

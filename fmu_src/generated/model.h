@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{52b28748-93e5-fe9b-94f2-6f0f347c0883}"
+#define GYRO_TOKEN "{b27e3fa6-0c54-f143-57c4-b8bc5f1de013}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
