@@ -59,6 +59,7 @@ gyro_status gyro_prepare(gyro_instance *g)
         memcpy(view->p, g->value, sizeof view->p);
         view->inverse_mass = 1.0 / g->value[GYRO_M];
         view->t = gyro_time(g);
+        view->step_start = view->t;
         find_active(view);
         gyro_plan_events(g);
         gyro_pass_events(g, g->memory.tick, 0.0);
@@ -66,7 +67,7 @@ gyro_status gyro_prepare(gyro_instance *g)
         for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
             g->plan.any_draw |= (unsigned char)(streams[effect] != 0u && view->active[effect]);
         }
-        g->plan.any_lag = lag_time_constant(view) > 0.0;
+        g->plan.any_lag = (unsigned char)lag_acts(view);
         status = plan_delay(g);
     }
     return status;
@@ -78,7 +79,8 @@ void gyro_list_parts(gyro_instance *g, gyro_part parts[])
     parts[1] = (gyro_part){&g->memory, sizeof g->memory};
     parts[2] = (gyro_part){g->view.s, sizeof g->view.s};
     parts[3] = (gyro_part){g->view.normal, sizeof g->view.normal};
-    parts[4] = (gyro_part){g->delay_line, g->delay_length * sizeof *g->delay_line};
+    parts[4] = (gyro_part){g->view.lagging, sizeof g->view.lagging};
+    parts[5] = (gyro_part){g->delay_line, g->delay_length * sizeof *g->delay_line};
 }
 
 const char *gyro_infinite_state(const gyro_instance *g)

@@ -26,7 +26,7 @@ typedef struct {
     unsigned char any_draw;
 } gyro_plan;
 
-/* Changes with time. With the values, the states and normal numbers of the view, and the delay line, it is all that a snapshot holds. */
+/* Changes with time. With the values, the states, lagging quantities and normal numbers of the view, and the delay line, it is all that a snapshot holds. */
 typedef struct {
     double start_time;       /* s */
     int64_t started;         /* 1 after gyro_start */
@@ -38,8 +38,8 @@ typedef struct {
     double lagged[2];        /* voltage after the amplifier's lag, V */
 } gyro_memory;
 
-/* Parts of a snapshot: values, memory, states, noise, delay line. */
-enum { GYRO_N_PARTS = 5 };
+/* Parts of a snapshot: values, memory, states, noise, lagging quantities, delay line. */
+enum { GYRO_N_PARTS = 6 };
 
 struct gyro_instance {
     double value[GYRO_N_VARIABLES]; /* as set and as last put out, SI, by value reference */

@@ -17,7 +17,7 @@ from xml.etree import ElementTree as ET
 
 import platformdirs
 
-from gyro_model import generate_c, generate_docs, generate_envelope, generate_xml
+from gyro_model import generate_c, generate_docs, generate_effects, generate_envelope, generate_xml
 from gyro_model.envelope import EnvelopeModel, envelope_model
 from gyro_model.errors import InputError
 from gyro_model.model import Model, load_model
@@ -78,7 +78,7 @@ def _generated_files(model: Model, token: str) -> dict[str, str]:
     files = {
         f"{GENERATED}/model.h": generate_c.header(model, token),
         f"{GENERATED}/model.c": generate_c.table(model),
-        EFFECTS: generate_c.effects(model),
+        EFFECTS: generate_effects.effects(model),
     }
     if isinstance(model, EnvelopeModel):
         files[f"{GENERATED}/envelope.h"] = generate_envelope.envelope(model)

@@ -12,17 +12,9 @@ from sympy import Expr, Symbol, diff, simplify
 
 from gyro_model import symbols
 from gyro_model.anatomy import SLOTS, Effect, Force, Map, Q, U, V
+from gyro_model.c_printing import STAMP, effect_macro, state_macro
 from gyro_model.errors import InputError
-from gyro_model.generate_c import (
-    STAMP,
-    _added_forces,
-    _call,
-    _effect_macro,
-    _guarded,
-    _is_drawn,
-    _slot,
-    _state_macro,
-)
+from gyro_model.generate_effects import _added_forces, _call, _guarded, _is_drawn, _slot
 from gyro_model.model import Model
 
 _NAMES = tuple(SLOTS)
@@ -102,20 +94,20 @@ def _limiting(maps: Sequence[Map]) -> list[Map]:
 
 
 def _any(name: str, text: str, members: Sequence[Effect]) -> str:
-    tests = " || ".join(f"g->active[{_effect_macro(e)}]" for e in members)
+    tests = " || ".join(f"g->active[{effect_macro(e)}]" for e in members)
     body = f"    return {tests};\n" if tests else "    (void)g;\n    return 0;\n"
     return f"/* Whether {text}. */\nstatic inline int any_{name}(const gyro_view *g)\n{{\n{body}}}\n"
 
 
 def _list(name: str, text: str, members: Sequence[Effect]) -> str:
-    entries = ", ".join([*map(_effect_macro, members), "GYRO_N_EFFECTS"])
+    entries = ", ".join([*map(effect_macro, members), "GYRO_N_EFFECTS"])
     return f"/* The {text}; GYRO_N_EFFECTS ends the list. */\nstatic const int {name}[] = {{{entries}}};\n"
 
 
 def _straight_rate(model: Model, added: Sequence[Force]) -> str:
     nominal = "".join(f"    {_call(e)}" for e in model.forces if e.nominal)
     others = "".join(_guarded(e, _call(e)) for e in added)
-    quiet = "".join(f"    rate[{_state_macro(s.symbol)}] = 0.0;\n" for s in model.states)
+    quiet = "".join(f"    rate[{state_macro(s.symbol)}] = 0.0;\n" for s in model.states)
     return f"""/* Rate [SI/s] of every state by the straight forces alone, shape (GYRO_N_STATES). */
 static inline void straight_rate(const gyro_view *g, double rate[GYRO_N_STATES])
 {{

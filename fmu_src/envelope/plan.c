@@ -16,6 +16,7 @@ gyro_status gyro_prepare(gyro_instance *g)
         memcpy(view->p, g->value, sizeof view->p);
         view->inverse_mass = 1.0 / g->value[GYRO_M];
         view->t = gyro_time(g);
+        view->step_start = view->t;
         find_active(view);
         gyro_plan_events(g);
         gyro_pass_events(g, g->memory.tick, 0.0);
@@ -27,7 +28,7 @@ void gyro_list_parts(gyro_instance *g, gyro_part parts[])
 {
     parts[0] = (gyro_part){g->value, sizeof g->value};
     parts[1] = (gyro_part){&g->memory, sizeof g->memory};
-    parts[2] = (gyro_part){NULL, 0};
+    parts[2] = (gyro_part){g->view.lagging, sizeof g->view.lagging};
 }
 
 const char *gyro_infinite_state(const gyro_instance *g)

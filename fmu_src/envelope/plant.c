@@ -4,8 +4,6 @@
 
 #include <string.h>
 
-#include "noise.h"
-
 static const double TWO_PI = 6.283185307179586;
 
 /* m²; an amplitude of 1e-30 m is none, and its inverse square is still a number. */
@@ -15,11 +13,23 @@ static const double NO_MOTION = 1e-60;
 static void take_inputs(gyro_instance *g)
 {
     gyro_view *view = &g->view;
-    for (int vr = 0; vr < GYRO_N_VARIABLES && gyro_variables[vr].kind == GYRO_INPUT; vr++) {
+    for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
         view->p[vr] = g->value[vr];
     }
-    view->p[GYRO_TEMPERATURE_STRUCTURE] = g->value[GYRO_TEMPERATURE];
-    view->p[GYRO_TEMPERATURE_CIRCUIT] = g->value[GYRO_TEMPERATURE];
+    take_made(view, g->value);
+    if (g->memory.tick == 0) {
+        /* What holds in the first step has held before. */
+        start_lagging(view, g->value);
+    }
+}
+
+/* Parameters at time `t` of the present step [s]. */
+static void apply_laws_at(gyro_instance *g, double t)
+{
+    g->view.t = t;
+    if (g->view.any_law) {
+        apply_laws(&g->view, g->value);
+    }
 }
 
 double gyro_carrier(const gyro_instance *g) { return TWO_PI * g->value[GYRO_CARRIER_FREQUENCY]; }
@@ -259,10 +269,7 @@ static void move(gyro_instance *g, double start, double step)
     gyro_view *view = &g->view;
     const pair before = g->memory.q.part[0];
     gyro_harmonics u;
-    view->t = start + 0.5 * step;
-    if (view->any_law) {
-        apply_laws(view, g->value);
-    }
+    apply_laws_at(g, start + 0.5 * step);
     gyro_actuate(g, &u);
     const motion m = straight_motion(g);
     if (any_curved_force(view)) {
@@ -291,15 +298,14 @@ static void move_one_tick(gyro_instance *g)
         }
     }
     g->memory.tick++;
+    apply_laws_at(g, gyro_time(g));
+    g->view.step_start = g->view.t;
+    memcpy(g->view.lagging, g->view.lagging_now, sizeof g->view.lagging);
 }
 
 static void put_out(gyro_instance *g)
 {
     const gyro_harmonics *q = &g->memory.q;
-    g->view.t = gyro_time(g);
-    if (g->view.any_law) {
-        apply_laws(&g->view, g->value);
-    }
     gyro_sense(g);
     g->value[GYRO_X_I] = q->part[0].e[0].re;
     g->value[GYRO_X_Q] = q->part[0].e[0].im;
@@ -319,6 +325,8 @@ void gyro_first_sample(gyro_instance *g)
         memory->q_dot.e[axis] = times(number_of(0.0, gyro_carrier(g)), memory->q.part[0].e[axis]);
     }
     take_inputs(g);
+    g->view.step_start = g->memory.start_time;
+    apply_laws_at(g, g->memory.start_time);
     put_out(g);
 }
 

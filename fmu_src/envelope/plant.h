@@ -23,7 +23,7 @@ typedef struct {
     unsigned char any_event;
 } gyro_plan;
 
-/* Changes with time; with the values it is all that a snapshot holds. Amplitudes as (x, y). */
+/* Changes with time; with the values and what lags it is all that a snapshot holds. Amplitudes as (x, y). */
 typedef struct {
     double start_time;   /* s */
     int64_t started;     /* 1 after gyro_start */
@@ -39,7 +39,7 @@ typedef struct {
     matrix gathered;     /* root of the covariance that it makes in a step, m */
 } gyro_memory;
 
-/* Parts of a snapshot: values, memory, and nothing of a length of its own. */
+/* Parts of a snapshot: values, memory, lagging quantities. */
 enum { GYRO_N_PARTS = 3 };
 
 struct gyro_instance {

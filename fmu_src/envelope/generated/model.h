@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{fe86ef3d-4a78-2a15-0c6f-78803c4b7a11}"
+#define GYRO_TOKEN "{5efa853f-ea28-0689-07a5-5479ab76c497}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -88,10 +88,14 @@ enum {
     GYRO_TCD = 74, /* [1/K] size: temperature coefficient of damping */
     GYRO_THERMAL_FORCE = 75, /* [1] size: thermal noise force times this (1: physical) */
     GYRO_TCG = 76, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_TCK = 77, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 78, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 79, /* [K] shape: temperature at which parameters are as given */
-    GYRO_N_VARIABLES = 80
+    GYRO_STRUCTURE_LAG = 77, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 78, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 79, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 80, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 81, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 82, /* [K] shape: temperature at which parameters are as given */
+    GYRO_N_INPUTS = 10, /* which come first */
+    GYRO_N_VARIABLES = 83
 };
 
 /* Continuous states. */
@@ -103,6 +107,13 @@ enum {
     GYRO_STATE_PARASITIC = 4, /* [m] */
     GYRO_STATE_PARASITIC_DOT = 5, /* [m/s] */
     GYRO_N_STATES = 6
+};
+
+/* Quantities that may lag. */
+enum {
+    GYRO_LAGGING_TEMPERATURE_STRUCTURE = 0,
+    GYRO_LAGGING_TEMPERATURE_CIRCUIT = 1,
+    GYRO_N_LAGGING = 2
 };
 
 /* Effects, those of the nominal device first. */
@@ -139,8 +150,10 @@ enum {
     GYRO_EFFECT_THERMAL_DAMPING = 29,
     GYRO_EFFECT_THERMAL_FORCE = 30,
     GYRO_EFFECT_THERMAL_GAIN = 31,
-    GYRO_EFFECT_THERMAL_STIFFNESS = 32,
-    GYRO_N_EFFECTS = 33
+    GYRO_EFFECT_THERMAL_LAG = 32,
+    GYRO_EFFECT_THERMAL_PHASE = 33,
+    GYRO_EFFECT_THERMAL_STIFFNESS = 34,
+    GYRO_N_EFFECTS = 35
 };
 
 typedef enum { GYRO_INPUT, GYRO_PARAMETER, GYRO_OUTPUT } gyro_kind;
