@@ -11,6 +11,8 @@ static void take_inputs(gyro_instance *g)
     gyro_view *view = &g->view;
     for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
         view->p[vr] = g->value[vr];
+        view->change[vr] = g->memory.tick > 0 ? g->value[vr] - g->memory.held[vr] : 0.0;
+        g->memory.held[vr] = g->value[vr];
     }
     take_made(view, g->value);
     if (g->memory.tick == 0) {
@@ -229,6 +231,7 @@ void gyro_tick(gyro_instance *g, int64_t ticks)
     double before[GYRO_N_STATES];
     take_inputs(g);
     refresh(view, g->value);
+    kick(view);
     for (int64_t i = 0; i < ticks; i++) {
         find_force(g);
         for (int k = 0; g->plan.any_lag && k < GYRO_N_STATES; k++) {

@@ -94,6 +94,13 @@ class Dynamics:
         return tuple(rate.subs(self._laws, simultaneous=True) for rate in rates)
 
     @cached_property
+    def jumps(self) -> tuple[Expr, Expr]:
+        """By how much x_dot and y_dot jump where a held input changes by ``omega_z_change`` [m/s]."""
+        impulses = [e.impulse for e in self._of(Force) if e.impulse is not None]
+        total = (sum((i[axis] for i in impulses), symbols.t * 0) / symbols.m for axis in (0, 1))
+        return self._lawful(total)
+
+    @cached_property
     def voltage(self) -> tuple[Expr, Expr]:
         """Voltage before the amplifier's lag [V]. What feeds through is the force as the actuators give it."""
         names = list(SLOTS)

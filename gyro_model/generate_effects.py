@@ -4,9 +4,9 @@ printed as they stand in the effect files, one function each, nothing shared bet
 import re
 import textwrap
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
-from sympy import Symbol
+from sympy import Expr, Symbol
 
 from gyro_model import symbols
 from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map
@@ -29,8 +29,8 @@ class _Locals:
             zip(symbols.STATES, ("m", "m/s", "m", "m/s"), strict=True)
         )
 
-    def declare(self, effect: Effect, exclude: Iterable[Symbol] = ()) -> str:
-        used = sorted(effect.symbols - set(exclude), key=lambda symbol: symbol.name)
+    def declare(self, effect: Effect, exprs: Iterable[Expr]) -> str:
+        used = sorted(set().union(*(expr.free_symbols for expr in exprs)), key=lambda symbol: symbol.name)
         return "".join(f"    const double {s.name} = {self._place(s, effect)};\n" for s in used)
 
     def _place(self, symbol: Symbol, effect: Effect) -> str:
@@ -40,6 +40,8 @@ class _Locals:
                 return f"g->{array}[{pair.index(symbol)}]"
         if symbol in self.units:
             return f"g->s[{state_macro(symbol)}]"
+        if symbol in symbols.CHANGES:
+            return f"g->change[{macro(symbols.CHANGES[symbol].name)}]"
         if symbol == symbols.t:
             return "g->t"
         if symbol == symbols.after:
@@ -57,7 +59,15 @@ def effects(model: Model) -> str:
     parts += [_follow(e) for e in _follows(model)]
     parts += [_law(e, place) for e in model.laws]
     parts += [_map(e, place) for e in model.effects if isinstance(e, Map)]
-    parts += [_activity(model), _streams(model), _events(model), _laws(model), _holds(model), _derivative(model)]
+    parts += [
+        _activity(model),
+        _streams(model),
+        _events(model),
+        _laws(model),
+        _holds(model),
+        _derivative(model),
+        _kick(model),
+    ]
     parts += [_stage(model, *stage) for stage in _STAGES]
     return f"{STAMP}\n#ifndef GYRO_EFFECTS_H\n#define GYRO_EFFECTS_H\n\n" + "\n".join(parts) + "\n#endif\n"
 
@@ -75,6 +85,7 @@ typedef struct {
     double held[2];                       /* noise force, held until the next sample, N */
     double q[2];                          /* displacement on its way to the pickoff, m */
     double v[2];                          /* voltage on its way to the converter, V */
+    double change[GYRO_N_INPUTS];         /* by how much each held input has just changed, SI */
     double t;                             /* time, s */
     double step_start;                    /* start of the internal step, s */
     double lagging[GYRO_N_LAGGING];       /* quantities that lag, at the start of the internal step, SI */
@@ -114,14 +125,23 @@ def _function(effect: Effect, arguments: str, body: str) -> str:
 
 
 def _force(effect: Force, place: _Locals) -> str:
-    body = place.declare(effect)
-    for axis, name in enumerate("xy"):
-        if effect.terms()[f"force_{name}"] != 0:
-            body += f"    force[{axis}] += {c_expression(effect.terms()[f'force_{name}'])};\n"
+    terms = effect.terms()
+    body = place.declare(effect, (expr for name, expr in terms.items() if not name.startswith("impulse")))
+    body += _added("force", terms)
     for state in effect.states:
         body += f"    rate[{state_macro(state.symbol)}] = {c_expression(state.rate)};\n"
     rate = ", double *rate" if effect.states else ""
-    return _function(effect, f"const gyro_view *g, double force[2]{rate}", body)
+    function = _function(effect, f"const gyro_view *g, double force[2]{rate}", body)
+    if effect.impulse:
+        declared = place.declare(effect, (terms["impulse_x"], terms["impulse_y"]))
+        head = f"static inline void impulse_{effect.id}(const gyro_view *g, double impulse[2])"
+        function += f"\n{head}\n{{\n{declared}{_added('impulse', terms)}}}\n"
+    return function
+
+
+def _added(what: str, terms: Mapping[str, Expr]) -> str:
+    pair = (terms[f"{what}_x"], terms[f"{what}_y"])
+    return "".join(f"    {what}[{axis}] += {c_expression(expr)};\n" for axis, expr in enumerate(pair) if expr != 0)
 
 
 def _follow(effect: Follow) -> str:
@@ -134,12 +154,14 @@ def _follow(effect: Follow) -> str:
 
 def _law(effect: Law, place: _Locals) -> str:
     lines = "".join(f"    g->p[{macro(name)}] = {c_expression(expr)};\n" for name, expr in effect.terms().items())
-    return _function(effect, "gyro_view *g", place.declare(effect) + lines)
+    return _function(effect, "gyro_view *g", place.declare(effect, effect.terms().values()) + lines)
 
 
 def _map(effect: Map, place: _Locals) -> str:
     lines = "".join(f"    out[{axis}] = {c_expression(expr)};\n" for axis, expr in enumerate(effect.terms().values()))
-    return _function(effect, "const gyro_view *g, double out[2]", place.declare(effect) + lines)
+    return _function(
+        effect, "const gyro_view *g, double out[2]", place.declare(effect, effect.terms().values()) + lines
+    )
 
 
 def _activity(model: Model) -> str:
@@ -253,6 +275,17 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
     rate[GYRO_STATE_Y_DOT] = force[1] * g->inverse_mass;
 }}
 """
+
+
+def _kick(model: Model) -> str:
+    pushed = "".join(_guarded(e, f"impulse_{e.id}(g, impulse);\n") for e in model.forces if e.impulse)
+    return (
+        "/* The velocities jump by the impulses that a change of the held inputs gives. */\n"
+        "static inline void kick(gyro_view *g)\n"
+        f"{{\n    double impulse[2] = {{0.0, 0.0}};\n{textwrap.indent(pushed, '    ')}"
+        "    g->s[GYRO_STATE_X_DOT] += impulse[0] * g->inverse_mass;\n"
+        "    g->s[GYRO_STATE_Y_DOT] += impulse[1] * g->inverse_mass;\n}\n"
+    )
 
 
 def _call(effect: Force) -> str:

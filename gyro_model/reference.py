@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from sympy import Expr, Symbol, lambdify
 
 from gyro_model import symbols
-from gyro_model.anatomy import Lag, Law
+from gyro_model.anatomy import Delay, Lag, Law
 from gyro_model.device import Device
 from gyro_model.dynamics import Dynamics, normals_of
 from gyro_model.errors import InputError
@@ -64,6 +64,7 @@ class _Simulation:
         self.at_once = {f.state: f.source for f in self.dynamics.followers if self.values[f.time_constant.name] == 0}
         self.temperatures = self._compiled(self.dynamics.temperatures)
         self.rate = self._compiled(self.dynamics.rates)
+        self.jumps = self._compiled(self.dynamics.jumps)
         self.voltage = self._compiled(self.dynamics.voltage)
         self.sample = self._compiled(self.dynamics.sample)
         self.delay = float(self.dynamics.delay.subs(self.by_symbol))
@@ -81,6 +82,7 @@ class _Simulation:
             list(self.dynamics.states),
             [symbols.v_x, symbols.v_y],
             held,
+            list(symbols.CHANGES),
             drawn,
             switches,
         )
@@ -96,12 +98,14 @@ class _Simulation:
             u[0] if name == "u_x" else u[1] if name == "u_y" else float(values[k])
             for name, values in self.inputs.items()
         ]
+        steps = (self.inputs[name.name] for name in symbols.CHANGES.values())
+        changes = [float(values[k] - values[max(k - 1, 0)]) for values in steps]
         drawn = [number for e in self.dynamics.effects for number in self.normals(e.id, sample)]
         switches = [
             float(isinstance(e, Law) and e.event is not None and t >= self.values[e.event.name])
             for e in self.dynamics.effects
         ]
-        return held, drawn, switches
+        return held, changes, drawn, switches
 
     def _force(self, t: float) -> tuple[float, float]:
         """The force at the mass at time ``t``: the one commanded ``delay`` ago, before the start the first."""
@@ -138,6 +142,7 @@ class _Simulation:
         for k, t in enumerate(self.t):
             rows.append(self._row(k, t, state, acting))
             if k + 1 < len(self.t):
+                state[[1, 3]] += self.jumps(t, state[: len(self.names)], [0, 0], *self._context(k, t, acting, k))
                 border = [t, *self._switches(t, self.t[k + 1]), self.t[k + 1]]
                 for begin, end in pairwise(border):
                     acting = self._force(0.5 * (begin + end))
@@ -181,12 +186,13 @@ def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Map
     """Derivatives of the states at ``t`` by the parameters ``names``: shape (n, states, len(names)), by the
     variational equation.
 
-    S' = (∂f/∂s) S + ∂f/∂p, S = 0 at the start. Raises InputError as ``simulate`` does, and for a device with delayed
-    forces.
+    S' = (∂f/∂s) S + ∂f/∂p, S = 0 at the start. Raises InputError as ``simulate`` does, and for a device with a
+    delay, a lag or impulses.
     """
     simulation = _Simulation(device, t, inputs, no_noise)
-    if simulation.delay > 0 or simulation.lagging:
-        raise InputError("sensitivities: set actuator_delay and amplifier_time_constant to 0 first")
+    left_out = [e.id for e in simulation.dynamics.effects if isinstance(e, (Delay, Lag)) or getattr(e, "impulse", None)]
+    if left_out:
+        raise InputError(f"sensitivities: {', '.join(left_out)} not covered; switch off first")
     dynamics, n = simulation.dynamics, len(simulation.names)
     by_state = simulation._compiled(tuple(dynamics.state_jacobian()))
     by_parameter = simulation._compiled(tuple(dynamics.parameter_jacobian(names)))

@@ -27,6 +27,10 @@ u_x, u_y, v_x, v_y = BY_NAME["u_x"], BY_NAME["u_y"], BY_NAME["v_x"], BY_NAME["v_
 
 q_x, q_y = Symbol("q_x", real=True), Symbol("q_y", real=True)
 
+omega_z_change = Symbol("omega_z_change", real=True)
+CHANGES = {omega_z_change: omega_z}
+"""The step [of its unit] by which a held input has just changed, and the input; an impulse is written in it."""
+
 t = Symbol("t", real=True)
 """Time [s]."""
 

@@ -15,12 +15,33 @@ static void take_inputs(gyro_instance *g)
     gyro_view *view = &g->view;
     for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
         view->p[vr] = g->value[vr];
+        view->change[vr] = g->memory.tick > 0 ? g->value[vr] - g->memory.held[vr] : 0.0;
+        g->memory.held[vr] = g->value[vr];
     }
     take_made(view, g->value);
     if (g->memory.tick == 0) {
         /* What holds in the first step has held before. */
         start_lagging(view, g->value);
     }
+}
+
+/* The amplitudes jump by the impulses that a change of the held inputs gives: velocities by J/m, displacements by B J. */
+static void jolt(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    gyro_memory *memory = &g->memory;
+    double jump[2][2];
+    for (int quadrature = 0; quadrature < 2; quadrature++) {
+        memset(view->s, 0, sizeof view->s);
+        view->s[GYRO_STATE_X] = *part_of(&memory->q.part[0].e[0], quadrature);
+        view->s[GYRO_STATE_Y] = *part_of(&memory->q.part[0].e[1], quadrature);
+        kick(view);
+        jump[0][quadrature] = view->s[GYRO_STATE_X_DOT];
+        jump[1][quadrature] = view->s[GYRO_STATE_Y_DOT];
+    }
+    const double m = g->value[GYRO_M];
+    const pair impulse = {{{m * jump[0][0], m * jump[0][1]}, {m * jump[1][0], m * jump[1][1]}}};
+    memory->q.part[0] = pair_plus(memory->q.part[0], apply(memory->slow.input, impulse));
 }
 
 /* Parameters at time `t` of the present step [s]. */
@@ -333,6 +354,9 @@ void gyro_first_sample(gyro_instance *g)
 void gyro_tick(gyro_instance *g, int64_t ticks)
 {
     take_inputs(g);
+    if (any_impulse(&g->view)) {
+        jolt(g);
+    }
     for (int64_t i = 0; i < ticks; i++) {
         move_one_tick(g);
     }

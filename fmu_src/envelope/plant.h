@@ -30,6 +30,7 @@ typedef struct {
     int64_t tick;        /* internal steps since the start */
     int64_t calls;       /* calls of gyro_advance */
     double next_time;    /* end of the latest step as the importer adds it up, s */
+    double held[GYRO_N_INPUTS]; /* inputs of the latest step, SI */
     gyro_harmonics q;    /* displacement, m */
     pair q_dot;          /* velocity at the carrier, m/s */
     gyro_slow slow;      /* motion of the latest step */

@@ -10,8 +10,6 @@ void gyro_draw(const gyro_instance *g, int effect, int quadrature, double normal
     gyro_normal_pair((uint32_t)g->value[GYRO_SEED], streams[effect], 2u * (uint64_t)g->memory.tick + (uint64_t)quadrature, normal);
 }
 
-static double *part_of(number *a, int quadrature) { return quadrature == 0 ? &a->re : &a->im; }
-
 void gyro_actuate(gyro_instance *g, gyro_harmonics *u)
 {
     gyro_view *view = &g->view;

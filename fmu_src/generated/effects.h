@@ -16,6 +16,7 @@ typedef struct {
     double held[2];                       /* noise force, held until the next sample, N */
     double q[2];                          /* displacement on its way to the pickoff, m */
     double v[2];                          /* voltage on its way to the converter, V */
+    double change[GYRO_N_INPUTS];         /* by how much each held input has just changed, SI */
     double t;                             /* time, s */
     double step_start;                    /* start of the internal step, s */
     double lagging[GYRO_N_LAGGING];       /* quantities that lag, at the start of the internal step, SI */
@@ -143,6 +144,35 @@ static inline void effect_electrostatic_softening(const gyro_view *g, double for
     const double y = g->s[GYRO_STATE_Y];
     force[0] += softening*v_bias*v_bias*x/((1 - x*x/(electrode_gap*electrode_gap))*(1 - x*x/(electrode_gap*electrode_gap)));
     force[1] += softening*v_bias*v_bias*y/((1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap)));
+}
+
+/* The frame of the package turns: the centrifugal force, and the Euler force where the rate changes.
+
+       F_x = m Ω² x, F_y = m Ω² y; at each change ΔΩ of the held rate x' += ΔΩ y, y' -= ΔΩ x
+
+   With the Coriolis force this is Newton's law seen from a turning frame, -2 Ω×v - Ω×(Ω×r) - Ω'×r (H. Goldstein, Classical
+   Mechanics, 1950, section 4-9); a rate held in steps makes Ω' a pulse, of which the velocity jump is the integral.
+   SYSTEM.md section 8. */
+static inline void effect_frame_rotation(const gyro_view *g, double force[2])
+{
+    const double frame_rotation = g->p[GYRO_FRAME_ROTATION];
+    const double m = g->p[GYRO_M];
+    const double omega_z = g->p[GYRO_OMEGA_Z];
+    const double x = g->s[GYRO_STATE_X];
+    const double y = g->s[GYRO_STATE_Y];
+    force[0] += frame_rotation*m*omega_z*omega_z*x;
+    force[1] += frame_rotation*m*omega_z*omega_z*y;
+}
+
+static inline void impulse_frame_rotation(const gyro_view *g, double impulse[2])
+{
+    const double frame_rotation = g->p[GYRO_FRAME_ROTATION];
+    const double m = g->p[GYRO_M];
+    const double omega_z_change = g->change[GYRO_OMEGA_Z];
+    const double x = g->s[GYRO_STATE_X];
+    const double y = g->s[GYRO_STATE_Y];
+    impulse[0] += frame_rotation*m*omega_z_change*y;
+    impulse[1] += -frame_rotation*m*omega_z_change*x;
 }
 
 /* The package accelerates, and the mass lags behind.
@@ -592,6 +622,7 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] = g->p[GYRO_CHARGING_VOLTAGE] != 0.0;
     g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH] = g->p[GYRO_FEEDTHROUGH] != 0.0;
     g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] = g->p[GYRO_SOFTENING] != 0.0;
+    g->active[GYRO_EFFECT_FRAME_ROTATION] = g->p[GYRO_FRAME_ROTATION] != 0.0;
     g->active[GYRO_EFFECT_LINEAR_ACCELERATION] = g->p[GYRO_ACCELERATION_GAIN_X] != 0.0 || g->p[GYRO_ACCELERATION_GAIN_Y] != 0.0;
     g->active[GYRO_EFFECT_NONLINEAR_DAMPING] = g->p[GYRO_D2_X] != 0.0 || g->p[GYRO_D2_Y] != 0.0;
     g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE] = g->p[GYRO_PARASITIC_RATIO] != 0.0;
@@ -609,7 +640,7 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_THERMAL_PHASE] = g->p[GYRO_TCP] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_STIFFNESS] = g->p[GYRO_TCK] != 0.0 || g->p[GYRO_TCK_SPLIT] != 0.0;
     g->any_law = g->active[GYRO_EFFECT_THERMAL_LAG] || g->active[GYRO_EFFECT_DAMPING_STEP] || g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] || g->active[GYRO_EFFECT_THERMAL_DAMPING] || g->active[GYRO_EFFECT_THERMAL_GAIN] || g->active[GYRO_EFFECT_THERMAL_PHASE] || g->active[GYRO_EFFECT_THERMAL_STIFFNESS];
-    g->any_force = g->active[GYRO_EFFECT_ANGULAR_GAIN] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_LINEAR_ACCELERATION] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS];
+    g->any_force = g->active[GYRO_EFFECT_ANGULAR_GAIN] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_FRAME_ROTATION] || g->active[GYRO_EFFECT_LINEAR_ACCELERATION] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS];
 }
 
 /* The noise stream of each effect, 0 where it draws none. It is made from the effect's id, so that a new
@@ -634,6 +665,7 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* dielectric_charging: none */
     0u, /* drive_feedthrough: none */
     0u, /* electrostatic_softening: none */
+    0u, /* frame_rotation: none */
     0u, /* linear_acceleration: none */
     0u, /* nonlinear_damping: none */
     0u, /* parasitic_capacitance: none */
@@ -760,6 +792,9 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
         if (g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING]) {
             effect_electrostatic_softening(g, force);
         }
+        if (g->active[GYRO_EFFECT_FRAME_ROTATION]) {
+            effect_frame_rotation(g, force);
+        }
         if (g->active[GYRO_EFFECT_LINEAR_ACCELERATION]) {
             effect_linear_acceleration(g, force);
         }
@@ -777,6 +812,17 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
     rate[GYRO_STATE_Y] = g->s[GYRO_STATE_Y_DOT];
     rate[GYRO_STATE_X_DOT] = force[0] * g->inverse_mass;
     rate[GYRO_STATE_Y_DOT] = force[1] * g->inverse_mass;
+}
+
+/* The velocities jump by the impulses that a change of the held inputs gives. */
+static inline void kick(gyro_view *g)
+{
+    double impulse[2] = {0.0, 0.0};
+    if (g->active[GYRO_EFFECT_FRAME_ROTATION]) {
+        impulse_frame_rotation(g, impulse);
+    }
+    g->s[GYRO_STATE_X_DOT] += impulse[0] * g->inverse_mass;
+    g->s[GYRO_STATE_Y_DOT] += impulse[1] * g->inverse_mass;
 }
 
 /* The force from the command to the mass, after the delay. */

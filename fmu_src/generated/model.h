@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{ff3a828f-a5e9-fdfd-8b59-c4f72f41f8f3}"
+#define GYRO_TOKEN "{d85a84f4-2fd4-a1ab-f4e9-71e5bfcf48cd}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -63,32 +63,33 @@ enum {
     GYRO_FEEDTHROUGH = 49, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
     GYRO_SOFTENING = 50, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
     GYRO_ELECTRODE_GAP = 51, /* [m] shape: gap of the electrodes */
-    GYRO_ACCELERATION_GAIN_X = 52, /* [1] size: part of the package's acceleration that moves the mass, x axis */
-    GYRO_ACCELERATION_GAIN_Y = 53, /* [1] size: part of the package's acceleration that moves the mass, y axis */
-    GYRO_D2_X = 54, /* [N.s/m3] size: nonlinear damping, x axis */
-    GYRO_D2_Y = 55, /* [N.s/m3] size: nonlinear damping, y axis */
-    GYRO_PARASITIC_RATIO = 56, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
-    GYRO_PARASITIC_COUPLING = 57, /* [N/m] size: spring that couples the parasitic mode to x */
-    GYRO_PARASITIC_FREQUENCY = 58, /* [Hz] shape: frequency of the parasitic mode alone */
-    GYRO_PARASITIC_Q = 59, /* [1] shape: quality factor of the parasitic mode */
-    GYRO_PICKOFF_GAIN_MISMATCH = 60, /* [1] size: relative excess of the y pickoff gain */
-    GYRO_PICKOFF_MISALIGNMENT = 61, /* [1] size: part of each displacement that the other pickoff sees */
-    GYRO_PICKOFF_MISMATCH = 62, /* [1] size: relative mismatch of the pair of sensing capacitors */
-    GYRO_PICKOFF_INVERSE_GAP = 63, /* [1/m] size: one over the gap of the sensing capacitors */
-    GYRO_K2_X = 64, /* [N/m2] size: quadratic stiffness, x axis */
-    GYRO_K2_Y = 65, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SENSE_NOISE = 66, /* [V] size: white noise, rms a sample */
-    GYRO_TCD = 67, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 68, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 69, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_STRUCTURE_LAG = 70, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 71, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 72, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 73, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 74, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 75, /* [K] shape: temperature at which parameters are as given */
+    GYRO_FRAME_ROTATION = 52, /* [1] size: centrifugal and Euler force times this (1: physical) */
+    GYRO_ACCELERATION_GAIN_X = 53, /* [1] size: part of the package's acceleration that moves the mass, x axis */
+    GYRO_ACCELERATION_GAIN_Y = 54, /* [1] size: part of the package's acceleration that moves the mass, y axis */
+    GYRO_D2_X = 55, /* [N.s/m3] size: nonlinear damping, x axis */
+    GYRO_D2_Y = 56, /* [N.s/m3] size: nonlinear damping, y axis */
+    GYRO_PARASITIC_RATIO = 57, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
+    GYRO_PARASITIC_COUPLING = 58, /* [N/m] size: spring that couples the parasitic mode to x */
+    GYRO_PARASITIC_FREQUENCY = 59, /* [Hz] shape: frequency of the parasitic mode alone */
+    GYRO_PARASITIC_Q = 60, /* [1] shape: quality factor of the parasitic mode */
+    GYRO_PICKOFF_GAIN_MISMATCH = 61, /* [1] size: relative excess of the y pickoff gain */
+    GYRO_PICKOFF_MISALIGNMENT = 62, /* [1] size: part of each displacement that the other pickoff sees */
+    GYRO_PICKOFF_MISMATCH = 63, /* [1] size: relative mismatch of the pair of sensing capacitors */
+    GYRO_PICKOFF_INVERSE_GAP = 64, /* [1/m] size: one over the gap of the sensing capacitors */
+    GYRO_K2_X = 65, /* [N/m2] size: quadratic stiffness, x axis */
+    GYRO_K2_Y = 66, /* [N/m2] size: quadratic stiffness, y axis */
+    GYRO_SENSE_NOISE = 67, /* [V] size: white noise, rms a sample */
+    GYRO_TCD = 68, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 69, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 70, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_STRUCTURE_LAG = 71, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 72, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 73, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 74, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 75, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 76, /* [K] shape: temperature at which parameters are as given */
     GYRO_N_INPUTS = 7, /* which come first */
-    GYRO_N_VARIABLES = 76
+    GYRO_N_VARIABLES = 77
 };
 
 /* Continuous states. */
@@ -130,23 +131,24 @@ enum {
     GYRO_EFFECT_DIELECTRIC_CHARGING = 16,
     GYRO_EFFECT_DRIVE_FEEDTHROUGH = 17,
     GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 18,
-    GYRO_EFFECT_LINEAR_ACCELERATION = 19,
-    GYRO_EFFECT_NONLINEAR_DAMPING = 20,
-    GYRO_EFFECT_PARASITIC_CAPACITANCE = 21,
-    GYRO_EFFECT_PARASITIC_MODE = 22,
-    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 23,
-    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 24,
-    GYRO_EFFECT_PICKOFF_MISMATCH = 25,
-    GYRO_EFFECT_PICKOFF_NONLINEARITY = 26,
-    GYRO_EFFECT_QUADRATIC_STIFFNESS = 27,
-    GYRO_EFFECT_SENSE_NOISE = 28,
-    GYRO_EFFECT_THERMAL_DAMPING = 29,
-    GYRO_EFFECT_THERMAL_FORCE = 30,
-    GYRO_EFFECT_THERMAL_GAIN = 31,
-    GYRO_EFFECT_THERMAL_LAG = 32,
-    GYRO_EFFECT_THERMAL_PHASE = 33,
-    GYRO_EFFECT_THERMAL_STIFFNESS = 34,
-    GYRO_N_EFFECTS = 35
+    GYRO_EFFECT_FRAME_ROTATION = 19,
+    GYRO_EFFECT_LINEAR_ACCELERATION = 20,
+    GYRO_EFFECT_NONLINEAR_DAMPING = 21,
+    GYRO_EFFECT_PARASITIC_CAPACITANCE = 22,
+    GYRO_EFFECT_PARASITIC_MODE = 23,
+    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 24,
+    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 25,
+    GYRO_EFFECT_PICKOFF_MISMATCH = 26,
+    GYRO_EFFECT_PICKOFF_NONLINEARITY = 27,
+    GYRO_EFFECT_QUADRATIC_STIFFNESS = 28,
+    GYRO_EFFECT_SENSE_NOISE = 29,
+    GYRO_EFFECT_THERMAL_DAMPING = 30,
+    GYRO_EFFECT_THERMAL_FORCE = 31,
+    GYRO_EFFECT_THERMAL_GAIN = 32,
+    GYRO_EFFECT_THERMAL_LAG = 33,
+    GYRO_EFFECT_THERMAL_PHASE = 34,
+    GYRO_EFFECT_THERMAL_STIFFNESS = 35,
+    GYRO_N_EFFECTS = 36
 };
 
 typedef enum { GYRO_INPUT, GYRO_PARAMETER, GYRO_OUTPUT } gyro_kind;

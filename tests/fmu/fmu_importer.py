@@ -24,6 +24,7 @@ NOISY = {
     "circuit_lag": 1e-4,
     "tck": 1e-4,
     "tcp": 1e-8,
+    "frame_rotation": 1.0,
     "x_start": 1e-6,
 }
 OUTPUTS = ("v_x", "v_y", "x", "y", "x_dot", "y_dot")

@@ -22,6 +22,7 @@ _BODY = """
         view.u[i] = signals[i]; view.q[i] = signals[2 + i]; view.v[i] = signals[4 + i];
         view.normal[{effect}][i] = own[2 + i];
     }}
+    view.change[GYRO_OMEGA_Z] = own[4];
     view.t = own[0];
     view.after[{effect}] = own[1];
     {call}
@@ -39,6 +40,8 @@ def _call(effect: Effect) -> str:
     if isinstance(effect, Law):
         copies = (f"out[{i}] = view.p[GYRO_{name.upper()}];" for i, name in enumerate(effect.terms()))
         return f"effect_{effect.id}(&view); " + " ".join(copies)
+    if isinstance(effect, Force) and effect.impulse:
+        return f"effect_{effect.id}(&view, out); impulse_{effect.id}(&view, out + 2);"
     if isinstance(effect, Force) and effect.states:
         rates = (f"out[{2 + i}] = rate[GYRO_STATE_{s.symbol.name.upper()}];" for i, s in enumerate(effect.states))
         return f"double rate[GYRO_N_STATES]; effect_{effect.id}(&view, out, rate); " + " ".join(rates)
@@ -67,7 +70,10 @@ class EffectLibrary:
         s = np.array([values.get(symbol.name, 0.0) for symbol in self.model.state_symbols])
         signals = np.array([values.get(name, 0.0) for name in _SIGNALS])
         own = np.array(
-            [values.get(s.name, 0.0) for s in (symbols.t, symbols.after, symbols.normal_x, symbols.normal_y)]
+            [
+                values.get(s.name, 0.0)
+                for s in (symbols.t, symbols.after, symbols.normal_x, symbols.normal_y, *symbols.CHANGES)
+            ]
         )
         out = np.zeros(2 + len(self.model.states) + len(effect.terms()))
         function = getattr(self.library, f"call_{effect.id}")

@@ -24,6 +24,12 @@ static inline int any_stateful_force(const gyro_view *g)
     return g->active[GYRO_EFFECT_PARASITIC_MODE];
 }
 
+/* Whether a force jolts the motion where a held input changes. */
+static inline int any_impulse(const gyro_view *g)
+{
+    return g->active[GYRO_EFFECT_FRAME_ROTATION];
+}
+
 /* Whether a force is noise. */
 static inline int any_drawn_force(const gyro_view *g)
 {
@@ -80,6 +86,9 @@ static inline void straight_rate(const gyro_view *g, double rate[GYRO_N_STATES])
     effect_suspension(g, force);
     if (g->active[GYRO_EFFECT_ANGULAR_GAIN]) {
         effect_angular_gain(g, force);
+    }
+    if (g->active[GYRO_EFFECT_FRAME_ROTATION]) {
+        effect_frame_rotation(g, force);
     }
     if (g->active[GYRO_EFFECT_LINEAR_ACCELERATION]) {
         effect_linear_acceleration(g, force);
