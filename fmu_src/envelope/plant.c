@@ -194,24 +194,33 @@ static gyro_harmonics curved_forces(gyro_instance *g, const gyro_harmonics *q, p
     return gyro_spectrum(&force);
 }
 
+/* Forces [N] by harmonics, and the mean and harmonics of the motion in memory brought to what they make of it. */
+static gyro_harmonics follow_curves(gyro_instance *g, const gyro_harmonics *u, const motion *m)
+{
+    gyro_memory *memory = &g->memory;
+    const gyro_harmonics f = curved_forces(g, &memory->q, memory->q_dot);
+    gyro_harmonics force = *u;
+    for (int i = 0; i < 2; i++) {
+        force.mean[i] += f.mean[i];
+        for (int h = 2; h <= GYRO_HARMONICS; h++) {
+            force.part[h - 1].e[i] = plus(force.part[h - 1].e[i], f.part[h - 1].e[i]);
+        }
+    }
+    follow_force(g, m, &force, &memory->q);
+    return f;
+}
+
 /* One evaluation of the forces at the motion of memory: the force at the carrier [N] that the coming step holds, and the motion with the
    curved forces in it. Where each depends on its own axis alone, its ratio to the displacement is a stiffness, so that a frequency that is
    pulled by the amplitude is followed exactly; else it is held as a force. */
 static pair find_forces(gyro_instance *g, const gyro_harmonics *u, motion *m)
 {
     gyro_memory *memory = &g->memory;
-    const int curved = any_curved_force(&g->view);
     pair held = u->part[0];
-    if (curved || any_curved_actuator(&g->view)) {
-        gyro_harmonics force = *u;
-        const gyro_harmonics f = curved ? curved_forces(g, &memory->q, memory->q_dot) : (gyro_harmonics){{0.0, 0.0}, {{{{0.0, 0.0}, {0.0, 0.0}}}}};
-        for (int i = 0; i < 2; i++) {
-            force.mean[i] += f.mean[i];
-            for (int h = 2; h <= GYRO_HARMONICS; h++) {
-                force.part[h - 1].e[i] = plus(force.part[h - 1].e[i], f.part[h - 1].e[i]);
-            }
-        }
-        follow_force(g, m, &force, &memory->q);
+    if (any_curved_force(&g->view)) {
+        /* Twice: the harmonics in memory are turned as the amplitude was a step ago, which would feed or drain energy. */
+        follow_curves(g, u, m);
+        const gyro_harmonics f = follow_curves(g, u, m);
         for (int i = 0; i < 2; i++) {
             const number q = memory->q.part[0].e[i];
             if (any_crossed_force(&g->view) || !(square(q) > NO_MOTION)) {
@@ -220,7 +229,7 @@ static pair find_forces(gyro_instance *g, const gyro_harmonics *u, motion *m)
                 m->stiffness.e[i][i] = minus(m->stiffness.e[i][i], scaled(over(f.part[0].e[i], q), g->view.inverse_mass));
             }
         }
-    } else if (m->mean[0] != 0.0 || m->mean[1] != 0.0) {
+    } else if (any_curved_actuator(&g->view) || m->mean[0] != 0.0 || m->mean[1] != 0.0) {
         follow_force(g, m, u, &memory->q);
     } else {
         memory->q.mean[0] = 0.0;

@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{6a9a373f-966a-1fbd-a259-a1fcc93324d3}"
+#define GYRO_TOKEN "{66f38076-ad5f-b869-d643-9c17773cdc61}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
