@@ -161,6 +161,19 @@ static void move_lag(gyro_instance *g, const double *before)
     }
 }
 
+/* The voltage and its rate behind the lag, by the lag's own equation: tau v' = v_in - v. */
+static void pass_lag(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    const double tau = lag_time_constant(view);
+    for (int axis = 0; axis < 2; axis++) {
+        if (tau > 0.0) {
+            view->v_rate[axis] = (view->v[axis] - g->memory.lagged[axis]) / tau;
+        }
+        view->v[axis] = g->memory.lagged[axis];
+    }
+}
+
 static void draw_noise(gyro_instance *g)
 {
     if (g->plan.any_draw) {
@@ -178,13 +191,19 @@ static void take_sample(gyro_instance *g)
 {
     gyro_view *view = &g->view;
     draw_noise(g);
-    if (g->plan.any_lag) {
-        view->v[0] = g->memory.lagged[0];
-        view->v[1] = g->memory.lagged[1];
-    } else {
+    if (view->any_rate) {
+        pick_off_moving(view);
+    } else if (!g->plan.any_lag) {
         pick_off(view);
     }
-    amplify(view);
+    if (g->plan.any_lag) {
+        pass_lag(g);
+    }
+    if (view->any_rate) {
+        amplify_moving(view);
+    } else {
+        amplify(view);
+    }
     convert(view);
     g->value[GYRO_V_X] = view->v[0];
     g->value[GYRO_V_Y] = view->v[1];

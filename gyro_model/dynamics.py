@@ -101,19 +101,42 @@ class Dynamics:
         return self._lawful(total)
 
     @cached_property
-    def voltage(self) -> tuple[Expr, Expr]:
-        """Voltage before the amplifier's lag [V]. What feeds through is the force as the actuators give it."""
+    def _picked_off(self) -> tuple[Expr, Expr]:
+        """Voltage before the amplifier's lag [V], laws not applied."""
         names = list(SLOTS)
         slots = names[names.index("pickoff misalignment") : names.index("amplifier lag")]
         actuated = dict(zip((symbols.u_x, symbols.u_y), self._actuated, strict=True))
-        voltage = self._along(slots, symbols.x, symbols.y)
-        return self._lawful(expr.subs(actuated, simultaneous=True) for expr in voltage)
+        first, second = self._along(slots, symbols.x, symbols.y)
+        return first.subs(actuated, simultaneous=True), second.subs(actuated, simultaneous=True)
+
+    @cached_property
+    def voltage(self) -> tuple[Expr, Expr]:
+        """Voltage before the amplifier's lag [V]. What feeds through is the force as the actuators give it."""
+        return self._lawful(self._picked_off)
+
+    @cached_property
+    def voltage_rate(self) -> tuple[Expr, ...]:
+        """Rate of ``voltage`` along the motion [V/s], parameters and inputs held."""
+        by_time = self._lawful(expr.diff(symbols.t) for expr in self._picked_off)
+        along = [
+            sum(slope * rate for slope, rate in zip(self._lawful(slopes), self.rates, strict=True))
+            for slopes in ([expr.diff(state) for state in self.states] for expr in self._picked_off)
+        ]
+        return tuple(still + moving for still, moving in zip(by_time, along, strict=True))
 
     @cached_property
     def sample(self) -> tuple[Expr, Expr]:
-        """The sample [V] from the voltage ``v_x, v_y`` after the amplifier's lag."""
+        """The sample [V] from ``v_x, v_y, v_x_rate, v_y_rate``: the voltage after the amplifier's lag and its rate."""
         names = list(SLOTS)
-        return self._lawful(self._along(names[names.index("amplifier offset") :], symbols.v_x, symbols.v_y))
+        first = names.index("sampled noise")
+        entering, rates = (symbols.v_x, symbols.v_y), (symbols.v_x_rate, symbols.v_y_rate)
+        amplified = self._along(names[names.index("amplifier offset") : first], *entering)
+        moving = (
+            sum((v.diff(symbol) * rate for symbol, rate in zip(entering, rates, strict=True)), v.diff(symbols.t))
+            for v in amplified
+        )
+        known = dict(zip((*entering, *rates), (*amplified, *moving), strict=True))
+        return self._lawful(v.subs(known, simultaneous=True) for v in self._along(names[first:], *entering))
 
     @cached_property
     def delay(self) -> Expr:

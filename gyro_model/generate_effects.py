@@ -20,11 +20,29 @@ def _comment(text: str) -> str:
     return f"/* {lines[0]}" + (f"\n{body}" if body else "") + " */\n"
 
 
+def _rate_of(symbol: Symbol) -> Symbol:
+    return Symbol(f"{symbol.name}_rate", real=True)
+
+
+_SIGNALS = {
+    symbol: f"{array}[{axis}]"
+    for array, pair in {
+        "u": (symbols.u_x, symbols.u_y),
+        "q": (symbols.q_x, symbols.q_y),
+        "v": (symbols.v_x, symbols.v_y),
+        "q_rate": (_rate_of(symbols.q_x), _rate_of(symbols.q_y)),
+        "v_rate": (symbols.v_x_rate, symbols.v_y_rate),
+    }.items()
+    for axis, symbol in enumerate(pair)
+}
+
+
 class _Locals:
     """Where an effect's symbols live in ``gyro_view``, as declarations of local constants."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
+        self.state_rates = {_rate_of(state): state for state in model.state_symbols}
         self.units = {s.symbol: s.unit for s in model.states} | dict(
             zip(symbols.STATES, ("m", "m/s", "m", "m/s"), strict=True)
         )
@@ -34,10 +52,10 @@ class _Locals:
         return "".join(f"    const double {s.name} = {self._place(s, effect)};\n" for s in used)
 
     def _place(self, symbol: Symbol, effect: Effect) -> str:
-        signals = {"u": (symbols.u_x, symbols.u_y), "q": (symbols.q_x, symbols.q_y), "v": (symbols.v_x, symbols.v_y)}
-        for array, pair in signals.items():
-            if symbol in pair:
-                return f"g->{array}[{pair.index(symbol)}]"
+        if symbol in _SIGNALS:
+            return f"g->{_SIGNALS[symbol]}"
+        if symbol in self.state_rates:
+            return f"g->s_rate[{state_macro(self.state_rates[symbol])}]"
         if symbol in self.units:
             return f"g->s[{state_macro(symbol)}]"
         if symbol in symbols.CHANGES:
@@ -69,6 +87,7 @@ def effects(model: Model) -> str:
         _kick(model),
     ]
     parts += [_stage(model, *stage) for stage in _STAGES]
+    parts += [_stage(model, *stage, moving=True) for stage in _STAGES if stage[0] in ("pick_off", "amplify")]
     return f"{STAMP}\n#ifndef GYRO_EFFECTS_H\n#define GYRO_EFFECTS_H\n\n" + "\n".join(parts) + "\n#endif\n"
 
 
@@ -84,6 +103,9 @@ typedef struct {
     double u[2];                          /* force on its way to the mass, N */
     double held[2];                       /* noise force, held until the next sample, N */
     double q[2];                          /* displacement on its way to the pickoff, m */
+    double s_rate[GYRO_N_STATES];         /* rate of the states at the latest sample, SI/s; where any_rate */
+    double q_rate[2];                     /* rate of q, m/s; where any_rate */
+    double v_rate[2];                     /* rate of v, V/s; where any_rate */
     double v[2];                          /* voltage on its way to the converter, V */
     double change[GYRO_N_INPUTS];         /* by how much each held input has just changed, SI */
     double t;                             /* time, s */
@@ -95,6 +117,7 @@ typedef struct {
     double after[GYRO_N_EFFECTS];         /* 1 from the event of each effect on, 0 before */
     unsigned char active[GYRO_N_EFFECTS]; /* a size parameter differs from neutral */
     unsigned char any_law;
+    unsigned char any_rate; /* the converter asks for the rate of the voltage */
     unsigned char any_force; /* beyond the nominal and the held ones */
 } gyro_view;
 
@@ -159,9 +182,22 @@ def _law(effect: Law, place: _Locals) -> str:
 
 def _map(effect: Map, place: _Locals) -> str:
     lines = "".join(f"    out[{axis}] = {c_expression(expr)};\n" for axis, expr in enumerate(effect.terms().values()))
-    return _function(
-        effect, "const gyro_view *g, double out[2]", place.declare(effect, effect.terms().values()) + lines
-    )
+    declared = place.declare(effect, effect.terms().values())
+    function = _function(effect, "const gyro_view *g, double out[2]", declared + lines)
+    return function + ("\n" + _map_rate(effect, place) if effect.stage in ("pickoff", "amplifier") else "")
+
+
+def _map_rate(effect: Map, place: _Locals) -> str:
+    """The time derivative of a map's output, inputs and parameters held: the chain rule on what moves."""
+    moving = (*SLOTS[effect.slot].enters, *place.model.state_symbols)
+    rates = [
+        sum((expr.diff(symbol) * _rate_of(symbol) for symbol in moving), expr.diff(symbols.t))
+        for expr in effect.terms().values()
+    ]
+    lines = "".join(f"    out[{axis}] = {c_expression(expr)};\n" for axis, expr in enumerate(rates))
+    unused = "" if any(rate.free_symbols for rate in rates) else "    (void)g;\n"
+    head = f"static inline void rate_{effect.id}(const gyro_view *g, double out[2])"
+    return f"{head}\n{{\n{place.declare(effect, rates)}{unused}{lines}}}\n"
 
 
 def _activity(model: Model) -> str:
@@ -172,11 +208,12 @@ def _activity(model: Model) -> str:
         lines.append(f"    g->active[{effect_macro(effect)}] = {' || '.join(tests) or '1'};\n")
     law = " || ".join(f"g->active[{effect_macro(e)}]" for e in (*_follows(model), *model.laws)) or "0"
     force = " || ".join(f"g->active[{effect_macro(e)}]" for e in _added_forces(model)) or "0"
+    rate = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.effects if _asks_rate(e)) or "0"
     return (
         "/* Marks the effects that a size parameter switches on, their own or that of a law which changes one. */\n"
         "static inline void find_active(gyro_view *g)\n{\n"
         + "".join(lines)
-        + f"    g->any_law = {law};\n    g->any_force = {force};\n}}\n"
+        + f"    g->any_law = {law};\n    g->any_rate = {rate};\n    g->any_force = {force};\n}}\n"
     )
 
 
@@ -292,6 +329,10 @@ def _call(effect: Force) -> str:
     return f"effect_{effect.id}(g, force{', rate' if effect.states else ''});\n"
 
 
+def _asks_rate(effect: Effect) -> bool:
+    return bool({symbols.v_x_rate, symbols.v_y_rate} & effect.symbols)
+
+
 def _is_drawn(effect: Effect) -> bool:
     return bool({symbols.normal_x, symbols.normal_y} & effect.symbols)
 
@@ -313,27 +354,38 @@ _STAGES = (
 )
 
 
-def _stage(model: Model, name: str, text: str, first: str, last: str) -> str:
+def _stage(model: Model, name: str, text: str, first: str, last: str, *, moving: bool = False) -> str:
     order = list(SLOTS)
     span = order[order.index(first) : order.index(last) + 1]
-    body = "".join(_slot(slot, members) for slot, members in chain(model) if slot in span)
+    passes = ("_rate", "") if moving else ("",)
+    body = "".join(_slot(slot, members, of) for slot, members in chain(model) if slot in span for of in passes)
     start = "    g->q[0] = g->s[GYRO_STATE_X];\n    g->q[1] = g->s[GYRO_STATE_Y];\n" if name == "pick_off" else ""
+    if moving:
+        name, text = f"{name}_moving", f"{text} And its rate, before each value that it is made from changes."
+        start += _MOVING if start else ""
     declared = "    double out[2];\n" if body else "    (void)g;\n"
     return f"/* {text} */\nstatic inline void {name}(gyro_view *g)\n{{\n{declared}{start}{body}}}\n"
 
 
-def _slot(slot: str, members: Sequence[Map]) -> str:
+_MOVING = """    state_rate(g, g->s_rate);
+    g->q_rate[0] = g->s_rate[GYRO_STATE_X];
+    g->q_rate[1] = g->s_rate[GYRO_STATE_Y];
+"""
+
+
+def _slot(slot: str, members: Sequence[Map], of: str) -> str:
     # Effects that share a slot see the same entering signal, and their changes add up; one alone just replaces the
     # signal, so that a clipped or rounded value is exactly what the effect says.
-    enters, leaves = (re.sub("_x$", "", pair[0].name) for pair in SLOTS[slot])
+    enters, leaves = (re.sub("_x$", of, pair[0].name) for pair in SLOTS[slot])
+    function = "rate" if of else "effect"
     if len(members) == 1:
         [effect] = members
-        assign = f"effect_{effect.id}(g, out);\ng->{leaves}[0] = out[0];\ng->{leaves}[1] = out[1];\n"
+        assign = f"{function}_{effect.id}(g, out);\ng->{leaves}[0] = out[0];\ng->{leaves}[1] = out[1];\n"
         return textwrap.indent(assign if effect.nominal else _guarded(effect, assign), "    ")
     lines = f"const double entering[2] = {{g->{enters}[0], g->{enters}[1]}};\n"
     lines += "double sum[2] = {entering[0], entering[1]};\n"
     for effect in members:
-        add = f"effect_{effect.id}(g, out);\nsum[0] += out[0] - entering[0];\nsum[1] += out[1] - entering[1];\n"
+        add = f"{function}_{effect.id}(g, out);\nsum[0] += out[0] - entering[0];\nsum[1] += out[1] - entering[1];\n"
         lines += _guarded(effect, add)
     lines += f"g->{leaves}[0] = sum[0];\ng->{leaves}[1] = sum[1];\n"
     return "    {\n" + textwrap.indent(lines, "        ") + "    }\n"

@@ -132,6 +132,6 @@ static inline void curved_force(const gyro_view *g, double force[2])
 
 def _maps(name: str, text: str, maps: Sequence[Map], chosen) -> str:  # type: ignore[no-untyped-def]
     slots = [(slot, [e for e in maps if e.slot == slot and chosen(e)]) for slot in OUTPUT]
-    body = "".join(_slot(slot, members) for slot, members in slots if members)
+    body = "".join(_slot(slot, members, "") for slot, members in slots if members)
     declared = "    double out[2];\n" if body else "    (void)g;\n"
     return f"/* {text} */\nstatic inline void {name}(gyro_view *g)\n{{\n{declared}{body}}}\n"

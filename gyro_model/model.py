@@ -47,7 +47,10 @@ class Model:
         self._check_targets()
 
     def _check_symbols(self, effect: Effect) -> None:
-        always = ("t", "after", "normal_x", "normal_y", "q_x", "q_y", *(change.name for change in symbols.CHANGES))
+        private = ("t", "after", "normal_x", "normal_y", "q_x", "q_y")
+        always = {*private, *(change.name for change in symbols.CHANGES)}
+        if isinstance(effect, Map) and effect.stage == "sampled block":
+            always |= {symbols.v_x_rate.name, symbols.v_y_rate.name}
         known = {*self.by_name, *always, *(state.symbol.name for state in self.states)}
         targets = effect.changes if isinstance(effect, Law) else effect.follows if isinstance(effect, Follow) else ()
         for name in sorted(symbol.name for symbol in effect.symbols | set(targets)):

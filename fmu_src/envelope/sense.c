@@ -5,9 +5,11 @@
 #include "noise.h"
 #include "plant.h"
 
-void gyro_draw(const gyro_instance *g, int effect, int quadrature, double normal[2])
+void gyro_draw(const gyro_instance *g, int effect, unsigned index, double normal[2])
 {
-    gyro_normal_pair((uint32_t)g->value[GYRO_SEED], streams[effect], 2u * (uint64_t)g->memory.tick + (uint64_t)quadrature, normal);
+    /* No run is 2^56 ticks long. */
+    const uint64_t counter = (uint64_t)g->memory.tick | (uint64_t)index << 56;
+    gyro_normal_pair((uint32_t)g->value[GYRO_SEED], streams[effect], counter, normal);
 }
 
 void gyro_actuate(gyro_instance *g, gyro_harmonics *u)
@@ -93,23 +95,71 @@ static pair limited(gyro_instance *g, pair v)
     return gyro_spectrum(&voltage).part[0];
 }
 
-/* White noise of variance s² a sample at sample_period T has the density 2 s² T in each quadrature, so that its mean over a step h has the
-   variance 2 s² T/h. */
+/* White noise of variance s² a sample at sample_period T has the density 2 s² T in each quadrature around any harmonic, so that its mean
+   over a step h has the variance 2 s² T/h; half of that around frequency 0. */
+static void draw_white(gyro_instance *g, unsigned index, double scale)
+{
+    for (const int *effect = drawn_samples; *effect < GYRO_N_EFFECTS; effect++) {
+        double *normal = g->view.normal[*effect];
+        if (g->view.active[*effect]) {
+            gyro_draw(g, *effect, index, normal);
+            normal[0] *= scale;
+            normal[1] *= scale;
+        }
+    }
+}
+
+/* Noise that does not depend on the signal passes each quadrature for itself. */
 static void add_white(gyro_instance *g, int quadrature, pair *v)
 {
     gyro_view *view = &g->view;
-    for (const int *effect = drawn_samples; *effect < GYRO_N_EFFECTS; effect++) {
-        if (view->active[*effect]) {
-            gyro_draw(g, *effect, quadrature, view->normal[*effect]);
-            view->normal[*effect][0] *= g->plan.noise_scale;
-            view->normal[*effect][1] *= g->plan.noise_scale;
-        }
-    }
+    draw_white(g, (unsigned)quadrature, g->plan.noise_scale);
     view->v[0] = *part_of(&v->e[0], quadrature);
     view->v[1] = *part_of(&v->e[1], quadrature);
     add_noise(view);
     *part_of(&v->e[0], quadrature) = view->v[0];
     *part_of(&v->e[1], quadrature) = view->v[1];
+}
+
+/* Noise that the signal's rate multiplies is mixed to the carrier from frequency 0 and from twice the carrier: the numbers are made up
+   around the cycle from those slow parts. */
+static void add_mixed(gyro_instance *g, pair *v)
+{
+    gyro_view *view = &g->view;
+    const number iw = number_of(0.0, gyro_carrier(g));
+    const gyro_harmonics sine = {{0.0, 0.0}, {*v}}, rate = {{0.0, 0.0}, {{{times(iw, v->e[0]), times(iw, v->e[1])}}}};
+    gyro_cycle voltage = gyro_around(&sine);
+    const gyro_cycle speed = gyro_around(&rate);
+    gyro_cycle numbers[GYRO_N_EFFECTS];
+    for (const int *effect = drawn_samples; *effect < GYRO_N_EFFECTS; effect++) {
+        gyro_harmonics slow = {{0.0, 0.0}, {{{{0.0, 0.0}, {0.0, 0.0}}}}};
+        double mean[2];
+        gyro_draw(g, *effect, 4, mean);
+        for (int axis = 0; axis < 2; axis++) {
+            slow.mean[axis] = sqrt(0.5) * g->plan.noise_scale * mean[axis];
+        }
+        for (unsigned index = 0; index < 4; index++) {
+            double normal[2];
+            gyro_draw(g, *effect, index, normal);
+            for (int axis = 0; axis < 2; axis++) {
+                *part_of(&slow.part[index / 2].e[axis], (int)index % 2) = g->plan.noise_scale * normal[axis];
+            }
+        }
+        numbers[*effect] = gyro_around(&slow);
+    }
+    for (int k = 0; k < GYRO_PHASES; k++) {
+        for (int axis = 0; axis < 2; axis++) {
+            view->v[axis] = voltage.at[k][axis];
+            view->v_rate[axis] = speed.at[k][axis];
+            for (const int *effect = drawn_samples; *effect < GYRO_N_EFFECTS; effect++) {
+                view->normal[*effect][axis] = numbers[*effect].at[k][axis];
+            }
+        }
+        add_noise(view);
+        voltage.at[k][0] = view->v[0];
+        voltage.at[k][1] = view->v[1];
+    }
+    *v = gyro_spectrum(&voltage).part[0];
 }
 
 /* Rounding of a signal that crosses many steps is white noise: that of any large voltage serves as its draw. */
@@ -118,7 +168,7 @@ static void add_rounding(gyro_instance *g, int quadrature, pair *v)
     static const double LARGE = 1e3; /* V: 1e3 to 1e10 steps of a converter, with as many of the next digits left */
     gyro_view *view = &g->view;
     double voltage[2];
-    gyro_draw(g, rounding_effects[0], quadrature, voltage);
+    gyro_draw(g, rounding_effects[0], (unsigned)quadrature, voltage);
     for (int axis = 0; axis < 2; axis++) {
         voltage[axis] *= LARGE;
         view->v[axis] = voltage[axis];
@@ -142,8 +192,11 @@ void gyro_sense(gyro_instance *g)
     if (any_curved_output(view)) {
         v = limited(g, v);
     }
+    if (view->any_rate) {
+        add_mixed(g, &v);
+    }
     for (int quadrature = 0; quadrature < 2; quadrature++) {
-        if (any_drawn_sample(view)) {
+        if (any_drawn_sample(view) && !view->any_rate) {
             add_white(g, quadrature, &v);
         }
         if (any_rounded_sample(view)) {

@@ -15,6 +15,9 @@ typedef struct {
     double u[2];                          /* force on its way to the mass, N */
     double held[2];                       /* noise force, held until the next sample, N */
     double q[2];                          /* displacement on its way to the pickoff, m */
+    double s_rate[GYRO_N_STATES];         /* rate of the states at the latest sample, SI/s; where any_rate */
+    double q_rate[2];                     /* rate of q, m/s; where any_rate */
+    double v_rate[2];                     /* rate of v, V/s; where any_rate */
     double v[2];                          /* voltage on its way to the converter, V */
     double change[GYRO_N_INPUTS];         /* by how much each held input has just changed, SI */
     double t;                             /* time, s */
@@ -26,6 +29,7 @@ typedef struct {
     double after[GYRO_N_EFFECTS];         /* 1 from the event of each effect on, 0 before */
     unsigned char active[GYRO_N_EFFECTS]; /* a size parameter differs from neutral */
     unsigned char any_law;
+    unsigned char any_rate; /* the converter asks for the rate of the voltage */
     unsigned char any_force; /* beyond the nominal and the held ones */
 } gyro_view;
 
@@ -394,6 +398,16 @@ static inline void effect_ideal_pickoff(const gyro_view *g, double out[2])
     out[1] = q_y*sense_gain_y;
 }
 
+static inline void rate_ideal_pickoff(const gyro_view *g, double out[2])
+{
+    const double q_x_rate = g->q_rate[0];
+    const double q_y_rate = g->q_rate[1];
+    const double sense_gain_x = g->p[GYRO_SENSE_GAIN_X];
+    const double sense_gain_y = g->p[GYRO_SENSE_GAIN_Y];
+    out[0] = q_x_rate*sense_gain_x;
+    out[1] = q_y_rate*sense_gain_y;
+}
+
 /* The y actuator gives another force than commanded.
 
        u_y → u_y (1 + ε)
@@ -481,6 +495,15 @@ static inline void effect_amplifier_drift(const gyro_view *g, double out[2])
     out[1] = offset_drift*t + v_y;
 }
 
+static inline void rate_amplifier_drift(const gyro_view *g, double out[2])
+{
+    const double offset_drift = g->p[GYRO_OFFSET_DRIFT];
+    const double v_x_rate = g->v_rate[0];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = offset_drift + v_x_rate;
+    out[1] = offset_drift + v_y_rate;
+}
+
 /* A constant voltage at the amplifier's output.
 
        v_x → v_x + o_x, v_y → v_y + o_y
@@ -494,6 +517,14 @@ static inline void effect_amplifier_offset(const gyro_view *g, double out[2])
     const double v_y = g->v[1];
     out[0] = offset_x + v_x;
     out[1] = offset_y + v_y;
+}
+
+static inline void rate_amplifier_offset(const gyro_view *g, double out[2])
+{
+    const double v_x_rate = g->v_rate[0];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = v_x_rate;
+    out[1] = v_y_rate;
 }
 
 /* The drive voltage couples into the amplifier's input past the mass.
@@ -512,6 +543,14 @@ static inline void effect_drive_feedthrough(const gyro_view *g, double out[2])
     out[1] = feedthrough*u_y + v_y;
 }
 
+static inline void rate_drive_feedthrough(const gyro_view *g, double out[2])
+{
+    const double v_x_rate = g->v_rate[0];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = v_x_rate;
+    out[1] = v_y_rate;
+}
+
 /* A capacitance to ground at the amplifier's input takes a part of the charge.
 
        v → v/(1 + r), r = c_p/(A c_f), c_f the feedback capacitance and A the open-loop gain
@@ -524,6 +563,15 @@ static inline void effect_parasitic_capacitance(const gyro_view *g, double out[2
     const double v_y = g->v[1];
     out[0] = v_x/(parasitic_ratio + 1);
     out[1] = v_y/(parasitic_ratio + 1);
+}
+
+static inline void rate_parasitic_capacitance(const gyro_view *g, double out[2])
+{
+    const double parasitic_ratio = g->p[GYRO_PARASITIC_RATIO];
+    const double v_x_rate = g->v_rate[0];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = v_x_rate/(parasitic_ratio + 1);
+    out[1] = v_y_rate/(parasitic_ratio + 1);
 }
 
 /* The y pickoff has another gain than stated.
@@ -540,6 +588,15 @@ static inline void effect_pickoff_gain_mismatch(const gyro_view *g, double out[2
     out[1] = v_y*(pickoff_gain_mismatch + 1);
 }
 
+static inline void rate_pickoff_gain_mismatch(const gyro_view *g, double out[2])
+{
+    const double pickoff_gain_mismatch = g->p[GYRO_PICKOFF_GAIN_MISMATCH];
+    const double v_x_rate = g->v_rate[0];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = v_x_rate;
+    out[1] = v_y_rate*(pickoff_gain_mismatch + 1);
+}
+
 /* Each pickoff also sees the other axis.
 
        x → x + ε y, y → y + ε x
@@ -552,6 +609,15 @@ static inline void effect_pickoff_misalignment(const gyro_view *g, double out[2]
     const double q_y = g->q[1];
     out[0] = pickoff_misalignment*q_y + q_x;
     out[1] = pickoff_misalignment*q_x + q_y;
+}
+
+static inline void rate_pickoff_misalignment(const gyro_view *g, double out[2])
+{
+    const double pickoff_misalignment = g->p[GYRO_PICKOFF_MISALIGNMENT];
+    const double q_x_rate = g->q_rate[0];
+    const double q_y_rate = g->q_rate[1];
+    out[0] = pickoff_misalignment*q_y_rate + q_x_rate;
+    out[1] = pickoff_misalignment*q_x_rate + q_y_rate;
 }
 
 /* An unequal pair of sensing capacitors: the signal is not odd in the displacement.
@@ -569,6 +635,18 @@ static inline void effect_pickoff_mismatch(const gyro_view *g, double out[2])
     out[1] = pickoff_inverse_gap*pickoff_mismatch*q_y*q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1) + q_y;
 }
 
+static inline void rate_pickoff_mismatch(const gyro_view *g, double out[2])
+{
+    const double pickoff_inverse_gap = g->p[GYRO_PICKOFF_INVERSE_GAP];
+    const double pickoff_mismatch = g->p[GYRO_PICKOFF_MISMATCH];
+    const double q_x = g->q[0];
+    const double q_x_rate = g->q_rate[0];
+    const double q_y = g->q[1];
+    const double q_y_rate = g->q_rate[1];
+    out[0] = q_x_rate*(2*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_mismatch*q_x*q_x*q_x/((-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)) + 2*pickoff_inverse_gap*pickoff_mismatch*q_x/(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1) + 1);
+    out[1] = q_y_rate*(2*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_mismatch*q_y*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + 2*pickoff_inverse_gap*pickoff_mismatch*q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1) + 1);
+}
+
 /* A gap-closing pair of capacitors: the difference signal grows faster than the displacement.
 
        q → q/(1 - (q/g)²)
@@ -582,6 +660,36 @@ static inline void effect_pickoff_nonlinearity(const gyro_view *g, double out[2]
     const double q_y = g->q[1];
     out[0] = q_x/(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1);
     out[1] = q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1);
+}
+
+static inline void rate_pickoff_nonlinearity(const gyro_view *g, double out[2])
+{
+    const double pickoff_inverse_gap = g->p[GYRO_PICKOFF_INVERSE_GAP];
+    const double q_x = g->q[0];
+    const double q_x_rate = g->q_rate[0];
+    const double q_y = g->q[1];
+    const double q_y_rate = g->q_rate[1];
+    out[0] = q_x_rate*(2*pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x/((-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)) + 1.0/(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1));
+    out[1] = q_y_rate*(2*pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + 1.0/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1));
+}
+
+/* The converter samples a little early or late, by a random time.
+
+       v → v + v' δ, δ normal
+
+   v' is the rate at which the voltage enters the converter. On a sine of amplitude A the noise is A ω σ/√2 rms (IEEE Std
+   1241-2010, section 4.1, aperture uncertainty); SYSTEM.md section 8. */
+static inline void effect_sampling_jitter(const gyro_view *g, double out[2])
+{
+    const double normal_x = g->normal[GYRO_EFFECT_SAMPLING_JITTER][0];
+    const double normal_y = g->normal[GYRO_EFFECT_SAMPLING_JITTER][1];
+    const double sampling_jitter = g->p[GYRO_SAMPLING_JITTER];
+    const double v_x = g->v[0];
+    const double v_x_rate = g->v_rate[0];
+    const double v_y = g->v[1];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = normal_x*sampling_jitter*v_x_rate + v_x;
+    out[1] = normal_y*sampling_jitter*v_y_rate + v_y;
 }
 
 /* White noise of the pickoff and its amplifier, drawn anew at each sample.
@@ -632,6 +740,7 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_PICKOFF_MISMATCH] = g->p[GYRO_PICKOFF_MISMATCH] != 0.0;
     g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY] = g->p[GYRO_PICKOFF_INVERSE_GAP] != 0.0;
     g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] = g->p[GYRO_K2_X] != 0.0 || g->p[GYRO_K2_Y] != 0.0;
+    g->active[GYRO_EFFECT_SAMPLING_JITTER] = g->p[GYRO_SAMPLING_JITTER] != 0.0;
     g->active[GYRO_EFFECT_SENSE_NOISE] = g->p[GYRO_SENSE_NOISE] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_DAMPING] = g->p[GYRO_TCD] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_FORCE] = g->p[GYRO_THERMAL_FORCE] != 0.0;
@@ -640,6 +749,7 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_THERMAL_PHASE] = g->p[GYRO_TCP] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_STIFFNESS] = g->p[GYRO_TCK] != 0.0 || g->p[GYRO_TCK_SPLIT] != 0.0;
     g->any_law = g->active[GYRO_EFFECT_THERMAL_LAG] || g->active[GYRO_EFFECT_DAMPING_STEP] || g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] || g->active[GYRO_EFFECT_THERMAL_DAMPING] || g->active[GYRO_EFFECT_THERMAL_GAIN] || g->active[GYRO_EFFECT_THERMAL_PHASE] || g->active[GYRO_EFFECT_THERMAL_STIFFNESS];
+    g->any_rate = g->active[GYRO_EFFECT_SAMPLING_JITTER];
     g->any_force = g->active[GYRO_EFFECT_ANGULAR_GAIN] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_FRAME_ROTATION] || g->active[GYRO_EFFECT_LINEAR_ACCELERATION] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS];
 }
 
@@ -675,6 +785,7 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* pickoff_mismatch: none */
     0u, /* pickoff_nonlinearity: none */
     0u, /* quadratic_stiffness: none */
+    0x7cf2e683u, /* sampling_jitter */
     0x922a3e3bu, /* sense_noise */
     0u, /* thermal_damping: none */
     0xd9b10be9u, /* thermal_force */
@@ -913,10 +1024,21 @@ static inline void amplify(gyro_view *g)
 static inline void convert(gyro_view *g)
 {
     double out[2];
-    if (g->active[GYRO_EFFECT_SENSE_NOISE]) {
-        effect_sense_noise(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
+    {
+        const double entering[2] = {g->v[0], g->v[1]};
+        double sum[2] = {entering[0], entering[1]};
+        if (g->active[GYRO_EFFECT_SAMPLING_JITTER]) {
+            effect_sampling_jitter(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        if (g->active[GYRO_EFFECT_SENSE_NOISE]) {
+            effect_sense_noise(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        g->v[0] = sum[0];
+        g->v[1] = sum[1];
     }
     if (g->active[GYRO_EFFECT_ADC_CLIPPING]) {
         effect_adc_clipping(g, out);
@@ -925,6 +1047,121 @@ static inline void convert(gyro_view *g)
     }
     if (g->active[GYRO_EFFECT_ADC_QUANTISATION]) {
         effect_adc_quantisation(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+}
+
+/* The voltage before the amplifier's lag, from the displacement. And its rate, before each value that it is made from changes. */
+static inline void pick_off_moving(gyro_view *g)
+{
+    double out[2];
+    g->q[0] = g->s[GYRO_STATE_X];
+    g->q[1] = g->s[GYRO_STATE_Y];
+    state_rate(g, g->s_rate);
+    g->q_rate[0] = g->s_rate[GYRO_STATE_X];
+    g->q_rate[1] = g->s_rate[GYRO_STATE_Y];
+    if (g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT]) {
+        rate_pickoff_misalignment(g, out);
+        g->q_rate[0] = out[0];
+        g->q_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT]) {
+        effect_pickoff_misalignment(g, out);
+        g->q[0] = out[0];
+        g->q[1] = out[1];
+    }
+    {
+        const double entering[2] = {g->q_rate[0], g->q_rate[1]};
+        double sum[2] = {entering[0], entering[1]};
+        if (g->active[GYRO_EFFECT_PICKOFF_MISMATCH]) {
+            rate_pickoff_mismatch(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        if (g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY]) {
+            rate_pickoff_nonlinearity(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        g->q_rate[0] = sum[0];
+        g->q_rate[1] = sum[1];
+    }
+    {
+        const double entering[2] = {g->q[0], g->q[1]};
+        double sum[2] = {entering[0], entering[1]};
+        if (g->active[GYRO_EFFECT_PICKOFF_MISMATCH]) {
+            effect_pickoff_mismatch(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        if (g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY]) {
+            effect_pickoff_nonlinearity(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        g->q[0] = sum[0];
+        g->q[1] = sum[1];
+    }
+    rate_ideal_pickoff(g, out);
+    g->v_rate[0] = out[0];
+    g->v_rate[1] = out[1];
+    effect_ideal_pickoff(g, out);
+    g->v[0] = out[0];
+    g->v[1] = out[1];
+    if (g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH]) {
+        rate_pickoff_gain_mismatch(g, out);
+        g->v_rate[0] = out[0];
+        g->v_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH]) {
+        effect_pickoff_gain_mismatch(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE]) {
+        rate_parasitic_capacitance(g, out);
+        g->v_rate[0] = out[0];
+        g->v_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE]) {
+        effect_parasitic_capacitance(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH]) {
+        rate_drive_feedthrough(g, out);
+        g->v_rate[0] = out[0];
+        g->v_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH]) {
+        effect_drive_feedthrough(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+}
+
+/* The voltage after the amplifier's lag. And its rate, before each value that it is made from changes. */
+static inline void amplify_moving(gyro_view *g)
+{
+    double out[2];
+    if (g->active[GYRO_EFFECT_AMPLIFIER_OFFSET]) {
+        rate_amplifier_offset(g, out);
+        g->v_rate[0] = out[0];
+        g->v_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_AMPLIFIER_OFFSET]) {
+        effect_amplifier_offset(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_AMPLIFIER_DRIFT]) {
+        rate_amplifier_drift(g, out);
+        g->v_rate[0] = out[0];
+        g->v_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_AMPLIFIER_DRIFT]) {
+        effect_amplifier_drift(g, out);
         g->v[0] = out[0];
         g->v[1] = out[1];
     }

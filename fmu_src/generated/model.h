@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{d85a84f4-2fd4-a1ab-f4e9-71e5bfcf48cd}"
+#define GYRO_TOKEN "{6c3134cd-21b2-95a5-ce31-e5b463cd5720}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -78,18 +78,19 @@ enum {
     GYRO_PICKOFF_INVERSE_GAP = 64, /* [1/m] size: one over the gap of the sensing capacitors */
     GYRO_K2_X = 65, /* [N/m2] size: quadratic stiffness, x axis */
     GYRO_K2_Y = 66, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SENSE_NOISE = 67, /* [V] size: white noise, rms a sample */
-    GYRO_TCD = 68, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 69, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 70, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_STRUCTURE_LAG = 71, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 72, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 73, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 74, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 75, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 76, /* [K] shape: temperature at which parameters are as given */
+    GYRO_SAMPLING_JITTER = 67, /* [s] size: rms error of the sampling instant */
+    GYRO_SENSE_NOISE = 68, /* [V] size: white noise, rms a sample */
+    GYRO_TCD = 69, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 70, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 71, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_STRUCTURE_LAG = 72, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 73, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 74, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 75, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 76, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 77, /* [K] shape: temperature at which parameters are as given */
     GYRO_N_INPUTS = 7, /* which come first */
-    GYRO_N_VARIABLES = 77
+    GYRO_N_VARIABLES = 78
 };
 
 /* Continuous states. */
@@ -141,14 +142,15 @@ enum {
     GYRO_EFFECT_PICKOFF_MISMATCH = 26,
     GYRO_EFFECT_PICKOFF_NONLINEARITY = 27,
     GYRO_EFFECT_QUADRATIC_STIFFNESS = 28,
-    GYRO_EFFECT_SENSE_NOISE = 29,
-    GYRO_EFFECT_THERMAL_DAMPING = 30,
-    GYRO_EFFECT_THERMAL_FORCE = 31,
-    GYRO_EFFECT_THERMAL_GAIN = 32,
-    GYRO_EFFECT_THERMAL_LAG = 33,
-    GYRO_EFFECT_THERMAL_PHASE = 34,
-    GYRO_EFFECT_THERMAL_STIFFNESS = 35,
-    GYRO_N_EFFECTS = 36
+    GYRO_EFFECT_SAMPLING_JITTER = 29,
+    GYRO_EFFECT_SENSE_NOISE = 30,
+    GYRO_EFFECT_THERMAL_DAMPING = 31,
+    GYRO_EFFECT_THERMAL_FORCE = 32,
+    GYRO_EFFECT_THERMAL_GAIN = 33,
+    GYRO_EFFECT_THERMAL_LAG = 34,
+    GYRO_EFFECT_THERMAL_PHASE = 35,
+    GYRO_EFFECT_THERMAL_STIFFNESS = 36,
+    GYRO_N_EFFECTS = 37
 };
 
 typedef enum { GYRO_INPUT, GYRO_PARAMETER, GYRO_OUTPUT } gyro_kind;

@@ -11,6 +11,10 @@ from gyro_model.anatomy import Delay, Effect, Follow, Force, Lag, Law, Map
 from gyro_model.model import Model
 
 _EXPORT = '__attribute__((visibility("default"))) void' if not hasattr(ct, "WinDLL") else "__declspec(dllexport) void"
+_OWN = (
+    *(symbols.t, symbols.after, symbols.normal_x, symbols.normal_y, symbols.omega_z_change),
+    *(symbols.v_x_rate, symbols.v_y_rate),
+)
 _SIGNALS = ("u_x", "u_y", "q_x", "q_y", "v_x", "v_y")
 _BODY = """
 {export} {name}(const double *p, const double *s, const double *signals, const double *own, double *out)
@@ -23,6 +27,7 @@ _BODY = """
         view.normal[{effect}][i] = own[2 + i];
     }}
     view.change[GYRO_OMEGA_Z] = own[4];
+    view.v_rate[0] = own[5]; view.v_rate[1] = own[6];
     view.t = own[0];
     view.after[{effect}] = own[1];
     {call}
@@ -69,12 +74,7 @@ class EffectLibrary:
         p = np.array([values.get(q.name, 0.0) for q in self.model.quantities])
         s = np.array([values.get(symbol.name, 0.0) for symbol in self.model.state_symbols])
         signals = np.array([values.get(name, 0.0) for name in _SIGNALS])
-        own = np.array(
-            [
-                values.get(s.name, 0.0)
-                for s in (symbols.t, symbols.after, symbols.normal_x, symbols.normal_y, *symbols.CHANGES)
-            ]
-        )
+        own = np.array([values.get(symbol.name, 0.0) for symbol in _OWN])
         out = np.zeros(2 + len(self.model.states) + len(effect.terms()))
         function = getattr(self.library, f"call_{effect.id}")
         function(*(array.ctypes.data_as(ct.POINTER(ct.c_double)) for array in (p, s, signals, own, out)))

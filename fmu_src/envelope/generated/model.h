@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{66f38076-ad5f-b869-d643-9c17773cdc61}"
+#define GYRO_TOKEN "{1b4f1eec-99d0-3475-3247-9e86bda8dc07}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -85,18 +85,19 @@ enum {
     GYRO_PICKOFF_INVERSE_GAP = 71, /* [1/m] size: one over the gap of the sensing capacitors */
     GYRO_K2_X = 72, /* [N/m2] size: quadratic stiffness, x axis */
     GYRO_K2_Y = 73, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SENSE_NOISE = 74, /* [V] size: white noise, rms a sample */
-    GYRO_TCD = 75, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 76, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 77, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_STRUCTURE_LAG = 78, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 79, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 80, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 81, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 82, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 83, /* [K] shape: temperature at which parameters are as given */
+    GYRO_SAMPLING_JITTER = 74, /* [s] size: rms error of the sampling instant */
+    GYRO_SENSE_NOISE = 75, /* [V] size: white noise, rms a sample */
+    GYRO_TCD = 76, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 77, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 78, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_STRUCTURE_LAG = 79, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 80, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 81, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 82, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 83, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 84, /* [K] shape: temperature at which parameters are as given */
     GYRO_N_INPUTS = 10, /* which come first */
-    GYRO_N_VARIABLES = 84
+    GYRO_N_VARIABLES = 85
 };
 
 /* Continuous states. */
@@ -148,14 +149,15 @@ enum {
     GYRO_EFFECT_PICKOFF_MISMATCH = 26,
     GYRO_EFFECT_PICKOFF_NONLINEARITY = 27,
     GYRO_EFFECT_QUADRATIC_STIFFNESS = 28,
-    GYRO_EFFECT_SENSE_NOISE = 29,
-    GYRO_EFFECT_THERMAL_DAMPING = 30,
-    GYRO_EFFECT_THERMAL_FORCE = 31,
-    GYRO_EFFECT_THERMAL_GAIN = 32,
-    GYRO_EFFECT_THERMAL_LAG = 33,
-    GYRO_EFFECT_THERMAL_PHASE = 34,
-    GYRO_EFFECT_THERMAL_STIFFNESS = 35,
-    GYRO_N_EFFECTS = 36
+    GYRO_EFFECT_SAMPLING_JITTER = 29,
+    GYRO_EFFECT_SENSE_NOISE = 30,
+    GYRO_EFFECT_THERMAL_DAMPING = 31,
+    GYRO_EFFECT_THERMAL_FORCE = 32,
+    GYRO_EFFECT_THERMAL_GAIN = 33,
+    GYRO_EFFECT_THERMAL_LAG = 34,
+    GYRO_EFFECT_THERMAL_PHASE = 35,
+    GYRO_EFFECT_THERMAL_STIFFNESS = 36,
+    GYRO_N_EFFECTS = 37
 };
 
 typedef enum { GYRO_INPUT, GYRO_PARAMETER, GYRO_OUTPUT } gyro_kind;
