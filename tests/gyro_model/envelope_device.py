@@ -22,6 +22,14 @@ def rate_device(q: float, **changes: float) -> dict[str, float]:
     return own | {"dxx": M * W_X / q, "dyy": M * W_Y / q, "dxy": 0.0} | changes
 
 
+LOSSLESS = rate_device(1e9, kxy=0.0)
+
+
+def start_at(x: complex, y: complex) -> dict[str, float]:
+    """Parameters of a start at these amplitudes [m]."""
+    return {"x_start_i": x.real, "x_start_q": x.imag, "y_start_i": y.real, "y_start_q": y.imag}
+
+
 def matrices(p: Mapping[str, float], rate: float = 0.0) -> tuple[Floats, Floats, Floats]:
     """Mass, damping with the Coriolis coupling at ``rate`` [rad/s], stiffness; source 000 eq. 1."""
     coriolis = 2 * p["m"] * rate * np.array([[0.0, -1.0], [1.0, 0.0]])

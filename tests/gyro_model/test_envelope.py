@@ -5,30 +5,27 @@ from math import exp, pi, sqrt
 
 import numpy as np
 import pytest
-from envelope_device import F_X, F_Y, M, W_X, Complexes, Floats, answer, envelopes, matrices, rate_device, settled
+from envelope_device import (
+    F_X,
+    F_Y,
+    LOSSLESS,
+    M,
+    W_X,
+    Complexes,
+    Floats,
+    answer,
+    envelopes,
+    matrices,
+    rate_device,
+    settled,
+    start_at,
+)
 from gyro_runner import Runner
 from scipy.linalg import expm
-
-from gyro_model.build import Fmus, build
-from gyro_model.envelope import envelope_model
 
 Residual = Callable[[str, float, float], None]
 NO_FORCE = np.zeros(2, complex)
 GAIN = 1e6  # V/m, of both axes
-
-
-@pytest.fixture(scope="module")
-def envelope_fmus() -> Fmus:
-    return build(envelope_model())
-
-
-@pytest.fixture(scope="module")
-def envelope(envelope_fmus: Fmus, tmp_path_factory: pytest.TempPathFactory) -> Runner:
-    return Runner(envelope_fmus.fmi3, tmp_path_factory.mktemp("envelope"))
-
-
-def start_at(x: complex, y: complex) -> dict[str, float]:
-    return {"x_start_i": x.real, "x_start_q": x.imag, "y_start_i": y.real, "y_start_q": y.imag}
 
 
 @pytest.mark.parametrize("frequency", [F_X, F_X + 2.5, F_Y, 2500.0])
@@ -106,9 +103,6 @@ def test_what_a_force_step_misses_and_the_beat_of_the_first_order_reduction(
 def phase_rate(z: Complexes, step: float) -> float:
     """Mean of dφ/dt [rad/s]."""
     return float(np.polyfit(np.arange(len(z)) * step, np.unwrap(np.angle(z)), 1)[0])
-
-
-LOSSLESS = rate_device(1e9, kxy=0.0)
 
 
 def test_duffing_backbone(envelope: Runner, residual: Residual) -> None:
