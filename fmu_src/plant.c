@@ -174,14 +174,28 @@ static void pass_lag(gyro_instance *g)
     }
 }
 
+/* Draws the numbers of one effect for the latest sample. */
+static void draw(gyro_instance *g, int effect)
+{
+    const uint32_t seed = (uint32_t)g->value[GYRO_SEED];
+    const uint64_t sample = (uint64_t)g->memory.sample;
+    double *drawn = g->view.drawn[effect];
+    if (pink_places[effect] < 0) {
+        gyro_normal_pair(seed, streams[effect], sample, 0u, drawn);
+    } else {
+        gyro_pink_memory *pink = &g->memory.pink[pink_places[effect]];
+        if (sample == 0) {
+            gyro_pink_start(&g->plan.pink, seed, streams[effect], pink);
+        }
+        gyro_pink_next(&g->plan.pink, seed, streams[effect], sample, pink, drawn);
+    }
+}
+
 static void draw_noise(gyro_instance *g)
 {
-    if (g->plan.any_draw) {
-        for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-            if (streams[effect] != 0u && g->view.active[effect]) {
-                gyro_normal_pair((uint32_t)g->value[GYRO_SEED], streams[effect], (uint64_t)g->memory.sample,
-                                 g->view.normal[effect]);
-            }
+    for (int effect = 0; g->plan.any_draw && effect < GYRO_N_EFFECTS; effect++) {
+        if (streams[effect] != 0u && g->view.active[effect]) {
+            draw(g, effect);
         }
     }
 }

@@ -133,6 +133,11 @@ class Effect:
         """Every symbol that a term uses."""
         return frozenset().union(*(expr.free_symbols for expr in self.terms().values()))
 
+    @property
+    def drawn(self) -> bool:
+        """Whether the effect draws numbers at each sample."""
+        return bool(self.symbols & {*symbols.NORMAL, *symbols.PINK})
+
 
 def _sympified(terms: Mapping[str, Expr]) -> dict[str, Expr]:
     return {name: sympify(expr) for name, expr in terms.items()}

@@ -20,7 +20,7 @@ _E = TypeVar("_E", bound=Effect)
 
 
 def normals_of(effect_id: str) -> tuple[Symbol, Symbol]:
-    """The two normal numbers of one effect, told from those of others."""
+    """The two random numbers of one effect, told from those of others."""
     return Symbol(f"normal_x_{effect_id}", real=True), Symbol(f"normal_y_{effect_id}", real=True)
 
 
@@ -166,7 +166,8 @@ class Dynamics:
         return tuple(e for e in self.effects if isinstance(e, kind))
 
     def _privately(self, effect: Effect) -> dict[str, Expr]:
-        own = dict(zip((symbols.normal_x, symbols.normal_y), normals_of(effect.id), strict=True))
+        numbers = symbols.PINK if effect.symbols & set(symbols.PINK) else symbols.NORMAL
+        own = dict(zip(numbers, normals_of(effect.id), strict=True))
         own[symbols.after] = Symbol(f"after_{effect.id}", real=True)
         return {name: expr.subs(own) for name, expr in effect.terms().items()}
 

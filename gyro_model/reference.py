@@ -36,7 +36,7 @@ _NEGLIGIBLE = {"m": 1e-24, "m/s": 1e-20, "V": 1e-18, "K": 1e-12}
 
 
 def no_noise(effect_id: str, sample: int) -> tuple[float, float]:
-    """Normal numbers of a simulation without noise."""
+    """Random numbers of a simulation without noise."""
     return 0.0, 0.0
 
 
@@ -44,9 +44,9 @@ def simulate(device: Device, t: Floats, inputs: Mapping[str, Floats], normals: N
     """Simulates ``device`` over the samples at ``t`` [s], shape (n,), evenly spaced.
 
     inputs: by FMU name, SI, shape (n,), held over [t_k, t_{k+1}); missing ones stay at their start value. normals:
-    standard normal numbers of an effect at a sample. Gives v_x, v_y [V], both temperatures [K] and every state by name,
-    each shape (n,), sample k as taken just before u changes to u_k. Raises InputError where shapes differ, an input is
-    unknown, or the simulation diverges.
+    numbers that an effect draws at a sample: standard normal, or pink where it uses pink ones. Gives v_x, v_y [V], both
+    temperatures [K] and every state by name, each shape (n,), sample k as taken just before u changes to u_k. Raises
+    InputError where shapes differ, an input is unknown, or the simulation diverges.
     """
     return _Simulation(device, t, inputs, normals).run()
 

@@ -43,6 +43,11 @@ after = Symbol("after", real=True)
 normal_x, normal_y = Symbol("normal_x", real=True), Symbol("normal_y", real=True)
 """Two independent standard normal numbers, of the effect's own stream, new at every sample."""
 
+pink_x, pink_y = Symbol("pink_x", real=True), Symbol("pink_y", real=True)
+"""In place of normal numbers: pink noise [√Hz] of one-sided density 1 Hz/f, new at every sample (fmu_src/pink.h)."""
+
+NORMAL, PINK = (normal_x, normal_y), (pink_x, pink_y)
+
 
 class nearest_integer(Function):
     """Rounds to the nearest integer, ties to even."""

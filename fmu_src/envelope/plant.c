@@ -246,9 +246,9 @@ static matrix noise_density(gyro_instance *g)
     matrix sum = diagonal(number_of(0.0, 0.0));
     for (const int *effect = drawn_forces; *effect < GYRO_N_EFFECTS; effect++) {
         for (int draw = 0; draw < 2 && view->active[*effect]; draw++) {
-            view->normal[*effect][draw] = 1.0;
+            view->drawn[*effect][draw] = 1.0;
             hold_noise(view);
-            view->normal[*effect][draw] = 0.0;
+            view->drawn[*effect][draw] = 0.0;
             const pair column = {{{view->held[0], 0.0}, {view->held[1], 0.0}}};
             const pair moved = apply(b, column);
             for (int i = 0; i < 2; i++) {

@@ -54,8 +54,8 @@ struct gyro_instance {
 /* Rate of the carrier's phase, rad/s. */
 double gyro_carrier(const gyro_instance *g);
 
-/* Two standard normal numbers of an effect for the present tick; `index` below 256 tells one pair from another. */
-void gyro_draw(const gyro_instance *g, int effect, unsigned index, double normal[2]);
+/* Two standard normal numbers of an effect for the present tick; `index` tells one pair from another. */
+void gyro_draw(const gyro_instance *g, int effect, uint32_t index, double normal[2]);
 
 /* The force on the mass [N] after delay and actuators: at the carrier and, where a curve makes them, mean and harmonics. */
 void gyro_actuate(gyro_instance *g, gyro_harmonics *u);

@@ -5,11 +5,9 @@
 #include "noise.h"
 #include "plant.h"
 
-void gyro_draw(const gyro_instance *g, int effect, unsigned index, double normal[2])
+void gyro_draw(const gyro_instance *g, int effect, uint32_t index, double normal[2])
 {
-    /* No run is 2^56 ticks long. */
-    const uint64_t counter = (uint64_t)g->memory.tick | (uint64_t)index << 56;
-    gyro_normal_pair((uint32_t)g->value[GYRO_SEED], streams[effect], counter, normal);
+    gyro_normal_pair((uint32_t)g->value[GYRO_SEED], streams[effect], (uint64_t)g->memory.tick, index, normal);
 }
 
 void gyro_actuate(gyro_instance *g, gyro_harmonics *u)
@@ -95,25 +93,26 @@ static pair limited(gyro_instance *g, pair v)
     return gyro_spectrum(&voltage).part[0];
 }
 
-/* White noise of variance s² a sample at sample_period T has the density 2 s² T in each quadrature around any harmonic, so that its mean
-   over a step h has the variance 2 s² T/h; half of that around frequency 0. */
-static void draw_white(gyro_instance *g, unsigned index, double scale)
+/* The numbers of one effect for one quadrature around the carrier, as a mean over a step h. White numbers at sample_period T have the
+   density 2 T in each quadrature around any harmonic, so that the mean has the variance 2 T/h, and half of that around frequency 0; pink
+   ones have 1/f. */
+static void draw_slow(gyro_instance *g, int effect, uint32_t index, double numbers[2])
 {
-    for (const int *effect = drawn_samples; *effect < GYRO_N_EFFECTS; effect++) {
-        double *normal = g->view.normal[*effect];
-        if (g->view.active[*effect]) {
-            gyro_draw(g, *effect, index, normal);
-            normal[0] *= scale;
-            normal[1] *= scale;
-        }
-    }
+    const double scale = pink_places[effect] < 0 ? g->plan.noise_scale : 1.0 / sqrt(g->value[GYRO_CARRIER_FREQUENCY] * g->plan.step);
+    gyro_draw(g, effect, index, numbers);
+    numbers[0] *= scale;
+    numbers[1] *= scale;
 }
 
 /* Noise that does not depend on the signal passes each quadrature for itself. */
 static void add_white(gyro_instance *g, int quadrature, pair *v)
 {
     gyro_view *view = &g->view;
-    draw_white(g, (unsigned)quadrature, g->plan.noise_scale);
+    for (const int *effect = drawn_samples; *effect < GYRO_N_EFFECTS; effect++) {
+        if (view->active[*effect]) {
+            draw_slow(g, *effect, (uint32_t)quadrature, view->drawn[*effect]);
+        }
+    }
     view->v[0] = *part_of(&v->e[0], quadrature);
     view->v[1] = *part_of(&v->e[1], quadrature);
     add_noise(view);
@@ -134,15 +133,15 @@ static void add_mixed(gyro_instance *g, pair *v)
     for (const int *effect = drawn_samples; *effect < GYRO_N_EFFECTS; effect++) {
         gyro_harmonics slow = {{0.0, 0.0}, {{{{0.0, 0.0}, {0.0, 0.0}}}}};
         double mean[2];
-        gyro_draw(g, *effect, 4, mean);
+        draw_slow(g, *effect, 4, mean);
         for (int axis = 0; axis < 2; axis++) {
-            slow.mean[axis] = sqrt(0.5) * g->plan.noise_scale * mean[axis];
+            slow.mean[axis] = sqrt(0.5) * mean[axis];
         }
-        for (unsigned index = 0; index < 4; index++) {
-            double normal[2];
-            gyro_draw(g, *effect, index, normal);
+        for (uint32_t index = 0; index < 4; index++) {
+            double part[2];
+            draw_slow(g, *effect, index, part);
             for (int axis = 0; axis < 2; axis++) {
-                *part_of(&slow.part[index / 2].e[axis], (int)index % 2) = g->plan.noise_scale * normal[axis];
+                *part_of(&slow.part[index / 2].e[axis], (int)index % 2) = part[axis];
             }
         }
         numbers[*effect] = gyro_around(&slow);
@@ -152,7 +151,7 @@ static void add_mixed(gyro_instance *g, pair *v)
             view->v[axis] = voltage.at[k][axis];
             view->v_rate[axis] = speed.at[k][axis];
             for (const int *effect = drawn_samples; *effect < GYRO_N_EFFECTS; effect++) {
-                view->normal[*effect][axis] = numbers[*effect].at[k][axis];
+                view->drawn[*effect][axis] = numbers[*effect].at[k][axis];
             }
         }
         add_noise(view);
@@ -168,7 +167,7 @@ static void add_rounding(gyro_instance *g, int quadrature, pair *v)
     static const double LARGE = 1e3; /* V: 1e3 to 1e10 steps of a converter, with as many of the next digits left */
     gyro_view *view = &g->view;
     double voltage[2];
-    gyro_draw(g, rounding_effects[0], (unsigned)quadrature, voltage);
+    gyro_draw(g, rounding_effects[0], (uint32_t)quadrature, voltage);
     for (int axis = 0; axis < 2; axis++) {
         voltage[axis] *= LARGE;
         view->v[axis] = voltage[axis];

@@ -25,7 +25,7 @@ typedef struct {
     double lagging[GYRO_N_LAGGING];       /* quantities that lag, at the start of the internal step, SI */
     double lagging_now[GYRO_N_LAGGING];   /* the same, now */
     double inverse_mass;                  /* 1/kg */
-    double normal[GYRO_N_EFFECTS][2];     /* standard normal numbers of each effect, of the latest sample */
+    double drawn[GYRO_N_EFFECTS][2];      /* normal or pink numbers of each effect, of the latest sample */
     double after[GYRO_N_EFFECTS];         /* 1 from the event of each effect on, 0 before */
     unsigned char active[GYRO_N_EFFECTS]; /* a size parameter differs from neutral */
     unsigned char any_law;
@@ -261,8 +261,8 @@ static inline void effect_thermal_force(const gyro_view *g, double force[2])
     const double dxx = g->p[GYRO_DXX];
     const double dxy = g->p[GYRO_DXY];
     const double dyy = g->p[GYRO_DYY];
-    const double normal_x = g->normal[GYRO_EFFECT_THERMAL_FORCE][0];
-    const double normal_y = g->normal[GYRO_EFFECT_THERMAL_FORCE][1];
+    const double normal_x = g->drawn[GYRO_EFFECT_THERMAL_FORCE][0];
+    const double normal_y = g->drawn[GYRO_EFFECT_THERMAL_FORCE][1];
     const double sample_period = g->p[GYRO_SAMPLE_PERIOD];
     const double temperature_structure = g->p[GYRO_TEMPERATURE_STRUCTURE];
     const double thermal_force = g->p[GYRO_THERMAL_FORCE];
@@ -551,6 +551,23 @@ static inline void rate_drive_feedthrough(const gyro_view *g, double out[2])
     out[1] = v_y_rate;
 }
 
+/* Flicker noise of the amplifier: its density falls with frequency.
+
+       v → v + a p, one-sided density a²/f from 1 Hz to half the sample rate
+
+   p is pink noise of density 1 Hz/f, made of first-order processes with corners 1.5 a decade (M. S. Keshner, Proc. IEEE
+   70, 1982): within 3.5 % of the density, flat below about 0.1 Hz. Both axes are independent. SYSTEM.md section 8. */
+static inline void effect_flicker_noise(const gyro_view *g, double out[2])
+{
+    const double flicker_noise = g->p[GYRO_FLICKER_NOISE];
+    const double pink_x = g->drawn[GYRO_EFFECT_FLICKER_NOISE][0];
+    const double pink_y = g->drawn[GYRO_EFFECT_FLICKER_NOISE][1];
+    const double v_x = g->v[0];
+    const double v_y = g->v[1];
+    out[0] = flicker_noise*pink_x + v_x;
+    out[1] = flicker_noise*pink_y + v_y;
+}
+
 /* A capacitance to ground at the amplifier's input takes a part of the charge.
 
        v → v/(1 + r), r = c_p/(A c_f), c_f the feedback capacitance and A the open-loop gain
@@ -681,8 +698,8 @@ static inline void rate_pickoff_nonlinearity(const gyro_view *g, double out[2])
    1241-2010, section 4.1, aperture uncertainty); SYSTEM.md section 8. */
 static inline void effect_sampling_jitter(const gyro_view *g, double out[2])
 {
-    const double normal_x = g->normal[GYRO_EFFECT_SAMPLING_JITTER][0];
-    const double normal_y = g->normal[GYRO_EFFECT_SAMPLING_JITTER][1];
+    const double normal_x = g->drawn[GYRO_EFFECT_SAMPLING_JITTER][0];
+    const double normal_y = g->drawn[GYRO_EFFECT_SAMPLING_JITTER][1];
     const double sampling_jitter = g->p[GYRO_SAMPLING_JITTER];
     const double v_x = g->v[0];
     const double v_x_rate = g->v_rate[0];
@@ -699,8 +716,8 @@ static inline void effect_sampling_jitter(const gyro_view *g, double out[2])
    SYSTEM.md sections 1 and 8: the reference device has 20 pm rms at 200 kHz, 20 µV at 1e6 V/m. */
 static inline void effect_sense_noise(const gyro_view *g, double out[2])
 {
-    const double normal_x = g->normal[GYRO_EFFECT_SENSE_NOISE][0];
-    const double normal_y = g->normal[GYRO_EFFECT_SENSE_NOISE][1];
+    const double normal_x = g->drawn[GYRO_EFFECT_SENSE_NOISE][0];
+    const double normal_y = g->drawn[GYRO_EFFECT_SENSE_NOISE][1];
     const double sense_noise = g->p[GYRO_SENSE_NOISE];
     const double v_x = g->v[0];
     const double v_y = g->v[1];
@@ -730,6 +747,7 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] = g->p[GYRO_CHARGING_VOLTAGE] != 0.0;
     g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH] = g->p[GYRO_FEEDTHROUGH] != 0.0;
     g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] = g->p[GYRO_SOFTENING] != 0.0;
+    g->active[GYRO_EFFECT_FLICKER_NOISE] = g->p[GYRO_FLICKER_NOISE] != 0.0;
     g->active[GYRO_EFFECT_FRAME_ROTATION] = g->p[GYRO_FRAME_ROTATION] != 0.0;
     g->active[GYRO_EFFECT_LINEAR_ACCELERATION] = g->p[GYRO_ACCELERATION_GAIN_X] != 0.0 || g->p[GYRO_ACCELERATION_GAIN_Y] != 0.0;
     g->active[GYRO_EFFECT_NONLINEAR_DAMPING] = g->p[GYRO_D2_X] != 0.0 || g->p[GYRO_D2_Y] != 0.0;
@@ -775,6 +793,7 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* dielectric_charging: none */
     0u, /* drive_feedthrough: none */
     0u, /* electrostatic_softening: none */
+    0x66eadef4u, /* flicker_noise */
     0u, /* frame_rotation: none */
     0u, /* linear_acceleration: none */
     0u, /* nonlinear_damping: none */
@@ -793,6 +812,48 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* thermal_lag: none */
     0u, /* thermal_phase: none */
     0u, /* thermal_stiffness: none */
+};
+
+/* The place of each effect that draws pink numbers among those that do, -1 of the others. */
+static const int pink_places[GYRO_N_EFFECTS] = {
+    -1, /* coriolis */
+    -1, /* damping */
+    -1, /* ideal_pickoff */
+    -1, /* suspension */
+    -1, /* actuator_delay */
+    -1, /* actuator_gain_mismatch */
+    -1, /* actuator_misalignment */
+    -1, /* actuator_nonlinearity */
+    -1, /* adc_clipping */
+    -1, /* adc_quantisation */
+    -1, /* amplifier_bandwidth */
+    -1, /* amplifier_drift */
+    -1, /* amplifier_offset */
+    -1, /* angular_gain */
+    -1, /* cubic_stiffness */
+    -1, /* damping_step */
+    -1, /* dielectric_charging */
+    -1, /* drive_feedthrough */
+    -1, /* electrostatic_softening */
+    0, /* flicker_noise */
+    -1, /* frame_rotation */
+    -1, /* linear_acceleration */
+    -1, /* nonlinear_damping */
+    -1, /* parasitic_capacitance */
+    -1, /* parasitic_mode */
+    -1, /* pickoff_gain_mismatch */
+    -1, /* pickoff_misalignment */
+    -1, /* pickoff_mismatch */
+    -1, /* pickoff_nonlinearity */
+    -1, /* quadratic_stiffness */
+    -1, /* sampling_jitter */
+    -1, /* sense_noise */
+    -1, /* thermal_damping */
+    -1, /* thermal_force */
+    -1, /* thermal_gain */
+    -1, /* thermal_lag */
+    -1, /* thermal_phase */
+    -1, /* thermal_stiffness */
 };
 
 /* The time of each active effect's event [s]; the entries of the others stay as they are. */
@@ -1027,6 +1088,11 @@ static inline void convert(gyro_view *g)
     {
         const double entering[2] = {g->v[0], g->v[1]};
         double sum[2] = {entering[0], entering[1]};
+        if (g->active[GYRO_EFFECT_FLICKER_NOISE]) {
+            effect_flicker_noise(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
         if (g->active[GYRO_EFFECT_SAMPLING_JITTER]) {
             effect_sampling_jitter(g, out);
             sum[0] += out[0] - entering[0];

@@ -25,6 +25,8 @@ NOISY = {
     "tck": 1e-4,
     "tcp": 1e-8,
     "frame_rotation": 1.0,
+    "sampling_jitter": 1e-9,
+    "flicker_noise": 1e-4,
     "x_start": 1e-6,
 }
 OUTPUTS = ("v_x", "v_y", "x", "y", "x_dot", "y_dot")

@@ -14,6 +14,7 @@ _EXPORT = '__attribute__((visibility("default"))) void' if not hasattr(ct, "WinD
 _OWN = (
     *(symbols.t, symbols.after, symbols.normal_x, symbols.normal_y, symbols.omega_z_change),
     *(symbols.v_x_rate, symbols.v_y_rate),
+    *symbols.PINK,
 )
 _SIGNALS = ("u_x", "u_y", "q_x", "q_y", "v_x", "v_y")
 _BODY = """
@@ -24,7 +25,7 @@ _BODY = """
     for (int i = 0; i < GYRO_N_STATES; i++) view.s[i] = s[i];
     for (int i = 0; i < 2; i++) {{
         view.u[i] = signals[i]; view.q[i] = signals[2 + i]; view.v[i] = signals[4 + i];
-        view.normal[{effect}][i] = own[2 + i];
+        view.drawn[{effect}][i] = own[2 + i] + own[7 + i]; /* normal or pink, the other is 0 */
     }}
     view.change[GYRO_OMEGA_Z] = own[4];
     view.v_rate[0] = own[5]; view.v_rate[1] = own[6];

@@ -28,6 +28,8 @@ _OWN_UNITS = {
     "q_x": "m",
     "q_y": "m",
     "omega_z_change": "rad/s",
+    "pink_x": "Hz0.5",
+    "pink_y": "Hz0.5",
     "v_x_rate": "V/s",
     "v_y_rate": "V/s",
 }

@@ -16,7 +16,7 @@ OUTPUTS = tuple(f"{name}_{part}" for name in ("v_x", "v_y", "x", "y") for part i
 
 
 def rate_device(q: float, **changes: float) -> dict[str, float]:
-    """Parameters of the device with quality factor ``q`` on both axes and a quadrature of 300 deg/s, with ``changes``."""
+    """Parameters of the device with quality factor ``q`` on both axes and a quadrature of 300 deg/s; then ``changes``."""
     quadrature = 2 * M * W_X * np.radians(300.0)
     own = {"m": M, "kxx": M * W_X**2, "kyy": M * W_Y**2, "kxy": quadrature}
     return own | {"dxx": M * W_X / q, "dyy": M * W_Y / q, "dxy": 0.0} | changes
@@ -47,7 +47,7 @@ def answer(p: Mapping[str, float], frequency: float, force: Complexes, rate: flo
 def envelopes(
     runner: Runner, p: Mapping[str, float], t: Floats, force: Complexes, frequency: float = F_X, **inputs: float
 ) -> Complexes:
-    """Amplitudes of v_x, v_y [V], x, y [m] by the envelope FMU at ``t`` [s], shape (n, 4), under constant ``force`` [N]."""
+    """Amplitudes of v_x, v_y [V], x, y [m] by the envelope FMU at ``t`` [s], shape (n, 4), under a held ``force`` [N]."""
     given = {"u_x_i": force[0].real, "u_x_q": force[0].imag, "u_y_i": force[1].real, "u_y_q": force[1].imag}
     given |= {"carrier_frequency": frequency} | inputs
     columns = {name: np.full(len(t), value) for name, value in given.items()}
@@ -55,7 +55,9 @@ def envelopes(
     return np.array([rows[f"{name}_i"] + 1j * rows[f"{name}_q"] for name in ("v_x", "v_y", "x", "y")]).T
 
 
-def settled(runner: Runner, p: Mapping[str, float], force: Complexes, frequency: float = F_X, **inputs: float) -> Complexes:
+def settled(
+    runner: Runner, p: Mapping[str, float], force: Complexes, frequency: float = F_X, **inputs: float
+) -> Complexes:
     """The same after 40 time constants of the amplitude, in ten calls. A transient is then below 1e-17."""
     step = p.get("internal_step", 1e-3)
     calls = np.ceil(40 * 2 * M / min(p["dxx"], p["dyy"]) / step / 10)
@@ -69,7 +71,13 @@ def held(frequency: float, period: float) -> complex:
 
 
 def demodulated(
-    runner: Runner, p: Mapping[str, float], start: Complexes, force: Complexes, frequency: float, seconds: float, **inputs: float
+    runner: Runner,
+    p: Mapping[str, float],
+    start: Complexes,
+    force: Complexes,
+    frequency: float,
+    seconds: float,
+    **inputs: float,
 ) -> Complexes:
     """Amplitudes of v_x, v_y [V] by the full FMU over its last 0.1 s, set off at the amplitudes ``start`` [m]."""
     period = p.get("sample_period", 5e-6)
@@ -78,7 +86,12 @@ def demodulated(
     u = (force / held(frequency, period))[:, None] * wave
     columns = {"u_x": u[0].real, "u_y": u[1].real} | {name: np.full(len(t), value) for name, value in inputs.items()}
     speed = 2j * pi * frequency * start
-    begin = {"x_start": start[0].real, "y_start": start[1].real, "x_dot_start": speed[0].real, "y_dot_start": speed[1].real}
+    begin = {
+        "x_start": start[0].real,
+        "y_start": start[1].real,
+        "x_dot_start": speed[0].real,
+        "y_dot_start": speed[1].real,
+    }
     rows = runner.run({**p, **begin}, t, columns, ("v_x", "v_y"))
     # Whole cycles: 0.1 s holds some of every frequency that is a multiple of 10 Hz.
     last = slice(-round(0.1 / period), None)

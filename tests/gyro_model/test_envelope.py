@@ -9,10 +9,10 @@ from envelope_device import (
     F_X,
     F_Y,
     LOSSLESS,
-    M,
     W_X,
     Complexes,
     Floats,
+    M,
     answer,
     envelopes,
     matrices,
@@ -93,7 +93,7 @@ def test_what_a_force_step_misses_and_the_beat_of_the_first_order_reduction(
     detuning = (p["kyy"] - M * w**2) / (2 * M * w)
     reduced = force[1] / (2 * M * w * detuning) * (np.exp((1j * detuning - p["dyy"] / 2 / M) * np.arange(n) * step) - 1)
     size = np.max(np.abs(exact))
-    # Settled and free motion are F/(2 m w split) each, what is missed F/(4 m w²) of each; a tenth for 2 w being w + w_y.
+    # Settled and free motion are F/(2 m w split) each, what is missed F/(4 m w²) of each; a tenth for w + w_y > 2 w.
     missed = 1.1 * split / (2 * w)
     residual("of the swing, this form", np.max(np.abs(found - exact)) / size, missed)
     # The reduced beat is split²/2w too fast: after 66 ms 0.17 rad of the free motion, half of the swing.
@@ -165,7 +165,9 @@ def test_delay_and_lag_turn_the_phase(envelope: Runner, residual: Residual) -> N
 
 
 def test_thermal_phase_and_lag(envelope: Runner, residual: Residual) -> None:
-    p = rate_device(500.0, amplifier_time_constant=1e-6, tcp=2e-8, circuit_lag=30.0, internal_step=0.1) | {"t_ref": 300.0}
+    p = rate_device(500.0, amplifier_time_constant=1e-6, tcp=2e-8, circuit_lag=30.0, internal_step=0.1) | {
+        "t_ref": 300.0
+    }
     t = np.arange(401) * 0.1
     names = ("temperature_circuit", "temperature_structure", "v_x_i", "v_x_q", "x_i", "x_q")
     ambient = np.where(t < 10.0, 300.0, 340.0)
@@ -194,7 +196,9 @@ def test_offset_falls_out_and_clipping_is_projected(envelope: Runner, residual: 
     # A clipped sine's first harmonic: 2/π (asin c + c √(1 - c²)), c = limit/amplitude.
     share = 2 / pi * (np.arcsin(0.8) + 0.8 * 0.6)
     # Corners between two of 32 phases: their squared spacing.
-    residual("clip", abs(settled(envelope, p | {"adc_limit": limit}, force)[0] / plain[0] - share), (2 * pi / 32) ** 2 / 4)
+    residual(
+        "clip", abs(settled(envelope, p | {"adc_limit": limit}, force)[0] / plain[0] - share), (2 * pi / 32) ** 2 / 4
+    )
 
 
 def test_pickoff_gap_is_projected(envelope: Runner, residual: Residual) -> None:

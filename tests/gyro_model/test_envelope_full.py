@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from envelope_device import F_X, M, W_X, W_Y, Complexes, demodulated, rate_device, settled
+from envelope_device import F_X, W_X, W_Y, Complexes, M, demodulated, rate_device, settled
 from gyro_runner import Runner
 
 Residual = Callable[[str, float, float], None]

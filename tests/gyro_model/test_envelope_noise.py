@@ -63,13 +63,15 @@ def full_noise(plant: Runner, noise: Mapping[str, float], amplitude: float, n: i
     return (2 * (noisy - quiet) * wave).reshape(n, 200).mean(axis=1)
 
 
-SIGMA, JITTER, LSB, AMPLITUDE = 3e-5, 2e-9, 2e-4, 5e-6
+SIGMA, JITTER, LSB, FLICKER, AMPLITUDE = 3e-5, 2e-9, 2e-4, 1e-5, 5e-6
 SLOPE = W_X * AMPLITUDE * 1e6 * JITTER
 # Variance a sample times (cos part, sin part): of white noise 2 and 2; of jitter, which lives on the slope, sin²: the
 # means of 4 sin² cos² and 4 sin⁴.
 NOISES = {
     "sense_noise": ({"sense_noise": SIGMA}, SIGMA**2, (2.0, 2.0)),
     "sampling_jitter": ({"sampling_jitter": JITTER}, SLOPE**2, (0.5, 1.5)),
+    # One-sided a²/f as white noise of the same density at the carrier: variance · 2 · 5 µs.
+    "flicker_noise": ({"flicker_noise": FLICKER}, FLICKER**2 / 3000.0 / 1e-5, (2.0, 2.0)),
     "adc_quantisation": ({"adc_lsb": LSB}, LSB**2 / 12, (2.0, 2.0)),
 }
 

@@ -11,7 +11,6 @@ from gyro_model import build, generate_xml
 from gyro_model.model import load_model
 from gyro_model.units import dimension
 
-
 COMMITTED = build.committed_files(MODEL)
 
 

@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{1b4f1eec-99d0-3475-3247-9e86bda8dc07}"
+#define GYRO_TOKEN "{470b36b7-cc11-1f88-f1d3-8e808e4c35d5}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -70,34 +70,35 @@ enum {
     GYRO_FEEDTHROUGH = 56, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
     GYRO_SOFTENING = 57, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
     GYRO_ELECTRODE_GAP = 58, /* [m] shape: gap of the electrodes */
-    GYRO_FRAME_ROTATION = 59, /* [1] size: centrifugal and Euler force times this (1: physical) */
-    GYRO_ACCELERATION_GAIN_X = 60, /* [1] size: part of the package's acceleration that moves the mass, x axis */
-    GYRO_ACCELERATION_GAIN_Y = 61, /* [1] size: part of the package's acceleration that moves the mass, y axis */
-    GYRO_D2_X = 62, /* [N.s/m3] size: nonlinear damping, x axis */
-    GYRO_D2_Y = 63, /* [N.s/m3] size: nonlinear damping, y axis */
-    GYRO_PARASITIC_RATIO = 64, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
-    GYRO_PARASITIC_COUPLING = 65, /* [N/m] size: spring that couples the parasitic mode to x */
-    GYRO_PARASITIC_FREQUENCY = 66, /* [Hz] shape: frequency of the parasitic mode alone */
-    GYRO_PARASITIC_Q = 67, /* [1] shape: quality factor of the parasitic mode */
-    GYRO_PICKOFF_GAIN_MISMATCH = 68, /* [1] size: relative excess of the y pickoff gain */
-    GYRO_PICKOFF_MISALIGNMENT = 69, /* [1] size: part of each displacement that the other pickoff sees */
-    GYRO_PICKOFF_MISMATCH = 70, /* [1] size: relative mismatch of the pair of sensing capacitors */
-    GYRO_PICKOFF_INVERSE_GAP = 71, /* [1/m] size: one over the gap of the sensing capacitors */
-    GYRO_K2_X = 72, /* [N/m2] size: quadratic stiffness, x axis */
-    GYRO_K2_Y = 73, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SAMPLING_JITTER = 74, /* [s] size: rms error of the sampling instant */
-    GYRO_SENSE_NOISE = 75, /* [V] size: white noise, rms a sample */
-    GYRO_TCD = 76, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 77, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 78, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_STRUCTURE_LAG = 79, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 80, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 81, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 82, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 83, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 84, /* [K] shape: temperature at which parameters are as given */
+    GYRO_FLICKER_NOISE = 59, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
+    GYRO_FRAME_ROTATION = 60, /* [1] size: centrifugal and Euler force times this (1: physical) */
+    GYRO_ACCELERATION_GAIN_X = 61, /* [1] size: part of the package's acceleration that moves the mass, x axis */
+    GYRO_ACCELERATION_GAIN_Y = 62, /* [1] size: part of the package's acceleration that moves the mass, y axis */
+    GYRO_D2_X = 63, /* [N.s/m3] size: nonlinear damping, x axis */
+    GYRO_D2_Y = 64, /* [N.s/m3] size: nonlinear damping, y axis */
+    GYRO_PARASITIC_RATIO = 65, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
+    GYRO_PARASITIC_COUPLING = 66, /* [N/m] size: spring that couples the parasitic mode to x */
+    GYRO_PARASITIC_FREQUENCY = 67, /* [Hz] shape: frequency of the parasitic mode alone */
+    GYRO_PARASITIC_Q = 68, /* [1] shape: quality factor of the parasitic mode */
+    GYRO_PICKOFF_GAIN_MISMATCH = 69, /* [1] size: relative excess of the y pickoff gain */
+    GYRO_PICKOFF_MISALIGNMENT = 70, /* [1] size: part of each displacement that the other pickoff sees */
+    GYRO_PICKOFF_MISMATCH = 71, /* [1] size: relative mismatch of the pair of sensing capacitors */
+    GYRO_PICKOFF_INVERSE_GAP = 72, /* [1/m] size: one over the gap of the sensing capacitors */
+    GYRO_K2_X = 73, /* [N/m2] size: quadratic stiffness, x axis */
+    GYRO_K2_Y = 74, /* [N/m2] size: quadratic stiffness, y axis */
+    GYRO_SAMPLING_JITTER = 75, /* [s] size: rms error of the sampling instant */
+    GYRO_SENSE_NOISE = 76, /* [V] size: white noise, rms a sample */
+    GYRO_TCD = 77, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 78, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 79, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_STRUCTURE_LAG = 80, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 81, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 82, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 83, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 84, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 85, /* [K] shape: temperature at which parameters are as given */
     GYRO_N_INPUTS = 10, /* which come first */
-    GYRO_N_VARIABLES = 85
+    GYRO_N_VARIABLES = 86
 };
 
 /* Continuous states. */
@@ -139,25 +140,27 @@ enum {
     GYRO_EFFECT_DIELECTRIC_CHARGING = 16,
     GYRO_EFFECT_DRIVE_FEEDTHROUGH = 17,
     GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 18,
-    GYRO_EFFECT_FRAME_ROTATION = 19,
-    GYRO_EFFECT_LINEAR_ACCELERATION = 20,
-    GYRO_EFFECT_NONLINEAR_DAMPING = 21,
-    GYRO_EFFECT_PARASITIC_CAPACITANCE = 22,
-    GYRO_EFFECT_PARASITIC_MODE = 23,
-    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 24,
-    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 25,
-    GYRO_EFFECT_PICKOFF_MISMATCH = 26,
-    GYRO_EFFECT_PICKOFF_NONLINEARITY = 27,
-    GYRO_EFFECT_QUADRATIC_STIFFNESS = 28,
-    GYRO_EFFECT_SAMPLING_JITTER = 29,
-    GYRO_EFFECT_SENSE_NOISE = 30,
-    GYRO_EFFECT_THERMAL_DAMPING = 31,
-    GYRO_EFFECT_THERMAL_FORCE = 32,
-    GYRO_EFFECT_THERMAL_GAIN = 33,
-    GYRO_EFFECT_THERMAL_LAG = 34,
-    GYRO_EFFECT_THERMAL_PHASE = 35,
-    GYRO_EFFECT_THERMAL_STIFFNESS = 36,
-    GYRO_N_EFFECTS = 37
+    GYRO_EFFECT_FLICKER_NOISE = 19,
+    GYRO_EFFECT_FRAME_ROTATION = 20,
+    GYRO_EFFECT_LINEAR_ACCELERATION = 21,
+    GYRO_EFFECT_NONLINEAR_DAMPING = 22,
+    GYRO_EFFECT_PARASITIC_CAPACITANCE = 23,
+    GYRO_EFFECT_PARASITIC_MODE = 24,
+    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 25,
+    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 26,
+    GYRO_EFFECT_PICKOFF_MISMATCH = 27,
+    GYRO_EFFECT_PICKOFF_NONLINEARITY = 28,
+    GYRO_EFFECT_QUADRATIC_STIFFNESS = 29,
+    GYRO_EFFECT_SAMPLING_JITTER = 30,
+    GYRO_EFFECT_SENSE_NOISE = 31,
+    GYRO_EFFECT_THERMAL_DAMPING = 32,
+    GYRO_EFFECT_THERMAL_FORCE = 33,
+    GYRO_EFFECT_THERMAL_GAIN = 34,
+    GYRO_EFFECT_THERMAL_LAG = 35,
+    GYRO_EFFECT_THERMAL_PHASE = 36,
+    GYRO_EFFECT_THERMAL_STIFFNESS = 37,
+    GYRO_N_PINK = 1, /* of which draw pink numbers */
+    GYRO_N_EFFECTS = 38
 };
 
 typedef enum { GYRO_INPUT, GYRO_PARAMETER, GYRO_OUTPUT } gyro_kind;
