@@ -208,7 +208,7 @@ def _activity(model: Model) -> str:
         tests = [f"g->p[{macro(q.name)}] != {c_double(q.start)}" for q in switches]
         lines.append(f"    g->active[{effect_macro(effect)}] = {' || '.join(tests) or '1'};\n")
     law = " || ".join(f"g->active[{effect_macro(e)}]" for e in (*_follows(model), *model.laws)) or "0"
-    force = " || ".join(f"g->active[{effect_macro(e)}]" for e in _added_forces(model)) or "0"
+    force = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model)) or "0"
     rate = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.effects if _asks_rate(e)) or "0"
     return (
         "/* Marks the effects that a size parameter switches on, their own or that of a law which changes one. */\n"
@@ -236,7 +236,7 @@ def _streams(model: Model) -> str:
 
 def _events(model: Model) -> str:
     timed = ((e, e.event.name) for e in model.laws if e.event is not None)
-    lines = "".join(_guarded(e, f"time[{effect_macro(e)}] = g->p[{macro(name)}];\n") for e, name in timed)
+    lines = "".join(guarded(e, f"time[{effect_macro(e)}] = g->p[{macro(name)}];\n") for e, name in timed)
     return (
         "/* The time of each active effect's event [s]; the entries of the others stay as they are. */\n"
         "static inline void event_times(const gyro_view *g, double time[GYRO_N_EFFECTS])\n"
@@ -247,7 +247,7 @@ def _events(model: Model) -> str:
 def _laws(model: Model) -> str:
     targets = {target for law in model.laws for target in law.changes} | set(model.followed)
     lines = "".join(_as_set(target) for target in sorted(targets, key=str))
-    lines += "".join(_guarded(e, f"effect_{e.id}(g);\n") for e in (*_follows(model), *model.laws))
+    lines += "".join(guarded(e, f"effect_{e.id}(g);\n") for e in (*_follows(model), *model.laws))
     made = "".join(f"    {_as_set(symbol)}" for symbol in symbols.SET_BY)
     start = "".join(
         f"    g->lagging[{lagging_macro(target)}] = value[{macro(symbols.SET_BY.get(target, target).name)}];\n"
@@ -293,9 +293,9 @@ def _follows(model: Model) -> list[Follow]:
 
 
 def _derivative(model: Model) -> str:
-    nominal = "".join(f"    {_call(e)}" for e in model.forces if e.nominal)
-    others = "".join(_guarded(e, _call(e)) for e in _added_forces(model))
-    held = "".join(_guarded(e, _call(e)) for e in model.forces if e.drawn)
+    nominal = "".join(f"    {force_call(e)}" for e in model.forces if e.nominal)
+    others = "".join(guarded(e, force_call(e)) for e in added_forces(model))
+    held = "".join(guarded(e, force_call(e)) for e in model.forces if e.drawn)
     quiet = "".join(f"    rate[{state_macro(s.symbol)}] = 0.0;\n" for s in model.states)
     return f"""/* The noise forces [N], drawn with the latest sample. */
 static inline void hold_noise(gyro_view *g)
@@ -320,7 +320,7 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
 
 
 def _kick(model: Model) -> str:
-    pushed = "".join(_guarded(e, f"impulse_{e.id}(g, impulse);\n") for e in model.forces if e.impulse)
+    pushed = "".join(guarded(e, f"impulse_{e.id}(g, impulse);\n") for e in model.forces if e.impulse)
     return (
         "/* The velocities jump by the impulses that a change of the held inputs gives. */\n"
         "static inline void kick(gyro_view *g)\n"
@@ -330,7 +330,8 @@ def _kick(model: Model) -> str:
     )
 
 
-def _call(effect: Force) -> str:
+def force_call(effect: Force) -> str:
+    """The call that adds the force of ``effect``."""
     return f"effect_{effect.id}(g, force{', rate' if effect.states else ''});\n"
 
 
@@ -338,7 +339,8 @@ def _asks_rate(effect: Effect) -> bool:
     return bool({symbols.v_x_rate, symbols.v_y_rate} & effect.symbols)
 
 
-def _added_forces(model: Model) -> list[Force]:
+def added_forces(model: Model) -> list[Force]:
+    """The forces that are neither of the nominal device nor drawn and held."""
     return [e for e in model.forces if not e.nominal and not e.drawn]
 
 
@@ -359,7 +361,7 @@ def _stage(model: Model, name: str, text: str, first: str, last: str, *, moving:
     order = list(SLOTS)
     span = order[order.index(first) : order.index(last) + 1]
     passes = ("_rate", "") if moving else ("",)
-    body = "".join(_slot(slot, members, of) for slot, members in chain(model) if slot in span for of in passes)
+    body = "".join(slot_lines(slot, members, of) for slot, members in chain(model) if slot in span for of in passes)
     start = "    g->q[0] = g->s[GYRO_STATE_X];\n    g->q[1] = g->s[GYRO_STATE_Y];\n" if name == "pick_off" else ""
     if moving:
         name, text = f"{name}_moving", f"{text} And its rate, before each value that it is made from changes."
@@ -374,7 +376,8 @@ _MOVING = """    state_rate(g, g->s_rate);
 """
 
 
-def _slot(slot: str, members: Sequence[Map], of: str) -> str:
+def slot_lines(slot: str, members: Sequence[Map], of: str) -> str:
+    """The maps of one slot of the chain, called where they are active; ``of`` is "_rate" for their rates."""
     # Effects that share a slot see the same entering signal, and their changes add up; one alone just replaces the
     # signal, so that a clipped or rounded value is exactly what the effect says.
     enters, leaves = (re.sub("_x$", of, pair[0].name) for pair in SLOTS[slot])
@@ -382,15 +385,16 @@ def _slot(slot: str, members: Sequence[Map], of: str) -> str:
     if len(members) == 1:
         [effect] = members
         assign = f"{function}_{effect.id}(g, out);\ng->{leaves}[0] = out[0];\ng->{leaves}[1] = out[1];\n"
-        return textwrap.indent(assign if effect.nominal else _guarded(effect, assign), "    ")
+        return textwrap.indent(assign if effect.nominal else guarded(effect, assign), "    ")
     lines = f"const double entering[2] = {{g->{enters}[0], g->{enters}[1]}};\n"
     lines += "double sum[2] = {entering[0], entering[1]};\n"
     for effect in members:
         add = f"{function}_{effect.id}(g, out);\nsum[0] += out[0] - entering[0];\nsum[1] += out[1] - entering[1];\n"
-        lines += _guarded(effect, add)
+        lines += guarded(effect, add)
     lines += f"g->{leaves}[0] = sum[0];\ng->{leaves}[1] = sum[1];\n"
     return "    {\n" + textwrap.indent(lines, "        ") + "    }\n"
 
 
-def _guarded(effect: Effect, lines: str) -> str:
+def guarded(effect: Effect, lines: str) -> str:
+    """``lines`` where ``effect`` is active."""
     return f"if (g->active[{effect_macro(effect)}]) {{\n{textwrap.indent(lines, '    ')}}}\n"

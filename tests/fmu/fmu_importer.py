@@ -50,7 +50,8 @@ class Fmu:
         self.token = self.description.guid if self.version == 2 else self.description.instantiationToken
         self.variables = {variable.name: variable for variable in self.description.modelVariables}
         platform = fmpy.platform if self.version == 2 else fmpy.platform_tuple
-        self.library = ct.CDLL(str(self.folder / "binaries" / platform / f"Gyroscope{fmpy.sharedLibraryExtension}"))
+        library = f"{self.description.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
+        self.library = ct.CDLL(str(self.folder / "binaries" / platform / library))
 
     def function(self, name: str) -> Any:
         """The exported function ``fmi2<name>`` or ``fmi3<name>``."""
