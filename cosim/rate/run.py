@@ -1,0 +1,106 @@
+"""A rate-mode run as asked for, and what follows from it before the first sample."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import pi
+
+from cosim.rate.courses import Course, check_jumps, check_rate
+from cosim.rate.filters import delay
+from cosim.rate.loop import Blocks
+from cosim.rate.settings import Nominal, Settings, blocks_for, nominal, settings_of
+from cosim.run import plant_parameters
+from gyro_model.device import Device
+from gyro_model.errors import InputError
+
+SETTLED = 12.0
+"""Time constants until settled: e^-12 = 6e-6 of a start or step is left."""
+
+
+@dataclass(frozen=True)
+class RateRun:
+    """One run of rate mode, with the full FMU.
+
+    rate [rad/s], temperature [K]: what the package goes through, from the time on at which the loops have settled;
+    closed: the sense loop rebalances; sample_rate, output_rate [Hz]; duration [s]. Raises InputError for what can't
+    be, a course shorter than the run, a rate beyond full scale, and a temperature that jumps.
+    """
+
+    device: Device
+    rate: Course
+    temperature: Course
+    closed: bool
+    duration: float
+    seed: int = 0
+    sample_rate: float = 200e3
+    output_rate: float = 100.0
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.output_rate <= 1e4:
+            raise InputError(f"output rate {self.output_rate:g} Hz: give one from 1 to 1e4 Hz")
+        if not 1e3 <= self.sample_rate <= 1e7:
+            raise InputError(f"sample rate {self.sample_rate:g} Hz: give one from 1e3 to 1e7 Hz")
+        if not self.duration < 1e6 or self.rows < 1:
+            raise InputError(f"duration {self.duration:g} s: give one from {1 / self.output_rate:g} to 1e6 s")
+        if self.settings.demodulator_bandwidth > 0.25 * self.nominal.calibration.frequency:
+            raise InputError(
+                f"rate_mode demodulator_bandwidth = {self.settings.demodulator_bandwidth:g} Hz: give less than a "
+                f"quarter of the drive frequency, {self.nominal.calibration.frequency:.6g} Hz"
+            )
+        if self.sample_rate < 8 * self.nominal.calibration.frequency:
+            raise InputError(
+                f"sample rate {self.sample_rate:g} Hz: give eight times the drive frequency of "
+                f"{self.nominal.calibration.frequency:.6g} Hz or more"
+            )
+        for name, course in (("rate", self.rate), ("temperature", self.temperature)):
+            if name == "rate" and self.duration > course.length + 1e-9:
+                raise InputError(f"{name} ({course.text}) lasts {course.length:.6g} s: shorten --duration to that")
+        check_rate(self.rate, self.duration, self.interval, self.settings.full_scale)
+        check_jumps(self.temperature, self.duration, self.interval)
+
+    @cached_property
+    def settings(self) -> Settings:
+        """The device's [rate_mode], completed."""
+        return settings_of(self.device)
+
+    @cached_property
+    def nominal(self) -> Nominal:
+        """What the loops are designed for."""
+        return nominal(self.device, self.settings, self.closed)
+
+    @property
+    def period(self) -> float:
+        """Sample period [s]."""
+        return 1 / self.sample_rate
+
+    @property
+    def per_row(self) -> int:
+        """Samples in a row of the record."""
+        return max(round(self.sample_rate / self.output_rate), 1)
+
+    @property
+    def interval(self) -> float:
+        """Time between rows [s]."""
+        return self.per_row * self.period
+
+    @property
+    def rows(self) -> int:
+        """Rows of the record."""
+        return round(self.duration / self.interval)
+
+    @property
+    def settling(self) -> float:
+        """Time after which a step of the rate, or the start of the loops, is no longer seen [s]."""
+        slowest = min(self.settings.phase_bandwidth, self.settings.amplitude_bandwidth)
+        loops = 2**0.5 / (2 * pi * slowest)
+        sense = 1 / max(-self.nominal.pole.real, 1e-9)
+        closed = 1 / (2 * pi * self.settings.sense_bandwidth) if self.closed else 0.0
+        filters = delay(self.settings.output_bandwidth) + delay(self.settings.demodulator_bandwidth)
+        return SETTLED * max(loops, sense, closed, filters)
+
+    def blocks(self) -> Blocks:
+        """The blocks of the loops."""
+        return blocks_for(self.settings, self.nominal, self.period)
+
+    def plant_parameters(self) -> dict[str, float]:
+        """Parameters of the FMU; the loops start it up from wherever the device file lets it begin."""
+        return plant_parameters(self.device, self.period, self.seed)
