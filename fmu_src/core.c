@@ -179,6 +179,7 @@ gyro_status gyro_prepare(gyro_instance *g)
         memcpy(view->p, g->value, sizeof view->p);
         view->inverse_mass = 1.0 / g->value[GYRO_M];
         view->t = gyro_time(g);
+        view->step_start = view->t;
         find_active(view);
         plan_events(g);
         gyro_pass_events(g, g->memory.tick, 0.0);
@@ -186,7 +187,7 @@ gyro_status gyro_prepare(gyro_instance *g)
         for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
             g->plan.any_draw |= (unsigned char)(streams[effect] != 0u && view->active[effect]);
         }
-        g->plan.any_lag = lag_time_constant(view) > 0.0;
+        g->plan.any_lag = (unsigned char)lag_acts(view);
         status = plan_delay(g);
     }
     return status;

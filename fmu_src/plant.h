@@ -25,7 +25,7 @@ typedef struct {
     unsigned char any_draw;
 } gyro_plan;
 
-/* Changes with time. With the values, the states and normal numbers of the view, and the delay line, it is all that a snapshot holds. */
+/* Changes with time. With the values, the states, lagging quantities and normal numbers of the view, and the delay line, it is all that a snapshot holds. */
 typedef struct {
     double start_time;       /* s */
     int64_t started;         /* 1 after gyro_start */

@@ -31,7 +31,7 @@ typedef struct {
     size_t size; /* bytes */
 } part;
 
-enum { DELAY_LINE = 4, N_PARTS = 5 };
+enum { DELAY_LINE = 5, N_PARTS = 6 };
 
 /* What a snapshot holds, in order. */
 static void list_parts(const gyro_instance *g, part parts[N_PARTS])
@@ -41,6 +41,7 @@ static void list_parts(const gyro_instance *g, part parts[N_PARTS])
     parts[1] = (part){&mutable_g->memory, sizeof g->memory};
     parts[2] = (part){mutable_g->view.s, sizeof g->view.s};
     parts[3] = (part){mutable_g->view.normal, sizeof g->view.normal};
+    parts[4] = (part){mutable_g->view.lagging, sizeof g->view.lagging};
     parts[DELAY_LINE] = (part){mutable_g->delay_line, g->delay_length * sizeof *g->delay_line};
 }
 

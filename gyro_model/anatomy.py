@@ -1,7 +1,8 @@
 """The anatomy of an effect: what one file in ``gyro_model/effects`` states, as data.
 
-An effect belongs to one stage, and each stage is a class: ``Law`` changes parameters, ``Force`` adds a force (and
-states of its own), ``Map`` rewrites the signal at its place in the chain, ``Delay`` and ``Lag`` hold a signal back.
+An effect belongs to one stage, and each stage is a class: ``Law`` changes parameters, ``Follow`` makes them lag,
+``Force`` adds a force (and states of its own), ``Map`` rewrites the signal at its place in the chain, ``Delay`` and
+``Lag`` hold a signal back.
 
 Expressions are sympy, in the symbols of ``gyro_model.symbols`` and the effect's own parameters. Every class checks
 itself where it is built and raises InputError.
@@ -154,6 +155,24 @@ class Law(Effect):
 
     def neutral(self) -> dict[str, Expr]:
         return {target.name: target for target in self.changes}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Follow(Effect):
+    """Makes a held quantity lag: each target of ``follows`` nears its value as set as a first-order lag of the time
+    constant [s] beside it. It starts at that value; with a time constant of 0 it follows at once.
+
+    Parameter laws come after it.
+    """
+
+    STAGE: ClassVar[str] = "parameter law"
+    follows: Mapping[Symbol, Symbol]
+
+    def terms(self) -> dict[str, Expr]:
+        return {f"time_constant_{target.name}": constant for target, constant in self.follows.items()}
+
+    def neutral(self) -> dict[str, Expr]:
+        return dict.fromkeys(self.terms(), sympify(0))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,7 @@ from xml.etree import ElementTree as ET
 
 import platformdirs
 
-from gyro_model import generate_c, generate_docs, generate_xml
+from gyro_model import generate_c, generate_docs, generate_effects, generate_xml
 from gyro_model.errors import InputError
 from gyro_model.model import Model, load_model
 
@@ -62,7 +62,7 @@ def generated_files(model: Model) -> dict[str, str]:
     return {
         f"{GENERATED}/model.h": generate_c.header(model, token),
         f"{GENERATED}/model.c": generate_c.table(model),
-        f"{GENERATED}/effects.h": generate_c.effects(model),
+        f"{GENERATED}/effects.h": generate_effects.effects(model),
     }
 
 
@@ -76,7 +76,7 @@ def model_token(model: Model) -> str:
     """Names a model: a digest of all its C and XML, so that an FMU of other effects, bounds or code has another
     token."""
     digest = hashlib.sha256()
-    texts = [generate_c.header(model, ""), generate_c.table(model), generate_c.effects(model)]
+    texts = [generate_c.header(model, ""), generate_c.table(model), generate_effects.effects(model)]
     texts += [generate_xml.fmi2(model, "", ()), generate_xml.fmi3(model, "")]
     texts += [path.read_text(encoding="utf-8") for path in sorted(handwritten_folder().glob("*.[ch]"))]
     for text in texts:

@@ -7,12 +7,12 @@ tests.
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from sympy import Expr, Matrix, Symbol
 
 from gyro_model import symbols
-from gyro_model.anatomy import SLOTS, Delay, Effect, Force, Lag, Law, Map
+from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Map
 from gyro_model.model import Model, load_model
 
 Substitution = dict[Symbol, Expr]
@@ -22,6 +22,15 @@ _E = TypeVar("_E", bound=Effect)
 def normals_of(effect_id: str) -> tuple[Symbol, Symbol]:
     """The two normal numbers of one effect, told from those of others."""
     return Symbol(f"normal_x_{effect_id}", real=True), Symbol(f"normal_y_{effect_id}", real=True)
+
+
+class Follower(NamedTuple):
+    """A quantity that lags: the state that stands for ``target`` nears ``source`` with ``time_constant`` [s]."""
+
+    state: Symbol
+    target: Symbol
+    source: Symbol
+    time_constant: Symbol
 
 
 @dataclass(frozen=True)
@@ -46,9 +55,25 @@ class Dynamics:
 
     @cached_property
     def states(self) -> tuple[Symbol, ...]:
-        """x, x_dot, y, y_dot, then the states of acting effects."""
+        """x, x_dot, y, y_dot, then the states of acting effects, then the quantities that lag."""
         own = (state.symbol for e in self._of(Force) for state in e.states)
-        return (*symbols.STATES, *own)
+        return (*symbols.STATES, *own, *(follower.state for follower in self.followers))
+
+    @cached_property
+    def state_units(self) -> tuple[str, ...]:
+        """The unit of each state."""
+        own = (state.unit for e in self._of(Force) for state in e.states)
+        lagging = (self.model.by_name[follower.source.name].unit for follower in self.followers)
+        return ("m", "m/s", "m", "m/s", *own, *lagging)
+
+    @cached_property
+    def followers(self) -> tuple[Follower, ...]:
+        """The quantities that lag."""
+        return tuple(
+            Follower(Symbol(f"{target.name}_lagging", real=True), target, symbols.SET_BY.get(target, target), constant)
+            for effect in self._of(Follow)
+            for target, constant in effect.follows.items()
+        )
 
     @cached_property
     def _actuated(self) -> tuple[Expr, Expr]:
@@ -64,7 +89,8 @@ class Dynamics:
             terms = self._privately(effect)
             force = (force[0] + terms["force_x"], force[1] + terms["force_y"])
             own += [terms[f"d_{state.symbol.name}"] for state in effect.states]
-        rates = (symbols.x_dot, force[0] / symbols.m, symbols.y_dot, force[1] / symbols.m, *own)
+        lagging = ((follower.source - follower.state) / follower.time_constant for follower in self.followers)
+        rates = (symbols.x_dot, force[0] / symbols.m, symbols.y_dot, force[1] / symbols.m, *own, *lagging)
         return tuple(rate.subs(self._laws, simultaneous=True) for rate in rates)
 
     @cached_property
@@ -92,6 +118,11 @@ class Dynamics:
         """Time constant of the amplifier's lag [s]; 0 where there is none."""
         return next((self._lawful((e.time_constant,))[0] for e in self._of(Lag)), symbols.t * 0)
 
+    @cached_property
+    def temperatures(self) -> tuple[Expr, ...]:
+        """Temperature of the structure and of the circuit [K]."""
+        return self._lawful(symbols.SET_BY)
+
     def state_jacobian(self) -> Matrix:
         """Derivatives of ``rates`` by the states, shape (n, n)."""
         return Matrix(self.rates).jacobian(Matrix(self.states))
@@ -111,8 +142,11 @@ class Dynamics:
 
     @cached_property
     def _laws(self) -> Substitution:
-        changed: Substitution = {}
-        for law in self._of(Law):
+        changed: Substitution = dict(symbols.SET_BY)
+        changed |= {follower.target: follower.state for follower in self.followers}
+        for law in self.model.laws:
+            if law not in self.effects:
+                continue
             terms = self._privately(law)
             changed |= {target: terms[target.name].subs(changed, simultaneous=True) for target in law.changes}
         return changed

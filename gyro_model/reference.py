@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from sympy import Expr, Symbol, lambdify
 
 from gyro_model import symbols
-from gyro_model.anatomy import Law
+from gyro_model.anatomy import Lag, Law
 from gyro_model.device import Device
 from gyro_model.dynamics import Dynamics, normals_of
 from gyro_model.errors import InputError
@@ -28,8 +28,8 @@ FAR = 1.0
 """No device moves a metre: a simulation that does has diverged, and its steps would shrink without end."""
 
 # What counts as zero beside rtol: 1e-12 of a picometre and of its velocity at 1 kHz, of the voltage that it makes at
-# 1 V/um.
-_NEGLIGIBLE = {"m": 1e-24, "m/s": 1e-20, "V": 1e-18}
+# 1 V/um; of a kelvin.
+_NEGLIGIBLE = {"m": 1e-24, "m/s": 1e-20, "V": 1e-18, "K": 1e-12}
 
 
 def no_noise(effect_id: str, sample: int) -> tuple[float, float]:
@@ -41,9 +41,9 @@ def simulate(device: Device, t: Floats, inputs: Mapping[str, Floats], normals: N
     """Simulates ``device`` over the samples at ``t`` [s], shape (n,), evenly spaced.
 
     inputs: by FMU name, SI, shape (n,), held over [t_k, t_{k+1}); missing ones stay at their start value. normals:
-    standard normal numbers of an effect at a sample. Gives v_x, v_y [V] and every state by name, each shape (n,),
-    sample k as taken just before u changes to u_k. Raises InputError where shapes differ, an input
-    is unknown, or the simulation diverges.
+    standard normal numbers of an effect at a sample. Gives v_x, v_y [V], both temperatures [K] and every state by name,
+    each shape (n,), sample k as taken just before u changes to u_k. Raises InputError where shapes differ, an input is
+    unknown, or the simulation diverges.
     """
     return _Simulation(device, t, inputs, normals).run()
 
@@ -61,38 +61,33 @@ class _Simulation:
         self.normals = normals
         self.dynamics = Dynamics(tuple(e.id for e in device.model.effects if device.acts(e)), device.model)
         self.names = [state.name for state in self.dynamics.states]
+        self.at_once = {f.state: f.source for f in self.dynamics.followers if self.values[f.time_constant.name] == 0}
+        self.temperatures = self._compiled(self.dynamics.temperatures)
         self.rate = self._compiled(self.dynamics.rates)
         self.voltage = self._compiled(self.dynamics.voltage)
         self.sample = self._compiled(self.dynamics.sample)
         self.delay = float(self.dynamics.delay.subs(self.by_symbol))
-        self.lag = float(self.dynamics.time_constant.subs(self.by_symbol))
-        units = [
-            "m",
-            "m/s",
-            "m",
-            "m/s",
-            *(s.unit for s in device.model.states if s.symbol in self.dynamics.states),
-            "V",
-            "V",
-        ]
-        self.negligible = np.array([_NEGLIGIBLE[unit] for unit in units[: len(self.names) + 2 * (self.lag > 0)]])
+        self.lag = self._compiled((self.dynamics.time_constant,))
+        self.lagging = any(isinstance(e, Lag) for e in self.dynamics.effects)
+        units = (*self.dynamics.state_units, *(("V", "V") if self.lagging else ()))
+        self.negligible = np.array([_NEGLIGIBLE[unit] for unit in units])
 
     def _compiled(self, exprs: tuple[Expr, ...]) -> Callable[..., Any]:
         drawn = [symbol for e in self.dynamics.effects for symbol in normals_of(e.id)]
         switches = [Symbol(f"after_{e.id}", real=True) for e in self.dynamics.effects]
         held = [symbols.BY_NAME[name] for name in self.inputs]
-        temperatures = [symbols.temperature_structure, symbols.temperature_circuit]
         arguments = (
             symbols.t,
             list(self.dynamics.states),
             [symbols.v_x, symbols.v_y],
             held,
-            temperatures,
             drawn,
             switches,
         )
         return lambdify(
-            arguments, [expr.subs(self.by_symbol) for expr in exprs], modules=[{"nearest_integer": np.rint}, "numpy"]
+            arguments,
+            [expr.subs(self.at_once).subs(self.by_symbol) for expr in exprs],
+            modules=[{"nearest_integer": np.rint}, "numpy"],
         )
 
     def _context(self, k: int, t: float, u: tuple[float, float], sample: int) -> tuple[list[float], ...]:
@@ -106,7 +101,7 @@ class _Simulation:
             float(isinstance(e, Law) and e.event is not None and t >= self.values[e.event.name])
             for e in self.dynamics.effects
         ]
-        return held, [float(self.inputs["temperature"][k])] * 2, drawn, switches
+        return held, drawn, switches
 
     def _force(self, t: float) -> tuple[float, float]:
         """The force at the mass at time ``t``: the one commanded ``delay`` ago, before the start the first."""
@@ -124,11 +119,18 @@ class _Simulation:
         hair = 1e-9 * (end - begin)
         return sorted({float(s) for s in instants if begin + hair < s < end - hair})
 
+    def _start(self) -> Floats:
+        state = np.zeros(len(self.names))
+        state[:4] = [self.values[f"{name}_start"] for name in self.names[:4]]
+        for follower in self.dynamics.followers:
+            state[self.names.index(follower.state.name)] = self.inputs[follower.source.name][0]
+        return state
+
     def run(self) -> dict[str, Floats]:
         state = np.zeros(len(self.negligible))
-        state[:4] = [self.values[f"{name}_start"] for name in self.names[:4]]
+        state[: len(self.names)] = self._start()
         acting = self._force(self.t[0])
-        if self.lag > 0:
+        if self.lagging:
             state[-2:] = self.voltage(
                 self.t[0], state[: len(self.names)], [0, 0], *self._context(0, self.t[0], acting, 0)
             )
@@ -141,14 +143,17 @@ class _Simulation:
                     acting = self._force(0.5 * (begin + end))
                     state = self._advance(k, begin, end, state, acting)
         columns = np.array(rows).T
-        return dict(zip(("v_x", "v_y", *self.names), columns, strict=True))
+        return dict(
+            zip(("v_x", "v_y", "temperature_structure", "temperature_circuit", *self.names), columns, strict=True)
+        )
 
     def _row(self, k: int, t: float, state: Floats, acting: tuple[float, float]) -> list[float]:
         # The inputs are those held until now, the noise is that of this sample.
         own = state[: len(self.names)]
         context = self._context(max(k - 1, 0), t, acting, k)
-        v = state[-2:] if self.lag > 0 else self.voltage(t, own, [0, 0], *context)
-        return [*self.sample(t, own, v, *context), *own]
+        v = state[-2:] if self.lagging else self.voltage(t, own, [0, 0], *context)
+        temperatures = self.temperatures(t, own, v, *context)
+        return [*self.sample(t, own, v, *context), *temperatures, *own]
 
     def _advance(self, k: int, begin: float, end: float, state: Floats, acting: tuple[float, float]) -> Floats:
         context = self._context(k, 0.5 * (begin + end), acting, k)
@@ -158,13 +163,18 @@ class _Simulation:
             if not (abs(s[0]) < FAR and abs(s[2]) < FAR):
                 raise InputError(f"reference diverged at {t:.9g} s: x or y is beyond {FAR:g} m; check effect sizes")
             moving = list(self.rate(t, s[:n], [0, 0], *context))
-            if self.lag > 0:
+            if self.lagging:
                 v = self.voltage(t, s[:n], [0, 0], *context)
-                moving += [(v[i] - s[n + i]) / self.lag for i in (0, 1)]
+                [lag] = self.lag(t, s[:n], v, *context)
+                moving += [(v[i] - s[n + i]) / lag if lag > 0 else 0.0 for i in (0, 1)]
             return moving
 
         result = solve_ivp(rate, (begin, end), state, method="DOP853", rtol=TOLERANCE, atol=self.negligible)
-        return np.asarray(result.y[:, -1])
+        after = np.asarray(result.y[:, -1])
+        if self.lagging and self.lag(end, after[:n], [0, 0], *context)[0] <= 0:
+            # No lag: the voltage is there at once.
+            after[n:] = self.voltage(end, after[:n], [0, 0], *context)
+        return after
 
 
 def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Mapping[str, Floats]) -> Floats:
@@ -175,13 +185,13 @@ def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Map
     forces.
     """
     simulation = _Simulation(device, t, inputs, no_noise)
-    if simulation.delay > 0 or simulation.lag > 0:
+    if simulation.delay > 0 or simulation.lagging:
         raise InputError("sensitivities: set actuator_delay and amplifier_time_constant to 0 first")
     dynamics, n = simulation.dynamics, len(simulation.names)
     by_state = simulation._compiled(tuple(dynamics.state_jacobian()))
     by_parameter = simulation._compiled(tuple(dynamics.parameter_jacobian(names)))
     state = np.zeros(n * (1 + len(names)))
-    state[:4] = [simulation.values[f"{name}_start"] for name in simulation.names[:4]]
+    state[:n] = simulation._start()
     rows = [state]
     for k in range(len(t) - 1):
         acting = simulation._force(0.5 * (t[k] + t[k + 1]))

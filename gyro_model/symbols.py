@@ -15,7 +15,13 @@ m, kxx, kyy, kxy, dxx, dyy, dxy = (BY_NAME[name] for name in ("m", "kxx", "kyy",
 sense_gain_x, sense_gain_y = BY_NAME["sense_gain_x"], BY_NAME["sense_gain_y"]
 sample_period = BY_NAME["sample_period"]
 temperature_structure, temperature_circuit = BY_NAME["temperature_structure"], BY_NAME["temperature_circuit"]
-omega_z, a_x, a_y, v_bias = BY_NAME["omega_z"], BY_NAME["a_x"], BY_NAME["a_y"], BY_NAME["v_bias"]
+temperature, omega_z, a_x, a_y, v_bias = (
+    BY_NAME["temperature"],
+    BY_NAME["omega_z"],
+    BY_NAME["a_x"],
+    BY_NAME["a_y"],
+    BY_NAME["v_bias"],
+)
 x, y, x_dot, y_dot = BY_NAME["x"], BY_NAME["y"], BY_NAME["x_dot"], BY_NAME["y_dot"]
 u_x, u_y, v_x, v_y = BY_NAME["u_x"], BY_NAME["u_y"], BY_NAME["v_x"], BY_NAME["v_y"]
 
@@ -41,3 +47,6 @@ BOLTZMANN = Float("1.380649e-23", 17)
 """Boltzmann constant [J/K], exact by the definition of the kelvin (SI brochure, 9th edition)."""
 
 STATES = (x, x_dot, y, y_dot)
+
+SET_BY = {temperature_structure: temperature, temperature_circuit: temperature}
+"""What the device makes of an input, before any effect changes it: both temperatures are the ambient one."""

@@ -17,6 +17,9 @@ typedef struct {
     double q[2];                          /* displacement on its way to the pickoff, m */
     double v[2];                          /* voltage on its way to the converter, V */
     double t;                             /* time, s */
+    double step_start;                    /* start of the internal step, s */
+    double lagging[GYRO_N_LAGGING];       /* quantities that lag, at the start of the internal step, SI */
+    double lagging_now[GYRO_N_LAGGING];   /* the same, now */
     double inverse_mass;                  /* 1/kg */
     double normal[GYRO_N_EFFECTS][2];     /* standard normal numbers of each effect, of the latest sample */
     double after[GYRO_N_EFFECTS];         /* 1 from the event of each effect on, 0 before */
@@ -27,6 +30,22 @@ typedef struct {
 
 static inline double larger(double a, double b) { return a > b ? a : b; }
 static inline double smaller(double a, double b) { return a < b ? a : b; }
+
+/* 1 - e^-z, z >= 0; the series, off by z^6/720 < 1e-18 z, gives every platform the same bits where a lag is long. */
+static inline double decayed(double z)
+{
+    return z < 1e-3 ? z * (1.0 - z / 2.0 * (1.0 - z / 3.0 * (1.0 - z / 4.0 * (1.0 - z / 5.0)))) : -expm1(-z);
+}
+
+/* The variable `vr` nears its value as set with the time constant `lag` [s]; `index` is its place in `lagging`. */
+static inline void follow(gyro_view *g, int vr, int index, double lag)
+{
+    const double set = g->p[vr];
+    if (lag > 0.0) {
+        g->p[vr] = g->lagging[index] + (set - g->lagging[index]) * decayed((g->t - g->step_start) / lag);
+    }
+    g->lagging_now[index] = g->p[vr];
+}
 
 /* The Coriolis force of a package that turns about z.
 
@@ -217,6 +236,18 @@ static inline void effect_thermal_force(const gyro_view *g, double force[2])
     force[1] += 5.254805419803858e-12*thermal_force*sqrt(temperature_structure/sample_period)*(dxy*normal_x + normal_y*(dyy + sqrt(larger(0, dxx*dyy - dxy*dxy))))/sqrt(larger(2.2250738585072014e-308, dxx + dyy + 2*sqrt(larger(0, dxx*dyy - dxy*dxy))));
 }
 
+/* Structure and circuit warm and cool slowly: each temperature follows the ambient one, with its own lag.
+
+       T' = (temperature - T)/lag, T = temperature at the start, for T_structure and T_circuit
+
+   Source 003 and SYSTEM.md sections 6 and 8. The update is exact while the ambient temperature is held, so that a lag may
+   lie far below the step. */
+static inline void effect_thermal_lag(gyro_view *g)
+{
+    follow(g, GYRO_TEMPERATURE_STRUCTURE, GYRO_LAGGING_TEMPERATURE_STRUCTURE, g->p[GYRO_STRUCTURE_LAG]);
+    follow(g, GYRO_TEMPERATURE_CIRCUIT, GYRO_LAGGING_TEMPERATURE_CIRCUIT, g->p[GYRO_CIRCUIT_LAG]);
+}
+
 /* All damping multiplies by a factor at one instant: a seal that leaks, a part that ages at once.
 
        d → d · factor for t ≥ time
@@ -281,6 +312,21 @@ static inline void effect_thermal_gain(gyro_view *g)
     const double temperature_circuit = g->p[GYRO_TEMPERATURE_CIRCUIT];
     g->p[GYRO_SENSE_GAIN_X] = sense_gain_x*(tcg*(-t_ref + temperature_circuit) + 1);
     g->p[GYRO_SENSE_GAIN_Y] = sense_gain_y*(tcg*(-t_ref + temperature_circuit) + 1);
+}
+
+/* The time constant of the amplifier changes with the temperature of the circuit, and the phase of the output with it.
+
+       τ → max(0, τ + tcp (T_circuit - t_ref))
+
+   A lag of phase of ωτ that moves with temperature mixes quadrature into the demodulated rate (source 003). SYSTEM.md
+   section 8; where the sum would be negative there is no lag. */
+static inline void effect_thermal_phase(gyro_view *g)
+{
+    const double amplifier_time_constant = g->p[GYRO_AMPLIFIER_TIME_CONSTANT];
+    const double t_ref = g->p[GYRO_T_REF];
+    const double tcp = g->p[GYRO_TCP];
+    const double temperature_circuit = g->p[GYRO_TEMPERATURE_CIRCUIT];
+    g->p[GYRO_AMPLIFIER_TIME_CONSTANT] = larger(0, amplifier_time_constant + tcp*(-t_ref + temperature_circuit));
 }
 
 /* Stiffness changes with the temperature of the structure, y by another rate than x.
@@ -524,7 +570,7 @@ static inline void effect_sense_noise(const gyro_view *g, double out[2])
     out[1] = normal_y*sense_noise + v_y;
 }
 
-/* Marks the effects that a size parameter switches on. */
+/* Marks the effects that a size parameter switches on, their own or that of a law which changes one. */
 static inline void find_active(gyro_view *g)
 {
     g->active[GYRO_EFFECT_CORIOLIS] = 1;
@@ -537,7 +583,7 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_ACTUATOR_NONLINEARITY] = g->p[GYRO_ACTUATOR_A2] != 0.0 || g->p[GYRO_ACTUATOR_A3] != 0.0;
     g->active[GYRO_EFFECT_ADC_CLIPPING] = g->p[GYRO_ADC_LIMIT] != 1e+300;
     g->active[GYRO_EFFECT_ADC_QUANTISATION] = g->p[GYRO_ADC_LSB] != 0.0;
-    g->active[GYRO_EFFECT_AMPLIFIER_BANDWIDTH] = g->p[GYRO_AMPLIFIER_TIME_CONSTANT] != 0.0;
+    g->active[GYRO_EFFECT_AMPLIFIER_BANDWIDTH] = g->p[GYRO_AMPLIFIER_TIME_CONSTANT] != 0.0 || g->p[GYRO_TCP] != 0.0;
     g->active[GYRO_EFFECT_AMPLIFIER_DRIFT] = g->p[GYRO_OFFSET_DRIFT] != 0.0;
     g->active[GYRO_EFFECT_AMPLIFIER_OFFSET] = g->p[GYRO_OFFSET_X] != 0.0 || g->p[GYRO_OFFSET_Y] != 0.0;
     g->active[GYRO_EFFECT_ANGULAR_GAIN] = g->p[GYRO_ANGULAR_GAIN] != 1.0;
@@ -559,8 +605,10 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_THERMAL_DAMPING] = g->p[GYRO_TCD] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_FORCE] = g->p[GYRO_THERMAL_FORCE] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_GAIN] = g->p[GYRO_TCG] != 0.0;
+    g->active[GYRO_EFFECT_THERMAL_LAG] = g->p[GYRO_STRUCTURE_LAG] != 0.0 || g->p[GYRO_CIRCUIT_LAG] != 0.0;
+    g->active[GYRO_EFFECT_THERMAL_PHASE] = g->p[GYRO_TCP] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_STIFFNESS] = g->p[GYRO_TCK] != 0.0 || g->p[GYRO_TCK_SPLIT] != 0.0;
-    g->any_law = g->active[GYRO_EFFECT_DAMPING_STEP] || g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] || g->active[GYRO_EFFECT_THERMAL_DAMPING] || g->active[GYRO_EFFECT_THERMAL_GAIN] || g->active[GYRO_EFFECT_THERMAL_STIFFNESS];
+    g->any_law = g->active[GYRO_EFFECT_THERMAL_LAG] || g->active[GYRO_EFFECT_DAMPING_STEP] || g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] || g->active[GYRO_EFFECT_THERMAL_DAMPING] || g->active[GYRO_EFFECT_THERMAL_GAIN] || g->active[GYRO_EFFECT_THERMAL_PHASE] || g->active[GYRO_EFFECT_THERMAL_STIFFNESS];
     g->any_force = g->active[GYRO_EFFECT_ANGULAR_GAIN] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_LINEAR_ACCELERATION] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS];
 }
 
@@ -599,6 +647,8 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* thermal_damping: none */
     0xd9b10be9u, /* thermal_force */
     0u, /* thermal_gain: none */
+    0u, /* thermal_lag: none */
+    0u, /* thermal_phase: none */
     0u, /* thermal_stiffness: none */
 };
 
@@ -610,9 +660,24 @@ static inline void event_times(const gyro_view *g, double time[GYRO_N_EFFECTS])
     }
 }
 
+/* What is made of the inputs, before any law. */
+static inline void take_made(gyro_view *g, const double value[GYRO_N_VARIABLES])
+{
+    g->p[GYRO_TEMPERATURE_STRUCTURE] = value[GYRO_TEMPERATURE];
+    g->p[GYRO_TEMPERATURE_CIRCUIT] = value[GYRO_TEMPERATURE];
+}
+
+/* What lags starts at its value as set. */
+static inline void start_lagging(gyro_view *g, const double value[GYRO_N_VARIABLES])
+{
+    g->lagging[GYRO_LAGGING_TEMPERATURE_STRUCTURE] = value[GYRO_TEMPERATURE];
+    g->lagging[GYRO_LAGGING_TEMPERATURE_CIRCUIT] = value[GYRO_TEMPERATURE];
+}
+
 /* Parameter laws: from the values as set, at the time and events of the view. */
 static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES])
 {
+    g->p[GYRO_AMPLIFIER_TIME_CONSTANT] = value[GYRO_AMPLIFIER_TIME_CONSTANT];
     g->p[GYRO_DXX] = value[GYRO_DXX];
     g->p[GYRO_DXY] = value[GYRO_DXY];
     g->p[GYRO_DYY] = value[GYRO_DYY];
@@ -621,7 +686,12 @@ static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES]
     g->p[GYRO_KYY] = value[GYRO_KYY];
     g->p[GYRO_SENSE_GAIN_X] = value[GYRO_SENSE_GAIN_X];
     g->p[GYRO_SENSE_GAIN_Y] = value[GYRO_SENSE_GAIN_Y];
+    g->p[GYRO_TEMPERATURE_CIRCUIT] = value[GYRO_TEMPERATURE];
+    g->p[GYRO_TEMPERATURE_STRUCTURE] = value[GYRO_TEMPERATURE];
     g->p[GYRO_V_BIAS] = value[GYRO_V_BIAS];
+    if (g->active[GYRO_EFFECT_THERMAL_LAG]) {
+        effect_thermal_lag(g);
+    }
     if (g->active[GYRO_EFFECT_DAMPING_STEP]) {
         effect_damping_step(g);
     }
@@ -633,6 +703,9 @@ static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES]
     }
     if (g->active[GYRO_EFFECT_THERMAL_GAIN]) {
         effect_thermal_gain(g);
+    }
+    if (g->active[GYRO_EFFECT_THERMAL_PHASE]) {
+        effect_thermal_phase(g);
     }
     if (g->active[GYRO_EFFECT_THERMAL_STIFFNESS]) {
         effect_thermal_stiffness(g);
@@ -649,6 +722,12 @@ static inline double force_delay(const gyro_view *g)
 static inline double lag_time_constant(const gyro_view *g)
 {
     return g->p[GYRO_AMPLIFIER_TIME_CONSTANT];
+}
+
+/* Whether the amplifier lags. */
+static inline int lag_acts(const gyro_view *g)
+{
+    return g->active[GYRO_EFFECT_AMPLIFIER_BANDWIDTH];
 }
 
 /* The noise forces [N], drawn with the latest sample. */

@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{baa29463-8cfd-5180-dfc4-e60b18985bb7}"
+#define GYRO_TOKEN "{87e87fe4-1296-7c48-c308-cd24a4cb18b8}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -81,10 +81,14 @@ enum {
     GYRO_TCD = 67, /* [1/K] size: temperature coefficient of damping */
     GYRO_THERMAL_FORCE = 68, /* [1] size: thermal noise force times this (1: physical) */
     GYRO_TCG = 69, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_TCK = 70, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 71, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 72, /* [K] shape: temperature at which parameters are as given */
-    GYRO_N_VARIABLES = 73
+    GYRO_STRUCTURE_LAG = 70, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 71, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 72, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 73, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 74, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 75, /* [K] shape: temperature at which parameters are as given */
+    GYRO_N_INPUTS = 7, /* which come first */
+    GYRO_N_VARIABLES = 76
 };
 
 /* Continuous states. */
@@ -96,6 +100,13 @@ enum {
     GYRO_STATE_PARASITIC = 4, /* [m] */
     GYRO_STATE_PARASITIC_DOT = 5, /* [m/s] */
     GYRO_N_STATES = 6
+};
+
+/* Quantities that may lag. */
+enum {
+    GYRO_LAGGING_TEMPERATURE_STRUCTURE = 0,
+    GYRO_LAGGING_TEMPERATURE_CIRCUIT = 1,
+    GYRO_N_LAGGING = 2
 };
 
 /* Effects, those of the nominal device first. */
@@ -132,8 +143,10 @@ enum {
     GYRO_EFFECT_THERMAL_DAMPING = 29,
     GYRO_EFFECT_THERMAL_FORCE = 30,
     GYRO_EFFECT_THERMAL_GAIN = 31,
-    GYRO_EFFECT_THERMAL_STIFFNESS = 32,
-    GYRO_N_EFFECTS = 33
+    GYRO_EFFECT_THERMAL_LAG = 32,
+    GYRO_EFFECT_THERMAL_PHASE = 33,
+    GYRO_EFFECT_THERMAL_STIFFNESS = 34,
+    GYRO_N_EFFECTS = 35
 };
 
 typedef enum { GYRO_INPUT, GYRO_PARAMETER, GYRO_OUTPUT } gyro_kind;

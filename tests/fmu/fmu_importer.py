@@ -20,6 +20,10 @@ NOISY = {
     "damping_step_time": 1.5e-4,
     "damping_step_factor": 2.0,
     "parasitic_coupling": 0.5,
+    "structure_lag": 3e-4,
+    "circuit_lag": 1e-4,
+    "tck": 1e-4,
+    "tcp": 1e-8,
     "x_start": 1e-6,
 }
 OUTPUTS = ("v_x", "v_y", "x", "y", "x_dot", "y_dot")

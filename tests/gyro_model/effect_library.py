@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from gyro_model import build, symbols
-from gyro_model.anatomy import Delay, Effect, Force, Lag, Law, Map
+from gyro_model.anatomy import Delay, Effect, Follow, Force, Lag, Law, Map
 from gyro_model.model import Model
 
 _EXPORT = '__attribute__((visibility("default"))) void' if not hasattr(ct, "WinDLL") else "__declspec(dllexport) void"
@@ -34,6 +34,8 @@ def _call(effect: Effect) -> str:
         return "out[0] = force_delay(&view);"
     if isinstance(effect, Lag):
         return "out[0] = lag_time_constant(&view);"
+    if isinstance(effect, Follow):
+        return " ".join(f"out[{i}] = view.p[GYRO_{c.name.upper()}];" for i, c in enumerate(effect.follows.values()))
     if isinstance(effect, Law):
         copies = (f"out[{i}] = view.p[GYRO_{name.upper()}];" for i, name in enumerate(effect.terms()))
         return f"effect_{effect.id}(&view); " + " ".join(copies)

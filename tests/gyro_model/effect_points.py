@@ -8,7 +8,7 @@ import numpy as np
 from sympy import Expr, Float, Rational, Symbol, pi, preorder_traversal
 
 from gyro_model import symbols
-from gyro_model.anatomy import SLOTS, Delay, Effect, Force, Lag, Law, Map
+from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map
 from gyro_model.evaluate import evaluate
 from gyro_model.model import Model, load_model
 from gyro_model.units import Dimension, dimension
@@ -31,7 +31,7 @@ def unit_of(name: str, model: Model = MODEL) -> str:
 
 def dimension_of_term(effect: Effect, name: str, model: Model = MODEL) -> Dimension:
     """The dimension that a term must have."""
-    if isinstance(effect, (Delay, Lag)):
+    if isinstance(effect, (Delay, Follow, Lag)):
         return dimension("s")
     if isinstance(effect, Force):
         rates = {f"d_{state.symbol.name}": dimension(state.unit) * dimension("s-1") for state in effect.states}
