@@ -45,28 +45,6 @@ static void find_force(gyro_instance *g)
     actuate(view);
 }
 
-void gyro_pass_events(gyro_instance *g, int64_t tick, double fraction)
-{
-    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-        const int64_t event = g->plan.event_tick[effect];
-        const int passed = tick > event || (tick == event && fraction >= g->plan.event_fraction[effect]);
-        g->view.after[effect] = passed ? 1.0 : 0.0;
-    }
-}
-
-/* The first event inside the internal step after `fraction` of it; 1 where there is none. */
-static double next_event(const gyro_instance *g, double fraction)
-{
-    double next = 1.0;
-    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-        const double event = g->plan.event_fraction[effect];
-        if (g->plan.event_tick[effect] == g->memory.tick && event > fraction) {
-            next = smaller(next, event);
-        }
-    }
-    return next;
-}
-
 /* Everything that holds between two events: laws, then the noise force, which depends on them. */
 static void refresh(gyro_view *view, const double *value)
 {
@@ -86,7 +64,7 @@ static void move_states(gyro_instance *g)
     } else {
         double done = 0.0;
         while (done < 1.0) {
-            const double until = next_event(g, done);
+            const double until = gyro_next_event(g, done);
             gyro_pass_events(g, g->memory.tick, done);
             refresh(&g->view, g->value);
             integrate(&g->view, g->value, start + done * h, (until - done) * h);
@@ -227,6 +205,11 @@ void gyro_first_sample(gyro_instance *g)
     take_inputs(g);
     view->t = g->memory.start_time;
     view->step_start = view->t;
+    view->s[GYRO_STATE_X] = g->value[GYRO_X_START];
+    view->s[GYRO_STATE_X_DOT] = g->value[GYRO_X_DOT_START];
+    view->s[GYRO_STATE_Y] = g->value[GYRO_Y_START];
+    view->s[GYRO_STATE_Y_DOT] = g->value[GYRO_Y_DOT_START];
+    g->memory.ticks_to_sample = g->plan.sample_ticks;
     if (view->any_law) {
         apply_laws(view, g->value);
     }

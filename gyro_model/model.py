@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
+from typing import ClassVar
 
 from sympy import Symbol
 
@@ -23,6 +24,13 @@ class Model:
 
     Raises InputError where two effects claim one name, a symbol is unknown, or a delay or lag is not alone in its slot.
     """
+
+    NAME: ClassVar[str] = "Gyroscope"
+    DESCRIPTION: ClassVar[str] = (
+        "MEMS vibratory gyroscope: two coupled axes, actuators, pickoff and amplifier with their effects"
+    )
+    STEP_SIZE: ClassVar[str] = "5e-6"
+    """What an importer should start with [s]."""
 
     effects: tuple[Effect, ...]
 

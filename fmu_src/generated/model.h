@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{87e87fe4-1296-7c48-c308-cd24a4cb18b8}"
+#define GYRO_TOKEN "{ff3a828f-a5e9-fdfd-8b59-c4f72f41f8f3}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -23,7 +23,8 @@ def test_update_writes_only_what_changed(tmp_path, monkeypatch) -> None:
     for path in build.handwritten_folder().glob("*.[ch]"):
         (tmp_path / path.name).write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
     monkeypatch.setattr(build, "handwritten_folder", lambda: tmp_path)
-    names = sorted(tmp_path / name for name in build.generated_files(MODEL))
+    names = sorted(path for path in build.committed_files(MODEL) if path.is_relative_to(tmp_path))
+    assert {path.parent.relative_to(tmp_path).as_posix() for path in names} == {"generated", "envelope/generated"}
     assert sorted(build.update_generated()) == names
     assert build.update_generated() == []
     names[0].write_text("stale", encoding="utf-8")
