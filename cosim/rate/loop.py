@@ -18,6 +18,8 @@ from cosim.rate.sense_loop import Rebalance, rebalance
 
 INPUT_NAMES: Final = ("u_x", "u_y", "omega_z", "temperature")
 OUTPUT_NAMES: Final = ("v_x", "v_y", "temperature_structure", "temperature_circuit")
+ENVELOPE_INPUT_NAMES: Final = ("u_x_i", "u_x_q", "u_y_i", "u_y_q", "carrier_frequency", "omega_z", "temperature")
+ENVELOPE_OUTPUT_NAMES: Final = ("v_x_i", "v_x_q", "v_y_i", "v_y_q", "temperature_structure", "temperature_circuit")
 
 
 class Blocks(NamedTuple):
@@ -100,7 +102,7 @@ def run_rows(  # type: ignore[no-untyped-def]
         u_x,k = -F sin(φ_k + ω_k (T/2 + τ))/sinc,  u_y,k = Re(U e^{i(φ_k + ω_k (T/2 + τ))})/sinc
     """
     state = states[0]
-    input_values = np.empty(4)
+    input_values = np.empty(len(inputs))
     flags = np.zeros(HANDLE_SIZE)
     per_row = len(omega_z) // len(rows)
     rows[:] = 0.0
@@ -130,4 +132,39 @@ def run_rows(  # type: ignore[no-untyped-def]
             return k
         row[STRUCTURE] = output_values[2]
         row[CIRCUIT] = output_values[3]
+    return len(omega_z)
+
+
+@njit(cache=True)
+def run_envelope_rows(  # type: ignore[no-untyped-def]
+    handle, inputs, outputs, blocks, states, first, period, omega_z, temperature, output_values, rows
+):
+    """As ``run_rows``, on the envelope form of the plant with ``period`` a step of the slow loops.
+
+    The plant gives z_x and z_y itself and takes the envelopes of the forces, U_x = iF and U, advanced by the known
+    delay: no demodulators, no hold.
+    """
+    state = states[0]
+    input_values = np.empty(len(inputs))
+    flags = np.zeros(HANDLE_SIZE)
+    per_row = len(omega_z) // len(rows)
+    rows[:] = 0.0
+    for k in range(len(omega_z)):
+        z_x = blocks.correction * complex(output_values[0], output_values[1])
+        z_y = blocks.correction * complex(output_values[2], output_values[3])
+        control(blocks, state, z_x, z_y)
+        row = rows[k // per_row]
+        add_to_row(state, z_x, row, 1 / per_row)
+
+        ahead = exp(1j * state.omega * blocks.actuation_delay)
+        u_x, u_y = 1j * state.force * ahead, state.sense_force * ahead
+        input_values[0], input_values[1] = u_x.real, u_x.imag
+        input_values[2], input_values[3] = u_y.real, u_y.imag
+        input_values[4] = state.omega / (2 * pi)
+        input_values[5] = omega_z[k]
+        input_values[6] = temperature[k]
+        if exchange(handle, inputs, input_values, outputs, output_values, flags, (first + k) * period, period) > 0:
+            return k
+        row[STRUCTURE] = output_values[4]
+        row[CIRCUIT] = output_values[5]
     return len(omega_z)

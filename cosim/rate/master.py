@@ -1,13 +1,14 @@
 """Runs rate mode: starts the loops up, watches their lock, and keeps a row an output interval."""
 
 from collections.abc import Callable
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from cosim.fmu import open_plant
+from cosim.envelope import open_envelope
+from cosim.fmu import Plant, open_plant
 from cosim.rate import loop
 from cosim.rate.run import RateRun
 from cosim.rate.temperature_sensor import BoardSensor, Bridge
@@ -41,41 +42,44 @@ class Result(NamedTuple):
     started_at: float
 
 
-class Stepper(Protocol):
-    """A plant in its loops: ``step`` runs rows and gives them with how many samples were done, shape (rows,
-    ROW_SIZE)."""
-
-    def step(self, omega_z: Floats, temperature: Floats, rows: int) -> Floats:
-        """Runs the samples over which rate [rad/s] and temperature [K] are held. Raises InputError where the plant
-        can't go on."""
-        ...
-
-
-class FullPlant:
-    """The full FMU in the compiled loop, to be used as a context manager."""
+class LoopedPlant:
+    """A plant in the compiled loop that fits it, full or envelope, to be used as a context manager."""
 
     def __init__(self, run: RateRun) -> None:
         # The structure starts at the temperature at which the run does.
-        start = {"temperature": float(run.temperature.values(np.zeros(1))[0])}
-        self._plant = open_plant(run.plant_parameters() | start, run.device.model)
+        parameters = run.plant_parameters() | {"temperature": float(run.temperature.values(np.zeros(1))[0])}
+        names = (loop.INPUT_NAMES, loop.OUTPUT_NAMES)
+        self._run_rows = loop.run_rows
+        if run.envelope:
+            parameters |= {name: run.device.all_parameters[name] for name in ("kxx", "m")}
+            self._plant: Plant = open_envelope(
+                parameters, run.period, run.nominal.calibration.frequency, run.device.model
+            )
+            names = (loop.ENVELOPE_INPUT_NAMES, loop.ENVELOPE_OUTPUT_NAMES)
+            self._run_rows = loop.run_envelope_rows
+        else:
+            self._plant = open_plant(parameters, run.device.model)
         self._blocks = run.blocks()
         self._state = loop.start_state(self._blocks)
-        self._inputs = self._plant.value_references(loop.INPUT_NAMES)
-        self._outputs = self._plant.value_references(loop.OUTPUT_NAMES)
-        self._values = self._plant.get(loop.OUTPUT_NAMES)
+        self._inputs, self._outputs = map(self._plant.value_references, names)
+        self._values = self._plant.get(names[1])
         self._period = run.period
         self._done = 0
 
-    def __enter__(self) -> "FullPlant":
+    def __enter__(self) -> "LoopedPlant":
         return self
 
     def __exit__(self, *exception: object) -> None:
         self._plant.close()
 
     def step(self, omega_z: Floats, temperature: Floats, rows: int) -> Floats:
-        """See Stepper."""
+        """Runs the samples over which rate [rad/s] and temperature [K] are held, shape (n,); gives their rows, shape
+        (rows, ROW_SIZE).
+
+        Raises InputError where the plant can't go on.
+        """
         result = np.empty((rows, loop.ROW_SIZE))
-        done = loop.run_rows(
+        done = self._run_rows(
             self._plant.handle, self._inputs, self._outputs, self._blocks, self._state, self._done, self._period,
             omega_z, temperature, self._values, result,
         )  # fmt: skip
@@ -87,12 +91,11 @@ class FullPlant:
 
 def simulate(run: RateRun, progress: Progress | None = None) -> Result:
     """Runs rate mode. Raises InputError where the drive loop never locks, or loses its lock, saying when."""
-    with FullPlant(run) as plant:
-        return run_plant(run, plant, progress)
+    with LoopedPlant(run) as plant:
+        return _simulate(run, plant, progress)
 
 
-def run_plant(run: RateRun, plant: Stepper, progress: Progress | None = None) -> Result:
-    """Runs rate mode on a plant that has just been opened."""
+def _simulate(run: RateRun, plant: LoopedPlant, progress: Progress | None) -> Result:
     locked_at, started_at = _start_up(run, plant)
     rows = np.empty((run.rows, loop.ROW_SIZE))
     held = np.empty((run.rows, 2))
@@ -101,7 +104,7 @@ def run_plant(run: RateRun, plant: Stepper, progress: Progress | None = None) ->
         samples = first * run.per_row, count * run.per_row
         omega_z, temperature = (course.held(*samples, run.period) for course in (run.rate, run.temperature))
         block = plant.step(omega_z, temperature, count)
-        _check_lock(run, block, first, "")
+        _check_lock(run, block, first)
         rows[first : first + count] = block
         held[first : first + count, 0] = omega_z.reshape(count, -1).mean(axis=1)
         held[first : first + count, 1] = temperature.reshape(count, -1).mean(axis=1)
@@ -110,7 +113,7 @@ def run_plant(run: RateRun, plant: Stepper, progress: Progress | None = None) ->
     return Result(record_frame(rows, held, run.interval, run.seed), locked_at, started_at)
 
 
-def _start_up(run: RateRun, plant: Stepper) -> tuple[float, float]:
+def _start_up(run: RateRun, plant: LoopedPlant) -> tuple[float, float]:
     """From power on at the first temperature and no rate until the loops are in lock, and settled: both times [s]."""
     temperature = np.full(run.per_row, float(run.temperature.values(np.zeros(1))[0]))
     settling = int(np.ceil(run.settling / run.interval))
@@ -132,7 +135,7 @@ def _start_up(run: RateRun, plant: Stepper) -> tuple[float, float]:
     return locked * run.interval, row * run.interval
 
 
-def _check_lock(run: RateRun, block: Floats, first: int, where: str) -> None:
+def _check_lock(run: RateRun, block: Floats, first: int) -> None:
     off = np.abs(block[:, loop.AMPLITUDE] / run.nominal.calibration.drive.voltage - 1)
     lost = ~((block[:, loop.LARGEST_ERROR] < LOST_ERROR) & (off < LOST_ERROR))
     if lost.any():

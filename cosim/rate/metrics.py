@@ -73,7 +73,7 @@ def allan_of(record: pl.DataFrame, run: RateRun) -> tuple[Allan, NoiseLimits] | 
         allan = allan_deviation(record["rate"].to_numpy(), run.interval, settling)
     except InputError:
         return None
-    return allan, noise_limits(run.nominal, float(record["temperature_structure"][0]), run.period)
+    return allan, noise_limits(run.nominal, float(record["temperature_structure"][0]), 1 / run.sample_rate)
 
 
 def summarise(run: RateRun, result: Result) -> Summary:

@@ -12,13 +12,15 @@ from cosim.run import plant_parameters
 from gyro_model.device import Device
 from gyro_model.errors import InputError
 
+ENVELOPE_PERIOD = 1e-3
+"""Step of the slow loops on the envelope [s]: a twentieth of a period of the split, a fiftieth of the phase loop's."""
 SETTLED = 12.0
 """Time constants until settled: e^-12 = 6e-6 of a start or step is left."""
 
 
 @dataclass(frozen=True)
 class RateRun:
-    """One run of rate mode, with the full FMU.
+    """One run of rate mode; ``envelope``: on the envelope form of the plant, else on the full FMU.
 
     rate [rad/s], temperature [K]: what the package goes through, from the time on at which the loops have settled;
     closed: the sense loop rebalances; sample_rate, output_rate [Hz]; duration [s]. Raises InputError for what can't
@@ -33,6 +35,7 @@ class RateRun:
     seed: int = 0
     sample_rate: float = 200e3
     output_rate: float = 100.0
+    envelope: bool = False
 
     def __post_init__(self) -> None:
         if not 1 <= self.output_rate <= 1e4:
@@ -69,13 +72,13 @@ class RateRun:
 
     @property
     def period(self) -> float:
-        """Sample period [s]."""
-        return 1 / self.sample_rate
+        """Period of the loops [s]: of the converter, or of the envelope."""
+        return ENVELOPE_PERIOD if self.envelope else 1 / self.sample_rate
 
     @property
     def per_row(self) -> int:
         """Samples in a row of the record."""
-        return max(round(self.sample_rate / self.output_rate), 1)
+        return max(round(1 / (self.period * self.output_rate)), 1)
 
     @property
     def interval(self) -> float:
@@ -99,8 +102,8 @@ class RateRun:
 
     def blocks(self) -> Blocks:
         """The blocks of the loops."""
-        return blocks_for(self.settings, self.nominal, self.period)
+        return blocks_for(self.settings, self.nominal, self.period, 0.0 if self.envelope else self.period)
 
     def plant_parameters(self) -> dict[str, float]:
         """Parameters of the FMU; the loops start it up from wherever the device file lets it begin."""
-        return plant_parameters(self.device, self.period, self.seed)
+        return plant_parameters(self.device, 1 / self.sample_rate, self.seed)

@@ -7,7 +7,8 @@ Open, z_y itself is the sense channel. Closed, the force u_y = Re(U e^{iφ}) hol
 Either is turned into  quadrature + i · rate = i · channel/scale  [rad/s] by the calibration (steady_state.Calibration).
 """
 
-from math import pi
+from cmath import exp
+from math import expm1, pi
 from typing import NamedTuple, Self
 
 from numba import njit
@@ -16,10 +17,12 @@ from numba import njit
 class Rebalance(NamedTuple):
     """Complex PI controller of both channels at once, force in phase (quadrature) and a quarter period off (Coriolis):
 
-        U_k = -(c z_k + W_k),   W_{k+1} = W_k - c p T z_k,   c = i 2mω ω_b/G,   p = -ω_y/2Q_y + i(ω_y - ω_d)
+        U_k = -(c z_k + W_k),   W_{k+1} = W_k - c (a - 1) z_k
+        a = e^{pT},   c = (1 - e^{-ω_b T})/b,   b = G (a - 1)/(2imω p),   p = -ω_y/2Q_y + i(ω_y - ω_d)
 
-    The slow plant z' = p z + G (D + U)/(2imω) has the one pole p, turning at the split; the controller's zero stands
-    on it, which leaves U = -D/(1 + s/ω_b). c [N/V], c p T [N/V]; zero gains leave the loop open.
+    The slow plant z' = p z + G (D + U)/(2imω), sampled: z_{k+1} = a z_k + b (D_k + U_k), has the one pole a, turning at
+    the split; the controller's zero stands on it, which leaves U = -D behind one pole e^{-ω_b T}. c, c (a - 1) [N/V];
+    zero gains leave the loop open.
     """
 
     proportional: complex
@@ -27,12 +30,14 @@ class Rebalance(NamedTuple):
 
     @classmethod
     def design(cls, gain: float, mass: float, omega: float, pole: complex, bandwidth: float, period: float) -> Self:
-        """The loop of ``bandwidth`` ω_b/2π [Hz] for a pickoff ``gain`` [V/m] and the plant's ``pole`` [1/s].
+        """The loop of ``bandwidth`` ω_b/2π [Hz] for a pickoff ``gain`` [V/m] and the plant's ``pole`` p [1/s].
 
-        mass [kg]; omega: of the drive [rad/s].
+        mass [kg]; omega: of the drive [rad/s]; period T [s].
         """
-        c = 2j * mass * omega * 2 * pi * bandwidth / gain
-        return cls(c, c * pole * period)
+        moved = exp(pole * period) - 1
+        by_force = gain * moved / (2j * mass * omega * pole)
+        c = -expm1(-2 * pi * bandwidth * period) / by_force
+        return cls(c, c * moved)
 
     @classmethod
     def none(cls) -> Self:

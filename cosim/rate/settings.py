@@ -61,8 +61,8 @@ def nominal(device: Device, settings: Settings, closed: bool) -> Nominal:
     return Nominal(calibration, decay, pole, p)
 
 
-def blocks_for(settings: Settings, known: Nominal, period: float) -> Blocks:
-    """All blocks of the loops at the sample period ``period`` [s]."""
+def blocks_for(settings: Settings, known: Nominal, period: float, hold: float) -> Blocks:
+    """All blocks of the loops at the sample period ``period`` [s]; a force is held over ``hold`` [s]."""
     calibration, p = known.calibration, known.p
     omega, drive = 2 * pi * calibration.frequency, calibration.drive
     rebalance = (
@@ -78,7 +78,7 @@ def blocks_for(settings: Settings, known: Nominal, period: float) -> Blocks:
             drive.voltage, calibration.force, known.decay, settings.amplitude_bandwidth, period
         ),
         rebalance=rebalance,
-        actuation_delay=0.5 * period + p["actuator_delay"],
+        actuation_delay=0.5 * hold + p["actuator_delay"],
         scale=calibration.scale,
         closed=drive.closed,
         output=LowPass.design(settings.output_bandwidth, period),
