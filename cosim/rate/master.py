@@ -1,6 +1,6 @@
 """Runs rate mode: starts the loops up, watches their lock, and keeps a row an output interval."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -48,21 +48,21 @@ class LoopedPlant:
     def __init__(self, run: RateRun) -> None:
         # The structure starts at the temperature at which the run does.
         parameters = run.plant_parameters() | {"temperature": float(run.temperature.values(np.zeros(1))[0])}
-        names = (loop.INPUT_NAMES, loop.OUTPUT_NAMES)
+        inputs: Sequence[str] = loop.INPUT_NAMES
+        outputs: Sequence[str] = loop.OUTPUT_NAMES
         self._run_rows = loop.run_rows
         if run.envelope:
             parameters |= {name: run.device.all_parameters[name] for name in ("kxx", "m")}
-            self._plant: Plant = open_envelope(
-                parameters, run.period, run.nominal.calibration.frequency, run.device.model
-            )
-            names = (loop.ENVELOPE_INPUT_NAMES, loop.ENVELOPE_OUTPUT_NAMES)
+            carrier = run.nominal.calibration.frequency
+            self._plant: Plant = open_envelope(parameters, run.period, carrier, run.device.model)
+            inputs, outputs = loop.ENVELOPE_INPUT_NAMES, loop.ENVELOPE_OUTPUT_NAMES
             self._run_rows = loop.run_envelope_rows
         else:
             self._plant = open_plant(parameters, run.device.model)
         self._blocks = run.blocks()
         self._state = loop.start_state(self._blocks)
-        self._inputs, self._outputs = map(self._plant.value_references, names)
-        self._values = self._plant.get(names[1])
+        self._inputs, self._outputs = map(self._plant.value_references, (inputs, outputs))
+        self._values = self._plant.get(outputs)
         self._period = run.period
         self._done = 0
 
