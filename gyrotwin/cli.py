@@ -14,6 +14,7 @@ from gyro_model.device import design_device, load_device, packaged_devices, writ
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
 from gyrotwin.dataset import dataset_app
+from gyrotwin.rate import rate
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -25,6 +26,7 @@ app = typer.Typer(
 device_app = typer.Typer(no_args_is_help=True, help="Device files.")
 app.add_typer(device_app, name="device")
 app.add_typer(dataset_app, name="dataset")
+app.command()(rate)
 
 console = Console()
 

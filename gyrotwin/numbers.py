@@ -1,11 +1,28 @@
 """How numbers of a result are written, in the terminal and in the report."""
 
+from math import floor, isfinite, log10
+
 MISSING = "–"
 
 
 def significant(value: float | None, digits: int = 3) -> str:
     """Return `value` with so many significant digits, or a dash for None."""
     return MISSING if value is None else f"{value:.{digits}g}"
+
+
+def uncertain(value: float, low: float, high: float) -> str:
+    """Return `value` ± the wider half of its 95 % interval, with so many digits that the half-width shows two."""
+    half = max(high - value, value - low)
+    if not (isfinite(half) and half > 0):
+        return significant(value, 5)
+    digits = 2 + (floor(log10(abs(value))) - floor(log10(half)) if value else 0)
+    shown = f"{value:#.{min(max(digits, 2), 12)}g}".rstrip(".").replace(".e", "e")
+    return f"{shown} ± {half:.2g}"
+
+
+def hertz(value: float) -> str:
+    """Return a frequency [Hz] in Hz, or in kHz from 10 kHz on."""
+    return f"{value / 1e3:.4g} kHz" if value >= 1e4 else f"{value:.0f} Hz" if value >= 100 else f"{value:.3g} Hz"
 
 
 def relative(value: float | None) -> str:

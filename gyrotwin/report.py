@@ -39,14 +39,19 @@ def render(
     (default: the trace).
     """
     shown = _figures(summary, trace, bounds, filters, trace if start is None else start)
-    page = _template().render(
+    page = template("report.html.j2").render(
         summary=summary,
         figures=shown,
-        data=_json({figure.id: figure.data() for figure in shown}),
+        data=as_json({figure.id: figure.data() for figure in shown}),
         units={name: SI_UNITS[name[0]] for name in summary["parameters"]},
         plotly=Markup(plotly.offline.get_plotlyjs()),
         lags={UNIT_OF_FILTER[f.name]: f.swing_lag() for f in filters if f.shape == "lag_free"},
     )
+    write_whole(page, out)
+
+
+def write_whole(page: str, out: Path) -> None:
+    """Writes `page` to `out`, complete or not at all."""
     beside = out.with_name(out.name + ".part")
     try:
         beside.write_text(page, encoding="utf-8")
@@ -81,7 +86,8 @@ def _figures(
     return shown
 
 
-def _template() -> jinja2.Template:
+def template(name: str) -> jinja2.Template:
+    """A page in the folder templates, with the filters of ``numbers``."""
     folder = resources.files("gyrotwin") / "templates"
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: (folder / name).read_text(encoding="utf-8")),
@@ -90,11 +96,11 @@ def _template() -> jinja2.Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    for name in ("significant", "relative", "milliseconds", "microseconds", "degrees"):
-        environment.filters[name] = getattr(numbers, name)
-    return environment.get_template("report.html.j2")
+    for filter_name in ("significant", "relative", "milliseconds", "microseconds", "degrees", "uncertain", "hertz"):
+        environment.filters[filter_name] = getattr(numbers, filter_name)
+    return environment.get_template(name)
 
 
-def _json(data: object) -> Markup:
+def as_json(data: object) -> Markup:
     """Return strict JSON that can't end the script element it stands in."""
     return Markup(json.dumps(data, allow_nan=False, separators=(",", ":")).replace("</", "<\\/"))

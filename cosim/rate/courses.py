@@ -15,6 +15,9 @@ Floats = NDArray[np.float64]
 
 ZERO_CELSIUS: Final = 273.15
 """0 °C in K."""
+COLDEST: Final = 100.0
+HOTTEST: Final = 600.0
+"""Temperatures beyond these [K] are taken for a wrong unit."""
 STEP_PATTERN: Final = (0, 1, 0, -1)
 """A rate step: rest, +R, rest, -R, each for a quarter of the period."""
 UNITS: Final = {"temperature_deg_c": ZERO_CELSIUS, "temperature": 0.0}
@@ -25,11 +28,13 @@ which no phase loop in use loses; a jump would ring through every row that follo
 
 
 class Course(NamedTuple):
-    """A quantity against time. values: t [s], shape (n,), to its value there; length [s]; text: for the report."""
+    """A quantity against time. values: t [s], shape (n,), to its value there; length [s]; text: for the report; stays:
+    between two steps [s], inf where there are none."""
 
     values: Callable[[Floats], Floats]
     length: float
     text: str
+    stays: float = np.inf
 
     def held(self, first: int, count: int, period: float) -> Floats:
         """The values in the middle of the samples first .. first + count - 1, shape (count,)."""
@@ -52,7 +57,8 @@ def rate_step(rate: float, period: float) -> Course:
     def values(t: Floats) -> Floats:
         return pattern[np.floor(t / period * len(pattern)).astype(int) % len(pattern)]
 
-    return Course(values, np.inf, f"0, +{np.rad2deg(rate):g}, 0, -{np.rad2deg(rate):g} deg/s over {period:g} s")
+    text = f"0, +{np.rad2deg(rate):g}, 0, -{np.rad2deg(rate):g} deg/s over {period:g} s"
+    return Course(values, np.inf, text, period / len(pattern))
 
 
 def rate_profile(profile: RateProfile) -> Course:
@@ -61,11 +67,21 @@ def rate_profile(profile: RateProfile) -> Course:
     return Course(lambda t: rate(np.minimum(t, profile.length)), profile.length, f"measured: {profile.name}")
 
 
+def constant_temperature(celsius: float) -> Course:
+    """One temperature [°C]."""
+    _check_temperature(celsius + ZERO_CELSIUS)
+    return constant(celsius + ZERO_CELSIUS, f"{celsius:g} °C")
+
+
+def _check_temperature(value: float) -> None:
+    if not COLDEST < value < HOTTEST:
+        raise InputError(f"temperature {value - ZERO_CELSIUS:g} °C: give one from -173 to 326 °C")
+
+
 def temperature_ramp(start: float, stop: float, ramp: float) -> Course:
     """From ``start`` to ``stop`` [K] at ``ramp`` [K/min], then held."""
-    for name, value in (("start", start), ("stop", stop)):
-        if not (np.isfinite(value) and 100 < value < 600):
-            raise InputError(f"temperature {name} {value - ZERO_CELSIUS:g} °C: give one from -173 to 326 °C")
+    _check_temperature(start)
+    _check_temperature(stop)
     if not (np.isfinite(ramp) and ramp > 0) or start == stop:
         raise InputError(
             f"temperature {start - ZERO_CELSIUS:g},{stop - ZERO_CELSIUS:g},{ramp:g}: "
@@ -98,8 +114,9 @@ def temperature_table(path: Path) -> Course:
             f"temperature profile {path}: t does not increase at row {row + 1} ({t[row - 1]:g} then {t[row]:g} s): "
             "sort the rows and remove repeated ones"
         )
-    if not ((temperature > 100) & (temperature < 600)).all():
-        row = int(np.argmin((temperature > 100) & (temperature < 600)))
+    fits = (temperature > COLDEST) & (temperature < HOTTEST)
+    if not fits.all():
+        row = int(np.argmin(fits))
         raise InputError(
             f"temperature profile {path}: {temperature[row] - ZERO_CELSIUS:g} °C in row {row + 1}: "
             "give temperatures from -173 to 326 °C; is the unit that of the column's name?"

@@ -86,6 +86,7 @@ def summarise(run: RateRun, result: Result) -> Summary:
     return {
         "device": run.device.name,
         "sense": "closed" if run.closed else "open",
+        "plant": "envelope" if run.envelope else "full",
         "seed": run.seed,
         "duration": run.rows * run.interval,
         "output_rate": 1 / run.interval,

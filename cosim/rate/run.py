@@ -54,9 +54,16 @@ class RateRun:
                 f"sample rate {self.sample_rate:g} Hz: give eight times the drive frequency of "
                 f"{self.nominal.calibration.frequency:.6g} Hz or more"
             )
-        for name, course in (("rate", self.rate), ("temperature", self.temperature)):
-            if name == "rate" and self.duration > course.length + 1e-9:
-                raise InputError(f"{name} ({course.text}) lasts {course.length:.6g} s: shorten --duration to that")
+        if self.duration > self.rate.length + 1e-9:
+            raise InputError(
+                f"duration {self.duration:g} s: rate profile {self.rate.text} lasts {self.rate.length:.6g} s; "
+                "shorten --duration to that"
+            )
+        if self.rate.stays < self.settling + 10 * self.interval:
+            raise InputError(
+                f"rate step stays {self.rate.stays:.4g} s: the output needs {self.settling:.3g} s to settle; "
+                f"give a --rate-period of {8 * (self.settling + 10 * self.interval):.2g} s or more"
+            )
         check_rate(self.rate, self.duration, self.interval, self.settings.full_scale)
         check_jumps(self.temperature, self.duration, self.interval)
 
