@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from cosim.rate.allan import Allan, NoiseLimits
 from cosim.rate.courses import ZERO_CELSIUS
-from cosim.rate.metrics import PER_HOUR
+from cosim.rate.metrics import PER_HOUR, plateaus
 from cosim.rate.run import RateRun
 from cosim.rate.steady_state import output_at
-from gyrotwin.figures import Figure, Line, Panel, envelope, line
+from gyrotwin.figures import Figure, Panel, envelope, line
 
 Floats = NDArray[np.float64]
 
@@ -59,7 +59,10 @@ def rate_figure(record: pl.DataFrame) -> Figure:
 
 
 def drive_figure(record: pl.DataFrame) -> Figure:
-    """What the drive loop holds and finds."""
+    """What the drive loop holds and finds; as differences from the mean, which six digits would hide."""
+    frequency, amplitude = record["drive_frequency"].to_numpy(), record["drive_amplitude"].to_numpy()
+    middle = round(float(frequency.mean()), 3)
+    relative = 1e6 * (amplitude / amplitude.mean() - 1)
     return Figure(
         "drive",
         "Drive loop",
@@ -68,8 +71,10 @@ def drive_figure(record: pl.DataFrame) -> Figure:
         "holds the voltage, and its force tells the damping.",
         [("estimate", "drive loop")],
         [
-            _panel(record, "drive frequency [Hz]", ("f", "estimate", record["drive_frequency"].to_numpy()), wide=True),
-            _panel(record, "drive amplitude [V]", ("amplitude", "estimate", record["drive_amplitude"].to_numpy())),
+            _panel(
+                record, f"drive frequency less {middle:.3f} Hz [Hz]", ("f", "estimate", frequency - middle), wide=True
+            ),
+            _panel(record, f"amplitude less {amplitude.mean():.6g} V [ppm]", ("amplitude", "estimate", relative)),
             _panel(record, "drive force [nN]", ("force", "estimate", 1e9 * record["drive_force"].to_numpy())),
         ],
     )
@@ -104,18 +109,17 @@ def over_temperature_figure(record: pl.DataFrame, run: RateRun) -> Figure:
     celsius = record["temperature_structure"].to_numpy() - ZERO_CELSIUS
     grid = np.linspace(celsius.min(), celsius.max(), CURVE_POINTS)
     settled = [output_at(run.device, run.nominal.calibration, float(t) + ZERO_CELSIUS) for t in grid]
-    at_rest = record["rate_true"].to_numpy() == 0
-    # The rows after a step still hold the rate before it.
-    unsettled = 1 + int(np.ceil(run.settling / run.interval))
-    for step in np.flatnonzero(np.diff(record["rate_true"].to_numpy()) != 0):
-        at_rest[step : step + 1 + unsettled] = False
-    order = np.argsort(celsius[at_rest], kind="stable")
-    bias = _binned(celsius[at_rest][order], _degrees(record, "rate")[at_rest][order])
-    bias_lines: list[Line] = [
-        line("settled", "truth", grid, np.rad2deg([s.bias for s in settled])),
-        line("this run at rest", "estimate", *bias),
-    ]
+    bias = [line("settled", "truth", grid, np.rad2deg([s.bias for s in settled]))]
     scale = [line("settled", "truth", grid, np.array([s.scale_factor for s in settled]))]
+    if np.isfinite(run.rate.stays):
+        found = plateaus(record, run)
+        t, rate = found.biases()
+        bias.append(line("this run at rest", "estimate", t - ZERO_CELSIUS, np.rad2deg(rate)))
+        t, slope = found.scale_factors()
+        scale.append(line("this run, +R and -R", "estimate", t - ZERO_CELSIUS, slope))
+    elif not record["rate_true"].to_numpy().any():
+        order = np.argsort(celsius, kind="stable")
+        bias.append(line("this run", "estimate", *_binned(celsius[order], _degrees(record, "rate")[order])))
     return Figure(
         "over-temperature",
         "Bias and scale factor over temperature",
@@ -123,7 +127,7 @@ def over_temperature_figure(record: pl.DataFrame, run: RateRun) -> Figure:
         "Settled values by harmonic balance, and the output of this run while the package rests, both against the "
         "temperature of the structure.",
         [("truth", "settled"), ("estimate", "this run")],
-        [Panel("structure [°C]", "bias [°/s]", bias_lines), Panel("structure [°C]", "scale factor [1]", scale)],
+        [Panel("structure [°C]", "bias [°/s]", bias), Panel("structure [°C]", "scale factor [1]", scale)],
     )
 
 

@@ -24,6 +24,44 @@ PER_HOUR = degrees(1) * 3600
 """deg/h in 1 rad/s."""
 
 
+def settled_rows(record: pl.DataFrame, run: RateRun) -> NDArray[np.bool_]:
+    """Which rows no longer show the last step of the rate, shape (n,)."""
+    true = record["rate_true"].to_numpy()
+    used = np.ones(len(true), dtype=bool)
+    for step in np.flatnonzero(np.diff(true) != 0):
+        used[step : step + 2 + int(np.ceil(run.settling / run.interval))] = False
+    return used
+
+
+class Plateaus(NamedTuple):
+    """Means over the stretches of constant rate, shape (n,): rate_true, rate [rad/s], temperature_structure [K]."""
+
+    rate_true: Floats
+    rate: Floats
+    temperature: Floats
+
+    def biases(self) -> tuple[Floats, Floats]:
+        """Temperature [K] and bias [rad/s] of each stretch at rest."""
+        rest = self.rate_true == 0
+        return self.temperature[rest], self.rate[rest]
+
+    def scale_factors(self) -> tuple[Floats, Floats]:
+        """Temperature [K] and scale factor of each pair of stretches at +R and -R, two apart."""
+        pair = np.flatnonzero((self.rate_true[:-2] == -self.rate_true[2:]) & (self.rate_true[:-2] != 0))
+        slope = (self.rate[pair] - self.rate[pair + 2]) / (self.rate_true[pair] - self.rate_true[pair + 2])
+        return (self.temperature[pair] + self.temperature[pair + 2]) / 2, slope
+
+
+def plateaus(record: pl.DataFrame, run: RateRun) -> Plateaus:
+    """The settled stretches of a record under a rate step."""
+    true, used = record["rate_true"].to_numpy(), settled_rows(record, run)
+    edges = np.flatnonzero(np.diff(true) != 0) + 1
+    parts = [part[used[part]] for part in np.split(np.arange(len(true)), edges)]
+    parts = [part for part in parts if len(part)]
+    columns = (record[name].to_numpy() for name in ("rate_true", "rate", "temperature_structure"))
+    return Plateaus(*(np.array([column[part].mean() for part in parts]) for column in columns))
+
+
 class Line(NamedTuple):
     """rate = scale_factor · rate_true + bias [rad/s], by least squares; residual: rms [rad/s]; bias_error: standard
     error of the bias by white noise [rad/s]. scale_factor is None at rest."""
@@ -42,9 +80,7 @@ def fit_line(record: pl.DataFrame, run: RateRun) -> Line | None:
     true, rate = record["rate_true"].to_numpy(), record["rate"].to_numpy()
     moves = np.flatnonzero(np.diff(true) != 0)
     if len(moves) < 0.2 * len(true):
-        used = np.ones(len(true), dtype=bool)
-        for move in moves:
-            used[move : move + 2 + int(np.ceil(run.settling / run.interval))] = False
+        used = settled_rows(record, run)
     else:
         lag = delay(run.settings.output_bandwidth) + delay(run.settings.demodulator_bandwidth)
         t = record["t"].to_numpy()
