@@ -71,9 +71,7 @@ def drive_figure(record: pl.DataFrame) -> Figure:
         "holds the voltage, and its force tells the damping.",
         [("estimate", "drive loop")],
         [
-            _panel(
-                record, f"drive frequency less {middle:.3f} Hz [Hz]", ("f", "estimate", frequency - middle), wide=True
-            ),
+            _panel(record, f"frequency less {middle:.3f} Hz [Hz]", ("f", "estimate", frequency - middle), wide=True),
             _panel(record, f"amplitude less {amplitude.mean():.6g} V [ppm]", ("amplitude", "estimate", relative)),
             _panel(record, "drive force [nN]", ("force", "estimate", 1e9 * record["drive_force"].to_numpy())),
         ],

@@ -46,10 +46,11 @@ class Plateaus(NamedTuple):
         return self.temperature[rest], self.rate[rest]
 
     def scale_factors(self) -> tuple[Floats, Floats]:
-        """Temperature [K] and scale factor of each pair of stretches at +R and -R, two apart."""
-        pair = np.flatnonzero((self.rate_true[:-2] == -self.rate_true[2:]) & (self.rate_true[:-2] != 0))
-        slope = (self.rate[pair] - self.rate[pair + 2]) / (self.rate_true[pair] - self.rate_true[pair + 2])
-        return (self.temperature[pair] + self.temperature[pair + 2]) / 2, slope
+        """Temperature [K] and scale factor of each stretch at +R or -R, less the bias of its two neighbours at rest: a
+        bias that drifts evenly drops out."""
+        turning = np.flatnonzero(self.rate_true[1:-1] != 0) + 1
+        bias = (self.rate[turning - 1] + self.rate[turning + 1]) / 2
+        return self.temperature[turning], (self.rate[turning] - bias) / self.rate_true[turning]
 
 
 def plateaus(record: pl.DataFrame, run: RateRun) -> Plateaus:
