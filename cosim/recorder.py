@@ -184,7 +184,8 @@ def _parts(rows: Floats) -> tuple[Floats, Floats, Floats]:
 
 def true_parameters(device: Device, t: Floats) -> dict[str, Floats]:
     """The seven parameters that act at times ``t`` [s], shape (n,) each: the device's, under its parameter laws."""
-    values = device.all_parameters
+    # A run of the angle loop stays at the temperatures at which the FMU starts.
+    values = device.all_parameters | {q.name: q.start for q in device.model.quantities if q.role in ("input", "output")}
     result: dict[str, Floats] = {name: np.full(len(t), values[name]) for name in PARAMETER_NAMES}
     for law in device.model.laws:
         if device.acts(law):

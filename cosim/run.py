@@ -87,13 +87,7 @@ class Run:
 
     def plant_parameters(self) -> dict[str, float]:
         """The FMU parameters: the device's, sample period, seed, and an internal step that divides the period."""
-        parameters = dict(self.device.parameters)
-        if "internal_step" not in parameters:
-            fine = any(isinstance(e, (Delay, Lag)) and self.device.acts(e) for e in self.device.model.effects)
-            # A hair more than a whole ratio is that ratio.
-            steps = np.ceil(self.period / (FINE_STEP if fine else LARGEST_STEP) - 1e-9)
-            parameters["internal_step"] = self.period / float(steps)
-        return parameters | {"sample_period": self.period, "seed": float(self.seed)}
+        return plant_parameters(self.device, self.period, self.seed)
 
     def controller_settings(self) -> Floats:
         """Settings of the controller as it takes them: the device's [controller], then what the user set."""
@@ -131,3 +125,15 @@ class Run:
         values[NOISE_RMS] = max(float(np.hypot(p["sense_noise"], p["adc_lsb"] / np.sqrt(12))), floor)
         values[INVERSE_GAP] = p["pickoff_inverse_gap"] if self.known_gap else 0.0
         return values
+
+
+def plant_parameters(device: Device, period: float, seed: int) -> dict[str, float]:
+    """Parameters of the FMU of ``device`` at the sample period ``period`` [s], with an internal step that divides it
+    where the device names none."""
+    parameters = dict(device.parameters)
+    if "internal_step" not in parameters:
+        fine = any(isinstance(e, (Delay, Lag)) and device.acts(e) for e in device.model.effects)
+        # A hair more than a whole ratio is that ratio.
+        steps = np.ceil(period / (FINE_STEP if fine else LARGEST_STEP) - 1e-9)
+        parameters["internal_step"] = period / float(steps)
+    return parameters | {"sample_period": period, "seed": float(seed)}

@@ -1,13 +1,14 @@
 """Device files: what one device is, as FMU parameters, with the controller that fits it (SYSTEM.md section 8).
 
-format = 1, name, [parameters], optional [intervals] (name = [low, high], 95 %), optional [controller]
+format = 1, name, [parameters], optional [intervals] (name = [low, high], 95 %), optional [controller], optional
+[rate_mode]
 """
 
 import json
 import os
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import cos, isfinite, pi, radians, sin
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,15 @@ FOLDER = Path(__file__).parent / "devices"
 FORMAT = 1
 
 CONTROLLER_UNITS = {"k": "N/m", "tone_amplitude": "N", "tone_x": "Hz", "tone_y": "Hz"}
+RATE_MODE_UNITS = {
+    "drive_amplitude": "m",
+    "full_scale": "rad/s",
+    "phase_bandwidth": "Hz",
+    "amplitude_bandwidth": "Hz",
+    "sense_bandwidth": "Hz",
+    "output_bandwidth": "Hz",
+    "demodulator_bandwidth": "Hz",
+}
 
 # Of the resonance and of the static deflection: the reference device's tones (SYSTEM.md section 3), scaled.
 TONE_RATIO_X, TONE_RATIO_Y, TONE_DEFLECTION = 0.15, 1 / 6, 0.5e-6
@@ -28,7 +38,7 @@ TONE_RATIO_X, TONE_RATIO_Y, TONE_DEFLECTION = 0.15, 1 / 6, 0.5e-6
 @dataclass(frozen=True)
 class Device:
     """A device: ``parameters`` by FMU name in SI, ``intervals`` likewise as (low, high), ``controller`` as in
-    CONTROLLER_UNITS.
+    CONTROLLER_UNITS, ``rate_mode`` as in RATE_MODE_UNITS.
 
     Raises InputError where a name is unknown, a value is out of bounds, or stiffness or damping is not that of a
     passive device.
@@ -39,17 +49,15 @@ class Device:
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     controller: Mapping[str, float] = field(default_factory=dict)
     model: Model = field(default_factory=load_model, repr=False, compare=False)
+    rate_mode: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, value in self.parameters.items():
             self.model.parameter(name).check(value)
         for name in self.intervals:
             self.model.parameter(name)
-        for name, value in self.controller.items():
-            if name not in CONTROLLER_UNITS:
-                raise InputError(f"controller {name!r} is unknown{nearest(name, CONTROLLER_UNITS)}")
-            if not (_is_number(value) and value > 0):
-                raise InputError(f"controller {name} = {value!r}: give a positive number in {CONTROLLER_UNITS[name]}")
+        _check_table("controller", self.controller, CONTROLLER_UNITS)
+        _check_table("rate_mode", self.rate_mode, RATE_MODE_UNITS)
         check_passive(self.all_parameters)
 
     @property
@@ -75,7 +83,15 @@ class Device:
 
     def with_parameters(self, changes: Mapping[str, float]) -> "Device":
         """The device with some parameters changed."""
-        return Device(self.name, dict(self.parameters) | dict(changes), self.intervals, self.controller, self.model)
+        return replace(self, parameters=dict(self.parameters) | dict(changes))
+
+
+def _check_table(table: str, entries: Mapping[str, float], units: Mapping[str, str]) -> None:
+    for name, value in entries.items():
+        if name not in units:
+            raise InputError(f"{table} {name!r} is unknown{nearest(name, units)}")
+        if not (_is_number(value) and value > 0):
+            raise InputError(f"{table} {name} = {value!r}: give a positive number in {units[name]}")
 
 
 def _is_number(value: object) -> bool:
@@ -127,7 +143,7 @@ def load_device(name: str, model: Model | None = None) -> Device:
 
 
 def _device(data: Mapping[str, Any], model: Model) -> Device:
-    known = ("format", "name", "parameters", "intervals", "controller")
+    known = ("format", "name", "parameters", "intervals", "controller", "rate_mode")
     for key in data:
         if key not in known:
             raise InputError(f"key {key!r} is unknown{nearest(key, known)}")
@@ -140,7 +156,7 @@ def _device(data: Mapping[str, Any], model: Model) -> Device:
         if not isinstance(table, dict):
             raise InputError(f"{key} = {table!r}: make it a table [{key}]")
     intervals = {name: _interval(name, pair) for name, pair in tables["intervals"].items()}
-    return Device(data["name"], tables["parameters"], intervals, tables["controller"], model)
+    return Device(data["name"], tables["parameters"], intervals, tables["controller"], model, tables["rate_mode"])
 
 
 def _interval(name: str, pair: object) -> tuple[float, float]:
@@ -194,9 +210,13 @@ def write_device(device: Device, path: Path, note: str = "") -> None:
     if device.intervals:
         lines += ["", "[intervals]"]
         lines += [f"{name} = [{_digits(low)}, {_digits(high)}]" for name, (low, high) in device.intervals.items()]
-    if device.controller:
-        lines += ["", "[controller]"]
-        lines += [f"{name} = {_digits(value)} # {CONTROLLER_UNITS[name]}" for name, value in device.controller.items()]
+    for table, entries, own_units in (
+        ("controller", device.controller, CONTROLLER_UNITS),
+        ("rate_mode", device.rate_mode, RATE_MODE_UNITS),
+    ):
+        if entries:
+            lines += ["", f"[{table}]"]
+            lines += [f"{name} = {_digits(value)} # {own_units[name]}" for name, value in entries.items()]
     beside = path.with_name(path.name + ".part")
     beside.write_text("\n".join(lines) + "\n", encoding="utf-8")
     os.replace(beside, path)

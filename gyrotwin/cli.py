@@ -17,6 +17,7 @@ from gyrotwin.dataset import dataset_app
 from gyrotwin.diagnose import diagnose
 from gyrotwin.interrupt import Interrupted, interrupt
 from gyrotwin.split import split
+from gyrotwin.rate import rate
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -30,6 +31,7 @@ app.add_typer(device_app, name="device")
 app.add_typer(dataset_app, name="dataset")
 app.command()(split)
 app.command()(diagnose)
+app.command()(rate)
 
 console = Console()
 

@@ -68,7 +68,7 @@ def prepare(request: Request) -> Run:
         if request.angle not in UNIT_NAMES:
             raise InputError(f"angle unit {request.angle!r}: give {', '.join(UNIT_NAMES)}")
         chosen = chosen._replace(angle_unit=request.angle)
-    own, controller_settings = _settings(request.settings)
+    own, controller_settings = split_settings(request.settings, "controller")
     device = load_device(request.device, load_model(*request.effects))
     # The device's own start comes before the scenario's, what the user sets before both.
     device = device.with_parameters({**chosen.parameters, **device.parameters})
@@ -90,11 +90,10 @@ def prepare(request: Request) -> Run:
     return run
 
 
-def _settings(texts: Iterable[str]) -> tuple[dict[str, float], dict[str, float]]:
-    """Splits ``name=value`` texts into device parameters and, for names ``controller.NAME``, settings of the
-    controller."""
+def split_settings(texts: Iterable[str], table: str) -> tuple[dict[str, float], dict[str, float]]:
+    """Splits ``name=value`` texts into device parameters and, for names ``TABLE.NAME``, entries of that table."""
     own: dict[str, float] = {}
-    controller: dict[str, float] = {}
+    entries: dict[str, float] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         try:
@@ -103,9 +102,10 @@ def _settings(texts: Iterable[str]) -> tuple[dict[str, float], dict[str, float]]
             raise InputError(f"--set {text!r}: give name=value with a number, SI") from None
         if not equals or not name:
             raise InputError(f"--set {text!r}: give name=value with a number, SI")
-        target, key = (controller, name.removeprefix("controller.")) if name.startswith("controller.") else (own, name)
+        prefix = f"{table}."
+        target, key = (entries, name.removeprefix(prefix)) if name.startswith(prefix) else (own, name)
         target[key.strip()] = number
-    return own, controller
+    return own, entries
 
 
 def execute(run: Run, folder: Path, progress: Progress | None = None) -> dict[str, Any]:

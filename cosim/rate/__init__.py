@@ -1,0 +1,1 @@
+"""Rate mode: a drive loop holds frequency and amplitude, a sense loop gives the rate (SYSTEM.md section 6)."""

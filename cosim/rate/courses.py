@@ -1,0 +1,181 @@
+"""What the package goes through in a run: its rate and its temperature against time, held over each sample."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from cosim.rate_profile import RateProfile
+from gyro_model.errors import InputError, nearest
+
+Floats = NDArray[np.float64]
+
+ZERO_CELSIUS: Final = 273.15
+"""0 °C in K."""
+COLDEST: Final = 100.0
+HOTTEST: Final = 600.0
+"""Temperatures beyond these [K] are taken for a wrong unit."""
+STEP_PATTERN: Final = (0, 1, 0, -1)
+"""A rate step: rest, +R, rest, -R, each for a quarter of the period."""
+UNITS: Final = {"temperature_deg_c": ZERO_CELSIUS, "temperature": 0.0}
+"""Columns of a temperature profile [°C, K], and what to add to get K."""
+LARGEST_JUMP: Final = 1.0
+"""A temperature may change by this much from one row of the record to the next [K]: 0.15 Hz of a 5 kHz resonance,
+which no phase loop in use loses; a jump would ring through every row that follows."""
+
+
+class Course(NamedTuple):
+    """A quantity against time. values: t [s], shape (n,), to its value there; length [s]; text: for the report; stays:
+    between two steps [s], inf where there are none."""
+
+    values: Callable[[Floats], Floats]
+    length: float
+    text: str
+    stays: float = np.inf
+
+    def held(self, first: int, count: int, period: float) -> Floats:
+        """The values in the middle of the samples first .. first + count - 1, shape (count,)."""
+        return self.values((np.arange(first, first + count) + 0.5) * np.float64(period))
+
+
+def constant(value: float, text: str) -> Course:
+    """A course that stays."""
+    return Course(lambda t: np.full(len(t), value), np.inf, text)
+
+
+def rate_step(rate: float, period: float) -> Course:
+    """Rest, +``rate``, rest, -``rate`` [rad/s], over ``period`` [s] and again."""
+    if not (np.isfinite(rate) and rate > 0):
+        raise InputError(f"rate step {np.rad2deg(rate):g} deg/s: give a positive rate")
+    if not (np.isfinite(period) and period > 0):
+        raise InputError(f"rate period {period:g} s: give a positive time")
+    pattern = rate * np.array(STEP_PATTERN, dtype=float)
+
+    def values(t: Floats) -> Floats:
+        return pattern[np.floor(t / period * len(pattern)).astype(int) % len(pattern)]
+
+    text = f"0, +{np.rad2deg(rate):g}, 0, -{np.rad2deg(rate):g} deg/s over {period:g} s"
+    return Course(values, np.inf, text, period / len(pattern))
+
+
+def rate_profile(profile: RateProfile) -> Course:
+    """A measured rate: the slope of its angle, so that no turn is lost between samples."""
+    rate = profile.angle.derivative()
+    return Course(lambda t: rate(np.minimum(t, profile.length)), profile.length, f"measured: {profile.name}")
+
+
+def constant_temperature(celsius: float) -> Course:
+    """One temperature [°C]."""
+    _check_temperature(celsius + ZERO_CELSIUS)
+    return constant(celsius + ZERO_CELSIUS, f"{celsius:g} °C")
+
+
+def _check_temperature(value: float) -> None:
+    if not COLDEST < value < HOTTEST:
+        raise InputError(f"temperature {value - ZERO_CELSIUS:g} °C: give one from -173 to 326 °C")
+
+
+def temperature_ramp(start: float, stop: float, ramp: float) -> Course:
+    """From ``start`` to ``stop`` [K] at ``ramp`` [K/min], then held."""
+    _check_temperature(start)
+    _check_temperature(stop)
+    if not (np.isfinite(ramp) and ramp > 0) or start == stop:
+        raise InputError(
+            f"temperature {start - ZERO_CELSIUS:g},{stop - ZERO_CELSIUS:g},{ramp:g}: "
+            "give START,STOP,RAMP in °C, °C, °C/min with START other than STOP and RAMP > 0"
+        )
+    length = abs(stop - start) / ramp * 60
+    text = f"{start - ZERO_CELSIUS:g} to {stop - ZERO_CELSIUS:g} °C at {ramp:g} °C/min"
+    return Course(lambda t: np.interp(t, (0.0, length), (start, stop)), length, text)
+
+
+def temperature_table(path: Path) -> Course:
+    """A temperature profile from a CSV file with columns t [s] and temperature_deg_c [°C] or temperature [K], straight
+    lines between the rows.
+
+    Raises InputError for a file that can't be read, unknown columns, fewer than two rows, values that are no numbers,
+    time that does not increase, and a first time that is not 0.
+    """
+    table = _read(path)
+    t, temperature = _columns(table, path)
+    if len(t) < 2:
+        raise InputError(f"temperature profile {path}: {len(t)} rows; give two or more")
+    if not (np.isfinite(t).all() and np.isfinite(temperature).all()):
+        row = int(np.argmin(np.isfinite(t) & np.isfinite(temperature)))
+        raise InputError(f"temperature profile {path}: row {row + 1} holds no number: mend or remove it")
+    if t[0] != 0:
+        raise InputError(f"temperature profile {path}: begins at t = {t[0]:g} s; let it begin at 0")
+    if not (np.diff(t) > 0).all():
+        row = int(np.argmax(np.diff(t) <= 0)) + 1
+        raise InputError(
+            f"temperature profile {path}: t does not increase at row {row + 1} ({t[row - 1]:g} then {t[row]:g} s): "
+            "sort the rows and remove repeated ones"
+        )
+    fits = (temperature > COLDEST) & (temperature < HOTTEST)
+    if not fits.all():
+        row = int(np.argmin(fits))
+        raise InputError(
+            f"temperature profile {path}: {temperature[row] - ZERO_CELSIUS:g} °C in row {row + 1}: "
+            "give temperatures from -173 to 326 °C; is the unit that of the column's name?"
+        )
+    return Course(lambda s: np.interp(s, t, temperature), float(t[-1]), f"profile {path.name}")
+
+
+def _read(path: Path) -> pl.DataFrame:
+    if not path.is_file():
+        raise InputError(f"temperature profile {path}: no such file; give a CSV file or START,STOP,RAMP in °C, °C/min")
+    try:
+        return pl.read_csv(path, infer_schema_length=None)
+    except (pl.exceptions.PolarsError, OSError, UnicodeDecodeError) as error:
+        raise InputError(f"temperature profile {path}: no CSV table: {str(error).splitlines()[0]}") from None
+
+
+def _columns(table: pl.DataFrame, path: Path) -> tuple[Floats, Floats]:
+    known = ("t", *UNITS)
+    for name in table.columns:
+        if name not in known:
+            raise InputError(
+                f"temperature profile {path}: column {name!r} is unknown{nearest(name, known)}; "
+                "give t [s] and temperature_deg_c [°C] or temperature [K]"
+            )
+    given = [name for name in UNITS if name in table.columns]
+    if "t" not in table.columns or len(given) != 1:
+        raise InputError(
+            f"temperature profile {path}: has {', '.join(table.columns)}; "
+            "give t [s] and one of temperature_deg_c [°C], temperature [K]"
+        )
+    t, temperature = (
+        table[name].cast(pl.Float64, strict=False).fill_null(np.nan).to_numpy() for name in ("t", given[0])
+    )
+    return t, temperature + UNITS[given[0]]
+
+
+def check_jumps(temperature: Course, duration: float, interval: float) -> None:
+    """Raises InputError where ``temperature`` changes by over LARGEST_JUMP from one row of the record to the next,
+    ``interval`` [s] later."""
+    rows = temperature.values(np.arange(0.0, duration + interval, interval))
+    jump = np.abs(np.diff(rows))
+    if len(jump) and jump.max() > LARGEST_JUMP:
+        row = int(jump.argmax())
+        raise InputError(
+            f"temperature changes by {jump[row]:.3g} °C within one row of the record at t = {row * interval:.6g} s: "
+            f"give a ramp of at most {LARGEST_JUMP / interval:.3g} °C/s, or more rows a second with --output-rate"
+        )
+
+
+def check_rate(rate: Course, duration: float, interval: float, full_scale: float) -> None:
+    """Raises InputError where ``rate`` is beyond the full scale of the device [rad/s], looked at ten times a row."""
+    step = interval / 10
+    # In pieces: hours at a fine step would fill the memory.
+    for first in range(0, round(duration / step) + 1, 1_000_000):
+        count = min(1_000_000, round(duration / step) + 1 - first)
+        values = np.abs(rate.held(first, count, step))
+        if values.max() > full_scale:
+            worst = int(values.argmax())
+            raise InputError(
+                f"rate {np.rad2deg(values[worst]):.4g} deg/s at t = {(first + worst) * step:.4g} s is beyond the full "
+                f"scale of {np.rad2deg(full_scale):.4g} deg/s: give a smaller rate, or a device with another full_scale"
+            )

@@ -1,0 +1,175 @@
+"""Runs rate mode: starts the loops up, watches their lock, and keeps a row an output interval."""
+
+from collections.abc import Callable, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from cosim.envelope import open_envelope
+from cosim.fmu import Plant, open_plant
+from cosim.rate import loop
+from cosim.rate.run import RateRun
+from cosim.rate.temperature_sensor import BoardSensor, Bridge
+from gyro_model.errors import InputError
+
+Floats = NDArray[np.float64]
+Progress = Callable[[float, float], None]
+
+BLOCK_ROWS: Final = 10
+"""Rows of the record in a call of the compiled loop: short enough for Ctrl-C and progress."""
+LOCKED_ERROR: Final = 0.05
+"""In lock the phase error is below this [rad]: far above noise, far below what a ramp in use needs."""
+LOCKED_AMPLITUDE: Final = 0.02
+"""In lock the amplitude is within this of the set one, relative."""
+LOST_ERROR: Final = 0.5
+"""Beyond this phase error [rad], or relative error of the amplitude, lock is lost: half a radian turns half of the
+quadrature into rate."""
+PATIENCE: Final = 20.0
+"""The loops may take this many settling times to lock."""
+
+
+class Result(NamedTuple):
+    """What a run gives.
+
+    record: columns as in the contract of ``record_frame``; locked_at: from power on until lock [s]; started_at: until
+    the record's t = 0 [s].
+    """
+
+    record: pl.DataFrame
+    locked_at: float
+    started_at: float
+
+
+class LoopedPlant:
+    """A plant in the compiled loop that fits it, full or envelope, to be used as a context manager."""
+
+    def __init__(self, run: RateRun) -> None:
+        # The structure starts at the temperature at which the run does.
+        parameters = run.plant_parameters() | {"temperature": float(run.temperature.values(np.zeros(1))[0])}
+        inputs: Sequence[str] = loop.INPUT_NAMES
+        outputs: Sequence[str] = loop.OUTPUT_NAMES
+        self._run_rows = loop.run_rows
+        if run.envelope:
+            parameters |= {name: run.device.all_parameters[name] for name in ("kxx", "m")}
+            carrier = run.nominal.calibration.frequency
+            self._plant: Plant = open_envelope(parameters, run.period, carrier, run.device.model)
+            inputs, outputs = loop.ENVELOPE_INPUT_NAMES, loop.ENVELOPE_OUTPUT_NAMES
+            self._run_rows = loop.run_envelope_rows
+        else:
+            self._plant = open_plant(parameters, run.device.model)
+        self._blocks = run.blocks()
+        self._state = loop.start_state(self._blocks)
+        self._inputs, self._outputs = map(self._plant.value_references, (inputs, outputs))
+        self._values = self._plant.get(outputs)
+        self._period = run.period
+        self._done = 0
+
+    def __enter__(self) -> "LoopedPlant":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._plant.close()
+
+    def step(self, omega_z: Floats, temperature: Floats, rows: int) -> Floats:
+        """Runs the samples over which rate [rad/s] and temperature [K] are held, shape (n,); gives their rows, shape
+        (rows, ROW_SIZE).
+
+        Raises InputError where the plant can't go on.
+        """
+        result = np.empty((rows, loop.ROW_SIZE))
+        done = self._run_rows(
+            self._plant.handle, self._inputs, self._outputs, self._blocks, self._state, self._done, self._period,
+            omega_z, temperature, self._values, result,
+        )  # fmt: skip
+        self._done += done
+        if done < len(omega_z):
+            raise InputError(f"run {self._plant.complaint()}")
+        return result
+
+
+def simulate(run: RateRun, progress: Progress | None = None) -> Result:
+    """Runs rate mode. Raises InputError where the drive loop never locks, or loses its lock, saying when."""
+    with LoopedPlant(run) as plant:
+        return _simulate(run, plant, progress)
+
+
+def _simulate(run: RateRun, plant: LoopedPlant, progress: Progress | None) -> Result:
+    locked_at, started_at = _start_up(run, plant)
+    rows = np.empty((run.rows, loop.ROW_SIZE))
+    held = np.empty((run.rows, 2))
+    for first in range(0, run.rows, BLOCK_ROWS):
+        count = min(BLOCK_ROWS, run.rows - first)
+        samples = first * run.per_row, count * run.per_row
+        omega_z, temperature = (course.held(*samples, run.period) for course in (run.rate, run.temperature))
+        block = plant.step(omega_z, temperature, count)
+        _check_lock(run, block, first)
+        rows[first : first + count] = block
+        held[first : first + count, 0] = omega_z.reshape(count, -1).mean(axis=1)
+        held[first : first + count, 1] = temperature.reshape(count, -1).mean(axis=1)
+        if progress is not None:
+            progress((first + count) * run.interval, run.duration)
+    return Result(record_frame(rows, held, run.interval, run.seed), locked_at, started_at)
+
+
+def _start_up(run: RateRun, plant: LoopedPlant) -> tuple[float, float]:
+    """From power on at the first temperature and no rate until the loops are in lock, and settled: both times [s]."""
+    temperature = np.full(run.per_row, float(run.temperature.values(np.zeros(1))[0]))
+    settling = int(np.ceil(run.settling / run.interval))
+    locked = row = 0
+    while row < locked + settling or not locked:
+        row += 1
+        values = plant.step(np.zeros(run.per_row), temperature, 1)
+        off = abs(values[0, loop.AMPLITUDE] / run.nominal.calibration.drive.voltage - 1)
+        if values[0, loop.LARGEST_ERROR] > LOCKED_ERROR or off > LOCKED_AMPLITUDE:
+            locked = 0
+        elif not locked:
+            locked = row
+        if row > PATIENCE * settling:
+            raise InputError(
+                f"drive loop is not in lock {row * run.interval:.3g} s after the start: "
+                f"amplitude {100 * off:.3g} % off, phase error {values[0, loop.LARGEST_ERROR]:.3g} rad; check damping, "
+                "noise and the bandwidths in [rate_mode]"
+            )
+    return locked * run.interval, row * run.interval
+
+
+def _check_lock(run: RateRun, block: Floats, first: int) -> None:
+    off = np.abs(block[:, loop.AMPLITUDE] / run.nominal.calibration.drive.voltage - 1)
+    lost = ~((block[:, loop.LARGEST_ERROR] < LOST_ERROR) & (off < LOST_ERROR))
+    if lost.any():
+        row = int(lost.argmax())
+        raise InputError(
+            f"drive loop lost its lock at t = {(first + row + 1) * run.interval:.6g} s (phase error "
+            f"{block[row, loop.LARGEST_ERROR]:.3g} rad, amplitude {100 * off[row]:.3g} % off): slow the temperature or "
+            "the rate down, or raise phase_bandwidth in [rate_mode]"
+        )
+
+
+def record_frame(rows: Floats, held: Floats, interval: float, seed: int) -> pl.DataFrame:
+    """The record of a run, one row an output interval; every value a mean over it, but temperatures of the plant and
+    readings of the sensors at its end.
+
+    t: end of the interval [s]; rate: output of the gyroscope; rate_true; quadrature [rad/s]; drive_frequency [Hz];
+    drive_amplitude [V]; drive_force [N]; temperature (ambient), temperature_structure, temperature_circuit [K], true;
+    sensor_structure, sensor_circuit [K], as the two sensors read them.
+    """
+    rng = np.random.default_rng(seed)
+    structure, circuit = rows[:, loop.STRUCTURE], rows[:, loop.CIRCUIT]
+    return pl.DataFrame(
+        {
+            "t": interval * np.arange(1, len(rows) + 1),
+            "rate": rows[:, loop.RATE],
+            "rate_true": held[:, 0],
+            "quadrature": rows[:, loop.QUADRATURE],
+            "drive_frequency": rows[:, loop.FREQUENCY],
+            "drive_amplitude": rows[:, loop.AMPLITUDE],
+            "drive_force": rows[:, loop.FORCE],
+            "temperature": held[:, 1],
+            "temperature_structure": structure,
+            "temperature_circuit": circuit,
+            "sensor_structure": Bridge().read(structure, rng),
+            "sensor_circuit": BoardSensor().read(circuit, rng),
+        }
+    )

@@ -1,0 +1,179 @@
+"""The numbers of a rate-mode run's summary.json. None where a number does not exist, so that it is strict JSON."""
+
+from math import degrees, pi, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from cosim.rate.allan import Allan, NoiseLimits, allan_deviation, noise_limits
+from cosim.rate.courses import ZERO_CELSIUS
+from cosim.rate.filters import delay
+from cosim.rate.master import Result
+from cosim.rate.run import RateRun
+from cosim.rate.steady_state import output_at
+from gyro_model.errors import InputError
+
+Floats = NDArray[np.float64]
+Summary = dict[str, Any]
+
+PER_ROOT_HOUR = degrees(1) * 60
+"""deg/sqrt(h) in 1 rad/sqrt(s)."""
+PER_HOUR = degrees(1) * 3600
+"""deg/h in 1 rad/s."""
+
+
+def settled_rows(record: pl.DataFrame, run: RateRun) -> NDArray[np.bool_]:
+    """Which rows no longer show the last step of the rate, shape (n,)."""
+    true = record["rate_true"].to_numpy()
+    used = np.ones(len(true), dtype=bool)
+    for step in np.flatnonzero(np.diff(true) != 0):
+        used[step : step + 2 + int(np.ceil(run.settling / run.interval))] = False
+    return used
+
+
+class Plateaus(NamedTuple):
+    """Means over the stretches of constant rate, shape (n,): rate_true, rate [rad/s], temperature_structure [K]."""
+
+    rate_true: Floats
+    rate: Floats
+    temperature: Floats
+
+    def biases(self) -> tuple[Floats, Floats]:
+        """Temperature [K] and bias [rad/s] of each stretch at rest."""
+        rest = self.rate_true == 0
+        return self.temperature[rest], self.rate[rest]
+
+    def scale_factors(self) -> tuple[Floats, Floats]:
+        """Temperature [K] and scale factor of each stretch at +R or -R, less the bias of its two neighbours at rest: a
+        bias that drifts evenly drops out."""
+        turning = np.flatnonzero(self.rate_true[1:-1] != 0) + 1
+        bias = (self.rate[turning - 1] + self.rate[turning + 1]) / 2
+        return self.temperature[turning], (self.rate[turning] - bias) / self.rate_true[turning]
+
+
+def plateaus(record: pl.DataFrame, run: RateRun) -> Plateaus:
+    """The settled stretches of a record under a rate step."""
+    true, used = record["rate_true"].to_numpy(), settled_rows(record, run)
+    edges = np.flatnonzero(np.diff(true) != 0) + 1
+    parts = [part[used[part]] for part in np.split(np.arange(len(true)), edges)]
+    parts = [part for part in parts if len(part)]
+    columns = (record[name].to_numpy() for name in ("rate_true", "rate", "temperature_structure"))
+    return Plateaus(*(np.array([column[part].mean() for part in parts]) for column in columns))
+
+
+class Line(NamedTuple):
+    """rate = scale_factor · rate_true + bias [rad/s], by least squares; residual: rms [rad/s]; bias_error: standard
+    error of the bias by white noise [rad/s]. scale_factor is None at rest."""
+
+    bias: float
+    bias_error: float
+    scale_factor: float | None
+    residual: float
+
+
+def fit_line(record: pl.DataFrame, run: RateRun) -> Line | None:
+    """Bias and scale factor of a record, over the rows where a step of the rate is no longer seen.
+
+    A rate that moves all the time is delayed as the filters do. None where no row is settled.
+    """
+    true, rate = record["rate_true"].to_numpy(), record["rate"].to_numpy()
+    moves = np.flatnonzero(np.diff(true) != 0)
+    if len(moves) < 0.2 * len(true):
+        used = settled_rows(record, run)
+    else:
+        lag = delay(run.settings.output_bandwidth) + delay(run.settings.demodulator_bandwidth)
+        t = record["t"].to_numpy()
+        true, used = np.interp(t - lag, t, true), t > run.settling
+    if used.sum() < 3:
+        return None
+    columns = [np.ones(used.sum())] + ([true[used]] if np.ptp(true[used]) > 0 else [])
+    design = np.stack(columns, axis=1)
+    solution, *_ = np.linalg.lstsq(design, rate[used], rcond=None)
+    residual = rate[used] - design @ solution
+    rms = float(np.sqrt(np.mean(residual**2)))
+    covariance = np.linalg.inv(design.T @ design) * rms**2
+    # Rows within the memory of the output filter repeat each other.
+    repeats = max(1.0, 1 / (2 * pi * run.settings.output_bandwidth * run.interval))
+    scale = float(solution[1]) if len(solution) > 1 else None
+    return Line(float(solution[0]), float(np.sqrt(covariance[0, 0] * repeats)), scale, rms)
+
+
+def allan_of(record: pl.DataFrame, run: RateRun) -> tuple[Allan, NoiseLimits] | None:
+    """Allan deviation and limits of a record at rest and at one temperature; None for others, and for short ones."""
+    at_rest = not record["rate_true"].to_numpy().any() and np.ptp(record["temperature"].to_numpy()) == 0
+    if not at_rest:
+        return None
+    try:
+        settling = delay(run.settings.output_bandwidth)
+        allan = allan_deviation(record["rate"].to_numpy(), run.interval, settling)
+    except InputError:
+        return None
+    return allan, noise_limits(run.nominal, float(record["temperature_structure"][0]), 1 / run.sample_rate)
+
+
+def summarise(run: RateRun, result: Result) -> Summary:
+    """Content of summary.json; angles in deg, temperatures in °C, else SI, as the names say."""
+    record = result.record
+    line, allan = fit_line(record, run), allan_of(record, run)
+    calibration = run.nominal.calibration
+    first = float(record["temperature_structure"][0])
+    expected = output_at(run.device, calibration, first)
+    return {
+        "device": run.device.name,
+        "sense": "closed" if run.closed else "open",
+        "plant": "envelope" if run.envelope else "full",
+        "seed": run.seed,
+        "duration": run.rows * run.interval,
+        "output_rate": 1 / run.interval,
+        "rate_course": run.rate.text,
+        "temperature_course": run.temperature.text,
+        "locked_at": result.locked_at,
+        "started_at": result.started_at,
+        "bias_deg_s": None if line is None else degrees(line.bias),
+        "bias_error_deg_s": None if line is None else degrees(line.bias_error),
+        "scale_factor": None if line is None else line.scale_factor,
+        "residual_rms_deg_s": None if line is None else degrees(line.residual),
+        "scale_factor_nominal": abs(calibration.scale),
+        "scale_factor_nominal_unit": "N/(rad/s)" if run.closed else "V/(rad/s)",
+        "quadrature_deg_s": degrees(float(record["quadrature"].to_numpy().mean())),
+        "drive_frequency_hz": _range(record["drive_frequency"]),
+        "drive_amplitude_v": _range(record["drive_amplitude"]),
+        "drive_force_n": _range(record["drive_force"]),
+        "temperature_deg_c": {
+            name: _range(record[column] - ZERO_CELSIUS)
+            for name, column in (
+                ("ambient", "temperature"),
+                ("structure", "temperature_structure"),
+                ("circuit", "temperature_circuit"),
+            )
+        },
+        "harmonic_balance": {
+            "temperature_deg_c": first - ZERO_CELSIUS,
+            "bias_deg_s": degrees(expected.bias),
+            "scale_factor": expected.scale_factor,
+            "quadrature_deg_s": degrees(expected.quadrature),
+            "drive_frequency_hz": expected.drive_frequency,
+            "drive_force_n": expected.drive_force,
+        },
+        "allan": None if allan is None else _allan(*allan),
+    }
+
+
+def _range(column: pl.Series) -> dict[str, float]:
+    values = column.to_numpy()
+    return {"mean": float(values.mean()), "min": float(values.min()), "max": float(values.max())}
+
+
+def _allan(allan: Allan, limits: NoiseLimits) -> Summary:
+    return {
+        "angle_random_walk_deg_rth": PER_ROOT_HOUR * allan.angle_random_walk,
+        "angle_random_walk_error_deg_rth": PER_ROOT_HOUR * allan.angle_random_walk_error,
+        "thermal_limit_deg_rth": PER_ROOT_HOUR * limits.thermal,
+        "electronics_deg_rth": PER_ROOT_HOUR * sqrt(limits.electronics**2 + limits.reference**2),
+        "expected_deg_rth": PER_ROOT_HOUR * limits.total,
+        "bias_instability_deg_h": None if allan.bias_instability is None else PER_HOUR * allan.bias_instability,
+        "bias_instability_tau_s": allan.instability_tau,
+        "lowest_deviation_deg_h": PER_HOUR * float(allan.deviation.min()),
+    }

@@ -1,0 +1,116 @@
+"""A rate-mode run as asked for, and what follows from it before the first sample."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import pi
+
+from cosim.rate.courses import Course, check_jumps, check_rate
+from cosim.rate.filters import delay
+from cosim.rate.loop import Blocks
+from cosim.rate.settings import Nominal, Settings, blocks_for, nominal, settings_of
+from cosim.run import plant_parameters
+from gyro_model.device import Device
+from gyro_model.errors import InputError
+
+ENVELOPE_PERIOD = 1e-3
+"""Step of the slow loops on the envelope [s]: a twentieth of a period of the split, a fiftieth of the phase loop's."""
+SETTLED = 12.0
+"""Time constants until settled: e^-12 = 6e-6 of a start or step is left."""
+
+
+@dataclass(frozen=True)
+class RateRun:
+    """One run of rate mode; ``envelope``: on the envelope form of the plant, else on the full FMU.
+
+    rate [rad/s], temperature [K]: what the package goes through, from the time on at which the loops have settled;
+    closed: the sense loop rebalances; sample_rate, output_rate [Hz]; duration [s]. Raises InputError for what can't
+    be, a course shorter than the run, a rate beyond full scale, and a temperature that jumps.
+    """
+
+    device: Device
+    rate: Course
+    temperature: Course
+    closed: bool
+    duration: float
+    seed: int = 0
+    sample_rate: float = 200e3
+    output_rate: float = 100.0
+    envelope: bool = False
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.output_rate <= 1e4:
+            raise InputError(f"output rate {self.output_rate:g} Hz: give one from 1 to 1e4 Hz")
+        if not 1e3 <= self.sample_rate <= 1e7:
+            raise InputError(f"sample rate {self.sample_rate:g} Hz: give one from 1e3 to 1e7 Hz")
+        if not self.duration < 1e6 or self.rows < 1:
+            raise InputError(f"duration {self.duration:g} s: give one from {1 / self.output_rate:g} to 1e6 s")
+        if self.settings.demodulator_bandwidth > 0.25 * self.nominal.calibration.frequency:
+            raise InputError(
+                f"rate_mode demodulator_bandwidth = {self.settings.demodulator_bandwidth:g} Hz: give less than a "
+                f"quarter of the drive frequency, {self.nominal.calibration.frequency:.6g} Hz"
+            )
+        if self.sample_rate < 8 * self.nominal.calibration.frequency:
+            raise InputError(
+                f"sample rate {self.sample_rate:g} Hz: give eight times the drive frequency of "
+                f"{self.nominal.calibration.frequency:.6g} Hz or more"
+            )
+        if self.duration > self.rate.length + 1e-9:
+            raise InputError(
+                f"duration {self.duration:g} s: rate profile {self.rate.text} lasts {self.rate.length:.6g} s; "
+                "shorten --duration to that"
+            )
+        if self.rate.stays < self.settling + 10 * self.interval:
+            raise InputError(
+                f"rate step stays {self.rate.stays:.4g} s: the output needs {self.settling:.3g} s to settle; "
+                f"give a --rate-period of {8 * (self.settling + 10 * self.interval):.2g} s or more"
+            )
+        check_rate(self.rate, self.duration, self.interval, self.settings.full_scale)
+        check_jumps(self.temperature, self.duration, self.interval)
+
+    @cached_property
+    def settings(self) -> Settings:
+        """The device's [rate_mode], completed."""
+        return settings_of(self.device)
+
+    @cached_property
+    def nominal(self) -> Nominal:
+        """What the loops are designed for."""
+        return nominal(self.device, self.settings, self.closed)
+
+    @property
+    def period(self) -> float:
+        """Period of the loops [s]: of the converter, or of the envelope."""
+        return ENVELOPE_PERIOD if self.envelope else 1 / self.sample_rate
+
+    @property
+    def per_row(self) -> int:
+        """Samples in a row of the record."""
+        return max(round(1 / (self.period * self.output_rate)), 1)
+
+    @property
+    def interval(self) -> float:
+        """Time between rows [s]."""
+        return self.per_row * self.period
+
+    @property
+    def rows(self) -> int:
+        """Rows of the record."""
+        return round(self.duration / self.interval)
+
+    @property
+    def settling(self) -> float:
+        """Time after which a step of the rate, or the start of the loops, is no longer seen [s]."""
+        slowest = min(self.settings.phase_bandwidth, self.settings.amplitude_bandwidth)
+        loops = 2**0.5 / (2 * pi * slowest)
+        sense = 1 / max(-self.nominal.pole.real, 1e-9)
+        closed = 1 / (2 * pi * self.settings.sense_bandwidth) if self.closed else 0.0
+        filters = delay(self.settings.output_bandwidth) + delay(self.settings.demodulator_bandwidth)
+        return SETTLED * max(loops, sense, closed, filters)
+
+    def blocks(self) -> Blocks:
+        """The blocks of the loops."""
+        return blocks_for(self.settings, self.nominal, self.period, 0.0 if self.envelope else self.period)
+
+    def plant_parameters(self) -> dict[str, float]:
+        """Parameters of the FMU; the loops start it up from wherever the device file lets it begin."""
+        return plant_parameters(self.device, 1 / self.sample_rate, self.seed)

@@ -1,0 +1,170 @@
+"""The settled rate mode by harmonic balance: drive frequency, scale factor, bias and quadrature, without a simulation.
+
+The drive loop holds the amplitude of v_x and its phase; with x = Re(X e^{iωt}), y = Re(Y e^{iωt}), SYSTEM.md section 1
+becomes
+
+    (kxx + 3/4 k3_x |X|² - mω² + iω dxx - κ²/(m P)) X + C_xy Y = U_x,   P = w² - ω² + iω w/Q of the parasitic mode
+    C_yx X + (kyy - mω² + iω dyy) Y = U_y
+    C_xy = kxy + iω dxy - 2iλmωΩ,   C_yx = kxy + iω dxy + 2iλmωΩ
+
+Signs and phases are those of x: a positive real envelope is in phase with x, the velocity leads it by 90 degrees, and
+so does the drive force at resonance. Covered: the effects of ``COVERED``; whatever else acts is left out.
+"""
+
+from math import pi, sqrt
+from typing import Final, NamedTuple
+
+from scipy.optimize import brentq
+
+from gyro_model.device import Device
+from gyro_model.errors import InputError
+from gyro_model.evaluate import evaluate
+
+COVERED: Final = (
+    "cubic_stiffness",
+    "angular_gain",
+    "thermal_stiffness",
+    "thermal_damping",
+    "thermal_gain",
+    "thermal_phase",
+    "parasitic_mode",
+    "actuator_misalignment",
+    "actuator_gain_mismatch",
+    "pickoff_gain_mismatch",
+    "amplifier_bandwidth",
+)
+"""Effects that the harmonic balance knows; x swings, y is small, so of cubic_stiffness only k3_x."""
+SEARCH: Final = 0.02
+"""The drive frequency is looked for within this of the x mode, relative; a parasitic mode pulls it by less."""
+RATE_STEP: Final = 1e-3
+"""The scale factor is the difference quotient at ± this [rad/s]; the response is linear in the rate but for Ω²."""
+
+
+class Drive(NamedTuple):
+    """What the drive loop holds.
+
+    voltage: amplitude of v_x where the amplifier lags as ``correction`` says [V]; correction: complex factor that
+    undoes the amplifier's lag, 1 + iω₀τ at its nominal values; closed: the sense loop holds v_y at zero.
+    """
+
+    voltage: float
+    correction: complex
+    closed: bool
+
+
+class Settled(NamedTuple):
+    """A settled state at one temperature and rate.
+
+    frequency [Hz]; force: amplitude of the drive force [N]; amplitude of x [m]; sense: complex envelope of the sense
+    channel in the phase of the drive loop's reference, v_y [V] in the open loop, u_y [N] in the closed one.
+    """
+
+    frequency: float
+    force: float
+    amplitude: float
+    sense: complex
+
+
+def parameters_at(device: Device, temperature: float) -> dict[str, float]:
+    """The FMU parameters that hold once structure and circuit are at ``temperature`` [K]."""
+    values = device.all_parameters
+    values |= {"temperature_structure": temperature, "temperature_circuit": temperature}
+    for law in device.model.laws:
+        if device.acts(law) and law.id in COVERED:
+            values |= {name: float(value) for name, value in evaluate(law, values).items()}
+    return values
+
+
+def settle(p: dict[str, float], drive: Drive, omega_z: float) -> Settled:
+    """The settled state of a plant with parameters ``p`` at the rate ``omega_z`` [rad/s].
+
+    Raises InputError where the drive loop finds no frequency at which the force is in phase with the velocity.
+    """
+    low, high = (sqrt(p["kxx"] / p["m"]) * (1 + s * SEARCH) for s in (-1, 1))
+    try:
+        w = brentq(lambda w: _force(p, drive, omega_z, w)[1].real, low, high, xtol=1e-12 * low, rtol=1e-14)
+    except ValueError:
+        raise InputError(
+            f"no drive frequency within {100 * SEARCH:g} % of {sqrt(p['kxx'] / p['m']) / 2 / pi:.6g} Hz: "
+            "make the coupling of the axes or of the parasitic mode smaller"
+        ) from None
+    x, force, sense = _force(p, drive, omega_z, w)
+    return Settled(w / (2 * pi), force.imag, abs(x), sense)
+
+
+def _force(p: dict[str, float], drive: Drive, omega_z: float, w: float) -> tuple[complex, complex, complex]:
+    """X [m], drive force U_x [N] and sense channel, at the drive frequency ``w`` [rad/s].
+
+    The phase of the reference is that of v_x, corrected: the loops make U_x imaginary.
+    """
+    m, coriolis = p["m"], 2j * p["angular_gain"] * p["m"] * w * omega_z
+    lag = drive.correction / (1 + 1j * w * p["amplifier_time_constant"])
+    x = drive.voltage / (p["sense_gain_x"] * lag)
+    w_p = 2 * pi * p["parasitic_frequency"]
+    parasitic = p["parasitic_coupling"] ** 2 / (m * (w_p**2 - w**2 + 1j * w * w_p / p["parasitic_q"]))
+    cross = p["kxy"] + 1j * w * p["dxy"]
+    z_x = p["kxx"] + 0.75 * p["k3_x"] * abs(x) ** 2 - m * w**2 + 1j * w * p["dxx"] - parasitic
+    z_y = p["kyy"] - m * w**2 + 1j * w * p["dyy"]
+    leak, gain_y = p["actuator_misalignment"], 1 + p["actuator_gain_mismatch"]
+    # Forces on the masses from the commands: f_x = u_x + leak u_y', f_y = u_y' + leak u_x, u_y' = gain_y u_y.
+    if drive.closed:
+        f_x, f_y = z_x * x, (cross + coriolis) * x
+        u_y = (f_y - leak * f_x) / (1 - leak**2)
+        return x, f_x - leak * u_y, u_y / gain_y
+    y = (leak * z_x * x - (cross + coriolis) * x) / (z_y - leak * (cross - coriolis))
+    u_x = z_x * x + (cross - coriolis) * y
+    return x, u_x, p["sense_gain_y"] * (1 + p["pickoff_gain_mismatch"]) * y * lag
+
+
+class Calibration(NamedTuple):
+    """What turns the sense channel into a rate, from the nominal device at t_ref.
+
+    scale: complex envelope of the sense channel for 1 rad/s [V or N per rad/s]; frequency: of the drive [Hz];
+    force: amplitude of the drive force [N]; drive: what the drive loop holds.
+    """
+
+    scale: complex
+    frequency: float
+    force: float
+    drive: Drive
+
+    def rate(self, sense: complex) -> complex:
+        """Quadrature + i · rate [rad/s] of a sense channel [V or N]."""
+        return 1j * sense / self.scale
+
+
+class Output(NamedTuple):
+    """The settled output rate = scale_factor · Ω + bias; bias, quadrature [rad/s], drive frequency [Hz], drive force
+    [N]."""
+
+    scale_factor: float
+    bias: float
+    quadrature: float
+    drive_frequency: float
+    drive_force: float
+
+
+def calibrate(device: Device, amplitude: float, closed: bool) -> Calibration:
+    """The calibration of a device whose drive swings with ``amplitude`` [m] at t_ref."""
+    p = parameters_at(device, device.all_parameters["t_ref"])
+    w = sqrt(p["kxx"] / p["m"])
+    # The correction belongs to the drive frequency, which depends on it in turn by 1e-9: two rounds do.
+    for _ in range(2):
+        correction = 1 + 1j * w * p["amplifier_time_constant"]
+        drive = Drive(p["sense_gain_x"] * amplitude, correction, closed)
+        rest = settle(p, drive, 0.0)
+        w = 2 * pi * rest.frequency
+    return Calibration(_slope(p, drive), rest.frequency, rest.force, drive)
+
+
+def _slope(p: dict[str, float], drive: Drive) -> complex:
+    return (settle(p, drive, RATE_STEP).sense - settle(p, drive, -RATE_STEP).sense) / (2 * RATE_STEP)
+
+
+def output_at(device: Device, calibration: Calibration, temperature: float) -> Output:
+    """The settled output of a device at ``temperature`` [K]."""
+    p = parameters_at(device, temperature)
+    rest = settle(p, calibration.drive, 0.0)
+    zero = calibration.rate(rest.sense)
+    slope = calibration.rate(_slope(p, calibration.drive))
+    return Output(slope.imag, zero.imag, zero.real, rest.frequency, rest.force)

@@ -1,0 +1,191 @@
+"""`gyrotwin rate`: rate mode, from the command line to summary.json, trace.parquet, report.html."""
+
+import json
+from dataclasses import replace
+from math import radians
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
+
+import typer
+from rich.console import Console
+
+from gyro_model.device import load_device
+from gyro_model.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from cosim.rate.courses import Course
+    from cosim.rate.master import Progress
+    from cosim.rate.run import RateRun
+
+console = Console()
+
+REST_DURATION: Final = 20.0
+"""Seconds of a run that nothing limits."""
+STEP_PERIOD: Final = 8.0
+"""Period of a rate step [s]: a quarter is several settling times of a device with a sense Q below some thousand."""
+FULL_AT_MOST: Final = 60.0
+"""Longer runs go on the envelope where nothing is said [s]: the full plant takes a quarter of real time and more."""
+OUTPUT_RATES: Final = {"full": 100.0, "envelope": 10.0}
+"""Rows a second where nothing is said [Hz]."""
+
+
+class Request(NamedTuple):
+    """A run as typed; None where the program decides. ``settings`` are texts ``name=value``."""
+
+    device: str = "rate-mode"
+    settings: tuple[str, ...] = ()
+    rate_profile: Path | None = None
+    rate_column: str | None = None
+    rate_unit: str = "deg/s"
+    rate_step: float | None = None
+    rate_period: float = STEP_PERIOD
+    temperature: str = "25"
+    sense: str = "open"
+    plant: str | None = None
+    duration: float | None = None
+    sample_rate: float = 200e3
+    output_rate: float | None = None
+    seed: int = 1
+
+
+def rate(
+    device: Annotated[str, typer.Option(help="Packaged device by name, or a device file.")] = "rate-mode",
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Set a device parameter, or rate_mode.NAME (SI); repeatable."),
+    ] = None,
+    rate_profile: Annotated[Path | None, typer.Option(help="CSV file (also .csv.gz) with a measured rate.")] = None,
+    rate_column: Annotated[
+        str | None, typer.Option(help="Its column with the rate; the first column is time in s.")
+    ] = None,
+    rate_unit: Annotated[str, typer.Option(help="Unit of that column: deg/s or rad/s.")] = "deg/s",
+    rate_step: Annotated[float | None, typer.Option(help="Rest, +R, rest, -R again and again, deg/s.")] = None,
+    rate_period: Annotated[float, typer.Option(help="Seconds of one such round.")] = STEP_PERIOD,
+    temperature: Annotated[
+        str,
+        typer.Option(
+            metavar="T | START,STOP,RAMP | FILE",
+            help="Ambient: °C, a ramp in °C, °C, °C/min, or a CSV file with t [s] and temperature_deg_c.",
+        ),
+    ] = "25",
+    sense: Annotated[str, typer.Option(help="Sense loop: open, or closed (force to rebalance).")] = "open",
+    plant: Annotated[
+        str | None, typer.Option(help="full or envelope (hours); default: full up to 60 s, else envelope.")
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="Seconds; default: what the courses last.")] = None,
+    sample_rate: Annotated[float, typer.Option(help="Samples a second of the converter.")] = 200e3,
+    output_rate: Annotated[
+        float | None, typer.Option(help="Rows of the record a second; default 100, envelope 10.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the noises.")] = 1,
+    out: Annotated[Path, typer.Option(help="Folder for summary.json, trace.parquet, report.html.")] = Path(
+        "results/rate"
+    ),
+) -> None:
+    """Run rate mode: drive loop, sense loop, rate over temperature, noise."""
+    from gyrotwin.progress import shown_progress
+    from gyrotwin.rate_report import results
+
+    request = Request(
+        device, tuple(settings or ()), rate_profile, rate_column, rate_unit, rate_step, rate_period, temperature, sense,
+        plant, duration, sample_rate, output_rate, seed,
+    )  # fmt: skip
+    prepared = prepare(request)
+    with shown_progress(console, f"rate mode, {prepared.duration:g} s") as progress:
+        summary = execute(prepared, out, progress)
+    console.print(results(summary))
+    console.print(f"report: {out / 'report.html'}", soft_wrap=True, highlight=False)
+
+
+def prepare(request: Request) -> "RateRun":
+    """The run that ``request`` asks for. Raises InputError, with a remedy, for whatever is wrong in it."""
+    from cosim.rate.run import RateRun
+    from gyrotwin.run import split_settings
+
+    _choose("--sense", request.sense, ("open", "closed"))
+    rate, temperature = _rate(request), _temperature(request.temperature)
+    duration = request.duration if request.duration is not None else _duration(rate, temperature, request)
+    plant = request.plant or ("full" if duration <= FULL_AT_MOST else "envelope")
+    _choose("--plant", plant, tuple(OUTPUT_RATES))
+    own, entries = split_settings(request.settings, "rate_mode")
+    device = load_device(request.device).with_parameters(own)
+    device = replace(device, rate_mode={**device.rate_mode, **entries})
+    return RateRun(
+        device=device,
+        rate=rate,
+        temperature=temperature,
+        closed=request.sense == "closed",
+        duration=duration,
+        seed=int(device.model.parameter("seed").check(request.seed)),
+        sample_rate=request.sample_rate,
+        output_rate=request.output_rate if request.output_rate is not None else OUTPUT_RATES[plant],
+        envelope=plant == "envelope",
+    )
+
+
+def _choose(option: str, value: str, valid: tuple[str, ...]) -> None:
+    if value not in valid:
+        raise InputError(f"{option} {value}: use {' or '.join(valid)}{nearest(value, valid)}")
+
+
+def _rate(request: Request) -> "Course":
+    from cosim.rate import courses
+    from cosim.rate_profile import read_profile
+
+    if request.rate_profile is not None and request.rate_step is not None:
+        raise InputError("--rate-profile and --rate-step: give one of them")
+    if request.rate_profile is not None:
+        if request.rate_column is None:
+            raise InputError("--rate-profile needs --rate-column: name the column that holds the rate")
+        return courses.rate_profile(read_profile(request.rate_profile, request.rate_column, request.rate_unit))
+    if request.rate_step is not None:
+        return courses.rate_step(radians(request.rate_step), request.rate_period)
+    return courses.constant(0.0, "at rest")
+
+
+def _temperature(text: str) -> "Course":
+    from cosim.rate import courses
+
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        return courses.temperature_table(Path(text))
+    if len(numbers) == 1:
+        return courses.constant_temperature(numbers[0])
+    if len(numbers) != 3:
+        raise InputError(f"--temperature {text}: give one temperature, START,STOP,RAMP in °C, °C, °C/min, or a file")
+    start, stop, ramp = numbers
+    return courses.temperature_ramp(start + courses.ZERO_CELSIUS, stop + courses.ZERO_CELSIUS, ramp)
+
+
+def _duration(rate: "Course", temperature: "Course", request: Request) -> float:
+    """What the courses last: the measured rate first, which can't be stretched."""
+    for course in (rate, temperature):
+        if course.length < float("inf"):
+            return course.length
+    return request.rate_period if request.rate_step is not None else REST_DURATION
+
+
+def execute(run: "RateRun", folder: Path, progress: "Progress | None" = None) -> dict[str, Any]:
+    """Runs and writes the three files into ``folder``, complete or not at all; gives the summary."""
+    from cosim.rate.master import simulate
+    from cosim.rate.metrics import allan_of, summarise
+    from gyrotwin.rate_report import render
+    from gyrotwin.run import check_writable, publish
+
+    check_writable(folder)
+    result = simulate(run, progress)
+    summary = summarise(run, result)
+
+    def write_summary(path: Path) -> None:
+        path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+    publish(
+        folder,
+        {
+            "summary.json": write_summary,
+            "trace.parquet": lambda path: result.record.write_parquet(path, row_group_size=20_000),
+            "report.html": lambda path: render(summary, run, result.record, allan_of(result.record, run), path),
+        },
+    )
+    return summary

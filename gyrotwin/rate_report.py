@@ -1,0 +1,119 @@
+"""What a rate-mode run shows: tables in the terminal and one self-contained page."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import plotly.offline
+import polars as pl
+from markupsafe import Markup
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from cosim.rate.allan import FLAT, Allan, NoiseLimits
+from cosim.rate.run import RateRun
+from gyrotwin import rate_figures as figures
+from gyrotwin.figures import Figure
+from gyrotwin.numbers import MISSING, significant
+from gyrotwin.report import as_json, template, write_whole
+
+Noise = tuple[Allan, NoiseLimits]
+
+
+def results(summary: Mapping[str, Any]) -> RenderableType:
+    """The summary as tables for rich."""
+    head = Text(f"rate mode, {summary['device']}, {summary['sense']} loop on the {summary['plant']} plant: in lock at ")
+    head.append(f"{1e3 * summary['locked_at']:.0f} ms", style="bold")
+    table = Table(title="Means over the run", title_justify="left")
+    table.add_column("quantity")
+    for heading in ("run", "harmonic balance"):
+        table.add_column(heading, justify="right")
+    table.add_column("unit")
+    for row in rows(summary):
+        table.add_row(*row)
+    parts: list[RenderableType] = [head, table]
+    if summary["allan"] is not None:
+        parts.append(_allan(summary["allan"]))
+    return Group(*parts)
+
+
+def rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    """Quantity, value of the run, settled value by harmonic balance where the temperature stays, unit."""
+    span = summary["temperature_deg_c"]["structure"]
+    stays = span["max"] - span["min"] < figures.SPAN
+    expected = {name: value if stays else None for name, value in summary["harmonic_balance"].items()}
+    return [
+        ("bias", significant(summary["bias_deg_s"], 5), significant(expected["bias_deg_s"], 5), "°/s"),
+        ("scale factor", significant(summary["scale_factor"], 6), significant(expected["scale_factor"], 6), "1"),
+        (
+            "quadrature",
+            significant(summary["quadrature_deg_s"], 5),
+            significant(expected["quadrature_deg_s"], 5),
+            "°/s",
+        ),
+        (
+            "drive frequency",
+            _hertz(summary["drive_frequency_hz"]["mean"]),
+            _hertz(expected["drive_frequency_hz"]),
+            "Hz",
+        ),
+        ("drive amplitude", significant(summary["drive_amplitude_v"]["mean"], 6), "", "V"),
+        ("drive force", _nano(summary["drive_force_n"]["mean"]), _nano(expected["drive_force_n"]), "nN"),
+    ]
+
+
+def _nano(force: float | None) -> str:
+    return significant(None if force is None else 1e9 * force, 5)
+
+
+def _hertz(frequency: float | None) -> str:
+    return MISSING if frequency is None else f"{frequency:.4f}"
+
+
+def _allan(allan: Mapping[str, Any]) -> Table:
+    table = Table(title="Noise at rest", title_justify="left")
+    table.add_column("quantity")
+    table.add_column("value", justify="right")
+    table.add_column("unit")
+    for row in noise_rows(allan):
+        table.add_row(*row)
+    return table
+
+
+def noise_rows(allan: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Quantity, value, unit."""
+    walk = f"{allan['angle_random_walk_deg_rth']:.4f} ± {allan['angle_random_walk_error_deg_rth']:.4f}"
+    flat = allan["bias_instability_deg_h"]
+    at_most = significant(allan["lowest_deviation_deg_h"] / FLAT)
+    return [
+        ("angle random walk", walk, "°/√h"),
+        ("thermal limit √(k_B T/(mωQA²))/λ", f"{allan['thermal_limit_deg_rth']:.4f}", "°/√h"),
+        ("sense electronics", f"{allan['electronics_deg_rth']:.4f}", "°/√h"),
+        ("both", f"{allan['expected_deg_rth']:.4f}", "°/√h"),
+        ("bias instability", significant(flat) if flat is not None else f"below {at_most}: still falling", "°/h"),
+    ]
+
+
+def render(summary: Mapping[str, Any], run: RateRun, record: pl.DataFrame, noise: Noise | None, out: Path) -> None:
+    """Writes the page of one run to ``out``; summary: contents of summary.json; record: columns of trace.parquet."""
+    drawn = _figures(summary, run, record, noise)
+    page = template("rate.html.j2").render(
+        summary=summary,
+        rows=rows(summary),
+        noise_rows=noise_rows(summary["allan"]) if noise is not None else [],
+        figures=drawn,
+        data=as_json({figure.id: figure.data() for figure in drawn}),
+        plotly=Markup(plotly.offline.get_plotlyjs()),
+    )
+    write_whole(page, out)
+
+
+def _figures(summary: Mapping[str, Any], run: RateRun, record: pl.DataFrame, noise: Noise | None) -> list[Figure]:
+    drawn = [figures.rate_figure(record), figures.drive_figure(record), figures.temperature_figure(record)]
+    span = summary["temperature_deg_c"]["structure"]
+    if span["max"] - span["min"] > figures.SPAN:
+        drawn.insert(1, figures.over_temperature_figure(record, run))
+    if noise is not None:
+        drawn.insert(1, figures.allan_figure(*noise))
+    return drawn

@@ -1,0 +1,113 @@
+"""`gyrotwin rate` as a user types it: files, columns, wrong input as one line with exit code 2."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gyrotwin.cli import main
+
+COLUMNS = [
+    *("t", "rate", "rate_true", "quadrature", "drive_frequency", "drive_amplitude", "drive_force"),
+    *("temperature", "temperature_structure", "temperature_circuit", "sensor_structure", "sensor_circuit"),
+]
+
+
+def gyrotwin(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
+    """Exit code and standard error."""
+    try:
+        main(["rate", *arguments])
+        code: object = 0
+    except SystemExit as stop:
+        code = stop.code
+    return int(str(code or 0)), capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("rate") / "out"
+    arguments = ("--plant", "envelope", "--rate-step", "100", "--rate-period", "8", "--temperature", "20,30,10")
+    with pytest.raises(SystemExit) as ended:
+        main(["rate", *arguments, "--out", str(out), "--seed", "4"])
+    assert not ended.value.code
+    return out
+
+
+def test_three_files_and_nothing_else(folder: Path) -> None:
+    assert sorted(path.name for path in folder.iterdir()) == ["report.html", "summary.json", "trace.parquet"]
+
+
+def test_record_has_its_columns_and_its_rate(folder: Path) -> None:
+    record = pl.read_parquet(folder / "trace.parquet")
+    assert record.columns == COLUMNS
+    assert len(record) == 600
+    np.testing.assert_allclose(np.diff(record["t"].to_numpy()), 0.1, rtol=1e-9)
+    assert set(np.rad2deg(record["rate_true"].unique().to_numpy()).round(9)) == {-100.0, 0.0, 100.0}
+    assert record.null_count().row(0) == (0,) * len(COLUMNS)
+
+
+def test_summary_says_what_the_run_was(folder: Path) -> None:
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    assert (summary["device"], summary["sense"], summary["plant"], summary["seed"]) == (
+        "rate-mode",
+        "open",
+        "envelope",
+        4,
+    )
+    # Scale factor between those at 20 °C and 30 °C, 0.9984 and 1.0024.
+    assert 0.998 < summary["scale_factor"] < 1.003
+    assert summary["temperature_deg_c"]["ambient"]["max"] == pytest.approx(30.0, abs=0.02)
+    assert summary["allan"] is None
+
+
+def test_page_stands_alone(folder: Path) -> None:
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    for section in ("rate", "over-temperature", "drive", "temperature"):
+        assert f'<figure id="{section}">' in page
+    assert "http://" not in page.split("<script>")[0] and "https://" not in page.split("<script>")[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--sense", "closd"), "--sense closd: use open or closed; did you mean 'closed'?"),
+        (("--plant", "slow"), "--plant slow: use full or envelope"),
+        (("--device", "rate_mode"), "did you mean 'rate-mode'?"),
+        (("--rate-step", "400"), "beyond the full scale of 300 deg/s"),
+        (("--rate-step", "0"), "give a positive rate"),
+        (("--rate-step", "10", "--rate-profile", "x.csv"), "give one of them"),
+        (("--rate-profile", "x.csv"), "needs --rate-column"),
+        (("--rate-profile", "x.csv", "--rate-column", "z"), "x.csv does not exist"),
+        (("--temperature", "20,30"), "give one temperature, START,STOP,RAMP"),
+        (("--temperature", "20,30,0"), "RAMP > 0"),
+        (("--temperature", "20,80,6000", "--output-rate", "1"), "within one row of the record"),
+        (("--temperature", "none.csv"), "none.csv: no such file"),
+        (("--temperature", "-300"), "-300 °C"),
+        (("--duration", "nan"), "duration nan s"),
+        (("--set", "rate_mode.phase_bandwith=3"), "did you mean 'phase_bandwidth'?"),
+        (("--set", "rate_mode.phase_bandwidth=-3"), "give a positive number in Hz"),
+        (("--set", "tcp=x"), "give name=value with a number"),
+        (("--set", "rate_mode.demodulator_bandwidth=2000"), "less than a quarter of the drive frequency"),
+        (("--seed", "-1"), "seed = -1"),
+    ],
+)
+def test_wrong_input_is_one_line_and_exit_code_2(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, arguments: tuple[str, ...], says: str
+) -> None:
+    out = tmp_path / "out"
+    code, error = gyrotwin(capsys, *arguments, "--out", str(out))
+    assert code == 2
+    assert says in error
+    assert error.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_lost_lock_writes_nothing(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    lazy = ("--set", "rate_mode.phase_bandwidth=0.3", "--set", "structure_lag=0", "--temperature", "20,80,540")
+    code, error = gyrotwin(capsys, *lazy, "--plant", "envelope", "--out", str(out))
+    assert code == 2
+    assert "lost its lock at t = " in error
+    assert not out.exists()
