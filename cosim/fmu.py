@@ -40,6 +40,9 @@ class Plant:
     ``handle``, ``inputs`` and ``outputs`` (value references, uint32) are what the compiled ``exchange`` takes.
     """
 
+    input_names: tuple[str, ...] = INPUT_NAMES
+    output_names: tuple[str, ...] = OUTPUT_NAMES
+
     def __init__(self, path: Path, parameters: Mapping[str, float], model: Model | None = None) -> None:
         """Loads the FMU at ``path`` and initialises it with ``parameters`` (SI).
 
@@ -87,8 +90,8 @@ class Plant:
         for slot, name in ((SET, "fmi3SetFloat64"), (STEP, "fmi3DoStep"), (GET, "fmi3GetFloat64")):
             self.handle[slot] = ctypes.cast(getattr(self._fmu.dll, name), ctypes.c_void_p).value or 0
         self.handle[INSTANCE] = self._fmu.component
-        self.inputs = self.value_references(INPUT_NAMES)
-        self.outputs = self.value_references(OUTPUT_NAMES)
+        self.inputs = self.value_references(self.input_names)
+        self.outputs = self.value_references(self.output_names)
 
     def _set(self, name: str, value: float) -> None:
         if name not in self.references:

@@ -9,9 +9,6 @@
 
 #include "plant.h"
 
-/* A step or time counts as a multiple of the internal step within this fraction of one. */
-static const double ON_GRID = 1e-6;
-
 gyro_status gyro_refuse(gyro_instance *g, const char *format, ...)
 {
     va_list args;
@@ -19,13 +16,6 @@ gyro_status gyro_refuse(gyro_instance *g, const char *format, ...)
     vsnprintf(g->message, sizeof g->message, format, args);
     va_end(args);
     return GYRO_ERROR;
-}
-
-static void drop_delay_line(gyro_instance *g)
-{
-    free(g->delay_line);
-    g->delay_line = NULL;
-    g->delay_length = 0;
 }
 
 gyro_instance *gyro_new(void)
@@ -40,14 +30,14 @@ gyro_instance *gyro_new(void)
 void gyro_free(gyro_instance *g)
 {
     if (g != NULL) {
-        drop_delay_line(g);
+        gyro_drop(g);
         free(g);
     }
 }
 
 void gyro_reset(gyro_instance *g)
 {
-    drop_delay_line(g);
+    gyro_drop(g);
     memset(g, 0, sizeof *g);
     for (int vr = 0; vr < GYRO_N_VARIABLES; vr++) {
         g->value[vr] = gyro_variables[vr].start;
@@ -107,87 +97,11 @@ static gyro_status check_matrices(gyro_instance *g)
     return status;
 }
 
-static gyro_status plan_samples(gyro_instance *g)
+gyro_status gyro_check(gyro_instance *g)
 {
-    const double step = g->value[GYRO_INTERNAL_STEP], period = g->value[GYRO_SAMPLE_PERIOD];
-    gyro_status status = GYRO_OK;
-    int64_t ticks;
-    g->plan.step = step;
-    if (!gyro_whole_steps(period, step, ON_GRID, &ticks) || ticks < 1) {
-        const double below = floor(period / step) > 1.0 ? floor(period / step) : 1.0;
-        status = gyro_refuse(g, "sample_period = %.9g s is no multiple of internal_step = %.9g s: nearest are %.9g s and %.9g s", period, step,
-                             below * step, (below + 1.0) * step);
-    }
-    g->plan.sample_ticks = ticks;
-    return status;
-}
-
-static void plan_events(gyro_instance *g)
-{
-    double time[GYRO_N_EFFECTS];
-    g->plan.any_event = 0;
-    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-        time[effect] = INFINITY;
-    }
-    event_times(&g->view, time);
-    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-        const double steps = (time[effect] - g->memory.start_time) / g->plan.step;
-        const double nearest = floor(steps + 0.5);
-        g->plan.event_tick[effect] = INT64_MAX;
-        g->plan.event_fraction[effect] = 0.0;
-        if (fabs(steps) < 4.6e18) {
-            const double whole = fabs(steps - nearest) <= ON_GRID ? nearest : floor(steps);
-            g->plan.event_tick[effect] = (int64_t)whole;
-            g->plan.event_fraction[effect] = whole == nearest && steps <= nearest ? 0.0 : steps - whole;
-            g->plan.any_event = 1;
-        }
-    }
-}
-
-static gyro_status plan_delay(gyro_instance *g)
-{
-    gyro_status status = GYRO_OK;
-    const double steps = force_delay(&g->view) / g->plan.step;
-    const double nearest = floor(steps + 0.5);
-    const double whole = fabs(steps - nearest) <= ON_GRID ? nearest : floor(steps);
-    g->plan.any_delay = steps > 0.0;
-    g->plan.delay_ticks = (int64_t)whole;
-    g->plan.delay_fraction = larger(0.0, steps - whole);
-    drop_delay_line(g);
-    if (g->plan.any_delay) {
-        const size_t length = (size_t)g->plan.delay_ticks + 2;
-        g->delay_line = calloc(length, sizeof *g->delay_line);
-        g->delay_length = g->delay_line != NULL ? length : 0;
-        if (g->delay_line == NULL) {
-            status = gyro_refuse(g, "no memory for a delay of %.9g internal steps: make internal_step longer", steps);
-        }
-    }
-    return status;
-}
-
-gyro_status gyro_prepare(gyro_instance *g)
-{
-    gyro_view *view = &g->view;
     gyro_status status = check_bounds(g);
     if (status == GYRO_OK) {
         status = check_matrices(g);
-    }
-    if (status == GYRO_OK) {
-        status = plan_samples(g);
-    }
-    if (status == GYRO_OK) {
-        memcpy(view->p, g->value, sizeof view->p);
-        view->inverse_mass = 1.0 / g->value[GYRO_M];
-        view->t = gyro_time(g);
-        find_active(view);
-        plan_events(g);
-        gyro_pass_events(g, g->memory.tick, 0.0);
-        g->plan.any_draw = 0;
-        for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-            g->plan.any_draw |= (unsigned char)(streams[effect] != 0u && view->active[effect]);
-        }
-        g->plan.any_lag = lag_time_constant(view) > 0.0;
-        status = plan_delay(g);
     }
     return status;
 }
@@ -208,25 +122,7 @@ gyro_status gyro_start(gyro_instance *g, double start_time)
     }
     if (status == GYRO_OK) {
         g->memory.started = 1;
-        g->memory.ticks_to_sample = g->plan.sample_ticks;
-        g->view.s[GYRO_STATE_X] = g->value[GYRO_X_START];
-        g->view.s[GYRO_STATE_X_DOT] = g->value[GYRO_X_DOT_START];
-        g->view.s[GYRO_STATE_Y] = g->value[GYRO_Y_START];
-        g->view.s[GYRO_STATE_Y_DOT] = g->value[GYRO_Y_DOT_START];
         gyro_first_sample(g);
-    }
-    return status;
-}
-
-static gyro_status check_finite(gyro_instance *g)
-{
-    static const char *const names[] = {"x", "x_dot", "y", "y_dot"};
-    gyro_status status = GYRO_OK;
-    for (int i = 0; i < GYRO_N_STATES && status == GYRO_OK; i++) {
-        if (!isfinite(g->view.s[i])) {
-            const char *name = i <= GYRO_STATE_Y_DOT ? names[i] : "a state of an effect";
-            status = gyro_refuse(g, "diverged at %.9g s: %s is not finite; check forces and effect sizes, or shorten internal_step", gyro_time(g), name);
-        }
     }
     return status;
 }
@@ -238,7 +134,7 @@ static gyro_status check_step(gyro_instance *g, double from, double step, int64_
     /* An importer may subtract or multiply times: a few units in the last place. One that adds them up strays further with every call,
        so that its own last sum counts as the present time too. */
     const double rounding = 4.0 * DBL_EPSILON * (fabs(from) + fabs(step));
-    const double slack = ON_GRID + rounding / h;
+    const double slack = GYRO_ON_GRID + rounding / h;
     gyro_status status = GYRO_OK;
     int64_t at;
     if (!g->memory.started) {
@@ -266,7 +162,11 @@ gyro_status gyro_advance(gyro_instance *g, double from, double step)
         g->memory.calls++;
         g->memory.next_time = from + step;
         gyro_tick(g, ticks);
-        status = check_finite(g);
+        const char *infinite = gyro_infinite_state(g);
+        if (infinite != NULL) {
+            status = gyro_refuse(g, "diverged at %.9g s: %s is not finite; check forces and effect sizes, or shorten internal_step", gyro_time(g),
+                                 infinite);
+        }
     }
     return status;
 }

@@ -1,5 +1,7 @@
 #include "plant.h"
 
+#include <string.h>
+
 #include "integrator.h"
 #include "noise.h"
 
@@ -7,11 +9,16 @@
 static void take_inputs(gyro_instance *g)
 {
     gyro_view *view = &g->view;
-    for (int vr = 0; vr < GYRO_N_VARIABLES && gyro_variables[vr].kind == GYRO_INPUT; vr++) {
+    for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
         view->p[vr] = g->value[vr];
+        view->change[vr] = g->memory.tick > 0 ? g->value[vr] - g->memory.held[vr] : 0.0;
+        g->memory.held[vr] = g->value[vr];
     }
-    view->p[GYRO_TEMPERATURE_STRUCTURE] = g->value[GYRO_TEMPERATURE];
-    view->p[GYRO_TEMPERATURE_CIRCUIT] = g->value[GYRO_TEMPERATURE];
+    take_made(view, g->value);
+    if (g->memory.tick == 0) {
+        /* What holds in the first step has held before. */
+        start_lagging(view, g->value);
+    }
 }
 
 /* The commanded force of `age` internal steps ago [N]; before the start it is the first one. */
@@ -40,28 +47,6 @@ static void find_force(gyro_instance *g)
     actuate(view);
 }
 
-void gyro_pass_events(gyro_instance *g, int64_t tick, double fraction)
-{
-    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-        const int64_t event = g->plan.event_tick[effect];
-        const int passed = tick > event || (tick == event && fraction >= g->plan.event_fraction[effect]);
-        g->view.after[effect] = passed ? 1.0 : 0.0;
-    }
-}
-
-/* The first event inside the internal step after `fraction` of it; 1 where there is none. */
-static double next_event(const gyro_instance *g, double fraction)
-{
-    double next = 1.0;
-    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-        const double event = g->plan.event_fraction[effect];
-        if (g->plan.event_tick[effect] == g->memory.tick && event > fraction) {
-            next = smaller(next, event);
-        }
-    }
-    return next;
-}
-
 /* Everything that holds between two events: laws, then the noise force, which depends on them. */
 static void refresh(gyro_view *view, const double *value)
 {
@@ -81,7 +66,7 @@ static void move_states(gyro_instance *g)
     } else {
         double done = 0.0;
         while (done < 1.0) {
-            const double until = next_event(g, done);
+            const double until = gyro_next_event(g, done);
             gyro_pass_events(g, g->memory.tick, done);
             refresh(&g->view, g->value);
             integrate(&g->view, g->value, start + done * h, (until - done) * h);
@@ -90,12 +75,32 @@ static void move_states(gyro_instance *g)
     }
 }
 
-/* First-order lag over one internal step, exact for an input quadratic in time through its values at the start, middle and end.
-   With z = h/tau, phi_1 = (1 - e^-z)/z and phi_2 = (1 - phi_1)/z; the series for small z avoid the cancellation. */
-static double lag(double before, double start, double middle, double end, double z)
+/* The time of a step in time constants, z = integral of dt/tau, and what part of it has passed in the middle of the step. */
+typedef struct {
+    double z;
+    double middle;
+} lag_time;
+
+/* From tau [s] at the start, middle and end of a step h [s]: 1/tau is taken as quadratic in time. The last counts alone where it stays, or
+   where there was no lag before. */
+static lag_time in_time_constants(const double tau[3], double h)
 {
-    const double slope = -3.0 * start + 4.0 * middle - end;
-    const double curvature = 2.0 * start - 4.0 * middle + 2.0 * end;
+    lag_time time = {h / tau[2], 0.5};
+    if (tau[0] != tau[2] && tau[0] > 0.0 && tau[1] > 0.0) {
+        time.z = h / 6.0 * (1.0 / tau[0] + 4.0 / tau[1] + 1.0 / tau[2]);
+        time.middle = h / 24.0 * (5.0 / tau[0] + 8.0 / tau[1] - 1.0 / tau[2]) / time.z;
+    }
+    return time;
+}
+
+/* First-order lag over one internal step, exact for an input v = start, middle, end that is quadratic in the time z counted in time
+   constants, m being the part of z in the middle of the step. phi_1 = (1 - e^-z)/z and phi_2 = (1 - phi_1)/z; the series for small z avoid
+   the cancellation. */
+static double lag(double before, const double v[3], lag_time time)
+{
+    const double z = time.z, m = time.middle, start = v[0];
+    const double curvature = ((v[2] - start) * m - (v[1] - start)) / (m - m * m);
+    const double slope = v[2] - start - curvature;
     const double gone = -expm1(-z);
     double phi_1, phi_2;
     if (z < 0.5) {
@@ -115,24 +120,27 @@ static double lag(double before, double start, double middle, double end, double
     return (1.0 - gone) * before + gone * start + (1.0 - phi_1) * slope + (1.0 - 2.0 * phi_2) * curvature;
 }
 
-/* The pickoff's voltage with the displacement at `q` [m]. */
-static void voltage_at(gyro_view *view, const double q[2], double v[2])
+/* The pickoff's voltage at time `t` [s] with the displacement at `q` [m], into the view; the laws stay at that time. */
+static void voltage_at(gyro_instance *g, double t, const double q[2])
 {
+    gyro_view *view = &g->view;
     const double x = view->s[GYRO_STATE_X], y = view->s[GYRO_STATE_Y];
     view->s[GYRO_STATE_X] = q[0];
     view->s[GYRO_STATE_Y] = q[1];
+    view->t = t;
+    if (view->any_law) {
+        apply_laws(view, g->value);
+    }
     pick_off(view);
     view->s[GYRO_STATE_X] = x;
     view->s[GYRO_STATE_Y] = y;
-    v[0] = view->v[0];
-    v[1] = view->v[1];
 }
 
 /* The amplifier's lag over one internal step; `before` shape (GYRO_N_STATES), the states at its start. */
 static void move_lag(gyro_instance *g, const double *before)
 {
     gyro_view *view = &g->view;
-    const double h = g->plan.step, z = h / lag_time_constant(view);
+    const double h = g->plan.step, t = view->step_start;
     const double *after = view->s;
     const double q_start[2] = {before[GYRO_STATE_X], before[GYRO_STATE_Y]};
     /* Cubic Hermite interpolation: off by h^4 q''''/384. */
@@ -140,23 +148,54 @@ static void move_lag(gyro_instance *g, const double *before)
         0.5 * (before[GYRO_STATE_X] + after[GYRO_STATE_X]) + 0.125 * h * (before[GYRO_STATE_X_DOT] - after[GYRO_STATE_X_DOT]),
         0.5 * (before[GYRO_STATE_Y] + after[GYRO_STATE_Y]) + 0.125 * h * (before[GYRO_STATE_Y_DOT] - after[GYRO_STATE_Y_DOT])};
     const double q_end[2] = {after[GYRO_STATE_X], after[GYRO_STATE_Y]};
-    double start[2], middle[2], end[2];
-    voltage_at(view, q_start, start);
-    voltage_at(view, q_middle, middle);
-    voltage_at(view, q_end, end);
+    const double *const q[3] = {q_start, q_middle, q_end};
+    double v[2][3], tau[3];
+    for (int i = 0; i < 3; i++) {
+        voltage_at(g, t + 0.5 * i * h, q[i]);
+        tau[i] = lag_time_constant(view);
+        v[0][i] = view->v[0];
+        v[1][i] = view->v[1];
+    }
     for (int axis = 0; axis < 2; axis++) {
-        g->memory.lagged[axis] = lag(g->memory.lagged[axis], start[axis], middle[axis], end[axis], z);
+        g->memory.lagged[axis] = tau[2] > 0.0 ? lag(g->memory.lagged[axis], v[axis], in_time_constants(tau, h)) : v[axis][2];
+    }
+}
+
+/* The voltage and its rate behind the lag, by the lag's own equation: tau v' = v_in - v. */
+static void pass_lag(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    const double tau = lag_time_constant(view);
+    for (int axis = 0; axis < 2; axis++) {
+        if (tau > 0.0) {
+            view->v_rate[axis] = (view->v[axis] - g->memory.lagged[axis]) / tau;
+        }
+        view->v[axis] = g->memory.lagged[axis];
+    }
+}
+
+/* Draws the numbers of one effect for the latest sample. */
+static void draw(gyro_instance *g, int effect)
+{
+    const uint32_t seed = (uint32_t)g->value[GYRO_SEED];
+    const uint64_t sample = (uint64_t)g->memory.sample;
+    double *drawn = g->view.drawn[effect];
+    if (pink_places[effect] < 0) {
+        gyro_normal_pair(seed, streams[effect], sample, 0u, drawn);
+    } else {
+        gyro_pink_memory *pink = &g->memory.pink[pink_places[effect]];
+        if (sample == 0) {
+            gyro_pink_start(&g->plan.pink, seed, streams[effect], pink);
+        }
+        gyro_pink_next(&g->plan.pink, seed, streams[effect], sample, pink, drawn);
     }
 }
 
 static void draw_noise(gyro_instance *g)
 {
-    if (g->plan.any_draw) {
-        for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-            if (streams[effect] != 0u && g->view.active[effect]) {
-                gyro_normal_pair((uint32_t)g->value[GYRO_SEED], streams[effect], (uint64_t)g->memory.sample,
-                                 g->view.normal[effect]);
-            }
+    for (int effect = 0; g->plan.any_draw && effect < GYRO_N_EFFECTS; effect++) {
+        if (streams[effect] != 0u && g->view.active[effect]) {
+            draw(g, effect);
         }
     }
 }
@@ -166,13 +205,19 @@ static void take_sample(gyro_instance *g)
 {
     gyro_view *view = &g->view;
     draw_noise(g);
-    if (g->plan.any_lag) {
-        view->v[0] = g->memory.lagged[0];
-        view->v[1] = g->memory.lagged[1];
-    } else {
+    if (view->any_rate) {
+        pick_off_moving(view);
+    } else if (!g->plan.any_lag) {
         pick_off(view);
     }
-    amplify(view);
+    if (g->plan.any_lag) {
+        pass_lag(g);
+    }
+    if (view->any_rate) {
+        amplify_moving(view);
+    } else {
+        amplify(view);
+    }
     convert(view);
     g->value[GYRO_V_X] = view->v[0];
     g->value[GYRO_V_Y] = view->v[1];
@@ -194,6 +239,12 @@ void gyro_first_sample(gyro_instance *g)
     gyro_view *view = &g->view;
     take_inputs(g);
     view->t = g->memory.start_time;
+    view->step_start = view->t;
+    view->s[GYRO_STATE_X] = g->value[GYRO_X_START];
+    view->s[GYRO_STATE_X_DOT] = g->value[GYRO_X_DOT_START];
+    view->s[GYRO_STATE_Y] = g->value[GYRO_Y_START];
+    view->s[GYRO_STATE_Y_DOT] = g->value[GYRO_Y_DOT_START];
+    g->memory.ticks_to_sample = g->plan.sample_ticks;
     if (view->any_law) {
         apply_laws(view, g->value);
     }
@@ -213,6 +264,7 @@ void gyro_tick(gyro_instance *g, int64_t ticks)
     double before[GYRO_N_STATES];
     take_inputs(g);
     refresh(view, g->value);
+    kick(view);
     for (int64_t i = 0; i < ticks; i++) {
         find_force(g);
         for (int k = 0; g->plan.any_lag && k < GYRO_N_STATES; k++) {
@@ -228,7 +280,10 @@ void gyro_tick(gyro_instance *g, int64_t ticks)
         view->t = g->memory.start_time + (double)g->memory.tick * g->plan.step;
         if (view->any_law) {
             apply_laws(view, g->value);
+            hold_noise(view);
         }
+        view->step_start = view->t;
+        memcpy(view->lagging, view->lagging_now, sizeof view->lagging);
         if (g->memory.ticks_to_sample == 0) {
             g->memory.ticks_to_sample = g->plan.sample_ticks;
             g->memory.sample++;

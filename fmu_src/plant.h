@@ -1,10 +1,12 @@
-/* What an instance holds, and the one internal step. Shared by core.c (life of an instance), plant.c (the step) and snapshot.c. */
+/* What an instance holds. Shared by core.c (life of an instance), plan.c (what follows from the parameters), plant.c (the step) and
+   snapshot.c. */
 
 #ifndef GYRO_PLANT_H
 #define GYRO_PLANT_H
 
-#include "core.h"
 #include "generated/effects.h"
+#include "instance.h"
+#include "pink.h"
 
 /* Also where an importer compiles the sources without -fvisibility=hidden, two FMUs in one process keep to their own. */
 #if defined(__GNUC__)
@@ -19,13 +21,14 @@ typedef struct {
     double delay_fraction;                 /* the rest of it, in internal steps, [0, 1) */
     int64_t event_tick[GYRO_N_EFFECTS];    /* internal step in which each effect's event falls; INT64_MAX: none */
     double event_fraction[GYRO_N_EFFECTS]; /* where in that step, [0, 1) */
+    gyro_pink_plan pink;                   /* where any_draw */
     unsigned char any_event;
     unsigned char any_delay;
     unsigned char any_lag;
     unsigned char any_draw;
 } gyro_plan;
 
-/* Changes with time. With the values, the states and normal numbers of the view, and the delay line, it is all that a snapshot holds. */
+/* Changes with time. With the values, the states, lagging quantities and random numbers of the view, and the delay line, it is all that a snapshot holds. */
 typedef struct {
     double start_time;       /* s */
     int64_t started;         /* 1 after gyro_start */
@@ -34,8 +37,13 @@ typedef struct {
     int64_t ticks_to_sample; /* internal steps until the next one */
     int64_t calls;           /* calls of gyro_advance */
     double next_time;        /* end of the latest step as the importer adds it up, s */
+    double held[GYRO_N_INPUTS]; /* inputs of the latest step, SI */
+    gyro_pink_memory pink[GYRO_N_PINK];
     double lagged[2];        /* voltage after the amplifier's lag, V */
 } gyro_memory;
+
+/* Parts of a snapshot: values, memory, states, noise, lagging quantities, delay line. */
+enum { GYRO_N_PARTS = 6 };
 
 struct gyro_instance {
     double value[GYRO_N_VARIABLES]; /* as set and as last put out, SI, by value reference */
@@ -46,24 +54,6 @@ struct gyro_instance {
     size_t delay_length;
     char message[GYRO_MESSAGE_SIZE];
 };
-
-/* Records why a call is refused, printf style; gives GYRO_ERROR. */
-gyro_status gyro_refuse(gyro_instance *g, const char *format, ...);
-
-/* Builds the plan, the rest of the view and an empty delay line from values and memory; refuses parameters that don't fit one another. */
-gyro_status gyro_prepare(gyro_instance *g);
-
-/* Whether `time` [s] is a multiple of `step` [s] to within `slack` steps; the nearest multiple goes to *count. */
-int gyro_whole_steps(double time, double step, double slack, int64_t *count);
-
-/* Sets the switches of the view for the events that have passed at `fraction` of internal step `tick`. */
-void gyro_pass_events(gyro_instance *g, int64_t tick, double fraction);
-
-/* Takes sample 0: draws the noise, sets the amplifier's lag to its input, latches the outputs. */
-void gyro_first_sample(gyro_instance *g);
-
-/* Moves `ticks` internal steps with the inputs as they are, taking the samples that fall on the way. */
-void gyro_tick(gyro_instance *g, int64_t ticks);
 
 #if defined(__GNUC__)
 #pragma GCC visibility pop

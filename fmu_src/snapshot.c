@@ -26,30 +26,12 @@ static uint64_t hash(const void *bytes, size_t size)
     return value;
 }
 
-typedef struct {
-    void *data;
-    size_t size; /* bytes */
-} part;
-
-enum { DELAY_LINE = 4, N_PARTS = 5 };
-
-/* What a snapshot holds, in order. */
-static void list_parts(const gyro_instance *g, part parts[N_PARTS])
-{
-    gyro_instance *mutable_g = (gyro_instance *)g;
-    parts[0] = (part){mutable_g->value, sizeof g->value};
-    parts[1] = (part){&mutable_g->memory, sizeof g->memory};
-    parts[2] = (part){mutable_g->view.s, sizeof g->view.s};
-    parts[3] = (part){mutable_g->view.normal, sizeof g->view.normal};
-    parts[DELAY_LINE] = (part){mutable_g->delay_line, g->delay_length * sizeof *g->delay_line};
-}
-
 size_t gyro_save_size(const gyro_instance *g)
 {
-    part parts[N_PARTS];
+    gyro_part parts[GYRO_N_PARTS];
     size_t size = sizeof(snapshot_header);
-    list_parts(g, parts);
-    for (int i = 0; i < N_PARTS; i++) {
+    gyro_list_parts((gyro_instance *)g, parts);
+    for (int i = 0; i < GYRO_N_PARTS; i++) {
         size += parts[i].size;
     }
     return size;
@@ -57,11 +39,11 @@ size_t gyro_save_size(const gyro_instance *g)
 
 void gyro_save(const gyro_instance *g, unsigned char *bytes)
 {
-    part parts[N_PARTS];
+    gyro_part parts[GYRO_N_PARTS];
     const size_t size = gyro_save_size(g);
     size_t at = sizeof(snapshot_header);
-    list_parts(g, parts);
-    for (int i = 0; i < N_PARTS; i++) {
+    gyro_list_parts((gyro_instance *)g, parts);
+    for (int i = 0; i < GYRO_N_PARTS; i++) {
         if (parts[i].size > 0) {
             memcpy(bytes + at, parts[i].data, parts[i].size);
             at += parts[i].size;
@@ -92,9 +74,9 @@ static gyro_status check_header(gyro_instance *g, const unsigned char *bytes, si
 /* Reads the parts first .. last; gives the bytes read. */
 static size_t read_parts(gyro_instance *g, const unsigned char *bytes, int first, int last)
 {
-    part parts[N_PARTS];
+    gyro_part parts[GYRO_N_PARTS];
     size_t at = 0;
-    list_parts(g, parts);
+    gyro_list_parts((gyro_instance *)g, parts);
     for (int i = first; i <= last; i++) {
         if (parts[i].size > 0) {
             memcpy(parts[i].data, bytes + at, parts[i].size);
@@ -104,16 +86,16 @@ static size_t read_parts(gyro_instance *g, const unsigned char *bytes, int first
     return at;
 }
 
-/* Fills a new instance from the body of a checked snapshot; values and memory tell how long the delay line is. */
+/* Fills a new instance from the body of a checked snapshot. */
 static gyro_status read_body(gyro_instance *g, const unsigned char *body)
 {
     gyro_status status = GYRO_OK;
-    body += read_parts(g, body, 0, DELAY_LINE - 1);
+    body += read_parts(g, body, 0, GYRO_N_PARTS - 2);
     if (g->memory.started) {
         status = gyro_prepare(g);
     }
     if (status == GYRO_OK) {
-        read_parts(g, body, DELAY_LINE, DELAY_LINE);
+        read_parts(g, body, GYRO_N_PARTS - 1, GYRO_N_PARTS - 1);
     }
     return status;
 }
@@ -128,7 +110,7 @@ gyro_status gyro_load(gyro_instance *g, const unsigned char *bytes, size_t size)
         if (status != GYRO_OK) {
             gyro_refuse(g, "state not restored: %s", loaded != NULL ? gyro_message(loaded) : "no memory");
         } else {
-            /* The two change places, so that the old delay line goes with the old numbers. */
+            /* The two change places, so that what the old one holds goes with the old numbers. */
             const gyro_instance old = *g;
             *g = *loaded;
             *loaded = old;

@@ -1,7 +1,8 @@
 """The anatomy of an effect: what one file in ``gyro_model/effects`` states, as data.
 
-An effect belongs to one stage, and each stage is a class: ``Law`` changes parameters, ``Force`` adds a force (and
-states of its own), ``Map`` rewrites the signal at its place in the chain, ``Delay`` and ``Lag`` hold a signal back.
+An effect belongs to one stage, and each stage is a class: ``Law`` changes parameters, ``Follow`` makes them lag,
+``Force`` adds a force (and states of its own), ``Map`` rewrites the signal at its place in the chain, ``Delay`` and
+``Lag`` hold a signal back.
 
 Expressions are sympy, in the symbols of ``gyro_model.symbols`` and the effect's own parameters. Every class checks
 itself where it is built and raises InputError.
@@ -132,6 +133,11 @@ class Effect:
         """Every symbol that a term uses."""
         return frozenset().union(*(expr.free_symbols for expr in self.terms().values()))
 
+    @property
+    def drawn(self) -> bool:
+        """Whether the effect draws numbers at each sample."""
+        return bool(self.symbols & {*symbols.NORMAL, *symbols.PINK})
+
 
 def _sympified(terms: Mapping[str, Expr]) -> dict[str, Expr]:
     return {name: sympify(expr) for name, expr in terms.items()}
@@ -157,20 +163,44 @@ class Law(Effect):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Follow(Effect):
+    """Makes a held quantity lag: each target of ``follows`` nears its value as set as a first-order lag of the time
+    constant [s] beside it. It starts at that value; with a time constant of 0 it follows at once.
+
+    Parameter laws come after it.
+    """
+
+    STAGE: ClassVar[str] = "parameter law"
+    follows: Mapping[Symbol, Symbol]
+
+    def terms(self) -> dict[str, Expr]:
+        return {f"time_constant_{target.name}": constant for target, constant in self.follows.items()}
+
+    def neutral(self) -> dict[str, Expr]:
+        return dict.fromkeys(self.terms(), sympify(0))
+
+
+@dataclass(frozen=True, kw_only=True)
 class Force(Effect):
-    """Adds a force [N] to each axis. A force that uses ``normal_x, normal_y`` is drawn anew at each sample and held."""
+    """Adds a force [N] to each axis. A force that uses ``normal_x, normal_y`` is drawn anew at each sample and held.
+
+    ``impulse`` [N·s] acts at once where a held input changes, before the step in which the new value holds; what the
+    first step finds is no change.
+    """
 
     STAGE: ClassVar[str] = "force"
     force: Pair
     energy: Energy | None
     states: tuple[State, ...] = ()
+    impulse: Pair | None = None
 
     def terms(self) -> dict[str, Expr]:
+        impulse = dict(zip(("impulse_x", "impulse_y"), self.impulse or (), strict=False))
         rates = {f"d_{state.symbol.name}": state.rate for state in self.states}
-        return _sympified({"force_x": self.force[0], "force_y": self.force[1], **rates})
+        return _sympified({"force_x": self.force[0], "force_y": self.force[1], **impulse, **rates})
 
     def neutral(self) -> dict[str, Expr]:
-        return {"force_x": sympify(0), "force_y": sympify(0)}
+        return {name: sympify(0) for name in self.terms() if not name.startswith("d_")}
 
 
 @dataclass(frozen=True, kw_only=True)

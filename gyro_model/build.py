@@ -17,7 +17,8 @@ from xml.etree import ElementTree as ET
 
 import platformdirs
 
-from gyro_model import generate_c, generate_docs, generate_xml
+from gyro_model import generate_c, generate_docs, generate_effects, generate_envelope, generate_xml
+from gyro_model.envelope import EnvelopeModel, envelope_model
 from gyro_model.errors import InputError
 from gyro_model.model import Model, load_model
 
@@ -26,6 +27,11 @@ CHECKOUT = PACKAGE.parent
 # Strict arithmetic: contraction to fused multiply-add would make platforms differ in the last bit.
 FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fvisibility=hidden", "-Wall", "-Wextra", "-Wpedantic")
 GENERATED = "generated"
+EFFECTS = f"{GENERATED}/effects.h"
+# Below the folder of the handwritten C: what the envelope form has of its own. A file there takes the place of the
+# one of the same name.
+ENVELOPE = "envelope"
+FULL_ALONE = ("integrator.h", "pink.c", "pink.h")
 
 
 class Fmus(NamedTuple):
@@ -56,19 +62,39 @@ def handwritten_folder() -> Path:
     raise InputError("C sources: found neither beside the package nor in it; install gyrotwin anew")
 
 
+def handwritten_files(model: Model) -> dict[str, Path]:
+    """The handwritten C of the FMU of ``model`` by name, in the order of names."""
+    folder = handwritten_folder()
+    files = {path.name: path for path in folder.glob("*.[ch]")}
+    if isinstance(model, EnvelopeModel):
+        files = {name: path for name, path in files.items() if name not in FULL_ALONE}
+        files |= {path.name: path for path in (folder / ENVELOPE).glob("*.[ch]")}
+    return dict(sorted(files.items()))
+
+
 def generated_files(model: Model) -> dict[str, str]:
-    """Every generated text by its path below ``fmu_src``, the token filled in."""
-    token = model_token(model)
-    return {
+    """Every generated text by its path in the sources of the FMU, the token filled in."""
+    return _generated_files(model, model_token(model))
+
+
+def _generated_files(model: Model, token: str) -> dict[str, str]:
+    files = {
         f"{GENERATED}/model.h": generate_c.header(model, token),
         f"{GENERATED}/model.c": generate_c.table(model),
-        f"{GENERATED}/effects.h": generate_c.effects(model),
+        EFFECTS: generate_effects.effects(model),
     }
+    if isinstance(model, EnvelopeModel):
+        files[f"{GENERATED}/envelope.h"] = generate_envelope.envelope(model)
+    return files
 
 
 def committed_files(model: Model) -> dict[Path, str]:
-    """What a checkout holds of generated text, by path: the C, and README.md with its tables."""
-    files = {handwritten_folder() / name: text for name, text in generated_files(model).items()}
+    """What a checkout holds of generated text, by path: the C of both forms of ``model``, which share the effects, and
+    README.md with its tables."""
+    folder = handwritten_folder()
+    own = {name: text for name, text in generated_files(envelope_model(model)).items() if name != EFFECTS}
+    files = {folder / name: text for name, text in generated_files(model).items()}
+    files |= {folder / ENVELOPE / name: text for name, text in own.items()}
     return files | generate_docs.readme(CHECKOUT, model)
 
 
@@ -76,9 +102,8 @@ def model_token(model: Model) -> str:
     """Names a model: a digest of all its C and XML, so that an FMU of other effects, bounds or code has another
     token."""
     digest = hashlib.sha256()
-    texts = [generate_c.header(model, ""), generate_c.table(model), generate_c.effects(model)]
-    texts += [generate_xml.fmi2(model, "", ()), generate_xml.fmi3(model, "")]
-    texts += [path.read_text(encoding="utf-8") for path in sorted(handwritten_folder().glob("*.[ch]"))]
+    texts = [*_generated_files(model, "").values(), generate_xml.fmi2(model, "", ()), generate_xml.fmi3(model, "")]
+    texts += [path.read_text(encoding="utf-8") for path in handwritten_files(model).values()]
     for text in texts:
         digest.update(text.encode())
     code = digest.hexdigest()
@@ -87,26 +112,32 @@ def model_token(model: Model) -> str:
 
 def default_folder(model: Model) -> Path:
     """Where FMUs of ``model`` go: ``dist`` in a checkout, else the user's cache, by token."""
-    packaged = model == load_model()
+    packaged = model.effects == load_model().effects
     if packaged and (CHECKOUT / "pyproject.toml").is_file() and handwritten_folder().parent == CHECKOUT:
         return CHECKOUT / "dist"
     return Path(platformdirs.user_cache_dir("gyrotwin")) / model_token(model).strip("{}")
 
 
 def build(model: Model | None = None, folder: Path | None = None, *, force: bool = False) -> Fmus:
-    """Builds ``fmi2/Gyroscope.fmu`` and ``fmi3/Gyroscope.fmu`` in ``folder``, unless those there already are of this
-    model.
+    """Builds the FMUs of ``model``, ``fmi2/NAME.fmu`` and ``fmi3/NAME.fmu`` in ``folder``, unless those there already
+    are of this model.
 
     Raises InputError where there is no compiler or it fails.
     """
     model = model or load_model()
     folder = folder or default_folder(model)
     token = model_token(model)
-    fmus = Fmus(*(folder / name / f"{generate_xml.NAME}.fmu" for name in Fmus._fields))
+    fmus = Fmus(*(folder / name / f"{model.NAME}.fmu" for name in Fmus._fields))
     for fmi, path in zip(Fmus._fields, fmus, strict=True):
         if force or token_of(path) != token:
             _build_one(model, token, fmi, path)
     return fmus
+
+
+def build_all(model: Model | None = None, folder: Path | None = None, *, force: bool = False) -> tuple[Path, ...]:
+    """The FMUs of both forms of ``model``: as it is, then as envelopes. Raises InputError as ``build`` does."""
+    full = model or load_model()
+    return (*build(full, folder, force=force), *build(envelope_model(full), folder, force=force))
 
 
 def token_of(path: Path) -> str | None:
@@ -124,7 +155,7 @@ def update_generated(model: Model | None = None) -> list[Path]:
     changed = []
     for path, text in committed_files(model or load_model()).items():
         if not path.is_file() or path.read_text(encoding="utf-8") != text:
-            path.parent.mkdir(exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
             changed.append(path)
     return changed
@@ -162,8 +193,8 @@ def compile_library(sources: Path, files: Sequence[str], library: Path, extra: S
 
 def write_sources(model: Model, folder: Path) -> None:
     """Copies the handwritten C and writes the generated C into ``folder``."""
-    for path in handwritten_folder().glob("*.[ch]"):
-        shutil.copy(path, folder / path.name)
+    for name, path in handwritten_files(model).items():
+        shutil.copy(path, folder / name)
     for name, text in generated_files(model).items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
@@ -188,9 +219,11 @@ def _build_one(model: Model, token: str, fmi: str, path: Path) -> None:
             description, binaries = generate_xml.fmi2(model, token, files), platform.fmi2
         else:
             description, binaries = generate_xml.fmi3(model, token), platform.fmi3
-            (sources / "buildDescription.xml").write_text(generate_xml.build_description(files), encoding="utf-8")
+            (sources / "buildDescription.xml").write_text(
+                generate_xml.build_description(model, files), encoding="utf-8"
+            )
         (root / "modelDescription.xml").write_text(description, encoding="utf-8")
-        library = root / "binaries" / binaries / f"{generate_xml.NAME}{platform.suffix}"
+        library = root / "binaries" / binaries / f"{model.NAME}{platform.suffix}"
         library.parent.mkdir(parents=True)
         compile_library(sources, files, library)
         _pack(root, path)

@@ -66,8 +66,12 @@ class Device:
         return controller_for(values["kxx"], values["m"]) | dict(self.controller)
 
     def acts(self, effect: Effect) -> bool:
-        """Whether ``effect`` acts in this device: it is nominal, or a size parameter differs from neutral."""
-        return effect.nominal or any(self.parameters.get(q.name, q.start) != q.start for q in effect.sizes)
+        """Whether ``effect`` acts in this device: it is nominal, a size parameter differs from neutral, or a law that
+        acts changes one."""
+        return effect.nominal or any(map(self._switched_on, (effect, *self.model.wakers(effect))))
+
+    def _switched_on(self, effect: Effect) -> bool:
+        return any(self.parameters.get(q.name, q.start) != q.start for q in effect.sizes)
 
     def with_parameters(self, changes: Mapping[str, float]) -> "Device":
         """The device with some parameters changed."""

@@ -7,12 +7,12 @@ tests.
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from sympy import Expr, Matrix, Symbol
 
 from gyro_model import symbols
-from gyro_model.anatomy import SLOTS, Delay, Effect, Force, Lag, Law, Map
+from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Map
 from gyro_model.model import Model, load_model
 
 Substitution = dict[Symbol, Expr]
@@ -20,8 +20,17 @@ _E = TypeVar("_E", bound=Effect)
 
 
 def normals_of(effect_id: str) -> tuple[Symbol, Symbol]:
-    """The two normal numbers of one effect, told from those of others."""
+    """The two random numbers of one effect, told from those of others."""
     return Symbol(f"normal_x_{effect_id}", real=True), Symbol(f"normal_y_{effect_id}", real=True)
+
+
+class Follower(NamedTuple):
+    """A quantity that lags: the state that stands for ``target`` nears ``source`` with ``time_constant`` [s]."""
+
+    state: Symbol
+    target: Symbol
+    source: Symbol
+    time_constant: Symbol
 
 
 @dataclass(frozen=True)
@@ -46,9 +55,25 @@ class Dynamics:
 
     @cached_property
     def states(self) -> tuple[Symbol, ...]:
-        """x, x_dot, y, y_dot, then the states of acting effects."""
+        """x, x_dot, y, y_dot, then the states of acting effects, then the quantities that lag."""
         own = (state.symbol for e in self._of(Force) for state in e.states)
-        return (*symbols.STATES, *own)
+        return (*symbols.STATES, *own, *(follower.state for follower in self.followers))
+
+    @cached_property
+    def state_units(self) -> tuple[str, ...]:
+        """The unit of each state."""
+        own = (state.unit for e in self._of(Force) for state in e.states)
+        lagging = (self.model.by_name[follower.source.name].unit for follower in self.followers)
+        return ("m", "m/s", "m", "m/s", *own, *lagging)
+
+    @cached_property
+    def followers(self) -> tuple[Follower, ...]:
+        """The quantities that lag."""
+        return tuple(
+            Follower(Symbol(f"{target.name}_lagging", real=True), target, symbols.SET_BY.get(target, target), constant)
+            for effect in self._of(Follow)
+            for target, constant in effect.follows.items()
+        )
 
     @cached_property
     def _actuated(self) -> tuple[Expr, Expr]:
@@ -64,23 +89,54 @@ class Dynamics:
             terms = self._privately(effect)
             force = (force[0] + terms["force_x"], force[1] + terms["force_y"])
             own += [terms[f"d_{state.symbol.name}"] for state in effect.states]
-        rates = (symbols.x_dot, force[0] / symbols.m, symbols.y_dot, force[1] / symbols.m, *own)
+        lagging = ((follower.source - follower.state) / follower.time_constant for follower in self.followers)
+        rates = (symbols.x_dot, force[0] / symbols.m, symbols.y_dot, force[1] / symbols.m, *own, *lagging)
         return tuple(rate.subs(self._laws, simultaneous=True) for rate in rates)
+
+    @cached_property
+    def jumps(self) -> tuple[Expr, Expr]:
+        """By how much x_dot and y_dot jump where a held input changes by ``omega_z_change`` [m/s]."""
+        impulses = [e.impulse for e in self._of(Force) if e.impulse is not None]
+        total = (sum((i[axis] for i in impulses), symbols.t * 0) / symbols.m for axis in (0, 1))
+        return self._lawful(total)
+
+    @cached_property
+    def _picked_off(self) -> tuple[Expr, Expr]:
+        """Voltage before the amplifier's lag [V], laws not applied."""
+        names = list(SLOTS)
+        slots = names[names.index("pickoff misalignment") : names.index("amplifier lag")]
+        actuated = dict(zip((symbols.u_x, symbols.u_y), self._actuated, strict=True))
+        first, second = self._along(slots, symbols.x, symbols.y)
+        return first.subs(actuated, simultaneous=True), second.subs(actuated, simultaneous=True)
 
     @cached_property
     def voltage(self) -> tuple[Expr, Expr]:
         """Voltage before the amplifier's lag [V]. What feeds through is the force as the actuators give it."""
-        names = list(SLOTS)
-        slots = names[names.index("pickoff misalignment") : names.index("amplifier lag")]
-        actuated = dict(zip((symbols.u_x, symbols.u_y), self._actuated, strict=True))
-        voltage = self._along(slots, symbols.x, symbols.y)
-        return self._lawful(expr.subs(actuated, simultaneous=True) for expr in voltage)
+        return self._lawful(self._picked_off)
+
+    @cached_property
+    def voltage_rate(self) -> tuple[Expr, ...]:
+        """Rate of ``voltage`` along the motion [V/s], parameters and inputs held."""
+        by_time = self._lawful(expr.diff(symbols.t) for expr in self._picked_off)
+        along = [
+            sum(slope * rate for slope, rate in zip(self._lawful(slopes), self.rates, strict=True))
+            for slopes in ([expr.diff(state) for state in self.states] for expr in self._picked_off)
+        ]
+        return tuple(still + moving for still, moving in zip(by_time, along, strict=True))
 
     @cached_property
     def sample(self) -> tuple[Expr, Expr]:
-        """The sample [V] from the voltage ``v_x, v_y`` after the amplifier's lag."""
+        """The sample [V] from ``v_x, v_y, v_x_rate, v_y_rate``: the voltage after the amplifier's lag and its rate."""
         names = list(SLOTS)
-        return self._lawful(self._along(names[names.index("amplifier offset") :], symbols.v_x, symbols.v_y))
+        first = names.index("sampled noise")
+        entering, rates = (symbols.v_x, symbols.v_y), (symbols.v_x_rate, symbols.v_y_rate)
+        amplified = self._along(names[names.index("amplifier offset") : first], *entering)
+        moving = (
+            sum((v.diff(symbol) * rate for symbol, rate in zip(entering, rates, strict=True)), v.diff(symbols.t))
+            for v in amplified
+        )
+        known = dict(zip((*entering, *rates), (*amplified, *moving), strict=True))
+        return self._lawful(v.subs(known, simultaneous=True) for v in self._along(names[first:], *entering))
 
     @cached_property
     def delay(self) -> Expr:
@@ -91,6 +147,11 @@ class Dynamics:
     def time_constant(self) -> Expr:
         """Time constant of the amplifier's lag [s]; 0 where there is none."""
         return next((self._lawful((e.time_constant,))[0] for e in self._of(Lag)), symbols.t * 0)
+
+    @cached_property
+    def temperatures(self) -> tuple[Expr, ...]:
+        """Temperature of the structure and of the circuit [K]."""
+        return self._lawful(symbols.SET_BY)
 
     def state_jacobian(self) -> Matrix:
         """Derivatives of ``rates`` by the states, shape (n, n)."""
@@ -105,14 +166,18 @@ class Dynamics:
         return tuple(e for e in self.effects if isinstance(e, kind))
 
     def _privately(self, effect: Effect) -> dict[str, Expr]:
-        own = dict(zip((symbols.normal_x, symbols.normal_y), normals_of(effect.id), strict=True))
+        numbers = symbols.PINK if effect.symbols & set(symbols.PINK) else symbols.NORMAL
+        own = dict(zip(numbers, normals_of(effect.id), strict=True))
         own[symbols.after] = Symbol(f"after_{effect.id}", real=True)
         return {name: expr.subs(own) for name, expr in effect.terms().items()}
 
     @cached_property
     def _laws(self) -> Substitution:
-        changed: Substitution = {}
-        for law in self._of(Law):
+        changed: Substitution = dict(symbols.SET_BY)
+        changed |= {follower.target: follower.state for follower in self.followers}
+        for law in self.model.laws:
+            if law not in self.effects:
+                continue
             terms = self._privately(law)
             changed |= {target: terms[target.name].subs(changed, simultaneous=True) for target in law.changes}
         return changed

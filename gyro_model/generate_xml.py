@@ -8,24 +8,21 @@ from gyro_model.model import Model
 from gyro_model.quantities import Quantity
 from gyro_model.units import dimension
 
-NAME = "Gyroscope"
 TOOL = "gyrotwin"
-DESCRIPTION = "MEMS vibratory gyroscope: two coupled axes, actuators, pickoff and amplifier with their effects"
 LOG_CATEGORIES = {"logStatusError": "refused calls and failed steps", "logEvents": "life-cycle calls", "logAll": "both"}
-
-# Relative accuracy is the integrator's own; 1 s in steps of the sample period is what most importers should start with.
-_EXPERIMENT = {"startTime": "0", "stopTime": "1", "stepSize": "5e-6"}
 
 
 def fmi2(model: Model, token: str, sources: Sequence[str]) -> str:
     """The model description for FMI 2.0 co-simulation; ``sources`` are the C files relative to the folder sources/."""
-    root = ET.Element("fmiModelDescription", fmiVersion="2.0", modelName=NAME, guid=token, description=DESCRIPTION)
+    root = ET.Element(
+        "fmiModelDescription", fmiVersion="2.0", modelName=model.NAME, guid=token, description=model.DESCRIPTION
+    )
     root.set("generationTool", TOOL)
     root.set("variableNamingConvention", "flat")
     simulation = ET.SubElement(
         root,
         "CoSimulation",
-        modelIdentifier=NAME,
+        modelIdentifier=model.NAME,
         canHandleVariableCommunicationStepSize="true",
         canNotUseMemoryManagementFunctions="true",
         canGetAndSetFMUstate="true",
@@ -36,7 +33,7 @@ def fmi2(model: Model, token: str, sources: Sequence[str]) -> str:
         ET.SubElement(files, "File", name=name)
     _add_units(root, model)
     _add_log_categories(root)
-    ET.SubElement(root, "DefaultExperiment", _EXPERIMENT)
+    ET.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize=model.STEP_SIZE)
     variables = ET.SubElement(root, "ModelVariables")
     for reference, quantity in enumerate(model.quantities):
         scalar = ET.SubElement(variables, "ScalarVariable", _common(quantity, reference))
@@ -54,20 +51,20 @@ def fmi2(model: Model, token: str, sources: Sequence[str]) -> str:
 
 def fmi3(model: Model, token: str) -> str:
     """The model description for FMI 3.0 co-simulation."""
-    root = ET.Element("fmiModelDescription", fmiVersion="3.0", modelName=NAME, instantiationToken=token)
-    root.set("description", DESCRIPTION)
+    root = ET.Element("fmiModelDescription", fmiVersion="3.0", modelName=model.NAME, instantiationToken=token)
+    root.set("description", model.DESCRIPTION)
     root.set("generationTool", TOOL)
     ET.SubElement(
         root,
         "CoSimulation",
-        modelIdentifier=NAME,
+        modelIdentifier=model.NAME,
         canHandleVariableCommunicationStepSize="true",
         canGetAndSetFMUState="true",
         canSerializeFMUState="true",
     )
     _add_units(root, model)
     _add_log_categories(root)
-    ET.SubElement(root, "DefaultExperiment", _EXPERIMENT)
+    ET.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize=model.STEP_SIZE)
     variables = ET.SubElement(root, "ModelVariables")
     for reference, quantity in enumerate(model.quantities):
         tag = "Int32" if quantity.integer else "Float64"
@@ -83,10 +80,10 @@ def fmi3(model: Model, token: str) -> str:
     return _text(root)
 
 
-def build_description(sources: Sequence[str]) -> str:
+def build_description(model: Model, sources: Sequence[str]) -> str:
     """``sources/buildDescription.xml`` of FMI 3.0."""
     root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
-    configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=NAME)
+    configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=model.NAME)
     files = ET.SubElement(configuration, "SourceFileSet", language="C99", compilerOptions="-O3 -ffp-contract=off")
     for name in sources:
         ET.SubElement(files, "SourceFile", name=name)
@@ -100,7 +97,7 @@ def _outputs(model: Model) -> list[int]:
 def _common(quantity: Quantity, reference: int) -> dict[str, str]:
     attributes = {"name": quantity.name, "valueReference": str(reference), "description": quantity.description}
     if quantity.role in ("input", "output"):
-        sampled = quantity.name in ("v_x", "v_y")
+        sampled = quantity.role == "output" and quantity.name.startswith("v_")
         attributes |= {"causality": quantity.role, "variability": "discrete" if sampled else "continuous"}
         return attributes | ({"initial": "calculated"} if quantity.role == "output" else {})
     return attributes | {"causality": "parameter", "variability": "fixed", "initial": "exact"}

@@ -6,11 +6,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
+from typing import ClassVar
 
 from sympy import Symbol
 
 from gyro_model import symbols
-from gyro_model.anatomy import SLOTS, Delay, Effect, Force, Lag, Law, Map, State
+from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map, State
 from gyro_model.errors import InputError, nearest
 from gyro_model.quantities import INPUTS, OUTPUTS, PARAMETERS, Quantity
 
@@ -24,6 +25,13 @@ class Model:
     Raises InputError where two effects claim one name, a symbol is unknown, or a delay or lag is not alone in its slot.
     """
 
+    NAME: ClassVar[str] = "Gyroscope"
+    DESCRIPTION: ClassVar[str] = (
+        "MEMS vibratory gyroscope: two coupled axes, actuators, pickoff and amplifier with their effects"
+    )
+    STEP_SIZE: ClassVar[str] = "5e-6"
+    """What an importer should start with [s]."""
+
     effects: tuple[Effect, ...]
 
     def __post_init__(self) -> None:
@@ -33,18 +41,34 @@ class Model:
             _refuse_twins(
                 f"{held.__name__.lower()} in the chain:", [held.__name__ for e in self.effects if isinstance(e, held)]
             )
+        _refuse_twins("lag of", (t.name for e in self.effects if isinstance(e, Follow) for t in e.follows))
         for effect in self.effects:
             self._check_symbols(effect)
+        self._check_targets()
 
     def _check_symbols(self, effect: Effect) -> None:
-        always = ("t", "after", "normal_x", "normal_y", "q_x", "q_y")
+        private = ("t", "after", "q_x", "q_y", *(number.name for number in (*symbols.NORMAL, *symbols.PINK)))
+        always = {*private, *(change.name for change in symbols.CHANGES)}
+        if isinstance(effect, Map) and effect.stage == "sampled block":
+            always |= {symbols.v_x_rate.name, symbols.v_y_rate.name}
         known = {*self.by_name, *always, *(state.symbol.name for state in self.states)}
-        targets = effect.changes if isinstance(effect, Law) else ()
+        targets = effect.changes if isinstance(effect, Law) else effect.follows if isinstance(effect, Follow) else ()
         for name in sorted(symbol.name for symbol in effect.symbols | set(targets)):
             if name not in known:
                 raise InputError(f"effect {effect.id}: symbol {name!r} is unknown{nearest(name, known)}")
-        if symbols.m in targets:
-            raise InputError(f"effect {effect.id}: a law can't change m, by which every force is divided beforehand")
+
+        if effect.symbols & set(symbols.NORMAL) and effect.symbols & set(symbols.PINK):
+            raise InputError(f"effect {effect.id}: uses normal and pink numbers; make two effects of it")
+
+    def _check_targets(self) -> None:
+        fixed = {symbols.m: "m, by which every force is divided beforehand"}
+        for effect in self.effects:
+            if isinstance(effect, Delay):
+                fixed[effect.delay] = f"{effect.delay.name}, for which past forces are kept"
+        for law in self.laws:
+            for target in law.changes:
+                if target in fixed:
+                    raise InputError(f"effect {law.id}: a law can't change {fixed[target]}")
 
     @cached_property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -71,10 +95,32 @@ class Model:
         """The effects of the force stage."""
         return tuple(e for e in self.effects if isinstance(e, Force))
 
-    @property
+    @cached_property
     def laws(self) -> tuple[Law, ...]:
-        """The parameter laws."""
-        return tuple(e for e in self.effects if isinstance(e, Law))
+        """The parameter laws, each after those that change what it reads.
+
+        Raises InputError where they go round in a circle.
+        """
+        waiting = [e for e in self.effects if isinstance(e, Law)]
+        ordered: list[Law] = []
+        while waiting:
+            ready = next((law for law in waiting if not any(_reads(law, other) for other in waiting)), None)
+            if ready is None:
+                circle = ", ".join(law.id for law in waiting)
+                raise InputError(f"effects {circle}: each law reads what another of them changes; break the circle")
+            waiting.remove(ready)
+            ordered.append(ready)
+        return tuple(ordered)
+
+    @cached_property
+    def followed(self) -> dict[Symbol, Follow]:
+        """The quantities that may lag, in order, with the effect that makes them."""
+        return {target: e for e in self.effects if isinstance(e, Follow) for target in e.follows}
+
+    def wakers(self, effect: Effect) -> tuple[Law, ...]:
+        """The laws that change a size of ``effect``: where one acts, the effect does."""
+        sizes = {q.symbol for q in effect.sizes}
+        return tuple(law for law in self.laws if sizes & set(law.changes))
 
     def in_slot(self, slot: str) -> tuple[Map, ...]:
         """The maps at one place of the chain."""
@@ -93,6 +139,11 @@ class Model:
         if name not in settable:
             raise InputError(f"parameter {name!r} is unknown{nearest(name, settable)}")
         return settable[name]
+
+
+def _reads(law: Law, other: Law) -> bool:
+    # Laws that change one target, each from the other's value, come in any order.
+    return law is not other and bool(set(other.changes) & (law.symbols - set(law.changes)))
 
 
 def _refuse_twins(kind: str, names: Iterable[str]) -> None:
@@ -124,7 +175,8 @@ def _load_effect(path: Path) -> Effect:
             raise InputError(f"effect file {path}: {type(error).__name__}: {error}") from error
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):
-        raise InputError(f"effect file {path}: defines no EFFECT; assign one of Law, Force, Map, Delay, Lag to it")
+        kinds = "Law, Follow, Force, Map, Delay, Lag"
+        raise InputError(f"effect file {path}: defines no EFFECT; assign one of {kinds} to it")
     if effect.id != path.stem:
         raise InputError(f"effect file {path}: its id is {effect.id!r}; name the file {effect.id}.py")
     return replace(effect, doc=module.__doc__ or "")

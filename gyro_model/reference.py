@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from sympy import Expr, Symbol, lambdify
 
 from gyro_model import symbols
-from gyro_model.anatomy import Law
+from gyro_model.anatomy import Delay, Lag, Law
 from gyro_model.device import Device
 from gyro_model.dynamics import Dynamics, normals_of
 from gyro_model.errors import InputError
@@ -24,16 +24,19 @@ Floats = NDArray[np.float64]
 Normals = Callable[[str, int], tuple[float, float]]
 
 TOLERANCE = 1e-12
+STILL = (0.0, 0.0, 0.0, 0.0)
+"""No voltage and no rate of it, where an expression depends on neither."""
+
 FAR = 1.0
 """No device moves a metre: a simulation that does has diverged, and its steps would shrink without end."""
 
 # What counts as zero beside rtol: 1e-12 of a picometre and of its velocity at 1 kHz, of the voltage that it makes at
-# 1 V/um.
-_NEGLIGIBLE = {"m": 1e-24, "m/s": 1e-20, "V": 1e-18}
+# 1 V/um; of a kelvin.
+_NEGLIGIBLE = {"m": 1e-24, "m/s": 1e-20, "V": 1e-18, "K": 1e-12}
 
 
 def no_noise(effect_id: str, sample: int) -> tuple[float, float]:
-    """Normal numbers of a simulation without noise."""
+    """Random numbers of a simulation without noise."""
     return 0.0, 0.0
 
 
@@ -41,9 +44,9 @@ def simulate(device: Device, t: Floats, inputs: Mapping[str, Floats], normals: N
     """Simulates ``device`` over the samples at ``t`` [s], shape (n,), evenly spaced.
 
     inputs: by FMU name, SI, shape (n,), held over [t_k, t_{k+1}); missing ones stay at their start value. normals:
-    standard normal numbers of an effect at a sample. Gives v_x, v_y [V] and every state by name, each shape (n,),
-    sample k as taken just before u changes to u_k. Raises InputError where shapes differ, an input
-    is unknown, or the simulation diverges.
+    numbers that an effect draws at a sample: standard normal, or pink where it uses pink ones. Gives v_x, v_y [V], both
+    temperatures [K] and every state by name, each shape (n,), sample k as taken just before u changes to u_k. Raises
+    InputError where shapes differ, an input is unknown, or the simulation diverges.
     """
     return _Simulation(device, t, inputs, normals).run()
 
@@ -61,38 +64,36 @@ class _Simulation:
         self.normals = normals
         self.dynamics = Dynamics(tuple(e.id for e in device.model.effects if device.acts(e)), device.model)
         self.names = [state.name for state in self.dynamics.states]
+        self.at_once = {f.state: f.source for f in self.dynamics.followers if self.values[f.time_constant.name] == 0}
+        self.temperatures = self._compiled(self.dynamics.temperatures)
         self.rate = self._compiled(self.dynamics.rates)
+        self.jumps = self._compiled(self.dynamics.jumps)
         self.voltage = self._compiled(self.dynamics.voltage)
+        self.voltage_rate = self._compiled(self.dynamics.voltage_rate)
         self.sample = self._compiled(self.dynamics.sample)
         self.delay = float(self.dynamics.delay.subs(self.by_symbol))
-        self.lag = float(self.dynamics.time_constant.subs(self.by_symbol))
-        units = [
-            "m",
-            "m/s",
-            "m",
-            "m/s",
-            *(s.unit for s in device.model.states if s.symbol in self.dynamics.states),
-            "V",
-            "V",
-        ]
-        self.negligible = np.array([_NEGLIGIBLE[unit] for unit in units[: len(self.names) + 2 * (self.lag > 0)]])
+        self.lag = self._compiled((self.dynamics.time_constant,))
+        self.lagging = any(isinstance(e, Lag) for e in self.dynamics.effects)
+        units = (*self.dynamics.state_units, *(("V", "V") if self.lagging else ()))
+        self.negligible = np.array([_NEGLIGIBLE[unit] for unit in units])
 
     def _compiled(self, exprs: tuple[Expr, ...]) -> Callable[..., Any]:
         drawn = [symbol for e in self.dynamics.effects for symbol in normals_of(e.id)]
         switches = [Symbol(f"after_{e.id}", real=True) for e in self.dynamics.effects]
         held = [symbols.BY_NAME[name] for name in self.inputs]
-        temperatures = [symbols.temperature_structure, symbols.temperature_circuit]
         arguments = (
             symbols.t,
             list(self.dynamics.states),
-            [symbols.v_x, symbols.v_y],
+            [symbols.v_x, symbols.v_y, symbols.v_x_rate, symbols.v_y_rate],
             held,
-            temperatures,
+            list(symbols.CHANGES),
             drawn,
             switches,
         )
         return lambdify(
-            arguments, [expr.subs(self.by_symbol) for expr in exprs], modules=[{"nearest_integer": np.rint}, "numpy"]
+            arguments,
+            [expr.subs(self.at_once).subs(self.by_symbol) for expr in exprs],
+            modules=[{"nearest_integer": np.rint}, "numpy"],
         )
 
     def _context(self, k: int, t: float, u: tuple[float, float], sample: int) -> tuple[list[float], ...]:
@@ -101,12 +102,14 @@ class _Simulation:
             u[0] if name == "u_x" else u[1] if name == "u_y" else float(values[k])
             for name, values in self.inputs.items()
         ]
+        steps = (self.inputs[name.name] for name in symbols.CHANGES.values())
+        changes = [float(values[k] - values[max(k - 1, 0)]) for values in steps]
         drawn = [number for e in self.dynamics.effects for number in self.normals(e.id, sample)]
         switches = [
             float(isinstance(e, Law) and e.event is not None and t >= self.values[e.event.name])
             for e in self.dynamics.effects
         ]
-        return held, [float(self.inputs["temperature"][k])] * 2, drawn, switches
+        return held, changes, drawn, switches
 
     def _force(self, t: float) -> tuple[float, float]:
         """The force at the mass at time ``t``: the one commanded ``delay`` ago, before the start the first."""
@@ -124,31 +127,45 @@ class _Simulation:
         hair = 1e-9 * (end - begin)
         return sorted({float(s) for s in instants if begin + hair < s < end - hair})
 
+    def _start(self) -> Floats:
+        state = np.zeros(len(self.names))
+        state[:4] = [self.values[f"{name}_start"] for name in self.names[:4]]
+        for follower in self.dynamics.followers:
+            state[self.names.index(follower.state.name)] = self.inputs[follower.source.name][0]
+        return state
+
     def run(self) -> dict[str, Floats]:
         state = np.zeros(len(self.negligible))
-        state[:4] = [self.values[f"{name}_start"] for name in self.names[:4]]
+        state[: len(self.names)] = self._start()
         acting = self._force(self.t[0])
-        if self.lag > 0:
+        if self.lagging:
             state[-2:] = self.voltage(
-                self.t[0], state[: len(self.names)], [0, 0], *self._context(0, self.t[0], acting, 0)
+                self.t[0], state[: len(self.names)], STILL, *self._context(0, self.t[0], acting, 0)
             )
         rows = []
         for k, t in enumerate(self.t):
             rows.append(self._row(k, t, state, acting))
             if k + 1 < len(self.t):
+                state[[1, 3]] += self.jumps(t, state[: len(self.names)], STILL, *self._context(k, t, acting, k))
                 border = [t, *self._switches(t, self.t[k + 1]), self.t[k + 1]]
                 for begin, end in pairwise(border):
                     acting = self._force(0.5 * (begin + end))
                     state = self._advance(k, begin, end, state, acting)
         columns = np.array(rows).T
-        return dict(zip(("v_x", "v_y", *self.names), columns, strict=True))
+        return dict(
+            zip(("v_x", "v_y", "temperature_structure", "temperature_circuit", *self.names), columns, strict=True)
+        )
 
     def _row(self, k: int, t: float, state: Floats, acting: tuple[float, float]) -> list[float]:
         # The inputs are those held until now, the noise is that of this sample.
         own = state[: len(self.names)]
         context = self._context(max(k - 1, 0), t, acting, k)
-        v = state[-2:] if self.lag > 0 else self.voltage(t, own, [0, 0], *context)
-        return [*self.sample(t, own, v, *context), *own]
+        v = [*self.voltage(t, own, STILL, *context), *self.voltage_rate(t, own, STILL, *context)]
+        if self.lagging:
+            [lag] = self.lag(t, own, STILL, *context)
+            v = [*state[-2:], *((v[:2] - state[-2:]) / lag if lag > 0 else v[2:])]
+        temperatures = self.temperatures(t, own, v, *context)
+        return [*self.sample(t, own, v, *context), *temperatures, *own]
 
     def _advance(self, k: int, begin: float, end: float, state: Floats, acting: tuple[float, float]) -> Floats:
         context = self._context(k, 0.5 * (begin + end), acting, k)
@@ -157,31 +174,37 @@ class _Simulation:
         def rate(t: float, s: Floats) -> list[float]:
             if not (abs(s[0]) < FAR and abs(s[2]) < FAR):
                 raise InputError(f"reference diverged at {t:.9g} s: x or y is beyond {FAR:g} m; check effect sizes")
-            moving = list(self.rate(t, s[:n], [0, 0], *context))
-            if self.lag > 0:
-                v = self.voltage(t, s[:n], [0, 0], *context)
-                moving += [(v[i] - s[n + i]) / self.lag for i in (0, 1)]
+            moving = list(self.rate(t, s[:n], STILL, *context))
+            if self.lagging:
+                v = self.voltage(t, s[:n], STILL, *context)
+                [lag] = self.lag(t, s[:n], STILL, *context)
+                moving += [(v[i] - s[n + i]) / lag if lag > 0 else 0.0 for i in (0, 1)]
             return moving
 
         result = solve_ivp(rate, (begin, end), state, method="DOP853", rtol=TOLERANCE, atol=self.negligible)
-        return np.asarray(result.y[:, -1])
+        after = np.asarray(result.y[:, -1])
+        if self.lagging and self.lag(end, after[:n], STILL, *context)[0] <= 0:
+            # No lag: the voltage is there at once.
+            after[n:] = self.voltage(end, after[:n], STILL, *context)
+        return after
 
 
 def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Mapping[str, Floats]) -> Floats:
     """Derivatives of the states at ``t`` by the parameters ``names``: shape (n, states, len(names)), by the
     variational equation.
 
-    S' = (∂f/∂s) S + ∂f/∂p, S = 0 at the start. Raises InputError as ``simulate`` does, and for a device with delayed
-    forces.
+    S' = (∂f/∂s) S + ∂f/∂p, S = 0 at the start. Raises InputError as ``simulate`` does, and for a device with a
+    delay, a lag or impulses.
     """
     simulation = _Simulation(device, t, inputs, no_noise)
-    if simulation.delay > 0 or simulation.lag > 0:
-        raise InputError("sensitivities: set actuator_delay and amplifier_time_constant to 0 first")
+    left_out = [e.id for e in simulation.dynamics.effects if isinstance(e, (Delay, Lag)) or getattr(e, "impulse", None)]
+    if left_out:
+        raise InputError(f"sensitivities: {', '.join(left_out)} not covered; switch off first")
     dynamics, n = simulation.dynamics, len(simulation.names)
     by_state = simulation._compiled(tuple(dynamics.state_jacobian()))
     by_parameter = simulation._compiled(tuple(dynamics.parameter_jacobian(names)))
     state = np.zeros(n * (1 + len(names)))
-    state[:4] = [simulation.values[f"{name}_start"] for name in simulation.names[:4]]
+    state[:n] = simulation._start()
     rows = [state]
     for k in range(len(t) - 1):
         acting = simulation._force(0.5 * (t[k] + t[k + 1]))
@@ -189,9 +212,9 @@ def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Map
 
         def rate(time: float, s: Floats, context: tuple[list[float], ...] = context) -> Floats:
             own, derivative = s[:n], s[n:].reshape(n, -1)
-            jacobian = np.reshape(by_state(time, own, [0, 0], *context), (n, n))
-            forcing = np.reshape(by_parameter(time, own, [0, 0], *context), (n, -1))
-            moving = simulation.rate(time, own, [0, 0], *context)
+            jacobian = np.reshape(by_state(time, own, STILL, *context), (n, n))
+            forcing = np.reshape(by_parameter(time, own, STILL, *context), (n, -1))
+            moving = simulation.rate(time, own, STILL, *context)
             return np.concatenate((moving, (jacobian @ derivative + forcing).ravel()))
 
         result = solve_ivp(rate, (t[k], t[k + 1]), rows[-1], method="DOP853", rtol=TOLERANCE, atol=1e-24)

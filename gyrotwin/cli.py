@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from gyro_model.build import build as build_fmus
+from gyro_model.build import build_all
 from gyro_model.device import design_device, load_device, packaged_devices, write_device
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
@@ -35,8 +35,8 @@ console = Console()
 def build(
     force: Annotated[bool, typer.Option("--force", help="Build even where the FMUs are up to date.")] = False,
 ) -> None:
-    """Build the FMUs, FMI 2.0 and FMI 3.0, and print where they are."""
-    for path in build_fmus(force=force):
+    """Build the FMUs Gyroscope and GyroscopeEnvelope, FMI 2.0 and FMI 3.0, and print where they are."""
+    for path in build_all(force=force):
         console.print(str(path), soft_wrap=True, highlight=False)
 
 

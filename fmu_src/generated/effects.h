@@ -15,18 +15,42 @@ typedef struct {
     double u[2];                          /* force on its way to the mass, N */
     double held[2];                       /* noise force, held until the next sample, N */
     double q[2];                          /* displacement on its way to the pickoff, m */
+    double s_rate[GYRO_N_STATES];         /* rate of the states at the latest sample, SI/s; where any_rate */
+    double q_rate[2];                     /* rate of q, m/s; where any_rate */
+    double v_rate[2];                     /* rate of v, V/s; where any_rate */
     double v[2];                          /* voltage on its way to the converter, V */
+    double change[GYRO_N_INPUTS];         /* by how much each held input has just changed, SI */
     double t;                             /* time, s */
+    double step_start;                    /* start of the internal step, s */
+    double lagging[GYRO_N_LAGGING];       /* quantities that lag, at the start of the internal step, SI */
+    double lagging_now[GYRO_N_LAGGING];   /* the same, now */
     double inverse_mass;                  /* 1/kg */
-    double normal[GYRO_N_EFFECTS][2];     /* standard normal numbers of each effect, of the latest sample */
+    double drawn[GYRO_N_EFFECTS][2];      /* normal or pink numbers of each effect, of the latest sample */
     double after[GYRO_N_EFFECTS];         /* 1 from the event of each effect on, 0 before */
     unsigned char active[GYRO_N_EFFECTS]; /* a size parameter differs from neutral */
     unsigned char any_law;
+    unsigned char any_rate; /* the converter asks for the rate of the voltage */
     unsigned char any_force; /* beyond the nominal and the held ones */
 } gyro_view;
 
 static inline double larger(double a, double b) { return a > b ? a : b; }
 static inline double smaller(double a, double b) { return a < b ? a : b; }
+
+/* 1 - e^-z, z >= 0; the series, off by z^6/720 < 1e-18 z, gives every platform the same bits where a lag is long. */
+static inline double decayed(double z)
+{
+    return z < 1e-3 ? z * (1.0 - z / 2.0 * (1.0 - z / 3.0 * (1.0 - z / 4.0 * (1.0 - z / 5.0)))) : -expm1(-z);
+}
+
+/* The variable `vr` nears its value as set with the time constant `lag` [s]; `index` is its place in `lagging`. */
+static inline void follow(gyro_view *g, int vr, int index, double lag)
+{
+    const double set = g->p[vr];
+    if (lag > 0.0) {
+        g->p[vr] = g->lagging[index] + (set - g->lagging[index]) * decayed((g->t - g->step_start) / lag);
+    }
+    g->lagging_now[index] = g->p[vr];
+}
 
 /* The Coriolis force of a package that turns about z.
 
@@ -126,6 +150,35 @@ static inline void effect_electrostatic_softening(const gyro_view *g, double for
     force[1] += softening*v_bias*v_bias*y/((1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap)));
 }
 
+/* The frame of the package turns: the centrifugal force, and the Euler force where the rate changes.
+
+       F_x = m Ω² x, F_y = m Ω² y; at each change ΔΩ of the held rate x' += ΔΩ y, y' -= ΔΩ x
+
+   With the Coriolis force this is Newton's law seen from a turning frame, -2 Ω×v - Ω×(Ω×r) - Ω'×r (H. Goldstein, Classical
+   Mechanics, 1950, section 4-9); a rate held in steps makes Ω' a pulse, of which the velocity jump is the integral.
+   SYSTEM.md section 8. */
+static inline void effect_frame_rotation(const gyro_view *g, double force[2])
+{
+    const double frame_rotation = g->p[GYRO_FRAME_ROTATION];
+    const double m = g->p[GYRO_M];
+    const double omega_z = g->p[GYRO_OMEGA_Z];
+    const double x = g->s[GYRO_STATE_X];
+    const double y = g->s[GYRO_STATE_Y];
+    force[0] += frame_rotation*m*omega_z*omega_z*x;
+    force[1] += frame_rotation*m*omega_z*omega_z*y;
+}
+
+static inline void impulse_frame_rotation(const gyro_view *g, double impulse[2])
+{
+    const double frame_rotation = g->p[GYRO_FRAME_ROTATION];
+    const double m = g->p[GYRO_M];
+    const double omega_z_change = g->change[GYRO_OMEGA_Z];
+    const double x = g->s[GYRO_STATE_X];
+    const double y = g->s[GYRO_STATE_Y];
+    impulse[0] += frame_rotation*m*omega_z_change*y;
+    impulse[1] += -frame_rotation*m*omega_z_change*x;
+}
+
 /* The package accelerates, and the mass lags behind.
 
        F_x = c_x m a_x,  F_y = c_y m a_y; physically c = -1, a tuning fork's two tines cancel most of it
@@ -208,13 +261,25 @@ static inline void effect_thermal_force(const gyro_view *g, double force[2])
     const double dxx = g->p[GYRO_DXX];
     const double dxy = g->p[GYRO_DXY];
     const double dyy = g->p[GYRO_DYY];
-    const double normal_x = g->normal[GYRO_EFFECT_THERMAL_FORCE][0];
-    const double normal_y = g->normal[GYRO_EFFECT_THERMAL_FORCE][1];
+    const double normal_x = g->drawn[GYRO_EFFECT_THERMAL_FORCE][0];
+    const double normal_y = g->drawn[GYRO_EFFECT_THERMAL_FORCE][1];
     const double sample_period = g->p[GYRO_SAMPLE_PERIOD];
     const double temperature_structure = g->p[GYRO_TEMPERATURE_STRUCTURE];
     const double thermal_force = g->p[GYRO_THERMAL_FORCE];
     force[0] += 5.254805419803858e-12*thermal_force*sqrt(temperature_structure/sample_period)*(dxy*normal_y + normal_x*(dxx + sqrt(larger(0, dxx*dyy - dxy*dxy))))/sqrt(larger(2.2250738585072014e-308, dxx + dyy + 2*sqrt(larger(0, dxx*dyy - dxy*dxy))));
     force[1] += 5.254805419803858e-12*thermal_force*sqrt(temperature_structure/sample_period)*(dxy*normal_x + normal_y*(dyy + sqrt(larger(0, dxx*dyy - dxy*dxy))))/sqrt(larger(2.2250738585072014e-308, dxx + dyy + 2*sqrt(larger(0, dxx*dyy - dxy*dxy))));
+}
+
+/* Structure and circuit warm and cool slowly: each temperature follows the ambient one, with its own lag.
+
+       T' = (temperature - T)/lag, T = temperature at the start, for T_structure and T_circuit
+
+   Source 003 and SYSTEM.md sections 6 and 8. The update is exact while the ambient temperature is held, so that a lag may
+   lie far below the step. */
+static inline void effect_thermal_lag(gyro_view *g)
+{
+    follow(g, GYRO_TEMPERATURE_STRUCTURE, GYRO_LAGGING_TEMPERATURE_STRUCTURE, g->p[GYRO_STRUCTURE_LAG]);
+    follow(g, GYRO_TEMPERATURE_CIRCUIT, GYRO_LAGGING_TEMPERATURE_CIRCUIT, g->p[GYRO_CIRCUIT_LAG]);
 }
 
 /* All damping multiplies by a factor at one instant: a seal that leaks, a part that ages at once.
@@ -283,6 +348,21 @@ static inline void effect_thermal_gain(gyro_view *g)
     g->p[GYRO_SENSE_GAIN_Y] = sense_gain_y*(tcg*(-t_ref + temperature_circuit) + 1);
 }
 
+/* The time constant of the amplifier changes with the temperature of the circuit, and the phase of the output with it.
+
+       τ → max(0, τ + tcp (T_circuit - t_ref))
+
+   A lag of phase of ωτ that moves with temperature mixes quadrature into the demodulated rate (source 003). SYSTEM.md
+   section 8; where the sum would be negative there is no lag. */
+static inline void effect_thermal_phase(gyro_view *g)
+{
+    const double amplifier_time_constant = g->p[GYRO_AMPLIFIER_TIME_CONSTANT];
+    const double t_ref = g->p[GYRO_T_REF];
+    const double tcp = g->p[GYRO_TCP];
+    const double temperature_circuit = g->p[GYRO_TEMPERATURE_CIRCUIT];
+    g->p[GYRO_AMPLIFIER_TIME_CONSTANT] = larger(0, amplifier_time_constant + tcp*(-t_ref + temperature_circuit));
+}
+
 /* Stiffness changes with the temperature of the structure, y by another rate than x.
 
        kxx, kxy → (1 + tck ΔT), kyy → (1 + (tck + tck_split) ΔT), ΔT = T_structure - t_ref
@@ -316,6 +396,16 @@ static inline void effect_ideal_pickoff(const gyro_view *g, double out[2])
     const double sense_gain_y = g->p[GYRO_SENSE_GAIN_Y];
     out[0] = q_x*sense_gain_x;
     out[1] = q_y*sense_gain_y;
+}
+
+static inline void rate_ideal_pickoff(const gyro_view *g, double out[2])
+{
+    const double q_x_rate = g->q_rate[0];
+    const double q_y_rate = g->q_rate[1];
+    const double sense_gain_x = g->p[GYRO_SENSE_GAIN_X];
+    const double sense_gain_y = g->p[GYRO_SENSE_GAIN_Y];
+    out[0] = q_x_rate*sense_gain_x;
+    out[1] = q_y_rate*sense_gain_y;
 }
 
 /* The y actuator gives another force than commanded.
@@ -405,6 +495,15 @@ static inline void effect_amplifier_drift(const gyro_view *g, double out[2])
     out[1] = offset_drift*t + v_y;
 }
 
+static inline void rate_amplifier_drift(const gyro_view *g, double out[2])
+{
+    const double offset_drift = g->p[GYRO_OFFSET_DRIFT];
+    const double v_x_rate = g->v_rate[0];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = offset_drift + v_x_rate;
+    out[1] = offset_drift + v_y_rate;
+}
+
 /* A constant voltage at the amplifier's output.
 
        v_x → v_x + o_x, v_y → v_y + o_y
@@ -418,6 +517,14 @@ static inline void effect_amplifier_offset(const gyro_view *g, double out[2])
     const double v_y = g->v[1];
     out[0] = offset_x + v_x;
     out[1] = offset_y + v_y;
+}
+
+static inline void rate_amplifier_offset(const gyro_view *g, double out[2])
+{
+    const double v_x_rate = g->v_rate[0];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = v_x_rate;
+    out[1] = v_y_rate;
 }
 
 /* The drive voltage couples into the amplifier's input past the mass.
@@ -436,6 +543,31 @@ static inline void effect_drive_feedthrough(const gyro_view *g, double out[2])
     out[1] = feedthrough*u_y + v_y;
 }
 
+static inline void rate_drive_feedthrough(const gyro_view *g, double out[2])
+{
+    const double v_x_rate = g->v_rate[0];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = v_x_rate;
+    out[1] = v_y_rate;
+}
+
+/* Flicker noise of the amplifier: its density falls with frequency.
+
+       v → v + a p, one-sided density a²/f from 1 Hz to half the sample rate
+
+   p is pink noise of density 1 Hz/f, made of first-order processes with corners 1.5 a decade (M. S. Keshner, Proc. IEEE
+   70, 1982): within 3.5 % of the density, flat below about 0.1 Hz. Both axes are independent. SYSTEM.md section 8. */
+static inline void effect_flicker_noise(const gyro_view *g, double out[2])
+{
+    const double flicker_noise = g->p[GYRO_FLICKER_NOISE];
+    const double pink_x = g->drawn[GYRO_EFFECT_FLICKER_NOISE][0];
+    const double pink_y = g->drawn[GYRO_EFFECT_FLICKER_NOISE][1];
+    const double v_x = g->v[0];
+    const double v_y = g->v[1];
+    out[0] = flicker_noise*pink_x + v_x;
+    out[1] = flicker_noise*pink_y + v_y;
+}
+
 /* A capacitance to ground at the amplifier's input takes a part of the charge.
 
        v → v/(1 + r), r = c_p/(A c_f), c_f the feedback capacitance and A the open-loop gain
@@ -448,6 +580,15 @@ static inline void effect_parasitic_capacitance(const gyro_view *g, double out[2
     const double v_y = g->v[1];
     out[0] = v_x/(parasitic_ratio + 1);
     out[1] = v_y/(parasitic_ratio + 1);
+}
+
+static inline void rate_parasitic_capacitance(const gyro_view *g, double out[2])
+{
+    const double parasitic_ratio = g->p[GYRO_PARASITIC_RATIO];
+    const double v_x_rate = g->v_rate[0];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = v_x_rate/(parasitic_ratio + 1);
+    out[1] = v_y_rate/(parasitic_ratio + 1);
 }
 
 /* The y pickoff has another gain than stated.
@@ -464,6 +605,15 @@ static inline void effect_pickoff_gain_mismatch(const gyro_view *g, double out[2
     out[1] = v_y*(pickoff_gain_mismatch + 1);
 }
 
+static inline void rate_pickoff_gain_mismatch(const gyro_view *g, double out[2])
+{
+    const double pickoff_gain_mismatch = g->p[GYRO_PICKOFF_GAIN_MISMATCH];
+    const double v_x_rate = g->v_rate[0];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = v_x_rate;
+    out[1] = v_y_rate*(pickoff_gain_mismatch + 1);
+}
+
 /* Each pickoff also sees the other axis.
 
        x → x + ε y, y → y + ε x
@@ -476,6 +626,15 @@ static inline void effect_pickoff_misalignment(const gyro_view *g, double out[2]
     const double q_y = g->q[1];
     out[0] = pickoff_misalignment*q_y + q_x;
     out[1] = pickoff_misalignment*q_x + q_y;
+}
+
+static inline void rate_pickoff_misalignment(const gyro_view *g, double out[2])
+{
+    const double pickoff_misalignment = g->p[GYRO_PICKOFF_MISALIGNMENT];
+    const double q_x_rate = g->q_rate[0];
+    const double q_y_rate = g->q_rate[1];
+    out[0] = pickoff_misalignment*q_y_rate + q_x_rate;
+    out[1] = pickoff_misalignment*q_x_rate + q_y_rate;
 }
 
 /* An unequal pair of sensing capacitors: the signal is not odd in the displacement.
@@ -493,6 +652,18 @@ static inline void effect_pickoff_mismatch(const gyro_view *g, double out[2])
     out[1] = pickoff_inverse_gap*pickoff_mismatch*q_y*q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1) + q_y;
 }
 
+static inline void rate_pickoff_mismatch(const gyro_view *g, double out[2])
+{
+    const double pickoff_inverse_gap = g->p[GYRO_PICKOFF_INVERSE_GAP];
+    const double pickoff_mismatch = g->p[GYRO_PICKOFF_MISMATCH];
+    const double q_x = g->q[0];
+    const double q_x_rate = g->q_rate[0];
+    const double q_y = g->q[1];
+    const double q_y_rate = g->q_rate[1];
+    out[0] = q_x_rate*(2*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_mismatch*q_x*q_x*q_x/((-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)) + 2*pickoff_inverse_gap*pickoff_mismatch*q_x/(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1) + 1);
+    out[1] = q_y_rate*(2*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_mismatch*q_y*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + 2*pickoff_inverse_gap*pickoff_mismatch*q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1) + 1);
+}
+
 /* A gap-closing pair of capacitors: the difference signal grows faster than the displacement.
 
        q → q/(1 - (q/g)²)
@@ -508,6 +679,36 @@ static inline void effect_pickoff_nonlinearity(const gyro_view *g, double out[2]
     out[1] = q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1);
 }
 
+static inline void rate_pickoff_nonlinearity(const gyro_view *g, double out[2])
+{
+    const double pickoff_inverse_gap = g->p[GYRO_PICKOFF_INVERSE_GAP];
+    const double q_x = g->q[0];
+    const double q_x_rate = g->q_rate[0];
+    const double q_y = g->q[1];
+    const double q_y_rate = g->q_rate[1];
+    out[0] = q_x_rate*(2*pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x/((-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)) + 1.0/(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1));
+    out[1] = q_y_rate*(2*pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + 1.0/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1));
+}
+
+/* The converter samples a little early or late, by a random time.
+
+       v → v + v' δ, δ normal
+
+   v' is the rate at which the voltage enters the converter. On a sine of amplitude A the noise is A ω σ/√2 rms (IEEE Std
+   1241-2010, section 4.1, aperture uncertainty); SYSTEM.md section 8. */
+static inline void effect_sampling_jitter(const gyro_view *g, double out[2])
+{
+    const double normal_x = g->drawn[GYRO_EFFECT_SAMPLING_JITTER][0];
+    const double normal_y = g->drawn[GYRO_EFFECT_SAMPLING_JITTER][1];
+    const double sampling_jitter = g->p[GYRO_SAMPLING_JITTER];
+    const double v_x = g->v[0];
+    const double v_x_rate = g->v_rate[0];
+    const double v_y = g->v[1];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = normal_x*sampling_jitter*v_x_rate + v_x;
+    out[1] = normal_y*sampling_jitter*v_y_rate + v_y;
+}
+
 /* White noise of the pickoff and its amplifier, drawn anew at each sample.
 
        v → v + σ n
@@ -515,8 +716,8 @@ static inline void effect_pickoff_nonlinearity(const gyro_view *g, double out[2]
    SYSTEM.md sections 1 and 8: the reference device has 20 pm rms at 200 kHz, 20 µV at 1e6 V/m. */
 static inline void effect_sense_noise(const gyro_view *g, double out[2])
 {
-    const double normal_x = g->normal[GYRO_EFFECT_SENSE_NOISE][0];
-    const double normal_y = g->normal[GYRO_EFFECT_SENSE_NOISE][1];
+    const double normal_x = g->drawn[GYRO_EFFECT_SENSE_NOISE][0];
+    const double normal_y = g->drawn[GYRO_EFFECT_SENSE_NOISE][1];
     const double sense_noise = g->p[GYRO_SENSE_NOISE];
     const double v_x = g->v[0];
     const double v_y = g->v[1];
@@ -524,7 +725,7 @@ static inline void effect_sense_noise(const gyro_view *g, double out[2])
     out[1] = normal_y*sense_noise + v_y;
 }
 
-/* Marks the effects that a size parameter switches on. */
+/* Marks the effects that a size parameter switches on, their own or that of a law which changes one. */
 static inline void find_active(gyro_view *g)
 {
     g->active[GYRO_EFFECT_CORIOLIS] = 1;
@@ -537,7 +738,7 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_ACTUATOR_NONLINEARITY] = g->p[GYRO_ACTUATOR_A2] != 0.0 || g->p[GYRO_ACTUATOR_A3] != 0.0;
     g->active[GYRO_EFFECT_ADC_CLIPPING] = g->p[GYRO_ADC_LIMIT] != 1e+300;
     g->active[GYRO_EFFECT_ADC_QUANTISATION] = g->p[GYRO_ADC_LSB] != 0.0;
-    g->active[GYRO_EFFECT_AMPLIFIER_BANDWIDTH] = g->p[GYRO_AMPLIFIER_TIME_CONSTANT] != 0.0;
+    g->active[GYRO_EFFECT_AMPLIFIER_BANDWIDTH] = g->p[GYRO_AMPLIFIER_TIME_CONSTANT] != 0.0 || g->p[GYRO_TCP] != 0.0;
     g->active[GYRO_EFFECT_AMPLIFIER_DRIFT] = g->p[GYRO_OFFSET_DRIFT] != 0.0;
     g->active[GYRO_EFFECT_AMPLIFIER_OFFSET] = g->p[GYRO_OFFSET_X] != 0.0 || g->p[GYRO_OFFSET_Y] != 0.0;
     g->active[GYRO_EFFECT_ANGULAR_GAIN] = g->p[GYRO_ANGULAR_GAIN] != 1.0;
@@ -546,6 +747,8 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] = g->p[GYRO_CHARGING_VOLTAGE] != 0.0;
     g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH] = g->p[GYRO_FEEDTHROUGH] != 0.0;
     g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] = g->p[GYRO_SOFTENING] != 0.0;
+    g->active[GYRO_EFFECT_FLICKER_NOISE] = g->p[GYRO_FLICKER_NOISE] != 0.0;
+    g->active[GYRO_EFFECT_FRAME_ROTATION] = g->p[GYRO_FRAME_ROTATION] != 0.0;
     g->active[GYRO_EFFECT_LINEAR_ACCELERATION] = g->p[GYRO_ACCELERATION_GAIN_X] != 0.0 || g->p[GYRO_ACCELERATION_GAIN_Y] != 0.0;
     g->active[GYRO_EFFECT_NONLINEAR_DAMPING] = g->p[GYRO_D2_X] != 0.0 || g->p[GYRO_D2_Y] != 0.0;
     g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE] = g->p[GYRO_PARASITIC_RATIO] != 0.0;
@@ -555,13 +758,17 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_PICKOFF_MISMATCH] = g->p[GYRO_PICKOFF_MISMATCH] != 0.0;
     g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY] = g->p[GYRO_PICKOFF_INVERSE_GAP] != 0.0;
     g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] = g->p[GYRO_K2_X] != 0.0 || g->p[GYRO_K2_Y] != 0.0;
+    g->active[GYRO_EFFECT_SAMPLING_JITTER] = g->p[GYRO_SAMPLING_JITTER] != 0.0;
     g->active[GYRO_EFFECT_SENSE_NOISE] = g->p[GYRO_SENSE_NOISE] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_DAMPING] = g->p[GYRO_TCD] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_FORCE] = g->p[GYRO_THERMAL_FORCE] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_GAIN] = g->p[GYRO_TCG] != 0.0;
+    g->active[GYRO_EFFECT_THERMAL_LAG] = g->p[GYRO_STRUCTURE_LAG] != 0.0 || g->p[GYRO_CIRCUIT_LAG] != 0.0;
+    g->active[GYRO_EFFECT_THERMAL_PHASE] = g->p[GYRO_TCP] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_STIFFNESS] = g->p[GYRO_TCK] != 0.0 || g->p[GYRO_TCK_SPLIT] != 0.0;
-    g->any_law = g->active[GYRO_EFFECT_DAMPING_STEP] || g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] || g->active[GYRO_EFFECT_THERMAL_DAMPING] || g->active[GYRO_EFFECT_THERMAL_GAIN] || g->active[GYRO_EFFECT_THERMAL_STIFFNESS];
-    g->any_force = g->active[GYRO_EFFECT_ANGULAR_GAIN] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_LINEAR_ACCELERATION] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS];
+    g->any_law = g->active[GYRO_EFFECT_THERMAL_LAG] || g->active[GYRO_EFFECT_DAMPING_STEP] || g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] || g->active[GYRO_EFFECT_THERMAL_DAMPING] || g->active[GYRO_EFFECT_THERMAL_GAIN] || g->active[GYRO_EFFECT_THERMAL_PHASE] || g->active[GYRO_EFFECT_THERMAL_STIFFNESS];
+    g->any_rate = g->active[GYRO_EFFECT_SAMPLING_JITTER];
+    g->any_force = g->active[GYRO_EFFECT_ANGULAR_GAIN] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_FRAME_ROTATION] || g->active[GYRO_EFFECT_LINEAR_ACCELERATION] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS];
 }
 
 /* The noise stream of each effect, 0 where it draws none. It is made from the effect's id, so that a new
@@ -586,6 +793,8 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* dielectric_charging: none */
     0u, /* drive_feedthrough: none */
     0u, /* electrostatic_softening: none */
+    0x66eadef4u, /* flicker_noise */
+    0u, /* frame_rotation: none */
     0u, /* linear_acceleration: none */
     0u, /* nonlinear_damping: none */
     0u, /* parasitic_capacitance: none */
@@ -595,11 +804,56 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* pickoff_mismatch: none */
     0u, /* pickoff_nonlinearity: none */
     0u, /* quadratic_stiffness: none */
+    0x7cf2e683u, /* sampling_jitter */
     0x922a3e3bu, /* sense_noise */
     0u, /* thermal_damping: none */
     0xd9b10be9u, /* thermal_force */
     0u, /* thermal_gain: none */
+    0u, /* thermal_lag: none */
+    0u, /* thermal_phase: none */
     0u, /* thermal_stiffness: none */
+};
+
+/* The place of each effect that draws pink numbers among those that do, -1 of the others. */
+static const int pink_places[GYRO_N_EFFECTS] = {
+    -1, /* coriolis */
+    -1, /* damping */
+    -1, /* ideal_pickoff */
+    -1, /* suspension */
+    -1, /* actuator_delay */
+    -1, /* actuator_gain_mismatch */
+    -1, /* actuator_misalignment */
+    -1, /* actuator_nonlinearity */
+    -1, /* adc_clipping */
+    -1, /* adc_quantisation */
+    -1, /* amplifier_bandwidth */
+    -1, /* amplifier_drift */
+    -1, /* amplifier_offset */
+    -1, /* angular_gain */
+    -1, /* cubic_stiffness */
+    -1, /* damping_step */
+    -1, /* dielectric_charging */
+    -1, /* drive_feedthrough */
+    -1, /* electrostatic_softening */
+    0, /* flicker_noise */
+    -1, /* frame_rotation */
+    -1, /* linear_acceleration */
+    -1, /* nonlinear_damping */
+    -1, /* parasitic_capacitance */
+    -1, /* parasitic_mode */
+    -1, /* pickoff_gain_mismatch */
+    -1, /* pickoff_misalignment */
+    -1, /* pickoff_mismatch */
+    -1, /* pickoff_nonlinearity */
+    -1, /* quadratic_stiffness */
+    -1, /* sampling_jitter */
+    -1, /* sense_noise */
+    -1, /* thermal_damping */
+    -1, /* thermal_force */
+    -1, /* thermal_gain */
+    -1, /* thermal_lag */
+    -1, /* thermal_phase */
+    -1, /* thermal_stiffness */
 };
 
 /* The time of each active effect's event [s]; the entries of the others stay as they are. */
@@ -610,9 +864,24 @@ static inline void event_times(const gyro_view *g, double time[GYRO_N_EFFECTS])
     }
 }
 
+/* What is made of the inputs, before any law. */
+static inline void take_made(gyro_view *g, const double value[GYRO_N_VARIABLES])
+{
+    g->p[GYRO_TEMPERATURE_STRUCTURE] = value[GYRO_TEMPERATURE];
+    g->p[GYRO_TEMPERATURE_CIRCUIT] = value[GYRO_TEMPERATURE];
+}
+
+/* What lags starts at its value as set. */
+static inline void start_lagging(gyro_view *g, const double value[GYRO_N_VARIABLES])
+{
+    g->lagging[GYRO_LAGGING_TEMPERATURE_STRUCTURE] = value[GYRO_TEMPERATURE];
+    g->lagging[GYRO_LAGGING_TEMPERATURE_CIRCUIT] = value[GYRO_TEMPERATURE];
+}
+
 /* Parameter laws: from the values as set, at the time and events of the view. */
 static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES])
 {
+    g->p[GYRO_AMPLIFIER_TIME_CONSTANT] = value[GYRO_AMPLIFIER_TIME_CONSTANT];
     g->p[GYRO_DXX] = value[GYRO_DXX];
     g->p[GYRO_DXY] = value[GYRO_DXY];
     g->p[GYRO_DYY] = value[GYRO_DYY];
@@ -621,7 +890,12 @@ static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES]
     g->p[GYRO_KYY] = value[GYRO_KYY];
     g->p[GYRO_SENSE_GAIN_X] = value[GYRO_SENSE_GAIN_X];
     g->p[GYRO_SENSE_GAIN_Y] = value[GYRO_SENSE_GAIN_Y];
+    g->p[GYRO_TEMPERATURE_CIRCUIT] = value[GYRO_TEMPERATURE];
+    g->p[GYRO_TEMPERATURE_STRUCTURE] = value[GYRO_TEMPERATURE];
     g->p[GYRO_V_BIAS] = value[GYRO_V_BIAS];
+    if (g->active[GYRO_EFFECT_THERMAL_LAG]) {
+        effect_thermal_lag(g);
+    }
     if (g->active[GYRO_EFFECT_DAMPING_STEP]) {
         effect_damping_step(g);
     }
@@ -633,6 +907,9 @@ static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES]
     }
     if (g->active[GYRO_EFFECT_THERMAL_GAIN]) {
         effect_thermal_gain(g);
+    }
+    if (g->active[GYRO_EFFECT_THERMAL_PHASE]) {
+        effect_thermal_phase(g);
     }
     if (g->active[GYRO_EFFECT_THERMAL_STIFFNESS]) {
         effect_thermal_stiffness(g);
@@ -649,6 +926,12 @@ static inline double force_delay(const gyro_view *g)
 static inline double lag_time_constant(const gyro_view *g)
 {
     return g->p[GYRO_AMPLIFIER_TIME_CONSTANT];
+}
+
+/* Whether the amplifier lags. */
+static inline int lag_acts(const gyro_view *g)
+{
+    return g->active[GYRO_EFFECT_AMPLIFIER_BANDWIDTH];
 }
 
 /* The noise forces [N], drawn with the latest sample. */
@@ -681,6 +964,9 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
         if (g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING]) {
             effect_electrostatic_softening(g, force);
         }
+        if (g->active[GYRO_EFFECT_FRAME_ROTATION]) {
+            effect_frame_rotation(g, force);
+        }
         if (g->active[GYRO_EFFECT_LINEAR_ACCELERATION]) {
             effect_linear_acceleration(g, force);
         }
@@ -698,6 +984,17 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
     rate[GYRO_STATE_Y] = g->s[GYRO_STATE_Y_DOT];
     rate[GYRO_STATE_X_DOT] = force[0] * g->inverse_mass;
     rate[GYRO_STATE_Y_DOT] = force[1] * g->inverse_mass;
+}
+
+/* The velocities jump by the impulses that a change of the held inputs gives. */
+static inline void kick(gyro_view *g)
+{
+    double impulse[2] = {0.0, 0.0};
+    if (g->active[GYRO_EFFECT_FRAME_ROTATION]) {
+        impulse_frame_rotation(g, impulse);
+    }
+    g->s[GYRO_STATE_X_DOT] += impulse[0] * g->inverse_mass;
+    g->s[GYRO_STATE_Y_DOT] += impulse[1] * g->inverse_mass;
 }
 
 /* The force from the command to the mass, after the delay. */
@@ -788,10 +1085,26 @@ static inline void amplify(gyro_view *g)
 static inline void convert(gyro_view *g)
 {
     double out[2];
-    if (g->active[GYRO_EFFECT_SENSE_NOISE]) {
-        effect_sense_noise(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
+    {
+        const double entering[2] = {g->v[0], g->v[1]};
+        double sum[2] = {entering[0], entering[1]};
+        if (g->active[GYRO_EFFECT_FLICKER_NOISE]) {
+            effect_flicker_noise(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        if (g->active[GYRO_EFFECT_SAMPLING_JITTER]) {
+            effect_sampling_jitter(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        if (g->active[GYRO_EFFECT_SENSE_NOISE]) {
+            effect_sense_noise(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        g->v[0] = sum[0];
+        g->v[1] = sum[1];
     }
     if (g->active[GYRO_EFFECT_ADC_CLIPPING]) {
         effect_adc_clipping(g, out);
@@ -800,6 +1113,121 @@ static inline void convert(gyro_view *g)
     }
     if (g->active[GYRO_EFFECT_ADC_QUANTISATION]) {
         effect_adc_quantisation(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+}
+
+/* The voltage before the amplifier's lag, from the displacement. And its rate, before each value that it is made from changes. */
+static inline void pick_off_moving(gyro_view *g)
+{
+    double out[2];
+    g->q[0] = g->s[GYRO_STATE_X];
+    g->q[1] = g->s[GYRO_STATE_Y];
+    state_rate(g, g->s_rate);
+    g->q_rate[0] = g->s_rate[GYRO_STATE_X];
+    g->q_rate[1] = g->s_rate[GYRO_STATE_Y];
+    if (g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT]) {
+        rate_pickoff_misalignment(g, out);
+        g->q_rate[0] = out[0];
+        g->q_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT]) {
+        effect_pickoff_misalignment(g, out);
+        g->q[0] = out[0];
+        g->q[1] = out[1];
+    }
+    {
+        const double entering[2] = {g->q_rate[0], g->q_rate[1]};
+        double sum[2] = {entering[0], entering[1]};
+        if (g->active[GYRO_EFFECT_PICKOFF_MISMATCH]) {
+            rate_pickoff_mismatch(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        if (g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY]) {
+            rate_pickoff_nonlinearity(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        g->q_rate[0] = sum[0];
+        g->q_rate[1] = sum[1];
+    }
+    {
+        const double entering[2] = {g->q[0], g->q[1]};
+        double sum[2] = {entering[0], entering[1]};
+        if (g->active[GYRO_EFFECT_PICKOFF_MISMATCH]) {
+            effect_pickoff_mismatch(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        if (g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY]) {
+            effect_pickoff_nonlinearity(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        g->q[0] = sum[0];
+        g->q[1] = sum[1];
+    }
+    rate_ideal_pickoff(g, out);
+    g->v_rate[0] = out[0];
+    g->v_rate[1] = out[1];
+    effect_ideal_pickoff(g, out);
+    g->v[0] = out[0];
+    g->v[1] = out[1];
+    if (g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH]) {
+        rate_pickoff_gain_mismatch(g, out);
+        g->v_rate[0] = out[0];
+        g->v_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH]) {
+        effect_pickoff_gain_mismatch(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE]) {
+        rate_parasitic_capacitance(g, out);
+        g->v_rate[0] = out[0];
+        g->v_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE]) {
+        effect_parasitic_capacitance(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH]) {
+        rate_drive_feedthrough(g, out);
+        g->v_rate[0] = out[0];
+        g->v_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH]) {
+        effect_drive_feedthrough(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+}
+
+/* The voltage after the amplifier's lag. And its rate, before each value that it is made from changes. */
+static inline void amplify_moving(gyro_view *g)
+{
+    double out[2];
+    if (g->active[GYRO_EFFECT_AMPLIFIER_OFFSET]) {
+        rate_amplifier_offset(g, out);
+        g->v_rate[0] = out[0];
+        g->v_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_AMPLIFIER_OFFSET]) {
+        effect_amplifier_offset(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_AMPLIFIER_DRIFT]) {
+        rate_amplifier_drift(g, out);
+        g->v_rate[0] = out[0];
+        g->v_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_AMPLIFIER_DRIFT]) {
+        effect_amplifier_drift(g, out);
         g->v[0] = out[0];
         g->v[1] = out[1];
     }

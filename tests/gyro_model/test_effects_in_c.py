@@ -10,8 +10,8 @@ from effect_points import IDS, MODEL, at_limit, condition, random_point
 from sympy import Max, Min, Rational, Symbol, sqrt
 
 from gyro_model.anatomy import Effect, Limit, Map
+from gyro_model.c_printing import c_expression
 from gyro_model.evaluate import evaluate
-from gyro_model.generate_c import c_expression
 from gyro_model.model import Model
 from gyro_model.quantities import size
 from gyro_model.symbols import nearest_integer, v_x, v_y

@@ -8,7 +8,7 @@ from effect_points import IDS, MODEL, active_parameters
 from gyro_runner import Floats, Runner
 from philox_oracle import drawn
 
-from gyro_model.anatomy import Delay, Effect, Lag, Law
+from gyro_model.anatomy import Delay, Effect, Follow, Lag, Law
 from gyro_model.device import Device
 from gyro_model.reference import simulate
 
@@ -41,14 +41,11 @@ def parameters_of(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
     return chosen
 
 
-def hosts(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
-    """What must act so that a law shows which changes nothing nominal: the effects that read its targets."""
-    if not isinstance(effect, Law):
-        return {}
-    readers = [e for e in MODEL.effects if not isinstance(e, Law) and e.symbols & set(effect.changes)]
-    if any(e.nominal for e in readers):
-        return {}
-    return {name: value for e in readers for name, value in parameters_of(e, rng).items()}
+def hosts(effect: Effect) -> list[Effect]:
+    """What must act so that an effect shows which changes nothing nominal: the effects that read what it changes."""
+    changed = effect.changes if isinstance(effect, Law) else effect.follows if isinstance(effect, Follow) else ()
+    readers = [e for e in MODEL.effects if e.symbols & set(changed) and e is not effect]
+    return [] if any(e.nominal for e in readers) else readers
 
 
 def tolerance(effect: Effect) -> float:
@@ -57,7 +54,13 @@ def tolerance(effect: Effect) -> float:
         # A fraction f of an internal step h is a mean over it: each change Δu of the force displaces by
         # Δu h² f(1-f)/2m, at most Δu h²/8m. 160 changes of 28 µN rms add as a random walk; twice that, on 1 µm.
         return float(2 * np.sqrt(160) * 2.8e-5 * 1e-12 / (8 * 1.8e-7) / 1e-6)
-    return LAG if isinstance(effect, Lag) else ROUNDING
+    lags = any(isinstance(e, Lag) or any(isinstance(w, Lag) for w in woken(e)) for e in (effect, *hosts(effect)))
+    return LAG if lags else ROUNDING
+
+
+def woken(effect: Effect) -> list[Effect]:
+    """The effects that act because this one does."""
+    return [e for e in MODEL.effects if effect in MODEL.wakers(e)]
 
 
 def compare(plant: Runner, parameters: Mapping[str, float], limit: float, residual: Residual) -> dict[str, Floats]:
@@ -78,7 +81,8 @@ def neutral(plant: Runner) -> dict[str, Floats]:
 @pytest.mark.parametrize("effect", MODEL.effects, ids=IDS)
 def test_one_effect(effect: Effect, plant: Runner, neutral: dict[str, Floats], residual: Residual) -> None:
     rng = np.random.default_rng(22)
-    own, host = parameters_of(effect, rng), hosts(effect, rng)
+    own = parameters_of(effect, rng)
+    host = {name: value for e in hosts(effect) for name, value in parameters_of(e, rng).items()}
     fmu = compare(plant, START | host | own, tolerance(effect), residual)
     if not effect.nominal:
         assert own, "no limit case names a size"

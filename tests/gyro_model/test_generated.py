@@ -1,6 +1,7 @@
 """Generated files: the committed C is what the effect files give, the XML says what the table of quantities says."""
 
 from math import isfinite
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -10,20 +11,22 @@ from gyro_model import build, generate_xml
 from gyro_model.model import load_model
 from gyro_model.units import dimension
 
+COMMITTED = build.committed_files(MODEL)
 
-@pytest.mark.parametrize("name", build.generated_files(MODEL))
-def test_committed_c_is_up_to_date(name: str, update: bool) -> None:
+
+@pytest.mark.parametrize("path", COMMITTED, ids=lambda path: path.relative_to(build.CHECKOUT).as_posix())
+def test_committed_files_are_up_to_date(path: Path, update: bool) -> None:
     if update:
         build.update_generated()
-    path = build.handwritten_folder() / name
-    assert path.read_text(encoding="utf-8") == build.generated_files(MODEL)[name], "stale: run pytest with --update"
+    assert path.read_text(encoding="utf-8") == COMMITTED[path], "stale: run pytest with --update"
 
 
 def test_update_writes_only_what_changed(tmp_path, monkeypatch) -> None:
     for path in build.handwritten_folder().glob("*.[ch]"):
         (tmp_path / path.name).write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
     monkeypatch.setattr(build, "handwritten_folder", lambda: tmp_path)
-    names = sorted(tmp_path / name for name in build.generated_files(MODEL))
+    names = sorted(path for path in build.committed_files(MODEL) if path.is_relative_to(tmp_path))
+    assert {path.parent.relative_to(tmp_path).as_posix() for path in names} == {"generated", "envelope/generated"}
     assert sorted(build.update_generated()) == names
     assert build.update_generated() == []
     names[0].write_text("stale", encoding="utf-8")

@@ -1,0 +1,45 @@
+/* What follows from the parameters of an instance of the envelope form. */
+
+#include <string.h>
+
+#include "plant.h"
+
+void gyro_drop(gyro_instance *g) { (void)g; }
+
+gyro_status gyro_prepare(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    gyro_status status = gyro_check(g);
+    if (status == GYRO_OK) {
+        g->plan.step = g->value[GYRO_INTERNAL_STEP];
+        g->plan.noise_scale = sqrt(2.0 * g->value[GYRO_SAMPLE_PERIOD] / g->plan.step);
+        memcpy(view->p, g->value, sizeof view->p);
+        view->inverse_mass = 1.0 / g->value[GYRO_M];
+        view->t = gyro_time(g);
+        view->step_start = view->t;
+        find_active(view);
+        gyro_plan_events(g);
+        gyro_pass_events(g, g->memory.tick, 0.0);
+    }
+    return status;
+}
+
+void gyro_list_parts(gyro_instance *g, gyro_part parts[])
+{
+    parts[0] = (gyro_part){g->value, sizeof g->value};
+    parts[1] = (gyro_part){&g->memory, sizeof g->memory};
+    parts[2] = (gyro_part){g->view.lagging, sizeof g->view.lagging};
+}
+
+const char *gyro_infinite_state(const gyro_instance *g)
+{
+    static const char *const names[] = {"the amplitude of x", "the amplitude of y"};
+    const char *name = NULL;
+    for (int axis = 0; axis < 2 && name == NULL; axis++) {
+        const number q = g->memory.q.part[0].e[axis];
+        if (!(isfinite(q.re) && isfinite(q.im) && isfinite(g->memory.q.mean[axis]))) {
+            name = names[axis];
+        }
+    }
+    return name;
+}

@@ -1,0 +1,373 @@
+/* One internal step of the envelope form. */
+
+#include "plant.h"
+
+#include <string.h>
+
+static const double TWO_PI = 6.283185307179586;
+
+/* m²; an amplitude of 1e-30 m is none, and its inverse square is still a number. */
+static const double NO_MOTION = 1e-60;
+
+/* Inputs are held: the view takes them over once a call. */
+static void take_inputs(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
+        view->p[vr] = g->value[vr];
+        view->change[vr] = g->memory.tick > 0 ? g->value[vr] - g->memory.held[vr] : 0.0;
+        g->memory.held[vr] = g->value[vr];
+    }
+    take_made(view, g->value);
+    if (g->memory.tick == 0) {
+        /* What holds in the first step has held before. */
+        start_lagging(view, g->value);
+    }
+}
+
+/* The amplitudes jump by the impulses that a change of the held inputs gives: velocities by J/m, displacements by B J. */
+static void jolt(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    gyro_memory *memory = &g->memory;
+    double jump[2][2];
+    for (int quadrature = 0; quadrature < 2; quadrature++) {
+        memset(view->s, 0, sizeof view->s);
+        view->s[GYRO_STATE_X] = *part_of(&memory->q.part[0].e[0], quadrature);
+        view->s[GYRO_STATE_Y] = *part_of(&memory->q.part[0].e[1], quadrature);
+        kick(view);
+        jump[0][quadrature] = view->s[GYRO_STATE_X_DOT];
+        jump[1][quadrature] = view->s[GYRO_STATE_Y_DOT];
+    }
+    const double m = g->value[GYRO_M];
+    const pair impulse = {{{m * jump[0][0], m * jump[0][1]}, {m * jump[1][0], m * jump[1][1]}}};
+    memory->q.part[0] = pair_plus(memory->q.part[0], apply(memory->slow.input, impulse));
+}
+
+/* Parameters at time `t` of the present step [s]. */
+static void apply_laws_at(gyro_instance *g, double t)
+{
+    g->view.t = t;
+    if (g->view.any_law) {
+        apply_laws(&g->view, g->value);
+    }
+}
+
+double gyro_carrier(const gyro_instance *g) { return TWO_PI * g->value[GYRO_CARRIER_FREQUENCY]; }
+
+/* Solves (iω - A) s = b for the states that effects bring, n of them, by elimination; A real, `s` enters as b. */
+static void solve_states(double a[GYRO_N_STATES][GYRO_N_STATES], double carrier, number s[GYRO_N_STATES])
+{
+    enum { FIRST = GYRO_STATE_Y_DOT + 1 };
+    number system[GYRO_N_STATES][GYRO_N_STATES];
+    for (int i = FIRST; i < GYRO_N_STATES; i++) {
+        for (int j = FIRST; j < GYRO_N_STATES; j++) {
+            system[i][j] = number_of(-a[i][j], i == j ? carrier : 0.0);
+        }
+    }
+    for (int k = FIRST; k < GYRO_N_STATES; k++) {
+        int best = k;
+        for (int i = k + 1; i < GYRO_N_STATES; i++) {
+            best = square(system[i][k]) > square(system[best][k]) ? i : best;
+        }
+        for (int j = k; j < GYRO_N_STATES; j++) {
+            const number kept = system[k][j];
+            system[k][j] = system[best][j];
+            system[best][j] = kept;
+        }
+        const number moved = s[k];
+        s[k] = s[best];
+        s[best] = moved;
+        for (int i = k + 1; i < GYRO_N_STATES; i++) {
+            const number ratio = over(system[i][k], system[k][k]);
+            for (int j = k; j < GYRO_N_STATES; j++) {
+                system[i][j] = minus(system[i][j], times(ratio, system[k][j]));
+            }
+            s[i] = minus(s[i], times(ratio, s[k]));
+        }
+    }
+    for (int k = GYRO_N_STATES - 1; k >= FIRST; k--) {
+        for (int j = k + 1; j < GYRO_N_STATES; j++) {
+            s[k] = minus(s[k], times(system[k][j], s[j]));
+        }
+        s[k] = over(s[k], system[k][k]);
+    }
+}
+
+/* The motion by the straight forces: s² q + C s q + K q = mean force/m. A state that an effect brings follows the motion at the carrier, so
+   that its pull counts as stiffness there. */
+typedef struct {
+    matrix stiffness; /* 1/s² */
+    matrix damping;   /* 1/s */
+    double mean[2];   /* force that does not depend on the motion, per mass, N/kg */
+} motion;
+
+static motion straight_motion(gyro_instance *g)
+{
+    static const int place[2] = {GYRO_STATE_X, GYRO_STATE_Y}, speed[2] = {GYRO_STATE_X_DOT, GYRO_STATE_Y_DOT};
+    gyro_view *view = &g->view;
+    const int stateful = any_stateful_force(view);
+    const int n = stateful ? GYRO_N_STATES : GYRO_STATE_Y_DOT + 1;
+    double at_rest[GYRO_N_STATES], column[GYRO_N_STATES], a[GYRO_N_STATES][GYRO_N_STATES];
+    motion result;
+    memset(view->s, 0, sizeof view->s);
+    straight_rate(view, at_rest);
+    for (int j = 0; j < n; j++) {
+        view->s[j] = 1.0;
+        straight_rate(view, column);
+        view->s[j] = 0.0;
+        for (int i = 0; i < n; i++) {
+            a[i][j] = column[i] - at_rest[i];
+        }
+    }
+    for (int i = 0; i < 2; i++) {
+        result.mean[i] = at_rest[speed[i]];
+        for (int j = 0; j < 2; j++) {
+            result.stiffness.e[i][j] = number_of(-a[speed[i]][place[j]], 0.0);
+            result.damping.e[i][j] = number_of(-a[speed[i]][speed[j]], 0.0);
+        }
+    }
+    for (int j = 0; stateful && j < 2; j++) {
+        const double carrier = gyro_carrier(g);
+        number s[GYRO_N_STATES];
+        for (int k = GYRO_STATE_Y_DOT + 1; k < GYRO_N_STATES; k++) {
+            s[k] = number_of(a[k][place[j]], carrier * a[k][speed[j]]);
+        }
+        solve_states(a, carrier, s);
+        for (int i = 0; i < 2; i++) {
+            for (int k = GYRO_STATE_Y_DOT + 1; k < GYRO_N_STATES; k++) {
+                result.stiffness.e[i][j] = minus(result.stiffness.e[i][j], scaled(s[k], a[speed[i]][k]));
+            }
+        }
+    }
+    return result;
+}
+
+/* The harmonics of the motion that answer at once, being far from resonance: (K + i h ω C - h² ω²) q_h = force_h/m. */
+static void follow_force(gyro_instance *g, const motion *m, const gyro_harmonics *force, gyro_harmonics *q)
+{
+    const double carrier = gyro_carrier(g), inverse_mass = g->view.inverse_mass;
+    for (int h = 0; h <= GYRO_HARMONICS; h++) {
+        if (h != 1) {
+            const double w = h * carrier;
+            pair load;
+            matrix dynamic = matrix_plus(m->stiffness, diagonal(number_of(-w * w, 0.0)));
+            for (int i = 0; i < 2; i++) {
+                for (int j = 0; j < 2; j++) {
+                    dynamic.e[i][j] = plus(dynamic.e[i][j], times(number_of(0.0, w), m->damping.e[i][j]));
+                }
+                load.e[i] = h == 0 ? number_of(force->mean[i] * inverse_mass + m->mean[i], 0.0) : scaled(force->part[h - 1].e[i], inverse_mass);
+            }
+            const pair answer = apply(inverse(dynamic), load);
+            for (int i = 0; i < 2; i++) {
+                if (h == 0) {
+                    q->mean[i] = answer.e[i].re;
+                } else {
+                    q->part[h - 1].e[i] = answer.e[i];
+                }
+            }
+        }
+    }
+}
+
+/* The curved forces of the motion `q` with the velocity `q_dot` at the carrier, by harmonics [N]. */
+static gyro_harmonics curved_forces(gyro_instance *g, const gyro_harmonics *q, pair q_dot)
+{
+    gyro_view *view = &g->view;
+    gyro_harmonics velocity = {{0.0, 0.0}, {q_dot}};
+    for (int h = 2; h <= GYRO_HARMONICS; h++) {
+        for (int i = 0; i < 2; i++) {
+            velocity.part[h - 1].e[i] = times(number_of(0.0, h * gyro_carrier(g)), q->part[h - 1].e[i]);
+        }
+    }
+    const gyro_cycle at = gyro_around(q), speed = gyro_around(&velocity);
+    gyro_cycle force;
+    for (int k = 0; k < GYRO_PHASES; k++) {
+        view->s[GYRO_STATE_X] = at.at[k][0];
+        view->s[GYRO_STATE_Y] = at.at[k][1];
+        view->s[GYRO_STATE_X_DOT] = speed.at[k][0];
+        view->s[GYRO_STATE_Y_DOT] = speed.at[k][1];
+        force.at[k][0] = 0.0;
+        force.at[k][1] = 0.0;
+        curved_force(view, force.at[k]);
+    }
+    return gyro_spectrum(&force);
+}
+
+/* Forces [N] by harmonics, and the mean and harmonics of the motion in memory brought to what they make of it. */
+static gyro_harmonics follow_curves(gyro_instance *g, const gyro_harmonics *u, const motion *m)
+{
+    gyro_memory *memory = &g->memory;
+    const gyro_harmonics f = curved_forces(g, &memory->q, memory->q_dot);
+    gyro_harmonics force = *u;
+    for (int i = 0; i < 2; i++) {
+        force.mean[i] += f.mean[i];
+        for (int h = 2; h <= GYRO_HARMONICS; h++) {
+            force.part[h - 1].e[i] = plus(force.part[h - 1].e[i], f.part[h - 1].e[i]);
+        }
+    }
+    follow_force(g, m, &force, &memory->q);
+    return f;
+}
+
+/* One evaluation of the forces at the motion of memory: the force at the carrier [N] that the coming step holds, and the motion with the
+   curved forces in it. Where each depends on its own axis alone, its ratio to the displacement is a stiffness, so that a frequency that is
+   pulled by the amplitude is followed exactly; else it is held as a force. */
+static pair find_forces(gyro_instance *g, const gyro_harmonics *u, motion *m)
+{
+    gyro_memory *memory = &g->memory;
+    pair held = u->part[0];
+    if (any_curved_force(&g->view)) {
+        /* Twice: the harmonics in memory are turned as the amplitude was a step ago, which would feed or drain energy. */
+        follow_curves(g, u, m);
+        const gyro_harmonics f = follow_curves(g, u, m);
+        for (int i = 0; i < 2; i++) {
+            const number q = memory->q.part[0].e[i];
+            if (any_crossed_force(&g->view) || !(square(q) > NO_MOTION)) {
+                held.e[i] = plus(held.e[i], f.part[0].e[i]);
+            } else {
+                m->stiffness.e[i][i] = minus(m->stiffness.e[i][i], scaled(over(f.part[0].e[i], q), g->view.inverse_mass));
+            }
+        }
+    } else if (any_curved_actuator(&g->view) || m->mean[0] != 0.0 || m->mean[1] != 0.0) {
+        follow_force(g, m, u, &memory->q);
+    } else {
+        memory->q.mean[0] = 0.0;
+        memory->q.mean[1] = 0.0;
+    }
+    return held;
+}
+
+/* B N B*, with N the density of the noise force: of each of its two quadratures, that is twice the force's own two-sided density. */
+static matrix noise_density(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    const matrix b = g->memory.slow.input;
+    matrix sum = diagonal(number_of(0.0, 0.0));
+    for (const int *effect = drawn_forces; *effect < GYRO_N_EFFECTS; effect++) {
+        for (int draw = 0; draw < 2 && view->active[*effect]; draw++) {
+            view->drawn[*effect][draw] = 1.0;
+            hold_noise(view);
+            view->drawn[*effect][draw] = 0.0;
+            const pair column = {{{view->held[0], 0.0}, {view->held[1], 0.0}}};
+            const pair moved = apply(b, column);
+            for (int i = 0; i < 2; i++) {
+                for (int j = 0; j < 2; j++) {
+                    sum.e[i][j] = plus(sum.e[i][j], times(moved.e[i], conjugate(moved.e[j])));
+                }
+            }
+        }
+    }
+    return matrix_scaled(sum, 2.0 * g->value[GYRO_SAMPLE_PERIOD]);
+}
+
+/* What white forces add to the amplitudes in the step behind [m]. The covariance is worked out anew when its ingredients have moved by a
+   thousandth, which is what it is then wrong by. */
+static pair thermal_motion(gyro_instance *g)
+{
+    static const double SHARE = 1e-3;
+    gyro_memory *memory = &g->memory;
+    const matrix density = noise_density(g);
+    const matrix density_change = matrix_plus(density, matrix_scaled(memory->noise, -1.0));
+    const matrix rate_change = matrix_plus(memory->slow.rate, matrix_scaled(memory->noise_rate, -1.0));
+    if (memory->slow.step != memory->noise_step || largest(density_change) > SHARE * largest(density) ||
+        largest(rate_change) * memory->slow.step > SHARE) {
+        memory->noise = density;
+        memory->noise_rate = memory->slow.rate;
+        memory->noise_step = memory->slow.step;
+        memory->gathered = gyro_gathered(&memory->slow, density);
+    }
+    double along[2], across[2];
+    gyro_draw(g, drawn_forces[0], 0, along);
+    gyro_draw(g, drawn_forces[0], 1, across);
+    return apply(memory->gathered, (pair){{{along[0], across[0]}, {along[1], across[1]}}});
+}
+
+/* The amplitudes at the carrier `step` later, from `before`, the forces being those of the motion in memory. */
+static void advance(gyro_instance *g, pair before, const gyro_harmonics *u, motion m, double step)
+{
+    gyro_memory *memory = &g->memory;
+    const pair force = find_forces(g, u, &m);
+    gyro_find_slow(&memory->slow, m.stiffness, m.damping, gyro_carrier(g), g->view.inverse_mass, step);
+    memory->q.part[0] = pair_plus(apply(memory->slow.decay, before), apply(memory->slow.gain, force));
+    memory->q_dot = pair_plus(apply(memory->slow.rate, memory->q.part[0]), apply(memory->slow.input, force));
+}
+
+/* Between two events: `step` from `start`, both s. Laws are those of the middle. */
+static void move(gyro_instance *g, double start, double step)
+{
+    gyro_view *view = &g->view;
+    const pair before = g->memory.q.part[0];
+    gyro_harmonics u;
+    apply_laws_at(g, start + 0.5 * step);
+    gyro_actuate(g, &u);
+    const motion m = straight_motion(g);
+    if (any_curved_force(view)) {
+        /* The midpoint rule: forces of half a step ahead. */
+        advance(g, before, &u, m, 0.5 * step);
+    }
+    advance(g, before, &u, m, step);
+    if (any_drawn_force(view)) {
+        g->memory.q.part[0] = pair_plus(g->memory.q.part[0], thermal_motion(g));
+    }
+}
+
+static void move_one_tick(gyro_instance *g)
+{
+    const double h = g->plan.step;
+    const double start = gyro_time(g);
+    if (!g->plan.any_event) {
+        move(g, start, h);
+    } else {
+        double done = 0.0;
+        while (done < 1.0) {
+            const double until = gyro_next_event(g, done);
+            gyro_pass_events(g, g->memory.tick, done);
+            move(g, start + done * h, (until - done) * h);
+            done = until;
+        }
+    }
+    g->memory.tick++;
+    apply_laws_at(g, gyro_time(g));
+    g->view.step_start = g->view.t;
+    memcpy(g->view.lagging, g->view.lagging_now, sizeof g->view.lagging);
+}
+
+static void put_out(gyro_instance *g)
+{
+    const gyro_harmonics *q = &g->memory.q;
+    gyro_sense(g);
+    g->value[GYRO_X_I] = q->part[0].e[0].re;
+    g->value[GYRO_X_Q] = q->part[0].e[0].im;
+    g->value[GYRO_Y_I] = q->part[0].e[1].re;
+    g->value[GYRO_Y_Q] = q->part[0].e[1].im;
+    g->value[GYRO_X_MEAN] = q->mean[0];
+    g->value[GYRO_Y_MEAN] = q->mean[1];
+    g->value[GYRO_TEMPERATURE_STRUCTURE] = g->view.p[GYRO_TEMPERATURE_STRUCTURE];
+    g->value[GYRO_TEMPERATURE_CIRCUIT] = g->view.p[GYRO_TEMPERATURE_CIRCUIT];
+}
+
+void gyro_first_sample(gyro_instance *g)
+{
+    gyro_memory *memory = &g->memory;
+    memory->q.part[0] = (pair){{{g->value[GYRO_X_START_I], g->value[GYRO_X_START_Q]}, {g->value[GYRO_Y_START_I], g->value[GYRO_Y_START_Q]}}};
+    for (int axis = 0; axis < 2; axis++) {
+        memory->q_dot.e[axis] = times(number_of(0.0, gyro_carrier(g)), memory->q.part[0].e[axis]);
+    }
+    take_inputs(g);
+    g->view.step_start = g->memory.start_time;
+    apply_laws_at(g, g->memory.start_time);
+    put_out(g);
+}
+
+void gyro_tick(gyro_instance *g, int64_t ticks)
+{
+    take_inputs(g);
+    if (any_impulse(&g->view)) {
+        jolt(g);
+    }
+    for (int64_t i = 0; i < ticks; i++) {
+        move_one_tick(g);
+    }
+    put_out(g);
+}

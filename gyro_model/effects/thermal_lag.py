@@ -1,0 +1,29 @@
+"""Structure and circuit warm and cool slowly: each temperature follows the ambient one, with its own lag.
+
+    T' = (temperature - T)/lag, T = temperature at the start, for T_structure and T_circuit
+
+Source 003 and SYSTEM.md sections 6 and 8. The update is exact while the ambient temperature is held, so that a lag may
+lie far below the step.
+"""
+
+from gyro_model.anatomy import Follow, Limit
+from gyro_model.quantities import size
+from gyro_model.symbols import temperature_circuit, temperature_structure
+
+STRUCTURE = size("structure_lag", "s", "time constant of the structure's temperature", low=0.0)
+CIRCUIT = size("circuit_lag", "s", "time constant of the circuit's temperature", low=0.0)
+
+EFFECT = Follow(
+    id="thermal_lag",
+    parameters=(STRUCTURE, CIRCUIT),
+    follows={temperature_structure: STRUCTURE.symbol, temperature_circuit: CIRCUIT.symbol},
+    signature="what temperature changes comes late after a temperature step, exponentially",
+    host_experiment="temperature step; acts where another effect depends on temperature",
+    limits=(
+        Limit(
+            why="the time constants are the parameters: 3 ms and 0.5 ms",
+            at={"structure_lag": 3e-3, "circuit_lag": 5e-4},
+            gives={"time_constant_temperature_structure": 3e-3, "time_constant_temperature_circuit": 5e-4},
+        ),
+    ),
+)

@@ -1,0 +1,400 @@
+"""Writes ``effects.h``: one C function an effect, then the stages that call those that are active. Formulae are
+printed as they stand in the effect files, one function each, nothing shared between them."""
+
+import re
+import textwrap
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
+
+from sympy import Expr, Symbol
+
+from gyro_model import symbols
+from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map
+from gyro_model.c_printing import STAMP, c_double, c_expression, effect_macro, lagging_macro, macro, state_macro
+from gyro_model.model import Model, chain
+
+
+def _comment(text: str) -> str:
+    lines = text.strip().splitlines()
+    body = "\n".join(f"   {line}".rstrip() for line in lines[1:])
+    return f"/* {lines[0]}" + (f"\n{body}" if body else "") + " */\n"
+
+
+def _rate_of(symbol: Symbol) -> Symbol:
+    return Symbol(f"{symbol.name}_rate", real=True)
+
+
+_SIGNALS = {
+    symbol: f"{array}[{axis}]"
+    for array, pair in {
+        "u": (symbols.u_x, symbols.u_y),
+        "q": (symbols.q_x, symbols.q_y),
+        "v": (symbols.v_x, symbols.v_y),
+        "q_rate": (_rate_of(symbols.q_x), _rate_of(symbols.q_y)),
+        "v_rate": (symbols.v_x_rate, symbols.v_y_rate),
+    }.items()
+    for axis, symbol in enumerate(pair)
+}
+
+
+class _Locals:
+    """Where an effect's symbols live in ``gyro_view``, as declarations of local constants."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.state_rates = {_rate_of(state): state for state in model.state_symbols}
+        self.units = {s.symbol: s.unit for s in model.states} | dict(
+            zip(symbols.STATES, ("m", "m/s", "m", "m/s"), strict=True)
+        )
+
+    def declare(self, effect: Effect, exprs: Iterable[Expr]) -> str:
+        used = sorted(set().union(*(expr.free_symbols for expr in exprs)), key=lambda symbol: symbol.name)
+        return "".join(f"    const double {s.name} = {self._place(s, effect)};\n" for s in used)
+
+    def _place(self, symbol: Symbol, effect: Effect) -> str:
+        if symbol in _SIGNALS:
+            return f"g->{_SIGNALS[symbol]}"
+        if symbol in self.state_rates:
+            return f"g->s_rate[{state_macro(self.state_rates[symbol])}]"
+        if symbol in self.units:
+            return f"g->s[{state_macro(symbol)}]"
+        if symbol in symbols.CHANGES:
+            return f"g->change[{macro(symbols.CHANGES[symbol].name)}]"
+        if symbol == symbols.t:
+            return "g->t"
+        if symbol == symbols.after:
+            return f"g->after[{effect_macro(effect)}]"
+        for numbers in (symbols.NORMAL, symbols.PINK):
+            if symbol in numbers:
+                return f"g->drawn[{effect_macro(effect)}][{numbers.index(symbol)}]"
+        return f"g->p[{macro(symbol.name)}]"
+
+
+def effects(model: Model) -> str:
+    """``effects.h``: every effect's function, then the stages that call those that are active."""
+    place = _Locals(model)
+    parts = [_PROLOGUE]
+    parts += [_force(e, place) for e in model.forces]
+    parts += [_follow(e) for e in _follows(model)]
+    parts += [_law(e, place) for e in model.laws]
+    parts += [_map(e, place) for e in model.effects if isinstance(e, Map)]
+    parts += [
+        _activity(model),
+        _streams(model),
+        _events(model),
+        _laws(model),
+        _holds(model),
+        _derivative(model),
+        _kick(model),
+    ]
+    parts += [_stage(model, *stage) for stage in _STAGES]
+    parts += [_stage(model, *stage, moving=True) for stage in _STAGES if stage[0] in ("pick_off", "amplify")]
+    return f"{STAMP}\n#ifndef GYRO_EFFECTS_H\n#define GYRO_EFFECTS_H\n\n" + "\n".join(parts) + "\n#endif\n"
+
+
+_PROLOGUE = """#include <math.h>
+#include <stdint.h>
+
+#include "model.h"
+
+/* All that an effect may read. */
+typedef struct {
+    double p[GYRO_N_VARIABLES];           /* variables by value reference, laws applied, SI */
+    double s[GYRO_N_STATES];              /* continuous states, SI */
+    double u[2];                          /* force on its way to the mass, N */
+    double held[2];                       /* noise force, held until the next sample, N */
+    double q[2];                          /* displacement on its way to the pickoff, m */
+    double s_rate[GYRO_N_STATES];         /* rate of the states at the latest sample, SI/s; where any_rate */
+    double q_rate[2];                     /* rate of q, m/s; where any_rate */
+    double v_rate[2];                     /* rate of v, V/s; where any_rate */
+    double v[2];                          /* voltage on its way to the converter, V */
+    double change[GYRO_N_INPUTS];         /* by how much each held input has just changed, SI */
+    double t;                             /* time, s */
+    double step_start;                    /* start of the internal step, s */
+    double lagging[GYRO_N_LAGGING];       /* quantities that lag, at the start of the internal step, SI */
+    double lagging_now[GYRO_N_LAGGING];   /* the same, now */
+    double inverse_mass;                  /* 1/kg */
+    double drawn[GYRO_N_EFFECTS][2];      /* normal or pink numbers of each effect, of the latest sample */
+    double after[GYRO_N_EFFECTS];         /* 1 from the event of each effect on, 0 before */
+    unsigned char active[GYRO_N_EFFECTS]; /* a size parameter differs from neutral */
+    unsigned char any_law;
+    unsigned char any_rate; /* the converter asks for the rate of the voltage */
+    unsigned char any_force; /* beyond the nominal and the held ones */
+} gyro_view;
+
+static inline double larger(double a, double b) { return a > b ? a : b; }
+static inline double smaller(double a, double b) { return a < b ? a : b; }
+
+/* 1 - e^-z, z >= 0; the series, off by z^6/720 < 1e-18 z, gives every platform the same bits where a lag is long. */
+static inline double decayed(double z)
+{
+    return z < 1e-3 ? z * (1.0 - z / 2.0 * (1.0 - z / 3.0 * (1.0 - z / 4.0 * (1.0 - z / 5.0)))) : -expm1(-z);
+}
+
+/* The variable `vr` nears its value as set with the time constant `lag` [s]; `index` is its place in `lagging`. */
+static inline void follow(gyro_view *g, int vr, int index, double lag)
+{
+    const double set = g->p[vr];
+    if (lag > 0.0) {
+        g->p[vr] = g->lagging[index] + (set - g->lagging[index]) * decayed((g->t - g->step_start) / lag);
+    }
+    g->lagging_now[index] = g->p[vr];
+}
+"""
+
+
+def _function(effect: Effect, arguments: str, body: str) -> str:
+    head = f"static inline void effect_{effect.id}({arguments})\n"
+    return f"{_comment(effect.doc)}{head}{{\n{body}}}\n"
+
+
+def _force(effect: Force, place: _Locals) -> str:
+    terms = effect.terms()
+    body = place.declare(effect, (expr for name, expr in terms.items() if not name.startswith("impulse")))
+    body += _added("force", terms)
+    for state in effect.states:
+        body += f"    rate[{state_macro(state.symbol)}] = {c_expression(state.rate)};\n"
+    rate = ", double *rate" if effect.states else ""
+    function = _function(effect, f"const gyro_view *g, double force[2]{rate}", body)
+    if effect.impulse:
+        declared = place.declare(effect, (terms["impulse_x"], terms["impulse_y"]))
+        head = f"static inline void impulse_{effect.id}(const gyro_view *g, double impulse[2])"
+        function += f"\n{head}\n{{\n{declared}{_added('impulse', terms)}}}\n"
+    return function
+
+
+def _added(what: str, terms: Mapping[str, Expr]) -> str:
+    pair = (terms[f"{what}_x"], terms[f"{what}_y"])
+    return "".join(f"    {what}[{axis}] += {c_expression(expr)};\n" for axis, expr in enumerate(pair) if expr != 0)
+
+
+def _follow(effect: Follow) -> str:
+    lines = "".join(
+        f"    follow(g, {macro(target.name)}, {lagging_macro(target)}, g->p[{macro(constant.name)}]);\n"
+        for target, constant in effect.follows.items()
+    )
+    return _function(effect, "gyro_view *g", lines)
+
+
+def _law(effect: Law, place: _Locals) -> str:
+    lines = "".join(f"    g->p[{macro(name)}] = {c_expression(expr)};\n" for name, expr in effect.terms().items())
+    return _function(effect, "gyro_view *g", place.declare(effect, effect.terms().values()) + lines)
+
+
+def _map(effect: Map, place: _Locals) -> str:
+    lines = "".join(f"    out[{axis}] = {c_expression(expr)};\n" for axis, expr in enumerate(effect.terms().values()))
+    declared = place.declare(effect, effect.terms().values())
+    function = _function(effect, "const gyro_view *g, double out[2]", declared + lines)
+    return function + ("\n" + _map_rate(effect, place) if effect.stage in ("pickoff", "amplifier") else "")
+
+
+def _map_rate(effect: Map, place: _Locals) -> str:
+    """The time derivative of a map's output, inputs and parameters held: the chain rule on what moves."""
+    moving = (*SLOTS[effect.slot].enters, *place.model.state_symbols)
+    rates = [
+        sum((expr.diff(symbol) * _rate_of(symbol) for symbol in moving), expr.diff(symbols.t))
+        for expr in effect.terms().values()
+    ]
+    lines = "".join(f"    out[{axis}] = {c_expression(expr)};\n" for axis, expr in enumerate(rates))
+    unused = "" if any(rate.free_symbols for rate in rates) else "    (void)g;\n"
+    head = f"static inline void rate_{effect.id}(const gyro_view *g, double out[2])"
+    return f"{head}\n{{\n{place.declare(effect, rates)}{unused}{lines}}}\n"
+
+
+def _activity(model: Model) -> str:
+    lines = []
+    for effect in model.effects:
+        switches = [q for e in (effect, *model.wakers(effect)) for q in e.sizes]
+        tests = [f"g->p[{macro(q.name)}] != {c_double(q.start)}" for q in switches]
+        lines.append(f"    g->active[{effect_macro(effect)}] = {' || '.join(tests) or '1'};\n")
+    law = " || ".join(f"g->active[{effect_macro(e)}]" for e in (*_follows(model), *model.laws)) or "0"
+    force = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model)) or "0"
+    rate = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.effects if _asks_rate(e)) or "0"
+    return (
+        "/* Marks the effects that a size parameter switches on, their own or that of a law which changes one. */\n"
+        "static inline void find_active(gyro_view *g)\n{\n"
+        + "".join(lines)
+        + f"    g->any_law = {law};\n    g->any_rate = {rate};\n    g->any_force = {force};\n}}\n"
+    )
+
+
+def _streams(model: Model) -> str:
+    pink = [e for e in model.effects if e.symbols & set(symbols.PINK)]
+    places = "".join(f"    {pink.index(e) if e in pink else -1}, /* {e.id} */\n" for e in model.effects)
+    rows = "".join(
+        f"    {zlib.crc32(e.id.encode()):#010x}u, /* {e.id} */\n" if e.drawn else f"    0u, /* {e.id}: none */\n"
+        for e in model.effects
+    )
+    return (
+        "/* The noise stream of each effect, 0 where it draws none. It is made from the effect's id, so that a new\n"
+        "   effect leaves the noise of the others alone. */\n"
+        f"static const uint32_t streams[GYRO_N_EFFECTS] = {{\n{rows}}};\n\n"
+        "/* The place of each effect that draws pink numbers among those that do, -1 of the others. */\n"
+        f"static const int pink_places[GYRO_N_EFFECTS] = {{\n{places}}};\n"
+    )
+
+
+def _events(model: Model) -> str:
+    timed = ((e, e.event.name) for e in model.laws if e.event is not None)
+    lines = "".join(guarded(e, f"time[{effect_macro(e)}] = g->p[{macro(name)}];\n") for e, name in timed)
+    return (
+        "/* The time of each active effect's event [s]; the entries of the others stay as they are. */\n"
+        "static inline void event_times(const gyro_view *g, double time[GYRO_N_EFFECTS])\n"
+        f"{{\n{textwrap.indent(lines, '    ')}}}\n"
+    )
+
+
+def _laws(model: Model) -> str:
+    targets = {target for law in model.laws for target in law.changes} | set(model.followed)
+    lines = "".join(_as_set(target) for target in sorted(targets, key=str))
+    lines += "".join(guarded(e, f"effect_{e.id}(g);\n") for e in (*_follows(model), *model.laws))
+    made = "".join(f"    {_as_set(symbol)}" for symbol in symbols.SET_BY)
+    start = "".join(
+        f"    g->lagging[{lagging_macro(target)}] = value[{macro(symbols.SET_BY.get(target, target).name)}];\n"
+        for target in model.followed
+    )
+    return (
+        "/* What is made of the inputs, before any law. */\n"
+        "static inline void take_made(gyro_view *g, const double value[GYRO_N_VARIABLES])\n"
+        f"{{\n{made}}}\n\n"
+        "/* What lags starts at its value as set. */\n"
+        "static inline void start_lagging(gyro_view *g, const double value[GYRO_N_VARIABLES])\n"
+        f"{{\n{start}}}\n\n"
+        "/* Parameter laws: from the values as set, at the time and events of the view. */\n"
+        "static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES])\n"
+        f"{{\n{textwrap.indent(lines, '    ')}}}\n"
+    )
+
+
+def _holds(model: Model) -> str:
+    delay = next((e.delay.name for e in model.effects if isinstance(e, Delay)), None)
+    lag = next((e.time_constant.name for e in model.effects if isinstance(e, Lag)), None)
+    acts = next((f"g->active[{effect_macro(e)}]" for e in model.effects if isinstance(e, Lag)), None)
+    body = [
+        f"    return g->p[{macro(name)}];\n" if name else "    (void)g;\n    return 0.0;\n" for name in (delay, lag)
+    ]
+    answer = f"    return {acts};\n" if acts else "    (void)g;\n    return 0;\n"
+    return (
+        "/* Delay of the force [s]. */\n"
+        f"static inline double force_delay(const gyro_view *g)\n{{\n{body[0]}}}\n\n"
+        "/* Time constant of the amplifier [s]. */\n"
+        f"static inline double lag_time_constant(const gyro_view *g)\n{{\n{body[1]}}}\n\n"
+        "/* Whether the amplifier lags. */\n"
+        f"static inline int lag_acts(const gyro_view *g)\n{{\n{answer}}}\n"
+    )
+
+
+def _as_set(target: Symbol) -> str:
+    return f"g->p[{macro(target.name)}] = value[{macro(symbols.SET_BY.get(target, target).name)}];\n"
+
+
+def _follows(model: Model) -> list[Follow]:
+    return [e for e in model.effects if isinstance(e, Follow)]
+
+
+def _derivative(model: Model) -> str:
+    nominal = "".join(f"    {force_call(e)}" for e in model.forces if e.nominal)
+    others = "".join(guarded(e, force_call(e)) for e in added_forces(model))
+    held = "".join(guarded(e, force_call(e)) for e in model.forces if e.drawn)
+    quiet = "".join(f"    rate[{state_macro(s.symbol)}] = 0.0;\n" for s in model.states)
+    return f"""/* The noise forces [N], drawn with the latest sample. */
+static inline void hold_noise(gyro_view *g)
+{{
+    double force[2] = {{0.0, 0.0}};
+{textwrap.indent(held, "    ")}    g->held[0] = force[0];
+    g->held[1] = force[1];
+}}
+
+/* Newton's law: rate [SI/s] of every state, shape (GYRO_N_STATES), from states, parameters and force of the view. */
+static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
+{{
+    double force[2] = {{g->u[0] + g->held[0], g->u[1] + g->held[1]}};
+{quiet}{nominal}    if (g->any_force) {{
+{textwrap.indent(others, "        ")}    }}
+    rate[GYRO_STATE_X] = g->s[GYRO_STATE_X_DOT];
+    rate[GYRO_STATE_Y] = g->s[GYRO_STATE_Y_DOT];
+    rate[GYRO_STATE_X_DOT] = force[0] * g->inverse_mass;
+    rate[GYRO_STATE_Y_DOT] = force[1] * g->inverse_mass;
+}}
+"""
+
+
+def _kick(model: Model) -> str:
+    pushed = "".join(guarded(e, f"impulse_{e.id}(g, impulse);\n") for e in model.forces if e.impulse)
+    return (
+        "/* The velocities jump by the impulses that a change of the held inputs gives. */\n"
+        "static inline void kick(gyro_view *g)\n"
+        f"{{\n    double impulse[2] = {{0.0, 0.0}};\n{textwrap.indent(pushed, '    ')}"
+        "    g->s[GYRO_STATE_X_DOT] += impulse[0] * g->inverse_mass;\n"
+        "    g->s[GYRO_STATE_Y_DOT] += impulse[1] * g->inverse_mass;\n}\n"
+    )
+
+
+def force_call(effect: Force) -> str:
+    """The call that adds the force of ``effect``."""
+    return f"effect_{effect.id}(g, force{', rate' if effect.states else ''});\n"
+
+
+def _asks_rate(effect: Effect) -> bool:
+    return bool({symbols.v_x_rate, symbols.v_y_rate} & effect.symbols)
+
+
+def added_forces(model: Model) -> list[Force]:
+    """The forces that are neither of the nominal device nor drawn and held."""
+    return [e for e in model.forces if not e.nominal and not e.drawn]
+
+
+_STAGES = (
+    ("actuate", "The force from the command to the mass, after the delay.", "actuator delay", "actuator misalignment"),
+    (
+        "pick_off",
+        "The voltage before the amplifier's lag, from the displacement.",
+        "pickoff misalignment",
+        "amplifier feedthrough",
+    ),
+    ("amplify", "The voltage after the amplifier's lag.", "amplifier offset", "amplifier drift"),
+    ("convert", "The sample from the voltage.", "sampled noise", "sampled round"),
+)
+
+
+def _stage(model: Model, name: str, text: str, first: str, last: str, *, moving: bool = False) -> str:
+    order = list(SLOTS)
+    span = order[order.index(first) : order.index(last) + 1]
+    passes = ("_rate", "") if moving else ("",)
+    body = "".join(slot_lines(slot, members, of) for slot, members in chain(model) if slot in span for of in passes)
+    start = "    g->q[0] = g->s[GYRO_STATE_X];\n    g->q[1] = g->s[GYRO_STATE_Y];\n" if name == "pick_off" else ""
+    if moving:
+        name, text = f"{name}_moving", f"{text} And its rate, before each value that it is made from changes."
+        start += _MOVING if start else ""
+    declared = "    double out[2];\n" if body else "    (void)g;\n"
+    return f"/* {text} */\nstatic inline void {name}(gyro_view *g)\n{{\n{declared}{start}{body}}}\n"
+
+
+_MOVING = """    state_rate(g, g->s_rate);
+    g->q_rate[0] = g->s_rate[GYRO_STATE_X];
+    g->q_rate[1] = g->s_rate[GYRO_STATE_Y];
+"""
+
+
+def slot_lines(slot: str, members: Sequence[Map], of: str) -> str:
+    """The maps of one slot of the chain, called where they are active; ``of`` is "_rate" for their rates."""
+    # Effects that share a slot see the same entering signal, and their changes add up; one alone just replaces the
+    # signal, so that a clipped or rounded value is exactly what the effect says.
+    enters, leaves = (re.sub("_x$", of, pair[0].name) for pair in SLOTS[slot])
+    function = "rate" if of else "effect"
+    if len(members) == 1:
+        [effect] = members
+        assign = f"{function}_{effect.id}(g, out);\ng->{leaves}[0] = out[0];\ng->{leaves}[1] = out[1];\n"
+        return textwrap.indent(assign if effect.nominal else guarded(effect, assign), "    ")
+    lines = f"const double entering[2] = {{g->{enters}[0], g->{enters}[1]}};\n"
+    lines += "double sum[2] = {entering[0], entering[1]};\n"
+    for effect in members:
+        add = f"{function}_{effect.id}(g, out);\nsum[0] += out[0] - entering[0];\nsum[1] += out[1] - entering[1];\n"
+        lines += guarded(effect, add)
+    lines += f"g->{leaves}[0] = sum[0];\ng->{leaves}[1] = sum[1];\n"
+    return "    {\n" + textwrap.indent(lines, "        ") + "    }\n"
+
+
+def guarded(effect: Effect, lines: str) -> str:
+    """``lines`` where ``effect`` is active."""
+    return f"if (g->active[{effect_macro(effect)}]) {{\n{textwrap.indent(lines, '    ')}}}\n"
