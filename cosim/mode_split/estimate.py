@@ -129,14 +129,15 @@ def estimate(spectrum: Spectrum, question: Question, near: tuple[float, float] |
     if not (isfinite(low) and isfinite(high) and model.half_width > 0.5 * NARROWEST * spectrum.bin):
         raise NothingFoundError(_nothing(spectrum, question, found))
     ratio = model.hump / float(model.floor(np.array([model.f_y]))[0])
+    q = question.q or model.q
     spread = NORMAL_95 * float(fit.deviation[LOG_Q])
     return Split(
         spectrum.drive_line,
-        model.f_y,
+        float(model.f_y),
         float(fit.deviation[F_Y]),
         (low, high),
-        model.q,
-        (model.q * float(np.exp(-spread)), model.q * float(np.exp(spread))),
+        q,
+        (q * float(np.exp(-spread)), q * float(np.exp(spread))),
         ratio,
         kept_information(ratio),
         frequency_bound(model.f_y, model.q, spectrum.duration, ratio),

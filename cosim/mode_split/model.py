@@ -107,24 +107,15 @@ def frequency_bound(f_y: float, q: float, duration: float, hump_over_floor: floa
     return float(np.sqrt(np.pi * f_y / (q * duration * g)) / (2 * np.pi))
 
 
-def information(model: SplitModel, f: Floats, count: ArrayLike) -> Floats:
-    """Fisher information (6, 6) in the order of NAMES of periodogram groups at ``f`` (n,) with ``count`` bins each.
-
-    A bin of the periodogram is exponential with mean M: each adds d ln M d ln Mᵀ.
-    """
-    _, gradient = model.log_gradient(f)
-    gradient = np.where(np.isfinite(gradient), gradient, 0.0)
-    matrix: Floats = gradient.T @ (np.asarray(count, dtype=float)[..., None] * gradient)
-    return matrix
-
-
 def spectrum_bound(model: SplitModel, f: Floats) -> float:
     """Cramér–Rao bound of f_y [Hz] from the bins of a periodogram at ``f`` (n,) [Hz]; Q, hump and floor unknown.
 
-    Exact for the model. A line on the hump costs little: the bins at its top tell nothing of f_y, d ln M/d f_y = 0
-    there; masking ±Z half-widths takes (2/π)(arctan Z - Z/(1 + Z²)) of the information, 4 % for Z = 1/2.
+    A bin is exponential with mean M, so each adds d ln M d ln Mᵀ to the Fisher information. A line on the hump costs
+    little: the bins at its top tell nothing of f_y, d ln M/d f_y = 0 there; masking ±Z half-widths takes
+    (2/π)(arctan Z - Z/(1 + Z²)) of the information, 4 % for Z = 1/2.
     """
-    matrix = information(model, f, np.ones(len(f)))
+    _, gradient = model.log_gradient(f)
+    matrix = gradient.T @ gradient
     some = np.diag(matrix) > 0
     scale = 1 / np.sqrt(np.diag(matrix)[some])
     # Terms that the band can't tell apart make the matrix nearly singular; f_y is not among them.

@@ -64,8 +64,8 @@ def find_hump(
     found = [_fitted(spectrum, floor, place, width, q) for _, place, width in best]
     fit, likelihood, groups, gain = max(found, key=lambda item: item[3])
     # Two places a half-width apart are about independent; widths a factor 2 apart too.
-    trials = sum((high - low) / width for width in widths) * (0.5 if q is None else 1.0)
-    return Found(fit, likelihood, groups, gain, trials, min(1.0, trials * float(np.exp(-max(gain, 0.0)))))
+    trials = sum(float(high - low) / width for width in widths) * (0.5 if q is None else 1.0)
+    return Found(fit, likelihood, groups, gain, trials, min(1.0, float(trials * np.exp(-max(gain, 0.0)))))
 
 
 def detectable(spectrum: Spectrum, found: Found, q: float) -> float:

@@ -128,7 +128,14 @@ def _without_line(part: Envelope, line: float) -> NDArray[np.complex128]:
 
 
 def _lines(density: Floats) -> NDArray[np.bool_]:
-    """Bins on or beside a line."""
+    """Bins on a line, or so near that its leakage through the taper exceeds a tenth of the floor."""
     high = density > LINE_OVER_MEDIAN * median_filter(density, 2 * NEIGHBOURS + 1, mode="nearest")
-    beside: NDArray[np.bool_] = np.convolve(high, np.ones(5), mode="same") > 0
-    return beside
+    floor = float(np.median(density))
+    away = np.arange(1, len(density))
+    # Envelope of the taper's transform: 1/(π u), times 1/(TAPER u)² beyond the reach of its flanks.
+    leakage = 1 / ((np.pi * away) ** 2 * np.maximum(TAPER * away, 1.0) ** 4)
+    masked = np.zeros(len(density), dtype=bool)
+    for place in np.flatnonzero(high):
+        reach = 2 + int(np.searchsorted(-leakage, -0.1 * floor / density[place]))
+        masked[max(place - reach, 0) : place + reach + 1] = True
+    return masked

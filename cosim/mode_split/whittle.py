@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.stats import chi2
 
-from cosim.mode_split.model import F_Y, LOG_FLICKER, LOG_HUMP, LOG_Q, LOG_SKIRT, LOG_WHITE, SplitModel, information
+from cosim.mode_split.model import F_Y, LOG_FLICKER, LOG_HUMP, LOG_Q, LOG_SKIRT, LOG_WHITE, SplitModel
 from cosim.mode_split.record import Floats
 from cosim.mode_split.spectrum import Groups
 
@@ -23,8 +23,8 @@ LOOSE: Final = 3.0
 f_y and keeps a term that is not there, or that the band can't tell from another, from running away."""
 FLOOR_TERMS: Final = (LOG_WHITE, LOG_FLICKER, LOG_SKIRT)
 ITERATIONS: Final = 60
-ACCURACY: Final = 1e-7
-"""Of the log-likelihood at which a fit ends: an interval is where it has fallen by 1.9."""
+ACCURACY: Final = 1e-4
+"""Gain of the log-likelihood in a step at which a fit ends: an interval is where it has fallen by 1.9."""
 LARGEST_STEP: Final = 1.0
 """In half-widths of the hump and nepers."""
 QUANTILE_95: Final = 0.5 * float(chi2.ppf(0.95, 1))
@@ -50,7 +50,7 @@ class Likelihood:
         density, gradient = model.log_gradient(self.groups.f)
         excess = self.groups.count * (self.groups.power / density - 1) / self.spread
         slope = gradient.T @ excess
-        matrix = information(model, self.groups.f, self.groups.count / self.spread)
+        matrix = gradient.T @ ((self.groups.count / self.spread)[:, None] * gradient)
         places = list(FLOOR_TERMS)
         slope[places] -= self._off(model) / LOOSE
         matrix[places, places] += LOOSE**-2
@@ -133,7 +133,7 @@ def _end(likelihood: Likelihood, fit: Fit, parameter: int, side: float) -> float
         distance *= np.sqrt(QUANTILE_95 / max(fallen, 0.1 * QUANTILE_95))
         if not distance < 30 * unit:
             return side * np.inf
-    return best + side * distance
+    return best + side * float(distance)
 
 
 def _scale(model: SplitModel) -> Floats:
