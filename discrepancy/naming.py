@@ -12,6 +12,7 @@ from discrepancy.columns import Candidate, candidates, nameable
 from discrepancy.dataset import Dataset
 from discrepancy.locate import Place, located
 from discrepancy.measures import Noise, misfit, noise_of
+from discrepancy.record import Floats
 from discrepancy.refit import BLOCKS, Fitted, Fitter, pieces
 from discrepancy.score import Score, score
 from discrepancy.simulate import Simulator
@@ -69,8 +70,25 @@ class Step:
 
 
 @dataclass(frozen=True)
+class Stage:
+    """The model at one stage ("nominal", "refit", then an effect's id) on the held-out runs.
+
+    parameters: all of them; misfit by run, ``""`` for all; residuals by run, (n, axes) [V].
+    """
+
+    name: str
+    parameters: Mapping[str, float]
+    misfit: Mapping[str, float]
+    residuals: Mapping[str, Floats] = field(repr=False)
+
+
+@dataclass(frozen=True)
 class Diagnosis:
-    """The answer. device: every parameter of the improved model with its interval; steps: how it was found."""
+    """The answer. device: every fitted parameter of the improved model with its interval; parameters: all its values.
+
+    removed: by effect, what taking it out changes in the output of each held-out run, (n, axes) [V]; steps: how it was
+    found; doubts: what the reader should know about the fit, one line each.
+    """
 
     verdict: str
     effects: tuple[Finding, ...]
@@ -80,7 +98,11 @@ class Diagnosis:
     located: tuple[Place, ...]
     detectable: Mapping[str, Mapping[str, float]]
     device: Mapping[str, Value]
+    parameters: Mapping[str, float] = field(default_factory=dict)
     steps: tuple[Step, ...] = field(repr=False, default=())
+    stages: tuple[Stage, ...] = field(repr=False, default=())
+    removed: Mapping[str, Mapping[str, Floats]] = field(repr=False, default_factory=dict)
+    doubts: tuple[str, ...] = ()
 
     def report(self) -> dict[str, Any]:
         """The contents of report.json (SYSTEM.md section 9)."""
@@ -251,7 +273,7 @@ class _Search:
         detectable = self._detectable(scored)
         noises = _noises(noise)
         return Diagnosis(verdict, tuple(effects), tuple(self.immaterial), noises, gaps, places, detectable, device,
-                         tuple(self.steps))  # fmt: skip
+                         at.parameters, tuple(self.steps))  # fmt: skip
 
     def _device(self, at: Fitted) -> dict[str, Value]:
         width = norm.ppf(0.975)

@@ -24,7 +24,6 @@ from gyrotwin.interrupt import Interrupted
 if TYPE_CHECKING:
     from discrepancy.dataset import Dataset
     from discrepancy.naming import Diagnosis
-    from discrepancy.stages import Evidence
 
 CHECKPOINT: Final = "search.checkpoint"
 MIRRORED: Final = {"kyy": "kxx", "dyy": "dxx", "sense_gain_y": "sense_gain_x"}
@@ -82,12 +81,12 @@ def execute(request: Request, out: Console) -> dict[str, Any]:
     warnings = [*notes, *map(str, check(data))]
     for warning in warnings:
         out.print(f"warning: {warning}", style="yellow", soft_wrap=True, highlight=False, markup=False)
-    found, shown = _search(request, data, model, out)
+    found = _search(request, data, model, out)
     report = plain(found.report())
     with out.status("report and FMU"):
-        _write(request, data, model, found, shown, report, warnings)
+        _write(request, data, model, found, report, warnings)
     (request.out / CHECKPOINT).unlink(missing_ok=True)
-    out.print(results(report, data, shown))
+    out.print(results(report, found))
     out.print(f"report: {request.out / 'report.html'}", soft_wrap=True, highlight=False)
     return report
 
@@ -123,12 +122,12 @@ def _dataset(request: Request, model: Model) -> tuple["Dataset", list[str]]:
     return replace(data, nominal=nominal | used), notes
 
 
-def _search(request: Request, data: "Dataset", model: Model, out: Console) -> tuple["Diagnosis", "Evidence"]:
+def _search(request: Request, data: "Dataset", model: Model, out: Console) -> "Diagnosis":
     """The diagnosis and its stages on held-out runs. An interrupted search leaves its
     checkpoint."""
     from discrepancy import naming
     from discrepancy.simulate import Simulator
-    from discrepancy.stages import evidence
+    from discrepancy.stages import staged
 
     made = not request.out.exists()
     checkpoint = request.out / CHECKPOINT
@@ -151,7 +150,7 @@ def _search(request: Request, data: "Dataset", model: Model, out: Console) -> tu
             )
             progress("held-out runs at every stage")
             with Simulator(model, request.jobs) as simulator:
-                shown = evidence(found, data, simulator)
+                found = staged(found, data, simulator)
     except Interrupted as stop:
         if checkpoint.is_file():
             stop.left = f"{checkpoint} keeps the search: the same command goes on from there"
@@ -159,7 +158,7 @@ def _search(request: Request, data: "Dataset", model: Model, out: Console) -> tu
     finally:
         if made and request.out.is_dir() and not any(request.out.iterdir()):
             request.out.rmdir()
-    return found, shown
+    return found
 
 
 @contextmanager
@@ -181,7 +180,6 @@ def _write(
     data: "Dataset",
     model: Model,
     found: "Diagnosis",
-    shown: "Evidence",
     report: Mapping[str, Any],
     warnings: list[str],
 ) -> None:
@@ -205,7 +203,7 @@ def _write(
                 "report.json": lambda path: path.write_text(
                     json.dumps(report, indent=2, allow_nan=False) + "\n", encoding="utf-8"
                 ),
-                "report.html": lambda path: render(name, data, model, report, found, shown, warnings, path),
+                "report.html": lambda path: render(name, data, model, report, found, [*warnings, *found.doubts], path),
             },
         )
 
@@ -213,7 +211,7 @@ def _write(
 def improved_device(name: str, data: "Dataset", model: Model, found: "Diagnosis") -> Device:
     """The device that the data shows: nominal values, what was fitted, effects, noise, with intervals."""
     known = {**found.device, **{n: value for n, value in found.noise.items() if value.value > 0}}
-    parameters = {**data.nominal, **{n: value.value for n, value in known.items()}}
+    parameters = {**found.parameters, **{n: value.value for n, value in known.items()}}
     if data.axes == 1:
         parameters |= {own: parameters[other] for own, other in MIRRORED.items()} | {"kxy": 0.0, "dxy": 0.0}
     intervals = {n: (float(v.low), float(v.high)) for n, v in known.items() if math.isfinite(v.high - v.low)}

@@ -11,9 +11,8 @@ from scipy.signal import welch
 
 from discrepancy.dataset import Dataset
 from discrepancy.linear_fit import mode_frequencies
-from discrepancy.naming import Step
+from discrepancy.naming import Diagnosis, Step
 from discrepancy.record import Record
-from discrepancy.stages import Evidence, whole_misfit
 from gyrotwin.diagnosis_console import stage_label
 from gyrotwin.figures import Figure, Line, Panel, line
 
@@ -59,12 +58,12 @@ class Bars(Panel):
     height: int = 340
 
 
-def misfit_figure(data: Dataset, shown: Evidence, floor: float | None) -> Figure:
+def misfit_figure(found: Diagnosis, floor: float | None) -> Figure:
     """The misfit on held-out runs at every stage, beside the noise floor."""
-    names = [stage_label(stage.name) for stage in shown.stages]
-    whole = [whole_misfit(data, shown, stage) for stage in shown.stages]
-    runs = list(shown.stages[0].misfit)
-    dots = {run: [float(stage.misfit[run]) for stage in shown.stages] for run in runs} if len(runs) > 1 else {}
+    names = [stage_label(stage.name) for stage in found.stages]
+    whole = [float(stage.misfit[""]) for stage in found.stages]
+    runs = [run for run in found.stages[0].misfit if run]
+    dots = {run: [float(stage.misfit[run]) for stage in found.stages] for run in runs} if len(runs) > 1 else {}
     texts = [f"{value:.3g}" for value in whole]
     lowest, highest = min(v for v in (*whole, floor or whole[0])), max(whole)
     panel = Bars(
@@ -86,12 +85,12 @@ def misfit_figure(data: Dataset, shown: Evidence, floor: float | None) -> Figure
     )
 
 
-def map_figure(data: Dataset, shown: Evidence, noise: float | None) -> Figure:
+def map_figure(data: Dataset, found: Diagnosis, noise: float | None) -> Figure:
     """Time and frequency of the disagreement after the refit and at the end, on the held-out run that the refit misses
     most; ``noise``: rms a sample [V]."""
-    before, after = shown.stages[min(1, len(shown.stages) - 1)], shown.stages[-1]
-    run = max(before.misfit, key=lambda name: before.misfit[name])
-    record = next(r for r in data.held_out if r.name == run)
+    before, after = found.stages[min(1, len(found.stages) - 1)], found.stages[-1]
+    record = max(data.held_out, key=lambda held: before.misfit[held.name])
+    run = record.name
     level = noise or _quiet_level(after.residuals[run])
     pairs = [("after the refit", before), ("improved model", after)]
     if before is after:
@@ -195,17 +194,17 @@ def _share(step: Step, name: str) -> float | None:
     return round(float(np.log10(score.share)), 2)
 
 
-def spectrum_figure(data: Dataset, shown: Evidence, noise: float | None) -> Figure:
+def spectrum_figure(data: Dataset, found: Diagnosis, noise: float | None) -> Figure:
     """Spectra of a held-out run: measured, what the model leaves before and after, what each effect does."""
-    before, after = shown.stages[min(1, len(shown.stages) - 1)], shown.stages[-1]
-    run = max(before.misfit, key=lambda name: before.misfit[name])
-    record = next(r for r in data.held_out if r.name == run)
+    before, after = found.stages[min(1, len(found.stages) - 1)], found.stages[-1]
+    record = max(data.held_out, key=lambda held: before.misfit[held.name])
+    run = record.name
     panels = []
     for axis in range(record.axes):
         signals = {"measured": ("truth", record.v[:, axis])}
         if before is not after:
             signals["residual after the refit"] = ("before", before.residuals[run][:, axis])
-        for role, (name, change) in zip(EFFECT_COLOURS, shown.removed.items(), strict=False):
+        for role, (name, change) in zip(EFFECT_COLOURS, found.removed.items(), strict=False):
             signals[f"effect of {name}"] = (role, change[run][:, axis])
         signals["residual, improved model"] = ("after", after.residuals[run][:, axis])
         lines = [line(name, role, *_density(v, record.sample_rate)) for name, (role, v) in signals.items()]
@@ -227,7 +226,7 @@ def spectrum_figure(data: Dataset, shown: Evidence, noise: float | None) -> Figu
             )
         )
     key = [("truth", "measured"), ("before", "residual after the refit"), ("after", "residual, improved model")]
-    key += [(role, name) for role, name in zip(EFFECT_COLOURS, shown.removed, strict=False)]
+    key += [(role, name) for role, name in zip(EFFECT_COLOURS, found.removed, strict=False)]
     key += [("limit", "noise of the sensor")] if noise else []
     return Figure(
         "spectra",

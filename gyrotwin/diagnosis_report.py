@@ -9,7 +9,6 @@ from markupsafe import Markup
 
 from discrepancy.dataset import Dataset
 from discrepancy.naming import Diagnosis
-from discrepancy.stages import Evidence
 from gyro_model.errors import InputError
 from gyro_model.model import Model
 from gyrotwin import diagnosis_figures as figures
@@ -25,12 +24,11 @@ def render(
     model: Model,
     report: Mapping[str, Any],
     found: Diagnosis,
-    shown: Evidence,
     warnings: Sequence[str],
     out: Path,
 ) -> None:
     """Writes the page of the diagnosis of data set ``name`` to ``out``; report: contents of report.json."""
-    drawn = _figures(data, report, found, shown)
+    drawn = _figures(data, report, found)
     gap, floor = report["misfit"]["final"], report["misfit"]["noise_floor"]
     page = template("diagnosis.html.j2").render(
         name=name,
@@ -41,7 +39,7 @@ def render(
         warnings=warnings,
         about={e["id"]: _about(model, e["id"]) for e in report["effects"]},
         formulas={e["id"]: _formulas(model, e, data.axes) for e in report["effects"]},
-        parameters=_parameters(data, model, found, shown),
+        parameters=_parameters(data, model, found),
         detectable=_detectable(model, report["detectable"]),
         figures=drawn,
         data=as_json({figure.id: figure.data() for figure in drawn}),
@@ -51,17 +49,17 @@ def render(
     write_whole(page, out)
 
 
-def _figures(data: Dataset, report: Mapping[str, Any], found: Diagnosis, shown: Evidence) -> list[Figure]:
+def _figures(data: Dataset, report: Mapping[str, Any], found: Diagnosis) -> list[Figure]:
     noise = report["noise"].get("sense_noise", {}).get("value")
     lsb = report["noise"].get("adc_lsb", {}).get("value") or 0.0
     level = (noise**2 + lsb**2 / 12) ** 0.5 if noise is not None else None
     drawn = [
-        figures.misfit_figure(data, shown, report["misfit"]["noise_floor"]),
-        figures.map_figure(data, shown, level),
+        figures.misfit_figure(found, report["misfit"]["noise_floor"]),
+        figures.map_figure(data, found, level),
     ]
     if any(step.scores for step in found.steps):
         drawn.append(figures.score_figure(found.steps))
-    return [*drawn, figures.spectrum_figure(data, shown, level)]
+    return [*drawn, figures.spectrum_figure(data, found, level)]
 
 
 def _facts(data: Dataset, model: Model) -> dict[str, str]:
@@ -102,9 +100,9 @@ def _formulas(model: Model, effect: Mapping[str, Any], axes: int) -> list[str]:
     ]
 
 
-def _parameters(data: Dataset, model: Model, found: Diagnosis, shown: Evidence) -> list[dict[str, Any]]:
+def _parameters(data: Dataset, model: Model, found: Diagnosis) -> list[dict[str, Any]]:
     """Every fitted parameter, and those held as known, with its value at each stage."""
-    first, refit, last = (shown.stages[k].parameters for k in (0, min(1, len(shown.stages) - 1), -1))
+    first, refit, last = (found.stages[k].parameters for k in (0, min(1, len(found.stages) - 1), -1))
     rows = []
     for name, value in last.items():
         own = found.device.get(name)
