@@ -16,8 +16,8 @@ from gyro_model.model import load_model
 from gyrotwin.dataset import dataset_app
 from gyrotwin.diagnose import diagnose
 from gyrotwin.interrupt import Interrupted, interrupt
-from gyrotwin.split import split
 from gyrotwin.rate import rate
+from gyrotwin.split import split
 
 app = typer.Typer(
     no_args_is_help=True,

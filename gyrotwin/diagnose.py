@@ -86,7 +86,7 @@ def execute(request: Request, out: Console) -> dict[str, Any]:
     with out.status("report and FMU"):
         _write(request, data, model, found, report, warnings)
     (request.out / CHECKPOINT).unlink(missing_ok=True)
-    out.print(results(report, data, found))
+    out.print(results(report, found))
     out.print(f"report: {request.out / 'report.html'}", soft_wrap=True, highlight=False)
     return report
 
@@ -123,7 +123,8 @@ def _dataset(request: Request, model: Model) -> tuple["Dataset", list[str]]:
 
 
 def _search(request: Request, data: "Dataset", model: Model, out: Console) -> "Diagnosis":
-    """The diagnosis. An interrupted search leaves its checkpoint."""
+    """The diagnosis and its stages on held-out runs. An interrupted search leaves its
+    checkpoint."""
     from discrepancy import naming
 
     made = not request.out.exists()
@@ -197,7 +198,7 @@ def _write(
                 "report.json": lambda path: path.write_text(
                     json.dumps(report, indent=2, allow_nan=False) + "\n", encoding="utf-8"
                 ),
-                "report.html": lambda path: render(name, data, model, report, found, warnings, path),
+                "report.html": lambda path: render(name, data, model, report, found, [*warnings, *found.doubts], path),
             },
         )
 
@@ -205,7 +206,7 @@ def _write(
 def improved_device(name: str, data: "Dataset", model: Model, found: "Diagnosis") -> Device:
     """The device that the data shows: nominal values, what was fitted, effects, noise, with intervals."""
     known = {**found.device, **{n: value for n, value in found.noise.items() if value.value > 0}}
-    parameters = {**data.nominal, **{n: value.value for n, value in known.items()}}
+    parameters = {**found.parameters, **{n: value.value for n, value in known.items()}}
     if data.axes == 1:
         parameters |= {own: parameters[other] for own, other in MIRRORED.items()} | {"kxy": 0.0, "dxy": 0.0}
     intervals = {n: (float(v.low), float(v.high)) for n, v in known.items() if math.isfinite(v.high - v.low)}

@@ -8,20 +8,20 @@ from rich.table import Table
 from rich.text import Text
 
 from discrepancy.answer import Diagnosis
-from discrepancy.dataset import Dataset
 from gyrotwin.numbers import significant, uncertain
 
 MOST_RUNS: Final = 4
 """Held-out runs that get a column of their own."""
 
 
-def results(report: Mapping[str, Any], data: Dataset, found: Diagnosis) -> RenderableType:
+def results(report: Mapping[str, Any], found: Diagnosis) -> RenderableType:
     """What report.json holds, as tables for rich, with the stages of the held-out runs."""
     parts: list[RenderableType] = [Text(verdict(report), style="bold")]
     if report["effects"]:
         parts.append(_effects(report["effects"]))
-    parts += [Text("Misfit on held-out runs, rms(v - v_sim)/rms(v)", style="italic"), _misfit(report, data, found)]
+    parts += [Text("Misfit on held-out runs, rms(v - v_sim)/rms(v)", style="italic"), _misfit(report, found)]
     parts += [Text(f"next: {e['next_experiment']}") for e in report["effects"] if e.get("next_experiment")]
+    parts += [Text(f"doubt: {doubt}", style="yellow") for doubt in found.doubts]
     return Group(*parts)
 
 
@@ -61,14 +61,14 @@ def _value(p: Mapping[str, Any]) -> str:
     return uncertain(p["value"], p["low"], p["high"]) if bounded else significant(p["value"], 5)
 
 
-def _misfit(report: Mapping[str, Any], data: Dataset, found: Diagnosis) -> Table:
+def _misfit(report: Mapping[str, Any], found: Diagnosis) -> Table:
     table = Table()
     runs = list(report["misfit"]["runs"])
     table.add_column("model")
     for heading in ("all", *(runs if 1 < len(runs) <= MOST_RUNS else ())):
         table.add_column(heading, justify="right", overflow="fold")
     for stage in found.stages:
-        values = [stage.misfit[""], *(stage.misfit[run] for run in runs)]
+        values = [stage.misfit[run] for run in ("", *runs)]
         table.add_row(stage_label(stage.name), *(significant(value) for value in values[: len(table.columns) - 1]))
     floors = [report["misfit"]["noise_floor"], *(report["misfit"]["runs"][run]["noise_floor"] for run in runs)]
     table.add_row("noise floor", *(significant(value) for value in floors[: len(table.columns) - 1]), style="dim")

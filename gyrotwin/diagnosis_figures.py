@@ -58,11 +58,11 @@ class Bars(Panel):
     height: int = 340
 
 
-def misfit_figure(data: Dataset, found: Diagnosis, floor: float | None) -> Figure:
+def misfit_figure(found: Diagnosis, floor: float | None) -> Figure:
     """The misfit on held-out runs at every stage, beside the noise floor."""
     names = [stage_label(stage.name) for stage in found.stages]
-    whole = [stage.misfit[""] for stage in found.stages]
-    runs = [record.name for record in data.held_out]
+    whole = [float(stage.misfit[""]) for stage in found.stages]
+    runs = [run for run in found.stages[0].misfit if run]
     dots = {run: [float(stage.misfit[run]) for stage in found.stages] for run in runs} if len(runs) > 1 else {}
     texts = [f"{value:.3g}" for value in whole]
     lowest, highest = min(v for v in (*whole, floor or whole[0])), max(whole)
@@ -89,8 +89,8 @@ def map_figure(data: Dataset, found: Diagnosis, noise: float | None) -> Figure:
     """Time and frequency of the disagreement after the refit and at the end, on the held-out run that the refit misses
     most; ``noise``: rms a sample [V]."""
     before, after = found.stages[min(1, len(found.stages) - 1)], found.stages[-1]
-    run = max(before.misfit, key=lambda name: before.misfit[name])
-    record = next(r for r in data.held_out if r.name == run)
+    record = max(data.held_out, key=lambda held: before.misfit[held.name])
+    run = record.name
     level = noise or _quiet_level(after.residuals[run])
     pairs = [("after the refit", before), ("improved model", after)]
     if before is after:
@@ -197,8 +197,8 @@ def _share(step: Step, name: str) -> float | None:
 def spectrum_figure(data: Dataset, found: Diagnosis, noise: float | None) -> Figure:
     """Spectra of a held-out run: measured, what the model leaves before and after, what each effect does."""
     before, after = found.stages[min(1, len(found.stages) - 1)], found.stages[-1]
-    run = max(before.misfit, key=lambda name: before.misfit[name])
-    record = next(r for r in data.held_out if r.name == run)
+    record = max(data.held_out, key=lambda held: before.misfit[held.name])
+    run = record.name
     panels = []
     for axis in range(record.axes):
         signals = {"measured": ("truth", record.v[:, axis])}

@@ -54,7 +54,7 @@ def _figures(data: Dataset, report: Mapping[str, Any], found: Diagnosis) -> list
     lsb = report["noise"].get("adc_lsb", {}).get("value") or 0.0
     level = (noise**2 + lsb**2 / 12) ** 0.5 if noise is not None else None
     drawn = [
-        figures.misfit_figure(data, found, report["misfit"]["noise_floor"]),
+        figures.misfit_figure(found, report["misfit"]["noise_floor"]),
         figures.map_figure(data, found, level),
     ]
     if any(step.scores for step in found.steps):

@@ -22,6 +22,7 @@ from fmpy.fmi3 import FMU3Slave
 from rich.console import Console
 
 from discrepancy import naming
+from discrepancy.answer import Diagnosis, Value
 from discrepancy.dataset import Dataset, load_dataset
 from discrepancy.record import make_record
 from discrepancy.simulate import Simulator
@@ -88,7 +89,7 @@ def answer(runs: Tables, tmp_path_factory: pytest.TempPathFactory) -> Iterator[S
     """One diagnosis by the command: folder of the data, folder of the answer, the Diagnosis itself."""
     root = tmp_path_factory.mktemp("diagnosis")
     data = written(root / "cubic", runs)
-    found: list[naming.Diagnosis] = []
+    found: list[Diagnosis] = []
     terminal = io.StringIO()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(naming, "diagnose", kept(naming.diagnose, found))
@@ -106,8 +107,7 @@ def kept(function: Callable[..., Any], results: list[Any]) -> Callable[..., Any]
 
 
 def final_parameters(answer: SimpleNamespace) -> dict[str, float]:
-    nominal = load_dataset(answer.data).nominal
-    return {**nominal, **{name: value.value for name, value in answer.found.device.items()}}
+    return dict(answer.found.parameters)
 
 
 def test_the_files_and_nothing_else(answer: SimpleNamespace) -> None:
@@ -318,8 +318,8 @@ def test_what_a_one_axis_record_gives() -> None:
         make_record(n, t, np.sin(t * 2e4), np.cos(t * 2e4), role=r) for n, r in (("a", "fit"), ("b", "held-out"))
     )
     data = Dataset(Path(), {"m": 1e-7, "kxx": 50.0, "dxx": 1e-6, "sense_gain_x": 2e6}, records)
-    value = naming.Value(51.0, 50.0, 52.0, "N/m")
-    found = SimpleNamespace(device={"kxx": value}, noise={})
+    value = Value(51.0, 50.0, 52.0, "N/m")
+    found = SimpleNamespace(device={"kxx": value}, noise={}, parameters={**data.nominal, "kxx": 51.0})
     device = diagnose.improved_device("one", data, MODEL, found)  # type: ignore[arg-type]
     p = device.all_parameters
     assert (p["kyy"], p["dyy"], p["sense_gain_y"], p["kxy"], p["dxy"]) == (51.0, 1e-6, 2e6, 0.0, 0.0)
@@ -397,9 +397,9 @@ def test_an_interrupted_search_goes_on(
         checkpoint.write_text("half-way")
         raise Interrupted
 
-    def goes_on(*_: Any, checkpoint: Path, **__: Any) -> naming.Diagnosis:
+    def goes_on(*_: Any, checkpoint: Path, **__: Any) -> Diagnosis:
         assert checkpoint.read_text() == "half-way"
-        found: naming.Diagnosis = answer.found
+        found: Diagnosis = answer.found
         return found
 
     monkeypatch.setattr(diagnose, "build", lambda *_: Fmus(answer.out / "fmi2.fmu", answer.out / "fmi3.fmu"))
