@@ -19,7 +19,7 @@ from discrepancy.effect_file import peaks_of, scales_of, write_effect
 from discrepancy.library import Form, forms, known, magnitude
 from discrepancy.measures import noise_of
 from discrepancy.record import Record
-from discrepancy.refit import BLOCKS, Fitted, Fitter, pieces
+from discrepancy.refit import BLOCKS, Fitted, Fitter
 from discrepancy.score import Score, score
 from discrepancy.simulate import Simulator
 from gyro_model.anatomy import Effect
@@ -167,7 +167,7 @@ class Library:
     def scored(self, fitter: Fitter, at: Fitted) -> list[Contestant]:
         """Every term, largest share first."""
         left = self.candidates(at)
-        known_columns = len(at.free) + len(fitter.state_names) * len(fitter.records)
+        known_columns = len(at.free)
         found = []
         while left:
             count = int(np.searchsorted(np.cumsum([len(c.probes) for _, c in left]), BATCH, side="right"))
@@ -207,13 +207,13 @@ class Library:
         sizes = zip(candidate.probes, contestant.amplitudes, strict=True)
         values = {p.quantity.name: p.value(a) for p, a in sizes}
         free = (*at.free, *candidate.free(fitter.period))
-        begun = replace(at, parameters={**at.parameters, **values}, free=free, grams=None)
+        begun = replace(at, parameters={**at.parameters, **values}, free=free)
         return Entry(contestant, fitter.fit(fitter.evaluated(begun)))
 
     def contest(self, fitter: Fitter, at: Fitted, least: float = 0.0, number: int = SHORTLIST) -> list[Entry]:
         """The best ``number`` terms refitted, lowest price first; ``least``: share that a term must have."""
         screen = self.fitter(_begins(fitter.records), fitter.blocks)
-        scored = self.scored(screen, screen.evaluated(replace(at, grams=None)))
+        scored = self.scored(screen, screen.evaluated(replace(at)))
         worth = [c for c in scored if c.score.probability < CHANCE and c.score.share >= max(MATERIAL, least)]
         short = [c for c in worth if c.score.share >= SHORT_SHARE * worth[0].score.share][:number]
         entries = _ranked([self._fitted(fitter, at, c) for c in short])
@@ -223,15 +223,14 @@ class Library:
     def contest_in_pieces(self, records: Sequence[Record], at: Fitted) -> list[Entry]:
         """``contest`` where the simulation strays from the motion: over pieces of the runs, each with a start of its
         own, and the best of them over the whole."""
-        cut = pieces(records, PIECES)
+        cut = [piece for record in records for piece in self.simulator.cut(record, PIECES)]
         fitter = self.fitter(cut, max(2, BLOCKS // PIECES))
-        starts = tuple(dict.fromkeys(fitter.state_names, 0.0) for _ in cut)
-        begun = fitter.evaluated(replace(at, starts=starts, grams=None))
+        begun = fitter.evaluated(replace(at, starts=fitter.at_rest))
         entries = self.contest(fitter, fitter.whitened(fitter.fit(begun, rounds=3)))[:2]
         whole = self.fitter(records, BLOCKS)
         again = []
         for entry in entries:
-            begun = whole.evaluated(replace(entry.fitted, starts=at.starts, whiten=at.whiten, grams=None))
+            begun = whole.evaluated(replace(entry.fitted, starts=at.starts, whiten=at.whiten))
             again.append(replace(entry, fitted=whole.fit(begun)))
         return _ranked(again)
 
@@ -283,7 +282,7 @@ def _made(fitter: Fitter, entry: Entry, folder: Path, name: str, share: float) -
     free = tuple(replace(f, name=renamed.get(f.name, f.name)) for f in entry.fitted.free)
     with Simulator(model) as simulator:
         exact = Fitter(simulator, fitter.records, fitter.blocks)
-        begun = exact.evaluated(replace(entry.fitted, parameters=parameters, free=free, grams=None))
+        begun = exact.evaluated(replace(entry.fitted, parameters=parameters, free=free))
         return _settled(exact, begun, effect, share, path)
 
 
@@ -308,7 +307,7 @@ def rivals(fitter: Fitter, at: Fitted, named: Sequence[str], progress: Progress 
     instead: dict[tuple[str, ...], str] = {}
     with Library(fitter, at) as library:
         short = library.fitter(_begins(fitter.records), fitter.blocks)
-        full = short.fit(short.evaluated(replace(at, grams=None)), rounds=3)
+        full = short.fit(short.evaluated(replace(at)), rounds=3)
         beside = {str(c.form.parts): c.score.share for c in library.scored(short, full)
                   if c.score.probability < CHANCE and c.score.share >= MATERIAL}  # fmt: skip
         groups = [(name,) for name in named] + ([tuple(named)] if len(named) > 1 else [])
@@ -325,7 +324,7 @@ def _in_place(library: Library, fitter: Fitter, full: Fitted, group: Sequence[st
     names = {q.name for q in own}
     parameters = {**full.parameters, **{q.name: q.start for q in own if q.role == "size"}}
     free = tuple(f for f in full.free if f.name not in names)
-    without = fitter.fit(fitter.evaluated(replace(full, parameters=parameters, free=free, grams=None)))
+    without = fitter.fit(fitter.evaluated(replace(full, parameters=parameters, free=free)))
     least = 0.5 * (1 - full.cost / without.cost)
     entries = [e for e in library.contest(fitter, without, least, 3) if e.contestant.id not in group]
     if not entries:

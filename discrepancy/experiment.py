@@ -15,9 +15,10 @@ from typing import Final
 import numpy as np
 from scipy.stats import norm
 
+from discrepancy.algebra import inverse_scaled
 from discrepancy.menu import Proposal, menu
 from discrepancy.record import Floats, Record
-from discrepancy.refit import Fitted, Fitter, Free, inverse_scaled
+from discrepancy.refit import Fitted, Fitter, Free
 from discrepancy.simulate import Simulator
 from discrepancy.whitening import whitener
 from gyro_model.errors import InputError
@@ -101,8 +102,7 @@ class _Rival:
         nominal = fitter.begin({n: values[n] for n in values if simulator.model.parameter(n).role == "parameter"})
         self.free = (*nominal.free, *self._sizes(name))
         self.plain = whitener(values, fitter.axes, fitter.period, 0.0)
-        starts = tuple(dict.fromkeys(fitter.state_names, 0.0) for _ in records)
-        begun = fitter.evaluated(Fitted(self.values, starts, (), self.plain, ()))
+        begun = fitter.evaluated(Fitted(self.values, fitter.at_rest, (), self.plain, ()))
         at = fitter.with_grams(replace(fitter.fit(begun, rounds=2), free=self.free))
         self.known = self._known(at)
 
@@ -118,12 +118,10 @@ class _Rival:
         return [Free(q.name, STEP * abs(self.values[q.name] - q.start), q.low, q.high) for q in sizes]
 
     def _known(self, at: Fitted) -> Floats:
-        """What the runs so far say of the free parameters: their information, initial states projected out."""
+        """What the runs so far say of the free parameters: their information."""
         assert at.grams is not None
         total = at.grams.sum(axis=0)[:-1, :-1] / self.noise**2
-        n = len(self.free)
-        cross = total[:n, n:]
-        return np.asarray(total[:n, :n] - cross @ inverse_scaled(total[n:, n:]) @ cross.T)
+        return np.asarray(total)
 
     def simulated(self, record: Record) -> Floats:
         """The voltage that this effect would show."""
@@ -132,13 +130,11 @@ class _Rival:
     def separation(self, record: Record, truth: "_Rival") -> float:
         """What of ``truth`` this effect can't follow in a further run, as a chi-square."""
         fitter = Fitter(self.simulator, [replace(record, v=truth.simulated(record))])
-        start = (dict.fromkeys(fitter.state_names, 0.0),)
-        at = fitter.evaluated(Fitted(self.values, start, self.free, self.plain, ()))
+        at = fitter.evaluated(Fitted(self.values, fitter.at_rest, self.free, self.plain, ()))
         linear = fitter.with_grams(at)
         if linear.grams is None or not np.isfinite(linear.grams).all():
             return 0.0
         total = linear.grams.sum(axis=0) / self.noise**2
         matrix, right = total[:-1, :-1], total[:-1, -1]
-        n = len(self.free)
-        matrix[:n, :n] += self.known
+        matrix += self.known
         return float(total[-1, -1] - right @ inverse_scaled(matrix) @ right)
