@@ -39,8 +39,10 @@ def assemble(search: "Search") -> Diagnosis:
     effects = (*(_finding(search, entry, device) for entry in search.accepted), *clipped)
     gaps = _misfit(search, stages, noise)
     refitted = search.refitted
-    places = located(refitted.residuals, search.dataset.fit, refitted.parameters) \
-        if len(refitted.residuals) == len(search.dataset.fit) else ()  # fmt: skip
+    runs = search.dataset.fit
+    whole = refitted.residuals if len(refitted.residuals) == len(runs) else \
+        [start_fitted(search.simulator, run, refitted.parameters)[0] for run in runs]  # fmt: skip
+    places = located(whole, runs, refitted.parameters)
     floor = gaps["noise_floor"]
     unfinished = search.fitter is not search.whole or (floor is not None and gaps["final"] > OPEN * floor)
     verdict: Verdict = "nothing missing"

@@ -6,6 +6,7 @@ refitted by the same fitter. The simplest term that fits wins: each coefficient 
 information criterion asks (G. Schwarz, Annals of Statistics 6, 1978), and a higher degree a little more.
 """
 
+import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -240,13 +241,12 @@ def _ranked(entries: Sequence[Entry]) -> list[Entry]:
     return sorted(entries, key=lambda e: e.price(variance))
 
 
-def discover(
-    fitter: Fitter, at: Fitted, folder: Path, number: int = 1, progress: Progress | None = None
-) -> Discovery | None:
+def discover(fitter: Fitter, at: Fitted, folder: Path, progress: Progress | None = None) -> Discovery | None:
     """The term that explains best what is left of ``at``; None where none is significant and material.
 
-    A new one is written to ``folder`` as the effect ``discovered_<number>``, built into the FMU and refitted there.
-    Raises InputError where the FMU can't be built or the folder not written.
+    A new one is written to ``folder``, which holds nothing but effect files, as ``discovered_1`` or the first number
+    that the model does not have, built into the FMU and refitted there. Raises InputError where the FMU can't be built
+    or the folder not written.
     """
     tell = progress or (lambda _: None)
     tell("search for a term that is in no file")
@@ -262,11 +262,16 @@ def discover(
     if not at.cost - best.fitted.cost > chi2.isf(CHANCE, coefficients) * best.fitted.variance:
         return None
     share = 1 - best.fitted.cost / at.cost
-    tell(f"found {best.contestant.candidate.effect.terms()}")
+    tell(f"found {best.contestant.form.text}")
     if best.contestant.known:
         effect = best.contestant.candidate.effect
         return _settled(fitter, best.fitted, effect, share, None)
-    return _made(fitter, best, folder, f"discovered_{number}", share)
+    return _made(fitter, best, folder, _free_name(fitter.simulator.model), share)
+
+
+def _free_name(model: Model) -> str:
+    taken = {effect.id for effect in model.effects}
+    return next(name for name in (f"discovered_{n}" for n in itertools.count(1)) if name not in taken)
 
 
 def _made(fitter: Fitter, entry: Entry, folder: Path, name: str, share: float) -> Discovery:
@@ -308,7 +313,7 @@ def rivals(fitter: Fitter, at: Fitted, named: Sequence[str], progress: Progress 
     with Library(fitter, at) as library:
         short = library.fitter(_begins(fitter.records), fitter.blocks)
         full = short.fit(short.evaluated(replace(at)), rounds=3)
-        beside = {str(c.form.parts): c.score.share for c in library.scored(short, full)
+        beside = {c.form.text: c.score.share for c in library.scored(short, full)
                   if c.score.probability < CHANCE and c.score.share >= MATERIAL}  # fmt: skip
         groups = [(name,) for name in named] + ([tuple(named)] if len(named) > 1 else [])
         for group in groups:
@@ -333,7 +338,7 @@ def _in_place(library: Library, fitter: Fitter, full: Fitted, group: Sequence[st
     variance = best.fitted.variance
     fitted = sum(1 for f in full.free if f.name in names)
     if best.price(variance) + EVEN < full.cost / variance + fitted * float(np.log(full.count)):
-        return str(best.contestant.form.parts)
+        return best.contestant.form.text
     return None
 
 

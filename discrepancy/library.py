@@ -41,6 +41,11 @@ class Form:
         """Of the product, magnitudes included."""
         return _degree(next(e for e in self.parts[0] if e != 0))
 
+    @property
+    def text(self) -> str:
+        """For a reader: ``x**5 on x, y**5 on y``."""
+        return ", ".join(_text(part) for part in self.parts)
+
     def only(self, chosen: Sequence[int]) -> "Form":
         """The form with some of its parts."""
         return Form(self.id, tuple(self.parts[i] for i in chosen))
