@@ -1,8 +1,10 @@
 """Names the effects that a model lacks: score all, refit the best, accept, repeat, then question each again."""
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 import numpy as np
@@ -17,6 +19,7 @@ from discrepancy.limits import clip_level, masked
 from discrepancy.refit import Fitted, Fitter, Free
 from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator
+from discrepancy.unnamed import explain_rest, give_up_refuted
 from gyro_model.model import Model
 
 CHANCE: Final = 1e-6
@@ -75,20 +78,26 @@ def diagnose(
     max_effects: at most so many are named; jobs: threads; progress: called with one line a step. Raises InputError
     where the FMU can't be built or refuses the nominal values.
     """
-    with Simulator(model, jobs) as simulator:
-        search = Search(simulator, dataset, progress or (lambda _: None))
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(TemporaryDirectory(prefix="gyrotwin-")))
+        search = Search(lambda m: stack.enter_context(Simulator(m, jobs)), model, dataset, progress or (lambda _: None))
         search.run(max_effects)
+        give_up_refuted(search)
+        explain_rest(search, folder, max_effects)
+        search.delete()
         return assemble(search)
 
 
 class Search:
     """The state of a search: what is accepted, and the model fitted with it (``at``, over the runs of ``fitter``)."""
 
-    def __init__(self, simulator: Simulator, dataset: Dataset, progress: Progress) -> None:
-        self.simulator, self.progress = simulator, progress
+    def __init__(
+        self, opened: Callable[[Model], Simulator], model: Model, dataset: Dataset, progress: Progress
+    ) -> None:
+        self.opened, self.simulator, self.progress = opened, opened(model), progress
         self.clip: float | None = None
         self._take(dataset)
-        noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
+        noise = {q.name for e in model.effects if e.noise for q in e.sizes}
         self.nominal = {name: value for name, value in dataset.nominal.items() if name not in noise}
         self.accepted: list[Accepted] = []
         self.scored: list[Scored] = []
@@ -124,8 +133,23 @@ class Search:
                 break
             self._stage(self.accepted[-1].id)
         self.steps.append(Step({c.effect.id: s for c, s in best_of(self.scored)}, None))
-        self._delete()
+        self.delete()
         self._exchange()
+
+    def continue_with(self, model: Model) -> None:
+        """Goes on with another model."""
+        self.simulator = self.opened(model)
+        self._take(self.dataset)
+
+    def take_fit(self, at: Fitted, stage: str) -> None:
+        """Goes on from a fit, a new stage of the model."""
+        self._settle(at)
+        self._stage(stage)
+
+    def leave_out(self, entry: Accepted) -> None:
+        """Takes an accepted effect out of the model again."""
+        self.accepted.remove(entry)
+        self._settle(self.without_effect(self.at, entry))
 
     @property
     def present(self) -> list[str]:
@@ -217,7 +241,7 @@ class Search:
         free = tuple(f for f in at.free if f.name not in entry.names)
         return self.fitter.evaluated(replace(at, parameters={**at.parameters, **_neutral(entry)}, free=free))
 
-    def _delete(self) -> None:
+    def delete(self) -> None:
         """Backward deletion: without each effect that the others have made needless."""
         for entry in list(self.accepted):
             if len(self.accepted) < 2:
