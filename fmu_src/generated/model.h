@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{daf43009-3a7c-9a2d-5250-9f625e6bb669}"
+#define GYRO_TOKEN "{b36a4e75-949a-8e8e-7651-9ddce3d1b48e}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
