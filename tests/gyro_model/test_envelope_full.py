@@ -12,7 +12,7 @@ AMPLITUDE, GAIN = 5e-6, 1e6
 RANGE = np.radians(300.0)  # rad/s, full range
 Q = 300.0
 # Time constant of the amplitude 2 Q/w = 32 ms. The full plant starts at the envelope's amplitudes; what that start
-# lacks, harmonics and mean above all, is 1e-2 at most and has faded by e^-9 when the last 0.1 s begin, e^-12 at the end.
+# lacks, harmonics and mean above all, is 1e-2 at most and has faded by e^-9 when the last 0.1 s begin.
 SECONDS = 0.4
 
 THERMAL = {
