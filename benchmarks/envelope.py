@@ -193,7 +193,7 @@ def run(options: Options) -> Report:
         Table(f"free beat at a split of {SPLIT:g} Hz", beat_rows()),
     ]
     notes = [
-        f"{len(INPUT_NAMES)} inputs, {len(OUTPUT_NAMES)} outputs, steps of {STEP:g} s; CPU time, least of 5 (6 h: one).",
+        f"{len(INPUT_NAMES)} inputs, {len(OUTPUT_NAMES)} outputs, steps of {STEP:g} s; CPU time, least of 5 (6 h: 1).",
         "Steady state: -40, 25, 85 °C, 0 and ±300 deg/s, Q 1000, quadrature 300 deg/s, five temperature laws; the full "
         "plant at 1 µs, demodulated over 0.1 s.",
         "Before: " + before,
