@@ -11,6 +11,8 @@ static void take_inputs(gyro_instance *g)
     gyro_view *view = &g->view;
     for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
         view->p[vr] = g->value[vr];
+    }
+    for (int vr = 0; view->any_impulse && vr < GYRO_N_INPUTS; vr++) {
         view->change[vr] = g->memory.tick > 0 ? g->value[vr] - g->memory.held[vr] : 0.0;
         g->memory.held[vr] = g->value[vr];
     }
@@ -264,7 +266,9 @@ void gyro_tick(gyro_instance *g, int64_t ticks)
     double before[GYRO_N_STATES];
     take_inputs(g);
     refresh(view, g->value);
-    kick(view);
+    if (view->any_impulse) {
+        kick(view);
+    }
     for (int64_t i = 0; i < ticks; i++) {
         find_force(g);
         for (int k = 0; g->plan.any_lag && k < GYRO_N_STATES; k++) {
@@ -281,9 +285,9 @@ void gyro_tick(gyro_instance *g, int64_t ticks)
         if (view->any_law) {
             apply_laws(view, g->value);
             hold_noise(view);
+            memcpy(view->lagging, view->lagging_now, sizeof view->lagging);
         }
         view->step_start = view->t;
-        memcpy(view->lagging, view->lagging_now, sizeof view->lagging);
         if (g->memory.ticks_to_sample == 0) {
             g->memory.ticks_to_sample = g->plan.sample_ticks;
             g->memory.sample++;

@@ -37,7 +37,7 @@ typedef struct {
     int64_t ticks_to_sample; /* internal steps until the next one */
     int64_t calls;           /* calls of gyro_advance */
     double next_time;        /* end of the latest step as the importer adds it up, s */
-    double held[GYRO_N_INPUTS]; /* inputs of the latest step, SI */
+    double held[GYRO_N_INPUTS]; /* inputs of the latest step, SI; where any_impulse */
     gyro_pink_memory pink[GYRO_N_PINK];
     double lagged[2];        /* voltage after the amplifier's lag, V */
 } gyro_memory;

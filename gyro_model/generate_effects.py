@@ -118,6 +118,7 @@ typedef struct {
     double after[GYRO_N_EFFECTS];         /* 1 from the event of each effect on, 0 before */
     unsigned char active[GYRO_N_EFFECTS]; /* a size parameter differs from neutral */
     unsigned char any_law;
+    unsigned char any_impulse;
     unsigned char any_rate; /* the converter asks for the rate of the voltage */
     unsigned char any_force; /* beyond the nominal and the held ones */
 } gyro_view;
@@ -209,12 +210,14 @@ def _activity(model: Model) -> str:
         lines.append(f"    g->active[{effect_macro(effect)}] = {' || '.join(tests) or '1'};\n")
     law = " || ".join(f"g->active[{effect_macro(e)}]" for e in (*_follows(model), *model.laws)) or "0"
     force = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model)) or "0"
+    impulse = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.forces if e.impulse) or "0"
     rate = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.effects if _asks_rate(e)) or "0"
     return (
         "/* Marks the effects that a size parameter switches on, their own or that of a law which changes one. */\n"
         "static inline void find_active(gyro_view *g)\n{\n"
         + "".join(lines)
-        + f"    g->any_law = {law};\n    g->any_rate = {rate};\n    g->any_force = {force};\n}}\n"
+        + f"    g->any_law = {law};\n    g->any_impulse = {impulse};\n"
+        + f"    g->any_rate = {rate};\n    g->any_force = {force};\n}}\n"
     )
 
 

@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{5d694e84-ec33-132f-a786-157846ac59f2}"
+#define GYRO_TOKEN "{c2cf1222-2e70-a19a-c5ba-b34117efa311}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
