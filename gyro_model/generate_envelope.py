@@ -59,7 +59,6 @@ def envelope(model: Model) -> str:
         _any("curved_force", "a force is not linear in the motion", curved),
         _any("crossed_force", "such a force depends on the other axis", [e for e in curved if _couples(e)]),
         _any("stateful_force", "a force has states of its own", [e for e in added if e.states]),
-        _any("impulse", "a force jolts the motion where a held input changes", [e for e in added if e.impulse]),
         _any("drawn_force", "a force is noise", [e for e in model.forces if e.drawn]),
         _any("curved_actuator", "the force is not in proportion to the command", _bent(maps, ACTUATOR)),
         _any("curved_pickoff", "the voltage is not in proportion to the motion", _bent(maps, PICKOFF)),

@@ -1,6 +1,7 @@
 /* Both ends of the chain in the envelope form: the command on its way to the mass, the displacement on its way to the sample.
 
-   A straight map takes the parts along cos φ and -sin φ each for itself; a curved one is followed around the cycle. */
+   A straight map takes the parts along cos φ and -sin φ each for itself; a curved one is followed around the cycle. Delay and lag are the
+   phase and gain that they have at the carrier; that they need a little time to settle is left out. */
 
 #include "noise.h"
 #include "plant.h"

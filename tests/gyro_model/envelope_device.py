@@ -16,7 +16,7 @@ OUTPUTS = tuple(f"{name}_{part}" for name in ("v_x", "v_y", "x", "y") for part i
 
 
 def rate_device(q: float, **changes: float) -> dict[str, float]:
-    """Parameters of the device of quality factor ``q`` on both axes, quadrature 300 deg/s; then ``changes``."""
+    """Parameters of the device with quality factor ``q`` on both axes, a quadrature of 300 deg/s, and ``changes``."""
     quadrature = 2 * M * W_X * np.radians(300.0)
     own = {"m": M, "kxx": M * W_X**2, "kyy": M * W_Y**2, "kxy": quadrature}
     return own | {"dxx": M * W_X / q, "dyy": M * W_Y / q, "dxy": 0.0} | changes
@@ -47,7 +47,7 @@ def answer(p: Mapping[str, float], frequency: float, force: Complexes, rate: flo
 def envelopes(
     runner: Runner, p: Mapping[str, float], t: Floats, force: Complexes, frequency: float = F_X, **inputs: float
 ) -> Complexes:
-    """Amplitudes of v_x, v_y [V], x, y [m] of the envelope FMU at ``t`` [s], (n, 4), under a held ``force`` [N]."""
+    """Amplitudes of v_x, v_y [V], x, y [m] by the envelope FMU at ``t`` [s], shape (n, 4), under a held ``force``."""
     given = {"u_x_i": force[0].real, "u_x_q": force[0].imag, "u_y_i": force[1].real, "u_y_q": force[1].imag}
     given |= {"carrier_frequency": frequency} | inputs
     columns = {name: np.full(len(t), value) for name, value in given.items()}

@@ -11,9 +11,9 @@ Residual = Callable[[str, float, float], None]
 AMPLITUDE, GAIN = 5e-6, 1e6
 RANGE = np.radians(300.0)  # rad/s, full range
 Q = 300.0
-# Time constant of the amplitude 2 Q/w = 32 ms; the full plant starts at the envelope's amplitudes, where a difference
-# of 1e-3 is gone after 0.3 s, to the 1e-7 of the longest comparison below.
-SECONDS = 0.5
+# Time constant of the amplitude 2 Q/w = 32 ms. The full plant starts at the envelope's amplitudes; what that start
+# lacks, harmonics and mean above all, is 1e-2 at most and has faded by e^-9 when the last 0.1 s begin.
+SECONDS = 0.4
 
 THERMAL = {
     **{"tck": -6e-5, "tck_split": 4e-5, "tcd": 3e-3, "tcg": 2e-4, "tcp": 2e-8, "amplifier_time_constant": 3e-6},

@@ -24,12 +24,6 @@ static inline int any_stateful_force(const gyro_view *g)
     return g->active[GYRO_EFFECT_PARASITIC_MODE];
 }
 
-/* Whether a force jolts the motion where a held input changes. */
-static inline int any_impulse(const gyro_view *g)
-{
-    return g->active[GYRO_EFFECT_FRAME_ROTATION];
-}
-
 /* Whether a force is noise. */
 static inline int any_drawn_force(const gyro_view *g)
 {
