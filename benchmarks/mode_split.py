@@ -8,9 +8,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from benchmarks import split_loops
 from benchmarks.report import Options, Report, Row, Table, row
+from benchmarks.split_envelope import envelope_rows, matching_rows
 from benchmarks.split_fmu import fmu_rows
-from benchmarks.split_loops import masking_rows, matching_rows, tracking_rows
+from benchmarks.split_loops import masking_rows, tracking_rows
 from benchmarks.split_records import SenseAxis, make_envelope, make_record
 from cosim.mode_split import (
     NothingFoundError,
@@ -148,6 +150,7 @@ def false_alarm_rows(count: int, jobs: int) -> list[Row]:
 def run(options: Options) -> Report:
     """All tables."""
     count = RECORDS_A_SEED * options.seeds
+    runs = min(options.seeds, LOOP_RUNS)
     tables = [
         Table("Error of f_y over its Cramér–Rao bound", likelihood_rows(GRID, count, options.jobs, True)),
         Table(
@@ -155,9 +158,10 @@ def run(options: Options) -> Report:
         ),
         Table("False alarms", false_alarm_rows(2 * count, options.jobs)),
         Table("What the mask leaves where the line sits on the hump", masking_rows()),
-        Table("Split followed through a ramp", tracking_rows(min(options.seeds, LOOP_RUNS))),
-        Table("Mode matching by bias", matching_rows(min(options.seeds, LOOP_RUNS))),
-        Table("Against the full FMU", fmu_rows(3 * count // 10, options.jobs)),
+        Table("Split followed through a ramp", tracking_rows(runs)),
+        Table("Mode matching by bias", [*matching_rows(runs), *split_loops.matching_rows(runs)]),
+        Table("Records of the envelope FMU", envelope_rows(3 * count // 10, options.jobs)),
+        Table("Records of the full FMU", fmu_rows(count // 5, options.jobs)),
     ]
     notes = [
         "Bound: σ_f = √(Γ/(T g))/2π, Γ = πf/Q, with all but f_y known; Q, hump and floor are found by the fit.",

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from scipy.signal import oaconvolve
 
 from cosim.mode_split.model import SplitModel, response
+from cosim.mode_split.record import Floats
 from cosim.mode_split.spectrum import Groups, Spectrum, grouped
 from cosim.mode_split.whittle import Fit, Likelihood, free_parameters, maximise
 
@@ -59,7 +60,8 @@ def find_hump(
     floor = _floor(spectrum, clean_line)
     low, high = (spectrum.f[0], spectrum.f[-1]) if near is None else (near[0] - near[1], near[0] + near[1])
     widths = _widths(spectrum, q)
-    proposals = [_proposal(spectrum, floor, width, low, high) for width in widths]
+    excess = np.where(spectrum.valid, spectrum.power / floor.floor(spectrum.f) - 1, 0.0)
+    proposals = [_proposal(spectrum, excess, width, low, high) for width in widths]
     best = sorted(proposals, reverse=True)[:CANDIDATES]
     found = [_fitted(spectrum, floor, place, width, q) for _, place, width in best]
     fit, likelihood, groups, gain = max(found, key=lambda item: item[3])
@@ -109,19 +111,20 @@ def _floor(spectrum: Spectrum, clean_line: bool) -> SplitModel:
     return model
 
 
-def _proposal(
-    spectrum: Spectrum, floor: SplitModel, width: float, low: float, high: float
-) -> tuple[float, float, float]:
-    """The best matched filter of one width: its output in deviations, its place [Hz], the width [Hz]."""
+def _proposal(spectrum: Spectrum, excess: Floats, width: float, low: float, high: float) -> tuple[float, float, float]:
+    """The best matched filter of one width: its output in deviations, its place [Hz], the width [Hz].
+
+    excess (n,): spectrum over floor, less one, zero where not valid.
+    """
     size = max(int(width / spectrum.bin / PER_HALF_WIDTH), 1)
     starts = np.arange(0, len(spectrum.f), size)
     count = np.add.reduceat(spectrum.valid.astype(float), starts)
-    excess = np.add.reduceat(np.where(spectrum.valid, spectrum.power / floor.floor(spectrum.f) - 1, 0.0), starts)
+    total = np.add.reduceat(excess, starts)
     place = spectrum.f[starts] + 0.5 * (size - 1) * spectrum.bin
     reach = min(int(12 * width / (size * spectrum.bin)) + 1, len(starts))
     shape = 1 / (1 + (np.arange(-reach, reach + 1) * size * spectrum.bin / width) ** 2)
     kept = slice(reach, reach + len(starts))
-    output = oaconvolve(excess, shape)[kept] / np.sqrt(np.maximum(oaconvolve(count, shape**2)[kept], 1.0))
+    output = oaconvolve(total, shape)[kept] / np.sqrt(np.maximum(oaconvolve(count, shape**2)[kept], 1.0))
     output = np.where((place >= low) & (place <= high), output, -np.inf)
     best = int(np.argmax(output))
     return float(output[best]), float(place[best]), width

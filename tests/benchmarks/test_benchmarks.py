@@ -6,7 +6,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from benchmarks import angle_lag, envelope, loop_measures, plant_call, startup, work_precision
+from benchmarks import (
+    angle_lag,
+    envelope,
+    loop_measures,
+    mode_split,
+    plant_call,
+    split_envelope,
+    split_fmu,
+    startup,
+    work_precision,
+)
 from benchmarks.__main__ import NAMES, command_of
 from benchmarks.closed_loop import compiled_loop, fmpy_loop
 from benchmarks.integrators import METHODS, Integrators
@@ -36,7 +46,7 @@ def test_results_are_written_as_json_and_markdown(tmp_path):
 
 
 def test_every_benchmark_can_be_run_by_name():
-    modules = (angle_lag, envelope, loop_measures, plant_call, startup, work_precision)
+    modules = (angle_lag, envelope, loop_measures, mode_split, plant_call, startup, work_precision)
     assert {module.__name__.removeprefix("benchmarks.") for module in modules} == set(NAMES)
     assert all(callable(module.run) for module in modules)
 
@@ -88,3 +98,29 @@ def test_work_precision_gives_rows_and_a_diagram():
     assert work_precision.diagram(points).startswith("<svg")
     # 4 ms are 90 rad: extended precision keeps 1e-17 of it, the comparison in double 1e-16.
     assert max(truth.values()) < 1e-14
+
+
+def test_mode_split_measures_a_record():
+    outcome = mode_split.measure(mode_split.Point(5000, 20, 5), 1)
+    # Errors in units of the bound.
+    assert abs(outcome.likelihood) < 4
+    assert abs(outcome.cut) < 8
+    # 300 °/s of line five line widths away.
+    assert np.isnan(outcome.printed)
+
+
+def test_split_is_found_in_records_of_both_plants():
+    for plant, point in ((split_envelope, split_envelope.POINTS[1]), (split_fmu, split_fmu.POINTS[1])):
+        error, held = plant.measure(point, 1)
+        # One record within four deviations of what is at most a quarter over the bound.
+        assert abs(error) < 5
+        assert held
+
+
+def test_bias_takes_the_split_away_in_the_envelope_plant():
+    splits, missed = split_envelope.match(1, minutes=3.0)
+    assert missed == 0
+    # Half of what is left goes with each block of 10 s; a block knows the split to 0.17 Hz, of which the loop leaves
+    # 0.17 √(0.5/1.5) = 0.1 Hz: five of that.
+    assert abs(splits[0]) > 3
+    assert np.all(np.abs(splits[8:]) < 0.5)
