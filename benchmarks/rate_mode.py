@@ -67,7 +67,7 @@ def run(options: Options) -> Report:
     ]
     notes = [
         "Plants: one rest, +R, rest, -R round of 3 s at each temperature, noise off; 5 µs samples of the full FMU, "
-        "1 ms steps of the envelope; full range ±300 °/s. The rows of the two plants hold start-up, drive loop, sense loop "
+        "1 ms steps of the envelope; full range ±300 °/s. The rows hold start-up, drive loop, sense loop "
         "and output filter of each.",
         "Drift: (max - min)/range over the five soaks; not linear: span of what is left after the least-squares line, "
         "over the span.",
