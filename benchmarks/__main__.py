@@ -11,7 +11,14 @@ from benchmarks.report import RESULTS, Options, Report, show, write
 from gyro_model.errors import InputError, nearest
 
 NAMES = (
-    "plant_call", "envelope", "startup", "work_precision", "angle_lag", "loop_measures", "mode_split",
+    "plant_call",
+    "envelope",
+    "startup",
+    "work_precision",
+    "angle_lag",
+    "loop_measures",
+    "mode_split",
+    "rate_mode",
 )
 """The benchmarks, one module each with ``run(options) -> Report``."""
 

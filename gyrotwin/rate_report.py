@@ -83,14 +83,15 @@ def _allan(allan: Mapping[str, Any]) -> Table:
 
 def noise_rows(allan: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Quantity, value, unit."""
-    walk = f"{allan['angle_random_walk_deg_rth']:.4f} ± {allan['angle_random_walk_error_deg_rth']:.4f}"
+    error = significant(allan["angle_random_walk_error_deg_rth"], 2)
+    walk = f"{significant(allan['angle_random_walk_deg_rth'])} ± {error}"
     flat = allan["bias_instability_deg_h"]
     at_most = significant(allan["lowest_deviation_deg_h"] / FLAT)
     return [
         ("angle random walk", walk, "°/√h"),
-        ("thermal limit √(k_B T/(mωQA²))/λ", f"{allan['thermal_limit_deg_rth']:.4f}", "°/√h"),
-        ("sense electronics", f"{allan['electronics_deg_rth']:.4f}", "°/√h"),
-        ("both", f"{allan['expected_deg_rth']:.4f}", "°/√h"),
+        ("thermal limit √(k_B T/(mωQA²))/λ", significant(allan["thermal_limit_deg_rth"]), "°/√h"),
+        ("sense electronics", significant(allan["electronics_deg_rth"]), "°/√h"),
+        ("both", significant(allan["expected_deg_rth"]), "°/√h"),
         ("bias instability", significant(flat) if flat is not None else f"below {at_most}: still falling", "°/h"),
     ]
 

@@ -14,6 +14,8 @@ from gyro_model.errors import InputError
 
 ENVELOPE_PERIOD = 1e-3
 """Step of the slow loops on the envelope [s]: a twentieth of a period of the split, a fiftieth of the phase loop's."""
+LONGEST_SETTLING = 60.0
+"""The full FMU is not run up for longer than this [s]: some 20 s of computing."""
 SETTLED = 12.0
 """Time constants until settled: e^-12 = 6e-6 of a start or step is left."""
 
@@ -63,6 +65,11 @@ class RateRun:
             raise InputError(
                 f"rate step stays {self.rate.stays:.4g} s: the output needs {self.settling:.3g} s to settle; "
                 f"give a --rate-period of {8 * (self.settling + 10 * self.interval):.2g} s or more"
+            )
+        if not self.envelope and self.settling > LONGEST_SETTLING:
+            raise InputError(
+                f"device {self.device.name} settles in {self.settling:.4g} s, too long for the full FMU: "
+                "give --plant envelope, or a lower Q"
             )
         check_rate(self.rate, self.duration, self.interval, self.settings.full_scale)
         check_jumps(self.temperature, self.duration, self.interval)

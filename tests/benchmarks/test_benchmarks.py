@@ -12,6 +12,7 @@ from benchmarks import (
     loop_measures,
     mode_split,
     plant_call,
+    rate_mode,
     split_envelope,
     split_fmu,
     startup,
@@ -46,7 +47,7 @@ def test_results_are_written_as_json_and_markdown(tmp_path):
 
 
 def test_every_benchmark_can_be_run_by_name():
-    modules = (angle_lag, envelope, loop_measures, mode_split, plant_call, startup, work_precision)
+    modules = (angle_lag, envelope, loop_measures, mode_split, plant_call, rate_mode, startup, work_precision)
     assert {module.__name__.removeprefix("benchmarks.") for module in modules} == set(NAMES)
     assert all(callable(module.run) for module in modules)
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from gyro_model.device import (
     CONTROLLER_UNITS,
     FORMAT,
+    RATE_MODE_UNITS,
     Device,
     check_passive,
     controller_for,
@@ -150,7 +151,8 @@ def test_packaged_devices_load(name: str) -> None:
     for line in packaged_devices()[name].read_text(encoding="utf-8").partition("[parameters]")[2].splitlines():
         key, equals, comment = line.partition("=")
         if equals:
-            unit = CONTROLLER_UNITS.get(key.strip()) or MODEL.parameter(key.strip()).unit
+            tables = CONTROLLER_UNITS | RATE_MODE_UNITS
+            unit = tables.get(key.strip()) or MODEL.parameter(key.strip()).unit
             assert comment.partition("#")[2].split()[0].rstrip(",:") == unit, line
 
 
