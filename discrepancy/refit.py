@@ -15,7 +15,7 @@ from discrepancy.linear_fit import WeakForm, weak_form
 from discrepancy.linear_fit import fit as fit_weak_form
 from discrepancy.record import Floats, Record
 from discrepancy.simulate import Job, Simulator
-from discrepancy.whitening import Whitener, likeliest, whitener
+from discrepancy.whitening import Setting, Whitener, likeliest, whitener
 from gyro_model.errors import InputError
 
 BLOCKS: Final = 24
@@ -104,7 +104,7 @@ class Fitter:
 
     def plain(self, parameters: Mapping[str, float]) -> Whitener:
         """No whitening."""
-        return whitener(parameters, self.axes, self.period, 0.0)
+        return whitener(parameters, self.axes, self.period, Setting())
 
     @property
     def at_rest(self) -> tuple[Mapping[str, float], ...]:
