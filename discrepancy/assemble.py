@@ -10,7 +10,8 @@ from discrepancy.answer import Diagnosis, Finding, Stage, Value, Verdict
 from discrepancy.columns import Candidate, nameable
 from discrepancy.limits import SAME
 from discrepancy.locate import located
-from discrepancy.measures import Noise, converter_step, misfits, noise_of, start_fitted
+from discrepancy.measures import misfits, start_fitted
+from discrepancy.noise import Noise, converter_step, noise_of, noises
 from discrepancy.record import Floats
 from discrepancy.refit import SETTLED
 from discrepancy.score import Score
@@ -52,8 +53,8 @@ def assemble(search: "Search") -> Diagnosis:
         verdict = "unexplained"
     rivals = {entry.id: entry.rivals for entry in search.accepted if entry.rivals}
     return Diagnosis(
-        verdict, effects, _immaterial(search), _noises(noise), gaps, places, _detectable(search), device, parameters,
-        rivals, tuple(search.steps), stages, _removed(search, effects, parameters), _doubts(search),
+        verdict, effects, _immaterial(search), _noises(search, noise), gaps, places, _detectable(search), device,
+        parameters, rivals, tuple(search.steps), stages, _removed(search, effects, parameters), _doubts(search),
     )  # fmt: skip
 
 
@@ -180,12 +181,8 @@ def _detectable(search: "Search") -> dict[str, dict[str, float]]:
     return sizes
 
 
-def _noises(noise: Noise | None) -> dict[str, Value]:
-    if noise is None:
-        return {}
-    rounding = noise.lsb**2 / 12
-    white = [float(np.sqrt(max(value**2 - rounding, 0.0))) for value in (noise.rms, noise.low, noise.high)]
-    result = {"sense_noise": Value(white[0], white[1], white[2], "V")}
-    if noise.lsb:
-        result["adc_lsb"] = Value(noise.lsb, noise.lsb, noise.lsb, "V")
-    return result
+def _noises(search: "Search", white: Noise | None) -> dict[str, Value]:
+    """Those that the model has a name for, each with its unit."""
+    names = {q.name: q.unit for e in search.simulator.model.effects if e.noise for q in e.sizes}
+    found = noises(search.at, search.fitter.records, white)
+    return {n: Value(x.value, x.low, x.high, names[n]) for n, x in found.items() if n in names}

@@ -24,9 +24,9 @@ from gyro_model.units import dimension
 
 NEVER: Final = 1e100
 """A neutral value beyond this is a limit that is never reached: no small step leaves it."""
-FREQUENCIES, INSTANTS, TIMES = 60, 16, 6
+FREQUENCIES, INSTANTS, TIMES = 30, 16, 6
 """Grid points: over 0.2 to 3 times the highest mode, over a run, and over 0.01 to 10 runs by decades and halves."""
-SEARCH_QUALITY: Final = 20.0
+SEARCH_QUALITY: Final = 10.0
 """Quality factor of a searched resonance: as broad as its grid is coarse."""
 FINER: Final = 4.0
 """By which each refinement of such a grid is finer."""
@@ -127,7 +127,8 @@ class Library:
         self.duration = max(len(r.t) for r in self.records) * fitter.period
         self.begin = min(float(r.t[0]) for r in self.records)
         self.period = fitter.period
-        self._kept: dict[tuple[str, str], Probe] = {}
+        self._kept: dict[tuple[str, str], tuple[Probe, float]] = {}
+        self._silent: dict[str, frozenset[str]] = {}
 
     def candidates(self, fitter: Fitter, at: Fitted, present: Sequence[str]) -> list[Candidate]:
         """Every effect beside those ``present`` that changes the voltage of these runs, at each point of its grid."""
@@ -135,9 +136,13 @@ class Library:
         found, silent = [], []
         for effect in nameable(self.model):
             if effect.id not in present:
-                own = self._of(effect, scale, at)
+                # What changes nothing may do so only once something else is in.
+                known = self._silent.get(effect.id) == frozenset(present)
+                own = [] if known else self._of(effect, scale, at)
                 found += own
-                silent += [] if own else [effect]
+                if not own:
+                    silent.append(effect)
+                    self._silent[effect.id] = frozenset(present)
         for effect in silent:
             for partner in list(found):
                 if partner.partner is None and _linked(effect, partner.effect):
@@ -152,11 +157,20 @@ class Library:
         probes = []
         for q in effect.sizes:
             key = q.name, partner.effect.id if partner else ""
-            probe = scale.probe(q, middle, base, self._kept.get(key))
+            probe = self._known(key, scale.target) or scale.probe(q, middle, base)
             if probe:
-                self._kept[key] = probe
+                self._kept[key] = probe, scale.target
                 probes.append(probe)
         return [Candidate(effect, tuple(probes), shapes, searched, len(grid)) for shapes in grid] if probes else []
+
+    def _known(self, key: tuple[str, str], target: float) -> Probe | None:
+        """The probe that was found before, for a change of ``target``: a smaller gap asks for a smaller one."""
+        if key not in self._kept:
+            return None
+        probe, before = self._kept[key]
+        room = abs((probe.quantity.high if probe.step > 0 else probe.quantity.low) - probe.quantity.start)
+        step = min(abs(probe.step) * (target / before) ** (1 / probe.power), room)
+        return replace(probe, step=float(np.copysign(step, probe.step)))
 
     def _grid(self, effect: Effect, at: Fitted) -> tuple[list[dict[str, float]], tuple[Quantity, ...]]:
         """Values of the shape parameters to try and which of them a refit may move."""
@@ -212,14 +226,12 @@ class _Scale:
             (record, {**p, **start}) for record, start in zip(fitter.records, at.starts, strict=True)
         ]
 
-    def probe(self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float],
-              before: Probe | None) -> Probe | None:  # fmt: skip
-        """A probe of ``q``; None where nothing changes. base: changes beside which it acts; before: a guess."""
+    def probe(self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float]) -> Probe | None:
+        """A probe of ``q``; None where nothing changes. base: changes beside which it acts."""
         sign = -1.0 if q.high <= q.start else 1.0
         room = abs((q.high if sign > 0 else q.low) - q.start)
-        step = abs(before.step) if before else self._natural(q)
-        step = min(step, 0.5 * room)
-        power, known = (before.power, True) if before else (1, False)
+        step = min(self._natural(q), 0.5 * room)
+        power, known = 1, False
         for _ in range(ATTEMPTS):
             change = self._change(q, shapes, base, sign * step)
             if 0.3 < change / self.target < 3 and known:

@@ -61,9 +61,9 @@ def _started(fitter: Fitter, at: Fitted) -> Fitted:
 def whitened(fitter: Fitter, at: Fitted) -> Fitted:
     """``at`` fitted under the whitening that its own residuals ask for."""
     for _ in range(3):
-        bandwidth = at.whiten.bandwidth
+        setting = at.whiten.setting
         again = fitter.whitened(at)
-        if again.whiten.bandwidth == bandwidth:
+        if again.whiten.setting == setting:
             break
         at = fitter.fit(again)
     return at

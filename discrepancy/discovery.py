@@ -18,7 +18,7 @@ from scipy.stats import chi2
 from discrepancy.columns import Candidate, Probe
 from discrepancy.effect_file import peaks_of, scales_of, write_effect
 from discrepancy.library import Form, forms, known, magnitude
-from discrepancy.measures import noise_of
+from discrepancy.noise import noise_of
 from discrepancy.record import Record
 from discrepancy.refit import BLOCKS, Fitted, Fitter
 from discrepancy.score import Score, score

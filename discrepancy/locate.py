@@ -21,7 +21,7 @@ from scipy.stats import chi2
 
 from discrepancy.conditions import Split, association, operating_conditions, split
 from discrepancy.linear_fit import mode_frequencies
-from discrepancy.measures import noise_of
+from discrepancy.noise import noise_of
 from discrepancy.record import Floats, Record
 from discrepancy.whitening import Whitener, whitener
 from gyro_model.symbols import BOLTZMANN

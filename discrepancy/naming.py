@@ -16,6 +16,7 @@ from discrepancy.columns import Candidate, Library, finer, nameable
 from discrepancy.continuation import IN_STEP, settled
 from discrepancy.dataset import Dataset
 from discrepancy.limits import clip_level, masked
+from discrepancy.record import Floats
 from discrepancy.refit import Fitted, Fitter, Free
 from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator
@@ -34,6 +35,8 @@ RIVAL_SHARE: Final = 0.5
 half the truth."""
 EVEN: Final = 9.0
 """Chi-square by which a rival may fit worse and still count as not told apart: three standard deviations."""
+FINEST: Final = 70
+"""Trials of a grid after which it is not refined further: resonances are then as sharp as Q = 640."""
 SIMPLER: Final = 12.0
 """Chi-square that a further size parameter must bring."""
 
@@ -172,30 +175,24 @@ class Search:
 
     def _scan(self) -> None:
         """Scores every candidate at the present fit."""
-        found = self.library.candidates(self.fitter, self.at, self.present)
-        self.scored = self._scores(found)
+        self.scan = self._scanned(self.library.candidates(self.fitter, self.at, self.present))
+        self.scored = self.scan.scores(range(self.scan.known), self.scan.grams)
         best = best_of(self.scored)
         for candidate, result in best:
             sharper = candidate
-            # A resonance on a coarse grid: finer about the best point, twice, where it may matter.
-            while result.probability < 0.01 and result.gain > 0.2 * best[0][1].gain and sharper.trials < 100:
-                more = self._scores(finer(sharper))
+            # A resonance on a coarse grid: ever finer about the best point, where it may matter.
+            while result.probability < 0.01 and result.gain > 0.2 * best[0][1].gain and sharper.trials < FINEST:
+                scan = self._scanned(finer(sharper))
+                more = scan.scores(range(scan.known), scan.grams)
                 if not more:
                     break
                 self.scored += more
                 sharper = max(more, key=lambda entry: entry[1].gain)[0]
 
-    def _scores(self, found: Sequence[Candidate]) -> list[Scored]:
-        linear = self.fitter.with_grams(self.at, [change for c in found for change in c.changes()])
-        assert linear.grams is not None
-        place, scored = linear.known, []
-        for candidate in found:
-            columns = tuple(range(place, place + len(candidate.all_probes)))
-            place += len(columns)
-            result = signed_score(linear.grams, linear.known, columns, candidate, self.at.count)
-            if result is not None:
-                scored.append((candidate, result))
-        return scored
+    def _scanned(self, found: Sequence[Candidate]) -> "Scan":
+        removals = [_neutral(entry) for entry in self.accepted]
+        linear = self.fitter.with_grams(self.at, [*removals, *(change for c in found for change in c.changes())])
+        return Scan(linear, tuple(found), len(removals))
 
     def _accept(self) -> bool:
         """Takes the best effect that is both significant and material into the model; False where there is none."""
@@ -279,33 +276,56 @@ class Search:
 
     def _stand_ins(self, entry: Accepted) -> list[Scored]:
         """Effects that explain what ``entry`` does nearly as well, by their columns at the present fit."""
-        found = self.library.candidates(self.fitter, self.at, self.present)
-        removal = [_neutral(entry)]
-        changes = [change for c in found for change in c.changes()]
-        linear = self.fitter.with_grams(self.at, [*removal, *changes])
-        assert linear.grams is not None
-        grams = without(linear.grams, linear.known)
-        own = [i for i, f in enumerate(linear.free) if f.name in entry.names]
-        others = [i for i in range(linear.known) if i not in own]
+        if self.scan.at.parameters != self.at.parameters:
+            self._scan()
+        grams = without(self.scan.grams, self.scan.known + self.accepted.index(entry))
+        own = [i for i, f in enumerate(self.scan.at.free) if f.name in entry.names]
+        others = [i for i in range(self.scan.known) if i not in own]
         least = score(grams, others, own, self.at.count)
-        place, scored = linear.known + 1, []
-        for candidate in found:
-            columns = tuple(range(place, place + len(candidate.all_probes)))
+        near = [(c, s) for c, s in self.scan.scores(others, grams)
+                if s.gain > least.gain - 4 * EVEN * least.inflation - 0.1 * least.gain]  # fmt: skip
+        return best_of(near)[:RIVALS]
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Columns of candidates at a fit, after so many ``removals``: columns that take accepted effects out."""
+
+    at: Fitted
+    found: tuple[Candidate, ...]
+    removals: int
+
+    @property
+    def known(self) -> int:
+        """Columns of the model itself."""
+        return self.at.known
+
+    @property
+    def grams(self) -> Floats:
+        """As ``Fitted`` has them."""
+        assert self.at.grams is not None
+        return self.at.grams
+
+    def scores(self, known: Sequence[int], grams: Floats) -> list[Scored]:
+        """Of every candidate beside the ``known`` columns; ``grams`` may have another residual."""
+        place, scored = self.known + self.removals, []
+        for candidate in self.found:
+            columns = range(place, place + len(candidate.all_probes))
             place += len(columns)
-            result = signed_score(grams, others, columns, candidate, self.at.count)
-            if result and result.gain > least.gain - 4 * EVEN * least.inflation - 0.1 * least.gain:
+            result = signed_score(grams, known, columns, candidate, self.at.count)
+            if result is not None:
                 scored.append((candidate, result))
-        return best_of(scored)[:RIVALS]
+        return scored
 
 
-def signed_score(grams: object, known: int | Sequence[int], columns: Sequence[int], candidate: Candidate,
+def signed_score(grams: Floats, known: Sequence[int], columns: Sequence[int], candidate: Candidate,
                  count: int) -> Score | None:  # fmt: skip
     """The score of a candidate's columns, those left out that would have to act with a sign that they can't take; None
     where none is left."""
     used = list(range(len(columns)))
     probes = candidate.all_probes
     while used:
-        result = score(grams, known, [columns[i] for i in used], count)  # type: ignore[arg-type]
+        result = score(grams, known, [columns[i] for i in used], count)
         if not result.amplitudes:
             return None
         wrong = [i for i, a in zip(used, result.amplitudes, strict=True) if probes[i].one_sided and a < 0

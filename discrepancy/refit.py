@@ -15,7 +15,7 @@ from discrepancy.linear_fit import WeakForm, weak_form
 from discrepancy.linear_fit import fit as fit_weak_form
 from discrepancy.record import Floats, Record
 from discrepancy.simulate import Job, Simulator
-from discrepancy.whitening import Whitener, likeliest, whitener
+from discrepancy.whitening import Setting, Whitener, likeliest, whitener
 from gyro_model.errors import InputError
 
 BLOCKS: Final = 24
@@ -104,7 +104,7 @@ class Fitter:
 
     def plain(self, parameters: Mapping[str, float]) -> Whitener:
         """No whitening."""
-        return whitener(parameters, self.axes, self.period, 0.0)
+        return whitener(parameters, self.axes, self.period, Setting())
 
     @property
     def at_rest(self) -> tuple[Mapping[str, float], ...]:
@@ -158,19 +158,18 @@ class Fitter:
 
     def _derivatives(self, at: Fitted, run: int) -> Floats:
         """By each free parameter, a full ``step`` of it, and each state of this run: (p, n, axes) [V]."""
-        probes: list[dict[str, float]] = []
-        for free in at.free:
-            value = at.parameters[free.name]
-            probes += [{free.name: min(value + free.step, free.high)}, {free.name: max(value - free.step, free.low)}]
+        probes = [{free.name: at.parameters[free.name] + self._side(at, free) * free.step} for free in at.free]
         probes += [{name: at.starts[run][name] + step} for name, step in self._state_steps(at, run).items()]
         found = self.columns(at, run, probes)
-        n = len(at.free)
-        for i, free in enumerate(at.free):
-            ends = [probes[2 * i + side][free.name] if found[2 * i + side].any() else at.parameters[free.name]
-                    for side in (0, 1)]  # fmt: skip
-            width = ends[0] - ends[1]
-            found[i] = (found[2 * i] - found[2 * i + 1]) * (free.step / width) if width > 0 else 0.0
-        return np.concatenate((found[:n], found[2 * n :]))
+        found[: len(at.free)] *= np.array([self._side(at, free) for free in at.free])[:, None, None]
+        return found
+
+    @staticmethod
+    def _side(at: Fitted, free: Free) -> float:
+        """Up, but where a bound or passivity is in the way."""
+        p = at.parameters
+        cross = free.name in ("kxy", "dxy") and p[free.name] > 0
+        return -1.0 if cross or p[free.name] + free.step > free.high else 1.0
 
     def _state_steps(self, at: Fitted, run: int) -> dict[str, float]:
         size = LINEAR * self.signal / at.parameters["sense_gain_x"]

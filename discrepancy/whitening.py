@@ -1,117 +1,255 @@
-"""Turns residuals into innovations: what a disturbed mechanical motion and white sensor noise leave unpredicted.
+"""Turns residuals into innovations: what noises with a memory leave unpredicted.
 
 Thermal force, and any force that a model lacks, shake the modes, so a residual of the output is correlated over the
-decay of a mode (longer than many records) and a test for white residuals finds effects in it that are not there. The
-linear model with a white force of unknown strength, in a steady-state Kalman filter, takes the correlation out;
-without such a force the filter changes nothing. Columns go through the same filter, so the fit that follows is
-generalised least squares (T. Kailath, IEEE Trans. Automatic Control 13, 1968).
+decay of a mode (longer than many records); flicker noise is correlated over any time. A test for white residuals finds
+effects in both that are not there. A Kalman filter takes the correlation out: the linear model with a white force of
+unknown strength, and flicker as a sum of first-order lags. Columns go through the same filter, so the fit that follows
+is generalised least squares (T. Kailath, IEEE Trans. Automatic Control 13, 1968).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 from numba import njit
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import block_diag, expm
 
 from discrepancy.record import Bools, Floats
 
 MEMORIES: Final = (0.0, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0)
 """Tracking bandwidths tried, in units of one over the length of a run; 0: no disturbance."""
+LOWEST_CORNER, CORNER_RATIO = 0.3, 4.0
+"""Frequencies tried at which flicker equals the white noise: the lowest over one over the length of a run, and the
+ratio of neighbours, up to four times the sample rate; then BETWEEN them."""
+BETWEEN: Final = (0.5, 0.7, 1.4, 2.0)
+EARNED: Final = 30.0
+"""Twice the log likelihood that each of the two has to earn to be beyond doubt."""
+RATIO: Final = 5.0
+"""Of neighbouring corner frequencies of the lags that make flicker; their sum is within 4 % of a²/f between."""
+SLOWEST, FASTEST = 0.1, 10.0
+"""Corner frequencies of the lags, over one over the length of a run and over the corner of the flicker."""
+LEARNT: Final = 16_000
+"""Samples from which a gain stays at the latest: that of the slowest lag falls as one over their number."""
+CHOSEN: Final = 16_000
+"""Samples of each run by which a setting is chosen."""
+STEADY: Final = 1e-10
+"""Relative change of a gain from which it stays."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """bandwidth [1/s] with which a motion is tracked; corner [Hz] where flicker equals the white noise; 0: none."""
+
+    bandwidth: float = 0.0
+    corner: float = 0.0
+
+    @property
+    def white(self) -> bool:
+        """Whether there is nothing to take out."""
+        return self.bandwidth == 0 and self.corner == 0
 
 
 @dataclass(frozen=True)
 class Whitener:
-    """transition (s, s), gain (s, axes), seen (axes, s), root (axes, axes): innovation = root (v - seen s)."""
+    """The filter of a setting: with error = v - seen s, the innovation of sample k is roots[k] error, and s goes to
+    transition (s + gains[k] error).
 
-    transition: Floats
-    gain: Floats
-    seen: Floats
-    root: Floats
-    bandwidth: float
+    transition (s, s), seen (axes, s), gains (k, s, axes), roots (k, axes, axes), the last of them from there on.
+    """
+
+    setting: Setting
+    transition: Floats = field(repr=False)
+    seen: Floats = field(repr=False)
+    gains: Floats = field(repr=False)
+    roots: Floats = field(repr=False)
 
     def __call__(self, v: Floats, valid: Bools) -> Floats:
         """Innovations of v (columns, n, axes) [V], zero where a sample is not valid (n,); same shape and unit."""
+        if self.setting.white:
+            return np.asarray(v * valid[:, None])
         out = np.empty_like(v)
-        _filter(self.transition, self.gain, self.seen, self.root, np.ascontiguousarray(v), valid, out)
+        _filter(self.transition, self.seen, self.gains, self.roots, np.ascontiguousarray(v), valid, out)
         return out
 
+    def log_determinants(self, n: int) -> float:
+        """Sum of log det roots over the first n samples."""
+        logs = np.log(np.linalg.det(self.roots[:n]))
+        return float(logs.sum() + (n - len(logs)) * logs[-1])
 
-def whitener(p: Mapping[str, float], axes: int, period: float, bandwidth: float) -> Whitener:
-    """The filter of a device with parameters ``p`` (FMU names, SI) for a tracking ``bandwidth`` [1/s]; 0 gives the
-    identity."""
+
+def whitener(p: Mapping[str, float], axes: int, period: float, setting: Setting, length: int = 1) -> Whitener:
+    """The filter of a device with parameters ``p`` (FMU names, SI) for runs of up to ``length`` samples. The motion is
+    known at the start, where every fit has it free."""
+    if axes == 2 and not setting.bandwidth and setting.corner:
+        # Each channel has a flicker of its own.
+        one_axis = whitener(p, 1, period, setting, length)
+        pair = [
+            np.kron(np.eye(2), part) for part in (one_axis.transition, one_axis.seen, one_axis.gains, one_axis.roots)
+        ]
+        return Whitener(setting, *pair)
+    if setting.white:
+        one = np.ones((1, 1, 1))
+        return Whitener(setting, np.zeros((0, 0)), np.zeros((axes, 0)), one, np.eye(axes)[None])
+    parts = [_motion(p, axes, period, setting.bandwidth)] if setting.bandwidth else []
+    parts += [_flicker(axes, period, setting.corner, length)] if setting.corner else []
+    transition = block_diag(*(part[0] for part in parts))
+    drift, start = block_diag(*(part[1] for part in parts)), block_diag(*(part[2] for part in parts))
+    seen = np.hstack([part[3] for part in parts])
+    kept = min(length, LEARNT)
+    gains, roots = np.zeros((kept, len(transition), axes)), np.zeros((kept, axes, axes))
+    used = _gains(transition, drift, start, seen, gains, roots)
+    return Whitener(setting, transition, seen, gains[:used].copy(), roots[:used].copy())
+
+
+_Part = tuple[Floats, Floats, Floats, Floats]
+"""Transition, drift and start covariance (s, s), in units of the white noise's variance, and seen (axes, s)."""
+
+
+def _motion(p: Mapping[str, float], axes: int, period: float, bandwidth: float) -> _Part:
     n = 2 * axes
-    seen = np.zeros((axes, n))
-    seen[range(axes), range(0, n, 2)] = [p["sense_gain_x"], p.get("sense_gain_y", 1.0)][:axes]
-    if bandwidth == 0:
-        return Whitener(np.eye(n), np.zeros((n, axes)), seen, np.eye(axes), 0.0)
     k = np.array([[p["kxx"], p.get("kxy", 0.0)], [p.get("kxy", 0.0), p.get("kyy", 1.0)]])[:axes, :axes] / p["m"]
     d = np.array([[p["dxx"], p.get("dxy", 0.0)], [p.get("dxy", 0.0), p.get("dyy", 0.0)]])[:axes, :axes] / p["m"]
+    gains = np.array([p["sense_gain_x"], p.get("sense_gain_y", 1.0)][:axes])
     rate = np.zeros((n, n))
     rate[::2, 1::2], rate[1::2, ::2], rate[1::2, 1::2] = np.eye(axes), -k, -d
-    # In time of 1/w and volt, where all entries are of order 1 and the Riccati equation is well scaled.
-    w = float(np.sqrt(np.linalg.eigvalsh(k).max()))
-    gains = seen[range(axes), range(0, n, 2)]
-    scale = np.repeat(1 / gains, 2) * np.tile([1.0, w], axes)
-    transition = expm(rate * period)
-    balanced = transition * scale / scale[:, None]
-    observed = np.zeros((axes, n))
-    observed[range(axes), range(0, n, 2)] = 1.0
-    # A slowly turning amplitude with drift variance s a second in white noise of density r T is tracked with s = b^2
-    # r T.
-    drift = np.diag(np.tile([0.0, 4 * bandwidth**2 * period**2], axes))
-    p_inf = solve_discrete_are(balanced.T, observed.T, drift, np.eye(axes))
-    innovation = observed @ p_inf @ observed.T + np.eye(axes)
-    gain = p_inf @ observed.T @ np.linalg.inv(innovation)
-    root = np.linalg.inv(np.linalg.cholesky(innovation))
-    return Whitener(transition, gain * scale[:, None], seen, root, bandwidth)
+    # In volt and time of 1/w, where all entries are of order 1.
+    scale = np.repeat(1 / gains, 2) * np.tile([1.0, np.sqrt(top_rate(p, axes))], axes)
+    transition = expm(rate * period) * scale / scale[:, None]
+    # A slowly turning amplitude with drift variance s a second in white noise of density r T is tracked with s = b²
+    # r T; it comes to each axis as a thermal force would, in proportion to the damping.
+    drift = np.zeros((n, n))
+    shaken = d * np.outer(gains, gains)
+    drift[1::2, 1::2] = 4 * bandwidth**2 * period**2 * shaken / np.mean(np.diag(shaken))
+    seen = np.zeros((axes, n))
+    seen[range(axes), range(0, n, 2)] = 1.0
+    return transition, drift, np.zeros((n, n)), seen
+
+
+def top_rate(p: Mapping[str, float], axes: int) -> float:
+    """Square of the highest mode's angular frequency [1/s²]."""
+    k = np.array([[p["kxx"], p.get("kxy", 0.0)], [p.get("kxy", 0.0), p.get("kyy", 0.0)]])[:axes, :axes]
+    return float(np.linalg.eigvalsh(k).max() / p["m"])
+
+
+def _flicker(axes: int, period: float, corner: float, length: int) -> _Part:
+    """Lags of equal variance with corner frequencies in geometric progression: Σ 4 σ²τ/(1 + (2πfτ)²) = σ²/(f ln r)."""
+    # A lag faster than a sample would be white.
+    slowest, fastest = SLOWEST / (length * period), min(max(FASTEST * corner, 1 / (length * period)), 0.2 / period)
+    count = max(2, int(np.log(fastest / slowest) / np.log(RATIO)) + 1)
+    poles = np.exp(-2 * np.pi * slowest * RATIO ** np.arange(count) * period)
+    # a²/f equals 2 σ_white² T at the corner.
+    variance = np.log(RATIO) * 2 * period * corner
+    transition = np.kron(np.eye(axes), np.diag(poles))
+    start = variance * np.eye(axes * count)
+    drift = np.kron(np.eye(axes), np.diag(variance * (1 - poles**2)))
+    return transition, drift, start, np.kron(np.eye(axes), np.ones((1, count)))
+
+
+def misfit_under(
+    p: Mapping[str, float], period: float, setting: Setting, residuals: Sequence[Floats], valid: Sequence[Bools]
+) -> tuple[float, float]:
+    """How unlikely ``residuals`` are under a setting (twice the negative log likelihood with the white noise's level
+    free), and that level's variance [V²]."""
+    axes = residuals[0].shape[1]
+    filtered = whitener(p, axes, period, setting, max(len(r) for r in residuals))
+    square, count, logs = 0.0, 0, 0.0
+    for residual, usable in zip(residuals, valid, strict=True):
+        square += float(np.sum(filtered(residual[None], usable) ** 2))
+        count += int(usable.sum()) * axes
+        logs += filtered.log_determinants(len(residual))
+    return float(count * np.log(square / count) - 2 * logs), square / count
 
 
 def likeliest(p: Mapping[str, float], period: float, residuals: Sequence[Floats], valid: Sequence[Bools]) -> Whitener:
     """The filter under which ``residuals`` (one (n, axes) a run) [V] are likeliest, their noise level free."""
-    axes = residuals[0].shape[1]
-    length = max(len(r) for r in residuals) * period
-    best, least = None, np.inf
-    for memory in MEMORIES:
-        filtered = whitener(p, axes, period, memory / length)
-        square, count = 0.0, 0
-        for residual, usable in zip(residuals, valid, strict=True):
-            square += float(np.sum(filtered(residual[None], usable) ** 2))
-            count += int(usable.sum()) * axes
-        cost = count * np.log(square / count) - 2 * count / axes * np.log(np.linalg.det(filtered.root))
-        # Each bandwidth beyond none has to earn its parameter beyond doubt.
-        if cost < least - 30.0:
-            best, least = filtered, cost
-    assert best is not None
-    return best
+    samples = max(len(r) for r in residuals)
+    length = samples * period
+    residuals, valid = [r[:CHOSEN] for r in residuals], [u[:CHOSEN] for u in valid]
+
+    def better(best: tuple[float, Setting], tried: Sequence[Setting]) -> tuple[float, Setting]:
+        costs = [(misfit_under(p, period, setting, residuals, valid)[0] + EARNED, setting) for setting in tried]
+        return min([best, *costs], key=lambda entry: entry[0])
+
+    none = misfit_under(p, period, Setting(), residuals, valid)[0], Setting()
+    memories = [Setting(bandwidth=memory / length) for memory in MEMORIES[1:]]
+    best = better(none, memories)
+    if _rises(residuals, valid):
+        corners = LOWEST_CORNER / length * CORNER_RATIO ** np.arange(np.log(samples) / np.log(CORNER_RATIO) + 2)
+        flicker = better(none, [Setting(corner=float(corner)) for corner in corners])
+        flicker = better((flicker[0] + EARNED, flicker[1]), [Setting(corner=f * flicker[1].corner) for f in BETWEEN])
+        both = better(flicker, [replace(m, corner=flicker[1].corner) for m in memories])
+        best = min(best, both, key=lambda entry: entry[0])
+    return whitener(p, residuals[0].shape[1], period, best[1], samples)
+
+
+def _rises(residuals: Sequence[Floats], valid: Sequence[Bools]) -> bool:
+    """Whether residuals wander: means of eighths about each channel's line vary more than white noise's would, by twice
+    their variance. An offset and a drift are no noise."""
+    ratios = []
+    for residual, usable in zip(residuals, valid, strict=True):
+        for channel in residual.T:
+            parts = [part for part in np.array_split(channel[usable], 32) if len(part)]
+            means = np.array([part.mean() for part in parts])
+            steps = np.diff(means, 2)
+            # The second difference of white means has six times their variance.
+            white = np.median(np.diff(channel[usable], 2) ** 2) / 0.455 / 6
+            ratios.append(float(np.mean(steps**2) / 6 / max(white / len(parts[0]), 1e-300)))
+    return bool(np.mean(ratios) > 2)
 
 
 @njit(cache=True, nogil=True)
-def _filter(transition, gain, seen, root, v, valid, out):  # type: ignore[no-untyped-def]
+def _gains(transition, drift, start, seen, gains, roots):  # type: ignore[no-untyped-def]
+    """Fills gains and roots until they stay; gives how many samples that took."""
+    axes = len(seen)
+    covariance = start.copy()
+    for k in range(len(gains)):
+        innovation = seen @ covariance @ seen.T + np.eye(axes)
+        gain = covariance @ seen.T @ np.linalg.inv(innovation)
+        gains[k] = gain
+        roots[k] = np.linalg.inv(np.linalg.cholesky(innovation))
+        if k > 0 and np.abs(gain - gains[k - 1]).max() < STEADY * np.abs(gain).max():
+            return k + 1
+        after = covariance - gain @ seen @ covariance
+        covariance = transition @ after @ transition.T + drift
+        covariance = 0.5 * (covariance + covariance.T)
+    return len(gains)
+
+
+@njit(cache=True, nogil=True)
+def _filter(transition, seen, gains, roots, v, valid, out):  # type: ignore[no-untyped-def]
     columns, n, axes = v.shape
     size = len(transition)
+    # Lags stand alone: a product with zeros would take most of the time.
+    used = np.zeros((size, size), np.int64)
+    count = np.zeros(size, np.int64)
+    for i in range(size):
+        for j in range(size):
+            if transition[i, j] != 0:
+                used[i, count[i]] = j
+                count[i] += 1
     for c in range(columns):
-        state = np.zeros(size)
-        moved = np.zeros(size)
-        error = np.zeros(axes)
+        state, moved, error = np.zeros(size), np.zeros(size), np.zeros(axes)
         for k in range(n):
+            at = min(k, len(gains) - 1)
             for i in range(axes):
                 error[i] = 0.0
                 if valid[k]:
-                    error[i] = v[c, k, i] - seen[i, 2 * i] * state[2 * i]
+                    error[i] = v[c, k, i]
+                    for j in range(size):
+                        error[i] -= seen[i, j] * state[j]
             for i in range(size):
                 for j in range(axes):
-                    state[i] += gain[i, j] * error[j]
+                    state[i] += gains[at, i, j] * error[j]
             for i in range(axes):
                 total = 0.0
                 for j in range(i + 1):
-                    total += root[i, j] * error[j]
+                    total += roots[at, i, j] * error[j]
                 out[c, k, i] = total
             for i in range(size):
                 total = 0.0
-                for j in range(size):
-                    total += transition[i, j] * state[j]
+                for place in range(count[i]):
+                    total += transition[i, used[i, place]] * state[used[i, place]]
                 moved[i] = total
             for i in range(size):
                 state[i] = moved[i]
