@@ -46,7 +46,7 @@ ASTRAY: Final = 0.02
 PIECES: Final = 8
 """Of each run in that case."""
 CLOSE: Final = 2.0
-"""Residual over the white noise up to which a fit counts as one to the noise: thermal force alone lies above the floor."""
+"""Residual over the white noise up to which a fit counts as one to the noise: thermal force alone lies above it."""
 BATCH: Final = 80
 """Columns held at a time."""
 
