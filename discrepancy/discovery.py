@@ -33,7 +33,7 @@ MATERIAL: Final = 3e-4
 """Share of the residual's square that a term has to take away."""
 SHORTLIST, SHORT_SHARE = 6, 0.6
 """Terms refitted: at most so many, whose linear share is at least this of the best."""
-DEGREE_PRICE: Final = 1.0
+DEGREE_PRICE: Final = 3.0
 """Chi-square that a term has to gain for each degree: between two that fit evenly the lower one is named."""
 EVEN: Final = 9.0
 """Chi-square by which a term has to fit better than a name to refute it: three standard deviations."""
@@ -45,9 +45,8 @@ ASTRAY: Final = 0.02
 """Residual over signal from which the search goes over pieces of the runs."""
 PIECES: Final = 8
 """Of each run in that case."""
-CLOSE: Final = 1.1
-"""Innovations over the white noise up to which a fit counts as one to the noise: an estimate of either is good to 1 %,
-a coloured noise besides may be larger."""
+CLOSE: Final = 2.0
+"""Residual over the white noise up to which a fit counts as one to the noise: thermal force alone lies above it."""
 BATCH: Final = 80
 """Columns held at a time."""
 
@@ -91,8 +90,8 @@ class Entry:
 class Discovery:
     """The term that explains what was left. model: with the term as an effect; fitted: refit of all with it there;
     ``known``: the model had the effect already and no file was written; share of the residual's square that it takes
-    away; deviations [SI] of its parameters; fits: whether no more than the sensor's noise is left, None where the runs
-    have no band that shows that noise alone."""
+    away; deviations [SI] of its parameters; fits: whether little more than the sensor's white noise is left, None where
+    the runs have no band that shows that noise alone."""
 
     effect: Effect
     model: Model
@@ -297,7 +296,9 @@ def _settled(fitter: Fitter, at: Fitted, effect: Effect, share: float, path: Pat
     names = {q.name for q in effect.parameters}
     deviations = {name: value for name, value in fitter.deviations(at).items() if name in names}
     noise = noise_of(at.residuals, fitter.records, at.parameters)
-    fits = None if noise is None else bool(at.variance < CLOSE**2 * noise.rms**2)
+    squares = [r[run.valid] ** 2 for r, run in zip(at.residuals, fitter.records, strict=True)]
+    left = float(np.mean(np.concatenate(squares)))
+    fits = None if noise is None else left < CLOSE**2 * noise.rms**2
     return Discovery(effect, fitter.simulator.model, at, path is None, share, deviations, fits, path)
 
 
