@@ -5,6 +5,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 from typing import Final, NamedTuple
+from zlib import crc32
 
 import numpy as np
 
@@ -61,6 +62,10 @@ class Point(NamedTuple):
             self.axis.f_y, self.q, self.duration, 10 ** (self.hump_db / 10) / (1 + self.axis.flicker)
         )
 
+    def seed(self, number: int) -> int:
+        """Of the ``number``-th record: no two points share their noise, which scales with the line width."""
+        return crc32(self.name.encode()) + number
+
     @property
     def name(self) -> str:
         """As a row's text."""
@@ -95,7 +100,7 @@ def measure(point: Point, seed: int) -> Outcome:
     """One record: likelihood, correlation as printed, correlation without the line. Q is given to none of them."""
     axis = point.axis
     make = make_envelope if point.q >= NARROW else make_record
-    record = make(axis, point.duration, seed)
+    record = make(axis, point.duration, point.seed(seed))
     try:
         analysis = find_split(record, Question(drive_frequency=axis.f_x))
     except NothingFoundError:

@@ -18,7 +18,6 @@ FLAT: Final = 0.4
 """Band of a decimated record, of its rate, either way: the filter is flat below it, what folds back lies above it."""
 STOP_DB: Final = 120.0
 """Attenuation of what folds back: a line 60 dB above the hump's power lies then 60 dB below that."""
-RIPPLE: Final = 10 ** (-STOP_DB / 20)
 BLOCK: Final = 1 << 18
 """Samples mixed at a time: what is in memory beside the record stays below 20 MB."""
 LINE_OVER_MEDIAN: Final = 30.0

@@ -14,12 +14,15 @@ from scipy.ndimage import median_filter
 from scipy.signal.windows import tukey
 
 from cosim.mode_split.record import LINE_OVER_MEDIAN, Envelope, Floats
+from gyro_model.errors import InputError
 
 DEGREE: Final = 4
 LINE_BINS: Final = 4.0
 """Bins masked either side of the line: a polynomial of degree 4 takes noise out of about 2.5."""
 TAPER: Final = 0.1
 """Share of the record under the cosine flanks of the window. It keeps strong lines from leaking."""
+LEFT: Final = 0.01
+"""Share of a moving line's power that may be left when it is taken out: the skirt of the model takes up less."""
 NEIGHBOURS: Final = 8
 """Bins either side by whose median a line is told from a hump; so a hump has at least about 4 in its half-width."""
 
@@ -72,11 +75,13 @@ class Groups:
 def line_spectrum(part: Envelope, drive_line: float, guard: float = 0.0) -> Spectrum:
     """The spectrum of an envelope with the line near ``drive_line`` [Hz] taken out.
 
-    guard: half-width [Hz] of the mask around it, where the rate modulates the line; at least LINE_BINS bins.
+    guard: half-width [Hz] of the mask around it, where the rate modulates the line; at least LINE_BINS bins. Raises
+    InputError where the line wanders through the record.
     """
     line = _refined(part, drive_line)
     n = len(part.values)
     rest = _without_line(part, line)
+    _check_line(part, rest, line)
     window = tukey(n, TAPER)
     squares = window @ window
     density = np.abs(np.fft.fftshift(np.fft.fft(rest * window))) ** 2 / (squares * part.rate)
@@ -125,6 +130,27 @@ def _without_line(part: Envelope, line: float) -> NDArray[np.complex128]:
     amplitude = np.linalg.solve(basis.T @ basis, basis.T @ still)
     rest: NDArray[np.complex128] = (still - basis @ amplitude) * turn.conj()
     return rest
+
+
+def _check_line(part: Envelope, rest: NDArray[np.complex128], line: float) -> None:
+    """Raises InputError where the line moves in frequency by more than the polynomial follows.
+
+    Near the line a tone with a share e of noise has <|z|>²/<|z|²> = 1 - e/2, and e is left of it. One that moves keeps
+    its modulus, and more is left.
+    """
+    n = len(rest)
+    away = np.abs(part.centre + np.fft.fftfreq(n, 1 / part.rate) - line)
+    near = away <= max(64 / part.duration, 1e-3 * line)
+    whole, left = (np.abs(np.fft.ifft(np.where(near, np.fft.fft(z), 0.0))) for z in (part.values, rest))
+    # The band cuts off the ends of a tone that it was not given.
+    inner = slice(n // 10, n - n // 10)
+    power = np.mean(whole[inner] ** 2)
+    unsteady = 1 - np.mean(whole[inner]) ** 2 / power
+    if np.mean(left[inner] ** 2) > max(LEFT, 8 * unsteady) * power:
+        raise InputError(
+            f"the drive line near {line:.6g} Hz wanders within the record of {part.duration:.4g} s, by more than its "
+            "resolution: cut the record into shorter ones, or give I and Q of a demodulator that follows the drive"
+        )
 
 
 def _lines(density: Floats) -> NDArray[np.bool_]:

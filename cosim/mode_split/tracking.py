@@ -88,8 +88,12 @@ def track(part: Envelope, question: Question, block: float, wander: float) -> It
 
 
 def block_split(piece: Envelope, question: Question, tracker: SplitTracker) -> Split | None:
-    """The split in one block, looked for where the track predicts it; None where nothing is found."""
-    spectrum = line_spectrum(piece, question.drive_frequency or piece.centre, question.guard)
+    """The split in one block, looked for where the track predicts it; None where nothing is found or the line moves."""
+    try:
+        spectrum = line_spectrum(piece, question.drive_frequency or piece.centre, question.guard)
+    except InputError:
+        # A line that moves too far within the block: the next may be quieter.
+        return None
     near = None
     if tracker.covariance is not None and question.q:
         half_width = 0.5 * piece.centre / question.q

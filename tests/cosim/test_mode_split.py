@@ -183,6 +183,25 @@ def test_a_line_is_no_hump():
         find_split(second, Question(drive_frequency=3000.0))
 
 
+def wandering(drift):
+    """A record whose line of 30 mV moves by ``drift`` [Hz]; 1 Hz is 8 bins."""
+    record = make_record(replace(WIDE, line_deg=0.0), WIDE_DURATION, 6)
+    t = np.arange(len(record.values)) / record.rate
+    line = 0.03 * np.cos(2 * np.pi * (3000 * t + 0.5 * drift / WIDE_DURATION * t**2))
+    return VoltageRecord(record.values + line, record.rate)
+
+
+@pytest.mark.parametrize("drift", [1.0, 4.0])
+def test_a_line_that_wanders_is_refused(drift):
+    with pytest.raises(InputError, match="wanders within the record"):
+        find_split(wandering(drift), Question(drive_frequency=3000.0))
+
+
+def test_a_line_that_hardly_wanders_does_no_harm():
+    split = find_split(wandering(0.1), Question(drive_frequency=3000.0)).split
+    assert abs(split.f_y - WIDE.f_y) < 4 * split.deviation
+
+
 def test_too_short_a_record_is_refused_with_the_length_it_needs():
     record = make_record(WIDE, 1.0, 7)
     # 2π 4 Q/(π f) = 8 · 500/3000 = 1.33 s.
