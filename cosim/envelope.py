@@ -1,7 +1,7 @@
 """The envelope form of the plant as a slow loop sees it: amplitudes around a carrier, for hours of simulated time.
 
-Signals are s(t) = Re{(s_i + i s_q) e^(iφ)}, φ' = 2π carrier_frequency (``gyro_model/envelope.py``). Steps go through the
-same compiled ``exchange`` as those of the full plant.
+Signals are s(t) = Re{(s_i + i s_q) e^(iφ)}, φ' = 2π carrier_frequency (``gyro_model/envelope.py``). Steps go through
+the same compiled ``exchange`` as those of the full plant.
 """
 
 from collections.abc import Mapping

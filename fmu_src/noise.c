@@ -98,9 +98,9 @@ static double inverse_normal(double p)
     return normal;
 }
 
-void gyro_normal_pair(uint32_t seed, uint32_t stream, uint64_t counter, double normal[2])
+void gyro_normal_pair(uint32_t seed, uint32_t stream, uint64_t counter, uint32_t lane, double normal[2])
 {
-    uint32_t word[4] = {(uint32_t)counter, (uint32_t)(counter >> 32), 0u, 0u};
+    uint32_t word[4] = {(uint32_t)counter, (uint32_t)(counter >> 32), lane, 0u};
     philox(word, seed, stream);
     normal[0] = inverse_normal(uniform(word[0], word[1]));
     normal[1] = inverse_normal(uniform(word[2], word[3]));

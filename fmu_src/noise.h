@@ -1,4 +1,4 @@
-/* Counter-based noise: a standard normal number is a pure function of (seed, stream, counter), so that any step pattern draws the same. */
+/* Counter-based noise: a standard normal number is a pure function of (seed, stream, counter, lane), so that any step pattern draws the same. */
 
 #ifndef GYRO_NOISE_H
 #define GYRO_NOISE_H
@@ -11,7 +11,7 @@
 #endif
 
 /* Two independent standard normal numbers. */
-void gyro_normal_pair(uint32_t seed, uint32_t stream, uint64_t counter, double normal[2]);
+void gyro_normal_pair(uint32_t seed, uint32_t stream, uint64_t counter, uint32_t lane, double normal[2]);
 
 #if defined(__GNUC__)
 #pragma GCC visibility pop

@@ -67,6 +67,9 @@ gyro_status gyro_prepare(gyro_instance *g)
         for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
             g->plan.any_draw |= (unsigned char)(streams[effect] != 0u && view->active[effect]);
         }
+        if (g->plan.any_draw) {
+            gyro_pink_design(&g->plan.pink, g->value[GYRO_SAMPLE_PERIOD]);
+        }
         g->plan.any_lag = (unsigned char)lag_acts(view);
         status = plan_delay(g);
     }
@@ -78,7 +81,7 @@ void gyro_list_parts(gyro_instance *g, gyro_part parts[])
     parts[0] = (gyro_part){g->value, sizeof g->value};
     parts[1] = (gyro_part){&g->memory, sizeof g->memory};
     parts[2] = (gyro_part){g->view.s, sizeof g->view.s};
-    parts[3] = (gyro_part){g->view.normal, sizeof g->view.normal};
+    parts[3] = (gyro_part){g->view.drawn, sizeof g->view.drawn};
     parts[4] = (gyro_part){g->view.lagging, sizeof g->view.lagging};
     parts[5] = (gyro_part){g->delay_line, g->delay_length * sizeof *g->delay_line};
 }

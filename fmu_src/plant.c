@@ -12,6 +12,10 @@ static void take_inputs(gyro_instance *g)
     for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
         view->p[vr] = g->value[vr];
     }
+    for (int vr = 0; view->any_impulse && vr < GYRO_N_INPUTS; vr++) {
+        view->change[vr] = g->memory.tick > 0 ? g->value[vr] - g->memory.held[vr] : 0.0;
+        g->memory.held[vr] = g->value[vr];
+    }
     take_made(view, g->value);
     if (g->memory.tick == 0) {
         /* What holds in the first step has held before. */
@@ -159,14 +163,41 @@ static void move_lag(gyro_instance *g, const double *before)
     }
 }
 
+/* The voltage and its rate behind the lag, by the lag's own equation: tau v' = v_in - v. */
+static void pass_lag(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    const double tau = lag_time_constant(view);
+    for (int axis = 0; axis < 2; axis++) {
+        if (tau > 0.0) {
+            view->v_rate[axis] = (view->v[axis] - g->memory.lagged[axis]) / tau;
+        }
+        view->v[axis] = g->memory.lagged[axis];
+    }
+}
+
+/* Draws the numbers of one effect for the latest sample. */
+static void draw(gyro_instance *g, int effect)
+{
+    const uint32_t seed = (uint32_t)g->value[GYRO_SEED];
+    const uint64_t sample = (uint64_t)g->memory.sample;
+    double *drawn = g->view.drawn[effect];
+    if (pink_places[effect] < 0) {
+        gyro_normal_pair(seed, streams[effect], sample, 0u, drawn);
+    } else {
+        gyro_pink_memory *pink = &g->memory.pink[pink_places[effect]];
+        if (sample == 0) {
+            gyro_pink_start(&g->plan.pink, seed, streams[effect], pink);
+        }
+        gyro_pink_next(&g->plan.pink, seed, streams[effect], sample, pink, drawn);
+    }
+}
+
 static void draw_noise(gyro_instance *g)
 {
-    if (g->plan.any_draw) {
-        for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-            if (streams[effect] != 0u && g->view.active[effect]) {
-                gyro_normal_pair((uint32_t)g->value[GYRO_SEED], streams[effect], (uint64_t)g->memory.sample,
-                                 g->view.normal[effect]);
-            }
+    for (int effect = 0; g->plan.any_draw && effect < GYRO_N_EFFECTS; effect++) {
+        if (streams[effect] != 0u && g->view.active[effect]) {
+            draw(g, effect);
         }
     }
 }
@@ -176,13 +207,19 @@ static void take_sample(gyro_instance *g)
 {
     gyro_view *view = &g->view;
     draw_noise(g);
-    if (g->plan.any_lag) {
-        view->v[0] = g->memory.lagged[0];
-        view->v[1] = g->memory.lagged[1];
-    } else {
+    if (view->any_rate) {
+        pick_off_moving(view);
+    } else if (!g->plan.any_lag) {
         pick_off(view);
     }
-    amplify(view);
+    if (g->plan.any_lag) {
+        pass_lag(g);
+    }
+    if (view->any_rate) {
+        amplify_moving(view);
+    } else {
+        amplify(view);
+    }
     convert(view);
     g->value[GYRO_V_X] = view->v[0];
     g->value[GYRO_V_Y] = view->v[1];
@@ -229,6 +266,9 @@ void gyro_tick(gyro_instance *g, int64_t ticks)
     double before[GYRO_N_STATES];
     take_inputs(g);
     refresh(view, g->value);
+    if (view->any_impulse) {
+        kick(view);
+    }
     for (int64_t i = 0; i < ticks; i++) {
         find_force(g);
         for (int k = 0; g->plan.any_lag && k < GYRO_N_STATES; k++) {
@@ -245,9 +285,9 @@ void gyro_tick(gyro_instance *g, int64_t ticks)
         if (view->any_law) {
             apply_laws(view, g->value);
             hold_noise(view);
+            memcpy(view->lagging, view->lagging_now, sizeof view->lagging);
         }
         view->step_start = view->t;
-        memcpy(view->lagging, view->lagging_now, sizeof view->lagging);
         if (g->memory.ticks_to_sample == 0) {
             g->memory.ticks_to_sample = g->plan.sample_ticks;
             g->memory.sample++;

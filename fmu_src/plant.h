@@ -6,6 +6,7 @@
 
 #include "generated/effects.h"
 #include "instance.h"
+#include "pink.h"
 
 /* Also where an importer compiles the sources without -fvisibility=hidden, two FMUs in one process keep to their own. */
 #if defined(__GNUC__)
@@ -20,13 +21,14 @@ typedef struct {
     double delay_fraction;                 /* the rest of it, in internal steps, [0, 1) */
     int64_t event_tick[GYRO_N_EFFECTS];    /* internal step in which each effect's event falls; INT64_MAX: none */
     double event_fraction[GYRO_N_EFFECTS]; /* where in that step, [0, 1) */
+    gyro_pink_plan pink;                   /* where any_draw */
     unsigned char any_event;
     unsigned char any_delay;
     unsigned char any_lag;
     unsigned char any_draw;
 } gyro_plan;
 
-/* Changes with time. With the values, the states, lagging quantities and normal numbers of the view, and the delay line, it is all that a snapshot holds. */
+/* Changes with time. With the values, the states, lagging quantities and random numbers of the view, and the delay line, it is all that a snapshot holds. */
 typedef struct {
     double start_time;       /* s */
     int64_t started;         /* 1 after gyro_start */
@@ -35,6 +37,8 @@ typedef struct {
     int64_t ticks_to_sample; /* internal steps until the next one */
     int64_t calls;           /* calls of gyro_advance */
     double next_time;        /* end of the latest step as the importer adds it up, s */
+    double held[GYRO_N_INPUTS]; /* inputs of the latest step, SI; where any_impulse */
+    gyro_pink_memory pink[GYRO_N_PINK];
     double lagged[2];        /* voltage after the amplifier's lag, V */
 } gyro_memory;
 

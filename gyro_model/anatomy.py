@@ -133,6 +133,11 @@ class Effect:
         """Every symbol that a term uses."""
         return frozenset().union(*(expr.free_symbols for expr in self.terms().values()))
 
+    @property
+    def drawn(self) -> bool:
+        """Whether the effect draws numbers at each sample."""
+        return bool(self.symbols & {*symbols.NORMAL, *symbols.PINK})
+
 
 def _sympified(terms: Mapping[str, Expr]) -> dict[str, Expr]:
     return {name: sympify(expr) for name, expr in terms.items()}
@@ -177,19 +182,25 @@ class Follow(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Force(Effect):
-    """Adds a force [N] to each axis. A force that uses ``normal_x, normal_y`` is drawn anew at each sample and held."""
+    """Adds a force [N] to each axis. A force that uses ``normal_x, normal_y`` is drawn anew at each sample and held.
+
+    ``impulse`` [N·s] acts at once where a held input changes, before the step in which the new value holds; what the
+    first step finds is no change.
+    """
 
     STAGE: ClassVar[str] = "force"
     force: Pair
     energy: Energy | None
     states: tuple[State, ...] = ()
+    impulse: Pair | None = None
 
     def terms(self) -> dict[str, Expr]:
+        impulse = dict(zip(("impulse_x", "impulse_y"), self.impulse or (), strict=False))
         rates = {f"d_{state.symbol.name}": state.rate for state in self.states}
-        return _sympified({"force_x": self.force[0], "force_y": self.force[1], **rates})
+        return _sympified({"force_x": self.force[0], "force_y": self.force[1], **impulse, **rates})
 
     def neutral(self) -> dict[str, Expr]:
-        return {"force_x": sympify(0), "force_y": sympify(0)}
+        return {name: sympify(0) for name in self.terms() if not name.startswith("d_")}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,6 +31,7 @@ EFFECTS = f"{GENERATED}/effects.h"
 # Below the folder of the handwritten C: what the envelope form has of its own. A file there takes the place of the
 # one of the same name.
 ENVELOPE = "envelope"
+FULL_ALONE = ("integrator.h", "pink.c", "pink.h")
 
 
 class Fmus(NamedTuple):
@@ -64,8 +65,10 @@ def handwritten_folder() -> Path:
 def handwritten_files(model: Model) -> dict[str, Path]:
     """The handwritten C of the FMU of ``model`` by name, in the order of names."""
     folder = handwritten_folder()
-    folders = (folder, folder / ENVELOPE) if isinstance(model, EnvelopeModel) else (folder,)
-    files = {path.name: path for place in folders for path in place.glob("*.[ch]")}
+    files = {path.name: path for path in folder.glob("*.[ch]")}
+    if isinstance(model, EnvelopeModel):
+        files = {name: path for name, path in files.items() if name not in FULL_ALONE}
+        files |= {path.name: path for path in (folder / ENVELOPE).glob("*.[ch]")}
     return dict(sorted(files.items()))
 
 
@@ -216,7 +219,9 @@ def _build_one(model: Model, token: str, fmi: str, path: Path) -> None:
             description, binaries = generate_xml.fmi2(model, token, files), platform.fmi2
         else:
             description, binaries = generate_xml.fmi3(model, token), platform.fmi3
-            (sources / "buildDescription.xml").write_text(generate_xml.build_description(model, files), encoding="utf-8")
+            (sources / "buildDescription.xml").write_text(
+                generate_xml.build_description(model, files), encoding="utf-8"
+            )
         (root / "modelDescription.xml").write_text(description, encoding="utf-8")
         library = root / "binaries" / binaries / f"{model.NAME}{platform.suffix}"
         library.parent.mkdir(parents=True)

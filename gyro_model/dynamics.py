@@ -20,7 +20,7 @@ _E = TypeVar("_E", bound=Effect)
 
 
 def normals_of(effect_id: str) -> tuple[Symbol, Symbol]:
-    """The two normal numbers of one effect, told from those of others."""
+    """The two random numbers of one effect, told from those of others."""
     return Symbol(f"normal_x_{effect_id}", real=True), Symbol(f"normal_y_{effect_id}", real=True)
 
 
@@ -94,19 +94,49 @@ class Dynamics:
         return tuple(rate.subs(self._laws, simultaneous=True) for rate in rates)
 
     @cached_property
-    def voltage(self) -> tuple[Expr, Expr]:
-        """Voltage before the amplifier's lag [V]. What feeds through is the force as the actuators give it."""
+    def jumps(self) -> tuple[Expr, Expr]:
+        """By how much x_dot and y_dot jump where a held input changes by ``omega_z_change`` [m/s]."""
+        impulses = [e.impulse for e in self._of(Force) if e.impulse is not None]
+        total = (sum((i[axis] for i in impulses), symbols.t * 0) / symbols.m for axis in (0, 1))
+        return self._lawful(total)
+
+    @cached_property
+    def _picked_off(self) -> tuple[Expr, Expr]:
+        """Voltage before the amplifier's lag [V], laws not applied."""
         names = list(SLOTS)
         slots = names[names.index("pickoff misalignment") : names.index("amplifier lag")]
         actuated = dict(zip((symbols.u_x, symbols.u_y), self._actuated, strict=True))
-        voltage = self._along(slots, symbols.x, symbols.y)
-        return self._lawful(expr.subs(actuated, simultaneous=True) for expr in voltage)
+        first, second = self._along(slots, symbols.x, symbols.y)
+        return first.subs(actuated, simultaneous=True), second.subs(actuated, simultaneous=True)
+
+    @cached_property
+    def voltage(self) -> tuple[Expr, Expr]:
+        """Voltage before the amplifier's lag [V]. What feeds through is the force as the actuators give it."""
+        return self._lawful(self._picked_off)
+
+    @cached_property
+    def voltage_rate(self) -> tuple[Expr, ...]:
+        """Rate of ``voltage`` along the motion [V/s], parameters and inputs held."""
+        by_time = self._lawful(expr.diff(symbols.t) for expr in self._picked_off)
+        along = [
+            sum(slope * rate for slope, rate in zip(self._lawful(slopes), self.rates, strict=True))
+            for slopes in ([expr.diff(state) for state in self.states] for expr in self._picked_off)
+        ]
+        return tuple(still + moving for still, moving in zip(by_time, along, strict=True))
 
     @cached_property
     def sample(self) -> tuple[Expr, Expr]:
-        """The sample [V] from the voltage ``v_x, v_y`` after the amplifier's lag."""
+        """The sample [V] from ``v_x, v_y, v_x_rate, v_y_rate``: the voltage after the amplifier's lag and its rate."""
         names = list(SLOTS)
-        return self._lawful(self._along(names[names.index("amplifier offset") :], symbols.v_x, symbols.v_y))
+        first = names.index("sampled noise")
+        entering, rates = (symbols.v_x, symbols.v_y), (symbols.v_x_rate, symbols.v_y_rate)
+        amplified = self._along(names[names.index("amplifier offset") : first], *entering)
+        moving = (
+            sum((v.diff(symbol) * rate for symbol, rate in zip(entering, rates, strict=True)), v.diff(symbols.t))
+            for v in amplified
+        )
+        known = dict(zip((*entering, *rates), (*amplified, *moving), strict=True))
+        return self._lawful(v.subs(known, simultaneous=True) for v in self._along(names[first:], *entering))
 
     @cached_property
     def delay(self) -> Expr:
@@ -136,7 +166,8 @@ class Dynamics:
         return tuple(e for e in self.effects if isinstance(e, kind))
 
     def _privately(self, effect: Effect) -> dict[str, Expr]:
-        own = dict(zip((symbols.normal_x, symbols.normal_y), normals_of(effect.id), strict=True))
+        numbers = symbols.PINK if effect.symbols & set(symbols.PINK) else symbols.NORMAL
+        own = dict(zip(numbers, normals_of(effect.id), strict=True))
         own[symbols.after] = Symbol(f"after_{effect.id}", real=True)
         return {name: expr.subs(own) for name, expr in effect.terms().items()}
 

@@ -3,6 +3,11 @@
 A fast signal is s(t) = Re{(s_i + i s_q) e^(iφ)}, φ' = 2π carrier_frequency. Forces come in and displacements and
 voltages go out as such pairs; every other quantity, and all parameters of the device and its effects, are those of the
 full model. ``fmu_src/envelope`` says how it moves.
+
+What the envelope form leaves out, beside the harmonics above the third: the settling of delay and amplifier lag, and of
+states that an effect brings (they follow at the carrier at once); voltages other than those at the carrier, so that
+offset and drift show only where the converter clips; the noise of a sample is white around the carrier, a flicker
+noise of density a²/f too, and rounding is white noise of lsb²/12 a sample.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,7 @@
 """Writes the C of a model: ``model.h`` (variables, states, effects by index) and ``model.c`` (their table);
 ``effects.h`` is ``generate_effects``'s."""
 
+from gyro_model import symbols
 from gyro_model.c_printing import STAMP, c_double, effect_macro, lagging_macro, macro, state_macro
 from gyro_model.model import Model
 
@@ -51,6 +52,7 @@ enum {{
 /* Effects, those of the nominal device first. */
 enum {{
 {effects}
+    GYRO_N_PINK = {sum(bool(e.symbols & set(symbols.PINK)) for e in model.effects)}, /* of which draw pink numbers */
     GYRO_N_EFFECTS = {len(model.effects)}
 }};
 

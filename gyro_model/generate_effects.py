@@ -4,9 +4,9 @@ printed as they stand in the effect files, one function each, nothing shared bet
 import re
 import textwrap
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
-from sympy import Symbol
+from sympy import Expr, Symbol
 
 from gyro_model import symbols
 from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map
@@ -20,32 +20,53 @@ def _comment(text: str) -> str:
     return f"/* {lines[0]}" + (f"\n{body}" if body else "") + " */\n"
 
 
+def _rate_of(symbol: Symbol) -> Symbol:
+    return Symbol(f"{symbol.name}_rate", real=True)
+
+
+_SIGNALS = {
+    symbol: f"{array}[{axis}]"
+    for array, pair in {
+        "u": (symbols.u_x, symbols.u_y),
+        "q": (symbols.q_x, symbols.q_y),
+        "v": (symbols.v_x, symbols.v_y),
+        "q_rate": (_rate_of(symbols.q_x), _rate_of(symbols.q_y)),
+        "v_rate": (symbols.v_x_rate, symbols.v_y_rate),
+    }.items()
+    for axis, symbol in enumerate(pair)
+}
+
+
 class _Locals:
     """Where an effect's symbols live in ``gyro_view``, as declarations of local constants."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
+        self.state_rates = {_rate_of(state): state for state in model.state_symbols}
         self.units = {s.symbol: s.unit for s in model.states} | dict(
             zip(symbols.STATES, ("m", "m/s", "m", "m/s"), strict=True)
         )
 
-    def declare(self, effect: Effect, exclude: Iterable[Symbol] = ()) -> str:
-        used = sorted(effect.symbols - set(exclude), key=lambda symbol: symbol.name)
+    def declare(self, effect: Effect, exprs: Iterable[Expr]) -> str:
+        used = sorted(set().union(*(expr.free_symbols for expr in exprs)), key=lambda symbol: symbol.name)
         return "".join(f"    const double {s.name} = {self._place(s, effect)};\n" for s in used)
 
     def _place(self, symbol: Symbol, effect: Effect) -> str:
-        signals = {"u": (symbols.u_x, symbols.u_y), "q": (symbols.q_x, symbols.q_y), "v": (symbols.v_x, symbols.v_y)}
-        for array, pair in signals.items():
-            if symbol in pair:
-                return f"g->{array}[{pair.index(symbol)}]"
+        if symbol in _SIGNALS:
+            return f"g->{_SIGNALS[symbol]}"
+        if symbol in self.state_rates:
+            return f"g->s_rate[{state_macro(self.state_rates[symbol])}]"
         if symbol in self.units:
             return f"g->s[{state_macro(symbol)}]"
+        if symbol in symbols.CHANGES:
+            return f"g->change[{macro(symbols.CHANGES[symbol].name)}]"
         if symbol == symbols.t:
             return "g->t"
         if symbol == symbols.after:
             return f"g->after[{effect_macro(effect)}]"
-        if symbol in (symbols.normal_x, symbols.normal_y):
-            return f"g->normal[{effect_macro(effect)}][{int(symbol == symbols.normal_y)}]"
+        for numbers in (symbols.NORMAL, symbols.PINK):
+            if symbol in numbers:
+                return f"g->drawn[{effect_macro(effect)}][{numbers.index(symbol)}]"
         return f"g->p[{macro(symbol.name)}]"
 
 
@@ -57,8 +78,17 @@ def effects(model: Model) -> str:
     parts += [_follow(e) for e in _follows(model)]
     parts += [_law(e, place) for e in model.laws]
     parts += [_map(e, place) for e in model.effects if isinstance(e, Map)]
-    parts += [_activity(model), _streams(model), _events(model), _laws(model), _holds(model), _derivative(model)]
+    parts += [
+        _activity(model),
+        _streams(model),
+        _events(model),
+        _laws(model),
+        _holds(model),
+        _derivative(model),
+        _kick(model),
+    ]
     parts += [_stage(model, *stage) for stage in _STAGES]
+    parts += [_stage(model, *stage, moving=True) for stage in _STAGES if stage[0] in ("pick_off", "amplify")]
     return f"{STAMP}\n#ifndef GYRO_EFFECTS_H\n#define GYRO_EFFECTS_H\n\n" + "\n".join(parts) + "\n#endif\n"
 
 
@@ -74,16 +104,22 @@ typedef struct {
     double u[2];                          /* force on its way to the mass, N */
     double held[2];                       /* noise force, held until the next sample, N */
     double q[2];                          /* displacement on its way to the pickoff, m */
+    double s_rate[GYRO_N_STATES];         /* rate of the states at the latest sample, SI/s; where any_rate */
+    double q_rate[2];                     /* rate of q, m/s; where any_rate */
+    double v_rate[2];                     /* rate of v, V/s; where any_rate */
     double v[2];                          /* voltage on its way to the converter, V */
+    double change[GYRO_N_INPUTS];         /* by how much each held input has just changed, SI */
     double t;                             /* time, s */
     double step_start;                    /* start of the internal step, s */
     double lagging[GYRO_N_LAGGING];       /* quantities that lag, at the start of the internal step, SI */
     double lagging_now[GYRO_N_LAGGING];   /* the same, now */
     double inverse_mass;                  /* 1/kg */
-    double normal[GYRO_N_EFFECTS][2];     /* standard normal numbers of each effect, of the latest sample */
+    double drawn[GYRO_N_EFFECTS][2];      /* normal or pink numbers of each effect, of the latest sample */
     double after[GYRO_N_EFFECTS];         /* 1 from the event of each effect on, 0 before */
     unsigned char active[GYRO_N_EFFECTS]; /* a size parameter differs from neutral */
     unsigned char any_law;
+    unsigned char any_impulse;
+    unsigned char any_rate; /* the converter asks for the rate of the voltage */
     unsigned char any_force; /* beyond the nominal and the held ones */
 } gyro_view;
 
@@ -114,14 +150,23 @@ def _function(effect: Effect, arguments: str, body: str) -> str:
 
 
 def _force(effect: Force, place: _Locals) -> str:
-    body = place.declare(effect)
-    for axis, name in enumerate("xy"):
-        if effect.terms()[f"force_{name}"] != 0:
-            body += f"    force[{axis}] += {c_expression(effect.terms()[f'force_{name}'])};\n"
+    terms = effect.terms()
+    body = place.declare(effect, (expr for name, expr in terms.items() if not name.startswith("impulse")))
+    body += _added("force", terms)
     for state in effect.states:
         body += f"    rate[{state_macro(state.symbol)}] = {c_expression(state.rate)};\n"
     rate = ", double *rate" if effect.states else ""
-    return _function(effect, f"const gyro_view *g, double force[2]{rate}", body)
+    function = _function(effect, f"const gyro_view *g, double force[2]{rate}", body)
+    if effect.impulse:
+        declared = place.declare(effect, (terms["impulse_x"], terms["impulse_y"]))
+        head = f"static inline void impulse_{effect.id}(const gyro_view *g, double impulse[2])"
+        function += f"\n{head}\n{{\n{declared}{_added('impulse', terms)}}}\n"
+    return function
+
+
+def _added(what: str, terms: Mapping[str, Expr]) -> str:
+    pair = (terms[f"{what}_x"], terms[f"{what}_y"])
+    return "".join(f"    {what}[{axis}] += {c_expression(expr)};\n" for axis, expr in enumerate(pair) if expr != 0)
 
 
 def _follow(effect: Follow) -> str:
@@ -134,12 +179,27 @@ def _follow(effect: Follow) -> str:
 
 def _law(effect: Law, place: _Locals) -> str:
     lines = "".join(f"    g->p[{macro(name)}] = {c_expression(expr)};\n" for name, expr in effect.terms().items())
-    return _function(effect, "gyro_view *g", place.declare(effect) + lines)
+    return _function(effect, "gyro_view *g", place.declare(effect, effect.terms().values()) + lines)
 
 
 def _map(effect: Map, place: _Locals) -> str:
     lines = "".join(f"    out[{axis}] = {c_expression(expr)};\n" for axis, expr in enumerate(effect.terms().values()))
-    return _function(effect, "const gyro_view *g, double out[2]", place.declare(effect) + lines)
+    declared = place.declare(effect, effect.terms().values())
+    function = _function(effect, "const gyro_view *g, double out[2]", declared + lines)
+    return function + ("\n" + _map_rate(effect, place) if effect.stage in ("pickoff", "amplifier") else "")
+
+
+def _map_rate(effect: Map, place: _Locals) -> str:
+    """The time derivative of a map's output, inputs and parameters held: the chain rule on what moves."""
+    moving = (*SLOTS[effect.slot].enters, *place.model.state_symbols)
+    rates = [
+        sum((expr.diff(symbol) * _rate_of(symbol) for symbol in moving), expr.diff(symbols.t))
+        for expr in effect.terms().values()
+    ]
+    lines = "".join(f"    out[{axis}] = {c_expression(expr)};\n" for axis, expr in enumerate(rates))
+    unused = "" if any(rate.free_symbols for rate in rates) else "    (void)g;\n"
+    head = f"static inline void rate_{effect.id}(const gyro_view *g, double out[2])"
+    return f"{head}\n{{\n{place.declare(effect, rates)}{unused}{lines}}}\n"
 
 
 def _activity(model: Model) -> str:
@@ -149,30 +209,37 @@ def _activity(model: Model) -> str:
         tests = [f"g->p[{macro(q.name)}] != {c_double(q.start)}" for q in switches]
         lines.append(f"    g->active[{effect_macro(effect)}] = {' || '.join(tests) or '1'};\n")
     law = " || ".join(f"g->active[{effect_macro(e)}]" for e in (*_follows(model), *model.laws)) or "0"
-    force = " || ".join(f"g->active[{effect_macro(e)}]" for e in _added_forces(model)) or "0"
+    force = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model)) or "0"
+    impulse = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.forces if e.impulse) or "0"
+    rate = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.effects if _asks_rate(e)) or "0"
     return (
         "/* Marks the effects that a size parameter switches on, their own or that of a law which changes one. */\n"
         "static inline void find_active(gyro_view *g)\n{\n"
         + "".join(lines)
-        + f"    g->any_law = {law};\n    g->any_force = {force};\n}}\n"
+        + f"    g->any_law = {law};\n    g->any_impulse = {impulse};\n"
+        + f"    g->any_rate = {rate};\n    g->any_force = {force};\n}}\n"
     )
 
 
 def _streams(model: Model) -> str:
+    pink = [e for e in model.effects if e.symbols & set(symbols.PINK)]
+    places = "".join(f"    {pink.index(e) if e in pink else -1}, /* {e.id} */\n" for e in model.effects)
     rows = "".join(
-        f"    {zlib.crc32(e.id.encode()):#010x}u, /* {e.id} */\n" if _is_drawn(e) else f"    0u, /* {e.id}: none */\n"
+        f"    {zlib.crc32(e.id.encode()):#010x}u, /* {e.id} */\n" if e.drawn else f"    0u, /* {e.id}: none */\n"
         for e in model.effects
     )
     return (
         "/* The noise stream of each effect, 0 where it draws none. It is made from the effect's id, so that a new\n"
         "   effect leaves the noise of the others alone. */\n"
-        f"static const uint32_t streams[GYRO_N_EFFECTS] = {{\n{rows}}};\n"
+        f"static const uint32_t streams[GYRO_N_EFFECTS] = {{\n{rows}}};\n\n"
+        "/* The place of each effect that draws pink numbers among those that do, -1 of the others. */\n"
+        f"static const int pink_places[GYRO_N_EFFECTS] = {{\n{places}}};\n"
     )
 
 
 def _events(model: Model) -> str:
     timed = ((e, e.event.name) for e in model.laws if e.event is not None)
-    lines = "".join(_guarded(e, f"time[{effect_macro(e)}] = g->p[{macro(name)}];\n") for e, name in timed)
+    lines = "".join(guarded(e, f"time[{effect_macro(e)}] = g->p[{macro(name)}];\n") for e, name in timed)
     return (
         "/* The time of each active effect's event [s]; the entries of the others stay as they are. */\n"
         "static inline void event_times(const gyro_view *g, double time[GYRO_N_EFFECTS])\n"
@@ -183,7 +250,7 @@ def _events(model: Model) -> str:
 def _laws(model: Model) -> str:
     targets = {target for law in model.laws for target in law.changes} | set(model.followed)
     lines = "".join(_as_set(target) for target in sorted(targets, key=str))
-    lines += "".join(_guarded(e, f"effect_{e.id}(g);\n") for e in (*_follows(model), *model.laws))
+    lines += "".join(guarded(e, f"effect_{e.id}(g);\n") for e in (*_follows(model), *model.laws))
     made = "".join(f"    {_as_set(symbol)}" for symbol in symbols.SET_BY)
     start = "".join(
         f"    g->lagging[{lagging_macro(target)}] = value[{macro(symbols.SET_BY.get(target, target).name)}];\n"
@@ -229,9 +296,9 @@ def _follows(model: Model) -> list[Follow]:
 
 
 def _derivative(model: Model) -> str:
-    nominal = "".join(f"    {_call(e)}" for e in model.forces if e.nominal)
-    others = "".join(_guarded(e, _call(e)) for e in _added_forces(model))
-    held = "".join(_guarded(e, _call(e)) for e in model.forces if _is_drawn(e))
+    nominal = "".join(f"    {force_call(e)}" for e in model.forces if e.nominal)
+    others = "".join(guarded(e, force_call(e)) for e in added_forces(model))
+    held = "".join(guarded(e, force_call(e)) for e in model.forces if e.drawn)
     quiet = "".join(f"    rate[{state_macro(s.symbol)}] = 0.0;\n" for s in model.states)
     return f"""/* The noise forces [N], drawn with the latest sample. */
 static inline void hold_noise(gyro_view *g)
@@ -255,16 +322,29 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
 """
 
 
-def _call(effect: Force) -> str:
+def _kick(model: Model) -> str:
+    pushed = "".join(guarded(e, f"impulse_{e.id}(g, impulse);\n") for e in model.forces if e.impulse)
+    return (
+        "/* The velocities jump by the impulses that a change of the held inputs gives. */\n"
+        "static inline void kick(gyro_view *g)\n"
+        f"{{\n    double impulse[2] = {{0.0, 0.0}};\n{textwrap.indent(pushed, '    ')}"
+        "    g->s[GYRO_STATE_X_DOT] += impulse[0] * g->inverse_mass;\n"
+        "    g->s[GYRO_STATE_Y_DOT] += impulse[1] * g->inverse_mass;\n}\n"
+    )
+
+
+def force_call(effect: Force) -> str:
+    """The call that adds the force of ``effect``."""
     return f"effect_{effect.id}(g, force{', rate' if effect.states else ''});\n"
 
 
-def _is_drawn(effect: Effect) -> bool:
-    return bool({symbols.normal_x, symbols.normal_y} & effect.symbols)
+def _asks_rate(effect: Effect) -> bool:
+    return bool({symbols.v_x_rate, symbols.v_y_rate} & effect.symbols)
 
 
-def _added_forces(model: Model) -> list[Force]:
-    return [e for e in model.forces if not e.nominal and not _is_drawn(e)]
+def added_forces(model: Model) -> list[Force]:
+    """The forces that are neither of the nominal device nor drawn and held."""
+    return [e for e in model.forces if not e.nominal and not e.drawn]
 
 
 _STAGES = (
@@ -280,31 +360,44 @@ _STAGES = (
 )
 
 
-def _stage(model: Model, name: str, text: str, first: str, last: str) -> str:
+def _stage(model: Model, name: str, text: str, first: str, last: str, *, moving: bool = False) -> str:
     order = list(SLOTS)
     span = order[order.index(first) : order.index(last) + 1]
-    body = "".join(_slot(slot, members) for slot, members in chain(model) if slot in span)
+    passes = ("_rate", "") if moving else ("",)
+    body = "".join(slot_lines(slot, members, of) for slot, members in chain(model) if slot in span for of in passes)
     start = "    g->q[0] = g->s[GYRO_STATE_X];\n    g->q[1] = g->s[GYRO_STATE_Y];\n" if name == "pick_off" else ""
+    if moving:
+        name, text = f"{name}_moving", f"{text} And its rate, before each value that it is made from changes."
+        start += _MOVING if start else ""
     declared = "    double out[2];\n" if body else "    (void)g;\n"
     return f"/* {text} */\nstatic inline void {name}(gyro_view *g)\n{{\n{declared}{start}{body}}}\n"
 
 
-def _slot(slot: str, members: Sequence[Map]) -> str:
+_MOVING = """    state_rate(g, g->s_rate);
+    g->q_rate[0] = g->s_rate[GYRO_STATE_X];
+    g->q_rate[1] = g->s_rate[GYRO_STATE_Y];
+"""
+
+
+def slot_lines(slot: str, members: Sequence[Map], of: str) -> str:
+    """The maps of one slot of the chain, called where they are active; ``of`` is "_rate" for their rates."""
     # Effects that share a slot see the same entering signal, and their changes add up; one alone just replaces the
     # signal, so that a clipped or rounded value is exactly what the effect says.
-    enters, leaves = (re.sub("_x$", "", pair[0].name) for pair in SLOTS[slot])
+    enters, leaves = (re.sub("_x$", of, pair[0].name) for pair in SLOTS[slot])
+    function = "rate" if of else "effect"
     if len(members) == 1:
         [effect] = members
-        assign = f"effect_{effect.id}(g, out);\ng->{leaves}[0] = out[0];\ng->{leaves}[1] = out[1];\n"
-        return textwrap.indent(assign if effect.nominal else _guarded(effect, assign), "    ")
+        assign = f"{function}_{effect.id}(g, out);\ng->{leaves}[0] = out[0];\ng->{leaves}[1] = out[1];\n"
+        return textwrap.indent(assign if effect.nominal else guarded(effect, assign), "    ")
     lines = f"const double entering[2] = {{g->{enters}[0], g->{enters}[1]}};\n"
     lines += "double sum[2] = {entering[0], entering[1]};\n"
     for effect in members:
-        add = f"effect_{effect.id}(g, out);\nsum[0] += out[0] - entering[0];\nsum[1] += out[1] - entering[1];\n"
-        lines += _guarded(effect, add)
+        add = f"{function}_{effect.id}(g, out);\nsum[0] += out[0] - entering[0];\nsum[1] += out[1] - entering[1];\n"
+        lines += guarded(effect, add)
     lines += f"g->{leaves}[0] = sum[0];\ng->{leaves}[1] = sum[1];\n"
     return "    {\n" + textwrap.indent(lines, "        ") + "    }\n"
 
 
-def _guarded(effect: Effect, lines: str) -> str:
+def guarded(effect: Effect, lines: str) -> str:
+    """``lines`` where ``effect`` is active."""
     return f"if (g->active[{effect_macro(effect)}]) {{\n{textwrap.indent(lines, '    ')}}}\n"

@@ -8,13 +8,13 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from itertools import combinations_with_replacement
 
-from sympy import Expr, Symbol, diff, simplify
+from sympy import Expr, Symbol, diff
 
 from gyro_model import symbols
 from gyro_model.anatomy import SLOTS, Effect, Force, Map, Q, U, V
 from gyro_model.c_printing import STAMP, effect_macro, state_macro
 from gyro_model.errors import InputError
-from gyro_model.generate_effects import _added_forces, _call, _guarded, _is_drawn, _slot
+from gyro_model.generate_effects import added_forces, force_call, guarded, slot_lines
 from gyro_model.model import Model
 
 _NAMES = tuple(SLOTS)
@@ -26,12 +26,13 @@ OUTPUT = _NAMES[_NAMES.index("amplifier lag") + 1 :]
 def is_curved(exprs: Iterable[Expr], signals: Sequence[Symbol]) -> bool:
     """Whether some expression is not affine in ``signals``."""
     pairs = tuple(combinations_with_replacement(signals, 2))
-    return any(simplify(diff(expr, *pair)) != 0 for expr in exprs for pair in pairs)
+    # A derivative that is zero in disguise would only have its effect followed around the cycle, which is as right.
+    return any(diff(expr, *pair) != 0 for expr in exprs for pair in pairs)
 
 
 def _is_shifted(effect: Map) -> bool:
     zero = dict.fromkeys((*U, *Q, *V), 0)
-    return any(simplify(expr.subs(zero)) != 0 for expr in effect.terms().values())
+    return any(expr.subs(zero) != 0 for expr in effect.terms().values())
 
 
 def _is_bent(effect: Map) -> bool:
@@ -48,7 +49,7 @@ def _couples(effect: Force) -> bool:
 def envelope(model: Model) -> str:
     """``envelope.h`` of ``model``. Raises InputError for a force with states of its own that is not linear."""
     moving = model.state_symbols
-    added = _added_forces(model)
+    added = added_forces(model)
     curved = [e for e in added if is_curved(e.terms().values(), moving)]
     for effect in curved:
         if effect.states:
@@ -58,22 +59,22 @@ def envelope(model: Model) -> str:
         _any("curved_force", "a force is not linear in the motion", curved),
         _any("crossed_force", "such a force depends on the other axis", [e for e in curved if _couples(e)]),
         _any("stateful_force", "a force has states of its own", [e for e in added if e.states]),
-        _any("drawn_force", "a force is noise", [e for e in model.forces if _is_drawn(e)]),
+        _any("drawn_force", "a force is noise", [e for e in model.forces if e.drawn]),
         _any("curved_actuator", "the force is not in proportion to the command", _bent(maps, ACTUATOR)),
         _any("curved_pickoff", "the voltage is not in proportion to the motion", _bent(maps, PICKOFF)),
         _any("curved_output", "the sample is not affine in the voltage", _limiting(maps)),
-        _any("drawn_sample", "the sample has noise of numbers drawn", [e for e in maps if _is_drawn(e)]),
+        _any("drawn_sample", "the sample has noise of numbers drawn", [e for e in maps if e.drawn]),
         _any("rounded_sample", "the sample is rounded", _rounding(maps)),
-        _list("drawn_forces", "forces that are noise", [e for e in model.forces if _is_drawn(e)]),
-        _list("drawn_samples", "maps that draw numbers for the sample", [e for e in maps if _is_drawn(e)]),
+        _list("drawn_forces", "forces that are noise", [e for e in model.forces if e.drawn]),
+        _list("drawn_samples", "maps that draw numbers for the sample", [e for e in maps if e.drawn]),
         _list("rounding_effects", "maps that round the sample", _rounding(maps)),
         _straight_rate(model, [e for e in added if e not in curved]),
         _curved_force(curved),
         _maps("limit", "What bounds the voltage after the amplifier's lag, noise apart.", maps, _quiet),
-        _maps("add_noise", "The noise of the latest numbers on the voltage.", maps, _is_drawn),
+        _maps("add_noise", "The noise of the latest numbers on the voltage.", maps, lambda e: e.drawn),
         _maps("round_off", "The voltage in whole steps of the converter.", maps, lambda e: e in _rounding(maps)),
     ]
-    guard = "#ifndef GYRO_ENVELOPE_H\n#define GYRO_ENVELOPE_H\n\n#include \"effects.h\"\n"
+    guard = '#ifndef GYRO_ENVELOPE_H\n#define GYRO_ENVELOPE_H\n\n#include "effects.h"\n'
     return f"{STAMP}\n{guard}\n" + "\n".join(parts) + "\n#endif\n"
 
 
@@ -82,7 +83,7 @@ def _bent(maps: Sequence[Map], slots: Sequence[str]) -> list[Map]:
 
 
 def _rounding(maps: Sequence[Map]) -> list[Map]:
-    return [e for e in maps if e.noise and not _is_drawn(e)]
+    return [e for e in maps if e.noise and not e.drawn]
 
 
 def _quiet(effect: Map) -> bool:
@@ -105,8 +106,8 @@ def _list(name: str, text: str, members: Sequence[Effect]) -> str:
 
 
 def _straight_rate(model: Model, added: Sequence[Force]) -> str:
-    nominal = "".join(f"    {_call(e)}" for e in model.forces if e.nominal)
-    others = "".join(_guarded(e, _call(e)) for e in added)
+    nominal = "".join(f"    {force_call(e)}" for e in model.forces if e.nominal)
+    others = "".join(guarded(e, force_call(e)) for e in added)
     quiet = "".join(f"    rate[{state_macro(s.symbol)}] = 0.0;\n" for s in model.states)
     return f"""/* Rate [SI/s] of every state by the straight forces alone, shape (GYRO_N_STATES). */
 static inline void straight_rate(const gyro_view *g, double rate[GYRO_N_STATES])
@@ -121,7 +122,7 @@ static inline void straight_rate(const gyro_view *g, double rate[GYRO_N_STATES])
 
 
 def _curved_force(curved: Sequence[Force]) -> str:
-    calls = textwrap.indent("".join(_guarded(e, _call(e)) for e in curved), "    ")
+    calls = textwrap.indent("".join(guarded(e, force_call(e)) for e in curved), "    ")
     return f"""/* The curved forces [N], added to `force`. */
 static inline void curved_force(const gyro_view *g, double force[2])
 {{
@@ -131,6 +132,6 @@ static inline void curved_force(const gyro_view *g, double force[2])
 
 def _maps(name: str, text: str, maps: Sequence[Map], chosen) -> str:  # type: ignore[no-untyped-def]
     slots = [(slot, [e for e in maps if e.slot == slot and chosen(e)]) for slot in OUTPUT]
-    body = "".join(_slot(slot, members) for slot, members in slots if members)
+    body = "".join(slot_lines(slot, members, "") for slot, members in slots if members)
     declared = "    double out[2];\n" if body else "    (void)g;\n"
     return f"/* {text} */\nstatic inline void {name}(gyro_view *g)\n{{\n{declared}{body}}}\n"

@@ -14,7 +14,9 @@ LOG_CATEGORIES = {"logStatusError": "refused calls and failed steps", "logEvents
 
 def fmi2(model: Model, token: str, sources: Sequence[str]) -> str:
     """The model description for FMI 2.0 co-simulation; ``sources`` are the C files relative to the folder sources/."""
-    root = ET.Element("fmiModelDescription", fmiVersion="2.0", modelName=model.NAME, guid=token, description=model.DESCRIPTION)
+    root = ET.Element(
+        "fmiModelDescription", fmiVersion="2.0", modelName=model.NAME, guid=token, description=model.DESCRIPTION
+    )
     root.set("generationTool", TOOL)
     root.set("variableNamingConvention", "flat")
     simulation = ET.SubElement(

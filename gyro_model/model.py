@@ -47,12 +47,18 @@ class Model:
         self._check_targets()
 
     def _check_symbols(self, effect: Effect) -> None:
-        always = ("t", "after", "normal_x", "normal_y", "q_x", "q_y")
+        private = ("t", "after", "q_x", "q_y", *(number.name for number in (*symbols.NORMAL, *symbols.PINK)))
+        always = {*private, *(change.name for change in symbols.CHANGES)}
+        if isinstance(effect, Map) and effect.stage == "sampled block":
+            always |= {symbols.v_x_rate.name, symbols.v_y_rate.name}
         known = {*self.by_name, *always, *(state.symbol.name for state in self.states)}
         targets = effect.changes if isinstance(effect, Law) else effect.follows if isinstance(effect, Follow) else ()
         for name in sorted(symbol.name for symbol in effect.symbols | set(targets)):
             if name not in known:
                 raise InputError(f"effect {effect.id}: symbol {name!r} is unknown{nearest(name, known)}")
+
+        if effect.symbols & set(symbols.NORMAL) and effect.symbols & set(symbols.PINK):
+            raise InputError(f"effect {effect.id}: uses normal and pink numbers; make two effects of it")
 
     def _check_targets(self) -> None:
         fixed = {symbols.m: "m, by which every force is divided beforehand"}

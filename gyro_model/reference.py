@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from sympy import Expr, Symbol, lambdify
 
 from gyro_model import symbols
-from gyro_model.anatomy import Lag, Law
+from gyro_model.anatomy import Delay, Lag, Law
 from gyro_model.device import Device
 from gyro_model.dynamics import Dynamics, normals_of
 from gyro_model.errors import InputError
@@ -24,6 +24,9 @@ Floats = NDArray[np.float64]
 Normals = Callable[[str, int], tuple[float, float]]
 
 TOLERANCE = 1e-12
+STILL = (0.0, 0.0, 0.0, 0.0)
+"""No voltage and no rate of it, where an expression depends on neither."""
+
 FAR = 1.0
 """No device moves a metre: a simulation that does has diverged, and its steps would shrink without end."""
 
@@ -33,7 +36,7 @@ _NEGLIGIBLE = {"m": 1e-24, "m/s": 1e-20, "V": 1e-18, "K": 1e-12}
 
 
 def no_noise(effect_id: str, sample: int) -> tuple[float, float]:
-    """Normal numbers of a simulation without noise."""
+    """Random numbers of a simulation without noise."""
     return 0.0, 0.0
 
 
@@ -41,9 +44,9 @@ def simulate(device: Device, t: Floats, inputs: Mapping[str, Floats], normals: N
     """Simulates ``device`` over the samples at ``t`` [s], shape (n,), evenly spaced.
 
     inputs: by FMU name, SI, shape (n,), held over [t_k, t_{k+1}); missing ones stay at their start value. normals:
-    standard normal numbers of an effect at a sample. Gives v_x, v_y [V], both temperatures [K] and every state by name,
-    each shape (n,), sample k as taken just before u changes to u_k. Raises InputError where shapes differ, an input is
-    unknown, or the simulation diverges.
+    numbers that an effect draws at a sample: standard normal, or pink where it uses pink ones. Gives v_x, v_y [V], both
+    temperatures [K] and every state by name, each shape (n,), sample k as taken just before u changes to u_k. Raises
+    InputError where shapes differ, an input is unknown, or the simulation diverges.
     """
     return _Simulation(device, t, inputs, normals).run()
 
@@ -64,7 +67,9 @@ class _Simulation:
         self.at_once = {f.state: f.source for f in self.dynamics.followers if self.values[f.time_constant.name] == 0}
         self.temperatures = self._compiled(self.dynamics.temperatures)
         self.rate = self._compiled(self.dynamics.rates)
+        self.jumps = self._compiled(self.dynamics.jumps)
         self.voltage = self._compiled(self.dynamics.voltage)
+        self.voltage_rate = self._compiled(self.dynamics.voltage_rate)
         self.sample = self._compiled(self.dynamics.sample)
         self.delay = float(self.dynamics.delay.subs(self.by_symbol))
         self.lag = self._compiled((self.dynamics.time_constant,))
@@ -79,8 +84,9 @@ class _Simulation:
         arguments = (
             symbols.t,
             list(self.dynamics.states),
-            [symbols.v_x, symbols.v_y],
+            [symbols.v_x, symbols.v_y, symbols.v_x_rate, symbols.v_y_rate],
             held,
+            list(symbols.CHANGES),
             drawn,
             switches,
         )
@@ -96,12 +102,14 @@ class _Simulation:
             u[0] if name == "u_x" else u[1] if name == "u_y" else float(values[k])
             for name, values in self.inputs.items()
         ]
+        steps = (self.inputs[name.name] for name in symbols.CHANGES.values())
+        changes = [float(values[k] - values[max(k - 1, 0)]) for values in steps]
         drawn = [number for e in self.dynamics.effects for number in self.normals(e.id, sample)]
         switches = [
             float(isinstance(e, Law) and e.event is not None and t >= self.values[e.event.name])
             for e in self.dynamics.effects
         ]
-        return held, drawn, switches
+        return held, changes, drawn, switches
 
     def _force(self, t: float) -> tuple[float, float]:
         """The force at the mass at time ``t``: the one commanded ``delay`` ago, before the start the first."""
@@ -132,12 +140,13 @@ class _Simulation:
         acting = self._force(self.t[0])
         if self.lagging:
             state[-2:] = self.voltage(
-                self.t[0], state[: len(self.names)], [0, 0], *self._context(0, self.t[0], acting, 0)
+                self.t[0], state[: len(self.names)], STILL, *self._context(0, self.t[0], acting, 0)
             )
         rows = []
         for k, t in enumerate(self.t):
             rows.append(self._row(k, t, state, acting))
             if k + 1 < len(self.t):
+                state[[1, 3]] += self.jumps(t, state[: len(self.names)], STILL, *self._context(k, t, acting, k))
                 border = [t, *self._switches(t, self.t[k + 1]), self.t[k + 1]]
                 for begin, end in pairwise(border):
                     acting = self._force(0.5 * (begin + end))
@@ -151,7 +160,10 @@ class _Simulation:
         # The inputs are those held until now, the noise is that of this sample.
         own = state[: len(self.names)]
         context = self._context(max(k - 1, 0), t, acting, k)
-        v = state[-2:] if self.lagging else self.voltage(t, own, [0, 0], *context)
+        v = [*self.voltage(t, own, STILL, *context), *self.voltage_rate(t, own, STILL, *context)]
+        if self.lagging:
+            [lag] = self.lag(t, own, STILL, *context)
+            v = [*state[-2:], *((v[:2] - state[-2:]) / lag if lag > 0 else v[2:])]
         temperatures = self.temperatures(t, own, v, *context)
         return [*self.sample(t, own, v, *context), *temperatures, *own]
 
@@ -162,18 +174,18 @@ class _Simulation:
         def rate(t: float, s: Floats) -> list[float]:
             if not (abs(s[0]) < FAR and abs(s[2]) < FAR):
                 raise InputError(f"reference diverged at {t:.9g} s: x or y is beyond {FAR:g} m; check effect sizes")
-            moving = list(self.rate(t, s[:n], [0, 0], *context))
+            moving = list(self.rate(t, s[:n], STILL, *context))
             if self.lagging:
-                v = self.voltage(t, s[:n], [0, 0], *context)
-                [lag] = self.lag(t, s[:n], v, *context)
+                v = self.voltage(t, s[:n], STILL, *context)
+                [lag] = self.lag(t, s[:n], STILL, *context)
                 moving += [(v[i] - s[n + i]) / lag if lag > 0 else 0.0 for i in (0, 1)]
             return moving
 
         result = solve_ivp(rate, (begin, end), state, method="DOP853", rtol=TOLERANCE, atol=self.negligible)
         after = np.asarray(result.y[:, -1])
-        if self.lagging and self.lag(end, after[:n], [0, 0], *context)[0] <= 0:
+        if self.lagging and self.lag(end, after[:n], STILL, *context)[0] <= 0:
             # No lag: the voltage is there at once.
-            after[n:] = self.voltage(end, after[:n], [0, 0], *context)
+            after[n:] = self.voltage(end, after[:n], STILL, *context)
         return after
 
 
@@ -181,12 +193,13 @@ def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Map
     """Derivatives of the states at ``t`` by the parameters ``names``: shape (n, states, len(names)), by the
     variational equation.
 
-    S' = (∂f/∂s) S + ∂f/∂p, S = 0 at the start. Raises InputError as ``simulate`` does, and for a device with delayed
-    forces.
+    S' = (∂f/∂s) S + ∂f/∂p, S = 0 at the start. Raises InputError as ``simulate`` does, and for a device with a
+    delay, a lag or impulses.
     """
     simulation = _Simulation(device, t, inputs, no_noise)
-    if simulation.delay > 0 or simulation.lagging:
-        raise InputError("sensitivities: set actuator_delay and amplifier_time_constant to 0 first")
+    left_out = [e.id for e in simulation.dynamics.effects if isinstance(e, (Delay, Lag)) or getattr(e, "impulse", None)]
+    if left_out:
+        raise InputError(f"sensitivities: {', '.join(left_out)} not covered; switch off first")
     dynamics, n = simulation.dynamics, len(simulation.names)
     by_state = simulation._compiled(tuple(dynamics.state_jacobian()))
     by_parameter = simulation._compiled(tuple(dynamics.parameter_jacobian(names)))
@@ -199,9 +212,9 @@ def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Map
 
         def rate(time: float, s: Floats, context: tuple[list[float], ...] = context) -> Floats:
             own, derivative = s[:n], s[n:].reshape(n, -1)
-            jacobian = np.reshape(by_state(time, own, [0, 0], *context), (n, n))
-            forcing = np.reshape(by_parameter(time, own, [0, 0], *context), (n, -1))
-            moving = simulation.rate(time, own, [0, 0], *context)
+            jacobian = np.reshape(by_state(time, own, STILL, *context), (n, n))
+            forcing = np.reshape(by_parameter(time, own, STILL, *context), (n, -1))
+            moving = simulation.rate(time, own, STILL, *context)
             return np.concatenate((moving, (jacobian @ derivative + forcing).ravel()))
 
         result = solve_ivp(rate, (t[k], t[k + 1]), rows[-1], method="DOP853", rtol=TOLERANCE, atol=1e-24)

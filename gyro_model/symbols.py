@@ -27,6 +27,13 @@ u_x, u_y, v_x, v_y = BY_NAME["u_x"], BY_NAME["u_y"], BY_NAME["v_x"], BY_NAME["v_
 
 q_x, q_y = Symbol("q_x", real=True), Symbol("q_y", real=True)
 
+v_x_rate, v_y_rate = Symbol("v_x_rate", real=True), Symbol("v_y_rate", real=True)
+"""Rate [V/s] of the voltage that enters the sampled block, parameters held; for maps of that block only."""
+
+omega_z_change = Symbol("omega_z_change", real=True)
+CHANGES = {omega_z_change: omega_z}
+"""The step [of its unit] by which a held input has just changed, and the input; an impulse is written in it."""
+
 t = Symbol("t", real=True)
 """Time [s]."""
 
@@ -35,6 +42,11 @@ after = Symbol("after", real=True)
 
 normal_x, normal_y = Symbol("normal_x", real=True), Symbol("normal_y", real=True)
 """Two independent standard normal numbers, of the effect's own stream, new at every sample."""
+
+pink_x, pink_y = Symbol("pink_x", real=True), Symbol("pink_y", real=True)
+"""In place of normal numbers: pink noise [√Hz] of one-sided density 1 Hz/f, new at every sample (fmu_src/pink.h)."""
+
+NORMAL, PINK = (normal_x, normal_y), (pink_x, pink_y)
 
 
 class nearest_integer(Function):

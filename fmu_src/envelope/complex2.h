@@ -34,6 +34,9 @@ static inline double square(number a) { return a.re * a.re + a.im * a.im; }
 /* a/b without care for overflow: the squares of all that is divided by here are far inside the range. */
 static inline number over(number a, number b) { return scaled(times(a, conjugate(b)), 1.0 / square(b)); }
 
+/* The part along cos φ (0) or -sin φ (1) of an amplitude. */
+static inline double *part_of(number *a, int quadrature) { return quadrature == 0 ? &a->re : &a->im; }
+
 /* e^(i angle). */
 static inline number turn(double angle) { return number_of(cos(angle), sin(angle)); }
 

@@ -30,6 +30,7 @@ typedef struct {
     int64_t tick;        /* internal steps since the start */
     int64_t calls;       /* calls of gyro_advance */
     double next_time;    /* end of the latest step as the importer adds it up, s */
+    double held[GYRO_N_INPUTS]; /* inputs of the latest step, SI */
     gyro_harmonics q;    /* displacement, m */
     pair q_dot;          /* velocity at the carrier, m/s */
     gyro_slow slow;      /* motion of the latest step */
@@ -53,8 +54,8 @@ struct gyro_instance {
 /* Rate of the carrier's phase, rad/s. */
 double gyro_carrier(const gyro_instance *g);
 
-/* Two standard normal numbers of an effect for the present tick and one quadrature, 0 or 1. */
-void gyro_draw(const gyro_instance *g, int effect, int quadrature, double normal[2]);
+/* Two standard normal numbers of an effect for the present tick; `index` tells one pair from another. */
+void gyro_draw(const gyro_instance *g, int effect, uint32_t index, double normal[2]);
 
 /* The force on the mass [N] after delay and actuators: at the carrier and, where a curve makes them, mean and harmonics. */
 void gyro_actuate(gyro_instance *g, gyro_harmonics *u);

@@ -1,16 +1,15 @@
 /* Both ends of the chain in the envelope form: the command on its way to the mass, the displacement on its way to the sample.
 
-   A straight map takes the parts along cos φ and -sin φ each for itself; a curved one is followed around the cycle. */
+   A straight map takes the parts along cos φ and -sin φ each for itself; a curved one is followed around the cycle. Delay and lag are the
+   phase and gain that they have at the carrier; that they need a little time to settle is left out. */
 
 #include "noise.h"
 #include "plant.h"
 
-void gyro_draw(const gyro_instance *g, int effect, int quadrature, double normal[2])
+void gyro_draw(const gyro_instance *g, int effect, uint32_t index, double normal[2])
 {
-    gyro_normal_pair((uint32_t)g->value[GYRO_SEED], streams[effect], 2u * (uint64_t)g->memory.tick + (uint64_t)quadrature, normal);
+    gyro_normal_pair((uint32_t)g->value[GYRO_SEED], streams[effect], (uint64_t)g->memory.tick, index, normal);
 }
-
-static double *part_of(number *a, int quadrature) { return quadrature == 0 ? &a->re : &a->im; }
 
 void gyro_actuate(gyro_instance *g, gyro_harmonics *u)
 {
@@ -95,16 +94,24 @@ static pair limited(gyro_instance *g, pair v)
     return gyro_spectrum(&voltage).part[0];
 }
 
-/* White noise of variance s² a sample at sample_period T has the density 2 s² T in each quadrature, so that its mean over a step h has the
-   variance 2 s² T/h. */
+/* The numbers of one effect for one quadrature around the carrier, as a mean over a step h. White numbers at sample_period T have the
+   density 2 T in each quadrature around any harmonic, so that the mean has the variance 2 T/h, and half of that around frequency 0; pink
+   ones have 1/f. */
+static void draw_slow(gyro_instance *g, int effect, uint32_t index, double numbers[2])
+{
+    const double scale = pink_places[effect] < 0 ? g->plan.noise_scale : 1.0 / sqrt(g->value[GYRO_CARRIER_FREQUENCY] * g->plan.step);
+    gyro_draw(g, effect, index, numbers);
+    numbers[0] *= scale;
+    numbers[1] *= scale;
+}
+
+/* Noise that does not depend on the signal passes each quadrature for itself. */
 static void add_white(gyro_instance *g, int quadrature, pair *v)
 {
     gyro_view *view = &g->view;
     for (const int *effect = drawn_samples; *effect < GYRO_N_EFFECTS; effect++) {
         if (view->active[*effect]) {
-            gyro_draw(g, *effect, quadrature, view->normal[*effect]);
-            view->normal[*effect][0] *= g->plan.noise_scale;
-            view->normal[*effect][1] *= g->plan.noise_scale;
+            draw_slow(g, *effect, (uint32_t)quadrature, view->drawn[*effect]);
         }
     }
     view->v[0] = *part_of(&v->e[0], quadrature);
@@ -114,13 +121,54 @@ static void add_white(gyro_instance *g, int quadrature, pair *v)
     *part_of(&v->e[1], quadrature) = view->v[1];
 }
 
+/* Noise that the signal's rate multiplies is mixed to the carrier from frequency 0 and from twice the carrier: the numbers are made up
+   around the cycle from those slow parts. */
+static void add_mixed(gyro_instance *g, pair *v)
+{
+    gyro_view *view = &g->view;
+    const number iw = number_of(0.0, gyro_carrier(g));
+    const gyro_harmonics sine = {{0.0, 0.0}, {*v}}, rate = {{0.0, 0.0}, {{{times(iw, v->e[0]), times(iw, v->e[1])}}}};
+    gyro_cycle voltage = gyro_around(&sine);
+    const gyro_cycle speed = gyro_around(&rate);
+    gyro_cycle numbers[GYRO_N_EFFECTS];
+    for (const int *effect = drawn_samples; *effect < GYRO_N_EFFECTS; effect++) {
+        gyro_harmonics slow = {{0.0, 0.0}, {{{{0.0, 0.0}, {0.0, 0.0}}}}};
+        double mean[2];
+        draw_slow(g, *effect, 4, mean);
+        for (int axis = 0; axis < 2; axis++) {
+            slow.mean[axis] = sqrt(0.5) * mean[axis];
+        }
+        for (uint32_t index = 0; index < 4; index++) {
+            double part[2];
+            draw_slow(g, *effect, index, part);
+            for (int axis = 0; axis < 2; axis++) {
+                *part_of(&slow.part[index / 2].e[axis], (int)index % 2) = part[axis];
+            }
+        }
+        numbers[*effect] = gyro_around(&slow);
+    }
+    for (int k = 0; k < GYRO_PHASES; k++) {
+        for (int axis = 0; axis < 2; axis++) {
+            view->v[axis] = voltage.at[k][axis];
+            view->v_rate[axis] = speed.at[k][axis];
+            for (const int *effect = drawn_samples; *effect < GYRO_N_EFFECTS; effect++) {
+                view->drawn[*effect][axis] = numbers[*effect].at[k][axis];
+            }
+        }
+        add_noise(view);
+        voltage.at[k][0] = view->v[0];
+        voltage.at[k][1] = view->v[1];
+    }
+    *v = gyro_spectrum(&voltage).part[0];
+}
+
 /* Rounding of a signal that crosses many steps is white noise: that of any large voltage serves as its draw. */
 static void add_rounding(gyro_instance *g, int quadrature, pair *v)
 {
     static const double LARGE = 1e3; /* V: 1e3 to 1e10 steps of a converter, with as many of the next digits left */
     gyro_view *view = &g->view;
     double voltage[2];
-    gyro_draw(g, rounding_effects[0], quadrature, voltage);
+    gyro_draw(g, rounding_effects[0], (uint32_t)quadrature, voltage);
     for (int axis = 0; axis < 2; axis++) {
         voltage[axis] *= LARGE;
         view->v[axis] = voltage[axis];
@@ -144,8 +192,11 @@ void gyro_sense(gyro_instance *g)
     if (any_curved_output(view)) {
         v = limited(g, v);
     }
+    if (view->any_rate) {
+        add_mixed(g, &v);
+    }
     for (int quadrature = 0; quadrature < 2; quadrature++) {
-        if (any_drawn_sample(view)) {
+        if (any_drawn_sample(view) && !view->any_rate) {
             add_white(g, quadrature, &v);
         }
         if (any_rounded_sample(view)) {

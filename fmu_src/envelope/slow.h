@@ -10,9 +10,10 @@
 
        q' = (S - iω) q + B f,   B = (iω + C + S)⁻¹/m.
 
-   The steady state at any detuning and the free motion of both modes are exact; what is left out is the ripple at 2ω that follows a
-   change of force, about 1/(4 Q) of the change in amplitude that the force makes in the end. The reduction in source 003's words, detuning
-   (k - mω²)/(2mω), is the first term of S - iω; it moves a mode that is Δ away from the carrier by Δ²/(2ω). */
+   The steady state at any detuning and the free motion of both modes, frequency and decay, are exact. What is left out is how the free
+   motion that a change of force sets off depends on the phase of the carrier at that instant: Δ/(2ω) of it, Δ the distance of the mode from
+   the carrier, or 1/(4 Q) on resonance. The reduction in source 003's words, detuning (k - mω²)/(2mω), is the first term of S - iω; it
+   moves the beat of a mode Δ away from the carrier by Δ²/(2ω). */
 
 #ifndef GYRO_SLOW_H
 #define GYRO_SLOW_H

@@ -15,16 +15,22 @@ typedef struct {
     double u[2];                          /* force on its way to the mass, N */
     double held[2];                       /* noise force, held until the next sample, N */
     double q[2];                          /* displacement on its way to the pickoff, m */
+    double s_rate[GYRO_N_STATES];         /* rate of the states at the latest sample, SI/s; where any_rate */
+    double q_rate[2];                     /* rate of q, m/s; where any_rate */
+    double v_rate[2];                     /* rate of v, V/s; where any_rate */
     double v[2];                          /* voltage on its way to the converter, V */
+    double change[GYRO_N_INPUTS];         /* by how much each held input has just changed, SI */
     double t;                             /* time, s */
     double step_start;                    /* start of the internal step, s */
     double lagging[GYRO_N_LAGGING];       /* quantities that lag, at the start of the internal step, SI */
     double lagging_now[GYRO_N_LAGGING];   /* the same, now */
     double inverse_mass;                  /* 1/kg */
-    double normal[GYRO_N_EFFECTS][2];     /* standard normal numbers of each effect, of the latest sample */
+    double drawn[GYRO_N_EFFECTS][2];      /* normal or pink numbers of each effect, of the latest sample */
     double after[GYRO_N_EFFECTS];         /* 1 from the event of each effect on, 0 before */
     unsigned char active[GYRO_N_EFFECTS]; /* a size parameter differs from neutral */
     unsigned char any_law;
+    unsigned char any_impulse;
+    unsigned char any_rate; /* the converter asks for the rate of the voltage */
     unsigned char any_force; /* beyond the nominal and the held ones */
 } gyro_view;
 
@@ -145,6 +151,35 @@ static inline void effect_electrostatic_softening(const gyro_view *g, double for
     force[1] += softening*v_bias*v_bias*y/((1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap)));
 }
 
+/* The frame of the package turns: the centrifugal force, and the Euler force where the rate changes.
+
+       F_x = m Ω² x, F_y = m Ω² y; at each change ΔΩ of the held rate x' += ΔΩ y, y' -= ΔΩ x
+
+   With the Coriolis force this is Newton's law seen from a turning frame, -2 Ω×v - Ω×(Ω×r) - Ω'×r (H. Goldstein, Classical
+   Mechanics, 1950, section 4-9); a rate held in steps makes Ω' a pulse, of which the velocity jump is the integral.
+   SYSTEM.md section 8. */
+static inline void effect_frame_rotation(const gyro_view *g, double force[2])
+{
+    const double frame_rotation = g->p[GYRO_FRAME_ROTATION];
+    const double m = g->p[GYRO_M];
+    const double omega_z = g->p[GYRO_OMEGA_Z];
+    const double x = g->s[GYRO_STATE_X];
+    const double y = g->s[GYRO_STATE_Y];
+    force[0] += frame_rotation*m*omega_z*omega_z*x;
+    force[1] += frame_rotation*m*omega_z*omega_z*y;
+}
+
+static inline void impulse_frame_rotation(const gyro_view *g, double impulse[2])
+{
+    const double frame_rotation = g->p[GYRO_FRAME_ROTATION];
+    const double m = g->p[GYRO_M];
+    const double omega_z_change = g->change[GYRO_OMEGA_Z];
+    const double x = g->s[GYRO_STATE_X];
+    const double y = g->s[GYRO_STATE_Y];
+    impulse[0] += frame_rotation*m*omega_z_change*y;
+    impulse[1] += -frame_rotation*m*omega_z_change*x;
+}
+
 /* The package accelerates, and the mass lags behind.
 
        F_x = c_x m a_x,  F_y = c_y m a_y; physically c = -1, a tuning fork's two tines cancel most of it
@@ -227,8 +262,8 @@ static inline void effect_thermal_force(const gyro_view *g, double force[2])
     const double dxx = g->p[GYRO_DXX];
     const double dxy = g->p[GYRO_DXY];
     const double dyy = g->p[GYRO_DYY];
-    const double normal_x = g->normal[GYRO_EFFECT_THERMAL_FORCE][0];
-    const double normal_y = g->normal[GYRO_EFFECT_THERMAL_FORCE][1];
+    const double normal_x = g->drawn[GYRO_EFFECT_THERMAL_FORCE][0];
+    const double normal_y = g->drawn[GYRO_EFFECT_THERMAL_FORCE][1];
     const double sample_period = g->p[GYRO_SAMPLE_PERIOD];
     const double temperature_structure = g->p[GYRO_TEMPERATURE_STRUCTURE];
     const double thermal_force = g->p[GYRO_THERMAL_FORCE];
@@ -364,6 +399,16 @@ static inline void effect_ideal_pickoff(const gyro_view *g, double out[2])
     out[1] = q_y*sense_gain_y;
 }
 
+static inline void rate_ideal_pickoff(const gyro_view *g, double out[2])
+{
+    const double q_x_rate = g->q_rate[0];
+    const double q_y_rate = g->q_rate[1];
+    const double sense_gain_x = g->p[GYRO_SENSE_GAIN_X];
+    const double sense_gain_y = g->p[GYRO_SENSE_GAIN_Y];
+    out[0] = q_x_rate*sense_gain_x;
+    out[1] = q_y_rate*sense_gain_y;
+}
+
 /* The y actuator gives another force than commanded.
 
        u_y → u_y (1 + ε)
@@ -451,6 +496,15 @@ static inline void effect_amplifier_drift(const gyro_view *g, double out[2])
     out[1] = offset_drift*t + v_y;
 }
 
+static inline void rate_amplifier_drift(const gyro_view *g, double out[2])
+{
+    const double offset_drift = g->p[GYRO_OFFSET_DRIFT];
+    const double v_x_rate = g->v_rate[0];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = offset_drift + v_x_rate;
+    out[1] = offset_drift + v_y_rate;
+}
+
 /* A constant voltage at the amplifier's output.
 
        v_x → v_x + o_x, v_y → v_y + o_y
@@ -464,6 +518,14 @@ static inline void effect_amplifier_offset(const gyro_view *g, double out[2])
     const double v_y = g->v[1];
     out[0] = offset_x + v_x;
     out[1] = offset_y + v_y;
+}
+
+static inline void rate_amplifier_offset(const gyro_view *g, double out[2])
+{
+    const double v_x_rate = g->v_rate[0];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = v_x_rate;
+    out[1] = v_y_rate;
 }
 
 /* The drive voltage couples into the amplifier's input past the mass.
@@ -482,6 +544,31 @@ static inline void effect_drive_feedthrough(const gyro_view *g, double out[2])
     out[1] = feedthrough*u_y + v_y;
 }
 
+static inline void rate_drive_feedthrough(const gyro_view *g, double out[2])
+{
+    const double v_x_rate = g->v_rate[0];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = v_x_rate;
+    out[1] = v_y_rate;
+}
+
+/* Flicker noise of the amplifier: its density falls with frequency.
+
+       v → v + a p, one-sided density a²/f from 1 Hz to half the sample rate
+
+   p is pink noise of density 1 Hz/f, made of first-order processes with corners 1.5 a decade (M. S. Keshner, Proc. IEEE
+   70, 1982): within 3.5 % of the density, flat below about 0.1 Hz. Both axes are independent. SYSTEM.md section 8. */
+static inline void effect_flicker_noise(const gyro_view *g, double out[2])
+{
+    const double flicker_noise = g->p[GYRO_FLICKER_NOISE];
+    const double pink_x = g->drawn[GYRO_EFFECT_FLICKER_NOISE][0];
+    const double pink_y = g->drawn[GYRO_EFFECT_FLICKER_NOISE][1];
+    const double v_x = g->v[0];
+    const double v_y = g->v[1];
+    out[0] = flicker_noise*pink_x + v_x;
+    out[1] = flicker_noise*pink_y + v_y;
+}
+
 /* A capacitance to ground at the amplifier's input takes a part of the charge.
 
        v → v/(1 + r), r = c_p/(A c_f), c_f the feedback capacitance and A the open-loop gain
@@ -494,6 +581,15 @@ static inline void effect_parasitic_capacitance(const gyro_view *g, double out[2
     const double v_y = g->v[1];
     out[0] = v_x/(parasitic_ratio + 1);
     out[1] = v_y/(parasitic_ratio + 1);
+}
+
+static inline void rate_parasitic_capacitance(const gyro_view *g, double out[2])
+{
+    const double parasitic_ratio = g->p[GYRO_PARASITIC_RATIO];
+    const double v_x_rate = g->v_rate[0];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = v_x_rate/(parasitic_ratio + 1);
+    out[1] = v_y_rate/(parasitic_ratio + 1);
 }
 
 /* The y pickoff has another gain than stated.
@@ -510,6 +606,15 @@ static inline void effect_pickoff_gain_mismatch(const gyro_view *g, double out[2
     out[1] = v_y*(pickoff_gain_mismatch + 1);
 }
 
+static inline void rate_pickoff_gain_mismatch(const gyro_view *g, double out[2])
+{
+    const double pickoff_gain_mismatch = g->p[GYRO_PICKOFF_GAIN_MISMATCH];
+    const double v_x_rate = g->v_rate[0];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = v_x_rate;
+    out[1] = v_y_rate*(pickoff_gain_mismatch + 1);
+}
+
 /* Each pickoff also sees the other axis.
 
        x → x + ε y, y → y + ε x
@@ -522,6 +627,15 @@ static inline void effect_pickoff_misalignment(const gyro_view *g, double out[2]
     const double q_y = g->q[1];
     out[0] = pickoff_misalignment*q_y + q_x;
     out[1] = pickoff_misalignment*q_x + q_y;
+}
+
+static inline void rate_pickoff_misalignment(const gyro_view *g, double out[2])
+{
+    const double pickoff_misalignment = g->p[GYRO_PICKOFF_MISALIGNMENT];
+    const double q_x_rate = g->q_rate[0];
+    const double q_y_rate = g->q_rate[1];
+    out[0] = pickoff_misalignment*q_y_rate + q_x_rate;
+    out[1] = pickoff_misalignment*q_x_rate + q_y_rate;
 }
 
 /* An unequal pair of sensing capacitors: the signal is not odd in the displacement.
@@ -539,6 +653,18 @@ static inline void effect_pickoff_mismatch(const gyro_view *g, double out[2])
     out[1] = pickoff_inverse_gap*pickoff_mismatch*q_y*q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1) + q_y;
 }
 
+static inline void rate_pickoff_mismatch(const gyro_view *g, double out[2])
+{
+    const double pickoff_inverse_gap = g->p[GYRO_PICKOFF_INVERSE_GAP];
+    const double pickoff_mismatch = g->p[GYRO_PICKOFF_MISMATCH];
+    const double q_x = g->q[0];
+    const double q_x_rate = g->q_rate[0];
+    const double q_y = g->q[1];
+    const double q_y_rate = g->q_rate[1];
+    out[0] = q_x_rate*(2*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_mismatch*q_x*q_x*q_x/((-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)) + 2*pickoff_inverse_gap*pickoff_mismatch*q_x/(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1) + 1);
+    out[1] = q_y_rate*(2*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_mismatch*q_y*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + 2*pickoff_inverse_gap*pickoff_mismatch*q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1) + 1);
+}
+
 /* A gap-closing pair of capacitors: the difference signal grows faster than the displacement.
 
        q → q/(1 - (q/g)²)
@@ -554,6 +680,36 @@ static inline void effect_pickoff_nonlinearity(const gyro_view *g, double out[2]
     out[1] = q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1);
 }
 
+static inline void rate_pickoff_nonlinearity(const gyro_view *g, double out[2])
+{
+    const double pickoff_inverse_gap = g->p[GYRO_PICKOFF_INVERSE_GAP];
+    const double q_x = g->q[0];
+    const double q_x_rate = g->q_rate[0];
+    const double q_y = g->q[1];
+    const double q_y_rate = g->q_rate[1];
+    out[0] = q_x_rate*(2*pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x/((-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)) + 1.0/(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1));
+    out[1] = q_y_rate*(2*pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + 1.0/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1));
+}
+
+/* The converter samples a little early or late, by a random time.
+
+       v → v + v' δ, δ normal
+
+   v' is the rate at which the voltage enters the converter. On a sine of amplitude A the noise is A ω σ/√2 rms (IEEE Std
+   1241-2010, section 4.1, aperture uncertainty); SYSTEM.md section 8. */
+static inline void effect_sampling_jitter(const gyro_view *g, double out[2])
+{
+    const double normal_x = g->drawn[GYRO_EFFECT_SAMPLING_JITTER][0];
+    const double normal_y = g->drawn[GYRO_EFFECT_SAMPLING_JITTER][1];
+    const double sampling_jitter = g->p[GYRO_SAMPLING_JITTER];
+    const double v_x = g->v[0];
+    const double v_x_rate = g->v_rate[0];
+    const double v_y = g->v[1];
+    const double v_y_rate = g->v_rate[1];
+    out[0] = normal_x*sampling_jitter*v_x_rate + v_x;
+    out[1] = normal_y*sampling_jitter*v_y_rate + v_y;
+}
+
 /* White noise of the pickoff and its amplifier, drawn anew at each sample.
 
        v → v + σ n
@@ -561,8 +717,8 @@ static inline void effect_pickoff_nonlinearity(const gyro_view *g, double out[2]
    SYSTEM.md sections 1 and 8: the reference device has 20 pm rms at 200 kHz, 20 µV at 1e6 V/m. */
 static inline void effect_sense_noise(const gyro_view *g, double out[2])
 {
-    const double normal_x = g->normal[GYRO_EFFECT_SENSE_NOISE][0];
-    const double normal_y = g->normal[GYRO_EFFECT_SENSE_NOISE][1];
+    const double normal_x = g->drawn[GYRO_EFFECT_SENSE_NOISE][0];
+    const double normal_y = g->drawn[GYRO_EFFECT_SENSE_NOISE][1];
     const double sense_noise = g->p[GYRO_SENSE_NOISE];
     const double v_x = g->v[0];
     const double v_y = g->v[1];
@@ -592,6 +748,8 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] = g->p[GYRO_CHARGING_VOLTAGE] != 0.0;
     g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH] = g->p[GYRO_FEEDTHROUGH] != 0.0;
     g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] = g->p[GYRO_SOFTENING] != 0.0;
+    g->active[GYRO_EFFECT_FLICKER_NOISE] = g->p[GYRO_FLICKER_NOISE] != 0.0;
+    g->active[GYRO_EFFECT_FRAME_ROTATION] = g->p[GYRO_FRAME_ROTATION] != 0.0;
     g->active[GYRO_EFFECT_LINEAR_ACCELERATION] = g->p[GYRO_ACCELERATION_GAIN_X] != 0.0 || g->p[GYRO_ACCELERATION_GAIN_Y] != 0.0;
     g->active[GYRO_EFFECT_NONLINEAR_DAMPING] = g->p[GYRO_D2_X] != 0.0 || g->p[GYRO_D2_Y] != 0.0;
     g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE] = g->p[GYRO_PARASITIC_RATIO] != 0.0;
@@ -601,6 +759,7 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_PICKOFF_MISMATCH] = g->p[GYRO_PICKOFF_MISMATCH] != 0.0;
     g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY] = g->p[GYRO_PICKOFF_INVERSE_GAP] != 0.0;
     g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] = g->p[GYRO_K2_X] != 0.0 || g->p[GYRO_K2_Y] != 0.0;
+    g->active[GYRO_EFFECT_SAMPLING_JITTER] = g->p[GYRO_SAMPLING_JITTER] != 0.0;
     g->active[GYRO_EFFECT_SENSE_NOISE] = g->p[GYRO_SENSE_NOISE] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_DAMPING] = g->p[GYRO_TCD] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_FORCE] = g->p[GYRO_THERMAL_FORCE] != 0.0;
@@ -609,7 +768,9 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_THERMAL_PHASE] = g->p[GYRO_TCP] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_STIFFNESS] = g->p[GYRO_TCK] != 0.0 || g->p[GYRO_TCK_SPLIT] != 0.0;
     g->any_law = g->active[GYRO_EFFECT_THERMAL_LAG] || g->active[GYRO_EFFECT_DAMPING_STEP] || g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] || g->active[GYRO_EFFECT_THERMAL_DAMPING] || g->active[GYRO_EFFECT_THERMAL_GAIN] || g->active[GYRO_EFFECT_THERMAL_PHASE] || g->active[GYRO_EFFECT_THERMAL_STIFFNESS];
-    g->any_force = g->active[GYRO_EFFECT_ANGULAR_GAIN] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_LINEAR_ACCELERATION] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS];
+    g->any_impulse = g->active[GYRO_EFFECT_FRAME_ROTATION];
+    g->any_rate = g->active[GYRO_EFFECT_SAMPLING_JITTER];
+    g->any_force = g->active[GYRO_EFFECT_ANGULAR_GAIN] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_FRAME_ROTATION] || g->active[GYRO_EFFECT_LINEAR_ACCELERATION] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS];
 }
 
 /* The noise stream of each effect, 0 where it draws none. It is made from the effect's id, so that a new
@@ -634,6 +795,8 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* dielectric_charging: none */
     0u, /* drive_feedthrough: none */
     0u, /* electrostatic_softening: none */
+    0x66eadef4u, /* flicker_noise */
+    0u, /* frame_rotation: none */
     0u, /* linear_acceleration: none */
     0u, /* nonlinear_damping: none */
     0u, /* parasitic_capacitance: none */
@@ -643,6 +806,7 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* pickoff_mismatch: none */
     0u, /* pickoff_nonlinearity: none */
     0u, /* quadratic_stiffness: none */
+    0x7cf2e683u, /* sampling_jitter */
     0x922a3e3bu, /* sense_noise */
     0u, /* thermal_damping: none */
     0xd9b10be9u, /* thermal_force */
@@ -650,6 +814,48 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* thermal_lag: none */
     0u, /* thermal_phase: none */
     0u, /* thermal_stiffness: none */
+};
+
+/* The place of each effect that draws pink numbers among those that do, -1 of the others. */
+static const int pink_places[GYRO_N_EFFECTS] = {
+    -1, /* coriolis */
+    -1, /* damping */
+    -1, /* ideal_pickoff */
+    -1, /* suspension */
+    -1, /* actuator_delay */
+    -1, /* actuator_gain_mismatch */
+    -1, /* actuator_misalignment */
+    -1, /* actuator_nonlinearity */
+    -1, /* adc_clipping */
+    -1, /* adc_quantisation */
+    -1, /* amplifier_bandwidth */
+    -1, /* amplifier_drift */
+    -1, /* amplifier_offset */
+    -1, /* angular_gain */
+    -1, /* cubic_stiffness */
+    -1, /* damping_step */
+    -1, /* dielectric_charging */
+    -1, /* drive_feedthrough */
+    -1, /* electrostatic_softening */
+    0, /* flicker_noise */
+    -1, /* frame_rotation */
+    -1, /* linear_acceleration */
+    -1, /* nonlinear_damping */
+    -1, /* parasitic_capacitance */
+    -1, /* parasitic_mode */
+    -1, /* pickoff_gain_mismatch */
+    -1, /* pickoff_misalignment */
+    -1, /* pickoff_mismatch */
+    -1, /* pickoff_nonlinearity */
+    -1, /* quadratic_stiffness */
+    -1, /* sampling_jitter */
+    -1, /* sense_noise */
+    -1, /* thermal_damping */
+    -1, /* thermal_force */
+    -1, /* thermal_gain */
+    -1, /* thermal_lag */
+    -1, /* thermal_phase */
+    -1, /* thermal_stiffness */
 };
 
 /* The time of each active effect's event [s]; the entries of the others stay as they are. */
@@ -760,6 +966,9 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
         if (g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING]) {
             effect_electrostatic_softening(g, force);
         }
+        if (g->active[GYRO_EFFECT_FRAME_ROTATION]) {
+            effect_frame_rotation(g, force);
+        }
         if (g->active[GYRO_EFFECT_LINEAR_ACCELERATION]) {
             effect_linear_acceleration(g, force);
         }
@@ -777,6 +986,17 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
     rate[GYRO_STATE_Y] = g->s[GYRO_STATE_Y_DOT];
     rate[GYRO_STATE_X_DOT] = force[0] * g->inverse_mass;
     rate[GYRO_STATE_Y_DOT] = force[1] * g->inverse_mass;
+}
+
+/* The velocities jump by the impulses that a change of the held inputs gives. */
+static inline void kick(gyro_view *g)
+{
+    double impulse[2] = {0.0, 0.0};
+    if (g->active[GYRO_EFFECT_FRAME_ROTATION]) {
+        impulse_frame_rotation(g, impulse);
+    }
+    g->s[GYRO_STATE_X_DOT] += impulse[0] * g->inverse_mass;
+    g->s[GYRO_STATE_Y_DOT] += impulse[1] * g->inverse_mass;
 }
 
 /* The force from the command to the mass, after the delay. */
@@ -867,10 +1087,26 @@ static inline void amplify(gyro_view *g)
 static inline void convert(gyro_view *g)
 {
     double out[2];
-    if (g->active[GYRO_EFFECT_SENSE_NOISE]) {
-        effect_sense_noise(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
+    {
+        const double entering[2] = {g->v[0], g->v[1]};
+        double sum[2] = {entering[0], entering[1]};
+        if (g->active[GYRO_EFFECT_FLICKER_NOISE]) {
+            effect_flicker_noise(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        if (g->active[GYRO_EFFECT_SAMPLING_JITTER]) {
+            effect_sampling_jitter(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        if (g->active[GYRO_EFFECT_SENSE_NOISE]) {
+            effect_sense_noise(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        g->v[0] = sum[0];
+        g->v[1] = sum[1];
     }
     if (g->active[GYRO_EFFECT_ADC_CLIPPING]) {
         effect_adc_clipping(g, out);
@@ -879,6 +1115,121 @@ static inline void convert(gyro_view *g)
     }
     if (g->active[GYRO_EFFECT_ADC_QUANTISATION]) {
         effect_adc_quantisation(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+}
+
+/* The voltage before the amplifier's lag, from the displacement. And its rate, before each value that it is made from changes. */
+static inline void pick_off_moving(gyro_view *g)
+{
+    double out[2];
+    g->q[0] = g->s[GYRO_STATE_X];
+    g->q[1] = g->s[GYRO_STATE_Y];
+    state_rate(g, g->s_rate);
+    g->q_rate[0] = g->s_rate[GYRO_STATE_X];
+    g->q_rate[1] = g->s_rate[GYRO_STATE_Y];
+    if (g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT]) {
+        rate_pickoff_misalignment(g, out);
+        g->q_rate[0] = out[0];
+        g->q_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT]) {
+        effect_pickoff_misalignment(g, out);
+        g->q[0] = out[0];
+        g->q[1] = out[1];
+    }
+    {
+        const double entering[2] = {g->q_rate[0], g->q_rate[1]};
+        double sum[2] = {entering[0], entering[1]};
+        if (g->active[GYRO_EFFECT_PICKOFF_MISMATCH]) {
+            rate_pickoff_mismatch(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        if (g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY]) {
+            rate_pickoff_nonlinearity(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        g->q_rate[0] = sum[0];
+        g->q_rate[1] = sum[1];
+    }
+    {
+        const double entering[2] = {g->q[0], g->q[1]};
+        double sum[2] = {entering[0], entering[1]};
+        if (g->active[GYRO_EFFECT_PICKOFF_MISMATCH]) {
+            effect_pickoff_mismatch(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        if (g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY]) {
+            effect_pickoff_nonlinearity(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        g->q[0] = sum[0];
+        g->q[1] = sum[1];
+    }
+    rate_ideal_pickoff(g, out);
+    g->v_rate[0] = out[0];
+    g->v_rate[1] = out[1];
+    effect_ideal_pickoff(g, out);
+    g->v[0] = out[0];
+    g->v[1] = out[1];
+    if (g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH]) {
+        rate_pickoff_gain_mismatch(g, out);
+        g->v_rate[0] = out[0];
+        g->v_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH]) {
+        effect_pickoff_gain_mismatch(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE]) {
+        rate_parasitic_capacitance(g, out);
+        g->v_rate[0] = out[0];
+        g->v_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE]) {
+        effect_parasitic_capacitance(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH]) {
+        rate_drive_feedthrough(g, out);
+        g->v_rate[0] = out[0];
+        g->v_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH]) {
+        effect_drive_feedthrough(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+}
+
+/* The voltage after the amplifier's lag. And its rate, before each value that it is made from changes. */
+static inline void amplify_moving(gyro_view *g)
+{
+    double out[2];
+    if (g->active[GYRO_EFFECT_AMPLIFIER_OFFSET]) {
+        rate_amplifier_offset(g, out);
+        g->v_rate[0] = out[0];
+        g->v_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_AMPLIFIER_OFFSET]) {
+        effect_amplifier_offset(g, out);
+        g->v[0] = out[0];
+        g->v[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_AMPLIFIER_DRIFT]) {
+        rate_amplifier_drift(g, out);
+        g->v_rate[0] = out[0];
+        g->v_rate[1] = out[1];
+    }
+    if (g->active[GYRO_EFFECT_AMPLIFIER_DRIFT]) {
+        effect_amplifier_drift(g, out);
         g->v[0] = out[0];
         g->v[1] = out[1];
     }

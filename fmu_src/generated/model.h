@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{ff3a828f-a5e9-fdfd-8b59-c4f72f41f8f3}"
+#define GYRO_TOKEN "{c2cf1222-2e70-a19a-c5ba-b34117efa311}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -63,32 +63,35 @@ enum {
     GYRO_FEEDTHROUGH = 49, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
     GYRO_SOFTENING = 50, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
     GYRO_ELECTRODE_GAP = 51, /* [m] shape: gap of the electrodes */
-    GYRO_ACCELERATION_GAIN_X = 52, /* [1] size: part of the package's acceleration that moves the mass, x axis */
-    GYRO_ACCELERATION_GAIN_Y = 53, /* [1] size: part of the package's acceleration that moves the mass, y axis */
-    GYRO_D2_X = 54, /* [N.s/m3] size: nonlinear damping, x axis */
-    GYRO_D2_Y = 55, /* [N.s/m3] size: nonlinear damping, y axis */
-    GYRO_PARASITIC_RATIO = 56, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
-    GYRO_PARASITIC_COUPLING = 57, /* [N/m] size: spring that couples the parasitic mode to x */
-    GYRO_PARASITIC_FREQUENCY = 58, /* [Hz] shape: frequency of the parasitic mode alone */
-    GYRO_PARASITIC_Q = 59, /* [1] shape: quality factor of the parasitic mode */
-    GYRO_PICKOFF_GAIN_MISMATCH = 60, /* [1] size: relative excess of the y pickoff gain */
-    GYRO_PICKOFF_MISALIGNMENT = 61, /* [1] size: part of each displacement that the other pickoff sees */
-    GYRO_PICKOFF_MISMATCH = 62, /* [1] size: relative mismatch of the pair of sensing capacitors */
-    GYRO_PICKOFF_INVERSE_GAP = 63, /* [1/m] size: one over the gap of the sensing capacitors */
-    GYRO_K2_X = 64, /* [N/m2] size: quadratic stiffness, x axis */
-    GYRO_K2_Y = 65, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SENSE_NOISE = 66, /* [V] size: white noise, rms a sample */
-    GYRO_TCD = 67, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 68, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 69, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_STRUCTURE_LAG = 70, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 71, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 72, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 73, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 74, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 75, /* [K] shape: temperature at which parameters are as given */
+    GYRO_FLICKER_NOISE = 52, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
+    GYRO_FRAME_ROTATION = 53, /* [1] size: centrifugal and Euler force times this (1: physical) */
+    GYRO_ACCELERATION_GAIN_X = 54, /* [1] size: part of the package's acceleration that moves the mass, x axis */
+    GYRO_ACCELERATION_GAIN_Y = 55, /* [1] size: part of the package's acceleration that moves the mass, y axis */
+    GYRO_D2_X = 56, /* [N.s/m3] size: nonlinear damping, x axis */
+    GYRO_D2_Y = 57, /* [N.s/m3] size: nonlinear damping, y axis */
+    GYRO_PARASITIC_RATIO = 58, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
+    GYRO_PARASITIC_COUPLING = 59, /* [N/m] size: spring that couples the parasitic mode to x */
+    GYRO_PARASITIC_FREQUENCY = 60, /* [Hz] shape: frequency of the parasitic mode alone */
+    GYRO_PARASITIC_Q = 61, /* [1] shape: quality factor of the parasitic mode */
+    GYRO_PICKOFF_GAIN_MISMATCH = 62, /* [1] size: relative excess of the y pickoff gain */
+    GYRO_PICKOFF_MISALIGNMENT = 63, /* [1] size: part of each displacement that the other pickoff sees */
+    GYRO_PICKOFF_MISMATCH = 64, /* [1] size: relative mismatch of the pair of sensing capacitors */
+    GYRO_PICKOFF_INVERSE_GAP = 65, /* [1/m] size: one over the gap of the sensing capacitors */
+    GYRO_K2_X = 66, /* [N/m2] size: quadratic stiffness, x axis */
+    GYRO_K2_Y = 67, /* [N/m2] size: quadratic stiffness, y axis */
+    GYRO_SAMPLING_JITTER = 68, /* [s] size: rms error of the sampling instant */
+    GYRO_SENSE_NOISE = 69, /* [V] size: white noise, rms a sample */
+    GYRO_TCD = 70, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 71, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 72, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_STRUCTURE_LAG = 73, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 74, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 75, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 76, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 77, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 78, /* [K] shape: temperature at which parameters are as given */
     GYRO_N_INPUTS = 7, /* which come first */
-    GYRO_N_VARIABLES = 76
+    GYRO_N_VARIABLES = 79
 };
 
 /* Continuous states. */
@@ -130,23 +133,27 @@ enum {
     GYRO_EFFECT_DIELECTRIC_CHARGING = 16,
     GYRO_EFFECT_DRIVE_FEEDTHROUGH = 17,
     GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 18,
-    GYRO_EFFECT_LINEAR_ACCELERATION = 19,
-    GYRO_EFFECT_NONLINEAR_DAMPING = 20,
-    GYRO_EFFECT_PARASITIC_CAPACITANCE = 21,
-    GYRO_EFFECT_PARASITIC_MODE = 22,
-    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 23,
-    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 24,
-    GYRO_EFFECT_PICKOFF_MISMATCH = 25,
-    GYRO_EFFECT_PICKOFF_NONLINEARITY = 26,
-    GYRO_EFFECT_QUADRATIC_STIFFNESS = 27,
-    GYRO_EFFECT_SENSE_NOISE = 28,
-    GYRO_EFFECT_THERMAL_DAMPING = 29,
-    GYRO_EFFECT_THERMAL_FORCE = 30,
-    GYRO_EFFECT_THERMAL_GAIN = 31,
-    GYRO_EFFECT_THERMAL_LAG = 32,
-    GYRO_EFFECT_THERMAL_PHASE = 33,
-    GYRO_EFFECT_THERMAL_STIFFNESS = 34,
-    GYRO_N_EFFECTS = 35
+    GYRO_EFFECT_FLICKER_NOISE = 19,
+    GYRO_EFFECT_FRAME_ROTATION = 20,
+    GYRO_EFFECT_LINEAR_ACCELERATION = 21,
+    GYRO_EFFECT_NONLINEAR_DAMPING = 22,
+    GYRO_EFFECT_PARASITIC_CAPACITANCE = 23,
+    GYRO_EFFECT_PARASITIC_MODE = 24,
+    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 25,
+    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 26,
+    GYRO_EFFECT_PICKOFF_MISMATCH = 27,
+    GYRO_EFFECT_PICKOFF_NONLINEARITY = 28,
+    GYRO_EFFECT_QUADRATIC_STIFFNESS = 29,
+    GYRO_EFFECT_SAMPLING_JITTER = 30,
+    GYRO_EFFECT_SENSE_NOISE = 31,
+    GYRO_EFFECT_THERMAL_DAMPING = 32,
+    GYRO_EFFECT_THERMAL_FORCE = 33,
+    GYRO_EFFECT_THERMAL_GAIN = 34,
+    GYRO_EFFECT_THERMAL_LAG = 35,
+    GYRO_EFFECT_THERMAL_PHASE = 36,
+    GYRO_EFFECT_THERMAL_STIFFNESS = 37,
+    GYRO_N_PINK = 1, /* of which draw pink numbers */
+    GYRO_N_EFFECTS = 38
 };
 
 typedef enum { GYRO_INPUT, GYRO_PARAMETER, GYRO_OUTPUT } gyro_kind;

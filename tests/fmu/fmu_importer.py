@@ -24,6 +24,9 @@ NOISY = {
     "circuit_lag": 1e-4,
     "tck": 1e-4,
     "tcp": 1e-8,
+    "frame_rotation": 1.0,
+    "sampling_jitter": 1e-9,
+    "flicker_noise": 1e-4,
     "x_start": 1e-6,
 }
 OUTPUTS = ("v_x", "v_y", "x", "y", "x_dot", "y_dot")
@@ -47,7 +50,8 @@ class Fmu:
         self.token = self.description.guid if self.version == 2 else self.description.instantiationToken
         self.variables = {variable.name: variable for variable in self.description.modelVariables}
         platform = fmpy.platform if self.version == 2 else fmpy.platform_tuple
-        self.library = ct.CDLL(str(self.folder / "binaries" / platform / f"Gyroscope{fmpy.sharedLibraryExtension}"))
+        library = f"{self.description.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
+        self.library = ct.CDLL(str(self.folder / "binaries" / platform / library))
 
     def function(self, name: str) -> Any:
         """The exported function ``fmi2<name>`` or ``fmi3<name>``."""

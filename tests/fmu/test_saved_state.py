@@ -37,6 +37,22 @@ def test_run_continues_in_another_instance_from_bytes(fmu: Fmu) -> None:
         other.free_saved(handle)
 
 
+def test_inputs_of_the_step_before_are_part_of_the_state(gyro: Instance) -> None:
+    # The next change of the rate is counted from that of the saved state.
+    gyro.start(frame_rotation=1.0, x_start=1e-6)
+    gyro.set(omega_z=100.0)
+    gyro.run(0, 5)
+    saved = gyro.save()
+    gyro.set(omega_z=300.0)
+    first = gyro.run(5, 10)
+    gyro.set(omega_z=-700.0)
+    gyro.run(10, 15)
+    assert gyro.restore(saved) == OK
+    gyro.set(omega_z=300.0)
+    assert gyro.run(5, 10) == first
+    gyro.free_saved(saved)
+
+
 @pytest.mark.parametrize("state", ["instantiated", "initialization", "step", "terminated"])
 def test_life_cycle_is_part_of_the_state(fmu: Fmu, state: str) -> None:
     with Instance(fmu) as gyro, Instance(fmu) as other:

@@ -3,7 +3,8 @@
 import pytest
 from gyro_runner import Runner
 
-from gyro_model.build import Fmus
+from gyro_model.build import Fmus, build
+from gyro_model.envelope import envelope_model
 
 
 @pytest.fixture(scope="session")
@@ -17,3 +18,9 @@ def runners(fmus: Fmus, tmp_path_factory: pytest.TempPathFactory) -> dict[int, R
 def plant(runners: dict[int, Runner]) -> Runner:
     """The FMU for FMI 3.0."""
     return runners[3]
+
+
+@pytest.fixture(scope="session")
+def envelope(tmp_path_factory: pytest.TempPathFactory) -> Runner:
+    """The FMU of the envelope form for FMI 3.0."""
+    return Runner(build(envelope_model()).fmi3, tmp_path_factory.mktemp("envelope"))

@@ -11,6 +11,11 @@ from gyro_model.anatomy import Delay, Effect, Follow, Force, Lag, Law, Map
 from gyro_model.model import Model
 
 _EXPORT = '__attribute__((visibility("default"))) void' if not hasattr(ct, "WinDLL") else "__declspec(dllexport) void"
+_OWN = (
+    *(symbols.t, symbols.after, symbols.normal_x, symbols.normal_y, symbols.omega_z_change),
+    *(symbols.v_x_rate, symbols.v_y_rate),
+    *symbols.PINK,
+)
 _SIGNALS = ("u_x", "u_y", "q_x", "q_y", "v_x", "v_y")
 _BODY = """
 {export} {name}(const double *p, const double *s, const double *signals, const double *own, double *out)
@@ -20,8 +25,10 @@ _BODY = """
     for (int i = 0; i < GYRO_N_STATES; i++) view.s[i] = s[i];
     for (int i = 0; i < 2; i++) {{
         view.u[i] = signals[i]; view.q[i] = signals[2 + i]; view.v[i] = signals[4 + i];
-        view.normal[{effect}][i] = own[2 + i];
+        view.drawn[{effect}][i] = own[2 + i] + own[7 + i]; /* normal or pink, the other is 0 */
     }}
+    view.change[GYRO_OMEGA_Z] = own[4];
+    view.v_rate[0] = own[5]; view.v_rate[1] = own[6];
     view.t = own[0];
     view.after[{effect}] = own[1];
     {call}
@@ -39,6 +46,8 @@ def _call(effect: Effect) -> str:
     if isinstance(effect, Law):
         copies = (f"out[{i}] = view.p[GYRO_{name.upper()}];" for i, name in enumerate(effect.terms()))
         return f"effect_{effect.id}(&view); " + " ".join(copies)
+    if isinstance(effect, Force) and effect.impulse:
+        return f"effect_{effect.id}(&view, out); impulse_{effect.id}(&view, out + 2);"
     if isinstance(effect, Force) and effect.states:
         rates = (f"out[{2 + i}] = rate[GYRO_STATE_{s.symbol.name.upper()}];" for i, s in enumerate(effect.states))
         return f"double rate[GYRO_N_STATES]; effect_{effect.id}(&view, out, rate); " + " ".join(rates)
@@ -66,9 +75,7 @@ class EffectLibrary:
         p = np.array([values.get(q.name, 0.0) for q in self.model.quantities])
         s = np.array([values.get(symbol.name, 0.0) for symbol in self.model.state_symbols])
         signals = np.array([values.get(name, 0.0) for name in _SIGNALS])
-        own = np.array(
-            [values.get(s.name, 0.0) for s in (symbols.t, symbols.after, symbols.normal_x, symbols.normal_y)]
-        )
+        own = np.array([values.get(symbol.name, 0.0) for symbol in _OWN])
         out = np.zeros(2 + len(self.model.states) + len(effect.terms()))
         function = getattr(self.library, f"call_{effect.id}")
         function(*(array.ctypes.data_as(ct.POINTER(ct.c_double)) for array in (p, s, signals, own, out)))

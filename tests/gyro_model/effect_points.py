@@ -20,7 +20,19 @@ IDS = [effect.id for effect in MODEL.effects]
 _TYPICAL = {"m": 1e-6, "m/s": 2e-2, "N": 1e-5, "V": 1.0, "rad/s": 5.0, "m/s2": 10.0, "K": 300.0, "s": 0.5, "1": 1.0}
 # A neutral value beyond this stands for "no limit", not for a size.
 _UNLIMITED = 1e100
-_OWN_UNITS = {"t": "s", "after": "1", "normal_x": "1", "normal_y": "1", "q_x": "m", "q_y": "m"}
+_OWN_UNITS = {
+    "t": "s",
+    "after": "1",
+    "normal_x": "1",
+    "normal_y": "1",
+    "q_x": "m",
+    "q_y": "m",
+    "omega_z_change": "rad/s",
+    "pink_x": "Hz0.5",
+    "pink_y": "Hz0.5",
+    "v_x_rate": "V/s",
+    "v_y_rate": "V/s",
+}
 
 
 def unit_of(name: str, model: Model = MODEL) -> str:
@@ -35,7 +47,7 @@ def dimension_of_term(effect: Effect, name: str, model: Model = MODEL) -> Dimens
         return dimension("s")
     if isinstance(effect, Force):
         rates = {f"d_{state.symbol.name}": dimension(state.unit) * dimension("s-1") for state in effect.states}
-        return rates.get(name, dimension("N"))
+        return rates.get(name, dimension("N.s" if name.startswith("impulse") else "N"))
     return dimension(unit_of(name, model))
 
 

@@ -13,7 +13,8 @@ import pytest
 from effect_points import MODEL
 
 from gyro_model import build as building
-from gyro_model.build import Fmus, build, default_folder, model_token, token_of
+from gyro_model.build import Fmus, build, build_all, default_folder, model_token, token_of
+from gyro_model.envelope import envelope_model
 from gyro_model.errors import InputError
 from gyro_model.model import Model
 
@@ -24,6 +25,10 @@ ALLOWED = {
     *("snprintf", "vsnprintf", "__snprintf_chk", "__vsnprintf_chk", "__memcpy_chk", "__stack_chk_fail"),
     *("expm1", "exp", "rint", "sqrt", "floor"),
 }
+# The envelope form turns phases and scales by powers of two.
+ALLOWED_OF_ENVELOPES = ALLOWED | {"sin", "cos", "sincos", "frexp", "ldexp"}
+
+FORMS = {"full": MODEL, "envelope": envelope_model()}
 
 posix = pytest.mark.skipif(shutil.which("nm") is None or sys.platform != "linux", reason="needs nm on Linux")
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
@@ -83,6 +88,21 @@ def test_what_is_no_fmu_of_this_model_is_built_anew(tmp_path: Path, monkeypatch:
     assert token_of(wanted[1]) == "{other}"
     build(folder=tmp_path)
     assert built == wanted
+
+
+def test_both_forms_are_built_side_by_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(building, "_build_one", lambda model, token, fmi, path: None)
+    paths = [path.relative_to(tmp_path).as_posix() for path in build_all(folder=tmp_path)]
+    assert paths == [f"{fmi}/{name}.fmu" for name in ("Gyroscope", "GyroscopeEnvelope") for fmi in ("fmi2", "fmi3")]
+
+
+def test_each_form_has_a_token_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copytree(building.handwritten_folder(), tmp_path / "c")
+    full, own = map(model_token, FORMS.values())
+    monkeypatch.setattr(building, "handwritten_folder", lambda: tmp_path / "c")
+    changed = tmp_path / "c" / "envelope" / "slow.c"
+    changed.write_text(changed.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    assert model_token(FORMS["full"]) == full != own != model_token(FORMS["envelope"])
 
 
 def test_folder_of_another_model_is_the_cache_by_token() -> None:
@@ -151,9 +171,12 @@ def test_failing_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("fmi", ["fmi2", "fmi3"])
-def test_c_compiles_without_a_warning(compiler: str, fmi: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("form", FORMS)
+def test_c_compiles_without_a_warning(
+    compiler: str, fmi: str, form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("CC", compiler)
-    building.write_sources(MODEL, tmp_path)
+    building.write_sources(FORMS[form], tmp_path)
     files = building.c_files(tmp_path, fmi)
     # -O1 sees the flow of values, which some warnings need, in half the time of -O3.
     strict = ("-Werror", "-Wshadow", "-Wstrict-prototypes", "-Wvla", "-O1")
@@ -170,22 +193,24 @@ def names_of(fmu: Path, folder: Path, *options: str) -> set[str]:
 
 
 @posix
-def test_only_fmi_functions_are_exported(fmus: Fmus, tmp_path: Path) -> None:
-    for name, path in fmus._asdict().items():
+@pytest.mark.parametrize("form", FORMS)
+def test_only_fmi_functions_are_exported(form: str, tmp_path: Path) -> None:
+    for name, path in build(FORMS[form])._asdict().items():
         exported = names_of(path, tmp_path / name, "--defined-only")
         assert exported
         assert all(symbol.startswith(name) for symbol in exported), exported
 
 
 @posix
-def test_little_is_taken_from_the_system(fmus: Fmus, tmp_path: Path) -> None:
-    for name, path in fmus._asdict().items():
+@pytest.mark.parametrize(("form", "allowed"), [("full", ALLOWED), ("envelope", ALLOWED_OF_ENVELOPES)])
+def test_little_is_taken_from_the_system(form: str, allowed: set[str], tmp_path: Path) -> None:
+    for name, path in build(FORMS[form])._asdict().items():
         undefined = {
             s
             for s in names_of(path, tmp_path / name, "--undefined-only")
             if not s.startswith(("_ITM", "__gmon", "__cxa"))
         }
-        assert undefined <= ALLOWED, undefined - ALLOWED
+        assert undefined <= allowed, undefined - allowed
 
 
 def test_default_step_calls_no_libm() -> None:

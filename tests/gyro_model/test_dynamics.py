@@ -98,8 +98,9 @@ def test_sensitivities(residual: Residual) -> None:
 
 def test_sensitivities_refuse_what_they_leave_out() -> None:
     t = np.arange(3) * 5e-6
-    for name in ("actuator_delay", "amplifier_time_constant"):
-        with pytest.raises(InputError, match="set actuator_delay and amplifier_time_constant to 0 first"):
+    left_out = {"actuator_delay": "actuator_delay", "tcp": "amplifier_bandwidth", "frame_rotation": "frame_rotation"}
+    for name, effect in left_out.items():
+        with pytest.raises(InputError, match=f"sensitivities: {effect} not covered; switch off first"):
             sensitivities(Device("d", {name: 1e-6}), ("m",), t, {})
 
 

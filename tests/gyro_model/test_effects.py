@@ -163,7 +163,7 @@ def test_dissipation_is_never_negative(effect: Force) -> None:
 
 @every_effect
 def test_noise_flag(effect: Effect) -> None:
-    normals = set(make_symbols("normal_x normal_y", real=True))
+    normals = set(make_symbols("normal_x normal_y pink_x pink_y", real=True))
     draws = bool(normals & effect.symbols)
     rounds = isinstance(effect, Map) and effect.slot == "sampled round"
     assert effect.noise == (draws or rounds)

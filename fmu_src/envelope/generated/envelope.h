@@ -51,7 +51,7 @@ static inline int any_curved_output(const gyro_view *g)
 /* Whether the sample has noise of numbers drawn. */
 static inline int any_drawn_sample(const gyro_view *g)
 {
-    return g->active[GYRO_EFFECT_SENSE_NOISE];
+    return g->active[GYRO_EFFECT_FLICKER_NOISE] || g->active[GYRO_EFFECT_SAMPLING_JITTER] || g->active[GYRO_EFFECT_SENSE_NOISE];
 }
 
 /* Whether the sample is rounded. */
@@ -64,7 +64,7 @@ static inline int any_rounded_sample(const gyro_view *g)
 static const int drawn_forces[] = {GYRO_EFFECT_THERMAL_FORCE, GYRO_N_EFFECTS};
 
 /* The maps that draw numbers for the sample; GYRO_N_EFFECTS ends the list. */
-static const int drawn_samples[] = {GYRO_EFFECT_SENSE_NOISE, GYRO_N_EFFECTS};
+static const int drawn_samples[] = {GYRO_EFFECT_FLICKER_NOISE, GYRO_EFFECT_SAMPLING_JITTER, GYRO_EFFECT_SENSE_NOISE, GYRO_N_EFFECTS};
 
 /* The maps that round the sample; GYRO_N_EFFECTS ends the list. */
 static const int rounding_effects[] = {GYRO_EFFECT_ADC_QUANTISATION, GYRO_N_EFFECTS};
@@ -80,6 +80,9 @@ static inline void straight_rate(const gyro_view *g, double rate[GYRO_N_STATES])
     effect_suspension(g, force);
     if (g->active[GYRO_EFFECT_ANGULAR_GAIN]) {
         effect_angular_gain(g, force);
+    }
+    if (g->active[GYRO_EFFECT_FRAME_ROTATION]) {
+        effect_frame_rotation(g, force);
     }
     if (g->active[GYRO_EFFECT_LINEAR_ACCELERATION]) {
         effect_linear_acceleration(g, force);
@@ -135,10 +138,26 @@ static inline void limit(gyro_view *g)
 static inline void add_noise(gyro_view *g)
 {
     double out[2];
-    if (g->active[GYRO_EFFECT_SENSE_NOISE]) {
-        effect_sense_noise(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
+    {
+        const double entering[2] = {g->v[0], g->v[1]};
+        double sum[2] = {entering[0], entering[1]};
+        if (g->active[GYRO_EFFECT_FLICKER_NOISE]) {
+            effect_flicker_noise(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        if (g->active[GYRO_EFFECT_SAMPLING_JITTER]) {
+            effect_sampling_jitter(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        if (g->active[GYRO_EFFECT_SENSE_NOISE]) {
+            effect_sense_noise(g, out);
+            sum[0] += out[0] - entering[0];
+            sum[1] += out[1] - entering[1];
+        }
+        g->v[0] = sum[0];
+        g->v[1] = sum[1];
     }
 }
 

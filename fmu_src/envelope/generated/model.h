@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{5efa853f-ea28-0689-07a5-5479ab76c497}"
+#define GYRO_TOKEN "{19764b63-b5a8-f48c-5072-f66941c47c22}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -70,32 +70,35 @@ enum {
     GYRO_FEEDTHROUGH = 56, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
     GYRO_SOFTENING = 57, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
     GYRO_ELECTRODE_GAP = 58, /* [m] shape: gap of the electrodes */
-    GYRO_ACCELERATION_GAIN_X = 59, /* [1] size: part of the package's acceleration that moves the mass, x axis */
-    GYRO_ACCELERATION_GAIN_Y = 60, /* [1] size: part of the package's acceleration that moves the mass, y axis */
-    GYRO_D2_X = 61, /* [N.s/m3] size: nonlinear damping, x axis */
-    GYRO_D2_Y = 62, /* [N.s/m3] size: nonlinear damping, y axis */
-    GYRO_PARASITIC_RATIO = 63, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
-    GYRO_PARASITIC_COUPLING = 64, /* [N/m] size: spring that couples the parasitic mode to x */
-    GYRO_PARASITIC_FREQUENCY = 65, /* [Hz] shape: frequency of the parasitic mode alone */
-    GYRO_PARASITIC_Q = 66, /* [1] shape: quality factor of the parasitic mode */
-    GYRO_PICKOFF_GAIN_MISMATCH = 67, /* [1] size: relative excess of the y pickoff gain */
-    GYRO_PICKOFF_MISALIGNMENT = 68, /* [1] size: part of each displacement that the other pickoff sees */
-    GYRO_PICKOFF_MISMATCH = 69, /* [1] size: relative mismatch of the pair of sensing capacitors */
-    GYRO_PICKOFF_INVERSE_GAP = 70, /* [1/m] size: one over the gap of the sensing capacitors */
-    GYRO_K2_X = 71, /* [N/m2] size: quadratic stiffness, x axis */
-    GYRO_K2_Y = 72, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SENSE_NOISE = 73, /* [V] size: white noise, rms a sample */
-    GYRO_TCD = 74, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 75, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 76, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_STRUCTURE_LAG = 77, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 78, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 79, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 80, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 81, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 82, /* [K] shape: temperature at which parameters are as given */
+    GYRO_FLICKER_NOISE = 59, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
+    GYRO_FRAME_ROTATION = 60, /* [1] size: centrifugal and Euler force times this (1: physical) */
+    GYRO_ACCELERATION_GAIN_X = 61, /* [1] size: part of the package's acceleration that moves the mass, x axis */
+    GYRO_ACCELERATION_GAIN_Y = 62, /* [1] size: part of the package's acceleration that moves the mass, y axis */
+    GYRO_D2_X = 63, /* [N.s/m3] size: nonlinear damping, x axis */
+    GYRO_D2_Y = 64, /* [N.s/m3] size: nonlinear damping, y axis */
+    GYRO_PARASITIC_RATIO = 65, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
+    GYRO_PARASITIC_COUPLING = 66, /* [N/m] size: spring that couples the parasitic mode to x */
+    GYRO_PARASITIC_FREQUENCY = 67, /* [Hz] shape: frequency of the parasitic mode alone */
+    GYRO_PARASITIC_Q = 68, /* [1] shape: quality factor of the parasitic mode */
+    GYRO_PICKOFF_GAIN_MISMATCH = 69, /* [1] size: relative excess of the y pickoff gain */
+    GYRO_PICKOFF_MISALIGNMENT = 70, /* [1] size: part of each displacement that the other pickoff sees */
+    GYRO_PICKOFF_MISMATCH = 71, /* [1] size: relative mismatch of the pair of sensing capacitors */
+    GYRO_PICKOFF_INVERSE_GAP = 72, /* [1/m] size: one over the gap of the sensing capacitors */
+    GYRO_K2_X = 73, /* [N/m2] size: quadratic stiffness, x axis */
+    GYRO_K2_Y = 74, /* [N/m2] size: quadratic stiffness, y axis */
+    GYRO_SAMPLING_JITTER = 75, /* [s] size: rms error of the sampling instant */
+    GYRO_SENSE_NOISE = 76, /* [V] size: white noise, rms a sample */
+    GYRO_TCD = 77, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 78, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 79, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_STRUCTURE_LAG = 80, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 81, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 82, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 83, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 84, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 85, /* [K] shape: temperature at which parameters are as given */
     GYRO_N_INPUTS = 10, /* which come first */
-    GYRO_N_VARIABLES = 83
+    GYRO_N_VARIABLES = 86
 };
 
 /* Continuous states. */
@@ -137,23 +140,27 @@ enum {
     GYRO_EFFECT_DIELECTRIC_CHARGING = 16,
     GYRO_EFFECT_DRIVE_FEEDTHROUGH = 17,
     GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 18,
-    GYRO_EFFECT_LINEAR_ACCELERATION = 19,
-    GYRO_EFFECT_NONLINEAR_DAMPING = 20,
-    GYRO_EFFECT_PARASITIC_CAPACITANCE = 21,
-    GYRO_EFFECT_PARASITIC_MODE = 22,
-    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 23,
-    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 24,
-    GYRO_EFFECT_PICKOFF_MISMATCH = 25,
-    GYRO_EFFECT_PICKOFF_NONLINEARITY = 26,
-    GYRO_EFFECT_QUADRATIC_STIFFNESS = 27,
-    GYRO_EFFECT_SENSE_NOISE = 28,
-    GYRO_EFFECT_THERMAL_DAMPING = 29,
-    GYRO_EFFECT_THERMAL_FORCE = 30,
-    GYRO_EFFECT_THERMAL_GAIN = 31,
-    GYRO_EFFECT_THERMAL_LAG = 32,
-    GYRO_EFFECT_THERMAL_PHASE = 33,
-    GYRO_EFFECT_THERMAL_STIFFNESS = 34,
-    GYRO_N_EFFECTS = 35
+    GYRO_EFFECT_FLICKER_NOISE = 19,
+    GYRO_EFFECT_FRAME_ROTATION = 20,
+    GYRO_EFFECT_LINEAR_ACCELERATION = 21,
+    GYRO_EFFECT_NONLINEAR_DAMPING = 22,
+    GYRO_EFFECT_PARASITIC_CAPACITANCE = 23,
+    GYRO_EFFECT_PARASITIC_MODE = 24,
+    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 25,
+    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 26,
+    GYRO_EFFECT_PICKOFF_MISMATCH = 27,
+    GYRO_EFFECT_PICKOFF_NONLINEARITY = 28,
+    GYRO_EFFECT_QUADRATIC_STIFFNESS = 29,
+    GYRO_EFFECT_SAMPLING_JITTER = 30,
+    GYRO_EFFECT_SENSE_NOISE = 31,
+    GYRO_EFFECT_THERMAL_DAMPING = 32,
+    GYRO_EFFECT_THERMAL_FORCE = 33,
+    GYRO_EFFECT_THERMAL_GAIN = 34,
+    GYRO_EFFECT_THERMAL_LAG = 35,
+    GYRO_EFFECT_THERMAL_PHASE = 36,
+    GYRO_EFFECT_THERMAL_STIFFNESS = 37,
+    GYRO_N_PINK = 1, /* of which draw pink numbers */
+    GYRO_N_EFFECTS = 38
 };
 
 typedef enum { GYRO_INPUT, GYRO_PARAMETER, GYRO_OUTPUT } gyro_kind;

@@ -1,0 +1,118 @@
+"""The FMU GyroscopeEnvelope as an importer sees it: the layers are those of the full FMU, tested there; here what its
+own plant must keep."""
+
+from collections.abc import Iterator
+
+import fmpy
+import pytest
+from fmpy.validation import validate_fmu
+from fmu_importer import ERROR, OK, Fmu, Instance
+
+from gyro_model.build import build
+from gyro_model.envelope import envelope_model
+
+# Every part that keeps something between steps: noises, an event, lags, curved forces, a mode of its own.
+BUSY = {
+    "seed": 7,
+    "sense_noise": 1e-3,
+    "sampling_jitter": 1e-9,
+    "adc_lsb": 1e-4,
+    "thermal_force": 1.0,
+    "k3_x": 1e9,
+    "k2_y": 1e5,
+    "damping_step_time": 0.0123,
+    "damping_step_factor": 2.0,
+    "parasitic_coupling": 0.5,
+    "structure_lag": 0.03,
+    "circuit_lag": 0.01,
+    "tck": 1e-4,
+    "tcp": 1e-8,
+    "frame_rotation": 1.0,
+    "x_start_i": 1e-6,
+}
+OUTPUTS = ("v_x_i", "v_x_q", "v_y_i", "v_y_q", "x_i", "y_q", "x_mean", "temperature_circuit")
+STEP = 1e-3
+
+
+@pytest.fixture(scope="module")
+def envelopes(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Fmu]:
+    paths = build(envelope_model())._asdict()
+    loaded = [Fmu(path, tmp_path_factory.mktemp(name)) for name, path in paths.items()]
+    return {fmu.version: fmu for fmu in loaded}
+
+
+@pytest.fixture(params=[2, 3], ids=["fmi2", "fmi3"])
+def plant(request: pytest.FixtureRequest, envelopes: dict[int, Fmu]) -> Iterator[Instance]:
+    with Instance(envelopes[request.param]) as instance:
+        yield instance
+
+
+def run(plant: Instance, first: int, last: int) -> list[list[float]]:
+    trace = []
+    for k in range(first, last):
+        plant.set(u_x_i=1e-6 * (k % 7), omega_z=0.1 * (k % 3), temperature=300.0 + k, carrier_frequency=2900.0 + k % 5)
+        assert plant.step(k * STEP, STEP) == OK, plant.log
+        trace.append(plant.get(*OUTPUTS))
+    return trace
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_fmpy_finds_no_fault(envelopes: dict[int, Fmu], version: int) -> None:
+    assert validate_fmu(str(envelopes[version].path)) == []
+
+
+def test_fmpy_simulates_it(envelopes: dict[int, Fmu]) -> None:
+    result = fmpy.simulate_fmu(str(envelopes[3].path), stop_time=0.01, output_interval=STEP, start_values=BUSY)
+    assert len(result) == 11
+
+
+def test_both_standards_give_equal_bits(envelopes: dict[int, Fmu]) -> None:
+    with Instance(envelopes[2]) as old, Instance(envelopes[3]) as new:
+        old.start(**BUSY)
+        new.start(**BUSY)
+        assert run(old, 0, 50) == run(new, 0, 50)
+
+
+def test_one_long_step_equals_many_short_ones(envelopes: dict[int, Fmu]) -> None:
+    with Instance(envelopes[3]) as long, Instance(envelopes[3]) as short:
+        for plant in (long, short):
+            plant.start(**BUSY, u_y_q=1e-6, temperature=310.0)
+        assert long.step(0.0, 40 * STEP) == OK
+        for k in range(40):
+            assert short.step(k * STEP, STEP) == OK
+        assert long.get(*OUTPUTS) == short.get(*OUTPUTS)
+
+
+def test_run_continues_from_a_saved_state(plant: Instance) -> None:
+    plant.start(**BUSY)
+    run(plant, 0, 10)
+    saved = plant.save()
+    first = run(plant, 10, 30)
+    assert plant.restore(saved) == OK
+    assert run(plant, 10, 30) == first
+    plant.free_saved(saved)
+
+
+def test_run_continues_in_another_instance_from_bytes(envelopes: dict[int, Fmu]) -> None:
+    with Instance(envelopes[3]) as one, Instance(envelopes[3]) as other:
+        one.start(**BUSY)
+        run(one, 0, 10)
+        data = one.serialize(one.save())
+        other.start()
+        status, handle = other.deserialize(data)
+        assert status == OK and other.restore(handle) == OK
+        assert run(other, 10, 30) == run(one, 10, 30)
+
+
+def test_reset_gives_a_new_instance(plant: Instance) -> None:
+    plant.start(**BUSY)
+    first = run(plant, 0, 10)
+    assert plant.call("Reset") == OK
+    plant.start(**BUSY)
+    assert run(plant, 0, 10) == first
+
+
+def test_a_device_that_does_not_oscillate_is_refused_where_it_shows(plant: Instance) -> None:
+    plant.start(x_start_i=1e-9, softening=100.0, v_bias=1.0)
+    assert plant.step(0.0, STEP) == ERROR
+    assert "diverged at 0.001 s: the amplitude of x is not finite" in plant.message

@@ -1,0 +1,61 @@
+"""The effects are those of the specification: ids, parameters, neutral values and defaults of its table."""
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from effect_points import MODEL
+
+SPECIFICATION = Path(__file__).parents[3] / "shared" / "SYSTEM.md"
+
+
+class Named(NamedTuple):
+    """A parameter as the table names it; ``start`` is None where the table leaves it to the rule (0, or another
+    effect's)."""
+
+    name: str
+    role: str
+    start: float | None
+
+
+def table() -> dict[str, list[Named]]:
+    """Parameters by effect id, from the table of section 8."""
+    if not SPECIFICATION.is_file():
+        pytest.skip("shared/SYSTEM.md is not beside this checkout")
+    section = SPECIFICATION.read_text(encoding="utf-8").partition("## 8.")[2].partition("## 9.")[0]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines() if line[:1] == "|"]
+    return {row[0].split()[0]: parameters(row[2]) for row in rows[2:]}
+
+
+def parameters(cell: str) -> list[Named]:
+    """``k3_x, k3_y [N/m³]``, ``angular_gain λ [1] neutral 1`` and ``(t_ref [K] 298.15)`` as parameters."""
+    found: list[Named] = []
+    shapes = cell.find(", (") if ", (" in cell else len(cell)
+    for match in re.finditer(r"(?<![\w/.·])([a-z]\w+|_y)\b([^,\[]*)(\[[^\]]*\])?([^,]*)", cell):
+        name = match[1] if match[1] != "_y" else found[-1].name.removesuffix("_x") + "_y"
+        shape = match.start() > shapes
+        number = re.search(r"-?\d+(\.\d+)?(e[+-]?\d+)?", match[4])
+        found.append(Named(name, "shape" if shape else "size", float(number[0]) if number else None if shape else 0.0))
+    return found
+
+
+def test_the_parser_reads_the_table() -> None:
+    assert parameters("k3_x, k3_y [N/m³]") == [Named("k3_x", "size", 0.0), Named("k3_y", "size", 0.0)]
+    assert parameters("angular_gain λ [1] neutral 1") == [Named("angular_gain", "size", 1.0)]
+    assert parameters("tck, tck_split [1/K], (t_ref [K] 298.15)")[2] == Named("t_ref", "shape", 298.15)
+    assert parameters("acceleration_gain_x, _y [1]")[1] == Named("acceleration_gain_y", "size", 0.0)
+
+
+def test_every_effect_of_the_table_is_there_and_no_other() -> None:
+    assert {effect.id for effect in MODEL.effects if not effect.nominal} == set(table())
+
+
+def test_parameters_are_those_of_the_table() -> None:
+    wanted = {effect_id: named for effect_id, named in table().items()}
+    for effect_id, named in wanted.items():
+        own = {q.name: q for q in MODEL.effect(effect_id).parameters}
+        assert [n.name for n in named] == list(own), effect_id
+        for name, role, start in named:
+            assert own[name].role == role, name
+            assert start is None or own[name].start == start, name
