@@ -10,6 +10,7 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from benchmarks.rate_device import BIAS_DRIFT, SCALE_DRIFT, SOAKS
 from benchmarks.report import Options, Report, Row, Table, row
 from cosim.rate.courses import ZERO_CELSIUS, Course, constant, constant_temperature, rate_step, temperature_ramp
 from cosim.rate.master import simulate
@@ -22,17 +23,14 @@ from gyro_model.device import Device, load_device
 Floats = NDArray[np.float64]
 
 CELSIUS: Final = (-40.0, -20.0, 0.0, 20.0, 40.0, 60.0, 85.0)
-SOURCE_RANGE: Final = (-20.0, 0.0, 20.0, 40.0, 60.0)
-"""The five soaks of source 003 [°C]."""
 RATES: Final = (20.0, 300.0)
 """[°/s]; the larger is the full scale."""
 FULL_RANGE_LIMIT: Final = 0.01
-SOURCE_SCALE: Final = 316.66
-SOURCE_BIAS: Final = 366.22
 NONLINEAR: Final = 0.3
 HOURS: Final = 6.0
 WALL_TIME: Final = 60.0
 NOISE_TIME: Final = 600.0
+FULL_NOISE_TIME: Final = 60.0
 BEAT_STEP: Final = np.deg2rad(100.0)
 BEAT_FROM: Final = 0.02
 """The swing is fitted from here on [s], when the output filter's own answer has died away."""
@@ -138,9 +136,8 @@ class Drift(NamedTuple):
 
 
 def _coefficients(bias: Floats, scale: Floats) -> Drift:
-    celsius = np.array(SOURCE_RANGE)
-    straight = np.polyval(np.polyfit(celsius, bias, 1), celsius)
-    span = float(np.ptp(celsius))
+    straight = np.polyval(np.polyfit(SOAKS, bias, 1), SOAKS)
+    span = float(np.ptp(SOAKS))
     return Drift(
         float(1e6 * np.ptp(scale) / span),
         float(PER_HOUR * np.ptp(bias) / span),
@@ -152,7 +149,7 @@ def _drift(device: Device, found: dict[tuple[bool, float, float], tuple[Settled,
     columns: dict[str, Drift] = {}
     for closed, loop in ((False, "open"), (True, "closed")):
         for index, plant in enumerate(("full FMU", "envelope")):
-            settled = [found[closed, celsius, RATES[0]][index] for celsius in SOURCE_RANGE]
+            settled = [found[closed, float(celsius), RATES[0]][index] for celsius in SOAKS]
             bias, scale = (np.array([getattr(s, name) for s in settled]) for name in ("bias", "scale_factor"))
             columns[f"{loop}, {plant}"] = _coefficients(bias, scale)
         columns[f"{loop}, balance"] = _balance_drift(device, closed)
@@ -163,8 +160,8 @@ def _drift(device: Device, found: dict[tuple[bool, float, float], tuple[Settled,
     return Table(
         "uncompensated drift over -20 … 60 °C, settled",
         [
-            row("scale factor", "ppm/°C", scales, note=f"source 003: {SOURCE_SCALE:g}"),
-            row("bias", "°/h/°C", biases, note=f"source 003: {SOURCE_BIAS:g}"),
+            row("scale factor", "ppm/°C", scales, note=f"source 003: {1e6 * SCALE_DRIFT:g}"),
+            row("bias", "°/h/°C", biases, note=f"source 003: {BIAS_DRIFT:g}"),
             row("bias that is not linear", "of its span", part, limit=NONLINEAR, at_least=True, judged=judged),
         ],
     )
@@ -172,7 +169,7 @@ def _drift(device: Device, found: dict[tuple[bool, float, float], tuple[Settled,
 
 def _balance_drift(device: Device, closed: bool) -> Drift:
     known = calibrate(device, settings_of(device).drive_amplitude, closed)
-    settled = [output_at(device, known, celsius + ZERO_CELSIUS) for celsius in SOURCE_RANGE]
+    settled = [output_at(device, known, float(celsius) + ZERO_CELSIUS) for celsius in SOAKS]
     return _coefficients(np.array([s.bias for s in settled]), np.array([s.scale_factor for s in settled]))
 
 
@@ -268,23 +265,19 @@ def _hours(device: Device) -> Table:
 
 def _noise(device: Device) -> Table:
     rows = []
-    for closed in (False, True):
-        asked = RateRun(
-            device,
-            constant(0.0, "at rest"),
-            constant_temperature(25),
-            closed,
-            NOISE_TIME,
-            1,
-            output_rate=50.0,
-            envelope=True,
-        )
+    for closed, envelope, length in (
+        (False, True, NOISE_TIME),
+        (True, True, NOISE_TIME),
+        (False, False, FULL_NOISE_TIME),
+    ):
+        rest = constant(0.0, "at rest"), constant_temperature(25)
+        asked = RateRun(device, *rest, closed, length, 1, output_rate=50.0, envelope=envelope)
         noise = allan_of(simulate(asked).record, asked)
         assert noise is not None
         allan, limits = noise
         rows.append(
             row(
-                f"{'closed' if closed else 'open'} loop",
+                f"{'closed' if closed else 'open'} loop, {length:g} s on the {'envelope' if envelope else 'full FMU'}",
                 "°/√h",
                 {
                     "read off": PER_ROOT_HOUR * allan.angle_random_walk,
@@ -294,4 +287,4 @@ def _noise(device: Device) -> Table:
                 },
             )
         )
-    return Table(f"angle random walk of {NOISE_TIME:g} s at rest on the envelope", rows)
+    return Table("angle random walk at rest, 25 °C", rows)

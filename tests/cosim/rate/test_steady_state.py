@@ -5,6 +5,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
+from benchmarks.rate_device import solve
 from cosim.rate.courses import ZERO_CELSIUS
 from cosim.rate.settings import settings_of
 from cosim.rate.steady_state import RATE_STEP, calibrate, output_at, parameters_at, settle
@@ -123,6 +124,14 @@ def test_packaged_device_drifts_as_source_003_measured() -> None:
     # Printed with five digits; the parameters of the device file are solved to six.
     assert np.ptp(scale) / 80 == pytest.approx(316.66e-6, rel=1e-4)
     assert np.ptp(bias) / 80 == pytest.approx(366.22, rel=1e-4)
+
+
+def test_device_file_holds_what_the_solver_finds() -> None:
+    device = load_device("rate-mode")
+    coarse = {"actuator_misalignment": -0.025, "tck_split": -8.5e-6, "dxy": -4e-9}
+    for name, value in solve(device.with_parameters(coarse)).items():
+        # Written with six digits.
+        assert device.parameters[name] == pytest.approx(value, rel=2e-6)
 
 
 @pytest.mark.parametrize("celsius", [RANGE, np.linspace(-20, 60, 81)])
