@@ -1,0 +1,122 @@
+"""Chooses a method and its shape by held-out error: parts of the record are left out in turn, fitted without, and
+predicted.
+
+The score is the rms of what remains of rate and scale factor at the blocks left out, each over its noise, so that both
+count in what can be known of them.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from cosim.compensation import network, piecewise, spline
+from cosim.compensation.model import Compensation
+from cosim.compensation.points import bias_points, scale_points
+from cosim.compensation.record import CIRCUIT, STRUCTURE, Blocks
+from gyro_model.errors import InputError, nearest
+
+METHODS: Final = ("piecewise", "network", "spline", "best")
+FOLDS: Final = 4
+STRETCHES: Final = 20
+"""The record is cut in so many stretches, dealt out to the folds: each fold then holds parts of every temperature."""
+
+Fit = Callable[[Blocks], Compensation]
+
+
+class Asked(NamedTuple):
+    """What is asked for: method of METHODS; sensor of the piecewise one, structure or circuit; segments, None: chosen;
+    seed and hidden neurons of the network; sampling_time [s]."""
+
+    method: str = "best"
+    sensor: str | None = None
+    segments: int | None = None
+    hidden: int = network.HIDDEN
+    seed: int = 1
+    sampling_time: float = 10.0
+
+
+class Candidate(NamedTuple):
+    """A method with its shape, as a function of the blocks that are fitted; held_out: its score."""
+
+    family: str
+    fit: Fit
+    held_out: float = np.inf
+
+
+def held_out_stretches(count: int, fold: int, folds: int = FOLDS) -> np.ndarray:
+    """Which of ``count`` blocks belong to a fold, shape (count,)."""
+    return np.arange(count) * STRETCHES // count % folds == fold
+
+
+def choose(blocks: Blocks, asked: Asked) -> list[Candidate]:
+    """The best candidate of each family asked for, best first. Raises InputError where none can be fitted."""
+    if asked.method not in METHODS:
+        raise InputError(f"method {asked.method!r}: give one of {', '.join(METHODS)}{nearest(asked.method, METHODS)}")
+    best: dict[str, Candidate] = {}
+    refusal: InputError | None = None
+    for candidate in _candidates(blocks, asked):
+        try:
+            candidate.fit(blocks)
+            scored = candidate._replace(held_out=score(blocks, candidate.fit))
+        except InputError as error:
+            refusal = refusal or error
+            continue
+        if candidate.family not in best or scored.held_out < best[candidate.family].held_out:
+            best[candidate.family] = scored
+    if not best:
+        raise refusal or InputError(f"{blocks.name}: no method fits what the record holds")
+    return sorted(best.values(), key=lambda candidate: candidate.held_out)
+
+
+def _candidates(blocks: Blocks, asked: Asked) -> Iterator[Candidate]:
+    time, everything = asked.sampling_time, asked.method == "best"
+    sensors = [asked.sensor] if asked.sensor else [name for name in (STRUCTURE, CIRCUIT) if name in blocks.inputs]
+    if asked.method == "piecewise" or everything:
+        if not sensors or sensors[0] not in blocks.inputs:
+            if not everything:
+                raise InputError(
+                    f"{blocks.name}: holds no temperature of the {sensors[0] if sensors else STRUCTURE}: map one with "
+                    "--map, or take the other --sensor"
+                )
+            sensors = []
+        for sensor in sensors[:1]:
+            for segments in piecewise.SEGMENTS if asked.segments is None else (asked.segments,):
+                yield Candidate("piecewise", lambda b, s=sensor, n=segments: piecewise.fit(b, time, s, n))
+    if asked.method == "network" or (everything and all(name in blocks.inputs for name in network.INPUTS)):
+        yield Candidate("network", lambda b: network.fit(b, time, asked.seed, asked.hidden))
+    if asked.method == "spline" or everything:
+        for names in spline.SETS:
+            if all(name in blocks.inputs for name in names):
+                for penalty in spline.PENALTIES:
+                    yield Candidate("spline", lambda b, n=names, p=penalty: spline.fit(b, time, n, p))
+
+
+def score(blocks: Blocks, fit: Fit) -> float:
+    """The rms of residual over noise at blocks left out in turn; a fold whose temperatures the others don't cover is
+    clamped, infinite where a fold can't be fitted."""
+    total, count = 0.0, 0
+    for fold in range(FOLDS):
+        left_out = held_out_stretches(len(blocks), fold)
+        try:
+            compensation = fit(blocks.part(~left_out))
+        except InputError:
+            return np.inf
+        for residual in residuals(blocks, compensation, "clamp"):
+            chosen = residual[left_out & np.isfinite(residual)]
+            total, count = total + float(chosen @ chosen), count + len(chosen)
+    return float(np.sqrt(total / count)) if count else np.inf
+
+
+def residuals(blocks: Blocks, compensation: Compensation, outside: str) -> tuple[np.ndarray, np.ndarray]:
+    """What remains of bias and of scale factor over their noise, shape (n,) each; NaN where a block shows none."""
+    applied = compensation.at(blocks, outside)
+    rest = bias_points(blocks, applied.scale)
+    bias = np.full(len(blocks), np.nan)
+    bias[blocks.at_rest] = (rest.value - applied.bias[blocks.at_rest]) / rest.noise
+    found = scale_points(blocks)
+    scale = np.full(len(blocks), np.nan)
+    if len(found.value):
+        where = np.searchsorted(blocks.t, found.blocks.t)
+        scale[where] = (found.value / applied.scale[where] - 1) / found.noise
+    return bias, scale

@@ -1,0 +1,176 @@
+"""A temperature test, and its blocks: means over the sampling time of the compensation."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyro_model.errors import InputError
+
+Floats = NDArray[np.float64]
+
+STRUCTURE: Final = "structure"
+CIRCUIT: Final = "circuit"
+FREQUENCY: Final = "frequency"
+SIGNALS: Final[Mapping[str, str]] = {STRUCTURE: "°C", CIRCUIT: "°C", FREQUENCY: "Hz"}
+"""What tells the temperature, and its unit: sensor on the structure, sensor on the board, drive frequency."""
+RATE_OF: Final = "_rate"
+"""Ending of a signal's time derivative."""
+FEWEST: Final = 8
+"""Blocks that a record must give: fewer can be neither fitted nor held out."""
+FULL: Final = 0.5
+"""A block counts that has this share of the rows of the usual one: the derivative of a shorter one is mostly noise."""
+RESTS: Final = 0.05 / 60
+"""Slower than this the temperature is settled [°C/s]: at a lag of 240 s the structure is then 0.2 °C behind."""
+REST_WINDOW: Final = 120.0
+"""Time over which that speed is taken [s]: 20 mK of noise and 62.5 mK of rounding are then below 0.02 °C/min."""
+
+
+@dataclass(frozen=True)
+class TemperatureTest:
+    """Rows of a test.
+
+    t [s], rate and rate_true [rad/s, or both in counts], shape (n,); signals: of ``SIGNALS``, shape (n,) each; unit of
+    the rates; name: for messages. Raises InputError for time that does not increase, for what is no number, and where
+    no signal is given.
+    """
+
+    t: Floats
+    rate: Floats
+    rate_true: Floats
+    signals: Mapping[str, Floats]
+    unit: str = "rad/s"
+    name: str = "record"
+
+    def __post_init__(self) -> None:
+        if not self.signals:
+            raise InputError(f"{self.name}: holds neither a temperature nor a drive frequency: name one by --map")
+        for column, values in {"t": self.t, "rate": self.rate, "rate_true": self.rate_true, **self.signals}.items():
+            finite = np.isfinite(values)
+            if not finite.all():
+                row = int(np.argmin(finite)) + 1
+                raise InputError(f"{self.name}: {column} is no finite number in data row {row}: mend the row")
+        late = np.diff(self.t) <= 0
+        if late.any():
+            row = int(np.argmax(late)) + 2
+            raise InputError(f"{self.name}: t does not increase at data row {row}: sort the rows, remove repeated ones")
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Means over blocks of a test, shape (n,) each.
+
+    t: middle [s]; rate, rate_true [unit]; noise: standard error of ``rate`` by the scatter within the block [unit];
+    inputs: signals [°C, Hz] and their derivatives, named ``_rate`` [1/s of them], by the difference to the block
+    before; unit of the rates.
+    """
+
+    t: Floats
+    rate: Floats
+    rate_true: Floats
+    noise: Floats
+    inputs: Mapping[str, Floats]
+    unit: str = "rad/s"
+    name: str = "record"
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def part(self, chosen: NDArray[np.bool_]) -> "Blocks":
+        """The blocks chosen, shape (n,)."""
+        inputs = {name: values[chosen] for name, values in self.inputs.items()}
+        columns = (values[chosen] for values in (self.t, self.rate, self.rate_true, self.noise))
+        return Blocks(*columns, inputs, self.unit, self.name)
+
+    @property
+    def at_rest(self) -> NDArray[np.bool_]:
+        """Which blocks hold no rate of turn."""
+        return self.rate_true == 0
+
+    @property
+    def temperature(self) -> Floats:
+        """What figures are drawn over: the structure's sensor, else the board's, else the drive frequency."""
+        return self.inputs[next(name for name in SIGNALS if name in self.inputs)]
+
+    @cached_property
+    def settled(self) -> NDArray[np.bool_]:
+        """Blocks at which every temperature given rests: its slope over REST_WINDOW either way is below RESTS."""
+        rests = np.ones(len(self), dtype=bool)
+        first = np.searchsorted(self.t, self.t - REST_WINDOW)
+        last = np.searchsorted(self.t, self.t + REST_WINDOW) - 1
+        for name in (STRUCTURE, CIRCUIT):
+            if name in self.inputs:
+                values = self.inputs[name]
+                rests &= np.abs(values[last] - values[first]) <= RESTS * (self.t[last] - self.t[first])
+        return rests
+
+
+def make_blocks(test: TemperatureTest, sampling_time: float, settling: float) -> Blocks:
+    """The blocks of a test: means over ``sampling_time`` [s], none across a step of the rate of turn; the first
+    ``settling`` [s] after a step are left out.
+
+    The derivative of a signal is that of source 002, eqs. 12 and 13, (f1 - f0)/T: the difference of neighbouring means
+    over the time between their middles. Raises InputError where fewer than FEWEST blocks remain.
+    """
+    for option, value in (("sampling time", sampling_time), ("settling", settling)):
+        if not (np.isfinite(value) and value >= 0) or (option == "sampling time" and value == 0):
+            raise InputError(f"{option} {value:g} s: give a positive time in s")
+    stretch, used = _stretches(test, settling)
+    # Rounding of t must not put the row at an edge into the block before.
+    grid = np.floor((test.t - test.t[0]) / sampling_time + 1e-6).astype(int)
+    edges = np.flatnonzero((np.diff(grid[used]) != 0) | (np.diff(stretch[used]) != 0)) + 1
+    starts = np.concatenate([[0], edges]) if used.any() else np.zeros(0, dtype=int)
+    counts = np.diff(np.concatenate([starts, [used.sum()]])).astype(float)
+    full = counts >= max(FULL * np.median(counts), 1) if len(counts) else np.zeros(0, dtype=bool)
+    if full.sum() < FEWEST + 1:
+        raise InputError(
+            f"{test.name}: {int(full.sum())} blocks of {sampling_time:g} s over {np.ptp(test.t):.4g} s: "
+            f"{FEWEST + 1} are needed; give a longer record or a shorter --sampling-time"
+        )
+
+    def mean(values: Floats) -> Floats:
+        return (np.add.reduceat(values[used], starts) / counts)[full]
+
+    t, rate, true = mean(test.t), mean(test.rate), mean(test.rate_true)
+    inputs = {name: mean(values) for name, values in test.signals.items()}
+    inputs |= {name + RATE_OF: np.diff(values, prepend=np.nan) / np.diff(t, prepend=np.nan)
+               for name, values in inputs.items()}  # fmt: skip
+    noise = _standard_error(test.t[used], test.rate[used], starts, counts)[full]
+    # The first block has no derivative.
+    has_both = np.arange(len(t)) > 0
+    return Blocks(t, rate, true, noise, inputs, test.unit, test.name).part(has_both)
+
+
+def _stretches(test: TemperatureTest, settling: float) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Number of the stretch of constant rate of turn of each row, and whether the row is used, shape (n,) both."""
+    steps = np.flatnonzero(np.diff(test.rate_true) != 0) + 1
+    # A measured rate moves all the time: its means hold as well, and no row is settled.
+    if len(steps) > 0.2 * len(test.t):
+        return np.zeros(len(test.t), dtype=np.int64), np.ones(len(test.t), dtype=bool)
+    stretch = np.zeros(len(test.t), dtype=np.int64)
+    stretch[steps] = 1
+    stretch = np.cumsum(stretch)
+    # The row at the step itself is a mean over both rates.
+    start = np.concatenate([[-np.inf], test.t[steps]])
+    return stretch, test.t > start[stretch] + settling
+
+
+def _standard_error(t: Floats, rate: Floats, starts: NDArray[np.int64], counts: Floats) -> Floats:
+    """Of each block's mean, by the scatter about a straight line within it, shape (n,); rows without memory."""
+
+    def sums(values: Floats) -> Floats:
+        return np.add.reduceat(values, starts)
+
+    group = np.repeat(np.arange(len(starts)), counts.astype(int))
+    u = t - (sums(t) / counts)[group]
+    v = rate - (sums(rate) / counts)[group]
+    moment = sums(u * u)
+    slope = np.divide(sums(u * v), moment, out=np.zeros_like(moment), where=moment > 0)
+    scatter = sums((v - slope[group] * u) ** 2)
+    variance = np.divide(scatter, counts - 2, out=np.full_like(counts, np.nan), where=counts > 2)
+    # Few rows tell little of their own scatter: one noise for all blocks.
+    typical = float(np.nanmedian(variance)) if np.isfinite(variance).any() else 0.0
+    return np.sqrt(typical / counts)
