@@ -43,7 +43,7 @@ def assemble(search: "Search") -> Diagnosis:
     runs = search.dataset.fit
     whole = refitted.residuals if len(refitted.residuals) == len(runs) else \
         [start_fitted(search.simulator, run, refitted.parameters)[0] for run in runs]  # fmt: skip
-    places = located(whole, runs, refitted.parameters)
+    places = located(whole, runs, refitted.parameters, search.at.whiten.setting.corner)
     floor = gaps["noise_floor"]
     unfinished = search.fitter is not search.whole or (floor is not None and gaps["final"] > OPEN * floor)
     verdict: Verdict = "nothing missing"

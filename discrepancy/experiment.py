@@ -20,7 +20,6 @@ from discrepancy.menu import Proposal, menu
 from discrepancy.record import Floats, Record
 from discrepancy.refit import Fitted, Fitter, Free
 from discrepancy.simulate import Simulator
-from discrepancy.whitening import whitener
 from gyro_model.errors import InputError
 
 ASKED: Final = 99.0
@@ -101,7 +100,7 @@ class _Rival:
         fitter = Fitter(simulator, records)
         nominal = fitter.begin({n: values[n] for n in values if simulator.model.parameter(n).role == "parameter"})
         self.free = (*nominal.free, *self._sizes(name))
-        self.plain = whitener(values, fitter.axes, fitter.period, 0.0)
+        self.plain = fitter.plain(values)
         begun = fitter.evaluated(Fitted(self.values, fitter.at_rest, (), self.plain, ()))
         at = fitter.with_grams(replace(fitter.fit(begun, rounds=2), free=self.free))
         self.known = self._known(at)

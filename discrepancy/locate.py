@@ -23,7 +23,7 @@ from discrepancy.conditions import Split, association, operating_conditions, spl
 from discrepancy.linear_fit import mode_frequencies
 from discrepancy.noise import noise_of
 from discrepancy.record import Floats, Record
-from discrepancy.whitening import Whitener, whitener
+from discrepancy.whitening import Setting, Whitener, whitener
 from gyro_model.symbols import BOLTZMANN
 
 FALSE_DISCOVERIES: Final = 0.01
@@ -74,15 +74,15 @@ class _Cells(NamedTuple):
 
 
 def located(
-    residuals: Sequence[Floats], records: Sequence[Record], parameters: Mapping[str, float]
+    residuals: Sequence[Floats], records: Sequence[Record], parameters: Mapping[str, float], corner: float = 0.0
 ) -> tuple[Place, ...]:
     """Where ``residuals`` (one (n, axes) a run) [V] of the model with ``parameters`` exceed the noise, largest share
-    first; false discoveries at most 1 %."""
+    first; false discoveries at most 1 %. corner: of flicker noise [Hz], 0 for none."""
     level = _noise_level(residuals, records, parameters)
     if level == 0:
         return ()
     edges = bands(records, parameters)
-    cells = [_cells(r, record, parameters, level, edges) for r, record in zip(residuals, records, strict=True)]
+    cells = [_cells(r, record, parameters, level, corner, edges) for r, record in zip(residuals, records, strict=True)]
     found = _discoveries(np.concatenate([c.chance.ravel() for c in cells]))
     marks = [part.reshape(c.chance.shape) for c, part in
              zip(cells, np.split(found, np.cumsum([c.chance.size for c in cells])[:-1]), strict=True)]  # fmt: skip
@@ -167,7 +167,7 @@ def _block_time(record: Record, lowest: float) -> float:
     return max(len(record.t) / record.sample_rate / BLOCKS, PERIODS / lowest)
 
 
-def _whitener(record: Record, p: Mapping[str, float], level: float) -> Whitener:
+def _whitener(record: Record, p: Mapping[str, float], level: float, corner: float) -> Whitener:
     """The filter that makes thermal motion and white noise of ``level`` [V] together white: the force of density 4 k T
     d moves the tracked amplitude as ``whitening.whitener`` says of a bandwidth b."""
     w = 2 * np.pi * mode_frequencies(p, record.axes)[-1]
@@ -175,13 +175,19 @@ def _whitener(record: Record, p: Mapping[str, float], level: float) -> Whitener:
     d, gain = max(p["dxx"], p.get("dyy", 0.0)), abs(p["sense_gain_x"])
     period = 1 / record.sample_rate
     square = float(BOLTZMANN) * temperature * d * gain**2 / (2 * p["m"] ** 2 * w**2 * period * level**2)
-    return whitener(p, record.axes, period, min(float(np.sqrt(square)), FASTEST / period))
+    thermal = min(float(np.sqrt(square)), FASTEST / period)
+    return whitener(p, record.axes, period, Setting(thermal, corner), len(record.t))
 
 
 def _cells(
-    residual: Floats, record: Record, p: Mapping[str, float], level: float, edges: Sequence[tuple[float, float]]
+    residual: Floats,
+    record: Record,
+    p: Mapping[str, float],
+    level: float,
+    corner: float,
+    edges: Sequence[tuple[float, float]],
 ) -> _Cells:
-    filtered = _whitener(record, p, level)(residual[None], record.valid)[0]
+    filtered = _whitener(record, p, level, corner)(residual[None], record.valid)[0]
     usable = np.where(record.valid[:, None], residual, 0.0)
     shortest = _block_time(record, mode_frequencies(p, record.axes)[0]) * record.sample_rate
     # A hair more than whole, which rounding may leave.

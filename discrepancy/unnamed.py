@@ -35,8 +35,9 @@ def explain_rest(search: "Search", folder: Path, max_effects: int) -> None:
 
 
 def is_open(search: "Search") -> bool:
-    """Whether the fit leaves anything but noise."""
-    return bool(located(search.at.residuals, search.fitter.records, search.at.parameters))
+    """Whether the fit leaves anything but noise. Not so the tracked motion: what is missing shakes the mass as well."""
+    corner = search.at.whiten.setting.corner
+    return bool(located(search.at.residuals, search.fitter.records, search.at.parameters, corner))
 
 
 def _adopt(search: "Search", found: Discovery) -> None:

@@ -88,9 +88,7 @@ def _fit(points: Points, inputs: tuple[Input, ...], penalty: float) -> Additive:
         smooth[first:last, first:last] = row.T @ row
     gram = design.T @ design + weight * (penalty * smooth + RIDGE * np.eye(len(smooth)))
     weights = np.linalg.solve(gram, design.T @ (points.value - middle))
-    terms = [
-        _term(i, weights[first:last]) for i, first, last in zip(inputs, ends, ends[1:], strict=False)
-    ]
+    terms = [_term(i, weights[first:last]) for i, first, last in zip(inputs, ends, ends[1:], strict=False)]
     first_term = terms[0]
     coefficients = first_term.coefficients.copy()
     coefficients[:, 0] += middle
