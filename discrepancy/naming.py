@@ -1,12 +1,14 @@
 """Names the effects that a model lacks: score all, refit the best, accept, repeat, then question each again."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 from scipy.stats import chi2
 
+from discrepancy import checkpoint as store
 from discrepancy.answer import Diagnosis, Finding, Stage, Step, Value
 from discrepancy.assemble import assemble
 from discrepancy.columns import Candidate, Library, finer, nameable
@@ -70,16 +72,25 @@ def diagnose(
     jobs: int | None = None,
     seed: int = 0,
     progress: Progress | None = None,
+    checkpoint: Path | None = None,
 ) -> Diagnosis:
     """Finds what ``model`` lacks to explain ``dataset``; held-out runs are simulated once, at the end.
 
-    max_effects: at most so many are named; jobs: threads; progress: called with one line a step. Raises InputError
-    where the FMU can't be built or refuses the nominal values.
+    max_effects: at most so many are named; jobs: threads; seed: names the search (it draws nothing at random);
+    progress: called with one line a step; checkpoint: a file that holds the search after each step, from which an
+    interrupted one resumes, removed at the end. Raises InputError where the FMU can't be built or refuses the nominal
+    values.
     """
     with Simulator(model, jobs) as simulator:
+        key = store.digest(dataset, model, {"max_effects": max_effects, "seed": seed}) if checkpoint else ""
         search = Search(simulator, dataset, progress or (lambda _: None))
-        search.run(max_effects)
-        return assemble(search)
+        if checkpoint is not None:
+            search.keep = lambda state: store.save(checkpoint, key, state)
+        search.run(max_effects, store.load(checkpoint, key))
+        found = assemble(search)
+    if checkpoint is not None:
+        checkpoint.unlink(missing_ok=True)
+    return found
 
 
 class Search:
@@ -87,6 +98,8 @@ class Search:
 
     def __init__(self, simulator: Simulator, dataset: Dataset, progress: Progress) -> None:
         self.simulator, self.progress = simulator, progress
+        self.keep: Callable[[Mapping[str, Any]], None] | None = None
+        self.refitted_state: Mapping[str, Any] | None = None
         self.clip: float | None = None
         self._take(dataset)
         noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
@@ -104,29 +117,66 @@ class Search:
     def _mask_clipped(self) -> None:
         """Looks for clipped samples beside the present model, and takes them out of everything else."""
         if self.clip is None and self.fitter is self.whole:
-            self.clip = clip_level(self.dataset.fit, self.at.residuals)
-            if self.clip is not None:
-                self.progress(f"samples clipped at {self.clip:.6g} V")
-                records = tuple(masked(record, self.clip) for record in self.dataset.records)
-                self._take(replace(self.dataset, records=records))
+            level = clip_level(self.dataset.fit, self.at.residuals)
+            if level is not None:
+                self.progress(f"samples clipped at {level:.6g} V")
+                self._take_clipped(level)
                 self._settle(self.at)
 
-    def run(self, max_effects: int) -> None:
-        """Searches to the end."""
-        self.progress("nominal parameters and initial states")
-        self._settle(self.whole.begin(self.nominal, self._believed()))
-        self._mask_clipped()
-        self.refitted = self.at
-        self._stage("refit")
-        while True:
+    def _take_clipped(self, level: float) -> None:
+        self.clip = level
+        self._take(replace(self.dataset, records=tuple(masked(record, level) for record in self.dataset.records)))
+
+    def run(self, max_effects: int, state: Mapping[str, Any] | None = None) -> None:
+        """Searches to the end, from the beginning or from a kept ``state``."""
+        if state is None:
+            self.progress("nominal parameters and initial states")
+            self._settle(self.whole.begin(self.nominal, self._believed()))
             self._mask_clipped()
+            self.refitted = self.at
+            self._stage("refit")
+            self._save()
+        else:
+            self._restore(state)
+            self.progress(f"resumed with {', '.join(a.id for a in self.accepted) or 'nominal parameters fitted'}")
+        while True:
             self._scan()
             if len(self.accepted) >= max_effects or not self._accept():
                 break
             self._stage(self.accepted[-1].id)
+            self._mask_clipped()
+            self._save()
         self.steps.append(Step({c.effect.id: s for c, s in best_of(self.scored)}, None))
         self._delete()
         self._exchange()
+
+    def _save(self) -> None:
+        """Hands out the state, and goes on from what a resumed search would have."""
+        if self.keep is None:
+            return
+        state = {
+            "clip": self.clip,
+            "at": store.fit_state(self.whole, self.fitter, self.at),
+            "refitted": self.refitted_state or store.fit_state(self.whole, self.fitter, self.refitted),
+            "accepted": [[store.candidate_state(a.candidate), a.share] for a in self.accepted],
+            "steps": [store.step_state(step) for step in self.steps],
+            "stages": self.stages,
+            "probes": store.probes_state(self.library.kept),
+        }
+        self.keep(state)
+        self._restore(state)
+
+    def _restore(self, state: Mapping[str, Any]) -> None:
+        model = self.simulator.model
+        if state["clip"] is not None and self.clip is None:
+            self._take_clipped(state["clip"])
+        self.fitter, self.at = store.fit_from(self.whole, state["at"])
+        self.refitted_state = state["refitted"]
+        _, self.refitted = store.fit_from(self.whole, state["refitted"])
+        self.accepted = [Accepted(store.candidate_from(model, c), share, {}) for c, share in state["accepted"]]
+        self.steps = [store.step_from(step) for step in state["steps"]]
+        self.stages = [(name, dict(parameters)) for name, parameters in state["stages"]]
+        self.library.kept = store.probes_from(model, state["probes"])
 
     @property
     def present(self) -> list[str]:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from discrepancy.checkpoint import digest, load, save
 from discrepancy.dataset import Dataset, load_dataset
 from discrepancy.naming import Diagnosis, diagnose
 from discrepancy.record import Record, make_record
@@ -86,6 +87,31 @@ def test_one_effect_of_each_stage(effect: str, hidden: dict[str, float]) -> None
 def test_two_effects() -> None:
     found = diagnose(made({"k3_x": 2e9, "k3_y": 2e9, "feedthrough": 8.0}), MODEL)
     assert names(found) == {"cubic_stiffness", "drive_feedthrough"}
+
+
+def test_interrupted_search_resumes_with_the_same_answer(tmp_path: Path) -> None:
+    data, file = made({"feedthrough": 8.0}), tmp_path / "search.json"
+    whole = diagnose(data, MODEL, checkpoint=file)
+    assert not file.exists()
+
+    def interrupt(line: str) -> None:
+        if line.startswith("held-out"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        diagnose(data, MODEL, progress=interrupt, checkpoint=file)
+    lines: list[str] = []
+    resumed = diagnose(data, MODEL, progress=lines.append, checkpoint=file)
+    assert lines[0] == "resumed with drive_feedthrough"
+    assert resumed.report() == whole.report()
+    assert not file.exists()
+
+
+def test_checkpoint_of_another_search_is_not_used(tmp_path: Path) -> None:
+    file = tmp_path / "search.json"
+    save(file, digest(made({}), MODEL, {}), {"clip": 1.0})
+    assert load(file, digest(made({}, seed=2), MODEL, {})) is None
+    assert load(file, digest(made({}), MODEL, {})) == {"clip": 1.0}
 
 
 @pytest.mark.skipif(not EXAMPLES.is_dir(), reason="the example sets are not part of a checkout")
