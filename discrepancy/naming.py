@@ -1,6 +1,7 @@
 """Names the effects that a model lacks: score all, refit the best, accept, repeat, then question each again."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -39,6 +40,9 @@ SIMPLER: Final = 12.0
 """Chi-square that a further size parameter must bring."""
 
 Progress = Callable[[str], None]
+Further = Callable[[Fitter, Fitted, Sequence[str], int], Model | None]
+"""A search for terms that are in no effect file: of a fit, the effects named in it and a number, the model with one
+effect more, ``discovered_<number>``, for what is left or for what a name explains badly; None where there is none."""
 
 
 @dataclass(frozen=True)
@@ -73,20 +77,28 @@ def diagnose(
     seed: int = 0,
     progress: Progress | None = None,
     checkpoint: Path | None = None,
+    further: Further | None = None,
 ) -> Diagnosis:
     """Finds what ``model`` lacks to explain ``dataset``; held-out runs are simulated once, at the end.
 
     max_effects: at most so many are named; jobs: threads; seed: names the search (it draws nothing at random);
     progress: called with one line a step; checkpoint: a file that holds the search after each step, from which an
-    interrupted one resumes, removed at the end. Raises InputError where the FMU can't be built or refuses the nominal
-    values.
+    interrupted one resumes, removed at the end; further: called with the answer until it finds no more; what it adds
+    to the model is scored, refitted and questioned beside all effects.
+    Raises InputError where the FMU can't be built or refuses the nominal values.
     """
-    with Simulator(model, jobs) as simulator:
+    with ExitStack() as stack:
+        simulator = stack.enter_context(Simulator(model, jobs))
         key = store.digest(dataset, model, {"max_effects": max_effects, "seed": seed}) if checkpoint else ""
         search = Search(simulator, dataset, progress or (lambda _: None))
         if checkpoint is not None:
             search.keep = lambda state: store.save(checkpoint, key, state)
         search.run(max_effects, store.load(checkpoint, key))
+        for number in range(1, max_effects + 1 if further else 1):
+            wider = further(search.fitter, search.at, [a.id for a in search.accepted], number) if further else None
+            if wider is None:
+                break
+            search.widen(stack.enter_context(Simulator(wider, jobs)), max_effects)
         found = assemble(search)
     if checkpoint is not None:
         checkpoint.unlink(missing_ok=True)
@@ -139,6 +151,21 @@ class Search:
         else:
             self._restore(state)
             self.progress(f"resumed with {', '.join(a.id for a in self.accepted) or 'nominal parameters fitted'}")
+        self._extend(max_effects)
+        self._delete()
+        self._exchange()
+
+    def widen(self, simulator: Simulator, max_effects: int) -> None:
+        """Goes on with the model of ``simulator``, which has all effects of the present one and more."""
+        self.simulator, self.keep = simulator, None
+        self._take(self.dataset)
+        self._settle(self.at)
+        self._extend(max_effects)
+        self._exchange()
+        self._delete()
+
+    def _extend(self, max_effects: int) -> None:
+        """Accepts effects until none is worth it."""
         while True:
             self._scan()
             if len(self.accepted) >= max_effects or not self._accept():
@@ -147,8 +174,6 @@ class Search:
             self._mask_clipped()
             self._save()
         self.steps.append(Step({c.effect.id: s for c, s in best_of(self.scored)}, None))
-        self._delete()
-        self._exchange()
 
     def _save(self) -> None:
         """Hands out the state, and goes on from what a resumed search would have."""
