@@ -8,6 +8,7 @@ from typing import Any, Literal
 from discrepancy.locate import Place
 from discrepancy.record import Floats
 from discrepancy.score import Score
+from gyro_model.model import Model
 
 Verdict = Literal["missing effects", "nothing missing", "unexplained"]
 
@@ -65,7 +66,7 @@ class Diagnosis:
 
     rivals: by finding, the parameters of the model with each other effect of its ``either`` in its place; removed: by
     effect, what taking it out changes in the output of each held-out run, (n, axes) [V]; steps: how it was found;
-    doubts: what the reader should know about the fit, one line each.
+    doubts: what the reader should know about the fit, one line each; model: with every effect named.
     """
 
     verdict: Verdict
@@ -82,6 +83,7 @@ class Diagnosis:
     stages: tuple[Stage, ...] = field(repr=False, default=())
     removed: Mapping[str, Mapping[str, Floats]] = field(repr=False, default_factory=dict)
     doubts: tuple[str, ...] = ()
+    model: Model = field(repr=False, kw_only=True)
 
     def report(self) -> dict[str, Any]:
         """The contents of report.json: plain Python, null where a number is not finite."""

@@ -8,6 +8,7 @@ from scipy.stats import chi2, norm
 
 from discrepancy.answer import Diagnosis, Finding, Stage, Value, Verdict
 from discrepancy.columns import Candidate, nameable
+from discrepancy.experiment import next_experiment
 from discrepancy.limits import SAME
 from discrepancy.locate import located
 from discrepancy.measures import misfits, start_fitted
@@ -37,7 +38,7 @@ def assemble(search: "Search") -> Diagnosis:
     parameters = {**search.at.parameters, **{k: v.value for f in clipped for k, v in f.parameters.items()}}
     stages = _stages(search, parameters, [f.id for f in clipped])
     device = _device(search)
-    effects = (*(_finding(search, entry, device) for entry in search.accepted), *clipped)
+    effects = (*(_finding(search, entry, device, noise) for entry in search.accepted), *clipped)
     gaps = _misfit(search, stages, noise)
     refitted = search.refitted
     runs = search.dataset.fit
@@ -55,6 +56,7 @@ def assemble(search: "Search") -> Diagnosis:
     return Diagnosis(
         verdict, effects, _immaterial(search), _noises(search, noise), gaps, places, _detectable(search), device,
         parameters, rivals, tuple(search.steps), stages, _removed(search, effects, parameters), _doubts(search),
+        model=search.simulator.model,
     )  # fmt: skip
 
 
@@ -68,10 +70,21 @@ def _device(search: "Search") -> dict[str, Value]:
     return result
 
 
-def _finding(search: "Search", entry: "Accepted", device: Mapping[str, Value]) -> Finding:
+def _finding(search: "Search", entry: "Accepted", device: Mapping[str, Value], noise: Noise | None) -> Finding:
     effect = entry.candidate.effect
     values = {q.name: device[q.name] for q in effect.parameters if q.name in device}
-    return Finding(effect.id, tuple(entry.rivals), values, forces(effect), entry.share)
+    experiment = _experiment(search, entry, noise)
+    return Finding(effect.id, tuple(entry.rivals), values, forces(effect), entry.share, experiment)
+
+
+def _experiment(search: "Search", entry: "Accepted", noise: Noise | None) -> str:
+    """What would tell an effect from its rivals."""
+    if not entry.rivals:
+        return ""
+    search.progress(f"experiment to tell {entry.id} from {', '.join(entry.rivals)}")
+    level = noise.rms if noise else float(np.sqrt(search.at.variance))
+    sets = {entry.id: search.at.parameters, **entry.rivals}
+    return next_experiment(search.simulator, search.dataset.fit, sets, level).text
 
 
 def forces(effect: Effect) -> dict[str, str]:

@@ -127,7 +127,7 @@ class Library:
         self.duration = max(len(r.t) for r in self.records) * fitter.period
         self.begin = min(float(r.t[0]) for r in self.records)
         self.period = fitter.period
-        self._kept: dict[tuple[str, str], tuple[Probe, float]] = {}
+        self.kept: dict[tuple[str, str], tuple[Probe, float]] = {}
         self._silent: dict[str, frozenset[str]] = {}
 
     def candidates(self, fitter: Fitter, at: Fitted, present: Sequence[str]) -> list[Candidate]:
@@ -159,15 +159,15 @@ class Library:
             key = q.name, partner.effect.id if partner else ""
             probe = self._known(key, scale.target) or scale.probe(q, middle, base)
             if probe:
-                self._kept[key] = probe, scale.target
+                self.kept[key] = probe, scale.target
                 probes.append(probe)
         return [Candidate(effect, tuple(probes), shapes, searched, len(grid)) for shapes in grid] if probes else []
 
     def _known(self, key: tuple[str, str], target: float) -> Probe | None:
         """The probe that was found before, for a change of ``target``: a smaller gap asks for a smaller one."""
-        if key not in self._kept:
+        if key not in self.kept:
             return None
-        probe, before = self._kept[key]
+        probe, before = self.kept[key]
         room = abs((probe.quantity.high if probe.step > 0 else probe.quantity.low) - probe.quantity.start)
         step = min(abs(probe.step) * (target / before) ** (1 / probe.power), room)
         return replace(probe, step=float(np.copysign(step, probe.step)))

@@ -1,15 +1,15 @@
 """Names the effects that a model lacks: score all, refit the best, accept, repeat, then question each again."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from scipy.stats import chi2
 
+from discrepancy import checkpoint as store
 from discrepancy.answer import Diagnosis, Finding, Stage, Step, Value
 from discrepancy.assemble import assemble
 from discrepancy.columns import Candidate, Library, finer, nameable
@@ -20,7 +20,6 @@ from discrepancy.record import Floats
 from discrepancy.refit import Fitted, Fitter, Free
 from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator
-from discrepancy.unnamed import explain_rest, give_up_refuted
 from gyro_model.model import Model
 
 CHANCE: Final = 1e-6
@@ -41,6 +40,9 @@ SIMPLER: Final = 12.0
 """Chi-square that a further size parameter must bring."""
 
 Progress = Callable[[str], None]
+Further = Callable[[Fitter, Fitted, Sequence[str], int], Model | None]
+"""A search for terms that are in no effect file: of a fit, the effects named in it and a number, the model with one
+effect more, ``discovered_<number>``, for what is left or for what a name explains badly; None where there is none."""
 
 
 @dataclass(frozen=True)
@@ -75,32 +77,44 @@ def diagnose(
     seed: int = 0,
     progress: Progress | None = None,
     checkpoint: Path | None = None,
+    further: Further | None = None,
 ) -> Diagnosis:
     """Finds what ``model`` lacks to explain ``dataset``; held-out runs are simulated once, at the end.
 
-    max_effects: at most so many are named; jobs: threads; progress: called with one line a step. Raises InputError
-    where the FMU can't be built or refuses the nominal values.
+    max_effects: at most so many are named; jobs: threads; seed: names the search (it draws nothing at random);
+    progress: called with one line a step; checkpoint: a file that holds the search after each step, from which an
+    interrupted one resumes, removed at the end; further: called with the answer until it finds no more; what it adds
+    to the model is scored, refitted and questioned beside all effects.
+    Raises InputError where the FMU can't be built or refuses the nominal values.
     """
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(TemporaryDirectory(prefix="gyrotwin-")))
-        search = Search(lambda m: stack.enter_context(Simulator(m, jobs)), model, dataset, progress or (lambda _: None))
-        search.run(max_effects)
-        give_up_refuted(search)
-        explain_rest(search, folder, max_effects)
-        search.delete()
-        return assemble(search)
+        simulator = stack.enter_context(Simulator(model, jobs))
+        key = store.digest(dataset, model, {"max_effects": max_effects, "seed": seed}) if checkpoint else ""
+        search = Search(simulator, dataset, progress or (lambda _: None))
+        if checkpoint is not None:
+            search.keep = lambda state: store.save(checkpoint, key, state)
+        search.run(max_effects, store.load(checkpoint, key))
+        for number in range(1, max_effects + 1 if further else 1):
+            wider = further(search.fitter, search.at, [a.id for a in search.accepted], number) if further else None
+            if wider is None:
+                break
+            search.widen(stack.enter_context(Simulator(wider, jobs)), max_effects)
+        found = assemble(search)
+    if checkpoint is not None:
+        checkpoint.unlink(missing_ok=True)
+    return found
 
 
 class Search:
     """The state of a search: what is accepted, and the model fitted with it (``at``, over the runs of ``fitter``)."""
 
-    def __init__(
-        self, opened: Callable[[Model], Simulator], model: Model, dataset: Dataset, progress: Progress
-    ) -> None:
-        self.opened, self.simulator, self.progress = opened, opened(model), progress
+    def __init__(self, simulator: Simulator, dataset: Dataset, progress: Progress) -> None:
+        self.simulator, self.progress = simulator, progress
+        self.keep: Callable[[Mapping[str, Any]], None] | None = None
+        self.refitted_state: Mapping[str, Any] | None = None
         self.clip: float | None = None
         self._take(dataset)
-        noise = {q.name for e in model.effects if e.noise for q in e.sizes}
+        noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
         self.nominal = {name: value for name, value in dataset.nominal.items() if name not in noise}
         self.accepted: list[Accepted] = []
         self.scored: list[Scored] = []
@@ -115,44 +129,79 @@ class Search:
     def _mask_clipped(self) -> None:
         """Looks for clipped samples beside the present model, and takes them out of everything else."""
         if self.clip is None and self.fitter is self.whole:
-            self.clip = clip_level(self.dataset.fit, self.at.residuals)
-            if self.clip is not None:
-                self.progress(f"samples clipped at {self.clip:.6g} V")
-                records = tuple(masked(record, self.clip) for record in self.dataset.records)
-                self._take(replace(self.dataset, records=records))
+            level = clip_level(self.dataset.fit, self.at.residuals)
+            if level is not None:
+                self.progress(f"samples clipped at {level:.6g} V")
+                self._take_clipped(level)
                 self._settle(self.at)
 
-    def run(self, max_effects: int) -> None:
-        """Searches to the end."""
-        self.progress("nominal parameters and initial states")
-        self._settle(self.whole.begin(self.nominal, self._believed()))
-        self._mask_clipped()
-        self.refitted = self.at
-        self._stage("refit")
-        while True:
+    def _take_clipped(self, level: float) -> None:
+        self.clip = level
+        self._take(replace(self.dataset, records=tuple(masked(record, level) for record in self.dataset.records)))
+
+    def run(self, max_effects: int, state: Mapping[str, Any] | None = None) -> None:
+        """Searches to the end, from the beginning or from a kept ``state``."""
+        if state is None:
+            self.progress("nominal parameters and initial states")
+            self._settle(self.whole.begin(self.nominal, self._believed()))
             self._mask_clipped()
+            self.refitted = self.at
+            self._stage("refit")
+            self._save()
+        else:
+            self._restore(state)
+            self.progress(f"resumed with {', '.join(a.id for a in self.accepted) or 'nominal parameters fitted'}")
+        self._extend(max_effects)
+        self._delete()
+        self._exchange()
+
+    def widen(self, simulator: Simulator, max_effects: int) -> None:
+        """Goes on with the model of ``simulator``, which has all effects of the present one and more."""
+        self.simulator, self.keep = simulator, None
+        self._take(self.dataset)
+        self._settle(self.at)
+        self._extend(max_effects)
+        self._exchange()
+        self._delete()
+
+    def _extend(self, max_effects: int) -> None:
+        """Accepts effects until none is worth it."""
+        while True:
             self._scan()
             if len(self.accepted) >= max_effects or not self._accept():
                 break
             self._stage(self.accepted[-1].id)
+            self._mask_clipped()
+            self._save()
         self.steps.append(Step({c.effect.id: s for c, s in best_of(self.scored)}, None))
-        self.delete()
-        self._exchange()
 
-    def continue_with(self, model: Model) -> None:
-        """Goes on with another model."""
-        self.simulator = self.opened(model)
-        self._take(self.dataset)
+    def _save(self) -> None:
+        """Hands out the state, and goes on from what a resumed search would have."""
+        if self.keep is None:
+            return
+        state = {
+            "clip": self.clip,
+            "at": store.fit_state(self.whole, self.fitter, self.at),
+            "refitted": self.refitted_state or store.fit_state(self.whole, self.fitter, self.refitted),
+            "accepted": [[store.candidate_state(a.candidate), a.share] for a in self.accepted],
+            "steps": [store.step_state(step) for step in self.steps],
+            "stages": self.stages,
+            "probes": store.probes_state(self.library.kept),
+        }
+        self.keep(state)
+        self._restore(state)
 
-    def take_fit(self, at: Fitted, stage: str) -> None:
-        """Goes on from a fit, a new stage of the model."""
-        self._settle(at)
-        self._stage(stage)
-
-    def leave_out(self, entry: Accepted) -> None:
-        """Takes an accepted effect out of the model again."""
-        self.accepted.remove(entry)
-        self._settle(self.without_effect(self.at, entry))
+    def _restore(self, state: Mapping[str, Any]) -> None:
+        model = self.simulator.model
+        if state["clip"] is not None and self.clip is None:
+            self._take_clipped(state["clip"])
+        self.fitter, self.at = store.fit_from(self.whole, state["at"])
+        self.refitted_state = state["refitted"]
+        _, self.refitted = store.fit_from(self.whole, state["refitted"])
+        self.accepted = [Accepted(store.candidate_from(model, c), share, {}) for c, share in state["accepted"]]
+        self.steps = [store.step_from(step) for step in state["steps"]]
+        self.stages = [(name, dict(parameters)) for name, parameters in state["stages"]]
+        self.library.kept = store.probes_from(model, state["probes"])
 
     @property
     def present(self) -> list[str]:
@@ -238,7 +287,7 @@ class Search:
         free = tuple(f for f in at.free if f.name not in entry.names)
         return self.fitter.evaluated(replace(at, parameters={**at.parameters, **_neutral(entry)}, free=free))
 
-    def delete(self) -> None:
+    def _delete(self) -> None:
         """Backward deletion: without each effect that the others have made needless."""
         for entry in list(self.accepted):
             if len(self.accepted) < 2:

@@ -25,6 +25,8 @@ SMALL, SMALLEST = 0.1, 1e-9
 """What a difference quotient may change the voltage by: over the noise, and over the signal (rounding of a run leaves
 1e-13 of it). Errors of second order are then 1e-6 of a column and less, which matters where 1 - 1e-6 of it lies along
 other parameters."""
+DEAD: Final = 1e-15
+"""Of the signal: below lies no change but rounding."""
 LINEAR: Final = 1e-5
 """The same over the signal where the residual is far above the noise."""
 PASSIVE: Final = 0.999
@@ -104,7 +106,11 @@ class Fitter:
 
     def plain(self, parameters: Mapping[str, float]) -> Whitener:
         """No whitening."""
-        return whitener(parameters, self.axes, self.period, Setting())
+        return self.whitener(parameters, Setting())
+
+    def whitener(self, parameters: Mapping[str, float], setting: Setting) -> Whitener:
+        """The filter of a setting for these runs."""
+        return whitener(parameters, self.axes, self.period, setting, max(len(r.t) for r in self.records))
 
     @property
     def at_rest(self) -> tuple[Mapping[str, float], ...]:
@@ -200,7 +206,8 @@ class Fitter:
         """``at`` with steps that change the voltage by ``target``; square: what the present ones do, summed [V²]."""
         assert at.grams is not None
         size = np.sqrt(square / sum(r.v.size for r in self.records))
-        factor = np.where(size > 0, self.target(at) / np.maximum(size, 1e-300), 1.0)
+        # What changes nothing keeps its step.
+        factor = np.where(size > DEAD * self.signal, self.target(at) / np.maximum(size, DEAD * self.signal), 1.0)
         full = np.ones(at.grams.shape[1])
         full[: at.known] = factor
         free = tuple(replace(f, step=f.step * s) for f, s in zip(at.free, factor, strict=True))

@@ -1,52 +1,60 @@
-"""What no name explains: names that a term of the library refutes are given up, and a term that is found becomes an
-effect of the model."""
+"""What no name explains: the further search that ``naming.diagnose`` calls when it has named all it can.
 
+A name in whose place a term of the library fits better is a wrong one, so the search goes on from the fit without it;
+where every name stands, from the fit as it is, if that leaves anything but noise.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from discrepancy.columns import Candidate, Probe
-from discrepancy.discovery import Discovery, discover, rivals
+from discrepancy.discovery import discover, rivals
 from discrepancy.locate import located
-
-if TYPE_CHECKING:
-    from discrepancy.naming import Search
-
-
-def give_up_refuted(search: "Search") -> bool:
-    """Takes out of the model the effects in whose place a term of the library fits better; whether there was one."""
-    if not search.accepted or search.fitter is not search.whole:
-        return False
-    against = rivals(search.fitter, search.at, [a.id for a in search.accepted], search.progress).instead
-    alone = {name for group in against if len(group) == 1 for name in group}
-    refuted = alone or {name for group in against for name in group}
-    for entry in [a for a in search.accepted if a.id in refuted]:
-        search.progress(f"gave up {entry.id}: a term that is in no file fits better")
-        search.leave_out(entry)
-    return bool(refuted)
+from discrepancy.refit import Fitted, Fitter
+from gyro_model.model import Model
 
 
-def explain_rest(search: "Search", folder: Path, max_effects: int) -> None:
-    """Finds terms for what is left, as long as something is; their effect files go to ``folder``."""
-    while len(search.accepted) < max_effects and is_open(search):
-        found = discover(search.fitter, search.at, folder, search.progress)
-        if found is None:
-            break
-        _adopt(search, found)
+@dataclass
+class TermSearch:
+    """Finds terms that are in no effect file, and writes each as one to ``folder``."""
+
+    folder: Path
+    progress: Callable[[str], None] = lambda _: None
+    tried: list[str] = field(default_factory=list)
+
+    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], number: int) -> Model | None:
+        """The model of ``fitter`` with one effect more, None where there is none to add. Raises InputError where the
+        FMU can't be built or the folder not written."""
+        if self.tried and self.tried[-1] not in named:
+            return None
+        wrong = self._refuted(fitter, at, named)
+        start = without(fitter, at, wrong) if wrong else at
+        if not (wrong or is_open(fitter, start)):
+            return None
+        found = discover(fitter, start, self.folder, self.progress)
+        if found is None or found.known:
+            return None
+        self.tried.append(found.effect.id)
+        return found.model
+
+    def _refuted(self, fitter: Fitter, at: Fitted, named: Sequence[str]) -> list[str]:
+        """The effects in whose place a term fits better: each alone, or all together."""
+        if not named:
+            return []
+        against = rivals(fitter, at, named, self.progress).instead
+        alone = [name for group in against if len(group) == 1 for name in group]
+        return alone or [name for group in against for name in group]
 
 
-def is_open(search: "Search") -> bool:
-    """Whether the fit leaves anything but noise. Not so the tracked motion: what is missing shakes the mass as well."""
-    corner = search.at.whiten.setting.corner
-    return bool(located(search.at.residuals, search.fitter.records, search.at.parameters, corner))
+def without(fitter: Fitter, at: Fitted, ids: Sequence[str]) -> Fitted:
+    """``at`` refitted with the effects ``ids`` switched off."""
+    own = [q for effect in ids for q in fitter.simulator.model.effect(effect).parameters]
+    off = {q.name: q.start for q in own if q.role == "size"}
+    free = tuple(f for f in at.free if f.name not in {q.name for q in own})
+    return fitter.fit(fitter.evaluated(replace(at, parameters={**at.parameters, **off}, free=free)))
 
 
-def _adopt(search: "Search", found: Discovery) -> None:
-    from discrepancy.naming import Accepted
-
-    if not found.known:
-        search.continue_with(found.model)
-    sizes = [q for q in found.effect.sizes if q.name in found.deviations]
-    probes = tuple(Probe(q, found.fitted.parameters[q.name] - q.start, 1) for q in sizes)
-    search.accepted.append(Accepted(Candidate(found.effect, probes, {}), found.share, {}))
-    search.progress(f"accepted {found.effect.id}")
-    search.take_fit(found.fitted, found.effect.id)
+def is_open(fitter: Fitter, at: Fitted) -> bool:
+    """Whether the fit leaves anything but noise. A tracked motion is not taken out: what is missing shakes the mass as
+    well."""
+    return bool(located(at.residuals, fitter.records, at.parameters, at.whiten.setting.corner))

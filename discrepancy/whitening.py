@@ -83,14 +83,10 @@ def whitener(p: Mapping[str, float], axes: int, period: float, setting: Setting,
     known at the start, where every fit has it free."""
     if axes == 2 and not setting.bandwidth and setting.corner:
         # Each channel has a flicker of its own.
-        one_axis = whitener(p, 1, period, setting, length)
-        pair = [
-            np.kron(np.eye(2), part) for part in (one_axis.transition, one_axis.seen, one_axis.gains, one_axis.roots)
-        ]
-        return Whitener(setting, *pair)
+        one = whitener(p, 1, period, setting, length)
+        return Whitener(setting, _twice(one.transition), _twice(one.seen), _twice(one.gains), _twice(one.roots))
     if setting.white:
-        one = np.ones((1, 1, 1))
-        return Whitener(setting, np.zeros((0, 0)), np.zeros((axes, 0)), one, np.eye(axes)[None])
+        return Whitener(setting, np.zeros((0, 0)), np.zeros((axes, 0)), np.zeros((1, 0, axes)), np.eye(axes)[None])
     parts = [_motion(p, axes, period, setting.bandwidth)] if setting.bandwidth else []
     parts += [_flicker(axes, period, setting.corner, length)] if setting.corner else []
     transition = block_diag(*(part[0] for part in parts))
@@ -100,6 +96,10 @@ def whitener(p: Mapping[str, float], axes: int, period: float, setting: Setting,
     gains, roots = np.zeros((kept, len(transition), axes)), np.zeros((kept, axes, axes))
     used = _gains(transition, drift, start, seen, gains, roots)
     return Whitener(setting, transition, seen, gains[:used].copy(), roots[:used].copy())
+
+
+def _twice(part: Floats) -> Floats:
+    return np.asarray(np.kron(np.eye(2), part), np.float64)
 
 
 _Part = tuple[Floats, Floats, Floats, Floats]
@@ -143,7 +143,8 @@ def _flicker(axes: int, period: float, corner: float, length: int) -> _Part:
     transition = np.kron(np.eye(axes), np.diag(poles))
     start = variance * np.eye(axes * count)
     drift = np.kron(np.eye(axes), np.diag(variance * (1 - poles**2)))
-    return transition, drift, start, np.kron(np.eye(axes), np.ones((1, count)))
+    seen = np.kron(np.eye(axes), np.ones((1, count)))
+    return tuple(np.asarray(part, np.float64) for part in (transition, drift, start, seen))  # type: ignore[return-value]
 
 
 def misfit_under(

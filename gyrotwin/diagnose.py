@@ -4,7 +4,7 @@ import json
 import math
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -81,10 +81,11 @@ def execute(request: Request, out: Console) -> dict[str, Any]:
     warnings = [*notes, *map(str, check(data))]
     for warning in warnings:
         out.print(f"warning: {warning}", style="yellow", soft_wrap=True, highlight=False, markup=False)
-    found = _search(request, data, model, out)
-    report = plain(found.report())
-    with out.status("report and FMU"):
-        _write(request, data, model, found, report, warnings)
+    with tempfile.TemporaryDirectory(prefix="gyrotwin-") as terms:
+        found = _search(request, data, model, Path(terms), out)
+        report = plain(found.report())
+        with out.status("report and FMU"):
+            _write(request, data, [*request.effects, Path(terms)], found, report, warnings)
     (request.out / CHECKPOINT).unlink(missing_ok=True)
     out.print(results(report, found))
     out.print(f"report: {request.out / 'report.html'}", soft_wrap=True, highlight=False)
@@ -122,10 +123,11 @@ def _dataset(request: Request, model: Model) -> tuple["Dataset", list[str]]:
     return replace(data, nominal=nominal | used), notes
 
 
-def _search(request: Request, data: "Dataset", model: Model, out: Console) -> "Diagnosis":
+def _search(request: Request, data: "Dataset", model: Model, terms: Path, out: Console) -> "Diagnosis":
     """The diagnosis and its stages on held-out runs. An interrupted search leaves its
     checkpoint."""
     from discrepancy import naming
+    from discrepancy.unnamed import TermSearch
 
     made = not request.out.exists()
     checkpoint = request.out / CHECKPOINT
@@ -145,6 +147,7 @@ def _search(request: Request, data: "Dataset", model: Model, out: Console) -> "D
                 seed=request.seed,
                 progress=progress,
                 checkpoint=checkpoint,
+                further=TermSearch(terms, progress),
             )
     except Interrupted as stop:
         if checkpoint.is_file():
@@ -173,7 +176,7 @@ def _steps_shown(out: Console) -> Iterator[Any]:
 def _write(
     request: Request,
     data: "Dataset",
-    model: Model,
+    folders: Sequence[Path],
     found: "Diagnosis",
     report: Mapping[str, Any],
     warnings: list[str],
@@ -181,14 +184,14 @@ def _write(
     from gyrotwin.diagnosis_report import render
     from gyrotwin.run import publish
 
-    name = _name(request.dataset)
+    name, model = _name(request.dataset), found.model
     device = improved_device(name, data, model, found)
     note = f"{report['verdict'].capitalize()}: the model of data set {name} after `gyrotwin diagnose`.\n" + (
         "Only x was measured: y stands here like x, uncoupled." if data.axes == 1 else ""
     )
     with tempfile.TemporaryDirectory(prefix="gyrotwin-") as folder:
         fmus = build(improved_model(data, model, device), Path(folder))
-        effects = {f"effects/{path.name}": path for given in request.effects for path in sorted(given.glob("*.py"))}
+        effects = {f"effects/{path.name}": path for given in folders for path in sorted(given.glob("*.py"))}
         copies = {"fmi2.fmu": fmus.fmi2, "fmi3.fmu": fmus.fmi3, **effects}
         publish(
             request.out,

@@ -28,7 +28,7 @@ EVALUATIONS: Final = 400
 """At most, of the residual, a start."""
 
 
-class _Reached(Exception):  # noqa: N818
+class _Reached(Exception):
     """Training error below the threshold, at these weights."""
 
     def __init__(self, weights: Floats) -> None:
@@ -61,7 +61,7 @@ class _Training(NamedTuple):
         return np.concatenate([error, np.sqrt(DECAY) * w])
 
     def jacobian(self, w: Floats) -> Floats:
-        """d residual / d w."""
+        """D residual / d w."""
         a1, b1, a2, _ = self.split(w)
         z = np.tanh(self.u @ a1.T + b1)
         inner = a2[self.output] * (1 - z * z)

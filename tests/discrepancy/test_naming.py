@@ -1,17 +1,21 @@
 """The diagnosis end to end: the example sets, and sets that the FMU makes with a known effect hidden in it."""
 
+import re
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from discrepancy.checkpoint import digest, load, save
 from discrepancy.dataset import Dataset, load_dataset
 from discrepancy.naming import Diagnosis, diagnose
 from discrepancy.record import Record, make_record
+from discrepancy.refit import Fitted, Fitter
 from discrepancy.simulate import Simulator
 from gyro_model.device import load_device
-from gyro_model.model import load_model
+from gyro_model.model import EFFECTS_FOLDER, Model, load_model
 
 EXAMPLES = Path(__file__).parents[2].parent / "shared" / "examples"
 RATE = 200_000.0
@@ -21,12 +25,12 @@ TRUE = {"m": 1.8e-7, "kxx": 63.955, "kyy": 95.92, "kxy": 12.779, "dxx": 1.8e-6, 
         "sense_gain_x": 1e6, "sense_gain_y": 1e6}  # fmt: skip
 
 
-def made(hidden: dict[str, float], seed: int = 1) -> Dataset:
+def made(hidden: dict[str, float], seed: int = 1, model: Model = MODEL) -> Dataset:
     """Two fitted runs and one held out of the reference device, noise-like drive of 30 µN rms over the modes."""
     rng = np.random.default_rng(seed)
     t = np.arange(SAMPLES) / RATE
     records = []
-    with Simulator(MODEL, jobs=1) as simulator:
+    with Simulator(model, jobs=1) as simulator:
         for number in range(3):
             f = rng.uniform(200, 6000, (40, 2))
             u = 5e-6 * np.sin(2 * np.pi * f * t[:, None, None] + rng.uniform(0, 6.28, (40, 2))).sum(axis=1)
@@ -86,6 +90,51 @@ def test_one_effect_of_each_stage(effect: str, hidden: dict[str, float]) -> None
 def test_two_effects() -> None:
     found = diagnose(made({"k3_x": 2e9, "k3_y": 2e9, "feedthrough": 8.0}), MODEL)
     assert names(found) == {"cubic_stiffness", "drive_feedthrough"}
+
+
+def test_effect_that_a_further_search_adds_takes_the_place_of_a_wrong_name(tmp_path: Path) -> None:
+    cubic = (EFFECTS_FOLDER / "cubic_stiffness.py").read_text(encoding="utf-8")
+    own = cubic.replace("cubic_stiffness", "discovered_1").replace("k3_", "c_").replace("x**3", "x**5")
+    own = own.replace("y**3", "y**5").replace("N/m3", "N/m5").replace("x**4", "x**6").replace("y**4", "y**6")
+    own = re.sub(r"energy=.*", "energy=None,", own)
+    (tmp_path / "discovered_1.py").write_text(own, encoding="utf-8")
+    wider = load_model(tmp_path)
+    calls: list[list[str]] = []
+
+    def further(fitter: Fitter, at: Fitted, named: Sequence[str], number: int) -> Model | None:
+        calls.append(list(named))
+        return wider if number == 1 else None
+
+    data = made({"c_x": 2e18, "c_y": 2e18}, model=wider)
+    found = diagnose(data, MODEL, further=further)
+    assert names(found) == {"discovered_1"}
+    assert found.misfit["final"] < 1.1 * found.misfit["noise_floor"]
+    assert len(calls) == 2
+
+
+def test_interrupted_search_resumes_with_the_same_answer(tmp_path: Path) -> None:
+    data, file = made({"feedthrough": 8.0}), tmp_path / "search.json"
+    whole = diagnose(data, MODEL, checkpoint=file)
+    assert not file.exists()
+
+    def interrupt(line: str) -> None:
+        if line.startswith("held-out"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        diagnose(data, MODEL, progress=interrupt, checkpoint=file)
+    lines: list[str] = []
+    resumed = diagnose(data, MODEL, progress=lines.append, checkpoint=file)
+    assert lines[0] == "resumed with drive_feedthrough"
+    assert resumed.report() == whole.report()
+    assert not file.exists()
+
+
+def test_checkpoint_of_another_search_is_not_used(tmp_path: Path) -> None:
+    file = tmp_path / "search.json"
+    save(file, digest(made({}), MODEL, {}), {"clip": 1.0})
+    assert load(file, digest(made({}, seed=2), MODEL, {})) is None
+    assert load(file, digest(made({}), MODEL, {})) == {"clip": 1.0}
 
 
 @pytest.mark.skipif(not EXAMPLES.is_dir(), reason="the example sets are not part of a checkout")
