@@ -21,8 +21,9 @@ MEMORIES: Final = (0.0, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0)
 """Tracking bandwidths tried, in units of one over the length of a run; 0: no disturbance."""
 LOWEST_CORNER, CORNER_RATIO = 0.3, 4.0
 """Frequencies tried at which flicker equals the white noise: the lowest over one over the length of a run, and the
-ratio of neighbours, up to four times the sample rate; then BETWEEN them."""
+ratio of neighbours, up to four times the sample rate."""
 BETWEEN: Final = (0.5, 0.7, 1.4, 2.0)
+"""Times the best of either, tried then."""
 EARNED: Final = 30.0
 """Twice the log likelihood that each of the two has to earn to be beyond doubt."""
 RATIO: Final = 5.0
@@ -45,9 +46,9 @@ class Setting:
     corner: float = 0.0
 
     @property
-    def white(self) -> bool:
-        """Whether there is nothing to take out."""
-        return self.bandwidth == 0 and self.corner == 0
+    def parts(self) -> int:
+        """How many noises with a memory it has."""
+        return (self.bandwidth > 0) + (self.corner > 0)
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Whitener:
 
     def __call__(self, v: Floats, valid: Bools) -> Floats:
         """Innovations of v (columns, n, axes) [V], zero where a sample is not valid (n,); same shape and unit."""
-        if self.setting.white:
+        if self.setting.parts == 0:
             return np.asarray(v * valid[:, None])
         out = np.empty_like(v)
         _filter(self.transition, self.seen, self.gains, self.roots, np.ascontiguousarray(v), valid, out)
@@ -85,7 +86,7 @@ def whitener(p: Mapping[str, float], axes: int, period: float, setting: Setting,
         # Each channel has a flicker of its own.
         one = whitener(p, 1, period, setting, length)
         return Whitener(setting, _twice(one.transition), _twice(one.seen), _twice(one.gains), _twice(one.roots))
-    if setting.white:
+    if setting.parts == 0:
         return Whitener(setting, np.zeros((0, 0)), np.zeros((axes, 0)), np.zeros((1, 0, axes)), np.eye(axes)[None])
     parts = [_motion(p, axes, period, setting.bandwidth)] if setting.bandwidth else []
     parts += [_flicker(axes, period, setting.corner, length)] if setting.corner else []
@@ -168,20 +169,27 @@ def likeliest(p: Mapping[str, float], period: float, residuals: Sequence[Floats]
     length = samples * period
     residuals, valid = [r[:CHOSEN] for r in residuals], [u[:CHOSEN] for u in valid]
 
-    def better(best: tuple[float, Setting], tried: Sequence[Setting]) -> tuple[float, Setting]:
-        costs = [(misfit_under(p, period, setting, residuals, valid)[0] + EARNED, setting) for setting in tried]
-        return min([best, *costs], key=lambda entry: entry[0])
+    def best(tried: Sequence[Setting]) -> tuple[float, Setting]:
+        return min(((misfit_under(p, period, s, residuals, valid)[0] + s.parts * EARNED, s) for s in tried), key=_cost)
 
-    none = misfit_under(p, period, Setting(), residuals, valid)[0], Setting()
-    memories = [Setting(bandwidth=memory / length) for memory in MEMORIES[1:]]
-    best = better(none, memories)
+    def finer(found: tuple[float, Setting], part: str) -> tuple[float, Setting]:
+        value = getattr(found[1], part)
+        return (
+            min(found, best([replace(found[1], **{part: f * value}) for f in BETWEEN]), key=_cost) if value else found
+        )
+
+    bandwidths = [memory / length for memory in MEMORIES]
+    found = finer(best([Setting(bandwidth=b) for b in bandwidths]), "bandwidth")
     if _rises(residuals, valid):
         corners = LOWEST_CORNER / length * CORNER_RATIO ** np.arange(np.log(samples) / np.log(CORNER_RATIO) + 2)
-        flicker = better(none, [Setting(corner=float(corner)) for corner in corners])
-        flicker = better((flicker[0] + EARNED, flicker[1]), [Setting(corner=f * flicker[1].corner) for f in BETWEEN])
-        both = better(flicker, [replace(m, corner=flicker[1].corner) for m in memories])
-        best = min(best, both, key=lambda entry: entry[0])
-    return whitener(p, residuals[0].shape[1], period, best[1], samples)
+        flicker = finer(best([Setting(corner=float(corner)) for corner in corners]), "corner")
+        both = finer(best([replace(flicker[1], bandwidth=b) for b in bandwidths]), "bandwidth")
+        found = min(found, flicker, both, key=_cost)
+    return whitener(p, residuals[0].shape[1], period, found[1], samples)
+
+
+def _cost(entry: tuple[float, Setting]) -> float:
+    return entry[0]
 
 
 def _rises(residuals: Sequence[Floats], valid: Sequence[Bools]) -> bool:
