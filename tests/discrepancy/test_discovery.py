@@ -44,7 +44,7 @@ c = C.symbol
 EFFECT = Force(id="hidden", parameters=(C,), force=({x}, {y}), energy=None, signature="any", host_experiment="any",
                limits=(Limit(why="at rest", at={{"hidden_size": 1.0}}, gives={{"force_x": 0.0, "force_y": 0.0}}),))
 '''
-# Ten times the detectable size or more, fifty standard deviations: at seven, drag and x² x' differ by a chi-square of 6.
+# Ten times the detectable size or more, 50 standard deviations: at seven, drag and x² x' differ by a chi-square of 6.
 TERMS = {
     "quintic": ("N/m5", "-c*x**5", "-c*y**5", 3e18),
     "coupling by x² y": ("N/m2", "-2*c*x*y", "-c*x**2", 300.0),
