@@ -34,13 +34,15 @@ MATERIAL: Final = 3e-4
 SHORTLIST, SHORT_SHARE = 6, 0.6
 """Terms refitted: at most so many, whose linear share is at least this of the best."""
 DEGREE_PRICE: Final = 3.0
-"""Chi-square that a term has to gain for each degree: between two that fit evenly the lower one is named."""
+"""Chi-square that a term has to gain for each degree and magnitude in it: between two that fit evenly the plainer one
+is named. An effect that has a file pays nothing: it is known to exist."""
 EVEN: Final = 9.0
-"""Chi-square by which a term has to fit better than a name to refute it: three standard deviations."""
+"""Chi-square by which one term has to fit better than another, or than a name, to be told from it: three standard
+deviations."""
 PROBE: Final = 1e-7
 """Force of a probe over the spring's: at Q = 1e5 it changes the motion by a hundredth, and always by 1e7 roundings."""
 SCREENED: Final = 64_000
-"""Samples on which the library is scored, shared by the runs: 300 columns in a few seconds."""
+"""Samples on which terms compete, shared by the runs: 300 columns in a few seconds. The one found is fitted to all."""
 ASTRAY: Final = 0.02
 """Residual over signal from which the search goes over pieces of the runs."""
 PIECES: Final = 8
@@ -82,7 +84,7 @@ class Entry:
         return (
             self.fitted.cost / variance
             + coefficients * float(np.log(self.fitted.count))
-            + DEGREE_PRICE * self.contestant.form.degree
+            + DEGREE_PRICE * (0 if self.contestant.known else self.contestant.form.complexity)
         )
 
 
@@ -91,7 +93,7 @@ class Discovery:
     """The term that explains what was left. model: with the term as an effect; fitted: refit of all with it there;
     ``known``: the model had the effect already and no file was written; share of the residual's square that it takes
     away; deviations [SI] of its parameters; fits: whether little more than the sensor's white noise is left, None where
-    the runs have no band that shows that noise alone."""
+    the runs have no band that shows that noise alone; even: other terms that these runs can't tell from it."""
 
     effect: Effect
     model: Model
@@ -101,6 +103,7 @@ class Discovery:
     deviations: Mapping[str, float]
     fits: bool | None
     path: Path | None
+    even: tuple[str, ...] = ()
 
     @property
     def forces(self) -> dict[str, str]:
@@ -250,22 +253,25 @@ def discover(fitter: Fitter, at: Fitted, folder: Path, progress: Progress | None
     tell = progress or (lambda _: None)
     tell("search for a term that is in no file")
     with Library(fitter, at) as library:
-        if strays(fitter, at):
-            entries = library.contest_in_pieces(fitter.records, at)
-        else:
-            entries = library.contest(library.fitter(fitter.records, fitter.blocks), at)
+        short = library.fitter(_begins(fitter.records), fitter.blocks)
+        before = short.evaluated(replace(at, grams=None))
+        astray = strays(short, before)
+        entries = library.contest_in_pieces(short.records, before) if astray else library.contest(short, before)
     if not entries:
         return None
     best = entries[0]
     coefficients = len(best.contestant.candidate.probes)
-    if not at.cost - best.fitted.cost > chi2.isf(CHANCE, coefficients) * best.fitted.variance:
+    if not before.cost - best.fitted.cost > chi2.isf(CHANCE, coefficients) * best.fitted.variance:
         return None
-    share = 1 - best.fitted.cost / at.cost
+    share = 1 - best.fitted.cost / before.cost
     tell(f"found {best.contestant.form.text}")
     if best.contestant.known:
         effect = best.contestant.candidate.effect
-        return _settled(fitter, best.fitted, effect, share, None)
-    return _made(fitter, best, folder, _free_name(fitter.simulator.model), share)
+        found = _settled(fitter, fitter.evaluated(replace(best.fitted, grams=None)), effect, share, None)
+    else:
+        found = _made(fitter, best, folder, _free_name(fitter.simulator.model), share)
+    limit = best.fitted.cost + EVEN * best.fitted.variance
+    return replace(found, even=tuple(e.contestant.form.text for e in entries[1:] if e.fitted.cost < limit))
 
 
 def _free_name(model: Model) -> str:
@@ -274,12 +280,12 @@ def _free_name(model: Model) -> str:
 
 
 def _made(fitter: Fitter, entry: Entry, folder: Path, name: str, share: float) -> Discovery:
-    """The term as an effect file, in the FMU, refitted."""
+    """The term as an effect file, in the FMU, refitted to all samples; its range is where it competed."""
     contestant = entry.contestant
     old = [q.name for q in contestant.candidate.effect.sizes]
     kept = {p.quantity.name for p in contestant.candidate.probes}
     form = replace(contestant.form.only([i for i, n in enumerate(old) if n in kept]), id=name)
-    effect, path = write_effect(form, folder, peaks_of(fitter, entry.fitted))
+    effect, path = write_effect(form, folder, peaks_of(_begins(fitter.records), entry.fitted))
     model = joined(fitter.simulator.model, [effect])
     renamed = dict(zip((n for n in old if n in kept), (q.name for q in effect.sizes), strict=True))
     parameters = {renamed.get(n, n): v for n, v in entry.fitted.parameters.items()}

@@ -1,6 +1,6 @@
 """A term that was found, as the text of an effect file, and where it was seen to hold."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 from sympy import Abs
 
 from discrepancy.library import SIGNALS, Form
+from discrepancy.record import Record
 from discrepancy.refit import Fitted, Fitter
 from gyro_model.anatomy import Effect, Force
 from gyro_model.errors import InputError
@@ -109,11 +110,11 @@ def _energy(effect: Force) -> str:
     return f"Energy({', '.join(f'{k}={v}' for k, v in kept.items())})"
 
 
-def peaks_of(fitter: Fitter, at: Fitted) -> dict[str, float]:
-    """The largest |x|, |x'| ... that the fitted model saw in its runs, by name, SI."""
+def peaks_of(records: Sequence[Record], at: Fitted) -> dict[str, float]:
+    """The largest |x|, |x'| ... that the model fitted to ``records`` saw, by name, SI."""
     peaks = dict.fromkeys(UNITS, 0.0)
-    for record, residual in zip(fitter.records, at.residuals, strict=True):
-        for i, axis in enumerate("xy"[: fitter.axes]):
+    for record, residual in zip(records, at.residuals, strict=True):
+        for i, axis in enumerate("xy"[: record.axes]):
             q = (record.v[:, i] - residual[:, i]) / at.parameters[f"sense_gain_{axis}"]
             speed = CubicSpline(record.t, q)(record.t, 1)
             for name, values in ((axis, q), (f"{axis}_dot", speed), (f"u_{axis}", record.u[:, i])):

@@ -37,9 +37,10 @@ class Form:
     parts: tuple[Pair, ...]
 
     @property
-    def degree(self) -> int:
-        """Of the product, magnitudes included."""
-        return _degree(next(e for e in self.parts[0] if e != 0))
+    def complexity(self) -> int:
+        """The degree of the product, a magnitude counted once more."""
+        product = next(e for e in self.parts[0] if e != 0)
+        return _degree(product) + sum(isinstance(base, Abs) for base in _powers(product))
 
     @property
     def text(self) -> str:
