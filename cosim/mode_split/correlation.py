@@ -3,9 +3,9 @@
     N(f) = S_m |G_y0(f)|²,  S_m = 2 k_B T c_y (two-sided),  R(λ) = ∫ N(f) M(f + λ) df
 
 R has a peak at λ = f_x - f0, where N meets the line of Coriolis force and quadrature, and one at λ = f_y - f0, where it
-meets the thermal hump. f_x is known, so the other is f_y (eqs. 4, 10, 12). As printed the line stays in M, and its
-peak in R has the flanks of N: P_x (w/Δf)² at the hump, P_x the power of the line and w the half-width. That hides the
-hump of power P_y, twice as wide in R, unless Δf > w √(2 P_x/P_y); with bins on the line taken out it does not.
+meets the thermal hump. f_x is known, so the other is f_y (eqs. 4, 10; steps 3 and 4). As printed the line stays in M,
+and its peak in R has the flanks of N: P_x (w/Δf)² at the hump, P_x the power of the line and w the half-width. That
+hides the hump of power P_y, twice as wide in R, unless Δf > w √(2 P_x/P_y); with the line taken out it does not.
 """
 
 from dataclasses import dataclass

@@ -73,7 +73,7 @@ def find_hump(
 def detectable(spectrum: Spectrum, found: Found, q: float) -> float:
     """Height of a hump over the floor [1] that a search like ``found`` would have found with 95 % power at this Q.
 
-    The gain has about the mean Σ (R s - ln(1 + R s)) and the variance Σ (R s)², s = |G|² on the bins.
+    The gain of a bin, P R s/(1 + R s) - ln(1 + R s), has the mean R s - ln(1 + R s) and the deviation R s; s = |G|².
     """
     f = spectrum.f[spectrum.valid]
     shape = response(f, 0.5 * (f[0] + f[-1]), q)
@@ -81,7 +81,8 @@ def detectable(spectrum: Spectrum, found: Found, q: float) -> float:
 
     def surplus(log_height: float) -> float:
         size = np.exp(log_height) * shape
-        return float(np.sum(size - np.log1p(size)) - POWER * np.sqrt(np.sum(size**2) / (1 + size.max())) - threshold)
+        scatter = np.sqrt(spectrum.spread * np.sum(size**2))
+        return float(np.sum(size - np.log1p(size)) - POWER * scatter - threshold)
 
     return float(np.exp(brentq(surplus, np.log(1e-3), np.log(1e9))))
 
