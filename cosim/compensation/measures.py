@@ -82,7 +82,7 @@ def judge(blocks: Blocks, compensation: Compensation, outside: str = "refuse") -
         left = found.value / applied.scale[np.searchsorted(blocks.t, found.blocks.t)]
         scale = _curve(found, found.value, left, found.noise)
     rms, floor = (float(np.sqrt(np.mean(values**2))) for values in (remains, divided.noise))
-    return Result(scale, bias, rms, floor, applied.outside, len(blocks))
+    return Result(scale, bias, rms, floor, int(applied.outside.sum()), len(blocks))
 
 
 def _curve(points: Points, before: Floats, after: Floats, noise: Floats) -> Curve:

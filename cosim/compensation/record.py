@@ -59,7 +59,7 @@ class TemperatureTest:
             raise InputError(f"{self.name}: t does not increase at data row {row}: sort the rows, remove repeated ones")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Blocks:
     """Means over blocks of a test, shape (n,) each.
 

@@ -30,7 +30,7 @@ SETS: Final[tuple[tuple[str, ...], ...]] = (
     (FREQUENCY, FREQUENCY + RATE_OF, CIRCUIT, CIRCUIT + RATE_OF),
 )
 """Sets of inputs that the choice by held-out error looks at."""
-PENALTIES: Final = (1e-6, 1e-4, 1e-2, 1.0)
+PENALTIES: Final = (1e-6, 1e-4, 1e-2)
 """λ that the choice looks at, a point: in units of the mean square of a column of the design."""
 RIDGE: Final = 1e-9
 """Of every weight: a sum of splines holds the same constant in each, which is made unique so."""
@@ -41,7 +41,7 @@ def fit(blocks: Blocks, sampling_time: float, names: tuple[str, ...], penalty: f
 
     Raises InputError for an input that is missing or never changes.
     """
-    inputs = fitted_inputs(blocks, list(names))
+    inputs = tuple(_both_ways(i) for i in fitted_inputs(blocks, list(names)))
     for i in inputs:
         if not i.high > i.low:
             raise InputError(f"{blocks.name}: {i.name} never changes from {i.low:g} {i.unit}: nothing to fit")
@@ -54,6 +54,14 @@ def fit(blocks: Blocks, sampling_time: float, names: tuple[str, ...], penalty: f
     return Compensation(
         "spline", inputs, scale, bias, sampling_time, blocks.unit, f"{', '.join(names)}; penalty {penalty:g}"
     )
+
+
+def _both_ways(i: Input) -> Input:
+    """A straight line in a derivative holds as far down as up."""
+    if not i.name.endswith(RATE_OF):
+        return i
+    most = max(-i.low, i.high)
+    return i._replace(low=-most, high=most)
 
 
 def _columns(blocks: Blocks, names: tuple[str, ...]) -> Floats:
@@ -72,7 +80,7 @@ def _fit(points: Points, inputs: tuple[Input, ...], penalty: float) -> Additive:
     parts, rows = [], []
     for column, i in zip(x.T, inputs, strict=True):
         if i.name.endswith(RATE_OF):
-            parts.append((column / max(-i.low, i.high))[:, None])
+            parts.append((column / i.high)[:, None])
             rows.append(np.zeros((0, 1)))
         else:
             # A reading at the very end belongs to the last interval.
@@ -99,7 +107,7 @@ def _fit(points: Points, inputs: tuple[Input, ...], penalty: float) -> Additive:
 
 def _term(i: Input, weights: Floats) -> Piecewise:
     if i.name.endswith(RATE_OF):
-        slope = float(weights[0]) / max(-i.low, i.high)
+        slope = float(weights[0]) / i.high
         return Piecewise(np.array([i.low, i.high]), np.array([[slope * i.low, slope]]))
     poly = PPoly.from_spline(BSpline(_knots(i), weights, DEGREE))
     # Columns beyond the range belong to the knots outside.
