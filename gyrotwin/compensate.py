@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from gyro_model.errors import InputError, nearest
@@ -114,9 +115,7 @@ def _settled(blocks: "Blocks") -> "Blocks":
     return blocks.part(blocks.settled)
 
 
-def judge_all(
-    blocks: "Blocks", test: "Blocks | None", asked: "Asked", outside: str
-) -> tuple[list[Judged], "Blocks"]:
+def judge_all(blocks: "Blocks", test: "Blocks | None", asked: "Asked", outside: str) -> tuple[list[Judged], "Blocks"]:
     """The methods asked for, best first, and the blocks that they are tested on.
 
     Without a test a quarter of the blocks is held out, in stretches, as far as the others cover their range.
@@ -167,7 +166,12 @@ def summarise(judged: list[Judged], record: str, test: str | None) -> dict[str, 
     }
 
 
-HEADINGS: Final = ("method", "before", "after", "factor", "noise allows", "score")
+def times(factor: float) -> str:
+    """A factor: three digits, and no power of ten above a thousand."""
+    return f"{factor:.0f}" if factor >= 100 else f"{factor:.3g}"
+
+
+HEADINGS: Final = ("method", "before", "after", "factor", "possible", "score")
 
 
 def rows(summary: dict[str, Any], quantity: str) -> list[tuple[str, ...]]:
@@ -176,9 +180,9 @@ def rows(summary: dict[str, Any], quantity: str) -> list[tuple[str, ...]]:
     for name, found in summary["methods"].items():
         change = found["held_out"][quantity]
         if change is not None:
-            numbers = (significant(change[key], 4) for key in ("before", "after"))
-            allows = MISSING if change["noise_allows"] is None else f"{change['noise_allows']:.0f}"
-            lines.append((name, *numbers, f"{change['factor']:.3g}", allows, significant(found["score"])))
+            numbers = (significant(change[key], digits) for key, digits in (("before", 4), ("after", 3)))
+            allows = MISSING if change["noise_allows"] is None else times(change["noise_allows"])
+            lines.append((name, *numbers, times(change["factor"]), allows, significant(found["score"])))
     return lines
 
 
@@ -197,7 +201,7 @@ def results(summary: dict[str, Any]) -> Any:
     for quantity, title in titles(summary).items():
         lines = rows(summary, quantity)
         if lines:
-            table = Table(title=title, title_justify="left")
+            table = Table(title=escape(title), title_justify="left")
             for heading in HEADINGS:
                 table.add_column(heading, justify="left" if heading == "method" else "right")
             for line in lines:

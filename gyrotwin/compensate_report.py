@@ -29,14 +29,19 @@ AXES: Final = {STRUCTURE: "structure [°C]", CIRCUIT: "board [°C]", FREQUENCY: 
 
 def render(summary: Mapping[str, Any], judged: Sequence["Judged"], tested: Blocks, out: Path) -> None:
     """Writes the page to ``out``; summary: content of summary.json; tested: the held-out blocks."""
-    from gyrotwin.compensate import HEADINGS, rows, titles
+    from gyrotwin.compensate import HEADINGS, rows, times, titles
 
     unit = "°/h" if summary["unit"] == "rad/s" else summary["unit"]
-    drawn = [_before_and_after(judged[0], tested, unit), _remains(judged, tested, unit), _course(judged[0], tested, unit)]
+    drawn = [
+        _before_and_after(judged[0], tested, unit),
+        _remains(judged, tested, unit),
+        _course(judged[0], tested, unit),
+    ]
     page = template("compensate.html.j2").render(
         summary=summary,
         chosen=summary["methods"][summary["method"]],
         headings=HEADINGS,
+        times=times,
         tables={title: rows(dict(summary), quantity) for quantity, title in titles(dict(summary)).items()},
         bias_unit=unit,
         figures=drawn,
@@ -76,8 +81,8 @@ def _before_and_after(judged: "Judged", tested: Blocks, unit: str) -> Figure:
         "before-after",
         "Bias and scale factor over temperature",
         "source 003, fig. 6",
-        "Held-out blocks, means over neighbours, before and after compensation. A line that comes back beside itself is "
-        "a temperature that the sensor does not tell: up and down of a cycle differ by the lag.",
+        "Held-out blocks, means over neighbours, before and after compensation. A line that comes back beside itself "
+        "is a temperature that the sensor does not tell: up and down of a cycle differ by the lag.",
         [("before", "before"), ("after", f"after: {judged.compensation.method}")],
         panels,
     )
@@ -120,7 +125,9 @@ def _course(judged: "Judged", tested: Blocks, unit: str) -> Figure:
     if lines:
         panels.append(Panel("t [min]", "sensors [°C]", lines))
     else:
-        panels.append(Panel("t [min]", "drive frequency [Hz]", [line("f", "estimate", *envelope(t, tested.temperature))]))
+        panels.append(
+            Panel("t [min]", "drive frequency [Hz]", [line("f", "estimate", *envelope(t, tested.temperature))])
+        )
     for label, curve, factor, off in _panels(judged, tested, unit)[:1]:
         panels.append(Panel("t [min]", f"{label} after", [
             line("after", "after", *envelope(curve.t / MINUTE, factor * (curve.after - off)))

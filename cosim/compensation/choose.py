@@ -6,6 +6,7 @@ count in what can be known of them.
 """
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -84,14 +85,16 @@ def _candidates(blocks: Blocks, asked: Asked) -> Iterator[Candidate]:
             sensors = []
         for sensor in sensors[:1]:
             for segments in piecewise.SEGMENTS if asked.segments is None else (asked.segments,):
-                yield Candidate("piecewise", lambda b, s=sensor, n=segments: piecewise.fit(b, time, s, n))
+                yield Candidate(
+                    "piecewise", partial(piecewise.fit, sampling_time=time, sensor=sensor, segments=segments)
+                )
     if asked.method == "network" or (everything and all(name in blocks.inputs for name in network.INPUTS)):
-        yield Candidate("network", lambda b: network.fit(b, time, asked.seed, asked.hidden))
+        yield Candidate("network", partial(network.fit, sampling_time=time, seed=asked.seed, hidden=asked.hidden))
     if asked.method == "spline" or everything:
         for names in spline.SETS:
             if all(name in blocks.inputs for name in names):
                 for penalty in spline.PENALTIES:
-                    yield Candidate("spline", lambda b, n=names, p=penalty: spline.fit(b, time, n, p))
+                    yield Candidate("spline", partial(spline.fit, sampling_time=time, names=names, penalty=penalty))
 
 
 class Fold(NamedTuple):

@@ -37,7 +37,13 @@ def _toml(name: str, function: Function, inputs: Sequence[str]) -> list[str]:
     if isinstance(function, Additive):
         lines = ["", "# A sum of terms; within segment k a term is c[k][0] + c[k][1] u + ..., u = x - edges[k]."]
         for i, term in zip(inputs, function.terms, strict=True):
-            lines += ["", f"[[{name}.term]]", f"input = {_text(i)}", f"edges = {_array(term.edges)}", "coefficients = ["]
+            lines += [
+                "",
+                f"[[{name}.term]]",
+                f"input = {_text(i)}",
+                f"edges = {_array(term.edges)}",
+                "coefficients = [",
+            ]
             lines += [f"  {_array(row)}," for row in term.coefficients] + ["]"]
         return lines
     if isinstance(function, Network):
@@ -49,8 +55,10 @@ def _toml(name: str, function: Function, inputs: Sequence[str]) -> list[str]:
 
 
 def to_c_header(compensation: Compensation, outside: str) -> str:
-    """A header of C99 with gyro_compensate(); outside: "refuse" leaves the result alone beyond the fitted range, "clamp"
-    uses the nearest inputs inside; both return how many inputs were beyond."""
+    """A header of C99 with gyro_compensate(), which returns how many inputs were beyond the fitted range.
+
+    outside: "refuse" leaves the result alone there, "clamp" uses the nearest inputs inside.
+    """
     count = len(compensation.inputs)
     listing = [f" *   x[{k}] {i.name} [{i.unit}]" for k, i in enumerate(compensation.inputs)]
     beyond = "    if (beyond)\n        return beyond;\n" if outside == "refuse" else ""
@@ -58,8 +66,8 @@ def to_c_header(compensation: Compensation, outside: str) -> str:
     return "\n".join(
         [
             f"/* Temperature compensation by gyrotwin: {compensation.method}. {_comment(compensation.note)}",
-            f" * Rates in {compensation.unit}. Inputs and rate are means over {compensation.sampling_time:g} s; *_rate is the",
-            " * difference of two such means over that time.",
+            f" * Rates in {compensation.unit}. Inputs and rate are means over {compensation.sampling_time:g} s;",
+            " * *_rate is the difference of two such means over that time.",
             *listing,
             " */",
             "#ifndef GYRO_COMPENSATION_H",
@@ -129,8 +137,8 @@ def _c_function(name: str, function: Function, inputs: int) -> list[str]:
     if isinstance(function, Additive):
         tables = [line for k, term in enumerate(function.terms) for line in _c_term(f"{name}_{k}", term)]
         calls = [
-            f"gyro_piecewise({name}_{k}_edges, {name}_{k}, {len(term.edges) - 1}, {term.coefficients.shape[1] - 1}, x[{k}])"
-            for k, term in enumerate(function.terms)
+            f"gyro_piecewise({name}_{k}_edges, {name}_{k}, {segments}, {width - 1}, x[{k}])"
+            for k, (segments, width) in enumerate(term.coefficients.shape for term in function.terms)
         ]
         return [*tables, *head, "    return " + "\n        + ".join(calls) + ";", "}", ""]
     if isinstance(function, Network):

@@ -128,18 +128,18 @@ class Compensation(NamedTuple):
             raise InputError(f"outside = {outside!r}: give {' or '.join(OUTSIDE)}{nearest(outside, OUTSIDE)}")
         x = inputs_of(blocks, [i.name for i in self.inputs])
         low, high = (np.array(edge) for edge in zip(*((i.low, i.high) for i in self.inputs), strict=True))
-        beyond = (x < low) | (x > high)
+        beyond: NDArray[np.bool_] = (x < low) | (x > high)
         if outside == "refuse" and beyond.any():
             column = int(np.argmax(beyond.sum(axis=0) > 0))
             raise InputError(self._refusal(blocks, self.inputs[column], x[:, column], beyond[:, column]))
         x = np.clip(x, low, high)
-        return Applied(self.scale(x), self.bias(x), beyond.any(axis=1))
+        return Applied(self.scale(x), self.bias(x), np.asarray(beyond.any(axis=1)))
 
     def _refusal(self, blocks: Blocks, fitted: Input, x: Floats, beyond: NDArray[np.bool_]) -> str:
         return (
             f"{blocks.name}: {fitted.name} reaches from {x.min():.5g} to {x.max():.5g} {fitted.unit}, but the "
-            f"compensation ({self.method}) is fitted from {fitted.low:.5g} to {fitted.high:.5g} ({int(beyond.sum())} of "
-            f"{len(x)} blocks outside): fit on a wider cycle, or clamp with --outside clamp"
+            f"compensation ({self.method}) is fitted from {fitted.low:.5g} to {fitted.high:.5g} ({int(beyond.sum())} "
+            f"of {len(x)} blocks outside): fit on a wider cycle, or clamp with --outside clamp"
         )
 
 

@@ -34,7 +34,7 @@ EVALUATIONS: Final = 400
 """At most, of the residual, a start."""
 
 
-class _Reached(Exception):  # noqa: N818
+class _ReachedError(Exception):
     """Training error below the threshold, at these weights."""
 
     def __init__(self, weights: Floats) -> None:
@@ -58,16 +58,16 @@ class _Training(NamedTuple):
         return a1.reshape(h, i), b1, a2.reshape(o, h), b2
 
     def residual(self, w: Floats) -> Floats:
-        """Errors, then the weights times √DECAY. Raises _Reached at the threshold."""
+        """Errors, then the weights times √DECAY. Raises _ReachedError at the threshold."""
         a1, b1, a2, b2 = self.split(w)
         z = np.tanh(self.u @ a1.T + b1)
         error = (z * a2[self.output]).sum(axis=1) + b2[self.output] - self.target
         if 0.5 * float(error @ error) < self.threshold:
-            raise _Reached(w.copy())
+            raise _ReachedError(w.copy())
         return np.concatenate([error, np.sqrt(DECAY) * w])
 
     def jacobian(self, w: Floats) -> Floats:
-        """d residual / d w."""
+        """Of the residual by the weights, shape (n + weights, weights)."""
         a1, b1, a2, _ = self.split(w)
         z = np.tanh(self.u @ a1.T + b1)
         inner = a2[self.output] * (1 - z * z)
@@ -168,7 +168,7 @@ def _train(training: _Training, name: str, rng: np.random.Generator) -> tuple[Fl
             weights = least_squares(
                 training.residual, start, training.jacobian, method="lm", max_nfev=EVALUATIONS, xtol=1e-10, ftol=1e-10
             ).x
-        except _Reached as end:
+        except _ReachedError as end:
             return end.weights, f"{h} neurons, training error reached its threshold, {training.threshold:.3g}"
         error = training._replace(threshold=-1.0).residual(weights)[: len(training.target)]
         if float(error @ error) / 2 < lowest:

@@ -82,8 +82,8 @@ class Blocks:
     def part(self, chosen: NDArray[np.bool_]) -> "Blocks":
         """The blocks chosen, shape (n,)."""
         inputs = {name: values[chosen] for name, values in self.inputs.items()}
-        columns = (values[chosen] for values in (self.t, self.rate, self.rate_true, self.noise))
-        return Blocks(*columns, inputs, self.unit, self.name)
+        t, rate, true, noise = (values[chosen] for values in (self.t, self.rate, self.rate_true, self.noise))
+        return Blocks(t, rate, true, noise, inputs, self.unit, self.name)
 
     @property
     def at_rest(self) -> NDArray[np.bool_]:

@@ -10,7 +10,16 @@ from typing import Final
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
 
-from cosim.compensation.model import Additive, Compensation, Constant, Function, Input, Piecewise, fitted_inputs
+from cosim.compensation.model import (
+    Additive,
+    Compensation,
+    Constant,
+    Function,
+    Input,
+    Piecewise,
+    fitted_inputs,
+    inputs_of,
+)
 from cosim.compensation.points import Points, bias_points, scale_points
 from cosim.compensation.record import CIRCUIT, FREQUENCY, RATE_OF, STRUCTURE, Blocks, Floats
 from gyro_model.errors import InputError
@@ -47,7 +56,7 @@ def fit(blocks: Blocks, sampling_time: float, names: tuple[str, ...], penalty: f
             raise InputError(f"{blocks.name}: {i.name} never changes from {i.low:g} {i.unit}: nothing to fit")
     found = scale_points(blocks)
     scale: Function = Constant(1.0)
-    at = _columns(blocks, names)
+    at = inputs_of(blocks, list(names))
     if len(found.value):
         scale = _fit(found, inputs, penalty)
     bias = _fit(bias_points(blocks, scale(at)), inputs, penalty)
@@ -64,18 +73,14 @@ def _both_ways(i: Input) -> Input:
     return i._replace(low=-most, high=most)
 
 
-def _columns(blocks: Blocks, names: tuple[str, ...]) -> Floats:
-    return np.stack([blocks.inputs[name] for name in names], axis=1)
-
-
 def _knots(i: Input) -> Floats:
     """Uniform knots over the range of an input, DEGREE of them beyond either end."""
     step = (i.high - i.low) / INTERVALS
-    return i.low + step * np.arange(-DEGREE, INTERVALS + DEGREE + 1)
+    return i.low + step * np.arange(-DEGREE, INTERVALS + DEGREE + 1, dtype=np.float64)
 
 
 def _fit(points: Points, inputs: tuple[Input, ...], penalty: float) -> Additive:
-    x = _columns(points.blocks, tuple(i.name for i in inputs))
+    x = inputs_of(points.blocks, [i.name for i in inputs])
     middle = float(points.value.mean())
     parts, rows = [], []
     for column, i in zip(x.T, inputs, strict=True):
@@ -96,9 +101,7 @@ def _fit(points: Points, inputs: tuple[Input, ...], penalty: float) -> Additive:
         smooth[first:last, first:last] = row.T @ row
     gram = design.T @ design + weight * (penalty * smooth + RIDGE * np.eye(len(smooth)))
     weights = np.linalg.solve(gram, design.T @ (points.value - middle))
-    terms = [
-        _term(i, weights[first:last]) for i, first, last in zip(inputs, ends, ends[1:], strict=False)
-    ]
+    terms = [_term(i, weights[first:last]) for i, first, last in zip(inputs, ends, ends[1:], strict=False)]
     first_term = terms[0]
     coefficients = first_term.coefficients.copy()
     coefficients[:, 0] += middle
