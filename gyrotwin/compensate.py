@@ -1,6 +1,7 @@
 """`gyrotwin compensate`: fits a temperature compensation to a test, and shows what it leaves of another."""
 
 import json
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
@@ -157,7 +158,7 @@ def summarise(judged: list[Judged], record: str, test: str | None) -> dict[str, 
         "methods": {
             j.compensation.method: {
                 "note": j.compensation.note,
-                "score": j.score,
+                "score": j.score if isfinite(j.score) else None,
                 "fitted": summary(j.fitted, chosen.unit),
                 "held_out": summary(j.held_out, chosen.unit),
             }
