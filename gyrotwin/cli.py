@@ -13,6 +13,7 @@ from gyro_model.build import build_all
 from gyro_model.device import design_device, load_device, packaged_devices, write_device
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
+from gyrotwin.compensate import compensate
 from gyrotwin.dataset import dataset_app
 from gyrotwin.diagnose import diagnose
 from gyrotwin.interrupt import Interrupted, interrupt
@@ -32,6 +33,7 @@ app.add_typer(dataset_app, name="dataset")
 app.command()(split)
 app.command()(diagnose)
 app.command()(rate)
+app.command()(compensate)
 
 console = Console()
 

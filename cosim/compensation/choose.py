@@ -6,14 +6,16 @@ count in what can be known of them.
 """
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.compensation import network, piecewise, spline
-from cosim.compensation.model import Compensation
+from cosim.compensation.model import Applied, Compensation
 from cosim.compensation.points import bias_points, scale_points
-from cosim.compensation.record import CIRCUIT, STRUCTURE, Blocks
+from cosim.compensation.record import CIRCUIT, STRUCTURE, Blocks, Floats
 from gyro_model.errors import InputError, nearest
 
 METHODS: Final = ("piecewise", "network", "spline", "best")
@@ -44,7 +46,7 @@ class Candidate(NamedTuple):
     held_out: float = np.inf
 
 
-def held_out_stretches(count: int, fold: int, folds: int = FOLDS) -> np.ndarray:
+def held_out_stretches(count: int, fold: int, folds: int = FOLDS) -> NDArray[np.bool_]:
     """Which of ``count`` blocks belong to a fold, shape (count,)."""
     return np.arange(count) * STRETCHES // count % folds == fold
 
@@ -55,10 +57,11 @@ def choose(blocks: Blocks, asked: Asked) -> list[Candidate]:
         raise InputError(f"method {asked.method!r}: give one of {', '.join(METHODS)}{nearest(asked.method, METHODS)}")
     best: dict[str, Candidate] = {}
     refusal: InputError | None = None
+    folds = folds_of(blocks)
     for candidate in _candidates(blocks, asked):
         try:
             candidate.fit(blocks)
-            scored = candidate._replace(held_out=score(blocks, candidate.fit))
+            scored = candidate._replace(held_out=score(blocks, folds, candidate.fit))
         except InputError as error:
             refusal = refusal or error
             continue
@@ -82,40 +85,53 @@ def _candidates(blocks: Blocks, asked: Asked) -> Iterator[Candidate]:
             sensors = []
         for sensor in sensors[:1]:
             for segments in piecewise.SEGMENTS if asked.segments is None else (asked.segments,):
-                yield Candidate("piecewise", lambda b, s=sensor, n=segments: piecewise.fit(b, time, s, n))
+                yield Candidate(
+                    "piecewise", partial(piecewise.fit, sampling_time=time, sensor=sensor, segments=segments)
+                )
     if asked.method == "network" or (everything and all(name in blocks.inputs for name in network.INPUTS)):
-        yield Candidate("network", lambda b: network.fit(b, time, asked.seed, asked.hidden))
+        yield Candidate("network", partial(network.fit, sampling_time=time, seed=asked.seed, hidden=asked.hidden))
     if asked.method == "spline" or everything:
         for names in spline.SETS:
             if all(name in blocks.inputs for name in names):
                 for penalty in spline.PENALTIES:
-                    yield Candidate("spline", lambda b, n=names, p=penalty: spline.fit(b, time, n, p))
+                    yield Candidate("spline", partial(spline.fit, sampling_time=time, names=names, penalty=penalty))
 
 
-def score(blocks: Blocks, fit: Fit) -> float:
-    """The rms of residual over noise at blocks left out in turn; a fold whose temperatures the others don't cover is
-    clamped, infinite where a fold can't be fitted."""
+class Fold(NamedTuple):
+    """Blocks that are fitted; left_out: the others, shape (n,) of all."""
+
+    fitted: Blocks
+    left_out: NDArray[np.bool_]
+
+
+def folds_of(blocks: Blocks) -> list[Fold]:
+    """FOLDS parts of the record, each left out in turn."""
+    left_out = [held_out_stretches(len(blocks), fold) for fold in range(FOLDS)]
+    return [Fold(blocks.part(~chosen), chosen) for chosen in left_out]
+
+
+def score(blocks: Blocks, folds: list[Fold], fit: Fit) -> float:
+    """The rms of residual over noise at blocks left out in turn, those apart that lie beyond what the others cover;
+    infinite where a fold can't be fitted."""
     total, count = 0.0, 0
-    for fold in range(FOLDS):
-        left_out = held_out_stretches(len(blocks), fold)
+    for fold in folds:
         try:
-            compensation = fit(blocks.part(~left_out))
+            compensation = fit(fold.fitted)
         except InputError:
             return np.inf
-        for residual in residuals(blocks, compensation, "clamp"):
-            chosen = residual[left_out & np.isfinite(residual)]
+        applied = compensation.at(blocks, "clamp")
+        for residual in _residuals(blocks, applied):
+            chosen = residual[fold.left_out & ~applied.outside & np.isfinite(residual)]
             total, count = total + float(chosen @ chosen), count + len(chosen)
     return float(np.sqrt(total / count)) if count else np.inf
 
 
-def residuals(blocks: Blocks, compensation: Compensation, outside: str) -> tuple[np.ndarray, np.ndarray]:
+def _residuals(blocks: Blocks, applied: Applied) -> tuple[Floats, Floats]:
     """What remains of bias and of scale factor over their noise, shape (n,) each; NaN where a block shows none."""
-    applied = compensation.at(blocks, outside)
     rest = bias_points(blocks, applied.scale)
-    bias = np.full(len(blocks), np.nan)
+    bias, scale = np.full((2, len(blocks)), np.nan)
     bias[blocks.at_rest] = (rest.value - applied.bias[blocks.at_rest]) / rest.noise
     found = scale_points(blocks)
-    scale = np.full(len(blocks), np.nan)
     if len(found.value):
         where = np.searchsorted(blocks.t, found.blocks.t)
         scale[where] = (found.value / applied.scale[where] - 1) / found.noise

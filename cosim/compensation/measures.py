@@ -14,6 +14,7 @@ from scipy.special import ndtr
 from cosim.compensation.model import Compensation
 from cosim.compensation.points import Points, bias_points, scale_points
 from cosim.compensation.record import Blocks, Floats
+from cosim.rate.metrics import PER_HOUR
 from gyro_model.errors import InputError
 
 PASS_BLOCKS: Final = 40
@@ -82,7 +83,7 @@ def judge(blocks: Blocks, compensation: Compensation, outside: str = "refuse") -
         left = found.value / applied.scale[np.searchsorted(blocks.t, found.blocks.t)]
         scale = _curve(found, found.value, left, found.noise)
     rms, floor = (float(np.sqrt(np.mean(values**2))) for values in (remains, divided.noise))
-    return Result(scale, bias, rms, floor, applied.outside, len(blocks))
+    return Result(scale, bias, rms, floor, int(applied.outside.sum()), len(blocks))
 
 
 def _curve(points: Points, before: Floats, after: Floats, noise: Floats) -> Curve:
@@ -134,16 +135,22 @@ def expected_range(deviations: Floats) -> float:
     return float(inside.sum() * (x[1] - x[0]))
 
 
-def summary(result: Result) -> dict[str, Any]:
-    """As JSON-ready values: ppm/°C, and bias in deg/h where the rate is in rad/s, else in its unit."""
+def summary(result: Result, unit: str) -> dict[str, Any]:
+    """As JSON-ready values: ppm/°C; bias in deg/h where the unit of the rate is rad/s, else in that."""
+    factor = bias_factor(unit)
     return {
         "scale_factor_ppm_per_c": None if result.scale is None else _change(change(result.scale), 1e6),
-        "bias_per_c": _change(change(result.bias), 1.0),
-        "residual_rms": result.rms,
-        "block_noise": result.floor,
+        "bias_per_c": _change(change(result.bias), factor),
+        "residual_rms": factor * result.rms,
+        "block_noise": factor * result.floor,
         "clamped_blocks": result.outside,
         "blocks": result.blocks,
     }
+
+
+def bias_factor(unit: str) -> float:
+    """From the unit of the rate to that in which a bias is told."""
+    return PER_HOUR if unit == "rad/s" else 1.0
 
 
 def _change(change: Change, factor: float) -> dict[str, float | None]:

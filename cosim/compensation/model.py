@@ -1,9 +1,9 @@
 """A fitted compensation as data: two functions of its inputs, each with the range that it was fitted on."""
 
-from collections.abc import Mapping
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim.compensation.record import RATE_OF, SIGNALS, Blocks, Floats
 from gyro_model.errors import InputError, nearest
@@ -128,27 +128,27 @@ class Compensation(NamedTuple):
             raise InputError(f"outside = {outside!r}: give {' or '.join(OUTSIDE)}{nearest(outside, OUTSIDE)}")
         x = inputs_of(blocks, [i.name for i in self.inputs])
         low, high = (np.array(edge) for edge in zip(*((i.low, i.high) for i in self.inputs), strict=True))
-        beyond = (x < low) | (x > high)
+        beyond: NDArray[np.bool_] = (x < low) | (x > high)
         if outside == "refuse" and beyond.any():
             column = int(np.argmax(beyond.sum(axis=0) > 0))
             raise InputError(self._refusal(blocks, self.inputs[column], x[:, column], beyond[:, column]))
         x = np.clip(x, low, high)
-        return Applied(self.scale(x), self.bias(x), int(beyond.any(axis=1).sum()))
+        return Applied(self.scale(x), self.bias(x), np.asarray(beyond.any(axis=1)))
 
-    def _refusal(self, blocks: Blocks, fitted: Input, x: Floats, beyond: np.ndarray) -> str:
+    def _refusal(self, blocks: Blocks, fitted: Input, x: Floats, beyond: NDArray[np.bool_]) -> str:
         return (
             f"{blocks.name}: {fitted.name} reaches from {x.min():.5g} to {x.max():.5g} {fitted.unit}, but the "
-            f"compensation ({self.method}) is fitted from {fitted.low:.5g} to {fitted.high:.5g} ({int(beyond.sum())} of "
-            f"{len(x)} blocks outside): fit on a wider cycle, or clamp with --outside clamp"
+            f"compensation ({self.method}) is fitted from {fitted.low:.5g} to {fitted.high:.5g} ({int(beyond.sum())} "
+            f"of {len(x)} blocks outside): fit on a wider cycle, or clamp with --outside clamp"
         )
 
 
 class Applied(NamedTuple):
-    """Scale factor and bias at blocks, shape (n,); outside: blocks that were clamped."""
+    """Scale factor and bias at blocks, and whether it was clamped there, shape (n,) each."""
 
     scale: Floats
     bias: Floats
-    outside: int
+    outside: NDArray[np.bool_]
 
 
 def inputs_of(blocks: Blocks, names: list[str]) -> Floats:
@@ -168,13 +168,3 @@ def fitted_inputs(blocks: Blocks, names: list[str]) -> tuple[Input, ...]:
     low, high = x.min(axis=0), x.max(axis=0)
     extra = np.maximum(MARGIN * (high - low), NOISES * noise)
     return tuple(Input(n, float(a - e), float(b + e)) for n, a, b, e in zip(names, low, high, extra, strict=True))
-
-
-class Measured(NamedTuple):
-    """What a method is fitted to: all blocks, and a sampling time [s]."""
-
-    blocks: Blocks
-    sampling_time: float
-
-
-Options = Mapping[str, float | int | str | None]

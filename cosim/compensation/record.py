@@ -59,7 +59,7 @@ class TemperatureTest:
             raise InputError(f"{self.name}: t does not increase at data row {row}: sort the rows, remove repeated ones")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Blocks:
     """Means over blocks of a test, shape (n,) each.
 
@@ -82,8 +82,8 @@ class Blocks:
     def part(self, chosen: NDArray[np.bool_]) -> "Blocks":
         """The blocks chosen, shape (n,)."""
         inputs = {name: values[chosen] for name, values in self.inputs.items()}
-        columns = (values[chosen] for values in (self.t, self.rate, self.rate_true, self.noise))
-        return Blocks(*columns, inputs, self.unit, self.name)
+        t, rate, true, noise = (values[chosen] for values in (self.t, self.rate, self.rate_true, self.noise))
+        return Blocks(t, rate, true, noise, inputs, self.unit, self.name)
 
     @property
     def at_rest(self) -> NDArray[np.bool_]:
@@ -113,12 +113,19 @@ def make_blocks(test: TemperatureTest, sampling_time: float, settling: float) ->
     ``settling`` [s] after a step are left out.
 
     The derivative of a signal is that of source 002, eqs. 12 and 13, (f1 - f0)/T: the difference of neighbouring means
-    over the time between their middles. Raises InputError where fewer than FEWEST blocks remain.
+    over the time between their middles. Raises InputError where fewer than FEWEST blocks remain, and where the
+    rate steps more often than that.
     """
     for option, value in (("sampling time", sampling_time), ("settling", settling)):
         if not (np.isfinite(value) and value >= 0) or (option == "sampling time" and value == 0):
             raise InputError(f"{option} {value:g} s: give a positive time in s")
     stretch, used = _stretches(test, settling)
+    stays = np.diff(test.t[np.flatnonzero(np.diff(stretch))])
+    if len(stays) and np.median(stays) < FULL * sampling_time:
+        raise InputError(
+            f"{test.name}: the rate steps every {np.median(stays):.3g} s: give a --sampling-time of that or less, not "
+            f"{sampling_time:g} s"
+        )
     # Rounding of t must not put the row at an edge into the block before.
     grid = np.floor((test.t - test.t[0]) / sampling_time + 1e-6).astype(int)
     edges = np.flatnonzero((np.diff(grid[used]) != 0) | (np.diff(stretch[used]) != 0)) + 1

@@ -10,7 +10,16 @@ from typing import Final
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
 
-from cosim.compensation.model import Additive, Compensation, Constant, Function, Input, Piecewise, fitted_inputs
+from cosim.compensation.model import (
+    Additive,
+    Compensation,
+    Constant,
+    Function,
+    Input,
+    Piecewise,
+    fitted_inputs,
+    inputs_of,
+)
 from cosim.compensation.points import Points, bias_points, scale_points
 from cosim.compensation.record import CIRCUIT, FREQUENCY, RATE_OF, STRUCTURE, Blocks, Floats
 from gyro_model.errors import InputError
@@ -30,7 +39,7 @@ SETS: Final[tuple[tuple[str, ...], ...]] = (
     (FREQUENCY, FREQUENCY + RATE_OF, CIRCUIT, CIRCUIT + RATE_OF),
 )
 """Sets of inputs that the choice by held-out error looks at."""
-PENALTIES: Final = (1e-6, 1e-4, 1e-2, 1.0)
+PENALTIES: Final = (1e-6, 1e-4, 1e-2)
 """λ that the choice looks at, a point: in units of the mean square of a column of the design."""
 RIDGE: Final = 1e-9
 """Of every weight: a sum of splines holds the same constant in each, which is made unique so."""
@@ -41,13 +50,13 @@ def fit(blocks: Blocks, sampling_time: float, names: tuple[str, ...], penalty: f
 
     Raises InputError for an input that is missing or never changes.
     """
-    inputs = fitted_inputs(blocks, list(names))
+    inputs = tuple(_both_ways(i) for i in fitted_inputs(blocks, list(names)))
     for i in inputs:
         if not i.high > i.low:
             raise InputError(f"{blocks.name}: {i.name} never changes from {i.low:g} {i.unit}: nothing to fit")
     found = scale_points(blocks)
     scale: Function = Constant(1.0)
-    at = _columns(blocks, names)
+    at = inputs_of(blocks, list(names))
     if len(found.value):
         scale = _fit(found, inputs, penalty)
     bias = _fit(bias_points(blocks, scale(at)), inputs, penalty)
@@ -56,23 +65,27 @@ def fit(blocks: Blocks, sampling_time: float, names: tuple[str, ...], penalty: f
     )
 
 
-def _columns(blocks: Blocks, names: tuple[str, ...]) -> Floats:
-    return np.stack([blocks.inputs[name] for name in names], axis=1)
+def _both_ways(i: Input) -> Input:
+    """A straight line in a derivative holds as far down as up."""
+    if not i.name.endswith(RATE_OF):
+        return i
+    most = max(-i.low, i.high)
+    return i._replace(low=-most, high=most)
 
 
 def _knots(i: Input) -> Floats:
     """Uniform knots over the range of an input, DEGREE of them beyond either end."""
     step = (i.high - i.low) / INTERVALS
-    return i.low + step * np.arange(-DEGREE, INTERVALS + DEGREE + 1)
+    return i.low + step * np.arange(-DEGREE, INTERVALS + DEGREE + 1, dtype=np.float64)
 
 
 def _fit(points: Points, inputs: tuple[Input, ...], penalty: float) -> Additive:
-    x = _columns(points.blocks, tuple(i.name for i in inputs))
+    x = inputs_of(points.blocks, [i.name for i in inputs])
     middle = float(points.value.mean())
     parts, rows = [], []
     for column, i in zip(x.T, inputs, strict=True):
         if i.name.endswith(RATE_OF):
-            parts.append((column / max(-i.low, i.high))[:, None])
+            parts.append((column / i.high)[:, None])
             rows.append(np.zeros((0, 1)))
         else:
             # A reading at the very end belongs to the last interval.
@@ -97,7 +110,7 @@ def _fit(points: Points, inputs: tuple[Input, ...], penalty: float) -> Additive:
 
 def _term(i: Input, weights: Floats) -> Piecewise:
     if i.name.endswith(RATE_OF):
-        slope = float(weights[0]) / max(-i.low, i.high)
+        slope = float(weights[0]) / i.high
         return Piecewise(np.array([i.low, i.high]), np.array([[slope * i.low, slope]]))
     poly = PPoly.from_spline(BSpline(_knots(i), weights, DEGREE))
     # Columns beyond the range belong to the knots outside.

@@ -1,0 +1,135 @@
+"""`gyrotwin compensate` as a user types it: a record in, coefficients and a report out, or one line."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from benchmarks.compensation_records import profile, quasi_static
+from gyrotwin.cli import main
+
+WARMUP = Path(__file__).parents[2].parent / "shared" / "data" / "warmup" / "Tempdata01-02-14.csv.gz"
+WARMUP_COLUMNS = [
+    "--map", "t=Time", "--map", "sensor_structure=dTemp", "--map", "sensor_circuit=Temp", "--scale", "t=ms",
+    "--scale", "rate=counts", "--scale", "sensor_structure=0.00294117647,309.68", "--scale", "sensor_circuit=degC",
+]  # fmt: skip
+"""Die temperature: T = dTemp/340 + 36.53 °C, in K."""
+
+
+def compensate(*arguments: object) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["compensate", *map(str, arguments)])
+    assert end.value.code in (0, None)
+
+
+def refused(capsys: pytest.CaptureFixture[str], folder: Path, *arguments: object) -> str:
+    """The one line on stderr; nothing written."""
+    with pytest.raises(SystemExit) as end:
+        main(["compensate", *map(str, arguments), "--out", str(folder / "out")])
+    assert end.value.code == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert not (folder / "out").exists()
+    return lines[0]
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("records")
+    cycle = profile(-10, (-10, 1, 5), (50, 2, 10), (-10, 2, 5))
+    quasi_static(cycle, 1).write_parquet(folder / "cycle.parquet")
+    quasi_static(cycle, 2).write_parquet(folder / "again.parquet")
+    quasi_static(profile(-10, (-10, 1, 5), (60, 2, 5)), 3).write_parquet(folder / "hotter.parquet")
+    return folder
+
+
+def test_files_and_numbers(records: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    compensate(records / "cycle.parquet", "--test", records / "again.parquet", "--method", "spline", "--out", out)
+    assert {path.name for path in out.iterdir()} == {
+        "compensation.toml", "compensation.h", "summary.json", "report.html"
+    }  # fmt: skip
+    summary = json.loads((out / "summary.json").read_text())
+    left = summary["methods"]["spline"]["held_out"]
+    # Noise alone would leave "possible"; a range scatters by about a fifth.
+    assert left["bias_per_c"]["factor"] > 0.6 * left["bias_per_c"]["noise_allows"]
+    assert left["scale_factor_ppm_per_c"]["factor"] > 0.6 * left["scale_factor_ppm_per_c"]["noise_allows"]
+    assert left["residual_rms"] == pytest.approx(left["block_noise"], rel=0.15)
+    shown = capsys.readouterr().out
+    assert "Bias [°/h/°C]" in shown
+    assert tomllib.loads((out / "compensation.toml").read_text())["sampling_time"] == 10.0
+    page = (out / "report.html").read_text()
+    assert "Bias and scale factor over temperature" in page
+    assert "http://" not in page.partition("<script>")[0]
+
+
+def test_without_a_second_record_stretches_are_held_out(records: Path, tmp_path: Path) -> None:
+    compensate(records / "cycle.parquet", "--method", "piecewise", "--segments", 12, "--out", tmp_path / "out")
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["test"] is None
+    found = summary["methods"]["piecewise, structure"]
+    total = found["fitted"]["blocks"] + found["held_out"]["blocks"]
+    # A quarter, less what the other three quarters don't cover.
+    assert 0.1 * total < found["held_out"]["blocks"] <= 0.26 * total
+    # Twelve segments of 5 °C: as in benchmarks/compensation.py.
+    assert found["held_out"]["bias_per_c"]["factor"] > 20
+
+
+def test_beyond_the_fitted_range(records: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    both = (records / "cycle.parquet", "--test", records / "hotter.parquet", "--method", "piecewise", "--segments", 6)
+    line = refused(capsys, tmp_path, *both)
+    assert "structure reaches from" in line
+    assert "--outside clamp" in line
+    compensate(*both, "--outside", "clamp", "--out", tmp_path / "out")
+    assert "beyond the fitted range and are clamped" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("--method", "piecwise"), "did you mean 'piecewise'"),
+        (("--sensor", "boad"), "--sensor boad: give structure or circuit"),
+        (("--outside", "clmp"), "did you mean 'clamp'"),
+        (("--method", "piecewise", "--segments", 0), "segments = 0"),
+        (("--method", "piecewise", "--segments", 5000), "give fewer --segments"),
+        (("--method", "network", "--hidden", 200), "--hidden with fewer neurons"),
+        (("--sampling-time", 0), "sampling time 0 s"),
+        (("--sampling-time", 100), "give a --sampling-time of that or less"),
+        (("--map", "rate=Gx"), "no such heading"),
+        (("--map", "rat=Gx"), "did you mean 'rate'"),
+        (("--scale", "rate=furlongs"), "give rad/s, deg/s, counts, or FACTOR,OFFSET"),
+        (("--map", "rate"), "give COLUMN=VALUE"),
+    ],
+)
+def test_wrong_input_is_one_line(
+    records: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[object, ...], text: str
+) -> None:
+    assert text in refused(capsys, tmp_path, records / "cycle.parquet", *arguments)
+
+
+def test_missing_columns_are_named(records: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = pl.read_parquet(records / "cycle.parquet")
+    table.drop("rate").write_parquet(tmp_path / "a.parquet")
+    assert "no column rate" in refused(capsys, tmp_path, tmp_path / "a.parquet")
+    table.drop("drive_frequency").write_parquet(tmp_path / "b.parquet")
+    assert "holds no frequency" in refused(capsys, tmp_path, tmp_path / "b.parquet", "--method", "network")
+    table.select("t", "rate", "rate_true").write_parquet(tmp_path / "c.parquet")
+    assert "neither a temperature nor a drive frequency" in refused(capsys, tmp_path, tmp_path / "c.parquet")
+    assert "does not exist" in refused(capsys, tmp_path, tmp_path / "none.parquet")
+
+
+@pytest.mark.skipif(not WARMUP.is_file(), reason="measured data (shared/data/warmup) is not here")
+@pytest.mark.parametrize("axis", ["Gx", "Gy", "Gz"])
+def test_a_measured_warm_up(axis: str, tmp_path: Path) -> None:
+    compensate(WARMUP, *WARMUP_COLUMNS, "--map", f"rate={axis}", "--method", "piecewise", "--out", tmp_path / "out")
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["unit"] == "counts"
+    found = summary["methods"]["piecewise, structure"]["held_out"]
+    # White noise of 300 samples, 0.05 to 0.07 counts; blocks at one temperature differ by 1.4 to 1.8
+    # of that at other times (benchmarks/compensation.py).
+    assert 0.03 < found["block_noise"] < 0.08
+    assert found["residual_rms"] < 2.0 * found["block_noise"]
+    assert np.isfinite(found["bias_per_c"]["factor"])
