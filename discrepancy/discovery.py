@@ -7,6 +7,7 @@ information criterion asks (G. Schwarz, Annals of Statistics 6, 1978), and a hig
 """
 
 import itertools
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,9 +20,9 @@ from discrepancy.columns import Candidate, Probe
 from discrepancy.effect_file import peaks_of, scales_of, write_effect
 from discrepancy.library import Form, forms, known, magnitude
 from discrepancy.noise import noise_of
-from discrepancy.record import Record
+from discrepancy.record import Floats, Record
 from discrepancy.refit import BLOCKS, Fitted, Fitter
-from discrepancy.score import Score, score
+from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator
 from gyro_model.anatomy import Effect
 from gyro_model.model import Model
@@ -41,8 +42,10 @@ EVEN: Final = 9.0
 deviations."""
 PROBE: Final = 1e-7
 """Force of a probe over the spring's: at Q = 1e5 it changes the motion by a hundredth, and always by 1e7 roundings."""
-SCREENED: Final = 64_000
-"""Samples on which terms compete, shared by the runs: 300 columns in a few seconds. The one found is fitted to all."""
+SCREENED, CHECKED = 32_000, 16_000
+"""Samples on which the library is scored, shared by the runs: to find a term, and to check a name."""
+NEARLY, CLOSEST = 0.05, 3
+"""A name is checked against at most so many terms, which to first order take all but this share of what it takes."""
 ASTRAY: Final = 0.02
 """Residual over signal from which the search goes over pieces of the runs."""
 PIECES: Final = 8
@@ -111,6 +114,15 @@ class Discovery:
         return {name: str(term) for name, term in self.effect.terms().items() if name in ("force_x", "force_y")}
 
 
+@dataclass
+class Scan:
+    """What terms take from the sum of squares [variances of an innovation] where effects are left out, and what those
+    effects take themselves."""
+
+    gain: float
+    contestants: list[Contestant]
+
+
 @dataclass(frozen=True)
 class Rivals:
     """What speaks against names. instead: by the ids of the effects left out, the term that fits significantly better
@@ -123,6 +135,12 @@ class Rivals:
     def refuted(self) -> bool:
         """Whether some name is wrong."""
         return bool(self.instead)
+
+    @property
+    def names(self) -> list[str]:
+        """The wrong ones: each alone, or, where each stands alone, all together."""
+        alone = [name for group in self.instead if len(group) == 1 for name in group]
+        return alone or [name for group in self.instead for name in group]
 
 
 class Library:
@@ -169,25 +187,42 @@ class Library:
 
     def scored(self, fitter: Fitter, at: Fitted) -> list[Contestant]:
         """Every term, largest share first."""
-        left = self.candidates(at)
-        known_columns = len(at.free)
-        found = []
+        return self.scans(fitter, at, ())[0].contestants
+
+    def scans(self, fitter: Fitter, at: Fitted, groups: Sequence[Sequence[str]]) -> list["Scan"]:
+        """Every term beside the fit ``at``, and in the place of each of ``groups`` (ids of effects fitted in it), to
+        first order."""
+        own = [[q for name in group for q in self.simulator.model.effect(name).parameters] for group in groups]
+        removals = [{q.name: q.start for q in sizes if q.role == "size"} for sizes in own]
+        names = [set[str](), *({q.name for q in sizes} for sizes in own)]
+        scans = [Scan(math.inf, []) for _ in names]
+        left, n = self.candidates(at), len(at.free)
         while left:
             count = int(np.searchsorted(np.cumsum([len(c.probes) for _, c in left]), BATCH, side="right"))
             batch, left = left[:count], left[count:]
-            linear = fitter.with_grams(at, [changes for _, c in batch for changes in c.changes()])
+            linear = fitter.with_grams(at, [*removals, *(changes for _, c in batch for changes in c.changes())])
             assert linear.grams is not None
-            place = known_columns
-            for form, candidate in batch:
-                own = range(place, place + len(candidate.probes))
-                place += len(own)
-                kept = [*range(known_columns), *own, linear.grams.shape[1] - 1]
-                grams = linear.grams[np.ix_(range(len(linear.grams)), kept, kept)]
-                columns = tuple(range(known_columns, known_columns + len(own)))
-                result = score(grams, known_columns, columns, at.count)
-                if result.amplitudes:
-                    found.append(Contestant(form, candidate, form.id in self.known, result.amplitudes, result))
-        return sorted(found, key=lambda c: -c.score.share)
+            for k, (scan, freed) in enumerate(zip(scans, names, strict=True)):
+                grams = without(linear.grams, n + k - 1) if k else linear.grams
+                beside = [i for i, f in enumerate(at.free) if f.name not in freed]
+                if k:
+                    scan.gain = score(grams, beside, [i for i in range(n) if i not in beside], at.count).gain
+                scan.contestants += self._contestants(batch, grams, beside, n + len(removals), at.count)
+        for scan in scans:
+            scan.contestants.sort(key=lambda c: -c.score.share)
+        return scans
+
+    def _contestants(
+        self, batch: Sequence[tuple[Form, Candidate]], grams: Floats, beside: Sequence[int], place: int, count: int
+    ) -> list[Contestant]:
+        found = []
+        for form, candidate in batch:
+            columns = range(place, place + len(candidate.probes))
+            place += len(columns)
+            result = score(grams, beside, columns, count)
+            if result.amplitudes:
+                found.append(Contestant(form, candidate, form.id in self.known, result.amplitudes, result))
+        return found
 
     def pruned(self, fitter: Fitter, at: Fitted, entry: Entry) -> Entry:
         """The term without those of its parts that do not earn their coefficient; ``at``: the fit before it."""
@@ -198,14 +233,15 @@ class Library:
             kept = tuple(p for p in candidate.probes if p != min(surety, key=lambda p: surety[p]))
             sizes = tuple(parameters[p.quantity.name] / p.step for p in kept)
             fewer = replace(entry.contestant, candidate=replace(candidate, probes=kept), amplitudes=sizes)
-            less = self._fitted(fitter, at, fewer)
+            less = self.refitted(fitter, at, fewer)
             variance = entry.fitted.variance
             if less.price(variance) >= entry.price(variance):
                 break
             entry = less
         return entry
 
-    def _fitted(self, fitter: Fitter, at: Fitted, contestant: Contestant) -> Entry:
+    def refitted(self, fitter: Fitter, at: Fitted, contestant: Contestant) -> Entry:
+        """``at`` with the term in it."""
         candidate = contestant.candidate
         sizes = zip(candidate.probes, contestant.amplitudes, strict=True)
         values = {p.quantity.name: p.value(a) for p, a in sizes}
@@ -215,11 +251,11 @@ class Library:
 
     def contest(self, fitter: Fitter, at: Fitted, least: float = 0.0, number: int = SHORTLIST) -> list[Entry]:
         """The best ``number`` terms refitted, lowest price first; ``least``: share that a term must have."""
-        screen = self.fitter(_begins(fitter.records), fitter.blocks)
+        screen = self.fitter(_begins(fitter.records, SCREENED), fitter.blocks)
         scored = self.scored(screen, screen.evaluated(replace(at)))
         worth = [c for c in scored if c.score.probability < CHANCE and c.score.share >= max(MATERIAL, least)]
         short = [c for c in worth if c.score.share >= SHORT_SHARE * worth[0].score.share][:number]
-        entries = _ranked([self._fitted(fitter, at, c) for c in short])
+        entries = _ranked([self.refitted(fitter, at, c) for c in short])
         # A part that earns nothing costs its term about a dozen: more than two terms are seldom so close.
         return _ranked([self.pruned(fitter, at, e) for e in entries[:2]]) + entries[2:]
 
@@ -253,7 +289,7 @@ def discover(fitter: Fitter, at: Fitted, folder: Path, progress: Progress | None
     tell = progress or (lambda _: None)
     tell("search for a term that is in no file")
     with Library(fitter, at) as library:
-        short = library.fitter(_begins(fitter.records), fitter.blocks)
+        short = library.fitter(_begins(fitter.records, SCREENED), fitter.blocks)
         before = short.evaluated(replace(at, grams=None))
         astray = strays(short, before)
         entries = library.contest_in_pieces(short.records, before) if astray else library.contest(short, before)
@@ -285,7 +321,7 @@ def _made(fitter: Fitter, entry: Entry, folder: Path, name: str, share: float) -
     old = [q.name for q in contestant.candidate.effect.sizes]
     kept = {p.quantity.name for p in contestant.candidate.probes}
     form = replace(contestant.form.only([i for i, n in enumerate(old) if n in kept]), id=name)
-    effect, path = write_effect(form, folder, peaks_of(_begins(fitter.records), entry.fitted))
+    effect, path = write_effect(form, folder, peaks_of(_begins(fitter.records, SCREENED), entry.fitted))
     model = joined(fitter.simulator.model, [effect])
     renamed = dict(zip((n for n in old if n in kept), (q.name for q in effect.sizes), strict=True))
     parameters = {renamed.get(n, n): v for n, v in entry.fitted.parameters.items()}
@@ -317,31 +353,31 @@ def rivals(fitter: Fitter, at: Fitted, named: Sequence[str], progress: Progress 
     tell = progress or (lambda _: None)
     tell("terms against names")
     instead: dict[tuple[str, ...], str] = {}
+    groups = [(name,) for name in named] + ([tuple(named)] if len(named) > 1 else [])
     with Library(fitter, at) as library:
-        short = library.fitter(_begins(fitter.records), fitter.blocks)
-        full = short.fit(short.evaluated(replace(at)), rounds=3)
-        beside = {c.form.text: c.score.share for c in library.scored(short, full)
+        short = library.fitter(_begins(fitter.records, CHECKED), fitter.blocks)
+        full = short.fit(short.evaluated(at), rounds=3)
+        rest, *scans = library.scans(short, full, groups)
+        beside = {c.form.text: c.score.share for c in rest.contestants
                   if c.score.probability < CHANCE and c.score.share >= MATERIAL}  # fmt: skip
-        groups = [(name,) for name in named] + ([tuple(named)] if len(named) > 1 else [])
-        for group in groups:
-            best = _in_place(library, short, full, group)
+        for group, scan in zip(groups, scans, strict=True):
+            best = _in_place(library, short, full, group, scan)
             if best is not None:
                 instead[group] = best
     return Rivals(instead, beside)
 
 
-def _in_place(library: Library, fitter: Fitter, full: Fitted, group: Sequence[str]) -> str | None:
-    model = library.simulator.model
-    own = [q for name in group for q in model.effect(name).parameters]
+def _in_place(library: Library, fitter: Fitter, full: Fitted, group: Sequence[str], scan: Scan) -> str | None:
+    """The term that fits better than the effects of ``group``, refitted."""
+    close = [c for c in scan.contestants if c.id not in group and c.score.gain > (1 - NEARLY) * scan.gain]
+    if not close:
+        return None
+    own = [q for name in group for q in library.simulator.model.effect(name).parameters]
     names = {q.name for q in own}
     parameters = {**full.parameters, **{q.name: q.start for q in own if q.role == "size"}}
     free = tuple(f for f in full.free if f.name not in names)
-    without = fitter.fit(fitter.evaluated(replace(full, parameters=parameters, free=free)))
-    least = 0.5 * (1 - full.cost / without.cost)
-    entries = [e for e in library.contest(fitter, without, least, 3) if e.contestant.id not in group]
-    if not entries:
-        return None
-    best = entries[0]
+    less = fitter.fit(fitter.evaluated(replace(full, parameters=parameters, free=free)))
+    best = _ranked([library.refitted(fitter, less, c) for c in close[:CLOSEST]])[0]
     variance = best.fitted.variance
     fitted = sum(1 for f in full.free if f.name in names)
     if best.price(variance) + EVEN < full.cost / variance + fitted * float(np.log(full.count)):
@@ -360,9 +396,9 @@ def joined(model: Model, effects: Iterable[Effect]) -> Model:
     return Model(tuple(sorted((*model.effects, *effects), key=lambda e: (not e.nominal, e.id))))
 
 
-def _begins(records: Sequence[Record]) -> tuple[Record, ...]:
-    """The first samples of each run, all together ``SCREENED``."""
-    n = max(4000, SCREENED // len(records))
+def _begins(records: Sequence[Record], samples: int) -> tuple[Record, ...]:
+    """The first samples of each run, all together so many."""
+    n = max(4000, samples // len(records))
     cut = []
     for r in records:
         held = {name: values[:n] for name, values in r.conditions.items()}

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from discrepancy.discovery import discover, rivals
+from discrepancy.discovery import Rivals, discover, rivals
 from discrepancy.locate import located
 from discrepancy.refit import Fitted, Fitter
 from gyro_model.model import Model
@@ -27,23 +27,16 @@ class TermSearch:
         FMU can't be built or the folder not written."""
         if self.tried and self.tried[-1] not in named:
             return None
-        wrong = self._refuted(fitter, at, named)
+        against = rivals(fitter, at, named, self.progress) if named else Rivals({}, {})
+        wrong = against.names
         start = without(fitter, at, wrong) if wrong else at
-        if not (wrong or is_open(fitter, start)):
+        if not (wrong or against.beside or is_open(fitter, start)):
             return None
         found = discover(fitter, start, self.folder, self.progress)
         if found is None or found.known:
             return None
         self.tried.append(found.effect.id)
         return found.model
-
-    def _refuted(self, fitter: Fitter, at: Fitted, named: Sequence[str]) -> list[str]:
-        """The effects in whose place a term fits better: each alone, or all together."""
-        if not named:
-            return []
-        against = rivals(fitter, at, named, self.progress).instead
-        alone = [name for group in against if len(group) == 1 for name in group]
-        return alone or [name for group in against for name in group]
 
 
 def without(fitter: Fitter, at: Fitted, ids: Sequence[str]) -> Fitted:
