@@ -194,7 +194,7 @@ def masking_row(widths: float, skirt: float) -> Row:
         ("½ half-width", 0.5),
         ("1 half-width", 1.0),
         ("2 half-widths", 2.0),
-        ("10", 10),
+        ("10 half-widths", 10.0),
     ):
         model = SplitModel(F + away * half_width, Q, hump, WHITE, 0.1 * WHITE, skirt * WHITE, F, 0.01)
         ideal = SplitModel(F + away * half_width, Q, hump, WHITE, 0.1 * WHITE, 0.0, F, 0.01)
