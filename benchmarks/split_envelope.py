@@ -187,7 +187,7 @@ def matching_rows(seeds: int) -> list[Row]:
     split = np.concatenate([splits[6:] for splits, _ in runs])
     values = {"rms": float(np.sqrt(np.mean(split**2))), "worst": float(np.abs(split).max())}
     note = f"{sum(missed for _, missed in runs)} of {len(split) + 6 * len(runs)} blocks without an answer"
-    what = f"|Δf|, envelope FMU, Q {MATCHED.q:g}, 10 s estimates, -20..60 °C at 1 °C/min"
+    what = f"Δf, envelope FMU, Q {MATCHED.q:g}, 10 s estimates, -20..60 °C at 1 °C/min"
     return [row(what, "Hz", values, limit=0.5, judged=("rms",), note=note)]
 
 

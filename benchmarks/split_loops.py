@@ -135,10 +135,11 @@ def matching_rows(seeds: int) -> list[Row]:
     runs = [match(seed) for seed in range(seeds)]
     split = np.concatenate([run[0] for run in runs])
     values = {"rms": float(np.sqrt(np.mean(split**2))), "worst": float(np.abs(split).max())}
-    values |= {"without [Hz rms]": float(np.sqrt(np.mean(runs[0][1] ** 2)))}
+    without = float(np.sqrt(np.mean(runs[0][1] ** 2)))
     missed = sum(run[2] for run in runs)
-    what = f"|Δf|, Q {Q:g}, 10 s estimates, {COLD:g}..{HOT:g} °C at {PER_MINUTE:g} °C/min"
-    note = f"{missed} of {sum(len(run[0]) for run in runs)} blocks without an answer"
+    what = f"Δf, slow model, Q {Q:g}, 10 s estimates, {COLD:g}..{HOT:g} °C at {PER_MINUTE:g} °C/min"
+    blocks = sum(len(run[0]) for run in runs)
+    note = f"{missed} of {blocks} blocks without an answer; {without:.2f} Hz rms without the loop"
     return [row(what, "Hz", values, limit=0.5, judged=("rms",), note=note)]
 
 
@@ -193,7 +194,7 @@ def masking_row(widths: float, skirt: float) -> Row:
         ("½ half-width", 0.5),
         ("1 half-width", 1.0),
         ("2 half-widths", 2.0),
-        ("10", 10),
+        ("10 half-widths", 10.0),
     ):
         model = SplitModel(F + away * half_width, Q, hump, WHITE, 0.1 * WHITE, skirt * WHITE, F, 0.01)
         ideal = SplitModel(F + away * half_width, Q, hump, WHITE, 0.1 * WHITE, 0.0, F, 0.01)
