@@ -10,7 +10,7 @@ from rich.console import Console
 from benchmarks.report import RESULTS, Options, Report, show, write
 from gyro_model.errors import InputError, nearest
 
-NAMES = ("plant_call", "startup", "work_precision", "angle_lag", "loop_measures", "mode_split")
+NAMES = ("plant_call", "startup", "work_precision", "angle_lag", "loop_measures", "mode_split", "compensation")
 """The benchmarks, one module each with ``run(options) -> Report``."""
 
 

@@ -68,7 +68,7 @@ def soaks(temperatures: Floats, held: float = 20.0) -> Profile:
     return profile(first, (first, 1.0, held + 5), *((t, 1.0, held) for t in rest))
 
 
-SOAK_FIT: Final = soaks(np.arange(-20.0, 61.0, 5.0))
+SOAK_FIT: Final = soaks(np.arange(-20, 61, 5, dtype=np.float64))
 SOAK_TEST: Final = soaks(np.array([60.0, *np.arange(57.5, -18.0, -5.0), -20.0]))
 """The other way, at temperatures between those fitted."""
 RAMP_FIT: Final = profile(-22, (-22, 1, 10), (62, 1, 20), (-22, 3, 20), (62, 3, 20), (-22, 1, 10))
