@@ -19,6 +19,7 @@ NAMES = (
     "loop_measures",
     "mode_split",
     "rate_mode",
+    "compensation",
 )
 """The benchmarks, one module each with ``run(options) -> Report``."""
 

@@ -56,7 +56,7 @@ def profile(start: float, *legs: tuple[float, float, float]) -> Profile:
     steps = [(0.0, start)]
     now = start
     for to, at, held in legs:
-        steps += [(abs(to - now) / at * 60, to), (held * 60, to)]
+        steps += [(float(abs(to - now) / at * 60), float(to)), (held * 60, float(to))]
         now = to
     kept = [steps[0], *(s for s in steps[1:] if s[0] > 0)]
     return Profile(np.array(list(accumulate(s[0] for s in kept))), np.array([s[1] for s in kept]))
@@ -68,7 +68,7 @@ def soaks(temperatures: Floats, held: float = 20.0) -> Profile:
     return profile(first, (first, 1.0, held + 5), *((t, 1.0, held) for t in rest))
 
 
-SOAK_FIT: Final = soaks(np.arange(-20.0, 61.0, 5.0))
+SOAK_FIT: Final = soaks(np.arange(-20, 61, 5, dtype=np.float64))
 SOAK_TEST: Final = soaks(np.array([60.0, *np.arange(57.5, -18.0, -5.0), -20.0]))
 """The other way, at temperatures between those fitted."""
 RAMP_FIT: Final = profile(-22, (-22, 1, 10), (62, 1, 20), (-22, 3, 20), (62, 3, 20), (-22, 1, 10))
@@ -94,8 +94,8 @@ def quasi_static(
     """
     rng = np.random.default_rng(seed)
     step = 1 / ROWS_A_SECOND
-    t = step * np.arange(1, int(course.t[-1] / step) + 1)
-    chamber = np.interp(t, course.t, course.celsius)
+    t = step * np.arange(1.0, int(course.t[-1] / step) + 1)
+    chamber = np.asarray(np.interp(t, course.t, course.celsius), dtype=np.float64)
     structure, circuit = (_lagged(chamber, lag, step) for lag in lags)
     structure += heating
     bias, scale, frequency = _settled()

@@ -79,7 +79,7 @@ def _before_and_after(judged: "Judged", tested: Blocks, unit: str) -> Figure:
         panels.append(Panel(_axis(tested), label, lines, wide=not judged.held_out.scale))
     return Figure(
         "before-after",
-        "Bias and scale factor over temperature",
+        "Bias over temperature" if judged.held_out.scale is None else "Bias and scale factor over temperature",
         "source 003, fig. 6",
         "Held-out blocks, means over neighbours, before and after compensation. A line that comes back beside itself "
         "is a temperature that the sensor does not tell: up and down of a cycle differ by the lag.",
@@ -130,13 +130,13 @@ def _course(judged: "Judged", tested: Blocks, unit: str) -> Figure:
         )
     for label, curve, factor, off in _panels(judged, tested, unit)[:1]:
         panels.append(Panel("t [min]", f"{label} after", [
-            line("after", "after", *envelope(curve.t / MINUTE, factor * (curve.after - off)))
+            line("after", "error", *envelope(curve.t / MINUTE, factor * (curve.after - off)))
         ]))  # fmt: skip
     return Figure(
         "course",
         "The test in time",
         "not in the sources",
         "Temperatures that the sensors read over the held-out blocks, and the bias that remains.",
-        [("estimate", "structure"), ("reference", "board"), ("after", "after")],
+        [("estimate", "structure"), ("reference", "board"), ("error", "bias after")],
         panels,
     )

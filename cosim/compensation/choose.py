@@ -46,9 +46,9 @@ class Candidate(NamedTuple):
     held_out: float = np.inf
 
 
-def held_out_stretches(count: int, fold: int, folds: int = FOLDS) -> NDArray[np.bool_]:
-    """Which of ``count`` blocks belong to a fold, shape (count,)."""
-    return np.arange(count) * STRETCHES // count % folds == fold
+def held_out_stretches(count: int, fold: int, stretches: int = STRETCHES) -> NDArray[np.bool_]:
+    """Which of ``count`` blocks belong to a fold of ``stretches``, shape (count,)."""
+    return np.arange(count) * stretches // count % FOLDS == fold
 
 
 def choose(blocks: Blocks, asked: Asked) -> list[Candidate]:
