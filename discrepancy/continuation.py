@@ -29,7 +29,7 @@ off at any length."""
 def settled(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
     """``at`` fitted and whitened: over the whole runs, or, where no such fit stays in step, over the longest pieces
     that do, with the fitter of those pieces. ``at`` may come from pieces or from the whole."""
-    direct = whitened(whole, whole.fit(_started(whole, at)))
+    direct = whitened(whole, whole.fit(started(whole, at)))
     if whole.off(direct) < IN_STEP:
         return whole, direct
     best = whole, direct
@@ -37,7 +37,7 @@ def settled(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
     for number in reversed(_numbers(whole, at)):
         fitter = cut(whole, number)
         before = now
-        now = whitened(fitter, fitter.fit(_started(fitter, before or at), _rounds(number)))
+        now = whitened(fitter, fitter.fit(started(fitter, before or at), _rounds(number)))
         if before is None or fitter.off(now) < max(IN_STEP, SLIP * best[0].off(best[1])):
             best = fitter, now
         else:
@@ -49,9 +49,9 @@ def settled(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
     return best
 
 
-def _started(fitter: Fitter, at: Fitted) -> Fitted:
+def started(fitter: Fitter, at: Fitted) -> Fitted:
     """``at`` on the runs of ``fitter``; where these are others, with initial states fitted to them first."""
-    if len(at.starts) == len(fitter.records):
+    if [len(residual) for residual in at.residuals] == [len(record.t) for record in fitter.records]:
         return fitter.evaluated(at)
     free = at.free
     plain = fitter.evaluated(replace(at, starts=fitter.at_rest, free=(), whiten=fitter.plain(at.parameters)))

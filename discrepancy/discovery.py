@@ -17,6 +17,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from discrepancy.columns import Candidate, Probe
+from discrepancy.continuation import started
 from discrepancy.effect_file import peaks_of, scales_of, write_effect
 from discrepancy.library import Form, forms, known, magnitude
 from discrepancy.noise import noise_of
@@ -162,6 +163,14 @@ class Library:
     def __exit__(self, *_: object) -> None:
         self.simulator.__exit__(None, None, None)
 
+    def excerpt(self, fitter: Fitter, at: Fitted, samples: int) -> tuple[Fitter, Fitted]:
+        """``at`` on a piece of each run, where it moves most, all together so many samples: what is missing shows
+        most there."""
+        number = max(1, sum(len(r.t) for r in fitter.records) // samples)
+        cut = [max(self.simulator.cut(r, number), key=lambda p: float(np.mean(p.v**4))) for r in fitter.records]
+        own = self.fitter(cut, fitter.blocks)
+        return own, started(own, at)
+
     def fitter(self, records: Sequence[Record], blocks: int) -> Fitter:
         """One for ``records`` with the library's FMU."""
         return Fitter(self.simulator, records, blocks)
@@ -251,8 +260,7 @@ class Library:
 
     def contest(self, fitter: Fitter, at: Fitted, least: float = 0.0, number: int = SHORTLIST) -> list[Entry]:
         """The best ``number`` terms refitted, lowest price first; ``least``: share that a term must have."""
-        screen = self.fitter(_begins(fitter.records, SCREENED), fitter.blocks)
-        scored = self.scored(screen, screen.evaluated(replace(at)))
+        scored = self.scored(fitter, at)
         worth = [c for c in scored if c.score.probability < CHANCE and c.score.share >= max(MATERIAL, least)]
         short = [c for c in worth if c.score.share >= SHORT_SHARE * worth[0].score.share][:number]
         entries = _ranked([self.refitted(fitter, at, c) for c in short])
@@ -289,8 +297,7 @@ def discover(fitter: Fitter, at: Fitted, folder: Path, progress: Progress | None
     tell = progress or (lambda _: None)
     tell("search for a term that is in no file")
     with Library(fitter, at) as library:
-        short = library.fitter(_begins(fitter.records, SCREENED), fitter.blocks)
-        before = short.evaluated(replace(at, grams=None))
+        short, before = library.excerpt(fitter, at, SCREENED)
         astray = strays(short, before)
         entries = library.contest_in_pieces(short.records, before) if astray else library.contest(short, before)
     if not entries:
@@ -303,9 +310,10 @@ def discover(fitter: Fitter, at: Fitted, folder: Path, progress: Progress | None
     tell(f"found {best.contestant.form.text}")
     if best.contestant.known:
         effect = best.contestant.candidate.effect
-        found = _settled(fitter, fitter.evaluated(replace(best.fitted, grams=None)), effect, share, None)
+        found = _settled(fitter, fitter.evaluated(replace(best.fitted, starts=at.starts)), effect, share, None)
     else:
-        found = _made(fitter, best, folder, _free_name(fitter.simulator.model), share)
+        peaks = peaks_of(short.records, best.fitted)
+        found = _made(fitter, at, best, folder, peaks, share)
     limit = best.fitted.cost + EVEN * best.fitted.variance
     return replace(found, even=tuple(e.contestant.form.text for e in entries[1:] if e.fitted.cost < limit))
 
@@ -315,20 +323,24 @@ def _free_name(model: Model) -> str:
     return next(name for name in (f"discovered_{n}" for n in itertools.count(1)) if name not in taken)
 
 
-def _made(fitter: Fitter, entry: Entry, folder: Path, name: str, share: float) -> Discovery:
+def _made(
+    fitter: Fitter, at: Fitted, entry: Entry, folder: Path, peaks: Mapping[str, float], share: float
+) -> Discovery:
     """The term as an effect file, in the FMU, refitted to all samples; its range is where it competed."""
     contestant = entry.contestant
     old = [q.name for q in contestant.candidate.effect.sizes]
     kept = {p.quantity.name for p in contestant.candidate.probes}
-    form = replace(contestant.form.only([i for i, n in enumerate(old) if n in kept]), id=name)
-    effect, path = write_effect(form, folder, peaks_of(_begins(fitter.records, SCREENED), entry.fitted))
+    form = replace(
+        contestant.form.only([i for i, n in enumerate(old) if n in kept]), id=_free_name(fitter.simulator.model)
+    )
+    effect, path = write_effect(form, folder, peaks)
     model = joined(fitter.simulator.model, [effect])
     renamed = dict(zip((n for n in old if n in kept), (q.name for q in effect.sizes), strict=True))
     parameters = {renamed.get(n, n): v for n, v in entry.fitted.parameters.items()}
     free = tuple(replace(f, name=renamed.get(f.name, f.name)) for f in entry.fitted.free)
     with Simulator(model) as simulator:
         exact = Fitter(simulator, fitter.records, fitter.blocks)
-        begun = exact.evaluated(replace(entry.fitted, parameters=parameters, free=free))
+        begun = exact.evaluated(replace(entry.fitted, parameters=parameters, free=free, starts=at.starts))
         return _settled(exact, begun, effect, share, path)
 
 
@@ -355,8 +367,8 @@ def rivals(fitter: Fitter, at: Fitted, named: Sequence[str], progress: Progress 
     instead: dict[tuple[str, ...], str] = {}
     groups = [(name,) for name in named] + ([tuple(named)] if len(named) > 1 else [])
     with Library(fitter, at) as library:
-        short = library.fitter(_begins(fitter.records, CHECKED), fitter.blocks)
-        full = short.fit(short.evaluated(at), rounds=3)
+        short, begun = library.excerpt(fitter, at, CHECKED)
+        full = short.fit(begun, rounds=3)
         rest, *scans = library.scans(short, full, groups)
         beside = {c.form.text: c.score.share for c in rest.contestants
                   if c.score.probability < CHANCE and c.score.share >= MATERIAL}  # fmt: skip
@@ -394,14 +406,3 @@ def strays(fitter: Fitter, at: Fitted) -> bool:
 def joined(model: Model, effects: Iterable[Effect]) -> Model:
     """The model with further effects, in the order of ``load_model``."""
     return Model(tuple(sorted((*model.effects, *effects), key=lambda e: (not e.nominal, e.id))))
-
-
-def _begins(records: Sequence[Record], samples: int) -> tuple[Record, ...]:
-    """The first samples of each run, all together so many."""
-    n = max(4000, samples // len(records))
-    cut = []
-    for r in records:
-        held = {name: values[:n] for name, values in r.conditions.items()}
-        cut.append(r if len(r.t) <= n else
-                   replace(r, t=r.t[:n], u=r.u[:n], v=r.v[:n], conditions=held, valid=r.valid[:n]))  # fmt: skip
-    return tuple(cut)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from scipy.stats import chi2
@@ -40,9 +40,18 @@ SIMPLER: Final = 12.0
 """Chi-square that a further size parameter must bring."""
 
 Progress = Callable[[str], None]
-Further = Callable[[Fitter, Fitted, Sequence[str], int], Model | None]
-"""A search for terms that are in no effect file: of a fit, the effects named in it and a number, the model with one
-effect more, ``discovered_<number>``, for what is left or for what a name explains badly; None where there is none."""
+
+
+class Wider(NamedTuple):
+    """A model with one effect more, for what is left or for what the ``wrong`` names explain badly."""
+
+    model: Model
+    wrong: tuple[str, ...] = ()
+
+
+Further = Callable[[Fitter, Fitted, Sequence[str], int], Wider | None]
+"""A search for terms that are in no effect file, of a fit, the effects named in it and a number; None where there is
+none."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +107,8 @@ def diagnose(
             wider = further(search.fitter, search.at, [a.id for a in search.accepted], number) if further else None
             if wider is None:
                 break
-            search.widen(stack.enter_context(Simulator(wider, jobs)), max_effects)
+            search.give_up(wider.wrong)
+            search.widen(stack.enter_context(Simulator(wider.model, jobs)), max_effects)
         found = assemble(search)
     if checkpoint is not None:
         checkpoint.unlink(missing_ok=True)
@@ -117,6 +127,7 @@ class Search:
         noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
         self.nominal = {name: value for name, value in dataset.nominal.items() if name not in noise}
         self.accepted: list[Accepted] = []
+        self.refused: set[str] = set()
         self.scored: list[Scored] = []
         self.steps: list[Step] = []
         self.stages: list[tuple[str, dict[str, float]]] = [("nominal", dict(self.nominal))]
@@ -154,6 +165,14 @@ class Search:
         self._extend(max_effects)
         self._delete()
         self._exchange()
+
+    def give_up(self, wrong: Sequence[str]) -> None:
+        """Takes effects out of the model for good."""
+        for entry in [a for a in self.accepted if a.id in wrong]:
+            self.progress(f"gave up {entry.id}: a term that is in no file fits better")
+            self.accepted.remove(entry)
+            self.at = self.without_effect(self.at, entry)
+        self.refused |= set(wrong)
 
     def widen(self, simulator: Simulator, max_effects: int) -> None:
         """Goes on with the model of ``simulator``, which has all effects of the present one and more."""
@@ -205,10 +224,10 @@ class Search:
 
     @property
     def present(self) -> list[str]:
-        """Effects that the model has: accepted, or believed by the lab to be there."""
+        """Effects that are not to be scored: accepted, believed by the lab to be there, or given up."""
         believed = [e.id for e in nameable(self.simulator.model)
                     if any(self.nominal.get(q.name, q.start) != q.start for q in e.sizes)]  # fmt: skip
-        return [*believed, *(a.id for a in self.accepted)]
+        return [*believed, *(a.id for a in self.accepted), *self.refused]
 
     def _believed(self) -> list[Free]:
         """Sizes of effects that the nominal model has: fitted with it."""

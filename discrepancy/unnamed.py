@@ -10,8 +10,8 @@ from pathlib import Path
 
 from discrepancy.discovery import Rivals, discover, rivals
 from discrepancy.locate import located
+from discrepancy.naming import Wider
 from discrepancy.refit import Fitted, Fitter
-from gyro_model.model import Model
 
 
 @dataclass
@@ -22,7 +22,7 @@ class TermSearch:
     progress: Callable[[str], None] = lambda _: None
     tried: list[str] = field(default_factory=list)
 
-    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], number: int) -> Model | None:
+    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], number: int) -> Wider | None:
         """The model of ``fitter`` with one effect more, None where there is none to add. Raises InputError where the
         FMU can't be built or the folder not written."""
         if self.tried and self.tried[-1] not in named:
@@ -36,7 +36,7 @@ class TermSearch:
         if found is None or found.known:
             return None
         self.tried.append(found.effect.id)
-        return found.model
+        return Wider(found.model, tuple(wrong))
 
 
 def without(fitter: Fitter, at: Fitted, ids: Sequence[str]) -> Fitted:
