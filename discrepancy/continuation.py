@@ -29,6 +29,8 @@ off at any length."""
 def settled(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
     """``at`` fitted and whitened: over the whole runs, or, where no such fit stays in step, over the longest pieces
     that do, with the fitter of those pieces. ``at`` may come from pieces or from the whole."""
+    # Under the filter of an earlier, larger gap a fit would predict a sample ahead and not care where the motion goes.
+    at = replace(at, whiten=whole.plain(at.parameters))
     direct = whitened(whole, whole.fit(_started(whole, at)))
     if whole.off(direct) < IN_STEP:
         return whole, direct
