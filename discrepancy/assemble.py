@@ -12,7 +12,8 @@ from discrepancy.experiment import next_experiment
 from discrepancy.limits import SAME
 from discrepancy.locate import located
 from discrepancy.measures import misfits, start_fitted
-from discrepancy.noise import Noise, converter_step, noise_of, noises
+from discrepancy.noise import Noise, converter_step, noise_of
+from discrepancy.noise import noises as all_noises
 from discrepancy.record import Floats
 from discrepancy.refit import SETTLED
 from discrepancy.score import Score
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 CLIP: Final = "sampled clip"
 """The slot of the effect that such samples show."""
+THERMAL: Final = 5.0
+"""Times the physical thermal force: a motion stronger than that is no noise of a package at 300 K and its damping."""
 POWER: Final = 0.95
 WIDTH: Final = float(norm.ppf(0.975))
 OPEN: Final = 1.5
@@ -46,7 +49,11 @@ def assemble(search: "Search") -> Diagnosis:
         [start_fitted(search.simulator, run, refitted.parameters)[0] for run in runs]  # fmt: skip
     places = located(whole, runs, refitted.parameters, search.at.whiten.setting.corner)
     floor = gaps["noise_floor"]
-    unfinished = search.fitter is not search.whole or (floor is not None and gaps["final"] > OPEN * floor)
+    noises = _noises(search, noise)
+    # Flicker lies above the floor by what it is; a motion that nothing drives may be thermal only as far as it is weak.
+    above = floor is not None and gaps["final"] > OPEN * floor and not search.at.whiten.setting.corner
+    driven = "thermal_force" in noises and noises["thermal_force"].low > THERMAL
+    unfinished = search.fitter is not search.whole or above or driven
     verdict: Verdict = "nothing missing"
     if effects:
         verdict = "missing effects"
@@ -54,7 +61,7 @@ def assemble(search: "Search") -> Diagnosis:
         verdict = "unexplained"
     rivals = {entry.id: entry.rivals for entry in search.accepted if entry.rivals}
     return Diagnosis(
-        verdict, effects, _immaterial(search), _noises(search, noise), gaps, places, _detectable(search), device,
+        verdict, effects, _immaterial(search), noises, gaps, places, _detectable(search), device,
         parameters, rivals, tuple(search.steps), stages, _removed(search, effects, parameters), _doubts(search),
         model=search.simulator.model,
     )  # fmt: skip
@@ -197,5 +204,5 @@ def _detectable(search: "Search") -> dict[str, dict[str, float]]:
 def _noises(search: "Search", white: Noise | None) -> dict[str, Value]:
     """Those that the model has a name for, each with its unit."""
     names = {q.name: q.unit for e in search.simulator.model.effects if e.noise for q in e.sizes}
-    found = noises(search.at, search.fitter.records, white)
+    found = all_noises(search.at, search.fitter.records, white)
     return {n: Value(x.value, x.low, x.high, names[n]) for n, x in found.items() if n in names}

@@ -30,6 +30,8 @@ SEARCH_QUALITY: Final = 10.0
 """Quality factor of a searched resonance: as broad as its grid is coarse."""
 FINER: Final = 4.0
 """By which each refinement of such a grid is finer."""
+FARTHEST: Final = 1e8
+"""Times the first guess, from which a probe is no size of anything: what changes nothing by then never does."""
 ATTEMPTS: Final = 6
 """Tries at a probe of the right size."""
 
@@ -238,7 +240,7 @@ class _Scale:
                 return Probe(q, sign * min(step, room), power)
             if change < 1e-6 * self.target or not np.isfinite(change):
                 step *= 1e3 if change < self.target else 1e-3
-                if step > room:
+                if step > min(room, FARTHEST * self._natural(q)):
                     return None
                 continue
             if not known:

@@ -15,6 +15,9 @@ from discrepancy.refit import BLOCKS, Fitted, Fitter
 IN_STEP: Final = 0.02
 """Residual over signal below which a simulation is in step with the motion: an error of phase of 0.02 rad, where what
 is linear in it is right to 1e-2."""
+ASTRAY: Final = 0.3
+"""Residual over signal from which a fit of whole runs may have ended a turn off; below, what is left is what the model
+lacks."""
 SHORTEST: Final = 12.0
 """Periods of the lowest mode in the shortest piece, and 100 samples: four states a piece, eight shared parameters."""
 GROWTH: Final = 4
@@ -29,8 +32,10 @@ off at any length."""
 def settled(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
     """``at`` fitted and whitened: over the whole runs, or, where no such fit stays in step, over the longest pieces
     that do, with the fitter of those pieces. ``at`` may come from pieces or from the whole."""
+    # Under the filter of an earlier, larger gap a fit would predict a sample ahead and not care where the motion goes.
+    at = replace(at, whiten=whole.plain(at.parameters))
     direct = whitened(whole, whole.fit(started(whole, at)))
-    if whole.off(direct) < IN_STEP:
+    if whole.off(direct) < ASTRAY:
         return whole, direct
     best = whole, direct
     now: Fitted | None = None

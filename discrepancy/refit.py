@@ -32,6 +32,9 @@ LINEAR: Final = 1e-5
 PASSIVE: Final = 0.999
 """Of the largest cross damping or stiffness that a passive device has: a search that reaches the bound goes on along
 it."""
+FAINT: Final = 2e-3
+"""Residual over signal below which it may be a flicker of the sensor: above, a model is wrong, and a filter for flicker
+would take an offset for a part of it."""
 SETTLED: Final = 0.02
 """A fit has ended when a further step would take less than this many variances of an innovation from the cost: an
 error of 0.14 standard deviations of one parameter at most."""
@@ -138,7 +141,9 @@ class Fitter:
 
     def whitened(self, at: Fitted) -> Fitted:
         """``at`` with the whitening that its residuals ask for."""
-        found = likeliest(at.parameters, self.period, at.residuals, [r.valid for r in self.records])
+        faint = self.off(at) < FAINT
+        valid = [r.valid for r in self.records]
+        found = likeliest(at.parameters, self.period, at.residuals, valid, flicker=faint)
         return self._costed(replace(at, whiten=found))
 
     def off(self, at: Fitted) -> float:

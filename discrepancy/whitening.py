@@ -163,8 +163,11 @@ def misfit_under(
     return float(count * np.log(square / count) - 2 * logs), square / count
 
 
-def likeliest(p: Mapping[str, float], period: float, residuals: Sequence[Floats], valid: Sequence[Bools]) -> Whitener:
-    """The filter under which ``residuals`` (one (n, axes) a run) [V] are likeliest, their noise level free."""
+def likeliest(
+    p: Mapping[str, float], period: float, residuals: Sequence[Floats], valid: Sequence[Bools], *, flicker: bool = True
+) -> Whitener:
+    """The filter under which ``residuals`` (one (n, axes) a run) [V] are likeliest, their noise level free; without
+    ``flicker`` only a motion is taken out."""
     samples = max(len(r) for r in residuals)
     length = samples * period
     residuals, valid = [r[:CHOSEN] for r in residuals], [u[:CHOSEN] for u in valid]
@@ -180,11 +183,11 @@ def likeliest(p: Mapping[str, float], period: float, residuals: Sequence[Floats]
 
     bandwidths = [memory / length for memory in MEMORIES]
     found = finer(best([Setting(bandwidth=b) for b in bandwidths]), "bandwidth")
-    if _rises(residuals, valid):
+    if flicker and _rises(residuals, valid):
         corners = LOWEST_CORNER / length * CORNER_RATIO ** np.arange(np.log(samples) / np.log(CORNER_RATIO) + 2)
-        flicker = finer(best([Setting(corner=float(corner)) for corner in corners]), "corner")
-        both = finer(best([replace(flicker[1], bandwidth=b) for b in bandwidths]), "bandwidth")
-        found = min(found, flicker, both, key=_cost)
+        wandering = finer(best([Setting(corner=float(corner)) for corner in corners]), "corner")
+        both = finer(best([replace(wandering[1], bandwidth=b) for b in bandwidths]), "bandwidth")
+        found = min(found, wandering, both, key=_cost)
     return whitener(p, residuals[0].shape[1], period, found[1], samples)
 
 
