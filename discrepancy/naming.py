@@ -120,6 +120,7 @@ class Search:
 
     def __init__(self, simulator: Simulator, dataset: Dataset, progress: Progress) -> None:
         self.simulator, self.progress = simulator, progress
+        self.at: Fitted
         self.keep: Callable[[Mapping[str, Any]], None] | None = None
         self.refitted_state: Mapping[str, Any] | None = None
         self.clip: float | None = None

@@ -10,7 +10,7 @@ import pytest
 
 from discrepancy.checkpoint import digest, load, save
 from discrepancy.dataset import Dataset, load_dataset
-from discrepancy.naming import Diagnosis, diagnose
+from discrepancy.naming import Diagnosis, Wider, diagnose
 from discrepancy.record import Record, make_record
 from discrepancy.refit import Fitted, Fitter
 from discrepancy.simulate import Simulator
