@@ -7,6 +7,7 @@ count in what can be known of them.
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import product
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -73,28 +74,35 @@ def choose(blocks: Blocks, asked: Asked) -> list[Candidate]:
 
 
 def _candidates(blocks: Blocks, asked: Asked) -> Iterator[Candidate]:
-    time, everything = asked.sampling_time, asked.method == "best"
-    sensors = [asked.sensor] if asked.sensor else [name for name in (STRUCTURE, CIRCUIT) if name in blocks.inputs]
-    if asked.method == "piecewise" or everything:
-        if not sensors or sensors[0] not in blocks.inputs:
-            if not everything:
-                raise InputError(
-                    f"{blocks.name}: holds no temperature of the {sensors[0] if sensors else STRUCTURE}: map one with "
-                    "--map, or take the other --sensor"
-                )
-            sensors = []
-        for sensor in sensors[:1]:
-            for segments in piecewise.SEGMENTS if asked.segments is None else (asked.segments,):
-                yield Candidate(
-                    "piecewise", partial(piecewise.fit, sampling_time=time, sensor=sensor, segments=segments)
-                )
-    if asked.method == "network" or (everything and all(name in blocks.inputs for name in network.INPUTS)):
-        yield Candidate("network", partial(network.fit, sampling_time=time, seed=asked.seed, hidden=asked.hidden))
-    if asked.method == "spline" or everything:
-        for names in spline.SETS:
-            if all(name in blocks.inputs for name in names):
-                for penalty in spline.PENALTIES:
-                    yield Candidate("spline", partial(spline.fit, sampling_time=time, names=names, penalty=penalty))
+    """Those of the method asked for; of "best", those whose inputs the record holds."""
+    asks = {method: asked.method in (method, "best") for method in METHODS}
+    if asks["piecewise"]:
+        yield from _piecewise(blocks, asked)
+    if asked.method == "network" or (asks["network"] and _holds(blocks, network.INPUTS)):
+        train = partial(network.fit, sampling_time=asked.sampling_time, seed=asked.seed, hidden=asked.hidden)
+        yield Candidate("network", train)
+    if asks["spline"]:
+        for names, penalty in product(spline.SETS, spline.PENALTIES):
+            if _holds(blocks, names):
+                draw = partial(spline.fit, sampling_time=asked.sampling_time, names=names, penalty=penalty)
+                yield Candidate("spline", draw)
+
+
+def _piecewise(blocks: Blocks, asked: Asked) -> Iterator[Candidate]:
+    sensors = [name for name in (STRUCTURE, CIRCUIT) if name in blocks.inputs and asked.sensor in (None, name)]
+    if not sensors and (asked.sensor or asked.method == "piecewise"):
+        raise InputError(
+            f"{blocks.name}: holds no temperature of the {asked.sensor or STRUCTURE}: map one with --map, or take the "
+            "other --sensor"
+        )
+    counts = piecewise.SEGMENTS if asked.segments is None else (asked.segments,)
+    for sensor, segments in product(sensors[:1], counts):
+        fit = partial(piecewise.fit, sampling_time=asked.sampling_time, sensor=sensor, segments=segments)
+        yield Candidate("piecewise", fit)
+
+
+def _holds(blocks: Blocks, names: tuple[str, ...]) -> bool:
+    return all(name in blocks.inputs for name in names)
 
 
 class Fold(NamedTuple):
