@@ -23,6 +23,9 @@ METHODS: Final = ("piecewise", "network", "spline", "best")
 FOLDS: Final = 4
 STRETCHES: Final = 20
 """The record is cut in so many stretches, dealt out to the folds: each fold then holds parts of every temperature."""
+SHORTEST: Final = 8
+"""Blocks of a stretch at least: two rounds of rest, +R, rest, -R at the usual sampling time, so that each stretch tells
+a scale factor."""
 
 Fit = Callable[[Blocks], Compensation]
 
@@ -48,7 +51,9 @@ class Candidate(NamedTuple):
 
 
 def held_out_stretches(count: int, fold: int, stretches: int = STRETCHES) -> NDArray[np.bool_]:
-    """Which of ``count`` blocks belong to a fold of ``stretches``, shape (count,)."""
+    """Which of ``count`` blocks belong to a fold, shape (count,): of so many ``stretches``, or as many as hold SHORTEST
+    blocks each."""
+    stretches = min(stretches, max(count // SHORTEST, FOLDS))
     return np.arange(count) * stretches // count % FOLDS == fold
 
 
