@@ -83,7 +83,7 @@ def run(options: Options) -> Report:
         notes.append(
             "Measured: beside the white noise of a block the bias wanders at one temperature (Allan deviation at 100 s "
             "over the last 25 min; white noise alone would give a third of the block's). No function of temperature "
-            "removes that, and no method gets below both together."
+            "removes that: what remains is to be compared with both together."
         )
     return Report("compensation", "Temperature compensation", tables, notes)
 
@@ -184,7 +184,9 @@ def _measured() -> list[Row]:
             judged, _ = judge_all(blocks, None, Asked("piecewise", sensor=sensor, sampling_time=WARMUP_BLOCK), "clamp")
             left[name], floor = judged[0].held_out.rms, judged[0].held_out.floor
         judged, _ = judge_all(blocks, None, Asked("spline", sampling_time=WARMUP_BLOCK), "clamp")
-        values = {**left, "both, spline": judged[0].held_out.rms, "white noise": floor, "wander": _wander(blocks)}
+        wander = _wander(blocks)
+        values = {**left, "both, spline": judged[0].held_out.rms, "white noise": floor, "wander": wander}
+        values["noise and wander"] = float(np.hypot(floor, wander))
         reach = 0.05 if axis in ("Gx", "Gz") else None
         rows.append(row(f"{axis}, rms of what remains", "counts", values, limit=reach, judged=("die",)))
     return rows

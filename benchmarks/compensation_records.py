@@ -31,9 +31,10 @@ SAMPLING_TIME: Final = 10.0
 SETTLING: Final = 1.0
 ROWS_A_SECOND: Final = 10.0
 RATE_NOISE: Final = 8.7e-5
-"""Of a row of 0.1 s [rad/s rms], as the envelope FMU of rate-mode has it (0.1 °/√h and the output filter)."""
-FREQUENCY_NOISE: Final = 3e-4
-"""Of the drive frequency in a row [Hz rms]: 2 mK."""
+"""Of a row of 0.1 s [rad/s rms]: blocks then scatter by 1.9 °/h, as those of the envelope FMU do."""
+FREQUENCY_NOISE: Final = 1e-4
+"""Of the drive frequency in a row [Hz rms], by second differences of the FMU's rows: 0.7 mK. The FMU's frequency also
+moves by 1 mHz with the rate, which is left out here."""
 AMPLITUDE: Final = 4e-6
 GRID: Final = np.arange(-45.0, 91.0, 1.0)
 """Structure temperatures of the harmonic balance [°C]: a sixteenth of the width of the bias bump."""

@@ -7,6 +7,7 @@ count in what can be known of them.
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import product
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -22,6 +23,9 @@ METHODS: Final = ("piecewise", "network", "spline", "best")
 FOLDS: Final = 4
 STRETCHES: Final = 20
 """The record is cut in so many stretches, dealt out to the folds: each fold then holds parts of every temperature."""
+SHORTEST: Final = 8
+"""Blocks of a stretch at least: two rounds of rest, +R, rest, -R at the usual sampling time, so that each stretch tells
+a scale factor."""
 
 Fit = Callable[[Blocks], Compensation]
 
@@ -47,7 +51,9 @@ class Candidate(NamedTuple):
 
 
 def held_out_stretches(count: int, fold: int, stretches: int = STRETCHES) -> NDArray[np.bool_]:
-    """Which of ``count`` blocks belong to a fold of ``stretches``, shape (count,)."""
+    """Which of ``count`` blocks belong to a fold, shape (count,): of so many ``stretches``, or as many as hold SHORTEST
+    blocks each."""
+    stretches = min(stretches, max(count // SHORTEST, FOLDS))
     return np.arange(count) * stretches // count % FOLDS == fold
 
 
@@ -73,28 +79,35 @@ def choose(blocks: Blocks, asked: Asked) -> list[Candidate]:
 
 
 def _candidates(blocks: Blocks, asked: Asked) -> Iterator[Candidate]:
-    time, everything = asked.sampling_time, asked.method == "best"
-    sensors = [asked.sensor] if asked.sensor else [name for name in (STRUCTURE, CIRCUIT) if name in blocks.inputs]
-    if asked.method == "piecewise" or everything:
-        if not sensors or sensors[0] not in blocks.inputs:
-            if not everything:
-                raise InputError(
-                    f"{blocks.name}: holds no temperature of the {sensors[0] if sensors else STRUCTURE}: map one with "
-                    "--map, or take the other --sensor"
-                )
-            sensors = []
-        for sensor in sensors[:1]:
-            for segments in piecewise.SEGMENTS if asked.segments is None else (asked.segments,):
-                yield Candidate(
-                    "piecewise", partial(piecewise.fit, sampling_time=time, sensor=sensor, segments=segments)
-                )
-    if asked.method == "network" or (everything and all(name in blocks.inputs for name in network.INPUTS)):
-        yield Candidate("network", partial(network.fit, sampling_time=time, seed=asked.seed, hidden=asked.hidden))
-    if asked.method == "spline" or everything:
-        for names in spline.SETS:
-            if all(name in blocks.inputs for name in names):
-                for penalty in spline.PENALTIES:
-                    yield Candidate("spline", partial(spline.fit, sampling_time=time, names=names, penalty=penalty))
+    """Those of the method asked for; of "best", those whose inputs the record holds."""
+    asks = {method: asked.method in (method, "best") for method in METHODS}
+    if asks["piecewise"]:
+        yield from _piecewise(blocks, asked)
+    if asked.method == "network" or (asks["network"] and _holds(blocks, network.INPUTS)):
+        train = partial(network.fit, sampling_time=asked.sampling_time, seed=asked.seed, hidden=asked.hidden)
+        yield Candidate("network", train)
+    if asks["spline"]:
+        for names, penalty in product(spline.SETS, spline.PENALTIES):
+            if _holds(blocks, names):
+                draw = partial(spline.fit, sampling_time=asked.sampling_time, names=names, penalty=penalty)
+                yield Candidate("spline", draw)
+
+
+def _piecewise(blocks: Blocks, asked: Asked) -> Iterator[Candidate]:
+    sensors = [name for name in (STRUCTURE, CIRCUIT) if name in blocks.inputs and asked.sensor in (None, name)]
+    if not sensors and (asked.sensor or asked.method == "piecewise"):
+        raise InputError(
+            f"{blocks.name}: holds no temperature of the {asked.sensor or STRUCTURE}: map one with --map, or take the "
+            "other --sensor"
+        )
+    counts = piecewise.SEGMENTS if asked.segments is None else (asked.segments,)
+    for sensor, segments in product(sensors[:1], counts):
+        fit = partial(piecewise.fit, sampling_time=asked.sampling_time, sensor=sensor, segments=segments)
+        yield Candidate("piecewise", fit)
+
+
+def _holds(blocks: Blocks, names: tuple[str, ...]) -> bool:
+    return all(name in blocks.inputs for name in names)
 
 
 class Fold(NamedTuple):

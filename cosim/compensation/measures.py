@@ -22,7 +22,7 @@ PASS_BLOCKS: Final = 40
 PASS_SPAN: Final = 1 / 40
 """Share of the temperature range that a pass covers at most: 2 °C of -20 .. 60."""
 PASS_FEWEST: Final = 2
-"""A pass shorter than this would make the largest value the noisiest one."""
+"""A pass of fewer blocks than this would make the largest value the noisiest one; kept where most are no longer."""
 
 
 class Curve(NamedTuple):
@@ -89,7 +89,7 @@ def judge(blocks: Blocks, compensation: Compensation, outside: str = "refuse") -
 def _curve(points: Points, before: Floats, after: Floats, noise: Floats) -> Curve:
     group = passes(points.blocks)
     size = np.bincount(group).astype(float)
-    kept = size >= min(PASS_FEWEST, size.max())
+    kept = size >= min(PASS_FEWEST, np.median(size))
 
     def mean(values: Floats) -> Floats:
         return (np.bincount(group, values) / size)[kept]

@@ -133,3 +133,12 @@ def test_a_measured_warm_up(axis: str, tmp_path: Path) -> None:
     assert 0.03 < found["block_noise"] < 0.08
     assert found["residual_rms"] < 2.0 * found["block_noise"]
     assert np.isfinite(found["bias_per_c"]["factor"])
+
+
+def test_a_short_record_still_tells_a_scale_factor(tmp_path: Path) -> None:
+    quasi_static(profile(10, (20, 2, 4)), 1).write_parquet(tmp_path / "short.parquet")
+    compensate(tmp_path / "short.parquet", "--method", "spline", "--out", tmp_path / "out")
+    found = json.loads((tmp_path / "out" / "summary.json").read_text())["methods"]["spline"]["held_out"]
+    # Stretches of one block would all fall on the same phase of the rate step.
+    assert found["scale_factor_ppm_per_c"] is not None
+    assert found["bias_per_c"]["factor"] > 20
