@@ -82,8 +82,8 @@ def run(options: Options) -> Report:
         tables.append(Table("Measured warm-up, stretches held out, blocks of 300 samples", _measured()))
         notes.append(
             "Measured: beside the white noise of a block the bias wanders at one temperature (Hadamard deviation at "
-            "100 s over the last 25 min; white noise alone would give a third of the block's). No function of temperature "
-            "removes that: what remains is to be compared with both together."
+            "100 s over the last 25 min; white noise alone would give a third of the block's). No function of "
+            "temperature removes that: what remains is to be compared with both together."
         )
     return Report("compensation", "Temperature compensation", tables, notes)
 

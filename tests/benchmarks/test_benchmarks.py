@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from benchmarks import angle_lag, loop_measures, plant_call, startup, work_precision
+from benchmarks import angle_lag, compensation, loop_measures, mode_split, plant_call, startup, work_precision
 from benchmarks.__main__ import NAMES, command_of
 from benchmarks.closed_loop import compiled_loop, fmpy_loop
 from benchmarks.integrators import METHODS, Integrators
@@ -36,7 +36,7 @@ def test_results_are_written_as_json_and_markdown(tmp_path):
 
 
 def test_every_benchmark_can_be_run_by_name():
-    modules = (angle_lag, loop_measures, plant_call, startup, work_precision)
+    modules = (angle_lag, compensation, loop_measures, mode_split, plant_call, startup, work_precision)
     assert {module.__name__.removeprefix("benchmarks.") for module in modules} == set(NAMES)
     assert all(callable(module.run) for module in modules)
 
