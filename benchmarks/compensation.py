@@ -41,7 +41,7 @@ WARMUP_SCALES: Final = ("t=ms", "rate=counts", "sensor_structure=0.00294117647,3
 WARMUP_BLOCK: Final = 10.2
 """300 samples [s]."""
 PLATEAU: Final = 1500.0
-"""The end of the warm-up, over which the die moves by under 1 °C [s]."""
+"""The end of the warm-up, over which the die moves by 0.2 °C in 100 s [s]."""
 WANDER: Final = 10
 """Blocks averaged where white noise no longer counts: 100 s."""
 
@@ -81,9 +81,9 @@ def run(options: Options) -> Report:
     if WARMUP.is_file():
         tables.append(Table("Measured warm-up, stretches held out, blocks of 300 samples", _measured()))
         notes.append(
-            "Measured: beside the white noise of a block the bias wanders at one temperature (Allan deviation at 100 s "
-            "over the last 25 min; white noise alone would give a third of the block's). No function of temperature "
-            "removes that: what remains is to be compared with both together."
+            "Measured: beside the white noise of a block the bias wanders at one temperature (Hadamard deviation at "
+            "100 s over the last 25 min; white noise alone would give a third of the block's). No function of "
+            "temperature removes that: what remains is to be compared with both together."
         )
     return Report("compensation", "Temperature compensation", tables, notes)
 
@@ -193,7 +193,7 @@ def _measured() -> list[Row]:
 
 
 def _wander(blocks: Blocks) -> float:
-    """Allan deviation at 100 s of the bias at the end, where the temperature rests."""
+    """Hadamard deviation at 100 s of the bias at the end: a drift with the slow temperature drops out."""
     rate = blocks.rate[blocks.t > blocks.t[-1] - PLATEAU]
     means = rate[: len(rate) // WANDER * WANDER].reshape(-1, WANDER).mean(axis=1)
-    return float(np.sqrt(0.5 * np.mean(np.diff(means) ** 2)))
+    return float(np.sqrt(np.mean(np.diff(means, 2) ** 2) / 6))
