@@ -87,7 +87,7 @@ def cost_rows(count: int = 100_000) -> list[Row]:
     cases = {
         "inputs held": (plain, 0.0, 0.0),
         "carrier moves at every step": (plain, 1e-3, 0.0),
-        "and temperature, through five laws and two lags": (laws, 1e-3, 0.01),
+        "and temperature, through four laws and two lags": (laws, 1e-3, 0.01),
         "and thermal force and noise of the sample": (laws | NOISE, 1e-3, 0.01),
         "and cubic stiffness": (laws | NOISE | {"k3_x": 1e9}, 1e-3, 0.01),
         "and all other curved effects": (laws | NOISE | _CURVED, 1e-3, 0.01),
@@ -194,7 +194,7 @@ def run(options: Options) -> Report:
     ]
     notes = [
         f"{len(INPUT_NAMES)} inputs, {len(OUTPUT_NAMES)} outputs, steps of {STEP:g} s; CPU time, least of 5 (6 h: 1).",
-        "Steady state: -40, 25, 85 °C, 0 and ±300 deg/s, Q 1000, quadrature 300 deg/s, five temperature laws; the full "
+        "Steady state: -40, 25, 85 °C, 0 and ±300 deg/s, Q 1000, quadrature 300 deg/s, four temperature laws; the full "
         "plant at 1 µs, demodulated over 0.1 s.",
         "Before: " + before,
         "After: " + load(),
