@@ -123,8 +123,7 @@ def _dataset(request: Request, model: Model) -> tuple["Dataset", list[str]]:
 
 
 def _search(request: Request, data: "Dataset", model: Model, out: Console) -> "Diagnosis":
-    """The diagnosis and its stages on held-out runs. An interrupted search leaves its
-    checkpoint."""
+    """The diagnosis and its stages on held-out runs. An interrupted search leaves its checkpoint."""
     from discrepancy import naming
     from discrepancy.simulate import Simulator
     from discrepancy.stages import staged
