@@ -124,7 +124,7 @@ def _dataset(request: Request, model: Model) -> tuple["Dataset", list[str]]:
 
 
 def _search(request: Request, data: "Dataset", model: Model, terms: Path, out: Console) -> "Diagnosis":
-    """The diagnosis and its stages on held-out runs. An interrupted search leaves its
+    """The diagnosis; terms: where effects that it discovers are written. An interrupted search leaves its
     checkpoint."""
     from discrepancy import naming
     from discrepancy.unnamed import TermSearch
