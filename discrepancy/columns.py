@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from sympy import sympify
 
 from discrepancy.linear_fit import mode_frequencies
 from discrepancy.record import Record
 from discrepancy.refit import Fitted, Fitter, Free
-from gyro_model.anatomy import Effect, Law
+from gyro_model.anatomy import SLOTS, Effect, Law, Map
 from gyro_model.model import Model
 from gyro_model.quantities import Quantity
 from gyro_model.units import dimension
@@ -115,10 +116,21 @@ class Candidate:
 
 
 def nameable(model: Model, *, limits: bool = False) -> tuple[Effect, ...]:
-    """The effects that a diagnosis may name: neither the device itself nor noise; those that small steps show, or
-    ``limits``."""
+    """The effects that a diagnosis may name: neither the device itself nor noise nor gauge; those that small steps show,
+    or ``limits``."""
     return tuple(e for e in model.effects
-                 if not (e.nominal or e.noise) and limits != all(abs(q.start) < NEVER for q in e.sizes))  # fmt: skip
+                 if not (e.nominal or e.noise or is_gauge(e)) and limits != all(abs(q.start) < NEVER for q in e.sizes))  # fmt: skip
+
+
+def is_gauge(effect: Effect) -> bool:
+    """Whether an effect scales both voltages alike, whatever they are: no sample tells it from another mass, stiffness
+    and damping (SYSTEM.md section 1)."""
+    if not isinstance(effect, Map):
+        return False
+    enters = SLOTS[effect.slot].enters
+    ratios = [sympify(left) / entered for left, entered in zip(effect.output, enters, strict=True)]
+    own = {q.symbol for q in effect.parameters}
+    return bool(ratios[0] == ratios[1] and ratios[0].free_symbols <= own)
 
 
 class Library:

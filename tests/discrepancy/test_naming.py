@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from discrepancy.checkpoint import digest, load, save
+from discrepancy.columns import is_gauge, nameable
 from discrepancy.dataset import Dataset, load_dataset
 from discrepancy.naming import Diagnosis, Wider, diagnose
 from discrepancy.record import Record, make_record
@@ -147,3 +148,8 @@ def test_example(name: str) -> None:
         true = answer.get(key)
         if true is not None:
             assert value.low <= true <= value.high
+
+
+def test_what_scales_both_voltages_alike_is_never_a_name() -> None:
+    assert {e.id for e in MODEL.effects if is_gauge(e)} == {"parasitic_capacitance"}
+    assert "parasitic_capacitance" not in {e.id for e in nameable(MODEL)}
