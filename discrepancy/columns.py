@@ -116,10 +116,10 @@ class Candidate:
 
 
 def nameable(model: Model, *, limits: bool = False) -> tuple[Effect, ...]:
-    """The effects that a diagnosis may name: neither the device itself nor noise nor gauge; those that small steps show,
-    or ``limits``."""
-    return tuple(e for e in model.effects
-                 if not (e.nominal or e.noise or is_gauge(e)) and limits != all(abs(q.start) < NEVER for q in e.sizes))  # fmt: skip
+    """The effects that a diagnosis may name: neither the device itself nor noise nor gauge; those that small steps
+    show, or ``limits``."""
+    effects = (e for e in model.effects if not (e.nominal or e.noise or is_gauge(e)))
+    return tuple(e for e in effects if limits != all(abs(q.start) < NEVER for q in e.sizes))
 
 
 def is_gauge(effect: Effect) -> bool:

@@ -74,6 +74,31 @@ def init(
         console.print("fill in [nominal], or name the device by --nominal", highlight=False, markup=False)
 
 
+@dataset_app.command()
+def simulate(
+    out: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for dataset.toml and the runs.")],
+    device: Annotated[str, typer.Option(help="Packaged device by name, or a device file.")] = "reference",
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="What is hidden in it (SI); repeatable.")
+    ] = None,
+    samples: Annotated[int, typer.Option(help="Samples a run, at 200 kHz.")] = 8000,
+    seed: Annotated[int, typer.Option(help="Seed of drive, noise and of what the lab believes.")] = 1,
+) -> None:
+    """Write the runs that a device would give, driven over both modes: to try `gyrotwin diagnose`."""
+    from discrepancy.trial_runs import write_trial
+
+    hidden = {name: _number(name, text) for name, text in _pairs("--set", settings).items()}
+    path = write_trial(load_device(device), hidden, out, samples=samples, seed=seed)
+    console.print(f"wrote {path}", soft_wrap=True, highlight=False, markup=False)
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"--set {name}={text}: give a number") from None
+
+
 def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
     """COLUMN=VALUE texts as a mapping. Raises InputError where the = is missing."""
     pairs: dict[str, str] = {}

@@ -12,7 +12,7 @@ from discrepancy.menu import LEVEL, menu
 from discrepancy.record import Record, make_record
 from discrepancy.refit import Fitted, Fitter, Free
 from discrepancy.simulate import Simulator
-from discrepancy.whitening import whitener
+from discrepancy.whitening import Setting, whitener
 from gyro_model.device import load_device
 from gyro_model.errors import InputError
 from gyro_model.model import load_model
@@ -69,7 +69,7 @@ def fitted(simulator: Simulator, records: list[Record], sizes: tuple[Free, ...])
     fitter = Fitter(simulator, records)
     at = fitter.fit(fitter.begin(NOMINAL))
     values = {free.name: 10 * free.step for free in sizes}
-    plain = whitener(NOMINAL, 2, 1 / RATE, 0.0)
+    plain = whitener(NOMINAL, 2, 1 / RATE, Setting())
     begun = replace(at, parameters={**at.parameters, **values}, free=(*at.free, *sizes), whiten=plain, grams=None)
     return fitter.fit(fitter.evaluated(begun), rounds=20)
 

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
@@ -266,7 +267,7 @@ def test_terminal_table(answer: SimpleNamespace) -> None:
 @pytest.fixture
 def stored(answer: SimpleNamespace, monkeypatch: pytest.MonkeyPatch) -> None:
     """The search gives what it gave before, without the search."""
-    monkeypatch.setattr(naming, "diagnose", lambda *_, **__: answer.found)
+    monkeypatch.setattr(naming, "diagnose", lambda _, model, **__: replace(answer.found, model=model))
 
 
 QUINTIC = '''"""Quintic stiffness. F_x = -k5 x^5 (a test)."""

@@ -1,0 +1,75 @@
+"""Runs that a device would give, as a data set: to try a diagnosis, or to see what planned measurements would show."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from discrepancy.linear_fit import mode_frequencies
+from discrepancy.record import Floats, Record, make_record
+from discrepancy.simulate import Simulator
+from gyro_model.device import Device
+from gyro_model.errors import InputError
+
+RUNS: Final = 3
+TONES: Final = 40
+REACH: Final = 0.5e-6
+"""Amplitude of the motion [m] that the drive aims at, rms: half that of the reference run."""
+SPREAD: Final = 0.02
+"""What the lab believes is off by up to this share, as manufacturing leaves it."""
+
+
+def write_trial(
+    device: Device, hidden: Mapping[str, float], out: Path, *, samples: int = 8000, rate: float = 200e3, seed: int = 1
+) -> Path:
+    """Writes ``RUNS`` runs of ``device`` with the parameters ``hidden`` to the folder ``out``, each driven by tones
+    over both modes, at a rate of its own; gives the path of dataset.toml.
+
+    Raises InputError for an unknown parameter, fewer than 1000 samples, and where ``out`` holds a data set already.
+    """
+    if samples < 1000:
+        raise InputError(f"samples = {samples}: give at least 1000 a run")
+    target = out / "dataset.toml"
+    if target.exists():
+        raise InputError(f"{target} exists: name another folder")
+    rng = np.random.default_rng(seed)
+    true = device.with_parameters(hidden).all_parameters
+    starts = {name: 0.0 for name in true if name.endswith("_start")}
+    out.mkdir(parents=True, exist_ok=True)
+    t = np.arange(samples) / rate
+    with Simulator(device.model, jobs=1) as simulator:
+        for number in range(RUNS):
+            blank = _blank(t, _drive(t, true, rng), rng.uniform(-5, 5), rate)
+            v = simulator.run(blank, {**true, **starts, "seed": seed * RUNS + number})
+            _table(replace(blank, v=v)).write_parquet(out / f"run-{number + 1:02d}.parquet")
+    names = ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
+    nominal = {name: true[name] * (1 + SPREAD * rng.uniform(-1, 1)) for name in names}
+    nominal |= {name: true[name] for name in ("sense_gain_x", "sense_gain_y")}
+    lines = ["format = 1", "", "[nominal]", *(f"{name} = {value!r}" for name, value in nominal.items())]
+    for number in range(RUNS):
+        lines += ["", "[[run]]", f'file = "run-{number + 1:02d}.parquet"', f"sample_rate = {rate!r}"]
+    target.write_text("\n".join([*lines, 'role = "held-out"', ""]), encoding="utf-8")
+    return target
+
+
+def _drive(t: Floats, true: Mapping[str, float], rng: np.random.Generator) -> Floats:
+    """Tones of random frequency and phase from below the lower mode to above the upper one, (n, 2) [N]."""
+    low, high = mode_frequencies(true, 2)
+    f = rng.uniform(0.3 * low, 1.5 * high, (TONES, 2))
+    phase = rng.uniform(0, 2 * np.pi, (TONES, 2))
+    # Off resonance a force of k REACH moves the mass by about REACH; near it by more.
+    size = 0.3 * np.sqrt(2 / TONES) * REACH * true["kxx"]
+    return np.asarray(size * np.sin(2 * np.pi * f * t[:, None, None] + phase).sum(axis=1))
+
+
+def _blank(t: Floats, u: Floats, omega_z: float, rate: float) -> Record:
+    return make_record(
+        "trial", t, u, np.ones_like(u), sample_rate=rate, conditions={"omega_z": np.full(len(t), omega_z)}
+    )
+
+
+def _table(record: Record) -> pl.DataFrame:
+    return pl.DataFrame({"t": record.t, **record.channels})
