@@ -103,7 +103,8 @@ class _Rival:
         self.plain = fitter.plain(values)
         begun = fitter.evaluated(Fitted(self.values, fitter.at_rest, (), self.plain, ()))
         at = fitter.with_grams(replace(fitter.fit(begun, rounds=2), free=self.free))
-        self.known = self._known(at)
+        # What the runs so far say of the free parameters.
+        self.known = self._information(at)[:-1, :-1]
 
     def _sizes(self, name: str) -> list[Free]:
         """Sizes that are not neutral, of the rival and of any effect beside it."""
@@ -116,11 +117,12 @@ class _Rival:
             )
         return [Free(q.name, STEP * abs(self.values[q.name] - q.start), q.low, q.high) for q in sizes]
 
-    def _known(self, at: Fitted) -> Floats:
-        """What the runs so far say of the free parameters: their information."""
+    def _information(self, at: Fitted) -> Floats:
+        """Grams of the free parameters [1/SI²] and the residual, over the noise."""
         assert at.grams is not None
-        total = at.grams.sum(axis=0)[:-1, :-1] / self.noise**2
-        return np.asarray(total)
+        # A linearisation chooses its own steps: only by the unit are two of them alike.
+        step = np.array([*(free.step for free in at.free), 1.0])
+        return np.asarray(at.grams.sum(axis=0) / np.outer(step, step) / self.noise**2)
 
     def simulated(self, record: Record) -> Floats:
         """The voltage that this effect would show."""
@@ -133,7 +135,7 @@ class _Rival:
         linear = fitter.with_grams(at)
         if linear.grams is None or not np.isfinite(linear.grams).all():
             return 0.0
-        total = linear.grams.sum(axis=0) / self.noise**2
+        total = self._information(linear)
         matrix, right = total[:-1, :-1], total[:-1, -1]
         matrix += self.known
         return float(total[-1, -1] - right @ inverse_scaled(matrix) @ right)
