@@ -16,6 +16,7 @@ from discrepancy.noise import Noise, converter_step, noise_of
 from discrepancy.noise import noises as all_noises
 from discrepancy.record import Floats
 from discrepancy.refit import SETTLED
+from discrepancy.scan import CHANCE, MATERIAL, best_of, sure
 from discrepancy.score import Score
 from gyro_model.anatomy import Effect, Force, Map
 
@@ -154,8 +155,6 @@ def _removed(
 
 def _immaterial(search: "Search") -> tuple[Finding, ...]:
     """Effects that are significant beside the final model but not worth a parameter."""
-    from discrepancy.naming import MATERIAL, best_of, sure
-
     return tuple(_slight(c, s) for c, s in best_of(search.scored)
                  if sure(c, s) and s.share < MATERIAL and c.effect.id not in search.present)  # fmt: skip
 
@@ -186,8 +185,6 @@ def _doubts(search: "Search") -> tuple[str, ...]:
 
 def _detectable(search: "Search") -> dict[str, dict[str, float]]:
     """The size of each effect that this data would show with 95 % power at the threshold used."""
-    from discrepancy.naming import CHANCE
-
     sizes: dict[str, dict[str, float]] = {}
     for candidate, result in search.scored:
         if candidate.partner:

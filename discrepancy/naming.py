@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-import numpy as np
 from scipy.stats import chi2
 
 from discrepancy import checkpoint as store
@@ -16,17 +15,12 @@ from discrepancy.columns import Candidate, Library, finer, nameable
 from discrepancy.continuation import IN_STEP, settled
 from discrepancy.dataset import Dataset
 from discrepancy.limits import clip_level, masked
-from discrepancy.record import Floats
 from discrepancy.refit import Fitted, Fitter, Free
+from discrepancy.scan import CHANCE, MATERIAL, SIMPLER, Scan, Scored, best_of, sure
 from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator
 from gyro_model.model import Model
 
-CHANCE: Final = 1e-6
-"""Probability of one test by chance at which an effect counts as significant: 60 effects and 400 null sets make 0.02
-false alarms; the points of a grid count as tests."""
-MATERIAL: Final = 3e-4
-"""Share of the residual's square that an effect has to take away to be worth a parameter."""
 RIVALS: Final = 6
 """At most so many effects are refitted before one is named."""
 RIVAL_SHARE: Final = 0.5
@@ -36,8 +30,6 @@ EVEN: Final = 9.0
 """Chi-square by which a rival may fit worse and still count as not told apart: three standard deviations."""
 FINEST: Final = 70
 """Trials of a grid after which it is not refined further: resonances are then as sharp as Q = 640."""
-SIMPLER: Final = 12.0
-"""Chi-square that a further size parameter must bring."""
 
 Progress = Callable[[str], None]
 
@@ -72,9 +64,6 @@ class Accepted:
     def names(self) -> set[str]:
         """Its parameters."""
         return {q.name for q in self.candidate.effect.parameters}
-
-
-Scored = tuple[Candidate, Score]
 
 
 def diagnose(
@@ -356,73 +345,8 @@ class Search:
         return best_of(near)[:RIVALS]
 
 
-@dataclass(frozen=True)
-class Scan:
-    """Columns of candidates at a fit, after so many ``removals``: columns that take accepted effects out."""
-
-    at: Fitted
-    found: tuple[Candidate, ...]
-    removals: int
-
-    @property
-    def known(self) -> int:
-        """Columns of the model itself."""
-        return self.at.known
-
-    @property
-    def grams(self) -> Floats:
-        """As ``Fitted`` has them."""
-        assert self.at.grams is not None
-        return self.at.grams
-
-    def scores(self, known: Sequence[int], grams: Floats) -> list[Scored]:
-        """Of every candidate beside the ``known`` columns; ``grams`` may have another residual."""
-        place, scored = self.known + self.removals, []
-        for candidate in self.found:
-            columns = range(place, place + len(candidate.all_probes))
-            place += len(columns)
-            result = signed_score(grams, known, columns, candidate, self.at.count)
-            if result is not None:
-                scored.append((candidate, result))
-        return scored
-
-
-def signed_score(grams: Floats, known: Sequence[int], columns: Sequence[int], candidate: Candidate,
-                 count: int) -> Score | None:  # fmt: skip
-    """The score of a candidate's columns, those left out that would have to act with a sign that they can't take; None
-    where none is left."""
-    used = list(range(len(columns)))
-    probes = candidate.all_probes
-    while used:
-        result = score(grams, known, [columns[i] for i in used], count)
-        if not result.amplitudes:
-            return None
-        wrong = [i for i, a in zip(used, result.amplitudes, strict=True) if probes[i].one_sided and a < 0
-                 and candidate.partner is None]  # fmt: skip
-        if not wrong:
-            amplitudes, deviations = np.zeros(len(columns)), np.full(len(columns), np.inf)
-            amplitudes[used], deviations[used] = result.amplitudes, result.deviations
-            return replace(result, amplitudes=tuple(amplitudes), deviations=tuple(deviations))
-        used = [i for i in used if i not in wrong]
-    return None
-
-
 def _neutral(entry: Accepted) -> dict[str, float]:
     return {p.quantity.name: p.quantity.start for p in entry.candidate.probes}
-
-
-def best_of(scored: Sequence[Scored]) -> list[Scored]:
-    """Of each effect the best point of its grid, largest gain first."""
-    best: dict[str, Scored] = {}
-    for candidate, result in scored:
-        before = best.get(candidate.effect.id)
-        if before is None or result.gain > before[1].gain:
-            best[candidate.effect.id] = (candidate, result)
-    return sorted(best.values(), key=lambda entry: SIMPLER * entry[1].freedom - entry[1].gain)
-
-
-def sure(candidate: Candidate, result: Score) -> bool:
-    return result.probability * candidate.trials < CHANCE
 
 
 __all__ = ["Diagnosis", "Finding", "Search", "Stage", "Step", "Value", "diagnose", "nameable"]
