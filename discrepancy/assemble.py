@@ -43,7 +43,7 @@ def assemble(search: "Search") -> Diagnosis:
     stages = _stages(search, parameters, [f.id for f in clipped])
     device = _device(search)
     effects = (*(_finding(search, entry, device, noise) for entry in search.accepted), *clipped)
-    gaps = _misfit(search, stages, noise)
+    gaps = _misfit(search, stages)
     refitted = search.refitted
     runs = search.dataset.fit
     whole = refitted.residuals if len(refitted.residuals) == len(runs) else \
@@ -128,13 +128,18 @@ def _stages(search: "Search", final: Mapping[str, float], last: list[str]) -> tu
     return tuple(stages)
 
 
-def _misfit(search: "Search", stages: tuple[Stage, ...], noise: Noise | None) -> dict[str, Any]:
-    runs = search.dataset.held_out
-    signal = {r.name: float(np.sqrt(np.mean(r.v[r.valid] ** 2))) for r in runs}
-    signal[""] = float(np.sqrt(np.mean(np.concatenate([r.v[r.valid].ravel() for r in runs]) ** 2)))
-    gaps = {"nominal": stages[0].misfit, "refit": stages[1].misfit, "final": stages[-1].misfit}
-    table = {run: {**{key: gaps[key][run] for key in gaps}, "noise_floor": noise.rms / rms if noise else None}
-             for run, rms in signal.items()}  # fmt: skip
+def _misfit(search: "Search", stages: tuple[Stage, ...]) -> dict[str, Any]:
+    """The four numbers of each held-out run and of all; the floor by its own noise, which may grow with the motion."""
+    runs, last = search.dataset.held_out, stages[-1]
+    gaps = {"nominal": stages[0].misfit, "refit": stages[1].misfit, "final": last.misfit}
+    table = {}
+    for name, own in {"": runs, **{run.name: (run,) for run in runs}}.items():
+        noise = noise_of([last.residuals[run.name] for run in own], own, last.parameters)
+        rms = float(np.sqrt(np.mean(np.concatenate([run.v[run.valid].ravel() for run in own]) ** 2)))
+        table[name] = {
+            **{key: gap[name] for key, gap in gaps.items()},
+            "noise_floor": noise.rms / rms if noise else None,
+        }
     return {**table.pop(""), "runs": table}
 
 
