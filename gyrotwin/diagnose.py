@@ -83,7 +83,7 @@ def execute(request: Request, out: Console) -> dict[str, Any]:
         out.print(f"warning: {warning}", style="yellow", soft_wrap=True, highlight=False, markup=False)
     with tempfile.TemporaryDirectory(prefix="gyrotwin-") as terms:
         found = _search(request, data, model, Path(terms), out)
-        report = plain(found.report())
+        report = found.report()
         with out.status("report and FMU"):
             _write(request, data, [*request.effects, Path(terms)], found, report, warnings)
     (request.out / CHECKPOINT).unlink(missing_ok=True)
@@ -226,17 +226,3 @@ def improved_model(data: "Dataset", model: Model, device: Device) -> Model:
     steps = 1 if first.hold == "zero" else OVERSAMPLING
     clock = {"internal_step": 1 / (first.sample_rate * steps), "sample_period": 1 / first.sample_rate}
     return model.starting_at({n: v for n, v in device.parameters.items() if n not in noise} | clock)
-
-
-def plain(value: Any) -> Any:
-    """``value`` as strict JSON: numbers of numpy as Python's, None for what is not finite."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(entry) for entry in value]
-    if value is None or isinstance(value, (str, bool)):
-        return value
-    if isinstance(value, int):
-        return value
-    number = float(value)
-    return number if math.isfinite(number) else None
