@@ -16,7 +16,7 @@ import numpy as np
 from sympy import sympify
 
 from discrepancy.linear_fit import mode_frequencies
-from discrepancy.record import Record
+from discrepancy.record import Floats, Record
 from discrepancy.refit import Fitted, Fitter, Free
 from gyro_model.anatomy import SLOTS, Effect, Law, Map
 from gyro_model.model import Model
@@ -31,10 +31,12 @@ SEARCH_QUALITY: Final = 10.0
 """Quality factor of a searched resonance: as broad as its grid is coarse."""
 FINER: Final = 4.0
 """By which each refinement of such a grid is finer."""
-FARTHEST: Final = 1e8
-"""Times the first guess, from which a probe is no size of anything: what changes nothing by then never does."""
-ATTEMPTS: Final = 6
+FARTHEST: Final = 1e6
+"""Times the first guess, at which a probe is no size of anything: what changes nothing there never does."""
+ATTEMPTS: Final = 8
 """Tries at a probe of the right size."""
+HEAD: Final = 2000
+"""Samples at the start of each run on which a probe is tried first."""
 
 
 @dataclass(frozen=True)
@@ -158,9 +160,13 @@ class Library:
                     silent.append(effect)
                     self._silent[effect.id] = frozenset(present)
         for effect in silent:
+            still: set[str] = set()
             for partner in list(found):
-                if partner.partner is None and _linked(effect, partner.effect):
-                    found += [replace(c, partner=partner) for c in self._of(effect, scale, at, partner)]
+                if partner.partner is None and partner.effect.id not in still and _linked(effect, partner.effect):
+                    own = self._of(effect, scale, at, partner)
+                    found += [replace(c, partner=partner) for c in own]
+                    # What is silent beside an event at the start is so beside a later one.
+                    still |= set() if own else {partner.effect.id}
         return found
 
     def _of(self, effect: Effect, scale: "_Scale", at: Fitted, partner: Candidate | None = None) -> list[Candidate]:
@@ -229,55 +235,82 @@ class _Scale:
     """Finds probes that change the voltage of the runs by as much as a difference quotient should."""
 
     def __init__(self, fitter: Fitter, at: Fitted) -> None:
-        self.fitter, self.at = fitter, at
-        self.target = fitter.target(at)
+        self.fitter, self.target = fitter, fitter.target(at)
         p = at.parameters
         w, volt = float(np.sqrt(p["kxx"] / p["m"])), fitter.signal
         length = volt / p["sense_gain_x"]
         # Natural units of kg, m, s, A, K, 1: a probe's first guess is 1e-4 of them.
         self.natural = np.array([p["m"], length, 1 / w, p["m"] * length**2 * w**3 / volt, 1.0, 1.0])
-        self.jobs: list[tuple[Record, dict[str, float]]] = [
-            (record, {**p, **start}) for record, start in zip(fitter.records, at.starts, strict=True)
+        self.whole = self._trials(at, max(len(r.t) for r in fitter.records))
+        self.head = self._trials(at, HEAD)
+        self.steady = all(np.ptp(c) == 0 for r in fitter.records for c in r.conditions.values())
+
+    def _trials(self, at: Fitted, samples: int) -> list["_Trial"]:
+        """The fit on the first samples of each run."""
+        simulator = self.fitter.simulator
+        return [
+            _Trial(simulator.part(r, 0, min(samples, len(r.t))), {**at.parameters, **start}, (r.v - e)[:samples])
+            for r, start, e in zip(self.fitter.records, at.starts, at.residuals, strict=True)
         ]
 
     def probe(self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float]) -> Probe | None:
         """A probe of ``q``; None where nothing changes. base: changes beside which it acts."""
         sign = -1.0 if q.high <= q.start else 1.0
         room = abs((q.high if sign > 0 else q.low) - q.start)
-        step = min(self._natural(q), 0.5 * room)
-        power, known = 1, False
+        first = Probe(q, sign * min(self._natural(q), 0.5 * room), 0)
+        roughly = self._searched(first, shapes, base, self.head, room)
+        if roughly is None and self.steady:
+            return None
+        return self._searched(roughly or first, shapes, base, self.whole, room)
+
+    def _searched(self, first: Probe, shapes: Mapping[str, float], base: Mapping[str, float], trials: list["_Trial"],
+                  room: float) -> Probe | None:  # fmt: skip
+        """The probe from ``first``, whose power is 0 where it is not known."""
+        q, step, power = first.quantity, abs(first.step), first.power
+        farthest = min(room, FARTHEST * self._natural(q))
+        sign = np.sign(first.step)
         for _ in range(ATTEMPTS):
-            change = self._change(q, shapes, base, sign * step)
-            if 0.3 < change / self.target < 3 and known:
+            change = self._change(q, shapes, base, sign * step, trials)
+            if 0.3 < change / self.target < 3 and power:
                 return Probe(q, sign * min(step, room), power)
+            if change < 1e-6 * self.target and step >= farthest:
+                return None
             if change < 1e-6 * self.target or not np.isfinite(change):
-                step *= 1e3 if change < self.target else 1e-3
-                if step > min(room, FARTHEST * self._natural(q)):
-                    return None
+                step = farthest if change < self.target else 1e-3 * step
                 continue
-            if not known:
-                larger = self._change(q, shapes, base, sign * 2 * step)
-                power = int(np.clip(round(np.log2(larger / change)), 1, 4)) if 0 < larger < np.inf else power
-                known = True
+            if not power:
+                larger = self._change(q, shapes, base, sign * 2 * step, trials)
+                power = int(np.clip(round(np.log2(larger / change)), 1, 4)) if 0 < larger < np.inf else 1
             step *= float((self.target / change) ** (1 / power))
-        change = self._change(q, shapes, base, sign * min(step, room))
-        return Probe(q, sign * min(step, room), power) if 0 < change < np.inf else None
+        change = self._change(q, shapes, base, sign * min(step, room), trials)
+        return Probe(q, sign * min(step, room), power or 1) if 0 < change < np.inf else None
 
     def _natural(self, q: Quantity) -> float:
         exponents = [float(e) for e in dimension(q.unit).exponents]
         return 1e-4 * float(np.prod(self.natural**exponents))
 
-    def _change(self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float], step: float) -> float:
+    def _change(self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float], step: float,
+                trials: list["_Trial"]) -> float:  # fmt: skip
         """What the step changes, rms over all runs [V]; inf where the FMU refuses it."""
         value = float(np.clip(q.start + step, q.low, q.high))
-        runs = self.fitter.simulator.try_all([(r, {**p, **base, **shapes, q.name: value}) for r, p in self.jobs])
-        beside = [r.v - e for r, e in zip(self.fitter.records, self.at.residuals, strict=True)]
+        simulate = self.fitter.simulator.try_all
+        runs = simulate([(t.record, {**t.parameters, **base, **shapes, q.name: value}) for t in trials])
+        beside = [t.v for t in trials]
         if base:
-            found = self.fitter.simulator.try_all([(r, {**p, **base}) for r, p in self.jobs])
+            found = simulate([(t.record, {**t.parameters, **base}) for t in trials])
             beside = [v if v is not None else b for v, b in zip(found, beside, strict=True)]
         square = 0.0
         for v, b in zip(runs, beside, strict=True):
             if v is None:
                 return float("inf")
             square += float(np.sum((v - b) ** 2))
-        return float(np.sqrt(square / sum(r.v.size for r in self.fitter.records)))
+        return float(np.sqrt(square / sum(v.size for v in beside)))
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """A piece of a run: its parameters and the voltage (n, axes) [V] that they give."""
+
+    record: Record
+    parameters: dict[str, float]
+    v: Floats

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from scipy.stats import chi2
+from threadpoolctl import threadpool_limits
 
 from discrepancy import checkpoint as store
 from discrepancy.answer import Diagnosis, Finding, Stage, Step, Value
@@ -86,6 +87,8 @@ def diagnose(
     Raises InputError where the FMU can't be built or refuses the nominal values.
     """
     with ExitStack() as stack:
+        # Products of thin matrices: threads of their own make them slower, many times where cores are shared.
+        stack.enter_context(threadpool_limits(1, "blas"))
         simulator = stack.enter_context(Simulator(model, jobs))
         key = store.digest(dataset, model, {"max_effects": max_effects, "seed": seed}) if checkpoint else ""
         search = Search(simulator, dataset, progress or (lambda _: None))

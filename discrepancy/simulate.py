@@ -116,17 +116,18 @@ class Simulator:
 
     def cut(self, record: Record, number: int) -> tuple[Record, ...]:
         """``record`` in ``number`` records of equal length, each under the force that it has in the whole."""
+        rows = np.array_split(np.arange(len(record.t)), number)
+        return tuple(self.part(record, int(own[0]), int(own[-1]) + 1) for own in rows)
+
+    def part(self, record: Record, begin: int, end: int) -> Record:
+        """Samples ``begin`` to ``end`` of ``record``, under the force that they have in the whole."""
         values, names, step = self._inputs(record)
-        stride = len(values) // len(record.t)
-        parts = []
-        for rows in np.array_split(np.arange(len(record.t)), number):
-            own = slice(int(rows[0]), int(rows[-1]) + 1)
-            held = {name: column[own] for name, column in record.conditions.items()}
-            part = replace(record, t=record.t[own], u=record.u[own], v=record.v[own], conditions=held,
-                           valid=record.valid[own])  # fmt: skip
-            self._driven[id(part)] = part, (values[own.start * stride : own.stop * stride], names, step)
-            parts.append(part)
-        return tuple(parts)
+        stride, own = len(values) // len(record.t), slice(begin, end)
+        held = {name: column[own] for name, column in record.conditions.items()}
+        part = replace(record, t=record.t[own], u=record.u[own], v=record.v[own], conditions=held,
+                       valid=record.valid[own])  # fmt: skip
+        self._driven[id(part)] = part, (values[begin * stride : end * stride], names, step)
+        return part
 
     def _inputs(self, record: Record) -> _Driven:
         """What drives each step of a record; kept, since a record is simulated many times."""

@@ -69,10 +69,10 @@ static inline void integrate_states(gyro_view *g, const double *value, double t,
 
 #undef STAGE
 
-/* The same, leaving out the states of effects when no force but the nominal ones acts: they are zero and stay so. */
+/* The same, leaving out the states of effects when none that has states acts: they are zero and stay so. */
 static inline void integrate(gyro_view *g, const double *value, double t, double h)
 {
-    if (g->any_force) {
+    if (g->any_state) {
         integrate_states(g, value, t, h, GYRO_N_STATES);
     } else {
         integrate_states(g, value, t, h, GYRO_STATE_Y_DOT + 1);

@@ -11,6 +11,7 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
@@ -101,13 +102,18 @@ def committed_files(model: Model) -> dict[Path, str]:
 def model_token(model: Model) -> str:
     """Names a model: a digest of all its C and XML, so that an FMU of other effects, bounds or code has another
     token."""
-    digest = hashlib.sha256()
-    texts = [*_generated_files(model, "").values(), generate_xml.fmi2(model, "", ()), generate_xml.fmi3(model, "")]
-    texts += [path.read_text(encoding="utf-8") for path in handwritten_files(model).values()]
-    for text in texts:
-        digest.update(text.encode())
+    digest = hashlib.sha256(_generated_text(model))
+    for path in handwritten_files(model).values():
+        digest.update(path.read_bytes())
     code = digest.hexdigest()
     return f"{{{code[:8]}-{code[8:12]}-{code[12:16]}-{code[16:20]}-{code[20:32]}}}"
+
+
+@lru_cache(maxsize=8)
+def _generated_text(model: Model) -> bytes:
+    """All that is generated for a model. Kept: printing some hundred effects takes a second, at each load of an FMU."""
+    texts = [*_generated_files(model, "").values(), generate_xml.fmi2(model, "", ()), generate_xml.fmi3(model, "")]
+    return "".join(texts).encode()
 
 
 def default_folder(model: Model) -> Path:

@@ -55,7 +55,7 @@ ENVELOPE_PARAMETERS = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EnvelopeModel(Model):
     """The envelope form of the model of the same ``effects``."""
 

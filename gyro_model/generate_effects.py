@@ -120,7 +120,9 @@ typedef struct {
     unsigned char any_law;
     unsigned char any_impulse;
     unsigned char any_rate; /* the converter asks for the rate of the voltage */
-    unsigned char any_force; /* beyond the nominal and the held ones */
+    unsigned char any_state; /* a force with states of its own acts */
+    int n_acting;            /* forces that act beyond the nominal and the held ones */
+    int acting[GYRO_N_EFFECTS]; /* these forces, by effect */
 } gyro_view;
 
 static inline double larger(double a, double b) { return a > b ? a : b; }
@@ -209,7 +211,8 @@ def _activity(model: Model) -> str:
         tests = [f"g->p[{macro(q.name)}] != {c_double(q.start)}" for q in switches]
         lines.append(f"    g->active[{effect_macro(effect)}] = {' || '.join(tests) or '1'};\n")
     law = " || ".join(f"g->active[{effect_macro(e)}]" for e in (*_follows(model), *model.laws)) or "0"
-    force = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model)) or "0"
+    state = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if e.states) or "0"
+    acting = "".join(guarded(e, f"g->acting[g->n_acting++] = {effect_macro(e)};\n") for e in added_forces(model))
     impulse = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.forces if e.impulse) or "0"
     rate = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.effects if _asks_rate(e)) or "0"
     return (
@@ -217,7 +220,9 @@ def _activity(model: Model) -> str:
         "static inline void find_active(gyro_view *g)\n{\n"
         + "".join(lines)
         + f"    g->any_law = {law};\n    g->any_impulse = {impulse};\n"
-        + f"    g->any_rate = {rate};\n    g->any_force = {force};\n}}\n"
+        + f"    g->any_rate = {rate};\n    g->any_state = {state};\n    g->n_acting = 0;\n"
+        + textwrap.indent(acting, "    ")
+        + "}\n"
     )
 
 
@@ -297,7 +302,7 @@ def _follows(model: Model) -> list[Follow]:
 
 def _derivative(model: Model) -> str:
     nominal = "".join(f"    {force_call(e)}" for e in model.forces if e.nominal)
-    others = "".join(guarded(e, force_call(e)) for e in added_forces(model))
+    others = "".join(f"case {effect_macro(e)}:\n    {force_call(e)}    break;\n" for e in added_forces(model))
     held = "".join(guarded(e, force_call(e)) for e in model.forces if e.drawn)
     quiet = "".join(f"    rate[{state_macro(s.symbol)}] = 0.0;\n" for s in model.states)
     return f"""/* The noise forces [N], drawn with the latest sample. */
@@ -312,8 +317,13 @@ static inline void hold_noise(gyro_view *g)
 static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
 {{
     double force[2] = {{g->u[0] + g->held[0], g->u[1] + g->held[1]}};
-{quiet}{nominal}    if (g->any_force) {{
-{textwrap.indent(others, "        ")}    }}
+{quiet}{nominal}    /* A list, not a row of tests: a model may have hundreds of forces of which one acts. */
+    for (int i = 0; i < g->n_acting; i++) {{
+        switch (g->acting[i]) {{
+{textwrap.indent(others, "        ")}        default:
+            break;
+        }}
+    }}
     rate[GYRO_STATE_X] = g->s[GYRO_STATE_X_DOT];
     rate[GYRO_STATE_Y] = g->s[GYRO_STATE_Y_DOT];
     rate[GYRO_STATE_X_DOT] = force[0] * g->inverse_mass;

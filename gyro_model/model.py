@@ -48,6 +48,10 @@ class Model:
             self._check_symbols(effect)
         self._check_targets()
 
+    def __hash__(self) -> int:
+        # An effect holds mappings, which have no hash.
+        return hash((tuple(effect.id for effect in self.effects), self.starts))
+
     def starting_at(self, parameters: Mapping[str, float]) -> "Model":
         """The same model whose FMU, where nobody sets a parameter, is the device with ``parameters`` [SI].
 

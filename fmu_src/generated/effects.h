@@ -31,7 +31,9 @@ typedef struct {
     unsigned char any_law;
     unsigned char any_impulse;
     unsigned char any_rate; /* the converter asks for the rate of the voltage */
-    unsigned char any_force; /* beyond the nominal and the held ones */
+    unsigned char any_state; /* a force with states of its own acts */
+    int n_acting;            /* forces that act beyond the nominal and the held ones */
+    int acting[GYRO_N_EFFECTS]; /* these forces, by effect */
 } gyro_view;
 
 static inline double larger(double a, double b) { return a > b ? a : b; }
@@ -770,7 +772,32 @@ static inline void find_active(gyro_view *g)
     g->any_law = g->active[GYRO_EFFECT_THERMAL_LAG] || g->active[GYRO_EFFECT_DAMPING_STEP] || g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] || g->active[GYRO_EFFECT_THERMAL_DAMPING] || g->active[GYRO_EFFECT_THERMAL_GAIN] || g->active[GYRO_EFFECT_THERMAL_PHASE] || g->active[GYRO_EFFECT_THERMAL_STIFFNESS];
     g->any_impulse = g->active[GYRO_EFFECT_FRAME_ROTATION];
     g->any_rate = g->active[GYRO_EFFECT_SAMPLING_JITTER];
-    g->any_force = g->active[GYRO_EFFECT_ANGULAR_GAIN] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_FRAME_ROTATION] || g->active[GYRO_EFFECT_LINEAR_ACCELERATION] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS];
+    g->any_state = g->active[GYRO_EFFECT_PARASITIC_MODE];
+    g->n_acting = 0;
+    if (g->active[GYRO_EFFECT_ANGULAR_GAIN]) {
+        g->acting[g->n_acting++] = GYRO_EFFECT_ANGULAR_GAIN;
+    }
+    if (g->active[GYRO_EFFECT_CUBIC_STIFFNESS]) {
+        g->acting[g->n_acting++] = GYRO_EFFECT_CUBIC_STIFFNESS;
+    }
+    if (g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING]) {
+        g->acting[g->n_acting++] = GYRO_EFFECT_ELECTROSTATIC_SOFTENING;
+    }
+    if (g->active[GYRO_EFFECT_FRAME_ROTATION]) {
+        g->acting[g->n_acting++] = GYRO_EFFECT_FRAME_ROTATION;
+    }
+    if (g->active[GYRO_EFFECT_LINEAR_ACCELERATION]) {
+        g->acting[g->n_acting++] = GYRO_EFFECT_LINEAR_ACCELERATION;
+    }
+    if (g->active[GYRO_EFFECT_NONLINEAR_DAMPING]) {
+        g->acting[g->n_acting++] = GYRO_EFFECT_NONLINEAR_DAMPING;
+    }
+    if (g->active[GYRO_EFFECT_PARASITIC_MODE]) {
+        g->acting[g->n_acting++] = GYRO_EFFECT_PARASITIC_MODE;
+    }
+    if (g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS]) {
+        g->acting[g->n_acting++] = GYRO_EFFECT_QUADRATIC_STIFFNESS;
+    }
 }
 
 /* The noise stream of each effect, 0 where it draws none. It is made from the effect's id, so that a new
@@ -956,30 +983,35 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
     effect_coriolis(g, force);
     effect_damping(g, force);
     effect_suspension(g, force);
-    if (g->any_force) {
-        if (g->active[GYRO_EFFECT_ANGULAR_GAIN]) {
+    /* A list, not a row of tests: a model may have hundreds of forces of which one acts. */
+    for (int i = 0; i < g->n_acting; i++) {
+        switch (g->acting[i]) {
+        case GYRO_EFFECT_ANGULAR_GAIN:
             effect_angular_gain(g, force);
-        }
-        if (g->active[GYRO_EFFECT_CUBIC_STIFFNESS]) {
+            break;
+        case GYRO_EFFECT_CUBIC_STIFFNESS:
             effect_cubic_stiffness(g, force);
-        }
-        if (g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING]) {
+            break;
+        case GYRO_EFFECT_ELECTROSTATIC_SOFTENING:
             effect_electrostatic_softening(g, force);
-        }
-        if (g->active[GYRO_EFFECT_FRAME_ROTATION]) {
+            break;
+        case GYRO_EFFECT_FRAME_ROTATION:
             effect_frame_rotation(g, force);
-        }
-        if (g->active[GYRO_EFFECT_LINEAR_ACCELERATION]) {
+            break;
+        case GYRO_EFFECT_LINEAR_ACCELERATION:
             effect_linear_acceleration(g, force);
-        }
-        if (g->active[GYRO_EFFECT_NONLINEAR_DAMPING]) {
+            break;
+        case GYRO_EFFECT_NONLINEAR_DAMPING:
             effect_nonlinear_damping(g, force);
-        }
-        if (g->active[GYRO_EFFECT_PARASITIC_MODE]) {
+            break;
+        case GYRO_EFFECT_PARASITIC_MODE:
             effect_parasitic_mode(g, force, rate);
-        }
-        if (g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS]) {
+            break;
+        case GYRO_EFFECT_QUADRATIC_STIFFNESS:
             effect_quadratic_stiffness(g, force);
+            break;
+        default:
+            break;
         }
     }
     rate[GYRO_STATE_X] = g->s[GYRO_STATE_X_DOT];

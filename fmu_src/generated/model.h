@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{c2cf1222-2e70-a19a-c5ba-b34117efa311}"
+#define GYRO_TOKEN "{0becbd20-8c62-804a-180d-84929ad925b3}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

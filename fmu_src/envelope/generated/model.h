@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{19764b63-b5a8-f48c-5072-f66941c47c22}"
+#define GYRO_TOKEN "{b11b87b0-5519-8ca1-3720-4e33881aa12a}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
