@@ -25,7 +25,7 @@ from discrepancy.record import Floats, Record
 from discrepancy.refit import BLOCKS, Fitted, Fitter
 from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator
-from gyro_model.anatomy import Effect
+from gyro_model.anatomy import Effect, Follow, Force
 from gyro_model.model import Model
 
 CHANCE: Final = 1e-8
@@ -165,9 +165,11 @@ class Library:
 
     def excerpt(self, fitter: Fitter, at: Fitted, samples: int) -> tuple[Fitter, Fitted]:
         """``at`` on a piece of each run, where it moves most, all together so many samples: what is missing shows
-        most there."""
+        most there. It is the first piece where an effect remembers what went before."""
         number = max(1, sum(len(r.t) for r in fitter.records) // samples)
-        cut = [max(self.simulator.cut(r, number), key=lambda p: float(np.mean(p.v**4))) for r in fitter.records]
+        pieces = [self.simulator.cut(r, number)[: 1 if _remembers(fitter.simulator.model, at) else None]
+                  for r in fitter.records]  # fmt: skip
+        cut = [max(own, key=lambda p: float(np.mean(p.v**4))) for own in pieces]
         own = self.fitter(cut, fitter.blocks)
         return own, started(own, at)
 
@@ -395,6 +397,13 @@ def _in_place(library: Library, fitter: Fitter, full: Fitted, group: Sequence[st
     if best.price(variance) + EVEN < full.cost / variance + fitted * float(np.log(full.count)):
         return best.contestant.form.text
     return None
+
+
+def _remembers(model: Model, at: Fitted) -> bool:
+    """Whether an effect that is fitted in ``at`` has states of its own, which no piece has free."""
+    fitted = {free.name for free in at.free}
+    stateful = (e for e in model.effects if isinstance(e, Follow) or (isinstance(e, Force) and e.states))
+    return any(fitted & {q.name for q in e.parameters} for e in stateful)
 
 
 def strays(fitter: Fitter, at: Fitted) -> bool:
