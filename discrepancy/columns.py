@@ -69,7 +69,8 @@ class Probe:
 class Candidate:
     """An effect with its probes at one choice of shape parameters; ``searched`` are those that the refit may move.
 
-    trials: grid points of the search that it belongs to. partner: an effect without which it changes nothing.
+    trials: grid points of the search that it belongs to. partner: an effect without which it changes nothing. spacing:
+    of the grid [s], where that is one of instants.
     """
 
     effect: Effect
@@ -78,6 +79,7 @@ class Candidate:
     searched: tuple[Quantity, ...] = ()
     trials: int = 1
     partner: "Candidate | None" = None
+    spacing: float = 0.0
 
     @property
     def all_probes(self) -> tuple[Probe, ...]:
@@ -181,7 +183,9 @@ class Library:
             if probe:
                 self.kept[key] = probe, scale.target
                 probes.append(probe)
-        return [Candidate(effect, tuple(probes), shapes, searched, len(grid)) for shapes in grid] if probes else []
+        spacing = self.duration / INSTANTS if isinstance(effect, Law) and effect.event is not None else 0.0
+        own = tuple(probes)
+        return [Candidate(effect, own, s, searched, len(grid), spacing=spacing) for s in grid] if probes else []
 
     def _known(self, key: tuple[str, str], target: float) -> Probe | None:
         """The probe that was found before, for a change of ``target``: a smaller gap asks for a smaller one."""
@@ -212,16 +216,22 @@ class Library:
 
 
 def finer(candidate: Candidate) -> list[Candidate]:
-    """Grid points about that of ``candidate``, FINER times closer, where its grid is one of resonances; else none."""
+    """Grid points about that of ``candidate``, FINER times closer, where its grid is one of resonances or instants; else
+    none."""
+    own, steps = dict(candidate.shapes), np.arange(-FINER, FINER + 1)
     rates = [q for q in candidate.searched if q.unit == "Hz"]
-    if not rates:
+    if rates:
+        widths = {q.name: own[q.name] * FINER for q in candidate.searched if q.unit == "1" and q.name in own}
+        quality = next(iter(widths.values()), SEARCH_QUALITY * FINER)
+        around = [{**own, **widths, rates[0].name: float(f)} for f in own[rates[0].name] * (1 + steps / quality)]
+    elif candidate.spacing:
+        [instant] = own
+        spacing = candidate.spacing / FINER
+        around = [{instant: float(t)} for t in own[instant] + spacing * steps if t >= 0]
+    else:
         return []
-    own = dict(candidate.shapes)
-    widths = {q.name: own[q.name] * FINER for q in candidate.searched if q.unit == "1" and q.name in own}
-    quality = next(iter(widths.values()), SEARCH_QUALITY * FINER)
-    around = own[rates[0].name] * (1 + np.arange(-FINER, FINER + 1) / quality)
-    more = candidate.trials + len(around)
-    return [replace(candidate, shapes={**own, **widths, rates[0].name: float(f)}, trials=more) for f in around]
+    closer, trials = candidate.spacing / FINER, candidate.trials + len(around)
+    return [replace(candidate, shapes=shapes, trials=trials, spacing=closer) for shapes in around]
 
 
 def _linked(effect: Effect, partner: Effect) -> bool:

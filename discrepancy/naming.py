@@ -322,8 +322,9 @@ class Search:
             fits: dict[str, tuple[Fitted, Candidate]] = {}
             for candidate, result in self._stand_ins(entry):
                 self.progress(f"{candidate.effect.id} in place of {entry.id}")
-                at = self.fitter.fit(self.with_effect(base, candidate, result))
-                if at.cost < self.at.cost + EVEN * self.at.variance:
+                goal = self.at.cost + EVEN * self.at.variance
+                at = self.fitter.fit(self.with_effect(base, candidate, result), goal=goal)
+                if at.cost < goal:
                     fits[candidate.effect.id] = at, candidate
             best = min(fits.values(), key=lambda fit: fit[0].cost, default=None)
             if best is not None and best[0].cost < self.at.cost - EVEN * self.at.variance:

@@ -85,6 +85,10 @@ class Fitted:
         return len(self.free)
 
 
+HOPE: Final = 10.0
+"""Times what the next step promises, that all steps together may bring."""
+
+
 class Fitter:
     """Fits the runs ``records`` with one simulator."""
 
@@ -231,13 +235,14 @@ class Fitter:
         assert at.grams is not None
         return at.cost - float(at.grams[:, -1, -1].sum())
 
-    def fit(self, at: Fitted, rounds: int = 30) -> Fitted:
+    def fit(self, at: Fitted, rounds: int = 30, goal: float = np.inf) -> Fitted:
         """The minimum near ``at``, linearised there. ``left`` says how far it is from a minimum: above SETTLED the
-        rounds were used up or no step helped."""
+        rounds were used up, no step helped, or none could reach the ``goal``, a cost below which alone the fit
+        matters."""
         damping = 0.0
         at = self.with_grams(at) if at.cost < np.inf else at
         for _ in range(rounds):
-            if at.left < SETTLED or at.grams is None:
+            if at.left < SETTLED or at.grams is None or at.cost - HOPE * at.left * at.variance > goal:
                 break
             for _ in range(10):
                 moved = self.evaluated(self._moved(at, damping))

@@ -15,6 +15,7 @@ from gyro_model.device import Device
 from gyro_model.errors import InputError
 
 RUNS: Final = 3
+"""The last one held out."""
 TONES: Final = 40
 REACH: Final = 0.5e-6
 """Amplitude of the motion [m] that the drive aims at, rms: half that of the reference run."""
@@ -23,15 +24,24 @@ SPREAD: Final = 0.02
 
 
 def write_trial(
-    device: Device, hidden: Mapping[str, float], out: Path, *, samples: int = 8000, rate: float = 200e3, seed: int = 1
+    device: Device,
+    hidden: Mapping[str, float],
+    out: Path,
+    *,
+    runs: int = RUNS,
+    samples: int = 8000,
+    rate: float = 200e3,
+    seed: int = 1,
 ) -> Path:
-    """Writes ``RUNS`` runs of ``device`` with the parameters ``hidden`` to the folder ``out``, each driven by tones
+    """Writes ``runs`` runs of ``device`` with the parameters ``hidden`` to the folder ``out``, each driven by tones
     over both modes, at a rate of its own; gives the path of dataset.toml.
 
-    Raises InputError for an unknown parameter, fewer than 1000 samples, and where ``out`` holds a data set already.
+    Raises InputError for an unknown parameter, fewer than 1000 samples or two runs, and where ``out`` holds a data set already.
     """
     if samples < 1000:
         raise InputError(f"samples = {samples}: give at least 1000 a run")
+    if runs < 2:
+        raise InputError(f"runs = {runs}: give at least 2, the last one is held out")
     target = out / "dataset.toml"
     if target.exists():
         raise InputError(f"{target} exists: name another folder")
@@ -41,15 +51,15 @@ def write_trial(
     out.mkdir(parents=True, exist_ok=True)
     t = np.arange(samples) / rate
     with Simulator(device.model, jobs=1) as simulator:
-        for number in range(RUNS):
+        for number in range(runs):
             blank = _blank(t, _drive(t, true, rng), rng.uniform(-5, 5), rate)
-            v = simulator.run(blank, {**true, **starts, "seed": seed * RUNS + number})
+            v = simulator.run(blank, {**true, **starts, "seed": seed * runs + number})
             _table(replace(blank, v=v)).write_parquet(out / f"run-{number + 1:02d}.parquet")
     names = ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
     nominal = {name: true[name] * (1 + SPREAD * rng.uniform(-1, 1)) for name in names}
     nominal |= {name: true[name] for name in ("sense_gain_x", "sense_gain_y")}
     lines = ["format = 1", "", "[nominal]", *(f"{name} = {value!r}" for name, value in nominal.items())]
-    for number in range(RUNS):
+    for number in range(runs):
         lines += ["", "[[run]]", f'file = "run-{number + 1:02d}.parquet"', f"sample_rate = {rate!r}"]
     target.write_text("\n".join([*lines, 'role = "held-out"', ""]), encoding="utf-8")
     return target

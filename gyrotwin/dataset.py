@@ -81,6 +81,7 @@ def simulate(
     settings: Annotated[
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="What is hidden in it (SI); repeatable.")
     ] = None,
+    runs: Annotated[int, typer.Option(help="The last one is held out.")] = 3,
     samples: Annotated[int, typer.Option(help="Samples a run, at 200 kHz.")] = 8000,
     seed: Annotated[int, typer.Option(help="Seed of drive, noise and of what the lab believes.")] = 1,
 ) -> None:
@@ -88,7 +89,7 @@ def simulate(
     from discrepancy.trial_runs import write_trial
 
     hidden = {name: _number(name, text) for name, text in _pairs("--set", settings).items()}
-    path = write_trial(load_device(device), hidden, out, samples=samples, seed=seed)
+    path = write_trial(load_device(device), hidden, out, runs=runs, samples=samples, seed=seed)
     console.print(f"wrote {path}", soft_wrap=True, highlight=False, markup=False)
 
 
