@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from benchmarks.report import Options, Report, Row, Table
+from benchmarks.report import Options, Report, Row, Table, load
 from discrepancy.dataset import load_dataset
 from discrepancy.naming import diagnose
 from discrepancy.trial_runs import write_trial
@@ -80,8 +80,11 @@ def run(options: Options) -> Report:
             note += f"; {grown:g} times the data in {cost.wall_s / base.wall_s:.3g} times the time"
         rows.append(Row(what, "s", {"wall": cost.wall_s}, WITHIN_S if grown == 1 else grown * base.wall_s, note=note))
         rows.append(Row(what, "GB", {"wall": cost.memory_gb}, WITHIN_GB if grown == 1 else None))
-    text = f"One process, {os.cpu_count()} cores; hidden: {', '.join(f'{k} = {v:g}' for k, v in HIDDEN.items())}."
-    return Report("diagnosis_speed", (Table("cost of a diagnosis", tuple(rows)),), (text,))
+    notes = [
+        load(),
+        f"One process, {os.cpu_count()} cores; hidden: {', '.join(f'{k} = {v:g}' for k, v in HIDDEN.items())}.",
+    ]
+    return Report("diagnosis_speed", "What a diagnosis costs", [Table("cost of a diagnosis", rows)], notes)
 
 
 if __name__ == "__main__":

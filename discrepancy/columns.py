@@ -216,8 +216,8 @@ class Library:
 
 
 def finer(candidate: Candidate) -> list[Candidate]:
-    """Grid points about that of ``candidate``, FINER times closer, where its grid is one of resonances or instants; else
-    none."""
+    """Grid points about that of ``candidate``, FINER times closer, where its grid is one of resonances or instants;
+    else none."""
     own, steps = dict(candidate.shapes), np.arange(-FINER, FINER + 1)
     rates = [q for q in candidate.searched if q.unit == "Hz"]
     if rates:

@@ -6,7 +6,7 @@ size does not grow with the number of runs (G. H. Golub, V. Pereyra, SIAM J. Num
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -83,6 +83,15 @@ class Fitted:
     def known(self) -> int:
         """How many columns of the grams are the model's own: those before any further ones."""
         return len(self.free)
+
+
+class _Linear(NamedTuple):
+    """Of a run: grams (p, p) of each block without the states, the states' share of each column (states, p), and the
+    square of what each free parameter changes [V²]."""
+
+    grams: list[Floats]
+    fill: Floats
+    square: Floats
 
 
 HOPE: Final = 10.0
@@ -196,20 +205,26 @@ class Fitter:
 
         Steps of ``free`` that have become too large or small for their difference quotients are set anew.
         """
-        grams, fills = [], []
-        square, n = np.zeros(len(at.free)), len(at.free)
-        for run, record in enumerate(self.records):
+
+        def of_run(run: int) -> _Linear:
             parts = [self._derivatives(at, run), self.columns(at, run, extra), *([own(run)] if own else [])]
-            square += np.sum(parts[0][:n] ** 2, axis=(1, 2))
-            raw = at.whiten(np.concatenate((*parts, at.residuals[run][None])), record.valid)
-            states, rest = raw[n : n + len(self.state_names)], np.delete(raw, np.s_[n : n + len(self.state_names)], 0)
-            fill = _projection(states, rest)
-            fills.append(fill)
-            rest -= np.einsum("sp,sna->pna", fill, states)
-            for part in np.array_split(rest, self.blocks, axis=1):
-                flat = part.reshape(len(part), -1)
-                grams.append(flat @ flat.T)
+            return self._linear(at, run, np.concatenate((*parts, at.residuals[run][None])))
+
+        runs = self.simulator.each(of_run, range(len(self.records)))
+        grams, fills = [g for run in runs for g in run.grams], [run.fill for run in runs]
+        square = np.sum([run.square for run in runs], axis=0)
         return self._rescaled(replace(at, grams=np.array(grams), fill=tuple(fills)), square)
+
+    def _linear(self, at: Fitted, run: int, columns: Floats) -> "_Linear":
+        """Of the columns (p, n, axes) [V] of a run: free, states, further ones, residual."""
+        n, states = len(at.free), len(self.state_names)
+        square = np.sum(columns[:n] ** 2, axis=(1, 2))
+        raw = at.whiten(columns, self.records[run].valid)
+        own, rest = raw[n : n + states], np.delete(raw, np.s_[n : n + states], 0)
+        fill = _projection(own, rest)
+        rest -= np.einsum("sp,sna->pna", fill, own)
+        blocks = [part.reshape(len(part), -1) for part in np.array_split(rest, self.blocks, axis=1)]
+        return _Linear([flat @ flat.T for flat in blocks], fill, square)
 
     def _rescaled(self, at: Fitted, square: Floats) -> Fitted:
         """``at`` with steps that change the voltage by ``target``; square: what the present ones do, summed [V²]."""

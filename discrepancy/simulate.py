@@ -1,12 +1,12 @@
 """Simulates measured runs with the FMU, many at a time: one instance a thread, the loop over samples compiled."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from queue import SimpleQueue
 from types import TracebackType
-from typing import Final, Self
+from typing import Final, Self, TypeVar
 
 import numpy as np
 from numba import njit
@@ -28,6 +28,8 @@ OUTPUTS: Final = ("v_x", "v_y")
 ONE_AXIS: Final = {"kxy": 0.0, "dxy": 0.0}
 
 Job = tuple[Record, Mapping[str, float]]
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 _Driven = tuple[Floats, tuple[str, ...], float]
 """Inputs of each step (steps, inputs), their names, and the step [s]."""
 
@@ -72,7 +74,7 @@ class Simulator:
         self._all = [_Bench(path, {}, model) for _ in range(count)]
         for bench in self._all:
             self._benches.put(bench)
-        self._pool = ThreadPoolExecutor(count)
+        self._pool, self._callers = ThreadPoolExecutor(count), ThreadPoolExecutor(count)
         self._driven: dict[int, tuple[Record, _Driven]] = {}
 
     def __enter__(self) -> Self:
@@ -81,6 +83,7 @@ class Simulator:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._callers.shutdown(cancel_futures=True)
         self._pool.shutdown(cancel_futures=True)
         for bench in self._all:
             bench.close()
@@ -113,6 +116,10 @@ class Simulator:
             return v if np.isfinite(v).all() else None
 
         return list(self._pool.map(attempt, jobs))
+
+    def each(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+        """``function`` of each item, in parallel; it may simulate, which runs on threads of its own."""
+        return list(self._callers.map(function, items))
 
     def cut(self, record: Record, number: int) -> tuple[Record, ...]:
         """``record`` in ``number`` records of equal length, each under the force that it has in the whole."""

@@ -36,7 +36,8 @@ def write_trial(
     """Writes ``runs`` runs of ``device`` with the parameters ``hidden`` to the folder ``out``, each driven by tones
     over both modes, at a rate of its own; gives the path of dataset.toml.
 
-    Raises InputError for an unknown parameter, fewer than 1000 samples or two runs, and where ``out`` holds a data set already.
+    Raises InputError for an unknown parameter, fewer than 1000 samples or two runs, and where ``out`` holds a data set
+    already.
     """
     if samples < 1000:
         raise InputError(f"samples = {samples}: give at least 1000 a run")

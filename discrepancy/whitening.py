@@ -213,19 +213,69 @@ def _rises(residuals: Sequence[Floats], valid: Sequence[Bools]) -> bool:
 @njit(cache=True, nogil=True)
 def _gains(transition, drift, start, seen, gains, roots):  # type: ignore[no-untyped-def]
     """Fills gains and roots until they stay; gives how many samples that took."""
-    axes = len(seen)
-    covariance = start.copy()
+    # Loops, since products of such small matrices are mostly calls; entries that are zero are left out.
+    axes, size = seen.shape
+    column, count = _places(transition)
+    covariance, moved = start.copy(), np.zeros((size, size))
+    cross, innovation = np.zeros((size, axes)), np.zeros((axes, axes))
     for k in range(len(gains)):
-        innovation = seen @ covariance @ seen.T + np.eye(axes)
-        gain = covariance @ seen.T @ np.linalg.inv(innovation)
-        gains[k] = gain
-        roots[k] = np.linalg.inv(np.linalg.cholesky(innovation))
-        if k > 0 and np.abs(gain - gains[k - 1]).max() < STEADY * np.abs(gain).max():
+        for i in range(size):
+            for a in range(axes):
+                total = 0.0
+                for j in range(size):
+                    total += covariance[i, j] * seen[a, j]
+                cross[i, a] = total
+        for a in range(axes):
+            for b in range(axes):
+                total = 1.0 if a == b else 0.0
+                for j in range(size):
+                    total += seen[a, j] * cross[j, b]
+                innovation[a, b] = total
+        root = np.linalg.inv(np.linalg.cholesky(innovation))
+        roots[k] = root
+        change, largest = 0.0, 0.0
+        for i in range(size):
+            for a in range(axes):
+                total = 0.0
+                for b in range(axes):
+                    for c in range(axes):
+                        total += cross[i, b] * root[c, b] * root[c, a]
+                gains[k, i, a] = total
+                largest = max(largest, abs(total))
+                if k > 0:
+                    change = max(change, abs(total - gains[k - 1, i, a]))
+        if k > 0 and change < STEADY * largest:
             return k + 1
-        after = covariance - gain @ seen @ covariance
-        covariance = transition @ after @ transition.T + drift
-        covariance = 0.5 * (covariance + covariance.T)
+        for i in range(size):
+            for j in range(size):
+                for a in range(axes):
+                    covariance[i, j] -= gains[k, i, a] * cross[j, a]
+        for i in range(size):
+            for j in range(size):
+                total = 0.0
+                for place in range(count[i]):
+                    total += transition[i, column[i, place]] * covariance[column[i, place], j]
+                moved[i, j] = total
+        for i in range(size):
+            for j in range(i + 1):
+                total = drift[i, j]
+                for place in range(count[j]):
+                    total += moved[i, column[j, place]] * transition[j, column[j, place]]
+                covariance[i, j] = covariance[j, i] = total
     return len(gains)
+
+
+@njit(cache=True, nogil=True)
+def _places(matrix):  # type: ignore[no-untyped-def]
+    """Of each row the columns that are not zero, and how many there are."""
+    size = len(matrix)
+    column, count = np.zeros((size, size), np.int64), np.zeros(size, np.int64)
+    for i in range(size):
+        for j in range(size):
+            if matrix[i, j] != 0:
+                column[i, count[i]] = j
+                count[i] += 1
+    return column, count
 
 
 @njit(cache=True, nogil=True)
@@ -233,13 +283,7 @@ def _filter(transition, seen, gains, roots, v, valid, out):  # type: ignore[no-u
     columns, n, axes = v.shape
     size = len(transition)
     # Lags stand alone: a product with zeros would take most of the time.
-    used = np.zeros((size, size), np.int64)
-    count = np.zeros(size, np.int64)
-    for i in range(size):
-        for j in range(size):
-            if transition[i, j] != 0:
-                used[i, count[i]] = j
-                count[i] += 1
+    used, count = _places(transition)
     for c in range(columns):
         state, moved, error = np.zeros(size), np.zeros(size), np.zeros(axes)
         for k in range(n):

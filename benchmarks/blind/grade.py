@@ -100,22 +100,27 @@ def _formula(label: Mapping[str, Any], findings: list[Mapping[str, Any]]) -> boo
     """Of a term in no file: whether the forces of all findings together are the true one on the motion."""
     if label["kind"] != "unknown":
         return None
-    texts = [[f.get(f"force_{axis}", "0") or "0" for f in findings] for axis in "xy"]
     points = np.array(label["points"])
     try:
-        said = np.concatenate([sum((_values(text, points) for text in axis), np.zeros(len(points))) for axis in texts])
+        said = np.concatenate([sum((_said(f, axis, points) for f in findings), np.zeros(len(points))) for axis in "xy"])
     except (sympy.SympifyError, TypeError, NameError, SyntaxError):
         return False
     size = label["parameters"]["c"]
-    true = np.concatenate([_values(label[f"force_{axis}"], points, c=size) for axis in "xy"])
+    true = np.concatenate([_values(label[f"force_{axis}"], points, {"c": size}) for axis in "xy"])
     said, true = _nonlinear(said, points), _nonlinear(true, points)
     length = float(np.linalg.norm(said) * np.linalg.norm(true))
     return bool(length > 0 and said @ true > ALIKE * length)
 
 
-def _values(text: str, points: np.ndarray, c: float = 0.0) -> np.ndarray:
+def _said(finding: Mapping[str, Any], axis: str, points: np.ndarray) -> np.ndarray:
+    """The force of a finding on an axis, its parameters at the values that it gives."""
+    parameters = {name: entry["value"] for name, entry in finding.get("parameters", {}).items()}
+    return _values(finding.get(f"force_{axis}") or "0", points, parameters)
+
+
+def _values(text: str, points: np.ndarray, parameters: Mapping[str, float]) -> np.ndarray:
     symbols = sympy.symbols(STATES, real=True)
-    names = dict(zip(STATES, symbols, strict=True)) | {"c": sympy.Float(c)}
+    names = dict(zip(STATES, symbols, strict=True)) | {name: sympy.Float(v) for name, v in parameters.items()}
     function = sympy.lambdify(symbols, sympy.sympify(text, locals=names), "numpy")
     return np.broadcast_to(function(*points.T), len(points)).astype(float)
 

@@ -368,6 +368,7 @@ def test_grade_of_intervals_and_misfit() -> None:
     [
         ("-3.1*x**5", True, True),
         ("-3.1*x**5 + 40*x", True, True),
+        ("-discovered_1_x*x**5", True, True),
         ("-2*x**2", True, False),
         ("nonsense(", True, False),
     ],
@@ -376,7 +377,8 @@ def test_grade_of_discovered_terms(text: str, right: bool, formula: bool) -> Non
     points = np.random.default_rng(0).normal(size=(200, 6)).tolist()
     label = {"kind": "unknown", "effects": [], "parameters": {"c": 3.0}, "force_x": "-c*x**5", "force_y": "0",
              "points": points}  # fmt: skip
-    found = result_of(label, [said("discovered_1", force_x=text, force_y="0")])
+    finding = said("discovered_1", force_x=text, force_y="0") | {"parameters": {"discovered_1_x": {"value": 3.1}}}
+    found = result_of(label, [finding])
     assert (found.right, found.formula) == (right, formula)  # type: ignore[attr-defined]
     assert not result_of(label, [said("cubic_stiffness")]).right  # type: ignore[attr-defined]
     assert not result_of(label, [], "nothing missing").right  # type: ignore[attr-defined]
