@@ -21,6 +21,8 @@ from discrepancy.record import Floats
 from discrepancy.refit import Fitted, Fitter
 from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator
+from gyro_model.anatomy import Follow, Force
+from gyro_model.model import Model
 
 CHANCE: Final = 1e-8
 """Probability of one test by chance at which a term counts as significant: with some 300 tests a search, 400 null sets
@@ -104,9 +106,11 @@ class Terms:
 
     def excerpt(self, fitter: Fitter, at: Fitted, samples: int) -> tuple[Fitter, Fitted]:
         """``at`` on a piece of each run, where it moves most, all together so many samples: what is missing shows
-        most there."""
+        most there. It is the first piece where an effect remembers what went before."""
         number = max(1, sum(len(r.t) for r in fitter.records) // samples)
-        cut = [max(self.simulator.cut(r, number), key=lambda p: float(np.mean(p.v**4))) for r in fitter.records]
+        pieces = [self.simulator.cut(r, number)[: 1 if _remembers(fitter.simulator.model, at) else None]
+                  for r in fitter.records]  # fmt: skip
+        cut = [max(own, key=lambda p: float(np.mean(p.v**4))) for own in pieces]
         own = Fitter(self.simulator, cut, fitter.blocks)
         return own, started(own, at)
 
@@ -201,6 +205,13 @@ class Terms:
         entries = ranked([self.refitted(fitter, at, c) for c in short])
         # A part that earns nothing costs its term about a dozen: more than two terms are seldom so close.
         return ranked([self.pruned(fitter, at, e) for e in entries[:2]]) + entries[2:]
+
+
+def _remembers(model: Model, at: Fitted) -> bool:
+    """Whether an effect that is fitted in ``at`` has states of its own, which no piece has free."""
+    fitted = {free.name for free in at.free}
+    stateful = (e for e in model.effects if isinstance(e, Follow) or (isinstance(e, Force) and e.states))
+    return any(fitted & {q.name for q in e.parameters} for e in stateful)
 
 
 def ranked(entries: Sequence[Entry]) -> list[Entry]:

@@ -175,7 +175,7 @@ def test_interrupted_after_a_further_search_resumes_with_the_same_answer(tmp_pat
 
 
 def test_interrupted_search_resumes_with_the_same_answer(tmp_path: Path) -> None:
-    data, file = made({"feedthrough": 8.0}), tmp_path / "search.json"
+    data, file = made({"feedthrough": 8.0}, samples=SHORT), tmp_path / "search.json"
     whole = diagnose(data, MODEL, checkpoint=file)
     assert not file.exists()
 

@@ -30,7 +30,7 @@ from discrepancy.simulate import Simulator
 from gyro_model.build import Fmus, token_of
 from gyro_model.device import load_device, write_device
 from gyro_model.model import load_model
-from gyrotwin import diagnose
+from gyrotwin import diagnose, diagnosis_report
 from gyrotwin.cli import main
 from gyrotwin.interrupt import Interrupted
 from gyrotwin.numbers import hertz, uncertain
@@ -462,3 +462,10 @@ def test_numbers() -> None:
     assert uncertain(0.0, -1e-3, 1e-3) == "0.0 ± 0.001"
     assert uncertain(2e-6, 2e-6, 2e-6) == "2e-06"
     assert [hertz(f) for f in (6.95, 2459.05, 12968.0)] == ["6.95 Hz", "2459 Hz", "12.97 kHz"]
+
+
+def test_the_page_says_what_an_effect_cannot_be_told_from(tmp_path: Path) -> None:
+    (tmp_path / "quintic.py").write_text(QUINTIC)
+    shown = diagnosis_report._rivals(load_model(tmp_path), ["quintic", "drive_feedthrough"], 2)
+    # A feedthrough is no force.
+    assert shown == {"quintic": "F_x = -k5·x^5", "drive_feedthrough": ""}
