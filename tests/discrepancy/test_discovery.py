@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from sympy import Expr, sympify
 
+from discrepancy import discovery
+from discrepancy.continuation import cut, started
 from discrepancy.discovery import Discovery, discover
 from discrepancy.effect_file import joined, write_effect
 from discrepancy.library import SIGNALS, forms, known
@@ -107,6 +109,24 @@ def test_finds_the_formula(term: str, simulator: Simulator, tmp_path: Path) -> N
     for axis, wanted in (("x", on_x), ("y", on_y)):
         assert same_term(found.forces[f"force_{axis}"], wanted), found.forces
     hold_as_effects(found, tmp_path / "found")
+
+
+def test_finds_it_over_pieces_where_the_whole_is_out_of_step(
+    simulator: Simulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def halves(whole: Fitter, at: Fitted, _: float) -> tuple[Fitter, Fitted]:
+        fitter = cut(whole, 2)
+        return fitter, fitter.fit(started(fitter, at), 3)
+
+    monkeypatch.setattr(discovery, "IN_STEP", 0.0)
+    monkeypatch.setattr(discovery, "settled", halves)
+    unit, on_x, on_y, true = TERMS["gap"]
+    (tmp_path / "hidden.py").write_text(HIDDEN.format(unit=unit, x=on_x, y=on_y), encoding="utf-8")
+    records = runs(load_model(tmp_path), {"hidden_size": true})
+    found = discover(*refitted(simulator, records), tmp_path / "found")
+    assert found is not None
+    assert same_term(found.forces["force_x"], on_x), found.forces
+    assert same_term(found.forces["force_y"], on_y), found.forces
 
 
 def same_term(found: str, wanted: str) -> bool:
