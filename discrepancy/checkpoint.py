@@ -3,7 +3,7 @@
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
@@ -12,13 +12,14 @@ from discrepancy.answer import Step
 from discrepancy.columns import Candidate, Probe
 from discrepancy.continuation import cut
 from discrepancy.dataset import Dataset
+from discrepancy.effect_file import write_text
 from discrepancy.refit import Fitted, Fitter, Free
 from discrepancy.score import Score
 from discrepancy.whitening import Setting
 from gyro_model.build import model_token
 from gyro_model.model import Model
 
-FORMAT: Final = 1
+FORMAT: Final = 2
 
 
 def digest(dataset: Dataset, model: Model, settings: Mapping[str, Any]) -> str:
@@ -71,6 +72,16 @@ def fit_from(whole: Fitter, state: Mapping[str, Any]) -> tuple[Fitter, Fitted]:
     whiten = fitter.whitener(parameters, Setting(**state["setting"]))
     free = tuple(Free(**entry) for entry in state["free"])
     return fitter, fitter.with_grams(fitter.evaluated(Fitted(parameters, tuple(state["starts"]), free, whiten, ())))
+
+
+def terms_state(terms: Sequence[Sequence[Path]]) -> list[dict[str, str]]:
+    """What ``terms_from`` needs: of each further search, its effect files whole, by name."""
+    return [{path.name: path.read_text(encoding="utf-8") for path in files} for files in terms]
+
+
+def terms_from(state: Sequence[Mapping[str, str]], folder: Path) -> list[tuple[Path, ...]]:
+    """The effect files of ``terms_state``, written to ``folder``. Raises InputError where that can't be."""
+    return [tuple(write_text(folder / name, text) for name, text in files.items()) for files in state]
 
 
 def candidate_state(candidate: Candidate) -> dict[str, Any]:

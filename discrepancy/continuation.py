@@ -29,13 +29,14 @@ SLIP: Final = 2.0
 off at any length."""
 
 
-def settled(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
+def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, Fitted]:
     """``at`` fitted and whitened: over the whole runs, or, where no such fit stays in step, over the longest pieces
-    that do, with the fitter of those pieces. ``at`` may come from pieces or from the whole."""
+    that do, with the fitter of those pieces. ``at`` may come from pieces or from the whole; enough: residual over
+    signal below which a fit of the whole is not questioned."""
     # Under the filter of an earlier, larger gap a fit would predict a sample ahead and not care where the motion goes.
     at = replace(at, whiten=whole.plain(at.parameters))
     direct = whitened(whole, whole.fit(started(whole, at)))
-    if whole.off(direct) < ASTRAY:
+    if whole.off(direct) < enough:
         return whole, direct
     best = whole, direct
     now: Fitted | None = None

@@ -2,7 +2,7 @@
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple, get_args
 
@@ -12,7 +12,7 @@ from discrepancy.record import Floats, Hold, Record, Role, make_record
 from discrepancy.table import SUFFIXES, read_columns
 from gyro_model.device import check_passive
 from gyro_model.errors import InputError, nearest
-from gyro_model.model import load_model
+from gyro_model.model import Model, load_model
 
 __all__ = ["Dataset", "Record", "load_dataset", "make_record"]
 
@@ -32,7 +32,7 @@ Y_ONLY: Final = ("kyy", "kxy", "dyy", "dxy", "sense_gain_y", "y_start", "y_dot_s
 @dataclass(frozen=True)
 class Dataset:
     """What a lab measured and believes. nominal: by FMU parameter name, SI, complete for the axes measured; notes:
-    what was assumed, for the reader.
+    what was assumed, for the reader; model: whose parameters ``nominal`` may name.
 
     Raises InputError where runs differ in axes, none is left to fit, or a nominal value is missing or impossible.
     """
@@ -41,6 +41,7 @@ class Dataset:
     nominal: Mapping[str, float]
     records: tuple[Record, ...]
     notes: tuple[str, ...] = ()
+    model: Model = field(default_factory=load_model, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not self.records:
@@ -72,7 +73,7 @@ class Dataset:
         return tuple(record for record in self.records if record.role == "held-out")
 
     def _check_nominal(self) -> None:
-        model = load_model()
+        model = self.model
         for name in NEEDED[self.axes]:
             if name not in self.nominal:
                 unit = model.parameter(name).unit
@@ -86,9 +87,10 @@ class Dataset:
             check_passive(self.nominal)
 
 
-def load_dataset(path: Path, device: Mapping[str, float] | None = None) -> Dataset:
+def load_dataset(path: Path, device: Mapping[str, float] | None = None, model: Model | None = None) -> Dataset:
     """Reads the data set in the folder ``path`` (or its dataset.toml). ``device``: parameters that stand where
-    [nominal] names none. Raises InputError, one line with the remedy, for anything wrong in it."""
+    [nominal] names none; ``model``: whose parameters it may name, by default the packaged effects'. Raises InputError,
+    one line with the remedy, for anything wrong in it."""
     file = path / FILE if path.is_dir() else path
     if not file.is_file():
         raise InputError(f"data set {path}: there is no {FILE}; `gyrotwin dataset init` writes one")
@@ -97,12 +99,12 @@ def load_dataset(path: Path, device: Mapping[str, float] | None = None) -> Datas
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
         raise InputError(f"data set {file}: not TOML: {error}") from None
     try:
-        return _dataset(file.parent, content, dict(device or {}))
+        return _dataset(file.parent, content, dict(device or {}), model or load_model())
     except InputError as error:
         raise InputError(f"data set {file}: {error}") from None
 
 
-def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float]) -> Dataset:
+def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float], model: Model) -> Dataset:
     _refuse_unknown(content, ("format", "nominal", "run"), "key")
     if content.get("format") != FORMAT or isinstance(content["format"], bool):
         raise InputError(f"format = {content.get('format')!r}: this program reads format = {FORMAT}")
@@ -110,7 +112,7 @@ def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float])
     if not isinstance(nominal, dict):
         raise InputError(f"nominal = {nominal!r}: make it a table [nominal]")
     for name, value in nominal.items():
-        load_model().parameter(name).check(value)
+        model.parameter(name).check(value)
     if not (isinstance(runs, list) and all(isinstance(run, dict) for run in runs)):
         raise InputError("run is no list of tables: write [[run]] with double brackets")
     entries, notes = _with_roles([_entry(number, run) for number, run in enumerate(runs, 1)])
@@ -118,7 +120,7 @@ def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float])
     records = tuple(record for record, _ in read)
     axes = records[0].axes if records else 2
     complete, more = _completed(device | nominal, axes)
-    return Dataset(folder, complete, records, (*notes, *more, *(note for _, note in read if note)))
+    return Dataset(folder, complete, records, (*notes, *more, *(note for _, note in read if note)), model)
 
 
 class _Entry(NamedTuple):

@@ -1,6 +1,6 @@
 """A term that was found, as the text of an effect file, and where it was seen to hold."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -13,7 +13,7 @@ from discrepancy.record import Record
 from discrepancy.refit import Fitted, Fitter
 from gyro_model.anatomy import Effect, Force
 from gyro_model.errors import InputError
-from gyro_model.model import load_model
+from gyro_model.model import Model, load_model
 
 UNITS: Final = {"x": "m", "y": "m", "x_dot": "m/s", "y_dot": "m/s", "u_x": "N", "u_y": "N"}
 
@@ -53,14 +53,29 @@ EFFECT = Force(
 def write_effect(form: Form, folder: Path, peaks: Mapping[str, float]) -> tuple[Effect, Path]:
     """Writes ``form`` as an effect file to ``folder``; gives the effect as loaded from there. peaks: largest |signal|
     seen, by name, SI. Raises InputError where the folder can't be written."""
-    path = folder / f"{form.id}.py"
+    path = write_text(folder / f"{form.id}.py", effect_text(form, peaks))
+    return load_effect(path), path
+
+
+def write_text(path: Path, text: str) -> Path:
+    """Writes an effect file, and its folder where there is none. Raises InputError where that can't be."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        path.write_text(effect_text(form, peaks), encoding="utf-8")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"effect file {path}: can't be written ({error}); choose another folder") from None
+    return path
+
+
+def load_effect(path: Path) -> Effect:
+    """The effect of a file. Raises InputError where it is none."""
     # Past the cache: a folder that was loaded before holds a new file now.
-    return load_model.__wrapped__(folder).effect(form.id), path
+    return load_model.__wrapped__(path.parent).effect(path.stem)
+
+
+def joined(model: Model, effects: Iterable[Effect]) -> Model:
+    """The model with further effects, in the order of ``load_model``."""
+    return Model(tuple(sorted((*model.effects, *effects), key=lambda e: (not e.nominal, e.id))), model.starts)
 
 
 def effect_text(form: Form, peaks: Mapping[str, float]) -> str:

@@ -1,10 +1,11 @@
 """Names the effects that a model lacks: score all, refit the best, accept, repeat, then question each again."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Protocol
 
 from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
@@ -15,6 +16,7 @@ from discrepancy.assemble import assemble
 from discrepancy.columns import Candidate, Library, finer, nameable
 from discrepancy.continuation import IN_STEP, settled
 from discrepancy.dataset import Dataset
+from discrepancy.effect_file import joined, load_effect
 from discrepancy.limits import clip_level, masked
 from discrepancy.refit import Fitted, Fitter, Free
 from discrepancy.scan import CHANCE, MATERIAL, SIMPLER, Scan, Scored, best_of, sure
@@ -36,15 +38,21 @@ Progress = Callable[[str], None]
 
 
 class Wider(NamedTuple):
-    """A model with one effect more, for what is left or for what the ``wrong`` names explain badly."""
+    """What a further search changes. wrong: names to give up; files: effect files of a term for what is left, or for
+    what those names explain badly, then of others that the search could not tell from it; empty: the model stays, and
+    an effect that it has gets its turn."""
 
-    model: Model
+    files: tuple[Path, ...] = ()
     wrong: tuple[str, ...] = ()
 
 
-Further = Callable[[Fitter, Fitted, Sequence[str], int], Wider | None]
-"""A search for terms that are in no effect file, of a fit, the effects named in it and a number; None where there is
-none."""
+class Further(Protocol):
+    """A search for terms that are in no effect file, which keeps those it finds in ``folder``."""
+
+    folder: Path
+
+    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str]) -> Wider | None:
+        """What it finds beside the effects ``named`` in the fit ``at``, or in their place; None where nothing is."""
 
 
 @dataclass(frozen=True)
@@ -82,25 +90,32 @@ def diagnose(
 
     max_effects: at most so many are named; jobs: threads; seed: names the search (it draws nothing at random);
     progress: called with one line a step; checkpoint: a file that holds the search after each step, from which an
-    interrupted one resumes, removed at the end; further: called with the answer until it finds no more; what it adds
-    to the model is scored, refitted and questioned beside all effects.
+    interrupted one resumes, removed at the end; further: called with the answer, at most ``max_effects`` times, until
+    it finds no more; what it adds to the model is scored, refitted and questioned beside all effects.
     Raises InputError where the FMU can't be built or refuses the nominal values.
     """
     with ExitStack() as stack:
         # Products of thin matrices: threads of their own make them slower, many times where cores are shared.
         stack.enter_context(threadpool_limits(1, "blas"))
-        simulator = stack.enter_context(Simulator(model, jobs))
-        key = store.digest(dataset, model, {"max_effects": max_effects, "seed": seed}) if checkpoint else ""
-        search = Search(simulator, dataset, progress or (lambda _: None))
+
+        def simulator(model: Model, terms: Iterable[Path]) -> Simulator:
+            return stack.enter_context(Simulator(joined(model, map(load_effect, terms)), jobs))
+
+        settings = {"max_effects": max_effects, "seed": seed, "further": further is not None}
+        key = store.digest(dataset, model, settings) if checkpoint else ""
+        state = store.load(checkpoint, key)
+        terms = store.terms_from(state["terms"], further.folder) if state and further else []
+        search = Search(simulator(model, chain(*terms)), dataset, progress or (lambda _: None), terms)
         if checkpoint is not None:
             search.keep = lambda state: store.save(checkpoint, key, state)
-        search.run(max_effects, store.load(checkpoint, key))
-        for number in range(1, max_effects + 1 if further else 1):
-            wider = further(search.fitter, search.at, [a.id for a in search.accepted], number) if further else None
+        search.run(max_effects, state)
+        while further and len(search.terms) < max_effects and not search.in_vain:
+            wider = further(search.fitter, search.at, [a.id for a in search.accepted])
             if wider is None:
                 break
             search.give_up(wider.wrong)
-            search.widen(stack.enter_context(Simulator(wider.model, jobs)), max_effects)
+            own = search.simulator
+            search.widen(simulator(own.model, wider.files) if wider.files else own, wider.files, max_effects)
         found = assemble(search)
     if checkpoint is not None:
         checkpoint.unlink(missing_ok=True)
@@ -108,10 +123,13 @@ def diagnose(
 
 
 class Search:
-    """The state of a search: what is accepted, and the model fitted with it (``at``, over the runs of ``fitter``)."""
+    """The state of a search: what is accepted, and the model fitted with it (``at``, over the runs of ``fitter``);
+    ``terms``: by further search, the files of what it added to the model."""
 
-    def __init__(self, simulator: Simulator, dataset: Dataset, progress: Progress) -> None:
-        self.simulator, self.progress = simulator, progress
+    def __init__(
+        self, simulator: Simulator, dataset: Dataset, progress: Progress, terms: Sequence[tuple[Path, ...]] = ()
+    ) -> None:
+        self.simulator, self.progress, self.terms = simulator, progress, list(terms)
         self.at: Fitted
         self.keep: Callable[[Mapping[str, Any]], None] | None = None
         self.refitted_state: Mapping[str, Any] | None = None
@@ -155,26 +173,40 @@ class Search:
         else:
             self._restore(state)
             self.progress(f"resumed with {', '.join(a.id for a in self.accepted) or 'nominal parameters fitted'}")
-        self._extend(max_effects)
-        self._delete()
-        self._exchange()
+        self._finish(max_effects)
 
     def give_up(self, wrong: Sequence[str]) -> None:
         """Takes effects out of the model for good."""
         for entry in [a for a in self.accepted if a.id in wrong]:
-            self.progress(f"gave up {entry.id}: a term that is in no file fits better")
+            self.progress(f"gave up {entry.id}: another term fits better in its place")
             self.accepted.remove(entry)
             self.at = self.without_effect(self.at, entry)
         self.refused |= set(wrong)
 
-    def widen(self, simulator: Simulator, max_effects: int) -> None:
-        """Goes on with the model of ``simulator``, which has all effects of the present one and more."""
-        self.simulator, self.keep = simulator, None
+    def widen(self, simulator: Simulator, files: tuple[Path, ...], max_effects: int) -> None:
+        """Goes on with the model of ``simulator``: the present one and the effects of ``files``."""
+        self.simulator = simulator
+        self.terms.append(files)
         self._take(self.dataset)
         self._settle(self.at)
+        self._save()
+        self._finish(max_effects)
+
+    @property
+    def in_vain(self) -> bool:
+        """Whether the last further search added what was not accepted."""
+        last = self.terms[-1] if self.terms else ()
+        return bool(last) and not {path.stem for path in last} & {a.id for a in self.accepted}
+
+    def _finish(self, max_effects: int) -> None:
         self._extend(max_effects)
-        self._exchange()
-        self._delete()
+        if self.terms:
+            # A term in no file may make a name needless: first each is held against the others.
+            self._exchange()
+            self._delete()
+        else:
+            self._delete()
+            self._exchange()
 
     def _extend(self, max_effects: int) -> None:
         """Accepts effects until none is worth it."""
@@ -192,6 +224,8 @@ class Search:
         if self.keep is None:
             return
         state = {
+            "terms": store.terms_state(self.terms),
+            "refused": sorted(self.refused),
             "clip": self.clip,
             "at": store.fit_state(self.whole, self.fitter, self.at),
             "refitted": self.refitted_state or store.fit_state(self.whole, self.fitter, self.refitted),
@@ -208,6 +242,7 @@ class Search:
         if state["clip"] is not None and self.clip is None:
             self._take_clipped(state["clip"])
         self.fitter, self.at = store.fit_from(self.whole, state["at"])
+        self.refused = set(state["refused"])
         self.refitted_state = state["refitted"]
         _, self.refitted = store.fit_from(self.whole, state["refitted"])
         self.accepted = [Accepted(store.candidate_from(model, c), share, {}) for c, share in state["accepted"]]
@@ -257,7 +292,10 @@ class Search:
 
     def _accept(self) -> bool:
         """Takes the best effect that is both significant and material into the model; False where there is none."""
-        worth = [(c, s) for c, s in best_of(self.scored) if sure(c, s) and s.share >= MATERIAL]
+        # What a further search could not tell from its term comes in only in its place.
+        alike = {path.stem for files in self.terms for path in files[1:]}
+        worth = [(c, s) for c, s in best_of(self.scored)
+                 if sure(c, s) and s.share >= MATERIAL and c.effect.id not in alike]  # fmt: skip
         if not worth:
             return False
         rivals = self._close(worth)

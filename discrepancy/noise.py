@@ -116,8 +116,8 @@ def _white(at: Fitted, records: Sequence[Record], white: Noise, clock: Level | N
 def flicker(at: Fitted, records: Sequence[Record]) -> Level | None:
     """Size a [V/√Hz at 1 Hz] of a one-sided density a²/f, by the filter that whitens the residual."""
     setting, period = at.whiten.setting, 1 / records[0].sample_rate
-    found = _tuned(at, records, setting.corner, lambda corner: replace(setting, corner=corner))
-    return _scaled(found, lambda corner, variance: float(np.sqrt(2 * variance * period * corner)))
+    return _tuned(at, records, setting.corner, lambda corner: replace(setting, corner=corner),
+                  lambda corner, variance: float(np.sqrt(2 * variance * period * corner)))  # fmt: skip
 
 
 def jitter(at: Fitted, records: Sequence[Record]) -> Level | None:
@@ -146,20 +146,24 @@ def jitter(at: Fitted, records: Sequence[Record]) -> Level | None:
 def thermal(at: Fitted, records: Sequence[Record]) -> Level | None:
     """Size of the thermal force (1: physical), by the filter that whitens the residual."""
     setting, period, p = at.whiten.setting, 1 / records[0].sample_rate, at.parameters
-    found = _tuned(at, records, setting.bandwidth, lambda bandwidth: replace(setting, bandwidth=bandwidth))
     axes = records[0].axes
     seen = [p[f"sense_gain_{axis}"] ** 2 * p[f"d{axis}{axis}"] for axis in "xy"[:axes]]
     kelvin = float(np.mean([np.mean(r.conditions.get("temperature", p.get("t_ref", 298.15))) for r in records]))
     # The filter's drift of the velocity, 4 b² T² r w² d/mean(d G²), is 2 kB T_K d T/m² times the square of the size.
     unit = np.sqrt(2 * period * top_rate(p, axes) / (BOLTZMANN * kelvin * np.mean(seen))) * p["m"]
-    return _scaled(found, lambda bandwidth, variance: float(unit * np.sqrt(variance) * bandwidth))
+    return _tuned(at, records, setting.bandwidth, lambda bandwidth: replace(setting, bandwidth=bandwidth),
+                  lambda bandwidth, variance: float(unit * np.sqrt(variance) * bandwidth))  # fmt: skip
 
 
 def _tuned(
-    at: Fitted, records: Sequence[Record], guess: float, setting: Callable[[float], Setting]
-) -> list[tuple[float, float]] | None:
-    """The likeliest value of a part of the filter, and the ends of its 95 % interval, each with the variance of the
-    white noise beside it; None where the part is off."""
+    at: Fitted,
+    records: Sequence[Record],
+    guess: float,
+    setting: Callable[[float], Setting],
+    size: Callable[[float, float], float],
+) -> Level | None:
+    """The likeliest size of a noise that the filter takes out. guess: the part of the filter that makes it, None where
+    that is off; setting: the filter with another such part; size: from the part and the variance of the white noise."""
     if guess == 0:
         return None
     valid, period = [r.valid for r in records], 1 / records[0].sample_rate
@@ -172,14 +176,14 @@ def _tuned(
     room = (middle - NEIGHBOUR, middle + NEIGHBOUR)
     best = float(minimize_scalar(lambda x: under(float(x))[0], bounds=room, method="bounded",
                                  options={"xatol": 0.02}).x)  # fmt: skip
-    rises = [max(under(best + side)[0] - under(best)[0], 1e-3) for side in (-ASIDE, ASIDE)]
-    width = ASIDE * float(np.sqrt(2 * WITHIN / sum(rises)))
-    logs = (best, best - width, best + width)
-    return [(float(np.exp(x)), under(best)[1]) for x in logs]
-
-
-def _scaled(found: list[tuple[float, float]] | None, size: Callable[[float, float], float]) -> Level | None:
-    return Level(*(size(value, variance) for value, variance in found)) if found else None
+    sides = (best - ASIDE, best + ASIDE)
+    curvature = max(sum(under(x)[0] - under(best)[0] for x in sides), 1e-3) / ASIDE**2
+    low, value, high = (size(float(np.exp(x)), under(x)[1]) for x in (sides[0], best, sides[1]))
+    # Part and level are not known apart: along the likeliest level of each part the size may hardly change, while for a
+    # given part count samples leave it sure to one over the root of twice their number.
+    slope, count = float(np.log(high / low)) / (2 * ASIDE), sum(int(u.sum()) for u in valid) * records[0].axes
+    width = float(np.sqrt(2 * WITHIN * (slope**2 / curvature + 0.25 / count)))
+    return Level(value, value * float(np.exp(-width)), value * float(np.exp(width)))
 
 
 def _likeliest(cost: Callable[[float], float], guess: float) -> Level | None:

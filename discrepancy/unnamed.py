@@ -5,13 +5,14 @@ where every name stands, from the fit as it is, if that leaves anything but nois
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from discrepancy.discovery import Rivals, discover, rivals
+from discrepancy.discovery import discover
 from discrepancy.locate import located
 from discrepancy.naming import Wider
 from discrepancy.refit import Fitted, Fitter
+from discrepancy.refutation import rivals, without
 
 
 @dataclass
@@ -20,31 +21,21 @@ class TermSearch:
 
     folder: Path
     progress: Callable[[str], None] = lambda _: None
-    tried: list[str] = field(default_factory=list)
 
-    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], number: int) -> Wider | None:
-        """The model of ``fitter`` with one effect more, None where there is none to add. Raises InputError where the
-        FMU can't be built or the folder not written."""
-        if self.tried and self.tried[-1] not in named:
-            return None
-        against = rivals(fitter, at, named, self.progress) if named else Rivals({}, {})
-        wrong = against.names
+    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str]) -> Wider | None:
+        """The term, or the wrong names alone where an effect of the model fits best in their place; None where there
+        is neither. Raises InputError where the FMU can't be built or the folder not written."""
+        against = rivals(fitter, at, named, self.progress)
+        wrong = tuple(against.names)
         start = without(fitter, at, wrong) if wrong else at
         if not (wrong or against.beside or is_open(fitter, start)):
             return None
         found = discover(fitter, start, self.folder, self.progress)
-        if found is None or found.known:
+        if found is None:
             return None
-        self.tried.append(found.effect.id)
-        return Wider(found.model, tuple(wrong))
-
-
-def without(fitter: Fitter, at: Fitted, ids: Sequence[str]) -> Fitted:
-    """``at`` refitted with the effects ``ids`` switched off."""
-    own = [q for effect in ids for q in fitter.simulator.model.effect(effect).parameters]
-    off = {q.name: q.start for q in own if q.role == "size"}
-    free = tuple(f for f in at.free if f.name not in {q.name for q in own})
-    return fitter.fit(fitter.evaluated(replace(at, parameters={**at.parameters, **off}, free=free)))
+        if found.known:
+            return Wider(wrong=wrong) if wrong and found.effect.id not in wrong else None
+        return Wider(found.files, wrong)
 
 
 def is_open(fitter: Fitter, at: Fitted) -> bool:

@@ -115,7 +115,7 @@ def _dataset(request: Request, model: Model) -> tuple["Dataset", list[str]]:
     given = dict(load_device(request.device, model).parameters) if request.device else {}
     noise = {q.name for effect in model.effects if effect.noise for q in effect.sizes}
     given = {name: value for name, value in given.items() if name not in noise}
-    data = load_dataset(request.dataset, given)
+    data = load_dataset(request.dataset, given, model)
     nominal = {name: value for name, value in data.nominal.items() if name not in noise}
     used = {name: v for name, v in given.items() if data.axes == 2 or name not in Y_ONLY}
     changed = [name for name, value in used.items() if nominal.get(name, value) != value]

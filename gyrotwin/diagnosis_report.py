@@ -8,6 +8,7 @@ import plotly.offline
 from markupsafe import Markup
 
 from discrepancy.answer import Diagnosis
+from discrepancy.assemble import forces
 from discrepancy.dataset import Dataset
 from gyro_model.errors import InputError
 from gyro_model.model import Model
@@ -38,6 +39,7 @@ def render(
         over_floor=gap / floor if gap and floor else None,
         warnings=warnings,
         about={e["id"]: _about(model, e["id"]) for e in report["effects"]},
+        rivals={e["id"]: _rivals(model, e["either"], data.axes) for e in report["effects"]},
         formulas={e["id"]: _formulas(model, e, data.axes) for e in report["effects"]},
         parameters=_parameters(data, model, found),
         detectable=_detectable(model, report["detectable"]),
@@ -81,6 +83,12 @@ def _about(model: Model, effect_id: str) -> str:
     except InputError:
         return ""
     return doc.splitlines()[0].rstrip(".") if doc else ""
+
+
+def _rivals(model: Model, ids: Sequence[str], axes: int) -> dict[str, str]:
+    """Of effects that another can't be told from, by id: their forces, "" where they are none."""
+    shown = {i: forces(model.effect(i)) for i in ids}
+    return {i: ", ".join(_formulas(model, {"id": i, **own}, axes)) if own else "" for i, own in shown.items()}
 
 
 def _formulas(model: Model, effect: Mapping[str, Any], axes: int) -> list[str]:

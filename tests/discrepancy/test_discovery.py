@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from sympy import Expr, sympify
 
-from discrepancy.discovery import Discovery, discover, joined, rivals
-from discrepancy.effect_file import write_effect
+from discrepancy import discovery
+from discrepancy.continuation import cut, started
+from discrepancy.discovery import Discovery, discover
+from discrepancy.effect_file import joined, write_effect
 from discrepancy.library import SIGNALS, forms, known
 from discrepancy.record import Record, make_record
 from discrepancy.refit import Fitted, Fitter, Free
+from discrepancy.refutation import rivals
 from discrepancy.simulate import Simulator
 from gyro_model import symbols
 from gyro_model.anatomy import Force
@@ -103,13 +106,27 @@ def test_finds_the_formula(term: str, simulator: Simulator, tmp_path: Path) -> N
     assert found is not None
     assert found.effect.id == "discovered_1"
     assert not found.known
-    assert found.fits
     for axis, wanted in (("x", on_x), ("y", on_y)):
         assert same_term(found.forces[f"force_{axis}"], wanted), found.forces
-    for name, deviation in found.deviations.items():
-        # Four deviations: nine coefficients are tested here.
-        assert abs(found.fitted.parameters[name] - true) <= 4 * deviation
-    holds_as_an_effect(found, tmp_path / "found")
+    hold_as_effects(found, tmp_path / "found")
+
+
+def test_finds_it_over_pieces_where_the_whole_is_out_of_step(
+    simulator: Simulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def halves(whole: Fitter, at: Fitted, _: float) -> tuple[Fitter, Fitted]:
+        fitter = cut(whole, 2)
+        return fitter, fitter.fit(started(fitter, at), 3)
+
+    monkeypatch.setattr(discovery, "IN_STEP", 0.0)
+    monkeypatch.setattr(discovery, "settled", halves)
+    unit, on_x, on_y, true = TERMS["gap"]
+    (tmp_path / "hidden.py").write_text(HIDDEN.format(unit=unit, x=on_x, y=on_y), encoding="utf-8")
+    records = runs(load_model(tmp_path), {"hidden_size": true})
+    found = discover(*refitted(simulator, records), tmp_path / "found")
+    assert found is not None
+    assert same_term(found.forces["force_x"], on_x), found.forces
+    assert same_term(found.forces["force_y"], on_y), found.forces
 
 
 def same_term(found: str, wanted: str) -> bool:
@@ -125,11 +142,12 @@ def _bare(force: Expr) -> Expr:
     return force.subs({s: 1 for s in force.free_symbols if s not in SIGNALS})
 
 
-def holds_as_an_effect(found: Discovery, folder: Path) -> None:
-    """The file loads into a model that the FMU is built of, and that model simulates what was fitted."""
+def hold_as_effects(found: Discovery, folder: Path) -> None:
+    """The files load: the term's, and those of the new ones that it can't be told from."""
     model = load_model(folder)
-    assert model == found.model
-    assert not set(q.name for q in model.effect("discovered_1").parameters) ^ set(found.deviations)
+    assert model.effect("discovered_1") == found.effect
+    assert set(found.files) == set(folder.iterdir())
+    assert {e.id for e in model.effects} == {e.id for e in MODEL.effects} | {"discovered_1", *found.either}
 
 
 def test_nothing_is_found_in_noise(simulator: Simulator, tmp_path: Path) -> None:

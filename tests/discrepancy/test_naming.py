@@ -1,8 +1,10 @@
 """The diagnosis end to end: the example sets, and sets that the FMU makes with a known effect hidden in it."""
 
 import re
+import shutil
 import tomllib
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -26,10 +28,10 @@ TRUE = {"m": 1.8e-7, "kxx": 63.955, "kyy": 95.92, "kxy": 12.779, "dxx": 1.8e-6, 
         "sense_gain_x": 1e6, "sense_gain_y": 1e6}  # fmt: skip
 
 
-def made(hidden: dict[str, float], seed: int = 1, model: Model = MODEL) -> Dataset:
+def made(hidden: dict[str, float], seed: int = 1, model: Model = MODEL, samples: int = SAMPLES) -> Dataset:
     """Two fitted runs and one held out of the reference device, noise-like drive of 30 µN rms over the modes."""
     rng = np.random.default_rng(seed)
-    t = np.arange(SAMPLES) / RATE
+    t = np.arange(samples) / RATE
     records = []
     with Simulator(model, jobs=1) as simulator:
         for number in range(3):
@@ -93,28 +95,87 @@ def test_two_effects() -> None:
     assert names(found) == {"cubic_stiffness", "drive_feedthrough"}
 
 
-def test_effect_that_a_further_search_adds_takes_the_place_of_a_wrong_name(tmp_path: Path) -> None:
+@dataclass
+class Once:
+    """A further search that answers ``wider``, by default that all is wrong, the first time, and nothing then."""
+
+    folder: Path
+    wider: Wider | None = None
+    calls: list[list[str]] = field(default_factory=list)
+
+    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str]) -> Wider | None:
+        self.calls.append(list(named))
+        return self.wider or Wider(wrong=tuple(named)) if len(self.calls) == 1 else None
+
+
+QUINTIC, SHORT = {"c_x": 2e18, "c_y": 2e18}, 2500
+"""What ``quintic`` reads, and samples a run that show it a hundred times over."""
+
+
+def quintic(folder: Path, effect: str = "discovered_1") -> Path:
+    """The file of an effect with x⁵ and y⁵."""
     cubic = (EFFECTS_FOLDER / "cubic_stiffness.py").read_text(encoding="utf-8")
-    own = cubic.replace("cubic_stiffness", "discovered_1").replace("k3_", "c_").replace("x**3", "x**5")
+    own = cubic.replace("cubic_stiffness", effect).replace("k3_", "c_").replace("x**3", "x**5")
     own = own.replace("y**3", "y**5").replace("N/m3", "N/m5").replace("x**4", "x**6").replace("y**4", "y**6")
-    own = re.sub(r"energy=.*", "energy=None,", own)
-    (tmp_path / "discovered_1.py").write_text(own, encoding="utf-8")
-    wider = load_model(tmp_path)
-    calls: list[list[str]] = []
+    path = folder / f"{effect}.py"
+    path.write_text(re.sub(r"energy=.*", "energy=None,", own), encoding="utf-8")
+    return path
 
-    def further(fitter: Fitter, at: Fitted, named: Sequence[str], number: int) -> Wider | None:
-        calls.append(list(named))
-        return Wider(wider) if number == 1 else None
 
-    data = made({"c_x": 2e18, "c_y": 2e18}, model=wider)
-    found = diagnose(data, MODEL, further=further)
+def test_effect_that_a_further_search_adds_takes_the_place_of_a_wrong_name(tmp_path: Path) -> None:
+    further = Once(tmp_path, Wider((quintic(tmp_path),)))
+    found = diagnose(made(QUINTIC, model=load_model(tmp_path), samples=SHORT), MODEL, further=further)
     assert names(found) == {"discovered_1"}
     assert found.misfit["final"] < 1.1 * found.misfit["noise_floor"]
-    assert len(calls) == 2
+    assert len(further.calls) == 2
+
+
+def test_where_a_name_is_given_up_an_effect_of_the_model_gets_its_turn(tmp_path: Path) -> None:
+    cubic = (EFFECTS_FOLDER / "cubic_stiffness.py").read_text(encoding="utf-8")
+    twin = cubic.replace("cubic_stiffness", "hardening").replace("k3_", "h3_")
+    (tmp_path / "hardening.py").write_text(twin, encoding="utf-8")
+    data, further = made({"k3_x": 2e9, "k3_y": 2e9}, samples=SHORT), Once(tmp_path)
+    [found] = diagnose(data, load_model(tmp_path), further=further).effects
+    [wrong], after = further.calls
+    assert {found.id, wrong} == {"cubic_stiffness", "hardening"}
+    assert wrong not in found.either
+    assert after == [found.id]
+
+
+def test_what_a_further_search_cannot_tell_from_its_term_is_its_either(tmp_path: Path) -> None:
+    term = quintic(tmp_path)
+    twin = tmp_path / "discovered_2.py"
+    twin.write_text(term.read_text("utf-8").replace("discovered_1", "discovered_2").replace("c_", "d_"), "utf-8")
+    further = Once(tmp_path, Wider((term, twin)))
+    [found] = diagnose(made(QUINTIC, model=load_model(tmp_path), samples=SHORT), MODEL, further=further).effects
+    assert (found.id, found.either) == ("discovered_1", ("discovered_2",))
+    assert found.next_experiment
+
+
+def test_interrupted_after_a_further_search_resumes_with_the_same_answer(tmp_path: Path) -> None:
+    file, (first, second) = tmp_path / "search.json", (tmp_path / name for name in ("first", "second"))
+    first.mkdir()
+    wider = Wider((quintic(first),))
+    data = made(QUINTIC, model=load_model(first), samples=SHORT)
+
+    def keep(line: str) -> None:
+        if line.startswith("held-out"):
+            shutil.copy(file, tmp_path / "as it was")
+
+    whole = diagnose(data, MODEL, progress=keep, checkpoint=file, further=Once(first, wider))
+    shutil.move(tmp_path / "as it was", file)
+    lines: list[str] = []
+    # The files come from the checkpoint; of the two searches for terms, the second is left.
+    again = Once(second, wider, [[]])
+    resumed = diagnose(data, MODEL, progress=lines.append, checkpoint=file, further=again)
+    assert lines[0].startswith("resumed with") and lines[0].endswith("discovered_1")
+    assert [path.name for path in second.iterdir()] == ["discovered_1.py"]
+    assert again.calls == [[], ["discovered_1"]]
+    assert resumed.report() == whole.report()
 
 
 def test_interrupted_search_resumes_with_the_same_answer(tmp_path: Path) -> None:
-    data, file = made({"feedthrough": 8.0}), tmp_path / "search.json"
+    data, file = made({"feedthrough": 8.0}, samples=SHORT), tmp_path / "search.json"
     whole = diagnose(data, MODEL, checkpoint=file)
     assert not file.exists()
 

@@ -30,7 +30,7 @@ from discrepancy.simulate import Simulator
 from gyro_model.build import Fmus, token_of
 from gyro_model.device import load_device, write_device
 from gyro_model.model import load_model
-from gyrotwin import diagnose
+from gyrotwin import diagnose, diagnosis_report
 from gyrotwin.cli import main
 from gyrotwin.interrupt import Interrupted
 from gyrotwin.numbers import hertz, uncertain
@@ -303,6 +303,28 @@ def test_further_effect_files_go_into_the_fmu(
     assert token_of(out / "fmi3.fmu") == token_of(out / "fmi2.fmu") != token_of(answer.out / "fmi2.fmu")
 
 
+def test_nominal_may_name_a_parameter_of_a_further_effect(
+    runs: Tables, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "quintic.py").write_text(QUINTIC)
+    model = load_model(tmp_path / "mine")
+    data = written(tmp_path / "data", runs, nominal={**TRUE, "k5": 1e18})
+    dataset, _ = diagnose._dataset(diagnose.Request(data, tmp_path / "out"), model)
+    assert dataset.nominal["k5"] == 1e18
+    with Simulator(model, jobs=1) as simulator:
+        search = naming.Search(simulator, dataset, lambda _: None)
+        # What the lab believes to be there is fitted, and not looked for.
+        assert [free.name for free in search._believed()] == ["k5"]
+        assert "quintic" in search.present
+    assert exit_code("diagnose", str(data), "--out", str(tmp_path / "out")) == 2
+    assert "parameter 'k5' is unknown" in capsys.readouterr().err
+    wrong = written(tmp_path / "wrong", runs, nominal={**TRUE, "k55": 1e18})
+    mine = ("--effects", str(tmp_path / "mine"), "--out", str(tmp_path / "out"))
+    assert exit_code("diagnose", str(wrong), *mine) == 2
+    assert "did you mean 'k5'" in capsys.readouterr().err
+
+
 def test_a_device_replaces_the_nominal_values(runs: Tables, tmp_path: Path) -> None:
     data = written(tmp_path / "data", runs, nominal={"sense_gain_x": 1e6, "sense_gain_y": 1e6, "kxx": 60.0})
     request = diagnose.Request(data, tmp_path / "out", device="reference")
@@ -440,3 +462,10 @@ def test_numbers() -> None:
     assert uncertain(0.0, -1e-3, 1e-3) == "0.0 ± 0.001"
     assert uncertain(2e-6, 2e-6, 2e-6) == "2e-06"
     assert [hertz(f) for f in (6.95, 2459.05, 12968.0)] == ["6.95 Hz", "2459 Hz", "12.97 kHz"]
+
+
+def test_the_page_says_what_an_effect_cannot_be_told_from(tmp_path: Path) -> None:
+    (tmp_path / "quintic.py").write_text(QUINTIC)
+    shown = diagnosis_report._rivals(load_model(tmp_path), ["quintic", "drive_feedthrough"], 2)
+    # A feedthrough is no force.
+    assert shown == {"quintic": "F_x = -k5·x^5", "drive_feedthrough": ""}
