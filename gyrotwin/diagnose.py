@@ -219,10 +219,10 @@ def improved_device(name: str, data: "Dataset", model: Model, found: "Diagnosis"
 def improved_model(data: "Dataset", model: Model, device: Device) -> Model:
     """The model whose FMU is the improved device where nobody sets a parameter; noise off, as in the fit, and the clock
     of the data."""
-    from discrepancy.simulate import OVERSAMPLING
+    from discrepancy.simulate import steps_a_sample
 
     noise = {q.name for effect in model.effects if effect.noise for q in effect.sizes}
     first = data.fit[0]
-    steps = 1 if first.hold == "zero" else OVERSAMPLING
-    clock = {"internal_step": 1 / (first.sample_rate * steps), "sample_period": 1 / first.sample_rate}
+    step = 1 / (first.sample_rate * steps_a_sample(first))
+    clock = {"internal_step": step, "sample_period": step * steps_a_sample(first)}
     return model.starting_at({n: v for n, v in device.parameters.items() if n not in noise} | clock)
