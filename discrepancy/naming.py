@@ -42,8 +42,8 @@ class Wider(NamedTuple):
 
 
 Further = Callable[[Fitter, Fitted, Sequence[str], int], Wider | None]
-"""A search for terms that are in no effect file, of a fit, the effects named in it and a number; None where there is
-none."""
+"""A search for terms that are in no effect file, of a fit, the effects named in it and how many more it may have; None
+where there is none."""
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,9 @@ def diagnose(
         if checkpoint is not None:
             search.keep = lambda state: store.save(checkpoint, key, state)
         search.run(max_effects, store.load(checkpoint, key))
-        for number in range(1, max_effects + 1 if further else 1):
-            wider = further(search.fitter, search.at, [a.id for a in search.accepted], number) if further else None
+        for _ in range(max_effects if further else 0):
+            named = [a.id for a in search.accepted]
+            wider = further(search.fitter, search.at, named, max_effects - len(named)) if further else None
             if wider is None:
                 break
             search.give_up(wider.wrong)

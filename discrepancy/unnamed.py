@@ -22,15 +22,15 @@ class TermSearch:
     progress: Callable[[str], None] = lambda _: None
     tried: list[str] = field(default_factory=list)
 
-    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], number: int) -> Wider | None:
-        """The model of ``fitter`` with one effect more, None where there is none to add. Raises InputError where the
-        FMU can't be built or the folder not written."""
+    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], room: int) -> Wider | None:
+        """The model of ``fitter`` with one effect more, None where there is none to add, or no ``room`` for one but in
+        the place of a wrong name. Raises InputError where the FMU can't be built or the folder not written."""
         if self.tried and self.tried[-1] not in named:
             return None
         against = rivals(fitter, at, named, self.progress) if named else Rivals({}, {})
         wrong = against.names
         start = without(fitter, at, wrong) if wrong else at
-        if not (wrong or against.beside or is_open(fitter, start)):
+        if not wrong and (room < 1 or not (against.beside or is_open(fitter, start))):
             return None
         found = discover(fitter, start, self.folder, self.progress)
         if found is None or found.known:

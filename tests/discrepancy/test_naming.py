@@ -102,9 +102,9 @@ def test_effect_that_a_further_search_adds_takes_the_place_of_a_wrong_name(tmp_p
     wider = load_model(tmp_path)
     calls: list[list[str]] = []
 
-    def further(fitter: Fitter, at: Fitted, named: Sequence[str], number: int) -> Wider | None:
+    def further(fitter: Fitter, at: Fitted, named: Sequence[str], room: int) -> Wider | None:
         calls.append(list(named))
-        return Wider(wider) if number == 1 else None
+        return Wider(wider) if len(calls) == 1 else None
 
     data = made({"c_x": 2e18, "c_y": 2e18}, model=wider)
     found = diagnose(data, MODEL, further=further)
