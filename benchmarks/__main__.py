@@ -20,6 +20,7 @@ NAMES = (
     "mode_split",
     "rate_mode",
     "compensation",
+    "silverbox",
 )
 """The benchmarks, one module each with ``run(options) -> Report``."""
 

@@ -114,6 +114,7 @@ class Search:
         self.keep: Callable[[Mapping[str, Any]], None] | None = None
         self.refitted_state: Mapping[str, Any] | None = None
         self.clip: float | None = None
+        self.full = False
         self._take(dataset)
         noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
         self.nominal = {name: value for name, value in dataset.nominal.items() if name not in noise}
@@ -178,7 +179,8 @@ class Search:
         """Accepts effects until none is worth it."""
         while True:
             self._scan()
-            if len(self.accepted) >= max_effects or not self._accept():
+            self.full = len(self.accepted) >= max_effects
+            if self.full or not self._accept():
                 break
             self._stage(self.accepted[-1].id)
             self._mask_clipped()
@@ -295,7 +297,8 @@ class Search:
     def without_effect(self, at: Fitted, entry: Accepted) -> Fitted:
         """``at`` with the effect switched off, to be fitted."""
         free = tuple(f for f in at.free if f.name not in entry.names)
-        return self.fitter.evaluated(replace(at, parameters={**at.parameters, **_neutral(entry)}, free=free))
+        rest = {name: value for name, value in at.parameters.items() if name not in entry.names}
+        return self.fitter.evaluated(replace(at, parameters=rest, free=free))
 
     def _delete(self) -> None:
         """Backward deletion: without each effect that the others have made needless."""

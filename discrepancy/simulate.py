@@ -29,7 +29,7 @@ MARGIN: Final = 256
 """Samples by which a record is continued at both ends before it is interpolated band-limited."""
 INPUTS: Final = ("u_x", "u_y", *CONDITIONS)
 OUTPUTS: Final = ("v_x", "v_y")
-ONE_AXIS: Final = {"kxy": 0.0, "dxy": 0.0}
+MIRRORED: Final = {"kyy": "kxx", "dyy": "dxx", "sense_gain_y": "sense_gain_x"}
 
 Job = tuple[Record, Mapping[str, float]]
 _Driven = tuple[Floats, tuple[str, ...], float]
@@ -147,17 +147,23 @@ class Simulator:
     def _on(self, bench: _Bench, record: Record, parameters: Mapping[str, float]) -> Floats:
         values, names, step = self._inputs(record)
         stride = len(values) // len(record.t)
-        alone = ONE_AXIS if record.axes == 1 else {}
+        whole = both_axes(parameters) if record.axes == 1 else parameters
         first = dict(zip(names, values[0].tolist(), strict=True))
         clock = {"internal_step": step, "sample_period": step * stride}
         start = float(record.t[0])
-        bench.restart({**alone, **parameters, **clock, **first}, start)
+        bench.restart({**whole, **clock, **first}, start)
         v = np.full((len(record.t), 2), np.nan)
         v[0] = bench.get(OUTPUTS)
         references = bench.value_references(names)
         done = _run(bench.handle, references, values, bench.value_references(OUTPUTS), start, step, stride, v)
         v[done + 1 :] = np.nan
         return np.ascontiguousarray(v[:, : record.axes])
+
+
+def both_axes(parameters: Mapping[str, float]) -> dict[str, float]:
+    """``parameters`` of a one-axis record for an FMU, which has two: y, of which nothing is known, is like x, so that a
+    step that is short enough for x is so for y, and uncoupled."""
+    return {**parameters, **{own: parameters[other] for own, other in MIRRORED.items()}, "kxy": 0.0, "dxy": 0.0}
 
 
 def steps_a_sample(record: Record) -> int:

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from discrepancy.dataset import Dataset
 
 CHECKPOINT: Final = "search.checkpoint"
-MIRRORED: Final = {"kyy": "kxx", "dyy": "dxx", "sense_gain_y": "sense_gain_x"}
-"""What a device of a one-axis record has along y, which was not measured: the same as along x."""
 
 console = Console()
 
@@ -208,10 +206,12 @@ def _write(
 
 def improved_device(name: str, data: "Dataset", model: Model, found: "Diagnosis") -> Device:
     """The device that the data shows: nominal values, what was fitted, effects, noise, with intervals."""
+    from discrepancy.simulate import both_axes
+
     known = {**found.device, **{n: value for n, value in found.noise.items() if value.value > 0}}
     parameters = {**found.parameters, **{n: value.value for n, value in known.items()}}
     if data.axes == 1:
-        parameters |= {own: parameters[other] for own, other in MIRRORED.items()} | {"kxy": 0.0, "dxy": 0.0}
+        parameters = both_axes(parameters)
     intervals = {n: (float(v.low), float(v.high)) for n, v in known.items() if math.isfinite(v.high - v.low)}
     return Device(name, {n: float(value) for n, value in parameters.items()}, intervals, {}, model)
 
