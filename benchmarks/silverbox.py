@@ -60,22 +60,32 @@ def diagnosed(out: Path, jobs: int) -> dict[str, float]:
 
 
 def residuals(folder: Path, data: Dataset) -> dict[str, Floats]:
-    """What the improved model in ``folder`` leaves of each held-out run [V], behind the start that gives its initial
+    """What the improved model in ``folder`` leaves of each held-out run [V], NaN in the start that gives its initial
     state."""
     model = load_model(*([folder / "effects"] if (folder / "effects").is_dir() else []))
     noise = {q.name for effect in model.effects if effect.noise for q in effect.sizes}
     device = load_device(str(folder / "device.toml"), model).parameters
     parameters = {name: value for name, value in device.items() if name not in noise}
+    left = {}
     with Simulator(model) as simulator:
-        found = {run.name: start_fitted(simulator, run, parameters) for run in data.held_out}
-    return {name: residual[start:, 0] for name, (residual, start) in found.items()}
+        for run in data.held_out:
+            residual, start = start_fitted(simulator, run, parameters)
+            residual[:start] = np.nan
+            left[run.name] = residual[:, 0]
+    return left
 
 
 def misfit_rows(left: Mapping[str, Floats]) -> list[Row]:
     """The rms of what is left, beside the targets."""
     parts = dict(zip(TARGETS, (left[MULTISINE], left[ARROW], left[ARROW][:HEAD]), strict=True))
     return [
-        row(name, "mV", {"measured": 1e3 * float(np.sqrt(np.mean(part**2)))}, limit=TARGETS[name], note=ELSEWHERE[name])
+        row(
+            name,
+            "mV",
+            {"measured": 1e3 * float(np.sqrt(np.nanmean(part**2)))},
+            limit=TARGETS[name],
+            note=ELSEWHERE[name],
+        )
         for name, part in parts.items()
     ]
 

@@ -8,14 +8,14 @@ import pytest
 
 from discrepancy.dataset import Dataset, load_dataset
 from discrepancy.naming import diagnose
-from discrepancy.record import Record
+from discrepancy.record import Record, Role
 from gyro_model.model import load_model
 
 SET = Path(__file__).parents[2].parent / "shared" / "examples" / "silverbox"
 FITTED, HELD_OUT = slice(0, 10_000), slice(10_000, 16_000)
 
 
-def part(record: Record, own: slice, role: str) -> Record:
+def part(record: Record, own: slice, role: Role) -> Record:
     return replace(record, name=role, role=role, t=record.t[own], u=record.u[own], v=record.v[own],
                    valid=record.valid[own])  # fmt: skip
 
