@@ -21,6 +21,7 @@ NAMES = (
     "rate_mode",
     "compensation",
     "diagnosis_speed",
+    "silverbox",
 )
 """The benchmarks, one module each with ``run(options) -> Report``."""
 

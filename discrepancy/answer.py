@@ -62,7 +62,8 @@ class Stage:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The answer. device: every fitted parameter of the improved model with its interval; parameters: all its values.
+    """The answer. effects: largest first, by what the output loses without each; device: every fitted parameter of the
+    improved model with its interval; parameters: all its values.
 
     rivals: by finding, the parameters of the model with each other effect of its ``either`` in its place; removed: by
     effect, what taking it out changes in the output of each held-out run, (n, axes) [V]; steps: how it was found;

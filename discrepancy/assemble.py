@@ -43,6 +43,8 @@ def assemble(search: "Search") -> Diagnosis:
     stages = _stages(search, parameters, [f.id for f in clipped])
     device = _device(search)
     effects = (*(_finding(search, entry, device, noise) for entry in search.accepted), *clipped)
+    removed = _removed(search, effects, parameters)
+    effects = tuple(sorted(effects, key=lambda finding: -_size(removed[finding.id])))
     gaps = _misfit(search, stages)
     refitted = search.refitted
     runs = search.dataset.fit
@@ -53,8 +55,7 @@ def assemble(search: "Search") -> Diagnosis:
     noises = _noises(search, noise)
     # Flicker lies above the floor by what it is; a motion that nothing drives may be thermal only as far as it is weak.
     above = floor is not None and gaps["final"] > OPEN * floor and not search.at.whiten.setting.corner
-    driven = "thermal_force" in noises and noises["thermal_force"].low > THERMAL
-    unfinished = search.fitter is not search.whole or above or driven
+    unfinished = search.fitter is not search.whole or above or _driven(noises)
     verdict: Verdict = "nothing missing"
     if effects:
         verdict = "missing effects"
@@ -63,7 +64,8 @@ def assemble(search: "Search") -> Diagnosis:
     rivals = {entry.id: entry.rivals for entry in search.accepted if entry.rivals}
     return Diagnosis(
         verdict, effects, _immaterial(search), noises, gaps, places, _detectable(search), device,
-        parameters, rivals, tuple(search.steps), stages, _removed(search, effects, parameters), _doubts(search),
+        parameters, rivals, tuple(search.steps), stages, removed,
+        _doubts(search, noises),
         model=search.simulator.model,
     )  # fmt: skip
 
@@ -158,6 +160,12 @@ def _removed(
     return result
 
 
+def _size(changes: Mapping[str, Floats]) -> float:
+    """Rms of changes of several runs [V]; infinite where the motion leaves all bounds."""
+    rms = np.sqrt(np.mean(np.concatenate([change.ravel() for change in changes.values()]) ** 2))
+    return float(np.nan_to_num(rms, nan=np.inf))
+
+
 def _immaterial(search: "Search") -> tuple[Finding, ...]:
     """Effects that are significant beside the final model but not worth a parameter."""
     return tuple(_slight(c, s) for c, s in best_of(search.scored)
@@ -173,9 +181,24 @@ def _slight(candidate: Candidate, result: Score) -> Finding:
     return Finding(candidate.effect.id, (), values, forces(candidate.effect), result.share)
 
 
-def _doubts(search: "Search") -> tuple[str, ...]:
-    """What is wrong with the fit itself."""
+def _driven(noises: Mapping[str, Value]) -> bool:
+    """Whether the motion that nothing drives is stronger than a thermal one can be."""
+    return "thermal_force" in noises and noises["thermal_force"].low > THERMAL
+
+
+def _doubts(search: "Search", noises: Mapping[str, Value]) -> tuple[str, ...]:
+    """What is wrong with the fit itself, and what it leaves open."""
     found = []
+    if _driven(noises):
+        times = noises["thermal_force"].value
+        found.append(
+            f"what is left shakes the mass {times:.2g} times as strongly as thermal motion: it is something else"
+        )
+    if search.full:
+        rest = [(c.effect.id, s.share) for c, s in best_of(search.scored)
+                if sure(c, s) and s.share >= MATERIAL and c.effect.id not in search.present]  # fmt: skip
+        others = f"; {rest[0][0]} would take a further {rest[0][1]:.1%} of the residual's square" if rest else ""
+        found.append(f"the search ended because --max-effects allows no more{others}")
     if search.fitter is not search.whole:
         number = len(search.fitter.records) // len(search.whole.records)
         found.append(f"no model stays in step with a whole run: the fit is one of pieces, {number} a run")

@@ -7,8 +7,9 @@ Annals of Statistics 6, 1978), and a higher degree a little more.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -16,12 +17,12 @@ import numpy as np
 from discrepancy.columns import Candidate, Probe
 from discrepancy.continuation import started
 from discrepancy.effect_file import joined, scales_of
-from discrepancy.library import Form, forms, known, magnitude
+from discrepancy.library import Form, Known, forms, known, magnitude
 from discrepancy.record import Floats
 from discrepancy.refit import Fitted, Fitter
 from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator
-from gyro_model.anatomy import Follow, Force
+from gyro_model.anatomy import Effect, Follow, Force
 from gyro_model.model import Model
 
 CHANCE: Final = 1e-8
@@ -85,16 +86,22 @@ class Standing:
     contestants: list[Contestant]
 
 
+@lru_cache(maxsize=4)
+def _library(model: Model, axes: int) -> tuple[Mapping[str, Known], Mapping[str, Effect], Model]:
+    """Of the forms, by id: those that an effect of ``model`` is, the others as effects; and the model with all."""
+    had = known(model, forms(axes))
+    effects = {form.id: form.effect() for form in forms(axes) if form.id not in had}
+    return had, effects, joined(model, effects.values())
+
+
 class Terms:
     """The model of a fitter with all terms of the library in it, as a context manager."""
 
     def __init__(self, fitter: Fitter, at: Fitted) -> None:
         """Builds the FMU where that has not been done. ``at``: a fit, which says how large the motion is."""
-        model = fitter.simulator.model
         self.forms = forms(fitter.axes)
-        self.known = known(model, self.forms)
-        self.effects = {form.id: form.effect() for form in self.forms if form.id not in self.known}
-        self.simulator = Simulator(joined(model, self.effects.values()))
+        self.known, self.effects, model = _library(fitter.simulator.model, fitter.axes)
+        self.simulator = Simulator(model)
         self.scales = scales_of(fitter, at)
         self.spring = at.parameters["kxx"] * self.scales["x"]
 

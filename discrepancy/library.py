@@ -140,9 +140,12 @@ def _product(factors: Iterable[Expr]) -> Expr:
     return result
 
 
-def known(model: Model, library: Iterable[Form]) -> dict[str, tuple[Effect, tuple[str | None, ...]]]:
-    """Of the forms that an effect of ``model`` is to first order in its sizes, by the form's id: the effect, and the
-    size that is the coefficient of each part (None: none is)."""
+Known = tuple[Effect, tuple[str | None, ...]]
+"""An effect, and the size that is the coefficient of each part of a form (None: none is)."""
+
+
+def known(model: Model, library: Iterable[Form]) -> dict[str, Known]:
+    """Of the forms that an effect of ``model`` is to first order in its sizes, by the form's id: the effect."""
     effects = [(e, _slopes(e)) for e in model.effects if not (e.nominal or e.noise) and _acts_as_force(e)]
     found = {}
     for form in library:

@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple, Protocol
 from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
 
+from discrepancy import MOST_EFFECTS
 from discrepancy import checkpoint as store
 from discrepancy.answer import Diagnosis, Finding, Stage, Step, Value
 from discrepancy.assemble import assemble
@@ -51,8 +52,9 @@ class Further(Protocol):
 
     folder: Path
 
-    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str]) -> Wider | None:
-        """What it finds beside the effects ``named`` in the fit ``at``, or in their place; None where nothing is."""
+    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], room: int) -> Wider | None:
+        """What it finds beside the effects ``named`` in the fit ``at``, where there is ``room`` for so many more, or in
+        their place; None where nothing is."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ def diagnose(
     dataset: Dataset,
     model: Model,
     *,
-    max_effects: int = 4,
+    max_effects: int = MOST_EFFECTS,
     jobs: int | None = None,
     seed: int = 0,
     progress: Progress | None = None,
@@ -110,7 +112,8 @@ def diagnose(
             search.keep = lambda state: store.save(checkpoint, key, state)
         search.run(max_effects, state)
         while further and len(search.terms) < max_effects and not search.in_vain:
-            wider = further(search.fitter, search.at, [a.id for a in search.accepted])
+            named = [a.id for a in search.accepted]
+            wider = further(search.fitter, search.at, named, max_effects - len(named))
             if wider is None:
                 break
             search.give_up(wider.wrong)
@@ -134,6 +137,7 @@ class Search:
         self.keep: Callable[[Mapping[str, Any]], None] | None = None
         self.refitted_state: Mapping[str, Any] | None = None
         self.clip: float | None = None
+        self.full = False
         self._take(dataset)
         noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
         self.nominal = {name: value for name, value in dataset.nominal.items() if name not in noise}
@@ -212,7 +216,8 @@ class Search:
         """Accepts effects until none is worth it."""
         while True:
             self._scan()
-            if len(self.accepted) >= max_effects or not self._accept():
+            self.full = len(self.accepted) >= max_effects
+            if self.full or not self._accept():
                 break
             self._stage(self.accepted[-1].id)
             self._mask_clipped()
@@ -335,7 +340,8 @@ class Search:
     def without_effect(self, at: Fitted, entry: Accepted) -> Fitted:
         """``at`` with the effect switched off, to be fitted."""
         free = tuple(f for f in at.free if f.name not in entry.names)
-        return self.fitter.evaluated(replace(at, parameters={**at.parameters, **_neutral(entry)}, free=free))
+        rest = {name: value for name, value in at.parameters.items() if name not in entry.names}
+        return self.fitter.evaluated(replace(at, parameters=rest, free=free))
 
     def _delete(self) -> None:
         """Backward deletion: without each effect that the others have made needless."""

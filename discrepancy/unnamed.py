@@ -22,13 +22,14 @@ class TermSearch:
     folder: Path
     progress: Callable[[str], None] = lambda _: None
 
-    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str]) -> Wider | None:
+    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], room: int) -> Wider | None:
         """The term, or the wrong names alone where an effect of the model fits best in their place; None where there
-        is neither. Raises InputError where the FMU can't be built or the folder not written."""
+        is neither, or no ``room`` for a term but in the place of a wrong name. Raises InputError where the FMU can't be
+        built or the folder not written."""
         against = rivals(fitter, at, named, self.progress)
         wrong = tuple(against.names)
         start = without(fitter, at, wrong) if wrong else at
-        if not (wrong or against.beside or is_open(fitter, start)):
+        if not wrong and (room < 1 or not (against.beside or is_open(fitter, start))):
             return None
         found = discover(fitter, start, self.folder, self.progress)
         if found is None:

@@ -15,6 +15,7 @@ import typer
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from discrepancy import MOST_EFFECTS
 from gyro_model.build import build
 from gyro_model.device import Device, load_device, write_device
 from gyro_model.errors import InputError
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
     from discrepancy.dataset import Dataset
 
 CHECKPOINT: Final = "search.checkpoint"
-MIRRORED: Final = {"kyy": "kxx", "dyy": "dxx", "sense_gain_y": "sense_gain_x"}
-"""What a device of a one-axis record has along y, which was not measured: the same as along x."""
 
 console = Console()
 
@@ -39,7 +38,7 @@ class Request(NamedTuple):
     out: Path
     device: str | None = None
     effects: tuple[Path, ...] = ()
-    max_effects: int = 4
+    max_effects: int = MOST_EFFECTS
     jobs: int | None = None
     seed: int = 0
 
@@ -54,7 +53,7 @@ def diagnose(
         list[Path] | None, typer.Option(metavar="DIR", help="Folder of further effect files; repeatable.")
     ] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder to write; default results/NAME.")] = None,
-    max_effects: Annotated[int, typer.Option(help="Name at most so many effects.")] = 4,
+    max_effects: Annotated[int, typer.Option(help="Name at most so many effects.")] = MOST_EFFECTS,
     jobs: Annotated[int | None, typer.Option(help="Simulations at a time; default one a core.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of whatever the search draws.")] = 0,
 ) -> None:
@@ -208,10 +207,12 @@ def _write(
 
 def improved_device(name: str, data: "Dataset", model: Model, found: "Diagnosis") -> Device:
     """The device that the data shows: nominal values, what was fitted, effects, noise, with intervals."""
+    from discrepancy.simulate import both_axes
+
     known = {**found.device, **{n: value for n, value in found.noise.items() if value.value > 0}}
     parameters = {**found.parameters, **{n: value.value for n, value in known.items()}}
     if data.axes == 1:
-        parameters |= {own: parameters[other] for own, other in MIRRORED.items()} | {"kxy": 0.0, "dxy": 0.0}
+        parameters = both_axes(parameters)
     intervals = {n: (float(v.low), float(v.high)) for n, v in known.items() if math.isfinite(v.high - v.low)}
     return Device(name, {n: float(value) for n, value in parameters.items()}, intervals, {}, model)
 
@@ -219,10 +220,10 @@ def improved_device(name: str, data: "Dataset", model: Model, found: "Diagnosis"
 def improved_model(data: "Dataset", model: Model, device: Device) -> Model:
     """The model whose FMU is the improved device where nobody sets a parameter; noise off, as in the fit, and the clock
     of the data."""
-    from discrepancy.simulate import OVERSAMPLING
+    from discrepancy.simulate import steps_a_sample
 
     noise = {q.name for effect in model.effects if effect.noise for q in effect.sizes}
     first = data.fit[0]
-    steps = 1 if first.hold == "zero" else OVERSAMPLING
-    clock = {"internal_step": 1 / (first.sample_rate * steps), "sample_period": 1 / first.sample_rate}
+    step = 1 / (first.sample_rate * steps_a_sample(first))
+    clock = {"internal_step": step, "sample_period": step * steps_a_sample(first)}
     return model.starting_at({n: v for n, v in device.parameters.items() if n not in noise} | clock)

@@ -103,7 +103,7 @@ class Once:
     wider: Wider | None = None
     calls: list[list[str]] = field(default_factory=list)
 
-    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str]) -> Wider | None:
+    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], room: int) -> Wider | None:
         self.calls.append(list(named))
         return self.wider or Wider(wrong=tuple(named)) if len(self.calls) == 1 else None
 

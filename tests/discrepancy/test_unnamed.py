@@ -63,7 +63,7 @@ def test_an_effect_of_the_model_that_refutes_a_name_is_written_nowhere(
 ) -> None:
     with Simulator(lab) as simulator:
         fitter, at = fitted(simulator, set_of_fifth, *CUBIC)
-        assert TermSearch(tmp_path)(fitter, at, ["cubic_stiffness"]) == Wider(wrong=("cubic_stiffness",))
+        assert TermSearch(tmp_path)(fitter, at, ["cubic_stiffness"], 1) == Wider(wrong=("cubic_stiffness",))
     assert not list(tmp_path.iterdir())
 
 
@@ -78,5 +78,5 @@ def test_where_nothing_is_open_nothing_changes(
     hidden: dict[str, float], sizes: tuple[Free, ...], named: list[str], simulator: Simulator, tmp_path: Path
 ) -> None:
     fitter, at = fitted(simulator, made(hidden, samples=SHORT), *sizes)
-    assert TermSearch(tmp_path)(fitter, at, named) is None
+    assert TermSearch(tmp_path)(fitter, at, named, 1) is None
     assert not list(tmp_path.iterdir())
