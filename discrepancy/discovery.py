@@ -60,12 +60,13 @@ def discover(fitter: Fitter, at: Fitted, folder: Path, progress: Progress | None
     if not entries:
         return None
     best = entries[0]
-    coefficients = len(best.contestant.candidate.probes)
-    if not before.cost - best.fitted.cost > chi2.isf(CHANCE, coefficients) * best.fitted.variance:
+    coefficients, variance = len(best.contestant.candidate.probes), best.fitted.variance
+    if not before.cost - best.fitted.cost > chi2.isf(CHANCE, coefficients) * variance:
         return None
     share = 1 - best.fitted.cost / before.cost
     tell(f"found {best.contestant.form.text}")
-    alike = [e for e in entries[1:] if e.fitted.cost < best.fitted.cost + EVEN * best.fitted.variance][:ALIKE]
+    # By price: a term that holds the best one as a special case fits it always, and is no other.
+    alike = [e for e in entries[1:] if e.price(variance) < best.price(variance) + EVEN][:ALIKE]
     had = tuple(e.contestant.id for e in alike if e.contestant.known)
     if best.contestant.known:
         return Discovery(best.contestant.candidate.effect, True, share, had)

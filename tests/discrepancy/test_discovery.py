@@ -111,6 +111,22 @@ def test_finds_the_formula(term: str, simulator: Simulator, tmp_path: Path) -> N
     hold_as_effects(found, tmp_path / "found")
 
 
+def test_terms_that_fit_alike_are_written_too(
+    simulator: Simulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # As if nothing could be told from anything.
+    monkeypatch.setattr(discovery, "EVEN", 1e12)
+    unit, on_x, on_y, true = TERMS["quintic"]
+    (tmp_path / "hidden.py").write_text(HIDDEN.format(unit=unit, x=on_x, y=on_y), encoding="utf-8")
+    records = runs(load_model(tmp_path), {"hidden_size": true})
+    found = discover(*refitted(simulator, records), tmp_path / "found")
+    assert found is not None
+    assert same_term(found.forces["force_x"], on_x), found.forces
+    assert found.files[0].stem == "discovered_1"
+    assert "discovered_2" in found.either
+    hold_as_effects(found, tmp_path / "found")
+
+
 def test_finds_it_over_pieces_where_the_whole_is_out_of_step(
     simulator: Simulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
