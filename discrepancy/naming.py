@@ -362,23 +362,21 @@ class Search:
         for place, entry in enumerate(self.accepted):
             if any(a.candidate.partner and a.candidate.partner.effect.id == entry.id for a in self.accepted):
                 continue
-            base = self.without_effect(self.at, entry)
-            fits: dict[str, tuple[Fitted, Candidate]] = {}
+            base, variance = self.without_effect(self.at, entry), self.at.variance
+            fits = {entry.id: (self.at, entry.candidate)}
             for candidate, result in self._stand_ins(entry):
                 self.progress(f"{candidate.effect.id} in place of {entry.id}")
-                goal = self.at.cost + EVEN * self.at.variance
+                goal = self.at.cost + EVEN * variance
                 at = self.fitter.fit(self.with_effect(base, candidate, result), goal=goal)
                 if at.cost < goal:
                     fits[candidate.effect.id] = at, candidate
-            best = min(fits.values(), key=lambda fit: fit[0].cost, default=None)
-            if best is not None and best[0].cost < self.at.cost - EVEN * self.at.variance:
-                fits = {i: f for i, f in fits.items() if f[0].cost < best[0].cost + EVEN * best[0].variance}
-                fits.pop(best[1].effect.id)
-                if self.at.cost < best[0].cost + EVEN * best[0].variance:
-                    fits[entry.id] = self.at, entry.candidate
-                self.at, entry = best[0], Accepted(best[1], entry.share, {})
-            rivals = {i: dict(fit.parameters) for i, (fit, _) in fits.items()}
-            self.accepted[place] = replace(entry, rivals=rivals)
+            price = {i: at.cost + SIMPLER * len(c.all_probes) * variance for i, (at, c) in fits.items()}
+            head = min(price, key=lambda i: price[i])
+            if price[head] > price[entry.id] - EVEN * variance:
+                head = entry.id
+            self.at, candidate = fits.pop(head)
+            even = {i: dict(at.parameters) for i, (at, _) in fits.items() if at.cost < self.at.cost + EVEN * variance}
+            self.accepted[place] = Accepted(candidate, entry.share, even)
 
     def _stand_ins(self, entry: Accepted) -> list[Scored]:
         """Effects that explain what ``entry`` does nearly as well, by their columns at the present fit."""
