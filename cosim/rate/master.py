@@ -117,7 +117,9 @@ def _simulate(run: RateRun, plant: LoopedPlant, progress: Progress | None) -> Re
         held[first : first + count, 1] = temperature.reshape(count, -1).mean(axis=1)
         if progress is not None:
             progress((first + count) * run.interval, run.duration)
-    return Result(record_frame(rows, held, run.interval, run.seed), locked_at, started_at, recorder and recorder.frame())
+    return Result(
+        record_frame(rows, held, run.interval, run.seed), locked_at, started_at, recorder and recorder.frame()
+    )
 
 
 def _start_up(run: RateRun, plant: LoopedPlant) -> tuple[float, float]:
