@@ -72,10 +72,11 @@ def run(options: Options) -> Report:
         "Gain and lag of the amplifier are common to v_x and v_y. The drive loop holds amplitude and phase of v_x, so "
         "in the open loop tcg drops out of scale factor and bias, and tcp acts only by pulling the drive frequency; in "
         "the closed loop both act at first order on the force.",
-        "Angle random walk: one reading of 600 s scatters by 3 to 4 %, so the rows hold several seeds, the same for "
-        "both loops. The thermal peak of the open loop at the split folds back from the rows' rate of 50 Hz, 142 times "
-        "the density at rest before the filter takes 0.37 and the mean over a row sinc²: (f/50 Hz)² of it is left at "
-        "f, 1 % in the density's root from 0.05 to 1.5 Hz, which the fit of N² + C/τ takes up.",
+        "Angle random walk: a reading of 600 s scatters by 3 to 4 %, so the rows hold several seeds, the same for both "
+        "loops. The thermal peak of the open loop at the split has 73 times the density at rest; the output filter "
+        "leaves 0.36 of it, the mean over a row of 20 ms (f/50 Hz)², and it folds back from both sides: 0.8 % of the "
+        "density's root from 0.05 to 1.5 Hz, where 40 seeds show 1.0 ± 0.3 % too much and 0.2 ± 0.3 % in the closed "
+        "loop, which has no peak.",
         "Beat: the envelope has no demodulators; those of the full plant delay and shrink a swing at 50 Hz.",
     ]
     return Report("rate_mode", "Rate mode", tables, notes)
