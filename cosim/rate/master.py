@@ -118,7 +118,10 @@ def _simulate(run: RateRun, plant: LoopedPlant, progress: Progress | None) -> Re
         if progress is not None:
             progress((first + count) * run.interval, run.duration)
     return Result(
-        record_frame(rows, held, run.interval, run.seed), locked_at, started_at, recorder and recorder.frame()
+        record_frame(rows, held, run.interval, run.seed),
+        locked_at,
+        started_at,
+        None if recorder is None else recorder.frame(),
     )
 
 
