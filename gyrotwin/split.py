@@ -57,7 +57,7 @@ def split(
     from gyrotwin.split_track import follow
 
     question = Question(q, drive_frequency, span, guard, resolution, clean_line)
-    folder = out or Path("results") / "split"
+    folder = out or Path("results") / ("split" if track is None else "track")
     check_writable(folder)
     if track is not None:
         voltage = read_record(record, column or (), sample_rate, carrier)
