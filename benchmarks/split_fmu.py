@@ -56,7 +56,7 @@ class FmuPoint(NamedTuple):
         return true_frequencies(device(self, 0), self.rate)
 
 
-POINTS: Final = (FmuPoint(500, 20, 30), FmuPoint(500, 6, 60), FmuPoint(1885, 40, 50))
+POINTS: Final = (FmuPoint(500, 20, 30), FmuPoint(500, 40, 30), FmuPoint(1885, 40, 50))
 
 
 def device(point: FmuPoint, seed: int) -> dict[str, float]:

@@ -31,10 +31,11 @@ class Outcome(NamedTuple):
     cut: float
 
 
-def judge(record: VoltageRecord, truth: Truth) -> Outcome:
-    """Likelihood, correlation as printed, correlation without the line. Q is given to none of them."""
+def judge(record: VoltageRecord, truth: Truth, span: float | None = None) -> Outcome:
+    """Likelihood, correlation as printed, correlation without the line. Q is given to none of them; span: half-width of
+    the band searched [Hz]."""
     try:
-        analysis = find_split(record, Question(drive_frequency=truth.f_x))
+        analysis = find_split(record, Question(drive_frequency=truth.f_x, span=span))
     except NothingFoundError:
         return Outcome(np.nan, True, np.nan, np.nan)
     low, high = analysis.split.interval
