@@ -135,10 +135,12 @@ def run(options: Options) -> Report:
         "Bound: σ_f = √(Γ/(T g))/2π, Γ = πf/Q, with all but f_y known; Q, hump and floor are found by the fit.",
         "Likelihood: rms; mean: of the errors, which scatters by a tenth over 100 records. Records: T = 150 Q/(πf).",
         "FMUs: x driven at 1 µm on its resonance, quadrature up to 300 °/s and a steady turn up to 100 °/s, nulled "
-        "where the quadrature would exceed a tenth of the split; its phase-locked loop gives f_x.",
-        "Mean errors that the expected spectra explain: -0.5 bounds at 40 dB, -0.16 at 20 dB where the quadrature is a "
-        "tenth of the split: the drive mode's own thermal motion shows on y, 26 dB below the hump; and +0.17 at Q 500, "
-        "40 dB on the envelope FMU, whose noise is symmetric about the mode.",
+        "where the quadrature would exceed a tenth of the split; f_x is what the drive runs at, on the envelope that of "
+        "a phase-locked loop.",
+        "Mean errors: where the quadrature is a tenth of the split, the drive mode's own thermal motion shows on y, 26 "
+        "dB below the hump. A fit to the expected spectrum, without noise and without the phase-locked loop, is then "
+        "off by -0.5 bounds at 40 dB and -0.16 at 20 dB; and by +0.17 at Q 500, 40 dB on the envelope FMU, whose noise "
+        "is symmetric about the mode.",
         "A line of 300 °/s at 1 µm of drive is some 60 dB above the power of the hump at 50 Hz of split. An answer of "
         f"the cross-correlation is right within {RIGHT:g} half-widths of f_y; errors are of the right ones. It was "
         "given the Q that the likelihood found.",

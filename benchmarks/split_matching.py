@@ -86,7 +86,7 @@ def matching_row(what: str, splits: list[NDArray[np.float64]], note: str) -> Row
     values = {
         "rms": float(np.sqrt(np.mean(np.concatenate(splits) ** 2))),
         "rms of the worst run": max(runs),
-        "largest |Δf|": float(max(np.abs(split).max() for split in splits)),
+        "largest Δf": float(max(np.abs(split).max() for split in splits)),
     }
     return row(what, "Hz", values, limit=0.5, judged=("rms", "rms of the worst run"), note=note)
 
