@@ -135,7 +135,7 @@ def run(options: Options) -> Report:
         "Bound: σ_f = √(Γ/(T g))/2π, Γ = πf/Q, with all but f_y known; Q, hump and floor are found by the fit.",
         "Likelihood: rms; mean: of the errors, which scatters by a tenth over 100 records. Records: T = 150 Q/(πf).",
         "FMUs: x driven at 1 µm on its resonance, quadrature up to 300 °/s and a steady turn up to 100 °/s, nulled "
-        "where the quadrature would exceed a tenth of the split; f_x is what the drive runs at, on the envelope that of "
+        "where the quadrature would exceed a tenth of the split; f_x is that of the drive, on the envelope that of "
         "a phase-locked loop.",
         "Mean errors: where the quadrature is a tenth of the split, the drive mode's own thermal motion shows on y, 26 "
         "dB below the hump. A fit to the expected spectrum, without noise and without the phase-locked loop, is then "
