@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from functools import partial
 from multiprocessing import get_context
-from pathlib import Path
 from time import process_time
 from typing import Final, NamedTuple
 
@@ -21,29 +20,19 @@ from benchmarks.compensation_records import (
     fmu_record,
     quasi_static,
 )
+from benchmarks.compensation_warmup import NOTES, WARMUP, warmup_table
 from benchmarks.report import Options, Report, Row, Table, row
 from cosim.compensation import network, piecewise
 from cosim.compensation.choose import Asked, choose
 from cosim.compensation.measures import Result, change, judge
 from cosim.compensation.model import Compensation
-from cosim.compensation.record import CIRCUIT, STRUCTURE, Blocks, make_blocks
+from cosim.compensation.record import CIRCUIT, STRUCTURE, Blocks
 from cosim.rate.metrics import PER_HOUR
-from gyrotwin.compensate import judge_all
-from gyrotwin.compensate_record import read_test
 
 SEGMENTS: Final = 16
 """Of 5 °C, as the soaks fitted lie, where structure and board are compared."""
 SOURCE_SEGMENTS: Final = 4
 """Of 20 °C, as source 003 measures."""
-WARMUP: Final = Path(__file__).parents[2] / "shared" / "data" / "warmup" / "Tempdata01-02-14.csv.gz"
-WARMUP_MAPS: Final = ("t=Time", "sensor_structure=dTemp", "sensor_circuit=Temp")
-WARMUP_SCALES: Final = ("t=ms", "rate=counts", "sensor_structure=0.00294117647,309.68", "sensor_circuit=degC")
-WARMUP_BLOCK: Final = 10.2
-"""300 samples [s]."""
-PLATEAU: Final = 1500.0
-"""The end of the warm-up, over which the die moves by 0.2 °C in 100 s [s]."""
-WANDER: Final = 10
-"""Blocks averaged where white noise no longer counts: 100 s."""
 
 
 class Cycle(NamedTuple):
@@ -79,12 +68,8 @@ def run(options: Options) -> Report:
         "Source: piecewise 4.5 and 3.2 times; with the board's sensor 2.0 and 2.1; network about 20.",
     ]
     if WARMUP.is_file():
-        tables.append(Table("Measured warm-up, stretches held out, blocks of 300 samples", _measured()))
-        notes.append(
-            "Measured: beside the white noise of a block the bias wanders at one temperature (Hadamard deviation at "
-            "100 s over the last 25 min; white noise alone would give a third of the block's). No function of "
-            "temperature removes that: what remains is to be compared with both together."
-        )
+        tables.append(warmup_table())
+        notes += NOTES
     return Report("compensation", "Temperature compensation", tables, notes)
 
 
@@ -172,28 +157,3 @@ def _causes() -> list[Row]:
     rows.append(row("source 003", "ppm/°C", {"structure": 69.67, "board": 154.97}))
     rows.append(row("source 003", "°/h/°C", {"structure": 115.25, "board": 172.67}))
     return rows
-
-
-def _measured() -> list[Row]:
-    rows = []
-    for axis in ("Gx", "Gy", "Gz"):
-        test = read_test(WARMUP, (*WARMUP_MAPS, f"rate={axis}"), WARMUP_SCALES)
-        blocks = make_blocks(test, WARMUP_BLOCK, 0.0)
-        left, floor = {}, 0.0
-        for name, sensor in (("die", STRUCTURE), ("board", CIRCUIT)):
-            judged, _ = judge_all(blocks, None, Asked("piecewise", sensor=sensor, sampling_time=WARMUP_BLOCK), "clamp")
-            left[name], floor = judged[0].held_out.rms, judged[0].held_out.floor
-        judged, _ = judge_all(blocks, None, Asked("spline", sampling_time=WARMUP_BLOCK), "clamp")
-        wander = _wander(blocks)
-        values = {**left, "both, spline": judged[0].held_out.rms, "white noise": floor, "wander": wander}
-        values["noise and wander"] = float(np.hypot(floor, wander))
-        reach = 0.05 if axis in ("Gx", "Gz") else None
-        rows.append(row(f"{axis}, rms of what remains", "counts", values, limit=reach, judged=("die",)))
-    return rows
-
-
-def _wander(blocks: Blocks) -> float:
-    """Hadamard deviation at 100 s of the bias at the end: a drift with the slow temperature drops out."""
-    rate = blocks.rate[blocks.t > blocks.t[-1] - PLATEAU]
-    means = rate[: len(rate) // WANDER * WANDER].reshape(-1, WANDER).mean(axis=1)
-    return float(np.sqrt(np.mean(np.diff(means, 2) ** 2) / 6))

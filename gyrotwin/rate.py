@@ -1,6 +1,7 @@
 """`gyrotwin rate`: rate mode, from the command line to summary.json, trace.parquet, report.html."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from math import radians
 from pathlib import Path
@@ -28,6 +29,9 @@ FULL_AT_MOST: Final = 60.0
 OUTPUT_RATES: Final = {"full": 100.0, "envelope": 10.0}
 """Rows a second where nothing is said [Hz]."""
 
+SENSE_RECORD: Final = "sense.parquet"
+"""The record that `gyrotwin split` reads."""
+
 
 class Request(NamedTuple):
     """A run as typed; None where the program decides. ``settings`` are texts ``name=value``."""
@@ -46,6 +50,7 @@ class Request(NamedTuple):
     sample_rate: float = 200e3
     output_rate: float | None = None
     seed: int = 1
+    sense_record: float | None = None
 
 
 def rate(
@@ -78,6 +83,10 @@ def rate(
         float | None, typer.Option(help="Rows of the record a second; default 100, envelope 10.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the noises.")] = 1,
+    sense_record: Annotated[
+        float | None,
+        typer.Option(metavar="HZ", help="Also write sense.parquet for `gyrotwin split`, this many samples a second."),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for summary.json, trace.parquet, report.html.")] = Path(
         "results/rate"
     ),
@@ -88,12 +97,14 @@ def rate(
 
     request = Request(
         device, tuple(settings or ()), rate_profile, rate_column, rate_unit, rate_step, rate_period, temperature, sense,
-        plant, duration, sample_rate, output_rate, seed,
+        plant, duration, sample_rate, output_rate, seed, sense_record,
     )  # fmt: skip
     prepared = prepare(request)
     with shown_progress(console, f"rate mode, {prepared.duration:g} s") as progress:
         summary = execute(prepared, out, progress)
     console.print(results(summary))
+    if prepared.sense_rate is not None:
+        console.print(f"for gyrotwin split: {out / SENSE_RECORD}", soft_wrap=True, highlight=False)
     console.print(f"report: {out / 'report.html'}", soft_wrap=True, highlight=False)
 
 
@@ -120,6 +131,7 @@ def prepare(request: Request) -> "RateRun":
         sample_rate=request.sample_rate,
         output_rate=request.output_rate if request.output_rate is not None else OUTPUT_RATES[plant],
         envelope=plant == "envelope",
+        sense_rate=request.sense_record,
     )
 
 
@@ -167,7 +179,7 @@ def _duration(rate: "Course", temperature: "Course", request: Request) -> float:
 
 
 def execute(run: "RateRun", folder: Path, progress: "Progress | None" = None) -> dict[str, Any]:
-    """Runs and writes the three files into ``folder``, complete or not at all; gives the summary."""
+    """Runs and writes the files into ``folder``, complete or not at all; gives the summary."""
     from cosim.rate.master import simulate
     from cosim.rate.metrics import allan_of, summarise
     from gyrotwin.rate_report import render
@@ -180,12 +192,13 @@ def execute(run: "RateRun", folder: Path, progress: "Progress | None" = None) ->
     def write_summary(path: Path) -> None:
         path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
-    publish(
-        folder,
-        {
-            "summary.json": write_summary,
-            "trace.parquet": lambda path: result.record.write_parquet(path, row_group_size=20_000),
-            "report.html": lambda path: render(summary, run, result.record, allan_of(result.record, run), path),
-        },
-    )
+    files: dict[str, Callable[[Path], object]] = {
+        "summary.json": write_summary,
+        "trace.parquet": lambda path: result.record.write_parquet(path, row_group_size=20_000),
+        "report.html": lambda path: render(summary, run, result.record, allan_of(result.record, run), path),
+    }
+    sense = result.sense
+    if sense is not None:
+        files[SENSE_RECORD] = sense.write_parquet
+    publish(folder, files)
     return summary

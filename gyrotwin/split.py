@@ -42,17 +42,28 @@ def split(
     resolution: Annotated[
         float | None, typer.Option(help="Refuse an answer with a 95 % interval wider than plus or minus this, Hz.")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for summary.json and report.html.")] = None,
+    track: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Follow the split through time, by blocks of this length.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for summary.json and report.html, and track.csv of a track.")
+    ] = None,
 ) -> None:
     """Find the frequency split of the two modes in a record of normal operation, from thermal noise."""
     from cosim.mode_split import Question, find_split
     from gyrotwin.run import check_writable, publish
     from gyrotwin.split_record import read_record
     from gyrotwin.split_report import render_split
+    from gyrotwin.split_track import follow
 
     question = Question(q, drive_frequency, span, guard, resolution, clean_line)
-    folder = out or Path("results") / "split"
+    folder = out or Path("results") / ("split" if track is None else "track")
     check_writable(folder)
+    if track is not None:
+        voltage = read_record(record, column or (), sample_rate, carrier)
+        console.print(follow(voltage, question, track, record.name, folder))
+        console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
+        return
     analysis = find_split(read_record(record, column or (), sample_rate, carrier), question)
     summary = summarise(analysis, question.q, record.name)
 

@@ -17,6 +17,8 @@ VOLTAGES: Final = ("v_y", "v", "voltage", "sense", "signal", "u")
 """Headings taken for the voltage, in this order, where none is named."""
 PAIRS: Final = (("v_y_i", "v_y_q"), ("i", "q"))
 """Headings taken for in-phase and quadrature, where a carrier is given."""
+CARRIER: Final = "carrier_frequency"
+"""Column with the frequency of a demodulator that follows the drive [Hz], beside I and Q."""
 UNEVEN: Final = 0.5
 """Largest error of a sample's time, in steps, before the record has a hole; printing t may round it by as much."""
 
@@ -27,10 +29,14 @@ def read_record(
     """The record in a .csv, .csv.gz or .parquet file.
 
     columns: none (guessed), one of a voltage, or two of I and Q around ``carrier`` [Hz]; sample_rate [Hz]: needed where
-    there is no time, checked against it else. Raises InputError for whatever does not fit.
+    there is no time, checked against it else. A table with I, Q and CARRIER, as `gyrotwin rate` writes it, says all of
+    that itself; the record's carrier is then the mean, in whose frame the drive stands still. Raises InputError for
+    whatever does not fit.
     """
     table = read_lab_table(path)
     try:
+        if carrier is None and not columns and CARRIER in table.columns:
+            carrier = _mean_carrier(table)
         chosen = _columns(table.columns, columns, carrier)
         voltages = [_voltage(table, path, heading) for heading in chosen]
         rate = _rate(table, path, sample_rate)
@@ -69,6 +75,14 @@ def _voltage(table: pl.DataFrame, path: Path, heading: str) -> Floats:
     """A column in V, by the unit in its heading."""
     [source] = [s for c, s in guess_sources(table.columns, _request(path, v_y=heading)).items() if c == "v_y"]
     return source.factor * numbers(table, heading)
+
+
+def _mean_carrier(table: pl.DataFrame) -> float:
+    carriers = numbers(table, CARRIER)
+    fits = np.isfinite(carriers) & (carriers > 0)
+    if not fits.all():
+        raise InputError(f"{CARRIER} is no positive number in data row {int(np.argmin(fits)) + 1}: mend the row")
+    return float(carriers.mean())
 
 
 def _rate(table: pl.DataFrame, path: Path, sample_rate: float | None) -> float:

@@ -2,6 +2,7 @@
 
 from cosim.mode_split.correlation import Correlation, correlate, correlate_without_line, theoretical_spectrum
 from cosim.mode_split.estimate import Analysis, NothingFoundError, Question, Split, correlations, estimate, find_split
+from cosim.mode_split.follow import Track, follow_split
 from cosim.mode_split.model import SplitModel, frequency_bound, kept_information
 from cosim.mode_split.record import Envelope, VoltageRecord, envelope, find_line
 from cosim.mode_split.spectrum import Spectrum, line_spectrum
@@ -18,6 +19,7 @@ __all__ = [
     "Split",
     "SplitModel",
     "SplitTracker",
+    "Track",
     "Tracked",
     "VoltageRecord",
     "correlate",
@@ -27,6 +29,7 @@ __all__ = [
     "estimate",
     "find_line",
     "find_split",
+    "follow_split",
     "frequency_bound",
     "kept_information",
     "line_spectrum",

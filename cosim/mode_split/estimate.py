@@ -59,6 +59,10 @@ class Question:
         if not (isfinite(self.guard) and self.guard >= 0):
             raise InputError(f"--guard {self.guard:g}: give a frequency in Hz, zero or more")
 
+    def span_about(self, f_x: float) -> float:
+        """Half-width [Hz] of the band searched around ``f_x`` [Hz]."""
+        return self.span or SPAN * f_x
+
 
 @dataclass(frozen=True)
 class Split:
@@ -112,7 +116,7 @@ def find_split(record: VoltageRecord, question: Question = Question()) -> Analys
     """
     f_x = find_line(record) if question.drive_frequency is None else question.drive_frequency
     check_length(record.duration, f_x, question.q)
-    part = envelope(record, f_x, question.span or SPAN * f_x)
+    part = envelope(record, f_x, question.span_about(f_x))
     spectrum = line_spectrum(part, f_x, question.guard)
     split = estimate(spectrum, question)
     check_resolution(split, question.resolution)
@@ -162,11 +166,11 @@ def correlations(analysis: Analysis) -> tuple[tuple[Correlation, float], tuple[C
     )
 
 
-def check_length(duration: float, f_x: float, q: float | None) -> None:
-    """Raises InputError where the record can't resolve the line width f/Q."""
+def check_length(duration: float, f_x: float, q: float | None, what: str = "the record") -> None:
+    """Raises InputError where ``what``, ``duration`` [s] long, can't resolve the line width f/Q."""
     if q is not None and duration < (needed := DECAYS * q / (np.pi * f_x)):
         raise InputError(
-            f"the record is {duration:.4g} s long: too short to resolve the line width {f_x / q:.3g} Hz of Q = {q:g}; "
+            f"{what} is {duration:.4g} s long: too short to resolve the line width {f_x / q:.3g} Hz of Q = {q:.5g}; "
             f"record at least {needed:.3g} s, better {150 / DECAYS * needed:.3g} s"
         )
 

@@ -6,18 +6,13 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import kaiserord, upfirdn
-from scipy.signal.windows import kaiser
 
+from cosim.decimation import FLAT, Decimator
 from gyro_model.errors import InputError
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-FLAT: Final = 0.4
-"""Band of a decimated record, of its rate, either way: the filter is flat below it, what folds back lies above it."""
-STOP_DB: Final = 120.0
-"""Attenuation of what folds back: a line 60 dB above the hump's power lies then 60 dB below that."""
 BLOCK: Final = 1 << 18
 """Samples mixed at a time: what is in memory beside the record stays below 20 MB."""
 LINE_OVER_MEDIAN: Final = 30.0
@@ -100,16 +95,16 @@ def envelope(record: VoltageRecord, centre: float, span: float) -> Envelope:
     factor = max(int(FLAT * record.rate / band), 1)
     if factor == 1:
         return Envelope(_mixed(record, shift, 0, len(record.values)), record.rate, centre, band)
-    taps, beta = kaiserord(STOP_DB, 2 * (1 - 2 * FLAT) / factor)
-    taps = taps | 1
-    low_pass = np.sinc((np.arange(taps) - taps // 2) / factor) * kaiser(taps, beta)
-    low_pass /= low_pass.sum()
-    if len(record.values) < 4 * taps:
+    decimator = Decimator(factor)
+    if len(record.values) < 4 * decimator.taps:
         raise InputError(
-            f"{len(record.values)} samples: a band of ±{band:.4g} Hz needs at least {4 * taps}, "
-            f"{4 * taps / record.rate:.3g} s"
+            f"{len(record.values)} samples: a band of ±{band:.4g} Hz needs at least {4 * decimator.taps}, "
+            f"{4 * decimator.taps / record.rate:.3g} s"
         )
-    return Envelope(_decimated(record, shift, low_pass, factor), record.rate / factor, centre, band)
+    parts = [
+        decimator.feed(_mixed(record, shift, first, first + BLOCK)) for first in range(0, len(record.values), BLOCK)
+    ]
+    return Envelope(np.concatenate(parts), record.rate / factor, centre, band)
 
 
 def find_line(record: VoltageRecord) -> float:
@@ -135,25 +130,7 @@ def find_line(record: VoltageRecord) -> float:
 
 def _mixed(record: VoltageRecord, shift: float, first: int, last: int) -> Complexes:
     """Samples first .. last - 1 around the shifted frequency, as an envelope: a real record counts twice."""
-    inside = record.values[max(first, 0) : max(last, 0)]
-    turns = shift / record.rate * np.arange(max(first, 0), max(first, 0) + len(inside))
+    inside = record.values[first:last]
+    turns = shift / record.rate * np.arange(first, first + len(inside))
     mixed: Complexes = (1 if record.is_complex else 2) * inside * np.exp(-2j * np.pi * (turns % 1))
     return mixed
-
-
-def _decimated(record: VoltageRecord, shift: float, low_pass: Floats, factor: int) -> Complexes:
-    """Every ``factor``-th sample of the mixed and filtered record, those that the filter sees in full."""
-    taps = len(low_pass)
-    count = (len(record.values) - taps) // factor + 1
-    each = max(BLOCK // factor, 1)
-    parts = []
-    for first in range(0, count, each):
-        many = min(each, count - first)
-        start = first * factor
-        block = _mixed(record, shift, start, start + (many - 1) * factor + taps)
-        # upfirdn keeps output 0, factor, ...; that of full overlap is output taps - 1.
-        lead = (-(taps - 1)) % factor
-        filtered = upfirdn(low_pass, np.concatenate([np.zeros(lead), block]), 1, factor)
-        begin = (taps - 1 + lead) // factor
-        parts.append(filtered[begin : begin + many])
-    return np.concatenate(parts)

@@ -81,7 +81,7 @@ def line_spectrum(part: Envelope, drive_line: float, guard: float = 0.0) -> Spec
     line = _refined(part, drive_line)
     n = len(part.values)
     rest = _without_line(part, line)
-    _check_line(part, rest, line)
+    _check_line(part, rest, line, guard)
     window = tukey(n, TAPER)
     squares = window @ window
     density = np.abs(np.fft.fftshift(np.fft.fft(rest * window))) ** 2 / (squares * part.rate)
@@ -132,16 +132,17 @@ def _without_line(part: Envelope, line: float) -> NDArray[np.complex128]:
     return rest
 
 
-def _check_line(part: Envelope, rest: NDArray[np.complex128], line: float) -> None:
-    """Raises InputError where the line moves in frequency by more than the polynomial follows.
+def _check_line(part: Envelope, rest: NDArray[np.complex128], line: float, guard: float) -> None:
+    """Raises InputError where the line moves in frequency by more than the polynomial follows and ``guard`` [Hz] masks.
 
     Near the line a tone with a share e of noise has <|z|>²/<|z|²> = 1 - e/2, and e is left of it. One that moves keeps
     its modulus, and more is left.
     """
     n = len(rest)
     away = np.abs(part.centre + np.fft.fftfreq(n, 1 / part.rate) - line)
-    near = away <= max(64 / part.duration, 1e-3 * line)
-    whole, left = (np.abs(np.fft.ifft(np.where(near, np.fft.fft(z), 0.0))) for z in (part.values, rest))
+    near = away <= max(64 / part.duration, 1e-3 * line, 2 * guard)
+    whole = np.abs(np.fft.ifft(np.where(near, np.fft.fft(part.values), 0.0)))
+    left = np.abs(np.fft.ifft(np.where(near & (away >= guard), np.fft.fft(rest), 0.0)))
     # The band cuts off the ends of a tone that it was not given.
     inner = slice(n // 10, n - n // 10)
     power = np.mean(whole[inner] ** 2)
@@ -149,7 +150,8 @@ def _check_line(part: Envelope, rest: NDArray[np.complex128], line: float) -> No
     if np.mean(left[inner] ** 2) > max(LEFT, 8 * unsteady) * power:
         raise InputError(
             f"the drive line near {line:.6g} Hz wanders within the record of {part.duration:.4g} s, by more than its "
-            "resolution: cut the record into shorter ones, or give I and Q of a demodulator that follows the drive"
+            "resolution: cut the record into shorter ones, give I and Q of a demodulator that follows the drive, or, "
+            "where the rate of turn moves the line, --guard with the rate's bandwidth"
         )
 
 

@@ -89,12 +89,13 @@ def add_to_row(state, z_x, row, weight):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def run_rows(  # type: ignore[no-untyped-def]
-    handle, inputs, outputs, blocks, states, first, period, omega_z, temperature, output_values, rows
+    handle, inputs, outputs, blocks, states, first, period, omega_z, temperature, output_values, rows, sensed
 ):
     """Runs ``len(omega_z)`` samples from index ``first`` on into ``rows``, all of one length; gives the samples done.
 
     omega_z [rad/s], temperature [K]: held over each sample, shape (n,); rows: shape (n_rows, ROW_SIZE); output_values:
-    OUTPUT_NAMES as the last call left them. It ends early, at that sample, where the plant could not go on.
+    OUTPUT_NAMES as the last call left them; sensed, shape (2, n): set to v_y mixed with the oscillator, 2 v_y e^{-iφ}
+    [V], and the oscillator's frequency [rad/s]. It ends early, at that sample, where the plant could not go on.
 
     With φ_k the oscillator's phase at t_k, the forces are advanced by half a hold and the known delay τ, and divided by
     the hold's sinc(ωT/2):
@@ -116,6 +117,8 @@ def run_rows(  # type: ignore[no-untyped-def]
         )
         z_x, z_y = blocks.correction * state.x_second, blocks.correction * state.y_second
         control(blocks, state, z_x, z_y)
+        sensed[0, k] = 2 * output_values[1] * reference.conjugate()
+        sensed[1, k] = state.omega
         row = rows[k // per_row]
         add_to_row(state, z_x, row, 1 / per_row)
 
@@ -137,7 +140,7 @@ def run_rows(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def run_envelope_rows(  # type: ignore[no-untyped-def]
-    handle, inputs, outputs, blocks, states, first, period, omega_z, temperature, output_values, rows
+    handle, inputs, outputs, blocks, states, first, period, omega_z, temperature, output_values, rows, sensed
 ):
     """As ``run_rows``, on the envelope form of the plant with ``period`` a step of the slow loops.
 
@@ -151,8 +154,10 @@ def run_envelope_rows(  # type: ignore[no-untyped-def]
     rows[:] = 0.0
     for k in range(len(omega_z)):
         z_x = blocks.correction * complex(output_values[0], output_values[1])
-        z_y = blocks.correction * complex(output_values[2], output_values[3])
-        control(blocks, state, z_x, z_y)
+        v_y = complex(output_values[2], output_values[3])
+        control(blocks, state, z_x, blocks.correction * v_y)
+        sensed[0, k] = v_y
+        sensed[1, k] = state.omega
         row = rows[k // per_row]
         add_to_row(state, z_x, row, 1 / per_row)
 

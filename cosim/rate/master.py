@@ -11,10 +11,12 @@ from cosim.envelope import open_envelope
 from cosim.fmu import Plant, open_plant
 from cosim.rate import loop
 from cosim.rate.run import RateRun
+from cosim.rate.sense_record import SenseRecorder
 from cosim.rate.temperature_sensor import BoardSensor, Bridge
 from gyro_model.errors import InputError
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 Progress = Callable[[float, float], None]
 
 BLOCK_ROWS: Final = 10
@@ -34,12 +36,13 @@ class Result(NamedTuple):
     """What a run gives.
 
     record: columns as in the contract of ``record_frame``; locked_at: from power on until lock [s]; started_at: until
-    the record's t = 0 [s].
+    the record's t = 0 [s]; sense: record of the sense voltage (``SenseRecorder.frame``) where the run asks for one.
     """
 
     record: pl.DataFrame
     locked_at: float
     started_at: float
+    sense: pl.DataFrame | None
 
 
 class LoopedPlant:
@@ -72,21 +75,22 @@ class LoopedPlant:
     def __exit__(self, *exception: object) -> None:
         self._plant.close()
 
-    def step(self, omega_z: Floats, temperature: Floats, rows: int) -> Floats:
+    def step(self, omega_z: Floats, temperature: Floats, rows: int) -> tuple[Floats, Complexes]:
         """Runs the samples over which rate [rad/s] and temperature [K] are held, shape (n,); gives their rows, shape
-        (rows, ROW_SIZE).
+        (rows, ROW_SIZE), and v_y mixed with the drive, with its frequency [V, rad/s], shape (2, n).
 
         Raises InputError where the plant can't go on.
         """
         result = np.empty((rows, loop.ROW_SIZE))
+        sensed = np.empty((2, len(omega_z)), complex)
         done = self._run_rows(
             self._plant.handle, self._inputs, self._outputs, self._blocks, self._state, self._done, self._period,
-            omega_z, temperature, self._values, result,
+            omega_z, temperature, self._values, result, sensed,
         )  # fmt: skip
         self._done += done
         if done < len(omega_z):
             raise InputError(f"run {self._plant.complaint()}")
-        return result
+        return result, sensed
 
 
 def simulate(run: RateRun, progress: Progress | None = None) -> Result:
@@ -99,18 +103,26 @@ def _simulate(run: RateRun, plant: LoopedPlant, progress: Progress | None) -> Re
     locked_at, started_at = _start_up(run, plant)
     rows = np.empty((run.rows, loop.ROW_SIZE))
     held = np.empty((run.rows, 2))
+    recorder = None if run.sense_rate is None else SenseRecorder(run.period, run.sense_rate)
     for first in range(0, run.rows, BLOCK_ROWS):
         count = min(BLOCK_ROWS, run.rows - first)
         samples = first * run.per_row, count * run.per_row
         omega_z, temperature = (course.held(*samples, run.period) for course in (run.rate, run.temperature))
-        block = plant.step(omega_z, temperature, count)
+        block, sensed = plant.step(omega_z, temperature, count)
+        if recorder is not None:
+            recorder.take(sensed)
         _check_lock(run, block, first)
         rows[first : first + count] = block
         held[first : first + count, 0] = omega_z.reshape(count, -1).mean(axis=1)
         held[first : first + count, 1] = temperature.reshape(count, -1).mean(axis=1)
         if progress is not None:
             progress((first + count) * run.interval, run.duration)
-    return Result(record_frame(rows, held, run.interval, run.seed), locked_at, started_at)
+    return Result(
+        record_frame(rows, held, run.interval, run.seed),
+        locked_at,
+        started_at,
+        None if recorder is None else recorder.frame(),
+    )
 
 
 def _start_up(run: RateRun, plant: LoopedPlant) -> tuple[float, float]:
@@ -120,7 +132,7 @@ def _start_up(run: RateRun, plant: LoopedPlant) -> tuple[float, float]:
     locked = row = 0
     while row < locked + settling or not locked:
         row += 1
-        values = plant.step(np.zeros(run.per_row), temperature, 1)
+        values, _ = plant.step(np.zeros(run.per_row), temperature, 1)
         off = abs(values[0, loop.AMPLITUDE] / run.nominal.calibration.drive.voltage - 1)
         if values[0, loop.LARGEST_ERROR] > LOCKED_ERROR or off > LOCKED_AMPLITUDE:
             locked = 0

@@ -7,6 +7,7 @@ from math import pi
 from cosim.rate.courses import Course, check_jumps, check_rate
 from cosim.rate.filters import delay
 from cosim.rate.loop import Blocks
+from cosim.rate.sense_record import check_sense_record
 from cosim.rate.settings import Nominal, Settings, blocks_for, nominal, settings_of
 from cosim.run import plant_parameters
 from gyro_model.device import Device
@@ -25,8 +26,9 @@ class RateRun:
     """One run of rate mode; ``envelope``: on the envelope form of the plant, else on the full FMU.
 
     rate [rad/s], temperature [K]: what the package goes through, from the time on at which the loops have settled;
-    closed: the sense loop rebalances; sample_rate, output_rate [Hz]; duration [s]. Raises InputError for what can't
-    be, a course shorter than the run, a rate beyond full scale, and a temperature that jumps.
+    closed: the sense loop rebalances; sample_rate, output_rate [Hz]; duration [s]; sense_rate: of a record of the sense
+    voltage [Hz], None for none. Raises InputError for what can't be, a course shorter than the run, a rate beyond full
+    scale, a temperature that jumps, and a record that could not show the split.
     """
 
     device: Device
@@ -38,6 +40,7 @@ class RateRun:
     sample_rate: float = 200e3
     output_rate: float = 100.0
     envelope: bool = False
+    sense_rate: float | None = None
 
     def __post_init__(self) -> None:
         if not 1 <= self.output_rate <= 1e4:
@@ -73,6 +76,8 @@ class RateRun:
             )
         check_rate(self.rate, self.duration, self.interval, self.settings.full_scale)
         check_jumps(self.temperature, self.duration, self.interval)
+        if self.sense_rate is not None:
+            check_sense_record(self.sense_rate, 1 / self.period, self.duration, self.nominal, self.closed)
 
     @cached_property
     def settings(self) -> Settings:

@@ -7,7 +7,15 @@ import pytest
 import sympy
 from scipy.integrate import quad
 
-from benchmarks.split_records import THERMAL_RMS, SenseAxis, make_envelope, make_record, thermal
+from benchmarks.split_records import (
+    THERMAL_RMS,
+    SenseAxis,
+    complex_normal,
+    make_envelope,
+    make_record,
+    ornstein_uhlenbeck,
+    thermal,
+)
 from cosim.mode_split import (
     BiasTuner,
     Envelope,
@@ -15,6 +23,7 @@ from cosim.mode_split import (
     Question,
     SplitModel,
     SplitTracker,
+    Tracked,
     VoltageRecord,
     correlate,
     correlations,
@@ -22,6 +31,7 @@ from cosim.mode_split import (
     estimate,
     find_line,
     find_split,
+    follow_split,
     frequency_bound,
     kept_information,
     line_spectrum,
@@ -30,6 +40,7 @@ from cosim.mode_split import (
     track,
 )
 from cosim.mode_split import record as record_module
+from cosim.mode_split.follow import likely_wander
 from cosim.mode_split.model import response, spectrum_bound
 from cosim.mode_split.search import detectable, find_hump
 from gyro_model.effects import electrostatic_softening
@@ -369,3 +380,66 @@ def test_tuner_takes_its_share_and_waits_where_nothing_was_found():
     assert tuner.next_bias(10.0, None) == 10.0
     assert tuner.next_bias(10.0, -1e9) == 40.0
     assert tuner.next_bias(10.0, 1e9) == 0.0
+
+
+# A whole record through time
+
+
+def drifting(slope, blocks, seed, block=30.0, rate=200.0):
+    """A record whose split runs from 20 Hz with ``slope`` [Hz/s], Q 1885, 20 dB and more over the floor."""
+    count = round(blocks * block * rate)
+    offset = 20 + slope * np.arange(count) / rate
+    rng = np.random.default_rng(seed)
+    z = ornstein_uhlenbeck(offset, np.pi * 3000 / 1885, rate, rng) + 0.05 * complex_normal(count, rng) + 300
+    return VoltageRecord(z, rate, 3000.0), offset
+
+
+@pytest.mark.parametrize("slope", [0.0, 3e-3])
+def test_track_finds_q_and_how_much_the_split_wanders(slope):
+    record, offset = drifting(slope, 12, 12)
+    track = follow_split(record, Question(), 30.0)
+    assert track.blocks == len(track.steps) == 12
+    # ln Q of a block of 150 decay times scatters by 12 %, a median of 12 by 4 %.
+    assert track.q == pytest.approx(1885, rel=0.12)
+    truth = np.array([offset[round(step.t * record.rate)] for step in track.steps])
+    error = np.array([step.split for step in track.steps]) - truth
+    assert np.all(np.abs(error) < 4 * np.array([step.deviation for step in track.steps]))
+    # The end of a straight line through 12 blocks is known to 2/√12 = 0.58 of one; a little wander is never excluded.
+    assert track.steps[-1].deviation < 0.8 * track.steps[-1].block.deviation
+
+
+def test_likely_wander_is_that_of_the_walk():
+    rng, block, wander, noise = np.random.default_rng(13), 10.0, 3e-4, 0.1
+    at = np.zeros(2)
+    template = find_split(make_envelope(NARROW, NARROW_DURATION, 5), Question(q=NARROW.q)).split
+    steps = []
+    for index in range(400):
+        kick = wander * np.linalg.cholesky([[block**3 / 3, block**2 / 2], [block**2 / 2, block]])
+        at = np.array([[1, block], [0, 1]]) @ at + kick @ rng.standard_normal(2)
+        seen = replace(template, f_y=template.f_x + at[0] + noise * rng.standard_normal(), deviation=noise)
+        steps.append(Tracked((index + 0.5) * block, 0.0, 0.0, seen))
+    # The logarithm of a walk's strength from 400 noisy steps is known to about a fifth; a factor 2 is over three of it.
+    assert 0.5 < likely_wander(steps, block, 1.0, 0.1) / wander < 2.0
+
+
+def test_a_record_of_noise_alone_has_no_track():
+    rng = np.random.default_rng(14)
+    record = VoltageRecord(complex_normal(20_000, rng) + 300, 200.0, 3000.0)
+    with pytest.raises(NothingFoundError, match=r"no thermal hump found in any block of 20 s"):
+        follow_split(record, Question(), 20.0)
+
+
+def turning(guard):
+    """The split under a rate of turn that moves the line's phase and size by half at 0.3 Hz."""
+    record = make_envelope(NARROW, NARROW_DURATION, 15)
+    t = np.arange(len(record.values)) / record.rate
+    line = 0.03 * (1 + 0.5j * np.cos(2 * np.pi * 0.3 * t))
+    z = record.values - record.values.mean() + line
+    return find_split(VoltageRecord(z, record.rate, 3000.0), Question(drive_frequency=3000.0, guard=guard)).split
+
+
+def test_a_guard_takes_the_rate_out_and_leaves_the_hump():
+    with pytest.raises(InputError, match="--guard"):
+        turning(0.0)
+    split = turning(0.6)
+    assert abs(split.f_y - NARROW.f_y) < 4 * split.deviation
