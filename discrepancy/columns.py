@@ -33,6 +33,8 @@ FINER: Final = 4.0
 """By which each refinement of such a grid is finer."""
 FARTHEST: Final = 1e6
 """Times the first guess, at which a probe is no size of anything: what changes nothing there never does."""
+FARTHER: Final = 3.0
+"""By which a frequency, quality factor or time constant changes at most in one step of a refit."""
 ATTEMPTS: Final = 8
 """Tries at a probe of the right size."""
 HEAD: Final = 2000
@@ -114,7 +116,8 @@ class Candidate:
         for q in self.searched:
             event = isinstance(self.effect, Law) and self.effect.event is not None
             step = period if event else 1e-3 * abs(self.shapes[q.name])
-            shapes.append(Free(q.name, step, max(q.low, 0.0), q.high))
+            # An instant may go anywhere; a quality factor that shows nowhere yet would leave for infinity.
+            shapes.append(Free(q.name, step, max(q.low, 0.0), q.high, np.inf if event else FARTHER))
         before = self.partner.free(period) if self.partner else ()
         return (*before, *(p.free() for p in self.probes), *shapes)
 

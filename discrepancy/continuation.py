@@ -64,6 +64,20 @@ def started(fitter: Fitter, at: Fitted) -> Fitted:
     return replace(fitter.fit(plain, 3), free=free, grams=None, fill=(), left=float("inf"))
 
 
+def grown(whole: Fitter, at: Fitted) -> Fitted:
+    """``at`` fitted over the beginnings of the runs, which grow: for an effect with states of its own, which no later
+    piece has free. Its resonance is found however far the coupling pulls it, since over a few periods it is broad."""
+    now = at
+    for number in reversed(_numbers(whole, at)[1:]):
+        heads = [whole.simulator.part(r, 0, len(r.t) // number) for r in whole.records]
+        fitter = Fitter(whole.simulator, heads, max(1, BLOCKS // number))
+        now = fitter.fit(started(fitter, replace(now, whiten=fitter.plain(now.parameters))), ROUNDS)
+        whole.simulator.forget(heads)
+    plain = replace(now, whiten=whole.plain(now.parameters))
+    now = whole.fit(started(whole, plain))
+    return whole.evaluated(replace(now, whiten=at.whiten))
+
+
 def whitened(fitter: Fitter, at: Fitted) -> Fitted:
     """``at`` fitted under the whitening that its own residuals ask for."""
     for _ in range(3):

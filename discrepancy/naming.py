@@ -15,7 +15,7 @@ from discrepancy import checkpoint as store
 from discrepancy.answer import Diagnosis, Finding, Stage, Step, Value
 from discrepancy.assemble import assemble
 from discrepancy.columns import Candidate, Library, finer, nameable
-from discrepancy.continuation import IN_STEP, settled
+from discrepancy.continuation import IN_STEP, grown, settled
 from discrepancy.dataset import Dataset
 from discrepancy.effect_file import joined, load_effect
 from discrepancy.limits import clip_level, masked
@@ -23,6 +23,7 @@ from discrepancy.refit import Fitted, Fitter, Free
 from discrepancy.scan import CHANCE, MATERIAL, SIMPLER, Scan, Scored, best_of, sure
 from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator
+from gyro_model.anatomy import Force
 from gyro_model.model import Model
 
 RIVALS: Final = 6
@@ -305,7 +306,7 @@ class Search:
             return False
         rivals = self._close(worth)
         self.progress("refit with " + ", ".join(c.effect.id for c, _ in rivals))
-        fits = [(self.fitter.fit(self.with_effect(self.at, c, s)), c, s) for c, s in rivals]
+        fits = [(self._refitted(c, s), c, s) for c, s in rivals]
         best, chosen, result = min(
             fits, key=lambda entry: entry[0].cost + SIMPLER * entry[2].freedom * self.at.variance
         )
@@ -321,6 +322,13 @@ class Search:
         self.progress(f"accepted {chosen.effect.id}")
         self._settle(best)
         return True
+
+    def _refitted(self, candidate: Candidate, result: Score) -> Fitted:
+        begun = self.with_effect(self.at, candidate, result)
+        fits = [self.fitter.fit(begun)]
+        if self.fitter is self.whole and isinstance(candidate.effect, Force) and candidate.effect.states:
+            fits.append(self.fitter.fit(grown(self.fitter, begun)))
+        return min(fits, key=lambda at: at.cost)
 
     def _close(self, worth: list[Scored]) -> list[Scored]:
         """Those whose refit could be the best: all that the linear scores leave open."""

@@ -45,12 +45,21 @@ Columns = Callable[[int], Floats]
 
 @dataclass(frozen=True)
 class Free:
-    """A parameter to fit: ``step`` of its difference quotient, bounds; SI."""
+    """A parameter to fit: ``step`` of its difference quotient, bounds; SI. ``factor``: a positive one is changed by at
+    most so much at once."""
 
     name: str
     step: float
     low: float = -np.inf
     high: float = np.inf
+    factor: float = np.inf
+
+    def bounded(self, before: float, after: float) -> float:
+        """``after``, or how far the parameter may go on its way there."""
+        low, high = self.low, self.high
+        if self.factor < np.inf:
+            low, high = max(low, before / self.factor), min(high, before * self.factor)
+        return float(np.clip(after, low, high))
 
 
 @dataclass(frozen=True)
@@ -284,7 +293,7 @@ class Fitter:
             stopped = set()
             for i in own:
                 free, value = at.free[i], at.parameters[at.free[i].name]
-                bounded = float(np.clip(value + free.step * step[i], free.low, free.high))
+                bounded = free.bounded(value, value + free.step * step[i])
                 if bounded != value + free.step * step[i]:
                     step[i] = (bounded - value) / free.step
                     stopped.add(i)
