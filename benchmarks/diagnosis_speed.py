@@ -22,8 +22,8 @@ from discrepancy.unnamed import TermSearch
 from gyro_model.device import load_device
 from gyro_model.model import load_model
 
-HIDDEN: Final = {"k3_x": 2e9, "k3_y": 2e9, "damping_step_factor": 1.05, "damping_step_time": 0.02}
-"""A cubic stiffness and a step of the damping."""
+HIDDEN: Final = {"k3_x": 2e8, "k3_y": 2e8, "angular_gain": 0.8}
+"""A cubic stiffness and an angular gain."""
 SIZES: Final = ((4, 40_000), (4, 400_000), (40, 40_000))
 """Runs and samples a run."""
 WITHIN_S: Final = 15.0

@@ -33,6 +33,9 @@ RIVAL_SHARE: Final = 0.5
 half the truth."""
 EVEN: Final = 9.0
 """Chi-square by which a rival may fit worse and still count as not told apart: three standard deviations."""
+CLEAR: Final = 30.0
+"""Times the gain that an effect needs to stay, from which no refit without it is tried: what is not linear in it does
+not make up for so much."""
 FINEST: Final = 70
 """Trials of a grid after which it is not refined further: resonances are then as sharp as Q = 640."""
 
@@ -356,9 +359,11 @@ class Search:
         for entry in list(self.accepted):
             if len(self.accepted) < 2:
                 break
+            needed = chi2.isf(CHANCE / entry.candidate.trials, len(entry.candidate.probes)) * self.at.variance
+            if self._takes(entry).gain * self.at.variance > CLEAR * max(needed, MATERIAL * self.at.cost):
+                continue
             fitted = self.fitter.fit(self.without_effect(self.at, entry))
             gain = fitted.cost - self.at.cost
-            needed = chi2.isf(CHANCE / entry.candidate.trials, len(entry.candidate.probes)) * self.at.variance
             if gain < needed or gain < MATERIAL * fitted.cost:
                 self.progress(f"deleted {entry.id}")
                 self.accepted.remove(entry)
@@ -386,14 +391,21 @@ class Search:
             even = {i: dict(at.parameters) for i, (at, _) in fits.items() if at.cost < self.at.cost + EVEN * variance}
             self.accepted[place] = Accepted(candidate, entry.share, even)
 
-    def _stand_ins(self, entry: Accepted) -> list[Scored]:
-        """Effects that explain what ``entry`` does nearly as well, by their columns at the present fit."""
+    def _takes(self, entry: Accepted) -> Score:
+        """What the present fit would lose without an effect, to first order, the other parameters taking up what they
+        can."""
         if self.scan.at.parameters != self.at.parameters:
             self._scan()
         grams = without(self.scan.grams, self.scan.known + self.accepted.index(entry))
         own = [i for i, f in enumerate(self.scan.at.free) if f.name in entry.names]
         others = [i for i in range(self.scan.known) if i not in own]
-        least = score(grams, others, own, self.at.count)
+        return score(grams, others, own, self.at.count)
+
+    def _stand_ins(self, entry: Accepted) -> list[Scored]:
+        """Effects that explain what ``entry`` does nearly as well, by their columns at the present fit."""
+        least = self._takes(entry)
+        grams = without(self.scan.grams, self.scan.known + self.accepted.index(entry))
+        others = [i for i, f in enumerate(self.scan.at.free) if f.name not in entry.names]
         near = [(c, s) for c, s in self.scan.scores(others, grams)
                 if s.gain > least.gain - 4 * EVEN * least.inflation - 0.1 * least.gain]  # fmt: skip
         return best_of(near)[:RIVALS]
