@@ -6,6 +6,7 @@ size does not grow with the number of runs (G. H. Golub, V. Pereyra, SIAM J. Num
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -186,15 +187,19 @@ class Fitter:
         where the FMU refuses one or the motion leaves all bounds."""
         base = self.records[run].v - at.residuals[run]
         jobs = [job for changes in probes for job in self._jobs(at, changes, run)]
-        found = self.simulator.try_all(jobs)
-        return np.array([v - base if v is not None else 0 * base for v in found]).reshape(len(probes), *base.shape)
+        found = np.zeros((len(probes), *base.shape))
+        for place, v in enumerate(self.simulator.try_all(jobs)):
+            if v is not None:
+                np.subtract(v, base, out=found[place])
+        return found
 
     def _derivatives(self, at: Fitted, run: int) -> Floats:
-        """By each free parameter, a full ``step`` of it, and each state of this run: (p, n, axes) [V]."""
-        probes = [{free.name: at.parameters[free.name] + self._side(at, free) * free.step} for free in at.free]
-        probes += [{name: at.starts[run][name] + step} for name, step in self._state_steps(at, run).items()]
+        """By each state of this run and each free parameter, a full ``step`` of it: (p, n, axes) [V]."""
+        sides = [self._side(at, free) for free in at.free]
+        probes = [{name: at.starts[run][name] + step} for name, step in self._state_steps(at, run).items()]
+        probes += [{f.name: at.parameters[f.name] + side * f.step} for f, side in zip(at.free, sides, strict=True)]
         found = self.columns(at, run, probes)
-        found[: len(at.free)] *= np.array([self._side(at, free) for free in at.free])[:, None, None]
+        found[len(self.state_names) :] *= np.array(sides)[:, None, None]
         return found
 
     @staticmethod
@@ -225,15 +230,17 @@ class Fitter:
         return self._rescaled(replace(at, grams=np.array(grams), fill=tuple(fills)), square)
 
     def _linear(self, at: Fitted, run: int, columns: Floats) -> "_Linear":
-        """Of the columns (p, n, axes) [V] of a run: free, states, further ones, residual."""
-        n, states = len(at.free), len(self.state_names)
-        square = np.sum(columns[:n] ** 2, axis=(1, 2))
-        raw = at.whiten(columns, self.records[run].valid)
-        own, rest = raw[n : n + states], np.delete(raw, np.s_[n : n + states], 0)
-        fill = _projection(own, rest)
-        rest -= np.einsum("sp,sna->pna", fill, own)
-        blocks = [part.reshape(len(part), -1) for part in np.array_split(rest, self.blocks, axis=1)]
-        return _Linear([flat @ flat.T for flat in blocks], fill, square)
+        """Of the columns (p, n, axes) [V] of a run: states, free, further ones, residual."""
+        states, axes = len(self.state_names), columns.shape[2]
+        square = np.sum(columns[states : states + len(at.free)] ** 2, axis=(1, 2))
+        flat = at.whiten(columns, self.records[run].valid).reshape(len(columns), -1)
+        own, rest = flat[:states], flat[states:]
+        fill = inverse_scaled(own @ own.T) @ (own @ rest.T)
+        # In place: with some hundred columns this is most of the memory.
+        rest -= fill.T @ own
+        edges = np.linspace(0, columns.shape[1], self.blocks + 1).astype(int) * axes
+        blocks = [rest[:, begin:end] for begin, end in pairwise(edges)]
+        return _Linear([block @ block.T for block in blocks], fill, square)
 
     def _rescaled(self, at: Fitted, square: Floats) -> Fitted:
         """``at`` with steps that change the voltage by ``target``; square: what the present ones do, summed [V²]."""
@@ -338,12 +345,6 @@ class Fitter:
 
 def _bare(at: Fitted) -> Fitted:
     return replace(at, grams=None, fill=(), left=np.inf)
-
-
-def _projection(states: Floats, rest: Floats) -> Floats:
-    """Coefficients (s, p) of ``rest`` (p, n, axes) along ``states`` (s, n, axes)."""
-    flat = states.reshape(len(states), -1)
-    return inverse_scaled(flat @ flat.T) @ (flat @ rest.reshape(len(rest), -1).T)
 
 
 def _arrays(form: WeakForm) -> tuple[Floats, ...]:

@@ -71,9 +71,10 @@ class Whitener:
     roots: Floats = field(repr=False)
 
     def __call__(self, v: Floats, valid: Bools) -> Floats:
-        """Innovations of v (columns, n, axes) [V], zero where a sample is not valid (n,); same shape and unit."""
+        """Innovations of v (columns, n, axes) [V], zero where a sample is not valid (n,); same shape and unit, ``v``
+        itself where they are the same."""
         if self.setting.parts == 0:
-            return np.asarray(v * valid[:, None])
+            return v if valid.all() else np.asarray(v * valid[:, None])
         out = np.empty_like(v)
         _filter(self.transition, self.seen, self.gains, self.roots, np.ascontiguousarray(v), valid, out)
         return out
