@@ -21,7 +21,7 @@ from discrepancy.score import Score
 from gyro_model.anatomy import Effect, Force, Map
 
 if TYPE_CHECKING:
-    from discrepancy.naming import Accepted, Search
+    from discrepancy.search import Accepted, Search
 
 CLIP: Final = "sampled clip"
 """The slot of the effect that such samples show."""

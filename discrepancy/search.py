@@ -1,0 +1,341 @@
+"""The search for effects that a model lacks: score all, refit the best, accept, repeat, then question each again."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from scipy.stats import chi2
+
+from discrepancy import checkpoint as store
+from discrepancy.answer import Step
+from discrepancy.columns import Candidate, Library, finer, nameable
+from discrepancy.continuation import IN_STEP, grown, settled
+from discrepancy.dataset import Dataset
+from discrepancy.limits import clip_level, masked
+from discrepancy.refit import Fitted, Fitter, Free
+from discrepancy.scan import CHANCE, MATERIAL, SIMPLER, Scan, Scored, best_of, sure
+from discrepancy.score import Score, score, without
+from discrepancy.simulate import Simulator
+from gyro_model.anatomy import Force
+
+RIVALS: Final = 6
+"""At most so many effects are refitted before one is named."""
+RIVAL_SHARE: Final = 0.5
+"""Of the best one's linear gain, that a rival must have where the simulation is not close: there, linear scores tell
+half the truth."""
+EVEN: Final = 9.0
+"""Chi-square by which a rival may fit worse and still count as not told apart: three standard deviations."""
+CLEAR: Final = 30.0
+"""Times the gain that an effect needs to stay, from which no refit without it is tried: what is not linear in it does
+not make up for so much."""
+FINEST: Final = 70
+"""Trials of a grid after which it is not refined further: resonances are then as sharp as Q = 640."""
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """An effect in the model: how it was probed, the share of the residual's square it took, and rivals (parameters by
+    id) that fit as well."""
+
+    candidate: Candidate
+    share: float
+    rivals: dict[str, dict[str, float]]
+
+    @property
+    def id(self) -> str:
+        """The effect's."""
+        return self.candidate.effect.id
+
+    @property
+    def names(self) -> set[str]:
+        """Its parameters."""
+        return {q.name for q in self.candidate.effect.parameters}
+
+
+class Search:
+    """The state of a search: what is accepted, and the model fitted with it (``at``, over the runs of ``fitter``);
+    ``terms``: by further search, the files of what it added to the model."""
+
+    def __init__(
+        self, simulator: Simulator, dataset: Dataset, progress: Progress, terms: Sequence[tuple[Path, ...]] = ()
+    ) -> None:
+        self.simulator, self.progress, self.terms = simulator, progress, list(terms)
+        self.at: Fitted
+        self.keep: Callable[[Mapping[str, Any]], None] | None = None
+        self.refitted_state: Mapping[str, Any] | None = None
+        self.clip: float | None = None
+        self.full = False
+        self._take(dataset)
+        noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
+        self.nominal = {name: value for name, value in dataset.nominal.items() if name not in noise}
+        self.accepted: list[Accepted] = []
+        self.refused: set[str] = set()
+        self.scored: list[Scored] = []
+        self.steps: list[Step] = []
+        self.stages: list[tuple[str, dict[str, float]]] = [("nominal", dict(self.nominal))]
+
+    def _take(self, dataset: Dataset) -> None:
+        self.dataset = dataset
+        self.whole = Fitter(self.simulator, dataset.fit)
+        self.library = Library(self.whole)
+
+    def _mask_clipped(self) -> None:
+        """Looks for clipped samples beside the present model, and takes them out of everything else."""
+        if self.clip is None and self.fitter is self.whole:
+            level = clip_level(self.dataset.fit, self.at.residuals)
+            if level is not None:
+                self.progress(f"samples clipped at {level:.6g} V")
+                self._take_clipped(level)
+                self._settle(self.at)
+
+    def _take_clipped(self, level: float) -> None:
+        self.clip = level
+        self._take(replace(self.dataset, records=tuple(masked(record, level) for record in self.dataset.records)))
+
+    def run(self, max_effects: int, state: Mapping[str, Any] | None = None) -> None:
+        """Searches to the end, from the beginning or from a kept ``state``."""
+        if state is None:
+            self.progress("nominal parameters and initial states")
+            self._settle(self.whole.begin(self.nominal, self._believed()))
+            self._mask_clipped()
+            self.refitted = self.at
+            self._stage("refit")
+            self._save()
+        else:
+            self._restore(state)
+            self.progress(f"resumed with {', '.join(a.id for a in self.accepted) or 'nominal parameters fitted'}")
+        self._finish(max_effects)
+
+    def give_up(self, wrong: Sequence[str]) -> None:
+        """Takes effects out of the model for good."""
+        for entry in [a for a in self.accepted if a.id in wrong]:
+            self.progress(f"gave up {entry.id}: another term fits better in its place")
+            self.accepted.remove(entry)
+            self.at = self.without_effect(self.at, entry)
+        self.refused |= set(wrong)
+
+    def widen(self, simulator: Simulator, files: tuple[Path, ...], max_effects: int) -> None:
+        """Goes on with the model of ``simulator``: the present one and the effects of ``files``."""
+        self.simulator = simulator
+        self.terms.append(files)
+        self._take(self.dataset)
+        self._settle(self.at)
+        self._save()
+        self._finish(max_effects)
+
+    @property
+    def in_vain(self) -> bool:
+        """Whether the last further search added what was not accepted."""
+        last = self.terms[-1] if self.terms else ()
+        return bool(last) and not {path.stem for path in last} & {a.id for a in self.accepted}
+
+    def _finish(self, max_effects: int) -> None:
+        self._extend(max_effects)
+        if self.terms:
+            # A term in no file may make a name needless: first each is held against the others.
+            self._exchange()
+            self._delete()
+        else:
+            self._delete()
+            self._exchange()
+
+    def _extend(self, max_effects: int) -> None:
+        """Accepts effects until none is worth it."""
+        while True:
+            self._scan()
+            self.full = len(self.accepted) >= max_effects
+            if self.full or not self._accept():
+                break
+            self._stage(self.accepted[-1].id)
+            self._mask_clipped()
+            self._save()
+        self.steps.append(Step({c.effect.id: s for c, s in best_of(self.scored)}, None))
+
+    def _save(self) -> None:
+        """Hands out the state, and goes on from what a resumed search would have."""
+        if self.keep is None:
+            return
+        state = {
+            "terms": store.terms_state(self.terms),
+            "refused": sorted(self.refused),
+            "clip": self.clip,
+            "at": store.fit_state(self.whole, self.fitter, self.at),
+            "refitted": self.refitted_state or store.fit_state(self.whole, self.fitter, self.refitted),
+            "accepted": [[store.candidate_state(a.candidate), a.share] for a in self.accepted],
+            "steps": [store.step_state(step) for step in self.steps],
+            "stages": self.stages,
+            "probes": store.probes_state(self.library.kept),
+        }
+        self.keep(state)
+        self._restore(state)
+
+    def _restore(self, state: Mapping[str, Any]) -> None:
+        model = self.simulator.model
+        if state["clip"] is not None and self.clip is None:
+            self._take_clipped(state["clip"])
+        self.fitter, self.at = store.fit_from(self.whole, state["at"])
+        self.refused = set(state["refused"])
+        self.refitted_state = state["refitted"]
+        _, self.refitted = store.fit_from(self.whole, state["refitted"])
+        self.accepted = [Accepted(store.candidate_from(model, c), share, {}) for c, share in state["accepted"]]
+        self.steps = [store.step_from(step) for step in state["steps"]]
+        self.stages = [(name, dict(parameters)) for name, parameters in state["stages"]]
+        self.library.kept = store.probes_from(model, state["probes"])
+
+    @property
+    def present(self) -> list[str]:
+        """Effects that are not to be scored: accepted, believed by the lab to be there, or given up."""
+        believed = [e.id for e in nameable(self.simulator.model)
+                    if any(self.nominal.get(q.name, q.start) != q.start for q in e.sizes)]  # fmt: skip
+        return [*believed, *(a.id for a in self.accepted), *self.refused]
+
+    def _believed(self) -> list[Free]:
+        """Sizes of effects that the nominal model has: fitted with it."""
+        sizes = [q for e in nameable(self.simulator.model) for q in e.sizes]
+        return [Free(q.name, 1e-6 * abs(self.nominal[q.name] - q.start), q.low, q.high) for q in sizes
+                if self.nominal.get(q.name, q.start) != q.start]  # fmt: skip
+
+    def _settle(self, at: Fitted) -> None:
+        self.fitter, self.at = settled(self.whole, at)
+
+    def _stage(self, name: str) -> None:
+        self.stages.append((name, dict(self.at.parameters)))
+
+    def _scan(self) -> None:
+        """Scores every candidate at the present fit."""
+        self.scan = self._scanned(self.library.candidates(self.fitter, self.at, self.present))
+        self.scored = self.scan.scores(range(self.scan.known), self.scan.grams)
+        best = best_of(self.scored)
+        for candidate, result in best:
+            sharper = candidate
+            # A resonance on a coarse grid: ever finer about the best point, where it may matter.
+            while result.probability < 0.01 and result.gain > 0.2 * best[0][1].gain and sharper.trials < FINEST:
+                scan = self._scanned(finer(sharper))
+                more = scan.scores(range(scan.known), scan.grams)
+                if not more:
+                    break
+                self.scored += more
+                sharper = max(more, key=lambda entry: entry[1].gain)[0]
+
+    def _scanned(self, found: Sequence[Candidate]) -> "Scan":
+        removals = [_neutral(entry) for entry in self.accepted]
+        linear = self.fitter.with_grams(self.at, [*removals, *(change for c in found for change in c.changes())])
+        return Scan(linear, tuple(found), len(removals))
+
+    def _accept(self) -> bool:
+        """Takes the best effect that is both significant and material into the model; False where there is none."""
+        # What a further search could not tell from its term comes in only in its place.
+        alike = {path.stem for files in self.terms for path in files[1:]}
+        worth = [(c, s) for c, s in best_of(self.scored)
+                 if sure(c, s) and s.share >= MATERIAL and c.effect.id not in alike]  # fmt: skip
+        if not worth:
+            return False
+        rivals = self._close(worth)
+        self.progress("refit with " + ", ".join(c.effect.id for c, _ in rivals))
+        fits = [(self._refitted(c, s), c, s) for c, s in rivals]
+        best, chosen, result = min(
+            fits, key=lambda entry: entry[0].cost + SIMPLER * entry[2].freedom * self.at.variance
+        )
+        gain = self.at.cost - best.cost
+        if not gain > chi2.isf(CHANCE / chosen.trials, result.freedom) * result.inflation * best.variance:
+            return False
+        scores = {c.effect.id: s for c, s in best_of(self.scored)}
+        self.steps.append(Step(scores, chosen.effect.id))
+        share = 1 - best.cost / self.at.cost
+        if chosen.partner:
+            self.accepted.append(Accepted(chosen.partner, share, {}))
+        self.accepted.append(Accepted(chosen, share, {}))
+        self.progress(f"accepted {chosen.effect.id}")
+        self._settle(best)
+        return True
+
+    def _refitted(self, candidate: Candidate, result: Score) -> Fitted:
+        begun = self.with_effect(self.at, candidate, result)
+        fits = [self.fitter.fit(begun)]
+        if self.fitter is self.whole and isinstance(candidate.effect, Force) and candidate.effect.states:
+            fits.append(self.fitter.fit(grown(self.fitter, begun)))
+        return min(fits, key=lambda at: at.cost)
+
+    def _close(self, worth: list[Scored]) -> list[Scored]:
+        """Those whose refit could be the best: all that the linear scores leave open."""
+        top = max(s.gain - SIMPLER * s.freedom for _, s in worth)
+        linear = self.fitter.off(self.at) < IN_STEP
+        least = [top - 4 * EVEN * s.inflation - 0.1 * top if linear else RIVAL_SHARE * top for _, s in worth]
+        close = [(c, s) for (c, s), low in zip(worth, least, strict=True) if s.gain - SIMPLER * s.freedom >= low]
+        return close[:RIVALS]
+
+    def with_effect(self, at: Fitted, candidate: Candidate, result: Score) -> Fitted:
+        """``at`` with the effect switched on at the size that its score says, to be fitted."""
+        values = candidate.values(result.amplitudes, result.deviations)
+        free = (*at.free, *candidate.free(self.fitter.period))
+        shapes = {**(candidate.partner.shapes if candidate.partner else {}), **candidate.shapes}
+        return self.fitter.evaluated(replace(at, parameters={**at.parameters, **shapes, **values}, free=free))
+
+    def without_effect(self, at: Fitted, entry: Accepted) -> Fitted:
+        """``at`` with the effect switched off, to be fitted."""
+        free = tuple(f for f in at.free if f.name not in entry.names)
+        rest = {name: value for name, value in at.parameters.items() if name not in entry.names}
+        return self.fitter.evaluated(replace(at, parameters=rest, free=free))
+
+    def _delete(self) -> None:
+        """Backward deletion: without each effect that the others have made needless."""
+        for entry in list(self.accepted):
+            if len(self.accepted) < 2:
+                break
+            needed = chi2.isf(CHANCE / entry.candidate.trials, len(entry.candidate.probes)) * self.at.variance
+            if self._takes(entry).gain * self.at.variance > CLEAR * max(needed, MATERIAL * self.at.cost):
+                continue
+            fitted = self.fitter.fit(self.without_effect(self.at, entry))
+            gain = fitted.cost - self.at.cost
+            if gain < needed or gain < MATERIAL * fitted.cost:
+                self.progress(f"deleted {entry.id}")
+                self.accepted.remove(entry)
+                self._settle(fitted)
+
+    def _exchange(self) -> None:
+        """With all in: could another effect stand in the place of each? One that fits better takes it, one that fits as
+        well is its ``either``."""
+        for place, entry in enumerate(self.accepted):
+            if any(a.candidate.partner and a.candidate.partner.effect.id == entry.id for a in self.accepted):
+                continue
+            base, variance = self.without_effect(self.at, entry), self.at.variance
+            fits = {entry.id: (self.at, entry.candidate)}
+            for candidate, result in self._stand_ins(entry):
+                self.progress(f"{candidate.effect.id} in place of {entry.id}")
+                goal = self.at.cost + EVEN * variance
+                at = self.fitter.fit(self.with_effect(base, candidate, result), goal=goal)
+                if at.cost < goal:
+                    fits[candidate.effect.id] = at, candidate
+            price = {i: at.cost + SIMPLER * len(c.all_probes) * variance for i, (at, c) in fits.items()}
+            head = min(price, key=lambda i: price[i])
+            if price[head] > price[entry.id] - EVEN * variance:
+                head = entry.id
+            self.at, candidate = fits.pop(head)
+            even = {i: dict(at.parameters) for i, (at, _) in fits.items() if at.cost < self.at.cost + EVEN * variance}
+            self.accepted[place] = Accepted(candidate, entry.share, even)
+
+    def _takes(self, entry: Accepted) -> Score:
+        """What the present fit would lose without an effect, to first order, the other parameters taking up what they
+        can."""
+        if self.scan.at.parameters != self.at.parameters:
+            self._scan()
+        grams = without(self.scan.grams, self.scan.known + self.accepted.index(entry))
+        own = [i for i, f in enumerate(self.scan.at.free) if f.name in entry.names]
+        others = [i for i in range(self.scan.known) if i not in own]
+        return score(grams, others, own, self.at.count)
+
+    def _stand_ins(self, entry: Accepted) -> list[Scored]:
+        """Effects that explain what ``entry`` does nearly as well, by their columns at the present fit."""
+        least = self._takes(entry)
+        grams = without(self.scan.grams, self.scan.known + self.accepted.index(entry))
+        others = [i for i, f in enumerate(self.scan.at.free) if f.name not in entry.names]
+        near = [(c, s) for c, s in self.scan.scores(others, grams)
+                if s.gain > least.gain - 4 * EVEN * least.inflation - 0.1 * least.gain]  # fmt: skip
+        return best_of(near)[:RIVALS]
+
+
+def _neutral(entry: Accepted) -> dict[str, float]:
+    return {p.quantity.name: p.quantity.start for p in entry.candidate.probes}
