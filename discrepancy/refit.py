@@ -158,7 +158,9 @@ class Fitter:
         for record, residual in zip(self.records, at.residuals, strict=True):
             if not np.isfinite(residual).all():
                 return _bare(replace(at, cost=np.inf, count=1))
-            cost += float(np.sum(at.whiten(residual[None], record.valid) ** 2))
+            # A motion near all bounds has a cost of infinity.
+            with np.errstate(over="ignore"):
+                cost += float(np.sum(at.whiten(residual[None], record.valid) ** 2))
             count += int(record.valid.sum()) * self.axes
         return _bare(replace(at, cost=cost, count=count))
 

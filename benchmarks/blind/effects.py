@@ -50,7 +50,8 @@ def _charging(rng: np.random.Generator, plant: Plant, scale: Scale) -> Mapping[s
 class Effect(NamedTuple):
     """One row of the table. sizes: its parameters that are zero (or ``base``) without it; host: the columns of the
     experiment that it needs; cap: the largest size that is sane and stable; signs: of the size; partner: what has to
-    be there for it to act, as id, parameter and size of the partner relative to its cap."""
+    be there for it to act, as id, parameter and size of the partner relative to its cap; least: the smallest size that
+    a step a sample resolves."""
 
     id: str
     sizes: tuple[str, ...]
@@ -60,6 +61,7 @@ class Effect(NamedTuple):
     base: float = 0.0
     signs: tuple[int, ...] = (1, -1)
     partner: tuple[str, str, float] | None = None
+    least: Callable[[Scale], float] = lambda s: 0.0
 
     def placed(self, plant: Plant, size: float, direction: tuple[float, ...], scale: Scale) -> Plant:
         """``plant`` with the effect at ``size``; of adc_clipping that is the depth below the largest voltage [V]."""
@@ -89,7 +91,7 @@ EFFECTS: Final = (
     Effect("thermal_phase", ("tcp",), lambda p, s: 0.5 / s.omega / max(s.warm, 1.0), host=("temperature",),
            signs=(1,)),
     Effect("thermal_lag", ("structure_lag",), lambda p, s: 0.5 * s.duration, host=("temperature",), signs=(1,),
-           partner=("thermal_stiffness", "tck", 0.1)),
+           partner=("thermal_stiffness", "tck", 0.1), least=lambda s: 1e-3 * s.duration),
     Effect("parasitic_mode", ("parasitic_coupling",),
            lambda p, s: 0.2 * math.sqrt(_stiff(p) * p.m) * 2 * math.pi * p.parasitic_frequency, shape=_parasitic,
            signs=(1,)),

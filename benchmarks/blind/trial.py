@@ -135,8 +135,8 @@ def _drawn(
     def place(effect: Effect, aim: tuple[float, ...], size: float) -> Plant:
         return effect.placed(start, size, aim, scale)
 
-    found = [projector.detectable(lambda s, e=e, a=a: place(e, a, s), e.cap(start, scale), partners)  # type: ignore[misc]
-             for e, a in zip(effects, aims, strict=True)]  # fmt: skip
+    found = [max(projector.detectable(lambda s, e=e, a=a: place(e, a, s), e.cap(start, scale), partners),  # type: ignore[misc]
+                 e.least(scale)) for e, a in zip(effects, aims, strict=True)]  # fmt: skip
     if not all(math.isfinite(f) for f in found):
         return None
     if len(effects) > 1:
