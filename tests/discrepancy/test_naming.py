@@ -95,6 +95,29 @@ def test_two_effects() -> None:
     assert names(found) == {"cubic_stiffness", "drive_feedthrough"}
 
 
+def test_resonance_that_the_coupling_pulls_far() -> None:
+    # c²/(m w²)/k = 20²/(1.8e-7 (2 pi 4983)²)/64 = 0.035: three hundred half-widths of the modes.
+    hidden = {"parasitic_coupling": 20.0, "parasitic_frequency": 4983.0, "parasitic_q": 510.0}
+    found = diagnose(made(hidden), MODEL)
+    assert names(found) == {"parasitic_mode"}
+    assert found.misfit["final"] < 1.1 * found.misfit["noise_floor"]
+    [finding] = found.effects
+    for name, value in hidden.items():
+        # Four deviations, where the interval has two: a true value leaves it once in twenty.
+        interval = finding.parameters[name]
+        assert abs(interval.value - value) < interval.high - interval.low
+
+
+def test_step_between_the_points_of_the_first_grid() -> None:
+    hidden = {"damping_step_factor": 1.05, "damping_step_time": 0.0043, "k3_x": 2e8, "k3_y": 2e8}
+    assert names(diagnose(made(hidden, samples=16_000), MODEL)) == {"damping_step", "cubic_stiffness"}
+
+
+def test_small_delay_and_small_lag_are_not_told_apart() -> None:
+    [found] = diagnose(made({"actuator_delay": 5e-9}), MODEL).effects
+    assert {found.id, *found.either} == {"actuator_delay", "amplifier_bandwidth"}
+
+
 @dataclass
 class Once:
     """A further search that answers ``wider``, by default that all is wrong, the first time, and nothing then."""
