@@ -20,6 +20,7 @@ from discrepancy.effect_file import joined, scales_of
 from discrepancy.library import Form, Known, forms, known, magnitude
 from discrepancy.record import Floats
 from discrepancy.refit import Fitted, Fitter
+from discrepancy.scan import MATERIAL
 from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator
 from gyro_model.anatomy import Effect, Follow, Force
@@ -28,16 +29,11 @@ from gyro_model.model import Model
 CHANCE: Final = 1e-8
 """Probability of one test by chance at which a term counts as significant: with some 300 tests a search, 400 null sets
 make 0.001 false alarms."""
-MATERIAL: Final = 3e-4
-"""Share of the residual's square that a term has to take away."""
 SHORTLIST, SHORT_SHARE = 6, 0.6
 """Terms refitted: at most so many, whose linear share is at least this of the best."""
 DEGREE_PRICE: Final = 3.0
 """Chi-square that a term has to gain for each degree and magnitude in it: between two that fit evenly the plainer one
 is named. An effect that has a file pays nothing: it is known to exist."""
-EVEN: Final = 9.0
-"""Chi-square by which one term has to fit better than another, or than a name, to be told from it: three standard
-deviations."""
 PROBE: Final = 1e-7
 """Force of a probe over the spring's: at Q = 1e5 it changes the motion by a hundredth, and always by 1e7 roundings."""
 BATCH: Final = 80

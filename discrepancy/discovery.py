@@ -8,11 +8,12 @@ from typing import Final
 
 from scipy.stats import chi2
 
-from discrepancy.contest import CHANCE, EVEN, Entry, Terms, ranked
+from discrepancy.contest import CHANCE, Entry, Terms, ranked
 from discrepancy.continuation import IN_STEP, settled, started
 from discrepancy.effect_file import peaks_of, write_effect
 from discrepancy.library import Form
 from discrepancy.refit import Fitted, Fitter
+from discrepancy.scan import EVEN
 from gyro_model.anatomy import Effect
 from gyro_model.model import Model
 

@@ -36,6 +36,8 @@ it."""
 FAINT: Final = 2e-3
 """Residual over signal below which it may be a flicker of the sensor: above, a model is wrong, and a filter for flicker
 would take an offset for a part of it."""
+HOPE: Final = 10.0
+"""Times what the next step promises, that all steps together may bring."""
 SETTLED: Final = 0.02
 """A fit has ended when a further step would take less than this many variances of an innovation from the cost: an
 error of 0.14 standard deviations of one parameter at most."""
@@ -102,10 +104,6 @@ class _Linear(NamedTuple):
     grams: list[Floats]
     fill: Floats
     square: Floats
-
-
-HOPE: Final = 10.0
-"""Times what the next step promises, that all steps together may bring."""
 
 
 class Fitter:

@@ -6,8 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from discrepancy.contest import CHANCE, EVEN, MATERIAL, Standing, Terms, ranked
+from discrepancy.contest import CHANCE, Standing, Terms, ranked
 from discrepancy.refit import Fitted, Fitter
+from discrepancy.scan import EVEN, MATERIAL
 
 CHECKED: Final = 16_000
 """Samples on which a name is checked, shared by the runs."""

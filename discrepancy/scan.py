@@ -16,6 +16,8 @@ CHANCE: Final = 1e-6
 false alarms; the points of a grid count as tests."""
 MATERIAL: Final = 3e-4
 """Share of the residual's square that an effect has to take away to be worth a parameter."""
+EVEN: Final = 9.0
+"""Chi-square by which a rival may fit worse and still count as not told apart: three standard deviations."""
 SIMPLER: Final = 12.0
 """Chi-square that a further size parameter must bring."""
 

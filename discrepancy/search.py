@@ -14,7 +14,7 @@ from discrepancy.continuation import IN_STEP, grown, settled
 from discrepancy.dataset import Dataset
 from discrepancy.limits import clip_level, masked
 from discrepancy.refit import Fitted, Fitter, Free
-from discrepancy.scan import CHANCE, MATERIAL, SIMPLER, Scan, Scored, best_of, sure
+from discrepancy.scan import CHANCE, EVEN, MATERIAL, SIMPLER, Scan, Scored, best_of, sure
 from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator
 from gyro_model.anatomy import Force
@@ -24,8 +24,6 @@ RIVALS: Final = 6
 RIVAL_SHARE: Final = 0.5
 """Of the best one's linear gain, that a rival must have where the simulation is not close: there, linear scores tell
 half the truth."""
-EVEN: Final = 9.0
-"""Chi-square by which a rival may fit worse and still count as not told apart: three standard deviations."""
 CLEAR: Final = 30.0
 """Times the gain that an effect needs to stay, from which no refit without it is tried: what is not linear in it does
 not make up for so much."""
@@ -211,7 +209,7 @@ class Search:
         best = best_of(self.scored)
         for candidate, result in best:
             sharper = candidate
-            # A resonance on a coarse grid: ever finer about the best point, where it may matter.
+            # A resonance or an instant on a coarse grid: ever finer about the best point, where it may matter.
             while result.probability < 0.01 and result.gain > 0.2 * best[0][1].gain and sharper.trials < FINEST:
                 scan = self._scanned(finer(sharper))
                 more = scan.scores(range(scan.known), scan.grams)
@@ -220,7 +218,7 @@ class Search:
                 self.scored += more
                 sharper = max(more, key=lambda entry: entry[1].gain)[0]
 
-    def _scanned(self, found: Sequence[Candidate]) -> "Scan":
+    def _scanned(self, found: Sequence[Candidate]) -> Scan:
         removals = [_neutral(entry) for entry in self.accepted]
         linear = self.fitter.with_grams(self.at, [*removals, *(change for c in found for change in c.changes())])
         return Scan(linear, tuple(found), len(removals))
