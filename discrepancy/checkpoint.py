@@ -68,6 +68,8 @@ def fit_state(whole: Fitter, fitter: Fitter, at: Fitted) -> dict[str, Any]:
 def fit_from(whole: Fitter, state: Mapping[str, Any]) -> tuple[Fitter, Fitted]:
     """The fitter and the fit of ``fit_state``, linearised."""
     fitter = cut(whole, state["pieces"])
+    # A resumed search has nothing kept, and the one that goes on is to find the same.
+    fitter.forget()
     parameters = state["parameters"]
     whiten = fitter.whitener(parameters, Setting(**state["setting"]))
     free = tuple(Free(**entry) for entry in state["free"])

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
+from math import prod
 from typing import Final
 
 from sympy import Abs, Expr, Integer, Rational, Symbol, simplify
@@ -182,8 +183,12 @@ def _parallel(a: Sequence[Expr], b: Sequence[Expr]) -> bool:
 
 def magnitude(part: Pair, scale: Mapping[str, float]) -> float:
     """The force of a part with coefficient 1 where every signal is at ``scale`` (by name, SI) [N]."""
-    at = {s: abs(scale[s.name]) for s in _symbols((part,))}
-    return max(abs(float(e.subs(at))) for e in part)
+    return max(_size(e, scale) for e in part)
+
+
+def _size(product: Expr, scale: Mapping[str, float]) -> float:
+    signals = ((base.args[0] if isinstance(base, Abs) else base, power) for base, power in _powers(product).items())
+    return abs(float(product.as_coeff_Mul()[0])) * prod(abs(scale[s.name]) ** power for s, power in signals)
 
 
 def _symbols(parts: Iterable[Pair]) -> set[Symbol]:

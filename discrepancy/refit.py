@@ -4,7 +4,7 @@ Initial states belong to one run each and are taken out of every linear problem 
 size does not grow with the number of runs (G. H. Golub, V. Pereyra, SIAM J. Numerical Analysis 10, 1973).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Final, NamedTuple
@@ -38,12 +38,14 @@ FAINT: Final = 2e-3
 would take an offset for a part of it."""
 HOPE: Final = 10.0
 """Times what the next step promises, that all steps together may bring."""
+CREEP, CREEPING = 0.05, 5
+"""A fit is given up after so many steps in a row that each brought less than this share of what was promised: along a
+bound, or far from a minimum, where a fit of shorter pieces goes on."""
+ALIKE: Final = 3.0
+"""By which a difference quotient's step may be off and its column, scaled, still serve."""
 SETTLED: Final = 0.02
 """A fit has ended when a further step would take less than this many variances of an innovation from the cost: an
 error of 0.14 standard deviations of one parameter at most."""
-
-Columns = Callable[[int], Floats]
-"""Further columns of a run by its index: (columns, n, axes) [V]."""
 
 
 @dataclass(frozen=True)
@@ -106,8 +108,17 @@ class _Linear(NamedTuple):
     square: Floats
 
 
+class _Kept(NamedTuple):
+    """Of a run, where it was linearised last: all parameters, and by name the step and what it changes, (n, axes)
+    [V]."""
+
+    at: Mapping[str, float]
+    columns: dict[str, tuple[float, Floats]]
+
+
 class Fitter:
-    """Fits the runs ``records`` with one simulator."""
+    """Fits the runs ``records`` with one simulator. What it found by difference quotients it keeps until a fit has
+    moved on."""
 
     def __init__(self, simulator: Simulator, records: Sequence[Record], blocks: int = BLOCKS) -> None:
         self.simulator, self.records, self.blocks = simulator, tuple(records), blocks
@@ -115,6 +126,7 @@ class Fitter:
         self.period = 1 / self.records[0].sample_rate
         self.state_names = STATES[: 2 * self.axes]
         self.signal = float(np.sqrt(np.mean([np.mean(r.v**2) for r in self.records])))
+        self._kept: dict[int, _Kept] = {}
 
     def begin(self, nominal: Mapping[str, float], more: Sequence[Free] = ()) -> Fitted:
         """The start of a fit: m, k, d by the weak form, which has no other minimum, at rest. ``more``: parameters to
@@ -166,7 +178,7 @@ class Fitter:
         """``at`` with the whitening that its residuals ask for."""
         faint = self.off(at) < FAINT
         valid = [r.valid for r in self.records]
-        found = likeliest(at.parameters, self.period, at.residuals, valid, flicker=faint)
+        found = likeliest(at.parameters, self.period, at.residuals, valid, self.simulator.each, flicker=faint)
         return self._costed(replace(at, whiten=found))
 
     def off(self, at: Fitted) -> float:
@@ -182,25 +194,39 @@ class Fitter:
         chosen = range(len(self.records)) if only is None else (only,)
         return [(self.records[i], {**at.parameters, **at.starts[i], **changes}) for i in chosen]
 
-    def columns(self, at: Fitted, run: int, probes: Sequence[Mapping[str, float]]) -> Floats:
-        """What each set of changed parameters adds to the simulated voltage of a run: (probes, n, axes) [V]; zero
-        where the FMU refuses one or the motion leaves all bounds."""
+    def columns(self, at: Fitted, run: int, probes: Sequence[Mapping[str, float]], found: Floats | None = None
+                ) -> Floats:  # fmt: skip
+        """What each set of changed parameters adds to the simulated voltage of a run: (probes, n, axes) [V], put into
+        ``found`` where it is given; zero where the FMU refuses one or the motion leaves all bounds."""
         base = self.records[run].v - at.residuals[run]
         jobs = [job for changes in probes for job in self._jobs(at, changes, run)]
-        found = np.zeros((len(probes), *base.shape))
-        for place, v in enumerate(self.simulator.try_all(jobs)):
-            if v is not None:
-                np.subtract(v, base, out=found[place])
-        return found
+        result = np.empty((len(probes), *base.shape)) if found is None else found
+        for column, v in zip(result, self.simulator.try_all(jobs), strict=True):
+            if v is None:
+                column[:] = 0
+            else:
+                np.subtract(v, base, out=column)
+        return result
 
-    def _derivatives(self, at: Fitted, run: int) -> Floats:
-        """By each state of this run and each free parameter, a full ``step`` of it: (p, n, axes) [V]."""
-        sides = [self._side(at, free) for free in at.free]
-        probes = [{name: at.starts[run][name] + step} for name, step in self._state_steps(at, run).items()]
-        probes += [{f.name: at.parameters[f.name] + side * f.step} for f, side in zip(at.free, sides, strict=True)]
-        found = self.columns(at, run, probes)
-        found[len(self.state_names) :] *= np.array(sides)[:, None, None]
-        return found
+    def _derivatives(self, at: Fitted, run: int, found: Floats) -> None:
+        """By each state of this run and each free parameter, a full ``step`` of it, put into ``found`` (p, n, axes)
+        [V]."""
+        here = {**at.parameters, **at.starts[run]}
+        steps = self._state_steps(at, run) | {free.name: self._side(at, free) * free.step for free in at.free}
+        kept = self._kept.get(run)
+        if kept is None or kept.at != here:
+            kept = self._kept[run] = _Kept(here, {})
+        new = [n for n, step in steps.items() if not 1 / ALIKE < kept.columns.get(n, (0.0,))[0] / step < ALIKE]
+        made = self.columns(at, run, [{name: here[name] + steps[name]} for name in new])
+        kept.columns.update({name: (steps[name], column) for name, column in zip(new, made, strict=True)})
+        sizes = self._state_steps(at, run) | {free.name: free.step for free in at.free}
+        for column, (name, size) in zip(found, sizes.items(), strict=True):
+            step, quotient = kept.columns[name]
+            np.multiply(quotient, size / step, out=column)
+
+    def forget(self) -> None:
+        """Lets go of what it keeps."""
+        self._kept.clear()
 
     @staticmethod
     def _side(at: Fitted, free: Free) -> float:
@@ -214,33 +240,33 @@ class Fitter:
         speed = size * float(np.sqrt(at.parameters["kxx"] / at.parameters["m"]))
         return {name: speed if "dot" in name else size for name in self.state_names}
 
-    def with_grams(self, at: Fitted, extra: Sequence[Mapping[str, float]] = (), own: Columns | None = None) -> Fitted:
-        """``at`` linearised, with columns in the order: free, ``extra`` probes (changed parameters), ``own``, residual.
+    def with_grams(self, at: Fitted, extra: Sequence[Mapping[str, float]] = ()) -> Fitted:
+        """``at`` linearised, with columns in the order: free, ``extra`` probes (changed parameters), residual.
 
         Steps of ``free`` that have become too large or small for their difference quotients are set anew.
         """
-
-        def of_run(run: int) -> _Linear:
-            parts = [self._derivatives(at, run), self.columns(at, run, extra), *([own(run)] if own else [])]
-            return self._linear(at, run, np.concatenate((*parts, at.residuals[run][None])))
-
-        runs = self.simulator.each(of_run, range(len(self.records)))
+        runs = self.simulator.each(lambda run: self._linear(at, run, extra), range(len(self.records)))
         grams, fills = [g for run in runs for g in run.grams], [run.fill for run in runs]
         square = np.sum([run.square for run in runs], axis=0)
         return self._rescaled(replace(at, grams=np.array(grams), fill=tuple(fills)), square)
 
-    def _linear(self, at: Fitted, run: int, columns: Floats) -> "_Linear":
-        """Of the columns (p, n, axes) [V] of a run: states, free, further ones, residual."""
-        states, axes = len(self.state_names), columns.shape[2]
-        square = np.sum(columns[states : states + len(at.free)] ** 2, axis=(1, 2))
-        flat = at.whiten(columns, self.records[run].valid).reshape(len(columns), -1)
-        own, rest = flat[:states], flat[states:]
-        fill = inverse_scaled(own @ own.T) @ (own @ rest.T)
-        # In place: with some hundred columns this is most of the memory.
-        rest -= fill.T @ own
-        edges = np.linspace(0, columns.shape[1], self.blocks + 1).astype(int) * axes
-        blocks = [rest[:, begin:end] for begin, end in pairwise(edges)]
-        return _Linear([block @ block.T for block in blocks], fill, square)
+    def _linear(self, at: Fitted, run: int, extra: Sequence[Mapping[str, float]]) -> "_Linear":
+        states, (n, axes) = len(self.state_names), at.residuals[run].shape
+        own = states + len(at.free)
+        # One array, filtered in place: with some hundred columns it is most of the memory.
+        columns = np.empty((own + len(extra) + 1, n, axes))
+        self._derivatives(at, run, columns[:own])
+        self.columns(at, run, extra, columns[own:-1])
+        columns[-1] = at.residuals[run]
+        square = np.sum(columns[states:own] ** 2, axis=(1, 2))
+        flat = at.whiten(columns, self.records[run].valid, columns).reshape(len(columns), -1)
+        edges = np.linspace(0, n, self.blocks + 1).astype(int) * axes
+        grams = [flat[:, begin:end] @ flat[:, begin:end].T for begin, end in pairwise(edges)]
+        total = np.sum(grams, axis=0)
+        fill = inverse_scaled(total[:states, :states]) @ total[:states, states:]
+        # Each column without what the states do of it.
+        lift = np.hstack((-fill.T, np.eye(len(columns) - states)))
+        return _Linear([lift @ gram @ lift.T for gram in grams], fill, square)
 
     def _rescaled(self, at: Fitted, square: Floats) -> Fitted:
         """``at`` with steps that change the voltage by ``target``; square: what the present ones do, summed [V²]."""
@@ -268,12 +294,17 @@ class Fitter:
 
     def fit(self, at: Fitted, rounds: int = 30, goal: float = np.inf) -> Fitted:
         """The minimum near ``at``, linearised there. ``left`` says how far it is from a minimum: above SETTLED the
-        rounds were used up, no step helped, or none could reach the ``goal``, a cost below which alone the fit
-        matters."""
-        damping = 0.0
+        rounds were used up, no step helped, steps crept, or none could reach the ``goal``, a cost below which alone
+        the fit matters."""
+        damping, creeping = 0.0, 0
         at = self.with_grams(at) if at.cost < np.inf else at
         for _ in range(rounds):
-            if at.left < SETTLED or at.grams is None or at.cost - HOPE * at.left * at.variance > goal:
+            if (
+                creeping == CREEPING
+                or at.left < SETTLED
+                or at.grams is None
+                or at.cost - HOPE * at.left * at.variance > goal
+            ):
                 break
             for _ in range(10):
                 moved = self.evaluated(self._moved(at, damping))
@@ -283,6 +314,7 @@ class Fitter:
                 damping = max(1e-5, 10 * damping)
             else:
                 break
+            creeping = creeping + 1 if at.cost - moved.cost < CREEP * at.left * at.variance else 0
             at = self.with_grams(moved)
         return at
 

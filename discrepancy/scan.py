@@ -1,6 +1,6 @@
 """Scores of all candidates at one fit, and which of them count."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from discrepancy.columns import Candidate
 from discrepancy.record import Floats
-from discrepancy.refit import Fitted
-from discrepancy.score import Score, score
+from discrepancy.refit import Fitted, Fitter
+from discrepancy.score import Score, score, without
 
 CHANCE: Final = 1e-6
 """Probability of one test by chance at which an effect counts as significant: 60 effects and 400 null sets make 0.02
@@ -21,38 +21,55 @@ EVEN: Final = 9.0
 SIMPLER: Final = 12.0
 """Chi-square that a further size parameter must bring."""
 
+HELD, FEWEST = 50_000_000, 8
+"""Bytes of columns of a run that a scan holds at a time, and columns at least: beyond, it goes in batches."""
+
 Scored = tuple[Candidate, Score]
 
 
 @dataclass(frozen=True)
 class Scan:
-    """Columns of candidates at a fit, after so many ``removals``: columns that take accepted effects out."""
+    """Columns of candidates at a fit, in ``batches`` that each stand beside the model's own columns and the
+    ``removals``: those that take accepted effects out."""
 
-    at: Fitted
-    found: tuple[Candidate, ...]
+    batches: tuple[tuple[Fitted, tuple[Candidate, ...]], ...]
     removals: int
 
     @property
-    def known(self) -> int:
-        """Columns of the model itself."""
-        return self.at.known
+    def at(self) -> Fitted:
+        """The fit, linearised."""
+        return self.batches[0][0]
 
-    @property
-    def grams(self) -> Floats:
-        """As ``Fitted`` has them."""
-        assert self.at.grams is not None
-        return self.at.grams
+    def grams(self, at: Fitted, removal: int | None = None) -> Floats:
+        """Of a batch; with the residual as it would be without the accepted effect of that number."""
+        assert at.grams is not None
+        return at.grams if removal is None else without(at.grams, at.known + removal)
 
-    def scores(self, known: Sequence[int], grams: Floats) -> list[Scored]:
-        """Of every candidate beside the ``known`` columns; ``grams`` may have another residual."""
-        place, scored = self.known + self.removals, []
-        for candidate in self.found:
-            columns = range(place, place + len(candidate.all_probes))
-            place += len(columns)
-            result = signed_score(grams, known, columns, candidate, self.at.count)
-            if result is not None:
-                scored.append((candidate, result))
+    def scores(self, known: Sequence[int] | None = None, removal: int | None = None) -> list[Scored]:
+        """Of every candidate beside the ``known`` columns, by default all of the model's own."""
+        beside, scored = range(self.at.known) if known is None else known, []
+        for at, found in self.batches:
+            grams, place = self.grams(at, removal), at.known + self.removals
+            for candidate in found:
+                columns = range(place, place + len(candidate.all_probes))
+                place += len(columns)
+                result = signed_score(grams, beside, columns, candidate, at.count)
+                if result is not None:
+                    scored.append((candidate, result))
         return scored
+
+
+def scanned(fitter: Fitter, at: Fitted, removals: Sequence[Mapping[str, float]], found: Sequence[Candidate]) -> Scan:
+    """The columns of ``found`` at a fit; removals: parameters that take each accepted effect out."""
+    longest = max(record.v.nbytes for record in fitter.records)
+    most = max(FEWEST, HELD // longest)
+    batches, left = [], list(found)
+    while left or not batches:
+        count = int(np.searchsorted(np.cumsum([len(c.all_probes) for c in left]), most, side="right"))
+        batch, left = tuple(left[: max(count, 1)]), left[max(count, 1) :]
+        probes = [*removals, *(change for c in batch for change in c.changes())]
+        batches.append((fitter.with_grams(at, probes), batch))
+    return Scan(tuple(batches), len(removals))
 
 
 def signed_score(grams: Floats, known: Sequence[int], columns: Sequence[int], candidate: Candidate,

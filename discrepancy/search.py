@@ -14,8 +14,8 @@ from discrepancy.continuation import IN_STEP, grown, settled
 from discrepancy.dataset import Dataset
 from discrepancy.limits import clip_level, masked
 from discrepancy.refit import Fitted, Fitter, Free
-from discrepancy.scan import CHANCE, EVEN, MATERIAL, SIMPLER, Scan, Scored, best_of, sure
-from discrepancy.score import Score, score, without
+from discrepancy.scan import CHANCE, EVEN, MATERIAL, SIMPLER, Scan, Scored, best_of, scanned, sure
+from discrepancy.score import Score, score
 from discrepancy.simulate import Simulator
 from gyro_model.anatomy import Force
 
@@ -205,23 +205,20 @@ class Search:
     def _scan(self) -> None:
         """Scores every candidate at the present fit."""
         self.scan = self._scanned(self.library.candidates(self.fitter, self.at, self.present))
-        self.scored = self.scan.scores(range(self.scan.known), self.scan.grams)
+        self.scored = self.scan.scores()
         best = best_of(self.scored)
         for candidate, result in best:
             sharper = candidate
             # A resonance or an instant on a coarse grid: ever finer about the best point, where it may matter.
             while result.probability < 0.01 and result.gain > 0.2 * best[0][1].gain and sharper.trials < FINEST:
-                scan = self._scanned(finer(sharper))
-                more = scan.scores(range(scan.known), scan.grams)
+                more = self._scanned(finer(sharper)).scores()
                 if not more:
                     break
                 self.scored += more
                 sharper = max(more, key=lambda entry: entry[1].gain)[0]
 
     def _scanned(self, found: Sequence[Candidate]) -> Scan:
-        removals = [_neutral(entry) for entry in self.accepted]
-        linear = self.fitter.with_grams(self.at, [*removals, *(change for c in found for change in c.changes())])
-        return Scan(linear, tuple(found), len(removals))
+        return scanned(self.fitter, self.at, [_neutral(entry) for entry in self.accepted], found)
 
     def _accept(self) -> bool:
         """Takes the best effect that is both significant and material into the model; False where there is none."""
@@ -320,17 +317,16 @@ class Search:
         can."""
         if self.scan.at.parameters != self.at.parameters:
             self._scan()
-        grams = without(self.scan.grams, self.scan.known + self.accepted.index(entry))
-        own = [i for i, f in enumerate(self.scan.at.free) if f.name in entry.names]
-        others = [i for i in range(self.scan.known) if i not in own]
-        return score(grams, others, own, self.at.count)
+        linear = self.scan.at
+        own = [i for i, f in enumerate(linear.free) if f.name in entry.names]
+        others = [i for i in range(linear.known) if i not in own]
+        return score(self.scan.grams(linear, self.accepted.index(entry)), others, own, self.at.count)
 
     def _stand_ins(self, entry: Accepted) -> list[Scored]:
         """Effects that explain what ``entry`` does nearly as well, by their columns at the present fit."""
         least = self._takes(entry)
-        grams = without(self.scan.grams, self.scan.known + self.accepted.index(entry))
         others = [i for i, f in enumerate(self.scan.at.free) if f.name not in entry.names]
-        near = [(c, s) for c, s in self.scan.scores(others, grams)
+        near = [(c, s) for c, s in self.scan.scores(others, self.accepted.index(entry))
                 if s.gain > least.gain - 4 * EVEN * least.inflation - 0.1 * least.gain]  # fmt: skip
         return best_of(near)[:RIVALS]
 

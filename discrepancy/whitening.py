@@ -7,7 +7,7 @@ unknown strength, and flicker as a sum of first-order lags. Columns go through t
 is generalised least squares (T. Kailath, IEEE Trans. Automatic Control 13, 1968).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -43,6 +43,9 @@ STEADY: Final = 1e-10
 """Relative change of a gain from which it stays."""
 
 
+Each = Callable[[Callable[["Setting"], float], Sequence["Setting"]], Iterable[float]]
+
+
 @dataclass(frozen=True)
 class Setting:
     """bandwidth [1/s] with which a motion is tracked; corner [Hz] where flicker equals the white noise; 0: none."""
@@ -70,12 +73,12 @@ class Whitener:
     gains: Floats = field(repr=False)
     roots: Floats = field(repr=False)
 
-    def __call__(self, v: Floats, valid: Bools) -> Floats:
+    def __call__(self, v: Floats, valid: Bools, out: Floats | None = None) -> Floats:
         """Innovations of v (columns, n, axes) [V], zero where a sample is not valid (n,); same shape and unit, ``v``
-        itself where they are the same."""
+        itself where they are the same. They may be put into ``out``, which may be ``v``."""
         if self.setting.parts == 0:
             return v if valid.all() else np.asarray(v * valid[:, None])
-        out = np.empty_like(v)
+        out = np.empty_like(v) if out is None else out
         _filter(self.transition, self.seen, self.gains, self.roots, np.ascontiguousarray(v), valid, out)
         return out
 
@@ -173,16 +176,23 @@ def misfit_under(
 
 
 def likeliest(
-    p: Mapping[str, float], period: float, residuals: Sequence[Floats], valid: Sequence[Bools], *, flicker: bool = True
+    p: Mapping[str, float],
+    period: float,
+    residuals: Sequence[Floats],
+    valid: Sequence[Bools],
+    each: Each = map,
+    *,
+    flicker: bool = True,
 ) -> Whitener:
     """The filter under which ``residuals`` (one (n, axes) a run) [V] are likeliest, their noise level free; without
-    ``flicker`` only a motion is taken out."""
+    ``flicker`` only a motion is taken out. each: a ``map``, which may work in parallel."""
     samples = max(len(r) for r in residuals)
     length = samples * period
     residuals, valid = [r[:CHOSEN] for r in residuals], [u[:CHOSEN] for u in valid]
 
     def best(tried: Sequence[Setting]) -> tuple[float, Setting]:
-        return min(((misfit_under(p, period, s, residuals, valid)[0] + s.parts * EARNED, s) for s in tried), key=_cost)
+        costs = each(lambda s: misfit_under(p, period, s, residuals, valid)[0] + s.parts * EARNED, tried)
+        return min(zip(costs, tried, strict=True), key=_cost)
 
     def finer(found: tuple[float, Setting], part: str) -> tuple[float, Setting]:
         value = getattr(found[1], part)

@@ -10,6 +10,7 @@ itself where it is built and raises InputError.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 from sympy import Expr, Symbol, sympify
@@ -128,7 +129,7 @@ class Effect:
         """What each of ``terms`` is where the effect is switched off."""
         raise NotImplementedError
 
-    @property
+    @cached_property
     def symbols(self) -> frozenset[Symbol]:
         """Every symbol that a term uses."""
         return frozenset().union(*(expr.free_symbols for expr in self.terms().values()))
