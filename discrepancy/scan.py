@@ -25,6 +25,7 @@ HELD, FEWEST = 50_000_000, 8
 """Bytes of columns of a run that a scan holds at a time, and columns at least: beyond, it goes in batches."""
 
 Scored = tuple[Candidate, Score]
+Batch = tuple[Fitted, tuple[Candidate, ...]]
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Scan:
     """Columns of candidates at a fit, in ``batches`` that each stand beside the model's own columns and the
     ``removals``: those that take accepted effects out."""
 
-    batches: tuple[tuple[Fitted, tuple[Candidate, ...]], ...]
+    batches: tuple[Batch, ...]
     removals: int
 
     @property
@@ -63,7 +64,8 @@ def scanned(fitter: Fitter, at: Fitted, removals: Sequence[Mapping[str, float]],
     """The columns of ``found`` at a fit; removals: parameters that take each accepted effect out."""
     longest = max(record.v.nbytes for record in fitter.records)
     most = max(FEWEST, HELD // longest)
-    batches, left = [], list(found)
+    batches: list[Batch] = []
+    left = list(found)
     while left or not batches:
         count = int(np.searchsorted(np.cumsum([len(c.all_probes) for c in left]), most, side="right"))
         batch, left = tuple(left[: max(count, 1)]), left[max(count, 1) :]
