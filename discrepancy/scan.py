@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,7 @@ SIMPLER: Final = 12.0
 HELD, FEWEST = 50_000_000, 8
 """Bytes of columns of a run that a scan holds at a time, and columns at least: beyond, it goes in batches."""
 
+Item = TypeVar("Item")
 Scored = tuple[Candidate, Score]
 Batch = tuple[Fitted, tuple[Candidate, ...]]
 
@@ -64,14 +65,25 @@ def scanned(fitter: Fitter, at: Fitted, removals: Sequence[Mapping[str, float]],
     """The columns of ``found`` at a fit; removals: parameters that take each accepted effect out."""
     longest = max(record.v.nbytes for record in fitter.records)
     most = max(FEWEST, HELD // longest)
-    batches: list[Batch] = []
-    left = list(found)
-    while left or not batches:
-        count = int(np.searchsorted(np.cumsum([len(c.all_probes) for c in left]), most, side="right"))
-        batch, left = tuple(left[: max(count, 1)]), left[max(count, 1) :]
-        probes = [*removals, *(change for c in batch for change in c.changes())]
-        batches.append((fitter.with_grams(at, probes), batch))
-    return Scan(tuple(batches), len(removals))
+
+    def linear(batch: Sequence[Candidate]) -> Fitted:
+        return fitter.with_grams(at, [*removals, *(change for c in batch for change in c.changes())])
+
+    parts = batched(found, [len(c.all_probes) for c in found], most) or [()]
+    return Scan(tuple((linear(part), part) for part in parts), len(removals))
+
+
+def batched(items: Sequence[Item], columns: Sequence[int], most: int) -> list[tuple[Item, ...]]:
+    """``items`` in batches, each of at most so many ``columns`` (those of each item) or of one item."""
+    batches: list[tuple[Item, ...]] = []
+    held = 0
+    for item, own in zip(items, columns, strict=True):
+        if not batches or held + own > most:
+            batches.append(())
+            held = 0
+        batches[-1] += (item,)
+        held += own
+    return batches
 
 
 def signed_score(grams: Floats, known: Sequence[int], columns: Sequence[int], candidate: Candidate,
@@ -102,6 +114,17 @@ def best_of(scored: Sequence[Scored]) -> list[Scored]:
         if before is None or result.gain > before[1].gain:
             best[candidate.effect.id] = (candidate, result)
     return sorted(best.values(), key=lambda entry: SIMPLER * entry[1].freedom - entry[1].gain)
+
+
+def next_peaks(best: Candidate, scored: Sequence[Scored]) -> list[Scored]:
+    """Of a grid whose best point is ``best``, the maxima but the highest, largest gain first: columns of a resonance
+    far from where it is may explain as much, to first order."""
+    own = [e for e in scored if e[0].effect.id == best.effect.id and e[0].partner == best.partner]
+    coarse = min((c.trials for c, _ in own), default=0)
+    grid = [e for e in own if e[0].trials == coarse]
+    gains = [-np.inf, *(s.gain for _, s in grid), -np.inf]
+    peaks = [e for e, left, here, right in zip(grid, gains, gains[1:], gains[2:], strict=False) if left < here >= right]
+    return sorted(peaks, key=lambda e: -e[1].gain)[1:]
 
 
 def sure(candidate: Candidate, result: Score) -> bool:

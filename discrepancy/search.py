@@ -10,11 +10,11 @@ from scipy.stats import chi2
 from discrepancy import checkpoint as store
 from discrepancy.answer import Step
 from discrepancy.columns import Candidate, Library, finer, nameable
-from discrepancy.continuation import IN_STEP, grown, settled
+from discrepancy.continuation import IN_STEP, excerpt, grown, settled, started
 from discrepancy.dataset import Dataset
 from discrepancy.limits import clip_level, masked
 from discrepancy.refit import Fitted, Fitter, Free
-from discrepancy.scan import CHANCE, EVEN, MATERIAL, SIMPLER, Scan, Scored, best_of, scanned, sure
+from discrepancy.scan import CHANCE, EVEN, MATERIAL, SIMPLER, Scan, Scored, best_of, next_peaks, scanned, sure
 from discrepancy.score import Score, score
 from discrepancy.simulate import Simulator
 from gyro_model.anatomy import Force
@@ -27,6 +27,8 @@ half the truth."""
 CLEAR: Final = 30.0
 """Times the gain that an effect needs to stay, from which no refit without it is tried: what is not linear in it does
 not make up for so much."""
+TRIED, LONG = 8_000, 4
+"""Samples on which a rival is tried before it is refitted over runs so many times longer."""
 FINEST: Final = 70
 """Trials of a grid after which it is not refined further: resonances are then as sharp as Q = 640."""
 
@@ -229,7 +231,7 @@ class Search:
         if not worth:
             return False
         rivals = self._close(worth)
-        self.progress("refit with " + ", ".join(c.effect.id for c, _ in rivals))
+        self.progress("refit with " + ", ".join(dict.fromkeys(c.effect.id for c, _ in rivals)))
         fits = [(self._refitted(c, s), c, s) for c, s in rivals]
         best, chosen, result = min(
             fits, key=lambda entry: entry[0].cost + SIMPLER * entry[2].freedom * self.at.variance
@@ -258,9 +260,13 @@ class Search:
         """Those whose refit could be the best: all that the linear scores leave open."""
         top = max(s.gain - SIMPLER * s.freedom for _, s in worth)
         linear = self.fitter.off(self.at) < IN_STEP
-        least = [top - 4 * EVEN * s.inflation - 0.1 * top if linear else RIVAL_SHARE * top for _, s in worth]
-        close = [(c, s) for (c, s), low in zip(worth, least, strict=True) if s.gain - SIMPLER * s.freedom >= low]
-        return close[:RIVALS]
+
+        def near(entries: Sequence[Scored]) -> list[Scored]:
+            least = [top - 4 * EVEN * s.inflation - 0.1 * top if linear else RIVAL_SHARE * top for _, s in entries]
+            return [(c, s) for (c, s), low in zip(entries, least, strict=True) if s.gain - SIMPLER * s.freedom >= low]
+
+        close = near(worth)[:RIVALS]
+        return close + [peak for c, _ in close for peak in near(next_peaks(c, self.scored))[:1]]
 
     def with_effect(self, at: Fitted, candidate: Candidate, result: Score) -> Fitted:
         """``at`` with the effect switched on at the size that its score says, to be fitted."""
@@ -298,10 +304,15 @@ class Search:
                 continue
             base, variance = self.without_effect(self.at, entry), self.at.variance
             fits = {entry.id: (self.at, entry.candidate)}
-            for candidate, result in self._stand_ins(entry):
+            stand_ins = self._stand_ins(entry)
+            trial = self._trial() if stand_ins else None
+            for candidate, result in stand_ins:
+                begun = self.with_effect(base, candidate, result)
+                if trial and _lost(*trial, begun):
+                    continue
                 self.progress(f"{candidate.effect.id} in place of {entry.id}")
                 goal = self.at.cost + EVEN * variance
-                at = self.fitter.fit(self.with_effect(base, candidate, result), goal=goal)
+                at = self.fitter.fit(begun, goal=goal)
                 if at.cost < goal:
                     fits[candidate.effect.id] = at, candidate
             price = {i: at.cost + SIMPLER * len(c.all_probes) * variance for i, (at, c) in fits.items()}
@@ -311,6 +322,13 @@ class Search:
             self.at, candidate = fits.pop(head)
             even = {i: dict(at.parameters) for i, (at, _) in fits.items() if at.cost < self.at.cost + EVEN * variance}
             self.accepted[place] = Accepted(candidate, entry.share, even)
+
+    def _trial(self) -> tuple[Fitter, Fitted] | None:
+        """The present fit on a piece of the runs, where they are much longer."""
+        if sum(len(r.t) for r in self.fitter.records) < LONG * TRIED:
+            return None
+        fitter, at = excerpt(self.fitter, self.at, TRIED)
+        return fitter, fitter.fit(fitter.evaluated(replace(at, whiten=self.at.whiten)))
 
     def _takes(self, entry: Accepted) -> Score:
         """What the present fit would lose without an effect, to first order, the other parameters taking up what they
@@ -329,6 +347,13 @@ class Search:
         near = [(c, s) for c, s in self.scan.scores(others, self.accepted.index(entry))
                 if s.gain > least.gain - 4 * EVEN * least.inflation - 0.1 * least.gain]  # fmt: skip
         return best_of(near)[:RIVALS]
+
+
+def _lost(fitter: Fitter, at: Fitted, begun: Fitted) -> bool:
+    """Whether ``begun``, a model of whole runs, can't come near the fit ``at`` of their pieces."""
+    goal = at.cost + 4 * EVEN * at.variance
+    rival = fitter.evaluated(replace(started(fitter, begun), whiten=at.whiten))
+    return fitter.fit(rival, goal=goal).cost > goal
 
 
 def _neutral(entry: Accepted) -> dict[str, float]:
