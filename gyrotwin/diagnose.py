@@ -202,6 +202,7 @@ def _write(
                 ),
                 "report.html": lambda path: render(name, data, model, report, found, [*warnings, *found.doubts], path),
             },
+            sometimes="effects/discovered_*.py",
         )
 
 

@@ -200,5 +200,5 @@ def execute(run: "RateRun", folder: Path, progress: "Progress | None" = None) ->
     sense = result.sense
     if sense is not None:
         files[SENSE_RECORD] = sense.write_parquet
-    publish(folder, files)
+    publish(folder, files, sometimes=SENSE_RECORD)
     return summary

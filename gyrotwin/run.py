@@ -164,9 +164,9 @@ def check_writable(folder: Path) -> None:
         raise InputError(f"output folder {folder}: can't be written; name another with --out")
 
 
-def publish(folder: Path, writers: Mapping[str, Callable[[Path], object]]) -> None:
+def publish(folder: Path, writers: Mapping[str, Callable[[Path], object]], sometimes: str = "") -> None:
     """Lets each writer write its file in a folder beside, then moves all of them into ``folder``: none half-written,
-    none alone.
+    none alone, and beside them none of the files ``sometimes`` (a pattern) that an earlier call had to write.
 
     Raises InputError where the folder can't be written.
     """
@@ -182,5 +182,8 @@ def publish(folder: Path, writers: Mapping[str, Callable[[Path], object]]) -> No
         for name in writers:
             (folder / name).parent.mkdir(exist_ok=True)
             os.replace(beside / name, folder / name)
+        for path in folder.glob(sometimes) if sometimes else ():
+            if path.relative_to(folder).as_posix() not in writers:
+                path.unlink()
     finally:
         shutil.rmtree(beside, ignore_errors=True)
