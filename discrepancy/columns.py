@@ -33,7 +33,7 @@ FINER: Final = 4.0
 """By which each refinement of such a grid is finer."""
 FARTHEST: Final = 1e6
 """Times the first guess, at which a probe is no size of anything: what changes nothing there never does."""
-FARTHER: Final = 3.0
+STRIDE: Final = 3.0
 """By which a frequency, quality factor or time constant changes at most in one step of a refit."""
 ATTEMPTS: Final = 8
 """Tries at a probe of the right size."""
@@ -117,7 +117,7 @@ class Candidate:
             event = isinstance(self.effect, Law) and self.effect.event is not None
             step = period if event else 1e-3 * abs(self.shapes[q.name])
             # An instant may go anywhere; a quality factor that shows nowhere yet would leave for infinity.
-            shapes.append(Free(q.name, step, max(q.low, 0.0), q.high, np.inf if event else FARTHER))
+            shapes.append(Free(q.name, step, max(q.low, 0.0), q.high, np.inf if event else STRIDE))
         before = self.partner.free(period) if self.partner else ()
         return (*before, *(p.free() for p in self.probes), *shapes)
 

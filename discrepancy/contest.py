@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from discrepancy.columns import Candidate, Probe
-from discrepancy.continuation import excerpt
+from discrepancy.continuation import started
 from discrepancy.effect_file import joined, scales_of
 from discrepancy.library import Form, Known, forms, known, magnitude
 from discrepancy.record import Floats
@@ -23,7 +23,7 @@ from discrepancy.refit import Fitted, Fitter
 from discrepancy.scan import MATERIAL, batched
 from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator
-from gyro_model.anatomy import Effect
+from gyro_model.anatomy import Effect, Follow, Force
 from gyro_model.model import Model
 
 CHANCE: Final = 1e-8
@@ -108,8 +108,14 @@ class Terms:
         self.simulator.__exit__(None, None, None)
 
     def excerpt(self, fitter: Fitter, at: Fitted, samples: int) -> tuple[Fitter, Fitted]:
-        """``at`` on a piece of each run, all together so many samples, with the terms in the model."""
-        return excerpt(Fitter(self.simulator, fitter.records, fitter.blocks), at, samples)
+        """``at`` on a piece of each run, where it moves most, all together so many samples: what is missing shows
+        most there. It is the first piece where an effect remembers what went before."""
+        number = max(1, sum(len(r.t) for r in fitter.records) // samples)
+        pieces = [self.simulator.cut(r, number)[: 1 if _remembers(fitter.simulator.model, at) else None]
+                  for r in fitter.records]  # fmt: skip
+        cut = [max(own, key=lambda p: float(np.mean(p.v**4))) for own in pieces]
+        own = Fitter(self.simulator, cut, fitter.blocks)
+        return own, started(own, at)
 
     def candidates(self, at: Fitted) -> list[tuple[Form, Candidate]]:
         """Every term that is not fitted in ``at`` already, with both of its parts where both can be seen."""
@@ -200,6 +206,13 @@ class Terms:
         entries = ranked([self.refitted(fitter, at, c) for c in short])
         # A part that earns nothing costs its term about a dozen: more than two terms are seldom so close.
         return ranked([self.pruned(fitter, at, e) for e in entries[:2]]) + entries[2:]
+
+
+def _remembers(model: Model, at: Fitted) -> bool:
+    """Whether an effect that is fitted in ``at`` has states of its own, which no piece has free."""
+    fitted = {free.name for free in at.free}
+    stateful = (e for e in model.effects if isinstance(e, Follow) or (isinstance(e, Force) and e.states))
+    return any(fitted & {q.name for q in e.parameters} for e in stateful)
 
 
 def ranked(entries: Sequence[Entry]) -> list[Entry]:

@@ -9,12 +9,8 @@ continuity, which nothing needs in the end, when a piece is a run).
 from dataclasses import replace
 from typing import Final
 
-import numpy as np
-
 from discrepancy.linear_fit import mode_frequencies
 from discrepancy.refit import BLOCKS, Fitted, Fitter
-from gyro_model.anatomy import Follow, Force
-from gyro_model.model import Model
 
 IN_STEP: Final = 0.02
 """Residual over signal below which a simulation is in step with the motion: an error of phase of 0.02 rad, where what
@@ -73,10 +69,9 @@ def grown(whole: Fitter, at: Fitted) -> Fitted:
     piece has free. Its resonance is found however far the coupling pulls it, since over a few periods it is broad."""
     now = at
     for number in reversed(_numbers(whole, at)[1:]):
-        heads = [whole.simulator.part(r, 0, len(r.t) // number) for r in whole.records]
-        fitter = Fitter(whole.simulator, heads, max(1, BLOCKS // number))
+        fitter = head(whole, number)
         now = fitter.fit(started(fitter, replace(now, whiten=fitter.plain(now.parameters))), ROUNDS)
-        whole.simulator.forget(heads)
+        whole.simulator.forget(fitter.records)
     plain = replace(now, whiten=whole.plain(now.parameters))
     now = whole.fit(started(whole, plain))
     return whole.evaluated(replace(now, whiten=at.whiten))
@@ -101,21 +96,10 @@ def cut(whole: Fitter, number: int) -> Fitter:
     return Fitter(whole.simulator, pieces, blocks=max(1, BLOCKS // number))
 
 
-def excerpt(whole: Fitter, at: Fitted, samples: int) -> tuple[Fitter, Fitted]:
-    """``at`` on a piece of each run, where it moves most, all together so many samples: what is missing shows most
-    there. It is the first piece where an effect remembers what went before."""
-    number = max(1, sum(len(r.t) for r in whole.records) // samples)
-    pieces = [whole.simulator.cut(r, number)[: 1 if _remembers(whole.simulator.model, at) else None]
-              for r in whole.records]  # fmt: skip
-    fitter = Fitter(whole.simulator, [max(own, key=lambda p: float(np.mean(p.v**4))) for own in pieces], whole.blocks)
-    return fitter, started(fitter, at)
-
-
-def _remembers(model: Model, at: Fitted) -> bool:
-    """Whether an effect that is fitted in ``at`` has states of its own, which no piece has free."""
-    fitted = {free.name for free in at.free}
-    stateful = (e for e in model.effects if isinstance(e, Follow) or (isinstance(e, Force) and e.states))
-    return any(fitted & {q.name for q in e.parameters} for e in stateful)
+def head(whole: Fitter, number: int) -> Fitter:
+    """A fitter of the first of ``number`` pieces of each run: where every state begins as in the whole."""
+    heads = [whole.simulator.part(r, 0, len(r.t) // number) for r in whole.records]
+    return Fitter(whole.simulator, heads, max(1, BLOCKS // number))
 
 
 def _numbers(whole: Fitter, at: Fitted) -> list[int]:

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from discrepancy import checkpoint as store
 from discrepancy.answer import Step
 from discrepancy.columns import Candidate, Library, finer, nameable
-from discrepancy.continuation import IN_STEP, excerpt, grown, settled, started
+from discrepancy.continuation import IN_STEP, grown, head, settled, started
 from discrepancy.dataset import Dataset
 from discrepancy.limits import clip_level, masked
 from discrepancy.refit import Fitted, Fitter, Free
@@ -324,11 +324,12 @@ class Search:
             self.accepted[place] = Accepted(candidate, entry.share, even)
 
     def _trial(self) -> tuple[Fitter, Fitted] | None:
-        """The present fit on a piece of the runs, where they are much longer."""
-        if sum(len(r.t) for r in self.fitter.records) < LONG * TRIED:
+        """The present fit on the beginnings of the runs, where these are much longer."""
+        number = sum(len(r.t) for r in self.fitter.records) // TRIED
+        if number < LONG:
             return None
-        fitter, at = excerpt(self.fitter, self.at, TRIED)
-        return fitter, fitter.fit(fitter.evaluated(replace(at, whiten=self.at.whiten)))
+        fitter = head(self.fitter, number)
+        return fitter, fitter.fit(fitter.evaluated(replace(started(fitter, self.at), whiten=self.at.whiten)))
 
     def _takes(self, entry: Accepted) -> Score:
         """What the present fit would lose without an effect, to first order, the other parameters taking up what they
@@ -350,7 +351,7 @@ class Search:
 
 
 def _lost(fitter: Fitter, at: Fitted, begun: Fitted) -> bool:
-    """Whether ``begun``, a model of whole runs, can't come near the fit ``at`` of their pieces."""
+    """Whether ``begun``, a model of whole runs, can't come near the fit ``at`` of their beginnings."""
     goal = at.cost + 4 * EVEN * at.variance
     rival = fitter.evaluated(replace(started(fitter, begun), whiten=at.whiten))
     return fitter.fit(rival, goal=goal).cost > goal

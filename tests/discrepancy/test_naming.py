@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from discrepancy import search
 from discrepancy.checkpoint import digest, load, save
 from discrepancy.columns import is_gauge, nameable
 from discrepancy.dataset import Dataset, load_dataset
@@ -113,9 +114,24 @@ def test_step_between_the_points_of_the_first_grid() -> None:
     assert names(diagnose(made(hidden, samples=16_000), MODEL)) == {"damping_step", "cubic_stiffness"}
 
 
-def test_small_delay_and_small_lag_are_not_told_apart() -> None:
+@pytest.mark.parametrize("tried", [10**9, 1000], ids=["whole runs", "beginnings first"])
+def test_small_delay_and_small_lag_are_not_told_apart(tried: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search, "TRIED", tried)
     [found] = diagnose(made({"actuator_delay": 5e-9}), MODEL).effects
     assert {found.id, *found.either} == {"actuator_delay", "amplifier_bandwidth"}
+
+
+def test_rivals_that_are_lost_in_the_beginning_are_not_refitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    # To first order a resonance is much that it is not.
+    data = made({"parasitic_coupling": 5.4, "parasitic_frequency": 4957.0, "parasitic_q": 2585.0})
+
+    def rivals_refitted(tried: int) -> int:
+        monkeypatch.setattr(search, "TRIED", tried)
+        steps: list[str] = []
+        assert names(diagnose(data, MODEL, progress=steps.append)) == {"parasitic_mode"}
+        return sum("in place of" in step for step in steps)
+
+    assert rivals_refitted(1000) == 0 < rivals_refitted(10**9)
 
 
 @dataclass
