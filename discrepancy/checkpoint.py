@@ -13,7 +13,8 @@ from discrepancy.columns import Candidate, Probe
 from discrepancy.continuation import cut
 from discrepancy.dataset import Dataset
 from discrepancy.effect_file import write_text
-from discrepancy.refit import Fitted, Fitter, Free
+from discrepancy.fitted import Fitted, Free
+from discrepancy.refit import Fitter
 from discrepancy.score import Score
 from discrepancy.whitening import Setting
 from gyro_model.build import model_token

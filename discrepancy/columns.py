@@ -15,9 +15,10 @@ from typing import Final
 import numpy as np
 from sympy import sympify
 
+from discrepancy.fitted import Fitted, Free
 from discrepancy.linear_fit import mode_frequencies
 from discrepancy.record import Floats, Record
-from discrepancy.refit import Fitted, Fitter, Free
+from discrepancy.refit import Fitter
 from gyro_model.anatomy import SLOTS, Effect, Law, Map
 from gyro_model.model import Model
 from gyro_model.quantities import Quantity

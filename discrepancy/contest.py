@@ -17,9 +17,10 @@ import numpy as np
 from discrepancy.columns import Candidate, Probe
 from discrepancy.continuation import started
 from discrepancy.effect_file import joined, scales_of
+from discrepancy.fitted import Fitted
 from discrepancy.library import Form, Known, forms, known, magnitude
 from discrepancy.record import Floats
-from discrepancy.refit import Fitted, Fitter
+from discrepancy.refit import Fitter
 from discrepancy.scan import MATERIAL, batched
 from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator

@@ -9,8 +9,9 @@ continuity, which nothing needs in the end, when a piece is a run).
 from dataclasses import replace
 from typing import Final
 
+from discrepancy.fitted import Fitted
 from discrepancy.linear_fit import mode_frequencies
-from discrepancy.refit import BLOCKS, Fitted, Fitter
+from discrepancy.refit import BLOCKS, Fitter
 
 IN_STEP: Final = 0.02
 """Residual over signal below which a simulation is in step with the motion: an error of phase of 0.02 rad, where what

@@ -11,8 +11,9 @@ from scipy.stats import chi2
 from discrepancy.contest import CHANCE, Entry, Terms, ranked
 from discrepancy.continuation import IN_STEP, settled, started
 from discrepancy.effect_file import peaks_of, write_effect
+from discrepancy.fitted import Fitted
 from discrepancy.library import Form
-from discrepancy.refit import Fitted, Fitter
+from discrepancy.refit import Fitter
 from discrepancy.scan import EVEN
 from gyro_model.anatomy import Effect
 from gyro_model.model import Model

@@ -8,9 +8,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from sympy import Abs
 
+from discrepancy.fitted import Fitted
 from discrepancy.library import SIGNALS, Form
 from discrepancy.record import Record
-from discrepancy.refit import Fitted, Fitter
+from discrepancy.refit import Fitter
 from gyro_model.anatomy import Effect, Force
 from gyro_model.errors import InputError
 from gyro_model.model import Model, load_model

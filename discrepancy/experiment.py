@@ -16,9 +16,10 @@ import numpy as np
 from scipy.stats import norm
 
 from discrepancy.algebra import inverse_scaled
+from discrepancy.fitted import Fitted, Free
 from discrepancy.menu import Proposal, menu
 from discrepancy.record import Floats, Record
-from discrepancy.refit import Fitted, Fitter, Free
+from discrepancy.refit import Fitter
 from discrepancy.simulate import Simulator
 from gyro_model.errors import InputError
 

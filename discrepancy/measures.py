@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from discrepancy.fitted import Fitted
 from discrepancy.record import MINIMUM_SAMPLES, Floats, Record
-from discrepancy.refit import Fitted, Fitter
+from discrepancy.refit import Fitter
 from discrepancy.simulate import Simulator
 
 START_TIME, START_SAMPLES = 5e-3, 50

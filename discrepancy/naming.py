@@ -14,7 +14,8 @@ from discrepancy.answer import Diagnosis
 from discrepancy.assemble import assemble
 from discrepancy.dataset import Dataset
 from discrepancy.effect_file import joined, load_effect
-from discrepancy.refit import Fitted, Fitter
+from discrepancy.fitted import Fitted
+from discrepancy.refit import Fitter
 from discrepancy.search import Search
 from discrepancy.simulate import Simulator
 from gyro_model.model import Model

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.optimize import brentq, minimize, minimize_scalar
 from scipy.stats import chi2
 
+from discrepancy.fitted import Fitted
 from discrepancy.linear_fit import mode_frequencies
 from discrepancy.record import Floats, Record
-from discrepancy.refit import Fitted
 from discrepancy.whitening import Setting, misfit_under, top_rate
 
 SURE: Final = 30.0

@@ -5,13 +5,14 @@ size does not grow with the number of runs (G. H. Golub, V. Pereyra, SIAM J. Num
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from discrepancy.algebra import inverse_scaled
+from discrepancy.fitted import Fitted, Free, bare
 from discrepancy.linear_fit import WeakForm, weak_form
 from discrepancy.linear_fit import fit as fit_weak_form
 from discrepancy.record import Floats, Record
@@ -46,57 +47,6 @@ ALIKE: Final = 3.0
 SETTLED: Final = 0.02
 """A fit has ended when a further step would take less than this many variances of an innovation from the cost: an
 error of 0.14 standard deviations of one parameter at most."""
-
-
-@dataclass(frozen=True)
-class Free:
-    """A parameter to fit: ``step`` of its difference quotient, bounds; SI. ``factor``: a positive one is changed by at
-    most so much at once."""
-
-    name: str
-    step: float
-    low: float = -np.inf
-    high: float = np.inf
-    factor: float = np.inf
-
-    def bounded(self, before: float, after: float) -> float:
-        """``after``, or how far the parameter may go on its way there."""
-        low, high = self.low, self.high
-        if self.factor < np.inf:
-            low, high = max(low, before / self.factor), min(high, before * self.factor)
-        return float(np.clip(after, low, high))
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """A model fitted to runs.
-
-    parameters: shared ones by name; starts: initial states of each run. cost: sum of squared innovations [V²], count of
-    them. Of the last linearisation, if there is one: grams (blocks, p, p) of [free, further columns, residual] as
-    innovations with the states projected out; fill, by run (states, p): the change of the states, in their steps, that
-    goes with each; left: what a further step would take from the cost, in variances of an innovation.
-    """
-
-    parameters: Mapping[str, float]
-    starts: tuple[Mapping[str, float], ...]
-    free: tuple[Free, ...]
-    whiten: Whitener
-    residuals: tuple[Floats, ...] = field(repr=False)
-    cost: float = np.inf
-    count: int = 1
-    grams: Floats | None = field(default=None, repr=False)
-    fill: tuple[Floats, ...] = field(default=(), repr=False)
-    left: float = np.inf
-
-    @property
-    def variance(self) -> float:
-        """Mean square of an innovation [V²]."""
-        return self.cost / self.count
-
-    @property
-    def known(self) -> int:
-        """How many columns of the grams are the model's own: those before any further ones."""
-        return len(self.free)
 
 
 class _Linear(NamedTuple):
@@ -167,12 +117,12 @@ class Fitter:
         cost, count = 0.0, 0
         for record, residual in zip(self.records, at.residuals, strict=True):
             if not np.isfinite(residual).all():
-                return _bare(replace(at, cost=np.inf, count=1))
+                return bare(replace(at, cost=np.inf, count=1))
             # A motion near all bounds has a cost of infinity.
             with np.errstate(over="ignore"):
                 cost += float(np.sum(at.whiten(residual[None], record.valid) ** 2))
             count += int(record.valid.sum()) * self.axes
-        return _bare(replace(at, cost=cost, count=count))
+        return bare(replace(at, cost=cost, count=count))
 
     def whitened(self, at: Fitted) -> Fitted:
         """``at`` with the whitening that its residuals ask for."""
@@ -353,7 +303,7 @@ class Fitter:
             change = at.fill[run][:, -1] - at.fill[run][:, : at.known] @ step
             sizes = self._state_steps(at, run)
             starts.append({name: start[name] + sizes[name] * float(c) for name, c in zip(start, change, strict=True)})
-        return _bare(replace(at, parameters=parameters, starts=tuple(starts)))
+        return bare(replace(at, parameters=parameters, starts=tuple(starts)))
 
     def covariance(self, at: Fitted) -> Floats:
         """Covariance of the free parameters: that by white innovations, widened in each direction where block
@@ -373,10 +323,6 @@ class Fitter:
         """Standard deviation of each free parameter."""
         size = np.sqrt(np.diag(self.covariance(at)))
         return {free.name: float(value) for free, value in zip(at.free, size, strict=True)}
-
-
-def _bare(at: Fitted) -> Fitted:
-    return replace(at, grams=None, fill=(), left=np.inf)
 
 
 def _arrays(form: WeakForm) -> tuple[Floats, ...]:

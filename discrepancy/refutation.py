@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 
 from discrepancy.contest import CHANCE, Standing, Terms, ranked
-from discrepancy.refit import Fitted, Fitter
+from discrepancy.fitted import Fitted
+from discrepancy.refit import Fitter
 from discrepancy.scan import EVEN, MATERIAL
 
 CHECKED: Final = 16_000

@@ -7,8 +7,9 @@ from typing import Final, TypeVar
 import numpy as np
 
 from discrepancy.columns import Candidate
+from discrepancy.fitted import Fitted
 from discrepancy.record import Floats
-from discrepancy.refit import Fitted, Fitter
+from discrepancy.refit import Fitter
 from discrepancy.score import Score, score, without
 
 CHANCE: Final = 1e-6

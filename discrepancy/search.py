@@ -12,8 +12,9 @@ from discrepancy.answer import Step
 from discrepancy.columns import Candidate, Library, finer, nameable
 from discrepancy.continuation import IN_STEP, grown, head, settled, started
 from discrepancy.dataset import Dataset
+from discrepancy.fitted import Fitted, Free
 from discrepancy.limits import clip_level, masked
-from discrepancy.refit import Fitted, Fitter, Free
+from discrepancy.refit import Fitter
 from discrepancy.scan import CHANCE, EVEN, MATERIAL, SIMPLER, Scan, Scored, best_of, next_peaks, scanned, sure
 from discrepancy.score import Score, score
 from discrepancy.simulate import Simulator

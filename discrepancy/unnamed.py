@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from discrepancy.discovery import discover
+from discrepancy.fitted import Fitted
 from discrepancy.locate import located
 from discrepancy.naming import Wider
-from discrepancy.refit import Fitted, Fitter
+from discrepancy.refit import Fitter
 from discrepancy.refutation import rivals, without
 
 

@@ -13,9 +13,10 @@ from discrepancy import discovery
 from discrepancy.continuation import cut, started
 from discrepancy.discovery import Discovery, discover
 from discrepancy.effect_file import joined, write_effect
+from discrepancy.fitted import Fitted, Free
 from discrepancy.library import SIGNALS, forms, known
 from discrepancy.record import Record, make_record
-from discrepancy.refit import Fitted, Fitter, Free
+from discrepancy.refit import Fitter
 from discrepancy.refutation import rivals
 from discrepancy.simulate import Simulator
 from gyro_model import symbols

@@ -8,9 +8,10 @@ import pytest
 from scipy.stats import norm
 
 from discrepancy.experiment import Experiment, next_experiment
+from discrepancy.fitted import Fitted, Free
 from discrepancy.menu import LEVEL, menu
 from discrepancy.record import Record, make_record
-from discrepancy.refit import Fitted, Fitter, Free
+from discrepancy.refit import Fitter
 from discrepancy.simulate import Simulator
 from discrepancy.whitening import Setting, whitener
 from gyro_model.device import load_device

@@ -14,9 +14,10 @@ from discrepancy import search
 from discrepancy.checkpoint import digest, load, save
 from discrepancy.columns import is_gauge, nameable
 from discrepancy.dataset import Dataset, load_dataset
+from discrepancy.fitted import Fitted
 from discrepancy.naming import Diagnosis, Wider, diagnose
 from discrepancy.record import Record, make_record
-from discrepancy.refit import Fitted, Fitter
+from discrepancy.refit import Fitter
 from discrepancy.simulate import Simulator
 from gyro_model.device import load_device
 from gyro_model.model import EFFECTS_FOLDER, Model, load_model

@@ -7,8 +7,9 @@ import pytest
 from test_naming import MODEL, QUINTIC, SHORT, made, names, quintic
 
 from discrepancy.dataset import Dataset
+from discrepancy.fitted import Fitted, Free
 from discrepancy.naming import Wider, diagnose
-from discrepancy.refit import Fitted, Fitter, Free
+from discrepancy.refit import Fitter
 from discrepancy.simulate import Simulator
 from discrepancy.unnamed import TermSearch
 from gyro_model.model import Model, load_model
