@@ -1,4 +1,4 @@
-"""The generator of the blind trials against scipy and hand formulas, the grading, and a small run."""
+"""The generator of the blind trials against scipy and hand formulas, and a small run."""
 
 import ast
 import json
@@ -24,7 +24,7 @@ from benchmarks.blind.noise import Noise, flicker, measured, thermal_force
 from benchmarks.blind.physics import RADIANS, Plant, Run, simulate
 from benchmarks.blind.plan import KINDS, Entry, entries
 from benchmarks.blind.runner import Ask, run_all, run_one
-from benchmarks.blind.summary import summarise, wilson
+from benchmarks.blind.summary import summarise
 from benchmarks.blind.terms import TERMS, extra_force
 from benchmarks.blind.trial import make_effects, make_null, make_unknown, rng_of, scale_of
 
@@ -327,77 +327,6 @@ def test_a_tool_that_fails_is_a_result(tmp_path: Path) -> None:
     assert found is not None
     assert (found.verdict, found.right) == ("error", False)
     assert not list(tmp_path.rglob("*.parquet"))
-
-
-def result_of(label: dict[str, object], effects: list[dict[str, object]], verdict: str = "missing effects") -> object:
-    full = {"level": "", "floor": 1e-4, "multiple": {"": 10.0}, "parameters": {}, **label}
-    answer = {"verdict": verdict, "effects": effects, "misfit": {"final": 1.1e-4, "refit": 5e-4}}
-    return grade({"id": "kind-effect-0", "label": full, "answer": answer, "cpu_s": 1.0})
-
-
-def said(name: str, *either: str, **rest: object) -> dict[str, object]:
-    return {"id": name, "either": list(either), "parameters": {}, **rest}
-
-
-@pytest.mark.parametrize(
-    ("truth", "found", "right"),
-    [
-        (["a"], [said("a")], True),
-        (["a"], [said("b", "a")], True),
-        (["a"], [said("b")], False),
-        (["a"], [said("a"), said("b")], False),
-        (["a", "b"], [said("b", "a"), said("c", "b")], True),
-        (["a", "b"], [said("b", "a"), said("c")], False),
-        (["a", "b"], [said("a", "b")], False),
-    ],
-)
-def test_grade_of_named_effects(truth: list[str], found: list[dict[str, object]], right: bool) -> None:
-    assert result_of({"kind": "pair", "effects": truth}, found).right is right  # type: ignore[attr-defined]
-
-
-def test_grade_of_intervals_and_misfit() -> None:
-    values = {"p": {"low": 1.0, "high": 2.0}, "q": {"low": 1.0, "high": 2.0}, "r": {"low": None, "high": 1.0}}
-    label = {"kind": "single", "effects": ["a"], "parameters": {"p": 1.5, "q": 2.5, "r": 0.0}}
-    found = result_of(label, [said("a") | {"parameters": values}])
-    assert found.covered == {"p": True, "q": False}  # type: ignore[attr-defined]
-    assert found.ratio == pytest.approx(1.1)  # type: ignore[attr-defined]
-
-
-@pytest.mark.parametrize(
-    ("text", "right", "formula"),
-    [
-        ("-3.1*x**5", True, True),
-        ("-3.1*x**5 + 40*x", True, True),
-        ("-discovered_1_x*x**5", True, True),
-        ("-2*x**2", True, False),
-        ("nonsense(", True, False),
-    ],
-)
-def test_grade_of_discovered_terms(text: str, right: bool, formula: bool) -> None:
-    points = np.random.default_rng(0).normal(size=(200, 6)).tolist()
-    label = {"kind": "unknown", "effects": [], "parameters": {"c": 3.0}, "force_x": "-c*x**5", "force_y": "0",
-             "points": points}  # fmt: skip
-    finding = said("discovered_1", force_x=text, force_y="0") | {"parameters": {"discovered_1_x": {"value": 3.1}}}
-    found = result_of(label, [finding])
-    assert (found.right, found.formula) == (right, formula)  # type: ignore[attr-defined]
-    assert not result_of(label, [said("cubic_stiffness")]).right  # type: ignore[attr-defined]
-    assert not result_of(label, [], "nothing missing").right  # type: ignore[attr-defined]
-    assert result_of(label, [], "unexplained").right  # type: ignore[attr-defined]
-
-
-def test_grade_of_inseparable_effects() -> None:
-    before, after = ({"kind": "inseparable", "level": s, "effects": ["a"], "rival": "b"} for s in ("before", "after"))
-    assert result_of(before, [said("b", "a")]).right  # type: ignore[attr-defined]
-    assert not result_of(before, [said("a")]).right  # type: ignore[attr-defined]
-    assert result_of(after, [said("a")]).right  # type: ignore[attr-defined]
-    assert not result_of(after, [said("a", "b")]).right  # type: ignore[attr-defined]
-
-
-def test_wilson_by_hand() -> None:
-    # 0 of 400: z²/(n + z²) = 3.8415/403.8415; 5 of 10 is symmetric about a half.
-    assert wilson(0, 400) == (pytest.approx(0, abs=1e-15), pytest.approx(0.009512, abs=1e-6))
-    assert sum(wilson(5, 10)) == pytest.approx(1)
-    assert wilson(0, 0) == (0.0, 1.0)
 
 
 def test_small_blind_trial(tmp_path: Path) -> None:
