@@ -24,7 +24,9 @@ def wilson(hits: int, of: int) -> tuple[float, float]:
     p, z = hits / of, Z
     middle = p + z * z / (2 * of)
     half = z * math.sqrt(p * (1 - p) / of + z * z / (4 * of * of))
-    return max(0.0, (middle - half) / (1 + z * z / of)), min(1.0, (middle + half) / (1 + z * z / of))
+    low, high = (middle - half) / (1 + z * z / of), (middle + half) / (1 + z * z / of)
+    # At the ends the difference is rounding alone.
+    return low if hits > 0 else 0.0, high if hits < of else 1.0
 
 
 def rate(what: str, hits: Iterable[bool], **rest: Any) -> Row:

@@ -75,6 +75,7 @@ def test_grade_of_inseparable_effects() -> None:
 
 def test_wilson_by_hand() -> None:
     # 0 of 400: z²/(n + z²) = 3.8415/403.8415; 5 of 10 is symmetric about a half.
-    assert wilson(0, 400) == (pytest.approx(0, abs=1e-15), pytest.approx(0.009512, abs=1e-6))
+    assert wilson(0, 400) == (0.0, pytest.approx(0.009512, abs=1e-6))
+    assert wilson(400, 400)[1] == 1.0
     assert sum(wilson(5, 10)) == pytest.approx(1)
     assert wilson(0, 0) == (0.0, 1.0)
