@@ -270,7 +270,7 @@ def _hours(device: Device) -> Table:
 
 def _noise(device: Device, seeds: int) -> Table:
     rows = [
-        _noise_row(device, closed, envelope, length, seeds if envelope else 1)
+        _noise_row(device, closed, envelope, length, seeds)
         for closed, envelope, length in (
             (False, True, NOISE_TIME),
             (True, True, NOISE_TIME),

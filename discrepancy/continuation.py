@@ -70,7 +70,7 @@ def grown(whole: Fitter, at: Fitted) -> Fitted:
     piece has free. Its resonance is found however far the coupling pulls it, since over a few periods it is broad."""
     now = at
     for number in reversed(_numbers(whole, at)[1:]):
-        fitter = head(whole, number)
+        fitter = beginnings(whole, number)
         now = fitter.fit(started(fitter, replace(now, whiten=fitter.plain(now.parameters))), ROUNDS)
         whole.simulator.forget(fitter.records)
     plain = replace(now, whiten=whole.plain(now.parameters))
@@ -97,10 +97,10 @@ def cut(whole: Fitter, number: int) -> Fitter:
     return Fitter(whole.simulator, pieces, blocks=max(1, BLOCKS // number))
 
 
-def head(whole: Fitter, number: int) -> Fitter:
+def beginnings(whole: Fitter, number: int) -> Fitter:
     """A fitter of the first of ``number`` pieces of each run: where every state begins as in the whole."""
-    heads = [whole.simulator.part(r, 0, len(r.t) // number) for r in whole.records]
-    return Fitter(whole.simulator, heads, max(1, BLOCKS // number))
+    records = [whole.simulator.part(r, 0, len(r.t) // number) for r in whole.records]
+    return Fitter(whole.simulator, records, max(1, BLOCKS // number))
 
 
 def _numbers(whole: Fitter, at: Fitted) -> list[int]:

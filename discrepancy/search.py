@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from discrepancy import checkpoint as store
 from discrepancy.answer import Step
 from discrepancy.columns import Candidate, Library, finer, nameable
-from discrepancy.continuation import IN_STEP, grown, head, settled, started
+from discrepancy.continuation import IN_STEP, beginnings, grown, settled, started
 from discrepancy.dataset import Dataset
 from discrepancy.fitted import Fitted, Free
 from discrepancy.limits import clip_level, masked
@@ -303,19 +303,8 @@ class Search:
         for place, entry in enumerate(self.accepted):
             if any(a.candidate.partner and a.candidate.partner.effect.id == entry.id for a in self.accepted):
                 continue
-            base, variance = self.without_effect(self.at, entry), self.at.variance
-            fits = {entry.id: (self.at, entry.candidate)}
-            stand_ins = self._stand_ins(entry)
-            trial = self._trial() if stand_ins else None
-            for candidate, result in stand_ins:
-                begun = self.with_effect(base, candidate, result)
-                if trial and _lost(*trial, begun):
-                    continue
-                self.progress(f"{candidate.effect.id} in place of {entry.id}")
-                goal = self.at.cost + EVEN * variance
-                at = self.fitter.fit(begun, goal=goal)
-                if at.cost < goal:
-                    fits[candidate.effect.id] = at, candidate
+            variance = self.at.variance
+            fits = {entry.id: (self.at, entry.candidate), **self._refitted_instead(entry)}
             price = {i: at.cost + SIMPLER * len(c.all_probes) * variance for i, (at, c) in fits.items()}
             head = min(price, key=lambda i: price[i])
             if price[head] > price[entry.id] - EVEN * variance:
@@ -324,12 +313,31 @@ class Search:
             even = {i: dict(at.parameters) for i, (at, _) in fits.items() if at.cost < self.at.cost + EVEN * variance}
             self.accepted[place] = Accepted(candidate, entry.share, even)
 
+    def _refitted_instead(self, entry: Accepted) -> dict[str, tuple[Fitted, Candidate]]:
+        """By id the effects that fit nearly as well in the place of ``entry``, or better."""
+        stand_ins = self._stand_ins(entry)
+        if not stand_ins:
+            return {}
+        goal, fits = self.at.cost + EVEN * self.at.variance, {}
+        base, trial = self.without_effect(self.at, entry), self._trial()
+        for candidate, result in stand_ins:
+            begun = self.with_effect(base, candidate, result)
+            if trial and _lost(*trial, begun):
+                continue
+            self.progress(f"{candidate.effect.id} in place of {entry.id}")
+            at = self.fitter.fit(begun, goal=goal)
+            if at.cost < goal:
+                fits[candidate.effect.id] = at, candidate
+        if trial:
+            self.simulator.forget(trial[0].records)
+        return fits
+
     def _trial(self) -> tuple[Fitter, Fitted] | None:
         """The present fit on the beginnings of the runs, where these are much longer."""
         number = sum(len(r.t) for r in self.fitter.records) // TRIED
         if number < LONG:
             return None
-        fitter = head(self.fitter, number)
+        fitter = beginnings(self.fitter, number)
         return fitter, fitter.fit(fitter.evaluated(replace(started(fitter, self.at), whiten=self.at.whiten)))
 
     def _takes(self, entry: Accepted) -> Score:
