@@ -361,6 +361,7 @@ class Search:
 
 def _lost(fitter: Fitter, at: Fitted, begun: Fitted) -> bool:
     """Whether ``begun``, a model of whole runs, can't come near the fit ``at`` of their beginnings."""
+    # A rival that is even over the whole may be behind on a part by what it is ahead on the rest: six deviations.
     goal = at.cost + 4 * EVEN * at.variance
     rival = fitter.evaluated(replace(started(fitter, begun), whiten=at.whiten))
     return fitter.fit(rival, goal=goal).cost > goal
