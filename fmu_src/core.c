@@ -106,6 +106,15 @@ gyro_status gyro_check(gyro_instance *g)
     return status;
 }
 
+int gyro_started(const gyro_instance *g) { return g->memory.started != 0; }
+
+void gyro_unstart(gyro_instance *g)
+{
+    /* What follows from parameters that may have changed is not kept: a saved state would hold one beside the other. */
+    gyro_drop(g);
+    g->memory.started = 0;
+}
+
 gyro_status gyro_start(gyro_instance *g, double start_time)
 {
     gyro_status status = GYRO_OK;
@@ -119,6 +128,9 @@ gyro_status gyro_start(gyro_instance *g, double start_time)
         g->memory.start_time = start_time;
         g->memory.next_time = start_time;
         status = gyro_prepare(g);
+    }
+    if (status == GYRO_OK) {
+        status = gyro_make_room(g);
     }
     if (status == GYRO_OK) {
         g->memory.started = 1;

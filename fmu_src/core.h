@@ -43,6 +43,10 @@ double gyro_get(const gyro_instance *g, uint32_t vr);
    (after further gyro_set) until the first gyro_advance. */
 gyro_status gyro_start(gyro_instance *g, double start_time);
 
+/* Whether gyro_start holds. gyro_unstart: something was set since, so that gyro_start must come again before a step. */
+int gyro_started(const gyro_instance *g);
+void gyro_unstart(gyro_instance *g);
+
 /* Moves time from `from` by `step` [s], inputs held. Both must be multiples of internal_step (within 1e-6 of one step and the rounding of
    the numbers themselves), `from` the present time or the importer's own sum of its steps; otherwise GYRO_ERROR with the nearest multiples
    named. A state that is no longer finite is a GYRO_ERROR too, with the time moved on. */
@@ -52,10 +56,11 @@ gyro_status gyro_advance(gyro_instance *g, double from, double step);
 double gyro_time(const gyro_instance *g);
 
 /* The whole instance as bytes: magic, version, length, checksum, then numbers only (no pointers).
-   gyro_load refuses what gyro_save of this very model did not write, and then leaves the instance as it was. */
+   gyro_load refuses what gyro_save of this very model did not write, or where `started` is 1 and the state has not started, and then
+   leaves the instance as it was. It trusts no count and no number that it reads, whatever the checksum says. */
 size_t gyro_save_size(const gyro_instance *g);
 void gyro_save(const gyro_instance *g, unsigned char *bytes);
-gyro_status gyro_load(gyro_instance *g, const unsigned char *bytes, size_t size);
+gyro_status gyro_load(gyro_instance *g, const unsigned char *bytes, size_t size, int started);
 
 #if defined(__GNUC__)
 #pragma GCC visibility pop

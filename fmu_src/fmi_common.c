@@ -16,7 +16,7 @@ static const unsigned can_get[] = {
 
 double fmi_time(const fmi_instance *f)
 {
-    return f->stale ? f->start_time : gyro_time(f->core);
+    return gyro_started(f->core) ? gyro_time(f->core) : f->start_time;
 }
 
 static fmi_status fail_with_core_message(const fmi_instance *f, const char *call)
@@ -62,7 +62,6 @@ fmi_status fmi_allow(const fmi_instance *f, const char *call, unsigned allowed)
 static void begin_life(fmi_instance *f)
 {
     f->state = INSTANTIATED;
-    f->stale = 1;
     f->last_step = FMI_OK;
     f->start_time = 0.0;
     f->stop_time = INFINITY;
@@ -140,8 +139,6 @@ static fmi_status refresh(fmi_instance *f, const char *call)
     fmi_status status = FMI_OK;
     if (gyro_start(f->core, f->start_time) != GYRO_OK) {
         status = fail_with_core_message(f, call);
-    } else {
-        f->stale = 0;
     }
     return status;
 }
@@ -154,7 +151,7 @@ void fmi_find_latest_time(fmi_instance *f)
 fmi_status fmi_exit_initialization(fmi_instance *f, const char *call)
 {
     fmi_status status = fmi_allow(f, call, CAN_EXIT_INITIALIZATION);
-    if (status == FMI_OK && f->stale) {
+    if (status == FMI_OK && !gyro_started(f->core)) {
         status = refresh(f, call);
     }
     if (status == FMI_OK) {
@@ -262,7 +259,7 @@ fmi_status fmi_set(fmi_instance *f, const char *call, gyro_type type, const uint
         }
     }
     if (status == FMI_OK && f->state != STEPPING) {
-        f->stale = 1;
+        gyro_unstart(f->core);
     }
     return status;
 }
@@ -270,7 +267,7 @@ fmi_status fmi_set(fmi_instance *f, const char *call, gyro_type type, const uint
 static fmi_status check_get(fmi_instance *f, const char *call, gyro_type type, uint32_t vr)
 {
     fmi_status status = check_type(f, call, type, vr);
-    if (status == FMI_OK && vr < GYRO_N_VARIABLES && f->stale) {
+    if (status == FMI_OK && vr < GYRO_N_VARIABLES && !gyro_started(f->core)) {
         unsigned allowed = can_get[gyro_variables[vr].kind];
         if ((f->state & allowed) == 0) {
             status = refuse_state(f, call, name_of(vr), allowed);

@@ -55,7 +55,6 @@ typedef void (*fmi_emit)(const fmi_instance *f, fmi_status status, const char *c
 struct fmi_instance {
     gyro_instance *core;
     unsigned state;         /* one of the life-cycle bits */
-    int stale;              /* 1: something was set since gyro_start, outputs wait for it */
     uint32_t n_readable;    /* value references below this exist; one more than GYRO_N_VARIABLES where `time` is a variable */
     fmi_status last_step;   /* of the latest step */
     double start_time;      /* s */
@@ -121,7 +120,8 @@ fmi_status fmi_no_such_type(const fmi_instance *f, const char *call, const uint3
 /* From time `from` on by `step`, s. */
 fmi_status fmi_step(fmi_instance *f, const char *call, double from, double step);
 
-/* Saved states are blocks of their own, good for any instance of this model; *saved NULL: a new block, else it is used again.
+/* Saved states are blocks of their own, good for any instance of this model. fmi_save: *saved NULL: a new block, else it is used again;
+   fmi_deserialize: always a new block, whatever *saved is before.
    As bytes they begin with magic, length and checksum, and hold no pointer. */
 fmi_status fmi_save(fmi_instance *f, const char *call, void **saved);
 fmi_status fmi_restore(fmi_instance *f, const char *call, const void *saved);

@@ -3,7 +3,7 @@
    byte  0  magic, 8 characters, the last one counts the layouts
    byte  8  length of everything, bytes
    byte 16  checksum of all that follows, begun with the model's token: a state of another model does not pass
-   byte 24  life-cycle state in the low byte, `stale` in the next
+   byte 24  life-cycle state
    byte 32  start time, s (the bits of a double)
    byte 40  stop time, s
    byte 48  gyro_save
@@ -11,10 +11,11 @@
 
 #include "fmi_common.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-static const unsigned char magic[8] = {'G', 'Y', 'R', 'O', 'F', 'M', 'U', '1'};
+static const unsigned char magic[8] = {'G', 'Y', 'R', 'O', 'F', 'M', 'U', '2'};
 
 enum { AT_LENGTH = 8, AT_CHECKSUM = 16, AT_STATE = 24, AT_START = 32, AT_STOP = 40, AT_CORE = 48 };
 
@@ -74,6 +75,21 @@ static fmi_status fail_null(const fmi_instance *f, const char *call, const char 
     return fmi_fail(f, call, "%s is NULL", argument);
 }
 
+/* A header that fmi_save can have written: a checksum can be made to fit anything. */
+static fmi_status check_header(const fmi_instance *f, const char *call, const unsigned char bytes[])
+{
+    const uint64_t state = get_u64(bytes + AT_STATE);
+    const double start = get_f64(bytes + AT_START), stop = get_f64(bytes + AT_STOP);
+    fmi_status status = FMI_OK;
+    if (state != INSTANTIATED && state != INITIALIZATION && state != STEPPING && state != TERMINATED) {
+        status = fmi_fail(f, call, "the saved state has the life-cycle state %llu, which is none; pass bytes that this FMU wrote",
+                          (unsigned long long)state);
+    } else if (!isfinite(start) || !(stop >= start)) {
+        status = fmi_fail(f, call, "the saved state goes from %g s to %g s; pass bytes that this FMU wrote", start, stop);
+    }
+    return status;
+}
+
 /* *saved with room for `size` bytes; unchanged when memory is short. */
 static fmi_status make_room(const fmi_instance *f, const char *call, void **saved, size_t size)
 {
@@ -102,7 +118,7 @@ fmi_status fmi_save(fmi_instance *f, const char *call, void **saved)
         unsigned char *bytes = block->bytes;
         memcpy(bytes, magic, sizeof magic);
         put_u64(bytes + AT_LENGTH, block->size);
-        put_u64(bytes + AT_STATE, f->state | (f->stale ? 256u : 0u));
+        put_u64(bytes + AT_STATE, f->state);
         put_f64(bytes + AT_START, f->start_time);
         put_f64(bytes + AT_STOP, f->stop_time);
         gyro_save(f->core, bytes + AT_CORE);
@@ -118,13 +134,14 @@ fmi_status fmi_restore(fmi_instance *f, const char *call, const void *saved)
     if (status == FMI_OK && block == NULL) {
         status = fail_null(f, call, "the state");
     }
-    if (status == FMI_OK && gyro_load(f->core, block->bytes + AT_CORE, block->size - AT_CORE) != GYRO_OK) {
-        status = fmi_fail(f, call, "%s", gyro_message(f->core));
+    if (status == FMI_OK) {
+        const int started = (get_u64(block->bytes + AT_STATE) & (STEPPING | TERMINATED)) != 0;
+        if (gyro_load(f->core, block->bytes + AT_CORE, block->size - AT_CORE, started) != GYRO_OK) {
+            status = fmi_fail(f, call, "%s", gyro_message(f->core));
+        }
     }
     if (status == FMI_OK) {
-        uint64_t state = get_u64(block->bytes + AT_STATE);
-        f->state = (unsigned)(state & 255);
-        f->stale = state >= 256;
+        f->state = (unsigned)get_u64(block->bytes + AT_STATE);
         f->last_step = FMI_OK;
         f->start_time = get_f64(block->bytes + AT_START);
         f->stop_time = get_f64(block->bytes + AT_STOP);
@@ -183,12 +200,17 @@ fmi_status fmi_deserialize(const fmi_instance *f, const char *call, const unsign
                           (unsigned long)get_u64(bytes + AT_LENGTH), (unsigned long)size);
     } else if (status == FMI_OK && get_u64(bytes + AT_CHECKSUM) != checksum(bytes, size)) {
         status = fmi_fail(f, call, "the checksum does not fit: the saved state was damaged, or is of another version of the model");
+    } else if (status == FMI_OK) {
+        status = check_header(f, call, bytes);
+    }
+    /* Always a new block: what the importer's handle held before may be anything. */
+    void *block = NULL;
+    if (status == FMI_OK) {
+        status = make_room(f, call, &block, size);
     }
     if (status == FMI_OK) {
-        status = make_room(f, call, saved, size);
-    }
-    if (status == FMI_OK) {
-        memcpy(((saved_block *)*saved)->bytes, bytes, size);
+        memcpy(((saved_block *)block)->bytes, bytes, size);
+        *saved = block;
     }
     return status;
 }

@@ -15,6 +15,9 @@
 /* A step or time counts as a multiple of the internal step within this fraction of one. */
 #define GYRO_ON_GRID 1e-6
 
+/* No run comes this far: half of what an int64 counts. */
+#define GYRO_MOST_STEPS (INT64_MAX / 2)
+
 /* From core.c. */
 
 /* Records why a call is refused, printf style; gives GYRO_ERROR. */
@@ -39,8 +42,15 @@ double gyro_next_event(const gyro_instance *g, double fraction);
 
 /* From the plant. */
 
-/* Builds the plan and the rest of the view from values and memory; refuses parameters that don't fit one another. */
+/* Builds the plan and the rest of the view from values and memory; refuses parameters that don't fit one another. Allocates nothing. */
 gyro_status gyro_prepare(gyro_instance *g);
+
+/* Bytes of what the plan says that the instance holds beside itself, and room for them. */
+size_t gyro_room(const gyro_instance *g);
+gyro_status gyro_make_room(gyro_instance *g);
+
+/* Why a memory that was read from bytes can be none of this plant; NULL where it can. */
+const char *gyro_impossible_memory(const gyro_instance *g);
 
 /* Sets the initial state, takes sample 0, latches the outputs. */
 void gyro_first_sample(gyro_instance *g);
@@ -59,7 +69,7 @@ typedef struct {
     size_t size; /* bytes */
 } gyro_part;
 
-/* What a snapshot holds, in order, shape (GYRO_N_PARTS). The size of the last part is known once gyro_prepare has seen the others. */
+/* What a snapshot holds, in order, shape (GYRO_N_PARTS). The last part is what gyro_make_room makes; the sizes of the others are fixed. */
 void gyro_list_parts(gyro_instance *g, gyro_part parts[]);
 
 #if defined(__GNUC__)

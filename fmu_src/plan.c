@@ -27,25 +27,46 @@ static gyro_status plan_samples(gyro_instance *g)
     return status;
 }
 
-static gyro_status plan_delay(gyro_instance *g)
+static void plan_delay(gyro_instance *g)
 {
-    gyro_status status = GYRO_OK;
     const double steps = force_delay(&g->view) / g->plan.step;
     const double nearest = floor(steps + 0.5);
     const double whole = fabs(steps - nearest) <= GYRO_ON_GRID ? nearest : floor(steps);
     g->plan.any_delay = steps > 0.0;
     g->plan.delay_ticks = (int64_t)whole;
     g->plan.delay_fraction = larger(0.0, steps - whole);
+}
+
+size_t gyro_room(const gyro_instance *g)
+{
+    return g->plan.any_delay ? ((size_t)g->plan.delay_ticks + 2) * sizeof *g->delay_line : 0;
+}
+
+gyro_status gyro_make_room(gyro_instance *g)
+{
+    gyro_status status = GYRO_OK;
+    const size_t room = gyro_room(g);
     gyro_drop(g);
-    if (g->plan.any_delay) {
-        const size_t length = (size_t)g->plan.delay_ticks + 2;
-        g->delay_line = calloc(length, sizeof *g->delay_line);
-        g->delay_length = g->delay_line != NULL ? length : 0;
+    if (room > 0) {
+        g->delay_line = calloc(1, room);
+        g->delay_length = g->delay_line != NULL ? room / sizeof *g->delay_line : 0;
         if (g->delay_line == NULL) {
-            status = gyro_refuse(g, "no memory for a delay of %.9g internal steps: make internal_step longer", steps);
+            status = gyro_refuse(g, "no memory for a delay of %.9g s: make internal_step longer", force_delay(&g->view));
         }
     }
     return status;
+}
+
+const char *gyro_impossible_memory(const gyro_instance *g)
+{
+    const gyro_memory *m = &g->memory;
+    const char *why = NULL;
+    if (m->tick < 0 || m->tick > GYRO_MOST_STEPS || m->sample < 0 || m->sample > GYRO_MOST_STEPS) {
+        why = "its count of steps or samples is impossible";
+    } else if (m->ticks_to_sample < 1 || m->ticks_to_sample > g->plan.sample_ticks) {
+        why = "its next sample is not within a sample period";
+    }
+    return why;
 }
 
 gyro_status gyro_prepare(gyro_instance *g)
@@ -71,7 +92,7 @@ gyro_status gyro_prepare(gyro_instance *g)
             gyro_pink_design(&g->plan.pink, g->value[GYRO_SAMPLE_PERIOD]);
         }
         g->plan.any_lag = (unsigned char)lag_acts(view);
-        status = plan_delay(g);
+        plan_delay(g);
     }
     return status;
 }

@@ -1,5 +1,6 @@
 /* An instance as bytes: a header, then plain numbers. */
 
+#include <math.h>
 #include <string.h>
 
 #include "plant.h"
@@ -71,8 +72,8 @@ static gyro_status check_header(gyro_instance *g, const unsigned char *bytes, si
     return status;
 }
 
-/* Reads the parts first .. last; gives the bytes read. */
-static size_t read_parts(gyro_instance *g, const unsigned char *bytes, int first, int last)
+/* Reads the parts first .. last from bytes that must be there. */
+static void read_parts(gyro_instance *g, const unsigned char *bytes, int first, int last)
 {
     gyro_part parts[GYRO_N_PARTS];
     size_t at = 0;
@@ -83,30 +84,83 @@ static size_t read_parts(gyro_instance *g, const unsigned char *bytes, int first
             at += parts[i].size;
         }
     }
-    return at;
 }
 
-/* Fills a new instance from the body of a checked snapshot. */
-static gyro_status read_body(gyro_instance *g, const unsigned char *body)
+/* What gyro_set lets pass: no other number is in the values that it can set. */
+static gyro_status check_values(gyro_instance *g)
 {
     gyro_status status = GYRO_OK;
-    body += read_parts(g, body, 0, GYRO_N_PARTS - 2);
-    if (g->memory.started) {
-        status = gyro_prepare(g);
-    }
-    if (status == GYRO_OK) {
-        read_parts(g, body, GYRO_N_PARTS - 1, GYRO_N_PARTS - 1);
+    for (int vr = 0; vr < GYRO_N_VARIABLES && status == GYRO_OK; vr++) {
+        const gyro_variable *variable = &gyro_variables[vr];
+        const double value = g->value[vr];
+        const int settable = variable->kind != GYRO_OUTPUT;
+        const int whole = fabs(value) <= 2147483648.0 && value == floor(value);
+        if ((settable && !isfinite(value)) || (variable->type == GYRO_INTEGER && !whole)) {
+            status = gyro_refuse(g, "its %s is %g, which can't have been set", variable->name, value);
+        }
     }
     return status;
 }
 
-gyro_status gyro_load(gyro_instance *g, const unsigned char *bytes, size_t size)
+/* Bytes of all parts but the last. */
+static size_t fixed_size(gyro_instance *g)
+{
+    gyro_part parts[GYRO_N_PARTS];
+    size_t size = 0;
+    gyro_list_parts(g, parts);
+    for (int i = 0; i < GYRO_N_PARTS - 1; i++) {
+        size += parts[i].size;
+    }
+    return size;
+}
+
+/* Fills a new instance from the body of a snapshot, of which nothing is taken for granted but that `size` bytes are there. */
+static gyro_status read_body(gyro_instance *g, const unsigned char *body, size_t size)
+{
+    const size_t fixed = fixed_size(g);
+    size_t room = 0;
+    gyro_status status = GYRO_OK;
+    if (size < fixed) {
+        status = gyro_refuse(g, "it ends after %zu of the %zu bytes that every state has", size, fixed);
+    } else {
+        read_parts(g, body, 0, GYRO_N_PARTS - 2);
+        status = check_values(g);
+    }
+    if (status == GYRO_OK && !isfinite(g->memory.start_time)) {
+        status = gyro_refuse(g, "its start time is %g", g->memory.start_time);
+    }
+    if (status == GYRO_OK && g->memory.started) {
+        status = gyro_prepare(g);
+        if (status == GYRO_OK) {
+            const char *why = gyro_impossible_memory(g);
+            room = gyro_room(g);
+            if (why != NULL) {
+                status = gyro_refuse(g, "%s", why);
+            }
+        }
+    }
+    if (status == GYRO_OK && size - fixed != room) {
+        status = gyro_refuse(g, "%zu bytes are left for the past forces, its parameters ask for %zu", size - fixed, room);
+    }
+    if (status == GYRO_OK && room > 0) {
+        status = gyro_make_room(g);
+    }
+    if (status == GYRO_OK) {
+        read_parts(g, body + fixed, GYRO_N_PARTS - 1, GYRO_N_PARTS - 1);
+    }
+    return status;
+}
+
+gyro_status gyro_load(gyro_instance *g, const unsigned char *bytes, size_t size, int started)
 {
     gyro_instance *loaded = NULL;
     gyro_status status = check_header(g, bytes, size);
     if (status == GYRO_OK) {
         loaded = gyro_new();
-        status = loaded != NULL ? read_body(loaded, bytes + sizeof(snapshot_header)) : GYRO_ERROR;
+        status = loaded != NULL ? read_body(loaded, bytes + sizeof(snapshot_header), size - sizeof(snapshot_header)) : GYRO_ERROR;
+        if (status == GYRO_OK && started && !gyro_started(loaded)) {
+            status = gyro_refuse(loaded, "it has not started, though its life has gone beyond that");
+        }
         if (status != GYRO_OK) {
             gyro_refuse(g, "state not restored: %s", loaded != NULL ? gyro_message(loaded) : "no memory");
         } else {

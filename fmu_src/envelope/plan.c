@@ -24,11 +24,29 @@ gyro_status gyro_prepare(gyro_instance *g)
     return status;
 }
 
+size_t gyro_room(const gyro_instance *g)
+{
+    (void)g;
+    return 0;
+}
+
+gyro_status gyro_make_room(gyro_instance *g)
+{
+    (void)g;
+    return GYRO_OK;
+}
+
+const char *gyro_impossible_memory(const gyro_instance *g)
+{
+    return g->memory.tick < 0 || g->memory.tick > GYRO_MOST_STEPS ? "its count of steps is impossible" : NULL;
+}
+
 void gyro_list_parts(gyro_instance *g, gyro_part parts[])
 {
     parts[0] = (gyro_part){g->value, sizeof g->value};
     parts[1] = (gyro_part){&g->memory, sizeof g->memory};
     parts[2] = (gyro_part){g->view.lagging, sizeof g->view.lagging};
+    parts[3] = (gyro_part){NULL, 0};
 }
 
 const char *gyro_infinite_state(const gyro_instance *g)

@@ -40,8 +40,8 @@ typedef struct {
     matrix gathered;     /* root of the covariance that it makes in a step, m */
 } gyro_memory;
 
-/* Parts of a snapshot: values, memory, lagging quantities. */
-enum { GYRO_N_PARTS = 3 };
+/* Parts of a snapshot: values, memory, lagging quantities, and nothing beside the instance. */
+enum { GYRO_N_PARTS = 4 };
 
 struct gyro_instance {
     double value[GYRO_N_VARIABLES]; /* as set and as last put out, SI, by value reference */

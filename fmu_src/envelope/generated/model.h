@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{b11b87b0-5519-8ca1-3720-4e33881aa12a}"
+#define GYRO_TOKEN "{7387c81a-a7af-acc8-d0bd-647dcf6d99b7}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
