@@ -30,23 +30,42 @@ static const double *past_force(const gyro_instance *g, int64_t age)
     return g->delay_line[(size_t)(tick > 0 ? tick : 0) % g->delay_length];
 }
 
-/* The force on the mass during the coming internal step. */
-static void find_force(gyro_instance *g)
+/* Keeps the commanded force of the coming internal step, where a delay needs it later. */
+static void keep_force(gyro_instance *g)
 {
-    gyro_view *view = &g->view;
-    view->u[0] = g->value[GYRO_U_X];
-    view->u[1] = g->value[GYRO_U_Y];
     if (g->plan.any_delay) {
         double *now = g->delay_line[(size_t)g->memory.tick % g->delay_length];
-        now[0] = view->u[0];
-        now[1] = view->u[1];
-        const double *late = past_force(g, g->plan.delay_ticks);
-        const double *later = past_force(g, g->plan.delay_ticks + 1);
-        for (int axis = 0; axis < 2; axis++) {
-            view->u[axis] = (1.0 - g->plan.delay_fraction) * late[axis] + g->plan.delay_fraction * later[axis];
-        }
+        now[0] = g->value[GYRO_U_X];
+        now[1] = g->value[GYRO_U_Y];
     }
+}
+
+/* The commanded force that acts from the fraction `done` of the internal step on [N]: the delay's own fraction is where it changes. */
+static const double *acting_force(const gyro_instance *g, double done)
+{
+    return past_force(g, g->plan.delay_ticks + (done < g->plan.delay_fraction ? 1 : 0));
+}
+
+/* The force on the mass from the fraction `done` of the internal step on. */
+static void find_force(gyro_instance *g, double done)
+{
+    gyro_view *view = &g->view;
+    const double *command = g->plan.any_delay ? acting_force(g, done) : &g->value[GYRO_U_X];
+    view->u[0] = command[0];
+    view->u[1] = command[1];
     actuate(view);
+}
+
+/* Where in the internal step the delayed force changes next, after the fraction `done`; 1 where it does not. A force that stays is no
+   reason to cut, so that bits do not depend on a delay that shows nothing. */
+static double next_force(const gyro_instance *g, double done)
+{
+    double next = 1.0;
+    if (g->plan.any_delay && done < g->plan.delay_fraction) {
+        const double *before = acting_force(g, done), *after = acting_force(g, g->plan.delay_fraction);
+        next = before[0] != after[0] || before[1] != after[1] ? g->plan.delay_fraction : 1.0;
+    }
+    return next;
 }
 
 /* Everything that holds between two events: laws, then the noise force, which depends on them. */
@@ -56,25 +75,6 @@ static void refresh(gyro_view *view, const double *value)
         apply_laws(view, value);
     }
     hold_noise(view);
-}
-
-/* One internal step of the states, cut at the events in it. */
-static void move_states(gyro_instance *g)
-{
-    const double h = g->plan.step;
-    const double start = g->memory.start_time + (double)g->memory.tick * h;
-    if (!g->plan.any_event) {
-        integrate(&g->view, g->value, start, h);
-    } else {
-        double done = 0.0;
-        while (done < 1.0) {
-            const double until = gyro_next_event(g, done);
-            gyro_pass_events(g, g->memory.tick, done);
-            refresh(&g->view, g->value);
-            integrate(&g->view, g->value, start + done * h, (until - done) * h);
-            done = until;
-        }
-    }
 }
 
 /* The time of a step in time constants, z = integral of dt/tau, and what part of it has passed in the middle of the step. */
@@ -95,7 +95,7 @@ static lag_time in_time_constants(const double tau[3], double h)
     return time;
 }
 
-/* First-order lag over one internal step, exact for an input v = start, middle, end that is quadratic in the time z counted in time
+/* First-order lag over a step, exact for an input v = start, middle, end that is quadratic in the time z counted in time
    constants, m being the part of z in the middle of the step. phi_1 = (1 - e^-z)/z and phi_2 = (1 - phi_1)/z; the series for small z avoid
    the cancellation. */
 static double lag(double before, const double v[3], lag_time time)
@@ -138,11 +138,10 @@ static void voltage_at(gyro_instance *g, double t, const double q[2])
     view->s[GYRO_STATE_Y] = y;
 }
 
-/* The amplifier's lag over one internal step; `before` shape (GYRO_N_STATES), the states at its start. */
-static void move_lag(gyro_instance *g, const double *before)
+/* The amplifier's lag from time t by h [s], the force being that of the view; `before` shape (GYRO_N_STATES), the states at its start. */
+static void move_lag(gyro_instance *g, const double *before, double t, double h)
 {
     gyro_view *view = &g->view;
-    const double h = g->plan.step, t = view->step_start;
     const double *after = view->s;
     const double q_start[2] = {before[GYRO_STATE_X], before[GYRO_STATE_Y]};
     /* Cubic Hermite interpolation: off by h^4 q''''/384. */
@@ -160,6 +159,40 @@ static void move_lag(gyro_instance *g, const double *before)
     }
     for (int axis = 0; axis < 2; axis++) {
         g->memory.lagged[axis] = tau[2] > 0.0 ? lag(g->memory.lagged[axis], v[axis], in_time_constants(tau, h)) : v[axis][2];
+    }
+}
+
+/* From time t by h [s], in which nothing jumps. */
+static void move_smoothly(gyro_instance *g, double t, double h)
+{
+    gyro_view *view = &g->view;
+    double before[GYRO_N_STATES];
+    for (int k = 0; g->plan.any_lag && k < GYRO_N_STATES; k++) {
+        before[k] = view->s[k];
+    }
+    integrate(view, g->value, t, h);
+    if (g->plan.any_lag) {
+        move_lag(g, before, t, h);
+    }
+}
+
+/* One internal step of states and lag, cut where an event falls or the delayed force changes. The lag is cut too: its input jumps with
+   the force that feeds through. */
+static void move(gyro_instance *g)
+{
+    const double h = g->plan.step;
+    const double start = g->memory.start_time + (double)g->memory.tick * h;
+    double done = 0.0;
+    while (done < 1.0) {
+        const double force = next_force(g, done);
+        const double until = g->plan.any_event ? smaller(force, gyro_next_event(g, done)) : force;
+        if (g->plan.any_event) {
+            gyro_pass_events(g, g->memory.tick, done);
+            refresh(&g->view, g->value);
+        }
+        find_force(g, done);
+        move_smoothly(g, start + done * h, (until - done) * h);
+        done = until;
     }
 }
 
@@ -263,21 +296,14 @@ void gyro_first_sample(gyro_instance *g)
 void gyro_tick(gyro_instance *g, int64_t ticks)
 {
     gyro_view *view = &g->view;
-    double before[GYRO_N_STATES];
     take_inputs(g);
     refresh(view, g->value);
     if (view->any_impulse) {
         kick(view);
     }
     for (int64_t i = 0; i < ticks; i++) {
-        find_force(g);
-        for (int k = 0; g->plan.any_lag && k < GYRO_N_STATES; k++) {
-            before[k] = view->s[k];
-        }
-        move_states(g);
-        if (g->plan.any_lag) {
-            move_lag(g, before);
-        }
+        keep_force(g);
+        move(g);
         g->memory.tick++;
         g->memory.ticks_to_sample--;
         /* From the count, not by addition: rounding would add up, and a restored instance would differ in the last bit. */

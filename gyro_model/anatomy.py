@@ -236,7 +236,7 @@ class Map(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Delay(Effect):
-    """Holds the force back by ``delay`` [s]; a fraction of an internal step is a time-weighted mean."""
+    """Holds the force back by exactly ``delay`` [s]: the integration is cut where the delayed force changes."""
 
     STAGE: ClassVar[str] = "actuator"
     slot: ClassVar[str] = "actuator delay"

@@ -1,7 +1,6 @@
 """The reference simulation: the same device by scipy's DOP853 at 1e-12, slow and independent of the C.
 
-Inputs are held between samples as SYSTEM.md section 1 says; a delayed force switches exactly when it is due, where
-the FMU takes a time-weighted mean over an internal step.
+Inputs are held between samples as SYSTEM.md section 1 says; a delayed force switches exactly when it is due.
 """
 
 from collections.abc import Callable, Mapping

@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{7f92cd37-c30b-6951-45f1-61c1f8da7718}"
+#define GYRO_TOKEN "{c56f9457-e2da-5b17-32d8-92c13c7a43eb}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

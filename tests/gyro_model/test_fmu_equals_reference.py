@@ -8,7 +8,7 @@ from effect_points import IDS, MODEL, active_parameters
 from gyro_runner import Floats, Runner
 from philox_oracle import drawn
 
-from gyro_model.anatomy import Delay, Effect, Follow, Lag, Law
+from gyro_model.anatomy import Effect, Follow, Lag, Law
 from gyro_model.device import Device
 from gyro_model.reference import simulate
 
@@ -50,10 +50,6 @@ def hosts(effect: Effect) -> list[Effect]:
 
 def tolerance(effect: Effect) -> float:
     """Relative to the largest amplitude of a channel."""
-    if isinstance(effect, Delay):
-        # A fraction f of an internal step h is a mean over it: each change Δu of the force displaces by
-        # Δu h² f(1-f)/2m, at most Δu h²/8m. 160 changes of 28 µN rms add as a random walk; twice that, on 1 µm.
-        return float(2 * np.sqrt(160) * 2.8e-5 * 1e-12 / (8 * 1.8e-7) / 1e-6)
     lags = any(isinstance(e, Lag) or any(isinstance(w, Lag) for w in woken(e)) for e in (effect, *hosts(effect)))
     return LAG if lags else ROUNDING
 
@@ -95,9 +91,16 @@ def test_all_effects_together(plant: Runner, residual: Residual) -> None:
     together = {name: value for effect in MODEL.effects for name, value in parameters_of(effect, rng).items()}
     # Rounding to whole steps turns any difference into a jump of a step, and is compared above.
     together["adc_lsb"] = 0.0
-    # A whole number of internal steps is no mean, and exact.
-    together["actuator_delay"] = 4e-6
     compare(plant, START | together, LAG, residual)
+
+
+# Below an internal step, within a sample period, across some; on the grid, and a hair beside it.
+@pytest.mark.parametrize("delay", [3e-7, 3.4e-6, 4e-6, 4.0001e-6, 17.25e-6, 1.23456e-4])
+@pytest.mark.parametrize("tau", [0.0, 2e-6])
+def test_delay_is_exact(plant: Runner, residual: Residual, delay: float, tau: float) -> None:
+    # The feedthrough makes the lag's input jump with the delayed force.
+    own = {"actuator_delay": delay, "amplifier_time_constant": tau, "feedthrough": 1e4}
+    compare(plant, START | own, LAG if tau else ROUNDING, residual)
 
 
 @pytest.mark.parametrize("effect", [e for e in MODEL.effects if not e.nominal], ids=lambda e: e.id)

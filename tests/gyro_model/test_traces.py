@@ -12,9 +12,6 @@ Residual = Callable[[str, float, float], None]
 # Both integrate to 1e-12 a sample and round 1e-16 a step; other versions of scipy and libm order sums differently.
 ROUNDING = 1e-11
 TOLERANCES = {
-    # A fraction of an internal step h is a mean over it: each change of the force, 8e-7 N, displaces by up to
-    # Δu h²/8m = 5e-13 m; 160 of them, on 1 µm.
-    "delay": 1e-4,
     # Quadratic in time over an internal step: (ωh)³/(72√3) at 3.8 kHz.
     "pickoff_chain_and_lag": 1e-7,
 }
