@@ -77,28 +77,39 @@ class Dynamics:
 
     @cached_property
     def _actuated(self) -> tuple[Expr, Expr]:
-        """The force after the actuators [N]."""
+        """The force after the actuators [N], laws not applied."""
         return self._along(("actuator curve", "actuator gain", "actuator misalignment"), symbols.u_x, symbols.u_y)
 
     @cached_property
+    def actuated(self) -> tuple[Expr, ...]:
+        """The force after the actuators [N], from the one before them."""
+        return self.under_laws(self._actuated)
+
+    @cached_property
     def rates(self) -> tuple[Expr, ...]:
-        """Time derivative of each state [SI/s]; source 000 eq. 1 with the acting forces."""
+        """Time derivative of each state [SI/s]; TW 201137310, eq. 1, with the acting forces."""
+        actuated = dict(zip((symbols.u_x, symbols.u_y), self.actuated, strict=True))
+        return tuple(rate.subs(actuated, simultaneous=True) for rate in self.rates_under_force)
+
+    @cached_property
+    def rates_under_force(self) -> tuple[Expr, ...]:
+        """The same where ``u_x, u_y`` are the force at the mass, after the actuators."""
         own: list[Expr] = []
-        force = self._actuated
+        force: tuple[Expr, Expr] = (symbols.u_x, symbols.u_y)
         for effect in self._of(Force):
             terms = self._privately(effect)
             force = (force[0] + terms["force_x"], force[1] + terms["force_y"])
             own += [terms[f"d_{state.symbol.name}"] for state in effect.states]
         lagging = ((follower.source - follower.state) / follower.time_constant for follower in self.followers)
         rates = (symbols.x_dot, force[0] / symbols.m, symbols.y_dot, force[1] / symbols.m, *own, *lagging)
-        return tuple(rate.subs(self._laws, simultaneous=True) for rate in rates)
+        return self.under_laws(rates)
 
     @cached_property
     def jumps(self) -> tuple[Expr, Expr]:
         """By how much x_dot and y_dot jump where a held input changes by ``omega_z_change`` [m/s]."""
         impulses = [e.impulse for e in self._of(Force) if e.impulse is not None]
         total = (sum((i[axis] for i in impulses), symbols.t * 0) / symbols.m for axis in (0, 1))
-        return self._lawful(total)
+        return self.under_laws(total)
 
     @cached_property
     def _picked_off(self) -> tuple[Expr, Expr]:
@@ -106,20 +117,43 @@ class Dynamics:
         names = list(SLOTS)
         slots = names[names.index("pickoff misalignment") : names.index("amplifier lag")]
         actuated = dict(zip((symbols.u_x, symbols.u_y), self._actuated, strict=True))
-        first, second = self._along(slots, symbols.x, symbols.y)
+        first, second = self._under_force(slots)
         return first.subs(actuated, simultaneous=True), second.subs(actuated, simultaneous=True)
+
+    def _under_force(self, slots: Iterable[str]) -> tuple[Expr, Expr]:
+        return self._along(slots, symbols.x, symbols.y)
+
+    @cached_property
+    def picked_off(self) -> tuple[Expr, ...]:
+        """Voltage before the amplifier's lag [V] where ``u_x, u_y`` are the force at the mass, after the actuators."""
+        names = list(SLOTS)
+        return self.under_laws(
+            self._under_force(names[names.index("pickoff misalignment") : names.index("amplifier lag")])
+        )
+
+    @cached_property
+    def amplified(self) -> tuple[Expr, ...]:
+        """Voltage that enters the sampled block [V], from ``v_x, v_y`` after the amplifier's lag."""
+        names = list(SLOTS)
+        slots = names[names.index("amplifier offset") : names.index("sampled noise")]
+        return self.under_laws(self._along(slots, symbols.v_x, symbols.v_y))
+
+    def noise_force(self, effect: Effect) -> tuple[Expr, Expr]:
+        """Force of an effect that draws numbers [N], in ``normal_x, normal_y``, laws not applied."""
+        terms = effect.terms()
+        return terms["force_x"], terms["force_y"]
 
     @cached_property
     def voltage(self) -> tuple[Expr, Expr]:
         """Voltage before the amplifier's lag [V]. What feeds through is the force as the actuators give it."""
-        return self._lawful(self._picked_off)
+        return self.under_laws(self._picked_off)
 
     @cached_property
     def voltage_rate(self) -> tuple[Expr, ...]:
         """Rate of ``voltage`` along the motion [V/s], parameters and inputs held."""
-        by_time = self._lawful(expr.diff(symbols.t) for expr in self._picked_off)
+        by_time = self.under_laws(expr.diff(symbols.t) for expr in self._picked_off)
         along = [
-            sum(slope * rate for slope, rate in zip(self._lawful(slopes), self.rates, strict=True))
+            sum(slope * rate for slope, rate in zip(self.under_laws(slopes), self.rates, strict=True))
             for slopes in ([expr.diff(state) for state in self.states] for expr in self._picked_off)
         ]
         return tuple(still + moving for still, moving in zip(by_time, along, strict=True))
@@ -136,22 +170,22 @@ class Dynamics:
             for v in amplified
         )
         known = dict(zip((*entering, *rates), (*amplified, *moving), strict=True))
-        return self._lawful(v.subs(known, simultaneous=True) for v in self._along(names[first:], *entering))
+        return self.under_laws(v.subs(known, simultaneous=True) for v in self._along(names[first:], *entering))
 
     @cached_property
     def delay(self) -> Expr:
         """Delay of the force [s]."""
-        return next((self._lawful((e.delay,))[0] for e in self._of(Delay)), symbols.t * 0)
+        return next((self.under_laws((e.delay,))[0] for e in self._of(Delay)), symbols.t * 0)
 
     @cached_property
     def time_constant(self) -> Expr:
         """Time constant of the amplifier's lag [s]; 0 where there is none."""
-        return next((self._lawful((e.time_constant,))[0] for e in self._of(Lag)), symbols.t * 0)
+        return next((self.under_laws((e.time_constant,))[0] for e in self._of(Lag)), symbols.t * 0)
 
     @cached_property
     def temperatures(self) -> tuple[Expr, ...]:
         """Temperature of the structure and of the circuit [K]."""
-        return self._lawful(symbols.SET_BY)
+        return self.under_laws(symbols.SET_BY)
 
     def state_jacobian(self) -> Matrix:
         """Derivatives of ``rates`` by the states, shape (n, n)."""
@@ -182,7 +216,8 @@ class Dynamics:
             changed |= {target: terms[target.name].subs(changed, simultaneous=True) for target in law.changes}
         return changed
 
-    def _lawful(self, exprs: Iterable[Expr]) -> tuple[Expr, ...]:
+    def under_laws(self, exprs: Iterable[Expr]) -> tuple[Expr, ...]:
+        """``exprs`` with every parameter as the acting laws make it."""
         return tuple(expr.subs(self._laws, simultaneous=True) for expr in exprs)
 
     def _along(self, slots: Iterable[str], first: Expr, second: Expr) -> tuple[Expr, Expr]:

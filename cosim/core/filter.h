@@ -1,0 +1,72 @@
+/* A Kalman filter for a device with many constants: a fast filter for what moves, and the constants beside it in blocks.
+
+   What moves, z = [states, rate, lagging voltages], has a Kalman filter of its own, run as if the constants p were right. Y = dz/dp is how its
+   estimate answers to an error of them (B. Friedland, IEEE Trans. Automatic Control 14, 1969, treatment of bias; eqs. below in filter.c). Every
+   innovation is then a measurement of that error, e = h dp + noise, and those of a block of samples are folded into p at once, by Cholesky factors
+   that rounding can't make negative. Where a block moves p by more than its uncertainty, it is filtered again from its beginning at the new p
+   (Gauss-Newton, an iterated extended Kalman filter). The first block grows from a few samples to the whole start, filtered again from the first
+   sample each time it has doubled: wide priors are then narrowed at the constants found last, not at those guessed first. */
+
+#ifndef FILTER_H
+#define FILTER_H
+
+#include "motion.h"
+
+#define LAGGED (HAS_LAG ? 2 : 0)
+#define OMEGA NS
+#define LAG (NS + 1)
+#define NZ (NS + 1 + LAGGED)
+#define BLOCK_MAX 200
+#define START_MAX 16384 /* samples of the start at most */
+#define QUEUE 65536     /* commands kept; a power of two, above START_MAX and 1 ms of delay at 1e7 samples a second */
+
+/* What moves, with its uncertainty: all that a block starts from. */
+typedef struct {
+    double z[NZ];      /* [SI] */
+    double P[NZ][NZ];  /* covariance of z for given p */
+    double Y[NZ][NP];  /* dz/dp */
+    double sum, sum_variance; /* of the corrections of the rate */
+} moving;
+
+typedef struct {
+    known k;
+    motion m;
+    filter_settings settings;
+    double gain[2];   /* sense gains [V/m], for what is told in metres */
+    double prior[NP]; /* standard deviation of p at the start */
+    double lowest[NP]; /* of p */
+    moving now, begun; /* at present, and where the block began */
+    double W[NP][NP];     /* covariance of p where the block began = W W', upper triangular */
+    double W_now[NP][NP]; /* at the last fit of the block */
+    double eta[NP];       /* p = p_begun + W eta at that fit */
+    double p_begun[NP];
+    double H[2 * START_MAX][NP]; /* measurement rows of the block over the root of their variance */
+    double r[2 * START_MAX];     /* innovations over it */
+    double v[START_MAX][2], in[START_MAX][IN];
+    unsigned char opened[START_MAX]; /* whether the rate was opened after a sample of the block */
+    double u[QUEUE][2]; /* commands, by sample */
+    int64_t sample;     /* of the last correction; -1 before the first */
+    int64_t block_begun, in_block, length; /* in_block: its samples so far; length: at which it ends */
+    int64_t rows, kept;                    /* rows that count, and after them those left for the next block */
+    int growing;                           /* whether the block is filtered again as it doubles */
+    int64_t since; /* sample at which the constants were last opened */
+    double walk, surprises, restarts, wait, share;
+    double forget;          /* e-fold of W a second */
+    double fit; /* mean squared innovation at the last fit of a growing block */
+    int fresh; /* whether this sample brought new constants */
+    double chi2, white[2], last_r[2]; /* running means: squared innovation over its variance; product of neighbours */
+    double restarted_at;    /* time of the last restart from the design [s], below zero: none */
+    double first_W[NP][NP];
+} filter;
+
+/* z [NZ] and its standard deviations, p and its lowest values [NP], W row by row. */
+void filter_start(filter *f, const filter_settings *settings, const double *c, const double *z, const double *dz, const double *p,
+                  const double *W, const double *lowest, double period);
+
+/* Predicts with the command u [N] held since the last sample and corrects with the sample v [V], the inputs `in` being measured. */
+void filter_step(filter *f, const double u[2], const double v[2], const double in[IN]);
+
+/* The same where the truth is told: z_true [NS + 1] at this sample; the covariance is then the bound on what can be known. */
+void filter_step_told(filter *f, const double u[2], const double *z_true, const double in[IN]);
+
+#endif

@@ -1,0 +1,285 @@
+#include "foucault.h"
+
+#include "known_model.h"
+
+#define PI 3.14159265358979323846
+#define CROSS 0.1 /* a cross term may be zero: it counts as no smaller than this part of its geometric mean */
+#define WAIT 16  /* samples between two looks at an unknown device */
+#define NEWTON 3  /* steps in which the actuators are inverted; their curve is weak */
+
+static void tone(const foucault_settings *s, int i, double *frequency, double *amplitude)
+{
+    const double frequencies[TONES] = {s->tone_x, s->tone_y, s->tone2_x, s->tone2_y};
+    *frequency = frequencies[i];
+    *amplitude = i < 2 ? s->tone_amplitude : s->tone2_amplitude;
+}
+
+/* The change of constant i that `share` of it stands for. An error of dxy turns the pattern by dxy/(2 m) at most, one of dxx or dyy by half of
+   that: at a high Q a share of the damping would ask for more than the record can tell, and than the angle needs. */
+static double tolerance(const foucault_settings *s, const double *constants, int i, double share)
+{
+    double size = fabs(constants[i]);
+    if (i == 2 || i == 5) {
+        size = larger(size, CROSS * sqrt(fabs(constants[i - 2] * constants[i - 1])));
+    }
+    double allowed = share * size;
+    if (3 <= i && i <= 5) {
+        allowed = larger(allowed, (i == 5 ? 2.0 : 4.0) * fabs(constants[6]) * s->turn_limit);
+    }
+    return allowed;
+}
+
+/* Whether a constant has left the one in use by `jump` of it and 3 standard deviations. */
+static int has_jumped(const foucault *c, const double *estimate, const double *deviation)
+{
+    int jumped = 0;
+    for (int i = 0; i < 7; i++) {
+        const double change = fabs(estimate[ESTIMATE_KXX + i] - c->in_use[i]);
+        jumped |= change > larger(tolerance(&c->settings, c->in_use, i, c->settings.jump), 3.0 * deviation[ESTIMATE_KXX + i]);
+    }
+    return jumped;
+}
+
+/* Whether stiffness and mass are known well enough to be cancelled: within `trust` of them, cross stiffness of the mean. */
+static int is_known(const foucault *c, const double *estimate, const double *deviation)
+{
+    const double *value = estimate + ESTIMATE_KXX, *sigma = deviation + ESTIMATE_KXX;
+    const double mean = sqrt(fabs(value[0] * value[1]));
+    const double trust = c->settings.trust;
+    return value[6] > 0.0 && sigma[6] <= trust * value[6] && sigma[0] <= trust * fabs(value[0]) && sigma[1] <= trust * fabs(value[1]) &&
+           sigma[2] <= trust * mean;
+}
+
+static void corner(const double *a, double *out)
+{
+    for (int i = 0; i < 4; i++) {
+        memcpy(out + 4 * i, a + NS * i, 4 * sizeof *out);
+    }
+}
+
+/* Forms the control signal from the current estimates. */
+static void form(foucault *c, const double *estimate)
+{
+    const foucault_settings *s = &c->settings;
+    const double mass = estimate[ESTIMATE_M], *constants = estimate + ESTIMATE_KXX;
+    const double rest[NS] = {0}, none[2] = {0.0, 0.0};
+    memcpy(c->in_use, constants, sizeof c->in_use);
+    known_coordinates(&c->k, constants, none, 0.0, c->k.p);
+    const double omega_squared = s->k / mass;
+    const int compensate = s->hold_compensation != 0.0;
+    double a[16], b[8], wide_b[NS * 2], late[2];
+    known_rate_by_state(&c->k, rest, none, 0.0, c->a);
+    known_rate_by_force(&c->k, rest, none, 0.0, wide_b);
+    corner(c->a, a);
+    memcpy(b, wide_b, sizeof b);
+    /* Stiffness and damping as they act, parameter laws included. */
+    double rate[8];
+    for (int i = 0; i < 2; i++) {
+        for (int j = 0; j < 4; j++) {
+            rate[4 * i + j] = -mass * a[4 * (2 * i + 1) + j] - (j == 2 * i ? s->k : 0.0);
+        }
+    }
+    /* The gain without a rate of turn and its slope: the rate changes faster than the signal is formed. */
+    const double probe = 1e-3 * sqrt(omega_squared);
+    double turning[NS * NS], turning_a[16];
+    held_loop with_rate;
+    known_rate_by_state(&c->k, rest, none, probe, turning);
+    corner(turning, turning_a);
+    hold_form(&with_rate, turning_a, b, rate, omega_squared, probe, c->period, compensate);
+    hold_form(&c->loop, a, b, rate, omega_squared, 0.0, c->period, compensate);
+    for (int i = 0; i < 8; i++) {
+        c->by_omega[i] = (with_rate.gain[i] - c->loop.gain[i]) / probe;
+    }
+    known_late(&c->k, rest, none, 0.0, late);
+    c->delay = HAS_DELAY ? smaller(larger(late[0], 0.0), 0.5 * PAST * c->period) : 0.0;
+    c->delay_samples = (int64_t)(c->delay / c->period);
+    transition_over(a, b, 4, c->delay - (double)c->delay_samples * c->period, c->delay_phi, c->delay_gamma);
+    transition_over(a, b, 4, c->period, c->step_phi, c->step_gamma);
+    transition_over(a, b, 4, 0.5 * c->period, c->half_phi, c->half_gamma);
+    const double angle = 0.5 * c->period * sqrt(omega_squared);
+    c->boost = compensate ? angle / sin(angle) : 1.0;
+    for (int i = 0; i < TONES; i++) {
+        double frequency, amplitude;
+        tone(s, i, &frequency, &amplitude);
+        hold_respond(&c->loop, frequency, i % 2, amplitude, c->period, compensate ? 0.5 * c->period : 0.0, c->phasor[i]);
+    }
+    c->formed = 1;
+}
+
+static void move(const double *phi, const double *gamma, const double f[2], double *s)
+{
+    double next[4];
+    for (int i = 0; i < 4; i++) {
+        next[i] = gamma[2 * i] * f[0] + gamma[2 * i + 1] * f[1];
+        for (int j = 0; j < 4; j++) {
+            next[i] += phi[4 * i + j] * s[j];
+        }
+    }
+    memcpy(s, next, sizeof next);
+}
+
+static void force_of(const foucault *c, int64_t sample, const double *s, double f[2])
+{
+    known_actuate(&c->k, s, c->u[(sample > 0 ? sample : 0) & (PAST - 1)], 0.0, f);
+}
+
+/* The force that cancels what springs, dampers and the rate of turn don't say at `s` [NS] [N]. */
+static void cancel_rest(const foucault *c, const double *s, double omega_z, double mass, double f[2])
+{
+    const double none[2] = {0.0, 0.0};
+    double bend[NS];
+    known_bend(&c->k, s, none, omega_z, bend);
+    for (int i = 0; i < 2; i++) {
+        const int row = 2 * i + 1;
+        for (int j = 4; j < NS; j++) {
+            bend[row] += c->a[NS * row + j] * s[j];
+        }
+        f[i] = -mass * bend[row];
+    }
+}
+
+/* The command that makes the force `wanted` [N]. */
+static void invert(const foucault *c, const double *s, const double wanted[2], double u[2])
+{
+    memcpy(u, wanted, 2 * sizeof *u);
+    for (int i = 0; i < (LINEAR_ACTUATOR ? 1 : NEWTON); i++) {
+        double f[2], J[4];
+        known_actuate(&c->k, s, u, 0.0, f);
+        known_actuate_by_command(&c->k, s, u, 0.0, J);
+        const double det = J[0] * J[3] - J[1] * J[2], e[2] = {wanted[0] - f[0], wanted[1] - f[1]};
+        u[0] += (J[3] * e[0] - J[1] * e[1]) / det;
+        u[1] += (J[0] * e[1] - J[2] * e[0]) / det;
+    }
+}
+
+/* The tones alone: until the device is known nothing of it is cancelled. */
+static void wait_with_tones(foucault *c, double t, foucault_output *out)
+{
+    memset(out, 0, sizeof *out);
+    for (int i = 0; i < TONES; i++) {
+        double frequency, amplitude;
+        tone(&c->settings, i, &frequency, &amplitude);
+        out->u[i % 2] += amplitude * sin(2.0 * PI * frequency * t);
+    }
+    out->omega_squared = c->settings.first_omega * c->settings.first_omega;
+    memcpy(c->u[c->count & (PAST - 1)], out->u, sizeof out->u);
+    c->count++;
+}
+
+void foucault_step(foucault *c, const double *estimate, const double *deviation, const double in[IN], foucault_output *out)
+{
+    const foucault_settings *set = &c->settings;
+    const double t = (double)c->count * c->period;
+    int64_t every = (int64_t)(set->update_period / c->period + 0.5);
+    every = every > 0 ? every : 1;
+    const int64_t soon = every / 10 > 0 ? every / 10 : 1;
+    memcpy(c->k.in, in, sizeof c->k.in);
+    c->k.t = t;
+    const int due = c->formed ? c->count % every == 0 || (c->count % soon == 0 && has_jumped(c, estimate, deviation)) : c->count % WAIT == 0;
+    if (due && is_known(c, estimate, deviation)) {
+        form(c, estimate);
+    }
+    if (!c->formed) {
+        wait_with_tones(c, t, out);
+        return;
+    }
+    const double mass = c->in_use[6], omega_z = estimate[4], omega_squared = set->k / mass;
+
+    /* The state when this command begins to act: first the force that acts now, then those under way. */
+    double s[NS], f[2];
+    memcpy(s, estimate, 4 * sizeof *s);
+    memcpy(s + 4, estimate + ESTIMATE_SIZE - (NS - 4), (NS - 4) * sizeof *s);
+    if (c->delay > 0.0) {
+        force_of(c, c->count - 1 - c->delay_samples, s, f);
+        move(c->delay_phi, c->delay_gamma, f, s);
+        for (int64_t k = c->count - c->delay_samples; k < c->count; k++) {
+            force_of(c, k, s, f);
+            move(c->step_phi, c->step_gamma, f, s);
+        }
+        const double turn = 2.0 * omega_z * c->delay, x_dot = s[1];
+        s[1] += turn * s[3];
+        s[3] -= turn * x_dot;
+    }
+
+    /* The tones now, for the angle, and when the command acts. */
+    double forced[4] = {0.0, 0.0, 0.0, 0.0}, ahead[4] = {0.0, 0.0, 0.0, 0.0}, added[2] = {0.0, 0.0};
+    const double half = set->hold_compensation != 0.0 ? 0.5 * c->period : 0.0;
+    for (int i = 0; i < TONES; i++) {
+        double frequency, amplitude;
+        tone(set, i, &frequency, &amplitude);
+        if (amplitude == 0.0) {
+            continue;
+        }
+        const double w = 2.0 * PI * frequency;
+        const double sine = sin(w * t), cosine = cos(w * t), sine_d = sin(w * c->delay), cosine_d = cos(w * c->delay);
+        const double sine_ahead = sine * cosine_d + cosine * sine_d, cosine_ahead = cosine * cosine_d - sine * sine_d;
+        for (int j = 0; j < 4; j++) {
+            forced[j] += c->phasor[i][2 * j] * sine + c->phasor[i][2 * j + 1] * cosine;
+            ahead[j] += c->phasor[i][2 * j] * sine_ahead + c->phasor[i][2 * j + 1] * cosine_ahead;
+        }
+        /* The tones are taken at mid-hold, so that the held staircase has their true phase. */
+        added[i % 2] += amplitude * (sine_ahead * cos(w * half) + cosine_ahead * sin(w * half));
+    }
+    if (set->coriolis_compensation != 0.0) {
+        added[0] -= 2.0 * mass * omega_z * ahead[3];
+        added[1] += 2.0 * mass * omega_z * ahead[1];
+    }
+
+    double feedback[2] = {0.0, 0.0};
+    for (int i = 0; i < 2; i++) {
+        for (int j = 0; j < 4; j++) {
+            feedback[i] += (c->loop.gain[4 * i + j] + omega_z * c->by_omega[4 * i + j]) * s[j];
+        }
+    }
+    const double x = s[0] - ahead[0], x_dot = s[1] - ahead[1], y = s[2] - ahead[2], y_dot = s[3] - ahead[3];
+    const double energy = omega_squared * (x * x + y * y) + x_dot * x_dot + y_dot * y_dot;
+    if (set->energy_loop != 0.0) {
+        const double wanted = omega_squared * set->amplitude * set->amplitude;
+        const double push = set->energy_rate * mass * smaller(larger(1.0 - energy / wanted, -1.0), 1.0);
+        feedback[0] += push * x_dot;
+        feedback[1] += push * y_dot;
+    }
+    if (set->quadrature_loop != 0.0 && energy > 0.0) {
+        /* A force across the position, in phase with it: it takes the angular momentum x y' - y x' away and, on a straight orbit, turns nothing. */
+        const double momentum = x * y_dot - y * x_dot;
+        const double across = 2.0 * mass * set->quadrature_rate * omega_squared * momentum / energy;
+        feedback[0] += across * y;
+        feedback[1] -= across * x;
+    }
+    double middle[NS], beyond[2];
+    memcpy(middle, s, sizeof middle);
+    memset(f, 0, sizeof f);
+    for (int i = 0; i < 4; i++) {
+        middle[i] = 0.0;
+        for (int j = 0; j < 4; j++) {
+            middle[i] += c->half_phi[4 * i + j] * s[j];
+        }
+        middle[i] += c->half_gamma[2 * i] * feedback[0] + c->half_gamma[2 * i + 1] * feedback[1];
+    }
+    cancel_rest(c, middle, omega_z, mass, beyond);
+    feedback[0] += c->boost * beyond[0];
+    feedback[1] += c->boost * beyond[1];
+
+    /* Wrong first estimates must not drive the device away. */
+    const double limit = set->force_limit * set->k * set->amplitude, size = sqrt(feedback[0] * feedback[0] + feedback[1] * feedback[1]);
+    if (size > limit) {
+        feedback[0] *= limit / size;
+        feedback[1] *= limit / size;
+    }
+    const double wanted[2] = {feedback[0] + c->loop.mix[0] * added[0] + c->loop.mix[1] * added[1],
+                              feedback[1] + c->loop.mix[2] * added[0] + c->loop.mix[3] * added[1]};
+    invert(c, s, wanted, out->u);
+    memcpy(c->u[c->count & (PAST - 1)], out->u, sizeof out->u);
+    memcpy(out->forced, forced, sizeof forced);
+    out->omega_squared = omega_squared;
+    out->turned = c->carousel;
+    c->count++;
+}
+
+void foucault_start(foucault *c, const foucault_settings *settings, const double *known_values, double period)
+{
+    memset(c, 0, sizeof *c);
+    c->settings = *settings;
+    memcpy(c->k.c, known_values, NC * sizeof *known_values);
+    c->period = period;
+}

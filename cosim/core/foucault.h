@@ -1,0 +1,56 @@
+/* The controller of TW 201137310 (eqs. 5-7): an isotropic lossless oscillator and tones, on the model that the loop knows.
+
+   force u = K q + D q' - k q + w(t) from the current estimates, w sines along either axis. The free part of the motion then turns like a
+   Foucault pendulum. Beside the source: the force is computed for the instant at which it will act, from the state predicted with the forces
+   under way; the hold is undone (hold.h); what the model knows beyond springs and dampers is cancelled; actuators are inverted; the Coriolis
+   force on the forced motion is cancelled, without which every change of the rate would kick the pattern; and optional loops hold the energy
+   of the pattern and keep its orbit straight. */
+
+#ifndef FOUCAULT_H
+#define FOUCAULT_H
+
+#include "hold.h"
+
+#define TONES 4
+#define PAST 16384 /* commands kept; a power of two */
+
+/* Order of an estimate: states and rate, the seven constants of the plant [SI], effects' parameters, effects' states. */
+#define ESTIMATE_KXX 5
+#define ESTIMATE_M 11
+#define ESTIMATE_SIZE (12 + NP - 7 + NS - 4)
+
+typedef struct {
+    foucault_settings settings;
+    known k;
+    held_loop loop;
+    double by_omega[8];        /* change of the gain with the rate */
+    double delay_phi[16], delay_gamma[8]; /* over the rest of the delay */
+    double step_phi[16], step_gamma[8];   /* over a period */
+    double half_phi[16], half_gamma[8];
+    double a[NS * NS];         /* rate by state at rest, without a rate of turn */
+    int64_t delay_samples;
+    double delay;              /* [s] */
+    double boost;
+    double phasor[TONES][8];
+    double in_use[7];          /* the seven constants in the gains */
+    double u[PAST][2];         /* commands, by sample */
+    int64_t count;
+    double period;
+    double carousel;           /* angle by which the pattern has been turned electronically [rad] */
+    int formed;
+} foucault;
+
+/* What a step gives. */
+typedef struct {
+    double u[2];          /* command [N] */
+    double forced[4];     /* response to the tones at t_k: x, x', y, y' [m, m/s] */
+    double omega_squared; /* k/m of the isotropic oscillator [1/s2] */
+    double turned;        /* angle by which the pattern has been turned electronically [rad] */
+} foucault_output;
+
+void foucault_start(foucault *c, const foucault_settings *settings, const double *known_values, double period);
+
+/* At t_k, after the observer's correction with sample k: the command for [t_k, t_k+1). `estimate`, `deviation` [ESTIMATE_SIZE]. */
+void foucault_step(foucault *c, const double *estimate, const double *deviation, const double in[IN], foucault_output *out);
+
+#endif

@@ -1,0 +1,28 @@
+/* What a hold does to the feedback of the isotropic oscillator (TW 201137310, eqs. 5-7), and how to undo it.
+
+   The force is K q + D q' - k q, held over a period T. Held, it acts T/2 late and shrunk by sin(omega T/2)/(omega T/2). So it is computed from
+   the state half a period ahead, which depends on the force itself (a 2 x 2 solve), and divided by that factor. What is left of order
+   (omega T)^2 is taken from the sampled loop itself, whose slow dynamics are made exactly isotropic. */
+
+#ifndef HOLD_H
+#define HOLD_H
+
+#include "motion.h"
+
+typedef struct {
+    double phi[16];   /* 4 x 4: the plant over a period */
+    double gamma[8];  /* 4 x 2: its response to a held force */
+    double gain[8];   /* 2 x 4: force on the state */
+    double mix[4];    /* 2 x 2: force on what is added to the feedback, at mid-hold */
+} held_loop;
+
+/* Forms the loop for the plant a [16], b [8] with feedback `rate` [2 x 4] = [K - k, D] by axis, towards the stiffness per mass
+   `omega_squared`; the pattern shall turn by -omega_z. Without `compensate` a plain hold. */
+void hold_form(held_loop *h, const double *a, const double *b, const double *rate, double omega_squared, double omega_z, double period,
+               int compensate);
+
+/* Writes the steady response of the loop to amplitude sin(2 pi frequency (t + lead)) added along `axis` into phasor [8]: state i is
+   phasor[2i] sin + phasor[2i + 1] cos of 2 pi frequency t. */
+void hold_respond(const held_loop *h, double frequency, int axis, double amplitude, double period, double lead, double *phasor);
+
+#endif

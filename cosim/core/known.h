@@ -1,0 +1,27 @@
+/* The device as the loop knows it: values beside the generated functions of known_model.h. */
+
+#ifndef KNOWN_H
+#define KNOWN_H
+
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include "sizes.h"
+
+#define IN 6
+
+typedef struct {
+    double p[NP];   /* estimated: k/m [1/s2] and d/m [1/s] in the order kxx kyy kxy dxx dyy dxy, effects' [SI], 1/m [1/kg] last */
+    double c[NC];   /* known parameters [SI], in the order of KnownModel.constants */
+    double in[IN];  /* measured: temperature [K], a_x, a_y [m/s2], v_bias [V]; made of it: temperature of structure and circuit [K] */
+    double t;       /* time [s] */
+} known;
+
+#define INVERSE_MASS (NP - 1)
+
+static inline double larger(double a, double b) { return a > b ? a : b; }
+static inline double smaller(double a, double b) { return a < b ? a : b; }
+
+#endif

@@ -1,0 +1,177 @@
+#include "loop.h"
+
+#include "known_model.h"
+
+#define EXPORT __attribute__((visibility("default")))
+#define FMI_WORST_USABLE 1 /* OK or warning */
+
+/* An observer of the model that the loop knows. */
+static void write_estimate(const filter *f, double *estimate, double *deviation)
+{
+    memcpy(estimate, f->now.z, 5 * sizeof *estimate);
+    estimate[4] = f->now.z[OMEGA];
+    for (int i = 4; i < NS; i++) {
+        estimate[ESTIMATE_SIZE - NS + i] = f->now.z[i];
+    }
+    if (!f->fresh && f->sample > 0) {
+        return;
+    }
+    double values[NP], slopes[NP * NP];
+    known_values(&f->k, f->now.z, f->now.z, 0.0, values);
+    known_values_by_parameter(&f->k, f->now.z, f->now.z, 0.0, slopes);
+    for (int i = 0; i < NP; i++) {
+        double variance = 0.0;
+        for (int j = 0; j < NP; j++) {
+            double sum = 0.0;
+            for (int q = 0; q <= j; q++) {
+                sum += slopes[i * NP + q] * f->W_now[q][j];
+            }
+            variance += sum * sum;
+        }
+        estimate[ESTIMATE_KXX + i] = values[i];
+        deviation[ESTIMATE_KXX + i] = sqrt(variance);
+    }
+    for (int i = 0; i < NS + 1; i++) {
+        double total = f->now.P[i][i];
+        for (int j = 0; j < NP; j++) {
+            double sum = 0.0;
+            for (int q = 0; q <= j; q++) {
+                sum += f->now.Y[i][q] * f->W_now[q][j];
+            }
+            total += sum * sum;
+        }
+        const int place = i < 4 ? i : i == OMEGA ? 4 : ESTIMATE_SIZE - NS + i;
+        deviation[place] = sqrt(total);
+    }
+}
+
+EXPORT void core_filter_step(void *memory, const double u[2], const double v[2], const double in[IN], double *estimate, double *deviation)
+{
+    filter *f = memory;
+    filter_step(f, u, v, in);
+    write_estimate(f, estimate, deviation);
+}
+
+EXPORT void core_foucault_step(void *memory, double t, const double *estimate, const double *deviation, const double in[IN], double *control)
+{
+    foucault *c = memory;
+    foucault_output out;
+    (void)t;
+    foucault_step(c, estimate, deviation, in, &out);
+    memcpy(control, out.u, sizeof out.u);
+    memcpy(control + 2, out.forced, sizeof out.forced);
+    control[6] = out.omega_squared;
+    control[7] = out.turned;
+}
+
+EXPORT size_t core_filter_size(void) { return sizeof(filter); }
+EXPORT size_t core_foucault_size(void) { return sizeof(foucault); }
+EXPORT size_t core_loop_size(void) { return sizeof(loop); }
+
+EXPORT void core_filter_start(void *memory, const double *settings, const double *known_values, const double *z, const double *dz, const double *p,
+                              const double *W, const double *lowest, double period)
+{
+    filter_settings s;
+    memcpy(&s, settings, sizeof s);
+    filter_start(memory, &s, known_values, z, dz, p, W, lowest, period);
+}
+
+EXPORT void core_foucault_start(void *memory, const double *settings, const double *known_values, double period)
+{
+    foucault_settings s;
+    memcpy(&s, settings, sizeof s);
+    foucault_start(memory, &s, known_values, period);
+}
+
+/* What a filter has found: p [NP], W [NP * NP] row by row, and its health: chi2, neighbours of either axis, time of the last restart [s],
+   restarts lately, walk of the rate, share of the innovation's variance that p explains. */
+EXPORT void core_filter_found(const void *memory, double *p, double *W, double *health)
+{
+    const filter *f = memory;
+    memcpy(p, f->k.p, sizeof f->k.p);
+    memcpy(W, f->W_now, sizeof f->W_now);
+    const double values[] = {f->chi2, f->white[0], f->white[1], f->restarted_at, f->restarts, f->walk, f->share};
+    memcpy(health, values, sizeof values);
+}
+
+/* The slopes by which z answers to p [NZ * NP], and the covariance of z for given p [NZ * NZ]. */
+EXPORT void core_filter_slopes(const void *memory, double *Y, double *P)
+{
+    const filter *f = memory;
+    memcpy(Y, f->now.Y, sizeof f->now.Y);
+    memcpy(P, f->now.P, sizeof f->now.P);
+}
+
+EXPORT void core_filter_told(void *memory, int64_t count, const double *u, const double *z_true, const double *in)
+{
+    filter *f = memory;
+    for (int64_t k = 0; k < count; k++) {
+        filter_step_told(f, u + 2 * k, z_true + (NS + 1) * k, in + IN * k);
+    }
+}
+
+EXPORT void core_loop_start(loop *l, void *instance, void *set, void *step, void *get, const uint32_t *inputs, const uint32_t *outputs,
+                            void *observer, void *observer_memory, void *controller, void *controller_memory, double period, const double *lag)
+{
+    memset(l, 0, sizeof *l);
+    l->plant.instance = instance;
+    memcpy(&l->plant.set, &set, sizeof set);
+    memcpy(&l->plant.step, &step, sizeof step);
+    memcpy(&l->plant.get, &get, sizeof get);
+    memcpy(l->plant.inputs, inputs, sizeof l->plant.inputs);
+    memcpy(l->plant.outputs, outputs, sizeof l->plant.outputs);
+    memcpy(&l->observer, &observer, sizeof observer);
+    memcpy(&l->controller, &controller, sizeof controller);
+    l->observer_memory = observer_memory;
+    l->controller_memory = controller_memory;
+    l->period = period;
+    memcpy(l->lag, lag, sizeof l->lag);
+    (void)l->plant.get(instance, l->plant.outputs, PLANT_OUTPUTS, l->output, PLANT_OUTPUTS);
+}
+
+static int exchange(plant *p, const double *input, double *output, double t, double period)
+{
+    _Bool flags[3];
+    double reached;
+    int status = p->set(p->instance, p->inputs, PLANT_INPUTS, input, PLANT_INPUTS);
+    if (status <= FMI_WORST_USABLE) {
+        status = p->step(p->instance, t, period, 0, flags, flags + 1, flags + 2, &reached);
+    }
+    if (status <= FMI_WORST_USABLE) {
+        status = p->get(p->instance, p->outputs, PLANT_OUTPUTS, output, PLANT_OUTPUTS);
+    }
+    return status;
+}
+
+/* Runs the samples first .. first + count - 1; `held` [count * 5] are the inputs besides the force, rows [count * ROW_SIZE] what is recorded.
+   Returns the number of samples after which the plant went on: less than `count` where it could not. */
+EXPORT int64_t core_loop_run(loop *l, int64_t first, int64_t count, const double *held, double *rows)
+{
+    int64_t done = 0;
+    int status = 0;
+    while (done < count && status <= FMI_WORST_USABLE) {
+        /* From the count, not by addition: rounding would add up. */
+        const double t = (double)(first + done) * l->period;
+        /* What the loop measures at t_k is what was held until then. */
+        const double *measured = first + done > 0 ? l->input + 3 : held + 1;
+        double in[IN];
+        memcpy(in, measured, 4 * sizeof *in);
+        for (int i = 0; i < 2; i++) {
+            const double share = l->lag[i] > 0.0 && first + done > 0 ? -expm1(-l->period / l->lag[i]) : 1.0;
+            l->made[i] += share * (in[0] - l->made[i]);
+            in[4 + i] = l->made[i];
+        }
+        double *row = rows + done * ROW_SIZE;
+        l->observer(l->observer_memory, l->input, l->output, in, l->estimate, l->deviation);
+        double *control = row + 2 * ESTIMATE_SIZE;
+        l->controller(l->controller_memory, t, l->estimate, l->deviation, in, control);
+        memcpy(row, l->estimate, sizeof l->estimate);
+        memcpy(row + ESTIMATE_SIZE, l->deviation, sizeof l->deviation);
+        memcpy(control + CONTROL_SIZE, l->output, sizeof l->output);
+        memcpy(l->input, control, 2 * sizeof *control);
+        memcpy(l->input + 2, held + 5 * done, 5 * sizeof *held);
+        status = exchange(&l->plant, l->input, l->output, t, l->period);
+        done += status <= FMI_WORST_USABLE;
+    }
+    return done;
+}

@@ -1,0 +1,277 @@
+"""The device as a loop knows it, written as C: what acts, what is certain, what is to be estimated.
+
+The expressions come from the effect files by way of ``gyro_model.dynamics``, so an effect that a design names enters
+prediction, measurement and controller without a line about it here. Estimated are the seven constants of the plant as
+k/m, d/m and 1/m, in which the acceleration is linear, and further parameters as they are.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf
+from typing import Final
+
+from sympy import Expr, Matrix, Symbol, cse, expand, numbered_symbols
+
+from cosim.layout import PARAMETER_NAMES
+from gyro_model import symbols
+from gyro_model.anatomy import SLOTS, Delay, Follow, Lag, Law, Map
+from gyro_model.c_printing import c_expression
+from gyro_model.dynamics import Dynamics
+from gyro_model.errors import InputError, nearest
+from gyro_model.model import Model
+
+PER_MASS: Final = tuple(f"{name}_per_mass" for name in PARAMETER_NAMES[:-1])
+INVERSE_MASS: Final = "inverse_mass"
+MEASURED: Final = ("temperature", "a_x", "a_y", "v_bias")
+"""Inputs of the plant that the loop measures, in the order of ``in`` of the C."""
+
+_STATE, _FORCE, _ESTIMATED, _KNOWN = "s", "f", "p", "c"
+
+
+@dataclass(frozen=True)
+class KnownModel:
+    """What the loop knows of a device: the effects ``acting`` besides the nominal ones, and the ``estimated``
+    parameters of effects, by FMU name.
+
+    Raises InputError for a parameter that can't be estimated: one that is no effect's, a time at which something
+    happens, or the angular gain, which nothing but the angle shows.
+    """
+
+    model: Model
+    acting: tuple[str, ...]
+    estimated: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        possible = {q.name: e for e in self.model.effects if e.id in self.acting for q in e.parameters}
+        for name in self.estimated:
+            if name not in possible:
+                raise InputError(f"parameter {name!r} can't be estimated: no acting effect has it{nearest(name, possible)}")
+            effect = possible[name]
+            timed = isinstance(effect, Law) and effect.event is not None and effect.event.name == name
+            if timed or isinstance(effect, Follow) or effect.noise or name in ("angular_gain", "adc_limit"):
+                raise InputError(f"parameter {name!r} can't be estimated by the loop: give it without an interval")
+
+    @cached_property
+    def dynamics(self) -> Dynamics:
+        """The device as expressions, without its noise."""
+        return Dynamics(tuple(e for e in self.acting if not self.model.effect(e).noise), self.model)
+
+    @cached_property
+    def _noisy(self) -> Dynamics:
+        return Dynamics(self.acting, self.model)
+
+    @cached_property
+    def states(self) -> tuple[Symbol, ...]:
+        """x, x_dot, y, y_dot and the states of effects; temperatures that lag are inputs of the loop's own making."""
+        return self.dynamics.states[: len(self.dynamics.states) - len(self.dynamics.followers)]
+
+    @cached_property
+    def parameters(self) -> tuple[Symbol, ...]:
+        """The estimated parameters in the filter's own coordinates."""
+        return tuple(Symbol(name, real=True) for name in (*PER_MASS, *self.estimated, INVERSE_MASS))
+
+    @cached_property
+    def _own_coordinates(self) -> dict[Symbol, Expr]:
+        inverse_mass = self.parameters[-1]
+        per_mass = {
+            symbols.BY_NAME[name]: symbol / inverse_mass
+            for name, symbol in zip(PARAMETER_NAMES[:-1], self.parameters, strict=False)
+        }
+        return {**per_mass, symbols.m: 1 / inverse_mass}
+
+    @cached_property
+    def lowest(self) -> tuple[float, ...]:
+        """The lowest value of each estimated coordinate; minus infinity where there is none."""
+        return (*[-inf] * len(PER_MASS), *(self.model.parameter(name).low for name in self.estimated), -inf)
+
+    def _own(self, exprs: Iterable[Expr]) -> tuple[Expr, ...]:
+        # Expanded, the masses cancel in k/m.
+        return tuple(expand(expr.subs(self._own_coordinates, simultaneous=True)) for expr in exprs)
+
+    @cached_property
+    def rates(self) -> tuple[Expr, ...]:
+        """Rate of each state under a force u_x, u_y at the mass."""
+        return self._own(self.dynamics.rates_under_force[: len(self.states)])
+
+    @cached_property
+    def constants(self) -> tuple[Symbol, ...]:
+        """The parameters that are known, by name in the model's order, as far as an expression uses them."""
+        used = frozenset().union(*(expr.free_symbols for exprs in self._functions.values() for expr in exprs[1]))
+        used |= {e.event for e in self._events if e.event is not None}
+        known = [q.symbol for q in self.model.quantities if q.role not in ("input", "output")]
+        return tuple(symbol for symbol in known if symbol in used and symbol not in self.parameters)
+
+    @property
+    def _events(self) -> list[Law]:
+        return [e for e in self.dynamics.effects if isinstance(e, Law) and e.event is not None]
+
+    @cached_property
+    def _functions(self) -> dict[str, tuple[str, tuple[Expr, ...]]]:
+        """Name of each C function -> (its output array, expressions in row order)."""
+        dynamics, states, parameters = self.dynamics, Matrix(self.states), Matrix(self.parameters)
+        force = Matrix([symbols.u_x, symbols.u_y])
+        rates = Matrix(self.rates)
+        pickoff, amplified = Matrix(self._own(dynamics.picked_off)), Matrix(self._own(dynamics.amplified))
+        actuated = Matrix(self._own(dynamics.actuated))
+        entering = Matrix([symbols.v_x, symbols.v_y])
+        late = Matrix(self._own((dynamics.delay, dynamics.time_constant)))
+        # At rest, without force: the linear part. What it leaves out of the free motion is the bend.
+        still = {symbol: 0 for symbol in (*self.states, *force)}
+        linear = rates.jacobian(states).subs(still)
+        bend = Matrix([expand(rate.subs(dict.fromkeys(force, 0))) for rate in rates - linear * states])
+        # Voltages move with the positions, at the velocities; a held force adds nothing.
+        pickoff_rate = Matrix([sum(v.diff(q) * q_dot for q, q_dot in self._moving_pairs) for v in pickoff])
+        along = {q: rate for q, rate in zip(self.states, rates, strict=True)}
+        curve = Matrix([sum(v.diff(q) * rate for q, rate in along.items()) for v in pickoff_rate])
+        return {
+            "pick_off_curve": ("[2]", tuple(curve)),
+            "pick_off_curve_by_state": ("[2 * NS]", tuple(curve.jacobian(states))),
+            "pick_off_curve_by_parameter": ("[2 * NP]", tuple(curve.jacobian(parameters))),
+            "bend": ("[NS]", tuple(bend)),
+            "bend_by_state": ("[NS * NS]", tuple(bend.jacobian(states))),
+            "rate_by_state": ("[NS * NS]", tuple(linear)),
+            "pick_off_rate": ("[2]", tuple(pickoff_rate)),
+            "pick_off_rate_by_state": ("[2 * NS]", tuple(pickoff_rate.jacobian(states))),
+            "pick_off_rate_by_parameter": ("[2 * NP]", tuple(pickoff_rate.jacobian(parameters))),
+            "rate_by_force": ("[NS * 2]", tuple(rates.jacobian(force))),
+            "rate_by_omega": ("[NS]", tuple(rates.diff(symbols.omega_z).subs(dict.fromkeys(force, 0)))),
+            "rate_by_parameter": ("[NS * NP]", tuple(rates.subs(dict.fromkeys(force, 0)).jacobian(parameters))),
+            "actuate": ("[2]", tuple(actuated)),
+            "actuate_by_command": ("[2 * 2]", tuple(actuated.jacobian(force))),
+            "actuate_by_parameter": ("[2 * NP]", tuple(actuated.jacobian(parameters))),
+            "pick_off": ("[2]", tuple(pickoff)),
+            "pick_off_by_state": ("[2 * NS]", tuple(pickoff.jacobian(states))),
+            "pick_off_by_force": ("[2 * 2]", tuple(pickoff.jacobian(force))),
+            "pick_off_by_parameter": ("[2 * NP]", tuple(pickoff.jacobian(parameters))),
+            "amplify": ("[2]", tuple(amplified)),
+            "amplify_by_voltage": ("[2 * 2]", tuple(amplified.jacobian(entering))),
+            "amplify_by_parameter": ("[2 * NP]", tuple(amplified.jacobian(parameters))),
+            "late": ("[2]", tuple(late)),
+            "late_by_parameter": ("[2 * NP]", tuple(late.jacobian(parameters))),
+            "values": ("[NP]", tuple(self._values)),
+            "values_by_parameter": ("[NP * NP]", tuple(Matrix(self._values).jacobian(parameters))),
+            "coordinates": ("[NP]", self._coordinates),
+            "noise": ("[2]", self._noise),
+            "thermal": ("[2 * 2]", self._thermal),
+            "temperature_lag": ("[2]", self._temperature_lags),
+        }
+
+    @cached_property
+    def value_names(self) -> tuple[str, ...]:
+        """What is estimated, by FMU name, in the order of an estimate: the seven, then the parameters of effects."""
+        return (*PARAMETER_NAMES, *self.estimated)
+
+    @cached_property
+    def _values(self) -> tuple[Expr, ...]:
+        return self._own(self.model.parameter(name).symbol for name in self.value_names)
+
+    @cached_property
+    def _coordinates(self) -> tuple[Expr, ...]:
+        """The filter's coordinates from the values, which stand in the place of the states."""
+        values = {name: Symbol(f"value_{name}", real=True) for name in self.value_names}
+        mass = values["m"]
+        result = [values[name] / mass for name in PARAMETER_NAMES[:-1]]
+        return (*result, *(values[name] for name in self.estimated), 1 / mass)
+
+    @property
+    def _moving_pairs(self) -> tuple[tuple[Symbol, Symbol], ...]:
+        return (symbols.x, symbols.x_dot), (symbols.y, symbols.y_dot)
+
+    @cached_property
+    def _noise(self) -> tuple[Expr, ...]:
+        """Variance of one sample [V²]: of white noise, of jitter on the slope, of rounding; pink noise counts as white
+        of its density at the resonance of x."""
+        total = [symbols.t * 0, symbols.t * 0]
+        for effect in self._noisy.effects:
+            if not (isinstance(effect, Map) and effect.noise):
+                continue
+            for axis, out in enumerate(effect.terms().values()):
+                total[axis] += sum(out.diff(number) ** 2 for number in symbols.NORMAL)
+                total[axis] += sum(out.diff(number) ** 2 for number in symbols.PINK) * _PINK_SHARE
+                # What rounds has the variance of an error spread evenly over its step.
+                for step in {s for f in out.atoms(symbols.nearest_integer) for s in f.args[0].free_symbols}:
+                    if step not in (symbols.v_x, symbols.v_y):
+                        total[axis] += step**2 / 12
+        return self._own(self.dynamics.under_laws(total))
+
+    @cached_property
+    def _thermal(self) -> tuple[Expr, ...]:
+        """Variance of the noise force over a sample [N²], shape (2, 2)."""
+        forces = [self._noisy.noise_force(e) for e in self._noisy.effects if e.noise and e.stage == "force"]
+        total = Matrix.zeros(2, 2)
+        for force in forces:
+            by_number = Matrix(force).jacobian(Matrix(symbols.NORMAL))
+            total += by_number * by_number.T
+        return self._own(self.dynamics.under_laws(tuple(total)))
+
+    @cached_property
+    def _temperature_lags(self) -> tuple[Expr, ...]:
+        constants = {f.target: f.time_constant for f in self.dynamics.followers}
+        return tuple(constants.get(target, symbols.t * 0) for target in symbols.SET_BY)
+
+    def sizes(self) -> dict[str, int]:
+        """The sizes that the C is compiled for."""
+        effects = self.dynamics.effects
+        return {
+            "NS": len(self.states),
+            "NP": len(self.parameters),
+            "NC": max(len(self.constants), 1),
+            "HAS_LAG": int(any(isinstance(e, Lag) for e in effects)),
+            "HAS_DELAY": int(any(isinstance(e, Delay) for e in effects)),
+            "HAS_THERMAL": int(any(self._functions["thermal"][1])),
+            "BENT": int(any(self._functions["bend"][1])),
+            "LINEAR_ACTUATOR": int(all(not e.diff(*[s] * 2) for e in self._functions["actuate"][1] for s in _COMMANDS)),
+        }
+
+    def header(self) -> str:
+        """The C header ``known_model.h``."""
+        lines = ["/* Written by cosim/known_model.py from the effect files. */", "#ifndef KNOWN_MODEL_H", "#define KNOWN_MODEL_H"]
+        lines += ['#include "known.h"']
+        lines += [self._function(name, shape, exprs) for name, (shape, exprs) in self._functions.items()]
+        return "\n".join([*lines, "#endif", ""])
+
+    def sizes_header(self) -> str:
+        """The C header ``sizes.h``."""
+        sizes = [f"#define {name} {value}" for name, value in self.sizes().items()]
+        return "\n".join(["#ifndef SIZES_H", "#define SIZES_H", *sizes, "#endif", ""])
+
+    def _function(self, name: str, shape: str, exprs: Sequence[Expr]) -> str:
+        pairs, reduced = cse(exprs, numbered_symbols("w"), optimizations=None)
+        used = frozenset().union(*(e.free_symbols for e in (*reduced, *(e for _, e in pairs))), frozenset())
+        body = [f"static inline void known_{name}(const known *k, const double *s, const double *f, double omega_z, double out{shape})", "{"]
+        body += ["    (void)k, (void)s, (void)f, (void)omega_z;"]
+        body += [f"    const double {symbol.name} = {text};" for symbol, text in self._sources().items() if symbol in used]
+        body += [f"    const double {symbol.name} = {c_expression(expr)};" for symbol, expr in pairs]
+        body += [f"    out[{i}] = {c_expression(expr)};" for i, expr in enumerate(reduced)]
+        return "\n".join([*body, "}"])
+
+    def _sources(self) -> dict[Symbol, str]:
+        """Where the C finds each symbol. The pair ``f`` is a force where the function takes one, else a voltage or a
+        command."""
+        sources = {symbol: f"s[{i}]" for i, symbol in enumerate(self.states)}
+        for first, second in ((symbols.u_x, symbols.u_y), (symbols.v_x, symbols.v_y)):
+            sources |= {first: "f[0]", second: "f[1]"}
+        sources |= {symbols.v_x_rate: "f[0]", symbols.v_y_rate: "f[1]"}
+        sources |= {Symbol(f"value_{name}", real=True): f"s[{i}]" for i, name in enumerate(self.value_names)}
+        sources |= {symbol: f"k->p[{i}]" for i, symbol in enumerate(self.parameters)}
+        sources |= {symbol: f"k->c[{i}]" for i, symbol in enumerate(self._constants_once)}
+        sources |= {symbols.BY_NAME[name]: f"k->in[{i}]" for i, name in enumerate(MEASURED)}
+        sources |= {f.state: f"k->in[{len(MEASURED) + list(symbols.SET_BY).index(f.target)}]" for f in self.dynamics.followers}
+        sources |= {
+            target: "k->in[0]" for target in symbols.SET_BY
+        } | {symbols.t: "k->t"}
+        index = {symbol: i for i, symbol in enumerate(self._constants_once)}
+        for law in self._events:
+            after = Symbol(f"after_{law.id}", real=True)
+            sources[after] = f"k->t >= k->c[{index[law.event]}] ? 1.0 : 0.0"
+        return sources
+
+    @cached_property
+    def _constants_once(self) -> tuple[Symbol, ...]:
+        return self.constants
+
+
+_COMMANDS: Final = (symbols.u_x, symbols.u_y)
+# Density a²/f one-sided, at the resonance of x, as the variance of white noise up to half the sample rate.
+_PINK_SHARE: Final = expand(1 / (2 * symbols.sample_period)) * 2 * 3.141592653589793 * (symbols.m / symbols.kxx) ** 0.5
