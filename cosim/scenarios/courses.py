@@ -164,6 +164,9 @@ class Pieces(Course):
         object.__setattr__(self, "_integrals", np.concatenate(([0.0], np.cumsum(pieces))))
 
     def mean(self, spans: Spans) -> Floats:
+        ends = self._piece(spans.borders[:1], "right")[0], self._piece(spans.borders[-1:], "left")[0]
+        if ends[0] == ends[1] and self.slopes[ends[0]] == 0:
+            return np.full(len(spans.middle), self.values[ends[0]])
         borders = snapped(spans.borders, self.times)
         begin, end = borders[:-1], borders[1:]
         # The pieces in which each span begins and ends; an end on a knot belongs to the piece before.
@@ -314,9 +317,9 @@ class Part(Course):
             raise InputError(f"until = {self.until!r}: give a time after {self.begin:g} s, where the course begins")
 
     def mean(self, spans: Spans) -> Floats:
-        borders = snapped(spans.borders, self._borders)
-        if self.begin <= borders[0] and borders[-1] <= self.until:
+        if self.begin <= spans.borders[0] and spans.borders[-1] <= self.until:
             return self.course.mean(spans)
+        borders = snapped(spans.borders, self._borders)
         mean = np.zeros(len(spans.middle))
         # The spans that lie within, and the two that a border of the course cuts.
         low = int(np.searchsorted(borders, self.begin, side="left"))
