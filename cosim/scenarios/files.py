@@ -7,7 +7,7 @@ a number, a table, or an array of tables.
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -24,6 +24,8 @@ Floats = NDArray[np.float64]
 
 FOLDER: Final = Path(__file__).parent
 FORMAT: Final = 1
+LARGEST: Final = 1e150
+"""A number beyond this is a slip; its square would overflow."""
 _KEYS: Final = ("format", "name", "description", "duration", "angle_unit", "parameters", *INPUT_NAMES)
 _COMMON_KEYS: Final = ("kind", "unit", "from", "until")
 
@@ -253,4 +255,7 @@ def _course(entry: Entry) -> Course:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and isfinite(value)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    # TOML has whole numbers beyond all floats.
+    return abs(value) <= LARGEST

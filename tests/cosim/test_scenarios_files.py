@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from cosim.rate_profile import read_profile
-from cosim.scenarios import INPUT_NAMES, Scenario, load_scenario, scenario
+from cosim.scenarios import INPUT_NAMES, Scenario, files, load_scenario, scenario
 from cosim.scenarios.files import KINDS
 from gyro_model.errors import InputError
 from gyro_model.quantities import INPUTS
@@ -186,6 +188,35 @@ def test_what_is_wrong_is_named_in_one_line(case: str, tmp_path: Path) -> None:
 def test_a_wrong_head_is_named(head: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=message):
         load(tmp_path, "", head)
+
+
+CELLS = st.one_of(
+    st.none(), st.booleans(), st.integers(), st.integers(10**400, 10**401), st.floats(), st.text(max_size=3),
+    st.lists(st.one_of(st.floats(-2, 2), st.integers(0, 3), st.text(max_size=1)), max_size=3),
+)  # fmt: skip
+COURSE_KEYS = ("unit", "from", "until", "value", "times", "values", "amplitude", "frequency", "phase", "file", "column",
+               "time", "start", "between")  # fmt: skip
+TABLES = st.builds(
+    lambda kind, rest: {"kind": kind} | rest,
+    st.sampled_from(sorted(KINDS)),
+    st.dictionaries(st.sampled_from(COURSE_KEYS), CELLS, max_size=5),
+)
+FILES = st.dictionaries(
+    st.sampled_from(["name", "description", "duration", "angle_unit", "parameters", *INPUT_NAMES]),
+    st.one_of(CELLS, TABLES, st.lists(TABLES, max_size=2)),
+)
+
+
+@settings(deadline=None, max_examples=400)
+@given(FILES, st.booleans())
+def test_whatever_stands_in_a_file_is_a_scenario_or_an_input_error(data: dict[str, object], whole: bool) -> None:
+    head = {"format": 1, "name": "n", "description": "d", "duration": 1.0} if whole else {"format": 1}
+    try:
+        chosen = files._scenario(data | head, Path("nowhere"))
+        chosen.inputs(0, 10, 1e-3)
+        chosen.edges_until(1.0)
+    except InputError as error:
+        assert "\n" not in str(error)
 
 
 def test_no_such_scenario_says_what_there_is() -> None:
