@@ -52,8 +52,8 @@ class Spin(NamedTuple):
     """Error of the rate over the pattern angle.
 
     mean with its standard error [rad/s]: bias and, at a rate, the error of the scale factor; harmonics: of ORDERS;
-    pattern: middles of bins [rad] in 0 .. pi; rate_error: mean in each, spread: its standard error [rad/s]; (m,);
-    rounds: how often the pattern went round.
+    pattern: middles of the bins [rad] in 0 .. pi; rate_error: the mean in each [rad/s]; spread: the standard error of
+    each [rad/s]; shapes (m,). rounds: how often the pattern went round.
     """
 
     mean: float
