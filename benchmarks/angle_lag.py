@@ -8,13 +8,12 @@ from multiprocessing import get_context
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.report import Options, Report, Row, Table, over_seeds, row
 from cosim.angle import UNIT_NAMES, make_units, sine_lag
 from cosim.master import simulate
 from cosim.run import Run
-from cosim.scenarios import Scenario
+from cosim.scenarios import Scenario, Sine
 from gyro_model.build import build
 from gyrotwin.run import Request, prepare
 
@@ -26,21 +25,12 @@ LAG: Final = 50e-6
 """Target of unit C [s]."""
 
 
-def held_sine(first: int, count: int, period: float) -> NDArray[np.float64]:
-    """Rate [rad/s] held over ``count`` samples from ``first``: the mean of the sine over each hold."""
-    middle = (np.arange(first, first + count) + 0.5) * period
-    amplitude = AMPLITUDE * float(np.sinc(FREQUENCY_HZ * period))
-    held: NDArray[np.float64] = amplitude * np.sin(2 * np.pi * FREQUENCY_HZ * middle)
-    return held
-
-
 def sine_run(observer: str, seed: int, duration: float) -> Run:
     """The run that is measured: the reference device from x = 1 um under the sine."""
     usual = prepare(Request("constant", observer=observer, seed=seed, duration=duration))
     name = f"sine of {AMPLITUDE:g} rad/s, {FREQUENCY_HZ:g} Hz"
-    scenario = Scenario(
-        "sine", name, duration, held_sine, usual.scenario.parameters, lambda until: np.empty(0), angle_unit="C"
-    )
+    courses = {"omega_z": (Sine(AMPLITUDE, FREQUENCY_HZ),)}
+    scenario = Scenario("sine", name, duration, courses, usual.scenario.parameters)
     return replace(usual, scenario=scenario)
 
 

@@ -16,7 +16,6 @@ from cosim.master import simulate
 from cosim.metrics import WITHIN, Bounds, angle_metrics, omega_metrics, reference_mean
 from cosim.recorder import Result
 from cosim.run import Run
-from cosim.scenarios import DAMPING_STEP_AT
 from gyro_model.build import CHECKOUT, build
 from gyro_model.errors import InputError
 from gyrotwin.run import Request, prepare
@@ -143,11 +142,12 @@ def _dampings(run: Run, result: Result) -> dict[str, float]:
     """Time from the jump until all dampings stay within 5 % [s]."""
     if run.scenario.name != "varying":
         return {}
-    after = result.trace.filter(pl.col("t") >= DAMPING_STEP_AT)
+    step_at = run.scenario.parameters["damping_step_time"]
+    after = result.trace.filter(pl.col("t") >= step_at)
     if after.is_empty():
         return {}
     t, errors = after["t"].to_numpy(), _relative_errors(after)
-    return {"back": max(_stays(t, np.abs(errors[name]) <= DAMPING_WITHIN) for name in DAMPINGS) - DAMPING_STEP_AT}
+    return {"back": max(_stays(t, np.abs(errors[name]) <= DAMPING_WITHIN) for name in DAMPINGS) - step_at}
 
 
 def _rate(run: Run, result: Result) -> dict[str, float]:

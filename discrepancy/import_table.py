@@ -17,19 +17,7 @@ from discrepancy.record import MINIMUM_SAMPLES, Floats, measured_rate
 from discrepancy.table import COLUMNS, SUFFIXES, numbers, read_table
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
-
-_PREFIX: Final = {"": 1.0, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3}
-G: Final = 9.80665
-"""m/s2, standard gravity."""
-UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
-    "s": {f"{p}s": (x, 0.0) for p, x in _PREFIX.items() if p != "k"},
-    "N": {f"{p}N": (x, 0.0) for p, x in _PREFIX.items()},
-    "V": {f"{p}V": (x, 0.0) for p, x in _PREFIX.items()},
-    "rad/s": {"rad/s": (1.0, 0.0), "deg/s": (np.pi / 180, 0.0), "°/s": (np.pi / 180, 0.0), "dps": (np.pi / 180, 0.0)},
-    "K": {"K": (1.0, 0.0), "degC": (1.0, 273.15), "°C": (1.0, 273.15), "C": (1.0, 273.15)},
-    "m/s2": {"m/s2": (1.0, 0.0), "m/s^2": (1.0, 0.0), "m/s²": (1.0, 0.0), "g": (G, 0.0), "mg": (1e-3 * G, 0.0)},
-}
-"""By SI unit: what a heading or --scale may say, and (factor, offset) so that SI = factor * value + offset."""
+from gyro_model.units import MEASURED
 
 SI: Final = {"t": "s", "u_x": "N", "u_y": "N", "v_x": "V", "v_y": "V", "omega_z": "rad/s", "temperature": "K",
              "a_x": "m/s2", "a_y": "m/s2", "v_bias": "V"}  # fmt: skip
@@ -278,7 +266,7 @@ def _bare(heading: str) -> str:
 
 def _scale(column: str, heading: str, given: str | None) -> tuple[float, float]:
     """(factor, offset) by --scale, else by the unit in the heading, else SI."""
-    units = UNITS[SI[column]]
+    units = MEASURED[SI[column]]
     if given is not None:
         if given in units:
             return units[given]

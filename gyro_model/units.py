@@ -1,9 +1,12 @@
-"""Units as exponents of SI base units, read from text such as ``N.s/m`` or ``N/m3``."""
+"""Units as exponents of SI base units, read from text such as ``N.s/m`` or ``N/m3``; and conversion to SI."""
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from fractions import Fraction
 from functools import cache
+from math import pi
+from typing import Final, NamedTuple
 
 from gyro_model.errors import InputError, nearest
 
@@ -74,3 +77,49 @@ def _product(text: str, unit: str) -> Dimension:
             raise InputError(f"unit {unit!r}: factor {factor!r} is unknown{nearest(factor, UNITS)}")
         result = result * UNITS[match[1]] ** Fraction(match[2] or 1)
     return result
+
+
+class Conversion(NamedTuple):
+    """SI = factor * value + offset."""
+
+    factor: float
+    offset: float = 0.0
+
+
+STANDARD_GRAVITY: Final = 9.80665
+"""m/s2, by definition (CGPM 1901)."""
+ZERO_CELSIUS: Final = 273.15
+"""0 °C in K, by definition."""
+_PREFIX: Final = {"": 1.0, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3}
+_DEGREE: Final = pi / 180
+
+MEASURED: Final[Mapping[str, Mapping[str, Conversion]]] = {
+    "s": {
+        **{f"{p}s": Conversion(x) for p, x in _PREFIX.items() if p != "k"},
+        "min": Conversion(60.0),
+        "h": Conversion(3600.0),
+    },
+    "N": {f"{p}N": Conversion(x) for p, x in _PREFIX.items()},
+    "V": {f"{p}V": Conversion(x) for p, x in _PREFIX.items()},
+    "rad/s": {
+        "deg/s": Conversion(_DEGREE),
+        "rad/s": Conversion(1.0),
+        **dict.fromkeys(("°/s", "dps"), Conversion(_DEGREE)),
+        **dict.fromkeys(("deg/h", "°/h"), Conversion(_DEGREE / 3600)),
+    },
+    "K": {"K": Conversion(1.0), **dict.fromkeys(("degC", "°C", "C"), Conversion(1.0, ZERO_CELSIUS))},
+    "m/s2": {
+        **dict.fromkeys(("m/s2", "m/s^2", "m/s²"), Conversion(1.0)),
+        "g": Conversion(STANDARD_GRAVITY),
+        "mg": Conversion(1e-3 * STANDARD_GRAVITY),
+    },
+}
+"""By SI unit: the units in which a table may give it."""
+
+
+def conversion(unit: str, si: str) -> Conversion:
+    """From ``unit`` to the SI unit ``si``. Raises InputError where ``unit`` is none of those of ``si`` in MEASURED."""
+    known = MEASURED.get(si, {si: Conversion(1.0)})
+    if unit not in known:
+        raise InputError(f"unit {unit!r} is not known: use {' or '.join(known)}{nearest(unit, known)}")
+    return known[unit]

@@ -67,7 +67,7 @@ def prepare(request: Request) -> Run:
     if request.angle is not None:
         if request.angle not in UNIT_NAMES:
             raise InputError(f"angle unit {request.angle!r}: give {', '.join(UNIT_NAMES)}")
-        chosen = chosen._replace(angle_unit=request.angle)
+        chosen = chosen.with_angle_unit(request.angle)
     own, controller_settings = split_settings(request.settings, "controller")
     device = load_device(request.device, load_model(*request.effects))
     # The device's own start comes before the scenario's, what the user sets before both.

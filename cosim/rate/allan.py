@@ -56,17 +56,27 @@ def allan_deviation(rate: Floats, interval: float, settling: float) -> Allan:
     needed = max(MINIMUM_ROWS * interval, 4 * shortest / LONGEST_SHARE)
     if len(rate) * interval < needed:
         raise InputError(f"record at rest of {len(rate) * interval:.4g} s: an Allan deviation needs {needed:.4g} s")
-    taus = np.geomspace(interval, LONGEST_SHARE * len(rate) * interval, 40)
-    tau, deviation, _, _ = allantools.oadev(rate, rate=1 / interval, data_type="freq", taus=taus)
+    tau, deviation = overlapping(rate, interval)
     # Independent differences in the overlapping estimator of white noise: about 3/2 of n tau_0/tau.
     error = deviation / np.sqrt(2 * 1.5 * len(rate) * interval / tau)
     walk, walk_error = _random_walk(tau, deviation, error, shortest)
+    return Allan(tau, deviation, error, walk, walk_error, *bottom(tau, deviation, float(error[-1])))
+
+
+def overlapping(rate: Floats, interval: float) -> tuple[Floats, Floats]:
+    """Averaging times [s], some 40 up to LONGEST_SHARE of the record, and the overlapping Allan deviation there
+    [rad/s], of a ``rate`` [rad/s], shape (n,), one each ``interval`` [s]."""
+    taus = np.geomspace(interval, LONGEST_SHARE * len(rate) * interval, 40)
+    tau, deviation, _, _ = allantools.oadev(rate, rate=1 / interval, data_type="freq", taus=taus)
+    return tau, deviation
+
+
+def bottom(tau: Floats, deviation: Floats, last_error: float) -> tuple[float | None, float | None]:
+    """Bias instability [rad/s] and its averaging time [s]: None where the deviation has not risen again, by two of the
+    standard errors at its end."""
     lowest = int(deviation.argmin())
-    risen = deviation[lowest:].max() > deviation[lowest] + 2 * error[-1] and lowest < len(tau) - 1
-    return Allan(
-        tau, deviation, error, walk, walk_error,
-        float(deviation[lowest] / FLAT) if risen else None, float(tau[lowest]) if risen else None,
-    )  # fmt: skip
+    risen = deviation[lowest:].max() > deviation[lowest] + 2 * last_error and lowest < len(tau) - 1
+    return (float(deviation[lowest] / FLAT), float(tau[lowest])) if risen else (None, None)
 
 
 def _random_walk(tau: Floats, deviation: Floats, error: Floats, shortest: float) -> tuple[float, float]:

@@ -9,11 +9,12 @@ import polars as pl
 from numpy.typing import NDArray
 
 from cosim.rate_profile import RateProfile
+from gyro_model import units
 from gyro_model.errors import InputError, nearest
 
 Floats = NDArray[np.float64]
 
-ZERO_CELSIUS: Final = 273.15
+ZERO_CELSIUS: Final = units.ZERO_CELSIUS
 """0 °C in K."""
 COLDEST: Final = 100.0
 HOTTEST: Final = 600.0

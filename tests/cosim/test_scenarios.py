@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 
 from cosim.layout import ESTIMATE_SIZE, GAIN_RATIO, M, Y
 from cosim.rate_profile import packaged_profile, true_angle
-from cosim.scenarios import DESCRIPTIONS, first_estimates, scenario
+from cosim.scenarios import (
+    DESCRIPTIONS,
+    INPUT_NAMES,
+    first_estimates,
+    load_scenario,
+    scenario,
+    scenario_names,
+)
 from gyro_model.errors import InputError
 
 PERIOD = 5e-6
@@ -71,7 +78,97 @@ def test_device_changes_and_units():
         "damping_step_factor": 2.0,
         "damping_step_time": 0.45,
     }
-    assert [scenario(name).angle_unit for name in DESCRIPTIONS] == ["A", "B", "C"]
+    assert [scenario(name).angle_unit for name in ("constant", "varying", "motion")] == ["A", "B", "C"]
+
+
+# The formulas that the two embodiments had before they were files: they gave every committed measure.
+
+
+def former_square(first, count, period):
+    edge = np.arange(first, first + count + 1) * period / 0.05
+    nearest_edge = np.rint(edge)
+    edge = np.where(np.abs(edge - nearest_edge) < 1e-9 * np.maximum(1, edge), nearest_edge, edge)
+    begin, end = edge[:-1], edge[1:]
+    index = np.floor(begin)
+    sign = 1 - 2 * np.mod(index, 2)
+    after = np.maximum(end - (index + 1), 0.0) / (end - begin)
+    return 5.0 * sign * (1 - 2 * after)
+
+
+def former_sine(first, count, period):
+    middle = (np.arange(first, first + count) + 0.5) * period
+    return 5.0 * float(np.sinc(10.0 * period)) * np.sin(2 * np.pi * 10.0 * middle)
+
+
+def former_varying(first, count, period):
+    starts_sine = (np.arange(first, first + count) + 0.5) * period > 0.55
+    return np.where(starts_sine, former_sine(first, count, period), former_square(first, count, period))
+
+
+@pytest.mark.parametrize("sample_rate", [1e3, 20e3, 44.1e3, 48e3, 1e5, 2e5, 4e5, 1e6, 123456.7])
+def test_constant_has_the_bits_it_had(sample_rate):
+    period, count = 1 / sample_rate, int(1.2 * min(sample_rate, 4e5))
+    held = scenario("constant").omega_z(0, count, period)
+    assert held.tobytes() == former_square(0, count, period).tobytes()
+
+
+@pytest.mark.parametrize("sample_rate", [1e3, 20e3, 48e3, 1e5, 2e5, 4e5, 1e6])
+def test_varying_has_the_bits_it_had(sample_rate):
+    period, count = 1 / sample_rate, int(1.2 * sample_rate)
+    held = scenario("varying").omega_z(0, count, period)
+    assert held.tobytes() == former_varying(0, count, period).tobytes()
+
+
+def test_varying_off_the_grid_has_the_mean_of_the_hold_that_was_all_one_or_the_other():
+    sample_rate = 123456.7
+    period, count = 1 / sample_rate, int(1.2 * sample_rate)
+    held, former = scenario("varying").omega_z(0, count, period), former_varying(0, count, period)
+    [row] = np.flatnonzero(held != former)
+    share = 0.55 * sample_rate - row
+    # The square is at +5 until then; the sine begins at 0 and in one hold falls to 5 sin(5e-4) = 2.5e-3.
+    assert held[row] == pytest.approx(5 * share, abs=2.5e-3)
+
+
+def test_packaged_scenarios_bear_their_names_and_run_to_their_end():
+    assert scenario_names() == ["constant", "motion", "rest", "spin", "staircase", "varying"]
+    for name in scenario_names():
+        chosen = load_scenario(name)
+        assert chosen.name == name
+        assert chosen.description == DESCRIPTIONS[name]
+        last = chosen.inputs(round(chosen.duration / 1e-3) - 1, 1, 1e-3)
+        assert last.shape == (1, len(INPUT_NAMES))
+
+
+def test_rest_and_spin():
+    rest = load_scenario("rest").inputs(5, 4, PERIOD)
+    np.testing.assert_array_equal(rest, np.tile([0.0, 298.15, 0.0, 0.0, 0.0], (4, 1)))
+    assert rest.flags.c_contiguous
+    assert load_scenario("rest").edges_until(20.0).size == 0
+    np.testing.assert_array_equal(load_scenario("spin").omega_z(0, 3, PERIOD), [2.0, 2.0, 2.0])
+
+
+def test_staircase_goes_through_both_full_scales_in_plateaus_of_a_second():
+    chosen = load_scenario("staircase")
+    held = chosen.omega_z(0, 37_000, 1e-3).reshape(37, 1000)
+    assert (held == held[:, :1]).all()
+    levels = held[:, 0]
+    assert levels[0] == levels[18] == levels[36] == 0.0
+    np.testing.assert_array_equal(levels[18:], -levels[:19])
+    np.testing.assert_array_equal(levels[:19], levels[18::-1])
+    assert levels.max() == 5.0
+    np.testing.assert_array_equal(chosen.edges_until(chosen.duration), np.arange(1.0, 37.0))
+
+
+def test_the_rate_alone_is_the_first_column():
+    for name in scenario_names():
+        chosen = load_scenario(name)
+        np.testing.assert_array_equal(chosen.omega_z(70, 9, PERIOD), chosen.inputs(70, 9, PERIOD)[:, 0])
+
+
+def test_the_packaged_motion_is_the_file_that_motion_takes():
+    np.testing.assert_array_equal(
+        load_scenario("motion").omega_z(0, 1000, 1e-3), scenario("motion").omega_z(0, 1000, 1e-3)
+    )
 
 
 def test_motion_follows_the_profile():

@@ -1,0 +1,1 @@
+"""What a run in a scenario shows of the gyroscope: pure functions of its record."""

@@ -1,0 +1,136 @@
+"""The table reader: three kinds of file, columns in SI, and what is refused in one line."""
+
+import gzip
+from math import pi
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gyro_model.errors import InputError
+from gyro_model.tables import Table, read_table
+from gyro_model.tables.table import stated_unit
+from gyro_model.units import MEASURED, conversion, dimension
+
+FRAME = pl.DataFrame({"t": [0.0, 0.5, 1.0], "rate (deg/s)": [0.0, 180.0, -90.0], "T": [25.0, 26.0, 27.0]})
+
+
+def table(**columns: list[object]) -> Table:
+    return Table("lab.csv", pl.DataFrame(columns))
+
+
+@pytest.mark.parametrize("name", ["lab.csv", "lab.csv.gz", "lab.parquet", "LAB.CSV", "lab.txt"])
+def test_every_kind_of_file_gives_the_same_columns(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    text = FRAME.write_csv().encode()
+    if name.endswith(".parquet"):
+        FRAME.write_parquet(path)
+    else:
+        path.write_bytes(gzip.compress(text) if name.endswith(".gz") else text)
+    read = read_table(path)
+    assert read.headings == FRAME.columns
+    assert len(read) == 3
+    np.testing.assert_array_equal(read.times(), [0, 0.5, 1])
+    np.testing.assert_allclose(read.quantity("rate (deg/s)", "rad/s"), [0, pi, -pi / 2], rtol=1e-15)
+    np.testing.assert_array_equal(read.quantity("T", "K", "degC"), [298.15, 299.15, 300.15])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("none.csv", None, "does not exist"),
+        ("plain.csv.gz", b"t,rate\n", "can't be read"),
+        ("cut.csv.gz", gzip.compress(b"t,rate\n0,1\n")[:-9], "can't be read"),
+        ("empty.csv", b"", "no table with a header line"),
+        ("text.parquet", b"t,rate\n", "no table with a header line"),
+    ],
+)
+def test_no_table_is_said_in_one_line(tmp_path: Path, name: str, content: bytes | None, message: str) -> None:
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=message) as caught:
+        read_table(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ([1.0, None], "is None in row 2, not a finite number"),
+        ([1.0, float("nan")], "is nan in row 2"),
+        ([float("inf"), 1.0], "is inf in row 1"),
+        (["1", "x"], "is 'x' in row 2"),
+        ([True, False], "of type Boolean: give plain numbers"),
+    ],
+)
+def test_cells_that_are_no_numbers(values: list[object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        table(rate=values).numbers("rate")
+
+
+def test_a_mistyped_heading_is_named() -> None:
+    with pytest.raises(InputError, match=r"lab.csv has no column 'rte'; did you mean 'rate'\? \(columns: t, rate\)"):
+        table(t=[0], rate=[1]).numbers("rte")
+
+
+def test_units_are_never_guessed() -> None:
+    with pytest.raises(InputError, match="'rate' names no unit: give one of deg/s, rad/s"):
+        table(rate=[1.0]).quantity("rate", "rad/s")
+    with pytest.raises(InputError, match=r"'rate \[deg/s\]' is in deg/s by its heading, not in rad/s"):
+        table(**{"rate [deg/s]": [1.0]}).quantity("rate [deg/s]", "rad/s", "rad/s")
+    with pytest.raises(InputError, match=r"unit 'deg/sec' is not known: use .*; did you mean 'deg/s'\?"):
+        table(rate=[1.0]).quantity("rate", "rad/s", "deg/sec")
+    # Another spelling of the same unit contradicts nothing.
+    np.testing.assert_allclose(table(**{"w (°/s)": [180.0]}).quantity("w (°/s)", "rad/s", "dps"), [pi])
+
+
+def test_time_has_the_unit_of_its_heading_and_increases() -> None:
+    np.testing.assert_allclose(table(**{"time [ms]": [0, 500]}).times(), [0, 0.5])
+    np.testing.assert_allclose(table(n=[1, 2], clock=[3, 4]).times("clock"), [3, 4])
+    with pytest.raises(InputError, match=r"time 't' does not increase at row 3 \(1 then 1 s\)"):
+        table(t=[0, 1, 1]).times()
+
+
+@pytest.mark.parametrize(
+    ("heading", "si", "unit"),
+    [
+        ("Gyroscope Z (deg/s)", "rad/s", "deg/s"),
+        ("rate_rad/s", "rad/s", "rad/s"),
+        ("a [m/s^2]", "m/s2", "m/s^2"),
+        ("temperature (°C)", "K", "°C"),
+        ("C", "K", None),
+        ("rate (raw)", "rad/s", None),
+        ("rate (V)", "rad/s", None),
+    ],
+)
+def test_stated_units(heading: str, si: str, unit: str | None) -> None:
+    assert stated_unit(heading, si) == unit
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "si", "expected"),
+    [
+        (360.0, "deg/s", "rad/s", 2 * pi),
+        (3600.0, "deg/h", "rad/s", pi / 180),
+        (-273.15, "degC", "K", 0.0),
+        (1.0, "g", "m/s2", 9.80665),
+        (5.0, "mV", "V", 5e-3),
+        (2.0, "min", "s", 120.0),
+        (3.0, "kN", "N", 3000.0),
+        (7.0, "kg", "kg", 7.0),
+    ],
+)
+def test_conversions_by_hand(value: float, unit: str, si: str, expected: float) -> None:
+    factor, offset = conversion(unit, si)
+    # One rounding of the factor and one of the product.
+    assert factor * value + offset == pytest.approx(expected, rel=4e-16, abs=1e-30)
+
+
+@given(st.sampled_from(sorted(MEASURED)))
+def test_an_si_unit_is_itself_and_has_a_dimension(si: str) -> None:
+    assert conversion(si, si) == (1.0, 0.0)
+    dimension(si)
