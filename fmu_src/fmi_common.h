@@ -59,7 +59,7 @@ struct fmi_instance {
     fmi_status last_step;   /* of the latest step */
     double start_time;      /* s */
     double stop_time;       /* s, infinite when undefined */
-    double latest_time;     /* s, stop_time plus half an internal step: no step may end later */
+    double latest_time;     /* s, stop_time and the rounding of times: no step may end later */
     unsigned logging;       /* LOG_ bits that are on */
     fmi_emit emit;          /* hands a text to `callback` the standard's way */
     fmi_callback callback;  /* may be NULL */
@@ -106,7 +106,7 @@ fmi_status fmi_set_logging(fmi_instance *f, const char *call, int on, size_t n, 
 fmi_status fmi_set_times(fmi_instance *f, const char *call, double start_time, int stop_defined, double stop_time);
 fmi_status fmi_enter_initialization(fmi_instance *f, const char *call);
 fmi_status fmi_exit_initialization(fmi_instance *f, const char *call);
-void fmi_find_latest_time(fmi_instance *f); /* from stop_time and the parameter internal_step */
+void fmi_find_latest_time(fmi_instance *f); /* from start_time and stop_time */
 fmi_status fmi_terminate(fmi_instance *f, const char *call);
 fmi_status fmi_reset(fmi_instance *f, const char *call);
 

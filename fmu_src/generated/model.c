@@ -31,7 +31,7 @@ const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {
     {"x_dot_start", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"y_start", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"y_dot_start", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
-    {"internal_step", GYRO_PARAMETER, GYRO_REAL, 1e-06, 1e-09, 0.001},
+    {"internal_step", GYRO_PARAMETER, GYRO_REAL, 5e-06, 1e-09, 0.001},
     {"sample_period", GYRO_PARAMETER, GYRO_REAL, 5e-06, 1e-09, 1.0},
     {"seed", GYRO_PARAMETER, GYRO_INTEGER, 0.0, 0.0, 2147483647.0},
     {"actuator_delay", GYRO_PARAMETER, GYRO_REAL, 0.0, 0.0, 0.001},

@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{c56f9457-e2da-5b17-32d8-92c13c7a43eb}"
+#define GYRO_TOKEN "{8f562652-277e-b183-f39b-86828c7d03a7}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -39,7 +39,7 @@ enum {
     GYRO_X_DOT_START = 25, /* [m/s] parameter: x velocity at the start */
     GYRO_Y_START = 26, /* [m] parameter: y displacement at the start */
     GYRO_Y_DOT_START = 27, /* [m/s] parameter: y velocity at the start */
-    GYRO_INTERNAL_STEP = 28, /* [s] parameter: step of the integrator and unit of time */
+    GYRO_INTERNAL_STEP = 28, /* [s] parameter: longest step of the integrator, whose grid it is */
     GYRO_SAMPLE_PERIOD = 29, /* [s] parameter: time between samples and between draws of noise */
     GYRO_SEED = 30, /* [1] parameter: seed of all noises */
     GYRO_ACTUATOR_DELAY = 31, /* [s] size: the force acts later by this */

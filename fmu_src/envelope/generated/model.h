@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{7387c81a-a7af-acc8-d0bd-647dcf6d99b7}"
+#define GYRO_TOKEN "{42116838-efb1-5b87-ac57-a09be7011246}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -46,7 +46,7 @@ enum {
     GYRO_X_START_Q = 32, /* [m] parameter: x displacement at the start, part along -sin φ */
     GYRO_Y_START_I = 33, /* [m] parameter: y displacement at the start, part along cos φ */
     GYRO_Y_START_Q = 34, /* [m] parameter: y displacement at the start, part along -sin φ */
-    GYRO_INTERNAL_STEP = 35, /* [s] parameter: step of the envelopes, between draws of noise, and unit of time */
+    GYRO_INTERNAL_STEP = 35, /* [s] parameter: longest step of the envelopes, between draws of noise */
     GYRO_SAMPLE_PERIOD = 36, /* [s] parameter: time between samples and between draws of noise */
     GYRO_SEED = 37, /* [1] parameter: seed of all noises */
     GYRO_ACTUATOR_DELAY = 38, /* [s] size: the force acts later by this */
