@@ -232,33 +232,66 @@ static gyro_status diverge(gyro_instance *g, int64_t tick)
     return refuse_diverged(g);
 }
 
-/* From `settled` to the tick `tick`, which no cut need be. */
-static gyro_status move_to(gyro_instance *g, int64_t tick)
+/* Outputs at `end`, which lies at `settled` or before the next cut. */
+static gyro_status put_out_at(gyro_instance *g, gyro_instant end)
 {
-    const gyro_instant end = {tick, 0.0};
-    gyro_clock *clock = &g->memory.clock;
     gyro_status status = GYRO_OK;
-    for (gyro_instant cut = next_cut(g); !gyro_before(end, cut) && status == GYRO_OK; cut = next_cut(g)) {
-        gyro_move(g, cut);
+    g->memory.clock.now = end.tick;
+    if (!gyro_before(g->memory.clock.settled, end)) {
+        gyro_put_out(g);
+    } else {
+        gyro_look_ahead(g, end);
         if (gyro_infinite_state(g) != NULL) {
-            status = diverge(g, cut.tick);
-        }
-    }
-    if (status == GYRO_OK) {
-        clock->now = tick;
-        if (!gyro_before(clock->settled, end)) {
-            gyro_put_out(g);
-        } else {
-            gyro_look_ahead(g, end);
-            if (gyro_infinite_state(g) != NULL) {
-                status = diverge(g, tick);
-            }
+            status = diverge(g, end.tick);
         }
     }
     return status;
 }
 
-gyro_status gyro_advance(gyro_instance *g, double from, double step)
+/* The tick at which the watcher wants to end, the present one at the earliest. */
+static int64_t wanted_end(const gyro_instance *g, double time)
+{
+    const double ticks = gyro_ticks(time - g->memory.clock.start_time) + 0.5;
+    const double now = (double)g->memory.clock.now;
+    /* So far NaN does not compare. */
+    return !(ticks < (double)GYRO_LAST_TICK) ? GYRO_LAST_TICK : ticks > now ? (int64_t)floor(ticks) : g->memory.clock.now;
+}
+
+/* From `settled` to the tick `tick`, which no cut need be, or less far. */
+static gyro_status move_to(gyro_instance *g, int64_t tick, gyro_watch watch, void *watcher)
+{
+    const gyro_clock *clock = &g->memory.clock;
+    const int64_t most = (int64_t)g->value[GYRO_STEP_LIMIT], first = clock->grid;
+    gyro_status status = GYRO_OK;
+    gyro_instant end = {tick, 0.0};
+    for (gyro_instant cut = next_cut(g); !gyro_before(end, cut) && status == GYRO_OK; cut = next_cut(g)) {
+        const int64_t before = clock->grid;
+        gyro_move(g, cut);
+        if (gyro_infinite_state(g) != NULL) {
+            status = diverge(g, cut.tick);
+        } else if (clock->grid > before && gyro_before(cut, end)) {
+            if (watch != NULL) {
+                status = put_out_at(g, cut);
+                const int64_t wanted = wanted_end(g, watch(watcher));
+                end.tick = wanted < end.tick ? wanted : end.tick;
+            }
+            if (most > 0 && clock->grid - first >= most) {
+                end = cut;
+            }
+        }
+    }
+    if (status == GYRO_OK) {
+        status = put_out_at(g, end);
+    }
+    if (status == GYRO_OK && end.tick < tick) {
+        g->memory.clock.rest = 0.0;
+        g->memory.clock.next_time = gyro_time(g);
+        status = GYRO_EARLY;
+    }
+    return status;
+}
+
+gyro_status gyro_advance(gyro_instance *g, double from, double step, gyro_watch watch, void *watcher)
 {
     gyro_clock *clock = &g->memory.clock;
     gyro_status status = check_step(g, from, step);
@@ -270,7 +303,7 @@ gyro_status gyro_advance(gyro_instance *g, double from, double step)
         const int64_t end = nearest_tick(g, clock->now, ticks);
         clock->rest = ticks - (double)(end - clock->now);
         clock->next_time = from + step;
-        status = move_to(g, end);
+        status = move_to(g, end, watch, watcher);
     }
     return status;
 }

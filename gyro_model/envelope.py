@@ -17,7 +17,7 @@ from typing import ClassVar
 from gyro_model.model import Model, load_model
 from gyro_model.quantities import INPUTS, OUTPUTS, PARAMETERS, Quantity, Role
 
-_TIMING = ("internal_step", "sample_period", "seed")
+_TIMING = ("internal_step", "sample_period", "seed", "step_limit")
 _PARTS = {"i": "part along cos φ", "q": "part along -sin φ"}
 
 

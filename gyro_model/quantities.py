@@ -122,4 +122,14 @@ PARAMETERS = (
     _parameter("internal_step", "s", 5e-6, "longest step of the integrator, whose grid it is", low=1e-9, high=1e-3),
     _parameter("sample_period", "s", 5e-6, "time between samples and between draws of noise", low=1e-9, high=1.0),
     Quantity("seed", "1", 0, "seed of all noises", "parameter", 0, 2**31 - 1, integer=True),
+    Quantity(
+        "step_limit",
+        "1",
+        0,
+        "internal steps after which a step ends early; 0: none",
+        "parameter",
+        0,
+        2**31 - 1,
+        integer=True,
+    ),
 )
