@@ -1,7 +1,7 @@
 #include "core.h"
 
 #include <float.h>
-#include <inttypes.h>
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -59,17 +59,6 @@ gyro_status gyro_set(gyro_instance *g, uint32_t vr, double value)
 
 double gyro_get(const gyro_instance *g, uint32_t vr) { return g->value[vr]; }
 
-double gyro_time(const gyro_instance *g) { return g->memory.start_time + (double)g->memory.tick * g->value[GYRO_INTERNAL_STEP]; }
-
-int gyro_whole_steps(double time, double step, double slack, int64_t *count)
-{
-    const double steps = time / step;
-    /* Beyond 2^62 the count would not fit; so far NaN does not compare. */
-    const int countable = fabs(steps) < 4.6e18;
-    *count = countable ? (int64_t)floor(steps + 0.5) : 0;
-    return countable && fabs(steps - (double)*count) <= slack;
-}
-
 static gyro_status check_bounds(gyro_instance *g)
 {
     gyro_status status = GYRO_OK;
@@ -106,79 +95,215 @@ gyro_status gyro_check(gyro_instance *g)
     return status;
 }
 
-int gyro_started(const gyro_instance *g) { return g->memory.started != 0; }
+/* Where the steps of the importer have come to [s]. */
+double gyro_time(const gyro_instance *g)
+{
+    const gyro_clock *clock = &g->memory.clock;
+    return clock->start_time + ((double)clock->now + clock->rest) / GYRO_TICKS_A_SECOND;
+}
+
+int gyro_started(const gyro_instance *g) { return g->memory.clock.started != 0; }
 
 void gyro_unstart(gyro_instance *g)
 {
     /* What follows from parameters that may have changed is not kept: a saved state would hold one beside the other. */
     gyro_drop(g);
-    g->memory.started = 0;
+    memset(&g->memory, 0, sizeof g->memory);
 }
 
 gyro_status gyro_start(gyro_instance *g, double start_time)
 {
     gyro_status status = GYRO_OK;
-    if (g->memory.calls > 0) {
+    if (g->memory.clock.now > 0) {
         status = gyro_refuse(g, "already at time %.9g s: reset before starting again", gyro_time(g));
     } else if (!isfinite(start_time)) {
         status = gyro_refuse(g, "start time %g: give a finite number", start_time);
     } else {
-        memset(&g->memory, 0, sizeof g->memory);
+        gyro_unstart(g);
         memset(&g->view, 0, sizeof g->view);
-        g->memory.start_time = start_time;
-        g->memory.next_time = start_time;
+        g->memory.clock.start_time = start_time;
+        g->memory.clock.next_time = start_time;
+        memcpy(g->memory.clock.held, g->value, sizeof g->memory.clock.held);
         status = gyro_prepare(g);
     }
     if (status == GYRO_OK) {
-        status = gyro_make_room(g);
-    }
-    if (status == GYRO_OK) {
-        g->memory.started = 1;
+        g->memory.clock.started = 1;
         gyro_first_sample(g);
     }
     return status;
 }
 
-static gyro_status check_step(gyro_instance *g, double from, double step, int64_t *ticks)
+/* The tick `from` + `ticks`; a sample instant nearby is meant: within a tick, to which two ways of counting a period that is no whole
+   number of ticks may round, or a millionth of the sample period, for an importer whose times have lost their last digits. */
+static int64_t nearest_tick(const gyro_instance *g, int64_t from, double ticks)
 {
-    const double h = g->plan.step;
+    const gyro_beat beat = g->plan.cuts.sample;
+    const double period = (double)beat.whole + beat.part;
+    const double slack = 1e-6 * period > 1.0 ? 1e-6 * period : 1.0;
+    const int64_t tick = from + (int64_t)floor(ticks + 0.5);
+    const int64_t sample = gyro_tick_of(beat, (int64_t)floor((double)tick / period + 0.5));
+    /* Never back, never a step that is long enough to be meant lost. */
+    return fabs((double)(tick - sample)) <= slack && sample > from ? sample : tick;
+}
+
+static gyro_status refuse_diverged(gyro_instance *g)
+{
+    const char *name = gyro_infinite_state(g);
+    return gyro_refuse(g, "diverged at %.9g s: %s is not finite; check forces and effect sizes, or shorten internal_step", gyro_time(g),
+                       name != NULL ? name : "a state");
+}
+
+static gyro_status check_step(gyro_instance *g, double from, double step)
+{
+    const gyro_clock *clock = &g->memory.clock;
     const double now = gyro_time(g);
-    /* An importer may subtract or multiply times: a few units in the last place. One that adds them up strays further with every call,
-       so that its own last sum counts as the present time too. */
-    const double rounding = 4.0 * DBL_EPSILON * (fabs(from) + fabs(step));
-    const double slack = GYRO_ON_GRID + rounding / h;
+    /* Time goes on by the steps; `from` is only checked, to the rounding of the numbers that it comes from and a tick. An importer that adds
+       up its times strays further with every step, so that its own last sum counts as the present time too. */
+    const double rounding = DBL_EPSILON * (fabs(from) + fabs(clock->start_time) + fabs(step)) + 1.0 / GYRO_TICKS_A_SECOND;
     gyro_status status = GYRO_OK;
-    int64_t at;
-    if (!g->memory.started) {
+    if (!clock->started) {
         status = gyro_refuse(g, "step before the start: initialise first");
     } else if (!isfinite(from) || !isfinite(step)) {
         status = gyro_refuse(g, "communication point %g s, step %g s: give finite numbers", from, step);
-    } else if (!(fabs(from - g->memory.next_time) <= rounding) &&
-               (!gyro_whole_steps(from - g->memory.start_time, h, slack, &at) || at != g->memory.tick)) {
+    } else if (clock->diverged) {
+        status = refuse_diverged(g);
+    } else if (!(fabs(from - clock->next_time) <= rounding) && !(fabs(from - now) <= rounding)) {
         status = gyro_refuse(g, "communication point %.15g s is not the present time %.15g s: go on from there", from, now);
-    } else if (!(step > 0.0) || !gyro_whole_steps(step, h, slack, ticks) || *ticks < 1) {
-        const double below = floor(step / h);
-        status = step > h ? gyro_refuse(g, "communication step %.15g s is no multiple of internal_step = %.9g s: nearest are %.15g s and %.15g s",
-                                        step, h, below * h, (below + 1.0) * h)
-                          : gyro_refuse(g, "communication step %.15g s is no positive multiple of internal_step = %.9g s: nearest is %.15g s",
-                                        step, h, h);
+    } else if (!(step > 0.0)) {
+        status = gyro_refuse(g, "communication step %.15g s: give a positive number", step);
+    } else if (!(gyro_ticks(step) + clock->rest + (double)clock->now < (double)GYRO_LAST_TICK)) {
+        status = gyro_refuse(g, "communication step %.15g s ends later than %.9g s after the start, the end of what the FMU counts: step less",
+                             step, (double)GYRO_LAST_TICK / GYRO_TICKS_A_SECOND);
     }
     return status;
 }
 
-gyro_status gyro_advance(gyro_instance *g, double from, double step)
+/* The inputs before the latest change and the present ones change places. */
+static void swap_inputs(gyro_instance *g)
 {
-    int64_t ticks = 0;
-    gyro_status status = check_step(g, from, step, &ticks);
-    if (status == GYRO_OK) {
-        g->memory.calls++;
-        g->memory.next_time = from + step;
-        gyro_tick(g, ticks);
-        const char *infinite = gyro_infinite_state(g);
-        if (infinite != NULL) {
-            status = gyro_refuse(g, "diverged at %.9g s: %s is not finite; check forces and effect sizes, or shorten internal_step", gyro_time(g),
-                                 infinite);
+    double *held = g->memory.clock.held;
+    for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
+        const double value = g->value[vr];
+        g->value[vr] = held[vr];
+        held[vr] = value;
+    }
+}
+
+/* Takes the inputs as they are, where they are new: an equal value is no change, and cuts nothing. */
+static gyro_status take_inputs(gyro_instance *g)
+{
+    gyro_clock *clock = &g->memory.clock;
+    gyro_status status = GYRO_OK;
+    int changed = clock->now == 0;
+    for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
+        changed |= g->value[vr] != clock->held[vr];
+    }
+    if (changed && gyro_before(clock->settled, (gyro_instant){clock->now, 0.0})) {
+        swap_inputs(g);
+        gyro_move(g, (gyro_instant){clock->now, 0.0});
+        swap_inputs(g);
+    }
+    if (changed) {
+        status = gyro_take_inputs(g);
+    }
+    if (changed && status == GYRO_OK) {
+        memcpy(clock->held, g->value, sizeof clock->held);
+    }
+    return status;
+}
+
+static gyro_instant next_cut(const gyro_instance *g)
+{
+    const gyro_instant cut = gyro_next_cut(g), own = gyro_next_own_cut(g);
+    return gyro_before(own, cut) ? own : cut;
+}
+
+/* A diverged instance stays at the instant that showed it, and puts out nothing that could be taken for a number. */
+static gyro_status diverge(gyro_instance *g, int64_t tick)
+{
+    g->memory.clock.now = tick;
+    g->memory.clock.rest = 0.0;
+    g->memory.clock.diverged = 1;
+    for (int vr = 0; vr < GYRO_N_VARIABLES; vr++) {
+        if (gyro_variables[vr].kind == GYRO_OUTPUT) {
+            g->value[vr] = NAN;
         }
+    }
+    return refuse_diverged(g);
+}
+
+/* Outputs at `end`, which lies at `settled` or before the next cut. */
+static gyro_status put_out_at(gyro_instance *g, gyro_instant end)
+{
+    gyro_status status = GYRO_OK;
+    g->memory.clock.now = end.tick;
+    if (!gyro_before(g->memory.clock.settled, end)) {
+        gyro_put_out(g);
+    } else {
+        gyro_look_ahead(g, end);
+        if (gyro_infinite_state(g) != NULL) {
+            status = diverge(g, end.tick);
+        }
+    }
+    return status;
+}
+
+/* The tick at which the watcher wants to end, the present one at the earliest. */
+static int64_t wanted_end(const gyro_instance *g, double time)
+{
+    const double ticks = gyro_ticks(time - g->memory.clock.start_time) + 0.5;
+    const double now = (double)g->memory.clock.now;
+    /* So far NaN does not compare. */
+    return !(ticks < (double)GYRO_LAST_TICK) ? GYRO_LAST_TICK : ticks > now ? (int64_t)floor(ticks) : g->memory.clock.now;
+}
+
+/* From `settled` to the tick `tick`, which no cut need be, or less far. */
+static gyro_status move_to(gyro_instance *g, int64_t tick, gyro_watch watch, void *watcher)
+{
+    const gyro_clock *clock = &g->memory.clock;
+    const int64_t most = (int64_t)g->value[GYRO_STEP_LIMIT], first = clock->grid;
+    gyro_status status = GYRO_OK;
+    gyro_instant end = {tick, 0.0};
+    for (gyro_instant cut = next_cut(g); !gyro_before(end, cut) && status == GYRO_OK; cut = next_cut(g)) {
+        const int64_t before = clock->grid;
+        gyro_move(g, cut);
+        if (gyro_infinite_state(g) != NULL) {
+            status = diverge(g, cut.tick);
+        } else if (clock->grid > before && gyro_before(cut, end)) {
+            if (watch != NULL) {
+                status = put_out_at(g, cut);
+                const int64_t wanted = wanted_end(g, watch(watcher));
+                end.tick = wanted < end.tick ? wanted : end.tick;
+            }
+            if (most > 0 && clock->grid - first >= most) {
+                end = cut;
+            }
+        }
+    }
+    if (status == GYRO_OK) {
+        status = put_out_at(g, end);
+    }
+    if (status == GYRO_OK && end.tick < tick) {
+        g->memory.clock.rest = 0.0;
+        g->memory.clock.next_time = gyro_time(g);
+        status = GYRO_EARLY;
+    }
+    return status;
+}
+
+gyro_status gyro_advance(gyro_instance *g, double from, double step, gyro_watch watch, void *watcher)
+{
+    gyro_clock *clock = &g->memory.clock;
+    gyro_status status = check_step(g, from, step);
+    if (status == GYRO_OK) {
+        status = take_inputs(g);
+    }
+    if (status == GYRO_OK) {
+        const double ticks = gyro_ticks(step) + clock->rest;
+        const int64_t end = nearest_tick(g, clock->now, ticks);
+        clock->rest = ticks - (double)(end - clock->now);
+        clock->next_time = from + step;
+        status = move_to(g, end, watch, watcher);
     }
     return status;
 }

@@ -1,6 +1,6 @@
 /* One gyroscope: parameters, inputs, state, and the steps that move it. The FMI layers (fmi2.c, fmi3.c) call only this header.
 
-   Time is an integer count of internal steps. Everything that the device is (variables, effects) comes from generated/model.h. */
+   Time is an integer count of picoseconds since the start. Everything that the device is (variables, effects) comes from generated/model.h. */
 
 #ifndef GYRO_CORE_H
 #define GYRO_CORE_H
@@ -19,7 +19,8 @@
 
 typedef enum {
     GYRO_OK = 0,
-    GYRO_ERROR = 1 /* refused, the instance is unchanged; or a step diverged. The message says why */
+    GYRO_ERROR = 1, /* refused, the instance is unchanged; or a step diverged. The message says why */
+    GYRO_EARLY = 2  /* a step ended before its end; gyro_time says where, and the next one goes on from there */
 } gyro_status;
 
 typedef struct gyro_instance gyro_instance;
@@ -47,10 +48,14 @@ gyro_status gyro_start(gyro_instance *g, double start_time);
 int gyro_started(const gyro_instance *g);
 void gyro_unstart(gyro_instance *g);
 
-/* Moves time from `from` by `step` [s], inputs held. Both must be multiples of internal_step (within 1e-6 of one step and the rounding of
-   the numbers themselves), `from` the present time or the importer's own sum of its steps; otherwise GYRO_ERROR with the nearest multiples
-   named. A state that is no longer finite is a GYRO_ERROR too, with the time moved on. */
-gyro_status gyro_advance(gyro_instance *g, double from, double step);
+/* Moves time by `step` > 0 [s], inputs held. The instance keeps its own time, the start and the sum of all steps, to the nearest
+   picosecond; `from`, the present time as the importer has it, is checked to its own rounding. The motion depends on when inputs
+   change, never on how time is divided into steps. A state that is no longer finite is a GYRO_ERROR, with time at the instant that showed
+   it, NaN as outputs, and no way on.
+   `watch`, which may be NULL, is called with `watcher` at every point of the integration grid on the way, the outputs being those there,
+   and gives the time [s] at which the step shall end, infinity for its own end; so does the parameter step_limit. */
+typedef double (*gyro_watch)(void *watcher);
+gyro_status gyro_advance(gyro_instance *g, double from, double step, gyro_watch watch, void *watcher);
 
 /* Present time [s]. */
 double gyro_time(const gyro_instance *g);

@@ -6,6 +6,8 @@
 
 #include "fmi_common.h"
 
+#include <math.h>
+
 #define CO_SIMULATION_ONLY "this FMU is for co-simulation only"
 #define NO_EVENTS "this FMU has no event mode (hasEventMode is false)"
 #define NO_CONFIGURATION "this FMU has no structural parameters, so no configuration mode"
@@ -25,8 +27,18 @@ fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, siz
     return (fmi3Status)fmi_set_logging(instance, __func__, loggingOn, nCategories, categories);
 }
 
+static double watch(fmi_instance *f)
+{
+    fmi3Boolean end_requested = fmi3False;
+    fmi3Float64 end = 0.0;
+    ((fmi3IntermediateUpdateCallback)f->update)(f->environment, gyro_time(f->core), fmi3False, fmi3True, fmi3True, f->may_end_early != 0,
+                                                &end_requested, &end);
+    return end_requested && f->may_end_early ? end : INFINITY;
+}
+
 static fmi3Instance instantiate(const char *call, const char *refusal, fmi3String name, fmi3String token, fmi3Boolean logging_on,
-                                fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
+                                fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, fmi3Boolean may_end_early,
+                                fmi3IntermediateUpdateCallback update)
 {
     fmi_request request = {.call = call,
                            .name = name,
@@ -36,7 +48,10 @@ static fmi3Instance instantiate(const char *call, const char *refusal, fmi3Strin
                            .n_readable = GYRO_N_VARIABLES + 1,
                            .emit = emit,
                            .callback = (fmi_callback)log,
-                           .environment = environment};
+                           .environment = environment,
+                           .watch = watch,
+                           .update = (fmi_callback)update,
+                           .may_end_early = may_end_early};
     return fmi_new(&request);
 }
 
@@ -45,7 +60,8 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
                                           fmi3LogMessageCallback logMessage)
 {
     (void)resourcePath, (void)visible;
-    return instantiate(__func__, CO_SIMULATION_ONLY, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage);
+    return instantiate(__func__, CO_SIMULATION_ONLY, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage, fmi3False,
+                       NULL);
 }
 
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath,
@@ -55,10 +71,10 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
                                          fmi3LogMessageCallback logMessage, fmi3IntermediateUpdateCallback intermediateUpdate)
 {
     const char *refusal = eventModeUsed ? "this FMU has no event mode (hasEventMode is false); pass eventModeUsed = false" : NULL;
-    /* Intermediate variables may be asked for; providesIntermediateUpdate is false, so that none are given. */
-    (void)resourcePath, (void)visible, (void)earlyReturnAllowed, (void)requiredIntermediateVariables;
-    (void)nRequiredIntermediateVariables, (void)intermediateUpdate;
-    return instantiate(__func__, refusal, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage);
+    /* All variables can be read at an intermediate point, whichever are asked for. */
+    (void)resourcePath, (void)visible, (void)requiredIntermediateVariables, (void)nRequiredIntermediateVariables;
+    return instantiate(__func__, refusal, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage, earlyReturnAllowed,
+                       intermediateUpdate);
 }
 
 fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath,
@@ -67,7 +83,8 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
                                                fmi3LockPreemptionCallback lockPreemption, fmi3UnlockPreemptionCallback unlockPreemption)
 {
     (void)resourcePath, (void)visible, (void)clockUpdate, (void)lockPreemption, (void)unlockPreemption;
-    return instantiate(__func__, CO_SIMULATION_ONLY, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage);
+    return instantiate(__func__, CO_SIMULATION_ONLY, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage, fmi3False,
+                       NULL);
 }
 
 void fmi3FreeInstance(fmi3Instance instance) { fmi_free(instance); }
@@ -205,7 +222,8 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
         status = fmi_step(f, __func__, currentCommunicationPoint, communicationStepSize);
         *eventHandlingNeeded = fmi3False;
         *terminateSimulation = fmi3False;
-        *earlyReturn = fmi3False;
+        *earlyReturn = status == FMI_DISCARD && f->may_end_early;
+        status = *earlyReturn ? FMI_OK : status;
         *lastSuccessfulTime = gyro_time(f->core);
     }
     return (fmi3Status)status;

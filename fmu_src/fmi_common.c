@@ -3,11 +3,12 @@
 
 #include "fmi_common.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { STATES_SIZE = 96 };
+enum { STATES_SIZE = 128 };
 
 /* Both indexed by gyro_kind. */
 static const unsigned can_set[] = {[GYRO_INPUT] = CAN_SET_INPUT, [GYRO_PARAMETER] = CAN_SET_PARAMETER, [GYRO_OUTPUT] = 0};
@@ -27,9 +28,9 @@ static fmi_status fail_with_core_message(const fmi_instance *f, const char *call
 /* "a or b or c" of the states in `states`. */
 static void name_states(unsigned states, char text[STATES_SIZE])
 {
-    static const char *const names[] = {"instantiated", "initialization mode", "step mode", "terminated"};
+    static const char *const names[] = {"instantiated", "initialization mode", "step mode", "terminated", "intermediate update"};
     text[0] = '\0';
-    for (unsigned i = 0; i < 4; i++) {
+    for (unsigned i = 0; i < sizeof names / sizeof *names; i++) {
         if ((states & (1u << i)) != 0) {
             if (text[0] != '\0') {
                 strcat(text, " or ");
@@ -81,6 +82,9 @@ fmi_instance *fmi_new(const fmi_request *r)
         f->emit = r->emit;
         f->callback = r->callback;
         f->environment = r->environment;
+        f->watch = r->update != NULL ? r->watch : NULL;
+        f->update = r->update;
+        f->may_end_early = r->may_end_early;
         memcpy(f->name, name, name_size);
         if (r->refusal != NULL) {
             status = fmi_fail(f, r->call, "%s", r->refusal);
@@ -102,10 +106,15 @@ fmi_instance *fmi_new(const fmi_request *r)
 
 void fmi_free(fmi_instance *f)
 {
-    if (f != NULL && f->core != NULL) {
-        gyro_free(f->core);
+    if (f != NULL && f->state == INTERMEDIATE) {
+        /* The step that called the importer still needs the instance. */
+        fmi_fail(f, "FreeInstance", "not allowed within a step; return from the update function first");
+    } else if (f != NULL) {
+        if (f->core != NULL) {
+            gyro_free(f->core);
+        }
+        free(f);
     }
-    free(f);
 }
 
 fmi_status fmi_set_times(fmi_instance *f, const char *call, double start_time, int stop_defined, double stop_time)
@@ -145,7 +154,8 @@ static fmi_status refresh(fmi_instance *f, const char *call)
 
 void fmi_find_latest_time(fmi_instance *f)
 {
-    f->latest_time = f->stop_time + 0.5 * gyro_get(f->core, GYRO_INTERNAL_STEP);
+    /* What is left of two sums of times in doubles, and the tick that the core rounds to. */
+    f->latest_time = f->stop_time + 4.0 * DBL_EPSILON * (fabs(f->stop_time) + fabs(f->start_time)) + 1e-12;
 }
 
 fmi_status fmi_exit_initialization(fmi_instance *f, const char *call)
@@ -303,6 +313,15 @@ fmi_status fmi_no_such_type(const fmi_instance *f, const char *call, const uint3
     return status;
 }
 
+static double watch(void *watcher)
+{
+    fmi_instance *f = watcher;
+    f->state = INTERMEDIATE;
+    const double end = f->watch(f);
+    f->state = STEPPING;
+    return end;
+}
+
 fmi_status fmi_step(fmi_instance *f, const char *call, double from, double step)
 {
     fmi_status status = fmi_allow(f, call, CAN_STEP);
@@ -311,8 +330,14 @@ fmi_status fmi_step(fmi_instance *f, const char *call, double from, double step)
         if (end > f->latest_time) {
             status = fmi_fail(f, call, "the step to %.9g s passes the stop time %.9g s; step less, or set a later stop time at the start",
                               end, f->stop_time);
-        } else if (gyro_advance(f->core, from, step) != GYRO_OK) {
-            status = fail_with_core_message(f, call);
+        } else {
+            const gyro_status moved = gyro_advance(f->core, from, step, f->watch != NULL ? watch : NULL, f);
+            if (moved == GYRO_ERROR) {
+                status = fail_with_core_message(f, call);
+            } else if (moved == GYRO_EARLY) {
+                status = FMI_DISCARD;
+                fmi_report(f, call, "the step ended early");
+            }
         }
         f->last_step = status;
     }

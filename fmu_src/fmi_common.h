@@ -14,7 +14,7 @@
 #endif
 
 /* The same numbers in FMI 2 and FMI 3. */
-typedef enum { FMI_OK = 0, FMI_ERROR = 3 } fmi_status;
+typedef enum { FMI_OK = 0, FMI_DISCARD = 2 /* of a step that ended early */, FMI_ERROR = 3 } fmi_status;
 
 /* Where an instance is in its life. Bits, so that a set of states is one number. */
 enum {
@@ -22,6 +22,7 @@ enum {
     INITIALIZATION = 2,
     STEPPING = 4,
     TERMINATED = 8,
+    INTERMEDIATE = 16, /* in the importer's callback within a step: it may only look */
     ANY_STATE = INSTANTIATED | INITIALIZATION | STEPPING | TERMINATED
 };
 
@@ -32,9 +33,9 @@ enum {
     CAN_EXIT_INITIALIZATION = INITIALIZATION,
     CAN_SET_PARAMETER = INSTANTIATED | INITIALIZATION,
     CAN_SET_INPUT = INSTANTIATED | INITIALIZATION | STEPPING,
-    CAN_GET_PARAMETER = ANY_STATE,
-    CAN_GET_INPUT = ANY_STATE,
-    CAN_GET_OUTPUT = INITIALIZATION | STEPPING | TERMINATED,
+    CAN_GET_PARAMETER = ANY_STATE | INTERMEDIATE,
+    CAN_GET_INPUT = ANY_STATE | INTERMEDIATE,
+    CAN_GET_OUTPUT = INITIALIZATION | STEPPING | TERMINATED | INTERMEDIATE,
     CAN_STEP = STEPPING,
     CAN_GET_STATUS = STEPPING | TERMINATED,
     CAN_TERMINATE = STEPPING,
@@ -52,6 +53,9 @@ typedef struct fmi_instance fmi_instance;
 typedef void (*fmi_callback)(void); /* the importer's log function, whatever its standard's signature */
 typedef void (*fmi_emit)(const fmi_instance *f, fmi_status status, const char *category, const char *text);
 
+/* Calls the importer's update function, within a step; the time [s] at which the step shall end, infinity for its own end. */
+typedef double (*fmi_watch)(fmi_instance *f);
+
 struct fmi_instance {
     gyro_instance *core;
     unsigned state;         /* one of the life-cycle bits */
@@ -59,11 +63,14 @@ struct fmi_instance {
     fmi_status last_step;   /* of the latest step */
     double start_time;      /* s */
     double stop_time;       /* s, infinite when undefined */
-    double latest_time;     /* s, stop_time plus half an internal step: no step may end later */
+    double latest_time;     /* s, stop_time and the rounding of times: no step may end later */
     unsigned logging;       /* LOG_ bits that are on */
     fmi_emit emit;          /* hands a text to `callback` the standard's way */
     fmi_callback callback;  /* may be NULL */
-    void *environment;      /* the importer's, for `callback` */
+    void *environment;      /* the importer's, for both callbacks */
+    fmi_watch watch;        /* hands an intermediate point to `update` the standard's way; NULL: nobody looks */
+    fmi_callback update;    /* the importer's function for it */
+    int may_end_early;      /* 1: the importer takes a step that ends early */
     char name[];            /* the importer's name of the instance */
 };
 
@@ -78,6 +85,9 @@ typedef struct {
     fmi_emit emit;
     fmi_callback callback;
     void *environment;
+    fmi_watch watch;
+    fmi_callback update;
+    int may_end_early;
 } fmi_request;
 
 /* A new instance; NULL, with a message in the log, when the request is refused. */
@@ -106,7 +116,7 @@ fmi_status fmi_set_logging(fmi_instance *f, const char *call, int on, size_t n, 
 fmi_status fmi_set_times(fmi_instance *f, const char *call, double start_time, int stop_defined, double stop_time);
 fmi_status fmi_enter_initialization(fmi_instance *f, const char *call);
 fmi_status fmi_exit_initialization(fmi_instance *f, const char *call);
-void fmi_find_latest_time(fmi_instance *f); /* from stop_time and the parameter internal_step */
+void fmi_find_latest_time(fmi_instance *f); /* from start_time and stop_time */
 fmi_status fmi_terminate(fmi_instance *f, const char *call);
 fmi_status fmi_reset(fmi_instance *f, const char *call);
 
@@ -117,7 +127,7 @@ fmi_status fmi_get(fmi_instance *f, const char *call, gyro_type type, const uint
 /* For the types that no variable has: FMI_OK for n = 0, else an error that says what the first variable is. */
 fmi_status fmi_no_such_type(const fmi_instance *f, const char *call, const uint32_t vr[], size_t n);
 
-/* From time `from` on by `step`, s. */
+/* From time `from` on by `step`, s; FMI_DISCARD where it ends early, at fmi_time. */
 fmi_status fmi_step(fmi_instance *f, const char *call, double from, double step);
 
 /* Saved states are blocks of their own, good for any instance of this model. fmi_save: *saved NULL: a new block, else it is used again;

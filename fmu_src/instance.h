@@ -1,6 +1,5 @@
-/* What core.c, events.c and snapshot.c share with the plant inside an instance. Each FMU has a plant.h of its own, which defines `struct gyro_instance`
-   with `value`, `message`, a `memory` that begins with the fields that core.c uses, and a `plan` with
-   the internal step and the events. */
+/* What core.c, clock.c and snapshot.c share with the plant inside an instance. Each FMU has a plant.h of its own, which defines
+   `struct gyro_instance` with `value`, `message`, `view`, a `memory` with a `clock` and a `plan` with `cuts`. */
 
 #ifndef GYRO_INSTANCE_H
 #define GYRO_INSTANCE_H
@@ -12,11 +11,49 @@
 #pragma GCC visibility push(hidden)
 #endif
 
-/* A step or time counts as a multiple of the internal step within this fraction of one. */
-#define GYRO_ON_GRID 1e-6
+/* Time is counted in ticks of 1 ps since the start: far below any step, and a double holds them exactly for 2.5 hours. */
+#define GYRO_TICKS_A_SECOND 1e12
 
-/* No run comes this far: half of what an int64 counts. */
-#define GYRO_MOST_STEPS (INT64_MAX / 2)
+/* The last tick that a run may reach, 104 days; what is added to it below still fits an int64. */
+#define GYRO_LAST_TICK INT64_C(9000000000000000000)
+
+/* A time that comes from a parameter and falls where it likes: an event, a delayed change of the force. */
+typedef struct {
+    int64_t tick; /* since the start; GYRO_NEVER: it does not come */
+    double part;  /* beyond the tick, [0, 1) ticks */
+} gyro_instant;
+
+#define GYRO_NEVER INT64_MAX
+
+/* Multiples of a period: the k-th lies at the tick nearest to k (whole + part), so that no rounding adds up. */
+typedef struct {
+    int64_t whole; /* ticks */
+    double part;   /* ticks, [0, 1) */
+} gyro_beat;
+
+/* Changes with time. */
+typedef struct {
+    double start_time;          /* s */
+    int64_t started;            /* 1 after gyro_start */
+    int64_t now;                /* the communication point, in ticks since the start */
+    double rest;                /* by what the sum of the steps is beyond `now`, ticks */
+    gyro_instant settled;       /* up to where the motion is final, at most `now`: nothing that an importer does later can cut it */
+    int64_t grid;               /* points of the integration grid up to `settled`, the start not counted */
+    int64_t sample;             /* samples up to `settled`, likewise: the index of the latest */
+    int64_t diverged;           /* 1 once a state is not finite */
+    double next_time;           /* end of the latest step as the importer adds it up, s */
+    double held[GYRO_N_INPUTS]; /* inputs that have acted since the latest change, SI */
+} gyro_clock;
+
+/* The instants at which the integration is cut; follows from the parameters and the clock. */
+typedef struct {
+    gyro_beat grid;      /* multiples of internal_step */
+    gyro_beat sample;    /* multiples of sample_period, or what the plant draws its noise at */
+    int64_t next_grid;   /* tick of the next of each */
+    int64_t next_sample;
+    gyro_instant next_event;
+    gyro_instant event[GYRO_N_EFFECTS]; /* of each effect, negative where it is before the start */
+} gyro_cuts;
 
 /* From core.c. */
 
@@ -26,37 +63,76 @@ gyro_status gyro_refuse(gyro_instance *g, const char *format, ...);
 /* Refuses parameters out of their bounds, or of no passive device. */
 gyro_status gyro_check(gyro_instance *g);
 
-/* Whether `time` [s] is a multiple of `step` [s] to within `slack` steps; the nearest multiple goes to *count. */
-int gyro_whole_steps(double time, double step, double slack, int64_t *count);
+/* From clock.c. */
 
-/* From events.c, over the event_ fields of the plan. */
+/* A time or period [s] in ticks; a whole number where it is one to the rounding of a double. */
+double gyro_ticks(double seconds);
 
-/* Finds the internal step and the fraction of it in which each effect's event falls. */
-void gyro_plan_events(gyro_instance *g);
+/* The instant that many ticks after the start, or at the end of what is counted. */
+gyro_instant gyro_instant_of(double ticks);
 
-/* Sets the switches of the view for the events that have passed at `fraction` of internal step `tick`. */
-void gyro_pass_events(gyro_instance *g, int64_t tick, double fraction);
+int gyro_before(gyro_instant a, gyro_instant b);
 
-/* The first event inside the present internal step after `fraction` of it; 1 where there is none. */
-double gyro_next_event(const gyro_instance *g, double fraction);
+/* From one instant to another [s]. */
+double gyro_between(gyro_instant from, gyro_instant to);
+
+/* The time [s] of an instant, by which laws go. */
+double gyro_time_of(const gyro_instance *g, gyro_instant at);
+
+gyro_beat gyro_beat_of(double period);
+
+/* The tick of the k-th beat, k >= 0. */
+int64_t gyro_tick_of(gyro_beat beat, int64_t k);
+
+/* Finds events and next instants from the parameters (in the view), the beats of the plan and the clock; sets the view's switches. */
+void gyro_plan_cuts(gyro_instance *g);
+
+/* The next instant after `settled` that is on the grid, a sample or an event. */
+gyro_instant gyro_next_cut(const gyro_instance *g);
+
+/* What `settled` has come to. */
+enum { GYRO_AT_SAMPLE = 1, GYRO_AT_EVENT = 2 };
+
+/* Moves `settled` to `to`, at most the next cut, with counts, next instants and the view's switches; gives GYRO_AT_ bits. */
+int gyro_settle(gyro_instance *g, gyro_instant to);
+
+/* Why a clock that was read from bytes can be none; NULL where it can. The beats of the plan must be known. */
+const char *gyro_impossible_clock(const gyro_instance *g);
 
 /* From the plant. */
 
 /* Builds the plan and the rest of the view from values and memory; refuses parameters that don't fit one another. Allocates nothing. */
 gyro_status gyro_prepare(gyro_instance *g);
 
-/* Bytes of what the plan says that the instance holds beside itself, and room for them. */
+/* Bytes of what the instance holds beside itself by its memory, and room for them. */
 size_t gyro_room(const gyro_instance *g);
 gyro_status gyro_make_room(gyro_instance *g);
 
 /* Why a memory that was read from bytes can be none of this plant; NULL where it can. */
 const char *gyro_impossible_memory(const gyro_instance *g);
 
+/* Why what the instance holds beside itself, read from bytes, can be none; NULL where it can. */
+const char *gyro_impossible_room(const gyro_instance *g);
+
 /* Sets the initial state, takes sample 0, latches the outputs. */
 void gyro_first_sample(gyro_instance *g);
 
-/* Moves `ticks` internal steps with the inputs as they are, taking the samples that fall on the way. */
-void gyro_tick(gyro_instance *g, int64_t ticks);
+/* The values of the inputs act from now on, which `settled` has reached; `held` are those before. GYRO_ERROR when memory is short, and
+   then nothing has changed. */
+gyro_status gyro_take_inputs(gyro_instance *g);
+
+/* The next instant after `settled` at which the plant itself is cut. */
+gyro_instant gyro_next_own_cut(const gyro_instance *g);
+
+/* Moves the state from `settled` to `to`, in which nothing jumps, settles there and does what is due there. */
+void gyro_move(gyro_instance *g, gyro_instant to);
+
+/* Puts out the motion at `settled`. */
+void gyro_put_out(gyro_instance *g);
+
+/* Puts out the motion at `to`, between `settled` and the next cut, and leaves no trace of having been there; only a state that
+   is not finite stays. */
+void gyro_look_ahead(gyro_instance *g, gyro_instant to);
 
 /* The name of a state that is not finite; NULL where all are. */
 const char *gyro_infinite_state(const gyro_instance *g);

@@ -13,12 +13,13 @@
         g->s[i] = start[i] + h * (sum); \
     }                                   \
     g->t = t + (node) * h;              \
+    g->since = (node) * h;              \
     if (g->any_law) {                   \
         apply_laws(g, value);           \
     }                                   \
     state_rate(g, k[stage])
 
-/* Moves the states of the view from time t by h [s], the force of the view held. `value` shape (GYRO_N_VARIABLES), as set; n states,
+/* Moves the states of the view from time t by h [s], the force of the view held, what lags being that of time t. `value` shape (GYRO_N_VARIABLES), as set; n states,
    a constant at each call, so that the loops unroll. */
 static inline void integrate_states(gyro_view *g, const double *value, double t, double h, int n)
 {

@@ -1,4 +1,4 @@
-/* What follows from the parameters of an instance: samples and delay. */
+/* What follows from the parameters of an instance, and what it holds of the past. */
 
 #include <stdlib.h>
 #include <string.h>
@@ -7,66 +7,10 @@
 
 void gyro_drop(gyro_instance *g)
 {
-    free(g->delay_line);
-    g->delay_line = NULL;
-    g->delay_length = 0;
-}
-
-static gyro_status plan_samples(gyro_instance *g)
-{
-    const double step = g->value[GYRO_INTERNAL_STEP], period = g->value[GYRO_SAMPLE_PERIOD];
-    gyro_status status = GYRO_OK;
-    int64_t ticks;
-    g->plan.step = step;
-    if (!gyro_whole_steps(period, step, GYRO_ON_GRID, &ticks) || ticks < 1) {
-        const double below = floor(period / step) > 1.0 ? floor(period / step) : 1.0;
-        status = gyro_refuse(g, "sample_period = %.9g s is no multiple of internal_step = %.9g s: nearest are %.9g s and %.9g s", period, step,
-                             below * step, (below + 1.0) * step);
-    }
-    g->plan.sample_ticks = ticks;
-    return status;
-}
-
-static void plan_delay(gyro_instance *g)
-{
-    const double steps = force_delay(&g->view) / g->plan.step;
-    const double nearest = floor(steps + 0.5);
-    const double whole = fabs(steps - nearest) <= GYRO_ON_GRID ? nearest : floor(steps);
-    g->plan.any_delay = steps > 0.0;
-    g->plan.delay_ticks = (int64_t)whole;
-    g->plan.delay_fraction = larger(0.0, steps - whole);
-}
-
-size_t gyro_room(const gyro_instance *g)
-{
-    return g->plan.any_delay ? ((size_t)g->plan.delay_ticks + 2) * sizeof *g->delay_line : 0;
-}
-
-gyro_status gyro_make_room(gyro_instance *g)
-{
-    gyro_status status = GYRO_OK;
-    const size_t room = gyro_room(g);
-    gyro_drop(g);
-    if (room > 0) {
-        g->delay_line = calloc(1, room);
-        g->delay_length = g->delay_line != NULL ? room / sizeof *g->delay_line : 0;
-        if (g->delay_line == NULL) {
-            status = gyro_refuse(g, "no memory for a delay of %.9g s: make internal_step longer", force_delay(&g->view));
-        }
-    }
-    return status;
-}
-
-const char *gyro_impossible_memory(const gyro_instance *g)
-{
-    const gyro_memory *m = &g->memory;
-    const char *why = NULL;
-    if (m->tick < 0 || m->tick > GYRO_MOST_STEPS || m->sample < 0 || m->sample > GYRO_MOST_STEPS) {
-        why = "its count of steps or samples is impossible";
-    } else if (m->ticks_to_sample < 1 || m->ticks_to_sample > g->plan.sample_ticks) {
-        why = "its next sample is not within a sample period";
-    }
-    return why;
+    free(g->late);
+    g->late = NULL;
+    g->late_first = 0;
+    g->late_room = 0;
 }
 
 gyro_status gyro_prepare(gyro_instance *g)
@@ -74,16 +18,23 @@ gyro_status gyro_prepare(gyro_instance *g)
     gyro_view *view = &g->view;
     gyro_status status = gyro_check(g);
     if (status == GYRO_OK) {
-        status = plan_samples(g);
+        g->plan.cuts.grid = gyro_beat_of(g->value[GYRO_INTERNAL_STEP]);
+        g->plan.cuts.sample = gyro_beat_of(g->value[GYRO_SAMPLE_PERIOD]);
+        const char *why = gyro_impossible_clock(g);
+        status = why != NULL ? gyro_refuse(g, "%s", why) : GYRO_OK;
     }
     if (status == GYRO_OK) {
-        memcpy(view->p, g->value, sizeof view->p);
+        /* Inputs may have been set that do not act yet. */
+        double acting[GYRO_N_VARIABLES];
+        memcpy(acting, g->value, sizeof acting);
+        memcpy(acting, g->memory.clock.held, sizeof g->memory.clock.held);
+        memcpy(view->p, acting, sizeof view->p);
+        take_made(view, acting);
         view->inverse_mass = 1.0 / g->value[GYRO_M];
-        view->t = gyro_time(g);
-        view->step_start = view->t;
+        view->t = gyro_time_of(g, g->memory.clock.settled);
+        view->since = 0.0;
         find_active(view);
-        gyro_plan_events(g);
-        gyro_pass_events(g, g->memory.tick, 0.0);
+        gyro_plan_cuts(g);
         g->plan.any_draw = 0;
         for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
             g->plan.any_draw |= (unsigned char)(streams[effect] != 0u && view->active[effect]);
@@ -92,9 +43,51 @@ gyro_status gyro_prepare(gyro_instance *g)
             gyro_pink_design(&g->plan.pink, g->value[GYRO_SAMPLE_PERIOD]);
         }
         g->plan.any_lag = (unsigned char)lag_acts(view);
-        plan_delay(g);
+        gyro_refresh(view, acting);
+        g->plan.delay = gyro_instant_of(gyro_ticks(force_delay(view)));
+        g->plan.any_delay = g->plan.delay.tick > 0 || g->plan.delay.part > 0.0;
+        status = !g->plan.any_delay && g->memory.n_late > 0 ? gyro_refuse(g, "forces are on their way, but there is no delay") : GYRO_OK;
     }
     return status;
+}
+
+size_t gyro_room(const gyro_instance *g) { return (size_t)g->memory.n_late * sizeof *g->late; }
+
+gyro_status gyro_make_room(gyro_instance *g)
+{
+    gyro_status status = GYRO_OK;
+    gyro_drop(g);
+    if (g->memory.n_late > 0) {
+        g->late = calloc((size_t)g->memory.n_late, sizeof *g->late);
+        g->late_room = g->late != NULL ? g->memory.n_late : 0;
+        if (g->late == NULL) {
+            status = gyro_refuse(g, "no memory for %lld late forces", (long long)g->memory.n_late);
+        }
+    }
+    return status;
+}
+
+const char *gyro_impossible_memory(const gyro_instance *g)
+{
+    /* So that the count in bytes, which is then compared with the bytes present, can't overflow. */
+    const int64_t most = INT64_MAX / (int64_t)sizeof(gyro_late_force) / 2;
+    return g->memory.n_late < 0 || g->memory.n_late > most || (uint64_t)g->memory.n_late > SIZE_MAX / sizeof(gyro_late_force)
+               ? "its count of late forces is impossible"
+               : NULL;
+}
+
+const char *gyro_impossible_room(const gyro_instance *g)
+{
+    const char *why = NULL;
+    gyro_instant before = {g->memory.clock.now, 0.0};
+    for (int64_t i = 0; i < g->memory.n_late && why == NULL; i++) {
+        const gyro_instant due = {g->late[g->late_first + i].due, g->plan.delay.part};
+        if (!gyro_before(before, due) || due.tick - g->plan.delay.tick > g->memory.clock.now) {
+            why = "its late forces act in no order";
+        }
+        before = due;
+    }
+    return why;
 }
 
 void gyro_list_parts(gyro_instance *g, gyro_part parts[])
@@ -104,7 +97,7 @@ void gyro_list_parts(gyro_instance *g, gyro_part parts[])
     parts[2] = (gyro_part){g->view.s, sizeof g->view.s};
     parts[3] = (gyro_part){g->view.drawn, sizeof g->view.drawn};
     parts[4] = (gyro_part){g->view.lagging, sizeof g->view.lagging};
-    parts[5] = (gyro_part){g->delay_line, g->delay_length * sizeof *g->delay_line};
+    parts[5] = (gyro_part){g->late != NULL ? g->late + g->late_first : NULL, gyro_room(g)};
 }
 
 const char *gyro_infinite_state(const gyro_instance *g)

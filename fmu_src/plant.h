@@ -1,11 +1,12 @@
-/* What an instance holds. Shared by core.c (life of an instance), plan.c (what follows from the parameters), plant.c (the step) and
-   snapshot.c. */
+/* What an instance holds. Shared by core.c (life of an instance), clock.c (time), plan.c (what follows from the parameters), plant.c (the
+   motion) and snapshot.c. */
 
 #ifndef GYRO_PLANT_H
 #define GYRO_PLANT_H
 
 #include "generated/effects.h"
 #include "instance.h"
+#include "lag.h"
 #include "pink.h"
 
 /* Also where an importer compiles the sources without -fvisibility=hidden, two FMUs in one process keep to their own. */
@@ -13,36 +14,34 @@
 #pragma GCC visibility push(hidden)
 #endif
 
-/* Follows from the parameters and stays during a run. */
+/* Follows from the parameters and stays during a run, but for the next instants of the cuts. */
 typedef struct {
-    double step;                           /* internal step, s */
-    int64_t sample_ticks;                  /* internal steps a sample */
-    int64_t delay_ticks;                   /* whole internal steps of the force delay */
-    double delay_fraction;                 /* the rest of it, in internal steps, [0, 1) */
-    int64_t event_tick[GYRO_N_EFFECTS];    /* internal step in which each effect's event falls; INT64_MAX: none */
-    double event_fraction[GYRO_N_EFFECTS]; /* where in that step, [0, 1) */
-    gyro_pink_plan pink;                   /* where any_draw */
-    unsigned char any_event;
+    gyro_cuts cuts;
+    gyro_instant delay;  /* of the force, as if it came at the start */
+    gyro_pink_plan pink; /* where any_draw */
+    gyro_lag lag;        /* weights for the latest step and time constants; where any_lag */
     unsigned char any_delay;
     unsigned char any_lag;
     unsigned char any_draw;
 } gyro_plan;
 
-/* Changes with time. With the values, the states, lagging quantities and random numbers of the view, and the delay line, it is all that a snapshot holds. */
+/* Changes with time. With the values, the states, lagging quantities and random numbers of the view, and the late forces, it is all that a
+   snapshot holds. */
 typedef struct {
-    double start_time;       /* s */
-    int64_t started;         /* 1 after gyro_start */
-    int64_t tick;            /* internal steps since the start */
-    int64_t sample;          /* index of the latest sample */
-    int64_t ticks_to_sample; /* internal steps until the next one */
-    int64_t calls;           /* calls of gyro_advance */
-    double next_time;        /* end of the latest step as the importer adds it up, s */
-    double held[GYRO_N_INPUTS]; /* inputs of the latest step, SI; where any_impulse */
+    gyro_clock clock;
+    int64_t n_late;   /* late forces */
+    double acting[2]; /* the command that acts now, after the delay, N */
     gyro_pink_memory pink[GYRO_N_PINK];
-    double lagged[2];        /* voltage after the amplifier's lag, V */
+    double lagged[2]; /* voltage after the amplifier's lag, V */
 } gyro_memory;
 
-/* Parts of a snapshot: values, memory, states, noise, lagging quantities, delay line. */
+/* A command on its way through the delay. */
+typedef struct {
+    int64_t due; /* tick in which it acts, the delay's part of a tick after its beginning */
+    double u[2]; /* N */
+} gyro_late_force;
+
+/* Parts of a snapshot: values, memory, states, noise, lagging quantities, late forces. */
 enum { GYRO_N_PARTS = 6 };
 
 struct gyro_instance {
@@ -50,10 +49,14 @@ struct gyro_instance {
     gyro_memory memory;
     gyro_plan plan;
     gyro_view view;
-    double (*delay_line)[2]; /* commanded forces of past internal steps, N, shape (delay_length, 2); NULL without a delay */
-    size_t delay_length;
+    gyro_late_force *late; /* room for late_room commands, those on their way at late_first and after, in the order in which they act */
+    int64_t late_first;
+    int64_t late_room;
     char message[GYRO_MESSAGE_SIZE];
 };
+
+/* Brings what holds at the time of the view, with the variables `value` as set: laws, then the noise force, which depends on them. */
+void gyro_refresh(gyro_view *view, const double value[GYRO_N_VARIABLES]);
 
 #if defined(__GNUC__)
 #pragma GCC visibility pop

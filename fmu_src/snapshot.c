@@ -6,7 +6,7 @@
 #include "plant.h"
 
 static const uint64_t MAGIC = 0x3154415453595247u; /* "GRYSTAT1" read as little-endian bytes; another byte order reads another number */
-static const uint64_t VERSION = 1;
+static const uint64_t VERSION = 2;
 
 typedef struct {
     uint64_t magic;
@@ -114,11 +114,35 @@ static size_t fixed_size(gyro_instance *g)
     return size;
 }
 
+static gyro_status refuse_why(gyro_instance *g, const char *why) { return why != NULL ? gyro_refuse(g, "%s", why) : GYRO_OK; }
+
+/* What a started instance has beyond the parts of fixed size: `size` bytes are there, and nothing is allocated before they must fit. */
+static gyro_status read_run(gyro_instance *g, const unsigned char *bytes, size_t size)
+{
+    gyro_status status = isfinite(g->memory.clock.start_time) ? GYRO_OK : refuse_why(g, "its start time is not finite");
+    if (status == GYRO_OK) {
+        status = refuse_why(g, gyro_impossible_memory(g));
+    }
+    if (status == GYRO_OK && size != gyro_room(g)) {
+        status = gyro_refuse(g, "%zu bytes are left for the past forces, %zu are due", size, gyro_room(g));
+    }
+    if (status == GYRO_OK) {
+        status = gyro_prepare(g);
+    }
+    if (status == GYRO_OK) {
+        status = gyro_make_room(g);
+    }
+    if (status == GYRO_OK) {
+        read_parts(g, bytes, GYRO_N_PARTS - 1, GYRO_N_PARTS - 1);
+        status = refuse_why(g, gyro_impossible_room(g));
+    }
+    return status;
+}
+
 /* Fills a new instance from the body of a snapshot, of which nothing is taken for granted but that `size` bytes are there. */
 static gyro_status read_body(gyro_instance *g, const unsigned char *body, size_t size)
 {
     const size_t fixed = fixed_size(g);
-    size_t room = 0;
     gyro_status status = GYRO_OK;
     if (size < fixed) {
         status = gyro_refuse(g, "it ends after %zu of the %zu bytes that every state has", size, fixed);
@@ -126,27 +150,10 @@ static gyro_status read_body(gyro_instance *g, const unsigned char *body, size_t
         read_parts(g, body, 0, GYRO_N_PARTS - 2);
         status = check_values(g);
     }
-    if (status == GYRO_OK && !isfinite(g->memory.start_time)) {
-        status = gyro_refuse(g, "its start time is %g", g->memory.start_time);
-    }
-    if (status == GYRO_OK && g->memory.started) {
-        status = gyro_prepare(g);
-        if (status == GYRO_OK) {
-            const char *why = gyro_impossible_memory(g);
-            room = gyro_room(g);
-            if (why != NULL) {
-                status = gyro_refuse(g, "%s", why);
-            }
-        }
-    }
-    if (status == GYRO_OK && size - fixed != room) {
-        status = gyro_refuse(g, "%zu bytes are left for the past forces, its parameters ask for %zu", size - fixed, room);
-    }
-    if (status == GYRO_OK && room > 0) {
-        status = gyro_make_room(g);
-    }
-    if (status == GYRO_OK) {
-        read_parts(g, body + fixed, GYRO_N_PARTS - 1, GYRO_N_PARTS - 1);
+    if (status == GYRO_OK && gyro_started(g)) {
+        status = read_run(g, body + fixed, size - fixed);
+    } else if (status == GYRO_OK && size != fixed) {
+        status = gyro_refuse(g, "it has %zu bytes too many", size - fixed);
     }
     return status;
 }

@@ -17,7 +17,7 @@ from typing import ClassVar
 from gyro_model.model import Model, load_model
 from gyro_model.quantities import INPUTS, OUTPUTS, PARAMETERS, Quantity, Role
 
-_TIMING = ("internal_step", "sample_period", "seed")
+_TIMING = ("internal_step", "sample_period", "seed", "step_limit")
 _PARTS = {"i": "part along cos φ", "q": "part along -sin φ"}
 
 
@@ -32,7 +32,7 @@ def _pairs(role: Role, unit: str, names: dict[str, str]) -> tuple[Quantity, ...]
 # A hertz keeps the motion oscillating: the model divides by the carrier.
 CARRIER = Quantity("carrier_frequency", "Hz", 3000.0, "rate of the carrier's phase over 2π", "input", low=1.0)
 INTERNAL_STEP = Quantity(
-    "internal_step", "s", 1e-3, "step of the envelopes, between draws of noise, and unit of time", low=1e-6, high=10.0
+    "internal_step", "s", 1e-3, "longest step of the envelopes, between draws of noise", low=1e-6, high=10.0
 )
 
 ENVELOPE_INPUTS = (

@@ -110,8 +110,8 @@ typedef struct {
     double v[2];                          /* voltage on its way to the converter, V */
     double change[GYRO_N_INPUTS];         /* by how much each held input has just changed, SI */
     double t;                             /* time, s */
-    double step_start;                    /* start of the internal step, s */
-    double lagging[GYRO_N_LAGGING];       /* quantities that lag, at the start of the internal step, SI */
+    double since;                         /* time since `lagging`, s; two late dates would differ by less */
+    double lagging[GYRO_N_LAGGING];       /* quantities that lag, at the start of the step, SI */
     double lagging_now[GYRO_N_LAGGING];   /* the same, now */
     double inverse_mass;                  /* 1/kg */
     double drawn[GYRO_N_EFFECTS][2];      /* normal or pink numbers of each effect, of the latest sample */
@@ -139,7 +139,7 @@ static inline void follow(gyro_view *g, int vr, int index, double lag)
 {
     const double set = g->p[vr];
     if (lag > 0.0) {
-        g->p[vr] = g->lagging[index] + (set - g->lagging[index]) * decayed((g->t - g->step_start) / lag);
+        g->p[vr] = g->lagging[index] + (set - g->lagging[index]) * decayed(g->since / lag);
     }
     g->lagging_now[index] = g->p[vr];
 }

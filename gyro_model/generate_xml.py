@@ -59,6 +59,8 @@ def fmi3(model: Model, token: str) -> str:
         "CoSimulation",
         modelIdentifier=model.NAME,
         canHandleVariableCommunicationStepSize="true",
+        providesIntermediateUpdate="true",
+        canReturnEarlyAfterIntermediateUpdate="true",
         canGetAndSetFMUState="true",
         canSerializeFMUState="true",
     )

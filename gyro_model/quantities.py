@@ -119,7 +119,17 @@ PARAMETERS = (
     _parameter("x_dot_start", "m/s", 0.0, "x velocity at the start"),
     _parameter("y_start", "m", 0.0, "y displacement at the start"),
     _parameter("y_dot_start", "m/s", 0.0, "y velocity at the start"),
-    _parameter("internal_step", "s", 1e-6, "step of the integrator and unit of time", low=1e-9, high=1e-3),
+    _parameter("internal_step", "s", 5e-6, "longest step of the integrator, whose grid it is", low=1e-9, high=1e-3),
     _parameter("sample_period", "s", 5e-6, "time between samples and between draws of noise", low=1e-9, high=1.0),
     Quantity("seed", "1", 0, "seed of all noises", "parameter", 0, 2**31 - 1, integer=True),
+    Quantity(
+        "step_limit",
+        "1",
+        0,
+        "internal steps after which a step ends early; 0: none",
+        "parameter",
+        0,
+        2**31 - 1,
+        integer=True,
+    ),
 )

@@ -11,15 +11,25 @@ gyro_status gyro_prepare(gyro_instance *g)
     gyro_view *view = &g->view;
     gyro_status status = gyro_check(g);
     if (status == GYRO_OK) {
+        g->plan.cuts.grid = gyro_beat_of(g->value[GYRO_INTERNAL_STEP]);
+        g->plan.cuts.sample = g->plan.cuts.grid;
+        const char *why = gyro_impossible_clock(g);
+        status = why != NULL ? gyro_refuse(g, "%s", why) : GYRO_OK;
+    }
+    if (status == GYRO_OK) {
+        /* Inputs may have been set that do not act yet. */
+        double acting[GYRO_N_VARIABLES];
+        memcpy(acting, g->value, sizeof acting);
+        memcpy(acting, g->memory.clock.held, sizeof g->memory.clock.held);
         g->plan.step = g->value[GYRO_INTERNAL_STEP];
         g->plan.noise_scale = sqrt(2.0 * g->value[GYRO_SAMPLE_PERIOD] / g->plan.step);
-        memcpy(view->p, g->value, sizeof view->p);
+        memcpy(view->p, acting, sizeof view->p);
+        take_made(view, acting);
         view->inverse_mass = 1.0 / g->value[GYRO_M];
-        view->t = gyro_time(g);
-        view->step_start = view->t;
+        view->t = gyro_time_of(g, g->memory.clock.settled);
+        view->since = 0.0;
         find_active(view);
-        gyro_plan_events(g);
-        gyro_pass_events(g, g->memory.tick, 0.0);
+        gyro_plan_cuts(g);
     }
     return status;
 }
@@ -38,7 +48,14 @@ gyro_status gyro_make_room(gyro_instance *g)
 
 const char *gyro_impossible_memory(const gyro_instance *g)
 {
-    return g->memory.tick < 0 || g->memory.tick > GYRO_MOST_STEPS ? "its count of steps is impossible" : NULL;
+    (void)g;
+    return NULL;
+}
+
+const char *gyro_impossible_room(const gyro_instance *g)
+{
+    (void)g;
+    return NULL;
 }
 
 void gyro_list_parts(gyro_instance *g, gyro_part parts[])

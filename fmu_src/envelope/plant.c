@@ -1,4 +1,4 @@
-/* One internal step of the envelope form. */
+/* The motion of the envelope form between two instants that cut it. */
 
 #include "plant.h"
 
@@ -10,24 +10,6 @@ static const double TWO_PI = 6.283185307179586;
 
 /* m²; an amplitude of 1e-30 m is none, and its inverse square is still a number. */
 static const double NO_MOTION = 1e-60;
-
-/* Inputs are held: the view takes them over once a call. */
-static void take_inputs(gyro_instance *g)
-{
-    gyro_view *view = &g->view;
-    for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
-        view->p[vr] = g->value[vr];
-    }
-    for (int vr = 0; view->any_impulse && vr < GYRO_N_INPUTS; vr++) {
-        view->change[vr] = g->memory.tick > 0 ? g->value[vr] - g->memory.held[vr] : 0.0;
-        g->memory.held[vr] = g->value[vr];
-    }
-    take_made(view, g->value);
-    if (g->memory.tick == 0) {
-        /* What holds in the first step has held before. */
-        start_lagging(view, g->value);
-    }
-}
 
 /* The amplitudes jump by the impulses that a change of the held inputs gives: velocities by J/m, displacements by B J. */
 static void jolt(gyro_instance *g)
@@ -48,10 +30,12 @@ static void jolt(gyro_instance *g)
     memory->q.part[0] = pair_plus(memory->q.part[0], apply(memory->slow.input, impulse));
 }
 
-/* Parameters at time `t` of the present step [s]. */
-static void apply_laws_at(gyro_instance *g, double t)
+/* Parameters at `part` of the step from `settled` to `to`. */
+static void apply_laws_at(gyro_instance *g, gyro_instant to, double part)
 {
-    g->view.t = t;
+    const double h = gyro_between(g->memory.clock.settled, to);
+    g->view.since = part * h;
+    g->view.t = part < 1.0 ? gyro_time_of(g, g->memory.clock.settled) + part * h : gyro_time_of(g, to);
     if (g->view.any_law) {
         apply_laws(&g->view, g->value);
     }
@@ -166,9 +150,12 @@ static pair thermal_motion(gyro_instance *g)
         memory->noise_step = memory->slow.step;
         memory->gathered = gyro_gathered(&memory->slow, density);
     }
+    /* A step that begins inside its interval of the grid draws numbers of its own, told by where it begins. */
+    const int64_t interval = memory->clock.grid;
+    const uint32_t where = 2u * (uint32_t)(memory->clock.settled.tick - gyro_tick_of(g->plan.cuts.grid, interval));
     double along[2], across[2];
-    gyro_draw(g, drawn_forces[0], 0, along);
-    gyro_draw(g, drawn_forces[0], 1, across);
+    gyro_draw(g, drawn_forces[0], interval, where, along);
+    gyro_draw(g, drawn_forces[0], interval, where + 1u, across);
     return apply(memory->gathered, (pair){{{along[0], across[0]}, {along[1], across[1]}}});
 }
 
@@ -182,13 +169,14 @@ static void advance(gyro_instance *g, pair before, const gyro_harmonics *u, gyro
     memory->q_dot = pair_plus(apply(memory->slow.rate, memory->q.part[0]), apply(memory->slow.input, force));
 }
 
-/* Between two events: `step` from `start`, both s. Laws are those of the middle. */
-static void move(gyro_instance *g, double start, double step)
+/* The amplitudes from `settled` to `to`, in which nothing jumps. Laws are those of the middle, then of the end. */
+static void move_amplitudes(gyro_instance *g, gyro_instant to)
 {
     gyro_view *view = &g->view;
+    const double step = gyro_between(g->memory.clock.settled, to);
     const pair before = g->memory.q.part[0];
     gyro_harmonics u;
-    apply_laws_at(g, start + 0.5 * step);
+    apply_laws_at(g, to, 0.5);
     gyro_actuate(g, &u);
     const gyro_motion m = gyro_straight_motion(g);
     if (any_curved_force(view)) {
@@ -199,33 +187,50 @@ static void move(gyro_instance *g, double start, double step)
     if (any_drawn_force(view)) {
         g->memory.q.part[0] = pair_plus(g->memory.q.part[0], thermal_motion(g));
     }
+    apply_laws_at(g, to, 1.0);
 }
 
-static void move_one_tick(gyro_instance *g)
+void gyro_move(gyro_instance *g, gyro_instant to)
 {
-    const double h = g->plan.step;
-    const double start = gyro_time(g);
-    if (!g->plan.any_event) {
-        move(g, start, h);
-    } else {
-        double done = 0.0;
-        while (done < 1.0) {
-            const double until = gyro_next_event(g, done);
-            gyro_pass_events(g, g->memory.tick, done);
-            move(g, start + done * h, (until - done) * h);
-            done = until;
-        }
-    }
-    g->memory.tick++;
-    apply_laws_at(g, gyro_time(g));
-    g->view.step_start = g->view.t;
+    move_amplitudes(g, to);
     memcpy(g->view.lagging, g->view.lagging_now, sizeof g->view.lagging);
+    gyro_settle(g, to);
+    apply_laws_at(g, to, 0.0);
 }
 
-static void put_out(gyro_instance *g)
+gyro_instant gyro_next_own_cut(const gyro_instance *g)
+{
+    (void)g;
+    return (gyro_instant){GYRO_NEVER, 0.0};
+}
+
+gyro_status gyro_take_inputs(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    const gyro_clock *clock = &g->memory.clock;
+    for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
+        view->p[vr] = g->value[vr];
+        view->change[vr] = clock->now > 0 ? g->value[vr] - clock->held[vr] : 0.0;
+    }
+    take_made(view, g->value);
+    if (clock->now == 0) {
+        /* What holds in the first step has held before. */
+        start_lagging(view, g->value);
+    }
+    apply_laws_at(g, clock->settled, 0.0);
+    if (view->any_impulse) {
+        jolt(g);
+    }
+    return GYRO_OK;
+}
+
+/* With the noise of the point of the grid at `at`, or of the next one. */
+static void put_out(gyro_instance *g, gyro_instant at)
 {
     const gyro_harmonics *q = &g->memory.q;
-    gyro_sense(g);
+    const int64_t point = g->memory.clock.grid;
+    const gyro_instant latest = {gyro_tick_of(g->plan.cuts.grid, point), 0.0};
+    gyro_sense(g, gyro_before(latest, at) ? point + 1 : point);
     g->value[GYRO_X_I] = q->part[0].e[0].re;
     g->value[GYRO_X_Q] = q->part[0].e[0].im;
     g->value[GYRO_Y_I] = q->part[0].e[1].re;
@@ -236,6 +241,20 @@ static void put_out(gyro_instance *g)
     g->value[GYRO_TEMPERATURE_CIRCUIT] = g->view.p[GYRO_TEMPERATURE_CIRCUIT];
 }
 
+void gyro_put_out(gyro_instance *g) { put_out(g, g->memory.clock.settled); }
+
+void gyro_look_ahead(gyro_instance *g, gyro_instant to)
+{
+    const gyro_view view = g->view;
+    const gyro_memory memory = g->memory;
+    move_amplitudes(g, to);
+    put_out(g, to);
+    if (gyro_infinite_state(g) == NULL) {
+        g->view = view;
+        g->memory = memory;
+    }
+}
+
 void gyro_first_sample(gyro_instance *g)
 {
     gyro_memory *memory = &g->memory;
@@ -243,20 +262,7 @@ void gyro_first_sample(gyro_instance *g)
     for (int axis = 0; axis < 2; axis++) {
         memory->q_dot.e[axis] = times(number_of(0.0, gyro_carrier(g)), memory->q.part[0].e[axis]);
     }
-    take_inputs(g);
-    g->view.step_start = g->memory.start_time;
-    apply_laws_at(g, g->memory.start_time);
-    put_out(g);
-}
-
-void gyro_tick(gyro_instance *g, int64_t ticks)
-{
-    take_inputs(g);
-    if (g->view.any_impulse) {
-        jolt(g);
-    }
-    for (int64_t i = 0; i < ticks; i++) {
-        move_one_tick(g);
-    }
-    put_out(g);
+    start_lagging(&g->view, g->value);
+    apply_laws_at(g, g->memory.clock.settled, 0.0);
+    gyro_put_out(g);
 }

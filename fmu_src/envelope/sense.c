@@ -6,9 +6,9 @@
 #include "noise.h"
 #include "plant.h"
 
-void gyro_draw(const gyro_instance *g, int effect, uint32_t index, double normal[2])
+void gyro_draw(const gyro_instance *g, int effect, int64_t point, uint32_t index, double normal[2])
 {
-    gyro_normal_pair((uint32_t)g->value[GYRO_SEED], streams[effect], (uint64_t)g->memory.tick, index, normal);
+    gyro_normal_pair((uint32_t)g->value[GYRO_SEED], streams[effect], (uint64_t)point, index, normal);
 }
 
 void gyro_actuate(gyro_instance *g, gyro_harmonics *u)
@@ -97,21 +97,21 @@ static pair limited(gyro_instance *g, pair v)
 /* The numbers of one effect for one quadrature around the carrier, as a mean over a step h. White numbers at sample_period T have the
    density 2 T in each quadrature around any harmonic, so that the mean has the variance 2 T/h, and half of that around frequency 0; pink
    ones have 1/f. */
-static void draw_slow(gyro_instance *g, int effect, uint32_t index, double numbers[2])
+static void draw_slow(gyro_instance *g, int effect, int64_t point, uint32_t index, double numbers[2])
 {
     const double scale = pink_places[effect] < 0 ? g->plan.noise_scale : 1.0 / sqrt(g->value[GYRO_CARRIER_FREQUENCY] * g->plan.step);
-    gyro_draw(g, effect, index, numbers);
+    gyro_draw(g, effect, point, index, numbers);
     numbers[0] *= scale;
     numbers[1] *= scale;
 }
 
 /* Noise that does not depend on the signal passes each quadrature for itself. */
-static void add_white(gyro_instance *g, int quadrature, pair *v)
+static void add_white(gyro_instance *g, int64_t point, int quadrature, pair *v)
 {
     gyro_view *view = &g->view;
     for (const int *effect = drawn_samples; *effect < GYRO_N_EFFECTS; effect++) {
         if (view->active[*effect]) {
-            draw_slow(g, *effect, (uint32_t)quadrature, view->drawn[*effect]);
+            draw_slow(g, *effect, point, (uint32_t)quadrature, view->drawn[*effect]);
         }
     }
     view->v[0] = *part_of(&v->e[0], quadrature);
@@ -123,7 +123,7 @@ static void add_white(gyro_instance *g, int quadrature, pair *v)
 
 /* Noise that the signal's rate multiplies is mixed to the carrier from frequency 0 and from twice the carrier: the numbers are made up
    around the cycle from those slow parts. */
-static void add_mixed(gyro_instance *g, pair *v)
+static void add_mixed(gyro_instance *g, int64_t point, pair *v)
 {
     gyro_view *view = &g->view;
     const number iw = number_of(0.0, gyro_carrier(g));
@@ -134,13 +134,13 @@ static void add_mixed(gyro_instance *g, pair *v)
     for (const int *effect = drawn_samples; *effect < GYRO_N_EFFECTS; effect++) {
         gyro_harmonics slow = {{0.0, 0.0}, {{{{0.0, 0.0}, {0.0, 0.0}}}}};
         double mean[2];
-        draw_slow(g, *effect, 4, mean);
+        draw_slow(g, *effect, point, 4, mean);
         for (int axis = 0; axis < 2; axis++) {
             slow.mean[axis] = sqrt(0.5) * mean[axis];
         }
         for (uint32_t index = 0; index < 4; index++) {
             double part[2];
-            draw_slow(g, *effect, index, part);
+            draw_slow(g, *effect, point, index, part);
             for (int axis = 0; axis < 2; axis++) {
                 *part_of(&slow.part[index / 2].e[axis], (int)index % 2) = part[axis];
             }
@@ -163,12 +163,12 @@ static void add_mixed(gyro_instance *g, pair *v)
 }
 
 /* Rounding of a signal that crosses many steps is white noise: that of any large voltage serves as its draw. */
-static void add_rounding(gyro_instance *g, int quadrature, pair *v)
+static void add_rounding(gyro_instance *g, int64_t point, int quadrature, pair *v)
 {
     static const double LARGE = 1e3; /* V: 1e3 to 1e10 steps of a converter, with as many of the next digits left */
     gyro_view *view = &g->view;
     double voltage[2];
-    gyro_draw(g, rounding_effects[0], (uint32_t)quadrature, voltage);
+    gyro_draw(g, rounding_effects[0], point, (uint32_t)quadrature, voltage);
     for (int axis = 0; axis < 2; axis++) {
         voltage[axis] *= LARGE;
         view->v[axis] = voltage[axis];
@@ -179,7 +179,7 @@ static void add_rounding(gyro_instance *g, int quadrature, pair *v)
     }
 }
 
-void gyro_sense(gyro_instance *g)
+void gyro_sense(gyro_instance *g, int64_t point)
 {
     gyro_view *view = &g->view;
     const double lag = gyro_carrier(g) * larger(lag_time_constant(view), 0.0);
@@ -193,14 +193,14 @@ void gyro_sense(gyro_instance *g)
         v = limited(g, v);
     }
     if (view->any_rate) {
-        add_mixed(g, &v);
+        add_mixed(g, point, &v);
     }
     for (int quadrature = 0; quadrature < 2; quadrature++) {
         if (any_drawn_sample(view) && !view->any_rate) {
-            add_white(g, quadrature, &v);
+            add_white(g, point, quadrature, &v);
         }
         if (any_rounded_sample(view)) {
-            add_rounding(g, quadrature, &v);
+            add_rounding(g, point, quadrature, &v);
         }
     }
     g->value[GYRO_V_X_I] = v.e[0].re;

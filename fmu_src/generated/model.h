@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{c56f9457-e2da-5b17-32d8-92c13c7a43eb}"
+#define GYRO_TOKEN "{f2582102-b654-42cc-8e0e-2d61f524cd29}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -39,59 +39,60 @@ enum {
     GYRO_X_DOT_START = 25, /* [m/s] parameter: x velocity at the start */
     GYRO_Y_START = 26, /* [m] parameter: y displacement at the start */
     GYRO_Y_DOT_START = 27, /* [m/s] parameter: y velocity at the start */
-    GYRO_INTERNAL_STEP = 28, /* [s] parameter: step of the integrator and unit of time */
+    GYRO_INTERNAL_STEP = 28, /* [s] parameter: longest step of the integrator, whose grid it is */
     GYRO_SAMPLE_PERIOD = 29, /* [s] parameter: time between samples and between draws of noise */
     GYRO_SEED = 30, /* [1] parameter: seed of all noises */
-    GYRO_ACTUATOR_DELAY = 31, /* [s] size: the force acts later by this */
-    GYRO_ACTUATOR_GAIN_MISMATCH = 32, /* [1] size: relative excess of the y force */
-    GYRO_ACTUATOR_MISALIGNMENT = 33, /* [1] size: part of each force that acts on the other axis */
-    GYRO_ACTUATOR_A2 = 34, /* [1/N] size: quadratic part of the actuator curve */
-    GYRO_ACTUATOR_A3 = 35, /* [1/N2] size: cubic part of the actuator curve */
-    GYRO_ADC_LIMIT = 36, /* [V] size: largest voltage that the converter can give */
-    GYRO_ADC_LSB = 37, /* [V] size: step of the converter */
-    GYRO_AMPLIFIER_TIME_CONSTANT = 38, /* [s] size: time constant of the charge amplifier */
-    GYRO_OFFSET_DRIFT = 39, /* [V/s] size: drift of the offset of both amplifiers */
-    GYRO_OFFSET_X = 40, /* [V] size: offset of the x amplifier */
-    GYRO_OFFSET_Y = 41, /* [V] size: offset of the y amplifier */
-    GYRO_ANGULAR_GAIN = 42, /* [1] size: Coriolis coupling relative to that of a point mass */
-    GYRO_K3_X = 43, /* [N/m3] size: cubic stiffness, x axis */
-    GYRO_K3_Y = 44, /* [N/m3] size: cubic stiffness, y axis */
-    GYRO_DAMPING_STEP_FACTOR = 45, /* [1] size: all damping multiplies by this */
-    GYRO_DAMPING_STEP_TIME = 46, /* [s] shape: instant at which the damping steps */
-    GYRO_CHARGING_VOLTAGE = 47, /* [V] size: what the charge adds to the bias voltage in the end */
-    GYRO_CHARGING_TIME = 48, /* [s] shape: time constant of charging */
-    GYRO_FEEDTHROUGH = 49, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
-    GYRO_SOFTENING = 50, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
-    GYRO_ELECTRODE_GAP = 51, /* [m] shape: gap of the electrodes */
-    GYRO_FLICKER_NOISE = 52, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
-    GYRO_FRAME_ROTATION = 53, /* [1] size: centrifugal and Euler force times this (1: physical) */
-    GYRO_ACCELERATION_GAIN_X = 54, /* [1] size: part of the package's acceleration that moves the mass, x axis */
-    GYRO_ACCELERATION_GAIN_Y = 55, /* [1] size: part of the package's acceleration that moves the mass, y axis */
-    GYRO_D2_X = 56, /* [N.s/m3] size: nonlinear damping, x axis */
-    GYRO_D2_Y = 57, /* [N.s/m3] size: nonlinear damping, y axis */
-    GYRO_PARASITIC_RATIO = 58, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
-    GYRO_PARASITIC_COUPLING = 59, /* [N/m] size: spring that couples the parasitic mode to x */
-    GYRO_PARASITIC_FREQUENCY = 60, /* [Hz] shape: frequency of the parasitic mode alone */
-    GYRO_PARASITIC_Q = 61, /* [1] shape: quality factor of the parasitic mode */
-    GYRO_PICKOFF_GAIN_MISMATCH = 62, /* [1] size: relative excess of the y pickoff gain */
-    GYRO_PICKOFF_MISALIGNMENT = 63, /* [1] size: part of each displacement that the other pickoff sees */
-    GYRO_PICKOFF_MISMATCH = 64, /* [1] size: relative mismatch of the pair of sensing capacitors */
-    GYRO_PICKOFF_INVERSE_GAP = 65, /* [1/m] size: one over the gap of the sensing capacitors */
-    GYRO_K2_X = 66, /* [N/m2] size: quadratic stiffness, x axis */
-    GYRO_K2_Y = 67, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SAMPLING_JITTER = 68, /* [s] size: rms error of the sampling instant */
-    GYRO_SENSE_NOISE = 69, /* [V] size: white noise, rms a sample */
-    GYRO_TCD = 70, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 71, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 72, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_STRUCTURE_LAG = 73, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 74, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 75, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 76, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 77, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 78, /* [K] shape: temperature at which parameters are as given */
+    GYRO_STEP_LIMIT = 31, /* [1] parameter: internal steps after which a step ends early; 0: none */
+    GYRO_ACTUATOR_DELAY = 32, /* [s] size: the force acts later by this */
+    GYRO_ACTUATOR_GAIN_MISMATCH = 33, /* [1] size: relative excess of the y force */
+    GYRO_ACTUATOR_MISALIGNMENT = 34, /* [1] size: part of each force that acts on the other axis */
+    GYRO_ACTUATOR_A2 = 35, /* [1/N] size: quadratic part of the actuator curve */
+    GYRO_ACTUATOR_A3 = 36, /* [1/N2] size: cubic part of the actuator curve */
+    GYRO_ADC_LIMIT = 37, /* [V] size: largest voltage that the converter can give */
+    GYRO_ADC_LSB = 38, /* [V] size: step of the converter */
+    GYRO_AMPLIFIER_TIME_CONSTANT = 39, /* [s] size: time constant of the charge amplifier */
+    GYRO_OFFSET_DRIFT = 40, /* [V/s] size: drift of the offset of both amplifiers */
+    GYRO_OFFSET_X = 41, /* [V] size: offset of the x amplifier */
+    GYRO_OFFSET_Y = 42, /* [V] size: offset of the y amplifier */
+    GYRO_ANGULAR_GAIN = 43, /* [1] size: Coriolis coupling relative to that of a point mass */
+    GYRO_K3_X = 44, /* [N/m3] size: cubic stiffness, x axis */
+    GYRO_K3_Y = 45, /* [N/m3] size: cubic stiffness, y axis */
+    GYRO_DAMPING_STEP_FACTOR = 46, /* [1] size: all damping multiplies by this */
+    GYRO_DAMPING_STEP_TIME = 47, /* [s] shape: instant at which the damping steps */
+    GYRO_CHARGING_VOLTAGE = 48, /* [V] size: what the charge adds to the bias voltage in the end */
+    GYRO_CHARGING_TIME = 49, /* [s] shape: time constant of charging */
+    GYRO_FEEDTHROUGH = 50, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
+    GYRO_SOFTENING = 51, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
+    GYRO_ELECTRODE_GAP = 52, /* [m] shape: gap of the electrodes */
+    GYRO_FLICKER_NOISE = 53, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
+    GYRO_FRAME_ROTATION = 54, /* [1] size: centrifugal and Euler force times this (1: physical) */
+    GYRO_ACCELERATION_GAIN_X = 55, /* [1] size: part of the package's acceleration that moves the mass, x axis */
+    GYRO_ACCELERATION_GAIN_Y = 56, /* [1] size: part of the package's acceleration that moves the mass, y axis */
+    GYRO_D2_X = 57, /* [N.s/m3] size: nonlinear damping, x axis */
+    GYRO_D2_Y = 58, /* [N.s/m3] size: nonlinear damping, y axis */
+    GYRO_PARASITIC_RATIO = 59, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
+    GYRO_PARASITIC_COUPLING = 60, /* [N/m] size: spring that couples the parasitic mode to x */
+    GYRO_PARASITIC_FREQUENCY = 61, /* [Hz] shape: frequency of the parasitic mode alone */
+    GYRO_PARASITIC_Q = 62, /* [1] shape: quality factor of the parasitic mode */
+    GYRO_PICKOFF_GAIN_MISMATCH = 63, /* [1] size: relative excess of the y pickoff gain */
+    GYRO_PICKOFF_MISALIGNMENT = 64, /* [1] size: part of each displacement that the other pickoff sees */
+    GYRO_PICKOFF_MISMATCH = 65, /* [1] size: relative mismatch of the pair of sensing capacitors */
+    GYRO_PICKOFF_INVERSE_GAP = 66, /* [1/m] size: one over the gap of the sensing capacitors */
+    GYRO_K2_X = 67, /* [N/m2] size: quadratic stiffness, x axis */
+    GYRO_K2_Y = 68, /* [N/m2] size: quadratic stiffness, y axis */
+    GYRO_SAMPLING_JITTER = 69, /* [s] size: rms error of the sampling instant */
+    GYRO_SENSE_NOISE = 70, /* [V] size: white noise, rms a sample */
+    GYRO_TCD = 71, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 72, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 73, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_STRUCTURE_LAG = 74, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 75, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 76, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 77, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 78, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 79, /* [K] shape: temperature at which parameters are as given */
     GYRO_N_INPUTS = 7, /* which come first */
-    GYRO_N_VARIABLES = 79
+    GYRO_N_VARIABLES = 80
 };
 
 /* Continuous states. */

@@ -8,7 +8,7 @@ from typing import Any
 
 import fmpy
 
-OK, ERROR = 0, 3  # the same in fmi2Status and fmi3Status
+OK, DISCARD, ERROR = 0, 2, 3  # the same in fmi2Status and fmi3Status
 
 # Every stage that keeps something between steps: noises, delay line, lag, an event, a mode of its own.
 NOISY = {

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import fmpy
 import pytest
 from fmpy.validation import validate_fmu
-from fmu_importer import ERROR, OK, Fmu, Instance, declared_functions
+from fmu_importer import DISCARD, ERROR, NOISY, OK, OUTPUTS, Fmu, Instance, declared_functions
 
 
 @pytest.fixture
@@ -86,10 +86,28 @@ def test_status_of_the_latest_step(gyro: Instance) -> None:
         gyro.step(0.0 if status == OK else 1e-5, step)
         assert gyro.call("GetStatus", 0, ct.byref(done)) == OK and done.value == status
         assert gyro.call("GetRealStatus", 2, ct.byref(time)) == OK
-        # 10 internal steps of 1e-6 s: one product, as in the FMU.
-        assert time.value == 10 * 1e-6
+        # 10 000 000 ticks of 1 ps, as a quotient.
+        assert time.value == 1e-5
         assert gyro.call("GetBooleanStatus", 3, ct.byref(terminated)) == OK and terminated.value == 0
     assert gyro.call("GetStatus", 1, ct.byref(done)) == ERROR
+
+
+def test_step_limit_discards_the_rest_of_a_step(fmi2: Fmu) -> None:
+    status, time = ct.c_int(-1), ct.c_double(-1)
+    with Instance(fmi2) as gyro, Instance(fmi2) as plain:
+        for instance in (gyro, plain):
+            instance.start(**NOISY, step_limit=100 if instance is gyro else 0)
+        assert gyro.step(0.0, 1e6) == DISCARD, "which would take a day"
+        assert gyro.call("GetStatus", 0, ct.byref(status)) == OK and status.value == DISCARD
+        assert gyro.call("GetRealStatus", 2, ct.byref(time)) == OK and time.value == 100 * 5e-6
+        assert plain.step(0.0, 5e-4) == OK
+        assert gyro.get(*OUTPUTS) == plain.get(*OUTPUTS)
+        # A step of just as many internal ones is a whole one; off the grid a part of one does not count.
+        assert gyro.step(5e-4, 5e-4) == OK
+        assert gyro.step(1e-3, 5.03e-4) == DISCARD
+        assert gyro.step(1.5e-3, 3e-6) == OK
+        assert plain.step(5e-4, 1.003e-3) == OK
+        assert gyro.get(*OUTPUTS) == plain.get(*OUTPUTS)
 
 
 def test_set_up_is_optional_and_starts_at_zero(gyro: Instance) -> None:

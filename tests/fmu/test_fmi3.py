@@ -1,12 +1,13 @@
 """What is particular to FMI 3.0, and that both standards give the same numbers."""
 
 import ctypes as ct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import fmpy
 import pytest
 from fmpy.validation import validate_fmu
-from fmu_importer import ERROR, NOISY, OK, Fmu, Instance, declared_functions
+from fmu_importer import DISCARD, ERROR, NOISY, OK, OUTPUTS, Fmu, Instance, declared_functions
 
 
 @pytest.fixture
@@ -127,8 +128,7 @@ def test_time_is_a_variable(gyro: Instance) -> None:
     assert gyro.get("time") == [0.25]
     assert gyro.call("ExitInitializationMode") == OK
     assert gyro.step(0.25, 1e-5) == OK
-    # Start plus 10 internal steps of 1e-6 s, in this order, as in the FMU.
-    assert gyro.get("time") == [0.25 + 10 * 1e-6]
+    assert gyro.get("time") == [0.25 + 1e-5]
     assert gyro.try_set("time", 0.0) == ERROR
     assert "time is computed" in gyro.message
 
@@ -141,7 +141,7 @@ def test_results_of_a_step(gyro: Instance) -> None:
         arguments = (ct.c_double(time), ct.c_double(step), 1, *(ct.byref(flag) for flag in flags), ct.byref(last))
         assert gyro.call("DoStep", *arguments) == status
         assert [flag.value for flag in flags] == [False] * 3
-        assert last.value == 10 * 1e-6
+        assert last.value == 1e-5
     assert gyro.call("DoStep", ct.c_double(1e-5), ct.c_double(1e-5), 1, None, None, None, None) == ERROR
     assert "NULL" in gyro.message
 
@@ -169,3 +169,116 @@ def test_scheduled_execution_is_refused(fmi3: Fmu) -> None:
     make.restype = ct.c_void_p
     assert make(b"gyro", fmi3.token.encode(), None, False, False, None, callback, None, None, None) is None
     assert "co-simulation only" in log[-1][2]
+
+
+_UPDATE = ct.CFUNCTYPE(
+    None,
+    *(ct.c_void_p, ct.c_double, ct.c_bool, ct.c_bool, ct.c_bool, ct.c_bool),
+    *(ct.POINTER(ct.c_bool), ct.POINTER(ct.c_double)),
+)
+_Update = Callable[[float, bool], float | None]
+"""(time, whether the step may end early) -> when it shall end [s], None: at its own end."""
+
+
+@contextmanager
+def watched(fmi3: Fmu, update: _Update, *, early: bool, **values: float) -> Iterator[Instance]:
+    """A started instance of which ``update`` sees every intermediate point."""
+
+    def called(
+        _: int, time: float, may_set: bool, may_get: bool, finished: bool, may_end: bool, *answer: object
+    ) -> None:
+        assert (may_set, may_get, finished) == (False, True, True)
+        end = update(time, may_end)
+        answer[0][0], answer[1][0] = end is not None, end or 0.0  # type: ignore[index]
+
+    gyro = Instance(fmi3)
+    own, callback = gyro.address, _UPDATE(called)
+    make = fmi3.function("InstantiateCoSimulation")
+    make.restype = ct.c_void_p
+    options = (False, False, False, ct.c_bool(early), None, ct.c_size_t(0))
+    gyro.address = ct.c_void_p(make(b"gyro", fmi3.token.encode(), None, *options, None, gyro._callback, callback))
+    try:
+        gyro.start(**values)
+        yield gyro
+    finally:
+        gyro.__exit__()
+        gyro.address = own
+        gyro.__exit__()
+
+
+def result_of_step(gyro: Instance, time: float, step: float) -> tuple[int, bool, float]:
+    """Status, earlyReturn and lastSuccessfulTime [s] of a step."""
+    events, terminate, early, last = ct.c_bool(), ct.c_bool(), ct.c_bool(), ct.c_double()
+    results = (ct.byref(result) for result in (events, terminate, early, last))
+    status = gyro.call("DoStep", ct.c_double(time), ct.c_double(step), 1, *results)
+    assert not events.value and not terminate.value
+    return status, early.value, last.value
+
+
+def test_intermediate_points_are_those_of_the_grid_with_their_outputs(fmi3: Fmu) -> None:
+    seen: list[list[float]] = []
+
+    def update(time: float, may_end: bool) -> None:
+        assert not may_end
+        assert gyro.get("time") == [time]
+        seen.append(gyro.get("time", *OUTPUTS))
+
+    with watched(fmi3, update, early=False, **NOISY) as gyro, Instance(fmi3) as plain:
+        plain.start(**NOISY)
+        assert gyro.step(0.0, 5.2e-5) == OK
+        for k, row in enumerate(seen):
+            assert plain.step(k * 5e-6, 5e-6) == OK
+            assert plain.get("time", *OUTPUTS) == row
+        assert len(seen) == 10
+        assert plain.step(5e-5, 2e-6) == OK
+        assert plain.get(*OUTPUTS) == gyro.get(*OUTPUTS)
+
+
+@pytest.mark.parametrize("wanted, given", [(0.0, 2e-5), (2.3e-5, 2.3e-5), (9e-5, 9e-5), (1.0, 1e-4)])
+def test_a_step_ends_early_where_it_is_asked_to(fmi3: Fmu, wanted: float, given: float) -> None:
+    def update(time: float, may_end: bool) -> float | None:
+        assert may_end
+        return wanted if time > 1.8e-5 else None
+
+    with watched(fmi3, update, early=True, **NOISY) as gyro, Instance(fmi3) as plain:
+        plain.start(**NOISY)
+        assert result_of_step(gyro, 0.0, 1e-4) == (OK, given < 1e-4, given)
+        assert gyro.get("time") == [given]
+        assert plain.step(0.0, given) == OK
+        assert plain.get(*OUTPUTS) == gyro.get(*OUTPUTS)
+        wanted = 1.0
+        assert gyro.step(given, 1e-4) == OK and plain.step(given, 1e-4) == OK
+        assert plain.get(*OUTPUTS) == gyro.get(*OUTPUTS)
+
+
+def test_an_end_that_was_not_allowed_is_not_given(fmi3: Fmu) -> None:
+    with watched(fmi3, lambda time, may_end: time, early=False, x_start=1e-6) as gyro:
+        assert result_of_step(gyro, 0.0, 1e-4) == (OK, False, 1e-4)
+
+
+def test_within_a_step_an_importer_may_only_look(fmi3: Fmu) -> None:
+    refused = []
+
+    def update(time: float, may_end: bool) -> None:
+        calls = [gyro.try_set("u_x", 1.0), gyro.try_set("m", 1.0), gyro.step(time, 1e-5), gyro.call("Reset")]
+        calls += [
+            gyro.call("Terminate"),
+            gyro.call("GetFMUState", ct.byref(ct.c_void_p())),
+            gyro.call("SetFMUState", None),
+        ]
+        fmi3.function("FreeInstance")(gyro.address)
+        refused.append(set(calls))
+        assert gyro.try_get("m")[0] == OK
+
+    with watched(fmi3, update, early=True, x_start=1e-6) as gyro:
+        assert gyro.step(0.0, 1e-5) == OK
+        assert refused == [{ERROR}]
+        assert any("in state intermediate update" in message for _, _, message in gyro.log)
+        assert gyro.step(1e-5, 5e-6) == OK, "the instance lives on"
+
+
+@pytest.mark.parametrize("early", [True, False])
+def test_step_limit_ends_a_step_early(fmi3: Fmu, early: bool) -> None:
+    with watched(fmi3, lambda time, may_end: None, early=early, x_start=1e-6, step_limit=10) as gyro:
+        assert result_of_step(gyro, 0.0, 1e6) == (OK if early else DISCARD, early, 5e-5)
+        assert result_of_step(gyro, 5e-5, 5e-5) == (OK, False, 1e-4)

@@ -41,6 +41,7 @@ const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {
     {"internal_step", GYRO_PARAMETER, GYRO_REAL, 0.001, 1e-06, 10.0},
     {"sample_period", GYRO_PARAMETER, GYRO_REAL, 5e-06, 1e-09, 1.0},
     {"seed", GYRO_PARAMETER, GYRO_INTEGER, 0.0, 0.0, 2147483647.0},
+    {"step_limit", GYRO_PARAMETER, GYRO_INTEGER, 0.0, 0.0, 2147483647.0},
     {"actuator_delay", GYRO_PARAMETER, GYRO_REAL, 0.0, 0.0, 0.001},
     {"actuator_gain_mismatch", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"actuator_misalignment", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},

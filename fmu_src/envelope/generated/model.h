@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{7387c81a-a7af-acc8-d0bd-647dcf6d99b7}"
+#define GYRO_TOKEN "{c5a348e9-fa56-956e-1aad-75eef77b3063}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -46,59 +46,60 @@ enum {
     GYRO_X_START_Q = 32, /* [m] parameter: x displacement at the start, part along -sin φ */
     GYRO_Y_START_I = 33, /* [m] parameter: y displacement at the start, part along cos φ */
     GYRO_Y_START_Q = 34, /* [m] parameter: y displacement at the start, part along -sin φ */
-    GYRO_INTERNAL_STEP = 35, /* [s] parameter: step of the envelopes, between draws of noise, and unit of time */
+    GYRO_INTERNAL_STEP = 35, /* [s] parameter: longest step of the envelopes, between draws of noise */
     GYRO_SAMPLE_PERIOD = 36, /* [s] parameter: time between samples and between draws of noise */
     GYRO_SEED = 37, /* [1] parameter: seed of all noises */
-    GYRO_ACTUATOR_DELAY = 38, /* [s] size: the force acts later by this */
-    GYRO_ACTUATOR_GAIN_MISMATCH = 39, /* [1] size: relative excess of the y force */
-    GYRO_ACTUATOR_MISALIGNMENT = 40, /* [1] size: part of each force that acts on the other axis */
-    GYRO_ACTUATOR_A2 = 41, /* [1/N] size: quadratic part of the actuator curve */
-    GYRO_ACTUATOR_A3 = 42, /* [1/N2] size: cubic part of the actuator curve */
-    GYRO_ADC_LIMIT = 43, /* [V] size: largest voltage that the converter can give */
-    GYRO_ADC_LSB = 44, /* [V] size: step of the converter */
-    GYRO_AMPLIFIER_TIME_CONSTANT = 45, /* [s] size: time constant of the charge amplifier */
-    GYRO_OFFSET_DRIFT = 46, /* [V/s] size: drift of the offset of both amplifiers */
-    GYRO_OFFSET_X = 47, /* [V] size: offset of the x amplifier */
-    GYRO_OFFSET_Y = 48, /* [V] size: offset of the y amplifier */
-    GYRO_ANGULAR_GAIN = 49, /* [1] size: Coriolis coupling relative to that of a point mass */
-    GYRO_K3_X = 50, /* [N/m3] size: cubic stiffness, x axis */
-    GYRO_K3_Y = 51, /* [N/m3] size: cubic stiffness, y axis */
-    GYRO_DAMPING_STEP_FACTOR = 52, /* [1] size: all damping multiplies by this */
-    GYRO_DAMPING_STEP_TIME = 53, /* [s] shape: instant at which the damping steps */
-    GYRO_CHARGING_VOLTAGE = 54, /* [V] size: what the charge adds to the bias voltage in the end */
-    GYRO_CHARGING_TIME = 55, /* [s] shape: time constant of charging */
-    GYRO_FEEDTHROUGH = 56, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
-    GYRO_SOFTENING = 57, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
-    GYRO_ELECTRODE_GAP = 58, /* [m] shape: gap of the electrodes */
-    GYRO_FLICKER_NOISE = 59, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
-    GYRO_FRAME_ROTATION = 60, /* [1] size: centrifugal and Euler force times this (1: physical) */
-    GYRO_ACCELERATION_GAIN_X = 61, /* [1] size: part of the package's acceleration that moves the mass, x axis */
-    GYRO_ACCELERATION_GAIN_Y = 62, /* [1] size: part of the package's acceleration that moves the mass, y axis */
-    GYRO_D2_X = 63, /* [N.s/m3] size: nonlinear damping, x axis */
-    GYRO_D2_Y = 64, /* [N.s/m3] size: nonlinear damping, y axis */
-    GYRO_PARASITIC_RATIO = 65, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
-    GYRO_PARASITIC_COUPLING = 66, /* [N/m] size: spring that couples the parasitic mode to x */
-    GYRO_PARASITIC_FREQUENCY = 67, /* [Hz] shape: frequency of the parasitic mode alone */
-    GYRO_PARASITIC_Q = 68, /* [1] shape: quality factor of the parasitic mode */
-    GYRO_PICKOFF_GAIN_MISMATCH = 69, /* [1] size: relative excess of the y pickoff gain */
-    GYRO_PICKOFF_MISALIGNMENT = 70, /* [1] size: part of each displacement that the other pickoff sees */
-    GYRO_PICKOFF_MISMATCH = 71, /* [1] size: relative mismatch of the pair of sensing capacitors */
-    GYRO_PICKOFF_INVERSE_GAP = 72, /* [1/m] size: one over the gap of the sensing capacitors */
-    GYRO_K2_X = 73, /* [N/m2] size: quadratic stiffness, x axis */
-    GYRO_K2_Y = 74, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SAMPLING_JITTER = 75, /* [s] size: rms error of the sampling instant */
-    GYRO_SENSE_NOISE = 76, /* [V] size: white noise, rms a sample */
-    GYRO_TCD = 77, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 78, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 79, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_STRUCTURE_LAG = 80, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 81, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 82, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 83, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 84, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 85, /* [K] shape: temperature at which parameters are as given */
+    GYRO_STEP_LIMIT = 38, /* [1] parameter: internal steps after which a step ends early; 0: none */
+    GYRO_ACTUATOR_DELAY = 39, /* [s] size: the force acts later by this */
+    GYRO_ACTUATOR_GAIN_MISMATCH = 40, /* [1] size: relative excess of the y force */
+    GYRO_ACTUATOR_MISALIGNMENT = 41, /* [1] size: part of each force that acts on the other axis */
+    GYRO_ACTUATOR_A2 = 42, /* [1/N] size: quadratic part of the actuator curve */
+    GYRO_ACTUATOR_A3 = 43, /* [1/N2] size: cubic part of the actuator curve */
+    GYRO_ADC_LIMIT = 44, /* [V] size: largest voltage that the converter can give */
+    GYRO_ADC_LSB = 45, /* [V] size: step of the converter */
+    GYRO_AMPLIFIER_TIME_CONSTANT = 46, /* [s] size: time constant of the charge amplifier */
+    GYRO_OFFSET_DRIFT = 47, /* [V/s] size: drift of the offset of both amplifiers */
+    GYRO_OFFSET_X = 48, /* [V] size: offset of the x amplifier */
+    GYRO_OFFSET_Y = 49, /* [V] size: offset of the y amplifier */
+    GYRO_ANGULAR_GAIN = 50, /* [1] size: Coriolis coupling relative to that of a point mass */
+    GYRO_K3_X = 51, /* [N/m3] size: cubic stiffness, x axis */
+    GYRO_K3_Y = 52, /* [N/m3] size: cubic stiffness, y axis */
+    GYRO_DAMPING_STEP_FACTOR = 53, /* [1] size: all damping multiplies by this */
+    GYRO_DAMPING_STEP_TIME = 54, /* [s] shape: instant at which the damping steps */
+    GYRO_CHARGING_VOLTAGE = 55, /* [V] size: what the charge adds to the bias voltage in the end */
+    GYRO_CHARGING_TIME = 56, /* [s] shape: time constant of charging */
+    GYRO_FEEDTHROUGH = 57, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
+    GYRO_SOFTENING = 58, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
+    GYRO_ELECTRODE_GAP = 59, /* [m] shape: gap of the electrodes */
+    GYRO_FLICKER_NOISE = 60, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
+    GYRO_FRAME_ROTATION = 61, /* [1] size: centrifugal and Euler force times this (1: physical) */
+    GYRO_ACCELERATION_GAIN_X = 62, /* [1] size: part of the package's acceleration that moves the mass, x axis */
+    GYRO_ACCELERATION_GAIN_Y = 63, /* [1] size: part of the package's acceleration that moves the mass, y axis */
+    GYRO_D2_X = 64, /* [N.s/m3] size: nonlinear damping, x axis */
+    GYRO_D2_Y = 65, /* [N.s/m3] size: nonlinear damping, y axis */
+    GYRO_PARASITIC_RATIO = 66, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
+    GYRO_PARASITIC_COUPLING = 67, /* [N/m] size: spring that couples the parasitic mode to x */
+    GYRO_PARASITIC_FREQUENCY = 68, /* [Hz] shape: frequency of the parasitic mode alone */
+    GYRO_PARASITIC_Q = 69, /* [1] shape: quality factor of the parasitic mode */
+    GYRO_PICKOFF_GAIN_MISMATCH = 70, /* [1] size: relative excess of the y pickoff gain */
+    GYRO_PICKOFF_MISALIGNMENT = 71, /* [1] size: part of each displacement that the other pickoff sees */
+    GYRO_PICKOFF_MISMATCH = 72, /* [1] size: relative mismatch of the pair of sensing capacitors */
+    GYRO_PICKOFF_INVERSE_GAP = 73, /* [1/m] size: one over the gap of the sensing capacitors */
+    GYRO_K2_X = 74, /* [N/m2] size: quadratic stiffness, x axis */
+    GYRO_K2_Y = 75, /* [N/m2] size: quadratic stiffness, y axis */
+    GYRO_SAMPLING_JITTER = 76, /* [s] size: rms error of the sampling instant */
+    GYRO_SENSE_NOISE = 77, /* [V] size: white noise, rms a sample */
+    GYRO_TCD = 78, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 79, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 80, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_STRUCTURE_LAG = 81, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 82, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 83, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 84, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 85, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 86, /* [K] shape: temperature at which parameters are as given */
     GYRO_N_INPUTS = 10, /* which come first */
-    GYRO_N_VARIABLES = 86
+    GYRO_N_VARIABLES = 87
 };
 
 /* Continuous states. */

@@ -1,0 +1,132 @@
+/* Time in ticks, and the instants at which the integration is cut: its own grid, samples, events. None of them knows communication points,
+   so that no bit depends on how an importer divides time. */
+
+#include <float.h>
+#include <math.h>
+
+#include "plant.h"
+
+double gyro_ticks(double seconds)
+{
+    const double ticks = seconds * GYRO_TICKS_A_SECOND;
+    const double nearest = floor(ticks + 0.5);
+    /* 5e-6 s is 5 000 000 ticks, though neither the number nor the product is exact. */
+    return fabs(ticks - nearest) <= 4.0 * DBL_EPSILON * fabs(ticks) ? nearest : ticks;
+}
+
+gyro_instant gyro_instant_of(double ticks)
+{
+    gyro_instant at = {ticks > 0.0 ? GYRO_NEVER : -1, 0.0};
+    if (fabs(ticks) < (double)GYRO_LAST_TICK) {
+        at.tick = (int64_t)floor(ticks);
+        at.part = ticks - floor(ticks);
+    }
+    return at;
+}
+
+int gyro_before(gyro_instant a, gyro_instant b) { return a.tick < b.tick || (a.tick == b.tick && a.part < b.part); }
+
+/* Quotients, since 1e-12 is no double: 10 000 000 ticks are the double nearest to 1e-5 s. */
+double gyro_between(gyro_instant from, gyro_instant to)
+{
+    return ((double)(to.tick - from.tick) + (to.part - from.part)) / GYRO_TICKS_A_SECOND;
+}
+
+double gyro_time_of(const gyro_instance *g, gyro_instant at)
+{
+    return g->memory.clock.start_time + ((double)at.tick + at.part) / GYRO_TICKS_A_SECOND;
+}
+
+gyro_beat gyro_beat_of(double period)
+{
+    const double ticks = gyro_ticks(period);
+    const double whole = floor(ticks);
+    return (gyro_beat){(int64_t)whole, ticks - whole};
+}
+
+int64_t gyro_tick_of(gyro_beat beat, int64_t k) { return k * beat.whole + (int64_t)floor((double)k * beat.part + 0.5); }
+
+/* The view's switches at `settled`, and the first event after it. */
+static void pass_events(gyro_instance *g)
+{
+    gyro_cuts *cuts = &g->plan.cuts;
+    cuts->next_event = (gyro_instant){GYRO_NEVER, 0.0};
+    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
+        const gyro_instant event = cuts->event[effect];
+        const int ahead = gyro_before(g->memory.clock.settled, event);
+        g->view.after[effect] = ahead ? 0.0 : 1.0;
+        if (ahead && gyro_before(event, cuts->next_event)) {
+            cuts->next_event = event;
+        }
+    }
+}
+
+void gyro_plan_cuts(gyro_instance *g)
+{
+    gyro_cuts *cuts = &g->plan.cuts;
+    const gyro_clock *clock = &g->memory.clock;
+    double time[GYRO_N_EFFECTS];
+    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
+        time[effect] = INFINITY;
+    }
+    event_times(&g->view, time);
+    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
+        cuts->event[effect] = gyro_instant_of(gyro_ticks(time[effect] - clock->start_time));
+    }
+    cuts->next_grid = gyro_tick_of(cuts->grid, clock->grid + 1);
+    cuts->next_sample = gyro_tick_of(cuts->sample, clock->sample + 1);
+    pass_events(g);
+}
+
+gyro_instant gyro_next_cut(const gyro_instance *g)
+{
+    const gyro_cuts *cuts = &g->plan.cuts;
+    const gyro_instant regular = {cuts->next_grid < cuts->next_sample ? cuts->next_grid : cuts->next_sample, 0.0};
+    return gyro_before(cuts->next_event, regular) ? cuts->next_event : regular;
+}
+
+int gyro_settle(gyro_instance *g, gyro_instant to)
+{
+    gyro_cuts *cuts = &g->plan.cuts;
+    gyro_clock *clock = &g->memory.clock;
+    int at = 0;
+    /* An instant within a tick comes after the grid's and the sample's, which are whole ticks: those have been passed by then. */
+    clock->settled = to;
+    if (to.tick == cuts->next_grid) {
+        clock->grid++;
+        cuts->next_grid = gyro_tick_of(cuts->grid, clock->grid + 1);
+    }
+    if (to.tick == cuts->next_sample) {
+        clock->sample++;
+        cuts->next_sample = gyro_tick_of(cuts->sample, clock->sample + 1);
+        at |= GYRO_AT_SAMPLE;
+    }
+    if (!gyro_before(to, cuts->next_event)) {
+        pass_events(g);
+        at |= GYRO_AT_EVENT;
+    }
+    return at;
+}
+
+/* Whether a tick lies from the beat number `k` on and before the next. */
+static int fits(gyro_beat beat, int64_t k, int64_t tick)
+{
+    return k >= 0 && k <= tick / beat.whole && gyro_tick_of(beat, k) <= tick && tick < gyro_tick_of(beat, k + 1);
+}
+
+const char *gyro_impossible_clock(const gyro_instance *g)
+{
+    const gyro_clock *clock = &g->memory.clock;
+    const gyro_instant now = {clock->now, 0.0}, settled = clock->settled;
+    const char *why = NULL;
+    if (clock->now < 0 || clock->now > GYRO_LAST_TICK || !(fabs(clock->rest) <= (double)GYRO_LAST_TICK)) {
+        why = "its time is none";
+    } else if (settled.tick < 0 || !(settled.part >= 0.0 && settled.part < 1.0) || gyro_before(now, settled)) {
+        why = "its motion is ahead of its time";
+    } else if (!fits(g->plan.cuts.grid, clock->grid, settled.tick) || !fits(g->plan.cuts.sample, clock->sample, settled.tick)) {
+        why = "its count of steps or samples does not fit its time";
+    } else if (!fits(g->plan.cuts.grid, clock->grid, now.tick) || !fits(g->plan.cuts.sample, clock->sample, now.tick)) {
+        why = "its motion is behind its time";
+    }
+    return why;
+}

@@ -1,0 +1,147 @@
+/* tau v' = v_in - v in the time z counted in time constants, z = ∫dt/tau, in which the lag is the same throughout:
+
+       v(Z) = e^-Z v(0) + ∫ v_in e^-(Z - z) dz
+
+   With v_in a polynomial in z/Z through its values at the nodes, the integral is a sum of those values with weights; they add up to
+   1 - e^-Z, so that a voltage that stays is kept to the last bit. */
+
+#include "lag.h"
+
+#include <string.h>
+
+enum { N = GYRO_LAG_NODES };
+
+/* 0, 1 and the zeros of P_5' on [0, 1]: 1/2 -+ sqrt((7 +- 2 sqrt 7)/21)/2. */
+const double gyro_lag_nodes[N] = {0.0, 0.11747233803526765, 0.35738424175967748, 0.64261575824032252, 0.88252766196473235, 1.0};
+
+/* The coefficients of the polynomial of degree N - 1 that is 1 at node i and 0 at the others, lowest power first. */
+static void lagrange(const double node[N], int i, double coefficient[N])
+{
+    memset(coefficient, 0, N * sizeof *coefficient);
+    coefficient[0] = 1.0;
+    for (int j = 0, degree = 0; j < N; j++) {
+        if (j != i) {
+            const double scale = 1.0 / (node[i] - node[j]);
+            degree++;
+            for (int k = degree; k > 0; k--) {
+                coefficient[k] = (coefficient[k - 1] - node[j] * coefficient[k]) * scale;
+            }
+            coefficient[0] *= -node[j] * scale;
+        }
+    }
+}
+
+/* The integrals Z ∫ x^j e^-Z(1 - x) dx over [0, 1], which obey I_j = 1 - j/Z I_(j-1). Backward for Z <= BORDER, each step making errors
+   Z/j times as large: what is left of I_40 = 0 is 5^35 5!/40! = 4e-22. */
+enum { BORDER = N - 1, FAR = 40 };
+
+static void integrals_backward(double z, double integral[N])
+{
+    double value = 0.0;
+    for (int j = FAR; j > 0; j--) {
+        value = z / j * (1.0 - value);
+        if (j <= N) {
+            integral[j - 1] = value;
+        }
+    }
+}
+
+/* 1 - e^-z, z > BORDER, from + - * / alone, so that every platform gives the same bits. */
+static double gone(double z)
+{
+    double left = 0.0;
+    if (z < 50.0) {
+        int doublings = 0;
+        double integral[N];
+        for (; z > BORDER; doublings++) {
+            z *= 0.5;
+        }
+        integrals_backward(z, integral);
+        for (left = 1.0 - integral[0]; doublings > 0; doublings--) {
+            left *= left;
+        }
+    }
+    return 1.0 - left;
+}
+
+static void integrals(double z, double integral[N])
+{
+    if (z <= BORDER) {
+        integrals_backward(z, integral);
+    } else {
+        /* Forward, each step making errors j/Z < 1 times as large. */
+        integral[0] = gone(z);
+        for (int j = 1; j < N; j++) {
+            integral[j] = 1.0 - j / z * integral[j - 1];
+        }
+    }
+}
+
+/* The nodes in parts of Z, from time constants that move: 1/tau is taken as a polynomial in time. Gives Z; 0 where it is not that smooth. */
+static double moving_nodes(double step, const double tau[N], double node[N])
+{
+    double z[N] = {0.0};
+    int rising = 1;
+    for (int i = 0; i < N; i++) {
+        double coefficient[N];
+        lagrange(gyro_lag_nodes, i, coefficient);
+        for (int at = 1; at < N; at++) {
+            double sum = 0.0;
+            for (int k = N - 1; k >= 0; k--) {
+                sum = (sum + coefficient[k] / (k + 1)) * gyro_lag_nodes[at];
+            }
+            z[at] += sum * step / tau[i];
+        }
+    }
+    for (int at = 1; at < N; at++) {
+        rising = rising && z[at] > z[at - 1];
+        node[at] = z[at] / z[N - 1];
+    }
+    node[0] = 0.0;
+    return rising ? z[N - 1] : 0.0;
+}
+
+void gyro_weigh_lag(gyro_lag *lag, double step, const double tau[N])
+{
+    if (step != lag->step || memcmp(tau, lag->tau, sizeof lag->tau) != 0) {
+        double node[N], z = 0.0;
+        int moves = 0, acts = 1;
+        lag->step = step;
+        memcpy(lag->tau, tau, sizeof lag->tau);
+        for (int i = 0; i < N; i++) {
+            moves = moves || tau[i] != tau[N - 1];
+            acts = acts && tau[i] > 0.0;
+        }
+        if (moves && acts) {
+            z = moving_nodes(step, tau, node);
+        }
+        if (!(z > 0.0)) {
+            memcpy(node, gyro_lag_nodes, sizeof node);
+            z = step / tau[N - 1];
+        }
+        memset(lag->weight, 0, sizeof lag->weight);
+        if (tau[N - 1] > 0.0) {
+            double integral[N];
+            integrals(z, integral);
+            for (int i = 0; i < N; i++) {
+                double coefficient[N];
+                lagrange(node, i, coefficient);
+                for (int k = 0; k < N; k++) {
+                    lag->weight[i] += coefficient[k] * integral[k];
+                }
+            }
+        } else {
+            lag->weight[N - 1] = 1.0;
+        }
+    }
+}
+
+double gyro_lagged(const gyro_lag *lag, double before, const double entering[N])
+{
+    double sum = 0.0;
+    for (int i = 0; i < N; i++) {
+        sum += lag->weight[i] * (entering[i] - before);
+    }
+    /* Without a lag it is the voltage itself, to the last bit. */
+    return lag->tau[N - 1] > 0.0 ? before + sum : entering[N - 1];
+}
