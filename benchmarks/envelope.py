@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from benchmarks.report import Options, Report, Row, Table, load, row
 from cosim.envelope import INPUT_NAMES, OUTPUT_NAMES, open_envelope
-from cosim.fmu import exchange, open_plant
+from cosim.exchange import exchange
+from cosim.fmu import open_plant
 
 Complexes = NDArray[np.complex128]
 

@@ -13,7 +13,8 @@ from benchmarks.report import Row
 from benchmarks.split_fmu import AMPLITUDE, F_X, SETTLING, FmuPoint, device
 from benchmarks.split_outcome import Outcome, Truth, judge, outcome_row
 from cosim.envelope import INPUT_NAMES, EnvelopePlant, open_envelope
-from cosim.fmu import FMI_ERROR, HANDLE_SIZE, exchange
+from cosim.exchange import exchange
+from cosim.fmu import FMI_ERROR, HANDLE_SIZE
 from cosim.mode_split import VoltageRecord, frequency_bound
 
 GRID: Final = (

@@ -11,7 +11,8 @@ from numba import njit
 
 from benchmarks.report import Row
 from benchmarks.split_outcome import Outcome, Truth, judge, outcome_row
-from cosim.fmu import FMI_ERROR, HANDLE_SIZE, exchange, open_plant
+from cosim.exchange import exchange
+from cosim.fmu import FMI_ERROR, HANDLE_SIZE, open_plant
 from cosim.mode_split import VoltageRecord, frequency_bound
 from gyro_model.build import build
 from gyro_model.symbols import BOLTZMANN

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from benchmarks.diagram import Panel, Series, log_log
 from benchmarks.integrators import METHODS, Integrators
 from benchmarks.report import Options, Report, Row, Table, load, row
-from cosim.fmu import HANDLE_SIZE, INPUT_NAMES, OUTPUT_NAMES, Plant, exchange
+from cosim.exchange import exchange
+from cosim.fmu import HANDLE_SIZE, INPUT_NAMES, OUTPUT_NAMES, Plant
 from gyro_model.build import build
 from gyro_model.device import load_device
 

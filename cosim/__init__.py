@@ -1,13 +1,14 @@
-"""The loop around the gyroscope FMU: observers, controller, angle units, master.
+"""The loop around the gyroscope FMU: observers, controllers, angle units, master.
 
-numba checks only the file of a compiled function for changes, not the files of what it calls. So compiled code is
+numba checks only the file of a compiled function for changes, not the files of what it calls. So what it compiles is
 cached in a folder named after the text of the whole package: an edit anywhere compiles anew, and nothing stale runs.
 """
 
 import hashlib
+import os
+import sys
 from pathlib import Path
 
-import numba
 import platformdirs
 
 
@@ -18,6 +19,8 @@ def _cache_folder() -> Path:
     return Path(platformdirs.user_cache_dir("gyrotwin")) / "numba" / digest.hexdigest()[:16]
 
 
-# One that the user has chosen (NUMBA_CACHE_DIR) stays.
-if not numba.config.CACHE_DIR:
-    numba.config.CACHE_DIR = str(_cache_folder())
+# By the environment, so that a run that needs no numba does not load it. A folder that the user has chosen stays.
+if "NUMBA_CACHE_DIR" not in os.environ:
+    os.environ["NUMBA_CACHE_DIR"] = str(_cache_folder())
+    if "numba" in sys.modules:
+        sys.modules["numba"].config.reload_config()  # type: ignore[attr-defined]

@@ -23,7 +23,6 @@ of 32 uN on the reference device reach 0.73 um. Below that B errs, by up to 0.5 
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import signal
 
@@ -34,8 +33,8 @@ class Block(NamedTuple):
     """What the loop records over n consecutive samples; the arrays are not changed.
 
     t [s]; x, x_dot, y, y_dot: estimates at t [m, m/s]; forced: the observer's response to the tones
-    x, x_dot, y, y_dot, shape (4, n); omega_squared = k/m [1/s^2]; converged: bool; lambda_: the
-    angular gain [1].
+    x, x_dot, y, y_dot, shape (4, n); near: the part of it at tones near the oscillation; omega_squared = k/m [1/s^2]; converged: bool; lambda_: the
+    angular gain [1]; turned: angle by which the controller has turned the pattern [rad].
     """
 
     t: Floats
@@ -44,13 +43,19 @@ class Block(NamedTuple):
     y: Floats
     y_dot: Floats
     forced: Floats
+    near: Floats
     omega_squared: Floats
     converged: NDArray[np.bool_]
     lambda_: float
+    turned: Floats
 
     def states(self) -> Floats:
         """Return x, x_dot, y, y_dot, shape (4, n), as an array of its own."""
         return np.stack((self.x, self.x_dot, self.y, self.y_dot))
+
+    def filterable(self) -> Floats:
+        """Return the states without the response to tones near the oscillation, which no filter could tell from it."""
+        return self.states() - self.near
 
 
 class AngleUnit(Protocol):
@@ -97,7 +102,7 @@ class UnitA:
         return self._pattern.angle(phi, block), quality
 
     def _filtered(self, block: Block) -> Floats:
-        states = block.states()
+        states = block.filterable()
         frequency_hz = np.sqrt(block.omega_squared) / (2 * np.pi)
         begin = 0
         while begin < len(frequency_hz):
@@ -120,10 +125,14 @@ class UnitB:
     def __init__(self, design: Filter) -> None:
         self.filter = design
         self._pattern = Pattern(design)
+        self._near = Pattern()
 
     def process(self, block: Block) -> tuple[Floats, Floats]:
         """Angle [rad] and quality, see AngleUnit."""
-        phi, quality = self._pattern.phi(block.states(), block.omega_squared)
+        # Of the values phi + n pi the one nearest the pattern without the tones is taken. From sample to sample a half
+        # turn would be counted whenever the tones outgrow the pattern for a moment, and never taken back.
+        near, _ = self._near.phi(block.states() - block.forced, block.omega_squared)
+        phi, quality = self._pattern.phi(block.filterable(), block.omega_squared, near)
         # The lag-free low-pass overshoots; quality is a ratio.
         return self._pattern.angle(phi, block), np.clip(quality, 0.0, 1.0)
 
@@ -165,26 +174,34 @@ class Pattern:
     """
 
     def __init__(self, low_pass: Filter | None = None) -> None:
-        self._sos = np.empty((0, 6)) if low_pass is None else np.ascontiguousarray(low_pass.sos)
-        self._memory = np.zeros((len(self._sos), 4))
-        self._last = np.full(1, np.nan)
+        self._sos = None if low_pass is None else low_pass.sos
+        self._memory: Floats | None = None
+        self._last = np.nan
         self._zero = np.nan
 
-    def phi(self, states: Floats, omega_squared: Floats) -> tuple[Floats, Floats]:
-        """Return phi [rad], unwrapped, and quality, shape (n,), of x, x', y, y', shape (4, n)."""
-        phi, quality = np.empty_like(omega_squared), np.empty_like(omega_squared)
-        if len(phi) and np.isnan(self._last[0]):
-            self._settle(states[:, :1], omega_squared[:1])
-        _follow(states, omega_squared, self._sos, self._memory, self._last, phi, quality)
-        return phi, quality
+    def phi(self, states: Floats, omega_squared: Floats, near: Floats | None = None) -> tuple[Floats, Floats]:
+        """Return phi [rad], unwrapped, and quality, shape (n,), of x, x', y, y', shape (4, n).
 
-    def _settle(self, states: Floats, omega_squared: Floats) -> None:
-        """Fill the filter as if the first sample had been there for ever: no step from zero."""
-        x, x_dot, y, y_dot = states[:, 0]
-        self._last[0], straight = _orientation(x, x_dot, y, y_dot, omega_squared[0])
-        if len(self._sos):
-            settled = signal.sosfilt_zi(self._sos)
-            self._memory[:] = np.hstack((self._last[0] * settled, straight * settled))
+        near: an angle that tells which of the values phi + n pi to take; else the last one does.
+        """
+        raw, quality = _orientation(states, omega_squared)
+        if near is not None:
+            phi = raw + np.pi * np.rint((near - raw) / np.pi)
+        else:
+            before = raw[:1] if np.isnan(self._last) else np.array([self._last])
+            phi = np.unwrap(np.concatenate((before, raw)), period=np.pi)[1:]
+        if len(phi):
+            self._last = float(phi[-1])
+        return (phi, quality) if self._sos is None else self._passed(phi, quality)
+
+    def _passed(self, phi: Floats, quality: Floats) -> tuple[Floats, Floats]:
+        signals = np.stack((phi, quality))
+        if self._memory is None and len(phi):
+            # The filter begins as if the first sample had been there for ever: no step from zero.
+            self._memory = signal.sosfilt_zi(self._sos)[:, None, :] * signals[None, :, :1]
+        if len(phi):
+            signals, self._memory = signal.sosfilt(self._sos, signals, zi=self._memory)
+        return signals[0], signals[1]
 
     def angle(self, phi: Floats, block: Block) -> Floats:
         """Return theta [rad] of `phi`: zero at the first converged sample, NaN before."""
@@ -193,9 +210,9 @@ class Pattern:
             if not block.converged.any():
                 return np.full_like(phi, np.nan)
             first = int(block.converged.argmax())
-            self._zero = float(phi[first])
+            self._zero = float(phi[first] - block.turned[first])
         # This order of the difference makes the first converged angle +0.0.
-        angle = (self._zero - phi) / block.lambda_
+        angle = (self._zero - (phi - block.turned)) / block.lambda_
         angle[:first] = np.nan
         return angle
 
@@ -215,39 +232,14 @@ def sine_lag(t: Floats, angle: Floats, angle_true: Floats, frequency_hz: float =
     return float(-np.angle(measured / true) / (2 * np.pi * frequency_hz))
 
 
-@njit(cache=True, inline="always")
-def _orientation(x, x_dot, y, y_dot, omega_squared):  # type: ignore[no-untyped-def]
-    """Phi within +-pi/2 [rad] and quality of one sample."""
+def _orientation(states: Floats, omega_squared: Floats) -> tuple[Floats, Floats]:
+    """Phi within +-pi/2 [rad] and quality, shape (n,), of x, x', y, y', shape (4, n)."""
+    x, x_dot, y, y_dot = states
     cross = 2 * (omega_squared * x * y + x_dot * y_dot)
     energy_x = omega_squared * x * x + x_dot * x_dot
     energy_y = omega_squared * y * y + y_dot * y_dot
     total = energy_x + energy_y
-    straight = np.sqrt((energy_x - energy_y) ** 2 + cross * cross)
+    straight = np.hypot(energy_x - energy_y, cross)
     # Rounding may take the ratio of a straight line past 1 by an ulp.
-    quality = min(straight / total, 1.0) if total > 0 else 0.0
+    quality = np.minimum(np.divide(straight, total, out=np.zeros_like(total), where=total > 0), 1.0)
     return 0.5 * np.arctan2(cross, energy_x - energy_y), quality
-
-
-@njit("void(f8[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], f8[::1], f8[::1], f8[::1])", cache=True)
-def _follow(states, omega_squared, sos, memory, last, phi, quality):  # type: ignore[no-untyped-def]
-    """Phi [rad], unwrapped, and quality, both through the sections (transposed direct form II).
-
-    Of the values phi + n pi the one nearest the last output is taken. With a low-pass that is the
-    filtered angle: unwrapping from sample to sample would count a half turn whenever the tones
-    outgrow the pattern for a moment, and never take it back.
-    """
-    for k in range(len(phi)):
-        a, b = _orientation(states[0, k], states[1, k], states[2, k], states[3, k], omega_squared[k])
-        a += np.pi * np.rint((last[0] - a) / np.pi)
-        for s in range(sos.shape[0]):
-            b0, b1, b2, a1, a2 = sos[s, 0], sos[s, 1], sos[s, 2], sos[s, 4], sos[s, 5]
-            out = b0 * a + memory[s, 0]
-            memory[s, 0] = b1 * a - a1 * out + memory[s, 1]
-            memory[s, 1] = b2 * a - a2 * out
-            a = out
-            out = b0 * b + memory[s, 2]
-            memory[s, 2] = b1 * b - a1 * out + memory[s, 3]
-            memory[s, 3] = b2 * b - a2 * out
-            b = out
-        last[0] = a
-        phi[k], quality[k] = a, b

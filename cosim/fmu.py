@@ -1,8 +1,7 @@
 """The plant as the loop sees it: the FMU, its variables by name, and compiled calls of its functions.
 
 A step through fmpy's classes costs microseconds. Here fmpy loads the FMU and initialises it; the loop then calls the
-three FMI functions of a step by their addresses from compiled code. Addresses are plain integers, so that the
-compiled loop can be cached.
+three FMI functions of a step by their addresses from compiled code.
 """
 
 import ctypes
@@ -13,10 +12,6 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 import numpy as np
-from llvmlite import ir
-from numba import njit, types
-from numba.core import cgutils
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from gyro_model.build import build, model_token
@@ -134,54 +129,9 @@ class Plant:
         self.close()
 
 
-def open_plant(parameters: Mapping[str, float], model: Model | None = None) -> Plant:
-    """The plant of the present model, its FMU built where that has not been done."""
-    return Plant(build(model).fmi3, parameters, model)
-
-
-def _pointer_call(name: str, arguments: Sequence[ir.Type]) -> Any:
-    """A compiled call of the C function at an address: int32 f(address, ...), every argument an integer, float64 or
-    address."""
-
-    @intrinsic
-    def call(typing_context, address, values):  # type: ignore[no-untyped-def]
-        def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
-            function = ir.FunctionType(ir.IntType(32), arguments)
-            pointer = builder.inttoptr(args[0], function.as_pointer(), name=name)
-            given = cgutils.unpack_tuple(builder, args[1], len(arguments))
-            cast = [
-                builder.inttoptr(value, kind) if isinstance(kind, ir.PointerType) else value
-                for value, kind in zip(given, arguments, strict=True)
-            ]
-            return builder.call(pointer, cast)
-
-        return types.int32(address, values), generate
-
-    return call
-
-
-_ADDRESS: Final = ir.IntType(8).as_pointer()
-_SIZE: Final = ir.IntType(64)
-_REAL: Final = ir.DoubleType()
-_BOOL: Final = ir.IntType(1)
-
-_set_float64 = _pointer_call("fmi3SetFloat64", (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS, _SIZE))
-_get_float64 = _pointer_call("fmi3GetFloat64", (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS, _SIZE))
-_do_step = _pointer_call("fmi3DoStep", (_ADDRESS, _REAL, _REAL, _BOOL, _ADDRESS, _ADDRESS, _ADDRESS, _ADDRESS))
-
-
-@njit(cache=True)
-def exchange(handle, inputs, input_values, outputs, output_values, flags, t, step):  # type: ignore[no-untyped-def]
-    """Sets inputs, steps from ``t`` by ``step`` [s], gets outputs; gives the worst FMI status.
-
-    handle int64[4]; inputs, outputs uint32 value references; input_values, output_values f8 [SI]; flags f8[4],
-    scratch of the step.
-    """
-    instance = handle[INSTANCE]
-    n_in, n_out = len(input_values), len(output_values)
-    status = _set_float64(handle[SET], (instance, inputs.ctypes.data, n_in, input_values.ctypes.data, n_in))
-    at = flags.ctypes.data
-    status = max(status, _do_step(handle[STEP], (instance, t, step, False, at, at + 8, at + 16, at + 24)))
-    return max(
-        status, _get_float64(handle[GET], (instance, outputs.ctypes.data, n_out, output_values.ctypes.data, n_out))
-    )
+def open_plant(
+    parameters: Mapping[str, float], model: Model | None = None, inputs: Mapping[str, float] | None = None
+) -> Plant:
+    """The plant of the present model, its FMU built where that has not been done; ``inputs``: what it finds when it
+    starts, by name."""
+    return Plant(build(model).fmi3, {**parameters, **(inputs or {})}, model)

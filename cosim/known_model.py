@@ -6,9 +6,10 @@ k/m, d/m and 1/m, in which the acceleration is linear, and further parameters as
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from math import inf
+from pathlib import Path
 from typing import Final
 
 from sympy import Expr, Matrix, Symbol, cse, expand, numbered_symbols
@@ -210,6 +211,13 @@ class KnownModel:
         constants = {f.target: f.time_constant for f in self.dynamics.followers}
         return tuple(constants.get(target, symbols.t * 0) for target in symbols.SET_BY)
 
+    def fingerprint(self) -> str:
+        """Names what is written from here, without writing it: the effects that act as they state themselves, what is
+        estimated, and the text of this program."""
+        effects = [repr(replace(self.model.effect(name), doc="")) for name in sorted(self.acting)]
+        nominal = [repr(replace(e, doc="")) for e in self.model.effects if e.nominal]
+        return "\0".join([*effects, *nominal, *self.estimated, _program()])
+
     def sizes(self) -> dict[str, int]:
         """The sizes that the C is compiled for."""
         effects = self.dynamics.effects
@@ -275,3 +283,13 @@ class KnownModel:
 _COMMANDS: Final = (symbols.u_x, symbols.u_y)
 # Density a²/f one-sided, at the resonance of x, as the variance of white noise up to half the sample rate.
 _PINK_SHARE: Final = expand(1 / (2 * symbols.sample_period)) * 2 * 3.141592653589793 * (symbols.m / symbols.kxx) ** 0.5
+
+
+@cache
+def _program() -> str:
+    """The text of what turns effects into expressions and C."""
+    import gyro_model
+
+    package = Path(gyro_model.__file__).parent
+    names = ("anatomy.py", "symbols.py", "dynamics.py", "c_printing.py", "model.py")
+    return "".join(path.read_text(encoding="utf-8") for path in (Path(__file__), *(package / name for name in names)))

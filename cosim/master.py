@@ -1,76 +1,90 @@
-"""The co-simulation master: plant, observer and controller for a run, stepped block by block."""
+"""The co-simulation master: plant, observer and controller for a run, stepped block by block in C, and judged after each
+block."""
 
+import ctypes
 import time
 from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 
-from cosim import loop
-from cosim.fmu import INPUT_NAMES, OUTPUT_NAMES, Plant, open_plant
+from cosim.core.library import CONTROL_NAMES, pointer
+from cosim.fmu import GET, INSTANCE, SET, STEP, Plant, open_plant
+from cosim.monitor import Monitor
 from cosim.recorder import Recorder, Result
 from cosim.run import Run
-from gyro_model.errors import InputError
+from cosim.running import begin_controller, begin_observer, design_for
+from cosim.scenarios import INPUT_NAMES
+from gyro_model import symbols
+from gyro_model.anatomy import Follow
 
 Progress = Callable[[float, float], None]
 """Called with the time reached and the duration [s]."""
 
-BLOCK_DURATION: Final = 0.02
-"""Length of a block [s]: short enough for Ctrl-C and progress, long enough that Python's share of the time is small."""
+BLOCK_DURATION: Final = 0.005
+"""Length of a block [s]: the flag is set and withdrawn at its end; Ctrl-C is heard and progress told."""
+FORCE_NAMES: Final = ("u_x", "u_y")
+OUTPUT_NAMES: Final = ("v_x", "v_y", "x", "x_dot", "y", "y_dot")
 
 
 def simulate(run: Run, progress: Progress | None = None) -> Result:
-    """Runs the loop.
+    """Runs the loop to its end, or to where the plant could not go on; the result says which.
 
-    Raises InputError where the FMU refuses a parameter, and where the run diverges, saying when and which state.
+    Raises InputError where the FMU refuses a parameter.
     """
-    with open_plant(run.plant_parameters(), run.device.model) as plant:
+    parameters = run.plant_parameters()
+    with open_plant(parameters, run.device.model, run.scenario.first_inputs(run.period)) as plant:
         return _simulate(run, plant, progress)
 
 
 def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
-    recorder = Recorder(run)
-    controller_settings = run.controller_settings()
-    controller_memory = np.zeros(run.controller.memory_size)
-    run.controller.init(controller_memory, controller_settings, run.period)
-    observer_settings = run.observer.settings_array()
-    observer_memory = np.zeros(run.observer.memory_size)
-    run.observer.init(observer_memory, observer_settings, *run.first_estimate(), run.sensor(), run.period)
-
+    lib, observer = begin_observer(run.observer, run.design, run.period, run.observer_settings())
+    design = design_for(run.observer, run.design)
+    controller = begin_controller(run.controller, design, lib, run.period, run.controller_settings())
+    monitor = Monitor(run.observer, run.design, lib, observer, run.period, run.monitor_settings())
+    recorder = Recorder(run, lib, monitor)
+    memory = lib.memory("loop")
+    inputs = plant.value_references((*FORCE_NAMES, *INPUT_NAMES))
+    outputs = plant.value_references(OUTPUT_NAMES)
+    lags = _temperature_lags(run)
+    lib.call.core_loop_start(
+        pointer(memory),
+        *(ctypes.c_void_p(int(plant.handle[slot])) for slot in (INSTANCE, SET, STEP, GET)),
+        pointer(inputs),
+        pointer(outputs),
+        ctypes.c_void_p(observer.address),
+        pointer(observer.memory),
+        ctypes.c_void_p(controller.address),
+        pointer(controller.memory),
+        ctypes.c_double(run.period),
+        pointer(lags),
+    )
     size = max(round(BLOCK_DURATION * run.sample_rate), 1)
-    input_values = np.zeros(len(INPUT_NAMES))
-    output_values = plant.get(OUTPUT_NAMES)
-    rows = np.empty((min(size, run.samples), loop.ROW_SIZE))
+    width = 2 * len(lib.estimate_names) + len(CONTROL_NAMES) + len(OUTPUT_NAMES)
+    rows = np.empty((min(size, run.samples), width))
     clock = _Clock()
     for first in range(0, run.samples, size):
         count = min(size, run.samples - first)
-        omega_z = run.scenario.omega_z(first, count, run.period)
-        done = loop.run_block(
-            plant.handle,
-            plant.inputs,
-            plant.outputs,
-            run.observer.step,
-            observer_memory,
-            observer_settings,
-            run.controller.step,
-            controller_memory,
-            controller_settings,
-            first,
-            run.period,
-            omega_z,
-            input_values,
-            output_values,
-            rows[:count],
+        held = np.ascontiguousarray(run.scenario.inputs(first, count, run.period))
+        done = lib.call.core_loop_run(
+            pointer(memory), ctypes.c_int64(first), ctypes.c_int64(count), pointer(held), pointer(rows)
         )
+        recorder.keep(first, rows[:done], held[:done])
+        clock.tick(done)
         if done < count:
-            # A force that is no number comes from an estimate that is none.
-            recorder.check(first, rows[: done + 1])
-            raise InputError(f"run {plant.complaint()}")
-        recorder.keep(first, rows[:count], omega_z)
-        clock.tick(count)
+            recorder.stop((first + done) * run.period, plant.complaint())
+            break
         if progress is not None:
             progress((first + count) * run.period, run.duration)
     return recorder.result(clock.wall_time())
+
+
+def _temperature_lags(run: Run) -> np.ndarray:
+    """Time constants that the design knows of the temperatures of structure and circuit [s]."""
+    values = run.design.all_values
+    acting = [e for e in run.design.known_model.dynamics.effects if isinstance(e, Follow)]
+    constants = {target: values[constant.name] for e in acting for target, constant in e.follows.items()}
+    return np.array([constants.get(target, 0.0) for target in symbols.SET_BY])
 
 
 class _Clock:
@@ -88,5 +102,5 @@ class _Clock:
     def wall_time(self) -> float:
         """Wall time [s]."""
         first = 1 if len(self._times) > 2 else 0
-        pace = (self._times[-1] - self._times[first]) / (self._counts[-1] - self._counts[first])
+        pace = (self._times[-1] - self._times[first]) / max(self._counts[-1] - self._counts[first], 1)
         return pace * self._counts[-1]

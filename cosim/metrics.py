@@ -5,6 +5,7 @@ the file is strict JSON.
 """
 
 import math
+from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -33,12 +34,14 @@ class Bounds(NamedTuple):
     """Posterior Cramer-Rao bounds, as standard deviations, at times t.
 
     t [s], shape (n,), rising; relative: of the seven in the order of PARAMETER_NAMES, shape (n, 7);
-    omega: of the rate [rad/s], shape (n,).
+    omega: of the rate [rad/s], shape (n,); drift: of the pattern's turning at its worst angle
+    [rad/s], shape (n,).
     """
 
     t: Floats
     relative: Floats
     omega: Floats
+    drift: Floats
 
     def relative_at(self, t: Floats) -> Floats:
         """Return the relative bounds at `t` [s], shape (m,), as (m, 7); NaN where none is known.
@@ -99,10 +102,10 @@ def angle_metrics(
     converged_at: float | None,
     edges: Floats,
 ) -> Summary:
-    """Return {rms_deg, max_deg, drift_deg_per_s, lag_s} from convergence to the end.
+    """Return {rms_deg, max_deg, raw_rms_deg, raw_max_deg, drift_deg_per_s, lag_s} from convergence to the end.
 
     angle, angle_true [rad], omega: true rate [rad/s], shapes (n,). The error is taken less its
-    mean over the first 10 ms after convergence; drift is the slope of its straight-line fit. The
+    mean over the first 10 ms after convergence, the raw one as it is; drift is the slope of its straight-line fit. The
     lag is `run_lag` without the 20 ms after each of `edges` [s]: what a filter does to an edge
     counts as error, not as lag.
     """
@@ -111,14 +114,17 @@ def angle_metrics(
     if converged_at is not None:
         valid &= t >= converged_at
     if converged_at is None or np.count_nonzero(valid) < 2:
-        return {"rms_deg": None, "max_deg": None, "drift_deg_per_s": None, "lag_s": None}
+        return dict.fromkeys(("rms_deg", "max_deg", "raw_rms_deg", "raw_max_deg", "drift_deg_per_s", "lag_s"))
     t, error, omega = t[valid], error[valid], omega[valid]
     settled = _settled(t, edges)
     lag = run_lag(t[settled], error[settled], omega[settled])
+    raw = np.rad2deg(error)
     error = np.rad2deg(error - reference_mean(t, error, converged_at))
     return {
         "rms_deg": _rms(error),
         "max_deg": number(np.abs(error).max()),
+        "raw_rms_deg": _rms(raw),
+        "raw_max_deg": number(np.abs(raw).max()),
         "drift_deg_per_s": number(np.polyfit(t - t.mean(), error, 1)[0]),
         "lag_s": lag,
     }
@@ -159,13 +165,16 @@ def summarise(
     converged_at: float | None,
     edges: Floats,
     bounds: Bounds | None,
+    validity: Any,
+    extra: Mapping[str, float],
     real_time_factor: float,
     run: dict[str, str | float | bool | None],
 ) -> Summary:
     """Return the content of summary.json.
 
     trace: the columns of trace.parquet; unit: the angle unit chosen, A, B or C; edges: of the rate
-    [s]; run: what else the reader should know (device, observer, duration, ...), copied.
+    [s]; validity: a cosim.recorder.Validity; extra: true values, by name, of what was estimated
+    beside the seven, SI; run: what else the reader should know (device, observer, duration, ...), copied.
     """
     converged_at = number(converged_at)
     columns = {name: trace[name].to_numpy() for name in ("t", "angle_true", "omega_true")}
@@ -184,6 +193,21 @@ def summarise(
         "scenario": scenario,
         "seed": seed,
         "converged_at": converged_at,
+        "valid": {
+            "share": number(validity.share),
+            "withdrawn": [{"t": number(t), "reason": reason} for t, reason in validity.withdrawn],
+            "now": bool(validity.now),
+            "reason": validity.reason,
+            "stopped": validity.stopped,
+        },
+        "predicted": {
+            "drift_sigma_deg_per_s": number(np.rad2deg(trace["drift_sigma"][-1])),
+            "angle_sigma_deg": number(np.rad2deg(trace["angle_sigma"][-1])),
+            "drift_bound_deg_per_s": None if bounds is None else number(np.rad2deg(bounds.drift[-1])),
+        },
+        "effects": {
+            name: {"true": number(true), "estimate": number(trace[f"est_{name}"][-1])} for name, true in extra.items()
+        },
         "parameters": parameter_metrics(trace, bounds),
         "omega": omega_metrics(trace, converged_at, edges),
         "angle": {"unit": unit, **units[unit]},

@@ -6,15 +6,16 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from cosim import loop
 from cosim.angle import UNIT_NAMES, AngleUnit, Block, make_units
-from cosim.bound import Motion, Prior, parameter_bound
-from cosim.controllers.record import CONVERGED, CONVERGED_AT, FORCE_X, FORCED, OMEGA_SQUARED
-from cosim.layout import DEFECT_NAMES, ESTIMATE_NAMES, KXX, OFFSET_X, OMEGA_Z, PARAMETER_NAMES, STATE_NAMES
+from cosim.bound import Bound, Motion, at_the_truth, bound
+from cosim.core.library import CONTROL_NAMES, Library
+from cosim.layout import KXX, OMEGA_Z, PARAMETER_NAMES, STATE_NAMES
 from cosim.metrics import Bounds
+from cosim.monitor import Monitor, Verdict
+from cosim.observers.record import CoreObserver
 from cosim.run import Run
+from cosim.scenarios import INPUT_NAMES
 from gyro_model.device import Device
-from gyro_model.errors import InputError
 from gyro_model.evaluate import evaluate
 
 Floats = NDArray[np.float64]
@@ -22,18 +23,27 @@ Floats = NDArray[np.float64]
 START_DURATION: Final = 3e-3
 """Recorded at the full sample rate for the figure of the first convergence [s]."""
 BOUND_DURATION: Final = 1.0
-"""The Cramer-Rao bound is computed along the first part of a run [s]; it keeps 56 bytes a sample."""
+"""The Cramer-Rao bound is computed along the first part of a run [s]; it keeps 88 bytes a sample."""
 BOUND_TIMES: Final = 60
-OMEGA_WALK: Final = 10.0
-"""Prior of the bound: the rate is a random walk of this size [rad/s per sqrt(s)]."""
+
+
+class Validity(NamedTuple):
+    """share: of the run in which the angle was valid; withdrawn: (t [s], reason) of each time that it ceased to be; now:
+    whether it is at the end; reason: why not (else empty); stopped: why the run ended early (else empty)."""
+
+    share: float
+    withdrawn: tuple[tuple[float, str], ...]
+    now: bool
+    reason: str
+    stopped: str
 
 
 class Result(NamedTuple):
     """What a run gives.
 
     trace: columns of trace.parquet; start: the first milliseconds at full rate, with the true states; units: the angle
-    units, after use; converged_at [s] or None; bounds: None where more acts than the bound covers; wall_time: of the
-    loop [s].
+    units, after use; converged_at: when the angle was valid first [s] or None; bounds: None where it can't be told;
+    validity; wall_time: of the loop [s]; estimate_names: what else was estimated, by FMU name.
     """
 
     trace: pl.DataFrame
@@ -41,151 +51,192 @@ class Result(NamedTuple):
     units: dict[str, AngleUnit]
     converged_at: float | None
     bounds: Bounds | None
+    validity: Validity
     wall_time: float
+    extra_names: tuple[str, ...]
 
 
 class Recorder:
-    """Takes the rows of the loop block by block."""
+    """Takes the rows of the loop block by block, and the monitor's verdict after each."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Run, lib: Library, monitor: Monitor) -> None:
         self.run = run
-        self.units = make_units(run.sample_rate, run.oscillation_hz)
-        self.every = max(round(run.sample_rate / run.trace_rate), 1)
+        self.monitor = monitor
+        self.units = make_units(run.sample_rate, run.design.oscillation_hz)
+        self.angular_gain = run.design.all_values["angular_gain"]
+        self.every = run.trace_every
         self.converged_at: float | None = None
-        self._rows = -(-run.samples // self.every)
-        self._columns: dict[str, NDArray[Any]] = {}
+        self.names = lib.estimate_names
+        self.extra_names = lib.known.estimated if isinstance(run.observer, CoreObserver) else ()
+        self._blocks: list[dict[str, NDArray[Any]]] = []
         self._start: list[pl.DataFrame] = []
-        self._motion: list[tuple[Floats, Floats, Floats]] = []
+        self._motion: list[tuple[Floats, ...]] = []
+        self._verdict = Verdict(False, "the run has only begun", np.inf, np.inf)
+        self._valid_samples = self._samples = 0
+        self._angle_deviation = 0.0
         self._turned = 0.0
         self._zero = np.nan
+        self._judged_at = 0.0
+        self._stopped = ""
 
-    def keep(self, first: int, rows: Floats, omega_z: Floats) -> None:
-        """Keeps the rows (see cosim.loop) of the samples from ``first`` on and the rate held over each [rad/s].
-
-        Raises InputError, with time and name, where an estimate is not finite.
-        """
+    def keep(self, first: int, rows: Floats, held: Floats) -> None:
+        """Keeps the rows (estimates, deviations, control, outputs of the plant) of the samples from ``first`` on and the
+        inputs held over each, as cosim.scenarios.INPUT_NAMES; then lets the monitor judge."""
+        if not len(rows):
+            return
         run = self.run
         t: Floats = np.arange(first, first + len(rows), dtype=np.float64) * np.float64(run.period)
-        estimate, control, plant = _parts(rows)
-        self.check(first, rows)
-        converged = control[:, CONVERGED] > 0
-        if self.converged_at is None and converged.any():
-            self.converged_at = float(control[converged.argmax(), CONVERGED_AT])
+        estimate, control, plant = self._parts(rows)
+        converged = np.full(len(rows), self._verdict.valid)
+        omega_z = held[:, 0]
         angles = self._angles(t, estimate, control, converged)
         true_states = plant[:, -len(STATE_NAMES) :]
         if first * run.period < START_DURATION:
             count = round(START_DURATION * run.sample_rate)
-            self._start.append(self._start_frame(t, true_states, estimate, omega_z)[:count])
+            self._start.append(self._start_frame(t, true_states, estimate, held)[:count])
         if first * run.period < BOUND_DURATION:
-            self._motion.append((true_states.copy(), control[:, FORCE_X : FORCE_X + 2].copy(), omega_z))
+            self._motion.append((true_states.copy(), control[:, :2].copy(), held.copy()))
         kept = slice(-first % self.every, None, self.every)
         angle_true = self._angle_true(converged, omega_z)
-        columns = self._trace(t[kept], rows[kept], omega_z[kept], angle_true[kept], angles, kept)
-        begin = -(-first // self.every)
-        for name, values in columns.items():
-            whole = self._columns.setdefault(name, np.empty(self._rows, dtype=values.dtype))
-            whole[begin : begin + len(values)] = values
+        if len(t[kept]):
+            self._blocks.append(self._trace(t[kept], rows[kept], held[kept], angle_true[kept], angles, kept))
+        self._samples += len(rows)
+        self._valid_samples += int(converged.sum())
+        self._judge(t[-1], rows[-1], held[-1])
 
-    def check(self, first: int, rows: Floats) -> None:
-        """Raises InputError, with time and name, where an estimate in the rows from ``first`` on is not finite."""
-        estimate, _, _ = _parts(rows)
-        if not np.isfinite(estimate).all():
-            row, column = np.argwhere(~np.isfinite(estimate))[0]
-            raise InputError(
-                f"run diverged at {(first + row) * self.run.period:.6g} s: the estimate of {ESTIMATE_NAMES[column]} "
-                "is not finite; check the device, its effects and the sample rate"
-            )
+    def stop(self, t: float, complaint: str) -> None:
+        """The plant could not go on at ``t`` [s]."""
+        self._stopped = f"at {t:.6g} s the plant {complaint}"
 
     def result(self, wall_time: float) -> Result:
         """What has been kept, joined."""
-        start = pl.concat(self._start)
-        return Result(pl.DataFrame(self._columns), start, self.units, self.converged_at, self._bounds(), wall_time)
+        withdrawn = tuple(self.monitor.withdrawn)
+        reason = self._stopped or ("" if self._verdict.valid else self._verdict.reason)
+        valid = self._verdict.valid and not self._stopped
+        validity = Validity(self._valid_samples / max(self._samples, 1), withdrawn, valid, reason, self._stopped)
+        columns = {name: np.concatenate([block[name] for block in self._blocks]) for name in self._blocks[0]}
+        return Result(
+            pl.DataFrame(columns),
+            pl.concat(self._start),
+            self.units,
+            self.converged_at,
+            self._bounds(),
+            validity,
+            wall_time,
+            self.extra_names,
+        )
+
+    def _parts(self, rows: Floats) -> tuple[Floats, Floats, Floats]:
+        count = len(self.names)
+        return rows[:, :count], rows[:, 2 * count : 2 * count + len(CONTROL_NAMES)], rows[:, 2 * count + len(CONTROL_NAMES) :]
+
+    def _judge(self, t: float, row: Floats, held: Floats) -> None:
+        count = len(self.names)
+        measured = np.array([*held[1:], held[1], held[1]])
+        was = self._verdict.valid
+        self._verdict = self.monitor.judge(float(t), row[:count].copy(), row[count : 2 * count].copy(), measured)
+        if self._verdict.valid and not was and self.converged_at is None:
+            # The flag holds from the next sample on.
+            self.converged_at = float(t) + self.run.period
+        if self.converged_at is not None and np.isfinite(self._verdict.drift_sigma):
+            self._angle_deviation += self._verdict.drift_sigma * (t + self.run.period - max(self._judged_at, self.converged_at))
+        self._judged_at = float(t) + self.run.period
 
     def _angle_true(self, converged: NDArray[np.bool_], omega_z: Floats) -> Floats:
-        """Integral of exactly the held rate [rad], zero at convergence and NaN before."""
+        """Integral of exactly the held rate [rad], zero where the angle was valid first and NaN before."""
         turned = self._turned + np.concatenate(([0.0], np.cumsum(omega_z))) * self.run.period
         self._turned = float(turned[-1])
         if np.isnan(self._zero) and converged.any():
             self._zero = float(turned[converged.argmax()])
-        return np.where(converged, turned[:-1] - self._zero, np.nan)
+        return turned[:-1] - self._zero
 
     def _angles(
         self, t: Floats, estimate: Floats, control: Floats, converged: NDArray[np.bool_]
     ) -> dict[str, tuple[Floats, Floats]]:
         x, x_dot, y, y_dot = np.ascontiguousarray(estimate[:, : len(STATE_NAMES)].T)
-        forced = np.ascontiguousarray(control[:, FORCED:OMEGA_SQUARED].T)
-        omega_squared = np.ascontiguousarray(control[:, OMEGA_SQUARED])
-        gain = self.run.device.all_parameters.get("angular_gain", 1.0)
-        block = Block(t, x, x_dot, y, y_dot, forced, omega_squared, converged, gain)
+        forced = np.ascontiguousarray(control[:, 2:6].T)
+        omega_squared = np.ascontiguousarray(control[:, CONTROL_NAMES.index("omega_squared")])
+        turned = np.ascontiguousarray(control[:, CONTROL_NAMES.index("turned")])
+        near = np.ascontiguousarray(control[:, CONTROL_NAMES.index("near_x") :].T)
+        block = Block(t, x, x_dot, y, y_dot, forced, near, omega_squared, converged, self.angular_gain, turned)
         return {name: unit.process(block) for name, unit in self.units.items()}
 
     def _trace(
         self,
         t: Floats,
         rows: Floats,
-        omega_z: Floats,
+        held: Floats,
         angle_true: Floats,
         angles: dict[str, tuple[Floats, Floats]],
         kept: slice,
     ) -> dict[str, NDArray[Any]]:
-        estimate, control, plant = _parts(rows)
-        true = true_parameters(self.run.device, t)
+        estimate, control, plant = self._parts(rows)
+        true = true_parameters(self.run.device, t, held)
         angle, quality = angles[self.run.scenario.angle_unit]
-        return {
+        extra = [self.names.index(name) for name in self.extra_names]
+        changing = {name: held[:, i] for i, name in enumerate(INPUT_NAMES) if i and name in self.run.scenario.courses}
+        columns = {
             "t": t,
-            "omega_true": omega_z,
+            "omega_true": held[:, 0],
             "angle_true": angle_true,
             "angle": angle[kept],
             "angle_quality": quality[kept],
-            "converged": control[:, CONVERGED] > 0,
+            "converged": np.full(len(t), self._verdict.valid),
+            "drift_sigma": np.full(len(t), self._verdict.drift_sigma),
+            "angle_sigma": np.full(len(t), np.hypot(self._angle_deviation, self._verdict.bend_sigma)),
             "v_x": plant[:, 0],
             "v_y": plant[:, 1],
-            "u_x": control[:, FORCE_X],
-            "u_y": control[:, FORCE_X + 1],
+            "u_x": control[:, 0],
+            "u_y": control[:, 1],
             **{f"est_{name}": estimate[:, KXX + i] for i, name in enumerate(PARAMETER_NAMES)},
             "est_omega_z": estimate[:, OMEGA_Z],
             **{f"true_{name}": true[name] for name in PARAMETER_NAMES},
             **{f"est_{name}": estimate[:, i] for i, name in enumerate(STATE_NAMES)},
-            **{f"est_{name}": estimate[:, OFFSET_X + i] for i, name in enumerate(DEFECT_NAMES)},
+            **{f"est_{self.names[i]}": estimate[:, i] for i in extra},
             **{f"angle_{name}": angles[name][0][kept] for name in UNIT_NAMES},
+            **changing,
         }
+        return {name: np.array(values) for name, values in columns.items()}
 
-    def _start_frame(self, t: Floats, true: Floats, estimate: Floats, omega_z: Floats) -> pl.DataFrame:
-        parameters = true_parameters(self.run.device, t)
-        columns = {"t": t, "omega_true": omega_z, "est_omega_z": estimate[:, OMEGA_Z]}
+    def _start_frame(self, t: Floats, true: Floats, estimate: Floats, held: Floats) -> pl.DataFrame:
+        parameters = true_parameters(self.run.device, t, held)
+        columns = {"t": t, "omega_true": held[:, 0], "est_omega_z": estimate[:, OMEGA_Z]}
         columns |= {f"true_{name}": true[:, i] for i, name in enumerate(STATE_NAMES)}
         columns |= {f"est_{name}": estimate[:, i] for i, name in enumerate(STATE_NAMES)}
         columns |= {f"true_{name}": parameters[name] for name in PARAMETER_NAMES}
         columns |= {f"est_{name}": estimate[:, KXX + i] for i, name in enumerate(PARAMETER_NAMES)}
-        return pl.DataFrame({name: np.ascontiguousarray(column) for name, column in columns.items()})
+        return pl.DataFrame({name: np.array(column) for name, column in columns.items()})
 
     def _bounds(self) -> Bounds | None:
-        """The bound along the first part of the run; None where more acts than the nominal device and white noise."""
-        device = self.run.device
-        noise = device.all_parameters["sense_noise"]
-        covered = all(e.nominal or e.id == "sense_noise" or not device.acts(e) for e in device.model.effects)
-        states, forces, omega_z = (np.concatenate(parts) for parts in zip(*self._motion, strict=True))
-        last = (len(omega_z) - 1) * self.run.period
-        if not covered or noise == 0 or last < 1e-3:
+        """The bound along the first part of the run; None where the design leaves out what acts, or nothing is noisy."""
+        run = self.run
+        design = at_the_truth(run.design, run.device.all_parameters)
+        covered = {e.id for e in run.device.model.effects if e.nominal or not run.device.acts(e)} | set(
+            design.known_model.acting
+        )
+        states, forces, held = (np.concatenate(parts) for parts in zip(*self._motion, strict=True))
+        last = (len(held) - 1) * run.period
+        if not all(e.id in covered for e in run.device.model.effects) or not design.all_values["sense_noise"] or last < 1e-3:
             return None
-        p = device.all_parameters
-        parameters = np.array([p[name] for name in PARAMETER_NAMES])
-        metres = (noise / abs(p["sense_gain_x"]), noise / abs(p["sense_gain_y"]))
         times = np.geomspace(1e-3, last, BOUND_TIMES)
-        prior = Prior(omega_walk=OMEGA_WALK, amplitude=self.run.amplitude)
-        motion = Motion(states, forces, omega_z, parameters, self.run.period)
-        return Bounds(times, *parameter_bound(motion, metres, times, prior))
+        found: Bound = bound(Motion(states, forces, held[:, 0], held[:, 1:], run.period), design, times)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = found.values[:, : len(PARAMETER_NAMES)] / np.abs([design.values[n] for n in PARAMETER_NAMES])
+        return Bounds(times, relative, found.omega, found.drift)
 
 
-def _parts(rows: Floats) -> tuple[Floats, Floats, Floats]:
-    """The estimates, the controller's output and the plant's output in rows of the loop."""
-    return rows[:, : loop.DEVIATION], rows[:, loop.CONTROL : loop.PLANT], rows[:, loop.PLANT :]
+def true_parameters(device: Device, t: Floats, held: Floats | None = None) -> dict[str, Floats]:
+    """The seven parameters that act at times ``t`` [s], shape (n,) each: the device's, under its parameter laws.
 
-
-def true_parameters(device: Device, t: Floats) -> dict[str, Floats]:
-    """The seven parameters that act at times ``t`` [s], shape (n,) each: the device's, under its parameter laws."""
-    # A run of the angle loop stays at the temperatures at which the FMU starts.
-    values = device.all_parameters | {q.name: q.start for q in device.model.quantities if q.role in ("input", "output")}
+    held: inputs by cosim.scenarios.INPUT_NAMES, shape (n, 5); None: their start values. Temperatures that lag are taken
+    as settled.
+    """
+    values: dict[str, Any] = device.all_parameters | {
+        q.name: q.start for q in device.model.quantities if q.role in ("input", "output")
+    }
+    if held is not None:
+        values |= {name: held[:, i] for i, name in enumerate(INPUT_NAMES)}
+        values |= {"temperature_structure": values["temperature"], "temperature_circuit": values["temperature"]}
     result: dict[str, Floats] = {name: np.full(len(t), values[name]) for name in PARAMETER_NAMES}
     for law in device.model.laws:
         if device.acts(law):
@@ -193,3 +244,4 @@ def true_parameters(device: Device, t: Floats) -> dict[str, Floats]:
             changed = evaluate(law, {**values, **result, "t": t, "after": np.asarray(passed, dtype=float)})
             result |= {name: np.broadcast_to(value, t.shape) for name, value in changed.items() if name in result}
     return result
+

@@ -5,8 +5,8 @@ import importlib.util
 from pathlib import Path
 from typing import Any
 
-from cosim.controllers.record import Controller
-from cosim.observers.record import Observer
+from cosim.controllers.record import Controller, CoreController
+from cosim.observers.record import CoreObserver, Observer
 from gyro_model.errors import InputError, nearest
 
 _FOLDER = Path(__file__).parent
@@ -22,20 +22,20 @@ def controller_names() -> list[str]:
     return _names("controllers", "CONTROLLER")
 
 
-def find_observer(name: str) -> Observer:
+def find_observer(name: str) -> Observer | CoreObserver:
     """The observer of that name, or the OBSERVER of the Python file at that path. Raises InputError where there is
     none."""
     found = _find("observers", "OBSERVER", name)
-    if not isinstance(found, Observer):
+    if not isinstance(found, (Observer, CoreObserver)):
         raise InputError(f"observer {name}: OBSERVER is no cosim.observers.record.Observer; build it as one")
     return found
 
 
-def find_controller(name: str) -> Controller:
+def find_controller(name: str) -> Controller | CoreController:
     """The controller of that name, or the CONTROLLER of the Python file at that path. Raises InputError where there
     is none."""
     found = _find("controllers", "CONTROLLER", name)
-    if not isinstance(found, Controller):
+    if not isinstance(found, (Controller, CoreController)):
         raise InputError(f"controller {name}: CONTROLLER is no cosim.controllers.record.Controller; build it as one")
     return found
 

@@ -7,7 +7,7 @@ format = 1, name, [parameters], optional [intervals] (name = [low, high], 95 %),
 import json
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from math import cos, isfinite, pi, radians, sin
 from pathlib import Path
@@ -133,17 +133,19 @@ def load_device(name: str, model: Model | None = None) -> Device:
         hint = nearest(name, packaged) or f"; packaged are {', '.join(packaged)}"
         raise InputError(f"device {name!r}: neither a packaged device nor a file{hint}")
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"device file {path}: not TOML: {error}") from None
-    try:
-        return _device(data, model or load_model())
+        return _device(read_toml(path, ("parameters", "intervals", "controller", "rate_mode")), model or load_model())
     except InputError as error:
         raise InputError(f"device file {path}: {error}") from None
 
 
-def _device(data: Mapping[str, Any], model: Model) -> Device:
-    known = ("format", "name", "parameters", "intervals", "controller", "rate_mode")
+def read_toml(path: Path, tables: Collection[str]) -> dict[str, Any]:
+    """The content of a device file, or of one of its form with these ``tables``, each checked to be one. Raises
+    InputError without the path."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"not TOML: {error}") from None
+    known = ("format", "name", *tables)
     for key in data:
         if key not in known:
             raise InputError(f"key {key!r} is unknown{nearest(key, known)}")
@@ -151,15 +153,20 @@ def _device(data: Mapping[str, Any], model: Model) -> Device:
         raise InputError(f"format = {data.get('format')!r}: this program reads format = {FORMAT}")
     if not isinstance(data.get("name"), str):
         raise InputError('name is missing: add name = "..."')
-    tables = {key: data.get(key, {}) for key in known[2:]}
-    for key, table in tables.items():
-        if not isinstance(table, dict):
-            raise InputError(f"{key} = {table!r}: make it a table [{key}]")
-    intervals = {name: _interval(name, pair) for name, pair in tables["intervals"].items()}
-    return Device(data["name"], tables["parameters"], intervals, tables["controller"], model, tables["rate_mode"])
+    for key in tables:
+        if not isinstance(data.get(key, {}), dict):
+            raise InputError(f"{key} = {data[key]!r}: make it a table [{key}]")
+    return data
 
 
-def _interval(name: str, pair: object) -> tuple[float, float]:
+def _device(data: Mapping[str, Any], model: Model) -> Device:
+    intervals = {name: interval(name, pair) for name, pair in data.get("intervals", {}).items()}
+    parameters, controller, rate_mode = (data.get(key, {}) for key in ("parameters", "controller", "rate_mode"))
+    return Device(data["name"], parameters, intervals, controller, model, rate_mode)
+
+
+def interval(name: str, pair: object) -> tuple[float, float]:
+    """The two bounds of an interval as read. Raises InputError where it is none."""
     if not (isinstance(pair, list) and len(pair) == 2 and all(map(_is_number, pair)) and pair[0] <= pair[1]):
         raise InputError(f"interval {name} = {pair!r}: give [low, high]")
     return float(pair[0]), float(pair[1])
@@ -204,19 +211,29 @@ def write_device(device: Device, path: Path, note: str = "") -> None:
     """Writes a device file that ``load_device`` reads back to the last bit, each number with its unit. An existing
     file is replaced whole."""
     units = {name: device.model.parameter(name).unit for name in device.parameters}
-    lines = [*(f"# {line}" for line in note.splitlines()), f"format = {FORMAT}", f"name = {_quoted(device.name)}"]
-    lines += ["", "[parameters]"]
-    lines += [f"{name} = {_digits(value)} # {units[name]}" for name, value in device.parameters.items()]
-    if device.intervals:
-        lines += ["", "[intervals]"]
-        lines += [f"{name} = [{_digits(low)}, {_digits(high)}]" for name, (low, high) in device.intervals.items()]
-    for table, entries, own_units in (
-        ("controller", device.controller, CONTROLLER_UNITS),
-        ("rate_mode", device.rate_mode, RATE_MODE_UNITS),
-    ):
-        if entries:
-            lines += ["", f"[{table}]"]
-            lines += [f"{name} = {_digits(value)} # {own_units[name]}" for name, value in entries.items()]
+    tables = {
+        "parameters": (dict(device.parameters), units),
+        "intervals": (dict(device.intervals), {}),
+        "controller": (dict(device.controller), CONTROLLER_UNITS),
+        "rate_mode": (dict(device.rate_mode), RATE_MODE_UNITS),
+    }
+    write_file(path, device.name, tables, note)
+
+
+def write_file(
+    path: Path, name: str, tables: Mapping[str, tuple[Mapping[str, Any], Mapping[str, str]]], note: str = ""
+) -> None:
+    """Writes a file of the form of a device file: ``tables`` by name as (entries, units), each entry a number or a pair;
+    empty ones are left out, but for [parameters]. An existing file is replaced whole."""
+    lines = [*(f"# {line}" for line in note.splitlines()), f"format = {FORMAT}", f"name = {_quoted(name)}"]
+    for table, (entries, units) in tables.items():
+        if entries or table == "parameters":
+            lines += ["", f"[{table}]", *(_entry(key, value, units.get(key)) for key, value in entries.items())]
     beside = path.with_name(path.name + ".part")
     beside.write_text("\n".join(lines) + "\n", encoding="utf-8")
     os.replace(beside, path)
+
+
+def _entry(name: str, value: Any, unit: str | None) -> str:
+    text = f"[{', '.join(map(_digits, value))}]" if isinstance(value, tuple) else _digits(value)
+    return f"{name} = {text}" + (f" # {unit}" if unit else "")

@@ -49,15 +49,21 @@ def build(
 
 @app.command()
 def run(
-    scenario: Annotated[str, typer.Argument(help="constant, varying or motion; see `gyrotwin list scenarios`.")],
-    device: Annotated[str, typer.Option(help="Packaged device by name, or a device file.")] = "reference",
+    scenario: Annotated[str, typer.Argument(help="A scenario by name (`gyrotwin list scenarios`) or a file of your own.")],
+    device: Annotated[str, typer.Option(help="What the plant is: packaged device by name, or a device file.")] = "reference",
+    design: Annotated[
+        str | None,
+        typer.Option(help="All that the loop may know: plain, lab, or a file, such as the device.toml of a diagnosis."),
+    ] = None,
     effects: Annotated[
         list[Path] | None, typer.Option(metavar="DIR", help="Folder of further effect files; repeatable.")
     ] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option(
-            "--set", metavar="NAME=VALUE", help="Set a device parameter, or controller.NAME (SI); repeatable."
+            "--set",
+            metavar="NAME=VALUE",
+            help="Set a device parameter, or observer.NAME, controller.NAME, monitor.NAME (SI); repeatable.",
         ),
     ] = None,
     rate_profile: Annotated[
@@ -73,41 +79,54 @@ def run(
     sensing_defects: Annotated[
         bool,
         typer.Option(
-            "--sensing-defects", help="Offset, drift, gap, mismatches and parasitic in the pickoff; extended observer."
+            "--sensing-defects", help="Offset, drift, gap, mismatches and parasitic in the pickoff; design sensing_defects."
         ),
     ] = False,
     angle: Annotated[str | None, typer.Option(help="Angle unit A, B or C; default: the scenario's.")] = None,
     sample_rate: Annotated[float, typer.Option(help="Samples a second.")] = 200e3,
     duration: Annotated[float | None, typer.Option(help="Seconds; default: the scenario's.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the noises and of the first estimates.")] = 1,
+    trace_rate: Annotated[
+        float | None, typer.Option(help="Rows of the trace a second; default 20000, fewer in long runs.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder for summary.json, trace.parquet, report.html; default results/SCENARIO.")
     ] = None,
 ) -> None:
     """Run a scenario in the closed loop and report."""
     from gyrotwin.compiled import compile_once
-
-    compile_once(console, "ekf_extended" if sensing_defects and observer == "ekf" else observer, controller)
-    from gyrotwin.console import results
-    from gyrotwin.progress import shown_progress
-    from gyrotwin.run import Request, execute, prepare
+    from gyrotwin.run import NOT_VALID, Request, check_writable, prepare
 
     request = Request(
-        scenario, device, tuple(settings or ()), rate_profile, rate_column, rate_unit, rate_start, observer, controller,
-        sensing_defects, angle, sample_rate, duration, seed, tuple(effects or ()),
+        scenario, device, design, tuple(settings or ()), rate_profile, rate_column, rate_unit, rate_start, observer,
+        controller, sensing_defects, angle, sample_rate, duration, seed, trace_rate, tuple(effects or ()),
     )  # fmt: skip
     prepared = prepare(request)
-    folder = out or Path("results") / scenario
-    with shown_progress(console, f"{scenario}, {prepared.duration:g} s") as progress:
+    folder = out or Path("results") / prepared.scenario.name
+    check_writable(folder)
+    compile_once(console, prepared)
+    from gyrotwin.console import results
+    from gyrotwin.progress import shown_progress
+    from gyrotwin.run import execute
+
+    with shown_progress(console, f"{prepared.scenario.name}, {prepared.duration:g} s") as progress:
         summary = execute(prepared, folder, progress)
     console.print(results(summary))
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
+    if not summary["valid"]["now"]:
+        sys.exit(NOT_VALID)
 
 
 @app.command(name="list")
-def list_(what: Annotated[str, typer.Argument(help="effects, devices, scenarios, observers.")]) -> None:
+def list_(what: Annotated[str, typer.Argument(help="effects, devices, designs, scenarios, observers.")]) -> None:
     """List what there is by name."""
-    listings = {"effects": _effects, "devices": _devices, "scenarios": _scenarios, "observers": _observers}
+    listings = {
+        "effects": _effects,
+        "devices": _devices,
+        "designs": _designs,
+        "scenarios": _scenarios,
+        "observers": _observers,
+    }
     if what not in listings:
         raise InputError(f"list {what!r}: there are {', '.join(listings)}{nearest(what, listings)}")
     console.print(listings[what]())
@@ -138,6 +157,16 @@ def _devices() -> Table:
         table.add_row(
             name, f"{p['m']:.3g} kg", f"{w / 6.283185307179586:.1f} Hz", f"{p['m'] * w / p['dxx']:.4g}", str(path)
         )
+    return table
+
+
+def _designs() -> Table:
+    from cosim.design import packaged_designs
+
+    table = _table("design", "what the loop knows", "file")
+    for name, path in packaged_designs().items():
+        comment = [line.removeprefix("# ") for line in path.read_text(encoding="utf-8").splitlines() if line[:2] == "# "]
+        table.add_row(name, comment[0], str(path))
     return table
 
 

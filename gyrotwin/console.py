@@ -12,7 +12,10 @@ from gyrotwin.numbers import degrees, microseconds, milliseconds, relative, sign
 
 def results(summary: Mapping[str, Any]) -> RenderableType:
     """Return what summary.json holds, as tables for rich."""
-    return Group(_headline(summary), _parameters(summary), _angles(summary))
+    parts = [_headline(summary), _validity(summary), _parameters(summary)]
+    if summary["effects"]:
+        parts.append(_effects(summary))
+    return Group(*parts, _angles(summary))
 
 
 def _headline(summary: Mapping[str, Any]) -> Text:
@@ -26,6 +29,31 @@ def _headline(summary: Mapping[str, Any]) -> Text:
         f"; {significant(summary['real_time_factor'])} × real time"
     )
     return text
+
+
+def _validity(summary: Mapping[str, Any]) -> Text:
+    """Whether the angle can be believed, by what the loop itself knows."""
+    valid, predicted = summary["valid"], summary["predicted"]
+    text = Text("angle valid at the end" if valid["now"] else "angle not valid at the end")
+    text.stylize("bold" if valid["now"] else "bold red")
+    if valid["reason"]:
+        text.append(f": {valid['reason']}")
+    text.append(f"; valid in {100 * valid['share']:.1f} % of the run")
+    for entry in valid["withdrawn"]:
+        text.append(f"\nwithdrawn at {milliseconds(entry['t'])}: {entry['reason']}")
+    text.append(f"\npredicted drift ±{degrees(predicted['drift_sigma_deg_per_s'], '°/s')}")
+    text.append(f", angle ±{degrees(predicted['angle_sigma_deg'])} (1 σ)")
+    return text
+
+
+def _effects(summary: Mapping[str, Any]) -> Table:
+    table = Table(title="Effects estimated, at the end (SI units)", title_justify="left")
+    table.add_column("name")
+    for heading in ("true", "estimate"):
+        table.add_column(heading, justify="right")
+    for name, values in summary["effects"].items():
+        table.add_row(name, significant(values["true"], 5), significant(values["estimate"], 5))
+    return table
 
 
 def _parameters(summary: Mapping[str, Any]) -> Table:

@@ -6,11 +6,13 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from cosim.angle import UNIT_NAMES
 from cosim.angle_filters import band_pass, low_pass
+from cosim.design import DEFAULT, Design, load_design
 from cosim.master import Progress, simulate
 from cosim.metrics import summarise
 from cosim.rate_profile import read_profile
@@ -19,9 +21,16 @@ from cosim.registry import find_controller, find_observer
 from cosim.run import Run
 from cosim.scenarios import scenario
 from gyro_model.device import Device, load_device
-from gyro_model.errors import InputError
+from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
 from gyrotwin.report import render
+
+PARTS: Final = ("observer", "controller", "monitor")
+"""What --set NAME.KEY=VALUE may set besides the device."""
+NOT_VALID: Final = 3
+"""Exit code where the angle was not valid at the end."""
+DESIGN_FILE: Final = "design.toml"
+"""All that the loop knew, beside the results."""
 
 SENSING_DEFECTS: Final = {
     "offset_x": 0.01,
@@ -32,15 +41,16 @@ SENSING_DEFECTS: Final = {
     "pickoff_gain_mismatch": 0.03,
     "parasitic_ratio": 0.05,
 }
-"""What --sensing-defects sets: offset 10 mV, drift 10 mV/s, 1/g = 4e4 1/m with a pair mismatch of 2 %, gain ratio 3
-%, parasitic 5 %."""
+"""What --sensing-defects sets where the device says nothing else: offset 10 mV, drift 10 mV/s, 1/g = 4e4 1/m with a pair
+mismatch of 2 %, gain ratio 3 %, parasitic 5 %."""
 
 
 class Request(NamedTuple):
-    """A run as typed; None where the scenario decides. ``settings`` are texts ``name=value``."""
+    """A run as typed; None where the scenario or the design decides. ``settings`` are texts ``name=value``."""
 
     scenario: str
     device: str = "reference"
+    design: str | None = None
     settings: tuple[str, ...] = ()
     rate_profile: Path | None = None
     rate_column: str | None = None
@@ -53,11 +63,16 @@ class Request(NamedTuple):
     sample_rate: float = 200e3
     duration: float | None = None
     seed: int = 1
+    trace_rate: float | None = None
     effects: tuple[Path, ...] = ()
 
 
-def prepare(request: Request) -> Run:
-    """The run that ``request`` asks for. Raises InputError, with a remedy, for whatever is wrong in it."""
+def prepare(request: Request, folder: Path | None = None) -> Run:
+    """The run that ``request`` asks for. The loop gets what stands in the design file that is written to ``folder``
+    (default: a temporary one) and read back, and nothing else of the device.
+
+    Raises InputError, with a remedy, for whatever is wrong in it.
+    """
     profile = None
     if request.rate_profile is not None:
         if request.rate_column is None:
@@ -68,32 +83,47 @@ def prepare(request: Request) -> Run:
         if request.angle not in UNIT_NAMES:
             raise InputError(f"angle unit {request.angle!r}: give {', '.join(UNIT_NAMES)}")
         chosen = chosen.with_angle_unit(request.angle)
-    own, controller_settings = split_settings(request.settings, "controller")
+    own, settings = split_settings(request.settings, *PARTS)
     device = load_device(request.device, load_model(*request.effects))
     # The device's own start comes before the scenario's, what the user sets before both.
     device = device.with_parameters({**chosen.parameters, **device.parameters})
-    device = device.with_parameters({**(SENSING_DEFECTS if request.sensing_defects else {}), **own})
-    observer = "ekf_extended" if request.sensing_defects and request.observer == "ekf" else request.observer
-    duration = request.duration if request.duration is not None else chosen.duration
+    device = device.with_parameters({**(SENSING_DEFECTS if request.sensing_defects else {}), **device.parameters, **own})
+    seed = int(device.model.parameter("seed").check(request.seed))
+    design = load_design(request.design or ("sensing_defects" if request.sensing_defects else DEFAULT), device, seed)
+    stated = {name: value for name, value in device.controller.items() if request.design is None}
+    design = replace(design, controller={**stated, **design.controller})
     run = Run(
         scenario=chosen,
         device=device,
-        observer=find_observer(observer),
+        design=_through_file(design, device, seed, folder),
+        observer=find_observer(request.observer),
         controller=find_controller(request.controller),
         sample_rate=request.sample_rate,
-        duration=duration,
-        seed=int(device.model.parameter("seed").check(request.seed)),
-        known_gap=request.sensing_defects,
-        settings=controller_settings,
+        duration=request.duration if request.duration is not None else chosen.duration,
+        seed=seed,
+        trace_rate=request.trace_rate,
+        settings=settings,
     )
-    chosen.omega_z(run.samples - 1, 1, run.period)  # a rate profile too short for the run is refused before it begins
+    chosen.inputs(run.samples - 1, 1, run.period)  # a record too short for the run is refused before it begins
     return run
 
 
-def split_settings(texts: Iterable[str], table: str) -> tuple[dict[str, float], dict[str, float]]:
-    """Splits ``name=value`` texts into device parameters and, for names ``TABLE.NAME``, entries of that table."""
+def _through_file(design: Design, device: Device, seed: int, folder: Path | None) -> Design:
+    """Writes the design and reads it back."""
+    if folder is not None:
+        check_writable(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        design.write(folder / DESIGN_FILE)
+        return load_design(str(folder / DESIGN_FILE), device, seed)
+    with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
+        design.write(Path(name) / DESIGN_FILE)
+        return load_design(str(Path(name) / DESIGN_FILE), device, seed)
+
+
+def split_settings(texts: Iterable[str], *tables: str) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+    """Splits ``name=value`` texts into device parameters and, for names ``TABLE.NAME``, entries of those tables."""
     own: dict[str, float] = {}
-    entries: dict[str, float] = {}
+    entries: dict[str, dict[str, float]] = {table: {} for table in tables}
     for text in texts:
         name, equals, value = text.partition("=")
         try:
@@ -102,9 +132,10 @@ def split_settings(texts: Iterable[str], table: str) -> tuple[dict[str, float], 
             raise InputError(f"--set {text!r}: give name=value with a number, SI") from None
         if not equals or not name:
             raise InputError(f"--set {text!r}: give name=value with a number, SI")
-        prefix = f"{table}."
-        target, key = (entries, name.removeprefix(prefix)) if name.startswith(prefix) else (own, name)
-        target[key.strip()] = number
+        table, dot, key = name.partition(".")
+        if dot and table not in entries:
+            raise InputError(f"--set {text!r}: {table!r} is unknown{nearest(table, entries)}; there are {', '.join(entries)}")
+        (entries[table] if dot else own)[key.strip() if dot else name.strip()] = number
     return own, entries
 
 
@@ -114,7 +145,8 @@ def execute(run: Run, folder: Path, progress: Progress | None = None) -> dict[st
     result = simulate(run, progress)
     summary = _summary(run, result)
     filters = [unit.filter for unit in result.units.values() if unit.filter is not None]
-    filters += [design(run.sample_rate, run.oscillation_hz, "butterworth") for design in (band_pass, low_pass)]
+    hertz = run.design.oscillation_hz
+    filters += [design(run.sample_rate, hertz, "butterworth") for design in (band_pass, low_pass)]
 
     def write_summary(path: Path) -> None:
         path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
@@ -125,6 +157,7 @@ def execute(run: Run, folder: Path, progress: Progress | None = None) -> dict[st
             "summary.json": write_summary,
             # Small groups keep the memory of the writer small.
             "trace.parquet": lambda path: result.trace.write_parquet(path, row_group_size=20_000),
+            DESIGN_FILE: run.design.write,
             "report.html": lambda path: render(summary, result.trace, result.bounds, filters, path, result.start),
         },
     )
@@ -140,10 +173,13 @@ def _summary(run: Run, result: Result) -> dict[str, Any]:
         converged_at=result.converged_at,
         edges=run.scenario.edges_until(run.duration),
         bounds=result.bounds,
+        validity=result.validity,
+        extra=_extra(run, result),
         real_time_factor=run.duration / result.wall_time,
         run={
             "description": run.scenario.description,
             "device": run.device.name,
+            "design": run.design.name,
             "observer": run.observer.name,
             "controller": run.controller.name,
             "duration": f"{run.duration:g} s",
@@ -151,6 +187,12 @@ def _summary(run: Run, result: Result) -> dict[str, Any]:
             "effects": ", ".join(_acting(run.device)) or None,
         },
     )
+
+
+def _extra(run: Run, result: Result) -> dict[str, float]:
+    """What the plant is in the parameters of effects that were estimated."""
+    true = run.device.all_parameters
+    return {name: true[name] for name in result.extra_names}
 
 
 def _acting(device: Device) -> list[str]:

@@ -1,6 +1,6 @@
-"""What a controller is: a record of two compiled functions on flat arrays."""
+"""What a controller is: a record of two compiled functions on flat arrays, or the loop's own in C."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -18,12 +18,12 @@ CONVERGED_AT: Final = 3
 FORCED: Final = 4
 OMEGA_SQUARED: Final = 8
 OUTPUT_SIZE: Final = 9
-"""Length of `output`: u_x, u_y [N], converged 0/1, its time [s] or NaN, the forced response
+"""Length of `output`: u_x, u_y [N], two numbers that are not used (the loop itself judges convergence), the forced response
 x, x', y, y' [m, m/s] to the tones at t_k, omega^2 = k / m of the isotropic oscillator [1/s^2]."""
 
 
 class Controller(NamedTuple):
-    """A controller; `init` and `step` are compiled with INIT_SIGNATURE and STEP_SIGNATURE.
+    """A controller of one's own; `init` and `step` are compiled with numba with INIT_SIGNATURE and STEP_SIGNATURE.
 
     init(memory, settings, period); step(memory, settings, t, estimate, deviation, output): at t_k
     [s], after the observer's correction with sample k, sets the force for [t_k, t_{k+1}).
@@ -38,6 +38,17 @@ class Controller(NamedTuple):
     def settings_array(self, **changes: float) -> npt.NDArray[np.float64]:
         """Return the settings as the flat array of `init` and `step`, with `changes` made.
 
-        Raises ValueError for a name that the controller does not have.
+        Raises InputError for a name that the controller does not have.
         """
+        return settings_array(self.name, self.settings, changes)
+
+
+class CoreController(NamedTuple):
+    """The loop's own controller, in C (cosim/core/foucault.c)."""
+
+    name: str
+    settings: Mapping[str, float]
+
+    def settings_array(self, **changes: float) -> npt.NDArray[np.float64]:
+        """Return the settings in their order, with `changes` made. Raises InputError for an unknown name."""
         return settings_array(self.name, self.settings, changes)

@@ -6,6 +6,8 @@
 #define ROUNDS 8     /* filterings of a block at most */
 #define MOVED 0.3    /* change of p in its new standard deviations, all together, that is worth another one */
 #define FITS 2.0     /* mean squared innovation of a start that has found the device; before that every sample may surprise */
+#define FORGET_MIN 0.1 /* where forgetting begins [1/s] */
+#define LOST 1e4     /* mean squared innovation of a whole start that has found nothing */
 #define FIRST 16     /* samples of the first block at its first fit */
 
 #define TURN 1.0     /* change of the rate from which the motion is formed anew [rad/s] */
@@ -634,7 +636,7 @@ static double filter_again(filter *f)
         const int64_t place = k - f->block_begun;
         f->sample = k;
         enter(f, f->in[place]);
-        if (k > 0) {
+        if (k > f->origin) {
             predict(f);
             correct(f, f->v[place]);
         } else {
@@ -737,6 +739,7 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
     double b[NP], step[NP], half[NP], change[NP], eta[NP], trial[NP];
     memcpy(eta, f->eta, sizeof eta);
     double trace = information(f, L, b), cost = squared(eta);
+    f->expected = trace;
     for (int64_t r = 0; r < f->rows; r++) {
         cost += f->r[r] * f->r[r];
     }
@@ -745,6 +748,9 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
             b[i] -= eta[i];
         }
         solve(L, b, step, half);
+        if (round == 0) {
+            f->found = squared(half);
+        }
         double part = 1.0;
         for (int i = 0; i < NP; i++) {
             trial[i] = eta[i] + step[i];
@@ -789,9 +795,27 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
     }
 }
 
+/* Constants that move show in steps that are larger than the block's information explains: for b = L L' step, b' J^-1 b has the mean trace(J - I).
+   Where the data say so, forgetting grows; else it dies away, and what is constant is remembered. */
+static void adapt_forgetting(filter *f)
+{
+    const filter_settings *s = &f->settings;
+    const double ratio = f->expected > 0.0 ? smaller(f->found / f->expected, 10.0) : 1.0;
+    const double excess = ratio - 1.0, noise = sqrt(2.0 / NP);
+    f->moving += 0.1 * (excess - f->moving);
+    if (f->moving > noise) {
+        f->forget = smaller(larger(f->forget, FORGET_MIN) * exp(s->forget_rate * f->moving), s->forget_max);
+    } else {
+        f->forget *= exp(-s->forget_rate * 0.1);
+    }
+}
+
 static void fold(filter *f, double L[NP][NP])
 {
     shrink(f, L);
+    if (!f->growing) {
+        adapt_forgetting(f);
+    }
     const double grow = 1.0 + f->forget * (double)f->in_block * f->m.period;
     for (int i = 0; i < NP; i++) {
         for (int j = i; j < NP; j++) {
@@ -825,6 +849,7 @@ static void end_block(filter *f)
             filter_again(f);
             plan_block(f);
         } else {
+            f->lost = !(f->fit < LOST);
             fold(f, L);
         }
     } else {
@@ -869,6 +894,26 @@ static void part_from_constants(filter *f)
     memset(n->Y, 0, sizeof n->Y);
 }
 
+/* Begins again with what the design says, at the next sample. */
+static void begin_anew(filter *f)
+{
+    f->restarted_at = f->k.t;
+    memcpy(f->k.p, f->first_p, sizeof f->k.p);
+    memcpy(f->W, f->first_W, sizeof f->W);
+    memcpy(f->W_now, f->first_W, sizeof f->W_now);
+    f->now = f->first;
+    f->walk = f->settings.omega_walk_max;
+    f->surprises = f->restarts = f->share = f->chi2 = f->forget = 0.0;
+    f->rows = f->kept = 0;
+    f->lost = 0;
+    f->fit = 2.0 * FITS;
+    f->growing = 1;
+    f->origin = f->since = f->sample + 1;
+    f->fresh = 1;
+    form(f);
+    begin_block(f);
+}
+
 /* Opens the constants of the plant again; what the electronics are stays known. After several times in a row everything begins anew. */
 static void restart(filter *f)
 {
@@ -877,35 +922,33 @@ static void restart(filter *f)
     cut_block(f);
     part_from_constants(f);
     if (f->restarts > f->settings.restart_limit) {
-        f->restarts = 0.0;
-        memcpy(f->W, f->first_W, sizeof f->W);
-        f->restarted_at = f->k.t;
-    } else {
-        for (int i = 0; i < NP; i++) {
-            const int plant = i < 6 || i == INVERSE_MASS, damping = i >= 3 && i < 6;
-            if (plant) {
-                double variance = 0.0;
-                for (int j = i; j < NP; j++) {
-                    variance += f->W[i][j] * f->W[i][j];
-                }
-                const double share = damping ? f->settings.restart_damping : f->settings.restart_stiffness;
-                const double own = larger(share * fabs(f->k.p[i]), 0.01 * share * f->prior[i]);
-                for (int j = i; j < NP; j++) {
-                    f->W[i][j] = 0.0;
-                }
-                f->W[i][i] = larger(own, sqrt(variance));
-            } else {
-                double variance = 0.0;
-                for (int j = i; j < NP; j++) {
-                    variance += f->W[i][j] * f->W[i][j];
-                    f->W[i][j] = 0.0;
-                }
-                f->W[i][i] = sqrt(variance);
+        begin_anew(f);
+        return;
+    }
+    for (int i = 0; i < NP; i++) {
+        const int plant = i < 6 || i == INVERSE_MASS, damping = i >= 3 && i < 6;
+        if (plant) {
+            double variance = 0.0;
+            for (int j = i; j < NP; j++) {
+                variance += f->W[i][j] * f->W[i][j];
             }
+            const double share = damping ? f->settings.restart_damping : f->settings.restart_stiffness;
+            const double own = larger(share * fabs(f->k.p[i]), 0.01 * share * f->prior[i]);
+            for (int j = i; j < NP; j++) {
+                f->W[i][j] = 0.0;
+            }
+            f->W[i][i] = larger(own, sqrt(variance));
+        } else {
+            double variance = 0.0;
+            for (int j = i; j < NP; j++) {
+                variance += f->W[i][j] * f->W[i][j];
+                f->W[i][j] = 0.0;
+            }
+            f->W[i][i] = sqrt(variance);
         }
-        for (int i = 0; i < 6; i++) {
-            f->W[i][INVERSE_MASS] = f->k.p[i] / f->k.p[INVERSE_MASS] * f->W[INVERSE_MASS][INVERSE_MASS];
-        }
+    }
+    for (int i = 0; i < 6; i++) {
+        f->W[i][INVERSE_MASS] = f->k.p[i] / f->k.p[INVERSE_MASS] * f->W[INVERSE_MASS][INVERSE_MASS];
     }
     memcpy(f->W_now, f->W, sizeof f->W_now);
     f->since = f->sample;
@@ -977,9 +1020,22 @@ static void advance(filter *f, const double u[2], const double in[IN])
     memcpy(f->in[f->in_block], in, sizeof f->k.in);
     enter(f, in);
     f->opened[f->in_block] = 0;
-    if (f->sample > 0) {
+    if (f->sample > f->origin) {
         predict(f);
     }
+}
+
+/* Whether the filter still has numbers, and a start that has used all its samples has found a device. */
+static int is_sound(const filter *f)
+{
+    double total = 0.0;
+    for (int i = 0; i < NZ; i++) {
+        total += f->now.z[i] * 0.0 + f->now.P[i][i] * 0.0;
+    }
+    for (int i = 0; i < NP && f->fresh; i++) {
+        total += f->k.p[i] * 0.0 + f->W_now[i][i] * 0.0;
+    }
+    return total == 0.0 && !(f->fresh && f->lost);
 }
 
 void filter_step(filter *f, const double u[2], const double v[2], const double in[IN])
@@ -988,7 +1044,7 @@ void filter_step(filter *f, const double u[2], const double v[2], const double i
     advance(f, u, in);
     memcpy(f->v[f->in_block], v, 2 * sizeof *v);
     double surprise = 0.0;
-    if (f->sample > 0) {
+    if (f->sample > f->origin) {
         surprise = correct(f, v);
     } else {
         begin_motion(f, v);
@@ -1006,6 +1062,9 @@ void filter_step(filter *f, const double u[2], const double v[2], const double i
     }
     if (f->in_block >= f->length) {
         end_block(f);
+    }
+    if (!is_sound(f)) {
+        begin_anew(f);
     }
 }
 
@@ -1049,6 +1108,8 @@ void filter_start(filter *f, const filter_settings *settings, const double *c, c
         }
         f->prior[i] = sqrt(variance);
     }
+    memcpy(f->first_p, p, sizeof f->first_p);
+    f->first = f->now;
     f->walk = settings->omega_walk_max;
     f->sample = -1;
     f->restarted_at = -1.0;

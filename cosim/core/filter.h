@@ -11,6 +11,7 @@
 #define FILTER_H
 
 #include "motion.h"
+#include "settings.h"
 
 #define LAGGED (HAS_LAG ? 2 : 0)
 #define OMEGA NS
@@ -51,12 +52,16 @@ typedef struct {
     int growing;                           /* whether the block is filtered again as it doubles */
     int64_t since; /* sample at which the constants were last opened */
     double walk, surprises, restarts, wait, share;
-    double forget;          /* e-fold of W a second */
+    double forget;          /* at which W grows [1/s] */
+    double found, expected, moving; /* squared step of the last block and its mean; running excess of their ratio */
+    int lost;               /* whether a whole start has found no device */
     double fit; /* mean squared innovation at the last fit of a growing block */
     int fresh; /* whether this sample brought new constants */
     double chi2, white[2], last_r[2]; /* running means: squared innovation over its variance; product of neighbours */
     double restarted_at;    /* time of the last restart from the design [s], below zero: none */
-    double first_W[NP][NP];
+    double first_W[NP][NP], first_p[NP]; /* of the design */
+    moving first;
+    int64_t origin; /* sample at which the motion was taken up */
 } filter;
 
 /* z [NZ] and its standard deviations, p and its lowest values [NP], W row by row. */

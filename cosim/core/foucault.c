@@ -7,11 +7,17 @@
 #define WAIT 16  /* samples between two looks at an unknown device */
 #define NEWTON 3  /* steps in which the actuators are inverted; their curve is weak */
 
-static void tone(const foucault_settings *s, int i, double *frequency, double *amplitude)
+static double tone_amplitude(const foucault_settings *s, int i) { return i < 2 ? s->tone_amplitude : s->tone2_amplitude; }
+
+/* Places the tones for a loop at `frequency` [Hz]: where they are told, else at their ratios to it. */
+static void place_tones(foucault *c, double frequency)
 {
-    const double frequencies[TONES] = {s->tone_x, s->tone_y, s->tone2_x, s->tone2_y};
-    *frequency = frequencies[i];
-    *amplitude = i < 2 ? s->tone_amplitude : s->tone2_amplitude;
+    const foucault_settings *s = &c->settings;
+    const double told[TONES] = {s->tone_x, s->tone_y, s->tone2_x, s->tone2_y};
+    const double ratio[TONES] = {s->tone_x_ratio, s->tone_y_ratio, s->tone2_x_ratio, s->tone2_y_ratio};
+    for (int i = 0; i < TONES; i++) {
+        c->frequency[i] = told[i] > 0.0 ? told[i] : ratio[i] * frequency;
+    }
 }
 
 /* The change of constant i that `share` of it stands for. An error of dxy turns the pattern by dxy/(2 m) at most, one of dxx or dyy by half of
@@ -98,10 +104,12 @@ static void form(foucault *c, const double *estimate)
     transition_over(a, b, 4, 0.5 * c->period, c->half_phi, c->half_gamma);
     const double angle = 0.5 * c->period * sqrt(omega_squared);
     c->boost = compensate ? angle / sin(angle) : 1.0;
+    if (!c->formed) {
+        /* Once: a tone that moved with each estimate would be no tone. */
+        place_tones(c, sqrt(omega_squared) / (2.0 * PI));
+    }
     for (int i = 0; i < TONES; i++) {
-        double frequency, amplitude;
-        tone(s, i, &frequency, &amplitude);
-        hold_respond(&c->loop, frequency, i % 2, amplitude, c->period, compensate ? 0.5 * c->period : 0.0, c->phasor[i]);
+        hold_respond(&c->loop, c->frequency[i], i % 2, tone_amplitude(s, i), c->period, compensate ? 0.5 * c->period : 0.0, c->phasor[i]);
     }
     c->formed = 1;
 }
@@ -157,11 +165,10 @@ static void wait_with_tones(foucault *c, double t, foucault_output *out)
 {
     memset(out, 0, sizeof *out);
     for (int i = 0; i < TONES; i++) {
-        double frequency, amplitude;
-        tone(&c->settings, i, &frequency, &amplitude);
-        out->u[i % 2] += amplitude * sin(2.0 * PI * frequency * t);
+        out->u[i % 2] += tone_amplitude(&c->settings, i) * sin(2.0 * PI * c->frequency[i] * t);
     }
-    out->omega_squared = c->settings.first_omega * c->settings.first_omega;
+    const double omega = 2.0 * PI * c->settings.first_frequency;
+    out->omega_squared = omega * omega;
     memcpy(c->u[c->count & (PAST - 1)], out->u, sizeof out->u);
     c->count++;
 }
@@ -202,19 +209,20 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     }
 
     /* The tones now, for the angle, and when the command acts. */
-    double forced[4] = {0.0, 0.0, 0.0, 0.0}, ahead[4] = {0.0, 0.0, 0.0, 0.0}, added[2] = {0.0, 0.0};
+    double forced[4] = {0.0, 0.0, 0.0, 0.0}, near[4] = {0.0, 0.0, 0.0, 0.0}, ahead[4] = {0.0, 0.0, 0.0, 0.0}, added[2] = {0.0, 0.0};
     const double half = set->hold_compensation != 0.0 ? 0.5 * c->period : 0.0;
     for (int i = 0; i < TONES; i++) {
-        double frequency, amplitude;
-        tone(set, i, &frequency, &amplitude);
+        const double amplitude = tone_amplitude(set, i);
         if (amplitude == 0.0) {
             continue;
         }
-        const double w = 2.0 * PI * frequency;
+        const double w = 2.0 * PI * c->frequency[i];
         const double sine = sin(w * t), cosine = cos(w * t), sine_d = sin(w * c->delay), cosine_d = cos(w * c->delay);
         const double sine_ahead = sine * cosine_d + cosine * sine_d, cosine_ahead = cosine * cosine_d - sine * sine_d;
         for (int j = 0; j < 4; j++) {
-            forced[j] += c->phasor[i][2 * j] * sine + c->phasor[i][2 * j + 1] * cosine;
+            const double response = c->phasor[i][2 * j] * sine + c->phasor[i][2 * j + 1] * cosine;
+            forced[j] += response;
+            near[j] += i < 2 ? 0.0 : response;
             ahead[j] += c->phasor[i][2 * j] * sine_ahead + c->phasor[i][2 * j + 1] * cosine_ahead;
         }
         /* The tones are taken at mid-hold, so that the held staircase has their true phase. */
@@ -232,19 +240,31 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
         }
     }
     const double x = s[0] - ahead[0], x_dot = s[1] - ahead[1], y = s[2] - ahead[2], y_dot = s[3] - ahead[3];
+    /* Energy and angular momentum of the pattern, smoothed: at the samples they ripple at twice the oscillation, and a ripple times the motion
+       would turn the pattern. */
     const double energy = omega_squared * (x * x + y * y) + x_dot * x_dot + y_dot * y_dot;
+    const double momentum = x * y_dot - y * x_dot;
+    const double share = c->smoothed > 0.0 ? smaller(c->period / set->loop_smoothing, 1.0) : 1.0;
+    c->smoothed = 1.0;
+    c->energy += share * (energy - c->energy);
+    c->momentum += share * (momentum - c->momentum);
     if (set->energy_loop != 0.0) {
         const double wanted = omega_squared * set->amplitude * set->amplitude;
-        const double push = set->energy_rate * mass * smaller(larger(1.0 - energy / wanted, -1.0), 1.0);
+        const double push = set->energy_rate * mass * smaller(larger(1.0 - c->energy / wanted, -1.0), 1.0);
         feedback[0] += push * x_dot;
         feedback[1] += push * y_dot;
     }
-    if (set->quadrature_loop != 0.0 && energy > 0.0) {
-        /* A force across the position, in phase with it: it takes the angular momentum x y' - y x' away and, on a straight orbit, turns nothing. */
-        const double momentum = x * y_dot - y * x_dot;
-        const double across = 2.0 * mass * set->quadrature_rate * omega_squared * momentum / energy;
+    if (set->quadrature_loop != 0.0 && c->energy > 0.0) {
+        /* A force across the position, in phase with it: it takes the angular momentum away and, on a straight orbit, turns nothing. */
+        const double across = 2.0 * mass * set->quadrature_rate * omega_squared * c->momentum / c->energy;
         feedback[0] += across * y;
         feedback[1] -= across * x;
+    }
+    if (set->carousel_rate != 0.0) {
+        /* A Coriolis force of our own turns the pattern as a rate of turn would. */
+        feedback[0] += 2.0 * mass * set->carousel_rate * y_dot;
+        feedback[1] -= 2.0 * mass * set->carousel_rate * x_dot;
+        c->carousel -= set->carousel_rate * c->period;
     }
     double middle[NS], beyond[2];
     memcpy(middle, s, sizeof middle);
@@ -269,8 +289,14 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     const double wanted[2] = {feedback[0] + c->loop.mix[0] * added[0] + c->loop.mix[1] * added[1],
                               feedback[1] + c->loop.mix[2] * added[0] + c->loop.mix[3] * added[1]};
     invert(c, s, wanted, out->u);
+    if (!isfinite(out->u[0]) || !isfinite(out->u[1])) {
+        /* An estimate that is no number: the device is left alone until there is one. */
+        out->u[0] = out->u[1] = 0.0;
+        c->formed = 0;
+    }
     memcpy(c->u[c->count & (PAST - 1)], out->u, sizeof out->u);
     memcpy(out->forced, forced, sizeof forced);
+    memcpy(out->near, near, sizeof near);
     out->omega_squared = omega_squared;
     out->turned = c->carousel;
     c->count++;
@@ -282,4 +308,5 @@ void foucault_start(foucault *c, const foucault_settings *settings, const double
     c->settings = *settings;
     memcpy(c->k.c, known_values, NC * sizeof *known_values);
     c->period = period;
+    place_tones(c, settings->first_frequency);
 }

@@ -10,6 +10,7 @@
 #define FOUCAULT_H
 
 #include "hold.h"
+#include "settings.h"
 
 #define TONES 4
 #define PAST 16384 /* commands kept; a power of two */
@@ -32,10 +33,12 @@ typedef struct {
     double delay;              /* [s] */
     double boost;
     double phasor[TONES][8];
+    double frequency[TONES];   /* of the tones [Hz] */
     double in_use[7];          /* the seven constants in the gains */
     double u[PAST][2];         /* commands, by sample */
     int64_t count;
     double period;
+    double energy, momentum, smoothed; /* of the pattern, per mass [m2/s2], [m2/s]; whether they have begun */
     double carousel;           /* angle by which the pattern has been turned electronically [rad] */
     int formed;
 } foucault;
@@ -44,6 +47,7 @@ typedef struct {
 typedef struct {
     double u[2];          /* command [N] */
     double forced[4];     /* response to the tones at t_k: x, x', y, y' [m, m/s] */
+    double near[4];       /* the part of it that is due to the second pair, near the loop's own frequency */
     double omega_squared; /* k/m of the isotropic oscillator [1/s2] */
     double turned;        /* angle by which the pattern has been turned electronically [rad] */
 } foucault_output;

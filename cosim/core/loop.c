@@ -1,8 +1,14 @@
 #include "loop.h"
 
+#include "drift.h"
 #include "known_model.h"
 
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
 #define EXPORT __attribute__((visibility("default")))
+#endif
+#define HEALTH_SIZE 8
 #define FMI_WORST_USABLE 1 /* OK or warning */
 
 /* An observer of the model that the loop knows. */
@@ -62,10 +68,21 @@ EXPORT void core_foucault_step(void *memory, double t, const double *estimate, c
     memcpy(control + 2, out.forced, sizeof out.forced);
     control[6] = out.omega_squared;
     control[7] = out.turned;
+    memcpy(control + 8, out.near, sizeof out.near);
 }
 
 EXPORT size_t core_filter_size(void) { return sizeof(filter); }
 EXPORT size_t core_foucault_size(void) { return sizeof(foucault); }
+EXPORT size_t core_plain_size(void) { return plain_size(); }
+EXPORT void core_plain_start(void *memory, void *inner, void *inner_memory, const double *known_values, double period)
+{
+    plain_start(memory, inner, inner_memory, known_values, period);
+}
+EXPORT void core_plain_step(void *memory, const double u[2], const double v[2], const double in[IN], double *estimate, double *deviation)
+{
+    plain_step(memory, u, v, in, estimate, deviation);
+}
+EXPORT void core_plain_found(const void *memory, double *chi2, double white[2]) { plain_found(memory, chi2, white); }
 EXPORT size_t core_loop_size(void) { return sizeof(loop); }
 
 EXPORT void core_filter_start(void *memory, const double *settings, const double *known_values, const double *z, const double *dz, const double *p,
@@ -90,8 +107,56 @@ EXPORT void core_filter_found(const void *memory, double *p, double *W, double *
     const filter *f = memory;
     memcpy(p, f->k.p, sizeof f->k.p);
     memcpy(W, f->W_now, sizeof f->W_now);
-    const double values[] = {f->chi2, f->white[0], f->white[1], f->restarted_at, f->restarts, f->walk, f->share};
+    const double values[HEALTH_SIZE] = {f->chi2, f->white[0], f->white[1], f->restarted_at, f->restarts, f->walk, f->share, f->forget};
     memcpy(health, values, sizeof values);
+}
+
+/* Standard deviations of the turning [rad/s] and of the bending [rad] of the pattern that come of what is not known of p. */
+EXPORT void core_filter_drift(const void *memory, double stiffness, double *turning, double *bending)
+{
+    const filter *f = memory;
+    double W[NP][NP];
+    memcpy(W, f->W_now, sizeof W);
+    drift_deviation(&f->k, W, stiffness, turning, bending);
+}
+
+/* The same for estimates [ESTIMATE_SIZE] with independent deviations, of a device with `known_values`. */
+EXPORT void core_estimate_drift(const double *known_values, const double *estimate, const double *deviation, const double *in, double stiffness,
+                                double *turning, double *bending)
+{
+    known k, near;
+    double W[NP][NP], moved[NP];
+    const double none[2] = {0.0, 0.0};
+    memset(&k, 0, sizeof k);
+    memcpy(k.c, known_values, NC * sizeof *known_values);
+    memcpy(k.in, in, sizeof k.in);
+    known_coordinates(&k, estimate + ESTIMATE_KXX, none, 0.0, k.p);
+    near = k;
+    memcpy(moved, estimate + ESTIMATE_KXX, sizeof moved);
+    for (int j = 0; j < NP; j++) {
+        moved[j] += deviation[ESTIMATE_KXX + j];
+        known_coordinates(&k, moved, none, 0.0, near.p);
+        moved[j] = estimate[ESTIMATE_KXX + j];
+        for (int i = 0; i < NP; i++) {
+            W[i][j] = near.p[i] - k.p[i];
+        }
+    }
+    drift_deviation(&k, W, stiffness, turning, bending);
+}
+
+/* What the device as it is turns by where the loop takes it for `taken` (values [NP], SI): rate [3] and bend [3] as in drift.h. */
+EXPORT void core_drift_of(const double *known_values, const double *values, const double *taken, const double *in, double stiffness, double *rate,
+                          double *bend)
+{
+    known k, other;
+    const double none[2] = {0.0, 0.0};
+    memset(&k, 0, sizeof k);
+    memcpy(k.c, known_values, NC * sizeof *known_values);
+    memcpy(k.in, in, sizeof k.in);
+    other = k;
+    known_coordinates(&k, values, none, 0.0, k.p);
+    known_coordinates(&other, taken, none, 0.0, other.p);
+    drift_of(&k, &other, stiffness, rate, bend);
 }
 
 /* The slopes by which z answers to p [NZ * NP], and the covariance of z for given p [NZ * NZ]. */

@@ -11,7 +11,7 @@
 
 #define PLANT_INPUTS 7  /* u_x, u_y, omega_z, temperature, a_x, a_y, v_bias */
 #define PLANT_OUTPUTS 6 /* v_x, v_y, x, x_dot, y, y_dot */
-#define CONTROL_SIZE 8  /* u_x, u_y, forced x, x', y, y', omega squared, turned */
+#define CONTROL_SIZE 12 /* u_x, u_y, forced x, x', y, y', omega squared, turned, near x, x', y, y' */
 #define ROW_SIZE (2 * ESTIMATE_SIZE + CONTROL_SIZE + PLANT_OUTPUTS)
 
 typedef int (*set_function)(void *, const uint32_t *, size_t, const double *, size_t);
@@ -44,5 +44,11 @@ typedef struct {
     double input[PLANT_INPUTS], output[PLANT_OUTPUTS]; /* at the border between two blocks */
     double estimate[ESTIMATE_SIZE], deviation[ESTIMATE_SIZE];
 } loop;
+
+/* An observer of springs, dampers and a held force, with what the loop knows beyond them taken out before it looks (plain.c). */
+size_t plain_size(void);
+void plain_start(void *memory, void *inner, void *inner_memory, const double *known_values, double period);
+void plain_step(void *memory, const double u[2], const double v[2], const double in[IN], double *estimate, double *deviation);
+void plain_found(const void *memory, double *chi2, double white[2]);
 
 #endif

@@ -117,21 +117,21 @@ static void form_lag(lagging *l, double tau, double duration)
     }
 }
 
-void motion_form(motion *m, const known *k, double omega_z, double period)
+/* Forms the motion with the delay and lag given [s]. */
+static void form_motion(motion *m, const known *k, double omega_z, double period, double delay, double lag)
 {
     /* Of a rate of turn; the transition is linear in it to (probe period)^2 = 1e-11. */
     const double probe = 1.0;
     const double rest[NS] = {0}, none[2] = {0.0, 0.0};
-    double a[NS * NS], turning[NS * NS], late[2];
+    double a[NS * NS], turning[NS * NS];
     m->period = period;
     m->omega_z = omega_z;
     known_rate_by_state(k, rest, none, omega_z, a);
     known_rate_by_state(k, rest, none, omega_z + probe, turning);
     known_rate_by_force(k, rest, none, omega_z, m->b);
-    known_late(k, rest, none, omega_z, late);
-    m->lag = HAS_LAG ? late[1] : 0.0;
-    m->delay_samples = HAS_DELAY && late[0] > 0.0 && late[0] < 1e-2 ? (int64_t)(late[0] / period) : 0;
-    m->delay_rest = HAS_DELAY ? late[0] - (double)m->delay_samples * period : 0.0;
+    m->lag = lag;
+    m->delay_samples = delay > 0.0 && delay < 1e-2 ? (int64_t)(delay / period) : 0;
+    m->delay_rest = delay - (double)m->delay_samples * period;
     m->pieces[0].duration = larger(m->delay_rest, 0.0);
     m->pieces[1].duration = period - m->pieces[0].duration;
     for (int i = 0; i < 2; i++) {
@@ -145,6 +145,16 @@ void motion_form(motion *m, const known *k, double omega_z, double period)
         }
     }
 }
+
+void motion_form(motion *m, const known *k, double omega_z, double period)
+{
+    const double rest[NS] = {0}, none[2] = {0.0, 0.0};
+    double late[2];
+    known_late(k, rest, none, omega_z, late);
+    form_motion(m, k, omega_z, period, HAS_DELAY ? late[0] : 0.0, HAS_LAG ? late[1] : 0.0);
+}
+
+void motion_form_held(motion *m, const known *k, double omega_z, double period) { form_motion(m, k, omega_z, period, 0.0, 0.0); }
 
 /* Adds `weight` phi r to `out`. */
 static void add_moved(const double *phi, const double *r, double weight, double *out)

@@ -48,6 +48,9 @@ void transition_over(const double *a, const double *b, int n, double duration, d
 /* Forms the motion of `k` at the rate `omega_z`. */
 void motion_form(motion *m, const known *k, double omega_z, double period);
 
+/* The same as if the force were held over the whole period and nothing lagged. */
+void motion_form_held(motion *m, const known *k, double omega_z, double period);
+
 /* Moves the state `start` [NS] through a piece under `force` [N]. */
 void motion_move(const motion *m, const piece *part, const known *k, double omega_z, const double force[2], const double *start, passage *way);
 

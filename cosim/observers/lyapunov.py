@@ -1,4 +1,4 @@
-"""Adaptive observer whose gain comes from a Lyapunov function (source 000, eqs. 3-4).
+"""Adaptive observer whose gain comes from a Lyapunov function (TW 201137310, eqs. 3-4).
 
 Construction (an adaptive observer of the Kreisselmeier-Zhang type, one step a sample)
     x- = f(x, theta, u)        exact motion over one period; F = df/dx, D = df/dtheta
@@ -110,8 +110,7 @@ _CONST: Final = _LIMIT + N
 _GAIN_X, _GAIN_Y, _R_X, _R_Y, _ROW, _PERIOD, _COUNT, _ORDER = range(_CONST, _CONST + 8)
 _KAPPA, _KAPPA_MIN, _KAPPA_MAX, _RHO, _FLOOR, _GROWTH = range(_CONST + 8, _CONST + 14)
 _LASTED, _LONG, _BOOST, _OMEGA_1, _OMEGA_2, _SHARE = range(_CONST + 14, _CONST + 20)
-_EXTRA: Final = _CONST + 20
-MEMORY_SIZE: Final = _EXTRA + 10
+MEMORY_SIZE: Final = _CONST + 20
 
 
 @njit(cache=True)
@@ -299,9 +298,6 @@ def _write(memory, estimate, deviation):  # type: ignore[no-untyped-def]
             variance += f * f * d[k]
         estimate[i] = memory[i]
         deviation[i] = scale * sqrt(variance)
-    for i in range(5):
-        estimate[12 + i] = memory[_EXTRA + i]
-        deviation[12 + i] = memory[_EXTRA + 5 + i]
 
 
 @njit(INIT_SIGNATURE, cache=True)
@@ -342,8 +338,6 @@ def _init(memory, settings, start, start_deviation, sensor, period):  # type: ig
     memory[_KAPPA] = memory[_KAPPA_MIN]
     memory[_OMEGA_1] = start[OMEGA_Z]
     memory[_OMEGA_2] = start[OMEGA_Z]
-    memory[_EXTRA : _EXTRA + 5] = start[12:17]
-    memory[_EXTRA + 5 : _EXTRA + 10] = start_deviation[12:17]
 
 
 @njit(STEP_SIGNATURE, cache=True)

@@ -1,10 +1,12 @@
-"""What an observer is: a record of two compiled functions on flat arrays."""
+"""What an observer is: a record of two compiled functions on flat arrays, or one of the loop's own in C."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+
+from gyro_model.errors import InputError, nearest
 
 INIT_SIGNATURE: Final = "void(f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8)"
 STEP_SIGNATURE: Final = "void(f8[::1], f8[::1], f8, f8, f8, f8, f8[::1], f8[::1])"
@@ -15,17 +17,21 @@ NOISE_RMS: Final = 2
 INVERSE_GAP: Final = 3
 SENSES_VELOCITY: Final = 4
 SENSOR_SIZE: Final = 5
-"""Length of `sensor`: the two gains [V/m, or V s/m], noise [V rms a sample], 1/g [1/m], 0 or 1."""
+"""Length of `sensor`: the two gains [V/m, or V s/m], noise [V rms a sample], 1/g [1/m] (0: what is known of the gap is
+taken out of the voltage beforehand), 0 or 1."""
 
 
 class Observer(NamedTuple):
-    """An observer; `init` and `step` are compiled with INIT_SIGNATURE and STEP_SIGNATURE.
+    """An observer of one's own; `init` and `step` are compiled with numba with INIT_SIGNATURE and STEP_SIGNATURE.
 
     init(memory, settings, start, start_deviation, sensor, period): `start` and `start_deviation`
         are first estimates and their standard deviations in the order of cosim.layout.
     step(memory, settings, u_x, u_y, v_x, v_y, estimate, deviation): at t_k; u is the force [N]
         held over [t_{k-1}, t_k) (ignored at k = 0), v is sample k [V]. Writes the estimate and its
         standard deviation at t_k and allocates nothing.
+
+    What the design knows beyond springs and dampers (delay, actuators, pickoff, amplifier) is taken out of u and v
+    before the observer sees them.
     """
 
     name: str
@@ -37,17 +43,27 @@ class Observer(NamedTuple):
     def settings_array(self, **changes: float) -> npt.NDArray[np.float64]:
         """Return the settings as the flat array of `init` and `step`, with `changes` made.
 
-        Raises ValueError for a name that the observer does not have.
+        Raises InputError for a name that the observer does not have.
         """
         return settings_array(self.name, self.settings, changes)
 
 
-def settings_array(owner: str, defaults: dict[str, float], changes: dict[str, float]) -> npt.NDArray[np.float64]:
+class CoreObserver(NamedTuple):
+    """The loop's own observer, in C (cosim/core/filter.c): it estimates whatever the design says."""
+
+    name: str
+    settings: Mapping[str, float]
+
+    def settings_array(self, **changes: float) -> npt.NDArray[np.float64]:
+        """Return the settings in their order, with `changes` made. Raises InputError for an unknown name."""
+        return settings_array(self.name, self.settings, changes)
+
+
+def settings_array(owner: str, defaults: Mapping[str, float], changes: Mapping[str, float]) -> npt.NDArray[np.float64]:
     """Return the values of `defaults` with `changes` made, in the order of `defaults`."""
     for name, value in changes.items():
         if name not in defaults:
-            known = ", ".join(defaults)
-            raise ValueError(f"{owner} has no setting '{name}' (= {value}); it has: {known}")
+            raise InputError(f"{owner} has no setting {name!r} (= {value}){nearest(name, defaults)}")
         if not np.isfinite(value):
-            raise ValueError(f"{owner}: setting '{name}' is {value}; give a finite number")
+            raise InputError(f"{owner}: setting {name!r} is {value}; give a finite number")
     return np.array([changes.get(name, value) for name, value in defaults.items()], dtype=float)

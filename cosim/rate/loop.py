@@ -11,7 +11,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numba import njit
 
-from cosim.fmu import HANDLE_SIZE, exchange
+from cosim.exchange import exchange
+from cosim.fmu import HANDLE_SIZE
 from cosim.rate.drive_loop import AmplitudeLoop, PhaseLoop, amplitude_loop, phase_loop
 from cosim.rate.filters import LowPass, demodulate, low_pass
 from cosim.rate.sense_loop import Rebalance, rebalance

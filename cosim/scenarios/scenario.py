@@ -78,6 +78,10 @@ class Scenario:
         """The rate [rad/s] of ``inputs`` alone, shape (count,)."""
         return self._held("omega_z", Spans.of_samples(first, count, period))
 
+    def first_inputs(self, period: float) -> dict[str, float]:
+        """The values held over the first sample at ``period`` [s], by name: what the plant finds when it starts."""
+        return dict(zip(INPUT_NAMES, self.inputs(0, 1, period)[0].tolist(), strict=True))
+
     def edges_until(self, duration: float) -> Floats:
         """Instants [s] after 0 and before ``duration`` at which an input or the device jumps, rising, shape (n,)."""
         edges = [self._jumps(courses, duration) for courses in self.courses.values()]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cosim.envelope import INPUT_NAMES, OUTPUT_NAMES, envelope_parameters, open_envelope
-from cosim.fmu import exchange
+from cosim.exchange import exchange
 from gyro_model.device import load_device
 from gyro_model.errors import InputError
 

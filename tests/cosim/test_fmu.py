@@ -8,7 +8,8 @@ import pytest
 from fmpy import simulate_fmu
 from numba import njit
 
-from cosim.fmu import FMI_ERROR, HANDLE_SIZE, INPUT_NAMES, OUTPUT_NAMES, Plant, exchange, open_plant
+from cosim.exchange import exchange
+from cosim.fmu import FMI_ERROR, HANDLE_SIZE, INPUT_NAMES, OUTPUT_NAMES, Plant, open_plant
 from gyro_model.build import build
 from gyro_model.errors import InputError
 

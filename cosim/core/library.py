@@ -1,0 +1,125 @@
+"""The compiled loop: one shared library for each structure of what a loop knows, built where it is not there yet.
+
+A structure is which effects act and which parameters are estimated; values are data. So a thousand devices under one
+design share a library.
+"""
+
+import ctypes
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Sequence
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import platformdirs
+from numpy.typing import NDArray
+
+from cosim.core.settings import settings_header
+from cosim.known_model import KnownModel
+from cosim.layout import STATE_NAMES
+from gyro_model.build import compile_library, find_compiler
+
+Floats = NDArray[np.float64]
+
+FOLDER: Final = Path(__file__).parent
+FLAGS: Final = ("-O3", "-fno-math-errno", "-Wno-unused-function")
+CONTROL_NAMES: Final = (
+    *("u_x", "u_y", "forced_x", "forced_x_dot", "forced_y", "forced_y_dot", "omega_squared", "turned"),
+    *("near_x", "near_x_dot", "near_y", "near_y_dot"),
+)
+"""What a controller gives at a sample: command [N], response to the tones [m, m/s], k/m of the isotropic oscillator
+[1/s^2], angle by which the pattern has been turned electronically [rad]; the part of the response that is due to tones
+near the oscillator's own frequency."""
+HEALTH_NAMES: Final = ("chi2", "white_x", "white_y", "restarted_at", "restarts", "walk", "share", "forget")
+"""What the filter says of itself: mean squared innovation over its variance and mean product of neighbouring ones, over
+some milliseconds; time of the last restart from the design [s]; restarts lately; random walk of the rate
+[rad/s per sqrt(s)]; share of the innovation's variance that the constants explain; rate of forgetting [1/s]."""
+
+
+class Library:
+    """The library of a structure; ``sizes`` as in KnownModel.sizes, ``call`` its C functions."""
+
+    def __init__(self, known: KnownModel) -> None:
+        self.known = known
+        self.sizes = known.sizes()
+        self.call: Any = ctypes.CDLL(str(_built(known)))
+        for name in ("core_filter_size", "core_foucault_size", "core_loop_size"):
+            getattr(self.call, name).restype = ctypes.c_size_t
+        self.call.core_loop_run.restype = ctypes.c_int64
+
+    @cached_property
+    def estimate_names(self) -> tuple[str, ...]:
+        """What an observer gives at a sample, in its order: states, rate, constants, effects' parameters and states."""
+        own = tuple(state.name for state in self.known.states[len(STATE_NAMES) :])
+        return (*STATE_NAMES, "omega_z", *self.known.value_names, *own)
+
+    @property
+    def moving_size(self) -> int:
+        """Length of what moves: states, rate, lagging voltages."""
+        return self.sizes["NS"] + 1 + 2 * self.sizes["HAS_LAG"]
+
+    def address(self, function: str) -> ctypes.c_void_p:
+        """The address of a C function."""
+        return ctypes.cast(getattr(self.call, function), ctypes.c_void_p)
+
+    def memory(self, kind: str) -> Floats:
+        """Zeroed memory for a ``filter``, ``foucault`` or ``loop``."""
+        size = getattr(self.call, f"core_{kind}_size")()
+        return np.zeros(-(-size // np.dtype(float).itemsize))
+
+
+def pointer(array: NDArray[Any]) -> ctypes.c_void_p:
+    """The address of an array's data, which must stay alive and be contiguous."""
+    if not array.flags.c_contiguous:
+        raise ValueError("array: give a contiguous one to C")
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+@lru_cache(maxsize=64)
+def library(known: KnownModel) -> Library:
+    """The library of what a loop knows, compiled where it has not been. Raises InputError as ``compile_library`` does."""
+    return Library(known)
+
+
+def is_built(known: KnownModel) -> bool:
+    """Whether the library is there already, so that nothing has to be compiled."""
+    return _path(known).is_file()
+
+
+def _texts(known: KnownModel) -> dict[str, str]:
+    texts = {path.name: path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.[ch]"))}
+    return texts | {"settings.h": settings_header()}
+
+
+@lru_cache(maxsize=64)
+def _path(known: KnownModel) -> Path:
+    # What is written from a model follows from its effect files, which the fingerprint names without printing them.
+    key = [known.fingerprint(), *_texts(known).values(), " ".join((*find_compiler(), *FLAGS))]
+    digest = hashlib.sha256("\0".join(key).encode()).hexdigest()[:24]
+    return Path(platformdirs.user_cache_dir("gyrotwin")) / "loop" / f"{digest}.so"
+
+
+def _built(known: KnownModel) -> Path:
+    path = _path(known)
+    if path.is_file():
+        return path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
+        folder = Path(name)
+        texts = _texts(known) | {"known_model.h": known.header(), "sizes.h": known.sizes_header()}
+        for file, text in texts.items():
+            (folder / file).write_text(text, encoding="utf-8")
+        made = folder / "loop.so"
+        compile_library(folder, _sources(texts), made, FLAGS)
+        beside = path.with_suffix(f".{os.getpid()}.part")
+        shutil.copy(made, beside)
+        os.replace(beside, path)
+    return path
+
+
+def _sources(texts: Sequence[str] | dict[str, str]) -> list[str]:
+    return sorted(name for name in texts if name.endswith(".c"))

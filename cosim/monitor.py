@@ -1,0 +1,144 @@
+"""Whether the angle is valid, judged from what the loop itself knows: no estimate is compared with the truth here.
+
+Valid is the angle while the seven constants are steady and sure, the innovations are as large and as white as the filter
+takes them for, and the pattern's turning that the uncertainty of all unknowns allows is within a limit. Where that stops,
+the flag is withdrawn and says why.
+"""
+
+import ctypes
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import isfinite, sqrt
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.core.library import Library, pointer
+from cosim.design import Design
+from cosim.layout import KXX, PARAMETER_NAMES, M
+from cosim.observers.record import CoreObserver, Observer
+from cosim.running import Part, filter_health, known_values, plain_health
+
+Floats = NDArray[np.float64]
+
+MONITOR: Final = {
+    "agreement": 0.01,
+    "turn_limit": 5e-3,
+    "drift_limit": 8.7e-3,
+    "chi2_low": 0.5,
+    "chi2_high": 1.35,
+    "whiteness": 0.25,
+    "patience": 0.01,
+}
+"""agreement: largest relative change of a constant over `patience`, and its largest relative standard deviation, cross
+terms relative to their geometric mean; turn_limit: an error of the damping that turns the pattern by no more than this
+counts as none [rad/s]; drift_limit: largest standard deviation of the pattern's turning, at its worst angle [rad/s]
+(0.5 deg/s); chi2_low, chi2_high: of the squared innovation over its variance, a mean over 5 ms, 2000 numbers at 200 kHz,
+so that 1.35 is 11 standard deviations off and leaves room for what a sudden change of the rate does; whiteness: largest
+mean product of neighbouring innovations; patience: time over which all must hold before the flag is set [s]."""
+
+
+class Verdict(NamedTuple):
+    """valid now; reason why not (else empty); predicted standard deviations: of the turning [rad/s] and of the angle's
+    reading [rad]."""
+
+    valid: bool
+    reason: str
+    drift_sigma: float
+    bend_sigma: float
+
+
+@dataclass
+class Monitor:
+    """Judges a running loop block by block; ``withdrawn`` lists when the flag was taken back, and why."""
+
+    observer: Observer | CoreObserver
+    design: Design
+    lib: Library
+    part: Part
+    period: float
+    settings: Mapping[str, float]
+    withdrawn: list[tuple[float, str]] = field(default_factory=list)
+    valid: bool = False
+    _good_since: float | None = None
+    _previous: list[tuple[float, Floats]] = field(default_factory=list)
+
+    def judge(self, t: float, estimate: Floats, deviation: Floats, inputs: Floats) -> Verdict:
+        """The verdict at ``t`` [s] on the last estimates of a block and their deviations, with the measured inputs."""
+        turning, bending = self._drift(estimate, deviation, inputs)
+        reason = self._doubt(t, estimate, deviation, turning)
+        self._previous.append((t, estimate[KXX : M + 1].copy()))
+        if reason:
+            self._good_since = None
+            if self.valid:
+                self.withdrawn.append((t, reason))
+            self.valid = False
+        else:
+            self._good_since = t if self._good_since is None else self._good_since
+            if not self.valid and t - self._good_since < self.settings["patience"] - 0.5 * self.period:
+                reason = "not yet: all has been well for too short a time"
+            else:
+                self.valid = True
+        return Verdict(self.valid, reason, turning, bending)
+
+    def _doubt(self, t: float, estimate: Floats, deviation: Floats, turning: float) -> str:
+        set_ = self.settings
+        if not np.isfinite(estimate).all():
+            return "an estimate is no number"
+        health = self.health()
+        self.last_health = health
+        if health["restarted_at"] >= 0 and t - health["restarted_at"] < set_["patience"]:
+            return "the observer lost the device and began again from the design"
+        if not set_["chi2_low"] <= health["chi2"] <= set_["chi2_high"]:
+            return f"innovations are {sqrt(max(health['chi2'], 0)):.3g} times what they should be"
+        for axis in ("x", "y"):
+            if abs(health[f"white_{axis}"]) > set_["whiteness"]:
+                return f"innovations of {axis} are not white: neighbours correlate by {health[f'white_{axis}']:.2g}"
+        seven, sigma = estimate[KXX : M + 1], deviation[KXX : M + 1]
+        tolerance = self._tolerance(seven)
+        unsure = sigma > tolerance
+        if unsure.any():
+            i = int(np.argmax(sigma / tolerance))
+            return f"{PARAMETER_NAMES[i]} is not sure: its standard deviation is {sigma[i] / self._size(seven)[i]:.2g} of it"
+        while len(self._previous) > 1 and self._previous[1][0] <= t - set_["patience"]:
+            self._previous.pop(0)
+        moved = np.abs(seven - self._previous[0][1]) if self._previous else np.full(7, np.inf)
+        if not (moved <= tolerance).all():
+            i = int(np.argmax(moved / tolerance))
+            return f"{PARAMETER_NAMES[i]} is not steady"
+        if not turning <= set_["drift_limit"]:
+            return f"the angle may drift by {np.rad2deg(turning):.2g} deg/s (1 sigma): gauge or weak tones"
+        return ""
+
+    def health(self) -> dict[str, float]:
+        """What is known of the innovations."""
+        found = filter_health if isinstance(self.observer, CoreObserver) else plain_health
+        return found(self.lib, self.part)
+
+    def _size(self, seven: Floats) -> Floats:
+        size = np.abs(seven)
+        size[2] = sqrt(abs(seven[0] * seven[1]))
+        size[5] = sqrt(abs(seven[3] * seven[4]))
+        return np.maximum(size, 1e-300)
+
+    def _tolerance(self, seven: Floats) -> Floats:
+        tolerance = self.settings["agreement"] * self._size(seven)
+        # At a high Q a share of the damping would ask for more than the record can tell, and than the angle needs.
+        turning_mass = abs(seven[-1]) * self.settings["turn_limit"]
+        tolerance[3:6] = np.maximum(tolerance[3:6], turning_mass * np.array([4.0, 4.0, 2.0]))
+        return tolerance
+
+    def _drift(self, estimate: Floats, deviation: Floats, inputs: Floats) -> tuple[float, float]:
+        turning, bending = ctypes.c_double(), ctypes.c_double()
+        stiffness = ctypes.c_double(self.design.stiffness)
+        out = (ctypes.byref(turning), ctypes.byref(bending))
+        if isinstance(self.observer, CoreObserver):
+            self.lib.call.core_filter_drift(pointer(self.part.memory), stiffness, *out)
+        else:
+            known = known_values(self.design.without_estimates(), self.lib, self.period)
+            arrays = (known, np.ascontiguousarray(estimate), np.ascontiguousarray(deviation), inputs)
+            self.lib.call.core_estimate_drift(*map(pointer, arrays), stiffness, *out)
+        if not (isfinite(turning.value) and isfinite(bending.value)):
+            return float("inf"), float("inf")
+        return turning.value, bending.value
