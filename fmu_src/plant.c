@@ -278,11 +278,12 @@ static double move_states(gyro_instance *g, gyro_instant to)
 void gyro_move(gyro_instance *g, gyro_instant to)
 {
     gyro_view *view = &g->view;
-    const double t = gyro_time_of(g, g->memory.clock.settled);
     gyro_end start;
+    double t = 0.0;
     find_force(g);
     if (g->plan.any_lag) {
         start = end_here(view);
+        t = gyro_time_of(g, g->memory.clock.settled);
     }
     const double h = move_states(g, to);
     if (g->plan.any_lag) {

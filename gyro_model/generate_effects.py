@@ -142,7 +142,7 @@ static inline double decayed(double z)
 static inline void follow(gyro_view *g, int vr, int index, double lag)
 {
     const double set = g->p[vr];
-    if (lag > 0.0) {
+    if (lag > 0.0 && g->lagging[index] != set) {
         g->p[vr] = g->lagging[index] + (set - g->lagging[index]) * decayed(g->since / lag);
     }
     g->lagging_now[index] = g->p[vr];
