@@ -116,7 +116,7 @@ def test_thermal_noise_of_a_divided_step_is_that_of_a_whole_one(envelopes: dict[
                 i, q = plant.get("x_i", "y_q")
                 squares += i * i + q * q
             spread.append(squares)
-    # Two such sums of 8000 squares, correlated over 2m/d = 4 steps: each good to √(2·4/8000) = 3 %; five times √2 of it.
+    # Two sums of 8000 squares, correlated over 2m/d = 4 steps: each good to √(2·4/8000) = 3 %; five times √2 of it.
     assert abs(spread[1] / spread[0] - 1.0) < 0.22
 
 
