@@ -266,7 +266,7 @@ def _laws(model: Model) -> str:
         f"    g->lagging[{lagging_macro(target)}] = value[{macro(symbols.SET_BY.get(target, target).name)}];\n"
         for target in model.followed
     )
-    moving = "".join(_moving(e) for e in (*_follows(model), *model.laws))
+    moving = "".join([*map(_moving, _follows(model)), *map(_moving, model.laws)])
     return (
         "/* What is made of the inputs, before any law. */\n"
         "static inline void take_made(gyro_view *g, const double value[GYRO_N_VARIABLES])\n"
