@@ -24,12 +24,11 @@ gyro_instant gyro_instant_of(double ticks)
     return at;
 }
 
-int gyro_before(gyro_instant a, gyro_instant b) { return a.tick < b.tick || (a.tick == b.tick && a.part < b.part); }
-
-/* Quotients, since 1e-12 is no double: 10 000 000 ticks are the double nearest to 1e-5 s. */
-double gyro_between(gyro_instant from, gyro_instant to)
+void gyro_come_to(gyro_instance *g, int64_t tick, double rest)
 {
-    return ((double)(to.tick - from.tick) + (to.part - from.part)) / GYRO_TICKS_A_SECOND;
+    g->memory.clock.now = tick;
+    g->memory.clock.rest = rest;
+    g->plan.cuts.time = g->memory.clock.start_time + ((double)tick + rest) / GYRO_TICKS_A_SECOND;
 }
 
 double gyro_time_of(const gyro_instance *g, gyro_instant at)
@@ -44,7 +43,10 @@ gyro_beat gyro_beat_of(double period)
     return (gyro_beat){(int64_t)whole, ticks - whole};
 }
 
-int64_t gyro_tick_of(gyro_beat beat, int64_t k) { return k * beat.whole + (int64_t)floor((double)k * beat.part + 0.5); }
+int64_t gyro_tick_of(gyro_beat beat, int64_t k)
+{
+    return k * beat.whole + (beat.part > 0.0 ? (int64_t)floor((double)k * beat.part + 0.5) : 0);
+}
 
 /* The view's switches at `settled`, and the first event after it. */
 static void pass_events(gyro_instance *g)
@@ -76,6 +78,7 @@ void gyro_plan_cuts(gyro_instance *g)
     cuts->next_grid = gyro_tick_of(cuts->grid, clock->grid + 1);
     cuts->next_sample = gyro_tick_of(cuts->sample, clock->sample + 1);
     pass_events(g);
+    gyro_come_to(g, clock->now, clock->rest);
 }
 
 gyro_instant gyro_next_cut(const gyro_instance *g)

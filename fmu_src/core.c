@@ -46,16 +46,7 @@ void gyro_reset(gyro_instance *g)
 
 const char *gyro_message(const gyro_instance *g) { return g->message; }
 
-gyro_status gyro_set(gyro_instance *g, uint32_t vr, double value)
-{
-    gyro_status status = GYRO_OK;
-    if (!isfinite(value)) {
-        status = gyro_refuse(g, "%s = %g: give a finite number", gyro_variables[vr].name, value);
-    } else {
-        g->value[vr] = value;
-    }
-    return status;
-}
+void gyro_set(gyro_instance *g, uint32_t vr, double value) { g->value[vr] = value; }
 
 double gyro_get(const gyro_instance *g, uint32_t vr) { return g->value[vr]; }
 
@@ -96,11 +87,7 @@ gyro_status gyro_check(gyro_instance *g)
 }
 
 /* Where the steps of the importer have come to [s]. */
-double gyro_time(const gyro_instance *g)
-{
-    const gyro_clock *clock = &g->memory.clock;
-    return clock->start_time + ((double)clock->now + clock->rest) / GYRO_TICKS_A_SECOND;
-}
+double gyro_time(const gyro_instance *g) { return g->plan.cuts.time; }
 
 int gyro_started(const gyro_instance *g) { return g->memory.clock.started != 0; }
 
@@ -109,6 +96,7 @@ void gyro_unstart(gyro_instance *g)
     /* What follows from parameters that may have changed is not kept: a saved state would hold one beside the other. */
     gyro_drop(g);
     memset(&g->memory, 0, sizeof g->memory);
+    memset(&g->plan, 0, sizeof g->plan);
 }
 
 gyro_status gyro_start(gyro_instance *g, double start_time)
@@ -141,7 +129,10 @@ static int64_t nearest_tick(const gyro_instance *g, int64_t from, double ticks)
     const double period = (double)beat.whole + beat.part;
     const double slack = 1e-6 * period > 1.0 ? 1e-6 * period : 1.0;
     const int64_t tick = from + (int64_t)floor(ticks + 0.5);
-    const int64_t sample = gyro_tick_of(beat, (int64_t)floor((double)tick / period + 0.5));
+    int64_t sample = g->plan.cuts.next_sample;
+    if (tick != sample) {
+        sample = gyro_tick_of(beat, (int64_t)floor((double)tick / period + 0.5));
+    }
     /* Never back, never a step that is long enough to be meant lost. */
     return fabs((double)(tick - sample)) <= slack && sample > from ? sample : tick;
 }
@@ -151,6 +142,16 @@ static gyro_status refuse_diverged(gyro_instance *g)
     const char *name = gyro_infinite_state(g);
     return gyro_refuse(g, "diverged at %.9g s: %s is not finite; check forces and effect sizes, or shorten internal_step", gyro_time(g),
                        name != NULL ? name : "a state");
+}
+
+static double step_in_ticks(gyro_instance *g, double step)
+{
+    gyro_cuts *cuts = &g->plan.cuts;
+    if (step != cuts->latest_step) {
+        cuts->latest_step = step;
+        cuts->latest_ticks = gyro_ticks(step);
+    }
+    return cuts->latest_ticks;
 }
 
 static gyro_status check_step(gyro_instance *g, double from, double step)
@@ -171,7 +172,7 @@ static gyro_status check_step(gyro_instance *g, double from, double step)
         status = gyro_refuse(g, "communication point %.15g s is not the present time %.15g s: go on from there", from, now);
     } else if (!(step > 0.0)) {
         status = gyro_refuse(g, "communication step %.15g s: give a positive number", step);
-    } else if (!(gyro_ticks(step) + clock->rest + (double)clock->now < (double)GYRO_LAST_TICK)) {
+    } else if (!(step_in_ticks(g, step) + clock->rest + (double)clock->now < (double)GYRO_LAST_TICK)) {
         status = gyro_refuse(g, "communication step %.15g s ends later than %.9g s after the start, the end of what the FMU counts: step less",
                              step, (double)GYRO_LAST_TICK / GYRO_TICKS_A_SECOND);
     }
@@ -221,8 +222,7 @@ static gyro_instant next_cut(const gyro_instance *g)
 /* A diverged instance stays at the instant that showed it, and puts out nothing that could be taken for a number. */
 static gyro_status diverge(gyro_instance *g, int64_t tick)
 {
-    g->memory.clock.now = tick;
-    g->memory.clock.rest = 0.0;
+    gyro_come_to(g, tick, 0.0);
     g->memory.clock.diverged = 1;
     for (int vr = 0; vr < GYRO_N_VARIABLES; vr++) {
         if (gyro_variables[vr].kind == GYRO_OUTPUT) {
@@ -232,11 +232,11 @@ static gyro_status diverge(gyro_instance *g, int64_t tick)
     return refuse_diverged(g);
 }
 
-/* Outputs at `end`, which lies at `settled` or before the next cut. */
-static gyro_status put_out_at(gyro_instance *g, gyro_instant end)
+/* Time and outputs at `end`, which lies at `settled` or before the next cut, `rest` ticks before where the importer has come to. */
+static gyro_status put_out_at(gyro_instance *g, gyro_instant end, double rest)
 {
     gyro_status status = GYRO_OK;
-    g->memory.clock.now = end.tick;
+    gyro_come_to(g, end.tick, rest);
     if (!gyro_before(g->memory.clock.settled, end)) {
         gyro_put_out(g);
     } else {
@@ -257,8 +257,8 @@ static int64_t wanted_end(const gyro_instance *g, double time)
     return !(ticks < (double)GYRO_LAST_TICK) ? GYRO_LAST_TICK : ticks > now ? (int64_t)floor(ticks) : g->memory.clock.now;
 }
 
-/* From `settled` to the tick `tick`, which no cut need be, or less far. */
-static gyro_status move_to(gyro_instance *g, int64_t tick, gyro_watch watch, void *watcher)
+/* From `settled` to the tick `tick`, which no cut need be and lies `rest` ticks before where the importer has come to, or less far. */
+static gyro_status move_to(gyro_instance *g, int64_t tick, double rest, gyro_watch watch, void *watcher)
 {
     const gyro_clock *clock = &g->memory.clock;
     const int64_t most = (int64_t)g->value[GYRO_STEP_LIMIT], first = clock->grid;
@@ -271,7 +271,7 @@ static gyro_status move_to(gyro_instance *g, int64_t tick, gyro_watch watch, voi
             status = diverge(g, cut.tick);
         } else if (clock->grid > before && gyro_before(cut, end)) {
             if (watch != NULL) {
-                status = put_out_at(g, cut);
+                status = put_out_at(g, cut, 0.0);
                 const int64_t wanted = wanted_end(g, watch(watcher));
                 end.tick = wanted < end.tick ? wanted : end.tick;
             }
@@ -281,10 +281,9 @@ static gyro_status move_to(gyro_instance *g, int64_t tick, gyro_watch watch, voi
         }
     }
     if (status == GYRO_OK) {
-        status = put_out_at(g, end);
+        status = put_out_at(g, end, end.tick < tick ? 0.0 : rest);
     }
     if (status == GYRO_OK && end.tick < tick) {
-        g->memory.clock.rest = 0.0;
         g->memory.clock.next_time = gyro_time(g);
         status = GYRO_EARLY;
     }
@@ -299,11 +298,10 @@ gyro_status gyro_advance(gyro_instance *g, double from, double step, gyro_watch 
         status = take_inputs(g);
     }
     if (status == GYRO_OK) {
-        const double ticks = gyro_ticks(step) + clock->rest;
+        const double ticks = step_in_ticks(g, step) + clock->rest;
         const int64_t end = nearest_tick(g, clock->now, ticks);
-        clock->rest = ticks - (double)(end - clock->now);
         clock->next_time = from + step;
-        status = move_to(g, end, watch, watcher);
+        status = move_to(g, end, ticks - (double)(end - clock->now), watch, watcher);
     }
     return status;
 }

@@ -36,8 +36,8 @@ void gyro_reset(gyro_instance *g);
 const char *gyro_message(const gyro_instance *g);
 
 /* Variables by value reference, 0 <= vr < GYRO_N_VARIABLES (see gyro_variables[] for name, kind, start, min, max). SI units.
-   gyro_set refuses NaN and infinity and never checks the life cycle: that is the FMI layer's. */
-gyro_status gyro_set(gyro_instance *g, uint32_t vr, double value);
+   gyro_set takes any finite value and never checks the life cycle: both are the FMI layer's to ask. */
+void gyro_set(gyro_instance *g, uint32_t vr, double value);
 double gyro_get(const gyro_instance *g, uint32_t vr);
 
 /* Checks the parameters, sets the initial state at `start_time` [s] and takes sample 0, so that outputs are valid. May be called again

@@ -264,9 +264,7 @@ fmi_status fmi_set(fmi_instance *f, const char *call, gyro_type type, const uint
         status = check_set(f, call, type, vr[i], element(type, values, i));
     }
     for (size_t i = 0; i < n && status == FMI_OK; i++) {
-        if (gyro_set(f->core, vr[i], element(type, values, i)) != GYRO_OK) {
-            status = fail_with_core_message(f, call);
-        }
+        gyro_set(f->core, vr[i], element(type, values, i));
     }
     if (status == FMI_OK && f->state != STEPPING) {
         gyro_unstart(f->core);

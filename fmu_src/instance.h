@@ -53,6 +53,9 @@ typedef struct {
     int64_t next_sample;
     gyro_instant next_event;
     gyro_instant event[GYRO_N_EFFECTS]; /* of each effect, negative where it is before the start */
+    double time;         /* of the communication point, s */
+    double latest_step;  /* of an importer [s], and the same in ticks: most steps are like the one before */
+    double latest_ticks;
 } gyro_cuts;
 
 /* From core.c. */
@@ -71,10 +74,16 @@ double gyro_ticks(double seconds);
 /* The instant that many ticks after the start, or at the end of what is counted. */
 gyro_instant gyro_instant_of(double ticks);
 
-int gyro_before(gyro_instant a, gyro_instant b);
+static inline int gyro_before(gyro_instant a, gyro_instant b) { return a.tick < b.tick || (a.tick == b.tick && a.part < b.part); }
 
-/* From one instant to another [s]. */
-double gyro_between(gyro_instant from, gyro_instant to);
+/* From one instant to another [s]. A quotient, since 1e-12 is no double: 10 000 000 ticks are the double nearest to 1e-5 s. */
+static inline double gyro_between(gyro_instant from, gyro_instant to)
+{
+    return ((double)(to.tick - from.tick) + (to.part - from.part)) / GYRO_TICKS_A_SECOND;
+}
+
+/* Brings the clock to a communication point: a tick and what the importer's steps are beyond it [ticks]. */
+void gyro_come_to(gyro_instance *g, int64_t tick, double rest);
 
 /* The time [s] of an instant, by which laws go. */
 double gyro_time_of(const gyro_instance *g, gyro_instant at);

@@ -14,7 +14,7 @@
     }                                   \
     g->t = t + (node) * h;              \
     g->since = (node) * h;              \
-    if (g->any_law) {                   \
+    if (g->moving) {                    \
         apply_laws(g, value);           \
     }                                   \
     state_rate(g, k[stage])

@@ -101,47 +101,59 @@ static double moving_nodes(double step, const double tau[N], double node[N])
     return rising ? z[N - 1] : 0.0;
 }
 
+static void find_weights(gyro_lag_weights *lag, double step, const double tau[N])
+{
+    double node[N], z = 0.0;
+    int moves = 0, acts = 1;
+    lag->step = step;
+    memcpy(lag->tau, tau, sizeof lag->tau);
+    for (int i = 0; i < N; i++) {
+        moves = moves || tau[i] != tau[N - 1];
+        acts = acts && tau[i] > 0.0;
+    }
+    if (moves && acts) {
+        z = moving_nodes(step, tau, node);
+    }
+    if (!(z > 0.0)) {
+        memcpy(node, gyro_lag_nodes, sizeof node);
+        z = step / tau[N - 1];
+    }
+    memset(lag->weight, 0, sizeof lag->weight);
+    if (tau[N - 1] > 0.0) {
+        double integral[N];
+        integrals(z, integral);
+        for (int i = 0; i < N; i++) {
+            double coefficient[N];
+            lagrange(node, i, coefficient);
+            for (int k = 0; k < N; k++) {
+                lag->weight[i] += coefficient[k] * integral[k];
+            }
+        }
+    }
+}
+
+static int fits(const gyro_lag_weights *lag, double step, const double tau[N])
+{
+    return step == lag->step && memcmp(tau, lag->tau, sizeof lag->tau) == 0;
+}
+
 void gyro_weigh_lag(gyro_lag *lag, double step, const double tau[N])
 {
-    if (step != lag->step || memcmp(tau, lag->tau, sizeof lag->tau) != 0) {
-        double node[N], z = 0.0;
-        int moves = 0, acts = 1;
-        lag->step = step;
-        memcpy(lag->tau, tau, sizeof lag->tau);
-        for (int i = 0; i < N; i++) {
-            moves = moves || tau[i] != tau[N - 1];
-            acts = acts && tau[i] > 0.0;
-        }
-        if (moves && acts) {
-            z = moving_nodes(step, tau, node);
-        }
-        if (!(z > 0.0)) {
-            memcpy(node, gyro_lag_nodes, sizeof node);
-            z = step / tau[N - 1];
-        }
-        memset(lag->weight, 0, sizeof lag->weight);
-        if (tau[N - 1] > 0.0) {
-            double integral[N];
-            integrals(z, integral);
-            for (int i = 0; i < N; i++) {
-                double coefficient[N];
-                lagrange(node, i, coefficient);
-                for (int k = 0; k < N; k++) {
-                    lag->weight[i] += coefficient[k] * integral[k];
-                }
-            }
-        } else {
-            lag->weight[N - 1] = 1.0;
+    if (!fits(&lag->kept[lag->latest], step, tau)) {
+        lag->latest = 1 - lag->latest;
+        if (!fits(&lag->kept[lag->latest], step, tau)) {
+            find_weights(&lag->kept[lag->latest], step, tau);
         }
     }
 }
 
 double gyro_lagged(const gyro_lag *lag, double before, const double entering[N])
 {
+    const gyro_lag_weights *weights = &lag->kept[lag->latest];
     double sum = 0.0;
     for (int i = 0; i < N; i++) {
-        sum += lag->weight[i] * (entering[i] - before);
+        sum += weights->weight[i] * (entering[i] - before);
     }
     /* Without a lag it is the voltage itself, to the last bit. */
-    return lag->tau[N - 1] > 0.0 ? before + sum : entering[N - 1];
+    return weights->tau[N - 1] > 0.0 ? before + sum : entering[N - 1];
 }

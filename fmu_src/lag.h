@@ -13,11 +13,17 @@
 enum { GYRO_LAG_NODES = 6 };
 extern const double gyro_lag_nodes[GYRO_LAG_NODES];
 
-/* Weights for one step and course of the time constant; kept, since both seldom change. */
+/* Weights for one step and course of the time constant. */
 typedef struct {
     double step;                   /* s */
     double tau[GYRO_LAG_NODES];    /* time constant at each node, s */
     double weight[GYRO_LAG_NODES]; /* out = before + sum of weight (entering - before) */
+} gyro_lag_weights;
+
+/* Kept, since both seldom change; two, since a delayed force cuts every sample period into two steps. */
+typedef struct {
+    gyro_lag_weights kept[2];
+    int latest; /* of them */
 } gyro_lag;
 
 /* Finds the weights for a step [s] with the time constants `tau` [s] at its nodes, unless they are those that it has. Where tau is not

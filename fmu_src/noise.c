@@ -11,15 +11,18 @@ static const uint32_t MULTIPLIER_0 = 0xD2511F53u, MULTIPLIER_1 = 0xCD9E8D57u;
 static const uint32_t WEYL_0 = 0x9E3779B9u, WEYL_1 = 0xBB67AE85u;
 enum { ROUNDS = 10 };
 
-static void philox(uint32_t word[4], uint32_t key_0, uint32_t key_1)
+/* Ten rounds on `n` counters side by side, so that a compiler can do some at once; word k of counter i is word[k][i]. */
+static void philox(uint32_t word[4][GYRO_MOST_LANES], int n, uint32_t key_0, uint32_t key_1)
 {
     for (int round = 0; round < ROUNDS; round++) {
-        const uint64_t product_0 = (uint64_t)MULTIPLIER_0 * word[0];
-        const uint64_t product_1 = (uint64_t)MULTIPLIER_1 * word[2];
-        word[0] = (uint32_t)(product_1 >> 32) ^ word[1] ^ key_0;
-        word[1] = (uint32_t)product_1;
-        word[2] = (uint32_t)(product_0 >> 32) ^ word[3] ^ key_1;
-        word[3] = (uint32_t)product_0;
+        for (int i = 0; i < n; i++) {
+            const uint64_t product_0 = (uint64_t)MULTIPLIER_0 * word[0][i];
+            const uint64_t product_1 = (uint64_t)MULTIPLIER_1 * word[2][i];
+            word[0][i] = (uint32_t)(product_1 >> 32) ^ word[1][i] ^ key_0;
+            word[1][i] = (uint32_t)product_1;
+            word[2][i] = (uint32_t)(product_0 >> 32) ^ word[3][i] ^ key_1;
+            word[3][i] = (uint32_t)product_0;
+        }
         key_0 += WEYL_0;
         key_1 += WEYL_1;
     }
@@ -55,7 +58,7 @@ static double portable_log(double r)
     return exponent * 0.693147180559945309417 + 2.0 * s * sum;
 }
 
-static double ratio(const double numerator[8], const double denominator[8], double r)
+static inline double ratio(const double numerator[8], const double denominator[8], double r)
 {
     double above = numerator[7], below = denominator[7];
     for (int k = 6; k >= 0; k--) {
@@ -65,8 +68,9 @@ static double ratio(const double numerator[8], const double denominator[8], doub
     return above / below;
 }
 
-/* Inverse of the normal distribution, M. J. Wichura, algorithm AS 241 (PPND16), Applied Statistics 37, 1988: 1e-16 relative. */
-static double inverse_normal(double p)
+/* Inverse of the normal distribution, M. J. Wichura, algorithm AS 241 (PPND16), Applied Statistics 37, 1988: 1e-16 relative; of n numbers
+   in place. */
+static void inverse_normal(double *number, int n)
 {
     static const double a[8] = {3.3871328727963666080e0, 1.3314166789178437745e2, 1.9715909503065514427e3,
                                 1.3731693765509461125e4, 4.5921953931549871457e4, 6.7265770927008700853e4,
@@ -86,22 +90,50 @@ static double inverse_normal(double p)
     static const double f[8] = {1.0, 5.99832206555887937690e-1, 1.36929880922735805310e-1, 1.48753612908506148525e-2,
                                 7.86869131145613259100e-4, 1.84631831751005468180e-5, 1.42151175831644588870e-7,
                                 2.04426310338993978564e-15};
-    const double q = p - 0.5;
-    double normal;
-    if (fabs(q) <= 0.425) {
-        normal = q * ratio(a, b, 0.180625 - q * q);
-    } else {
-        const double r = sqrt(-portable_log(q < 0.0 ? p : 1.0 - p));
-        const double tail = r <= 5.0 ? ratio(c, d, r - 1.6) : ratio(e, f, r - 5.0);
-        normal = q < 0.0 ? -tail : tail;
+    /* The middle of all first, without a branch, so that a compiler can do some at once; one in seven is then done anew. */
+    double middle[2 * GYRO_MOST_LANES];
+    for (int i = 0; i < n; i++) {
+        const double q = number[i] - 0.5;
+        middle[i] = q * ratio(a, b, 0.180625 - q * q);
     }
-    return normal;
+    for (int i = 0; i < n; i++) {
+        const double p = number[i], q = p - 0.5;
+        if (fabs(q) <= 0.425) {
+            number[i] = middle[i];
+        } else {
+            const double r = sqrt(-portable_log(q < 0.0 ? p : 1.0 - p));
+            const double tail = r <= 5.0 ? ratio(c, d, r - 1.6) : ratio(e, f, r - 5.0);
+            number[i] = q < 0.0 ? -tail : tail;
+        }
+    }
+}
+
+void gyro_normal_pairs(uint32_t seed, uint32_t stream, uint64_t counter, int lanes, double normal[][2])
+{
+    uint32_t word[4][GYRO_MOST_LANES];
+    for (int i = 0; i < lanes; i++) {
+        word[0][i] = (uint32_t)counter;
+        word[1][i] = (uint32_t)(counter >> 32);
+        word[2][i] = (uint32_t)i;
+        word[3][i] = 0u;
+    }
+    philox(word, lanes, seed, stream);
+    for (int i = 0; i < lanes; i++) {
+        normal[i][0] = uniform(word[0][i], word[1][i]);
+        normal[i][1] = uniform(word[2][i], word[3][i]);
+    }
+    inverse_normal(normal[0], 2 * lanes);
 }
 
 void gyro_normal_pair(uint32_t seed, uint32_t stream, uint64_t counter, uint32_t lane, double normal[2])
 {
-    uint32_t word[4] = {(uint32_t)counter, (uint32_t)(counter >> 32), lane, 0u};
-    philox(word, seed, stream);
-    normal[0] = inverse_normal(uniform(word[0], word[1]));
-    normal[1] = inverse_normal(uniform(word[2], word[3]));
+    uint32_t word[4][GYRO_MOST_LANES];
+    word[0][0] = (uint32_t)counter;
+    word[1][0] = (uint32_t)(counter >> 32);
+    word[2][0] = lane;
+    word[3][0] = 0u;
+    philox(word, 1, seed, stream);
+    normal[0] = uniform(word[0][0], word[1][0]);
+    normal[1] = uniform(word[2][0], word[3][0]);
+    inverse_normal(normal, 2);
 }

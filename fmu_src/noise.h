@@ -13,6 +13,10 @@
 /* Two independent standard normal numbers. */
 void gyro_normal_pair(uint32_t seed, uint32_t stream, uint64_t counter, uint32_t lane, double normal[2]);
 
+/* Those of the lanes 0 .. lanes - 1 at once, the same to the last bit; lanes <= GYRO_MOST_LANES. */
+enum { GYRO_MOST_LANES = 20 };
+void gyro_normal_pairs(uint32_t seed, uint32_t stream, uint64_t counter, int lanes, double normal[][2]);
+
 #if defined(__GNUC__)
 #pragma GCC visibility pop
 #endif

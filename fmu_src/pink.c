@@ -45,11 +45,11 @@ void gyro_pink_design(gyro_pink_plan *plan, double sample_period)
 static void move(const gyro_pink_plan *plan, uint32_t seed, uint32_t stream, uint64_t counter, gyro_pink_memory *memory, double pink[2])
 {
     double sum[2] = {0.0, 0.0};
+    double normal[GYRO_PINK_SECTIONS][2];
+    gyro_normal_pairs(seed, stream, counter, plan->n, normal);
     for (int i = 0; i < plan->n; i++) {
-        double normal[2];
-        gyro_normal_pair(seed, stream, counter, (uint32_t)i, normal);
         for (int axis = 0; axis < 2; axis++) {
-            memory->section[i][axis] = plan->pole[i] * memory->section[i][axis] + plan->drive[i] * normal[axis];
+            memory->section[i][axis] = plan->pole[i] * memory->section[i][axis] + plan->drive[i] * normal[i][axis];
             sum[axis] += memory->section[i][axis];
         }
     }
@@ -67,8 +67,8 @@ void gyro_pink_start(const gyro_pink_plan *plan, uint32_t seed, uint32_t stream,
 {
     double unused[2];
     memset(memory, 0, sizeof *memory);
+    gyro_normal_pairs(seed, stream, 0, plan->n, memory->section);
     for (int i = 0; i < plan->n; i++) {
-        gyro_normal_pair(seed, stream, 0, (uint32_t)i, memory->section[i]);
         memory->section[i][0] *= plan->deviation[i];
         memory->section[i][1] *= plan->deviation[i];
     }

@@ -11,7 +11,7 @@
 #pragma GCC visibility push(hidden)
 #endif
 
-/* Enough for a sample period of 1 ns, the lowest bound, which takes 16. */
+/* Enough for a sample period of 1 ns, the lowest bound, which takes 16; at most GYRO_MOST_LANES. */
 enum { GYRO_PINK_SECTIONS = 20 };
 
 /* Follows from the sample period. */

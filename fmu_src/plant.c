@@ -1,9 +1,12 @@
+/* The motion between two instants that cut it, and the sample. */
+
 #include "plant.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 #include "integrator.h"
+#include "linear.h"
 #include "noise.h"
 
 void gyro_refresh(gyro_view *view, const double value[GYRO_N_VARIABLES])
@@ -145,7 +148,7 @@ static void move_lag(gyro_instance *g, const gyro_end *start, double t, double h
         }
         view->t = t + c * h;
         view->since = c * h;
-        if (view->any_law) {
+        if (view->moving) {
             apply_laws(view, g->value);
         }
         pick_off(view);
@@ -259,11 +262,14 @@ static double move_states(gyro_instance *g, gyro_instant to)
     gyro_view *view = &g->view;
     const gyro_instant from = g->memory.clock.settled;
     const double h = gyro_between(from, to);
-    integrate(view, g->value, gyro_time_of(g, from), h);
+    view->moving = view->any_law && laws_move(view, g->value);
+    if (view->moving || view->any_curved || !propagate(view, h)) {
+        integrate(view, g->value, gyro_time_of(g, from), h);
+    }
     /* From the count, not by addition: rounding would add up, and a restored instance would differ in the last bit. */
     view->t = gyro_time_of(g, to);
     view->since = h;
-    if (view->any_law) {
+    if (view->moving) {
         apply_laws(view, g->value);
     }
     return h;
@@ -272,11 +278,12 @@ static double move_states(gyro_instance *g, gyro_instant to)
 void gyro_move(gyro_instance *g, gyro_instant to)
 {
     gyro_view *view = &g->view;
-    const double t = gyro_time_of(g, g->memory.clock.settled);
     gyro_end start;
+    double t = 0.0;
     find_force(g);
     if (g->plan.any_lag) {
         start = end_here(view);
+        t = gyro_time_of(g, g->memory.clock.settled);
     }
     const double h = move_states(g, to);
     if (g->plan.any_lag) {
@@ -285,9 +292,11 @@ void gyro_move(gyro_instance *g, gyro_instant to)
     }
     view->since = 0.0;
     const int at = gyro_settle(g, to);
-    if (view->any_law) {
-        /* Once more, as a restored instance finds them: by the time of the tick, from what lags here, with the event that falls here. */
+    if (view->moving) {
         memcpy(view->lagging, view->lagging_now, sizeof view->lagging);
+    }
+    if (view->moving || (at & GYRO_AT_EVENT)) {
+        /* Once more, as a restored instance finds them: by the time of the tick, from what lags here, with the event that falls here. */
         gyro_refresh(view, g->value);
     }
     if (at & GYRO_AT_SAMPLE) {

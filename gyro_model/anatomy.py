@@ -251,8 +251,8 @@ class Delay(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Lag(Effect):
-    """A first-order lag of the voltage with ``time_constant`` [s], updated exactly for a signal quadratic in time
-    over a step."""
+    """A first-order lag of the voltage with ``time_constant`` [s], updated exactly for a signal that is a polynomial in
+    time over a step."""
 
     STAGE: ClassVar[str] = "amplifier"
     slot: ClassVar[str] = "amplifier lag"

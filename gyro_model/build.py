@@ -32,7 +32,7 @@ EFFECTS = f"{GENERATED}/effects.h"
 # Below the folder of the handwritten C: what the envelope form has of its own. A file there takes the place of the
 # one of the same name.
 ENVELOPE = "envelope"
-FULL_ALONE = ("integrator.h", "lag.c", "lag.h", "pink.c", "pink.h")
+FULL_ALONE = ("integrator.h", "linear.h", "lag.c", "lag.h", "pink.c", "pink.h")
 
 
 class Fmus(NamedTuple):

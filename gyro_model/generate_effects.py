@@ -5,8 +5,9 @@ import re
 import textwrap
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import combinations_with_replacement
 
-from sympy import Expr, Symbol
+from sympy import Expr, Symbol, diff
 
 from gyro_model import symbols
 from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map
@@ -85,6 +86,7 @@ def effects(model: Model) -> str:
         _laws(model),
         _holds(model),
         _derivative(model),
+        _linear(model, place),
         _kick(model),
     ]
     parts += [_stage(model, *stage) for stage in _STAGES]
@@ -118,6 +120,8 @@ typedef struct {
     double after[GYRO_N_EFFECTS];         /* 1 from the event of each effect on, 0 before */
     unsigned char active[GYRO_N_EFFECTS]; /* a size parameter differs from neutral */
     unsigned char any_law;
+    unsigned char moving; /* laws change parameters within the present step */
+    unsigned char any_curved; /* a force acts that is not linear in the motion, or has states of its own */
     unsigned char any_impulse;
     unsigned char any_rate; /* the converter asks for the rate of the voltage */
     unsigned char any_state; /* a force with states of its own acts */
@@ -138,7 +142,7 @@ static inline double decayed(double z)
 static inline void follow(gyro_view *g, int vr, int index, double lag)
 {
     const double set = g->p[vr];
-    if (lag > 0.0) {
+    if (lag > 0.0 && g->lagging[index] != set) {
         g->p[vr] = g->lagging[index] + (set - g->lagging[index]) * decayed(g->since / lag);
     }
     g->lagging_now[index] = g->p[vr];
@@ -213,6 +217,7 @@ def _activity(model: Model) -> str:
     law = " || ".join(f"g->active[{effect_macro(e)}]" for e in (*_follows(model), *model.laws)) or "0"
     state = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if e.states) or "0"
     acting = "".join(guarded(e, f"g->acting[g->n_acting++] = {effect_macro(e)};\n") for e in added_forces(model))
+    bent = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if not _is_linear(e, model)) or "0"
     impulse = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.forces if e.impulse) or "0"
     rate = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.effects if _asks_rate(e)) or "0"
     return (
@@ -220,7 +225,7 @@ def _activity(model: Model) -> str:
         "static inline void find_active(gyro_view *g)\n{\n"
         + "".join(lines)
         + f"    g->any_law = {law};\n    g->any_impulse = {impulse};\n"
-        + f"    g->any_rate = {rate};\n    g->any_state = {state};\n    g->n_acting = 0;\n"
+        + f"    g->any_rate = {rate};\n    g->any_state = {state};\n    g->any_curved = {bent};\n    g->n_acting = 0;\n"
         + textwrap.indent(acting, "    ")
         + "}\n"
     )
@@ -261,6 +266,7 @@ def _laws(model: Model) -> str:
         f"    g->lagging[{lagging_macro(target)}] = value[{macro(symbols.SET_BY.get(target, target).name)}];\n"
         for target in model.followed
     )
+    moving = "".join([*map(_moving, _follows(model)), *map(_moving, model.laws)])
     return (
         "/* What is made of the inputs, before any law. */\n"
         "static inline void take_made(gyro_view *g, const double value[GYRO_N_VARIABLES])\n"
@@ -270,8 +276,21 @@ def _laws(model: Model) -> str:
         f"{{\n{start}}}\n\n"
         "/* Parameter laws: from the values as set, at the time and events of the view. */\n"
         "static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES])\n"
-        f"{{\n{textwrap.indent(lines, '    ')}}}\n"
+        f"{{\n{textwrap.indent(lines, '    ')}}}\n\n"
+        "/* Whether laws change parameters from now to the next cut: by time itself, or by what has not settled. */\n"
+        "static inline int laws_move(const gyro_view *g, const double value[GYRO_N_VARIABLES])\n"
+        f"{{\n    int moving = 0;\n    (void)value;\n{textwrap.indent(moving, '    ')}    return moving;\n}}\n"
     )
+
+
+def _moving(effect: Follow | Law) -> str:
+    if isinstance(effect, Law):
+        return guarded(effect, "moving = 1;\n") if symbols.t in effect.symbols else ""
+    tests = (
+        f"g->lagging[{lagging_macro(target)}] != value[{macro(symbols.SET_BY.get(target, target).name)}]"
+        for target in effect.follows
+    )
+    return guarded(effect, f"moving = moving || {' || '.join(tests)};\n")
 
 
 def _holds(model: Model) -> str:
@@ -328,6 +347,61 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
     rate[GYRO_STATE_Y] = g->s[GYRO_STATE_Y_DOT];
     rate[GYRO_STATE_X_DOT] = force[0] * g->inverse_mass;
     rate[GYRO_STATE_Y_DOT] = force[1] * g->inverse_mass;
+}}
+"""
+
+
+def is_curved(exprs: Iterable[Expr], signals: Sequence[Symbol]) -> bool:
+    """Whether some expression is not affine in ``signals``."""
+    pairs = tuple(combinations_with_replacement(signals, 2))
+    # A derivative that is zero in disguise only has its effect followed the longer way, which is as right.
+    return any(diff(expr, *pair) != 0 for expr in exprs for pair in pairs)
+
+
+def _is_linear(effect: Force, model: Model) -> bool:
+    changing = symbols.t in effect.symbols or effect.states
+    return not changing and not is_curved(effect.force, model.state_symbols)
+
+
+def _slope(effect: Force, place: _Locals) -> str:
+    """The derivatives of a linear force, and what is left of it at rest."""
+    slopes = [[force.diff(state) for state in symbols.STATES] for force in effect.force]
+    rest = [force.subs(dict.fromkeys(symbols.STATES, 0)) for force in effect.force]
+    lines = "".join(
+        f"    slope[{axis}][{state_macro(state)}] += {c_expression(expr)};\n"
+        for axis in (0, 1)
+        for state, expr in zip(symbols.STATES, slopes[axis], strict=True)
+        if expr != 0
+    )
+    lines += "".join(f"    still[{axis}] += {c_expression(expr)};\n" for axis, expr in enumerate(rest) if expr != 0)
+    unused = [name for name in ("slope", "still") if f"{name}[" not in lines]
+    declared = place.declare(effect, (*slopes[0], *slopes[1], *rest))
+    quiet = "".join(f"    (void){name};\n" for name in unused)
+    head = f"static inline void slope_{effect.id}(const gyro_view *g, double slope[2][4], double still[2])"
+    return f"{head}\n{{\n{declared}{quiet}{lines}}}\n"
+
+
+def _linear(model: Model, place: _Locals) -> str:
+    own = [e for e in model.forces if _is_linear(e, model) and not e.drawn]
+    functions = "\n".join(_slope(e, place) for e in own)
+    nominal = "".join(f"    slope_{e.id}(g, slope, still);\n" for e in own if e.nominal)
+    others = "".join(
+        f"case {effect_macro(e)}:\n    slope_{e.id}(g, slope, still);\n    break;\n" for e in own if not e.nominal
+    )
+    return f"""{functions}
+/* Where any_curved is 0 the force is slope (x, x', y, y') + still [N]; slope [N/m, N.s/m], shape (2, 4). */
+static inline void find_slopes(const gyro_view *g, double slope[2][4], double still[2])
+{{
+    for (int axis = 0; axis < 2; axis++) {{
+        still[axis] = g->u[axis] + g->held[axis];
+        slope[axis][0] = slope[axis][1] = slope[axis][2] = slope[axis][3] = 0.0;
+    }}
+{nominal}    for (int i = 0; i < g->n_acting; i++) {{
+        switch (g->acting[i]) {{
+{textwrap.indent(others, "        ")}        default:
+            break;
+        }}
+    }}
 }}
 """
 

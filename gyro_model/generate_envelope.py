@@ -5,29 +5,19 @@ it acts on (sympy tells); else it is *curved*, and ``fmu_src/envelope`` evaluate
 """
 
 import textwrap
-from collections.abc import Iterable, Sequence
-from itertools import combinations_with_replacement
-
-from sympy import Expr, Symbol, diff
+from collections.abc import Sequence
 
 from gyro_model import symbols
 from gyro_model.anatomy import SLOTS, Effect, Force, Map, Q, U, V
 from gyro_model.c_printing import STAMP, effect_macro, state_macro
 from gyro_model.errors import InputError
-from gyro_model.generate_effects import added_forces, force_call, guarded, slot_lines
+from gyro_model.generate_effects import added_forces, force_call, guarded, is_curved, slot_lines
 from gyro_model.model import Model
 
 _NAMES = tuple(SLOTS)
 ACTUATOR = _NAMES[: _NAMES.index("pickoff misalignment")]
 PICKOFF = _NAMES[_NAMES.index("pickoff misalignment") : _NAMES.index("amplifier lag")]
 OUTPUT = _NAMES[_NAMES.index("amplifier lag") + 1 :]
-
-
-def is_curved(exprs: Iterable[Expr], signals: Sequence[Symbol]) -> bool:
-    """Whether some expression is not affine in ``signals``."""
-    pairs = tuple(combinations_with_replacement(signals, 2))
-    # A derivative that is zero in disguise would only have its effect followed around the cycle, which is as right.
-    return any(diff(expr, *pair) != 0 for expr in exprs for pair in pairs)
 
 
 def _is_shifted(effect: Map) -> bool:

@@ -1,6 +1,7 @@
 """The reference simulation: the same device by scipy's DOP853 at 1e-12, slow and independent of the C.
 
-Inputs are held between samples as SYSTEM.md section 1 says; a delayed force switches exactly when it is due.
+Sample k is taken just before the force changes to u_k, which is held until the next; a delayed force switches exactly
+when it is due.
 """
 
 from collections.abc import Callable, Mapping

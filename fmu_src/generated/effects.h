@@ -29,6 +29,8 @@ typedef struct {
     double after[GYRO_N_EFFECTS];         /* 1 from the event of each effect on, 0 before */
     unsigned char active[GYRO_N_EFFECTS]; /* a size parameter differs from neutral */
     unsigned char any_law;
+    unsigned char moving; /* laws change parameters within the present step */
+    unsigned char any_curved; /* a force acts that is not linear in the motion, or has states of its own */
     unsigned char any_impulse;
     unsigned char any_rate; /* the converter asks for the rate of the voltage */
     unsigned char any_state; /* a force with states of its own acts */
@@ -49,7 +51,7 @@ static inline double decayed(double z)
 static inline void follow(gyro_view *g, int vr, int index, double lag)
 {
     const double set = g->p[vr];
-    if (lag > 0.0) {
+    if (lag > 0.0 && g->lagging[index] != set) {
         g->p[vr] = g->lagging[index] + (set - g->lagging[index]) * decayed(g->since / lag);
     }
     g->lagging_now[index] = g->p[vr];
@@ -773,6 +775,7 @@ static inline void find_active(gyro_view *g)
     g->any_impulse = g->active[GYRO_EFFECT_FRAME_ROTATION];
     g->any_rate = g->active[GYRO_EFFECT_SAMPLING_JITTER];
     g->any_state = g->active[GYRO_EFFECT_PARASITIC_MODE];
+    g->any_curved = g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS];
     g->n_acting = 0;
     if (g->active[GYRO_EFFECT_ANGULAR_GAIN]) {
         g->acting[g->n_acting++] = GYRO_EFFECT_ANGULAR_GAIN;
@@ -945,6 +948,20 @@ static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES]
     }
 }
 
+/* Whether laws change parameters from now to the next cut: by time itself, or by what has not settled. */
+static inline int laws_move(const gyro_view *g, const double value[GYRO_N_VARIABLES])
+{
+    int moving = 0;
+    (void)value;
+    if (g->active[GYRO_EFFECT_THERMAL_LAG]) {
+        moving = moving || g->lagging[GYRO_LAGGING_TEMPERATURE_STRUCTURE] != value[GYRO_TEMPERATURE] || g->lagging[GYRO_LAGGING_TEMPERATURE_CIRCUIT] != value[GYRO_TEMPERATURE];
+    }
+    if (g->active[GYRO_EFFECT_DIELECTRIC_CHARGING]) {
+        moving = 1;
+    }
+    return moving;
+}
+
 /* Delay of the force [s]. */
 static inline double force_delay(const gyro_view *g)
 {
@@ -1018,6 +1035,98 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
     rate[GYRO_STATE_Y] = g->s[GYRO_STATE_Y_DOT];
     rate[GYRO_STATE_X_DOT] = force[0] * g->inverse_mass;
     rate[GYRO_STATE_Y_DOT] = force[1] * g->inverse_mass;
+}
+
+static inline void slope_coriolis(const gyro_view *g, double slope[2][4], double still[2])
+{
+    const double m = g->p[GYRO_M];
+    const double omega_z = g->p[GYRO_OMEGA_Z];
+    (void)still;
+    slope[0][GYRO_STATE_Y_DOT] += 2*m*omega_z;
+    slope[1][GYRO_STATE_X_DOT] += -2*m*omega_z;
+}
+
+static inline void slope_damping(const gyro_view *g, double slope[2][4], double still[2])
+{
+    const double dxx = g->p[GYRO_DXX];
+    const double dxy = g->p[GYRO_DXY];
+    const double dyy = g->p[GYRO_DYY];
+    (void)still;
+    slope[0][GYRO_STATE_X_DOT] += -dxx;
+    slope[0][GYRO_STATE_Y_DOT] += -dxy;
+    slope[1][GYRO_STATE_X_DOT] += -dxy;
+    slope[1][GYRO_STATE_Y_DOT] += -dyy;
+}
+
+static inline void slope_suspension(const gyro_view *g, double slope[2][4], double still[2])
+{
+    const double kxx = g->p[GYRO_KXX];
+    const double kxy = g->p[GYRO_KXY];
+    const double kyy = g->p[GYRO_KYY];
+    (void)still;
+    slope[0][GYRO_STATE_X] += -kxx;
+    slope[0][GYRO_STATE_Y] += -kxy;
+    slope[1][GYRO_STATE_X] += -kxy;
+    slope[1][GYRO_STATE_Y] += -kyy;
+}
+
+static inline void slope_angular_gain(const gyro_view *g, double slope[2][4], double still[2])
+{
+    const double angular_gain = g->p[GYRO_ANGULAR_GAIN];
+    const double m = g->p[GYRO_M];
+    const double omega_z = g->p[GYRO_OMEGA_Z];
+    (void)still;
+    slope[0][GYRO_STATE_Y_DOT] += m*omega_z*(2*angular_gain - 2);
+    slope[1][GYRO_STATE_X_DOT] += m*omega_z*(2 - 2*angular_gain);
+}
+
+static inline void slope_frame_rotation(const gyro_view *g, double slope[2][4], double still[2])
+{
+    const double frame_rotation = g->p[GYRO_FRAME_ROTATION];
+    const double m = g->p[GYRO_M];
+    const double omega_z = g->p[GYRO_OMEGA_Z];
+    (void)still;
+    slope[0][GYRO_STATE_X] += frame_rotation*m*omega_z*omega_z;
+    slope[1][GYRO_STATE_Y] += frame_rotation*m*omega_z*omega_z;
+}
+
+static inline void slope_linear_acceleration(const gyro_view *g, double slope[2][4], double still[2])
+{
+    const double a_x = g->p[GYRO_A_X];
+    const double a_y = g->p[GYRO_A_Y];
+    const double acceleration_gain_x = g->p[GYRO_ACCELERATION_GAIN_X];
+    const double acceleration_gain_y = g->p[GYRO_ACCELERATION_GAIN_Y];
+    const double m = g->p[GYRO_M];
+    (void)slope;
+    still[0] += a_x*acceleration_gain_x*m;
+    still[1] += a_y*acceleration_gain_y*m;
+}
+
+/* Where any_curved is 0 the force is slope (x, x', y, y') + still [N]; slope [N/m, N.s/m], shape (2, 4). */
+static inline void find_slopes(const gyro_view *g, double slope[2][4], double still[2])
+{
+    for (int axis = 0; axis < 2; axis++) {
+        still[axis] = g->u[axis] + g->held[axis];
+        slope[axis][0] = slope[axis][1] = slope[axis][2] = slope[axis][3] = 0.0;
+    }
+    slope_coriolis(g, slope, still);
+    slope_damping(g, slope, still);
+    slope_suspension(g, slope, still);
+    for (int i = 0; i < g->n_acting; i++) {
+        switch (g->acting[i]) {
+        case GYRO_EFFECT_ANGULAR_GAIN:
+            slope_angular_gain(g, slope, still);
+            break;
+        case GYRO_EFFECT_FRAME_ROTATION:
+            slope_frame_rotation(g, slope, still);
+            break;
+        case GYRO_EFFECT_LINEAR_ACCELERATION:
+            slope_linear_acceleration(g, slope, still);
+            break;
+        default:
+            break;
+        }
+    }
 }
 
 /* The velocities jump by the impulses that a change of the held inputs gives. */

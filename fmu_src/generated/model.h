@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{f2582102-b654-42cc-8e0e-2d61f524cd29}"
+#define GYRO_TOKEN "{3fe64f05-9d5d-4dfb-c916-3d9408862b29}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

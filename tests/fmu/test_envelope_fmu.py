@@ -83,6 +83,43 @@ def test_one_long_step_equals_many_short_ones(envelopes: dict[int, Fmu]) -> None
         assert long.get(*OUTPUTS) == short.get(*OUTPUTS)
 
 
+@pytest.mark.parametrize("parts", [3, 7, 300])
+def test_no_bit_depends_on_the_steps(envelopes: dict[int, Fmu], parts: int) -> None:
+    # Inputs change every 2.5 ms, between two points of the grid.
+    mark = 2.5 * STEP
+    with Instance(envelopes[3]) as long, Instance(envelopes[3]) as short:
+        for plant in (long, short):
+            plant.start(**BUSY)
+        for k in range(6):
+            for plant in (long, short):
+                plant.set(u_x_i=1e-6 * (k % 7), omega_z=0.1 * (k % 3), temperature=300.0 + k)
+            assert long.step(k * mark, mark) == OK
+            for i in range(parts):
+                assert short.step(k * mark + i * mark / parts, mark / parts) == OK, short.log
+            assert long.get(*OUTPUTS) == short.get(*OUTPUTS)
+
+
+def test_thermal_noise_of_a_divided_step_is_that_of_a_whole_one(envelopes: dict[int, Fmu]) -> None:
+    # From rest, over 4000 steps of the grid, each cut once by an input that changes nothing else.
+    spread = []
+    for cut in (False, True):
+        with Instance(envelopes[3]) as plant:
+            plant.start(seed=5, thermal_force=1.0, dxx=1e-4, dyy=1e-4, dxy=0.0)
+            squares = 0.0
+            for k in range(4000):
+                if cut:
+                    assert plant.step(k * STEP, 0.4 * STEP) == OK
+                    plant.set(v_bias=float(k % 2))
+                    assert plant.step((k + 0.4) * STEP, 0.6 * STEP) == OK
+                else:
+                    assert plant.step(k * STEP, STEP) == OK
+                i, q = plant.get("x_i", "y_q")
+                squares += i * i + q * q
+            spread.append(squares)
+    # Two sums of 8000 squares, correlated over 2m/d = 4 steps: each good to √(2·4/8000) = 3 %; five times √2 of it.
+    assert abs(spread[1] / spread[0] - 1.0) < 0.22
+
+
 def test_run_continues_from_a_saved_state(plant: Instance) -> None:
     plant.start(**BUSY)
     run(plant, 0, 10)

@@ -46,6 +46,27 @@ def test_run_continues_in_another_instance_from_bytes(fmu: Fmu) -> None:
         other.free_saved(handle)
 
 
+@pytest.mark.parametrize("step", [3.3e-6, 1e-6 / 3, 7.77e-6])
+def test_a_state_between_two_points_of_the_grid(fmu: Fmu, step: float) -> None:
+    # With an input that has been set and does not act yet, and forces that are on their way.
+    with Instance(fmu) as one, Instance(fmu) as other:
+        one.start(**NOISY)
+        for k in range(0, 60, 20):
+            one.run(k, k + 20, step)
+            one.set(temperature=300.0 + k, u_x=5e-6)
+            saved = one.save()
+            assert other.restore(saved) == OK, other.log
+            assert other.get(*OUTPUTS) == one.get(*OUTPUTS)
+            again = other.save()
+            assert other.serialize(again) == one.serialize(saved)
+            one.free_saved(saved)
+            other.free_saved(again)
+            assert other.run(k + 20, k + 40, step) == one.run(k + 20, k + 40, step)
+            assert one.call("Reset") == OK
+            one.start(**NOISY)
+            one.run(0, k + 20, step)
+
+
 def test_inputs_of_the_step_before_are_part_of_the_state(gyro: Instance) -> None:
     # The next change of the rate is counted from that of the saved state.
     gyro.start(frame_rotation=1.0, x_start=1e-6)

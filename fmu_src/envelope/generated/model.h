@@ -4,7 +4,7 @@
 #define GYRO_MODEL_H
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{c5a348e9-fa56-956e-1aad-75eef77b3063}"
+#define GYRO_TOKEN "{e965819b-073d-aa73-9cf3-d30538e65b0c}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
