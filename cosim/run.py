@@ -12,7 +12,6 @@ from cosim.design import Design
 from cosim.monitor import MONITOR
 from cosim.observers.record import CoreObserver, Observer, settings_array
 from cosim.scenarios import Scenario
-from gyro_model.anatomy import Delay, Lag
 from gyro_model.device import Device
 from gyro_model.errors import InputError
 
@@ -22,8 +21,6 @@ LONG_RUN: Final = 1.0
 """Runs over this use the energy loop [s]: damping that is a little wrong lets the energy wander."""
 LARGEST_STEP: Final = 5e-6
 """Internal step at most [s]: order 8 leaves 6e-11 rad after 1 s of the reference device, see benchmarks/."""
-FINE_STEP: Final = 1e-6
-"""Internal step at most where a delay or lag acts, which are resolved by it [s]."""
 TRACE_RATE: Final = 20e3
 """Rows of a trace a second, where it would not grow beyond TRACE_ROWS."""
 TRACE_ROWS: Final = 600_000
@@ -115,8 +112,7 @@ def plant_parameters(device: Device, period: float, seed: int) -> dict[str, floa
     where the device names none."""
     parameters = dict(device.parameters)
     if "internal_step" not in parameters:
-        fine = any(isinstance(e, (Delay, Lag)) and device.acts(e) for e in device.model.effects)
         # A hair more than a whole ratio is that ratio.
-        steps = np.ceil(period / (FINE_STEP if fine else LARGEST_STEP) - 1e-9)
+        steps = np.ceil(period / LARGEST_STEP - 1e-9)
         parameters["internal_step"] = period / float(steps)
     return parameters | {"sample_period": period, "seed": float(seed)}

@@ -173,8 +173,6 @@ class Simulator:
     def _on(self, bench: _Bench, record: Record, parameters: Mapping[str, float]) -> Floats:
         late = any(parameters.get(q.name, q.start) != q.start for q in self._late)
         values, names, step = self._inputs(record, SPLIT if late else 1)
-        if self._delay and parameters.get(self._delay, 0.0) > 0:
-            values = _moment_kept(values, record.axes, parameters[self._delay] / step % 1)
         stride = len(values) // len(record.t)
         whole = both_axes(parameters) if record.axes == 1 else parameters
         first = dict(zip(names, values[0].tolist(), strict=True))
@@ -208,16 +206,6 @@ def _driven(record: Record, split: int) -> _Driven:
     columns += [np.repeat(values, stride) for values in record.conditions.values()]
     names = (*INPUTS[: record.axes], *record.conditions)
     return np.ascontiguousarray(np.column_stack(columns)), names, 1 / (record.sample_rate * stride)
-
-
-def _moment_kept(values: Floats, axes: int, part: float) -> Floats:
-    """Inputs (steps, inputs), the forces first, whose mean over a delay's ``part`` of a step moves the mass as the late
-    force itself does. A force that changes by D acts on average D part (1 - part) h²/2 too early in the mean."""
-    change = np.diff(values[:, :axes], axis=0, prepend=values[:1, :axes]) * part * (1 - part) / 2
-    own = values.copy()
-    own[:, :axes] -= change
-    own[1:, :axes] += change[:-1]
-    return own
 
 
 def between(u: Floats, hold: str, stride: int) -> Floats:
