@@ -87,13 +87,13 @@ class KnownModel:
         return (*[-inf] * len(PER_MASS), *(self.model.parameter(name).low for name in self.estimated), -inf)
 
     def _own(self, exprs: Iterable[Expr]) -> tuple[Expr, ...]:
-        # Expanded, the masses cancel in k/m.
-        return tuple(expand(expr.subs(self._own_coordinates, simultaneous=True)) for expr in exprs)
+        return tuple(expr.subs(self._own_coordinates, simultaneous=True) for expr in exprs)
 
     @cached_property
     def rates(self) -> tuple[Expr, ...]:
         """Rate of each state under a force u_x, u_y at the mass."""
-        return self._own(self.dynamics.rates_under_force[: len(self.states)])
+        # Expanded, the masses cancel in k/m.
+        return tuple(map(expand, self._own(self.dynamics.rates_under_force[: len(self.states)])))
 
     @cached_property
     def constants(self) -> tuple[Symbol, ...]:
@@ -125,16 +125,15 @@ class KnownModel:
         pickoff_rate = Matrix([sum(v.diff(q) * q_dot for q, q_dot in self._moving_pairs) for v in pickoff])
         along = {q: rate for q, rate in zip(self.states, rates, strict=True)}
         curve = Matrix([sum(v.diff(q) * rate for q, rate in along.items()) for v in pickoff_rate])
+        jet = Matrix([*pickoff, *pickoff_rate, *curve])
         return {
-            "pick_off_curve": ("[2]", tuple(curve)),
-            "pick_off_curve_by_state": ("[2 * NS]", tuple(curve.jacobian(states))),
-            "pick_off_curve_by_parameter": ("[2 * NP]", tuple(curve.jacobian(parameters))),
+            # Value, slope and curvature in time, then their derivatives by the states, in one: they share their terms.
+            "jet": ("[6 + 6 * NS]", (*jet, *jet.jacobian(states))),
+            "jet_by_parameter": ("[6 * NP]", tuple(jet.jacobian(parameters))),
             "bend": ("[NS]", tuple(bend)),
             "bend_by_state": ("[NS * NS]", tuple(bend.jacobian(states))),
             "rate_by_state": ("[NS * NS]", tuple(linear)),
             "pick_off_rate": ("[2]", tuple(pickoff_rate)),
-            "pick_off_rate_by_state": ("[2 * NS]", tuple(pickoff_rate.jacobian(states))),
-            "pick_off_rate_by_parameter": ("[2 * NP]", tuple(pickoff_rate.jacobian(parameters))),
             "rate_by_force": ("[NS * 2]", tuple(rates.jacobian(force))),
             "rate_by_omega": ("[NS]", tuple(rates.diff(symbols.omega_z).subs(dict.fromkeys(force, 0)))),
             "rate_by_parameter": ("[NS * NP]", tuple(rates.subs(dict.fromkeys(force, 0)).jacobian(parameters))),
@@ -228,6 +227,7 @@ class KnownModel:
             "HAS_LAG": int(any(isinstance(e, Lag) for e in effects)),
             "HAS_DELAY": int(any(isinstance(e, Delay) for e in effects)),
             "HAS_THERMAL": int(any(self._functions["thermal"][1])),
+            "FEEDS": int(any(self._functions["pick_off_by_force"][1])),
             "BENT": int(any(self._functions["bend"][1])),
             "LINEAR_ACTUATOR": int(all(not e.diff(*[s] * 2) for e in self._functions["actuate"][1] for s in _COMMANDS)),
         }
@@ -236,7 +236,9 @@ class KnownModel:
         """The C header ``known_model.h``."""
         lines = ["/* Written by cosim/known_model.py from the effect files. */", "#ifndef KNOWN_MODEL_H", "#define KNOWN_MODEL_H"]
         lines += ['#include "known.h"']
-        lines += [self._function(name, shape, exprs) for name, (shape, exprs) in self._functions.items()]
+        for name, (shape, exprs) in self._functions.items():
+            sparse = name.endswith("_by_parameter") and name not in ("values_by_parameter", "late_by_parameter")
+            lines.append(self._spread(name, exprs) if sparse else self._function(name, shape, exprs))
         return "\n".join([*lines, "#endif", ""])
 
     def sizes_header(self) -> str:
@@ -245,13 +247,36 @@ class KnownModel:
         return "\n".join(["#ifndef SIZES_H", "#define SIZES_H", *sizes, "#endif", ""])
 
     def _function(self, name: str, shape: str, exprs: Sequence[Expr]) -> str:
-        pairs, reduced = cse(exprs, numbered_symbols("w"), optimizations=None)
+        pairs, reduced = cse(exprs, numbered_symbols("w"), optimizations="basic")
         used = frozenset().union(*(e.free_symbols for e in (*reduced, *(e for _, e in pairs))), frozenset())
         body = [f"static inline void known_{name}(const known *k, const double *s, const double *f, double omega_z, double out{shape})", "{"]
         body += ["    (void)k, (void)s, (void)f, (void)omega_z;"]
         body += [f"    const double {symbol.name} = {text};" for symbol, text in self._sources().items() if symbol in used]
         body += [f"    const double {symbol.name} = {c_expression(expr)};" for symbol, expr in pairs]
         body += [f"    out[{i}] = {c_expression(expr)};" for i, expr in enumerate(reduced)]
+        return "\n".join([*body, "}"])
+
+    def _spread(self, name: str, exprs: Sequence[Expr]) -> str:
+        """A function that adds m J to ``out`` for the Jacobian J by the parameters, whose many zeros it leaves out: m has
+        as many columns as J has rows; out has NP columns."""
+        count = len(self.parameters)
+        present = [(divmod(i, count), expr) for i, expr in enumerate(exprs) if expr != 0]
+        pairs, reduced = cse([expr for _, expr in present], numbered_symbols("w"), optimizations="basic")
+        used = frozenset().union(*(e.free_symbols for e in (*reduced, *(e for _, e in pairs))), frozenset())
+        rows = len(exprs) // count
+        body = [
+            f"static inline void spread_{name}(const known *k, const double *s, const double *f, double omega_z,",
+            "                                  const double *m, int rows, double *out)",
+            "{",
+            "    (void)k, (void)s, (void)f, (void)omega_z, (void)m, (void)rows, (void)out;",
+        ]
+        body += [f"    const double {symbol.name} = {text};" for symbol, text in self._sources().items() if symbol in used]
+        body += [f"    const double {symbol.name} = {c_expression(expr)};" for symbol, expr in pairs]
+        body += [f"    const double j{i} = {c_expression(expr)};" for i, expr in enumerate(reduced)]
+        if present:
+            body.append("    for (int r = 0; r < rows; r++) {")
+            body += [f"        out[r * NP + {q}] += m[r * {rows} + {row}] * j{i};" for i, ((row, q), _) in enumerate(present)]
+            body.append("    }")
         return "\n".join([*body, "}"])
 
     def _sources(self) -> dict[Symbol, str]:

@@ -85,7 +85,6 @@ class Simulator:
         self._pool, self._callers = ThreadPoolExecutor(count), ThreadPoolExecutor(count)
         held = [e for e in model.effects if isinstance(e, Delay | Lag)]
         self._late = [q for e in held for switch in (e, *model.wakers(e)) for q in switch.sizes]
-        self._delay = next((e.delay.name for e in held if isinstance(e, Delay)), "")
         self._driven: dict[tuple[int, int], tuple[Record, _Driven]] = {}
         self._parts: dict[int, tuple[Record, Record, slice]] = {}
 

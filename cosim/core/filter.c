@@ -16,21 +16,23 @@ static void form(filter *f) { motion_form(&f->m, &f->k, f->now.z[OMEGA], f->m.pe
 
 static const double *command(const filter *f, int64_t sample) { return f->u[(sample > 0 ? sample : 0) & (QUEUE - 1)]; }
 
-/* The forces at the mass in the period that ends at `sample`: until the delayed change and after it, with derivatives by p. */
-static void forces(const filter *f, int64_t sample, double before[2], double after[2], double *before_by_p, double *after_by_p)
+/* A force at the mass [N] and the command that it came of. */
+typedef struct {
+    double f[2];
+    const double *u;
+} acting;
+
+/* The force that the command of `sample` makes. */
+static acting force_of(const filter *f, int64_t sample)
 {
-    const int64_t newest = sample - 1 - f->m.delay_samples;
-    const double *z = f->now.z;
-    known_actuate(&f->k, z, command(f, newest), z[OMEGA], after);
-    known_actuate_by_parameter(&f->k, z, command(f, newest), z[OMEGA], after_by_p);
-    if (HAS_DELAY) {
-        known_actuate(&f->k, z, command(f, newest - 1), z[OMEGA], before);
-        known_actuate_by_parameter(&f->k, z, command(f, newest - 1), z[OMEGA], before_by_p);
-    } else {
-        memcpy(before, after, 2 * sizeof *before);
-        memcpy(before_by_p, after_by_p, 2 * NP * sizeof *before_by_p);
-    }
+    acting a;
+    a.u = command(f, sample);
+    known_actuate(&f->k, f->now.z, a.u, f->now.z[OMEGA], a.f);
+    return a;
 }
+
+/* The force after the change of the delayed force within the period that ends at the present sample. */
+static acting force_after(const filter *f) { return force_of(f, f->sample - 1 - f->m.delay_samples); }
 
 /* Adds phi g to `out`, both NS rows of NP. */
 static void add_through(const double *phi, double g[NS][NP], double weight, double out[NS][NP])
@@ -50,140 +52,123 @@ typedef struct {
     double phi[NS][NS], psi[NS], D[NS][NP];
 } slopes;
 
-static void find_slopes(const filter *f, double T, const passage *way, double omega_z, slopes *d)
+static void find_slopes(const filter *f, double h, const passage *way, double omega_z, slopes *d)
 {
     const double none[2] = {0.0, 0.0};
-    const double *at[3] = {way->start, way->middle, way->end};
-    double g[3][NS][NP], w[3][NS];
+    double w[NS], bent[NS * NS];
     memset(d, 0, sizeof *d);
-    for (int i = 0; i < 3; i++) {
-        known_rate_by_parameter(&f->k, at[i], none, omega_z, &g[i][0][0]);
-        known_rate_by_omega(&f->k, at[i], none, omega_z, w[i]);
-    }
-    add_through(way->whole, g[0], T / 6.0, d->D);
-    add_through(way->half, g[1], T * 4.0 / 6.0, d->D);
     for (int i = 0; i < NS; i++) {
-        d->psi[i] = T / 6.0 * w[2][i];
-        for (int q = 0; q < NP; q++) {
-            d->D[i][q] += T / 6.0 * g[2][i][q];
-        }
-        for (int j = 0; j < NS; j++) {
-            d->psi[i] += T / 6.0 * (way->whole[i * NS + j] * w[0][j] + 4.0 * way->half[i * NS + j] * w[1][j]);
-            d->phi[i][j] = way->whole[i * NS + j];
-        }
+        memcpy(d->phi[i], way->whole + NS * i, sizeof d->phi[i]);
     }
-    if (BENT) {
-        /* To first order in the bend: T/6 (phi B0 + 4 phi_half B1 phi_half + B2 phi). */
-        double bent[3][NS * NS], through[NS * NS];
-        for (int i = 0; i < 3; i++) {
-            known_bend_by_state(&f->k, at[i], none, omega_z, bent[i]);
-        }
+    for (int n = 0; n < NODES; n++) {
+        const double weight = h * NODE_WEIGHT[n], *from = passage_from(way, n);
+        const int ends = n == NODES - 1;
+        double m[NS * NS];
         for (int i = 0; i < NS; i++) {
             for (int j = 0; j < NS; j++) {
-                double total = 0.0;
-                for (int r = 0; r < NS; r++) {
-                    total += bent[1][i * NS + r] * way->half[r * NS + j];
-                }
-                through[i * NS + j] = total;
+                m[i * NS + j] = weight * (ends ? (i == j ? 1.0 : 0.0) : from[i * NS + j]);
             }
         }
+        spread_rate_by_parameter(&f->k, way->s[n], none, omega_z, m, NS, &d->D[0][0]);
+        known_rate_by_omega(&f->k, way->s[n], none, omega_z, w);
         for (int i = 0; i < NS; i++) {
             for (int j = 0; j < NS; j++) {
-                double total = 0.0;
-                for (int r = 0; r < NS; r++) {
-                    total += way->whole[i * NS + r] * bent[0][r * NS + j] + 4.0 * way->half[i * NS + r] * through[r * NS + j] +
-                             bent[2][i * NS + r] * way->whole[r * NS + j];
+                d->psi[i] += m[i * NS + j] * w[j];
+            }
+        }
+        if (BENT) {
+            /* To first order in the bend B: the integral of phi(h - s) B phi(s). */
+            double moved[NS][NS];
+            known_bend_by_state(&f->k, way->s[n], none, omega_z, bent);
+            for (int i = 0; i < NS; i++) {
+                for (int j = 0; j < NS; j++) {
+                    moved[i][j] = n == 0 ? bent[i * NS + j] : 0.0;
+                    for (int r = 0; r < NS && n > 0; r++) {
+                        moved[i][j] += bent[i * NS + r] * passage_to(way, n)[r * NS + j];
+                    }
                 }
-                d->phi[i][j] += T / 6.0 * total;
+            }
+            for (int i = 0; i < NS; i++) {
+                for (int j = 0; j < NS; j++) {
+                    double total = ends ? moved[i][j] : 0.0;
+                    for (int r = 0; r < NS && !ends; r++) {
+                        total += from[i * NS + r] * moved[r][j];
+                    }
+                    d->phi[i][j] += weight * total;
+                }
             }
         }
     }
 }
 
-/* Derivatives of the voltage at `s` by p, those by way of the force included. */
-static void pick_off_by_p(const filter *f, const double *s, const double force[2], const double *force_by_p, double out[2 * NP])
+/* Adds the derivatives by p of the voltage at `s` by way of the force to out [2 * NP], times `weight`. */
+static void add_force_in_voltage(const filter *f, const double *s, const acting *force, double weight, double *out)
 {
-    double by_force[4];
-    known_pick_off_by_parameter(&f->k, s, force, f->now.z[OMEGA], out);
-    known_pick_off_by_force(&f->k, s, force, f->now.z[OMEGA], by_force);
-    for (int a = 0; a < 2; a++) {
-        for (int q = 0; q < NP; q++) {
-            out[a * NP + q] += by_force[2 * a] * force_by_p[q] + by_force[2 * a + 1] * force_by_p[NP + q];
+    if (FEEDS) {
+        double by_force[4];
+        known_pick_off_by_force(&f->k, s, force->f, f->now.z[OMEGA], by_force);
+        for (int i = 0; i < 4; i++) {
+            by_force[i] *= weight;
         }
+        spread_actuate_by_parameter(&f->k, s, force->u, f->now.z[OMEGA], by_force, 2, out);
     }
 }
 
-/* The voltage that enters the lag, its slope and its curvature at `s`, scaled by the duration h: [3][2], and their derivatives. */
-typedef struct {
-    double v[3][2], by_state[3][2 * NS], by_p[3][2 * NP];
-} entering;
-
-static void find_entering(const filter *f, const double *s, const double force[2], const double *force_by_p, double h, entering *e)
+/* Adds what one end of a piece contributes to the lagging voltages: `weight` [3] of value, slope and curvature, as they stand or by tau, scaled by
+   the duration h. */
+static void add_end(const filter *f, const double *s, const acting *force, const double *weight, const double *by_tau, double h, double value[2],
+                    double value_by_tau[2], double M[2 * NS], double *Y)
 {
-    const known *k = &f->k;
     const double omega_z = f->now.z[OMEGA], scale[3] = {1.0, h, h * h};
-    known_pick_off(k, s, force, omega_z, e->v[0]);
-    known_pick_off_rate(k, s, force, omega_z, e->v[1]);
-    known_pick_off_curve(k, s, force, omega_z, e->v[2]);
-    known_pick_off_by_state(k, s, force, omega_z, e->by_state[0]);
-    known_pick_off_rate_by_state(k, s, force, omega_z, e->by_state[1]);
-    known_pick_off_curve_by_state(k, s, force, omega_z, e->by_state[2]);
-    pick_off_by_p(f, s, force, force_by_p, e->by_p[0]);
-    known_pick_off_rate_by_parameter(k, s, force, omega_z, e->by_p[1]);
-    known_pick_off_curve_by_parameter(k, s, force, omega_z, e->by_p[2]);
-    for (int i = 1; i < 3; i++) {
+    double jet[6 + 6 * NS], m[2 * 6];
+    known_jet(&f->k, s, force->f, omega_z, jet);
+    memset(M, 0, 2 * NS * sizeof *M);
+    memset(m, 0, sizeof m);
+    for (int i = 0; i < 3; i++) {
+        const double w = weight[i] * scale[i];
         for (int a = 0; a < 2; a++) {
-            e->v[i][a] *= scale[i];
-        }
-        for (int j = 0; j < 2 * NS; j++) {
-            e->by_state[i][j] *= scale[i];
-        }
-        for (int q = 0; q < 2 * NP; q++) {
-            e->by_p[i][q] *= scale[i];
+            const int row = 2 * i + a;
+            value[a] += w * jet[row];
+            value_by_tau[a] += by_tau[i] * scale[i] * jet[row];
+            m[6 * a + row] = w;
+            for (int j = 0; j < NS; j++) {
+                M[a * NS + j] += w * jet[6 + row * NS + j];
+            }
         }
     }
+    spread_jet_by_parameter(&f->k, s, force->f, omega_z, m, 2, Y);
+    add_force_in_voltage(f, s, force, weight[0], Y);
 }
 
 /* Moves the lagging voltages through a piece, with their rows of Y and of F; `from` are the rows of Y of the states at its start. */
-static void move_lag(filter *f, const piece *part, const passage *way, const double force[2], const double *force_by_p, const double *tau_by_p,
-                     double from[NS][NP], double F[NZ][NZ])
+static void move_lag(filter *f, const piece *part, const passage *way, const acting *force, const double *tau_by_p, double from[NS][NP],
+                     double F[NZ][NZ])
 {
     moving *n = &f->now;
     const lagging *w = &part->lag;
-    entering start, end;
-    find_entering(f, way->start, force, force_by_p, part->duration, &start);
-    find_entering(f, way->end, force, force_by_p, part->duration, &end);
+    double *z = n->z + LAG, *Y = n->Y[LAG], by_tau[2], M0[2 * NS], M1[2 * NS];
     for (int a = 0; a < 2; a++) {
-        const int row = LAG + a;
-        double value = w->stay * n->z[row], by_tau = w->stay_by_tau * n->z[row];
-        double *Y = n->Y[row];
-        F[row][row] = w->stay;
+        by_tau[a] = w->stay_by_tau * z[a];
+        z[a] *= w->stay;
+        F[LAG + a][LAG + a] = w->stay;
+    }
+    for (int q = 0; q < 2 * NP; q++) {
+        Y[q] *= w->stay;
+    }
+    add_end(f, way->s[0], force, w->start, w->start_by_tau, part->duration, z, by_tau, M0, Y);
+    add_end(f, way->s[NODES - 1], force, w->end, w->end_by_tau, part->duration, z, by_tau, M1, Y);
+    for (int a = 0; a < 2; a++) {
         for (int q = 0; q < NP; q++) {
-            Y[q] *= w->stay;
-        }
-        for (int i = 0; i < 3; i++) {
-            value += w->start[i] * start.v[i][a] + w->end[i] * end.v[i][a];
-            by_tau += w->start_by_tau[i] * start.v[i][a] + w->end_by_tau[i] * end.v[i][a];
-            for (int q = 0; q < NP; q++) {
-                Y[q] += w->start[i] * start.by_p[i][a * NP + q] + w->end[i] * end.by_p[i][a * NP + q];
+            double total = by_tau[a] * tau_by_p[q];
+            for (int j = 0; j < NS; j++) {
+                total += M0[a * NS + j] * from[j][q] + M1[a * NS + j] * n->Y[j][q];
             }
-        }
-        n->z[row] = value;
-        for (int q = 0; q < NP; q++) {
-            Y[q] += by_tau * tau_by_p[q];
+            Y[a * NP + q] += total;
         }
         for (int j = 0; j < NS; j++) {
-            double M0 = 0.0, M1 = 0.0;
-            for (int i = 0; i < 3; i++) {
-                M0 += w->start[i] * start.by_state[i][a * NS + j];
-                M1 += w->end[i] * end.by_state[i][a * NS + j];
-            }
-            F[row][j] += M0;
+            F[LAG + a][j] += M0[a * NS + j];
             for (int r = 0; r < NS + 1; r++) {
-                F[row][r] += M1 * F[j][r];
-            }
-            for (int q = 0; q < NP; q++) {
-                Y[q] += M0 * from[j][q] + M1 * n->Y[j][q];
+                F[LAG + a][r] += M1[a * NS + j] * F[j][r];
             }
         }
     }
@@ -215,7 +200,7 @@ static void predict_covariance(filter *f, double F[NZ][NZ], const passage *way)
     }
     n->P[OMEGA][OMEGA] += f->walk * f->walk * f->m.period;
     if (HAS_THERMAL) {
-        known_thermal(&f->k, way->end, none, n->z[OMEGA], thermal);
+        known_thermal(&f->k, way->s[NODES - 1], none, n->z[OMEGA], thermal);
         for (int i = 0; i < NS; i++) {
             for (int j = 0; j < NS; j++) {
                 n->P[i][j] += g[i * 2] * (thermal[0] * g[j * 2] + thermal[1] * g[j * 2 + 1]) +
@@ -226,14 +211,15 @@ static void predict_covariance(filter *f, double F[NZ][NZ], const passage *way)
 }
 
 /* Moves z and Y through a piece; F becomes the piece's derivative by z. */
-static void move_through(filter *f, const piece *part, const double force[2], const double *force_by_p, const double *tau_by_p, double F[NZ][NZ],
-                         passage *way)
+static void move_through(filter *f, const piece *part, const acting *force, const double *tau_by_p, double F[NZ][NZ], passage *way)
 {
     moving *n = &f->now;
     const double omega_z = n->z[OMEGA], mass = 1.0 / f->k.p[INVERSE_MASS];
     double from[NS][NP];
     slopes d;
-    motion_move(&f->m, part, &f->k, omega_z, force, n->z, way);
+    double from_z[NS];
+    memcpy(from_z, n->z, sizeof from_z);
+    motion_move(&f->m, part, &f->k, omega_z, force->f, n->z, way);
     find_slopes(f, part->duration, way, omega_z, &d);
     memcpy(from, n->Y, sizeof from);
     memset(F, 0, NZ * sizeof *F);
@@ -241,16 +227,17 @@ static void move_through(filter *f, const piece *part, const double force[2], co
     for (int i = 0; i < NS; i++) {
         memcpy(F[i], d.phi[i], sizeof d.phi[i]);
         F[i][OMEGA] = d.psi[i];
-        d.D[i][INVERSE_MASS] += mass * (way->force[2 * i] * force[0] + way->force[2 * i + 1] * force[1]);
+        d.D[i][INVERSE_MASS] += mass * (way->force[2 * i] * force->f[0] + way->force[2 * i + 1] * force->f[1]);
         for (int q = 0; q < NP; q++) {
-            d.D[i][q] += d.psi[i] * n->Y[OMEGA][q] + way->force[2 * i] * force_by_p[q] + way->force[2 * i + 1] * force_by_p[NP + q];
+            d.D[i][q] += d.psi[i] * n->Y[OMEGA][q];
         }
     }
+    spread_actuate_by_parameter(&f->k, from_z, force->u, omega_z, way->force, NS, &d.D[0][0]);
     add_through(&d.phi[0][0], from, 1.0, d.D);
-    memcpy(n->z, way->end, sizeof way->end);
+    memcpy(n->z, way->s[NODES - 1], sizeof way->s[NODES - 1]);
     memcpy(n->Y, d.D, sizeof d.D);
     if (HAS_LAG) {
-        move_lag(f, part, way, force, force_by_p, tau_by_p, from, F);
+        move_lag(f, part, way, force, tau_by_p, from, F);
     }
 }
 
@@ -283,21 +270,24 @@ static void predict(filter *f)
 {
     moving *n = &f->now;
     const double none[2] = {0.0, 0.0};
-    double before[2], after[2], before_by_p[2 * NP], after_by_p[2 * NP], late_by_p[2 * NP], F[NZ][NZ];
+    double late_by_p[2 * NP], F[NZ][NZ];
     passage way;
     if (fabs(n->z[OMEGA] - f->m.omega_z) > TURN) {
         form(f);
     }
-    forces(f, f->sample, before, after, before_by_p, after_by_p);
-    known_late_by_parameter(&f->k, n->z, none, n->z[OMEGA], late_by_p);
+    const acting after = force_after(f);
+    if (HAS_DELAY || HAS_LAG) {
+        known_late_by_parameter(&f->k, n->z, none, n->z[OMEGA], late_by_p);
+    }
     if (HAS_DELAY) {
+        const acting before = force_of(f, f->sample - 2 - f->m.delay_samples);
         const int split = f->m.pieces[0].duration > 0.0;
         double first[NZ][NZ], second[NZ][NZ];
         if (split) {
-            move_through(f, &f->m.pieces[0], before, before_by_p, late_by_p + NP, first, &way);
+            move_through(f, &f->m.pieces[0], &before, late_by_p + NP, first, &way);
         }
-        change_force(f, before, after, late_by_p);
-        move_through(f, &f->m.pieces[1], after, after_by_p, late_by_p + NP, split ? second : F, &way);
+        change_force(f, before.f, after.f, late_by_p);
+        move_through(f, &f->m.pieces[1], &after, late_by_p + NP, split ? second : F, &way);
         for (int i = 0; split && i < NZ; i++) {
             for (int j = 0; j < NZ; j++) {
                 F[i][j] = 0.0;
@@ -307,7 +297,7 @@ static void predict(filter *f)
             }
         }
     } else {
-        move_through(f, &f->m.pieces[1], after, after_by_p, late_by_p + NP, F, &way);
+        move_through(f, &f->m.pieces[1], &after, late_by_p + NP, F, &way);
     }
     predict_covariance(f, F, &way);
 }
@@ -317,9 +307,12 @@ static void expect(const filter *f, double v[2], double C[2][NZ], double by_p[2 
 {
     const moving *n = &f->now;
     const double *z = n->z;
-    double before[2], after[2], unused[2 * NP], after_by_p[2 * NP], entering[2], through[4], rate[2];
-    double pick_by_s[2 * NS], pick_by_p[2 * NP];
-    forces(f, f->sample, before, after, unused, after_by_p);
+    double entering[2], through[4], rate[2], pick_by_s[2 * NS], pick_by_p[2 * NP];
+    const double one[4] = {1.0, 0.0, 0.0, 1.0};
+    const acting force = force_after(f);
+    const double *after = force.f;
+    memset(by_p, 0, 2 * NP * sizeof *by_p);
+    memset(pick_by_p, 0, sizeof pick_by_p);
     memset(C, 0, 2 * sizeof *C);
     known_pick_off_by_state(&f->k, z, after, z[OMEGA], pick_by_s);
     if (HAS_LAG) {
@@ -327,11 +320,12 @@ static void expect(const filter *f, double v[2], double C[2][NZ], double by_p[2 
         entering[1] = z[NZ - 1];
     } else {
         known_pick_off(&f->k, z, after, z[OMEGA], entering);
-        pick_off_by_p(f, z, after, after_by_p, pick_by_p);
+        spread_pick_off_by_parameter(&f->k, z, after, z[OMEGA], one, 2, pick_by_p);
+        add_force_in_voltage(f, z, &force, 1.0, pick_by_p);
     }
     known_amplify(&f->k, z, entering, z[OMEGA], v);
     known_amplify_by_voltage(&f->k, z, entering, z[OMEGA], through);
-    known_amplify_by_parameter(&f->k, z, entering, z[OMEGA], by_p);
+    spread_amplify_by_parameter(&f->k, z, entering, z[OMEGA], one, 2, by_p);
     for (int a = 0; a < 2; a++) {
         for (int b = 0; b < 2; b++) {
             if (HAS_LAG) {
@@ -469,8 +463,11 @@ static void begin_motion(filter *f, const double v[2])
     }
     z[0] = q[0];
     z[2] = q[1];
-    known_amplify_by_parameter(&f->k, z, l, z[OMEGA], l_by_p);
-    known_pick_off_by_parameter(&f->k, z, u, z[OMEGA], by_p);
+    const double one[4] = {1.0, 0.0, 0.0, 1.0};
+    memset(l_by_p, 0, sizeof l_by_p);
+    memset(by_p, 0, sizeof by_p);
+    spread_amplify_by_parameter(&f->k, z, l, z[OMEGA], one, 2, l_by_p);
+    spread_pick_off_by_parameter(&f->k, z, u, z[OMEGA], one, 2, by_p);
     known_noise(&f->k, z, none, z[OMEGA], noise);
     solve_pair(through, l_by_p, NP);
     /* The noise of the sample moves the voltages by `root`, and the position by by_q^-1 of it. */

@@ -26,7 +26,10 @@ from gyro_model.build import compile_library, find_compiler
 Floats = NDArray[np.float64]
 
 FOLDER: Final = Path(__file__).parent
-FLAGS: Final = ("-O3", "-fno-math-errno", "-Wno-unused-function")
+FLAGS: Final = ("-O3", "-fno-math-errno", "-ffp-contract=fast", "-Wno-unused-function")
+VECTORS: Final = ("avx2", "fma")
+"""Instructions that are used where the processor has them; the library is named after the flags, so that another
+processor makes its own."""
 CONTROL_NAMES: Final = (
     *("u_x", "u_y", "forced_x", "forced_x_dot", "forced_y", "forced_y_dot", "omega_squared", "turned"),
     *("near_x", "near_x_dot", "near_y", "near_y_dot"),
@@ -95,10 +98,19 @@ def _texts(known: KnownModel) -> dict[str, str]:
     return texts | {"settings.h": settings_header()}
 
 
+@lru_cache(maxsize=1)
+def _flags() -> tuple[str, ...]:
+    try:
+        present = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").split()
+    except OSError:
+        present = []
+    return (*FLAGS, *(f"-m{name}" for name in VECTORS if set(VECTORS) <= set(present)))
+
+
 @lru_cache(maxsize=64)
 def _path(known: KnownModel) -> Path:
     # What is written from a model follows from its effect files, which the fingerprint names without printing them.
-    key = [known.fingerprint(), *_texts(known).values(), " ".join((*find_compiler(), *FLAGS))]
+    key = [known.fingerprint(), *_texts(known).values(), " ".join((*find_compiler(), *_flags()))]
     digest = hashlib.sha256("\0".join(key).encode()).hexdigest()[:24]
     return Path(platformdirs.user_cache_dir("gyrotwin")) / "loop" / f"{digest}.so"
 
@@ -114,7 +126,7 @@ def _built(known: KnownModel) -> Path:
         for file, text in texts.items():
             (folder / file).write_text(text, encoding="utf-8")
         made = folder / "loop.so"
-        compile_library(folder, _sources(texts), made, FLAGS)
+        compile_library(folder, _sources(texts), made, _flags())
         beside = path.with_suffix(f".{os.getpid()}.part")
         shutil.copy(made, beside)
         os.replace(beside, path)

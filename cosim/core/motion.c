@@ -5,6 +5,8 @@
 
 #include "known_model.h"
 
+#define NEAR 0.27639320225002106 /* (1 - 1/sqrt 5)/2 */
+
 static void multiply(const double *a, const double *b, int n, int columns, double *out)
 {
     for (int i = 0; i < n; i++) {
@@ -138,7 +140,8 @@ static void form_motion(motion *m, const known *k, double omega_z, double period
         piece *part = &m->pieces[i];
         if (part->duration > 0.0) {
             form(&part->whole, a, turning, m->b, part->duration, probe);
-            form(&part->half, a, turning, m->b, 0.5 * part->duration, probe);
+            form(&part->near, a, turning, m->b, NEAR * part->duration, probe);
+            form(&part->far, a, turning, m->b, (1.0 - NEAR) * part->duration, probe);
             if (HAS_LAG) {
                 form_lag(&part->lag, m->lag, part->duration);
             }
@@ -168,38 +171,54 @@ static void add_moved(const double *phi, const double *r, double weight, double 
     }
 }
 
+static void turn_transition(const transition *t, double turn, double phi[NS * NS], double gamma[NS * 2])
+{
+    for (int i = 0; i < NS * NS; i++) {
+        phi[i] = t->phi[i] + turn * t->phi_by_omega[i];
+    }
+    for (int i = 0; i < NS * 2; i++) {
+        gamma[i] = t->gamma[i] + turn * t->gamma_by_omega[i];
+    }
+}
+
+/* s = phi start + gamma force. */
+static void reach(const double *phi, const double *gamma, const double *start, const double force[2], double *s)
+{
+    for (int i = 0; i < NS; i++) {
+        s[i] = gamma[2 * i] * force[0] + gamma[2 * i + 1] * force[1];
+    }
+    add_moved(phi, start, 1.0, s);
+}
+
 void motion_move(const motion *m, const piece *part, const known *k, double omega_z, const double force[2], const double *start, passage *way)
 {
     const double turn = omega_z - m->omega_z, h = part->duration;
-    for (int i = 0; i < NS * NS; i++) {
-        way->whole[i] = part->whole.phi[i] + turn * part->whole.phi_by_omega[i];
-        way->half[i] = part->half.phi[i] + turn * part->half.phi_by_omega[i];
-    }
-    for (int i = 0; i < NS; i++) {
-        way->start[i] = start[i];
-        way->end[i] = way->middle[i] = 0.0;
-        for (int a = 0; a < 2; a++) {
-            way->force[2 * i + a] = part->whole.gamma[2 * i + a] + turn * part->whole.gamma_by_omega[2 * i + a];
-            way->end[i] += way->force[2 * i + a] * force[a];
-            way->middle[i] += (part->half.gamma[2 * i + a] + turn * part->half.gamma_by_omega[2 * i + a]) * force[a];
-        }
-    }
-    add_moved(way->whole, start, 1.0, way->end);
-    add_moved(way->half, start, 1.0, way->middle);
+    double near_force[NS * 2], far_force[NS * 2];
+    turn_transition(&part->whole, turn, way->whole, way->force);
+    turn_transition(&part->near, turn, way->near, near_force);
+    turn_transition(&part->far, turn, way->far, far_force);
+    memcpy(way->s[0], start, sizeof way->s[0]);
+    reach(way->near, near_force, start, force, way->s[1]);
+    reach(way->far, far_force, start, force, way->s[2]);
+    reach(way->whole, way->force, start, force, way->s[3]);
     if (BENT) {
-        /* Simpson's rule for what the linear part leaves out; it is small, so that its own effect on it counts to first order. */
+        /* It is small, so that its own effect on the states at the nodes counts to first order. */
         const double none[2] = {0.0, 0.0};
-        double first[NS], second[NS], third[NS], end[NS];
-        known_bend(k, start, none, omega_z, first);
-        add_moved(way->half, first, 0.5 * h, way->middle);
-        known_bend(k, way->middle, none, omega_z, second);
-        memcpy(end, way->end, sizeof end);
-        add_moved(way->half, second, h, end);
-        known_bend(k, end, none, omega_z, third);
-        add_moved(way->whole, first, h / 6.0, way->end);
-        add_moved(way->half, second, h * 4.0 / 6.0, way->end);
+        double rest[NODES][NS], end[NS];
+        known_bend(k, way->s[0], none, omega_z, rest[0]);
+        add_moved(way->near, rest[0], NEAR * h, way->s[1]);
+        known_bend(k, way->s[1], none, omega_z, rest[1]);
+        add_moved(way->near, rest[1], (1.0 - NEAR) * h, way->s[2]);
+        known_bend(k, way->s[2], none, omega_z, rest[2]);
+        memcpy(end, way->s[3], sizeof end);
+        add_moved(way->far, rest[1], 0.5 * h, end);
+        add_moved(way->near, rest[2], 0.5 * h, end);
+        known_bend(k, end, none, omega_z, rest[3]);
+        for (int n = 0; n + 1 < NODES; n++) {
+            add_moved(passage_from(way, n), rest[n], NODE_WEIGHT[n] * h, way->s[3]);
+        }
         for (int i = 0; i < NS; i++) {
-            way->end[i] += h / 6.0 * third[i];
+            way->s[3][i] += NODE_WEIGHT[3] * h * rest[3][i];
         }
     }
 }
