@@ -129,6 +129,7 @@ class KnownModel:
         return {
             # Value, slope and curvature in time, then their derivatives by the states, in one: they share their terms.
             "jet": ("[6 + 6 * NS]", (*jet, *jet.jacobian(states))),
+            "jet_values": ("[6]", tuple(jet)),
             "jet_by_parameter": ("[6 * NP]", tuple(jet.jacobian(parameters))),
             "bend": ("[NS]", tuple(bend)),
             "bend_by_state": ("[NS * NS]", tuple(bend.jacobian(states))),

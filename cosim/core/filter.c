@@ -7,12 +7,29 @@
 #define MOVED 0.3    /* change of p in its new standard deviations, all together, that is worth another one */
 #define FITS 2.0     /* mean squared innovation of a start that has found the device; before that every sample may surprise */
 #define FORGET_MIN 0.1 /* where forgetting begins [1/s] */
+#define UNFOUND 1e6  /* running mean of squared innovations of a device that has not been found yet */
 #define LOST 1e4     /* mean squared innovation of a whole start that has found nothing */
+#define PARALLEL 1e-7 /* share of a variance that two bounds must not have in common */
+#define BOUNDS 4     /* lowest values that may be reached at once */
 #define FIRST 16     /* samples of the first block at its first fit */
 
 #define TURN 1.0     /* change of the rate from which the motion is formed anew [rad/s] */
 
-static void form(filter *f) { motion_form(&f->m, &f->k, f->now.z[OMEGA], f->m.period); }
+/* What a motion is followed with: a device, its motion, the moving values z [NZ] and, where they are wanted, their slopes by p. */
+typedef struct {
+    const known *k;
+    const motion *m;
+    double *z;
+    double (*Y)[NP];
+} frame;
+
+static void form(filter *f)
+{
+    motion_form(&f->m, &f->k, f->now.z[OMEGA], f->m.period);
+    if (f->shifted) {
+        motion_form(&f->still_m, &f->still, f->now.z[OMEGA], f->m.period);
+    }
+}
 
 static const double *command(const filter *f, int64_t sample) { return f->u[(sample > 0 ? sample : 0) & (QUEUE - 1)]; }
 
@@ -23,16 +40,16 @@ typedef struct {
 } acting;
 
 /* The force that the command of `sample` makes. */
-static acting force_of(const filter *f, int64_t sample)
+static acting force_of(const filter *f, const frame *w, int64_t sample)
 {
     acting a;
     a.u = command(f, sample);
-    known_actuate(&f->k, f->now.z, a.u, f->now.z[OMEGA], a.f);
+    known_actuate(w->k, w->z, a.u, w->z[OMEGA], a.f);
     return a;
 }
 
 /* The force after the change of the delayed force within the period that ends at the present sample. */
-static acting force_after(const filter *f) { return force_of(f, f->sample - 1 - f->m.delay_samples); }
+static acting force_after(const filter *f, const frame *w) { return force_of(f, w, f->sample - 1 - w->m->delay_samples); }
 
 /* Adds phi g to `out`, both NS rows of NP. */
 static void add_through(const double *phi, double g[NS][NP], double weight, double out[NS][NP])
@@ -52,7 +69,7 @@ typedef struct {
     double phi[NS][NS], psi[NS], D[NS][NP];
 } slopes;
 
-static void find_slopes(const filter *f, double h, const passage *way, double omega_z, slopes *d)
+static void find_slopes(const known *k, double h, const passage *way, double omega_z, slopes *d)
 {
     const double none[2] = {0.0, 0.0};
     double w[NS], bent[NS * NS];
@@ -69,8 +86,8 @@ static void find_slopes(const filter *f, double h, const passage *way, double om
                 m[i * NS + j] = weight * (ends ? (i == j ? 1.0 : 0.0) : from[i * NS + j]);
             }
         }
-        spread_rate_by_parameter(&f->k, way->s[n], none, omega_z, m, NS, &d->D[0][0]);
-        known_rate_by_omega(&f->k, way->s[n], none, omega_z, w);
+        spread_rate_by_parameter(k, way->s[n], none, omega_z, m, NS, &d->D[0][0]);
+        known_rate_by_omega(k, way->s[n], none, omega_z, w);
         for (int i = 0; i < NS; i++) {
             for (int j = 0; j < NS; j++) {
                 d->psi[i] += m[i * NS + j] * w[j];
@@ -79,7 +96,7 @@ static void find_slopes(const filter *f, double h, const passage *way, double om
         if (BENT) {
             /* To first order in the bend B: the integral of phi(h - s) B phi(s). */
             double moved[NS][NS];
-            known_bend_by_state(&f->k, way->s[n], none, omega_z, bent);
+            known_bend_by_state(k, way->s[n], none, omega_z, bent);
             for (int i = 0; i < NS; i++) {
                 for (int j = 0; j < NS; j++) {
                     moved[i][j] = n == 0 ? bent[i * NS + j] : 0.0;
@@ -102,66 +119,74 @@ static void find_slopes(const filter *f, double h, const passage *way, double om
 }
 
 /* Adds the derivatives by p of the voltage at `s` by way of the force to out [2 * NP], times `weight`. */
-static void add_force_in_voltage(const filter *f, const double *s, const acting *force, double weight, double *out)
+static void add_force_in_voltage(const known *k, const double *s, const acting *force, double omega_z, double weight, double *out)
 {
     if (FEEDS) {
         double by_force[4];
-        known_pick_off_by_force(&f->k, s, force->f, f->now.z[OMEGA], by_force);
+        known_pick_off_by_force(k, s, force->f, omega_z, by_force);
         for (int i = 0; i < 4; i++) {
             by_force[i] *= weight;
         }
-        spread_actuate_by_parameter(&f->k, s, force->u, f->now.z[OMEGA], by_force, 2, out);
+        spread_actuate_by_parameter(k, s, force->u, omega_z, by_force, 2, out);
     }
 }
 
-/* Adds what one end of a piece contributes to the lagging voltages: `weight` [3] of value, slope and curvature, as they stand or by tau, scaled by
-   the duration h. */
-static void add_end(const filter *f, const double *s, const acting *force, const double *weight, const double *by_tau, double h, double value[2],
-                    double value_by_tau[2], double M[2 * NS], double *Y)
+/* Adds what one end of a piece of duration h contributes to the lagging voltages: the weights [3] of value, slope and curvature, as they stand and
+   by tau; and their derivatives, where Y is not NULL: M [2 * NS] by the states, Y [2 * NP] by p. */
+static void add_end(const known *k, const double *s, const acting *force, double omega_z, const double *weight, const double *by_tau, double h,
+                    double value[2], double value_by_tau[2], double M[2 * NS], double *Y)
 {
-    const double omega_z = f->now.z[OMEGA], scale[3] = {1.0, h, h * h};
+    const double scale[3] = {1.0, h, h * h};
     double jet[6 + 6 * NS], m[2 * 6];
-    known_jet(&f->k, s, force->f, omega_z, jet);
-    memset(M, 0, 2 * NS * sizeof *M);
-    memset(m, 0, sizeof m);
+    if (Y == NULL) {
+        known_jet_values(k, s, force->f, omega_z, jet);
+    } else {
+        known_jet(k, s, force->f, omega_z, jet);
+        memset(M, 0, 2 * NS * sizeof *M);
+        memset(m, 0, sizeof m);
+    }
     for (int i = 0; i < 3; i++) {
         const double w = weight[i] * scale[i];
         for (int a = 0; a < 2; a++) {
             const int row = 2 * i + a;
             value[a] += w * jet[row];
-            value_by_tau[a] += by_tau[i] * scale[i] * jet[row];
-            m[6 * a + row] = w;
-            for (int j = 0; j < NS; j++) {
-                M[a * NS + j] += w * jet[6 + row * NS + j];
+            if (Y != NULL) {
+                value_by_tau[a] += by_tau[i] * scale[i] * jet[row];
+                m[6 * a + row] = w;
+                for (int j = 0; j < NS; j++) {
+                    M[a * NS + j] += w * jet[6 + row * NS + j];
+                }
             }
         }
     }
-    spread_jet_by_parameter(&f->k, s, force->f, omega_z, m, 2, Y);
-    add_force_in_voltage(f, s, force, weight[0], Y);
+    if (Y != NULL) {
+        spread_jet_by_parameter(k, s, force->f, omega_z, m, 2, Y);
+        add_force_in_voltage(k, s, force, omega_z, weight[0], Y);
+    }
 }
 
 /* Moves the lagging voltages through a piece, with their rows of Y and of F; `from` are the rows of Y of the states at its start. */
-static void move_lag(filter *f, const piece *part, const passage *way, const acting *force, const double *tau_by_p, double from[NS][NP],
+static void move_lag(const frame *w, const piece *part, const passage *way, const acting *force, const double *tau_by_p, double from[NS][NP],
                      double F[NZ][NZ])
 {
-    moving *n = &f->now;
-    const lagging *w = &part->lag;
-    double *z = n->z + LAG, *Y = n->Y[LAG], by_tau[2], M0[2 * NS], M1[2 * NS];
+    const lagging *l = &part->lag;
+    const double omega_z = w->z[OMEGA];
+    double *z = w->z + LAG, *Y = w->Y != NULL ? w->Y[LAG] : NULL, by_tau[2], M0[2 * NS], M1[2 * NS];
     for (int a = 0; a < 2; a++) {
-        by_tau[a] = w->stay_by_tau * z[a];
-        z[a] *= w->stay;
-        F[LAG + a][LAG + a] = w->stay;
+        by_tau[a] = l->stay_by_tau * z[a];
+        z[a] *= l->stay;
     }
-    for (int q = 0; q < 2 * NP; q++) {
-        Y[q] *= w->stay;
+    for (int q = 0; Y != NULL && q < 2 * NP; q++) {
+        Y[q] *= l->stay;
     }
-    add_end(f, way->s[0], force, w->start, w->start_by_tau, part->duration, z, by_tau, M0, Y);
-    add_end(f, way->s[NODES - 1], force, w->end, w->end_by_tau, part->duration, z, by_tau, M1, Y);
-    for (int a = 0; a < 2; a++) {
+    add_end(w->k, way->s[0], force, omega_z, l->start, l->start_by_tau, part->duration, z, by_tau, M0, Y);
+    add_end(w->k, way->s[NODES - 1], force, omega_z, l->end, l->end_by_tau, part->duration, z, by_tau, M1, Y);
+    for (int a = 0; a < 2 && Y != NULL; a++) {
+        F[LAG + a][LAG + a] = l->stay;
         for (int q = 0; q < NP; q++) {
             double total = by_tau[a] * tau_by_p[q];
             for (int j = 0; j < NS; j++) {
-                total += M0[a * NS + j] * from[j][q] + M1[a * NS + j] * n->Y[j][q];
+                total += M0[a * NS + j] * from[j][q] + M1[a * NS + j] * w->Y[j][q];
             }
             Y[a * NP + q] += total;
         }
@@ -210,85 +235,80 @@ static void predict_covariance(filter *f, double F[NZ][NZ], const passage *way)
     }
 }
 
-/* Moves z and Y through a piece; F becomes the piece's derivative by z. */
-static void move_through(filter *f, const piece *part, const acting *force, const double *tau_by_p, double F[NZ][NZ], passage *way)
+/* Moves z through a piece and, where they are wanted, its slopes; F becomes the piece's derivative by z. */
+static void move_through(const frame *w, const piece *part, const acting *force, const double *tau_by_p, double F[NZ][NZ], passage *way)
 {
-    moving *n = &f->now;
-    const double omega_z = n->z[OMEGA], mass = 1.0 / f->k.p[INVERSE_MASS];
+    const double omega_z = w->z[OMEGA], mass = 1.0 / w->k->p[INVERSE_MASS];
     double from[NS][NP];
     slopes d;
-    double from_z[NS];
-    memcpy(from_z, n->z, sizeof from_z);
-    motion_move(&f->m, part, &f->k, omega_z, force->f, n->z, way);
-    find_slopes(f, part->duration, way, omega_z, &d);
-    memcpy(from, n->Y, sizeof from);
-    memset(F, 0, NZ * sizeof *F);
-    F[OMEGA][OMEGA] = 1.0;
-    for (int i = 0; i < NS; i++) {
-        memcpy(F[i], d.phi[i], sizeof d.phi[i]);
-        F[i][OMEGA] = d.psi[i];
-        d.D[i][INVERSE_MASS] += mass * (way->force[2 * i] * force->f[0] + way->force[2 * i + 1] * force->f[1]);
-        for (int q = 0; q < NP; q++) {
-            d.D[i][q] += d.psi[i] * n->Y[OMEGA][q];
+    motion_move(w->m, part, w->k, omega_z, force->f, w->z, way);
+    if (w->Y != NULL) {
+        find_slopes(w->k, part->duration, way, omega_z, &d);
+        memcpy(from, w->Y, sizeof from);
+        memset(F, 0, NZ * sizeof *F);
+        F[OMEGA][OMEGA] = 1.0;
+        for (int i = 0; i < NS; i++) {
+            memcpy(F[i], d.phi[i], sizeof d.phi[i]);
+            F[i][OMEGA] = d.psi[i];
+            d.D[i][INVERSE_MASS] += mass * (way->force[2 * i] * force->f[0] + way->force[2 * i + 1] * force->f[1]);
+            for (int q = 0; q < NP; q++) {
+                d.D[i][q] += d.psi[i] * w->Y[OMEGA][q];
+            }
         }
+        spread_actuate_by_parameter(w->k, w->z, force->u, omega_z, way->force, NS, &d.D[0][0]);
+        add_through(&d.phi[0][0], from, 1.0, d.D);
+        memcpy(w->Y, d.D, sizeof d.D);
     }
-    spread_actuate_by_parameter(&f->k, from_z, force->u, omega_z, way->force, NS, &d.D[0][0]);
-    add_through(&d.phi[0][0], from, 1.0, d.D);
-    memcpy(n->z, way->s[NODES - 1], sizeof way->s[NODES - 1]);
-    memcpy(n->Y, d.D, sizeof d.D);
+    memcpy(w->z, way->s[NODES - 1], sizeof way->s[NODES - 1]);
     if (HAS_LAG) {
-        move_lag(f, part, way, force, tau_by_p, from, F);
+        move_lag(w, part, way, force, tau_by_p, from, F);
     }
 }
 
 /* The delayed force changes here: a longer delay puts that off. */
-static void change_force(filter *f, const double before[2], const double after[2], const double *delay_by_p)
+static void change_force(const frame *w, const double before[2], const double after[2], const double *delay_by_p)
 {
-    moving *n = &f->now;
-    const motion *m = &f->m;
+    const motion *m = w->m;
     const double change[2] = {after[0] - before[0], after[1] - before[1]};
     for (int i = 0; i < NS; i++) {
         const double kick = m->b[2 * i] * change[0] + m->b[2 * i + 1] * change[1];
         for (int q = 0; q < NP; q++) {
-            n->Y[i][q] -= kick * delay_by_p[q];
+            w->Y[i][q] -= kick * delay_by_p[q];
         }
     }
     if (HAS_LAG && m->lag > 0.0) {
         double v_before[2], v_after[2];
-        known_pick_off(&f->k, n->z, before, n->z[OMEGA], v_before);
-        known_pick_off(&f->k, n->z, after, n->z[OMEGA], v_after);
+        known_pick_off(w->k, w->z, before, w->z[OMEGA], v_before);
+        known_pick_off(w->k, w->z, after, w->z[OMEGA], v_after);
         for (int a = 0; a < 2; a++) {
             for (int q = 0; q < NP; q++) {
-                n->Y[LAG + a][q] += (v_before[a] - v_after[a]) / m->lag * delay_by_p[q];
+                w->Y[LAG + a][q] += (v_before[a] - v_after[a]) / m->lag * delay_by_p[q];
             }
         }
     }
 }
 
-/* Moves z, Y and P over the period that ends at the present sample. */
-static void predict(filter *f)
+/* Moves what a frame follows over the period that ends at the present sample. */
+static void carry(const filter *f, const frame *w, double F[NZ][NZ], passage *way)
 {
-    moving *n = &f->now;
     const double none[2] = {0.0, 0.0};
-    double late_by_p[2 * NP], F[NZ][NZ];
-    passage way;
-    if (fabs(n->z[OMEGA] - f->m.omega_z) > TURN) {
-        form(f);
-    }
-    const acting after = force_after(f);
-    if (HAS_DELAY || HAS_LAG) {
-        known_late_by_parameter(&f->k, n->z, none, n->z[OMEGA], late_by_p);
+    double late_by_p[2 * NP];
+    const acting after = force_after(f, w);
+    if ((HAS_DELAY || HAS_LAG) && w->Y != NULL) {
+        known_late_by_parameter(w->k, w->z, none, w->z[OMEGA], late_by_p);
     }
     if (HAS_DELAY) {
-        const acting before = force_of(f, f->sample - 2 - f->m.delay_samples);
-        const int split = f->m.pieces[0].duration > 0.0;
+        const acting before = force_of(f, w, f->sample - 2 - w->m->delay_samples);
+        const int split = w->m->pieces[0].duration > 0.0;
         double first[NZ][NZ], second[NZ][NZ];
         if (split) {
-            move_through(f, &f->m.pieces[0], &before, late_by_p + NP, first, &way);
+            move_through(w, &w->m->pieces[0], &before, late_by_p + NP, first, way);
         }
-        change_force(f, before.f, after.f, late_by_p);
-        move_through(f, &f->m.pieces[1], &after, late_by_p + NP, split ? second : F, &way);
-        for (int i = 0; split && i < NZ; i++) {
+        if (w->Y != NULL) {
+            change_force(w, before.f, after.f, late_by_p);
+        }
+        move_through(w, &w->m->pieces[1], &after, late_by_p + NP, split ? second : F, way);
+        for (int i = 0; split && w->Y != NULL && i < NZ; i++) {
             for (int j = 0; j < NZ; j++) {
                 F[i][j] = 0.0;
                 for (int r = 0; r < NZ; r++) {
@@ -297,7 +317,39 @@ static void predict(filter *f)
             }
         }
     } else {
-        move_through(f, &f->m.pieces[1], &after, late_by_p + NP, F, &way);
+        move_through(w, &w->m->pieces[1], &after, late_by_p + NP, F, way);
+    }
+}
+
+/* What z would be with the constants at which derivatives are taken. */
+static void find_still(const filter *f, double z[NZ])
+{
+    for (int i = 0; i < NZ; i++) {
+        z[i] = f->now.z[i];
+        for (int q = 0; q < NP; q++) {
+            z[i] -= f->now.Y[i][q] * f->shift[q];
+        }
+    }
+}
+
+/* Moves z, Y and P over the period that ends at the present sample. */
+static void predict(filter *f)
+{
+    moving *n = &f->now;
+    double F[NZ][NZ];
+    passage way;
+    if (fabs(n->z[OMEGA] - f->m.omega_z) > TURN) {
+        form(f);
+    }
+    frame both = {&f->k, &f->m, n->z, n->Y};
+    if (f->shifted) {
+        const frame still = {&f->still, &f->still_m, f->z_still, n->Y};
+        find_still(f, f->z_still);
+        both.Y = NULL;
+        carry(f, &both, NULL, &way);
+        carry(f, &still, F, &way);
+    } else {
+        carry(f, &both, F, &way);
     }
     predict_covariance(f, F, &way);
 }
@@ -305,27 +357,27 @@ static void predict(filter *f)
 /* What the sample should be, its derivatives by z and by p, and its noise [V2]. */
 static void expect(const filter *f, double v[2], double C[2][NZ], double by_p[2 * NP], double noise[2])
 {
-    const moving *n = &f->now;
-    const double *z = n->z;
-    double entering[2], through[4], rate[2], pick_by_s[2 * NS], pick_by_p[2 * NP];
-    const double one[4] = {1.0, 0.0, 0.0, 1.0};
-    const acting force = force_after(f);
-    const double *after = force.f;
+    const known *k = f->shifted ? &f->still : &f->k;
+    frame now = {&f->k, &f->m, (double *)f->now.z, NULL};
+    const double *z = f->shifted ? f->z_still : now.z, one[4] = {1.0, 0.0, 0.0, 1.0};
+    double entering[2], at[2], through[4], rate[2], pick_by_s[2 * NS], pick_by_p[2 * NP];
+    const acting force = force_after(f, &now);
     memset(by_p, 0, 2 * NP * sizeof *by_p);
     memset(pick_by_p, 0, sizeof pick_by_p);
     memset(C, 0, 2 * sizeof *C);
-    known_pick_off_by_state(&f->k, z, after, z[OMEGA], pick_by_s);
     if (HAS_LAG) {
-        entering[0] = z[NZ - 2];
-        entering[1] = z[NZ - 1];
+        memcpy(entering, now.z + NZ - 2, sizeof entering);
+        memcpy(at, z + NZ - 2, sizeof at);
     } else {
-        known_pick_off(&f->k, z, after, z[OMEGA], entering);
-        spread_pick_off_by_parameter(&f->k, z, after, z[OMEGA], one, 2, pick_by_p);
-        add_force_in_voltage(f, z, &force, 1.0, pick_by_p);
+        known_pick_off(&f->k, now.z, force.f, z[OMEGA], entering);
+        known_pick_off(k, z, force.f, z[OMEGA], at);
+        known_pick_off_by_state(k, z, force.f, z[OMEGA], pick_by_s);
+        spread_pick_off_by_parameter(k, z, force.f, z[OMEGA], one, 2, pick_by_p);
+        add_force_in_voltage(k, z, &force, z[OMEGA], 1.0, pick_by_p);
     }
-    known_amplify(&f->k, z, entering, z[OMEGA], v);
-    known_amplify_by_voltage(&f->k, z, entering, z[OMEGA], through);
-    spread_amplify_by_parameter(&f->k, z, entering, z[OMEGA], one, 2, by_p);
+    known_amplify(&f->k, now.z, entering, z[OMEGA], v);
+    known_amplify_by_voltage(k, z, at, z[OMEGA], through);
+    spread_amplify_by_parameter(k, z, at, z[OMEGA], one, 2, by_p);
     for (int a = 0; a < 2; a++) {
         for (int b = 0; b < 2; b++) {
             if (HAS_LAG) {
@@ -340,8 +392,8 @@ static void expect(const filter *f, double v[2], double C[2][NZ], double by_p[2 
             }
         }
     }
-    known_pick_off_rate(&f->k, z, after, z[OMEGA], rate);
-    known_noise(&f->k, z, rate, z[OMEGA], noise);
+    known_pick_off_rate(&f->k, now.z, force.f, z[OMEGA], rate);
+    known_noise(&f->k, now.z, rate, z[OMEGA], noise);
 }
 
 /* |W' h|^2: what the uncertainty of p adds to the variance of a measurement. */
@@ -603,6 +655,19 @@ static void begin_block(filter *f)
     plan_block(f);
 }
 
+/* From here on derivatives are taken at the constants as they are now, while predictions follow the estimates. Were both to follow, the directions in
+   which the data tell nothing would turn with each estimate, and what is well known in one would seem to be known in another (G. Huang, A. Mourikis,
+   S. Roumeliotis, first-estimates Jacobians, Int. J. Robotics Research 29, 2010). Only a start that is filtered again may move them. */
+static void hold_derivatives(filter *f)
+{
+    if (NP > 7) {
+        f->still = f->k;
+        memset(f->shift, 0, sizeof f->shift);
+        memcpy(f->p_still, f->k.p, sizeof f->p_still);
+        f->shifted = 1;
+    }
+}
+
 /* Leaves out the rows of the samples in which a surprise may have been under way: what they tell is of the rate, not of the constants. */
 static void drop_recent(filter *f)
 {
@@ -613,7 +678,8 @@ static void drop_recent(filter *f)
 static void enter(filter *f, const double in[IN])
 {
     memcpy(f->k.in, in, sizeof f->k.in);
-    f->k.t = (double)f->sample * f->m.period;
+    memcpy(f->still.in, in, sizeof f->still.in);
+    f->still.t = f->k.t = (double)f->sample * f->m.period;
 }
 
 /* Filters the block again from its beginning at the constants as they are now; returns the sum of squared innovations. */
@@ -685,30 +751,76 @@ static void set_constants(filter *f, const double eta[NP], double change[NP])
         }
         change[i] = p - f->k.p[i];
         f->k.p[i] = p;
+        f->shift[i] = p - f->p_still[i];
     }
 }
 
-/* Keeps p = p_begun + W eta at its lowest values: where eta lies below one, it goes to the most likely point on that bound, given the Hessian
-   L L'. A few passes, since two bounds may pull at each other. */
+/* p_begun + W eta, its entry i. */
+static double constant_at(const filter *f, const double eta[NP], int i)
+{
+    double p = f->p_begun[i];
+    for (int j = i; j < NP; j++) {
+        p += f->W[i][j] * eta[j];
+    }
+    return p;
+}
+
+/* Keeps p = p_begun + W eta at its lowest values: where eta lies below some, it goes to the most likely point on all of these bounds together, given
+   the Hessian L L'. A delay and a lag that can't be told apart pull at each other, so one after the other would not do. */
 static void keep_in_bounds(const filter *f, double L[NP][NP], double eta[NP])
 {
-    for (int pass = 0; pass < 4; pass++) {
-        for (int i = 0; i < NP; i++) {
-            double p = f->p_begun[i];
-            for (int j = i; j < NP; j++) {
-                p += f->W[i][j] * eta[j];
-            }
-            if (p < f->lowest[i]) {
-                double w[NP], along[NP], half[NP], size = 0.0;
+    double along[BOUNDS][NP], free_eta[NP];
+    int at[BOUNDS], count = 0;
+    memcpy(free_eta, eta, sizeof free_eta);
+    for (int grown = 1; grown;) {
+        grown = 0;
+        for (int i = 0; i < NP && count < BOUNDS; i++) {
+            const double hair = 1e-12 * f->prior[i];
+            if (constant_at(f, eta, i) < f->lowest[i] - hair) {
+                double w[NP], half[NP];
                 for (int j = 0; j < NP; j++) {
                     w[j] = j >= i ? f->W[i][j] : 0.0;
                 }
-                solve(L, w, along, half);
-                for (int j = 0; j < NP; j++) {
-                    size += w[j] * along[j];
+                solve(L, w, along[count], half);
+                at[count++] = i;
+                grown = 1;
+            }
+        }
+        if (grown) {
+            /* (W_A J^-1 W_A') lambda = what is missing, by elimination; symmetric and positive. */
+            double S[BOUNDS][BOUNDS + 1];
+            for (int a = 0; a < count; a++) {
+                for (int b = 0; b < count; b++) {
+                    S[a][b] = 0.0;
+                    for (int j = at[a]; j < NP; j++) {
+                        S[a][b] += f->W[at[a]][j] * along[b][j];
+                    }
                 }
+                S[a][count] = f->lowest[at[a]] - constant_at(f, free_eta, at[a]);
+            }
+            double own[BOUNDS];
+            for (int a = 0; a < count; a++) {
+                own[a] = S[a][a];
+            }
+            for (int a = 0; a < count; a++) {
+                for (int b = a + 1; b < count && S[a][a] > PARALLEL * own[a]; b++) {
+                    const double factor = S[b][a] / S[a][a];
+                    for (int c = a; c <= count; c++) {
+                        S[b][c] -= factor * S[a][c];
+                    }
+                }
+            }
+            memcpy(eta, free_eta, sizeof free_eta);
+            for (int a = count - 1; a >= 0; a--) {
+                double lambda = S[a][count];
+                for (int b = a + 1; b < count; b++) {
+                    lambda -= S[a][b] * S[b][count];
+                }
+                /* A bound that the others reach already, to within what is known of their sum, is left as it is. */
+                lambda = S[a][a] > PARALLEL * own[a] ? lambda / S[a][a] : 0.0;
+                S[a][count] = lambda;
                 for (int j = 0; j < NP; j++) {
-                    eta[j] += along[j] * (f->lowest[i] - p) / size;
+                    eta[j] += lambda * along[a][j];
                 }
             }
         }
@@ -847,6 +959,7 @@ static void end_block(filter *f)
             plan_block(f);
         } else {
             f->lost = !(f->fit < LOST);
+            hold_derivatives(f);
             fold(f, L);
         }
     } else {
@@ -864,6 +977,9 @@ static void cut_block(filter *f)
 {
     double L[NP][NP];
     find_constants(f, 0, L);
+    if (f->growing) {
+        hold_derivatives(f);
+    }
     fold(f, L);
     f->fresh = 1;
 }
@@ -900,11 +1016,13 @@ static void begin_anew(filter *f)
     memcpy(f->W_now, f->first_W, sizeof f->W_now);
     f->now = f->first;
     f->walk = f->settings.omega_walk_max;
-    f->surprises = f->restarts = f->share = f->chi2 = f->forget = 0.0;
+    f->surprises = f->restarts = f->share = f->forget = 0.0;
+    f->chi2 = UNFOUND;
     f->rows = f->kept = 0;
     f->lost = 0;
     f->fit = 2.0 * FITS;
     f->growing = 1;
+    f->shifted = 0;
     f->origin = f->since = f->sample + 1;
     f->fresh = 1;
     form(f);
@@ -950,6 +1068,7 @@ static void restart(filter *f)
     memcpy(f->W_now, f->W, sizeof f->W_now);
     f->since = f->sample;
     f->growing = 1;
+    f->shifted = 0;
     begin_block(f);
 }
 
@@ -1110,7 +1229,7 @@ void filter_start(filter *f, const filter_settings *settings, const double *c, c
     f->walk = settings->omega_walk_max;
     f->sample = -1;
     f->restarted_at = -1.0;
-    f->chi2 = 1.0;
+    f->chi2 = UNFOUND;
     f->growing = 1;
     f->fit = 2.0 * FITS;
     form(f);

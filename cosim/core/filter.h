@@ -32,6 +32,10 @@ typedef struct {
 typedef struct {
     known k;
     motion m;
+    int shifted;       /* whether derivatives are taken at constants of their own: */
+    known still;       /* those, */
+    motion still_m;    /* the motion with them, */
+    double z_still[NZ], p_still[NP], shift[NP]; /* what moves with them, they again, and how far the estimates are from them */
     filter_settings settings;
     double gain[2];   /* sense gains [V/m], for what is told in metres */
     double prior[NP]; /* standard deviation of p at the start */
