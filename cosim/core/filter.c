@@ -11,6 +11,9 @@
 #define LOST 1e4     /* mean squared innovation of a whole start that has found nothing */
 #define PARALLEL 1e-7 /* share of a variance that two bounds must not have in common */
 #define BOUNDS 4     /* lowest values that may be reached at once */
+#define EFFORT 2.0   /* samples filtered again for each new one, in the long run */
+#define EFFORT_MAX 200000.0 /* saved up at most */
+#define WATCHED 0.005 /* over which innovations are averaged [s] */
 #define FIRST 16     /* samples of the first block at its first fit */
 
 #define TURN 1.0     /* change of the rate from which the motion is formed anew [rad/s] */
@@ -687,6 +690,7 @@ static double filter_again(filter *f)
 {
     const int64_t last = f->sample;
     double total = 0.0;
+    f->effort -= (double)f->in_block;
     f->now = f->begun;
     for (int i = 0; i < NZ; i++) {
         for (int q = 0; q < NP; q++) {
@@ -717,18 +721,24 @@ static double filter_again(filter *f)
     return total;
 }
 
+/* Follows how large and how white the innovations are. Those of a start that has just been filtered at its own fit are taken as they are; others also
+   carry what was not known of the constants beforehand. */
 static void watch(filter *f)
 {
-    const double pace = smaller(1.0, (double)f->in_block * f->m.period / 0.005);
+    if (f->rows == 0) {
+        return;
+    }
+    const double pace = f->growing ? 1.0 : smaller(1.0, (double)f->in_block * f->m.period / WATCHED);
+    const double expected = f->growing ? 1.0 : 1.0 + f->share;
     double total = 0.0, product[2] = {0.0, 0.0};
     for (int64_t r = 0; r < f->rows; r++) {
         total += f->r[r] * f->r[r];
         product[r & 1] += f->r[r] * f->last_r[r & 1];
         f->last_r[r & 1] = f->r[r];
     }
-    f->chi2 += pace * (total / ((double)f->rows * (1.0 + f->share)) - f->chi2);
+    f->chi2 += pace * (total / ((double)f->rows * expected) - f->chi2);
     for (int a = 0; a < 2; a++) {
-        f->white[a] += pace * (product[a] / (0.5 * (double)f->rows * (1.0 + f->share)) - f->white[a]);
+        f->white[a] += pace * (product[a] / (0.5 * (double)f->rows * expected) - f->white[a]);
     }
 }
 
@@ -870,11 +880,11 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
             step[i] = trial[i] - eta[i];
         }
         set_constants(f, trial, change);
-        if (round >= rounds || moved < MOVED) {
+        if (round >= rounds || moved < MOVED || f->effort <= 0.0) {
             break;
         }
         double next = squared(trial) + filter_again(f);
-        while (!(next < cost * 1.001 + 1.0) && part > 0.01) {
+        while (!(next < cost * 1.001 + 1.0) && part > 0.01 && f->effort > 0.0) {
             part *= 0.3;
             for (int i = 0; i < NP; i++) {
                 trial[i] = eta[i] + part * step[i];
@@ -956,6 +966,7 @@ static void end_block(filter *f)
             memcpy(f->W_now, f->W, sizeof f->W_now);
             memcpy(f->W, known_W, sizeof known_W);
             filter_again(f);
+            watch(f);
             plan_block(f);
         } else {
             f->lost = !(f->fit < LOST);
@@ -1166,6 +1177,7 @@ void filter_step(filter *f, const double u[2], const double v[2], const double i
         begin_motion(f, v);
     }
     f->in_block++;
+    f->effort = smaller(f->effort + EFFORT, EFFORT_MAX);
     f->fresh = 0;
     f->surprises *= 1.0 - 1.0 / s->surprise_memory;
     f->restarts *= 1.0 - 0.1 / s->surprise_memory;
@@ -1230,6 +1242,7 @@ void filter_start(filter *f, const filter_settings *settings, const double *c, c
     f->sample = -1;
     f->restarted_at = -1.0;
     f->chi2 = UNFOUND;
+    f->effort = EFFORT_MAX;
     f->growing = 1;
     f->fit = 2.0 * FITS;
     form(f);

@@ -59,6 +59,7 @@ typedef struct {
     double forget;          /* at which W grows [1/s] */
     double found, expected, moving; /* squared step of the last block and its mean; running excess of their ratio */
     int lost;               /* whether a whole start has found no device */
+    double effort; /* samples that may still be filtered again */
     double fit; /* mean squared innovation at the last fit of a growing block */
     int fresh; /* whether this sample brought new constants */
     double chi2, white[2], last_r[2]; /* running means: squared innovation over its variance; product of neighbours */
