@@ -17,6 +17,9 @@ NAMES = (
     "work_precision",
     "angle_lag",
     "loop_measures",
+    "loop_effects",
+    "loop_devices",
+    "loop_rest",
     "mode_split",
     "rate_mode",
     "compensation",
@@ -28,7 +31,8 @@ NAMES = (
 
 def command_of(name: str, options: Options) -> str:
     """The command that runs one benchmark."""
-    return f"python -m benchmarks {name} --seeds {options.seeds} --jobs {options.jobs}"
+    seeds = "" if options.seeds is None else f" --seeds {options.seeds}"
+    return f"python -m benchmarks {name}{seeds} --jobs {options.jobs}"
 
 
 def run(name: str, options: Options) -> Report:
@@ -41,7 +45,9 @@ def run(name: str, options: Options) -> Report:
 
 def main(
     names: Annotated[list[str] | None, typer.Argument(help=f"Of {', '.join(NAMES)}; all by default.")] = None,
-    seeds: Annotated[int, typer.Option(min=1, help="Seeds of every measure of the loop.")] = 10,
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Seeds of every measure of the loop; each has its own number.")
+    ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Processes at a time; timings always use one.")] = 2,
 ) -> None:
     """Measure what is promised; print tables and write benchmarks/results/NAME.json and NAME.md."""

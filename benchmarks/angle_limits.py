@@ -29,17 +29,18 @@ def units_alone(run: Run, converged_at: float, mass_error: float = 0.0) -> dict[
     t: Floats = np.arange(run.samples, dtype=np.float64) * np.float64(run.period)
     omega_z = run.scenario.omega_z(0, run.samples, run.period)
     turned = np.concatenate(([0.0], np.cumsum(omega_z)[:-1])) * run.period
-    w = 2 * np.pi * run.oscillation_hz / np.sqrt(1.0 + mass_error)
+    w = np.sqrt(run.design.stiffness / (run.device.all_parameters["m"] * (1.0 + mass_error)))
     # The pattern turns backwards by the angle (source 000, section 4 of the specification).
     along, across = np.cos(-turned), np.sin(-turned)
     x, x_dot = np.cos(w * t), -w * np.sin(w * t)
     converged = t >= converged_at
     states = (x * along, x_dot * along, x * across, x_dot * across)
-    block = Block(t, *states, np.zeros((4, len(t))), np.full(len(t), w * w), converged, 1.0)
+    none = np.zeros((4, len(t)))
+    block = Block(t, *states, none, none, np.full(len(t), w * w), converged, 1.0, np.zeros(len(t)))
     angle_true = turned - turned[converged.argmax()]
     edges = run.scenario.edges_until(run.duration)
     result = {}
-    for name, unit in make_units(run.sample_rate, run.oscillation_hz).items():
+    for name, unit in make_units(run.sample_rate, run.design.oscillation_hz).items():
         angle, _ = unit.process(block)
         found = angle_metrics(t, angle, angle_true, omega_z, converged_at, edges)
         result[name] = float(found["rms_deg"] or 0.0)
@@ -47,8 +48,9 @@ def units_alone(run: Run, converged_at: float, mass_error: float = 0.0) -> dict[
 
 
 def damping_bound(run: Run, bounds: Bounds, converged_at: float, seeds: int) -> dict[str, dict[str, float]]:
-    """Angle error [deg], ``rms`` and at the ``end``, and ``drift`` [deg/s] from convergence to the last bound, median
-    and expected worst of ``seeds`` runs, for dampings known as well as their Cramer-Rao bound allows at each moment.
+    """Angle error [deg], ``rms`` and at the ``end``, and ``drift`` [deg/s] from convergence to the last bound, median,
+    95 % and expected worst of ``seeds`` runs, for dampings known as well as their Cramer-Rao bound allows at each
+    moment.
 
     The pattern lies within 15 deg of x, where damping that is not cancelled turns it at (error of dxy)/2m. An efficient
     estimator has errors e(t) with E[e(s) e(t)] = P(max(s, t)), P the bound: what is learned later is independent of
@@ -74,8 +76,8 @@ def damping_bound(run: Run, bounds: Bounds, converged_at: float, seeds: int) -> 
         "drift": np.abs(centred @ angle / (centred @ centred)),
     }
     # The largest of n is at its own median below a when each is below a with probability 2^(-1/n).
-    quantiles = (0.5, 0.5 ** (1 / seeds))
+    quantiles = (0.5, 0.95, 0.5 ** (1 / seeds))
     return {
-        name: dict(zip(("median", "worst"), map(float, np.quantile(values, quantiles)), strict=True))
+        name: dict(zip(("median", "95 %", "worst"), map(float, np.quantile(values, quantiles)), strict=True))
         for name, values in sizes.items()
     }

@@ -1,6 +1,7 @@
-"""The speed of the closed loop: against real time, and against a Python loop over fmpy's classes with the same compiled
-observer and controller."""
+"""The speed of the closed loop: what a sample costs, and whose share it is; against real time; and against a Python
+loop over fmpy's classes with the same observer and controller."""
 
+import ctypes
 import os
 import time
 from collections.abc import Iterator
@@ -8,33 +9,41 @@ from contextlib import contextmanager
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numba import carray, cfunc, types
 from numpy.typing import NDArray
 
 from benchmarks.fmpy_plant import fmpy_slave
 from benchmarks.report import Row, row
-from cosim import loop
-from cosim.controllers.record import FORCE_X, OUTPUT_SIZE
-from cosim.fmu import INPUT_NAMES, OUTPUT_NAMES, Plant
-from cosim.layout import ESTIMATE_SIZE
-from cosim.master import simulate
+from cosim.core.library import CONTROL_NAMES, Library, pointer
+from cosim.fmu import GET, INSTANCE, SET, STEP, Plant, open_plant
+from cosim.master import FORCE_NAMES, OUTPUT_NAMES, simulate
 from cosim.run import Run
+from cosim.running import Part, begin_controller, begin_observer, design_for
+from cosim.scenarios import INPUT_NAMES
+from gyro_model import symbols
 from gyro_model.build import build
 from gyrotwin.run import Request, prepare
 
 Floats = NDArray[np.float64]
 
 REAL_TIME: Final = 1.5
-OBSERVERS: Final = ("ekf", "lyapunov", "ekf_extended")
+CASES: Final = (("ekf", "plain"), ("ekf", "lab"), ("ekf", "sensing_defects"), ("lyapunov", "plain"))
+"""Observer and design."""
 REPEATS: Final = 7
+SETTLING: Final = 40_000
+"""Samples before a sample is timed, 0.2 s: the start, which is filtered several times over, is behind."""
+TIMED: Final = 40_000
 COMPARED: Final = 4000
-"""Samples of a repeat in the comparison, 20 ms."""
+"""Samples of a repeat in the comparison with Python, 20 ms."""
 
 
-class _Memories(NamedTuple):
-    observer: Floats
-    observer_settings: Floats
-    controller: Floats
-    controller_settings: Floats
+class Share(NamedTuple):
+    """Time of a sample [us]: the whole and its parts."""
+
+    whole: float
+    plant: float
+    observer: float
+    controller: float
 
 
 @contextmanager
@@ -52,35 +61,49 @@ def one_core() -> Iterator[None]:
 
 
 def closed_loop_rows(duration: float = 1.0, repeats: int = REPEATS) -> list[Row]:
-    """Real-time factors of every observer on one core, and the ratio to the loop over fmpy's classes."""
+    """Real-time factors on one core, and the ratio to the loop over fmpy's classes."""
     rows = []
     with one_core():
-        for observer in OBSERVERS:
-            rows += _real_time_rows(observer, duration, repeats)
+        for observer, design in CASES:
+            rows += _real_time_rows(observer, design, duration, repeats)
         rows += _ratio_rows(repeats)
     return rows
 
 
-def _real_time_rows(observer: str, duration: float, repeats: int) -> list[Row]:
-    run = prepare(Request("constant", observer=observer, duration=duration))
+def sample_rows(timed: int = TIMED, settling: int = SETTLING, repeats: int = REPEATS) -> list[Row]:
+    """Time of a sample in steady state on one core, median over ``repeats``, and the shares of plant, observer and
+    controller."""
+    rows = []
+    with one_core():
+        for observer, design in CASES:
+            run = prepare(Request("constant", observer=observer, design=design))
+            found = [share_of(run, timed, settling) for _ in range(repeats)]
+            middle = Share(*map(float, np.median(found, axis=0)))
+            note = f"least {min(s.whole for s in found):.3g} µs; plant {middle.plant / middle.whole:.0%}, "
+            note += f"observer {middle.observer / middle.whole:.0%}, controller {middle.controller / middle.whole:.0%}"
+            rows.append(row(f"{observer}, {design}: a sample", "µs", middle._asdict(), note=note))
+    return rows
+
+
+def _real_time_rows(observer: str, design: str, duration: float, repeats: int) -> list[Row]:
+    run = prepare(Request("constant", observer=observer, design=design, duration=duration))
     walls, processor = [], []
-    for _ in range(repeats):
+    for _ in range(repeats + 1):
         began = time.process_time()
         walls.append(duration / simulate(run).wall_time)
         processor.append(duration / (time.process_time() - began))
     walls, processor = walls[1:], processor[1:]  # the first compiles and warms up
-    note = "loop, angle units and recording" if observer != "ekf_extended" else "the observer of --sensing-defects"
     return [
         row(
-            f"{observer}: real-time factor by the clock",
+            f"{observer}, {design}: real-time factor by the clock",
             "1",
             {"best": max(walls), "median": float(np.median(walls))},
             limit=REAL_TIME,
             at_least=True,
-            note=note,
+            note="loop, angle units and recording",
         ),
         row(
-            f"{observer}: real-time factor by processor time",
+            f"{observer}, {design}: real-time factor by processor time",
             "1",
             {"best": max(processor), "median": float(np.median(processor))},
             note="with the start of the FMU and the Cramér–Rao bound along the run",
@@ -102,70 +125,164 @@ def _ratio_rows(repeats: int) -> list[Row]:
     best = {"best": min(compiled), "median": float(np.median(compiled))}
     other = {"best": min(python), "median": float(np.median(python))}
     ratio = {column: other[column] / best[column] for column in best}
+    note = "the first 20 ms: plant, observer, controller, one row recorded"
     return [
-        row("ekf: a sample of the compiled loop", "µs", best, note="plant, observer, controller, one row recorded"),
-        row("ekf: a sample through fmpy's classes, same compiled numerics", "µs", other, note="equal to the last bit"),
-        row("ekf: whole loop, fmpy's classes over compiled", "1", ratio),
+        row("ekf, plain: a sample of the compiled loop", "µs", best, note=note),
+        row("ekf, plain: a sample through fmpy's classes, same C", "µs", other, note="equal to the last bit"),
+        row("ekf, plain: whole loop, fmpy's classes over compiled", "1", ratio),
     ]
 
 
-def _memories(run: Run) -> _Memories:
-    observer, controller = run.observer, run.controller
-    memories = _Memories(
-        np.zeros(observer.memory_size),
-        observer.settings_array(),
-        np.zeros(controller.memory_size),
-        run.controller_settings(),
-    )
-    controller.init(memories.controller, memories.controller_settings, run.period)
-    observer.init(memories.observer, memories.observer_settings, *run.first_estimate(), run.sensor(), run.period)
-    return memories
+def _parts(run: Run) -> tuple[Library, Part, Part]:
+    """The library, and observer and controller begun."""
+    lib, observer = begin_observer(run.observer, run.design, run.period, run.observer_settings())
+    design = design_for(run.observer, run.design)
+    return lib, observer, begin_controller(run.controller, design, lib, run.period, run.controller_settings())
+
+
+class SteppedLoop:
+    """The compiled loop of a run over a plant, block by block, without recorder and monitor."""
+
+    def __init__(self, run: Run, plant: Plant) -> None:
+        self.run, self.plant = run, plant
+        self.lib, self.observer, self.controller = _parts(run)
+        self.size = len(self.lib.estimate_names)
+        self.width = 2 * self.size + len(CONTROL_NAMES) + len(OUTPUT_NAMES)
+        self.memory = self.lib.memory("loop")
+        self.inputs = plant.value_references((*FORCE_NAMES, *INPUT_NAMES))
+        self.outputs = plant.value_references(OUTPUT_NAMES)
+        self.first = 0
+        self.start(self.observer, self.controller)
+
+    def start(self, observer: Part, controller: Part) -> None:
+        """Puts these to work from the next sample on."""
+        handle = (ctypes.c_void_p(int(self.plant.handle[slot])) for slot in (INSTANCE, SET, STEP, GET))
+        self.lags = np.zeros(len(symbols.SET_BY))
+        self.lib.call.core_loop_start(
+            pointer(self.memory),
+            *handle,
+            pointer(self.inputs),
+            pointer(self.outputs),
+            ctypes.c_void_p(observer.address),
+            pointer(observer.memory),
+            ctypes.c_void_p(controller.address),
+            pointer(controller.memory),
+            ctypes.c_double(self.run.period),
+            pointer(self.lags),
+        )
+
+    def parts(self, rows: Floats) -> tuple[Floats, Floats, Floats]:
+        """Estimates, what the controller gives, and outputs of the plant, of ``rows``."""
+        first = 2 * self.size
+        return rows[:, : self.size], rows[:, first : first + len(CONTROL_NAMES)], rows[:, first + len(CONTROL_NAMES) :]
+
+    def step(self, count: int) -> tuple[Floats, float]:
+        """The rows of the next ``count`` samples, and the time that they took [s]."""
+        rows = np.zeros((count, self.width))
+        held = np.ascontiguousarray(self.run.scenario.inputs(self.first, count, self.run.period))
+        samples = ctypes.c_int64(self.first), ctypes.c_int64(count)
+        began = time.perf_counter()
+        done = self.lib.call.core_loop_run(pointer(self.memory), *samples, pointer(held), pointer(rows))
+        spent = time.perf_counter() - began
+        if done != count:
+            raise RuntimeError(f"the plant stopped after {self.first + done} samples: {self.plant.complaint()}")
+        self.first += count
+        return rows, spent
 
 
 def compiled_loop(run: Run, samples: int) -> tuple[Floats, float]:
-    """Rows of cosim.loop and the time of its one call [s]."""
-    rows = np.zeros((samples, loop.ROW_SIZE))
-    own = _memories(run)
-    omega_z = run.scenario.omega_z(0, samples, run.period)
-    with Plant(build().fmi3, run.plant_parameters()) as plant:
-        border = np.zeros(len(INPUT_NAMES)), plant.get(OUTPUT_NAMES)
-        observer = (run.observer.step, own.observer, own.observer_settings)
-        controller = (run.controller.step, own.controller, own.controller_settings)
-        began = time.perf_counter()
-        loop.run_block(
-            plant.handle, plant.inputs, plant.outputs, *observer, *controller, 0, run.period, omega_z, *border, rows
-        )
-        return rows, time.perf_counter() - began
+    """Rows of the loop and the time of its one call [s]."""
+    with stepped_plant(run) as plant:
+        return SteppedLoop(run, plant).step(samples)
+
+
+def stepped_plant(run: Run) -> Plant:
+    """The plant of a run."""
+    return open_plant(run.plant_parameters(), run.device.model, run.scenario.first_inputs(run.period))
+
+
+def share_of(run: Run, timed: int, settling: int) -> Share:
+    """What a sample costs in steady state, and whose share it is.
+
+    The loop runs three times: whole; with an observer that only repeats the last estimate; and with a controller that
+    repeats its last output besides. The differences are the shares; the loop itself and its rows count as plant.
+    """
+    with stepped_plant(run) as plant:
+        loop = SteppedLoop(run, plant)
+        last = loop.step(settling)[0][-1].copy()
+        whole = loop.step(timed)[1]
+        observer = _repeating_observer(last[: 2 * loop.size])
+        loop.start(observer, loop.controller)
+        no_observer = loop.step(timed)[1]
+        loop.start(observer, _repeating_controller(np.zeros(len(CONTROL_NAMES))))
+        plant_only = loop.step(timed)[1]
+    scale = 1e6 / timed
+    return Share(*(scale * t for t in (whole, plant_only, whole - no_observer, no_observer - plant_only)))
+
+
+_REAL: Final = types.CPointer(types.float64)
+
+
+def _repeating_observer(both: Floats) -> Part:
+    """Writes the estimate and deviation of ``both``."""
+    memory, size = both, len(both) // 2
+
+    @cfunc(types.void(_REAL, _REAL, _REAL, _REAL, _REAL, _REAL))
+    def repeat(address, u, v, inputs, estimate, deviation):  # type: ignore[no-untyped-def]
+        kept = carray(address, (2 * size,))
+        for i in range(size):
+            estimate[i] = kept[i]
+            deviation[i] = kept[size + i]
+
+    return Part(repeat.address, memory, (repeat,))
+
+
+def _repeating_controller(output: Floats) -> Part:
+    memory, size = output, len(output)
+
+    @cfunc(types.void(_REAL, types.float64, _REAL, _REAL, _REAL, _REAL))
+    def repeat(address, t, estimate, deviation, inputs, control):  # type: ignore[no-untyped-def]
+        kept = carray(address, (size,))
+        for i in range(size):
+            control[i] = kept[i]
+
+    return Part(repeat.address, memory, (repeat,))
 
 
 def fmpy_loop(run: Run, samples: int) -> tuple[Floats, float]:
     """The same rows from a Python loop over fmpy's classes, and its time [s]."""
-    path, own = build().fmi3, _memories(run)
-    omega_z = run.scenario.omega_z(0, samples, run.period).tolist()
-    with Plant(path, run.plant_parameters()) as plant, fmpy_slave(path, run.plant_parameters()) as slave:
-        return _python_loop(run, own, slave, plant.inputs.tolist(), plant.outputs.tolist(), omega_z)
+    held = run.scenario.inputs(0, samples, run.period)
+    with (
+        fmpy_slave(build().fmi3, run.plant_parameters() | run.scenario.first_inputs(run.period)) as slave,
+        stepped_plant(run) as plant,
+    ):
+        inputs = plant.value_references((*FORCE_NAMES, *INPUT_NAMES)).tolist()
+        outputs = plant.value_references(OUTPUT_NAMES).tolist()
+        return _python_loop(run, slave, inputs, outputs, held)
 
 
-def _python_loop(
-    run: Run, own: _Memories, slave: Any, inputs: list[int], outputs: list[int], omega_z: list[float]
-) -> tuple[Floats, float]:
-    rows = np.zeros((len(omega_z), loop.ROW_SIZE))
-    estimate, deviation, control = np.zeros(ESTIMATE_SIZE), np.zeros(ESTIMATE_SIZE), np.zeros(OUTPUT_SIZE)
-    period, observe, act = run.period, run.observer.step, run.controller.step
-    u_x, u_y = 0.0, 0.0
+def _python_loop(run: Run, slave: Any, inputs: list[int], outputs: list[int], held: Floats) -> tuple[Floats, float]:
+    lib, observer, controller = _parts(run)
+    size, period = len(lib.estimate_names), run.period
+    observe = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 6)(observer.address)
+    act = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, *[ctypes.c_void_p] * 4)(controller.address)
+    rows = np.zeros((len(held), 2 * size + len(CONTROL_NAMES) + len(OUTPUT_NAMES)))
+    estimate, deviation, control = np.zeros(size), np.zeros(size), np.zeros(len(CONTROL_NAMES))
+    u, v, measured = np.zeros(len(FORCE_NAMES)), np.zeros(2), np.zeros(6)
+    own, own_controller = pointer(observer.memory), pointer(controller.memory)
+    at = tuple(map(pointer, (u, v, measured, estimate, deviation, control)))
     out = slave.getFloat64(outputs)
     began = time.perf_counter()
-    for k, rate in enumerate(omega_z):
-        t = k * period
-        observe(own.observer, own.observer_settings, u_x, u_y, out[0], out[1], estimate, deviation)
-        act(own.controller, own.controller_settings, t, estimate, deviation, control)
-        row_ = rows[k]
-        row_[loop.ESTIMATE : loop.DEVIATION] = estimate
-        row_[loop.DEVIATION : loop.CONTROL] = deviation
-        row_[loop.CONTROL : loop.PLANT] = control
-        row_[loop.PLANT :] = out
-        u_x, u_y = control[FORCE_X], control[FORCE_X + 1]
-        slave.setFloat64(inputs, [u_x, u_y, rate])
-        slave.doStep(t, period)
+    for k, values in enumerate(held):
+        v[:] = out[:2]
+        # What is measured at t_k was held until then; both temperatures follow it at once.
+        measured[:4] = held[max(k - 1, 0), 1:]
+        measured[4:] = measured[0]
+        observe(own, at[0], at[1], at[2], at[3], at[4])
+        act(own_controller, k * period, at[3], at[4], at[2], at[5])
+        rows[k] = (*estimate, *deviation, *control, *out)
+        u[:] = control[:2]
+        slave.setFloat64(inputs, [*u.tolist(), *values.tolist()])
+        slave.doStep(k * period, period)
         out = slave.getFloat64(outputs)
     return rows, time.perf_counter() - began

@@ -21,7 +21,7 @@ from benchmarks.compensation_records import (
     quasi_static,
 )
 from benchmarks.compensation_warmup import NOTES, WARMUP, warmup_table
-from benchmarks.report import Options, Report, Row, Table, row
+from benchmarks.report import SEEDS, Options, Report, Row, Table, row
 from cosim.compensation import network, piecewise
 from cosim.compensation.choose import Asked, choose
 from cosim.compensation.measures import Result, change, judge
@@ -57,7 +57,9 @@ def run(options: Options) -> Report:
         made = iter(pool.map(_make, cycles, chunksize=1))
     records = {name: (blocks_of(next(made)), blocks_of(next(made))) for name in CYCLES}
     tables = [
-        Table("Held-out cycles of the device rate-mode on the envelope FMU", _methods(records, options.seeds)),
+        Table(
+            "Held-out cycles of the device rate-mode on the envelope FMU", _methods(records, options.seeds_or(SEEDS))
+        ),
         Table("Why the sensor belongs on the structure (16 segments, quasi-static cycles)", _causes()),
     ]
     notes = [

@@ -1,15 +1,16 @@
 """One run of the loop, reduced to the numbers that the measures of the loop are made of."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from benchmarks import loop_drift
 from cosim.angle import UNIT_NAMES
 from cosim.layout import PARAMETER_NAMES
 from cosim.master import simulate
@@ -21,6 +22,8 @@ from gyro_model.errors import InputError
 from gyrotwin.run import Request, prepare
 
 Floats = NDArray[np.float64]
+What = TypeVar("What")
+Found = TypeVar("Found")
 
 PROFILE: Final = CHECKOUT.parent / "shared" / "data" / "motion" / "sensor_data.csv.gz"
 """The measured motion: z axis of a hand-held unit, 135 s at 100 Hz, up to 209 deg/s."""
@@ -81,21 +84,30 @@ def measure(case: Case) -> Outcome:
     except InputError as error:
         return Outcome(case, {}, failure=str(error))
     values = {"converged_at": _known(result.converged_at)}
-    for part in (_parameters, _dampings, _rate, _angles):
+    for part in (_parameters, _dampings, _rate, _angles, _flag):
         values |= part(run, result)
     return Outcome(case, values, result.bounds)
 
 
 def measure_all(cases: Iterable[Case], jobs: int) -> list[Outcome]:
     """Runs the cases in ``jobs`` processes, in order."""
+    return in_processes(measure, list(cases), jobs)
+
+
+def in_processes(function: Callable[[What], Found], items: Sequence[What], jobs: int) -> list[Found]:
+    """``function`` of each item, in order, in ``jobs`` processes."""
     build()  # once, before the processes need it
-    cases = list(cases)
     if jobs == 1:
-        return [measure(case) for case in cases]
+        return [function(item) for item in items]
     # Linear algebra with threads of its own would take the cores from the other processes.
     os.environ.update({"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "POLARS_MAX_THREADS": "1"})
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        return list(pool.map(measure, cases))
+        return list(pool.map(function, items))
+
+
+def finite(values: Mapping[str, float]) -> dict[str, float | None]:
+    """What JSON can hold of some numbers."""
+    return {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
 
 
 def _known(value: float | None) -> float:
@@ -187,3 +199,16 @@ def _angles(run: Run, result: Result) -> dict[str, float]:
         values[f"largest_{unit}"] = _known(found["max_deg"])
         values[f"drift_{unit}"] = _known(found["drift_deg_per_s"])
     return values
+
+
+def _flag(run: Run, result: Result) -> dict[str, float]:
+    """Drift of angle C over 0.5 to 1 s, its bound and its prediction [deg/s]; whether the flag lied; the share of the
+    run in which the angle was valid."""
+    worst = loop_drift.lie(result)
+    return {
+        "late_drift": loop_drift.drift(result),
+        "late_bound": loop_drift.bound(result),
+        "late_predicted": loop_drift.predicted(result),
+        "lies": 0.0 if worst is None else float(worst.windows),
+        "valid_share": result.validity.share,
+    }

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 from zlib import crc32
 
 from benchmarks import split_loops, split_matching
-from benchmarks.report import Options, Report, Row, Table, row
+from benchmarks.report import SEEDS, Options, Report, Row, Table, row
 from benchmarks.split_envelope import envelope_rows
 from benchmarks.split_fmu import fmu_rows
 from benchmarks.split_loops import masking_rows, tracking_rows
@@ -117,7 +117,7 @@ def false_alarm_rows(count: int, jobs: int) -> list[Row]:
 
 def run(options: Options) -> Report:
     """All tables."""
-    count, jobs, runs = RECORDS_A_SEED * options.seeds, options.jobs, min(options.seeds, LOOP_RUNS)
+    count, jobs, runs = RECORDS_A_SEED * options.seeds_or(SEEDS), options.jobs, min(options.seeds_or(SEEDS), LOOP_RUNS)
     tables = [
         Table("Error of f_y over its Cramér–Rao bound, records of the envelope FMU", envelope_rows(count, jobs)),
         Table(f"Records of the full FMU, {count // 5} a point", fmu_rows(count // 5, jobs)),

@@ -12,7 +12,7 @@ import numpy as np
 from fmpy import extract, platform_tuple
 from numba import njit
 
-from benchmarks.closed_loop import closed_loop_rows
+from benchmarks.closed_loop import closed_loop_rows, sample_rows
 from benchmarks.fmpy_plant import fmpy_slave
 from benchmarks.report import Options, Report, Row, Table, load, row
 from cosim.exchange import exchange
@@ -180,6 +180,7 @@ def run(options: Options) -> Report:
     before = load()
     tables = [
         Table("a plant call: set, step, get", plant_rows(CALLS, REPEATS)),
+        Table("a sample of the closed loop, constant, one core", sample_rows()),
         Table("the closed loop, constant", closed_loop_rows()),
     ]
     notes = [

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from benchmarks.rate_device import BIAS_DRIFT, SCALE_DRIFT, SOAKS
-from benchmarks.report import Options, Report, Row, Table, row
+from benchmarks.report import SEEDS, Options, Report, Row, Table, row
 from cosim.rate.courses import ZERO_CELSIUS, Course, constant, constant_temperature, rate_step, temperature_ramp
 from cosim.rate.master import simulate
 from cosim.rate.metrics import PER_HOUR, PER_ROOT_HOUR, allan_of, plateaus
@@ -61,7 +61,7 @@ def run(options: Options) -> Report:
         _makers(quiet),
         _beat(quiet),
         _hours(device),
-        _noise(device, options.seeds),
+        _noise(device, options.seeds_or(SEEDS)),
     ]
     notes = [
         "Plants: one rest, +R, rest, -R round of 3 s at each temperature, noise off; 5 µs samples of the full FMU, "

@@ -5,7 +5,7 @@ import math
 import os
 import platform
 import subprocess
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -20,13 +20,21 @@ from gyro_model.errors import InputError
 
 RESULTS: Final = Path(__file__).parent / "results"
 NONE: Final = "–"
+SEEDS: Final = 10
+"""Of measures whose runs are long."""
+MANY_SEEDS: Final = 100
+"""Of measures whose runs are short."""
 
 
 class Options(NamedTuple):
-    """What the command line asks for: the number of seeds of every loop measure, and of processes at a time."""
+    """What the command line asks for: the number of seeds, None: each measure's own, and of processes at a time."""
 
-    seeds: int = 10
+    seeds: int | None = None
     jobs: int = 2
+
+    def seeds_or(self, own: int) -> int:
+        """The number of seeds where ``own`` is that of the measure."""
+        return own if self.seeds is None else self.seeds
 
 
 class Row(NamedTuple):
@@ -88,14 +96,20 @@ def row(what: str, unit: str, values: Mapping[str, float], **rest: Any) -> Row:
     return Row(what, unit, finite, **rest)
 
 
-def over_seeds(values: Iterable[float]) -> dict[str, float]:
-    """Median and worst of sizes that should be small; infinity counts as a size."""
-    sizes = [abs(value) for value in values]
-    # numpy's median of two infinities would be NaN by subtraction; sorting is enough.
-    ordered = sorted(sizes)
-    middle = (ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2])
-    median = middle[0] if middle[0] == middle[1] else 0.5 * (middle[0] + middle[1])
-    return {"median": median, "worst": ordered[-1]}
+def spread(values: Iterable[float]) -> dict[str, float]:
+    """Median, 95 % and worst of sizes that should be small; infinity counts as a size, and what is no number as
+    infinity."""
+    ordered = sorted(np.inf if np.isnan(value) else abs(value) for value in values)
+    if not ordered:
+        return dict.fromkeys(("median", "95 %", "worst"), np.nan)
+    return {"median": _quantile(ordered, 0.5), "95 %": _quantile(ordered, 0.95), "worst": ordered[-1]}
+
+
+def _quantile(ordered: Sequence[float], share: float) -> float:
+    """The quantile between two neighbours, as numpy has it, but where both are infinite it is too."""
+    at = share * (len(ordered) - 1)
+    low, high = ordered[math.floor(at)], ordered[math.ceil(at)]
+    return low if low == high else low + (at - math.floor(at)) * (high - low)
 
 
 def machine() -> str:

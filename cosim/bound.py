@@ -38,6 +38,11 @@ class Motion:
     measured: Array
     period: float
 
+    def part(self, begin: int, end: int) -> "Motion":
+        """The samples begin .. end - 1."""
+        s = slice(begin, end)
+        return Motion(self.states[s], self.forces[s], self.omega_z[s], self.measured[s], self.period)
+
 
 @dataclass(frozen=True)
 class Bound:
@@ -61,33 +66,50 @@ def bound(motion: Motion, design: Design, times: Array, omega_walk: float = OMEG
     if index.size and (index.min() < 0 or index.max() >= len(motion.states)):
         last = (len(motion.states) - 1) * motion.period
         raise ValueError(f"times = {times} s: choose times from 0 to {last} s, where the motion ends")
-    lib = library(design.known_model)
-    memory = lib.memory("filter")
-    # Blocks of 16 samples from the first on: nothing is filtered again where the truth is told.
-    settings = np.array(list((FILTER | {"omega_walk_min": omega_walk, "omega_walk_max": omega_walk}).values()))
-    start_filter(lib, design, motion.period, settings, memory)
-    told = _told(motion, lib)
-    names = lib.known.value_names
+    growing = GrowingBound(design, motion.period, omega_walk)
+    names = growing.names
     values, omega, drift = np.empty((len(index), len(names))), np.empty(len(index)), np.empty(len(index))
     begin = 0
     for row, end in enumerate(index + 1):
-        parts = [np.ascontiguousarray(part[begin:end]) for part in told]
-        lib.call.core_filter_told(pointer(memory), ctypes.c_int64(int(end - begin)), *map(pointer, parts))
+        growing.extend(motion.part(begin, int(end)))
         begin = int(end)
-        values[row], omega[row], drift[row] = _deviations(lib, design, memory)
+        values[row], omega[row], drift[row] = growing.deviations()
     return Bound(np.asarray(times, dtype=float), names, values, omega, drift)
 
 
-def _told(motion: Motion, lib: Library) -> tuple[Array, Array, Array]:
-    """Command held until each sample, the true states and rate at it, and the inputs."""
-    count, states = len(motion.states), lib.sizes["NS"]
-    u = np.zeros((count, 2))
-    u[1:] = motion.forces[:-1]
-    z = np.zeros((count, states + 1))
-    z[:, :4] = motion.states
-    z[:, states] = np.concatenate((motion.omega_z[:1], motion.omega_z[:-1]))
-    temperature = motion.measured[:, :1]
-    return u, z, np.hstack((motion.measured, temperature, temperature))
+class GrowingBound:
+    """The bound along a motion that comes in parts, so that a long one need not be kept."""
+
+    def __init__(self, design: Design, period: float, omega_walk: float = OMEGA_WALK) -> None:
+        self._design = design
+        self._lib = library(design.known_model)
+        self._memory = self._lib.memory("filter")
+        # Blocks of 16 samples from the first on: nothing is filtered again where the truth is told.
+        settings = np.array(list((FILTER | {"omega_walk_min": omega_walk, "omega_walk_max": omega_walk}).values()))
+        start_filter(self._lib, design, period, settings, self._memory)
+        self.names = self._lib.known.value_names
+        self._force = np.zeros(2)
+        self._rate: float | None = None
+
+    def extend(self, part: Motion) -> None:
+        """Takes the next samples."""
+        if not len(part.states):
+            return
+        count, states = len(part.states), self._lib.sizes["NS"]
+        # What acted until a sample was commanded, and held, at the one before.
+        u = np.vstack((self._force, part.forces[:-1]))
+        z = np.zeros((count, states + 1))
+        z[:, :4] = part.states
+        z[:, states] = np.concatenate(([part.omega_z[0] if self._rate is None else self._rate], part.omega_z[:-1]))
+        temperature = part.measured[:, :1]
+        inputs = np.hstack((part.measured, temperature, temperature))
+        told = map(np.ascontiguousarray, (u, z, inputs))
+        self._lib.call.core_filter_told(pointer(self._memory), ctypes.c_int64(count), *(pointer(a) for a in told))
+        self._force, self._rate = part.forces[-1].copy(), float(part.omega_z[-1])
+
+    def deviations(self) -> tuple[Array, float, float]:
+        """Of the ``names``, SI, of the rate [rad/s], and of the pattern's turning [rad/s], at the last sample."""
+        return _deviations(self._lib, self._design, self._memory)
 
 
 def _deviations(lib: Library, design: Design, memory: Array) -> tuple[Array, float, float]:

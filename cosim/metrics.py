@@ -35,13 +35,14 @@ class Bounds(NamedTuple):
 
     t [s], shape (n,), rising; relative: of the seven in the order of PARAMETER_NAMES, shape (n, 7);
     omega: of the rate [rad/s], shape (n,); drift: of the pattern's turning at its worst angle
-    [rad/s], shape (n,).
+    [rad/s], shape (n,); effects: of what else is estimated, by FMU name, SI, shapes (n,).
     """
 
     t: Floats
     relative: Floats
     omega: Floats
     drift: Floats
+    effects: Mapping[str, Floats] = {}
 
     def relative_at(self, t: Floats) -> Floats:
         """Return the relative bounds at `t` [s], shape (m,), as (m, 7); NaN where none is known.

@@ -222,7 +222,8 @@ class Recorder:
         found: Bound = bound(Motion(states, forces, held[:, 0], held[:, 1:], run.period), design, times)
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = found.values[:, : len(PARAMETER_NAMES)] / np.abs([design.values[n] for n in PARAMETER_NAMES])
-        return Bounds(times, relative, found.omega, found.drift)
+        effects = {name: found.values[:, found.names.index(name)] for name in self.extra_names}
+        return Bounds(times, relative, found.omega, found.drift, effects)
 
 
 def true_parameters(device: Device, t: Floats, held: Floats | None = None) -> dict[str, Floats]:

@@ -1,0 +1,120 @@
+"""What the measures of the loop are made of: drift, lies, random devices, effects drawn by seed."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import polars as pl
+import pytest
+
+from benchmarks import loop_devices, loop_drift, loop_effects, loop_rest
+from benchmarks.closed_loop import sample_rows
+from cosim.design import load_design
+from gyro_model.errors import InputError
+
+T = np.arange(0, 1, 1e-3)
+
+
+def result_of(error_deg, valid=None, sigma_deg=0.1):
+    """A result whose angle C errs by ``error_deg``."""
+    columns = {
+        "t": T,
+        "angle_C": np.deg2rad(error_deg),
+        "angle_true": np.zeros_like(T),
+        "converged": np.ones_like(T, dtype=bool) if valid is None else valid,
+        "drift_sigma": np.deg2rad(np.full_like(T, sigma_deg)),
+    }
+    return SimpleNamespace(trace=pl.DataFrame(columns), bounds=None)
+
+
+def test_drift_is_the_slope_over_the_second_half():
+    error = np.where(T < 0.5, 100 * T, 3.0 + 0.2 * T)
+    assert loop_drift.drift(result_of(error)) == pytest.approx(0.2)
+    assert loop_drift.predicted(result_of(error)) == pytest.approx(0.1)
+    assert loop_drift.drift(result_of(np.where(T < 0.6, np.nan, error))) == np.inf
+
+
+def test_steps_at_edges_are_no_drift_between_edges():
+    edges = np.arange(0.05, 1, 0.05)
+    run = SimpleNamespace(
+        duration=1.0, scenario=SimpleNamespace(edges_until=lambda until: edges), device=None, sample_rate=1e3
+    )
+    steps = np.cumsum(np.sin(np.arange(len(edges) + 1)))[np.searchsorted(edges, T + 5e-7, side="right")]
+    found = loop_drift.drift_between_edges(result_of(0.3 * T + steps), run)
+    assert found == pytest.approx(0.3)
+
+
+def test_a_lie_is_a_valid_angle_that_drifts():
+    fast = np.where((T >= 0.3) & (T < 0.5), 2.0 * (T - 0.3), np.where(T < 0.3, 0.0, 0.4))
+    lie = loop_drift.lie(result_of(fast))
+    assert lie is not None
+    assert 0.3 <= lie.t < 0.41
+    assert lie.drift == pytest.approx(2.0)
+    # Where the loop predicts as much, or has withdrawn the flag, nothing was said that is not so.
+    assert loop_drift.lie(result_of(fast, sigma_deg=1.0)) is None
+    assert loop_drift.lie(result_of(fast, valid=(T < 0.3) | (T > 0.5))) is None
+    # Less than half a degree a second is no lie however sure the loop is.
+    assert loop_drift.lie(result_of(0.4 * T, sigma_deg=0.01)) is None
+
+
+@pytest.mark.parametrize("number", range(1, 40))
+def test_random_devices_are_what_they_should_be(number):
+    device = loop_devices.random_device(number)
+    p = device.all_parameters
+    assert p == loop_devices.random_device(number).all_parameters
+    frequency = np.sqrt(p["kxx"] / p["m"]) / 2 / np.pi
+    assert 1.5e3 <= frequency <= 15e3
+    assert 300 <= p["m"] * 2 * np.pi * frequency / p["dxx"] <= 1e5
+    assert abs(p["kxy"]) <= 0.1 * p["kxx"]
+    assert loop_devices.sample_rate(device) >= 25 * loop_devices.highest_mode(device)
+    for name, (low, high) in loop_devices.scaled_intervals(device).items():
+        assert low <= p[name] <= high
+    rounding, jitter = p["adc_lsb"] / np.sqrt(12), p["sampling_jitter"] * 2 * np.pi * frequency / np.sqrt(2)
+    flicker = p["flicker_noise"] * np.sqrt(np.log(0.5 * loop_devices.sample_rate(device)))
+    assert np.hypot(np.hypot(rounding, jitter), flicker) <= p["sense_noise"] * (1 + 1e-12)
+
+
+def test_scaled_intervals_are_those_that_a_design_makes():
+    device = loop_devices.random_device(1)
+    design = load_design("lab", device, 1)
+    own = loop_devices.scaled_intervals(device.with_parameters({"kxx": design.values["kxx"]}))
+    for name, (low, high) in own.items():
+        assert design.deviations[name] == pytest.approx((high - low) / 2 / 1.959964)
+
+
+def test_a_run_that_fails_is_a_row(monkeypatch):
+    def fail(run):
+        raise InputError("the plant broke")
+
+    monkeypatch.setattr(loop_devices, "simulate", fail)
+    outcome = loop_devices.measure((1, 2))
+    assert outcome.aborted
+    assert not outcome.good()
+    assert "the plant broke" in outcome.why
+    [line] = loop_devices.run_rows([outcome])
+    assert line.what == "device 1 seed 2"
+    assert loop_devices.summary_rows([outcome])
+
+
+def test_every_effect_is_drawn_from_an_interval_that_its_design_has():
+    for case in loop_effects.cases():
+        run = loop_effects.the_run(case, 3)
+        assert set(case.intervals) <= set(run.design.deviations)
+        assert all(low <= run.device.all_parameters[n] <= high for n, (low, high) in case.intervals.items())
+    with pytest.raises(InputError, match="cubic_stiffness"):
+        loop_effects.find_case("cubic_stifness")
+
+
+def test_rest_gives_bias_and_allan_deviation():
+    report = loop_rest.make_report(["plain"], [1], 4.0, 1)
+    assert [table.title for table in report.tables] == [
+        "bias over its bound, all windows but the first",
+        "plain, seed 1: bias in windows of 2 s",
+        "plain, seed 1: Allan deviation",
+    ]
+    assert all(value is not None for line in report.tables[1].rows for value in line.values.values())
+
+
+def test_shares_of_a_sample_add_up():
+    for line in sample_rows(timed=400, settling=400, repeats=1):
+        values = line.values
+        assert values["whole"] == pytest.approx(values["plant"] + values["observer"] + values["controller"])
