@@ -120,7 +120,7 @@ def prepare(request: Request) -> "RateRun":
     _choose("--plant", plant, tuple(OUTPUT_RATES))
     own, entries = split_settings(request.settings, "rate_mode")
     device = load_device(request.device).with_parameters(own)
-    device = replace(device, rate_mode={**device.rate_mode, **entries})
+    device = replace(device, rate_mode={**device.rate_mode, **entries["rate_mode"]})
     return RateRun(
         device=device,
         rate=rate,

@@ -8,7 +8,6 @@ angle; edges that lie on the sampling grid stay sharp.
 from cosim.rate_profile import RateProfile, packaged_profile
 from cosim.scenarios.courses import Constant, Course, Part, Sine, Square, curve, measured, ramps, steps
 from cosim.scenarios.files import descriptions, load_scenario, scenario_names
-from cosim.scenarios.first_estimates import FIRST_ERROR, first_estimates
 from cosim.scenarios.scenario import INPUT_NAMES, Scenario
 from gyro_model.errors import InputError
 
@@ -46,7 +45,6 @@ def scenario(name: str, profile: RateProfile | None = None, start: float = 0.0) 
 
 __all__ = [
     "DESCRIPTIONS",
-    "FIRST_ERROR",
     "INPUT_NAMES",
     "Constant",
     "Course",
@@ -56,7 +54,6 @@ __all__ = [
     "Square",
     "curve",
     "descriptions",
-    "first_estimates",
     "load_scenario",
     "measured",
     "ramps",

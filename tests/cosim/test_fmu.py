@@ -54,9 +54,9 @@ def test_handle_has_an_address_in_each_place() -> None:
 
 def test_a_refused_step_is_a_status_and_a_complaint() -> None:
     with open_plant({}) as plant:
-        status, _ = steps(plant.handle, plant.inputs, plant.outputs, np.zeros(3), 1, 1.5e-6)
+        status, _ = steps(plant.handle, plant.inputs, plant.outputs, np.zeros(3), 1, -1e-6)
         assert status == FMI_ERROR
-        assert "nearest are 1e-06 s and 2e-06 s" in plant.complaint()
+        assert "-1e-06 s" in plant.complaint()
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_a_refused_step_is_a_status_and_a_complaint() -> None:
         ({"k3_z": 1.0}, "did you mean 'k3_"),
         ({"m": -1.0}, "m = -1"),
         ({"kxy": 1e3}, "positive definite"),
-        ({"sample_period": 1.5e-6}, "sample_period"),
+        ({"sample_period": 0.0}, "sample_period"),
         ({"kxx": float("nan")}, "kxx"),
     ],
 )

@@ -19,10 +19,12 @@ from cosim.metrics import (
     summarise,
 )
 from cosim.rate_profile import packaged_profile, true_angle
+from cosim.recorder import Validity
 from cosim.scenarios import scenario
 
 PERIOD = 5e-5
 NO_EDGES = np.empty(0)
+VALIDITY = Validity(0.9, ((0.2, "dyy is not steady"),), True, "", "")
 TRUE = dict(zip(PARAMETER_NAMES, (64.0, 96.0, 13.0, 1.8e-6, 1.8e-6, 3.6e-7, 1.8e-7), strict=True))
 
 
@@ -35,6 +37,7 @@ def trace(error=0.0, count=20_000, converged_from=2000):
     theta_valid = np.where(converged, theta - theta[min(converged_from, count - 1)], np.nan)
     columns = {"t": t, "omega_true": omega, "est_omega_z": omega + 0.1, "angle_true": theta_valid}
     columns |= {f"angle_{unit}": theta_valid + 0.01 for unit in "ABC"}
+    columns |= {"drift_sigma": np.full(count, np.deg2rad(0.2)), "angle_sigma": np.full(count, np.deg2rad(0.05))}
     for name, value in TRUE.items():
         columns[f"true_{name}"] = np.full(count, value)
         columns[f"est_{name}"] = value * (1 + error) * np.ones(count)
@@ -62,11 +65,11 @@ def test_within_1_percent_always_and_never(error, expected):
 def test_over_bound_interpolates_the_logarithm():
     t = np.array([0.01, 0.1, 2.0])
     relative = np.outer([1.0, 1e-2, 1e-4], np.arange(1, 8))
-    bounds = Bounds(t, relative, np.ones(3))
+    bounds = Bounds(t, relative, np.ones(3), np.ones(3))
     np.testing.assert_allclose(
         bounds.relative_at(np.array([0.001, 0.055, 0.1, 5.0]))[:, 0], [np.nan, 0.1, 1e-2, np.nan]
     )
-    late = Bounds(t[:2], relative[:2], np.ones(2))
+    late = Bounds(t[:2], relative[:2], np.ones(2), np.ones(2))
     found = parameter_metrics(trace(-3e-2), late)
     # The last known bound, at 0.1 s: 3 % over 1 % times the rank; rounding of 1 - 0.03.
     assert found["kxx"]["over_bound"] == pytest.approx(3.0)
@@ -100,13 +103,18 @@ def test_angle_numbers_by_hand():
     # rms of a ramp from -start to 3 - start; the sum over 2e4 samples is 5e-5 of the integral off.
     ramp = ((3 - start) ** 3 + start**3) / 9
     assert found["rms_deg"] == pytest.approx(np.sqrt(ramp), rel=1e-4)
+    # The raw error keeps the 0.2 rad that it began with: a ramp from there to 3 deg more.
+    begin = np.rad2deg(0.2)
+    assert found["raw_max_deg"] == pytest.approx(begin + 3.0)
+    assert found["raw_rms_deg"] == pytest.approx(np.sqrt(((begin + 3) ** 3 - begin**3) / 9), rel=1e-4)
     assert found["lag_s"] is None
 
 
 def test_nothing_without_convergence():
     t = np.arange(100) * PERIOD
     found = angle_metrics(t, np.full(100, np.nan), t, t, None, NO_EDGES)
-    assert found == {"rms_deg": None, "max_deg": None, "drift_deg_per_s": None, "lag_s": None}
+    names = ("rms_deg", "max_deg", "raw_rms_deg", "raw_max_deg", "drift_deg_per_s", "lag_s")
+    assert found == dict.fromkeys(names)
 
 
 @given(st.floats(-1e-3, 1e-3), st.floats(-0.1, 0.1))
@@ -161,7 +169,7 @@ def test_hand_motion_is_too_slow_for_a_lag():
 
 
 def test_summary_is_strict_json_with_the_agreed_names():
-    table = trace(1e-3)
+    table = trace(1e-3).with_columns(est_k3_x=pl.lit(1.9e9))
     found = summarise(
         table,
         scenario="constant",
@@ -170,20 +178,36 @@ def test_summary_is_strict_json_with_the_agreed_names():
         converged_at=0.1,
         edges=scenario("constant").edges_until(1.0),
         bounds=None,
+        validity=VALIDITY,
+        extra={"k3_x": 2e9},
         real_time_factor=np.float64(2.0),
         run={"device": "reference"},
     )
     again = json.loads(json.dumps(found, allow_nan=False))
     assert again == found
-    assert list(found)[:7] == [
+    assert list(found)[:9] == [
         "scenario",
         "seed",
         "converged_at",
+        "valid",
+        "predicted",
+        "effects",
         "parameters",
         "omega",
         "angle",
-        "angle_units",
     ]
+    assert found["valid"] == {
+        "share": 0.9,
+        "withdrawn": [{"t": 0.2, "reason": "dyy is not steady"}],
+        "now": True,
+        "reason": "",
+        "stopped": "",
+    }
+    assert found["effects"] == {"k3_x": {"true": 2e9, "estimate": 1.9e9}}
+    # Degrees to radians and back: two roundings.
+    assert found["predicted"]["drift_sigma_deg_per_s"] == pytest.approx(0.2, rel=1e-15)
+    assert found["predicted"]["angle_sigma_deg"] == pytest.approx(0.05, rel=1e-15)
+    assert found["predicted"]["drift_bound_deg_per_s"] is None
     assert list(found["parameters"]) == list(PARAMETER_NAMES)
     assert found["angle"] == {"unit": "A", **found["angle_units"]["A"]}
     # A constant offset is no error: rounding of 0.01 rad in degrees.
@@ -191,7 +215,7 @@ def test_summary_is_strict_json_with_the_agreed_names():
 
 
 def test_summary_of_a_run_that_never_converged():
-    table = trace(np.nan, converged_from=10**9)
+    table = trace(np.nan, converged_from=10**9).with_columns(drift_sigma=pl.lit(np.inf), angle_sigma=pl.lit(np.inf))
     found = summarise(
         table,
         scenario="motion",
@@ -200,11 +224,15 @@ def test_summary_of_a_run_that_never_converged():
         converged_at=float("nan"),
         edges=NO_EDGES,
         bounds=None,
+        validity=Validity(0.0, (), False, "dyy is not sure", ""),
+        extra={},
         real_time_factor=float("inf"),
         run={},
     )
     json.dumps(found, allow_nan=False)
     assert found["converged_at"] is None
+    assert found["predicted"]["drift_sigma_deg_per_s"] is None
+    assert found["valid"]["now"] is False
     assert found["angle"]["rms_deg"] is None
     assert found["parameters"]["kxx"]["within_1_percent_at"] is None
     assert found["real_time_factor"] is None

@@ -5,12 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim.layout import ESTIMATE_SIZE, GAIN_RATIO, M, Y
 from cosim.rate_profile import packaged_profile, true_angle
 from cosim.scenarios import (
     DESCRIPTIONS,
     INPUT_NAMES,
-    first_estimates,
     load_scenario,
     scenario,
     scenario_names,
@@ -184,25 +182,3 @@ def test_bad_choices_are_named():
         scenario("constant", packaged_profile())
     with pytest.raises(InputError, match="start 7 s lies outside"):
         scenario("motion", start=7.0)
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_first_estimates_are_10_to_50_percent_off(seed):
-    true = np.arange(1.0, ESTIMATE_SIZE + 1)
-    true[Y] = 0.0
-    first = first_estimates(true, np.random.default_rng(seed))
-    off = np.abs(first[: M + 1] / np.where(true[: M + 1] == 0, 1, true[: M + 1]) - 1)
-    known = true[: M + 1] != 0
-    # Rounding of the product.
-    assert ((off[known] >= 0.1 - 1e-12) & (off[known] <= 0.5 + 1e-12)).all()
-    assert first[Y] == 0.0
-    np.testing.assert_array_equal(first[M + 1 : GAIN_RATIO + 1], true[M + 1 :])
-
-
-def test_first_estimates_follow_the_seed():
-    true = np.ones(ESTIMATE_SIZE)
-    draws = [first_estimates(true, np.random.default_rng(seed)) for seed in (1, 1, 2)]
-    np.testing.assert_array_equal(draws[0], draws[1])
-    assert not np.array_equal(draws[0], draws[2])
-    # Twelve signs alike by chance: once in 2048 seeds, and this seed is fixed.
-    assert set(np.sign(draws[0][: M + 1] - 1)) == {-1.0, 1.0}

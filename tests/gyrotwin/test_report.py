@@ -14,6 +14,7 @@ from cosim.angle_filters import band_pass, low_pass
 from cosim.layout import PARAMETER_NAMES, STATE_NAMES
 from cosim.metrics import Bounds, summarise
 from cosim.rate_profile import true_angle
+from cosim.recorder import Validity
 from cosim.scenarios import scenario
 from gyrotwin import figures
 from gyrotwin.console import results
@@ -36,13 +37,14 @@ def made_up_run(name="constant", converged_at=0.08):
     columns = {"t": t, "omega_true": omega, "est_omega_z": omega, "angle_true": theta}
     columns |= {"angle": theta + ripple, "angle_quality": np.ones(count), "converged": valid}
     columns |= {f"angle_{unit}": theta + ripple for unit in "ABC"}
+    columns |= {"drift_sigma": np.full(count, 2e-3), "angle_sigma": np.full(count, 1e-3)}
     columns |= {f"{kind}_{s}": np.cos(2e4 * t) for s in STATE_NAMES for kind in ("est", "true")}
     for parameter in PARAMETER_NAMES:
         columns[f"true_{parameter}"] = np.full(count, 2.0)
         columns[f"est_{parameter}"] = 2.0 + np.exp(-t / 0.01) + ripple
     trace = pl.DataFrame(columns)
     at = np.geomspace(0.01, 1.0, 20)
-    bounds = Bounds(at, np.outer(1e-4 / at, np.ones(7)), np.ones(20))
+    bounds = Bounds(at, np.outer(1e-4 / at, np.ones(7)), np.ones(20), np.full(20, 1e-3))
     summary = summarise(
         trace,
         scenario=name,
@@ -51,6 +53,8 @@ def made_up_run(name="constant", converged_at=0.08):
         converged_at=converged_at,
         edges=chosen.edges_until(1.0),
         bounds=bounds,
+        validity=Validity(0.9, ((0.5, "dxy is not <i>steady</i>"),), converged_at is not None, "", ""),
+        extra={},
         real_time_factor=1.5,
         run={"device": "<b>reference</b>", "description": "a </script> in a text"},
     )
