@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.known_model import KnownModel
+from cosim.known_model import KnownModel, can_be_estimated
 from cosim.layout import PARAMETER_NAMES
 from gyro_model.device import Device, interval, read_toml, write_file
 from gyro_model.errors import InputError, nearest
@@ -36,6 +36,8 @@ FIRST_DEVIATION: Final = 0.3
 32 %."""
 CROSS_DEVIATION: Final = 0.03
 """Of a cross stiffness or damping at least, as a part of the geometric mean: it may be zero and still be uncertain."""
+DEFAULT_AMPLITUDE: Final = 1e-6
+"""Amplitude of the pattern of a device that starts at rest [m]."""
 FROM_DEVICE: Final = ("sense_gain_x", "sense_gain_y", "x_start", "x_dot_start", "y_start", "y_dot_start")
 """Stated in the device file where the design does not give them, as is all noise."""
 TABLES: Final = ("parameters", "intervals", "controller", "monitor", "scaling", "reference")
@@ -87,7 +89,7 @@ class Design:
     @property
     def amplitude(self) -> float:
         """Amplitude that the controller holds [m]: that of the start."""
-        return float(np.hypot(self.all_values["x_start"], self.all_values["y_start"])) or 1e-6
+        return float(np.hypot(self.all_values["x_start"], self.all_values["y_start"])) or DEFAULT_AMPLITUDE
 
     @property
     def stiffness(self) -> float:
@@ -146,8 +148,9 @@ def _complete(data: Mapping[str, Any], device: Device, seed: int) -> Design:
     stated = [*FROM_DEVICE, *(q.name for e in model.effects if e.noise for q in e.parameters)]
     values = {name: device.all_parameters[name] for name in stated} | _drawn(device, seed) | given
     reference = tables["reference"]
+    sizes = values | {"x_start": float(np.hypot(values["x_start"], values["y_start"])) or DEFAULT_AMPLITUDE}
     factors = {
-        name: float(np.prod([(values[key] / reference[key]) ** power for key, power in powers.items()]))
+        name: float(np.prod([(sizes[key] / reference[key]) ** power for key, power in powers.items()]))
         for name, powers in tables["scaling"].items()
     }
     deviations = {name: FIRST_DEVIATION * abs(values[name]) for name in PARAMETER_NAMES}
@@ -160,7 +163,8 @@ def _complete(data: Mapping[str, Any], device: Device, seed: int) -> Design:
         if name in FROM_DEVICE:
             raise InputError(f"interval {name}: it is a gauge of the loop, or its start; give pickoff_gain_mismatch or a value")
         values[name] = given.get(name, min(max(0.5 * (low + high), quantity.low), quantity.high))
-        if high > low:
+        # What the loop can't find out it takes as known.
+        if high > low and (name in PARAMETER_NAMES or can_be_estimated(model, name)):
             deviations[name] = (high - low) / SIGMAS
     controller = dict(tables["controller"])
     if "tone2_deflection" in controller:

@@ -30,6 +30,16 @@ MEASURED: Final = ("temperature", "a_x", "a_y", "v_bias")
 _STATE, _FORCE, _ESTIMATED, _KNOWN = "s", "f", "p", "c"
 
 
+def can_be_estimated(model: Model, name: str) -> bool:
+    """Whether the loop can find a parameter of an effect: not where it is a time at which something happens, a lag of a
+    temperature, noise, the converter's limit, or the angular gain, which nothing but the angle shows."""
+    effect = next((e for e in model.effects if any(q.name == name for q in e.parameters)), None)
+    if effect is None or effect.noise or effect.nominal or isinstance(effect, Follow):
+        return False
+    timed = isinstance(effect, Law) and effect.event is not None and effect.event.name == name
+    return not timed and name not in ("angular_gain", "adc_limit")
+
+
 @dataclass(frozen=True)
 class KnownModel:
     """What the loop knows of a device: the effects ``acting`` besides the nominal ones, and the ``estimated``
@@ -44,13 +54,11 @@ class KnownModel:
     estimated: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        possible = {q.name: e for e in self.model.effects if e.id in self.acting for q in e.parameters}
+        possible = [q.name for e in self.model.effects if e.id in self.acting for q in e.parameters]
         for name in self.estimated:
             if name not in possible:
                 raise InputError(f"parameter {name!r} can't be estimated: no acting effect has it{nearest(name, possible)}")
-            effect = possible[name]
-            timed = isinstance(effect, Law) and effect.event is not None and effect.event.name == name
-            if timed or isinstance(effect, Follow) or effect.noise or name in ("angular_gain", "adc_limit"):
+            if not can_be_estimated(self.model, name):
                 raise InputError(f"parameter {name!r} can't be estimated by the loop: give it without an interval")
 
     @cached_property
@@ -129,7 +137,6 @@ class KnownModel:
         return {
             # Value, slope and curvature in time, then their derivatives by the states, in one: they share their terms.
             "jet": ("[6 + 6 * NS]", (*jet, *jet.jacobian(states))),
-            "jet_values": ("[6]", tuple(jet)),
             "jet_by_parameter": ("[6 * NP]", tuple(jet.jacobian(parameters))),
             "bend": ("[NS]", tuple(bend)),
             "bend_by_state": ("[NS * NS]", tuple(bend.jacobian(states))),

@@ -32,10 +32,6 @@ typedef struct {
 typedef struct {
     known k;
     motion m;
-    int shifted;       /* whether derivatives are taken at constants of their own: */
-    known still;       /* those, */
-    motion still_m;    /* the motion with them, */
-    double z_still[NZ], p_still[NP], shift[NP]; /* what moves with them, they again, and how far the estimates are from them */
     filter_settings settings;
     double gain[2];   /* sense gains [V/m], for what is told in metres */
     double prior[NP]; /* standard deviation of p at the start */
@@ -57,7 +53,7 @@ typedef struct {
     int64_t since; /* sample at which the constants were last opened */
     double walk, surprises, restarts, wait, share;
     double forget;          /* at which W grows [1/s] */
-    double found, expected, moving; /* squared step of the last block and its mean; running excess of their ratio */
+    double found, expected, expected_squares, moving; /* squared step of the last block and its mean; running excess of their ratio */
     int lost;               /* whether a whole start has found no device */
     double effort; /* samples that may still be filtered again */
     double fit; /* mean squared innovation at the last fit of a growing block */

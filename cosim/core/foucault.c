@@ -5,6 +5,7 @@
 #define PI 3.14159265358979323846
 #define CROSS 0.1 /* a cross term may be zero: it counts as no smaller than this part of its geometric mean */
 #define WAIT 16  /* samples between two looks at an unknown device */
+#define LOST 5.0 /* times `trust`: uncertainty of the mass at which the device counts as lost */
 #define NEWTON 3  /* steps in which the actuators are inverted; their curve is weak */
 
 static double tone_amplitude(const foucault_settings *s, int i) { return i < 2 ? s->tone_amplitude : s->tone2_amplitude; }
@@ -185,6 +186,9 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     const int due = c->formed ? c->count % every == 0 || (c->count % soon == 0 && has_jumped(c, estimate, deviation)) : c->count % WAIT == 0;
     if (due && is_known(c, estimate, deviation)) {
         form(c, estimate);
+    } else if (due && !(deviation[ESTIMATE_M] < LOST * set->trust * estimate[ESTIMATE_M])) {
+        /* The observer has lost the device: nothing of it is cancelled until it is found again. */
+        c->formed = 0;
     }
     if (!c->formed) {
         wait_with_tones(c, t, out);
@@ -289,6 +293,11 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     const double wanted[2] = {feedback[0] + c->loop.mix[0] * added[0] + c->loop.mix[1] * added[1],
                               feedback[1] + c->loop.mix[2] * added[0] + c->loop.mix[3] * added[1]};
     invert(c, s, wanted, out->u);
+    const double command = sqrt(out->u[0] * out->u[0] + out->u[1] * out->u[1]);
+    if (command > 1.5 * limit) {
+        out->u[0] *= 1.5 * limit / command;
+        out->u[1] *= 1.5 * limit / command;
+    }
     if (!isfinite(out->u[0]) || !isfinite(out->u[1])) {
         /* An estimate that is no number: the device is left alone until there is one. */
         out->u[0] = out->u[1] = 0.0;

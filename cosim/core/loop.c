@@ -8,6 +8,7 @@
 #else
 #define EXPORT __attribute__((visibility("default")))
 #endif
+#define FIT_TRUSTED 20.0 /* mean squared innovation of a start whose constants may be used */
 #define HEALTH_SIZE 8
 #define FMI_WORST_USABLE 1 /* OK or warning */
 
@@ -35,7 +36,8 @@ static void write_estimate(const filter *f, double *estimate, double *deviation)
             variance += sum * sum;
         }
         estimate[ESTIMATE_KXX + i] = values[i];
-        deviation[ESTIMATE_KXX + i] = sqrt(variance);
+        /* A start that does not fit yet knows nothing, whatever its rows say. */
+        deviation[ESTIMATE_KXX + i] = f->growing && !(f->fit < FIT_TRUSTED) ? HUGE_VAL : sqrt(variance);
     }
     for (int i = 0; i < NS + 1; i++) {
         double total = f->now.P[i][i];

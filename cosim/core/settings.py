@@ -19,7 +19,7 @@ FILTER: Final = {
     "forget_max": 10.0,
     "forget_rate": 0.5,
     "block": 200.0,
-    "start": 8192.0,
+    "start": 16384.0,
 }
 """omega_walk_min, _max: limits of the random walk of the rate [rad/s per sqrt(s)]; omega_walk_rate: how fast it adapts
 [1 per 64 samples]; omega_jump: size of a sudden change of the rate [rad/s]; surprise: squared innovation over its

@@ -1,0 +1,198 @@
+#include "block.h"
+
+#define PARALLEL 1e-7 /* share of a variance that two bounds must not have in common */
+#define BOUNDS 4     /* lowest values that may be reached at once */
+
+double block_information(const filter *f, double L[NP][NP], double b[NP])
+{
+    double trace = 0.0;
+    for (int i = 0; i < NP; i++) {
+        b[i] = 0.0;
+        for (int j = 0; j < NP; j++) {
+            L[i][j] = i == j ? 1.0 : 0.0;
+        }
+    }
+    for (int64_t r = 0; r < f->rows; r++) {
+        double g[NP];
+        for (int j = 0; j < NP; j++) {
+            g[j] = 0.0;
+        }
+        for (int i = 0; i < NP; i++) {
+            const double h = f->H[r][i];
+            for (int j = i; j < NP; j++) {
+                g[j] += f->W[i][j] * h;
+            }
+        }
+        for (int i = 0; i < NP; i++) {
+            b[i] += g[i] * f->r[r];
+            for (int j = 0; j <= i; j++) {
+                L[i][j] += g[i] * g[j];
+            }
+        }
+    }
+    for (int i = 0; i < NP; i++) {
+        trace += L[i][i] - 1.0;
+    }
+    for (int j = 0; j < NP; j++) {
+        for (int k = 0; k < j; k++) {
+            L[j][j] -= L[j][k] * L[j][k];
+        }
+        L[j][j] = sqrt(larger(L[j][j], 1.0)); /* J is at least the identity */
+        for (int i = j + 1; i < NP; i++) {
+            for (int k = 0; k < j; k++) {
+                L[i][j] -= L[i][k] * L[j][k];
+            }
+            L[i][j] /= L[j][j];
+        }
+    }
+    return trace;
+}
+
+double block_squares_of(double L[NP][NP])
+{
+    double total = 0.0;
+    for (int i = 0; i < NP; i++) {
+        for (int j = 0; j <= i; j++) {
+            double sum = 0.0;
+            for (int k = 0; k <= j; k++) {
+                sum += L[i][k] * L[j][k];
+            }
+            total += (i == j ? 1.0 : 2.0) * sum * sum;
+        }
+    }
+    return total;
+}
+
+void block_solve(double L[NP][NP], const double b[NP], double x[NP], double half[NP])
+{
+    for (int i = 0; i < NP; i++) {
+        half[i] = b[i];
+        for (int k = 0; k < i; k++) {
+            half[i] -= L[i][k] * half[k];
+        }
+        half[i] /= L[i][i];
+    }
+    for (int i = NP - 1; i >= 0; i--) {
+        x[i] = half[i];
+        for (int k = i + 1; k < NP; k++) {
+            x[i] -= L[k][i] * x[k];
+        }
+        x[i] /= L[i][i];
+    }
+}
+
+void block_shrink(filter *f, double L[NP][NP])
+{
+    for (int i = 0; i < NP; i++) {
+        for (int j = i; j < NP; j++) {
+            double value = f->W[i][j];
+            for (int k = i; k < j; k++) {
+                value -= f->W[i][k] * L[j][k];
+            }
+            f->W[i][j] = value / L[j][j];
+        }
+    }
+}
+
+double block_squared(const double x[NP])
+{
+    double total = 0.0;
+    for (int i = 0; i < NP; i++) {
+        total += x[i] * x[i];
+    }
+    return total;
+}
+
+void block_set_constants(filter *f, const double eta[NP], double change[NP])
+{
+    for (int i = 0; i < NP; i++) {
+        double p = f->p_begun[i];
+        for (int j = i; j < NP; j++) {
+            p += f->W[i][j] * eta[j];
+        }
+        change[i] = p - f->k.p[i];
+        f->k.p[i] = p;
+    }
+}
+
+double block_constant_at(const filter *f, const double eta[NP], int i)
+{
+    double p = f->p_begun[i];
+    for (int j = i; j < NP; j++) {
+        p += f->W[i][j] * eta[j];
+    }
+    return p;
+}
+
+void block_keep_in_bounds(const filter *f, double L[NP][NP], double eta[NP])
+{
+    double along[BOUNDS][NP], free_eta[NP];
+    int at[BOUNDS], count = 0;
+    memcpy(free_eta, eta, sizeof free_eta);
+    for (int grown = 1; grown;) {
+        grown = 0;
+        for (int i = 0; i < NP && count < BOUNDS; i++) {
+            const double hair = 1e-12 * f->prior[i];
+            if (block_constant_at(f, eta, i) < f->lowest[i] - hair) {
+                double w[NP], half[NP];
+                for (int j = 0; j < NP; j++) {
+                    w[j] = j >= i ? f->W[i][j] : 0.0;
+                }
+                block_solve(L, w, along[count], half);
+                at[count++] = i;
+                grown = 1;
+            }
+        }
+        if (grown) {
+            /* (W_A J^-1 W_A') lambda = what is missing, by elimination; symmetric and positive. */
+            double S[BOUNDS][BOUNDS + 1];
+            for (int a = 0; a < count; a++) {
+                for (int b = 0; b < count; b++) {
+                    S[a][b] = 0.0;
+                    for (int j = at[a]; j < NP; j++) {
+                        S[a][b] += f->W[at[a]][j] * along[b][j];
+                    }
+                }
+                S[a][count] = f->lowest[at[a]] - block_constant_at(f, free_eta, at[a]);
+            }
+            double own[BOUNDS];
+            for (int a = 0; a < count; a++) {
+                own[a] = S[a][a];
+            }
+            for (int a = 0; a < count; a++) {
+                for (int b = a + 1; b < count && S[a][a] > PARALLEL * own[a]; b++) {
+                    const double factor = S[b][a] / S[a][a];
+                    for (int c = a; c <= count; c++) {
+                        S[b][c] -= factor * S[a][c];
+                    }
+                }
+            }
+            memcpy(eta, free_eta, sizeof free_eta);
+            for (int a = count - 1; a >= 0; a--) {
+                double lambda = S[a][count];
+                for (int b = a + 1; b < count; b++) {
+                    lambda -= S[a][b] * S[b][count];
+                }
+                /* A bound that the others reach already, to within what is known of their sum, is left as it is. */
+                lambda = S[a][a] > PARALLEL * own[a] ? lambda / S[a][a] : 0.0;
+                S[a][count] = lambda;
+                for (int j = 0; j < NP; j++) {
+                    eta[j] += lambda * along[a][j];
+                }
+            }
+        }
+    }
+}
+
+double block_distance(double L[NP][NP], const double a[NP], const double b[NP])
+{
+    double total = 0.0;
+    for (int j = 0; j < NP; j++) {
+        double sum = 0.0;
+        for (int i = j; i < NP; i++) {
+            sum += L[i][j] * (a[i] - b[i]);
+        }
+        total += sum * sum;
+    }
+    return sqrt(total);
+}

@@ -1,0 +1,35 @@
+/* A block of innovations folded into the constants: least squares in units of what was known before, W. */
+
+#ifndef BLOCK_H
+#define BLOCK_H
+
+#include "filter.h"
+
+/* J = I + sum of the block's rows in units of W, as its Cholesky factor L; b = sum of row * innovation. Returns the trace of J - I. */
+double block_information(const filter *f, double L[NP][NP], double b[NP]);
+
+/* tr (L L')^2. */
+double block_squares_of(double L[NP][NP]);
+
+/* Solves L L' x = b; also gives L^-1 b. */
+void block_solve(double L[NP][NP], const double b[NP], double x[NP], double half[NP]);
+
+/* W becomes W L^-T, which is upper triangular again. */
+void block_shrink(filter *f, double L[NP][NP]);
+
+double block_squared(const double x[NP]);
+
+/* p = p_begun + W eta; `change` is what that changes. */
+void block_set_constants(filter *f, const double eta[NP], double change[NP]);
+
+/* p_begun + W eta, its entry i. */
+double block_constant_at(const filter *f, const double eta[NP], int i);
+
+/* Keeps p = p_begun + W eta at its lowest values: where eta lies below some, it goes to the most likely point on all of these bounds together, given
+   the Hessian L L'. A delay and a lag that can't be told apart pull at each other, so one after the other would not do. */
+void block_keep_in_bounds(const filter *f, double L[NP][NP], double eta[NP]);
+
+/* |L' (a - b)|: how far a is from b in standard deviations. */
+double block_distance(double L[NP][NP], const double a[NP], const double b[NP]);
+
+#endif

@@ -1,0 +1,360 @@
+/* What is predicted: z, its slopes Y by p and its covariance over a sample period, and the sample that they make. */
+
+#include "prediction.h"
+
+#include "known_model.h"
+
+#define TURN 1.0     /* change of the rate from which the motion is formed anew [rad/s] */
+
+/* What a motion is followed with: a device, its motion, the moving values z [NZ] and their slopes by p. */
+typedef struct {
+    const known *k;
+    const motion *m;
+    double *z;
+    double (*Y)[NP];
+} frame;
+
+void filter_form(filter *f)
+{
+    motion_form(&f->m, &f->k, f->now.z[OMEGA], f->m.period);
+}
+
+const double *filter_command(const filter *f, int64_t sample) { return f->u[(sample > 0 ? sample : 0) & (QUEUE - 1)]; }
+
+/* A force at the mass [N] and the command that it came of. */
+typedef struct {
+    double f[2];
+    const double *u;
+} acting;
+
+/* The force that the command of `sample` makes. */
+static acting force_of(const filter *f, const frame *w, int64_t sample)
+{
+    acting a;
+    a.u = filter_command(f, sample);
+    known_actuate(w->k, w->z, a.u, w->z[OMEGA], a.f);
+    return a;
+}
+
+/* The force after the change of the delayed force within the period that ends at the present sample. */
+static acting force_after(const filter *f, const frame *w) { return force_of(f, w, f->sample - 1 - w->m->delay_samples); }
+
+/* Adds phi g to `out`, both NS rows of NP. */
+static void add_through(const double *phi, double g[NS][NP], double weight, double out[NS][NP])
+{
+    for (int i = 0; i < NS; i++) {
+        for (int j = 0; j < NS; j++) {
+            const double through = weight * phi[i * NS + j];
+            for (int q = 0; q < NP; q++) {
+                out[i][q] += through * g[j][q];
+            }
+        }
+    }
+}
+
+/* What a piece did: the derivatives of the states at its end by those at its start (phi), the rate (psi) and p (D). */
+typedef struct {
+    double phi[NS][NS], psi[NS], D[NS][NP];
+} slopes;
+
+static void find_slopes(const known *k, double h, const passage *way, double omega_z, slopes *d)
+{
+    const double none[2] = {0.0, 0.0};
+    double w[NS], bent[NS * NS];
+    memset(d, 0, sizeof *d);
+    for (int i = 0; i < NS; i++) {
+        memcpy(d->phi[i], way->whole + NS * i, sizeof d->phi[i]);
+    }
+    for (int n = 0; n < NODES; n++) {
+        const double weight = h * NODE_WEIGHT[n], *from = passage_from(way, n);
+        const int ends = n == NODES - 1;
+        double m[NS * NS];
+        for (int i = 0; i < NS; i++) {
+            for (int j = 0; j < NS; j++) {
+                m[i * NS + j] = weight * (ends ? (i == j ? 1.0 : 0.0) : from[i * NS + j]);
+            }
+        }
+        spread_rate_by_parameter(k, way->s[n], none, omega_z, m, NS, &d->D[0][0]);
+        known_rate_by_omega(k, way->s[n], none, omega_z, w);
+        for (int i = 0; i < NS; i++) {
+            for (int j = 0; j < NS; j++) {
+                d->psi[i] += m[i * NS + j] * w[j];
+            }
+        }
+        if (BENT) {
+            /* To first order in the bend B: the integral of phi(h - s) B phi(s). */
+            double moved[NS][NS];
+            known_bend_by_state(k, way->s[n], none, omega_z, bent);
+            for (int i = 0; i < NS; i++) {
+                for (int j = 0; j < NS; j++) {
+                    moved[i][j] = n == 0 ? bent[i * NS + j] : 0.0;
+                    for (int r = 0; r < NS && n > 0; r++) {
+                        moved[i][j] += bent[i * NS + r] * passage_to(way, n)[r * NS + j];
+                    }
+                }
+            }
+            for (int i = 0; i < NS; i++) {
+                for (int j = 0; j < NS; j++) {
+                    double total = ends ? moved[i][j] : 0.0;
+                    for (int r = 0; r < NS && !ends; r++) {
+                        total += from[i * NS + r] * moved[r][j];
+                    }
+                    d->phi[i][j] += weight * total;
+                }
+            }
+        }
+    }
+}
+
+/* Adds the derivatives by p of the voltage at `s` by way of the force to out [2 * NP], times `weight`. */
+static void add_force_in_voltage(const known *k, const double *s, const acting *force, double omega_z, double weight, double *out)
+{
+    if (FEEDS) {
+        double by_force[4];
+        known_pick_off_by_force(k, s, force->f, omega_z, by_force);
+        for (int i = 0; i < 4; i++) {
+            by_force[i] *= weight;
+        }
+        spread_actuate_by_parameter(k, s, force->u, omega_z, by_force, 2, out);
+    }
+}
+
+/* Adds what one end of a piece of duration h contributes to the lagging voltages: the weights [3] of value, slope and curvature, as they stand and
+   by tau; and their derivatives: M [2 * NS] by the states, Y [2 * NP] by p. */
+static void add_end(const known *k, const double *s, const acting *force, double omega_z, const double *weight, const double *by_tau, double h,
+                    double value[2], double value_by_tau[2], double M[2 * NS], double *Y)
+{
+    const double scale[3] = {1.0, h, h * h};
+    double jet[6 + 6 * NS], m[2 * 6];
+    known_jet(k, s, force->f, omega_z, jet);
+    memset(M, 0, 2 * NS * sizeof *M);
+    memset(m, 0, sizeof m);
+    for (int i = 0; i < 3; i++) {
+        const double w = weight[i] * scale[i];
+        for (int a = 0; a < 2; a++) {
+            const int row = 2 * i + a;
+            value[a] += w * jet[row];
+            value_by_tau[a] += by_tau[i] * scale[i] * jet[row];
+            m[6 * a + row] = w;
+            for (int j = 0; j < NS; j++) {
+                M[a * NS + j] += w * jet[6 + row * NS + j];
+            }
+        }
+    }
+    spread_jet_by_parameter(k, s, force->f, omega_z, m, 2, Y);
+    add_force_in_voltage(k, s, force, omega_z, weight[0], Y);
+}
+
+/* Moves the lagging voltages through a piece, with their rows of Y and of F; `from` are the rows of Y of the states at its start. */
+static void move_lag(const frame *w, const piece *part, const passage *way, const acting *force, const double *tau_by_p, double from[NS][NP],
+                     double F[NZ][NZ])
+{
+    const lagging *l = &part->lag;
+    const double omega_z = w->z[OMEGA];
+    double *z = w->z + LAG, *Y = w->Y[LAG], by_tau[2], M0[2 * NS], M1[2 * NS];
+    for (int a = 0; a < 2; a++) {
+        by_tau[a] = l->stay_by_tau * z[a];
+        z[a] *= l->stay;
+    }
+    for (int q = 0; q < 2 * NP; q++) {
+        Y[q] *= l->stay;
+    }
+    add_end(w->k, way->s[0], force, omega_z, l->start, l->start_by_tau, part->duration, z, by_tau, M0, Y);
+    add_end(w->k, way->s[NODES - 1], force, omega_z, l->end, l->end_by_tau, part->duration, z, by_tau, M1, Y);
+    for (int a = 0; a < 2; a++) {
+        F[LAG + a][LAG + a] = l->stay;
+        for (int q = 0; q < NP; q++) {
+            double total = by_tau[a] * tau_by_p[q];
+            for (int j = 0; j < NS; j++) {
+                total += M0[a * NS + j] * from[j][q] + M1[a * NS + j] * w->Y[j][q];
+            }
+            Y[a * NP + q] += total;
+        }
+        for (int j = 0; j < NS; j++) {
+            F[LAG + a][j] += M0[a * NS + j];
+            for (int r = 0; r < NS + 1; r++) {
+                F[LAG + a][r] += M1[a * NS + j] * F[j][r];
+            }
+        }
+    }
+}
+
+/* P becomes F P F' and the noise of the motion. */
+static void predict_covariance(filter *f, double F[NZ][NZ], const passage *way)
+{
+    moving *n = &f->now;
+    const double none[2] = {0.0, 0.0}, *g = way->force;
+    double FP[NZ][NZ], thermal[4];
+    for (int i = 0; i < NZ; i++) {
+        for (int j = 0; j < NZ; j++) {
+            double total = 0.0;
+            for (int r = 0; r < NZ; r++) {
+                total += F[i][r] * n->P[r][j];
+            }
+            FP[i][j] = total;
+        }
+    }
+    for (int i = 0; i < NZ; i++) {
+        for (int j = i; j < NZ; j++) {
+            double total = 0.0;
+            for (int r = 0; r < NZ; r++) {
+                total += FP[i][r] * F[j][r];
+            }
+            n->P[i][j] = n->P[j][i] = total;
+        }
+    }
+    n->P[OMEGA][OMEGA] += f->walk * f->walk * f->m.period;
+    if (HAS_THERMAL) {
+        known_thermal(&f->k, way->s[NODES - 1], none, n->z[OMEGA], thermal);
+        for (int i = 0; i < NS; i++) {
+            for (int j = 0; j < NS; j++) {
+                n->P[i][j] += g[i * 2] * (thermal[0] * g[j * 2] + thermal[1] * g[j * 2 + 1]) +
+                              g[i * 2 + 1] * (thermal[2] * g[j * 2] + thermal[3] * g[j * 2 + 1]);
+            }
+        }
+    }
+}
+
+/* Moves z and its slopes through a piece; F becomes the piece's derivative by z. */
+static void move_through(const frame *w, const piece *part, const acting *force, const double *tau_by_p, double F[NZ][NZ], passage *way)
+{
+    const double omega_z = w->z[OMEGA], mass = 1.0 / w->k->p[INVERSE_MASS];
+    double from[NS][NP];
+    slopes d;
+    motion_move(w->m, part, w->k, omega_z, force->f, w->z, way);
+    find_slopes(w->k, part->duration, way, omega_z, &d);
+    memcpy(from, w->Y, sizeof from);
+    memset(F, 0, NZ * sizeof *F);
+    F[OMEGA][OMEGA] = 1.0;
+    for (int i = 0; i < NS; i++) {
+        memcpy(F[i], d.phi[i], sizeof d.phi[i]);
+        F[i][OMEGA] = d.psi[i];
+        d.D[i][INVERSE_MASS] += mass * (way->force[2 * i] * force->f[0] + way->force[2 * i + 1] * force->f[1]);
+        for (int q = 0; q < NP; q++) {
+            d.D[i][q] += d.psi[i] * w->Y[OMEGA][q];
+        }
+    }
+    spread_actuate_by_parameter(w->k, w->z, force->u, omega_z, way->force, NS, &d.D[0][0]);
+    add_through(&d.phi[0][0], from, 1.0, d.D);
+    memcpy(w->Y, d.D, sizeof d.D);
+    memcpy(w->z, way->s[NODES - 1], sizeof way->s[NODES - 1]);
+    if (HAS_LAG) {
+        move_lag(w, part, way, force, tau_by_p, from, F);
+    }
+}
+
+/* The delayed force changes here: a longer delay puts that off. */
+static void change_force(const frame *w, const double before[2], const double after[2], const double *delay_by_p)
+{
+    const motion *m = w->m;
+    const double change[2] = {after[0] - before[0], after[1] - before[1]};
+    for (int i = 0; i < NS; i++) {
+        const double kick = m->b[2 * i] * change[0] + m->b[2 * i + 1] * change[1];
+        for (int q = 0; q < NP; q++) {
+            w->Y[i][q] -= kick * delay_by_p[q];
+        }
+    }
+    if (HAS_LAG && m->lag > 0.0) {
+        double v_before[2], v_after[2];
+        known_pick_off(w->k, w->z, before, w->z[OMEGA], v_before);
+        known_pick_off(w->k, w->z, after, w->z[OMEGA], v_after);
+        for (int a = 0; a < 2; a++) {
+            for (int q = 0; q < NP; q++) {
+                w->Y[LAG + a][q] += (v_before[a] - v_after[a]) / m->lag * delay_by_p[q];
+            }
+        }
+    }
+}
+
+/* Moves what a frame follows over the period that ends at the present sample. */
+static void carry(const filter *f, const frame *w, double F[NZ][NZ], passage *way)
+{
+    const double none[2] = {0.0, 0.0};
+    double late_by_p[2 * NP];
+    const acting after = force_after(f, w);
+    if (HAS_DELAY || HAS_LAG) {
+        known_late_by_parameter(w->k, w->z, none, w->z[OMEGA], late_by_p);
+    }
+    if (HAS_DELAY) {
+        const acting before = force_of(f, w, f->sample - 2 - w->m->delay_samples);
+        const int split = w->m->pieces[0].duration > 0.0;
+        double first[NZ][NZ], second[NZ][NZ], early[NS * 2];
+        if (split) {
+            move_through(w, &w->m->pieces[0], &before, late_by_p + NP, first, way);
+            memcpy(early, way->force, sizeof early);
+        }
+        change_force(w, before.f, after.f, late_by_p);
+        move_through(w, &w->m->pieces[1], &after, late_by_p + NP, split ? second : F, way);
+        for (int i = 0; split && i < NZ; i++) {
+            for (int j = 0; j < NZ; j++) {
+                F[i][j] = 0.0;
+                for (int r = 0; r < NZ; r++) {
+                    F[i][j] += second[i][r] * first[r][j];
+                }
+            }
+        }
+        /* A noise force acts over both pieces. */
+        for (int i = 0; split && i < NS; i++) {
+            for (int j = 0; j < NS; j++) {
+                way->force[2 * i] += way->whole[i * NS + j] * early[2 * j];
+                way->force[2 * i + 1] += way->whole[i * NS + j] * early[2 * j + 1];
+            }
+        }
+    } else {
+        move_through(w, &w->m->pieces[1], &after, late_by_p + NP, F, way);
+    }
+}
+
+/* Moves z, Y and P over the period that ends at the present sample. */
+void filter_predict(filter *f)
+{
+    moving *n = &f->now;
+    double F[NZ][NZ];
+    passage way;
+    if (fabs(n->z[OMEGA] - f->m.omega_z) > TURN) {
+        filter_form(f);
+    }
+    const frame w = {&f->k, &f->m, n->z, n->Y};
+    carry(f, &w, F, &way);
+    predict_covariance(f, F, &way);
+}
+
+/* What the sample should be, its derivatives by z and by p, and its noise [V2]. */
+void filter_expect(const filter *f, double v[2], double C[2][NZ], double by_p[2 * NP], double noise[2])
+{
+    const known *k = &f->k;
+    const frame now = {k, &f->m, (double *)f->now.z, NULL};
+    const double *z = f->now.z, one[4] = {1.0, 0.0, 0.0, 1.0};
+    double entering[2], through[4], rate[2], pick_by_s[2 * NS], pick_by_p[2 * NP];
+    const acting force = force_after(f, &now);
+    memset(by_p, 0, 2 * NP * sizeof *by_p);
+    memset(pick_by_p, 0, sizeof pick_by_p);
+    memset(C, 0, 2 * sizeof *C);
+    if (HAS_LAG) {
+        memcpy(entering, z + NZ - 2, sizeof entering);
+    } else {
+        known_pick_off(k, z, force.f, z[OMEGA], entering);
+        known_pick_off_by_state(k, z, force.f, z[OMEGA], pick_by_s);
+        spread_pick_off_by_parameter(k, z, force.f, z[OMEGA], one, 2, pick_by_p);
+        add_force_in_voltage(k, z, &force, z[OMEGA], 1.0, pick_by_p);
+    }
+    known_amplify(k, z, entering, z[OMEGA], v);
+    known_amplify_by_voltage(k, z, entering, z[OMEGA], through);
+    spread_amplify_by_parameter(k, z, entering, z[OMEGA], one, 2, by_p);
+    for (int a = 0; a < 2; a++) {
+        for (int b = 0; b < 2; b++) {
+            if (HAS_LAG) {
+                C[a][NZ - 2 + b] = through[2 * a + b];
+            } else {
+                for (int j = 0; j < NS; j++) {
+                    C[a][j] += through[2 * a + b] * pick_by_s[b * NS + j];
+                }
+                for (int q = 0; q < NP; q++) {
+                    by_p[a * NP + q] += through[2 * a + b] * pick_by_p[b * NP + q];
+                }
+            }
+        }
+    }
+    known_pick_off_rate(k, z, force.f, z[OMEGA], rate);
+    known_noise(k, z, rate, z[OMEGA], noise);
+}
