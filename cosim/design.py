@@ -40,6 +40,8 @@ DEFAULT_AMPLITUDE: Final = 1e-6
 """Amplitude of the pattern of a device that starts at rest [m]."""
 FROM_DEVICE: Final = ("sense_gain_x", "sense_gain_y", "x_start", "x_dot_start", "y_start", "y_dot_start")
 """Stated in the device file where the design does not give them, as is all noise."""
+ALWAYS_NOISE: Final = "sense_noise"
+"""The loop always reckons with it: a filter without noise is singular (see NOISE_FLOOR in cosim/running.py)."""
 TABLES: Final = ("parameters", "intervals", "controller", "monitor", "scaling", "reference")
 
 
@@ -81,7 +83,10 @@ class Design:
             effect.id
             for effect in self.model.effects
             if not effect.nominal
-            and any(values[q.name] != q.start or q.name in self.deviations for q in effect.sizes)
+            and (
+                effect.id == ALWAYS_NOISE
+                or any(values[q.name] != q.start or q.name in self.deviations for q in effect.sizes)
+            )
         ]
         estimated = tuple(name for name in self.deviations if name not in PARAMETER_NAMES)
         return KnownModel(self.model, tuple(acting), estimated)
@@ -161,7 +166,9 @@ def _complete(data: Mapping[str, Any], device: Device, seed: int) -> Design:
         low, high = (factors.get(name, 1.0) * bound for bound in interval(name, pair))
         quantity = model.parameter(name)
         if name in FROM_DEVICE:
-            raise InputError(f"interval {name}: it is a gauge of the loop, or its start; give pickoff_gain_mismatch or a value")
+            raise InputError(
+                f"interval {name}: it is a gauge of the loop, or its start; give pickoff_gain_mismatch or a value"
+            )
         values[name] = given.get(name, min(max(0.5 * (low + high), quantity.low), quantity.high))
         # What the loop can't find out it takes as known.
         if high > low and (name in PARAMETER_NAMES or can_be_estimated(model, name)):
@@ -180,4 +187,3 @@ def _drawn(device: Device, seed: int) -> dict[str, float]:
     error = rng.uniform(*FIRST_ERROR, count) * rng.choice((-1.0, 1.0), count)
     true = device.all_parameters
     return {name: true[name] * (1 + e) for name, e in zip(PARAMETER_NAMES, error[5:].tolist(), strict=True)}
-

@@ -16,7 +16,7 @@ from sympy import Expr, Matrix, Symbol, cse, expand, numbered_symbols
 
 from cosim.layout import PARAMETER_NAMES
 from gyro_model import symbols
-from gyro_model.anatomy import SLOTS, Delay, Follow, Lag, Law, Map
+from gyro_model.anatomy import Delay, Follow, Lag, Law, Map
 from gyro_model.c_printing import c_expression
 from gyro_model.dynamics import Dynamics
 from gyro_model.errors import InputError, nearest
@@ -57,7 +57,9 @@ class KnownModel:
         possible = [q.name for e in self.model.effects if e.id in self.acting for q in e.parameters]
         for name in self.estimated:
             if name not in possible:
-                raise InputError(f"parameter {name!r} can't be estimated: no acting effect has it{nearest(name, possible)}")
+                raise InputError(
+                    f"parameter {name!r} can't be estimated: no acting effect has it{nearest(name, possible)}"
+                )
             if not can_be_estimated(self.model, name):
                 raise InputError(f"parameter {name!r} can't be estimated by the loop: give it without an interval")
 
@@ -242,7 +244,11 @@ class KnownModel:
 
     def header(self) -> str:
         """The C header ``known_model.h``."""
-        lines = ["/* Written by cosim/known_model.py from the effect files. */", "#ifndef KNOWN_MODEL_H", "#define KNOWN_MODEL_H"]
+        lines = [
+            "/* Written by cosim/known_model.py from the effect files. */",
+            "#ifndef KNOWN_MODEL_H",
+            "#define KNOWN_MODEL_H",
+        ]
         lines += ['#include "known.h"']
         for name, (shape, exprs) in self._functions.items():
             sparse = name.endswith("_by_parameter") and name not in ("values_by_parameter", "late_by_parameter")
@@ -257,9 +263,14 @@ class KnownModel:
     def _function(self, name: str, shape: str, exprs: Sequence[Expr]) -> str:
         pairs, reduced = cse(exprs, numbered_symbols("w"), optimizations="basic")
         used = frozenset().union(*(e.free_symbols for e in (*reduced, *(e for _, e in pairs))), frozenset())
-        body = [f"static inline void known_{name}(const known *k, const double *s, const double *f, double omega_z, double out{shape})", "{"]
+        body = [
+            f"static inline void known_{name}(const known *k, const double *s, const double *f, double omega_z, double out{shape})",
+            "{",
+        ]
         body += ["    (void)k, (void)s, (void)f, (void)omega_z;"]
-        body += [f"    const double {symbol.name} = {text};" for symbol, text in self._sources().items() if symbol in used]
+        body += [
+            f"    const double {symbol.name} = {text};" for symbol, text in self._sources().items() if symbol in used
+        ]
         body += [f"    const double {symbol.name} = {c_expression(expr)};" for symbol, expr in pairs]
         body += [f"    out[{i}] = {c_expression(expr)};" for i, expr in enumerate(reduced)]
         return "\n".join([*body, "}"])
@@ -278,12 +289,16 @@ class KnownModel:
             "{",
             "    (void)k, (void)s, (void)f, (void)omega_z, (void)m, (void)rows, (void)out;",
         ]
-        body += [f"    const double {symbol.name} = {text};" for symbol, text in self._sources().items() if symbol in used]
+        body += [
+            f"    const double {symbol.name} = {text};" for symbol, text in self._sources().items() if symbol in used
+        ]
         body += [f"    const double {symbol.name} = {c_expression(expr)};" for symbol, expr in pairs]
         body += [f"    const double j{i} = {c_expression(expr)};" for i, expr in enumerate(reduced)]
         if present:
             body.append("    for (int r = 0; r < rows; r++) {")
-            body += [f"        out[r * NP + {q}] += m[r * {rows} + {row}] * j{i};" for i, ((row, q), _) in enumerate(present)]
+            body += [
+                f"        out[r * NP + {q}] += m[r * {rows} + {row}] * j{i};" for i, ((row, q), _) in enumerate(present)
+            ]
             body.append("    }")
         return "\n".join([*body, "}"])
 
@@ -298,10 +313,10 @@ class KnownModel:
         sources |= {symbol: f"k->p[{i}]" for i, symbol in enumerate(self.parameters)}
         sources |= {symbol: f"k->c[{i}]" for i, symbol in enumerate(self._constants_once)}
         sources |= {symbols.BY_NAME[name]: f"k->in[{i}]" for i, name in enumerate(MEASURED)}
-        sources |= {f.state: f"k->in[{len(MEASURED) + list(symbols.SET_BY).index(f.target)}]" for f in self.dynamics.followers}
         sources |= {
-            target: "k->in[0]" for target in symbols.SET_BY
-        } | {symbols.t: "k->t"}
+            f.state: f"k->in[{len(MEASURED) + list(symbols.SET_BY).index(f.target)}]" for f in self.dynamics.followers
+        }
+        sources |= {target: "k->in[0]" for target in symbols.SET_BY} | {symbols.t: "k->t"}
         index = {symbol: i for i, symbol in enumerate(self._constants_once)}
         for law in self._events:
             after = Symbol(f"after_{law.id}", real=True)

@@ -128,7 +128,11 @@ class Recorder:
 
     def _parts(self, rows: Floats) -> tuple[Floats, Floats, Floats]:
         count = len(self.names)
-        return rows[:, :count], rows[:, 2 * count : 2 * count + len(CONTROL_NAMES)], rows[:, 2 * count + len(CONTROL_NAMES) :]
+        return (
+            rows[:, :count],
+            rows[:, 2 * count : 2 * count + len(CONTROL_NAMES)],
+            rows[:, 2 * count + len(CONTROL_NAMES) :],
+        )
 
     def _judge(self, t: float, row: Floats, held: Floats) -> None:
         count = len(self.names)
@@ -139,7 +143,9 @@ class Recorder:
             # The flag holds from the next sample on.
             self.converged_at = float(t) + self.run.period
         if self.converged_at is not None and np.isfinite(self._verdict.drift_sigma):
-            self._angle_deviation += self._verdict.drift_sigma * (t + self.run.period - max(self._judged_at, self.converged_at))
+            self._angle_deviation += self._verdict.drift_sigma * (
+                t + self.run.period - max(self._judged_at, self.converged_at)
+            )
         self._judged_at = float(t) + self.run.period
 
     def _angle_true(self, converged: NDArray[np.bool_], omega_z: Floats) -> Floats:
@@ -216,7 +222,11 @@ class Recorder:
         )
         states, forces, held = (np.concatenate(parts) for parts in zip(*self._motion, strict=True))
         last = (len(held) - 1) * run.period
-        if not all(e.id in covered for e in run.device.model.effects) or not design.all_values["sense_noise"] or last < 1e-3:
+        if (
+            not all(e.id in covered for e in run.device.model.effects)
+            or not design.all_values["sense_noise"]
+            or last < 1e-3
+        ):
             return None
         times = np.geomspace(1e-3, last, BOUND_TIMES)
         found: Bound = bound(Motion(states, forces, held[:, 0], held[:, 1:], run.period), design, times)
@@ -245,4 +255,3 @@ def true_parameters(device: Device, t: Floats, held: Floats | None = None) -> di
             changed = evaluate(law, {**values, **result, "t": t, "after": np.asarray(passed, dtype=float)})
             result |= {name: np.broadcast_to(value, t.shape) for name, value in changed.items() if name in result}
     return result
-

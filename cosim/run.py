@@ -52,7 +52,9 @@ class Run:
         if not 1e-3 <= self.duration < 1e5:
             raise InputError(f"duration {self.duration:g} s: give one from 1e-3 to 1e5 s")
         if self.trace_rate is not None and not 0 < self.trace_rate <= self.sample_rate:
-            raise InputError(f"trace rate {self.trace_rate:g} Hz: give one up to the sample rate {self.sample_rate:g} Hz")
+            raise InputError(
+                f"trace rate {self.trace_rate:g} Hz: give one up to the sample rate {self.sample_rate:g} Hz"
+            )
         self.controller.settings_array(**self.controller_settings())
         self.observer.settings_array(**self.observer_settings())
         settings_array("monitor", MONITOR, self._of("monitor"))

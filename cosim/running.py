@@ -191,9 +191,7 @@ def _bridged_observer(observer: Observer, design: Design, period: float, setting
     @cfunc(types.void(real, real, real, real, real, real))
     def bridge(address, u, v, inputs, estimate, deviation):  # type: ignore[no-untyped-def]
         whole = carray(address, (total,))
-        step(
-            whole[count:first], whole[:count], u[0], u[1], v[0], v[1], whole[first:second], whole[second:]
-        )
+        step(whole[count:first], whole[:count], u[0], u[1], v[0], v[1], whole[first:second], whole[second:])
         for i in range(ESTIMATE_SIZE):
             estimate[i] = whole[first + i]
             deviation[i] = whole[second + i]

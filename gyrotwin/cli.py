@@ -49,8 +49,12 @@ def build(
 
 @app.command()
 def run(
-    scenario: Annotated[str, typer.Argument(help="A scenario by name (`gyrotwin list scenarios`) or a file of your own.")],
-    device: Annotated[str, typer.Option(help="What the plant is: packaged device by name, or a device file.")] = "reference",
+    scenario: Annotated[
+        str, typer.Argument(help="A scenario by name (`gyrotwin list scenarios`) or a file of your own.")
+    ],
+    device: Annotated[
+        str, typer.Option(help="What the plant is: packaged device by name, or a device file.")
+    ] = "reference",
     design: Annotated[
         str | None,
         typer.Option(help="All that the loop may know: plain, lab, or a file, such as the device.toml of a diagnosis."),
@@ -79,7 +83,8 @@ def run(
     sensing_defects: Annotated[
         bool,
         typer.Option(
-            "--sensing-defects", help="Offset, drift, gap, mismatches and parasitic in the pickoff; design sensing_defects."
+            "--sensing-defects",
+            help="Offset, drift, gap, mismatches and parasitic in the pickoff; design sensing_defects.",
         ),
     ] = False,
     angle: Annotated[str | None, typer.Option(help="Angle unit A, B or C; default: the scenario's.")] = None,
@@ -165,7 +170,9 @@ def _designs() -> Table:
 
     table = _table("design", "what the loop knows", "file")
     for name, path in packaged_designs().items():
-        comment = [line.removeprefix("# ") for line in path.read_text(encoding="utf-8").splitlines() if line[:2] == "# "]
+        comment = [
+            line.removeprefix("# ") for line in path.read_text(encoding="utf-8").splitlines() if line[:2] == "# "
+        ]
         table.add_row(name, comment[0], str(path))
     return table
 

@@ -87,7 +87,9 @@ def prepare(request: Request, folder: Path | None = None) -> Run:
     device = load_device(request.device, load_model(*request.effects))
     # The device's own start comes before the scenario's, what the user sets before both.
     device = device.with_parameters({**chosen.parameters, **device.parameters})
-    device = device.with_parameters({**(SENSING_DEFECTS if request.sensing_defects else {}), **device.parameters, **own})
+    device = device.with_parameters(
+        {**(SENSING_DEFECTS if request.sensing_defects else {}), **device.parameters, **own}
+    )
     seed = int(device.model.parameter("seed").check(request.seed))
     design = load_design(request.design or ("sensing_defects" if request.sensing_defects else DEFAULT), device, seed)
     stated = {name: value for name, value in device.controller.items() if request.design is None}
@@ -134,7 +136,9 @@ def split_settings(texts: Iterable[str], *tables: str) -> tuple[dict[str, float]
             raise InputError(f"--set {text!r}: give name=value with a number, SI")
         table, dot, key = name.partition(".")
         if dot and table not in entries:
-            raise InputError(f"--set {text!r}: {table!r} is unknown{nearest(table, entries)}; there are {', '.join(entries)}")
+            raise InputError(
+                f"--set {text!r}: {table!r} is unknown{nearest(table, entries)}; there are {', '.join(entries)}"
+            )
         (entries[table] if dot else own)[key.strip() if dot else name.strip()] = number
     return own, entries
 

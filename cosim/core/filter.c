@@ -18,6 +18,366 @@
 #define WATCHED 0.005 /* over which innovations are averaged [s] */
 #define FIRST 16     /* samples of the first block at its first fit */
 
+<<<<<<< HEAD
+=======
+#define TURN 1.0     /* change of the rate from which the motion is formed anew [rad/s] */
+
+#define INPUT 1e-3   /* relative change of temperature or bias voltage from which it is, too */
+
+static void form(filter *f)
+{
+    motion_form(&f->m, &f->k, f->now.z[OMEGA], f->m.period);
+    memcpy(f->formed_in, f->k.in, sizeof f->formed_in);
+}
+
+/* Whether an input that laws act on has left the one at which the motion was formed; an acceleration only adds a force. */
+static int input_has_changed(const filter *f)
+{
+    static const int laws[] = {0, 3, 4, 5};
+    int changed = 0;
+    for (size_t i = 0; i < sizeof laws / sizeof *laws; i++) {
+        const double formed = f->formed_in[laws[i]];
+        changed |= fabs(f->k.in[laws[i]] - formed) > INPUT * fabs(formed);
+    }
+    return changed;
+}
+
+static const double *command(const filter *f, int64_t sample) { return f->u[(sample > 0 ? sample : 0) & (QUEUE - 1)]; }
+
+/* The forces at the mass in the period that ends at `sample`: until the delayed change and after it, with derivatives by p. */
+static void forces(const filter *f, int64_t sample, double before[2], double after[2], double *before_by_p, double *after_by_p)
+{
+    const int64_t newest = sample - 1 - f->m.delay_samples;
+    const double *z = f->now.z;
+    known_actuate(&f->k, z, command(f, newest), z[OMEGA], after);
+    known_actuate_by_parameter(&f->k, z, command(f, newest), z[OMEGA], after_by_p);
+    if (HAS_DELAY) {
+        known_actuate(&f->k, z, command(f, newest - 1), z[OMEGA], before);
+        known_actuate_by_parameter(&f->k, z, command(f, newest - 1), z[OMEGA], before_by_p);
+    } else {
+        memcpy(before, after, 2 * sizeof *before);
+        memcpy(before_by_p, after_by_p, 2 * NP * sizeof *before_by_p);
+    }
+}
+
+/* Adds phi g to `out`, both NS rows of NP. */
+static void add_through(const double *phi, double g[NS][NP], double weight, double out[NS][NP])
+{
+    for (int i = 0; i < NS; i++) {
+        for (int j = 0; j < NS; j++) {
+            const double through = weight * phi[i * NS + j];
+            for (int q = 0; q < NP; q++) {
+                out[i][q] += through * g[j][q];
+            }
+        }
+    }
+}
+
+/* What a piece did: the derivatives of the states at its end by those at its start (phi), the rate (psi) and p (D). */
+typedef struct {
+    double phi[NS][NS], psi[NS], D[NS][NP];
+} slopes;
+
+static void find_slopes(const filter *f, double T, const passage *way, double omega_z, slopes *d)
+{
+    const double none[2] = {0.0, 0.0};
+    const double *at[3] = {way->start, way->middle, way->end};
+    double g[3][NS][NP], w[3][NS];
+    memset(d, 0, sizeof *d);
+    for (int i = 0; i < 3; i++) {
+        known_rate_by_parameter(&f->k, at[i], none, omega_z, &g[i][0][0]);
+        known_rate_by_omega(&f->k, at[i], none, omega_z, w[i]);
+    }
+    add_through(way->whole, g[0], T / 6.0, d->D);
+    add_through(way->half, g[1], T * 4.0 / 6.0, d->D);
+    for (int i = 0; i < NS; i++) {
+        d->psi[i] = T / 6.0 * w[2][i];
+        for (int q = 0; q < NP; q++) {
+            d->D[i][q] += T / 6.0 * g[2][i][q];
+        }
+        for (int j = 0; j < NS; j++) {
+            d->psi[i] += T / 6.0 * (way->whole[i * NS + j] * w[0][j] + 4.0 * way->half[i * NS + j] * w[1][j]);
+            d->phi[i][j] = way->whole[i * NS + j];
+        }
+    }
+    if (BENT) {
+        /* To first order in the bend: T/6 (phi B0 + 4 phi_half B1 phi_half + B2 phi). */
+        double bent[3][NS * NS], through[NS * NS];
+        for (int i = 0; i < 3; i++) {
+            known_bend_by_state(&f->k, at[i], none, omega_z, bent[i]);
+        }
+        for (int i = 0; i < NS; i++) {
+            for (int j = 0; j < NS; j++) {
+                double total = 0.0;
+                for (int r = 0; r < NS; r++) {
+                    total += bent[1][i * NS + r] * way->half[r * NS + j];
+                }
+                through[i * NS + j] = total;
+            }
+        }
+        for (int i = 0; i < NS; i++) {
+            for (int j = 0; j < NS; j++) {
+                double total = 0.0;
+                for (int r = 0; r < NS; r++) {
+                    total += way->whole[i * NS + r] * bent[0][r * NS + j] + 4.0 * way->half[i * NS + r] * through[r * NS + j] +
+                             bent[2][i * NS + r] * way->whole[r * NS + j];
+                }
+                d->phi[i][j] += T / 6.0 * total;
+            }
+        }
+    }
+}
+
+/* Derivatives of the voltage at `s` by p, those by way of the force included. */
+static void pick_off_by_p(const filter *f, const double *s, const double force[2], const double *force_by_p, double out[2 * NP])
+{
+    double by_force[4];
+    known_pick_off_by_parameter(&f->k, s, force, f->now.z[OMEGA], out);
+    known_pick_off_by_force(&f->k, s, force, f->now.z[OMEGA], by_force);
+    for (int a = 0; a < 2; a++) {
+        for (int q = 0; q < NP; q++) {
+            out[a * NP + q] += by_force[2 * a] * force_by_p[q] + by_force[2 * a + 1] * force_by_p[NP + q];
+        }
+    }
+}
+
+/* The voltage that enters the lag, its slope and its curvature at `s`, scaled by the duration h: [3][2], and their derivatives. */
+typedef struct {
+    double v[3][2], by_state[3][2 * NS], by_p[3][2 * NP];
+} entering;
+
+static void find_entering(const filter *f, const double *s, const double force[2], const double *force_by_p, double h, entering *e)
+{
+    const known *k = &f->k;
+    const double omega_z = f->now.z[OMEGA], scale[3] = {1.0, h, h * h};
+    known_pick_off(k, s, force, omega_z, e->v[0]);
+    known_pick_off_rate(k, s, force, omega_z, e->v[1]);
+    known_pick_off_curve(k, s, force, omega_z, e->v[2]);
+    known_pick_off_by_state(k, s, force, omega_z, e->by_state[0]);
+    known_pick_off_rate_by_state(k, s, force, omega_z, e->by_state[1]);
+    known_pick_off_curve_by_state(k, s, force, omega_z, e->by_state[2]);
+    pick_off_by_p(f, s, force, force_by_p, e->by_p[0]);
+    known_pick_off_rate_by_parameter(k, s, force, omega_z, e->by_p[1]);
+    known_pick_off_curve_by_parameter(k, s, force, omega_z, e->by_p[2]);
+    for (int i = 1; i < 3; i++) {
+        for (int a = 0; a < 2; a++) {
+            e->v[i][a] *= scale[i];
+        }
+        for (int j = 0; j < 2 * NS; j++) {
+            e->by_state[i][j] *= scale[i];
+        }
+        for (int q = 0; q < 2 * NP; q++) {
+            e->by_p[i][q] *= scale[i];
+        }
+    }
+}
+
+/* Moves the lagging voltages through a piece, with their rows of Y and of F; `from` are the rows of Y of the states at its start. */
+static void move_lag(filter *f, const piece *part, const passage *way, const double force[2], const double *force_by_p, const double *tau_by_p,
+                     double from[NS][NP], double F[NZ][NZ])
+{
+    moving *n = &f->now;
+    const lagging *w = &part->lag;
+    entering start, end;
+    find_entering(f, way->start, force, force_by_p, part->duration, &start);
+    find_entering(f, way->end, force, force_by_p, part->duration, &end);
+    for (int a = 0; a < 2; a++) {
+        const int row = LAG + a;
+        double value = w->stay * n->z[row], by_tau = w->stay_by_tau * n->z[row];
+        double *Y = n->Y[row];
+        F[row][row] = w->stay;
+        for (int q = 0; q < NP; q++) {
+            Y[q] *= w->stay;
+        }
+        for (int i = 0; i < 3; i++) {
+            value += w->start[i] * start.v[i][a] + w->end[i] * end.v[i][a];
+            by_tau += w->start_by_tau[i] * start.v[i][a] + w->end_by_tau[i] * end.v[i][a];
+            for (int q = 0; q < NP; q++) {
+                Y[q] += w->start[i] * start.by_p[i][a * NP + q] + w->end[i] * end.by_p[i][a * NP + q];
+            }
+        }
+        n->z[row] = value;
+        for (int q = 0; q < NP; q++) {
+            Y[q] += by_tau * tau_by_p[q];
+        }
+        for (int j = 0; j < NS; j++) {
+            double M0 = 0.0, M1 = 0.0;
+            for (int i = 0; i < 3; i++) {
+                M0 += w->start[i] * start.by_state[i][a * NS + j];
+                M1 += w->end[i] * end.by_state[i][a * NS + j];
+            }
+            F[row][j] += M0;
+            for (int r = 0; r < NS + 1; r++) {
+                F[row][r] += M1 * F[j][r];
+            }
+            for (int q = 0; q < NP; q++) {
+                Y[q] += M0 * from[j][q] + M1 * n->Y[j][q];
+            }
+        }
+    }
+}
+
+/* P becomes F P F' and the noise of the motion. */
+static void predict_covariance(filter *f, double F[NZ][NZ], const passage *way)
+{
+    moving *n = &f->now;
+    const double none[2] = {0.0, 0.0}, *g = way->force;
+    double FP[NZ][NZ], thermal[4];
+    for (int i = 0; i < NZ; i++) {
+        for (int j = 0; j < NZ; j++) {
+            double total = 0.0;
+            for (int r = 0; r < NZ; r++) {
+                total += F[i][r] * n->P[r][j];
+            }
+            FP[i][j] = total;
+        }
+    }
+    for (int i = 0; i < NZ; i++) {
+        for (int j = i; j < NZ; j++) {
+            double total = 0.0;
+            for (int r = 0; r < NZ; r++) {
+                total += FP[i][r] * F[j][r];
+            }
+            n->P[i][j] = n->P[j][i] = total;
+        }
+    }
+    n->P[OMEGA][OMEGA] += f->walk * f->walk * f->m.period;
+    if (HAS_THERMAL) {
+        known_thermal(&f->k, way->end, none, n->z[OMEGA], thermal);
+        for (int i = 0; i < NS; i++) {
+            for (int j = 0; j < NS; j++) {
+                n->P[i][j] += g[i * 2] * (thermal[0] * g[j * 2] + thermal[1] * g[j * 2 + 1]) +
+                              g[i * 2 + 1] * (thermal[2] * g[j * 2] + thermal[3] * g[j * 2 + 1]);
+            }
+        }
+    }
+}
+
+/* Moves z and Y through a piece; F becomes the piece's derivative by z. */
+static void move_through(filter *f, const piece *part, const double force[2], const double *force_by_p, const double *tau_by_p, double F[NZ][NZ],
+                         passage *way)
+{
+    moving *n = &f->now;
+    const double omega_z = n->z[OMEGA], mass = 1.0 / f->k.p[INVERSE_MASS];
+    double from[NS][NP];
+    slopes d;
+    motion_move(&f->m, part, &f->k, omega_z, force, n->z, way);
+    find_slopes(f, part->duration, way, omega_z, &d);
+    memcpy(from, n->Y, sizeof from);
+    memset(F, 0, NZ * sizeof *F);
+    F[OMEGA][OMEGA] = 1.0;
+    for (int i = 0; i < NS; i++) {
+        memcpy(F[i], d.phi[i], sizeof d.phi[i]);
+        F[i][OMEGA] = d.psi[i];
+        d.D[i][INVERSE_MASS] += mass * (way->force[2 * i] * force[0] + way->force[2 * i + 1] * force[1]);
+        for (int q = 0; q < NP; q++) {
+            d.D[i][q] += d.psi[i] * n->Y[OMEGA][q] + way->force[2 * i] * force_by_p[q] + way->force[2 * i + 1] * force_by_p[NP + q];
+        }
+    }
+    add_through(&d.phi[0][0], from, 1.0, d.D);
+    memcpy(n->z, way->end, sizeof way->end);
+    memcpy(n->Y, d.D, sizeof d.D);
+    if (HAS_LAG) {
+        move_lag(f, part, way, force, force_by_p, tau_by_p, from, F);
+    }
+}
+
+/* The delayed force changes here: a longer delay puts that off. */
+static void change_force(filter *f, const double before[2], const double after[2], const double *delay_by_p)
+{
+    moving *n = &f->now;
+    const motion *m = &f->m;
+    const double change[2] = {after[0] - before[0], after[1] - before[1]};
+    for (int i = 0; i < NS; i++) {
+        const double kick = m->b[2 * i] * change[0] + m->b[2 * i + 1] * change[1];
+        for (int q = 0; q < NP; q++) {
+            n->Y[i][q] -= kick * delay_by_p[q];
+        }
+    }
+    if (HAS_LAG && m->lag > 0.0) {
+        double v_before[2], v_after[2];
+        known_pick_off(&f->k, n->z, before, n->z[OMEGA], v_before);
+        known_pick_off(&f->k, n->z, after, n->z[OMEGA], v_after);
+        for (int a = 0; a < 2; a++) {
+            for (int q = 0; q < NP; q++) {
+                n->Y[LAG + a][q] += (v_before[a] - v_after[a]) / m->lag * delay_by_p[q];
+            }
+        }
+    }
+}
+
+/* Moves z, Y and P over the period that ends at the present sample. */
+static void predict(filter *f)
+{
+    moving *n = &f->now;
+    const double none[2] = {0.0, 0.0};
+    double before[2], after[2], before_by_p[2 * NP], after_by_p[2 * NP], late_by_p[2 * NP], F[NZ][NZ];
+    passage way;
+    if (fabs(n->z[OMEGA] - f->m.omega_z) > TURN || input_has_changed(f)) {
+        form(f);
+    }
+    forces(f, f->sample, before, after, before_by_p, after_by_p);
+    known_late_by_parameter(&f->k, n->z, none, n->z[OMEGA], late_by_p);
+    if (HAS_DELAY) {
+        const int split = f->m.pieces[0].duration > 0.0;
+        double first[NZ][NZ], second[NZ][NZ];
+        if (split) {
+            move_through(f, &f->m.pieces[0], before, before_by_p, late_by_p + NP, first, &way);
+        }
+        change_force(f, before, after, late_by_p);
+        move_through(f, &f->m.pieces[1], after, after_by_p, late_by_p + NP, split ? second : F, &way);
+        for (int i = 0; split && i < NZ; i++) {
+            for (int j = 0; j < NZ; j++) {
+                F[i][j] = 0.0;
+                for (int r = 0; r < NZ; r++) {
+                    F[i][j] += second[i][r] * first[r][j];
+                }
+            }
+        }
+    } else {
+        move_through(f, &f->m.pieces[1], after, after_by_p, late_by_p + NP, F, &way);
+    }
+    predict_covariance(f, F, &way);
+}
+
+/* What the sample should be, its derivatives by z and by p, and its noise [V2]. */
+static void expect(const filter *f, double v[2], double C[2][NZ], double by_p[2 * NP], double noise[2])
+{
+    const moving *n = &f->now;
+    const double *z = n->z;
+    double before[2], after[2], unused[2 * NP], after_by_p[2 * NP], entering[2], through[4], rate[2];
+    double pick_by_s[2 * NS], pick_by_p[2 * NP];
+    forces(f, f->sample, before, after, unused, after_by_p);
+    memset(C, 0, 2 * sizeof *C);
+    known_pick_off_by_state(&f->k, z, after, z[OMEGA], pick_by_s);
+    if (HAS_LAG) {
+        entering[0] = z[NZ - 2];
+        entering[1] = z[NZ - 1];
+    } else {
+        known_pick_off(&f->k, z, after, z[OMEGA], entering);
+        pick_off_by_p(f, z, after, after_by_p, pick_by_p);
+    }
+    known_amplify(&f->k, z, entering, z[OMEGA], v);
+    known_amplify_by_voltage(&f->k, z, entering, z[OMEGA], through);
+    known_amplify_by_parameter(&f->k, z, entering, z[OMEGA], by_p);
+    for (int a = 0; a < 2; a++) {
+        for (int b = 0; b < 2; b++) {
+            if (HAS_LAG) {
+                C[a][NZ - 2 + b] = through[2 * a + b];
+            } else {
+                for (int j = 0; j < NS; j++) {
+                    C[a][j] += through[2 * a + b] * pick_by_s[b * NS + j];
+                }
+                for (int q = 0; q < NP; q++) {
+                    by_p[a * NP + q] += through[2 * a + b] * pick_by_p[b * NP + q];
+                }
+            }
+        }
+    }
+    known_pick_off_rate(&f->k, z, after, z[OMEGA], rate);
+    known_noise(&f->k, z, rate, z[OMEGA], noise);
+}
+>>>>>>> helper-tests
 
 /* |W' h|^2: what the uncertainty of p adds to the variance of a measurement. */
 static double uncertainty(const filter *f, const double *h)
@@ -225,7 +585,13 @@ static double filter_again(filter *f)
         }
     }
     f->rows = 0;
+<<<<<<< HEAD
     filter_form(f);
+=======
+    f->sample = f->block_begun;
+    enter(f, f->in[0]);
+    form(f);
+>>>>>>> helper-tests
     for (int64_t k = f->block_begun; k <= last; k++) {
         const int64_t place = k - f->block_begun;
         f->sample = k;
@@ -446,7 +812,15 @@ static void begin_anew(filter *f)
     f->now = f->first;
     f->walk = f->settings.omega_walk_max;
     f->surprises = f->restarts = f->share = f->forget = 0.0;
+<<<<<<< HEAD
     f->chi2 = UNFOUND;
+=======
+    /* Afresh: what made the filter lose its numbers may be in these means, and would never leave them. */
+    f->chi2 = 1.0;
+    memset(f->white, 0, sizeof f->white);
+    memset(f->last_r, 0, sizeof f->last_r);
+    f->moving = f->found = f->expected = 0.0;
+>>>>>>> helper-tests
     f->rows = f->kept = 0;
     f->lost = 0;
     f->fit = 2.0 * FITS;

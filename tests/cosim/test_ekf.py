@@ -2,10 +2,6 @@
 
 import numpy as np
 import pytest
-from plant import REFERENCE, close_loop
-
-from cosim.controllers.foucault import CONTROLLER
-from cosim.observers.ekf import OBSERVER as EKF
 from cosim.observers.ekf_extended import OBSERVER as EXTENDED
 from cosim.observers.kalman import (
     add_variance,
@@ -14,6 +10,10 @@ from cosim.observers.kalman import (
     predict_factors,
     variance_of,
 )
+from plant import REFERENCE, close_loop
+
+from cosim.controllers.foucault import CONTROLLER
+from cosim.observers.ekf import OBSERVER as EKF
 from cosim.propagation import PHI, WIDTH, WORK_SIZE
 
 SIZE = 12
