@@ -23,4 +23,4 @@ def _cache_folder() -> Path:
 if "NUMBA_CACHE_DIR" not in os.environ:
     os.environ["NUMBA_CACHE_DIR"] = str(_cache_folder())
     if "numba" in sys.modules:
-        sys.modules["numba"].config.reload_config()  # type: ignore[attr-defined]
+        sys.modules["numba"].config.reload_config()

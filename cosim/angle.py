@@ -33,9 +33,9 @@ class Block(NamedTuple):
     """What the loop records over n consecutive samples; the arrays are not changed.
 
     t [s]; x, x_dot, y, y_dot: estimates at t [m, m/s]; forced: the observer's response to the tones
-    x, x_dot, y, y_dot, shape (4, n); near: the part of it at tones near the oscillation; omega_squared = k/m [1/s^2]; converged: bool; lambda_: the
-    angular gain [1]; turned: angle by which the controller has turned the pattern [rad].
-    """
+    x, x_dot, y, y_dot, shape (4, n); near: the part of it at tones near the oscillation; omega_squared = k/m [1/s^2];
+    converged: bool; lambda_: the angular gain [1]; turned: angle by which the controller has turned the pattern
+    [rad]."""
 
     t: Floats
     x: Floats
@@ -235,7 +235,8 @@ def sine_lag(t: Floats, angle: Floats, angle_true: Floats, frequency_hz: float =
 def _orientation(states: Floats, omega_squared: Floats) -> tuple[Floats, Floats]:
     """Phi within +-pi/2 [rad] and quality, shape (n,), of x, x', y, y', shape (4, n)."""
     x, x_dot, y, y_dot = states
-    # Estimates of an observer that has lost the device may be of any size; what comes of them is no number, and no news.
+    # Estimates of an observer that has lost the device may be of any size; what comes of them is no number, and no
+    # news.
     with np.errstate(over="ignore", invalid="ignore"):
         cross = 2 * (omega_squared * x * y + x_dot * y_dot)
         energy_x = omega_squared * x * x + x_dot * x_dot

@@ -1,4 +1,5 @@
-"""Posterior Cramer-Rao bound on all that a design leaves unknown: constants, effects, the rate, and the pattern's turning.
+"""Posterior Cramer-Rao bound on all that a design leaves unknown: constants, effects, the rate, and the pattern's
+turning.
 
 No estimator that sees the samples up to t, and knows the priors, has a smaller rms error. The model is linearised along
 the true motion with u held fixed, so the bound is the covariance of the loop's own filter where it is told the truth
@@ -28,9 +29,8 @@ OMEGA_WALK: Final = 10.0
 class Motion:
     """The true motion, one row a sample: the samples are taken at t = k * period [s].
 
-    states f8[n, 4] = x, x', y, y' [m, m/s]; forces f8[n, 2] [N], row k commanded from t_k on; omega_z f8[n] [rad/s], held
-    from t_k; measured f8[n, 4]: temperature [K], a_x, a_y [m/s^2], v_bias [V].
-    """
+    states f8[n, 4] = x, x', y, y' [m, m/s]; forces f8[n, 2] [N], row k commanded from t_k on; omega_z f8[n] [rad/s],
+    held from t_k; measured f8[n, 4]: temperature [K], a_x, a_y [m/s^2], v_bias [V]."""
 
     states: Array
     forces: Array
@@ -142,7 +142,7 @@ def _to_values(p: Array, design: Design) -> Array:
 
 
 def at_the_truth(design: Design, true: dict[str, float]) -> Design:
-    """The design with the true values in place of first estimates and known ones, and its own deviations: what the bound
-    is taken with."""
+    """The design with the true values in place of first estimates and known ones, and its own deviations: what the
+    bound is taken with."""
     values = {name: true.get(name, value) for name, value in design.values.items()}
     return replace(design, values=values)

@@ -1,5 +1,5 @@
-"""A design: all that the loop may know of a device. What the device is, its device file says; no other value of it reaches
-observer, controller or angle unit.
+"""A design: all that the loop may know of a device. What the device is, its device file says; no other value of it
+reaches observer, controller or angle unit.
 
 A design file has the form of a device file: [parameters] are nominal values, [intervals] (95 %) what is uncertain. The
 seven constants of the plant are always estimated; where the file does not give them, first estimates are drawn 10 to
@@ -32,8 +32,8 @@ SIGMAS: Final = 2 * 1.959963984540054
 FIRST_ERROR: Final = (0.1, 0.5)
 """First estimates that are drawn are off by this much, relative, least and most."""
 FIRST_DEVIATION: Final = 0.3
-"""Standard deviation, relative, of the seven where no interval says another: errors uniform on 10 to 50 % have an rms of
-32 %."""
+"""Standard deviation, relative, of the seven where no interval says another: errors uniform on 10 to 50 % have an rms
+of 32 %."""
 CROSS_DEVIATION: Final = 0.03
 """Of a cross stiffness or damping at least, as a part of the geometric mean: it may be zero and still be uncertain."""
 DEFAULT_AMPLITUDE: Final = 1e-6
@@ -47,8 +47,8 @@ TABLES: Final = ("parameters", "intervals", "controller", "monitor", "scaling", 
 
 @dataclass(frozen=True)
 class Design:
-    """What the loop knows: ``values`` by FMU name (SI), known or first estimates; ``deviations``, standard deviations of
-    what is estimated; ``controller`` and ``monitor``, settings by name.
+    """What the loop knows: ``values`` by FMU name (SI), known or first estimates; ``deviations``, standard deviations
+    of what is estimated; ``controller`` and ``monitor``, settings by name.
 
     Raises InputError for an unknown name, and for a parameter that the loop can't estimate.
     """
@@ -115,7 +115,7 @@ class Design:
         units = {name: self.model.parameter(name).unit for name in self.values}
         half = {name: 0.5 * SIGMAS * deviation for name, deviation in self.deviations.items()}
         intervals = {name: (self.values[name] - by, self.values[name] + by) for name, by in half.items()}
-        tables = {
+        tables: dict[str, tuple[Mapping[str, Any], Mapping[str, str]]] = {
             "parameters": (dict(self.values), units),
             "intervals": (intervals, units),
             "controller": (dict(self.controller), {}),

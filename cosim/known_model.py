@@ -264,7 +264,8 @@ class KnownModel:
         pairs, reduced = cse(exprs, numbered_symbols("w"), optimizations="basic")
         used = frozenset().union(*(e.free_symbols for e in (*reduced, *(e for _, e in pairs))), frozenset())
         body = [
-            f"static inline void known_{name}(const known *k, const double *s, const double *f, double omega_z, double out{shape})",
+            f"static inline void known_{name}(const known *k, const double *s, const double *f, double omega_z,",
+            f"                                double out{shape})",
             "{",
         ]
         body += ["    (void)k, (void)s, (void)f, (void)omega_z;"]
@@ -276,8 +277,8 @@ class KnownModel:
         return "\n".join([*body, "}"])
 
     def _spread(self, name: str, exprs: Sequence[Expr]) -> str:
-        """A function that adds m J to ``out`` for the Jacobian J by the parameters, whose many zeros it leaves out: m has
-        as many columns as J has rows; out has NP columns."""
+        """A function that adds m J to ``out`` for the Jacobian J by the parameters, whose many zeros it leaves out: m
+        has as many columns as J has rows; out has NP columns."""
         count = len(self.parameters)
         present = [(divmod(i, count), expr) for i, expr in enumerate(exprs) if expr != 0]
         pairs, reduced = cse([expr for _, expr in present], numbered_symbols("w"), optimizations="basic")

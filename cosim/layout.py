@@ -1,5 +1,5 @@
-"""The order in which every observer writes its estimates (TW 201137310, eq. 3): states, rate, the seven constants. What a
-design lets the packaged observer estimate beside them comes after."""
+"""The order in which every observer writes its estimates (TW 201137310, eq. 3): states, rate, the seven constants.
+What a design lets the packaged observer estimate beside them comes after."""
 
 from typing import Final
 

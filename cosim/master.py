@@ -1,5 +1,5 @@
-"""The co-simulation master: plant, observer and controller for a run, stepped block by block in C, and judged after each
-block."""
+"""The co-simulation master: plant, observer and controller for a run, stepped block by block in C, and judged after
+each block."""
 
 import ctypes
 import time

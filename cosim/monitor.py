@@ -1,9 +1,8 @@
 """Whether the angle is valid, judged from what the loop itself knows: no estimate is compared with the truth here.
 
-Valid is the angle while the seven constants are steady and sure, the innovations are as large and as white as the filter
-takes them for, and the pattern's turning that the uncertainty of all unknowns allows is within a limit. Where that stops,
-the flag is withdrawn and says why.
-"""
+Valid is the angle while the seven constants are steady and sure, the innovations are as large and as white as the
+filter takes them for, and the pattern's turning that the uncertainty of all unknowns allows is within a limit. Where
+that stops, the flag is withdrawn and says why."""
 
 import ctypes
 from collections.abc import Mapping
@@ -34,9 +33,10 @@ MONITOR: Final = {
 """agreement: largest relative change of a constant over `patience`, and its largest relative standard deviation, cross
 terms relative to their geometric mean; turn_limit: an error of the damping that turns the pattern by no more than this
 counts as none [rad/s]; drift_limit: largest standard deviation of the pattern's turning, at its worst angle [rad/s]
-(0.5 deg/s); chi2_low, chi2_high: of the squared innovation over its variance, a mean over 5 ms, 2000 numbers at 200 kHz,
-so that 1.35 is 11 standard deviations off and leaves room for what a sudden change of the rate does; whiteness: largest
-mean product of neighbouring innovations; patience: time over which all must hold before the flag is set [s]."""
+(0.5 deg/s); chi2_low, chi2_high: of the squared innovation over its variance, a mean over 5 ms, 2000 numbers at 200
+kHz, so that 1.35 is 11 standard deviations off and leaves room for what a sudden change of the rate does; whiteness:
+largest mean product of neighbouring innovations; patience: time over which all must hold before the flag is set
+[s]."""
 
 
 INNOVATIONS: Final = "innovations"
@@ -109,7 +109,8 @@ class Monitor:
         unsure = sigma > tolerance
         if unsure.any():
             i = int(np.argmax(sigma / tolerance))
-            return f"{PARAMETER_NAMES[i]} is not sure: its standard deviation is {sigma[i] / self._size(seven)[i]:.2g} of it"
+            share = sigma[i] / self._size(seven)[i]
+            return f"{PARAMETER_NAMES[i]} is not sure: its standard deviation is {share:.2g} of it"
         while len(self._previous) > 1 and self._previous[1][0] <= t - set_["patience"]:
             self._previous.pop(0)
         moved = np.abs(seven - self._previous[0][1]) if self._previous else np.full(7, np.inf)

@@ -28,8 +28,8 @@ BOUND_TIMES: Final = 60
 
 
 class Validity(NamedTuple):
-    """share: of the run in which the angle was valid; withdrawn: (t [s], reason) of each time that it ceased to be; now:
-    whether it is at the end; reason: why not (else empty); stopped: why the run ended early (else empty)."""
+    """share: of the run in which the angle was valid; withdrawn: (t [s], reason) of each time that it ceased to be;
+    now: whether it is at the end; reason: why not (else empty); stopped: why the run ended early (else empty)."""
 
     share: float
     withdrawn: tuple[tuple[float, str], ...]
@@ -80,8 +80,8 @@ class Recorder:
         self._stopped = ""
 
     def keep(self, first: int, rows: Floats, held: Floats) -> None:
-        """Keeps the rows (estimates, deviations, control, outputs of the plant) of the samples from ``first`` on and the
-        inputs held over each, as cosim.scenarios.INPUT_NAMES; then lets the monitor judge."""
+        """Keeps the rows (estimates, deviations, control, outputs of the plant) of the samples from ``first`` on and
+        the inputs held over each, as cosim.scenarios.INPUT_NAMES; then lets the monitor judge."""
         if not len(rows):
             return
         run = self.run
@@ -214,7 +214,8 @@ class Recorder:
         return pl.DataFrame({name: np.array(column) for name, column in columns.items()})
 
     def _bounds(self) -> Bounds | None:
-        """The bound along the first part of the run; None where the design leaves out what acts, or nothing is noisy."""
+        """The bound along the first part of the run; None where the design leaves out what acts, or nothing is
+        noisy."""
         run = self.run
         design = at_the_truth(run.design, run.device.all_parameters)
         covered = {e.id for e in run.device.model.effects if e.nominal or not run.device.acts(e)} | set(

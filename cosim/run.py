@@ -29,8 +29,8 @@ TRACE_ROWS: Final = 600_000
 
 @dataclass(frozen=True)
 class Run:
-    """One run. ``device`` is what the plant is, with what the scenario and the user set; ``design`` is all that the loop
-    knows. ``duration`` in s, rates in Hz; ``settings`` of observer, controller and monitor, by part and name.
+    """One run. ``device`` is what the plant is, with what the scenario and the user set; ``design`` is all that the
+    loop knows. ``duration`` in s, rates in Hz; ``settings`` of observer, controller and monitor, by part and name.
 
     Raises InputError for a sample rate, duration or setting that can't be.
     """

@@ -32,7 +32,8 @@ _CONTROL = ctypes.CFUNCTYPE(None, _VOID, ctypes.c_double, *[_VOID] * 4)
 
 @dataclass
 class Part:
-    """An observer or a controller at work: the address of its C step, its memory, and what must stay alive beside it."""
+    """An observer or a controller at work: the address of its C step, its memory, and what must stay alive beside
+    it."""
 
     address: int
     memory: Floats
@@ -92,8 +93,8 @@ def first_estimates(design: Design) -> tuple[Floats, Floats]:
 
 
 def prior(design: Design, lib: Library) -> tuple[Floats, Floats]:
-    """The estimated constants in the filter's coordinates, shape (n,), and a root of their covariance, upper triangular,
-    shape (n, n)."""
+    """The estimated constants in the filter's coordinates, shape (n,), and a root of their covariance, upper
+    triangular, shape (n, n)."""
     known = lib.known
     names = known.value_names
     value = {name: design.values[name] for name in names}
@@ -112,7 +113,7 @@ def prior(design: Design, lib: Library) -> tuple[Floats, Floats]:
 def start_filter(lib: Library, design: Design, period: float, settings: Floats, memory: Floats) -> None:
     """Begins the filter of ``memory`` with what the design says."""
     states, size = lib.sizes["NS"], lib.moving_size
-    start, deviation = first_estimates(design)
+    _, deviation = first_estimates(design)
     z, dz = np.zeros(size), np.zeros(size)
     dz[:states] = np.resize(deviation[:2], states)
     dz[states] = deviation[OMEGA_Z]

@@ -211,7 +211,7 @@ def write_device(device: Device, path: Path, note: str = "") -> None:
     """Writes a device file that ``load_device`` reads back to the last bit, each number with its unit. An existing
     file is replaced whole."""
     units = {name: device.model.parameter(name).unit for name in device.parameters}
-    tables = {
+    tables: dict[str, tuple[Mapping[str, Any], Mapping[str, str]]] = {
         "parameters": (dict(device.parameters), units),
         "intervals": (dict(device.intervals), {}),
         "controller": (dict(device.controller), CONTROLLER_UNITS),
@@ -223,8 +223,8 @@ def write_device(device: Device, path: Path, note: str = "") -> None:
 def write_file(
     path: Path, name: str, tables: Mapping[str, tuple[Mapping[str, Any], Mapping[str, str]]], note: str = ""
 ) -> None:
-    """Writes a file of the form of a device file: ``tables`` by name as (entries, units), each entry a number or a pair;
-    empty ones are left out, but for [parameters]. An existing file is replaced whole."""
+    """Writes a file of the form of a device file: ``tables`` by name as (entries, units), each entry a number or a
+    pair; empty ones are left out, but for [parameters]. An existing file is replaced whole."""
     lines = [*(f"# {line}" for line in note.splitlines()), f"format = {FORMAT}", f"name = {_quoted(name)}"]
     for table, (entries, units) in tables.items():
         if entries or table == "parameters":

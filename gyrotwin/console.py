@@ -12,7 +12,7 @@ from gyrotwin.numbers import degrees, microseconds, milliseconds, relative, sign
 
 def results(summary: Mapping[str, Any]) -> RenderableType:
     """Return what summary.json holds, as tables for rich."""
-    parts = [_headline(summary), _validity(summary), _parameters(summary)]
+    parts: list[RenderableType] = [_headline(summary), _validity(summary), _parameters(summary)]
     if summary["effects"]:
         parts.append(_effects(summary))
     return Group(*parts, _angles(summary))

@@ -41,8 +41,8 @@ SENSING_DEFECTS: Final = {
     "pickoff_gain_mismatch": 0.03,
     "parasitic_ratio": 0.05,
 }
-"""What --sensing-defects sets where the device says nothing else: offset 10 mV, drift 10 mV/s, 1/g = 4e4 1/m with a pair
-mismatch of 2 %, gain ratio 3 %, parasitic 5 %."""
+"""What --sensing-defects sets where the device says nothing else: offset 10 mV, drift 10 mV/s, 1/g = 4e4 1/m with a
+pair mismatch of 2 %, gain ratio 3 %, parasitic 5 %."""
 
 
 class Request(NamedTuple):

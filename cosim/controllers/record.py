@@ -18,8 +18,8 @@ CONVERGED_AT: Final = 3
 FORCED: Final = 4
 OMEGA_SQUARED: Final = 8
 OUTPUT_SIZE: Final = 9
-"""Length of `output`: u_x, u_y [N], two numbers that are not used (the loop itself judges convergence), the forced response
-x, x', y, y' [m, m/s] to the tones at t_k, omega^2 = k / m of the isotropic oscillator [1/s^2]."""
+"""Length of `output`: u_x, u_y [N], two numbers that are not used (the loop itself judges convergence), the forced
+response x, x', y, y' [m, m/s] to the tones at t_k, omega^2 = k / m of the isotropic oscillator [1/s^2]."""
 
 
 class Controller(NamedTuple):

@@ -84,7 +84,8 @@ def pointer(array: NDArray[Any]) -> ctypes.c_void_p:
 
 @lru_cache(maxsize=64)
 def library(known: KnownModel) -> Library:
-    """The library of what a loop knows, compiled where it has not been. Raises InputError as ``compile_library`` does."""
+    """The library of what a loop knows, compiled where it has not been. Raises InputError as ``compile_library``
+    does."""
     return Library(known)
 
 

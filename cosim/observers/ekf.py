@@ -1,4 +1,5 @@
-"""Kalman filter for the state, the rate, the seven constants and whatever effects the design names (cosim/core/filter.c)."""
+"""Kalman filter for the state, the rate, the seven constants and whatever effects the design names
+(cosim/core/filter.c)."""
 
 from typing import Final
 

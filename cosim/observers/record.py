@@ -56,8 +56,8 @@ class CoreObserver(NamedTuple):
     limits: Mapping[str, tuple[float, float]]
 
     def settings_array(self, **changes: float) -> npt.NDArray[np.float64]:
-        """Return the settings in their order, with `changes` made. Raises InputError for an unknown name, and for a value
-        beyond what the memory of the C is made for."""
+        """Return the settings in their order, with `changes` made. Raises InputError for an unknown name, and for a
+        value beyond what the memory of the C is made for."""
         values = settings_array(self.name, self.settings, changes)
         for name, (low, high) in self.limits.items():
             value = changes.get(name, low)
