@@ -100,7 +100,7 @@ class Monitor:
         if health["restarted_at"] >= 0 and t - health["restarted_at"] < set_["patience"]:
             return "the observer lost the device and began again from the design"
         if not self._chi2_low() <= health["chi2"] <= set_["chi2_high"]:
-            return f"{INNOVATIONS} are {sqrt(max(health['chi2'], 0)):.3g} times what they should be"
+            return f"{INNOVATIONS} are {sqrt(max(health['chi2'], 0)):.3g} times what they should be{self._hint()}"
         for axis in ("x", "y"):
             if not abs(health[f"white_{axis}"]) <= set_["whiteness"]:
                 return f"{INNOVATIONS} of {axis} are not white: neighbours correlate by {health[f'white_{axis}']:.2g}"
@@ -125,6 +125,11 @@ class Monitor:
         """What is known of the innovations."""
         found = filter_health if isinstance(self.observer, CoreObserver) else plain_health
         return found(self.lib, self.part)
+
+    def _hint(self) -> str:
+        """What a user might try where the loop knows too little."""
+        alone = not any(name not in PARAMETER_NAMES for name in self.design.deviations)
+        return "; something acts that the design does not know, try --design lab" if alone else ""
 
     def _chi2_low(self) -> float:
         """What innovations must reach at least; nothing where the noise that the filter is told is only its floor."""

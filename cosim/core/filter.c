@@ -568,7 +568,12 @@ static void drop_recent(filter *f)
 
 static void enter(filter *f, const double in[IN])
 {
+    const int changed = memcmp(f->k.in, in, sizeof f->k.in) != 0;
     memcpy(f->k.in, in, sizeof f->k.in);
+    if (changed) {
+        /* Parameter laws follow the inputs. */
+        filter_form(f);
+    }
     f->k.t = (double)f->sample * f->m.period;
 }
 
