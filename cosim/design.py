@@ -38,6 +38,8 @@ CROSS_DEVIATION: Final = 0.03
 """Of a cross stiffness or damping at least, as a part of the geometric mean: it may be zero and still be uncertain."""
 FROM_DEVICE: Final = ("sense_gain_x", "sense_gain_y", "x_start", "x_dot_start", "y_start", "y_dot_start")
 """Stated in the device file where the design does not give them, as is all noise."""
+ALWAYS_NOISE: Final = "sense_noise"
+"""The loop always reckons with it: a filter without noise is singular (see NOISE_FLOOR in cosim/running.py)."""
 TABLES: Final = ("parameters", "intervals", "controller", "monitor", "scaling", "reference")
 
 
@@ -79,7 +81,10 @@ class Design:
             effect.id
             for effect in self.model.effects
             if not effect.nominal
-            and any(values[q.name] != q.start or q.name in self.deviations for q in effect.sizes)
+            and (
+                effect.id == ALWAYS_NOISE
+                or any(values[q.name] != q.start or q.name in self.deviations for q in effect.sizes)
+            )
         ]
         estimated = tuple(name for name in self.deviations if name not in PARAMETER_NAMES)
         return KnownModel(self.model, tuple(acting), estimated)

@@ -90,10 +90,10 @@ class Monitor:
         self.last_health = health
         if health["restarted_at"] >= 0 and t - health["restarted_at"] < set_["patience"]:
             return "the observer lost the device and began again from the design"
-        if not set_["chi2_low"] <= health["chi2"] <= set_["chi2_high"]:
+        if not self._chi2_low() <= health["chi2"] <= set_["chi2_high"]:
             return f"innovations are {sqrt(max(health['chi2'], 0)):.3g} times what they should be"
         for axis in ("x", "y"):
-            if abs(health[f"white_{axis}"]) > set_["whiteness"]:
+            if not abs(health[f"white_{axis}"]) <= set_["whiteness"]:
                 return f"innovations of {axis} are not white: neighbours correlate by {health[f'white_{axis}']:.2g}"
         seven, sigma = estimate[KXX : M + 1], deviation[KXX : M + 1]
         tolerance = self._tolerance(seven)
@@ -115,6 +115,14 @@ class Monitor:
         """What is known of the innovations."""
         found = filter_health if isinstance(self.observer, CoreObserver) else plain_health
         return found(self.lib, self.part)
+
+    def _chi2_low(self) -> float:
+        """What innovations must reach at least; nothing where the noise that the filter is told is only its floor."""
+        values = self.design.all_values
+        known = known_values(self.design, self.lib, self.period)
+        names = [symbol.name for symbol in self.lib.known.constants]
+        floored = known[names.index("sense_noise")] > values["sense_noise"]
+        return 0.0 if floored else self.settings["chi2_low"]
 
     def _size(self, seven: Floats) -> Floats:
         size = np.abs(seven)
