@@ -12,7 +12,25 @@
 
 #define TURN 1.0     /* change of the rate from which the motion is formed anew [rad/s] */
 
-static void form(filter *f) { motion_form(&f->m, &f->k, f->now.z[OMEGA], f->m.period); }
+#define INPUT 1e-3   /* relative change of temperature or bias voltage from which it is, too */
+
+static void form(filter *f)
+{
+    motion_form(&f->m, &f->k, f->now.z[OMEGA], f->m.period);
+    memcpy(f->formed_in, f->k.in, sizeof f->formed_in);
+}
+
+/* Whether an input that laws act on has left the one at which the motion was formed; an acceleration only adds a force. */
+static int input_has_changed(const filter *f)
+{
+    static const int laws[] = {0, 3, 4, 5};
+    int changed = 0;
+    for (size_t i = 0; i < sizeof laws / sizeof *laws; i++) {
+        const double formed = f->formed_in[laws[i]];
+        changed |= fabs(f->k.in[laws[i]] - formed) > INPUT * fabs(formed);
+    }
+    return changed;
+}
 
 static const double *command(const filter *f, int64_t sample) { return f->u[(sample > 0 ? sample : 0) & (QUEUE - 1)]; }
 
@@ -285,7 +303,7 @@ static void predict(filter *f)
     const double none[2] = {0.0, 0.0};
     double before[2], after[2], before_by_p[2 * NP], after_by_p[2 * NP], late_by_p[2 * NP], F[NZ][NZ];
     passage way;
-    if (fabs(n->z[OMEGA] - f->m.omega_z) > TURN) {
+    if (fabs(n->z[OMEGA] - f->m.omega_z) > TURN || input_has_changed(f)) {
         form(f);
     }
     forces(f, f->sample, before, after, before_by_p, after_by_p);
@@ -631,6 +649,8 @@ static double filter_again(filter *f)
         }
     }
     f->rows = 0;
+    f->sample = f->block_begun;
+    enter(f, f->in[0]);
     form(f);
     for (int64_t k = f->block_begun; k <= last; k++) {
         const int64_t place = k - f->block_begun;
@@ -903,7 +923,12 @@ static void begin_anew(filter *f)
     memcpy(f->W_now, f->first_W, sizeof f->W_now);
     f->now = f->first;
     f->walk = f->settings.omega_walk_max;
-    f->surprises = f->restarts = f->share = f->chi2 = f->forget = 0.0;
+    f->surprises = f->restarts = f->share = f->forget = 0.0;
+    /* Afresh: what made the filter lose its numbers may be in these means, and would never leave them. */
+    f->chi2 = 1.0;
+    memset(f->white, 0, sizeof f->white);
+    memset(f->last_r, 0, sizeof f->last_r);
+    f->moving = f->found = f->expected = 0.0;
     f->rows = f->kept = 0;
     f->lost = 0;
     f->fit = 2.0 * FITS;
