@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from cosim.core.settings import FILTER
+from cosim.core.settings import FILTER, FILTER_LIMITS
 from cosim.observers.record import CoreObserver
 
-OBSERVER: Final = CoreObserver("ekf", FILTER)
+OBSERVER: Final = CoreObserver("ekf", FILTER, FILTER_LIMITS)

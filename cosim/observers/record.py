@@ -53,10 +53,17 @@ class CoreObserver(NamedTuple):
 
     name: str
     settings: Mapping[str, float]
+    limits: Mapping[str, tuple[float, float]]
 
     def settings_array(self, **changes: float) -> npt.NDArray[np.float64]:
-        """Return the settings in their order, with `changes` made. Raises InputError for an unknown name."""
-        return settings_array(self.name, self.settings, changes)
+        """Return the settings in their order, with `changes` made. Raises InputError for an unknown name, and for a value
+        beyond what the memory of the C is made for."""
+        values = settings_array(self.name, self.settings, changes)
+        for name, (low, high) in self.limits.items():
+            value = changes.get(name, low)
+            if not low <= value <= high:
+                raise InputError(f"{self.name}: setting {name} = {value:g}: give {low:g} to {high:g}")
+        return values
 
 
 def settings_array(owner: str, defaults: Mapping[str, float], changes: Mapping[str, float]) -> npt.NDArray[np.float64]:
