@@ -257,8 +257,9 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     if (set->quadrature_loop != 0.0 && c->energy > 0.0) {
         /* A force across the position, in phase with it: it takes the angular momentum away and, on a straight orbit, turns nothing. */
         const double across = 2.0 * mass * set->quadrature_rate * omega_squared * c->momentum / c->energy;
-        feedback[0] += across * y;
-        feedback[1] -= across * x;
+        /* At mid-hold: half a hold late, omega T/2 of the force would act across the velocity and turn the pattern. */
+        feedback[0] += across * (y + half * y_dot);
+        feedback[1] -= across * (x + half * x_dot);
     }
     if (set->carousel_rate != 0.0) {
         /* A Coriolis force of our own turns the pattern as a rate of turn would. */
