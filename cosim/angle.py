@@ -235,11 +235,13 @@ def sine_lag(t: Floats, angle: Floats, angle_true: Floats, frequency_hz: float =
 def _orientation(states: Floats, omega_squared: Floats) -> tuple[Floats, Floats]:
     """Phi within +-pi/2 [rad] and quality, shape (n,), of x, x', y, y', shape (4, n)."""
     x, x_dot, y, y_dot = states
-    cross = 2 * (omega_squared * x * y + x_dot * y_dot)
-    energy_x = omega_squared * x * x + x_dot * x_dot
-    energy_y = omega_squared * y * y + y_dot * y_dot
-    total = energy_x + energy_y
-    straight = np.hypot(energy_x - energy_y, cross)
-    # Rounding may take the ratio of a straight line past 1 by an ulp.
-    quality = np.minimum(np.divide(straight, total, out=np.zeros_like(total), where=total > 0), 1.0)
-    return 0.5 * np.arctan2(cross, energy_x - energy_y), quality
+    # Estimates of an observer that has lost the device may be of any size; what comes of them is no number, and no news.
+    with np.errstate(over="ignore", invalid="ignore"):
+        cross = 2 * (omega_squared * x * y + x_dot * y_dot)
+        energy_x = omega_squared * x * x + x_dot * x_dot
+        energy_y = omega_squared * y * y + y_dot * y_dot
+        total = energy_x + energy_y
+        straight = np.hypot(energy_x - energy_y, cross)
+        # Rounding may take the ratio of a straight line past 1 by an ulp.
+        quality = np.minimum(np.divide(straight, total, out=np.zeros_like(total), where=total > 0), 1.0)
+        return 0.5 * np.arctan2(cross, energy_x - energy_y), quality

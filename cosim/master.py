@@ -69,8 +69,10 @@ def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
         done = lib.call.core_loop_run(
             pointer(memory), ctypes.c_int64(first), ctypes.c_int64(count), pointer(held), pointer(rows)
         )
-        recorder.keep(first, rows[:done], held[:done])
-        clock.tick(done)
+        # The sample before a step that the plant refuses was still taken, even the first of the run.
+        taken = min(done + 1, count)
+        recorder.keep(first, rows[:taken], held[:taken])
+        clock.tick(taken)
         if done < count:
             recorder.stop((first + done) * run.period, plant.complaint())
             break

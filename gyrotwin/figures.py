@@ -132,7 +132,7 @@ def relative_error_figure(trace: pl.DataFrame, scenario: str) -> Figure:
     log = scenario != "varying"
     t = trace["t"].to_numpy()
     lines = [line(name, name, *rms_in_bins(t, relative_error(trace, name), log)) for name in PARAMETER_NAMES]
-    lines.append(line("1 %", "limit", t[[1, -1]], np.full(2, WITHIN)))
+    lines.append(line("1 %", "limit", t[[min(1, len(t) - 1), -1]], np.full(2, WITHIN)))
     panel = Panel("t [s]", "relative error (rms)", lines, x_log=log, y_log=True, wide=True)
     return Figure(
         "relative-error",
@@ -299,7 +299,9 @@ def rms_in_bins(t: Floats, error: Floats, log: bool = False) -> tuple[Floats, Fl
 
     log: windows in proportion to the time, without the first point.
     """
-    starts = _bin_starts(len(t), BINS, log)
+    starts = [start for start in _bin_starts(len(t), BINS, log) if start < len(t)]
+    if not starts:
+        return t[:0], error[:0]
     counts = np.diff([*starts, len(t)])
     power = np.add.reduceat(error**2, starts) / counts
     return np.add.reduceat(t, starts) / counts, np.sqrt(power)
