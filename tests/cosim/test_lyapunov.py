@@ -9,11 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 import pytest
-from numba import njit
+from plant import TONES, K, Loop, begin, device_with, told
 
-from cosim.controllers.foucault import CONTROLLER
-from cosim.controllers.record import OUTPUT_SIZE
-from cosim.layout import DXX, ESTIMATE_SIZE, GAIN_RATIO, KXX, OMEGA_Z, M
+from cosim.layout import DXX, ESTIMATE_SIZE, KXX, OMEGA_Z, M
 from cosim.observers import lyapunov
 from cosim.observers.lyapunov import (
     OBSERVER,
@@ -62,39 +60,23 @@ def first(seed: int, size: float = 1.0) -> tuple[Floats, Floats]:
     start[0] = 0.7e-6
     deviation[:4] = 1e-6, 2e-2, 1e-6, 2e-2
     deviation[OMEGA_Z] = 10.0
-    start[GAIN_RATIO] = 1.0
     return start, deviation
 
 
-@njit
-def _loop(
-    start, deviation, sensor, period, memory, settings, control, control_settings, omega, factor,
-    noise, scale, init, step, control_init, control_step, trace,
-):  # fmt: skip
-    """Closed loop; trace f8[n, 34]: estimate, deviation. `scale`: metres of the plant per metre."""
-    init(memory, settings, start, deviation, sensor, period)
-    control_init(control, control_settings, period)
-    estimate, spread, output = np.zeros(17), np.zeros(17), np.zeros(9)
-    truth, theta = np.zeros(17), np.zeros(8)
-    x, x_dot, y, y_dot = scale * 1e-6, 0.0, 0.0, 0.0
-    u_x, u_y = 0.0, 0.0
-    for k in range(len(omega)):
-        v_x = sensor[0] * (x + scale * noise[k, 0])
-        v_y = sensor[1] * (y + scale * noise[k, 1])
-        step(memory, settings, u_x, u_y, v_x, v_y, estimate, spread)
-        control_step(control, control_settings, k * period, estimate, spread, output)
-        u_x, u_y = output[0], output[1]
-        trace[k, :17] = estimate
-        trace[k, 17:] = spread
-        truth[4] = omega[k]
-        truth[5:12] = PARAMETERS
-        truth[8:11] *= factor[k]
-        theta_of(truth, theta)
-        x, x_dot, y, y_dot = propagate(x, x_dot, y, y_dot, theta, u_x, u_y, period, ORDER)
+def scaled_damping(theta: Floats, factor: float) -> Floats:
+    """The same with all damping times ``factor``."""
+    theta[4:7] *= factor
+    return theta
+
+
+def controller(scale: float = 1.0) -> Loop:
+    """The packaged controller, for a plant whose metres are ``scale`` long."""
+    tones = scale * TONES["tone_amplitude"]
+    return begin(told(device_with()), k=K, amplitude=scale * 1e-6, tone_amplitude=tones, quadrature_loop=0.0)
 
 
 class Run(NamedTuple):
-    """t [s], estimates and deviations (n, 17), omega_z [rad/s], relative errors of the seven."""
+    """t [s], estimates and deviations (n, 12), omega_z [rad/s], relative errors of the seven."""
 
     t: Floats
     estimate: Floats
@@ -122,17 +104,20 @@ def run(
     deviation[:4] *= scale
     gain = GAIN / scale
     sensor = np.array([gain, gain, believed_noise * GAIN, 0.0, 0.0])
-    control = CONTROLLER.settings_array(
-        tone_amplitude=scale * CONTROLLER.settings["tone_amplitude"],
-        amplitude=scale * CONTROLLER.settings["amplitude"],
-    )
+    control = controller(scale)
     trace = np.zeros((count, 2 * ESTIMATE_SIZE))
     memory = np.zeros(OBSERVER.memory_size)
-    _loop(
-        start, deviation, sensor, PERIOD, memory, OBSERVER.settings_array(),
-        np.zeros(CONTROLLER.memory_size), control, omega, factor, noise, scale,
-        OBSERVER.init, OBSERVER.step, CONTROLLER.init, CONTROLLER.step, trace,
-    )  # fmt: skip
+    settings = OBSERVER.settings_array()
+    OBSERVER.init(memory, settings, start, deviation, sensor, PERIOD)
+    thetas = {(rate, size): scaled_damping(true_theta(rate), size) for rate in (5.0, -5.0) for size in (1.0, 2.0)}
+    estimate, spread = np.zeros(ESTIMATE_SIZE), np.zeros(ESTIMATE_SIZE)
+    state, u = np.array([scale * 1e-6, 0.0, 0.0, 0.0]), np.zeros(2)
+    for k in range(count):
+        v = gain * (state[::2] + scale * noise[k])
+        OBSERVER.step(memory, settings, u[0], u[1], v[0], v[1], estimate, spread)
+        u = control.control(k, estimate, spread)
+        trace[k, :ESTIMATE_SIZE], trace[k, ESTIMATE_SIZE:] = estimate, spread
+        state = np.array(propagate(*state, thetas[omega[k], factor[k]], u[0], u[1], PERIOD, ORDER))
     true = np.tile(PARAMETERS, (count, 1))
     true[:, 3:6] *= factor[:, None]
     return Run(
@@ -158,10 +143,9 @@ def decrease(seed: int, size: float, velocity: bool, count: int) -> tuple[Floats
     noise = 2e4 * NOISE_M if velocity else NOISE_M
     sensor = np.array([GAIN, GAIN, GAIN * noise, 0.0, float(velocity)])
     OBSERVER.init(memory, settings, start, deviation, sensor, PERIOD)
-    control = np.zeros(CONTROLLER.memory_size)
-    CONTROLLER.init(control, CONTROLLER.settings_array(), PERIOD)
+    control = controller()
     estimate, spread = np.zeros(ESTIMATE_SIZE), np.zeros(ESTIMATE_SIZE)
-    output = np.zeros(OUTPUT_SIZE)
+    output = np.zeros(2)
     state = before = np.array([1e-6, 0.0, 0.0, 0.0])
     roots, allowed = np.zeros(count), np.zeros(count)
     for k in range(count):
@@ -177,7 +161,7 @@ def decrease(seed: int, size: float, velocity: bool, count: int) -> tuple[Floats
             response = rows[:, PHI : PHI + 4] @ response + rows[:, :THETA_SIZE]
             remainder = state - rows[:, STATE] - response @ theta_error - phi @ eta
             allowed[k] = np.sqrt(energy_weight(memory, theta) * energy(remainder, theta))
-        CONTROLLER.step(control, CONTROLLER.settings_array(), k * PERIOD, estimate, spread, output)
+        output = control.control(k, estimate, spread)
         before = state
         state = np.array(propagate(*state, theta, output[0], output[1], PERIOD, ORDER))
     return roots, allowed
@@ -199,7 +183,8 @@ def test_v_never_rises_where_the_error_is_linear(seed: int, velocity: bool) -> N
 @pytest.mark.parametrize("velocity", [False, True], ids=["position", "velocity"])
 @pytest.mark.parametrize("seed", range(3))
 def test_v_from_10_to_50_percent_rises_by_no_more_than_the_remainder(seed: int, velocity: bool) -> None:
-    roots, allowed = decrease(seed, 1.0, velocity, 3000)
+    # The controller gives the tones alone until stiffness and mass are within 2 %: the constants come that much later.
+    roots, allowed = decrease(seed, 1.0, velocity, 5000)
     assert np.all(np.diff(roots) <= allowed[1:] + ROUNDING)
     # The remainder is of second order and dies with the error. Over 40 seeds the last rise was at
     # sample 25 (position) and 160 (velocity); three periods of x alone are 200 samples.
@@ -271,7 +256,8 @@ def test_nothing_winds_up_without_excitation() -> None:
 
 @pytest.mark.parametrize("factor", [0.1, 1e-6])
 def test_noise_stated_too_small_is_measured(factor: float) -> None:
-    result = run(1, 0.25, believed_noise=factor * NOISE_M)
+    # dxy, the last of the seven, is 1 % off at 0.25 s in some seeds where the device is left to the tones at first.
+    result = run(1, 0.35, believed_noise=factor * NOISE_M)
     assert np.all(np.abs(result.error[-1]) < 0.01)
     # The believed noise is 20 pm again, so the deviation of dxy is not 1/factor too small.
     assert result.deviation[-1, KXX + 5] > 1e-3 * PARAMETERS[5]

@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -42,8 +43,11 @@ def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "out"
 
 
-def test_a_run_writes_the_three_files_and_nothing_else(run_folder: Path) -> None:
-    assert sorted(path.name for path in run_folder.iterdir()) == ["report.html", "summary.json", "trace.parquet"]
+FILES = ["design.toml", "report.html", "summary.json", "trace.parquet"]
+
+
+def test_a_run_writes_its_files_and_nothing_else(run_folder: Path) -> None:
+    assert sorted(path.name for path in run_folder.iterdir()) == FILES
 
 
 def test_summary_holds_every_promised_number(run_folder: Path) -> None:
@@ -52,11 +56,14 @@ def test_summary_holds_every_promised_number(run_folder: Path) -> None:
     assert set(summary["parameters"]) == {"kxx", "kyy", "kxy", "dxx", "dyy", "dxy", "m"}
     for values in summary["parameters"].values():
         assert set(values) == {"true", "estimate", "relative_error", "within_1_percent_at", "over_bound"}
-    angle_keys = {"rms_deg", "max_deg", "drift_deg_per_s", "lag_s"}
+    angle_keys = {"rms_deg", "max_deg", "raw_rms_deg", "raw_max_deg", "drift_deg_per_s", "lag_s"}
     assert set(summary["angle"]) == {"unit", *angle_keys}
     assert set(summary["angle_units"]) == {"A", "B", "C"}
     assert all(set(values) == angle_keys for values in summary["angle_units"].values())
     assert summary["converged_at"] < 0.12
+    assert set(summary["valid"]) == {"share", "withdrawn", "now", "reason", "stopped"}
+    assert summary["valid"]["now"] is True
+    assert 0 < summary["predicted"]["drift_sigma_deg_per_s"] < 0.5
     assert summary["real_time_factor"] > 0
     assert summary["omega"]["rms_error"] is not None
 
@@ -118,7 +125,12 @@ WRONG = {
         ["device", "new", "--frequency", "3000", "--split", "1", "--q", "0", "--axis-angle", "0", "--mass", "1"],
         "q = ",
     ),
-    "divergence": (["run", "constant", "--set", "k3_x=-1e16", "--duration", "0.01"], "diverged at"),
+    "design name": (["run", "constant", "--design", "labb"], "'lab'"),
+    "design file": (["run", "constant", "--design", "design.toml"], "'kxy'"),
+    "trace rate": (["run", "constant", "--trace-rate", "-1"], "trace rate"),
+    "observer setting": (["run", "constant", "--set", "observer.blok=1"], "'block'"),
+    "monitor setting": (["run", "constant", "--set", "monitor.drift=1"], "'drift_limit'"),
+    "part": (["run", "constant", "--set", "obsever.block=1"], "'observer'"),
 }
 
 
@@ -129,6 +141,7 @@ def wrong_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "rate.csv").write_text("\n".join(["t,rate", *rows]))
     (folder / "still.csv").write_text("\n".join(["t,rate", *(rows[0] for _ in range(9))]))
     (folder / "wrong.toml").write_text('format = 1\nname = "wrong"\n[parameters]\nkx = 1.0\n')
+    (folder / "design.toml").write_text('format = 1\nname = "wrong"\n[intervals]\nkx = [1.0, 2.0]\n')
     return folder
 
 
@@ -146,6 +159,52 @@ def test_wrong_input_is_one_line_and_exit_code_2(
     assert line.startswith("gyrotwin: ")
     assert expected in line
     assert sorted(wrong_folder.rglob("*")) == before
+
+
+ENDED = {
+    "divergence in the first step": (["--set", "k3_x=-1e22", "--duration", "0.01"], "diverged at"),
+    "divergence": (["--set", "k3_x=-1e16", "--duration", "0.01"], "diverged at"),
+    "jitter": (["--set", "sampling_jitter=1e-8", "--duration", "0.05"], ""),
+    "clipping": (["--set", "adc_limit=1.2", "--duration", "0.05"], ""),
+    "feedthrough unknown": (["--set", "feedthrough=8", "--duration", "0.05"], ""),
+}
+"""Runs whose angle is not valid at the end: what is asked, what the reason says."""
+
+
+@pytest.mark.parametrize("case", ENDED)
+def test_a_run_that_is_not_valid_ends_with_its_files_and_exit_code_3(
+    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments, reason = ENDED[case]
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ending:
+        main(["run", "constant", *arguments, "--out", "out"])
+    assert ending.value.code == 3
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == FILES
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["valid"]["now"] is False
+    assert summary["valid"]["reason"] and reason in summary["valid"]["reason"]
+    assert "not valid at the end" in capsys.readouterr().out
+    assert len(pl.read_parquet(tmp_path / "out" / "trace.parquet")) >= 1
+
+
+def test_the_design_beside_the_results_runs_again(run_folder: Path, tmp_path: Path) -> None:
+    design = str(run_folder / "design.toml")
+    run = ["run", "constant", "--duration", "0.12", "--seed", "3", "--design", design, "--out", "again"]
+    result = gyrotwin(*run, folder=tmp_path)
+    assert result.returncode == 0, result.stderr
+    first, again = (pl.read_parquet(folder / "trace.parquet") for folder in (run_folder, tmp_path / "again"))
+    # An interval is written about its middle and rounds once more when it is read: by some 1e-16 of the value, 1e-14 of
+    # the deviation. The estimates are as near as a filter of 24,000 samples keeps that.
+    for name in ("kxx", "kyy", "kxy", "dxx", "dyy", "dxy", "m"):
+        np.testing.assert_allclose(again[f"est_{name}"][-1], first[f"est_{name}"][-1], rtol=1e-7)
+    assert again["converged"].equals(first["converged"])
+
+
+def test_trace_rate_is_rows_a_second(tmp_path: Path) -> None:
+    result = gyrotwin("run", "constant", "--duration", "0.02", "--trace-rate", "1000", "--out", "out", folder=tmp_path)
+    assert result.returncode == 3, result.stderr
+    assert len(pl.read_parquet(tmp_path / "out" / "trace.parquet")) == 20
 
 
 def test_no_compiler_is_said(wrong_folder: Path) -> None:
@@ -173,7 +232,7 @@ def test_a_user_observer_by_file(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(
         "from cosim.observers.ekf import OBSERVER as packaged\nOBSERVER = packaged._replace(name='mine')\n"
     )
-    result = gyrotwin("run", "constant", "--duration", "0.05", "--observer", "mine.py", "--out", "out", folder=tmp_path)
+    result = gyrotwin("run", "constant", "--duration", "0.1", "--observer", "mine.py", "--out", "out", folder=tmp_path)
     assert result.returncode == 0, result.stderr
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["run"]["observer"] == "mine"
 
@@ -184,15 +243,16 @@ def test_a_designed_device_runs(tmp_path: Path) -> None:
     refused = gyrotwin("device", "new", *design, "--name", "mine", folder=tmp_path)
     assert refused.returncode == 2
     assert "--force" in refused.stderr
-    run = ["run", "constant", "--device", "mine.toml", "--duration", "0.05", "--out", "out"]
+    run = ["run", "constant", "--device", "mine.toml", "--duration", "0.15", "--out", "out"]
     assert gyrotwin(*run, folder=tmp_path).returncode == 0
 
 
-@pytest.mark.parametrize("what", ["effects", "devices", "scenarios", "observers"])
+@pytest.mark.parametrize("what", ["effects", "devices", "designs", "scenarios", "observers"])
 def test_listings(what: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["list", what])
     named = {"effects": "cubic_stiffness", "devices": "whole_angle", "scenarios": "varying", "observers": "lyapunov"}
+    named |= {"designs": "sensing_defects"}
     assert named[what] in capsys.readouterr().out
 
 
