@@ -32,7 +32,6 @@ typedef struct {
 typedef struct {
     known k;
     motion m;
-    double formed_in[IN]; /* inputs at which the motion was formed */
     filter_settings settings;
     double gain[2];   /* sense gains [V/m], for what is told in metres */
     double prior[NP]; /* standard deviation of p at the start */

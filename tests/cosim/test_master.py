@@ -65,8 +65,8 @@ def test_blocks_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = master.simulate(run).trace
     monkeypatch.setattr(master, "BLOCK_DURATION", 0.0071)
     cut = master.simulate(run).trace
-    # The monitor judges at the end of a block: the flag, the zero of the angles and the predicted errors follow the
-    # cut, and the true angle is summed block by block. What observer, controller and plant did does not.
+    # The monitor judges at the end of a block: the flag, the zero of the angles and the predicted errors follow the cut,
+    # and the true angle is summed block by block. What observer, controller and plant did does not.
     judged = ("converged", "drift_sigma", "angle_sigma", "angle", "angle_true", "angle_A", "angle_B", "angle_C")
     exact = [name for name in whole.columns if name not in judged]
     assert whole.select(exact).equals(cut.select(exact), null_equal=True)
@@ -194,7 +194,7 @@ HIDDEN = ("actuator_delay=2e-6", "amplifier_time_constant=5e-7", "feedthrough=-4
 def test_lab_finds_devices_of_other_frequency_and_damping(name: str, tmp_path: Path) -> None:
     frequency, split, q, angle, mass = map(float, AS_BUILT[name])
     device = design_device(name, frequency=frequency, split=split, q=q, axis_angle=angle, mass=mass)
-    write_device(device.with_parameters({"sense_noise": 2e-5}), tmp_path / "device.toml")
+    write_device(device.with_parameters({"sense_noise": 1e-5}), tmp_path / "device.toml")
     _, result = simulated("constant", *HIDDEN, device=str(tmp_path / "device.toml"), design="lab", duration=0.5, seed=2)
     assert result.converged_at is not None, result.validity.reason
     # The design says 0.2 deg/s (1 sigma) at most; over the last 0.2 s three of them.
