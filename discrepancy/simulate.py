@@ -13,7 +13,8 @@ import numpy as np
 from numba import njit
 from scipy.fft import irfft, next_fast_len, rfft
 
-from cosim.fmu import HANDLE_SIZE, Plant, exchange
+from cosim.exchange import exchange
+from cosim.fmu import HANDLE_SIZE, Plant
 from discrepancy.record import CONDITIONS, Floats, Record
 from gyro_model.anatomy import Delay, Lag
 from gyro_model.build import build
