@@ -235,7 +235,7 @@ def sine_lag(t: Floats, angle: Floats, angle_true: Floats, frequency_hz: float =
 def _orientation(states: Floats, omega_squared: Floats) -> tuple[Floats, Floats]:
     """Phi within +-pi/2 [rad] and quality, shape (n,), of x, x', y, y', shape (4, n)."""
     x, x_dot, y, y_dot = states
-    # Estimates of an observer that has lost the device may be of any size; what comes of them is no number, and no news.
+    # Estimates of an observer that has lost the device may be of any size: what comes of them is no number, no news.
     with np.errstate(over="ignore", invalid="ignore"):
         cross = 2 * (omega_squared * x * y + x_dot * y_dot)
         energy_x = omega_squared * x * x + x_dot * x_dot

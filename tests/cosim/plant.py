@@ -1,4 +1,5 @@
-"""What the tests of the loop share: the reference device by the matrix exponential, designs that are told the truth, and
+"""What the tests of the loop share: the reference device by the matrix exponential, designs that are told the truth,
+and
 a step-by-step loop of the packaged parts."""
 
 from dataclasses import replace
@@ -26,7 +27,8 @@ K = 63.955
 """Stiffness of the isotropic oscillator [N/m]."""
 TONES = {"tone_amplitude": 32e-6, "tone_x": 450.0, "tone_y": 500.0}
 MEASURED = np.array([298.15, 0.0, 0.0, 0.0, 298.15, 298.15])
-"""What the loop measures where nothing is said: temperature, a_x, a_y, v_bias, temperatures of structure and circuit."""
+"""What the loop measures where nothing is said: temperature, a_x, a_y, v_bias, temperatures of structure and
+circuit."""
 
 
 def matrix(parameters, omega_z):
