@@ -89,7 +89,7 @@ def test_slopes_are_the_derivatives_of_the_state(effects, residual):
         quotient = (filtered(design, up, u, v)[0] - filtered(design, down, u, v)[0]) / (2 * step)
         size = np.abs(quotient / scale).max()
         assert size > 0, name
-        # Both misalignments are off by 0.4 and 1.0 % of their slopes. Measured, not derived: what is left out is not known.
+        # Both misalignments are off by 0.4 and 1.0 % of their slopes: measured, not derived.
         limit = (2e-2 if name.endswith("misalignment") else 2e-3) if effects else 1e-4
         # Rounding of the state, 1e-14, over the change that the step makes, 1e-9 and more; Simpson's rule for the
         # slopes,
