@@ -1,5 +1,6 @@
 """What the tests of the loop share: the reference device by the matrix exponential, designs that are told the truth,
-and a step-by-step loop of the packaged parts."""
+and
+a step-by-step loop of the packaged parts."""
 
 from dataclasses import replace
 from typing import NamedTuple

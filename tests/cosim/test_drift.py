@@ -65,9 +65,11 @@ def simulated(name, phi):
 @pytest.mark.parametrize("name", WRONG)
 def test_drift_is_that_of_the_closed_loop(name, phi, residual):
     found, expected = simulated(name, phi), predicted(name, phi)
-    # The formula holds for a straight pattern where it is. The quadrature loop keeps it straight to 1 %, over 20 ms it turns
+    # The formula holds for a straight pattern where it is. The quadrature loop keeps it straight to 1 %, over 20 ms
+    # it turns
     # by up to 1.3 deg (20 ns), which moves the rate by twice that angle, and 5 % more at the delay's own square. A
-    # misalignment also splits the two frequencies: what it bends times that split goes with its square, a tenth at 30 ppm.
+    # misalignment also splits the two frequencies: what it bends times that split goes with its square, a tenth at 30
+    # ppm.
     # 0.002 deg/s is the ripple at 6 kHz in the fit.
     largest = max(abs(predicted(name, angle)) for angle in np.linspace(0, np.pi, 12))
     limit = np.rad2deg(0.2 * largest) + 0.002

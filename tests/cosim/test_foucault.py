@@ -191,7 +191,8 @@ def test_a_known_delay_is_predicted_ahead():
     states, _ = run(4000, [1e-6, 0, 0, 0], effects={"actuator_delay": delay}, plant=late, **straight)
     energy = states[:, 1] ** 2 + states[:, 3] ** 2 + K / REFERENCE[6] * (states[:, 0] ** 2 + states[:, 2] ** 2)
     # Where the delay is not known, 7.3 us turn the stiffness across, 13 N/m, into damping and the pattern grows as
-    # kxy delay/(2 m): 260 /s, 180-fold in 20 ms. Known, the forces under way are exact; the state they begin with is too.
+    # kxy delay/(2 m): 260 /s, 180-fold in 20 ms. Known, the forces under way are exact; the state they begin with is
+    # too.
     assert energy[-1] / energy[0] == pytest.approx(1.0, abs=0.02)
     assert abs(angle(states[-1])[0]) < 0.5
     unknown, _ = run(4000, [1e-6, 0, 0, 0], plant=late, **straight)

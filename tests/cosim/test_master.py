@@ -65,7 +65,8 @@ def test_blocks_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = master.simulate(run).trace
     monkeypatch.setattr(master, "BLOCK_DURATION", 0.0071)
     cut = master.simulate(run).trace
-    # The monitor judges at the end of a block: the flag, the zero of the angles and the predicted errors follow the cut,
+    # The monitor judges at the end of a block: the flag, the zero of the angles and the predicted errors follow the
+    # cut,
     # and the true angle is summed block by block. What observer, controller and plant did does not.
     judged = ("converged", "drift_sigma", "angle_sigma", "angle", "angle_true", "angle_A", "angle_B", "angle_C")
     exact = [name for name in whole.columns if name not in judged]

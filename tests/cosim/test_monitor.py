@@ -1,4 +1,5 @@
-"""The flag tells the truth: never valid on a device that the loop does not know, and taken back when the device changes."""
+"""The flag tells the truth: never valid on a device that the loop does not know, and taken back when the device
+changes."""
 
 import numpy as np
 import pytest
@@ -20,7 +21,8 @@ def test_no_flag_while_the_angle_drifts(name: str, seed: int) -> None:
     assert result.validity.now == (not result.validity.reason)
     turned = drift(result, 0.2)
     sigma = np.rad2deg(result.trace["drift_sigma"][-1])
-    # Valid for 10 ms of the last tenth of a second, and drifting by more than 0.5 deg/s and four times its own sigma: a lie.
+    # Valid for 10 ms of the last tenth of a second, and drifting by more than 0.5 deg/s and four times its own sigma:
+    # a lie.
     assert np.isnan(turned) or abs(turned) <= max(0.5, 4 * sigma)
 
 

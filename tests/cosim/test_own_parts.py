@@ -28,7 +28,8 @@ OBSERVER = OWN.format(
     name="OBSERVER",
     init="memory, settings, start, start_deviation, sensor, period",
     step="memory, settings, u_x, u_y, v_x, v_y, estimate, deviation",
-    body="    estimate[5:12] = np.array([64.0, 96.0, 12.8, 1.8e-6, 1.8e-6, 3.6e-7, 1.8e-7])\n    estimate[0] = v_x / 1e6\n    estimate[4] = settings[0] * memory[0]\n    deviation[4] = u_x\n",
+    body="    estimate[5:12] = np.array([64.0, 96.0, 12.8, 1.8e-6, 1.8e-6, 3.6e-7, 1.8e-7])\n"
+    "    estimate[0] = v_x / 1e6\n    estimate[4] = settings[0] * memory[0]\n    deviation[4] = u_x\n",
 )
 CONTROLLER = OWN.format(
     folder="controllers",
