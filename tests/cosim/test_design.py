@@ -95,8 +95,6 @@ WRONG = {
     "out of bounds": ("[parameters]\nactuator_delay = -1e-6\n", "actuator_delay"),
     "gauge": ("[intervals]\nsense_gain_x = [0.9e6, 1.1e6]\n", "pickoff_gain_mismatch or a value"),
     "start": ("[intervals]\nx_start = [0.9e-6, 1.1e-6]\n", "or its start"),
-    "angular gain": ("[intervals]\nangular_gain = [0.7, 0.9]\n", "without an interval"),
-    "noise": ("[intervals]\nsense_noise = [1e-5, 3e-5]\n", "without an interval"),
     "nothing that acts": ("[intervals]\nelectrode_gap = [1e-5, 2e-5]\n", "no acting effect has it"),
 }
 
@@ -106,6 +104,13 @@ def test_a_wrong_design_is_refused_by_name(case: str, tmp_path: Path) -> None:
     text, expected = WRONG[case]
     with pytest.raises(InputError, match=expected):
         load_design(written(tmp_path, text), device_with(), 1)
+
+
+@pytest.mark.parametrize("name", ["angular_gain", "sense_noise", "adc_limit", "damping_step_time"])
+def test_what_the_loop_cannot_find_it_takes_as_known(name: str, tmp_path: Path) -> None:
+    design = load_design(written(tmp_path, f"[intervals]\n{name} = [0.7, 0.9]\n"), device_with(), 1)
+    assert design.all_values[name] == pytest.approx(0.8)
+    assert name not in design.deviations
 
 
 def test_a_design_that_is_not_there_is_refused() -> None:

@@ -57,10 +57,8 @@ DEVICES = {
 
 
 def innovation(lib, part):
-    """Rms innovation [V], of all samples. The running mean begins at 1 and takes in the first block at each
-    doubling."""
-    begun = np.prod([1 - min(1, size * PERIOD / 5e-3) for size in (16, 32, 64)])
-    return NOISE * np.sqrt(abs(filter_health(lib, part)["chi2"] - begun) / (1 - begun))
+    """Rms innovation [V] of all samples: while a start grows, its mean is taken anew at each doubling."""
+    return NOISE * np.sqrt(filter_health(lib, part)["chi2"])
 
 
 def told_exactly(design):

@@ -104,9 +104,10 @@ def test_a_sample_rate_off_the_microsecond_grid() -> None:
     assert summary["parameters"]["kxx"]["relative_error"] == pytest.approx(0.0, abs=1e-5)
 
 
-def test_internal_step_resolves_delays_and_lags() -> None:
+def test_internal_step_is_half_a_sample_where_the_device_states_none() -> None:
+    # Of delays too: the plant cuts its steps where a command arrives.
     assert run_of("constant").plant_parameters()["internal_step"] == pytest.approx(5e-6)
-    assert run_of("constant", "actuator_delay=2e-6").plant_parameters()["internal_step"] == pytest.approx(1e-6)
+    assert run_of("constant", "actuator_delay=2e-6").plant_parameters()["internal_step"] == pytest.approx(5e-6)
     assert run_of("constant", "internal_step=2.5e-6").plant_parameters()["internal_step"] == 2.5e-6
 
 
