@@ -3,6 +3,52 @@
 #define PARALLEL 1e-7 /* share of a variance that two bounds must not have in common */
 #define BOUNDS 4     /* lowest values that may be reached at once */
 
+/* Row r of the block in eta, W' h. */
+static void row_in_eta(const filter *f, int64_t r, double g[NP])
+{
+    for (int j = 0; j < NP; j++) {
+        g[j] = 0.0;
+    }
+    for (int i = 0; i < NP; i++) {
+        const double h = f->H[r][i];
+        for (int j = i; j < NP; j++) {
+            g[j] += f->W[i][j] * h;
+        }
+    }
+}
+
+/* L of J + g g' where it was that of J, by rotations. A start is told 1e13 times more of k/m than it knew; in a sum of g g' the rounding of
+   that would pass for knowledge of what nothing has been told of. Changes g. */
+static void rotate_in(double L[NP][NP], double g[NP])
+{
+    for (int k = 0; k < NP; k++) {
+        const double r = sqrt(L[k][k] * L[k][k] + g[k] * g[k]), c = L[k][k] / r, s = g[k] / r;
+        L[k][k] = r;
+        for (int i = k + 1; i < NP; i++) {
+            const double l = L[i][k];
+            L[i][k] = c * l + s * g[i];
+            g[i] = c * g[i] - s * l;
+        }
+    }
+}
+
+/* The Cholesky factor of J, in its place. */
+static void factor(double J[NP][NP])
+{
+    for (int j = 0; j < NP; j++) {
+        for (int k = 0; k < j; k++) {
+            J[j][j] -= J[j][k] * J[j][k];
+        }
+        J[j][j] = sqrt(larger(J[j][j], 1.0)); /* J is at least the identity */
+        for (int i = j + 1; i < NP; i++) {
+            for (int k = 0; k < j; k++) {
+                J[i][j] -= J[i][k] * J[j][k];
+            }
+            J[i][j] /= J[j][j];
+        }
+    }
+}
+
 double block_information(const filter *f, double L[NP][NP], double b[NP])
 {
     double trace = 0.0;
@@ -14,36 +60,23 @@ double block_information(const filter *f, double L[NP][NP], double b[NP])
     }
     for (int64_t r = 0; r < f->rows; r++) {
         double g[NP];
-        for (int j = 0; j < NP; j++) {
-            g[j] = 0.0;
-        }
-        for (int i = 0; i < NP; i++) {
-            const double h = f->H[r][i];
-            for (int j = i; j < NP; j++) {
-                g[j] += f->W[i][j] * h;
-            }
-        }
+        row_in_eta(f, r, g);
         for (int i = 0; i < NP; i++) {
             b[i] += g[i] * f->r[r];
-            for (int j = 0; j <= i; j++) {
-                L[i][j] += g[i] * g[j];
+            trace += g[i] * g[i];
+        }
+        if (f->growing) {
+            rotate_in(L, g);
+        } else {
+            for (int i = 0; i < NP; i++) {
+                for (int j = 0; j <= i; j++) {
+                    L[i][j] += g[i] * g[j];
+                }
             }
         }
     }
-    for (int i = 0; i < NP; i++) {
-        trace += L[i][i] - 1.0;
-    }
-    for (int j = 0; j < NP; j++) {
-        for (int k = 0; k < j; k++) {
-            L[j][j] -= L[j][k] * L[j][k];
-        }
-        L[j][j] = sqrt(larger(L[j][j], 1.0)); /* J is at least the identity */
-        for (int i = j + 1; i < NP; i++) {
-            for (int k = 0; k < j; k++) {
-                L[i][j] -= L[i][k] * L[j][k];
-            }
-            L[i][j] /= L[j][j];
-        }
+    if (!f->growing) {
+        factor(L);
     }
     return trace;
 }

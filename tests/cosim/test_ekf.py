@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plant import MEASURED, PERIOD, REFERENCE, begin, close_loop, device_with, told
+from plant import GAIN, MEASURED, NOISE, PERIOD, REFERENCE, begin, close_loop, device_with, sampled, told
 from runs import simulated
 from scipy.stats import chi2
 
@@ -123,6 +123,25 @@ def test_doubled_damping_is_followed():
     damping = course.estimates[:, 8:11] / (2.0 * REFERENCE[3:6]) - 1.0
     # 5 % within 0.1 s are asked for; here 20 ms.
     assert np.abs(damping[jump + 4000 :]).max() < 0.05
+
+
+@pytest.mark.parametrize("seed", [6, 7, 8])
+def test_without_a_force_only_ratios_are_learned(seed):
+    """k/m becomes known to 1e-7 meanwhile: what rounds there must not pass for knowledge of the mass."""
+    design = load_design("plain", device_with(sense_noise=2e-5), seed)
+    loop = begin(design)
+    _, before = prior(design, loop.lib)
+    state, noise = np.array([1e-6, 0.0, 0.0, 0.0]), np.random.default_rng(seed).standard_normal((16500, 2))
+    phi, _ = sampled(REFERENCE, 5.0)
+    for k in range(16500):
+        loop.observe(np.zeros(2), GAIN * state[::2] + NOISE * noise[k])
+        state = phi @ state
+    count = loop.lib.sizes["NP"]
+    p, root, health = np.zeros(count), np.zeros((count, count)), np.zeros(8)
+    loop.lib.call.core_filter_found(pointer(loop.observer.memory), pointer(p), pointer(root), pointer(health))
+    deviation, at_first = np.sqrt(np.sum(root[6] ** 2)), np.sqrt(np.sum(before[6] ** 2))
+    # Seven of 30 % each, and six ratios of them known; the dampings not wholly: 0.5 % are left of them.
+    assert deviation == pytest.approx(at_first / np.sqrt(7), rel=0.01)
 
 
 def test_errors_are_as_large_as_the_filter_says():
