@@ -19,10 +19,12 @@ def test_installed_package_works_from_an_empty_folder(tmp_path: Path) -> None:
     # A cache of its own, so that the FMU is built from the C sources in the wheel.
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache"), "HOME": str(tmp_path)}
     environment.pop("PYTHONPATH", None)
-    command = [str(scripts / "gyrotwin"), "run", "constant", "--duration", "0.05", "--out", "out"]
+    command = [str(scripts / "gyrotwin"), "run", "constant", "--duration", "0.3", "--out", "out"]
     result = subprocess.run(command, cwd=empty, env=environment, capture_output=True, text=True, timeout=300)
     assert result.returncode == 0, result.stderr
-    assert sorted(path.name for path in (empty / "out").iterdir()) == ["report.html", "summary.json", "trace.parquet"]
+    assert sorted(path.name for path in (empty / "out").iterdir()) == [
+        *("design.toml", "report.html", "summary.json", "trace.parquet")
+    ]
     built = subprocess.run(
         [str(scripts / "gyrotwin"), "build"], cwd=empty, env=environment, capture_output=True, text=True, timeout=300
     )
