@@ -136,18 +136,6 @@ double block_squared(const double x[NP])
     return total;
 }
 
-void block_set_constants(filter *f, const double eta[NP], double change[NP])
-{
-    for (int i = 0; i < NP; i++) {
-        double p = f->p_begun[i];
-        for (int j = i; j < NP; j++) {
-            p += f->W[i][j] * eta[j];
-        }
-        change[i] = p - f->k.p[i];
-        f->k.p[i] = p;
-    }
-}
-
 double block_constant_at(const filter *f, const double eta[NP], int i)
 {
     double p = f->p_begun[i];
@@ -155,6 +143,15 @@ double block_constant_at(const filter *f, const double eta[NP], int i)
         p += f->W[i][j] * eta[j];
     }
     return p;
+}
+
+void block_set_constants(filter *f, const double eta[NP], double change[NP])
+{
+    for (int i = 0; i < NP; i++) {
+        const double p = block_constant_at(f, eta, i);
+        change[i] = p - f->k.p[i];
+        f->k.p[i] = p;
+    }
 }
 
 void block_keep_in_bounds(const filter *f, double L[NP][NP], double eta[NP])

@@ -18,7 +18,6 @@
 #define WATCHED 0.005 /* over which innovations are averaged [s] */
 #define FIRST 16     /* samples of the first block at its first fit */
 
-
 /* |W' h|^2: what the uncertainty of p adds to the variance of a measurement. */
 static double uncertainty(const filter *f, const double *h)
 {
