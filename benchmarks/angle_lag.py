@@ -15,7 +15,7 @@ from cosim.master import simulate
 from cosim.run import Run
 from cosim.scenarios import Scenario, Sine
 from gyro_model.build import build
-from gyrotwin.run import Request, prepare
+from gyrotwin.tasks.run import Request, prepare
 
 FREQUENCY_HZ: Final = 20.0
 AMPLITUDE: Final = 5.0

@@ -22,7 +22,7 @@ from cosim.running import Part, begin_controller, begin_observer, design_for
 from cosim.scenarios import INPUT_NAMES
 from gyro_model import symbols
 from gyro_model.build import build
-from gyrotwin.run import Request, prepare
+from gyrotwin.tasks.run import Request, prepare
 
 Floats = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from benchmarks.report import Table, row
 from cosim.compensation.choose import FOLDS, Asked, held_out_stretches
 from cosim.compensation.record import CIRCUIT, RATE_OF, STRUCTURE, Blocks, Floats, make_blocks
-from gyrotwin.compensate import HELD_OUT_FOLD, HELD_OUT_STRETCHES, judge_all
 from gyrotwin.compensate_record import read_test
+from gyrotwin.tasks.compensate import HELD_OUT_FOLD, HELD_OUT_STRETCHES, judge_all
 
 Chosen = NDArray[np.bool_]
 

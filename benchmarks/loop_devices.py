@@ -22,7 +22,7 @@ from cosim.master import simulate
 from cosim.recorder import Result
 from cosim.run import Run
 from gyro_model.device import Device, interval, read_toml, write_device
-from gyrotwin.run import Request, execute, prepare
+from gyrotwin.tasks.run import Request, execute, prepare
 
 DEVICES: Final = 30
 SEEDS: Final = 3

@@ -24,7 +24,7 @@ from cosim.scenarios import Constant, Course, Sine
 from gyro_model.device import load_device
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
-from gyrotwin.run import Request, prepare
+from gyrotwin.tasks.run import Request, prepare
 
 SEEDS: Final = 40
 ANGLE, DRIFT, OVER_BOUND, PARAMETER = 0.1, 0.1, 2.0, 1.5

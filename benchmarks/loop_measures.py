@@ -10,7 +10,7 @@ from benchmarks.loop_runs import BOUND_AT, PROFILE, RATIO_NAMES, Case, Outcome, 
 from benchmarks.report import MANY_SEEDS, Options, Report, Row, Table, row, spread
 from cosim.angle import UNIT_NAMES
 from cosim.layout import PARAMETER_NAMES
-from gyrotwin.run import prepare
+from gyrotwin.tasks.run import prepare
 
 OBSERVERS: Final = ("ekf", "lyapunov")
 WITHIN_TARGET: Final = {"ekf": 0.1, "lyapunov": 0.3}

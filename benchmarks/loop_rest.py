@@ -22,7 +22,7 @@ from cosim.master import BLOCK_DURATION
 from cosim.monitor import Monitor
 from cosim.run import Run
 from gyro_model.errors import InputError
-from gyrotwin.run import Request, prepare
+from gyrotwin.tasks.run import Request, prepare
 
 Floats = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from cosim.recorder import Result
 from cosim.run import Run
 from gyro_model.build import CHECKOUT, build
 from gyro_model.errors import InputError
-from gyrotwin.run import Request, prepare
+from gyrotwin.tasks.run import Request, prepare
 
 Floats = NDArray[np.float64]
 What = TypeVar("What")

@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.report import Options, Report, Row, Table, load, row
 from gyro_model.build import build
 from gyro_model.errors import InputError
-from gyrotwin.run import NOT_VALID
+from gyrotwin.tasks.run import NOT_VALID
 
 SHORT: Final = 0.01
 """Of the run that shows a start [s]: two hundredths of a second of work."""

@@ -13,12 +13,12 @@ from gyro_model.build import build_all
 from gyro_model.device import design_device, load_device, packaged_devices, write_device
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
-from gyrotwin.compensate import compensate
 from gyrotwin.dataset import dataset_app
-from gyrotwin.diagnose import diagnose
 from gyrotwin.interrupt import Interrupted, interrupt
-from gyrotwin.rate import rate
-from gyrotwin.split import split
+from gyrotwin.tasks.compensate import compensate
+from gyrotwin.tasks.diagnose import diagnose
+from gyrotwin.tasks.rate import rate
+from gyrotwin.tasks.split import split
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -100,7 +100,8 @@ def run(
 ) -> None:
     """Run a scenario in the closed loop and report."""
     from gyrotwin.compiled import compile_once
-    from gyrotwin.run import NOT_VALID, Request, check_writable, prepare
+    from gyrotwin.output import check_writable
+    from gyrotwin.tasks.run import NOT_VALID, Request, prepare
 
     request = Request(
         scenario, device, design, tuple(settings or ()), rate_profile, rate_column, rate_unit, rate_start, observer,
@@ -112,7 +113,7 @@ def run(
     compile_once(console, prepared)
     from gyrotwin.console import results
     from gyrotwin.progress import shown_progress
-    from gyrotwin.run import execute
+    from gyrotwin.tasks.run import execute
 
     with shown_progress(console, f"{prepared.scenario.name}, {prepared.duration:g} s") as progress:
         summary = execute(prepared, folder, progress)

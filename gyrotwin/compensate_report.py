@@ -15,7 +15,7 @@ from gyrotwin.figures import Figure, Line, Panel, envelope, line
 from gyrotwin.report import as_json, template, write_whole
 
 if TYPE_CHECKING:
-    from gyrotwin.compensate import Judged
+    from gyrotwin.tasks.compensate import Judged
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ AXES: Final = {STRUCTURE: "structure [°C]", CIRCUIT: "board [°C]", FREQUENCY: 
 
 def render(summary: Mapping[str, Any], judged: Sequence["Judged"], tested: Blocks, out: Path) -> None:
     """Writes the page to ``out``; summary: content of summary.json; tested: the held-out blocks."""
-    from gyrotwin.compensate import HEADINGS, rows, times, titles
+    from gyrotwin.tasks.compensate import HEADINGS, rows, times, titles
 
     unit = "°/h" if summary["unit"] == "rad/s" else summary["unit"]
     drawn = [

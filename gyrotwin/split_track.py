@@ -14,8 +14,8 @@ from cosim.mode_split import Question, Track, VoltageRecord, follow_split
 from cosim.mode_split.estimate import NORMAL_95
 from gyro_model.errors import InputError
 from gyrotwin.figures import Figure, Panel, line
+from gyrotwin.output import publish
 from gyrotwin.report import as_json, template, write_whole
-from gyrotwin.run import publish
 
 SHOWN: Final = 5
 """Rows of the track in the terminal."""

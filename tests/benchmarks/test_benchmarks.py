@@ -22,7 +22,7 @@ from benchmarks.__main__ import NAMES, command_of
 from benchmarks.closed_loop import compiled_loop, fmpy_loop
 from benchmarks.integrators import METHODS, Integrators
 from benchmarks.report import Options, Report, Row, Table, row, spread, write
-from gyrotwin.run import Request, prepare
+from gyrotwin.tasks.run import Request, prepare
 
 
 def test_row_says_which_columns_meet_the_target():

@@ -5,11 +5,11 @@ import numpy as np
 from cosim.master import simulate
 from cosim.recorder import Result
 from cosim.run import Run
-from gyrotwin.run import Request, prepare
+from gyrotwin.tasks.run import Request, prepare
 
 
 def run_of(scenario="constant", *changes, **options) -> Run:
-    """The run of a scenario; ``changes`` are texts ``name=value``, ``options`` fields of gyrotwin.run.Request."""
+    """The run of a scenario; ``changes`` are texts ``name=value``, ``options`` fields of gyrotwin.tasks.run.Request."""
     return prepare(Request(scenario, settings=changes, **options))
 
 

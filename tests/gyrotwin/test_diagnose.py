@@ -30,10 +30,11 @@ from discrepancy.simulate import Simulator
 from gyro_model.build import Fmus, token_of
 from gyro_model.device import load_device, write_device
 from gyro_model.model import load_model
-from gyrotwin import diagnose, diagnosis_report
+from gyrotwin import diagnosis_report
 from gyrotwin.cli import main
 from gyrotwin.interrupt import Interrupted
 from gyrotwin.numbers import hertz, uncertain
+from gyrotwin.tasks import diagnose
 
 MODEL = load_model()
 RATE = 200_000.0

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gyrotwin.run import publish
+from gyrotwin.output import publish
 
 
 def writer(text: str):

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gyro_model.errors import InputError
-from gyrotwin.run import Request, prepare
+from gyrotwin.tasks.run import Request, prepare
 
 TEXT = """
 format = 1

@@ -71,7 +71,7 @@ def execute(request: Request, out: Console) -> dict[str, Any]:
     """
     from discrepancy.checks import check
     from gyrotwin.diagnosis_console import results
-    from gyrotwin.run import check_writable
+    from gyrotwin.output import check_writable
 
     _check(request)
     check_writable(request.out)
@@ -181,7 +181,7 @@ def _write(
     warnings: list[str],
 ) -> None:
     from gyrotwin.diagnosis_report import render
-    from gyrotwin.run import publish
+    from gyrotwin.output import publish
 
     name, model = _name(request.dataset), found.model
     device = improved_device(name, data, model, found)

@@ -74,7 +74,7 @@ def compensate(
     from cosim.compensation.record import CIRCUIT, STRUCTURE, make_blocks
     from gyrotwin.compensate_record import read_test
     from gyrotwin.compensate_report import render
-    from gyrotwin.run import check_writable, publish
+    from gyrotwin.output import check_writable, publish
 
     folder = out or Path("results") / "compensate"
     check_writable(folder)

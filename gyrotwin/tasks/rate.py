@@ -111,7 +111,7 @@ def rate(
 def prepare(request: Request) -> "RateRun":
     """The run that ``request`` asks for. Raises InputError, with a remedy, for whatever is wrong in it."""
     from cosim.rate.run import RateRun
-    from gyrotwin.run import split_settings
+    from gyrotwin.tasks.run import split_settings
 
     _choose("--sense", request.sense, ("open", "closed"))
     rate, temperature = _rate(request), _temperature(request.temperature)
@@ -182,8 +182,8 @@ def execute(run: "RateRun", folder: Path, progress: "Progress | None" = None) ->
     """Runs and writes the files into ``folder``, complete or not at all; gives the summary."""
     from cosim.rate.master import simulate
     from cosim.rate.metrics import allan_of, summarise
+    from gyrotwin.output import check_writable, publish
     from gyrotwin.rate_report import render
-    from gyrotwin.run import check_writable, publish
 
     check_writable(folder)
     result = simulate(run, progress)

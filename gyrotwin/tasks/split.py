@@ -51,7 +51,7 @@ def split(
 ) -> None:
     """Find the frequency split of the two modes in a record of normal operation, from thermal noise."""
     from cosim.mode_split import Question, find_split
-    from gyrotwin.run import check_writable, publish
+    from gyrotwin.output import check_writable, publish
     from gyrotwin.split_record import read_record
     from gyrotwin.split_report import render_split
     from gyrotwin.split_track import follow
