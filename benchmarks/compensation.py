@@ -22,11 +22,11 @@ from benchmarks.compensation_records import (
 )
 from benchmarks.compensation_warmup import NOTES, WARMUP, warmup_table
 from benchmarks.report import SEEDS, Options, Report, Row, Table, row
-from cosim.compensation import network, piecewise
-from cosim.compensation.choose import Asked, choose
-from cosim.compensation.measures import Result, change, judge
-from cosim.compensation.model import Compensation
-from cosim.compensation.record import CIRCUIT, STRUCTURE, Blocks
+from calibration.compensation import network, piecewise
+from calibration.compensation.choose import Asked, choose
+from calibration.compensation.measures import Result, change, judge
+from calibration.compensation.model import Compensation
+from calibration.compensation.record import CIRCUIT, STRUCTURE, Blocks
 from cosim.rate.metrics import PER_HOUR
 
 SEGMENTS: Final = 16

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from cosim.compensation.record import CIRCUIT, FREQUENCY, STRUCTURE, Blocks, TemperatureTest, make_blocks
+from calibration.compensation.record import CIRCUIT, FREQUENCY, STRUCTURE, Blocks, TemperatureTest, make_blocks
 from cosim.rate.courses import ZERO_CELSIUS, Course, rate_step
 from cosim.rate.master import simulate
 from cosim.rate.run import RateRun

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.report import Table, row
-from cosim.compensation.choose import FOLDS, Asked, held_out_stretches
-from cosim.compensation.record import CIRCUIT, RATE_OF, STRUCTURE, Blocks, Floats, make_blocks
+from calibration.compensation.choose import FOLDS, Asked, held_out_stretches
+from calibration.compensation.record import CIRCUIT, RATE_OF, STRUCTURE, Blocks, Floats, make_blocks
 from gyrotwin.compensate_record import read_test
 from gyrotwin.tasks.compensate import HELD_OUT_FOLD, HELD_OUT_STRETCHES, judge_all
 

@@ -14,7 +14,7 @@ from benchmarks.closed_loop import SteppedLoop, stepped_plant
 from benchmarks.loop_drift import slope
 from benchmarks.loop_runs import in_processes
 from benchmarks.report import RESULTS, Options, Report, Row, Table, row, show, spread, write
-from cosim.analysis.allan import OCTAVE, angle_allan
+from calibration.analysis.allan import OCTAVE, angle_allan
 from cosim.angle import Block, UnitC
 from cosim.bound import GrowingBound, Motion, at_the_truth
 from cosim.core.library import CONTROL_NAMES

@@ -14,7 +14,7 @@ from benchmarks.split_fmu import fmu_rows
 from benchmarks.split_loops import masking_rows, tracking_rows
 from benchmarks.split_outcome import RIGHT, Outcome, Truth, judge, outcome_row
 from benchmarks.split_records import SenseAxis, make_envelope, make_record
-from cosim.mode_split import NothingFoundError, Question, find_split, frequency_bound
+from calibration.mode_split import NothingFoundError, Question, find_split, frequency_bound
 
 RECORDS_A_SEED: Final = 10
 """Records of every point, times the seeds asked for: 100 by default."""

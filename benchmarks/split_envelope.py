@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from benchmarks.report import Row
 from benchmarks.split_fmu import AMPLITUDE, F_X, SETTLING, FmuPoint, device
 from benchmarks.split_outcome import Outcome, Truth, judge, outcome_row
+from calibration.mode_split import VoltageRecord, frequency_bound
 from cosim.envelope import INPUT_NAMES, EnvelopePlant, open_envelope
 from cosim.exchange import exchange
 from cosim.fmu import FMI_ERROR, HANDLE_SIZE
-from cosim.mode_split import VoltageRecord, frequency_bound
 
 GRID: Final = (
     *((q, db, 5.0) for q in (500.0, 5000.0, 50000.0) for db in (6.0, 20.0, 40.0)),

@@ -11,9 +11,9 @@ from numba import njit
 
 from benchmarks.report import Row
 from benchmarks.split_outcome import Outcome, Truth, judge, outcome_row
+from calibration.mode_split import VoltageRecord, frequency_bound
 from cosim.exchange import exchange
 from cosim.fmu import FMI_ERROR, HANDLE_SIZE, open_plant
-from cosim.mode_split import VoltageRecord, frequency_bound
 from gyro_model.build import build
 from gyro_model.symbols import BOLTZMANN
 

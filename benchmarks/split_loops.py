@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from benchmarks.report import Row, row
 from benchmarks.split_matching import matching_row
 from benchmarks.split_records import THERMAL_RMS, SenseAxis, complex_normal
-from cosim.mode_split import (
+from calibration.mode_split import (
     BiasTuner,
     Envelope,
     NothingFoundError,
@@ -27,7 +27,7 @@ from cosim.mode_split import (
     split_slope,
     track,
 )
-from cosim.mode_split.model import spectrum_bound
+from calibration.mode_split.model import spectrum_bound
 
 Complexes = NDArray[np.complex128]
 

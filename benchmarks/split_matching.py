@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from benchmarks.report import Row, row
 from benchmarks.split_envelope import RAMPING, TEMPERATURE, EnvelopeRun
 from benchmarks.split_fmu import FmuPoint, device
-from cosim.envelope import open_envelope
-from cosim.mode_split import (
+from calibration.mode_split import (
     BiasTuner,
     Envelope,
     NothingFoundError,
@@ -20,6 +19,7 @@ from cosim.mode_split import (
     line_spectrum,
     split_slope,
 )
+from cosim.envelope import open_envelope
 
 LOOP_RATE: Final = 500.0
 """Samples a second of the matching loop [Hz]."""

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from benchmarks.report import Row, row
-from cosim.mode_split import NothingFoundError, Question, VoltageRecord, correlations, find_split
+from calibration.mode_split import NothingFoundError, Question, VoltageRecord, correlations, find_split
 
 TARGET: Final = 1.2
 RIGHT: Final = 5.0

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from cosim.mode_split import VoltageRecord
+from calibration.mode_split import VoltageRecord
 
 THERMAL_RMS: Final = 8e-6
 """Thermal motion in volts: 8 pm, √(k_B T/k) for 64 N/m, at 1e6 V/m."""

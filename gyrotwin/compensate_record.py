@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from cosim.compensation.record import CIRCUIT, FREQUENCY, STRUCTURE, TemperatureTest
+from calibration.compensation.record import CIRCUIT, FREQUENCY, STRUCTURE, TemperatureTest
 from cosim.rate.courses import ZERO_CELSIUS
 from discrepancy.import_table import read_lab_table
 from discrepancy.table import numbers

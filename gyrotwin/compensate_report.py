@@ -9,8 +9,8 @@ import plotly.offline
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from cosim.compensation.measures import Curve, bias_factor
-from cosim.compensation.record import CIRCUIT, FREQUENCY, STRUCTURE, Blocks
+from calibration.compensation.measures import Curve, bias_factor
+from calibration.compensation.record import CIRCUIT, FREQUENCY, STRUCTURE, Blocks
 from gyrotwin.figures import Figure, Line, Panel, envelope, line
 from gyrotwin.report import as_json, template, write_whole
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from cosim.mode_split import VoltageRecord
+from calibration.mode_split import VoltageRecord
 from discrepancy.import_table import Request, guess_sources, read_lab_table
 from discrepancy.record import Floats, check_time, measured_rate
 from discrepancy.table import numbers

@@ -9,9 +9,9 @@ import plotly.offline
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from cosim.mode_split import Analysis, Correlation, Split, correlations, theoretical_spectrum
-from cosim.mode_split.correlation import measured_spectrum
-from cosim.mode_split.whittle import QUANTILE_95, profile
+from calibration.mode_split import Analysis, Correlation, Split, correlations, theoretical_spectrum
+from calibration.mode_split.correlation import measured_spectrum
+from calibration.mode_split.whittle import QUANTILE_95, profile
 from gyrotwin.figures import POINTS, Figure, Line, Panel, envelope, line
 from gyrotwin.report import as_json, template, write_whole
 

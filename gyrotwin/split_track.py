@@ -10,8 +10,8 @@ import polars as pl
 from markupsafe import Markup
 from rich.table import Table
 
-from cosim.mode_split import Question, Track, VoltageRecord, follow_split
-from cosim.mode_split.estimate import NORMAL_95
+from calibration.mode_split import Question, Track, VoltageRecord, follow_split
+from calibration.mode_split.estimate import NORMAL_95
 from gyro_model.errors import InputError
 from gyrotwin.figures import Figure, Panel, line
 from gyrotwin.output import publish

@@ -77,7 +77,7 @@ class RateRun:
         check_rate(self.rate, self.duration, self.interval, self.settings.full_scale)
         check_jumps(self.temperature, self.duration, self.interval)
         if self.sense_rate is not None:
-            check_sense_record(self.sense_rate, 1 / self.period, self.duration, self.nominal, self.closed)
+            check_sense_record(self.sense_rate, 1 / self.period, self.nominal, self.closed)
 
     @cached_property
     def settings(self) -> Settings:

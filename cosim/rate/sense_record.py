@@ -1,4 +1,4 @@
-"""The sense voltage of a run as a record for ``cosim.mode_split``: I and Q in the phase of the drive's oscillator.
+"""The sense voltage of a run as a record for ``gyrotwin split``: I and Q in the phase of the drive's oscillator.
 
     v_y(t) = Re (v_y_i + i v_y_q) e^{iφ(t)},  φ' = 2π carrier_frequency
 
@@ -12,7 +12,6 @@ import polars as pl
 from numpy.typing import NDArray
 
 from cosim.decimation import FLAT, Decimator
-from cosim.mode_split.estimate import check_length
 from cosim.rate.settings import Nominal
 from gyro_model.errors import InputError
 
@@ -44,10 +43,10 @@ class SenseRecorder:
         )
 
 
-def check_sense_record(rate: float, loop_rate: float, duration: float, known: Nominal, closed: bool) -> None:
+def check_sense_record(rate: float, loop_rate: float, known: Nominal, closed: bool) -> None:
     """Raises InputError where a record at ``rate`` [Hz] could not show the split of the device.
 
-    loop_rate: of the loop [Hz], a multiple of ``rate``; duration [s]; closed: the sense loop rebalances.
+    loop_rate: of the loop [Hz], a multiple of ``rate``; closed: the sense loop rebalances.
     """
     if closed:
         raise InputError(
@@ -67,4 +66,3 @@ def check_sense_record(rate: float, loop_rate: float, duration: float, known: No
         raise InputError(
             f"--sense-record {rate:g}: give a whole part of the loop's {loop_rate:g} Hz, such as {loop_rate / factor:g}"
         )
-    check_length(duration, f_x, pi * f_y / decay)

@@ -14,10 +14,10 @@ from gyro_model.errors import InputError, nearest
 from gyrotwin.numbers import MISSING, significant
 
 if TYPE_CHECKING:
-    from cosim.compensation.choose import Asked
-    from cosim.compensation.measures import Result
-    from cosim.compensation.model import Compensation
-    from cosim.compensation.record import Blocks
+    from calibration.compensation.choose import Asked
+    from calibration.compensation.measures import Result
+    from calibration.compensation.model import Compensation
+    from calibration.compensation.record import Blocks
 
 console = Console()
 
@@ -68,10 +68,10 @@ def compensate(
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default results/compensate.")] = None,
 ) -> None:
     """Fit a temperature compensation and write it as TOML and as a C header, with before and after."""
-    from cosim.compensation.choose import Asked
-    from cosim.compensation.export import to_c_header, to_toml
-    from cosim.compensation.model import OUTSIDE
-    from cosim.compensation.record import CIRCUIT, STRUCTURE, make_blocks
+    from calibration.compensation.choose import Asked
+    from calibration.compensation.export import to_c_header, to_toml
+    from calibration.compensation.model import OUTSIDE
+    from calibration.compensation.record import CIRCUIT, STRUCTURE, make_blocks
     from gyrotwin.compensate_record import read_test
     from gyrotwin.compensate_report import render
     from gyrotwin.output import check_writable, publish
@@ -108,7 +108,7 @@ def compensate(
 
 
 def _settled(blocks: "Blocks") -> "Blocks":
-    from cosim.compensation.record import FEWEST
+    from calibration.compensation.record import FEWEST
 
     if blocks.settled.sum() < FEWEST:
         raise InputError(
@@ -125,8 +125,8 @@ def judge_all(blocks: "Blocks", test: "Blocks | None", asked: "Asked", outside: 
     """
     import numpy as np
 
-    from cosim.compensation.choose import choose, held_out_stretches
-    from cosim.compensation.measures import judge
+    from calibration.compensation.choose import choose, held_out_stretches
+    from calibration.compensation.measures import judge
 
     shown = test
     if shown is None:
@@ -146,7 +146,7 @@ def judge_all(blocks: "Blocks", test: "Blocks | None", asked: "Asked", outside: 
 
 def summarise(judged: list[Judged], record: str, test: str | None) -> dict[str, Any]:
     """The answer as JSON-ready values."""
-    from cosim.compensation.measures import summary
+    from calibration.compensation.measures import summary
 
     chosen = judged[0].compensation
     return {

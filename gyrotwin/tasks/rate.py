@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
-from math import radians
+from math import pi, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
@@ -121,7 +121,7 @@ def prepare(request: Request) -> "RateRun":
     own, entries = split_settings(request.settings, "rate_mode")
     device = load_device(request.device).with_parameters(own)
     device = replace(device, rate_mode={**device.rate_mode, **entries["rate_mode"]})
-    return RateRun(
+    run = RateRun(
         device=device,
         rate=rate,
         temperature=temperature,
@@ -133,6 +133,19 @@ def prepare(request: Request) -> "RateRun":
         envelope=plant == "envelope",
         sense_rate=request.sense_record,
     )
+    if run.sense_rate is not None:
+        _check_sense_length(run)
+    return run
+
+
+def _check_sense_length(run: "RateRun") -> None:
+    """Raises InputError where a record of the sense voltage would not resolve the hump."""
+    from calibration.mode_split.estimate import check_length
+
+    known = run.nominal
+    f_x = known.calibration.frequency
+    f_y, line_width = f_x + known.pole.imag / (2 * pi), max(-known.pole.real, 1e-9) / pi
+    check_length(run.duration, f_x, f_y / line_width)
 
 
 def _choose(option: str, value: str, valid: tuple[str, ...]) -> None:

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from cosim.mode_split import Analysis, Correlation
+    from calibration.mode_split import Analysis, Correlation
 
 console = Console()
 
@@ -50,7 +50,7 @@ def split(
     ] = None,
 ) -> None:
     """Find the frequency split of the two modes in a record of normal operation, from thermal noise."""
-    from cosim.mode_split import Question, find_split
+    from calibration.mode_split import Question, find_split
     from gyrotwin.output import check_writable, publish
     from gyrotwin.split_record import read_record
     from gyrotwin.split_report import render_split
@@ -77,7 +77,7 @@ def split(
 
 def summarise(analysis: "Analysis", q_given: float | None, name: str) -> dict[str, Any]:
     """The answer as JSON-ready values: Hz, V²/Hz one-sided, intervals 95 %."""
-    from cosim.mode_split import correlations
+    from calibration.mode_split import correlations
 
     found = analysis.split
     low, high = found.interval

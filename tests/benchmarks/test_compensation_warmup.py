@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks import compensation_warmup
-from cosim.compensation.record import Blocks
+from calibration.compensation.record import Blocks
 
 
 def test_the_search_finds_a_lag_and_leaves_the_noise(monkeypatch: pytest.MonkeyPatch) -> None:

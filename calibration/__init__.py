@@ -1,0 +1,1 @@
+"""What records alone tell: temperature compensation, the frequency split from noise, figures of merit by fits."""

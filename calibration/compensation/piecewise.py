@@ -1,0 +1,70 @@
+"""Source 003: scale factor aT + b and bias cT + d in segments of the temperature, by least squares.
+
+The lines of neighbouring segments meet: the source prints a table of coefficients a segment and no condition, and a
+jump of the output at an edge would be a fault of its own.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from calibration.compensation.model import Additive, Compensation, Constant, Function, Piecewise, fitted_inputs, unit_of
+from calibration.compensation.points import Points, bias_points, scale_points
+from calibration.compensation.record import Blocks, Floats
+from gyro_model.errors import InputError
+
+SEGMENTS: Final = (1, 2, 3, 4, 6, 8, 10, 12, 16, 20, 24)
+"""Numbers of segments that the choice by held-out error looks at."""
+
+
+def fit(blocks: Blocks, sampling_time: float, sensor: str, segments: int) -> Compensation:
+    """Fits ``segments`` lines of equal width over the temperature of ``sensor``, scale factor first.
+
+    Raises InputError for fewer points than the segments need, and for a segment without data.
+    """
+    if segments < 1:
+        raise InputError(f"segments = {segments}: give 1 or more")
+    inputs = fitted_inputs(blocks, [sensor])
+    temperature = blocks.inputs[sensor]
+    edges = np.linspace(temperature.min(), temperature.max(), segments + 1)
+    if edges[0] == edges[-1]:
+        raise InputError(f"{blocks.name}: {sensor} never changes from {edges[0]:g} {unit_of(sensor)}: nothing to fit")
+    found = scale_points(blocks)
+    scale: Function = Constant(1.0)
+    if len(found.value):
+        scale = _lines(found, sensor, edges, "scale factor")
+    divided = bias_points(blocks, scale(temperature[:, None]))
+    note = f"{segments} segments of {edges[1] - edges[0]:.3g} {unit_of(sensor)}"
+    bias = _lines(divided, sensor, edges, "bias")
+    return Compensation(f"piecewise, {sensor}", inputs, scale, bias, sampling_time, blocks.unit, note)
+
+
+def _lines(points: Points, sensor: str, edges: Floats, what: str) -> Additive:
+    """The continuous polygon of least squares over ``edges``."""
+    x = points.blocks.inputs[sensor]
+    segments = len(edges) - 1
+    if len(x) < len(edges):
+        raise InputError(
+            f"{points.blocks.name}: {len(x)} points of the {what} for {segments} segments, which need {len(edges)}: "
+            f"give fewer --segments or more temperatures"
+        )
+    k = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, segments - 1)
+    counts = np.bincount(k, minlength=segments)
+    if not counts.all():
+        empty = int(np.argmin(counts > 0))
+        raise InputError(
+            f"{points.blocks.name}: no point of the {what} in segment {empty + 1} of {segments}, {edges[empty]:.4g} to "
+            f"{edges[empty + 1]:.4g} {unit_of(sensor)}: give fewer --segments or a test with that temperature"
+        )
+    width = np.diff(edges)
+    share = (x - edges[k]) / width[k]
+    hats = np.zeros((len(x), len(edges)))
+    rows = np.arange(len(x))
+    hats[rows, k], hats[rows, k + 1] = 1 - share, share
+    values, _, rank, _ = np.linalg.lstsq(hats, points.value, rcond=1e-6)
+    if rank < len(edges):
+        raise InputError(
+            f"{points.blocks.name}: the temperatures of the {what} determine {rank} of the {len(edges)} corners of "
+            f"{segments} segments: give fewer --segments or more temperatures"
+        )
+    return Additive((Piecewise(edges, np.stack([values[:-1], np.diff(values) / width], axis=1)),))

@@ -1,0 +1,196 @@
+"""From a record to the split with its interval, or to the reason why there is none."""
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Final
+
+import numpy as np
+
+from calibration.mode_split.correlation import (
+    Correlation,
+    correlate,
+    correlate_without_line,
+    measured_spectrum,
+    peak_uncertainty,
+)
+from calibration.mode_split.model import F_Y, LOG_Q, SplitModel, frequency_bound, kept_information
+from calibration.mode_split.record import Envelope, VoltageRecord, envelope, find_line
+from calibration.mode_split.search import NARROWEST, Found, detectable, find_hump
+from calibration.mode_split.spectrum import Spectrum, line_spectrum
+from calibration.mode_split.whittle import profile_interval
+from gyro_model.errors import InputError
+
+SPAN: Final = 1 / 3
+"""Half-width of the band searched, of the drive frequency: the reference device's modes lie 0.3 apart."""
+DECAYS: Final = 2 * np.pi * NARROWEST
+"""Decay times Q/(π f) below which the line width lies within the resolution 1/T of the record."""
+NORMAL_95: Final = 1.959964
+
+
+class NothingFoundError(InputError):
+    """No hump stands out of the floor."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is known of the device and asked of the record.
+
+    q: of the sense mode, or None where it is to be found; drive_frequency [Hz] or None; span: half-width of the band
+    searched [Hz], default a third of the drive frequency; guard: half-width [Hz] of the band around the line where the
+    rate modulates it; resolution: half-width of the 95 % interval asked for [Hz]; clean_line: the line
+    has no phase noise beside its mask. Otherwise a skirt ∝ (f - f_x)⁻² is fitted, and a hump closer to the line than
+    its own width can't be told from that.
+    """
+
+    q: float | None = None
+    drive_frequency: float | None = None
+    span: float | None = None
+    guard: float = 0.0
+    resolution: float | None = None
+    clean_line: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("q", "drive_frequency", "span", "resolution"):
+            value = getattr(self, name)
+            if value is not None and not (isfinite(value) and value > 0):
+                raise InputError(f"--{name.replace('_', '-')} {value:g}: give a positive number")
+        if self.q is not None and self.q < 10:
+            raise InputError(f"--q {self.q:g}: a resonance has at least 10")
+        if not (isfinite(self.guard) and self.guard >= 0):
+            raise InputError(f"--guard {self.guard:g}: give a frequency in Hz, zero or more")
+
+    def span_about(self, f_x: float) -> float:
+        """Half-width [Hz] of the band searched around ``f_x`` [Hz]."""
+        return self.span or SPAN * f_x
+
+
+@dataclass(frozen=True)
+class Split:
+    """The answer. f_x, f_y [Hz]; deviation of f_y by Fisher information [Hz]; interval of f_y, 95 %, by likelihood
+    profile [Hz]; q with its interval (equal to it where it was given); hump_over_floor at f_y [1]; bound: Cramér–Rao,
+    σ_f = √(Γ/(T g))/2π [Hz]; g; chance: that the floor alone gives such a hump; duration [s]; found: the fit."""
+
+    f_x: float
+    f_y: float
+    deviation: float
+    interval: tuple[float, float]
+    q: float
+    q_interval: tuple[float, float]
+    hump_over_floor: float
+    g: float
+    bound: float
+    chance: float
+    duration: float
+    found: Found
+
+    @property
+    def model(self) -> SplitModel:
+        """The spectrum at the maximum of the likelihood."""
+        return self.found.fit.model
+
+    @property
+    def split(self) -> float:
+        """Δf = f_y - f_x [Hz]."""
+        return self.f_y - self.f_x
+
+    @property
+    def half_interval(self) -> float:
+        """Half the length of the 95 % interval [Hz]."""
+        return 0.5 * (self.interval[1] - self.interval[0])
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """The answer with what it was found in, for figures."""
+
+    split: Split
+    part: Envelope
+    spectrum: Spectrum
+
+
+def find_split(record: VoltageRecord, question: Question = Question()) -> Analysis:
+    """The split of a record of normal operation.
+
+    Raises InputError where the record is too short for Q or for the resolution asked (it says how long it must be),
+    and NothingFoundError where no hump stands out.
+    """
+    f_x = find_line(record) if question.drive_frequency is None else question.drive_frequency
+    check_length(record.duration, f_x, question.q)
+    part = envelope(record, f_x, question.span_about(f_x))
+    spectrum = line_spectrum(part, f_x, question.guard)
+    split = estimate(spectrum, question)
+    check_resolution(split, question.resolution)
+    return Analysis(split, part, spectrum)
+
+
+def estimate(spectrum: Spectrum, question: Question, near: tuple[float, float] | None = None) -> Split:
+    """Maximum likelihood on a spectrum. near: (f_y, reach) [Hz]. Raises NothingFoundError."""
+    found = find_hump(spectrum, question.q, question.clean_line, near)
+    if not found.is_hump:
+        raise NothingFoundError(_nothing(spectrum, question, found))
+    model, fit = found.fit.model, found.fit
+    low, high = profile_interval(found.likelihood, fit)
+    if not (isfinite(low) and isfinite(high) and model.half_width > 0.5 * NARROWEST * spectrum.bin):
+        raise NothingFoundError(_nothing(spectrum, question, found))
+    ratio = model.hump / float(model.floor(np.array([model.f_y]))[0])
+    q = question.q or model.q
+    spread = NORMAL_95 * float(fit.deviation[LOG_Q])
+    return Split(
+        spectrum.drive_line,
+        float(model.f_y),
+        float(fit.deviation[F_Y]),
+        (low, high),
+        q,
+        (q * float(np.exp(-spread)), q * float(np.exp(spread))),
+        ratio,
+        kept_information(ratio),
+        frequency_bound(model.f_y, model.q, spectrum.duration, ratio),
+        found.chance,
+        spectrum.duration,
+        found,
+    )
+
+
+def correlations(analysis: Analysis) -> tuple[tuple[Correlation, float], tuple[Correlation, float]]:
+    """The source's cross-correlation as printed, and with the line removed, each with the half-width of its 95 %
+    interval [Hz]. Preset at f_x, so that the lag of the hump is the split."""
+    split, spectrum = analysis.split, analysis.spectrum
+    f, m = measured_spectrum(analysis.part)
+    on_line = np.abs(f - split.f_x) < spectrum.guard
+    printed = correlate(f, m, split.f_x, split.q, split.f_x)
+    cut = correlate_without_line(spectrum, split.q, split.f_x)
+    power = float(m[on_line].sum()) * spectrum.bin
+    return (
+        (printed, peak_uncertainty(printed, split.model, spectrum, power)),
+        (cut, peak_uncertainty(cut, split.model, spectrum, 0.0)),
+    )
+
+
+def check_length(duration: float, f_x: float, q: float | None, what: str = "the record") -> None:
+    """Raises InputError where ``what``, ``duration`` [s] long, can't resolve the line width f/Q."""
+    if q is not None and duration < (needed := DECAYS * q / (np.pi * f_x)):
+        raise InputError(
+            f"{what} is {duration:.4g} s long: too short to resolve the line width {f_x / q:.3g} Hz of Q = {q:.5g}; "
+            f"record at least {needed:.3g} s, better {150 / DECAYS * needed:.3g} s"
+        )
+
+
+def check_resolution(split: Split, resolution: float | None) -> None:
+    """Raises InputError where the interval is wider than asked: it falls with the root of the length."""
+    if resolution is not None and split.half_interval > resolution:
+        needed = split.duration * (split.half_interval / resolution) ** 2
+        raise InputError(
+            f"the record of {split.duration:.4g} s gives the split within ±{split.half_interval:.3g} Hz (95 %), not "
+            f"±{resolution:g} Hz: record at least {needed:.3g} s"
+        )
+
+
+def _nothing(spectrum: Spectrum, question: Question, found: Found) -> str:
+    # Where Q is not known: one that the record resolves as well as the bound asks, T = 150 Q/(π f).
+    q = question.q or np.pi * spectrum.drive_line * spectrum.duration / 150
+    height = 10 * np.log10(detectable(spectrum, found, q))
+    return (
+        f"no thermal hump found from {spectrum.f[0]:.6g} to {spectrum.f[-1]:.6g} Hz in {spectrum.duration:.4g} s "
+        f"(chance gives the best place with probability {found.chance:.2g}): one of Q = {q:.3g} would have been found "
+        f"from {height:.1f} dB over the floor on; record for longer, give --q, or another --span"
+    )
