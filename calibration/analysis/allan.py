@@ -6,12 +6,12 @@ Terms of the variance (IEEE Std 952, annex C): white angle noise 3 Q²/τ², ang
 
 from typing import Final, NamedTuple
 
-import allantools
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.stats import chi2
 
+from calibration.analysis.allan_freedom import degrees_of_freedom
 from cosim.rate.allan import FLAT, MINIMUM_ROWS, bottom, overlapping
 from gyro_model.errors import InputError
 
@@ -89,7 +89,7 @@ def _freedom(slope: Floats, tau: Floats, interval: float, rows: int) -> Floats:
     noise = np.clip(np.rint(-2 * slope - 1), -2, 0).astype(int)
     averaged = np.rint(tau / interval).astype(int)
     pairs = zip(noise.tolist(), averaged.tolist(), strict=True)
-    return np.array([allantools.edf_greenhall(a, 2, m, rows, overlapping=True) for a, m in pairs], dtype=np.float64)
+    return np.array([degrees_of_freedom(a, m, rows) for a, m in pairs])
 
 
 def _fit(design: Floats, deviation: Floats, freedom: Floats, tau: Floats) -> tuple[Floats, Floats]:

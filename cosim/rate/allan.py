@@ -7,7 +7,6 @@ sqrt(2 ln 2/π) = 0.664 (IEEE Std 952, annex C).
 from math import log, pi, sqrt
 from typing import Final, NamedTuple
 
-import allantools
 import numpy as np
 from numpy.typing import NDArray
 
@@ -65,10 +64,13 @@ def allan_deviation(rate: Floats, interval: float, settling: float) -> Allan:
 
 def overlapping(rate: Floats, interval: float) -> tuple[Floats, Floats]:
     """Averaging times [s], some 40 up to LONGEST_SHARE of the record, and the overlapping Allan deviation there
-    [rad/s], of a ``rate`` [rad/s], shape (n,), one each ``interval`` [s]."""
-    taus = np.geomspace(interval, LONGEST_SHARE * len(rate) * interval, 40)
-    tau, deviation, _, _ = allantools.oadev(rate, rate=1 / interval, data_type="freq", taus=taus)
-    return tau, deviation
+    [rad/s], of a ``rate`` [rad/s], shape (n,), one each ``interval`` [s] (IEEE Std 952, annex C)."""
+    longest = max(int(LONGEST_SHARE * len(rate)), 1)
+    averaged = np.unique(np.rint(np.geomspace(1, longest, 40)).astype(int))
+    angle = np.concatenate([[0.0], np.cumsum(rate - rate.mean())]) * interval
+    tau = averaged * interval
+    squares = [np.mean((angle[2 * m :] - 2 * angle[m:-m] + angle[: -2 * m]) ** 2) for m in averaged.tolist()]
+    return tau, np.sqrt(np.array(squares) / 2) / tau
 
 
 def bottom(tau: Floats, deviation: Floats, last_error: float) -> tuple[float | None, float | None]:

@@ -5,7 +5,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from cosim.rate.allan import FLAT, allan_deviation, noise_limits
+from cosim.rate.allan import FLAT, allan_deviation, noise_limits, overlapping
 from cosim.rate.courses import constant, constant_temperature
 from cosim.rate.master import simulate
 from cosim.rate.metrics import PER_ROOT_HOUR, allan_of, summarise
@@ -69,3 +69,15 @@ def test_simulated_device_meets_its_limits(closed: bool) -> None:
     shown = summarise(asked, result)["allan"]
     assert shown["thermal_limit_deg_rth"] == pytest.approx(PER_ROOT_HOUR * limits.thermal)
     assert shown["thermal_limit_deg_rth"] < shown["expected_deg_rth"] < 1.1 * shown["thermal_limit_deg_rth"]
+
+
+@pytest.mark.parametrize("rows", [200, 4321])
+def test_overlapping_deviation_is_that_of_an_independent_program(rows: int) -> None:
+    allantools = pytest.importorskip("allantools", reason="an independent Allan deviation")
+    rng = np.random.default_rng(rows)
+    rate = rng.normal(size=rows) + 0.1 * np.cumsum(rng.normal(size=rows)) + 30.0
+    tau, deviation = overlapping(rate, 0.01)
+    theirs_tau, theirs, _, _ = allantools.oadev(rate, rate=100.0, data_type="freq", taus=tau)
+    assert tau == pytest.approx(theirs_tau, rel=1e-12)
+    # Sums of thousands of doubles with a mean thirty times the noise.
+    assert deviation == pytest.approx(theirs, rel=1e-9)
