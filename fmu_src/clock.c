@@ -2,14 +2,14 @@
    so that no bit depends on how an importer divides time. */
 
 #include <float.h>
-#include <math.h>
 
+#include "gyro_math.h"
 #include "plant.h"
 
 double gyro_ticks(double seconds)
 {
     const double ticks = seconds * GYRO_TICKS_A_SECOND;
-    const double nearest = floor(ticks + 0.5);
+    const double nearest = gyro_floor(ticks + 0.5);
     /* 5e-6 s is 5 000 000 ticks, though neither the number nor the product is exact. */
     return fabs(ticks - nearest) <= 4.0 * DBL_EPSILON * fabs(ticks) ? nearest : ticks;
 }
@@ -18,8 +18,8 @@ gyro_instant gyro_instant_of(double ticks)
 {
     gyro_instant at = {ticks > 0.0 ? GYRO_NEVER : -1, 0.0};
     if (fabs(ticks) < (double)GYRO_LAST_TICK) {
-        at.tick = (int64_t)floor(ticks);
-        at.part = ticks - floor(ticks);
+        at.tick = (int64_t)gyro_floor(ticks);
+        at.part = ticks - gyro_floor(ticks);
     }
     return at;
 }
@@ -39,13 +39,13 @@ double gyro_time_of(const gyro_instance *g, gyro_instant at)
 gyro_beat gyro_beat_of(double period)
 {
     const double ticks = gyro_ticks(period);
-    const double whole = floor(ticks);
+    const double whole = gyro_floor(ticks);
     return (gyro_beat){(int64_t)whole, ticks - whole};
 }
 
 int64_t gyro_tick_of(gyro_beat beat, int64_t k)
 {
-    return k * beat.whole + (beat.part > 0.0 ? (int64_t)floor((double)k * beat.part + 0.5) : 0);
+    return k * beat.whole + (beat.part > 0.0 ? (int64_t)gyro_floor((double)k * beat.part + 0.5) : 0);
 }
 
 /* The view's switches at `settled`, and the first event after it. */

@@ -1,12 +1,12 @@
 #include "core.h"
 
 #include <float.h>
-#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "gyro_math.h"
 #include "plant.h"
 
 gyro_status gyro_refuse(gyro_instance *g, const char *format, ...)
@@ -104,7 +104,7 @@ gyro_status gyro_start(gyro_instance *g, double start_time)
     gyro_status status = GYRO_OK;
     if (g->memory.clock.now > 0) {
         status = gyro_refuse(g, "already at time %.9g s: reset before starting again", gyro_time(g));
-    } else if (!isfinite(start_time)) {
+    } else if (!gyro_finite(start_time)) {
         status = gyro_refuse(g, "start time %g: give a finite number", start_time);
     } else {
         gyro_unstart(g);
@@ -128,10 +128,10 @@ static int64_t nearest_tick(const gyro_instance *g, int64_t from, double ticks)
     const gyro_beat beat = g->plan.cuts.sample;
     const double period = (double)beat.whole + beat.part;
     const double slack = 1e-6 * period > 1.0 ? 1e-6 * period : 1.0;
-    const int64_t tick = from + (int64_t)floor(ticks + 0.5);
+    const int64_t tick = from + (int64_t)gyro_floor(ticks + 0.5);
     int64_t sample = g->plan.cuts.next_sample;
     if (tick != sample) {
-        sample = gyro_tick_of(beat, (int64_t)floor((double)tick / period + 0.5));
+        sample = gyro_tick_of(beat, (int64_t)gyro_floor((double)tick / period + 0.5));
     }
     /* Never back, never a step that is long enough to be meant lost. */
     return fabs((double)(tick - sample)) <= slack && sample > from ? sample : tick;
@@ -164,7 +164,7 @@ static gyro_status check_step(gyro_instance *g, double from, double step)
     gyro_status status = GYRO_OK;
     if (!clock->started) {
         status = gyro_refuse(g, "step before the start: initialise first");
-    } else if (!isfinite(from) || !isfinite(step)) {
+    } else if (!gyro_finite(from) || !gyro_finite(step)) {
         status = gyro_refuse(g, "communication point %g s, step %g s: give finite numbers", from, step);
     } else if (clock->diverged) {
         status = refuse_diverged(g);
@@ -254,7 +254,7 @@ static int64_t wanted_end(const gyro_instance *g, double time)
     const double ticks = gyro_ticks(time - g->memory.clock.start_time) + 0.5;
     const double now = (double)g->memory.clock.now;
     /* So far NaN does not compare. */
-    return !(ticks < (double)GYRO_LAST_TICK) ? GYRO_LAST_TICK : ticks > now ? (int64_t)floor(ticks) : g->memory.clock.now;
+    return !(ticks < (double)GYRO_LAST_TICK) ? GYRO_LAST_TICK : ticks > now ? (int64_t)gyro_floor(ticks) : g->memory.clock.now;
 }
 
 /* From `settled` to the tick `tick`, which no cut need be and lies `rest` ticks before where the importer has come to, or less far. */

@@ -4,9 +4,10 @@
 #include "fmi_common.h"
 
 #include <float.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "gyro_math.h"
 
 enum { STATES_SIZE = 128 };
 
@@ -120,7 +121,7 @@ void fmi_free(fmi_instance *f)
 fmi_status fmi_set_times(fmi_instance *f, const char *call, double start_time, int stop_defined, double stop_time)
 {
     fmi_status status = fmi_allow(f, call, CAN_SETUP);
-    if (status == FMI_OK && !isfinite(start_time)) {
+    if (status == FMI_OK && !gyro_finite(start_time)) {
         status = fmi_fail(f, call, "startTime is %g; give a finite time in s", start_time);
     } else if (status == FMI_OK && stop_defined && !(stop_time >= start_time)) {
         status = fmi_fail(f, call, "stopTime is %g s; it must not be before startTime %g s", stop_time, start_time);
@@ -245,7 +246,7 @@ static fmi_status check_set(const fmi_instance *f, const char *call, gyro_type t
         status = fmi_fail(f, call, "%s is computed by the FMU; only inputs and parameters can be set", name_of(vr));
     } else if (status == FMI_OK && (f->state & allowed) == 0) {
         status = refuse_state(f, call, name_of(vr), allowed);
-    } else if (status == FMI_OK && !isfinite(value)) {
+    } else if (status == FMI_OK && !gyro_finite(value)) {
         status = fmi_fail(f, call, "%s is %g; give a finite value", name_of(vr), value);
     } else if (status == FMI_OK && gyro_variables[vr].kind == GYRO_INPUT) {
         /* Parameters are checked at the start, together. */

@@ -11,9 +11,10 @@
 
 #include "fmi_common.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "gyro_math.h"
 
 static const unsigned char magic[8] = {'G', 'Y', 'R', 'O', 'F', 'M', 'U', '2'};
 
@@ -84,7 +85,7 @@ static fmi_status check_header(const fmi_instance *f, const char *call, const un
     if (state != INSTANTIATED && state != INITIALIZATION && state != STEPPING && state != TERMINATED) {
         status = fmi_fail(f, call, "the saved state has the life-cycle state %llu, which is none; pass bytes that this FMU wrote",
                           (unsigned long long)state);
-    } else if (!isfinite(start) || !(stop >= start)) {
+    } else if (!gyro_finite(start) || !(stop >= start)) {
         status = fmi_fail(f, call, "the saved state goes from %g s to %g s; pass bytes that this FMU wrote", start, stop);
     }
     return status;

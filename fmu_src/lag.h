@@ -3,6 +3,8 @@
 #ifndef GYRO_LAG_H
 #define GYRO_LAG_H
 
+#include "generated/names.h"
+
 /* Also where an importer compiles the sources without -fvisibility=hidden, two FMUs in one process keep to their own. */
 #if defined(__GNUC__)
 #pragma GCC visibility push(hidden)

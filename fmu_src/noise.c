@@ -2,9 +2,10 @@
 
 #include "noise.h"
 
-#include <math.h>
 #include <stddef.h>
 #include <string.h>
+
+#include "gyro_math.h"
 
 /* Constants of Philox 4x32, table 2 of the paper. */
 static const uint32_t MULTIPLIER_0 = 0xD2511F53u, MULTIPLIER_1 = 0xCD9E8D57u;
@@ -33,29 +34,6 @@ static double uniform(uint32_t high, uint32_t low)
 {
     const uint64_t bits = ((uint64_t)high << 21) ^ (low >> 11);
     return ((double)bits + 0.5) * (1.0 / 9007199254740992.0);
-}
-
-/* Natural logarithm of 0 < r < 1 from + - * / alone, so that every platform gives the same bits: r = f 2^e with f in [0.7, 1.4),
-   log f = 2 artanh s, s = (f - 1)/(f + 1), |s| < 0.172: the series to s^19 leaves s^21/21 < 5e-18. */
-static double portable_log(double r)
-{
-    uint64_t bits;
-    memcpy(&bits, &r, sizeof bits);
-    int exponent = (int)((bits >> 52) & 0x7ff) - 1023;
-    bits = (bits & 0xfffffffffffffu) | ((uint64_t)1023 << 52);
-    double fraction;
-    memcpy(&fraction, &bits, sizeof fraction);
-    if (fraction > 1.4) {
-        fraction *= 0.5;
-        exponent += 1;
-    }
-    const double s = (fraction - 1.0) / (fraction + 1.0);
-    const double square = s * s;
-    double sum = 0.0;
-    for (int power = 19; power >= 1; power -= 2) {
-        sum = sum * square + 1.0 / power;
-    }
-    return exponent * 0.693147180559945309417 + 2.0 * s * sum;
 }
 
 static inline double ratio(const double numerator[8], const double denominator[8], double r)
@@ -101,7 +79,7 @@ static void inverse_normal(double *number, int n)
         if (fabs(q) <= 0.425) {
             number[i] = middle[i];
         } else {
-            const double r = sqrt(-portable_log(q < 0.0 ? p : 1.0 - p));
+            const double r = sqrt(-gyro_log(q < 0.0 ? p : 1.0 - p));
             const double tail = r <= 5.0 ? ratio(c, d, r - 1.6) : ratio(e, f, r - 5.0);
             number[i] = q < 0.0 ? -tail : tail;
         }

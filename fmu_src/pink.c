@@ -3,9 +3,9 @@
 
 #include "pink.h"
 
-#include <math.h>
 #include <string.h>
 
+#include "gyro_math.h"
 #include "noise.h"
 
 /* 1.5 corners a decade, the natural logarithm of their ratio: ripple 4 exp(-pi^2/1.535) = 0.65 %. A process of variance SPACING [Hz] adds the
@@ -25,7 +25,7 @@ static const double PI = 3.141592653589793;
 
 void gyro_pink_design(gyro_pink_plan *plan, double sample_period)
 {
-    const double ratio = exp(-SPACING);
+    const double ratio = gyro_exp(-SPACING);
     double corner = HIGHEST * 0.5 / sample_period;
     int last = 0;
     memset(plan, 0, sizeof *plan);
@@ -33,10 +33,10 @@ void gyro_pink_design(gyro_pink_plan *plan, double sample_period)
         const int i = plan->n++;
         last = corner <= LOWEST || plan->n == GYRO_PINK_SECTIONS;
         const double part = (i == 0 ? HIGHEST_PART : 1.0) * (last ? 1.0 / (1.0 - ratio) : 1.0);
-        plan->pole[i] = exp(-2.0 * PI * corner * sample_period);
+        plan->pole[i] = gyro_exp(-2.0 * PI * corner * sample_period);
         plan->deviation[i] = sqrt(SPACING * part);
         /* sqrt(1 - pole^2), without its cancellation. */
-        plan->drive[i] = plan->deviation[i] * sqrt(-expm1(-4.0 * PI * corner * sample_period));
+        plan->drive[i] = plan->deviation[i] * sqrt(-gyro_expm1(-4.0 * PI * corner * sample_period));
         corner *= ratio;
     }
 }

@@ -6,6 +6,8 @@
 
 #include <stdint.h>
 
+#include "generated/names.h"
+
 /* Also where an importer compiles the sources without -fvisibility=hidden, two FMUs in one process keep to their own. */
 #if defined(__GNUC__)
 #pragma GCC visibility push(hidden)

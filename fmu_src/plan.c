@@ -105,7 +105,7 @@ const char *gyro_infinite_state(const gyro_instance *g)
     static const char *const names[] = {"x", "x_dot", "y", "y_dot"};
     const char *name = NULL;
     for (int i = 0; i < GYRO_N_STATES && name == NULL; i++) {
-        if (!isfinite(g->view.s[i])) {
+        if (!gyro_finite(g->view.s[i])) {
             name = i <= GYRO_STATE_Y_DOT ? names[i] : "a state of an effect";
         }
     }

@@ -1,8 +1,8 @@
 /* An instance as bytes: a header, then plain numbers. */
 
-#include <math.h>
 #include <string.h>
 
+#include "gyro_math.h"
 #include "plant.h"
 
 static const uint64_t MAGIC = 0x3154415453595247u; /* "GRYSTAT1" read as little-endian bytes; another byte order reads another number */
@@ -94,8 +94,8 @@ static gyro_status check_values(gyro_instance *g)
         const gyro_variable *variable = &gyro_variables[vr];
         const double value = g->value[vr];
         const int settable = variable->kind != GYRO_OUTPUT;
-        const int whole = fabs(value) <= 2147483648.0 && value == floor(value);
-        if ((settable && !isfinite(value)) || (variable->type == GYRO_INTEGER && !whole)) {
+        const int whole = fabs(value) <= 2147483648.0 && value == gyro_floor(value);
+        if ((settable && !gyro_finite(value)) || (variable->type == GYRO_INTEGER && !whole)) {
             status = gyro_refuse(g, "its %s is %g, which can't have been set", variable->name, value);
         }
     }
@@ -119,7 +119,7 @@ static gyro_status refuse_why(gyro_instance *g, const char *why) { return why !=
 /* What a started instance has beyond the parts of fixed size: `size` bytes are there, and nothing is allocated before they must fit. */
 static gyro_status read_run(gyro_instance *g, const unsigned char *bytes, size_t size)
 {
-    gyro_status status = isfinite(g->memory.clock.start_time) ? GYRO_OK : refuse_why(g, "its start time is not finite");
+    gyro_status status = gyro_finite(g->memory.clock.start_time) ? GYRO_OK : refuse_why(g, "its start time is not finite");
     if (status == GYRO_OK) {
         status = refuse_why(g, gyro_impossible_memory(g));
     }

@@ -25,8 +25,10 @@ from gyro_model.model import Model, load_model
 
 PACKAGE = Path(__file__).parent
 CHECKOUT = PACKAGE.parent
-# Strict arithmetic: contraction to fused multiply-add would make platforms differ in the last bit.
-FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fvisibility=hidden", "-Wall", "-Wextra", "-Wpedantic")
+# Strict arithmetic: contraction to fused multiply-add would make platforms differ in the last bit. Nothing asks for
+# errno, so that a root is one instruction.
+STRICT = ("-ffp-contract=off", "-fno-math-errno")
+FLAGS = ("-std=c99", "-O3", *STRICT, "-fvisibility=hidden", "-Wall", "-Wextra", "-Wpedantic")
 GENERATED = "generated"
 EFFECTS = f"{GENERATED}/effects.h"
 # Below the folder of the handwritten C: what the envelope form has of its own. A file there takes the place of the
@@ -79,7 +81,9 @@ def generated_files(model: Model) -> dict[str, str]:
 
 
 def _generated_files(model: Model, token: str) -> dict[str, str]:
+    headers = (path.read_text(encoding="utf-8") for path in handwritten_files(model).values() if path.suffix == ".h")
     files = {
+        f"{GENERATED}/names.h": generate_c.names(model, headers),
         f"{GENERATED}/model.h": generate_c.header(model, token),
         f"{GENERATED}/model.c": generate_c.table(model),
         EFFECTS: generate_effects.effects(model),
@@ -183,10 +187,15 @@ def find_compiler() -> list[str]:
     raise InputError("no C compiler: install gcc or clang, set CC, or `pip install gyrotwin[zig]`")
 
 
+def fmi_headers() -> Path:
+    """The folder of the C headers of both standards."""
+    return Path(importlib.util.find_spec("fmpy").submodule_search_locations[0]) / "c-code"  # type: ignore[union-attr,index]
+
+
 def compile_library(sources: Path, files: Sequence[str], library: Path, extra: Sequence[str] = ()) -> None:
     """Compiles the C ``files`` in the folder ``sources`` into a shared ``library``. Raises InputError with the
     compiler's first words."""
-    headers = Path(importlib.util.find_spec("fmpy").submodule_search_locations[0]) / "c-code"  # type: ignore[union-attr,index]
+    headers = fmi_headers()
     position = () if sys.platform == "win32" else ("-fPIC",)
     math = () if sys.platform == "win32" else ("-lm",)
     command = [*find_compiler(), *FLAGS, *extra, *position, "-shared", "-isystem", str(headers), "-I", str(sources)]

@@ -1,5 +1,8 @@
-"""Writes the C of a model: ``model.h`` (variables, states, effects by index) and ``model.c`` (their table);
-``effects.h`` is ``generate_effects``'s."""
+"""Writes the C of a model: ``model.h`` (variables, states, effects by index), ``model.c`` (their table) and ``names.h``
+(symbols of its own); ``effects.h`` is ``generate_effects``'s."""
+
+import re
+from collections.abc import Iterable
 
 from gyro_model import symbols
 from gyro_model.c_printing import STAMP, c_double, effect_macro, lagging_macro, macro, state_macro
@@ -23,6 +26,8 @@ def header(model: Model, token: str) -> str:
     return f"""{STAMP}
 #ifndef GYRO_MODEL_H
 #define GYRO_MODEL_H
+
+#include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
 #define GYRO_TOKEN "{token}"
@@ -97,4 +102,26 @@ def table(model: Model) -> str:
 const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {{
 {rows}
 }};
+"""
+
+
+# A function or array that one file shares with others, as its header declares it, at the beginning of a line.
+_SHARED = re.compile(r"^(?!static )(?:extern )?(?:const )?\w+ \*?((?:gyro|fmi)_\w+)[(\[]", re.MULTILINE)
+
+
+def names(model: Model, headers: Iterable[str]) -> str:
+    """``names.h``: what the FMU's files share, as the texts of their headers declare it, under names that carry the
+    FMU's: two FMUs can then be linked into one program."""
+    declared = {name for text in headers for name in _SHARED.findall(text)}
+    lines = "\n".join(f"#define {name} {model.NAME}_{name}" for name in sorted(declared | {"gyro_variables"}))
+    return f"""{STAMP}
+/* What the files of this FMU share carries its name, so that it can be linked with others into one program; define
+   FMI2_FUNCTION_PREFIX or FMI3_FUNCTION_PREFIX for the functions of the standard. */
+
+#ifndef GYRO_NAMES_H
+#define GYRO_NAMES_H
+
+{lines}
+
+#endif
 """

@@ -94,9 +94,9 @@ def effects(model: Model) -> str:
     return f"{STAMP}\n#ifndef GYRO_EFFECTS_H\n#define GYRO_EFFECTS_H\n\n" + "\n".join(parts) + "\n#endif\n"
 
 
-_PROLOGUE = """#include <math.h>
-#include <stdint.h>
+_PROLOGUE = """#include <stdint.h>
 
+#include "../gyro_math.h"
 #include "model.h"
 
 /* All that an effect may read. */
@@ -132,10 +132,10 @@ typedef struct {
 static inline double larger(double a, double b) { return a > b ? a : b; }
 static inline double smaller(double a, double b) { return a < b ? a : b; }
 
-/* 1 - e^-z, z >= 0; the series, off by z^6/720 < 1e-18 z, gives every platform the same bits where a lag is long. */
+/* 1 - e^-z, z >= 0; the series, off by z^6/720 < 1e-18 z, is fast where a lag is long. */
 static inline double decayed(double z)
 {
-    return z < 1e-3 ? z * (1.0 - z / 2.0 * (1.0 - z / 3.0 * (1.0 - z / 4.0 * (1.0 - z / 5.0)))) : -expm1(-z);
+    return z < 1e-3 ? z * (1.0 - z / 2.0 * (1.0 - z / 3.0 * (1.0 - z / 4.0 * (1.0 - z / 5.0)))) : -gyro_expm1(-z);
 }
 
 /* The variable `vr` nears its value as set with the time constant `lag` [s]; `index` is its place in `lagging`. */

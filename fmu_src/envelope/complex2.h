@@ -3,7 +3,7 @@
 #ifndef GYRO_COMPLEX2_H
 #define GYRO_COMPLEX2_H
 
-#include <math.h>
+#include "gyro_math.h"
 
 typedef struct {
     double re, im;
@@ -38,7 +38,7 @@ static inline number over(number a, number b) { return scaled(times(a, conjugate
 static inline double *part_of(number *a, int quadrature) { return quadrature == 0 ? &a->re : &a->im; }
 
 /* e^(i angle). */
-static inline number turn(double angle) { return number_of(cos(angle), sin(angle)); }
+static inline number turn(double angle) { return number_of(gyro_cos(angle), gyro_sin(angle)); }
 
 static inline matrix diagonal(number a)
 {

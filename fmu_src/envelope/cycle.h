@@ -4,6 +4,7 @@
 #define GYRO_CYCLE_H
 
 #include "complex2.h"
+#include "generated/names.h"
 
 /* Also where an importer compiles the sources without -fvisibility=hidden, two FMUs in one process keep to their own. */
 #if defined(__GNUC__)

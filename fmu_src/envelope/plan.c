@@ -72,7 +72,7 @@ const char *gyro_infinite_state(const gyro_instance *g)
     const char *name = NULL;
     for (int axis = 0; axis < 2 && name == NULL; axis++) {
         const number q = g->memory.q.part[0].e[axis];
-        if (!(isfinite(q.re) && isfinite(q.im) && isfinite(g->memory.q.mean[axis]))) {
+        if (!(gyro_finite(q.re) && gyro_finite(q.im) && gyro_finite(g->memory.q.mean[axis]))) {
             name = names[axis];
         }
     }

@@ -37,11 +37,19 @@ static void find_rate(gyro_slow *slow)
 /* How often `size` must be halved to be below 1; 0 for what is not finite. */
 static int halvings(double size)
 {
-    int exponent = 0;
-    if (isfinite(size)) {
-        frexp(size, &exponent);
+    int n = 0;
+    for (; gyro_finite(size) && size >= 1.0; n++) {
+        size *= 0.5;
     }
-    return exponent > 0 ? exponent : 0;
+    return n;
+}
+
+static double halved(double x, int times)
+{
+    for (; times > 0; times--) {
+        x *= 0.5;
+    }
+    return x;
 }
 
 /* e^a and φ(a) = (e^a - 1)/a by the series of φ on a/2^k, then k doublings. */
@@ -52,7 +60,7 @@ static void exponential(matrix a, matrix *decay, matrix *phi)
     const matrix one = diagonal(number_of(1.0, 0.0));
     /* The norm of a 2 x 2 matrix is at most twice its largest entry. */
     int doublings = halvings(4.0 * largest(a));
-    a = matrix_scaled(a, ldexp(1.0, -doublings));
+    a = matrix_scaled(a, halved(1.0, doublings));
     *phi = one;
     for (int j = TERMS; j > 1; j--) {
         *phi = matrix_plus(one, matrix_scaled(matrix_times(a, *phi), 1.0 / j));
@@ -105,7 +113,7 @@ matrix gyro_gathered(const gyro_slow *slow, matrix noise)
     enum { TERMS = 18 };
     matrix a = drift(slow), term, sum, decay, phi;
     int doublings = halvings(4.0 * largest(a) * slow->step);
-    const double h = ldexp(slow->step, -doublings);
+    const double h = halved(slow->step, doublings);
     term = matrix_scaled(noise, h);
     sum = term;
     for (int j = 1; j < TERMS; j++) {

@@ -19,6 +19,7 @@
 #define GYRO_SLOW_H
 
 #include "complex2.h"
+#include "generated/names.h"
 
 /* Also where an importer compiles the sources without -fvisibility=hidden, two FMUs in one process keep to their own. */
 #if defined(__GNUC__)

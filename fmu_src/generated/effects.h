@@ -3,9 +3,9 @@
 #ifndef GYRO_EFFECTS_H
 #define GYRO_EFFECTS_H
 
-#include <math.h>
 #include <stdint.h>
 
+#include "../gyro_math.h"
 #include "model.h"
 
 /* All that an effect may read. */
@@ -41,10 +41,10 @@ typedef struct {
 static inline double larger(double a, double b) { return a > b ? a : b; }
 static inline double smaller(double a, double b) { return a < b ? a : b; }
 
-/* 1 - e^-z, z >= 0; the series, off by z^6/720 < 1e-18 z, gives every platform the same bits where a lag is long. */
+/* 1 - e^-z, z >= 0; the series, off by z^6/720 < 1e-18 z, is fast where a lag is long. */
 static inline double decayed(double z)
 {
-    return z < 1e-3 ? z * (1.0 - z / 2.0 * (1.0 - z / 3.0 * (1.0 - z / 4.0 * (1.0 - z / 5.0)))) : -expm1(-z);
+    return z < 1e-3 ? z * (1.0 - z / 2.0 * (1.0 - z / 3.0 * (1.0 - z / 4.0 * (1.0 - z / 5.0)))) : -gyro_expm1(-z);
 }
 
 /* The variable `vr` nears its value as set with the time constant `lag` [s]; `index` is its place in `lagging`. */
@@ -316,7 +316,7 @@ static inline void effect_dielectric_charging(gyro_view *g)
     const double charging_voltage = g->p[GYRO_CHARGING_VOLTAGE];
     const double t = g->t;
     const double v_bias = g->p[GYRO_V_BIAS];
-    g->p[GYRO_V_BIAS] = charging_voltage*(1 - exp(-t/charging_time)) + v_bias;
+    g->p[GYRO_V_BIAS] = charging_voltage*(1 - gyro_exp(-t/charging_time)) + v_bias;
 }
 
 /* All damping changes with the temperature of the structure: the gas of a sealed cavity becomes more viscous.
@@ -481,8 +481,8 @@ static inline void effect_adc_quantisation(const gyro_view *g, double out[2])
     const double adc_lsb = g->p[GYRO_ADC_LSB];
     const double v_x = g->v[0];
     const double v_y = g->v[1];
-    out[0] = adc_lsb*rint(v_x/adc_lsb);
-    out[1] = adc_lsb*rint(v_y/adc_lsb);
+    out[0] = adc_lsb*gyro_rint(v_x/adc_lsb);
+    out[1] = adc_lsb*gyro_rint(v_y/adc_lsb);
 }
 
 /* The output of both amplifiers drifts in proportion to time.

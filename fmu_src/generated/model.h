@@ -3,8 +3,10 @@
 #ifndef GYRO_MODEL_H
 #define GYRO_MODEL_H
 
+#include "names.h"
+
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{3fe64f05-9d5d-4dfb-c916-3d9408862b29}"
+#define GYRO_TOKEN "{3a612a38-9d15-e703-7af8-18774608fe09}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

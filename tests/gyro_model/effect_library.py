@@ -67,7 +67,7 @@ class EffectLibrary:
         ]
         (folder / "harness.c").write_text('#include "generated/effects.h"\n' + "".join(parts), encoding="utf-8")
         library = folder / "harness.so"
-        build.compile_library(folder, ["harness.c"], library)
+        build.compile_library(folder, ["harness.c", "gyro_math.c", "gyro_trigonometry.c"], library)
         self.library = ct.CDLL(str(library))
 
     def evaluate(self, effect: Effect, values: Mapping[str, float]) -> dict[str, float]:

@@ -3,8 +3,10 @@
 #ifndef GYRO_MODEL_H
 #define GYRO_MODEL_H
 
+#include "names.h"
+
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{e965819b-073d-aa73-9cf3-d30538e65b0c}"
+#define GYRO_TOKEN "{59b65d7c-3f56-eb7b-550b-2fb75a4f1b4c}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
