@@ -46,16 +46,22 @@ void gyro_reset(gyro_instance *g)
 
 const char *gyro_message(const gyro_instance *g) { return g->message; }
 
-void gyro_set(gyro_instance *g, uint32_t vr, double value) { g->value[vr] = value; }
+void gyro_set(gyro_instance *g, uint32_t vr, double value)
+{
+    g->value[vr] = value;
+    if (vr >= GYRO_N_INPUTS) {
+        g->memory.clock.tuned = 1;
+    }
+}
 
 double gyro_get(const gyro_instance *g, uint32_t vr) { return g->value[vr]; }
 
-static gyro_status check_bounds(gyro_instance *g)
+static gyro_status check_bounds(gyro_instance *g, const double values[GYRO_N_VARIABLES])
 {
     gyro_status status = GYRO_OK;
     for (int vr = 0; vr < GYRO_N_VARIABLES && status == GYRO_OK; vr++) {
         const gyro_variable *variable = &gyro_variables[vr];
-        const double value = g->value[vr];
+        const double value = values[vr];
         if (variable->kind != GYRO_OUTPUT && !(value >= variable->min && value <= variable->max)) {
             status = gyro_refuse(g, "%s = %.9g: give a value from %.9g to %.9g", variable->name, value, variable->min, variable->max);
         }
@@ -79,7 +85,10 @@ static gyro_status check_matrices(gyro_instance *g)
 
 gyro_status gyro_check(gyro_instance *g)
 {
-    gyro_status status = check_bounds(g);
+    gyro_status status = check_bounds(g, g->value);
+    if (status == GYRO_OK) {
+        status = check_bounds(g, g->memory.clock.held);
+    }
     if (status == GYRO_OK) {
         status = check_matrices(g);
     }
@@ -179,36 +188,47 @@ static gyro_status check_step(gyro_instance *g, double from, double step)
     return status;
 }
 
-/* The inputs before the latest change and the present ones change places. */
-static void swap_inputs(gyro_instance *g)
+/* The values before the latest change and the present ones change places, up to the value reference `end`. */
+static void swap_values(gyro_instance *g, int end)
 {
     double *held = g->memory.clock.held;
-    for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
-        const double value = g->value[vr];
-        g->value[vr] = held[vr];
-        held[vr] = value;
+    for (int vr = 0; vr < end; vr++) {
+        if (gyro_variables[vr].kind != GYRO_OUTPUT) {
+            const double value = g->value[vr];
+            g->value[vr] = held[vr];
+            held[vr] = value;
+        }
     }
 }
 
-/* Takes the inputs as they are, where they are new: an equal value is no change, and cuts nothing. */
+/* Takes inputs and tunable parameters as they are, where they are new: an equal value is no change, and cuts nothing. */
 static gyro_status take_inputs(gyro_instance *g)
 {
     gyro_clock *clock = &g->memory.clock;
     gyro_status status = GYRO_OK;
-    int changed = clock->now == 0;
+    int changed = clock->now == 0, tuned = 0;
     for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
         changed |= g->value[vr] != clock->held[vr];
     }
-    if (changed && gyro_before(clock->settled, (gyro_instant){clock->now, 0.0})) {
-        swap_inputs(g);
-        gyro_move(g, (gyro_instant){clock->now, 0.0});
-        swap_inputs(g);
+    for (int vr = GYRO_N_INPUTS; clock->tuned && vr < GYRO_N_VARIABLES; vr++) {
+        tuned |= gyro_variables[vr].kind == GYRO_TUNABLE && g->value[vr] != clock->held[vr];
     }
-    if (changed) {
+    if ((changed || tuned) && gyro_before(clock->settled, (gyro_instant){clock->now, 0.0})) {
+        const int end = tuned ? GYRO_N_VARIABLES : GYRO_N_INPUTS;
+        swap_values(g, end);
+        gyro_move(g, (gyro_instant){clock->now, 0.0});
+        swap_values(g, end);
+    }
+    if (tuned) {
+        gyro_tune(g);
+    }
+    if (changed || tuned) {
         status = gyro_take_inputs(g);
     }
+    changed |= tuned;
     if (changed && status == GYRO_OK) {
         memcpy(clock->held, g->value, sizeof clock->held);
+        clock->tuned = 0;
     }
     return status;
 }

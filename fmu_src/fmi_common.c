@@ -12,9 +12,9 @@
 enum { STATES_SIZE = 128 };
 
 /* Both indexed by gyro_kind. */
-static const unsigned can_set[] = {[GYRO_INPUT] = CAN_SET_INPUT, [GYRO_PARAMETER] = CAN_SET_PARAMETER, [GYRO_OUTPUT] = 0};
+static const unsigned can_set[] = {[GYRO_INPUT] = CAN_SET_INPUT, [GYRO_PARAMETER] = CAN_SET_PARAMETER, [GYRO_TUNABLE] = CAN_SET_INPUT, [GYRO_OUTPUT] = 0};
 static const unsigned can_get[] = {
-    [GYRO_INPUT] = CAN_GET_INPUT, [GYRO_PARAMETER] = CAN_GET_PARAMETER, [GYRO_OUTPUT] = CAN_GET_OUTPUT};
+    [GYRO_INPUT] = CAN_GET_INPUT, [GYRO_PARAMETER] = CAN_GET_PARAMETER, [GYRO_TUNABLE] = CAN_GET_PARAMETER, [GYRO_OUTPUT] = CAN_GET_OUTPUT};
 
 double fmi_time(const fmi_instance *f)
 {
@@ -248,7 +248,7 @@ static fmi_status check_set(const fmi_instance *f, const char *call, gyro_type t
         status = refuse_state(f, call, name_of(vr), allowed);
     } else if (status == FMI_OK && !gyro_finite(value)) {
         status = fmi_fail(f, call, "%s is %g; give a finite value", name_of(vr), value);
-    } else if (status == FMI_OK && gyro_variables[vr].kind == GYRO_INPUT) {
+    } else if (status == FMI_OK && (gyro_variables[vr].kind == GYRO_INPUT || f->state == STEPPING)) {
         /* Parameters are checked at the start, together. */
         const gyro_variable *input = &gyro_variables[vr];
         if (value < input->min || value > input->max) {

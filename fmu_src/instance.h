@@ -42,7 +42,8 @@ typedef struct {
     int64_t sample;             /* samples up to `settled`, likewise: the index of the latest */
     int64_t diverged;           /* 1 once a state is not finite */
     double next_time;           /* end of the latest step as the importer adds it up, s */
-    double held[GYRO_N_INPUTS]; /* inputs that have acted since the latest change, SI */
+    int64_t tuned;              /* 1: a parameter was set that may not act yet */
+    double held[GYRO_N_VARIABLES]; /* inputs and parameters that have acted since the latest change, SI; of outputs nothing */
 } gyro_clock;
 
 /* The instants at which the integration is cut; follows from the parameters and the clock. */
@@ -66,7 +67,7 @@ gyro_status gyro_refuse(gyro_instance *g, const char *format, ...);
 /* Refuses parameters out of their bounds, or of no passive device. */
 gyro_status gyro_check(gyro_instance *g);
 
-/* From clock.c. */
+/* From tune.c: gyro_tune. From clock.c: */
 
 /* A time or period [s] in ticks; a whole number where it is one to the rounding of a double. */
 double gyro_ticks(double seconds);
@@ -126,12 +127,20 @@ const char *gyro_impossible_room(const gyro_instance *g);
 /* Sets the initial state, takes sample 0, latches the outputs. */
 void gyro_first_sample(gyro_instance *g);
 
+/* The values of the tunable parameters act from now on, which `settled` has reached; gyro_take_inputs comes next. An effect that begins to act
+   begins as at the start; noise numbers are those of the latest sample. */
+void gyro_tune(gyro_instance *g);
+
 /* The values of the inputs act from now on, which `settled` has reached; `held` are those before. GYRO_ERROR when memory is short, and
    then nothing has changed. */
 gyro_status gyro_take_inputs(gyro_instance *g);
 
 /* The next instant after `settled` at which the plant itself is cut. */
 gyro_instant gyro_next_own_cut(const gyro_instance *g);
+
+/* What the plant holds of an effect that is tuned: called before the parameters change, and after with what has acted before. */
+void gyro_before_tuning(gyro_instance *g);
+void gyro_after_tuning(gyro_instance *g, const unsigned char acted[GYRO_N_EFFECTS]);
 
 /* Moves the state from `settled` to `to`, in which nothing jumps, settles there and does what is due there. */
 void gyro_move(gyro_instance *g, gyro_instant to);

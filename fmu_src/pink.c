@@ -67,6 +67,7 @@ void gyro_pink_start(const gyro_pink_plan *plan, uint32_t seed, uint32_t stream,
 {
     double unused[2];
     memset(memory, 0, sizeof *memory);
+    memory->started = 1;
     gyro_normal_pairs(seed, stream, 0, plan->n, memory->section);
     for (int i = 0; i < plan->n; i++) {
         memory->section[i][0] *= plan->deviation[i];

@@ -28,6 +28,7 @@ typedef struct {
 typedef struct {
     double section[GYRO_PINK_SECTIONS][2]; /* of both axes, sqrt(Hz) */
     double sum[2][2];                      /* their sum one and two samples ago, sqrt(Hz) */
+    int64_t started;                       /* 1 after gyro_pink_start; a noise that is switched off keeps what it remembers */
 } gyro_pink_memory;
 
 void gyro_pink_design(gyro_pink_plan *plan, double sample_period);

@@ -13,6 +13,36 @@ void gyro_drop(gyro_instance *g)
     g->late_room = 0;
 }
 
+/* Which noises and lags there are. */
+static void plan_effects(gyro_instance *g)
+{
+    g->plan.any_draw = 0;
+    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
+        g->plan.any_draw |= (unsigned char)(streams[effect] != 0u && g->view.active[effect]);
+    }
+    if (g->plan.any_draw) {
+        gyro_pink_design(&g->plan.pink, g->value[GYRO_SAMPLE_PERIOD]);
+    }
+    g->plan.any_lag = (unsigned char)lag_acts(&g->view);
+}
+
+void gyro_before_tuning(gyro_instance *g)
+{
+    if (!g->plan.any_lag) {
+        gyro_start_lag(g);
+    }
+}
+
+void gyro_after_tuning(gyro_instance *g, const unsigned char acted[GYRO_N_EFFECTS])
+{
+    plan_effects(g);
+    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
+        if (streams[effect] != 0u && g->view.active[effect] && !acted[effect]) {
+            gyro_draw(g, effect);
+        }
+    }
+}
+
 gyro_status gyro_prepare(gyro_instance *g)
 {
     gyro_view *view = &g->view;
@@ -25,9 +55,7 @@ gyro_status gyro_prepare(gyro_instance *g)
     }
     if (status == GYRO_OK) {
         /* Inputs may have been set that do not act yet. */
-        double acting[GYRO_N_VARIABLES];
-        memcpy(acting, g->value, sizeof acting);
-        memcpy(acting, g->memory.clock.held, sizeof g->memory.clock.held);
+        const double *acting = g->memory.clock.held;
         memcpy(view->p, acting, sizeof view->p);
         take_made(view, acting);
         view->inverse_mass = 1.0 / g->value[GYRO_M];
@@ -35,14 +63,7 @@ gyro_status gyro_prepare(gyro_instance *g)
         view->since = 0.0;
         find_active(view);
         gyro_plan_cuts(g);
-        g->plan.any_draw = 0;
-        for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-            g->plan.any_draw |= (unsigned char)(streams[effect] != 0u && view->active[effect]);
-        }
-        if (g->plan.any_draw) {
-            gyro_pink_design(&g->plan.pink, g->value[GYRO_SAMPLE_PERIOD]);
-        }
-        g->plan.any_lag = (unsigned char)lag_acts(view);
+        plan_effects(g);
         gyro_refresh(view, acting);
         g->plan.delay = gyro_instant_of(gyro_ticks(force_delay(view)));
         g->plan.any_delay = g->plan.delay.tick > 0 || g->plan.delay.part > 0.0;

@@ -175,8 +175,7 @@ static void pass_lag(gyro_instance *g)
     }
 }
 
-/* Draws the numbers of one effect for the latest sample. */
-static void draw(gyro_instance *g, int effect)
+void gyro_draw(gyro_instance *g, int effect)
 {
     const uint32_t seed = (uint32_t)g->value[GYRO_SEED];
     const uint64_t sample = (uint64_t)g->memory.clock.sample;
@@ -185,7 +184,7 @@ static void draw(gyro_instance *g, int effect)
         gyro_normal_pair(seed, streams[effect], sample, 0u, drawn);
     } else {
         gyro_pink_memory *pink = &g->memory.pink[pink_places[effect]];
-        if (sample == 0) {
+        if (!pink->started) {
             gyro_pink_start(&g->plan.pink, seed, streams[effect], pink);
         }
         gyro_pink_next(&g->plan.pink, seed, streams[effect], sample, pink, drawn);
@@ -196,7 +195,7 @@ static void draw_noise(gyro_instance *g)
 {
     for (int effect = 0; g->plan.any_draw && effect < GYRO_N_EFFECTS; effect++) {
         if (streams[effect] != 0u && g->view.active[effect]) {
-            draw(g, effect);
+            gyro_draw(g, effect);
         }
     }
 }
@@ -224,6 +223,14 @@ static void take_sample(gyro_instance *g)
     g->value[GYRO_V_Y] = view->v[1];
 }
 
+void gyro_start_lag(gyro_instance *g)
+{
+    find_force(g);
+    pick_off(&g->view);
+    g->memory.lagged[0] = g->view.v[0];
+    g->memory.lagged[1] = g->view.v[1];
+}
+
 void gyro_put_out(gyro_instance *g)
 {
     const gyro_view *view = &g->view;
@@ -248,10 +255,7 @@ void gyro_first_sample(gyro_instance *g)
     if (view->any_law) {
         apply_laws(view, g->value);
     }
-    find_force(g);
-    pick_off(view);
-    g->memory.lagged[0] = view->v[0];
-    g->memory.lagged[1] = view->v[1];
+    gyro_start_lag(g);
     take_sample(g);
     gyro_put_out(g);
 }

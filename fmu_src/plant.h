@@ -58,6 +58,12 @@ struct gyro_instance {
 /* Brings what holds at the time of the view, with the variables `value` as set: laws, then the noise force, which depends on them. */
 void gyro_refresh(gyro_view *view, const double value[GYRO_N_VARIABLES]);
 
+/* The voltage behind the amplifier's lag is the one before it. */
+void gyro_start_lag(gyro_instance *g);
+
+/* Draws the numbers of one effect for the latest sample. */
+void gyro_draw(gyro_instance *g, int effect);
+
 #if defined(__GNUC__)
 #pragma GCC visibility pop
 #endif

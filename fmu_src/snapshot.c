@@ -6,7 +6,7 @@
 #include "plant.h"
 
 static const uint64_t MAGIC = 0x3154415453595247u; /* "GRYSTAT1" read as little-endian bytes; another byte order reads another number */
-static const uint64_t VERSION = 2;
+static const uint64_t VERSION = 3;
 
 typedef struct {
     uint64_t magic;
@@ -94,9 +94,12 @@ static gyro_status check_values(gyro_instance *g)
         const gyro_variable *variable = &gyro_variables[vr];
         const double value = g->value[vr];
         const int settable = variable->kind != GYRO_OUTPUT;
+        const int fixed = variable->kind == GYRO_PARAMETER && gyro_started(g);
         const int whole = fabs(value) <= 2147483648.0 && value == gyro_floor(value);
         if ((settable && !gyro_finite(value)) || (variable->type == GYRO_INTEGER && !whole)) {
             status = gyro_refuse(g, "its %s is %g, which can't have been set", variable->name, value);
+        } else if (fixed && value != g->memory.clock.held[vr]) {
+            status = gyro_refuse(g, "its %s is %g, and was another when it ran", variable->name, value);
         }
     }
     return status;

@@ -21,9 +21,11 @@ _TIMING = ("internal_step", "sample_period", "seed", "step_limit")
 _PARTS = {"i": "part along cos φ", "q": "part along -sin φ"}
 
 
-def _pairs(role: Role, unit: str, names: dict[str, str]) -> tuple[Quantity, ...]:
+def _pairs(
+    role: Role, unit: str, names: dict[str, str], nominal: float, display: str = ""
+) -> tuple[Quantity, ...]:
     return tuple(
-        Quantity(f"{name}_{part}", unit, 0.0, f"{text}, {which}", role)
+        Quantity(f"{name}_{part}", unit, 0.0, f"{text}, {which}", role, nominal=nominal, display=display)
         for name, text in names.items()
         for part, which in _PARTS.items()
     )
@@ -36,20 +38,20 @@ INTERNAL_STEP = Quantity(
 )
 
 ENVELOPE_INPUTS = (
-    *_pairs("input", "N", {"u_x": "force on the x axis", "u_y": "force on the y axis"}),
+    *_pairs("input", "N", {"u_x": "force on the x axis", "u_y": "force on the y axis"}, 1e-6, "µN"),
     CARRIER,
     *(q for q in INPUTS if q.name not in ("u_x", "u_y")),
 )
 ENVELOPE_OUTPUTS = (
-    *_pairs("output", "V", {"v_x": "x sensor voltage", "v_y": "y sensor voltage"}),
-    *_pairs("output", "m", {"x": "x displacement, for analysis", "y": "y displacement, for analysis"}),
-    Quantity("x_mean", "m", 0.0, "mean x displacement, for analysis", "output"),
-    Quantity("y_mean", "m", 0.0, "mean y displacement, for analysis", "output"),
+    *_pairs("output", "V", {"v_x": "x sensor voltage", "v_y": "y sensor voltage"}, 1.0),
+    *_pairs("output", "m", {"x": "x displacement, for analysis", "y": "y displacement, for analysis"}, 1e-6, "µm"),
+    Quantity("x_mean", "m", 0.0, "mean x displacement, for analysis", "output", nominal=1e-9, display="µm"),
+    Quantity("y_mean", "m", 0.0, "mean y displacement, for analysis", "output", nominal=1e-9, display="µm"),
     *(q for q in OUTPUTS if q.name.startswith("temperature")),
 )
 ENVELOPE_PARAMETERS = (
     *(q for q in PARAMETERS if not q.name.endswith("_start") and q.name not in _TIMING),
-    *_pairs("parameter", "m", {"x_start": "x displacement at the start", "y_start": "y displacement at the start"}),
+    *_pairs("parameter", "m", {"x_start": "x displacement at the start", "y_start": "y displacement at the start"}, 1e-6, "µm"),
     INTERNAL_STEP,
     *(q for q in PARAMETERS if q.name in _TIMING[1:]),
 )

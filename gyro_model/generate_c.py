@@ -8,6 +8,8 @@ from gyro_model import symbols
 from gyro_model.c_printing import STAMP, c_double, effect_macro, lagging_macro, macro, state_macro
 from gyro_model.model import Model
 
+_KINDS = {"input": "GYRO_INPUT", "output": "GYRO_OUTPUT"}
+
 
 def header(model: Model, token: str) -> str:
     """``model.h``: the indexes of variables, states and effects, and the token that names this model."""
@@ -61,7 +63,12 @@ enum {{
     GYRO_N_EFFECTS = {len(model.effects)}
 }};
 
-typedef enum {{ GYRO_INPUT, GYRO_PARAMETER, GYRO_OUTPUT }} gyro_kind;
+typedef enum {{
+    GYRO_INPUT,
+    GYRO_PARAMETER, /* fixed once it runs */
+    GYRO_TUNABLE,   /* a parameter that may change while it runs */
+    GYRO_OUTPUT
+}} gyro_kind;
 typedef enum {{ GYRO_REAL, GYRO_INTEGER }} gyro_type;
 
 typedef struct {{
@@ -90,9 +97,10 @@ extern const gyro_variable gyro_variables[GYRO_N_VARIABLES];
 
 def table(model: Model) -> str:
     """``model.c``: the table of variables."""
-    kinds = {"input": "GYRO_INPUT", "output": "GYRO_OUTPUT"}
+    kinds = {q.name: _KINDS.get(q.role, "GYRO_PARAMETER") for q in model.quantities}
+    kinds |= dict.fromkeys(model.tunable, "GYRO_TUNABLE")
     rows = "\n".join(
-        f'    {{"{q.name}", {kinds.get(q.role, "GYRO_PARAMETER")}, {"GYRO_INTEGER" if q.integer else "GYRO_REAL"}, '
+        f'    {{"{q.name}", {kinds[q.name]}, {"GYRO_INTEGER" if q.integer else "GYRO_REAL"}, '
         f"{c_double(model.start(q))}, {c_double(q.low)}, {c_double(q.high)}}},"
         for q in model.quantities
     )

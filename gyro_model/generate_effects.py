@@ -81,6 +81,7 @@ def effects(model: Model) -> str:
     parts += [_map(e, place) for e in model.effects if isinstance(e, Map)]
     parts += [
         _activity(model),
+        _begin(model),
         _streams(model),
         _events(model),
         _laws(model),
@@ -231,6 +232,34 @@ def _activity(model: Model) -> str:
     )
 
 
+def _begin(model: Model) -> str:
+    lags = "".join(
+        f"if (g->active[{effect_macro(e)}] && !acted[{effect_macro(e)}]) {{\n{textwrap.indent(_lag_starts(e), '    ')}}}\n"
+        for e in _follows(model)
+    )
+    rests = "".join(
+        f"if (!g->active[{effect_macro(e)}]) {{\n"
+        + "".join(f"    g->s[{state_macro(s.symbol)}] = 0.0;\n" for s in e.states)
+        + "}\n"
+        for e in model.forces
+        if e.states
+    )
+    return (
+        "/* After find_active, where the effects in `acted` did: what lags begins to do so from its value as set, and the\n"
+        "   states of an effect that does not act rest. */\n"
+        "static inline void begin_acting(gyro_view *g, const unsigned char acted[GYRO_N_EFFECTS],\n"
+        "                                const double value[GYRO_N_VARIABLES])\n"
+        f"{{\n    (void)acted;\n    (void)value;\n{textwrap.indent(lags + rests, '    ')}}}\n"
+    )
+
+
+def _lag_starts(effect: Follow) -> str:
+    return "".join(
+        f"g->lagging[{lagging_macro(target)}] = value[{macro(symbols.SET_BY.get(target, target).name)}];\n"
+        for target in effect.follows
+    )
+
+
 def _streams(model: Model) -> str:
     pink = [e for e in model.effects if e.symbols & set(symbols.PINK)]
     places = "".join(f"    {pink.index(e) if e in pink else -1}, /* {e.id} */\n" for e in model.effects)
@@ -262,10 +291,7 @@ def _laws(model: Model) -> str:
     lines = "".join(_as_set(target) for target in sorted(targets, key=str))
     lines += "".join(guarded(e, f"effect_{e.id}(g);\n") for e in (*_follows(model), *model.laws))
     made = "".join(f"    {_as_set(symbol)}" for symbol in symbols.SET_BY)
-    start = "".join(
-        f"    g->lagging[{lagging_macro(target)}] = value[{macro(symbols.SET_BY.get(target, target).name)}];\n"
-        for target in model.followed
-    )
+    start = "".join(textwrap.indent(_lag_starts(e), "    ") for e in _follows(model))
     moving = "".join([*map(_moving, _follows(model)), *map(_moving, model.laws)])
     return (
         "/* What is made of the inputs, before any law. */\n"

@@ -98,6 +98,13 @@ class Model:
         return {q.name: q for q in self.quantities}
 
     @cached_property
+    def tunable(self) -> frozenset[str]:
+        """The parameters that may change while the device runs: the sizes, but for a delay, for which past forces are
+        kept."""
+        kept = {effect.delay.name for effect in self.effects if isinstance(effect, Delay)}
+        return frozenset(q.name for q in self.quantities if q.role == "size" and q.name not in kept)
+
+    @cached_property
     def states(self) -> tuple[State, ...]:
         """The continuous states that effects bring, after x, x_dot, y, y_dot."""
         return tuple(state for effect in self.effects if isinstance(effect, Force) for state in effect.states)

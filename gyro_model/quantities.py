@@ -4,14 +4,15 @@ Effects add their own parameters in their own files; ``gyro_model.model`` joins 
 XML and the documentation are made from.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, isfinite
-from typing import Literal
+from typing import Any, Literal
 
 from sympy import Symbol
 
-from gyro_model.errors import InputError
-from gyro_model.units import dimension
+from gyro_model.errors import InputError, nearest
+from gyro_model.units import DISPLAYED, dimension
 
 Role = Literal["input", "output", "parameter", "size", "shape"]
 
@@ -22,7 +23,8 @@ class Quantity:
 
     ``low`` and ``high`` are inclusive bounds in ``unit``. ``role`` is ``input``, ``output``, ``parameter`` (the
     nominal device and the simulation), ``size`` (switches an effect on) or ``shape`` (of an effect; switches
-    nothing).
+    nothing). ``nominal`` is how large it typically is [unit]; 0: as large as ``start``. ``display`` is the unit in which
+    a tool shows it, of ``gyro_model.units.DISPLAYED``.
     """
 
     name: str
@@ -33,6 +35,8 @@ class Quantity:
     low: float = -inf
     high: float = inf
     integer: bool = False
+    nominal: float = 0.0
+    display: str = ""
 
     def __post_init__(self) -> None:
         dimension(self.unit)
@@ -40,6 +44,18 @@ class Quantity:
             raise InputError(f"quantity {self.name!r}: a name is a C identifier")
         if not (isfinite(self.start) and self.low <= self.start <= self.high):
             raise InputError(f"quantity {self.name}: start {self.start} is outside [{self.low}, {self.high}]")
+        if not (isfinite(self.nominal) and self.nominal >= 0.0):
+            raise InputError(f"quantity {self.name}: nominal {self.nominal} is no size; give a positive number")
+        known = DISPLAYED.get(self.unit, {})
+        if self.display and self.display not in known:
+            raise InputError(
+                f"quantity {self.name}: display unit {self.display!r} is none of {self.unit}{nearest(self.display, known)}"
+            )
+
+    @property
+    def typical(self) -> float:
+        """How large it typically is [unit]; 0 where nobody has said so."""
+        return self.nominal or abs(self.start)
 
     @property
     def symbol(self) -> Symbol:
@@ -59,54 +75,70 @@ class Quantity:
 
 
 def size(
-    name: str, unit: str, description: str, *, neutral: float = 0.0, low: float = -inf, high: float = inf
+    name: str,
+    unit: str,
+    description: str,
+    *,
+    neutral: float = 0.0,
+    low: float = -inf,
+    high: float = inf,
+    nominal: float = 0.0,
+    display: str = "",
 ) -> Quantity:
     """A parameter that switches its effect on where it differs from ``neutral``."""
-    return Quantity(name, unit, neutral, description, "size", low, high)
+    return Quantity(name, unit, neutral, description, "size", low, high, nominal=nominal, display=display)
 
 
-def shape(name: str, unit: str, start: float, description: str, *, low: float = -inf, high: float = inf) -> Quantity:
+def shape(
+    name: str,
+    unit: str,
+    start: float,
+    description: str,
+    *,
+    low: float = -inf,
+    high: float = inf,
+    nominal: float = 0.0,
+    display: str = "",
+) -> Quantity:
     """A parameter that shapes its effect and has a usable default; it switches nothing."""
-    return Quantity(name, unit, start, description, "shape", low, high)
+    return Quantity(name, unit, start, description, "shape", low, high, nominal=nominal, display=display)
 
 
-def _parameter(name: str, unit: str, start: float, text: str, low: float = -inf, high: float = inf) -> Quantity:
-    return Quantity(name, unit, start, text, "parameter", low, high)
+def _of_role(role: Role) -> Callable[..., Quantity]:
+    def quantity(name: str, unit: str, start: float, text: str, low: float = -inf, high: float = inf, **more: Any) -> Quantity:
+        return Quantity(name, unit, start, text, role, low, high, **more)
+
+    return quantity
 
 
-def _input(name: str, unit: str, start: float, text: str, low: float = -inf) -> Quantity:
-    return Quantity(name, unit, start, text, "input", low)
-
-
-def _output(name: str, unit: str, text: str, start: float = 0.0) -> Quantity:
-    return Quantity(name, unit, start, text, "output")
-
+_input, _output, _parameter = _of_role("input"), _of_role("output"), _of_role("parameter")
 
 INPUTS = (
-    _input("u_x", "N", 0.0, "force on the x axis, held over a communication step"),
-    _input("u_y", "N", 0.0, "force on the y axis, held over a communication step"),
-    _input("omega_z", "rad/s", 0.0, "rate of the package about z"),
-    _input("temperature", "K", 298.15, "ambient temperature", low=0.0),
-    _input("a_x", "m/s2", 0.0, "acceleration of the package along x"),
-    _input("a_y", "m/s2", 0.0, "acceleration of the package along y"),
-    _input("v_bias", "V", 0.0, "bias voltage of the electrodes"),
+    _input("u_x", "N", 0.0, "force on the x axis, held over a communication step", nominal=1e-6, display="µN"),
+    _input("u_y", "N", 0.0, "force on the y axis, held over a communication step", nominal=1e-6, display="µN"),
+    _input("omega_z", "rad/s", 0.0, "rate of the package about z", nominal=1.0, display="deg/s"),
+    _input("temperature", "K", 298.15, "ambient temperature", low=0.0, display="degC"),
+    _input("a_x", "m/s2", 0.0, "acceleration of the package along x", nominal=10.0, display="g"),
+    _input("a_y", "m/s2", 0.0, "acceleration of the package along y", nominal=10.0, display="g"),
+    _input("v_bias", "V", 0.0, "bias voltage of the electrodes", nominal=10.0),
 )
 
 OUTPUTS = (
-    _output("v_x", "V", "x sensor voltage, latched at the last sample instant"),
-    _output("v_y", "V", "y sensor voltage, latched at the last sample instant"),
-    _output("x", "m", "x displacement, for analysis"),
-    _output("y", "m", "y displacement, for analysis"),
-    _output("x_dot", "m/s", "x velocity, for analysis"),
-    _output("y_dot", "m/s", "y velocity, for analysis"),
-    _output("temperature_structure", "K", "temperature of the structure, for analysis", 298.15),
-    _output("temperature_circuit", "K", "temperature of the circuit, for analysis", 298.15),
+    _output("v_x", "V", 0.0, "x sensor voltage, latched at the last sample instant", nominal=1.0),
+    _output("v_y", "V", 0.0, "y sensor voltage, latched at the last sample instant", nominal=1.0),
+    _output("x", "m", 0.0, "x displacement, for analysis", nominal=1e-6, display="µm"),
+    _output("y", "m", 0.0, "y displacement, for analysis", nominal=1e-6, display="µm"),
+    # A micrometre at 3 kHz.
+    _output("x_dot", "m/s", 0.0, "x velocity, for analysis", nominal=0.02, display="mm/s"),
+    _output("y_dot", "m/s", 0.0, "y velocity, for analysis", nominal=0.02, display="mm/s"),
+    _output("temperature_structure", "K", 298.15, "temperature of the structure, for analysis", display="degC"),
+    _output("temperature_circuit", "K", 298.15, "temperature of the circuit, for analysis", display="degC"),
 )
 
 # Reference device of SYSTEM.md section 1 (source 000 gives the symbols; the numbers are the specification's).
 # The lowest mass and sample period exclude zero, by which the model divides.
 PARAMETERS = (
-    _parameter("m", "kg", 1.8e-7, "proof mass", low=1e-18),
+    _parameter("m", "kg", 1.8e-7, "proof mass", low=1e-18, display="µg"),
     _parameter("kxx", "N/m", 63.955, "stiffness, x axis", low=0.0),
     _parameter("kyy", "N/m", 95.92, "stiffness, y axis", low=0.0),
     _parameter("kxy", "N/m", 12.779, "stiffness, cross axis"),
@@ -115,12 +147,12 @@ PARAMETERS = (
     _parameter("dxy", "N.s/m", 3.6e-7, "damping, cross axis"),
     _parameter("sense_gain_x", "V/m", 1e6, "pickoff gain, x axis"),
     _parameter("sense_gain_y", "V/m", 1e6, "pickoff gain, y axis"),
-    _parameter("x_start", "m", 0.0, "x displacement at the start"),
-    _parameter("x_dot_start", "m/s", 0.0, "x velocity at the start"),
-    _parameter("y_start", "m", 0.0, "y displacement at the start"),
-    _parameter("y_dot_start", "m/s", 0.0, "y velocity at the start"),
-    _parameter("internal_step", "s", 5e-6, "longest step of the integrator, whose grid it is", low=1e-9, high=1e-3),
-    _parameter("sample_period", "s", 5e-6, "time between samples and between draws of noise", low=1e-9, high=1.0),
+    _parameter("x_start", "m", 0.0, "x displacement at the start", nominal=1e-6, display="µm"),
+    _parameter("x_dot_start", "m/s", 0.0, "x velocity at the start", nominal=0.02, display="mm/s"),
+    _parameter("y_start", "m", 0.0, "y displacement at the start", nominal=1e-6, display="µm"),
+    _parameter("y_dot_start", "m/s", 0.0, "y velocity at the start", nominal=0.02, display="mm/s"),
+    _parameter("internal_step", "s", 5e-6, "longest step of the integrator, whose grid it is", 1e-9, 1e-3, display="µs"),
+    _parameter("sample_period", "s", 5e-6, "time between samples and between draws of noise", 1e-9, 1.0, display="µs"),
     Quantity("seed", "1", 0, "seed of all noises", "parameter", 0, 2**31 - 1, integer=True),
     Quantity(
         "step_limit",

@@ -123,3 +123,18 @@ def conversion(unit: str, si: str) -> Conversion:
     if unit not in known:
         raise InputError(f"unit {unit!r} is not known: use {' or '.join(known)}{nearest(unit, known)}")
     return known[unit]
+
+DISPLAYED: Final[Mapping[str, Mapping[str, Conversion]]] = {
+    "m": {"µm": Conversion(1e6)},
+    "m/s": {"mm/s": Conversion(1e3)},
+    "s": {"ms": Conversion(1e3), "µs": Conversion(1e6), "ns": Conversion(1e9)},
+    "Hz": {"kHz": Conversion(1e-3)},
+    "kg": {"µg": Conversion(1e9)},
+    "N": {"µN": Conversion(1e6)},
+    "V": {"mV": Conversion(1e3), "µV": Conversion(1e6)},
+    "rad/s": {"deg/s": Conversion(1 / _DEGREE)},
+    "K": {"degC": Conversion(1.0, -ZERO_CELSIUS)},
+    "1/K": {"ppm/K": Conversion(1e6)},
+    "m/s2": {"g": Conversion(1 / STANDARD_GRAVITY)},
+}
+"""By SI unit: the units in which a tool may show it; shown = factor * SI + offset."""

@@ -18,9 +18,7 @@ gyro_status gyro_prepare(gyro_instance *g)
     }
     if (status == GYRO_OK) {
         /* Inputs may have been set that do not act yet. */
-        double acting[GYRO_N_VARIABLES];
-        memcpy(acting, g->value, sizeof acting);
-        memcpy(acting, g->memory.clock.held, sizeof g->memory.clock.held);
+        const double *acting = g->memory.clock.held;
         g->plan.step = g->value[GYRO_INTERNAL_STEP];
         g->plan.noise_scale = sqrt(2.0 * g->value[GYRO_SAMPLE_PERIOD] / g->plan.step);
         memcpy(view->p, acting, sizeof view->p);
@@ -32,6 +30,17 @@ gyro_status gyro_prepare(gyro_instance *g)
         gyro_plan_cuts(g);
     }
     return status;
+}
+
+void gyro_before_tuning(gyro_instance *g) { (void)g; }
+
+void gyro_after_tuning(gyro_instance *g, const unsigned char acted[GYRO_N_EFFECTS])
+{
+    /* Mean and harmonics answer at once; what made them may act no more. */
+    gyro_harmonics *q = &g->memory.q;
+    const gyro_harmonics carrier = {{0.0, 0.0}, {q->part[0]}};
+    (void)acted;
+    *q = carrier;
 }
 
 size_t gyro_room(const gyro_instance *g)

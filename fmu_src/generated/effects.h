@@ -803,6 +803,23 @@ static inline void find_active(gyro_view *g)
     }
 }
 
+/* After find_active, where the effects in `acted` did: what lags begins to do so from its value as set, and the
+   states of an effect that does not act rest. */
+static inline void begin_acting(gyro_view *g, const unsigned char acted[GYRO_N_EFFECTS],
+                                const double value[GYRO_N_VARIABLES])
+{
+    (void)acted;
+    (void)value;
+    if (g->active[GYRO_EFFECT_THERMAL_LAG] && !acted[GYRO_EFFECT_THERMAL_LAG]) {
+        g->lagging[GYRO_LAGGING_TEMPERATURE_STRUCTURE] = value[GYRO_TEMPERATURE];
+        g->lagging[GYRO_LAGGING_TEMPERATURE_CIRCUIT] = value[GYRO_TEMPERATURE];
+    }
+    if (!g->active[GYRO_EFFECT_PARASITIC_MODE]) {
+        g->s[GYRO_STATE_PARASITIC] = 0.0;
+        g->s[GYRO_STATE_PARASITIC_DOT] = 0.0;
+    }
+}
+
 /* The noise stream of each effect, 0 where it draws none. It is made from the effect's id, so that a new
    effect leaves the noise of the others alone. */
 static const uint32_t streams[GYRO_N_EFFECTS] = {

@@ -8,7 +8,7 @@ SYSTEM.md sections 3 and 8. In a loop that cancels stiffness ΔK the delay acts 
 from gyro_model.anatomy import Delay, Limit
 from gyro_model.quantities import size
 
-DELAY = size("actuator_delay", "s", "the force acts later by this", low=0.0, high=1e-3)
+DELAY = size("actuator_delay", "s", "the force acts later by this", low=0.0, high=1e-3, nominal=1e-6, display="µs")
 
 EFFECT = Delay(
     id="actuator_delay",

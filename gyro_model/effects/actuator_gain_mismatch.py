@@ -9,7 +9,7 @@ from gyro_model.anatomy import Limit, Map
 from gyro_model.quantities import size
 from gyro_model.symbols import u_x, u_y
 
-MISMATCH = size("actuator_gain_mismatch", "1", "relative excess of the y force")
+MISMATCH = size("actuator_gain_mismatch", "1", "relative excess of the y force", nominal=0.01)
 
 EFFECT = Map(
     id="actuator_gain_mismatch",

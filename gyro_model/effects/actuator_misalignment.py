@@ -9,7 +9,7 @@ from gyro_model.anatomy import Limit, Map
 from gyro_model.quantities import size
 from gyro_model.symbols import u_x, u_y
 
-MISALIGNMENT = size("actuator_misalignment", "1", "part of each force that acts on the other axis")
+MISALIGNMENT = size("actuator_misalignment", "1", "part of each force that acts on the other axis", nominal=0.01)
 epsilon = MISALIGNMENT.symbol
 
 EFFECT = Map(

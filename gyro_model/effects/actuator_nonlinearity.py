@@ -10,8 +10,8 @@ from gyro_model.anatomy import Limit, Map
 from gyro_model.quantities import size
 from gyro_model.symbols import u_x, u_y
 
-A2 = size("actuator_a2", "1/N", "quadratic part of the actuator curve")
-A3 = size("actuator_a3", "1/N2", "cubic part of the actuator curve")
+A2 = size("actuator_a2", "1/N", "quadratic part of the actuator curve", nominal=1e3)
+A3 = size("actuator_a3", "1/N2", "cubic part of the actuator curve", nominal=1e9)
 a2, a3 = A2.symbol, A3.symbol
 
 EFFECT = Map(

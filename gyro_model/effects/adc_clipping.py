@@ -12,7 +12,7 @@ from gyro_model.quantities import size
 from gyro_model.symbols import v_x, v_y
 
 # 1e300 V stands for "no limit": finite, so that it can be written to any file.
-LIMIT = size("adc_limit", "V", "largest voltage that the converter can give", neutral=1e300, low=0.0)
+LIMIT = size("adc_limit", "V", "largest voltage that the converter can give", neutral=1e300, low=0.0, nominal=1.0)
 limit = LIMIT.symbol
 
 EFFECT = Map(

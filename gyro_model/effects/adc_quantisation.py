@@ -9,7 +9,7 @@ from gyro_model.anatomy import Limit, Map
 from gyro_model.quantities import size
 from gyro_model.symbols import nearest_integer, v_x, v_y
 
-STEP = size("adc_lsb", "V", "step of the converter", low=0.0)
+STEP = size("adc_lsb", "V", "step of the converter", low=0.0, nominal=1e-4, display="mV")
 lsb = STEP.symbol
 
 EFFECT = Map(

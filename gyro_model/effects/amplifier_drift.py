@@ -9,7 +9,7 @@ from gyro_model.anatomy import Limit, Map
 from gyro_model.quantities import size
 from gyro_model.symbols import t, v_x, v_y
 
-DRIFT = size("offset_drift", "V/s", "drift of the offset of both amplifiers")
+DRIFT = size("offset_drift", "V/s", "drift of the offset of both amplifiers", nominal=1e-3)
 
 EFFECT = Map(
     id="amplifier_drift",

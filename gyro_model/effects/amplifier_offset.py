@@ -9,8 +9,8 @@ from gyro_model.anatomy import Limit, Map
 from gyro_model.quantities import size
 from gyro_model.symbols import v_x, v_y
 
-OFFSET_X = size("offset_x", "V", "offset of the x amplifier")
-OFFSET_Y = size("offset_y", "V", "offset of the y amplifier")
+OFFSET_X = size("offset_x", "V", "offset of the x amplifier", nominal=0.01, display="mV")
+OFFSET_Y = size("offset_y", "V", "offset of the y amplifier", nominal=0.01, display="mV")
 
 EFFECT = Map(
     id="amplifier_offset",

@@ -13,8 +13,8 @@ from gyro_model.anatomy import Energy, Force, Limit
 from gyro_model.quantities import size
 from gyro_model.symbols import x, y
 
-K3_X = size("k3_x", "N/m3", "cubic stiffness, x axis")
-K3_Y = size("k3_y", "N/m3", "cubic stiffness, y axis")
+K3_X = size("k3_x", "N/m3", "cubic stiffness, x axis", nominal=1e10)
+K3_Y = size("k3_y", "N/m3", "cubic stiffness, y axis", nominal=1e10)
 k3_x, k3_y = K3_X.symbol, K3_Y.symbol
 
 EFFECT = Force(

@@ -11,7 +11,7 @@ from gyro_model.quantities import shape, size
 from gyro_model.symbols import after, dxx, dxy, dyy
 
 FACTOR = size("damping_step_factor", "1", "all damping multiplies by this", neutral=1.0, low=0.0)
-TIME = shape("damping_step_time", "s", 0.0, "instant at which the damping steps")
+TIME = shape("damping_step_time", "s", 0.0, "instant at which the damping steps", nominal=1.0)
 factor = FACTOR.symbol
 
 EFFECT = Law(

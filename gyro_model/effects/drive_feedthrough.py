@@ -9,7 +9,7 @@ from gyro_model.anatomy import Limit, Map
 from gyro_model.quantities import size
 from gyro_model.symbols import u_x, u_y, v_x, v_y
 
-FEEDTHROUGH = size("feedthrough", "V/N", "voltage at the amplifier's input for each newton of drive")
+FEEDTHROUGH = size("feedthrough", "V/N", "voltage at the amplifier's input for each newton of drive", nominal=1e3)
 c_ft = FEEDTHROUGH.symbol
 
 EFFECT = Map(

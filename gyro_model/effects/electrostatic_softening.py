@@ -12,8 +12,8 @@ from gyro_model.anatomy import Energy, Force, Limit
 from gyro_model.quantities import shape, size
 from gyro_model.symbols import v_bias, x, y
 
-SOFTENING = size("softening", "N/m.V2", "electrostatic softening a, per square of the bias voltage")
-GAP = shape("electrode_gap", "m", 1e-5, "gap of the electrodes", low=1e-9)
+SOFTENING = size("softening", "N/m.V2", "electrostatic softening a, per square of the bias voltage", nominal=1e-3)
+GAP = shape("electrode_gap", "m", 1e-5, "gap of the electrodes", low=1e-9, display="µm")
 a, g = SOFTENING.symbol, GAP.symbol
 
 

@@ -10,7 +10,7 @@ from gyro_model.anatomy import Limit, Map
 from gyro_model.quantities import size
 from gyro_model.symbols import pink_x, pink_y, v_x, v_y
 
-NOISE = size("flicker_noise", "V/Hz0.5", "amplitude density of flicker noise at 1 Hz", low=0.0)
+NOISE = size("flicker_noise", "V/Hz0.5", "amplitude density of flicker noise at 1 Hz", low=0.0, nominal=1e-5)
 
 EFFECT = Map(
     id="flicker_noise",

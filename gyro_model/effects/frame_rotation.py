@@ -13,7 +13,7 @@ from gyro_model.anatomy import Energy, Force, Limit
 from gyro_model.quantities import size
 from gyro_model.symbols import m, omega_z, omega_z_change, x, y
 
-SWITCH = size("frame_rotation", "1", "centrifugal and Euler force times this (1: physical)")
+SWITCH = size("frame_rotation", "1", "centrifugal and Euler force times this (1: physical)", nominal=1.0)
 part = SWITCH.symbol
 
 EFFECT = Force(

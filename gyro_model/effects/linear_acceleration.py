@@ -9,8 +9,8 @@ from gyro_model.anatomy import Force, Limit
 from gyro_model.quantities import size
 from gyro_model.symbols import a_x, a_y, m
 
-GAIN_X = size("acceleration_gain_x", "1", "part of the package's acceleration that moves the mass, x axis")
-GAIN_Y = size("acceleration_gain_y", "1", "part of the package's acceleration that moves the mass, y axis")
+GAIN_X = size("acceleration_gain_x", "1", "part of the package's acceleration that moves the mass, x axis", nominal=1.0)
+GAIN_Y = size("acceleration_gain_y", "1", "part of the package's acceleration that moves the mass, y axis", nominal=1.0)
 
 EFFECT = Force(
     id="linear_acceleration",

@@ -10,8 +10,8 @@ from gyro_model.anatomy import Energy, Force, Limit
 from gyro_model.quantities import size
 from gyro_model.symbols import x, x_dot, y, y_dot
 
-D2_X = size("d2_x", "N.s/m3", "nonlinear damping, x axis")
-D2_Y = size("d2_y", "N.s/m3", "nonlinear damping, y axis")
+D2_X = size("d2_x", "N.s/m3", "nonlinear damping, x axis", nominal=1e5)
+D2_Y = size("d2_y", "N.s/m3", "nonlinear damping, y axis", nominal=1e5)
 d2_x, d2_y = D2_X.symbol, D2_Y.symbol
 
 EFFECT = Force(

@@ -9,7 +9,7 @@ from gyro_model.anatomy import Limit, Map
 from gyro_model.quantities import size
 from gyro_model.symbols import v_x, v_y
 
-MISMATCH = size("pickoff_gain_mismatch", "1", "relative excess of the y pickoff gain")
+MISMATCH = size("pickoff_gain_mismatch", "1", "relative excess of the y pickoff gain", nominal=0.01)
 
 EFFECT = Map(
     id="pickoff_gain_mismatch",

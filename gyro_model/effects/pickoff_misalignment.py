@@ -9,7 +9,7 @@ from gyro_model.anatomy import Limit, Map
 from gyro_model.quantities import size
 from gyro_model.symbols import q_x, q_y
 
-MISALIGNMENT = size("pickoff_misalignment", "1", "part of each displacement that the other pickoff sees")
+MISALIGNMENT = size("pickoff_misalignment", "1", "part of each displacement that the other pickoff sees", nominal=0.01)
 epsilon = MISALIGNMENT.symbol
 
 EFFECT = Map(

@@ -12,7 +12,7 @@ from gyro_model.effects.pickoff_nonlinearity import inverse_gap
 from gyro_model.quantities import size
 from gyro_model.symbols import q_x, q_y
 
-MISMATCH = size("pickoff_mismatch", "1", "relative mismatch of the pair of sensing capacitors")
+MISMATCH = size("pickoff_mismatch", "1", "relative mismatch of the pair of sensing capacitors", nominal=0.01)
 mismatch = MISMATCH.symbol
 
 

@@ -12,7 +12,7 @@ from gyro_model.anatomy import Limit, Map
 from gyro_model.quantities import size
 from gyro_model.symbols import q_x, q_y
 
-INVERSE_GAP = size("pickoff_inverse_gap", "1/m", "one over the gap of the sensing capacitors", low=0.0)
+INVERSE_GAP = size("pickoff_inverse_gap", "1/m", "one over the gap of the sensing capacitors", low=0.0, nominal=1e5)
 inverse_gap = INVERSE_GAP.symbol
 
 

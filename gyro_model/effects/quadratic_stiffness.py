@@ -12,8 +12,8 @@ from gyro_model.anatomy import Energy, Force, Limit
 from gyro_model.quantities import size
 from gyro_model.symbols import x, y
 
-K2_X = size("k2_x", "N/m2", "quadratic stiffness, x axis")
-K2_Y = size("k2_y", "N/m2", "quadratic stiffness, y axis")
+K2_X = size("k2_x", "N/m2", "quadratic stiffness, x axis", nominal=1e5)
+K2_Y = size("k2_y", "N/m2", "quadratic stiffness, y axis", nominal=1e5)
 k2_x, k2_y = K2_X.symbol, K2_Y.symbol
 
 EFFECT = Force(

@@ -10,7 +10,7 @@ from gyro_model.anatomy import Limit, Map
 from gyro_model.quantities import size
 from gyro_model.symbols import normal_x, normal_y, v_x, v_x_rate, v_y, v_y_rate
 
-JITTER = size("sampling_jitter", "s", "rms error of the sampling instant", low=0.0)
+JITTER = size("sampling_jitter", "s", "rms error of the sampling instant", low=0.0, nominal=1e-9, display="ns")
 
 EFFECT = Map(
     id="sampling_jitter",

@@ -9,7 +9,7 @@ from gyro_model.anatomy import Limit, Map
 from gyro_model.quantities import size
 from gyro_model.symbols import normal_x, normal_y, v_x, v_y
 
-NOISE = size("sense_noise", "V", "white noise, rms a sample", low=0.0)
+NOISE = size("sense_noise", "V", "white noise, rms a sample", low=0.0, nominal=2e-5, display="µV")
 
 EFFECT = Map(
     id="sense_noise",

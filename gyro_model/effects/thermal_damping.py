@@ -10,7 +10,7 @@ from gyro_model.effects.thermal_stiffness import difference
 from gyro_model.quantities import size
 from gyro_model.symbols import dxx, dxy, dyy
 
-TCD = size("tcd", "1/K", "temperature coefficient of damping")
+TCD = size("tcd", "1/K", "temperature coefficient of damping", nominal=1e-3, display="ppm/K")
 
 EFFECT = Law(
     id="thermal_damping",

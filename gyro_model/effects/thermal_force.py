@@ -13,7 +13,7 @@ from gyro_model.anatomy import Force, Limit
 from gyro_model.quantities import size
 from gyro_model.symbols import BOLTZMANN, dxx, dxy, dyy, normal_x, normal_y, sample_period, temperature_structure
 
-SWITCH = size("thermal_force", "1", "thermal noise force times this (1: physical)", low=0.0)
+SWITCH = size("thermal_force", "1", "thermal noise force times this (1: physical)", low=0.0, nominal=1.0)
 
 # The smallest normal double keeps an undamped device at 0 instead of 0/0.
 TINY = 2.2250738585072014e-308

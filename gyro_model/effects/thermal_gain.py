@@ -10,7 +10,7 @@ from gyro_model.effects.thermal_stiffness import REFERENCE
 from gyro_model.quantities import size
 from gyro_model.symbols import sense_gain_x, sense_gain_y, temperature_circuit
 
-TCG = size("tcg", "1/K", "temperature coefficient of the pickoff gain")
+TCG = size("tcg", "1/K", "temperature coefficient of the pickoff gain", nominal=1e-4, display="ppm/K")
 
 EFFECT = Law(
     id="thermal_gain",

@@ -10,8 +10,8 @@ from gyro_model.anatomy import Follow, Limit
 from gyro_model.quantities import size
 from gyro_model.symbols import temperature_circuit, temperature_structure
 
-STRUCTURE = size("structure_lag", "s", "time constant of the structure's temperature", low=0.0)
-CIRCUIT = size("circuit_lag", "s", "time constant of the circuit's temperature", low=0.0)
+STRUCTURE = size("structure_lag", "s", "time constant of the structure's temperature", low=0.0, nominal=100.0)
+CIRCUIT = size("circuit_lag", "s", "time constant of the circuit's temperature", low=0.0, nominal=100.0)
 
 EFFECT = Follow(
     id="thermal_lag",

@@ -14,7 +14,7 @@ from gyro_model.effects.thermal_stiffness import REFERENCE
 from gyro_model.quantities import size
 from gyro_model.symbols import temperature_circuit
 
-TCP = size("tcp", "s/K", "change of the amplifier's time constant with temperature")
+TCP = size("tcp", "s/K", "change of the amplifier's time constant with temperature", nominal=1e-8)
 tau = TIME_CONSTANT.symbol
 
 EFFECT = Law(

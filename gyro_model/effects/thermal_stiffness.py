@@ -10,9 +10,9 @@ from gyro_model.anatomy import Law, Limit
 from gyro_model.quantities import shape, size
 from gyro_model.symbols import kxx, kxy, kyy, temperature_structure
 
-TCK = size("tck", "1/K", "temperature coefficient of stiffness")
-SPLIT = size("tck_split", "1/K", "what the y axis has beyond tck")
-REFERENCE = shape("t_ref", "K", 298.15, "temperature at which parameters are as given")
+TCK = size("tck", "1/K", "temperature coefficient of stiffness", nominal=1e-4, display="ppm/K")
+SPLIT = size("tck_split", "1/K", "what the y axis has beyond tck", nominal=1e-5, display="ppm/K")
+REFERENCE = shape("t_ref", "K", 298.15, "temperature at which parameters are as given", display="degC")
 difference = temperature_structure - REFERENCE.symbol
 
 EFFECT = Law(
