@@ -12,6 +12,7 @@ from cosim.fmu import Plant
 from gyro_model.build import build
 from gyro_model.envelope import INTERNAL_STEP, envelope_model
 from gyro_model.model import Model
+from gyro_model.quantities import PARAMETERS
 
 INPUT_NAMES: Final = (
     *("u_x_i", "u_x_q", "u_y_i", "u_y_q", "carrier_frequency"),
@@ -33,7 +34,9 @@ class EnvelopePlant(Plant):
 def envelope_parameters(parameters: Mapping[str, float], internal_step: float, carrier: float) -> dict[str, float]:
     """The envelope FMU's parameters [SI] for the ``parameters`` of the full one: a start at (x, x') is that of the
     amplitude x - i x'/(2π carrier), ``carrier`` in Hz."""
-    own = {name: value for name, value in parameters.items() if not name.endswith("_start")}
+    # What nobody says is as in the full model, whose start values are those of another device.
+    full = {q.name: q.start for q in PARAMETERS if q.name not in ("internal_step", "step_limit")}
+    own = {name: value for name, value in {**full, **parameters}.items() if not name.endswith("_start")}
     for axis in "xy":
         own[f"{axis}_start_i"] = parameters.get(f"{axis}_start", 0.0)
         own[f"{axis}_start_q"] = -parameters.get(f"{axis}_dot_start", 0.0) / (2 * pi * carrier)

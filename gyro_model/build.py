@@ -11,6 +11,7 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -18,7 +19,15 @@ from xml.etree import ElementTree as ET
 
 import platformdirs
 
-from gyro_model import generate_c, generate_docs, generate_effects, generate_envelope, generate_xml
+from gyro_model import (
+    RELEASED,
+    generate_c,
+    generate_docs,
+    generate_effects,
+    generate_envelope,
+    generate_package,
+    generate_xml,
+)
 from gyro_model.envelope import EnvelopeModel, envelope_model
 from gyro_model.errors import InputError
 from gyro_model.model import Model, load_model
@@ -116,8 +125,13 @@ def model_token(model: Model) -> str:
 @lru_cache(maxsize=8)
 def _generated_text(model: Model) -> bytes:
     """All that is generated for a model. Kept: printing some hundred effects takes a second, at each load of an FMU."""
-    texts = [*_generated_files(model, "").values(), generate_xml.fmi2(model, "", ()), generate_xml.fmi3(model, "")]
-    return "".join(texts).encode()
+    texts = [
+        *_generated_files(model, "").values(),
+        generate_xml.fmi2(model, "", "", ()),
+        generate_xml.fmi3(model, "", ""),
+    ]
+    files = [generate_package.package_files(model, fmi) for fmi in Fmus._fields]
+    return "".join(texts).encode() + b"".join(data for package in files for data in package.values())
 
 
 def default_folder(model: Model) -> Path:
@@ -231,17 +245,26 @@ def _build_one(model: Model, token: str, fmi: str, path: Path) -> None:
         files = c_files(sources, fmi)
         (sources / {"fmi2": "fmi3.c", "fmi3": "fmi2.c"}[fmi]).unlink()
         if fmi == "fmi2":
-            description, binaries = generate_xml.fmi2(model, token, files), platform.fmi2
+            description, binaries = generate_xml.fmi2(model, token, _date(), files), platform.fmi2
         else:
-            description, binaries = generate_xml.fmi3(model, token), platform.fmi3
+            description, binaries = generate_xml.fmi3(model, token, _date()), platform.fmi3
             (sources / "buildDescription.xml").write_text(
                 generate_xml.build_description(model, files), encoding="utf-8"
             )
         (root / "modelDescription.xml").write_text(description, encoding="utf-8")
+        for place, data in generate_package.package_files(model, fmi).items():
+            (root / place).parent.mkdir(parents=True, exist_ok=True)
+            (root / place).write_bytes(data)
         library = root / "binaries" / binaries / f"{model.NAME}{platform.suffix}"
         library.parent.mkdir(parents=True)
         compile_library(sources, files, library)
         _pack(root, path)
+
+
+def _date() -> str:
+    """What an FMU gives as its date: one that is built again is the same (reproducible-builds.org)."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    return datetime.fromtimestamp(int(epoch), UTC).strftime("%Y-%m-%dT%H:%M:%SZ") if epoch.isdigit() else RELEASED
 
 
 def _pack(root: Path, path: Path) -> None:

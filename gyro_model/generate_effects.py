@@ -233,23 +233,22 @@ def _activity(model: Model) -> str:
 
 
 def _begin(model: Model) -> str:
-    lags = "".join(
-        f"if (g->active[{effect_macro(e)}] && !acted[{effect_macro(e)}]) {{\n{textwrap.indent(_lag_starts(e), '    ')}}}\n"
+    wakes = "".join(
+        f"if (g->active[{effect_macro(e)}] && !acted[{effect_macro(e)}]) {{\n{indented}}}\n"
         for e in _follows(model)
+        for indented in (textwrap.indent(_lag_starts(e), "    "),)
     )
     rests = "".join(
-        f"if (!g->active[{effect_macro(e)}]) {{\n"
-        + "".join(f"    g->s[{state_macro(s.symbol)}] = 0.0;\n" for s in e.states)
-        + "}\n"
+        f"if (!g->active[{effect_macro(e)}]) {{\n{zeros}}}\n"
         for e in model.forces
-        if e.states
+        if (zeros := "".join(f"    g->s[{state_macro(s.symbol)}] = 0.0;\n" for s in e.states))
     )
     return (
-        "/* After find_active, where the effects in `acted` did: what lags begins to do so from its value as set, and the\n"
-        "   states of an effect that does not act rest. */\n"
+        "/* After find_active, where the effects in `acted` did: what lags begins to do so from its value as set, and\n"
+        "   the states of an effect that does not act rest. */\n"
         "static inline void begin_acting(gyro_view *g, const unsigned char acted[GYRO_N_EFFECTS],\n"
         "                                const double value[GYRO_N_VARIABLES])\n"
-        f"{{\n    (void)acted;\n    (void)value;\n{textwrap.indent(lags + rests, '    ')}}}\n"
+        f"{{\n    (void)acted;\n    (void)value;\n{textwrap.indent(wakes + rests, '    ')}}}\n"
     )
 
 

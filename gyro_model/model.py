@@ -30,6 +30,16 @@ class Model:
     DESCRIPTION: ClassVar[str] = (
         "MEMS vibratory gyroscope: two coupled axes, actuators, pickoff and amplifier with their effects"
     )
+    CONVENTIONS: ClassVar[tuple[str, ...]] = (
+        "A positive rate turns the package from x to y; seen from the package a free vibration then turns from y to x: "
+        "F_x = 2 m omega_z y_dot, F_y = -2 m omega_z x_dot.",
+        "Forces act as held from one communication point to the next, in the direction of their axis. The voltages "
+        "v_x, v_y are samples: that number k is taken at k sample_period, just before inputs change there, and stands "
+        "until the next. x, y, their velocities and the temperatures are for analysis.",
+        "A size parameter switches its effect on where it differs from its start. Tunable ones may be set while the "
+        "FMU runs and act from that instant; the others are fixed once initialization ends.",
+    )
+    """Said in the FMU's documentation, a paragraph each."""
     STEP_SIZE: ClassVar[str] = "5e-6"
     """What an importer should start with [s]."""
 

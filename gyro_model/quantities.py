@@ -15,6 +15,7 @@ from gyro_model.errors import InputError, nearest
 from gyro_model.units import DISPLAYED, dimension
 
 Role = Literal["input", "output", "parameter", "size", "shape"]
+Terminal = Literal["mechanical", "electrical", "inertial", "thermal", ""]
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,9 @@ class Quantity:
 
     ``low`` and ``high`` are inclusive bounds in ``unit``. ``role`` is ``input``, ``output``, ``parameter`` (the
     nominal device and the simulation), ``size`` (switches an effect on) or ``shape`` (of an effect; switches
-    nothing). ``nominal`` is how large it typically is [unit]; 0: as large as ``start``. ``display`` is the unit in which
-    a tool shows it, of ``gyro_model.units.DISPLAYED``.
+    nothing). ``nominal`` is how large it typically is [unit]; 0: as large as ``start``. ``display`` is the unit in
+    which a tool shows it, of ``gyro_model.units.DISPLAYED``; ``terminal`` groups inputs and outputs by what they
+    connect to.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Quantity:
     integer: bool = False
     nominal: float = 0.0
     display: str = ""
+    terminal: Terminal = ""
 
     def __post_init__(self) -> None:
         dimension(self.unit)
@@ -48,9 +51,8 @@ class Quantity:
             raise InputError(f"quantity {self.name}: nominal {self.nominal} is no size; give a positive number")
         known = DISPLAYED.get(self.unit, {})
         if self.display and self.display not in known:
-            raise InputError(
-                f"quantity {self.name}: display unit {self.display!r} is none of {self.unit}{nearest(self.display, known)}"
-            )
+            hint = nearest(self.display, known)
+            raise InputError(f"quantity {self.name}: display unit {self.display!r} is none of {self.unit}{hint}")
 
     @property
     def typical(self) -> float:
@@ -105,7 +107,9 @@ def shape(
 
 
 def _of_role(role: Role) -> Callable[..., Quantity]:
-    def quantity(name: str, unit: str, start: float, text: str, low: float = -inf, high: float = inf, **more: Any) -> Quantity:
+    def quantity(
+        name: str, unit: str, start: float, text: str, low: float = -inf, high: float = inf, **more: Any
+    ) -> Quantity:
         return Quantity(name, unit, start, text, role, low, high, **more)
 
     return quantity
@@ -114,25 +118,59 @@ def _of_role(role: Role) -> Callable[..., Quantity]:
 _input, _output, _parameter = _of_role("input"), _of_role("output"), _of_role("parameter")
 
 INPUTS = (
-    _input("u_x", "N", 0.0, "force on the x axis, held over a communication step", nominal=1e-6, display="µN"),
-    _input("u_y", "N", 0.0, "force on the y axis, held over a communication step", nominal=1e-6, display="µN"),
-    _input("omega_z", "rad/s", 0.0, "rate of the package about z", nominal=1.0, display="deg/s"),
-    _input("temperature", "K", 298.15, "ambient temperature", low=0.0, display="degC"),
-    _input("a_x", "m/s2", 0.0, "acceleration of the package along x", nominal=10.0, display="g"),
-    _input("a_y", "m/s2", 0.0, "acceleration of the package along y", nominal=10.0, display="g"),
-    _input("v_bias", "V", 0.0, "bias voltage of the electrodes", nominal=10.0),
+    _input(
+        "u_x",
+        "N",
+        0.0,
+        "force on the x axis, held over a communication step",
+        nominal=1e-6,
+        display="µN",
+        terminal="mechanical",
+    ),
+    _input(
+        "u_y",
+        "N",
+        0.0,
+        "force on the y axis, held over a communication step",
+        nominal=1e-6,
+        display="µN",
+        terminal="mechanical",
+    ),
+    _input("omega_z", "rad/s", 0.0, "rate of the package about z", nominal=1.0, display="deg/s", terminal="inertial"),
+    _input("temperature", "K", 298.15, "ambient temperature", low=0.0, display="degC", terminal="thermal"),
+    _input("a_x", "m/s2", 0.0, "acceleration of the package along x", nominal=10.0, display="g", terminal="inertial"),
+    _input("a_y", "m/s2", 0.0, "acceleration of the package along y", nominal=10.0, display="g", terminal="inertial"),
+    _input("v_bias", "V", 0.0, "bias voltage of the electrodes", nominal=10.0, terminal="electrical"),
 )
 
 OUTPUTS = (
-    _output("v_x", "V", 0.0, "x sensor voltage, latched at the last sample instant", nominal=1.0),
-    _output("v_y", "V", 0.0, "y sensor voltage, latched at the last sample instant", nominal=1.0),
-    _output("x", "m", 0.0, "x displacement, for analysis", nominal=1e-6, display="µm"),
-    _output("y", "m", 0.0, "y displacement, for analysis", nominal=1e-6, display="µm"),
+    _output(
+        "v_x", "V", 0.0, "x sensor voltage, latched at the last sample instant", nominal=1.0, terminal="electrical"
+    ),
+    _output(
+        "v_y", "V", 0.0, "y sensor voltage, latched at the last sample instant", nominal=1.0, terminal="electrical"
+    ),
+    _output("x", "m", 0.0, "x displacement, for analysis", nominal=1e-6, display="µm", terminal="mechanical"),
+    _output("y", "m", 0.0, "y displacement, for analysis", nominal=1e-6, display="µm", terminal="mechanical"),
     # A micrometre at 3 kHz.
-    _output("x_dot", "m/s", 0.0, "x velocity, for analysis", nominal=0.02, display="mm/s"),
-    _output("y_dot", "m/s", 0.0, "y velocity, for analysis", nominal=0.02, display="mm/s"),
-    _output("temperature_structure", "K", 298.15, "temperature of the structure, for analysis", display="degC"),
-    _output("temperature_circuit", "K", 298.15, "temperature of the circuit, for analysis", display="degC"),
+    _output("x_dot", "m/s", 0.0, "x velocity, for analysis", nominal=0.02, display="mm/s", terminal="mechanical"),
+    _output("y_dot", "m/s", 0.0, "y velocity, for analysis", nominal=0.02, display="mm/s", terminal="mechanical"),
+    _output(
+        "temperature_structure",
+        "K",
+        298.15,
+        "temperature of the structure, for analysis",
+        display="degC",
+        terminal="thermal",
+    ),
+    _output(
+        "temperature_circuit",
+        "K",
+        298.15,
+        "temperature of the circuit, for analysis",
+        display="degC",
+        terminal="thermal",
+    ),
 )
 
 # Reference device of SYSTEM.md section 1 (source 000 gives the symbols; the numbers are the specification's).
@@ -141,17 +179,19 @@ PARAMETERS = (
     _parameter("m", "kg", 1.8e-7, "proof mass", low=1e-18, display="µg"),
     _parameter("kxx", "N/m", 63.955, "stiffness, x axis", low=0.0),
     _parameter("kyy", "N/m", 95.92, "stiffness, y axis", low=0.0),
-    _parameter("kxy", "N/m", 12.779, "stiffness, cross axis"),
+    _parameter("kxy", "N/m", 12.779, "stiffness, cross axis", nominal=10.0),
     _parameter("dxx", "N.s/m", 1.8e-6, "damping, x axis", low=0.0),
     _parameter("dyy", "N.s/m", 1.8e-6, "damping, y axis", low=0.0),
-    _parameter("dxy", "N.s/m", 3.6e-7, "damping, cross axis"),
+    _parameter("dxy", "N.s/m", 3.6e-7, "damping, cross axis", nominal=1e-6),
     _parameter("sense_gain_x", "V/m", 1e6, "pickoff gain, x axis"),
     _parameter("sense_gain_y", "V/m", 1e6, "pickoff gain, y axis"),
     _parameter("x_start", "m", 0.0, "x displacement at the start", nominal=1e-6, display="µm"),
     _parameter("x_dot_start", "m/s", 0.0, "x velocity at the start", nominal=0.02, display="mm/s"),
     _parameter("y_start", "m", 0.0, "y displacement at the start", nominal=1e-6, display="µm"),
     _parameter("y_dot_start", "m/s", 0.0, "y velocity at the start", nominal=0.02, display="mm/s"),
-    _parameter("internal_step", "s", 5e-6, "longest step of the integrator, whose grid it is", 1e-9, 1e-3, display="µs"),
+    _parameter(
+        "internal_step", "s", 5e-6, "longest step of the integrator, whose grid it is", 1e-9, 1e-3, display="µs"
+    ),
     _parameter("sample_period", "s", 5e-6, "time between samples and between draws of noise", 1e-9, 1.0, display="µs"),
     Quantity("seed", "1", 0, "seed of all noises", "parameter", 0, 2**31 - 1, integer=True),
     Quantity(

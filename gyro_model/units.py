@@ -124,6 +124,7 @@ def conversion(unit: str, si: str) -> Conversion:
         raise InputError(f"unit {unit!r} is not known: use {' or '.join(known)}{nearest(unit, known)}")
     return known[unit]
 
+
 DISPLAYED: Final[Mapping[str, Mapping[str, Conversion]]] = {
     "m": {"µm": Conversion(1e6)},
     "m/s": {"mm/s": Conversion(1e3)},

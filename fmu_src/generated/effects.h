@@ -803,8 +803,8 @@ static inline void find_active(gyro_view *g)
     }
 }
 
-/* After find_active, where the effects in `acted` did: what lags begins to do so from its value as set, and the
-   states of an effect that does not act rest. */
+/* After find_active, where the effects in `acted` did: what lags begins to do so from its value as set, and
+   the states of an effect that does not act rest. */
 static inline void begin_acting(gyro_view *g, const unsigned char acted[GYRO_N_EFFECTS],
                                 const double value[GYRO_N_VARIABLES])
 {

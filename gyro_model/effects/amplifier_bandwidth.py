@@ -8,7 +8,9 @@ SYSTEM.md section 8. The update is exact, so that τ may lie far below the step.
 from gyro_model.anatomy import Lag, Limit
 from gyro_model.quantities import size
 
-TIME_CONSTANT = size("amplifier_time_constant", "s", "time constant of the charge amplifier", low=0.0, nominal=1e-6, display="µs")
+TIME_CONSTANT = size(
+    "amplifier_time_constant", "s", "time constant of the charge amplifier", low=0.0, nominal=1e-6, display="µs"
+)
 
 EFFECT = Lag(
     id="amplifier_bandwidth",

@@ -9,7 +9,13 @@ from gyro_model.anatomy import Limit, Map
 from gyro_model.quantities import size
 from gyro_model.symbols import v_x, v_y
 
-RATIO = size("parasitic_ratio", "1", "parasitic capacitance over open-loop gain times feedback capacitance", low=0.0, nominal=0.01)
+RATIO = size(
+    "parasitic_ratio",
+    "1",
+    "parasitic capacitance over open-loop gain times feedback capacitance",
+    low=0.0,
+    nominal=0.01,
+)
 ratio = RATIO.symbol
 
 EFFECT = Map(

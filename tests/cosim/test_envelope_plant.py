@@ -9,6 +9,7 @@ from cosim.envelope import INPUT_NAMES, OUTPUT_NAMES, envelope_parameters, open_
 from cosim.exchange import exchange
 from gyro_model.device import load_device
 from gyro_model.errors import InputError
+from gyro_model.quantities import PARAMETERS
 
 # One axis of 3000 Hz, Q 1885.
 DEVICE = dict(load_device("reference").parameters) | {"kxy": 0.0, "dxy": 0.0, "sense_noise": 0.0}
@@ -17,7 +18,10 @@ OWN = np.sqrt(DEVICE["kxx"] / DEVICE["m"])
 
 def test_start_is_that_of_the_full_plant():
     own = envelope_parameters({"m": 1e-7, "x_start": 1e-6, "y_dot_start": 0.02, "internal_step": 1e-6}, 1e-3, 3000.0)
+    full = {q.name: q.start for q in PARAMETERS}
     assert own == {
+        **{name: full[name] for name in ("kxx", "kyy", "kxy", "dxx", "dyy", "dxy", "sense_gain_x", "sense_gain_y")},
+        **{name: full[name] for name in ("sample_period", "seed")},
         "m": 1e-7,
         "internal_step": 1e-3,
         "x_start_i": 1e-6,

@@ -44,7 +44,11 @@ def test_generated_c_is_readable_and_stamped() -> None:
 
 
 def variables(version: int) -> list[ET.Element]:
-    text = generate_xml.fmi2(MODEL, "token", ["a.c"]) if version == 2 else generate_xml.fmi3(MODEL, "token")
+    text = (
+        generate_xml.fmi2(MODEL, "token", "date", ["a.c"])
+        if version == 2
+        else generate_xml.fmi3(MODEL, "token", "date")
+    )
     found = list(ET.fromstring(text).find("ModelVariables"))
     return found if version == 2 else [element for element in found if element.get("name") != "time"]
 
@@ -70,7 +74,7 @@ def test_xml_says_what_the_table_says(version: int) -> None:
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_xml_units_have_their_dimension(version: int) -> None:
-    text = generate_xml.fmi2(MODEL, "token", []) if version == 2 else generate_xml.fmi3(MODEL, "token")
+    text = generate_xml.fmi2(MODEL, "token", "date", []) if version == 2 else generate_xml.fmi3(MODEL, "token", "date")
     units = {unit.get("name"): unit for unit in ET.fromstring(text).find("UnitDefinitions")}
     assert set(units) == {q.unit for q in MODEL.quantities} - {"1"} | {"s"}
     for name, unit in units.items():
