@@ -6,7 +6,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{3a612a38-9d15-e703-7af8-18774608fe09}"
+#define GYRO_TOKEN "{dd995699-fb59-22aa-9a0f-70591cc2dd4b}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -159,7 +159,12 @@ enum {
     GYRO_N_EFFECTS = 38
 };
 
-typedef enum { GYRO_INPUT, GYRO_PARAMETER, GYRO_OUTPUT } gyro_kind;
+typedef enum {
+    GYRO_INPUT,
+    GYRO_PARAMETER, /* fixed once it runs */
+    GYRO_TUNABLE,   /* a parameter that may change while it runs */
+    GYRO_OUTPUT
+} gyro_kind;
 typedef enum { GYRO_REAL, GYRO_INTEGER } gyro_type;
 
 typedef struct {

@@ -31,14 +31,17 @@
 #define fmi_time Gyroscope_fmi_time
 #define gyro_acos Gyroscope_gyro_acos
 #define gyro_advance Gyroscope_gyro_advance
+#define gyro_after_tuning Gyroscope_gyro_after_tuning
 #define gyro_asin Gyroscope_gyro_asin
 #define gyro_atan Gyroscope_gyro_atan
 #define gyro_atan2 Gyroscope_gyro_atan2
 #define gyro_beat_of Gyroscope_gyro_beat_of
+#define gyro_before_tuning Gyroscope_gyro_before_tuning
 #define gyro_check Gyroscope_gyro_check
 #define gyro_come_to Gyroscope_gyro_come_to
 #define gyro_cos Gyroscope_gyro_cos
 #define gyro_cosh Gyroscope_gyro_cosh
+#define gyro_draw Gyroscope_gyro_draw
 #define gyro_drop Gyroscope_gyro_drop
 #define gyro_exp Gyroscope_gyro_exp
 #define gyro_expm1 Gyroscope_gyro_expm1
@@ -83,6 +86,7 @@
 #define gyro_sin Gyroscope_gyro_sin
 #define gyro_sinh Gyroscope_gyro_sinh
 #define gyro_start Gyroscope_gyro_start
+#define gyro_start_lag Gyroscope_gyro_start_lag
 #define gyro_started Gyroscope_gyro_started
 #define gyro_take_inputs Gyroscope_gyro_take_inputs
 #define gyro_tan Gyroscope_gyro_tan
@@ -91,6 +95,7 @@
 #define gyro_ticks Gyroscope_gyro_ticks
 #define gyro_time Gyroscope_gyro_time
 #define gyro_time_of Gyroscope_gyro_time_of
+#define gyro_tune Gyroscope_gyro_tune
 #define gyro_unstart Gyroscope_gyro_unstart
 #define gyro_variables Gyroscope_gyro_variables
 #define gyro_weigh_lag Gyroscope_gyro_weigh_lag

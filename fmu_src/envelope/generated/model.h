@@ -6,7 +6,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{59b65d7c-3f56-eb7b-550b-2fb75a4f1b4c}"
+#define GYRO_TOKEN "{6d3c17cc-bdbc-25dc-5d8e-e8956ef7e63a}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -166,7 +166,12 @@ enum {
     GYRO_N_EFFECTS = 38
 };
 
-typedef enum { GYRO_INPUT, GYRO_PARAMETER, GYRO_OUTPUT } gyro_kind;
+typedef enum {
+    GYRO_INPUT,
+    GYRO_PARAMETER, /* fixed once it runs */
+    GYRO_TUNABLE,   /* a parameter that may change while it runs */
+    GYRO_OUTPUT
+} gyro_kind;
 typedef enum { GYRO_REAL, GYRO_INTEGER } gyro_type;
 
 typedef struct {

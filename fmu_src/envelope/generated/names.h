@@ -32,11 +32,13 @@
 #define gyro_acos GyroscopeEnvelope_gyro_acos
 #define gyro_actuate GyroscopeEnvelope_gyro_actuate
 #define gyro_advance GyroscopeEnvelope_gyro_advance
+#define gyro_after_tuning GyroscopeEnvelope_gyro_after_tuning
 #define gyro_around GyroscopeEnvelope_gyro_around
 #define gyro_asin GyroscopeEnvelope_gyro_asin
 #define gyro_atan GyroscopeEnvelope_gyro_atan
 #define gyro_atan2 GyroscopeEnvelope_gyro_atan2
 #define gyro_beat_of GyroscopeEnvelope_gyro_beat_of
+#define gyro_before_tuning GyroscopeEnvelope_gyro_before_tuning
 #define gyro_carrier GyroscopeEnvelope_gyro_carrier
 #define gyro_check GyroscopeEnvelope_gyro_check
 #define gyro_come_to GyroscopeEnvelope_gyro_come_to
@@ -95,6 +97,7 @@
 #define gyro_ticks GyroscopeEnvelope_gyro_ticks
 #define gyro_time GyroscopeEnvelope_gyro_time
 #define gyro_time_of GyroscopeEnvelope_gyro_time_of
+#define gyro_tune GyroscopeEnvelope_gyro_tune
 #define gyro_unstart GyroscopeEnvelope_gyro_unstart
 #define gyro_variables GyroscopeEnvelope_gyro_variables
 
