@@ -1,58 +1,95 @@
-"""The state of a search on disk, so that an interrupted one resumes where it was and gives the same answer."""
+"""The state of a search on disk, so that an interrupted one resumes where it was and gives the same answer.
+
+The file is data: every entry is checked against ``checkpoint_schema.py`` before anything is made of it, and terms that
+were found are formulas in a grammar of their own (``formula.py``). Its key is the hash of data, model, options and
+code, so that it resumes on any machine and with nothing else.
+"""
 
 import hashlib
 import json
 import os
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import cache
+from math import isclose
 from pathlib import Path
 from typing import Any, Final
 
 from discrepancy.answer import Step
+from discrepancy.checkpoint_schema import checked, term_from, term_state
 from discrepancy.columns import Candidate, Probe
 from discrepancy.continuation import cut
 from discrepancy.dataset import Dataset
-from discrepancy.effect_file import write_text
+from discrepancy.effect_file import Term, joined
 from discrepancy.fitted import Fitted, Free
 from discrepancy.refit import Fitter
 from discrepancy.score import Score
 from discrepancy.whitening import Setting
 from gyro_model.build import model_token
+from gyro_model.errors import InputError
 from gyro_model.model import Model
 
-FORMAT: Final = 2
+FORMAT: Final = 3
+LARGEST: Final = 50_000_000
+"""Bytes of a file that is read: ten times that of a search of 100 runs with six effects."""
+
+REPEATS: Final = 1e-3
+"""Relative difference of a cost worked out again. The filter is made anew from the fit's own parameters, where the
+search has it from the last but one step: measured 2e-6."""
 
 
 def digest(dataset: Dataset, model: Model, settings: Mapping[str, Any]) -> str:
-    """Names a search: data, nominal values, model and settings."""
-    code = hashlib.sha256(model_token(model).encode())
+    """Names a search: data, nominal values, model, settings and the code that searches."""
+    code = hashlib.sha256((model_token(model) + _code()).encode())
     code.update(json.dumps([dict(sorted(dataset.nominal.items())), dict(settings)], sort_keys=True).encode())
     for record in dataset.records:
         code.update(f"{record.name} {record.role} {record.hold} {record.sample_rate}".encode())
         for name, values in sorted({"t": record.t, **record.channels}.items()):
-            code.update(name.encode() + values.tobytes())
+            # Little endian, whatever the machine.
+            code.update(name.encode() + values.astype("<f8").tobytes())
+    return code.hexdigest()
+
+
+@cache
+def _code() -> str:
+    """Digest of the searching package's files."""
+    code = hashlib.sha256()
+    folder = Path(__file__).parent
+    for path in sorted(folder.rglob("*.py")):
+        code.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
     return code.hexdigest()
 
 
 def save(path: Path, key: str, state: Mapping[str, Any]) -> None:
     """Writes ``state`` (plain Python) under the search's ``key``; an older file is replaced whole."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(path.name + ".part")
-    beside.write_text(json.dumps({"format": FORMAT, "key": key, "state": state}), encoding="utf-8")
+    # A name that nobody can have laid a link under.
+    handle, beside = tempfile.mkstemp(prefix=path.name, suffix=".part", dir=path.parent)
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        json.dump({"format": FORMAT, "key": key, "state": state}, file)
     os.replace(beside, path)
 
 
-def load(path: Path | None, key: str) -> dict[str, Any] | None:
-    """The state kept for the search ``key``; None where there is none, or that of another search, which then starts
-    anew."""
-    if path is None:
+def load(path: Path | None, key: str, dataset: Dataset, model: Model) -> dict[str, Any] | None:
+    """The state kept for the search ``key``, every entry checked, ``terms`` as ``Term``; None where there is none, or
+    that of another search, which then starts anew. Raises InputError for a file that no search has written."""
+    if path is None or not path.is_file():
         return None
     try:
+        if path.stat().st_size > LARGEST:
+            raise InputError(f"it has {path.stat().st_size} bytes, over {LARGEST}")
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"it is no JSON ({type(error).__name__})") from None
+    if not isinstance(content, dict) or (content.get("format"), content.get("key")) != (FORMAT, key):
         return None
-    same = isinstance(content, dict) and content.get("format") == FORMAT and content.get("key") == key
-    return content["state"] if same else None
+    state = content.get("state")
+    if not isinstance(state, dict) or not isinstance(state.get("terms"), list):
+        raise InputError("state: give a table with a list of terms")
+    terms = terms_from(state["terms"], dataset.axes)
+    checked(state, joined(model, [term.effect for own in terms for term in own]), dataset)
+    return {**state, "terms": terms}
 
 
 def fit_state(whole: Fitter, fitter: Fitter, at: Fitted) -> dict[str, Any]:
@@ -63,28 +100,38 @@ def fit_state(whole: Fitter, fitter: Fitter, at: Fitted) -> dict[str, Any]:
         "starts": [dict(start) for start in at.starts],
         "free": [asdict(free) for free in at.free],
         "setting": asdict(at.whiten.setting),
+        "cost": at.cost,
     }
 
 
 def fit_from(whole: Fitter, state: Mapping[str, Any]) -> tuple[Fitter, Fitted]:
-    """The fitter and the fit of ``fit_state``, linearised."""
+    """The fitter and the fit of ``fit_state``, linearised. Raises InputError where the fit does not cost what the
+    state says."""
     fitter = cut(whole, state["pieces"])
     # A resumed search has nothing kept, and the one that goes on is to find the same.
     fitter.forget()
     parameters = state["parameters"]
     whiten = fitter.whitener(parameters, Setting(**state["setting"]))
     free = tuple(Free(**entry) for entry in state["free"])
-    return fitter, fitter.with_grams(fitter.evaluated(Fitted(parameters, tuple(state["starts"]), free, whiten, ())))
+    at = fitter.evaluated(Fitted(parameters, tuple(state["starts"]), free, whiten, ()))
+    if not isclose(at.cost, state["cost"], rel_tol=REPEATS):
+        raise InputError(f"its fit costs {at.cost:.6g}, not {state['cost']:.6g} as it says")
+    return fitter, fitter.with_grams(at)
 
 
-def terms_state(terms: Sequence[Sequence[Path]]) -> list[dict[str, str]]:
-    """What ``terms_from`` needs: of each further search, its effect files whole, by name."""
-    return [{path.name: path.read_text(encoding="utf-8") for path in files} for files in terms]
+def terms_state(terms: Sequence[Sequence[Term]]) -> list[list[dict[str, Any]]]:
+    """What ``terms_from`` needs: of each further search, its terms as formulas."""
+    return [[term_state(term) for term in own] for own in terms]
 
 
-def terms_from(state: Sequence[Mapping[str, str]], folder: Path) -> list[tuple[Path, ...]]:
-    """The effect files of ``terms_state``, written to ``folder``. Raises InputError where that can't be."""
-    return [tuple(write_text(folder / name, text) for name, text in files.items()) for files in state]
+def terms_from(state: Sequence[Any], axes: int) -> list[tuple[Term, ...]]:
+    """The terms of ``terms_state``. Raises InputError for a formula that the library of terms does not have."""
+    found = []
+    for own in state:
+        if not isinstance(own, list):
+            raise InputError("terms: give a list of lists")
+        found.append(tuple(term_from(entry, axes) for entry in own))
+    return found
 
 
 def candidate_state(candidate: Candidate) -> dict[str, Any]:

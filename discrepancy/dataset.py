@@ -139,6 +139,8 @@ def _entry(number: int, run: Mapping[str, Any]) -> _Entry:
     file, rate = run.get("file"), run.get("sample_rate")
     if not isinstance(file, str):
         raise InputError(f'{where}: file = {file!r}: add file = "run.csv"')
+    if "\0" in file or Path(file).is_absolute() or ".." in Path(file).parts:
+        raise InputError(f"{where}: file = {file!r}: lies outside the data set's folder; copy it in and give its name")
     if isinstance(rate, bool) or not isinstance(rate, (int, float)) or not rate > 0:
         raise InputError(f"{where} ({file}): sample_rate = {rate!r}: add sample_rate = ... in Hz")
     if not file.lower().endswith(SUFFIXES):

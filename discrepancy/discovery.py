@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from discrepancy.contest import CHANCE, Entry, Terms, ranked
 from discrepancy.continuation import IN_STEP, settled, started
-from discrepancy.effect_file import peaks_of, write_effect
+from discrepancy.effect_file import Term, peaks_of
 from discrepancy.fitted import Fitted
 from discrepancy.library import Form
 from discrepancy.refit import Fitter
@@ -33,14 +33,14 @@ class Discovery:
     """The term that explains best what was left: an effect that the model had already (``known``), or a new one.
 
     share: of the residual's square that it takes away; either: ids of other terms that the samples compared can't tell
-    from it; files: of the new effects, the term's first, then those of ``either``; empty where it is known.
+    from it; terms: the new ones, the best first, then those of ``either``; empty where it is known.
     """
 
     effect: Effect
     known: bool
     share: float
     either: tuple[str, ...] = ()
-    files: tuple[Path, ...] = ()
+    terms: tuple[Term, ...] = ()
 
     @property
     def forces(self) -> dict[str, str]:
@@ -74,9 +74,10 @@ def discover(fitter: Fitter, at: Fitted, folder: Path, progress: Progress | None
         return Discovery(best.contestant.candidate.effect, True, share, had)
     peaks = peaks_of(short.records, best.fitted)
     new = [best, *(e for e in alike if not e.contestant.known)]
-    written = [write_effect(form, folder, peaks) for form in _named(fitter.simulator.model, new)]
-    others = tuple(effect.id for effect, _ in written[1:])
-    return Discovery(written[0][0], False, share, (*had, *others), tuple(path for _, path in written))
+    found = tuple(Term(form, peaks) for form in _named(fitter.simulator.model, new))
+    for term in found:
+        term.write(folder)
+    return Discovery(found[0].effect, False, share, (*had, *(term.id for term in found[1:])), found)
 
 
 def _contest(terms: Terms, fitter: Fitter, at: Fitted) -> tuple[Fitted, list[Entry]]:

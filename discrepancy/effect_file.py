@@ -1,6 +1,8 @@
 """A term that was found, as the text of an effect file, and where it was seen to hold."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -14,16 +16,18 @@ from discrepancy.record import Record
 from discrepancy.refit import Fitter
 from gyro_model.anatomy import Effect, Force
 from gyro_model.errors import InputError
-from gyro_model.model import Model, load_model
+from gyro_model.model import Model
 
 UNITS: Final = {"x": "m", "y": "m", "x_dot": "m/s", "y_dot": "m/s", "u_x": "N", "u_y": "N"}
 
-_TEXT: Final = '''"""A force that no effect file states, found in measured data (SYSTEM.md section 9).
+_DOC: Final = """A force that no effect file states, found in measured data.
 
 {formula}
 
 A formula that fits, no explanation: it holds where it was seen, {range}.
 """
+
+_TEXT: Final = '''"""{doc}"""
 
 from sympy import {sympy}
 
@@ -51,27 +55,33 @@ EFFECT = Force(
 '''
 
 
-def write_effect(form: Form, folder: Path, peaks: Mapping[str, float]) -> tuple[Effect, Path]:
-    """Writes ``form`` as an effect file to ``folder``; gives the effect as loaded from there. peaks: largest |signal|
-    seen, by name, SI. Raises InputError where the folder can't be written."""
-    path = write_text(folder / f"{form.id}.py", effect_text(form, peaks))
-    return load_effect(path), path
+@dataclass(frozen=True)
+class Term:
+    """A term that was found. form: its id is that of the effect; peaks: the largest |signal| seen, by name, SI."""
 
+    form: Form
+    peaks: Mapping[str, float]
 
-def write_text(path: Path, text: str) -> Path:
-    """Writes an effect file, and its folder where there is none. Raises InputError where that can't be."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"effect file {path}: can't be written ({error}); choose another folder") from None
-    return path
+    @property
+    def id(self) -> str:
+        """Of the effect that it is."""
+        return self.form.id
 
+    @cached_property
+    def effect(self) -> Force:
+        """The term as an effect of a model: what its file defines, made without the file."""
+        made = self.form.effect(self.form.energy())
+        return replace(made, doc=_doc(made, self.peaks))
 
-def load_effect(path: Path) -> Effect:
-    """The effect of a file. Raises InputError where it is none."""
-    # Past the cache: a folder that was loaded before holds a new file now.
-    return load_model.__wrapped__(path.parent).effect(path.stem)
+    def write(self, folder: Path) -> Path:
+        """Writes the effect file, and its folder where there is none. Raises InputError where that can't be."""
+        path = folder / f"{self.id}.py"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            path.write_text(effect_text(self.effect), encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"effect file {path}: can't be written ({error}); choose another folder") from None
+        return path
 
 
 def joined(model: Model, effects: Iterable[Effect]) -> Model:
@@ -79,11 +89,17 @@ def joined(model: Model, effects: Iterable[Effect]) -> Model:
     return Model(tuple(sorted((*model.effects, *effects), key=lambda e: (not e.nominal, e.id))), model.starts)
 
 
-def effect_text(form: Form, peaks: Mapping[str, float]) -> str:
-    """The Python of the effect file."""
-    effect = form.effect(form.energy())
-    used = [s.name for s in SIGNALS if s in effect.symbols | _balance(effect)]
+def _doc(effect: Force, peaks: Mapping[str, float]) -> str:
     seen = [s.name for s in SIGNALS if s in effect.symbols]
+    return _DOC.format(
+        formula="\n".join(f"    F_{a} = {e}" for a, e in zip("xy", effect.force, strict=True) if e != 0),
+        range=", ".join(f"|{name}| <= {peaks[name]:.3g} {UNITS[name]}" for name in seen),
+    )
+
+
+def effect_text(effect: Force) -> str:
+    """The Python of the effect file."""
+    used = [s.name for s in SIGNALS if s in effect.symbols | _balance(effect)]
     limit = effect.limits[0]
     sizes = "\n".join(
         f'{q.name.upper()} = size("{q.name}", "{q.unit}", "{q.description}")\n{q.name} = {q.name.upper()}.symbol'
@@ -91,8 +107,7 @@ def effect_text(form: Form, peaks: Mapping[str, float]) -> str:
     )
     magnitudes = any(e.has(Abs) for e in (*effect.force, *_powers_of(effect)))
     text = _TEXT.format(
-        formula="\n".join(f"    F_{a} = {e}" for a, e in zip("xy", effect.force, strict=True) if e != 0),
-        range=", ".join(f"|{name}| <= {peaks[name]:.3g} {UNITS[name]}" for name in seen),
+        doc=effect.doc,
         sympy="Abs",
         anatomy="Energy, Force, Limit" if effect.energy else "Force, Limit",
         signals=", ".join(sorted(used)),

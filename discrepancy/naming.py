@@ -1,10 +1,10 @@
 """Names the effects that a model lacks, and hands what no name explains to a further search."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from itertools import chain
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from threadpoolctl import threadpool_limits
 
@@ -13,27 +13,28 @@ from discrepancy import checkpoint as store
 from discrepancy.answer import Diagnosis
 from discrepancy.assemble import assemble
 from discrepancy.dataset import Dataset
-from discrepancy.effect_file import joined, load_effect
+from discrepancy.effect_file import Term, joined
 from discrepancy.fitted import Fitted
 from discrepancy.refit import Fitter
 from discrepancy.search import Search
 from discrepancy.simulate import Simulator
+from gyro_model.errors import InputError
 from gyro_model.model import Model
 
 Progress = Callable[[str], None]
 
 
 class Wider(NamedTuple):
-    """What a further search changes. wrong: names to give up; files: effect files of a term for what is left, or for
-    what those names explain badly, then of others that the search could not tell from it; empty: the model stays, and
-    an effect that it has gets its turn."""
+    """What a further search changes. wrong: names to give up; terms: one for what is left, or for what those names
+    explain badly, then others that the search could not tell from it; empty: the model stays, and an effect that it
+    has gets its turn."""
 
-    files: tuple[Path, ...] = ()
+    terms: tuple[Term, ...] = ()
     wrong: tuple[str, ...] = ()
 
 
 class Further(Protocol):
-    """A search for terms that are in no effect file, which keeps those it finds in ``folder``."""
+    """A search for terms that are in no effect file, which writes those it finds to ``folder`` as such."""
 
     folder: Path
 
@@ -65,17 +66,33 @@ def diagnose(
         # Products of thin matrices: threads of their own make them slower, many times where cores are shared.
         stack.enter_context(threadpool_limits(1, "blas"))
 
-        def simulator(model: Model, terms: Iterable[Path]) -> Simulator:
-            return stack.enter_context(Simulator(joined(model, map(load_effect, terms)), jobs))
+        def simulator(model: Model, terms: Iterable[Term]) -> Simulator:
+            return stack.enter_context(Simulator(joined(model, [term.effect for term in terms]), jobs))
 
         settings = {"max_effects": max_effects, "seed": seed, "further": further is not None}
         key = store.digest(dataset, model, settings) if checkpoint else ""
-        state = store.load(checkpoint, key)
-        terms = store.terms_from(state["terms"], further.folder) if state and further else []
-        search = Search(simulator(model, chain(*terms)), dataset, progress or (lambda _: None), terms)
-        if checkpoint is not None:
-            search.keep = lambda state: store.save(checkpoint, key, state)
-        search.run(max_effects, state)
+        tell = progress or (lambda _: None)
+
+        def begun(state: Mapping[str, Any] | None) -> Search:
+            terms = state["terms"] if state else []
+            search = Search(simulator(model, chain(*terms)), dataset, tell, terms)
+            if checkpoint is not None:
+                search.keep = lambda state: store.save(checkpoint, key, state)
+            search.begin(state)
+            return search
+
+        try:
+            search = begun(store.load(checkpoint, key, dataset, model))
+        except InputError as error:
+            if checkpoint is None or not checkpoint.is_file():
+                raise
+            tell(f"{checkpoint.name} is not used: {error}")
+            checkpoint.unlink()
+            search = begun(None)
+        if further is not None:
+            for term in chain(*search.terms):
+                term.write(further.folder)
+        search.finish(max_effects)
         while further and len(search.terms) < max_effects and not search.in_vain:
             named = [a.id for a in search.accepted]
             wider = further(search.fitter, search.at, named, max_effects - len(named))
@@ -83,7 +100,7 @@ def diagnose(
                 break
             search.give_up(wider.wrong)
             own = search.simulator
-            search.widen(simulator(own.model, wider.files) if wider.files else own, wider.files, max_effects)
+            search.widen(simulator(own.model, wider.terms) if wider.terms else own, wider.terms, max_effects)
         found = assemble(search)
     if checkpoint is not None:
         checkpoint.unlink(missing_ok=True)

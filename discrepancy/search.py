@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Final
 
 from scipy.stats import chi2
@@ -12,6 +11,7 @@ from discrepancy.answer import Step
 from discrepancy.columns import Candidate, Library, finer, nameable
 from discrepancy.continuation import IN_STEP, beginnings, grown, settled, started
 from discrepancy.dataset import Dataset
+from discrepancy.effect_file import Term
 from discrepancy.fitted import Fitted, Free
 from discrepancy.limits import clip_level, masked
 from discrepancy.refit import Fitter
@@ -58,10 +58,10 @@ class Accepted:
 
 class Search:
     """The state of a search: what is accepted, and the model fitted with it (``at``, over the runs of ``fitter``);
-    ``terms``: by further search, the files of what it added to the model."""
+    ``terms``: by further search, what it added to the model."""
 
     def __init__(
-        self, simulator: Simulator, dataset: Dataset, progress: Progress, terms: Sequence[tuple[Path, ...]] = ()
+        self, simulator: Simulator, dataset: Dataset, progress: Progress, terms: Sequence[tuple[Term, ...]] = ()
     ) -> None:
         self.simulator, self.progress, self.terms = simulator, progress, list(terms)
         self.at: Fitted
@@ -96,8 +96,9 @@ class Search:
         self.clip = level
         self._take(replace(self.dataset, records=tuple(masked(record, level) for record in self.dataset.records)))
 
-    def run(self, max_effects: int, state: Mapping[str, Any] | None = None) -> None:
-        """Searches to the end, from the beginning or from a kept ``state``."""
+    def begin(self, state: Mapping[str, Any] | None = None) -> None:
+        """Fits the nominal model, or takes up a kept ``state``, whose entries are checked. Raises InputError where the
+        state's fit is not one of these runs."""
         if state is None:
             self.progress("nominal parameters and initial states")
             self._settle(self.whole.begin(self.nominal, self._believed()))
@@ -108,7 +109,6 @@ class Search:
         else:
             self._restore(state)
             self.progress(f"resumed with {', '.join(a.id for a in self.accepted) or 'nominal parameters fitted'}")
-        self._finish(max_effects)
 
     def give_up(self, wrong: Sequence[str]) -> None:
         """Takes effects out of the model for good."""
@@ -118,22 +118,23 @@ class Search:
             self.at = self.without_effect(self.at, entry)
         self.refused |= set(wrong)
 
-    def widen(self, simulator: Simulator, files: tuple[Path, ...], max_effects: int) -> None:
-        """Goes on with the model of ``simulator``: the present one and the effects of ``files``."""
+    def widen(self, simulator: Simulator, terms: tuple[Term, ...], max_effects: int) -> None:
+        """Goes on with the model of ``simulator``: the present one and the effects of ``terms``."""
         self.simulator = simulator
-        self.terms.append(files)
+        self.terms.append(terms)
         self._take(self.dataset)
         self._settle(self.at)
         self._save()
-        self._finish(max_effects)
+        self.finish(max_effects)
 
     @property
     def in_vain(self) -> bool:
         """Whether the last further search added what was not accepted."""
         last = self.terms[-1] if self.terms else ()
-        return bool(last) and not {path.stem for path in last} & {a.id for a in self.accepted}
+        return bool(last) and not {term.id for term in last} & {a.id for a in self.accepted}
 
-    def _finish(self, max_effects: int) -> None:
+    def finish(self, max_effects: int) -> None:
+        """Searches to the end from what was begun."""
         self._extend(max_effects)
         if self.terms:
             # A term in no file may make a name needless: first each is held against the others.
@@ -226,7 +227,7 @@ class Search:
     def _accept(self) -> bool:
         """Takes the best effect that is both significant and material into the model; False where there is none."""
         # What a further search could not tell from its term comes in only in its place.
-        alike = {path.stem for files in self.terms for path in files[1:]}
+        alike = {term.id for own in self.terms for term in own[1:]}
         worth = [(c, s) for c, s in best_of(self.scored)
                  if sure(c, s) and s.share >= MATERIAL and c.effect.id not in alike]  # fmt: skip
         if not worth:

@@ -37,7 +37,7 @@ class TermSearch:
             return None
         if found.known:
             return Wider(wrong=wrong) if wrong and found.effect.id not in wrong else None
-        return Wider(found.files, wrong)
+        return Wider(found.terms, wrong)
 
 
 def is_open(fitter: Fitter, at: Fitted) -> bool:

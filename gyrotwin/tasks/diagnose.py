@@ -96,6 +96,9 @@ def _check(request: Request) -> None:
         raise InputError(f"--max-effects {request.max_effects}: give 0 or more")
     if request.jobs is not None and request.jobs < 1:
         raise InputError(f"--jobs {request.jobs}: give 1 or more")
+    effects = request.out / "effects"
+    if effects.is_symlink():
+        raise InputError(f"--out {request.out}: its {effects.name} is a link that leads elsewhere; name another folder")
 
 
 def _name(dataset: Path) -> str:

@@ -142,6 +142,7 @@ FAULTS: dict[str, tuple[dict[str, object], str]] = {
     "listed twice": ({"runs": run("a.csv") + run("a.csv", 'role = "held-out"')}, "twice"),
     "no file": ({"runs": run("c.csv") + run("b.csv")}, "does not exist"),
     "kind of file": ({"runs": run("a.xlsx") + run("b.csv")}, ".parquet"),
+    "file outside": ({"runs": '[[run]]\nfile = "../a.csv"\nsample_rate = 1.0'}, "outside the data set"),
     "no sample rate": ({"runs": '[[run]]\nfile = "a.csv"'}, "sample_rate"),
     "sample rate": ({"runs": TWO_RUNS.replace(str(RATE), "50000.0")}, "t steps at 100000 Hz"),
     "time in ms": ({"a": table(t=1e3 * T)}, "ms"),

@@ -12,7 +12,7 @@ from sympy import Expr, sympify
 from discrepancy import discovery
 from discrepancy.continuation import cut, started
 from discrepancy.discovery import Discovery, discover
-from discrepancy.effect_file import joined, write_effect
+from discrepancy.effect_file import Term, joined
 from discrepancy.fitted import Fitted, Free
 from discrepancy.library import SIGNALS, forms, known
 from discrepancy.record import Record, make_record
@@ -123,7 +123,7 @@ def test_terms_that_fit_alike_are_written_too(
     found = discover(*refitted(simulator, records), tmp_path / "found")
     assert found is not None
     assert same_term(found.forces["force_x"], on_x), found.forces
-    assert found.files[0].stem == "discovered_1"
+    assert found.terms[0].id == "discovered_1"
     assert "discovered_2" in found.either
     hold_as_effects(found, tmp_path / "found")
 
@@ -163,7 +163,7 @@ def hold_as_effects(found: Discovery, folder: Path) -> None:
     """The files load: the term's, and those of the new ones that it can't be told from."""
     model = load_model(folder)
     assert model.effect("discovered_1") == found.effect
-    assert set(found.files) == set(folder.iterdir())
+    assert {f"{term.id}.py" for term in found.terms} == {path.name for path in folder.iterdir()}
     assert {e.id for e in model.effects} == {e.id for e in MODEL.effects} | {"discovered_1", *found.either}
 
 
@@ -217,7 +217,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> tuple[Model, EffectLibr
     folder = tmp_path_factory.mktemp("terms")
     chosen = [*forms(2)[:-5:7], *forms(2)[-5:]]
     for number, form in enumerate(chosen, 1):
-        write_effect(replace(form, id=f"discovered_{number}"), folder, dict.fromkeys((s.name for s in SIGNALS), 1e-6))
+        Term(replace(form, id=f"discovered_{number}"), dict.fromkeys((s.name for s in SIGNALS), 1e-6)).write(folder)
     model = load_model(folder)
     return model, EffectLibrary(model, tmp_path_factory.mktemp("compiled"))
 
@@ -280,4 +280,4 @@ def test_model_with_a_twin_is_refused() -> None:
 def test_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("")
     with pytest.raises(InputError, match="choose another folder"):
-        write_effect(forms(2)[0], tmp_path / "taken", dict.fromkeys((s.name for s in SIGNALS), 1.0))
+        Term(forms(2)[0], dict.fromkeys((s.name for s in SIGNALS), 1.0)).write(tmp_path / "taken")

@@ -4,7 +4,7 @@ import re
 import shutil
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +14,14 @@ from discrepancy import search
 from discrepancy.checkpoint import digest, load, save
 from discrepancy.columns import is_gauge, nameable
 from discrepancy.dataset import Dataset, load_dataset
+from discrepancy.effect_file import UNITS, Term
 from discrepancy.fitted import Fitted
+from discrepancy.library import forms
 from discrepancy.naming import Diagnosis, Wider, diagnose
 from discrepancy.record import Record, make_record
 from discrepancy.refit import Fitter
 from discrepancy.simulate import Simulator
+from gyro_model import symbols
 from gyro_model.device import load_device
 from gyro_model.model import EFFECTS_FOLDER, Model, load_model
 
@@ -162,9 +165,22 @@ def quintic(folder: Path, effect: str = "discovered_1") -> Path:
     return path
 
 
+def fifth(number: int = 1) -> Term:
+    """The same as a term of the library."""
+    form = next(form for form in forms(2) if form.parts[0][0] == symbols.x**5)
+    return Term(replace(form, id=f"discovered_{number}"), dict.fromkeys(UNITS, 1e-6))
+
+
+def quintic_set(folder: Path) -> Dataset:
+    """A set of a device with x⁵ and y⁵."""
+    (folder / "lab").mkdir()
+    quintic(folder / "lab")
+    return made(QUINTIC, model=load_model(folder / "lab"), samples=SHORT)
+
+
 def test_effect_that_a_further_search_adds_takes_the_place_of_a_wrong_name(tmp_path: Path) -> None:
-    further = Once(tmp_path, Wider((quintic(tmp_path),)))
-    found = diagnose(made(QUINTIC, model=load_model(tmp_path), samples=SHORT), MODEL, further=further)
+    further = Once(tmp_path, Wider((fifth(),)))
+    found = diagnose(quintic_set(tmp_path), MODEL, further=further)
     assert names(found) == {"discovered_1"}
     assert found.misfit["final"] < 1.1 * found.misfit["noise_floor"]
     assert len(further.calls) == 2
@@ -183,20 +199,16 @@ def test_where_a_name_is_given_up_an_effect_of_the_model_gets_its_turn(tmp_path:
 
 
 def test_what_a_further_search_cannot_tell_from_its_term_is_its_either(tmp_path: Path) -> None:
-    term = quintic(tmp_path)
-    twin = tmp_path / "discovered_2.py"
-    twin.write_text(term.read_text("utf-8").replace("discovered_1", "discovered_2").replace("c_", "d_"), "utf-8")
-    further = Once(tmp_path, Wider((term, twin)))
-    [found] = diagnose(made(QUINTIC, model=load_model(tmp_path), samples=SHORT), MODEL, further=further).effects
+    further = Once(tmp_path, Wider((fifth(1), fifth(2))))
+    [found] = diagnose(quintic_set(tmp_path), MODEL, further=further).effects
     assert (found.id, found.either) == ("discovered_1", ("discovered_2",))
     assert found.next_experiment
 
 
 def test_interrupted_after_a_further_search_resumes_with_the_same_answer(tmp_path: Path) -> None:
     file, (first, second) = tmp_path / "search.json", (tmp_path / name for name in ("first", "second"))
-    first.mkdir()
-    wider = Wider((quintic(first),))
-    data = made(QUINTIC, model=load_model(first), samples=SHORT)
+    wider = Wider((fifth(),))
+    data = quintic_set(tmp_path)
 
     def keep(line: str) -> None:
         if line.startswith("held-out"):
@@ -234,9 +246,9 @@ def test_interrupted_search_resumes_with_the_same_answer(tmp_path: Path) -> None
 
 def test_checkpoint_of_another_search_is_not_used(tmp_path: Path) -> None:
     file = tmp_path / "search.json"
-    save(file, digest(made({}), MODEL, {}), {"clip": 1.0})
-    assert load(file, digest(made({}, seed=2), MODEL, {})) is None
-    assert load(file, digest(made({}), MODEL, {})) == {"clip": 1.0}
+    data = made({}, samples=SHORT)
+    save(file, digest(made({}, seed=2, samples=SHORT), MODEL, {}), {})
+    assert load(file, digest(data, MODEL, {}), data, MODEL) is None
 
 
 @pytest.mark.skipif(not EXAMPLES.is_dir(), reason="the example sets are not part of a checkout")

@@ -354,6 +354,16 @@ def test_what_a_one_axis_record_gives() -> None:
     assert dict(started.starts)["sample_period"] == 1 / records[0].sample_rate
 
 
+def test_nothing_is_written_through_a_link_in_the_folder(
+    answer: SimpleNamespace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "effects").symlink_to(tmp_path / "elsewhere")
+    assert exit_code("diagnose", str(answer.data), "--out", str(tmp_path / "out")) == 2
+    assert "is a link" in capsys.readouterr().err
+
+
 def cut(runs: Tables) -> Tables:
     """The runs without fifty rows in the middle of the first."""
     first = runs["run-0.parquet"]
