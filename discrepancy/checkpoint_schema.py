@@ -78,7 +78,7 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
         "starts": _list_of(_mapping(settable, _number()), longest * len(dataset.fit)),
         "free": _list_of(free),
         "setting": setting,
-        "cost": _number(0.0),
+        "square": _number(0.0),
     })  # fmt: skip
     _Table({
         "terms": _list_of(lambda *_: None),

@@ -22,6 +22,8 @@ UNITS: Final = {"x": "m", "y": "m", "x_dot": "m/s", "y_dot": "m/s", "u_x": "N", 
 
 _DOC: Final = """A force that no effect file states, found in measured data.
 
+Chosen from a library of terms by the Bayesian information criterion (G. Schwarz, Annals of Statistics 6, 1978).
+
 {formula}
 
 A formula that fits, no explanation: it holds where it was seen, {range}.
