@@ -9,7 +9,7 @@ import os
 import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
-from math import cos, isfinite, pi, radians, sin
+from math import atan2, cos, hypot, inf, isfinite, pi, radians, sin, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,17 @@ RATE_MODE_UNITS = {
 
 # Of the resonance and of the static deflection: the reference device's tones (SYSTEM.md section 3), scaled.
 TONE_RATIO_X, TONE_RATIO_Y, TONE_DEFLECTION = 0.15, 1 / 6, 0.5e-6
+
+PLAUSIBLE = {
+    "frequency": (1.0, 1e6, " Hz"),
+    "q": (1.0, 1e10, ""),
+    "q_upper": (1.0, 1e10, ""),
+    "mass": (1e-18, 1e3, " kg"),
+    "gain": (1e-6, 1e15, " V/m"),
+    "gap": (1e-9, 1e-2, " m"),
+}
+"""Range and unit of what a designer states. Wider than any vibratory gyroscope, from a nanoresonator to a demonstrator
+of the laboratory; narrower than where the arithmetic overflows or the motion is no vibration."""
 
 
 @dataclass(frozen=True)
@@ -59,12 +70,93 @@ class Device:
         _check_table("controller", self.controller, CONTROLLER_UNITS)
         _check_table("rate_mode", self.rate_mode, RATE_MODE_UNITS)
         check_passive(self.all_parameters)
+        _check_describable(self.all_parameters)
 
     @property
     def all_parameters(self) -> dict[str, float]:
         """Every FMU parameter: this device's value, or the FMU's start value."""
         starts = {q.name: self.model.start(q) for q in self.model.quantities if q.role not in ("input", "output")}
         return starts | dict(self.parameters)
+
+    @classmethod
+    def from_designer(
+        cls,
+        *,
+        frequency: float,
+        split: float,
+        q: float,
+        mass: float,
+        axis_angle: float = 0.0,
+        q_upper: float | None = None,
+        gain: float | None = None,
+        noise: float | None = None,
+        gap: float | None = None,
+        name: str = "my_device",
+    ) -> "Device":
+        """Make a device of what a designer knows.
+
+        Parameters
+        ----------
+        frequency, split : float
+            Frequency of the lower mode, and by how much the other lies above it [Hz].
+        q, q_upper : float
+            Quality factor of the lower mode, and of the upper one; None: the same.
+        mass : float
+            Proof mass [kg].
+        axis_angle : float
+            From x to the axis of the lower mode [deg].
+        gain : float
+            Of both pickoffs [V/m]; None: the FMU's start value.
+        noise : float
+            White noise of both pickoffs, rms a sample [V]; None: none.
+        gap : float
+            Of the sensing capacitors [m], whose voltage then is not linear in the displacement; None: linear.
+        name : str
+            Of the device.
+
+        Returns
+        -------
+        Device
+
+        Raises
+        ------
+        InputError
+            If a number lies outside of what this model describes; the message gives the range.
+
+        Examples
+        --------
+        >>> device = Device.from_designer(frequency=3000, split=30, q=2000, mass=1e-7)
+        >>> [round(f, 3) for f in device.frequencies]
+        [3000.0, 3030.0]
+        """
+        return design_device(
+            name,
+            frequency=frequency,
+            split=split,
+            q=q,
+            axis_angle=axis_angle,
+            mass=mass,
+            q_upper=q_upper,
+            gain=gain,
+            noise=noise,
+            gap=gap,
+        )
+
+    @property
+    def frequencies(self) -> tuple[float, float]:
+        """Natural frequencies of the two modes [Hz], the lower one first."""
+        p = self.all_parameters
+        return _frequencies(p)
+
+    @property
+    def quality_factors(self) -> tuple[float, float]:
+        """Quality factors of the two modes, that of the lower frequency first; infinite without damping."""
+        p = self.all_parameters
+        angle = 0.5 * atan2(2 * p["kxy"], p["kxx"] - p["kyy"]) + pi / 2
+        low, high = (_along(p["dxx"], p["dyy"], p["dxy"], a) for a in (angle, angle + pi / 2))
+        w = [2 * pi * f for f in self.frequencies]
+        first, second = (p["m"] * w / d if d > 0 else inf for w, d in zip(w, (low, high), strict=True))
+        return first, second
 
     @property
     def all_controller(self) -> dict[str, float]:
@@ -172,24 +264,78 @@ def interval(name: str, pair: object) -> tuple[float, float]:
     return float(pair[0]), float(pair[1])
 
 
-def design_device(name: str, *, frequency: float, split: float, q: float, axis_angle: float, mass: float) -> Device:
-    """The device that a designer knows by its modes.
+def design_device(
+    name: str,
+    *,
+    frequency: float,
+    split: float,
+    q: float,
+    axis_angle: float,
+    mass: float,
+    q_upper: float | None = None,
+    gain: float | None = None,
+    noise: float | None = None,
+    gap: float | None = None,
+) -> Device:
+    """The device that a designer knows by its modes; arguments as in ``Device.from_designer``.
 
-    frequency: of the lower mode [Hz]; split: the other lies above it by this [Hz]; q: quality factor of both;
-    axis_angle: from x to the axis of the lower mode [deg]; mass [kg]. K = R diag(m w1², m w2²) Rᵀ and D = R diag(m
-    w1/q, m w2/q) Rᵀ. Raises InputError where one is not a positive number (split and axis_angle may be 0).
+    K = R diag(m w1², m w2²) Rᵀ and D = R diag(m w1/q, m w2/q_upper) Rᵀ. Raises InputError where a number is outside
+    PLAUSIBLE.
     """
-    given = {"frequency": frequency, "split": split, "q": q, "mass": mass}
+    upper = q if q_upper is None else q_upper
+    given = {"frequency": frequency, "q": q, "q_upper": upper, "mass": mass, "gain": gain, "gap": gap}
     for key, value in given.items():
-        if not (isfinite(value) and (value > 0 or (key == "split" and value == 0))):
-            raise InputError(f"{key} = {value!r}: give a positive number")
+        _check_plausible(key, value)
+    for key, value in (("split", split), ("noise", noise)):
+        if value is not None and not (isfinite(value) and value >= 0):
+            raise InputError(f"{key} = {value!r}: give 0 or a positive number")
+    _check_plausible("frequency", frequency + split, "frequency + split")
     if not isfinite(axis_angle):
         raise InputError(f"axis_angle = {axis_angle!r}: give an angle in degrees")
     w = [2 * pi * frequency, 2 * pi * (frequency + split)]
     kxx, kyy, kxy = _rotated([mass * value**2 for value in w], radians(axis_angle))
-    dxx, dyy, dxy = _rotated([mass * value / q for value in w], radians(axis_angle))
+    dxx, dyy, dxy = _rotated([mass * w[0] / q, mass * w[1] / upper], radians(axis_angle))
     parameters = {"m": mass, "kxx": kxx, "kyy": kyy, "kxy": kxy, "dxx": dxx, "dyy": dyy, "dxy": dxy}
+    if gain is not None:
+        parameters |= {"sense_gain_x": gain, "sense_gain_y": gain}
+    if noise is not None:
+        parameters["sense_noise"] = noise
+    if gap is not None:
+        parameters["pickoff_inverse_gap"] = 1 / gap
     return Device(name, parameters, {}, controller_for(mass * w[0] ** 2, mass))
+
+
+def _check_plausible(key: str, value: float | None, shown: str = "") -> None:
+    low, high, unit = PLAUSIBLE[key]
+    if value is not None and not (isfinite(value) and low <= value <= high):
+        raise InputError(f"{shown or key} = {value:g}: give {low:g} to {high:g}{unit}; this model describes no other")
+
+
+def _check_describable(p: Mapping[str, float]) -> None:
+    """Raises InputError where mass, modes or gains are none that this model describes."""
+    _check_plausible("mass", p["m"], "m")
+    for value in _frequencies(p):
+        _check_plausible("frequency", value, "frequency of a mode by kxx, kyy, kxy and m")
+    w = (p["kxx"] / p["m"]) ** 0.5
+    if p["dxx"] > 0:
+        _check_plausible("q", p["m"] * w / p["dxx"], "quality factor by m, kxx and dxx")
+    for gain in ("sense_gain_x", "sense_gain_y"):
+        if p[gain]:
+            _check_plausible("gain", abs(p[gain]), f"size of {gain}")
+
+
+def _frequencies(p: Mapping[str, float]) -> tuple[float, float]:
+    mean, half = 0.5 * (p["kxx"] + p["kyy"]), hypot(0.5 * (p["kxx"] - p["kyy"]), p["kxy"])
+    # The product of the two is the determinant: no digits are lost where they differ much.
+    upper = mean + half
+    lower = (p["kxx"] * p["kyy"] - p["kxy"] ** 2) / upper
+    return sqrt(lower / p["m"]) / (2 * pi), sqrt(upper / p["m"]) / (2 * pi)
+
+
+def _along(xx: float, yy: float, xy: float, angle: float) -> float:
+    """The quadratic form along ``angle`` [rad]."""
+    c, s = cos(angle), sin(angle)
+    return xx * c * c + yy * s * s + 2 * xy * c * s
 
 
 def _rotated(values: list[float], angle: float) -> tuple[float, float, float]:

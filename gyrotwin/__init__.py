@@ -1,1 +1,90 @@
-"""The command line and the report of gyrotwin, on top of everything else."""
+"""A MEMS vibratory gyroscope as an FMU, the loop around it, and what its measured data say about it.
+
+    import gyrotwin as gt
+
+    run = gt.run("constant", seed=7)
+    run.summary["angle"]["rms_deg"]
+
+Names are loaded when they are first used, so that the import itself is quick. Messages go to the logger "gyrotwin".
+"""
+
+import importlib
+import logging
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from cosim.design import Design
+    from discrepancy.dataset import Dataset
+    from gyro_model.device import Device
+    from gyro_model.errors import InputError
+    from gyrotwin.api import (
+        build,
+        compensate,
+        diagnose,
+        effects,
+        load_dataset,
+        load_design,
+        load_device,
+        rate,
+        run,
+        simulate_dataset,
+        split,
+    )
+    from gyrotwin.results import CompensationResult, DiagnosisResult, RateResult, RunResult, SplitResult
+
+__version__ = "0.2.0"
+
+_HOMES: Final = {
+    "Dataset": "discrepancy.dataset",
+    "Design": "cosim.design",
+    "Device": "gyro_model.device",
+    "InputError": "gyro_model.errors",
+    **dict.fromkeys(
+        (
+            *("build", "compensate", "diagnose", "effects", "load_dataset", "load_design", "load_device"),
+            *("rate", "run", "simulate_dataset", "split"),
+        ),
+        "gyrotwin.api",
+    ),
+    **dict.fromkeys(
+        ("CompensationResult", "DiagnosisResult", "RateResult", "RunResult", "SplitResult"), "gyrotwin.results"
+    ),
+}
+
+__all__ = [
+    "CompensationResult",
+    "Dataset",
+    "Design",
+    "Device",
+    "DiagnosisResult",
+    "InputError",
+    "RateResult",
+    "RunResult",
+    "SplitResult",
+    "__version__",
+    "build",
+    "compensate",
+    "diagnose",
+    "effects",
+    "load_dataset",
+    "load_design",
+    "load_device",
+    "rate",
+    "run",
+    "simulate_dataset",
+    "split",
+]
+
+logging.getLogger("gyrotwin").addHandler(logging.NullHandler())
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'gyrotwin' has no attribute {name!r}")
+    value = getattr(importlib.import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

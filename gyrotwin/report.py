@@ -38,7 +38,7 @@ def render(
     full sample rate, with true_x .. true_y_dot, est_x .. est_y_dot beside columns of the trace
     (default: the trace).
     """
-    shown = _figures(summary, trace, bounds, filters, trace if start is None else start)
+    shown = run_figures(summary, trace, bounds, filters, trace if start is None else start)
     page = template("report.html.j2").render(
         summary=summary,
         figures=shown,
@@ -60,13 +60,14 @@ def write_whole(page: str, out: Path) -> None:
         beside.unlink(missing_ok=True)
 
 
-def _figures(
+def run_figures(
     summary: Mapping[str, Any],
     trace: pl.DataFrame,
     bounds: Bounds | None,
     filters: Sequence[Filter],
     start: pl.DataFrame,
 ) -> list[figures.Figure]:
+    """The figures of a run; arguments as in ``render``."""
     # Most of the convergence happens before the second row of the trace.
     common = [name for name in trace.columns if name in start.columns]
     rest = trace[common].gather_every(max(len(trace) // LONGEST, 1))

@@ -1,10 +1,9 @@
 """`gyrotwin diagnose`: a data set becomes report.json, report.html, device.toml and the FMU of the improved model."""
 
-import json
 import math
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -21,6 +20,7 @@ from gyro_model.device import Device, load_device, write_device
 from gyro_model.errors import InputError
 from gyro_model.model import Model, load_model
 from gyrotwin.interrupt import Interrupted
+from gyrotwin.results import DiagnosisResult, Writer, write_json
 
 if TYPE_CHECKING:
     from discrepancy.answer import Diagnosis
@@ -80,15 +80,44 @@ def execute(request: Request, out: Console) -> dict[str, Any]:
     warnings = [*notes, *map(str, check(data))]
     for warning in warnings:
         out.print(f"warning: {warning}", style="yellow", soft_wrap=True, highlight=False, markup=False)
-    with tempfile.TemporaryDirectory(prefix="gyrotwin-") as terms:
-        found = _search(request, data, model, Path(terms), out)
-        report = found.report()
+    with _kept_search(request, out) as (checkpoint, progress):
+        found = find(request, data, model, progress, checkpoint, warnings)
         with out.status("report and FMU"):
-            _write(request, data, [*request.effects, Path(terms)], found, report, warnings)
+            found.save(request.out)
     (request.out / CHECKPOINT).unlink(missing_ok=True)
-    out.print(results(report, found))
+    out.print(results(found.report, found.raw))
     out.print(f"report: {request.out / 'report.html'}", soft_wrap=True, highlight=False)
-    return report
+    return dict(found.report)
+
+
+def find(
+    request: Request,
+    data: "Dataset",
+    model: Model,
+    progress: Callable[[str], None],
+    checkpoint: Path | None = None,
+    warnings: Sequence[str] = (),
+) -> DiagnosisResult:
+    """Diagnoses ``data`` as ``request`` asks; nothing is written but ``checkpoint``."""
+    from discrepancy import naming
+    from discrepancy.unnamed import TermSearch
+
+    with tempfile.TemporaryDirectory(prefix="gyrotwin-") as folder:
+        terms = Path(folder)
+        found = naming.diagnose(
+            data,
+            model,
+            max_effects=request.max_effects,
+            jobs=request.jobs,
+            seed=request.seed,
+            progress=progress,
+            checkpoint=checkpoint,
+            further=TermSearch(terms, progress),
+        )
+        given = [path for folder in (*request.effects, terms) for path in sorted(folder.glob("*.py"))]
+        texts = {f"effects/{path.name}": path.read_bytes() for path in given}
+    device = improved_device(_name(request.dataset), data, found.model, found)
+    return DiagnosisResult(data, device, found, texts, tuple(warnings))
 
 
 def _check(request: Request) -> None:
@@ -108,29 +137,37 @@ def _name(dataset: Path) -> str:
 
 
 def _dataset(request: Request, model: Model) -> tuple["Dataset", list[str]]:
+    """The data set as asked for, with what to say about its nominal values."""
+    from discrepancy.dataset import load_dataset
+
+    given = load_device(request.device, model).parameters if request.device else {}
+    data = load_dataset(request.dataset, _without_noise(given, model), model)
+    return with_nominal(data, given, str(request.device))
+
+
+def with_nominal(data: "Dataset", given: Mapping[str, float], device: str) -> tuple["Dataset", list[str]]:
     """The data set with the nominal values to start from, and what to say about them.
 
-    A device that is asked for counts: its values replace [nominal]. Noise is switched off: it is found, not assumed.
+    ``given``, the parameters of the ``device`` that was asked for, replace [nominal]. Noise is switched off: it is
+    found, not assumed.
     """
-    from discrepancy.dataset import Y_ONLY, load_dataset
+    from discrepancy.dataset import Y_ONLY
 
-    given = dict(load_device(request.device, model).parameters) if request.device else {}
-    noise = {q.name for effect in model.effects if effect.noise for q in effect.sizes}
-    given = {name: value for name, value in given.items() if name not in noise}
-    data = load_dataset(request.dataset, given, model)
-    nominal = {name: value for name, value in data.nominal.items() if name not in noise}
-    used = {name: v for name, v in given.items() if data.axes == 2 or name not in Y_ONLY}
+    nominal = _without_noise(data.nominal, data.model)
+    used = {n: v for n, v in _without_noise(given, data.model).items() if data.axes == 2 or n not in Y_ONLY}
     changed = [name for name, value in used.items() if nominal.get(name, value) != value]
-    notes = [f"device {request.device} replaces the nominal {', '.join(changed)} of the data set"] if changed else []
+    notes = [f"device {device} replaces the nominal {', '.join(changed)} of the data set"] if changed else []
     return replace(data, nominal=nominal | used), notes
 
 
-def _search(request: Request, data: "Dataset", model: Model, terms: Path, out: Console) -> "Diagnosis":
-    """The diagnosis; terms: where effects that it discovers are written. An interrupted search leaves its
-    checkpoint."""
-    from discrepancy import naming
-    from discrepancy.unnamed import TermSearch
+def _without_noise(parameters: Mapping[str, float], model: Model) -> dict[str, float]:
+    noise = {q.name for effect in model.effects if effect.noise for q in effect.sizes}
+    return {name: value for name, value in parameters.items() if name not in noise}
 
+
+@contextmanager
+def _kept_search(request: Request, out: Console) -> Iterator[tuple[Path, Callable[[str], None]]]:
+    """The checkpoint, which an interrupted search leaves in the folder of the results, and what shows its steps."""
     made = not request.out.exists()
     checkpoint = request.out / CHECKPOINT
     try:
@@ -141,16 +178,7 @@ def _search(request: Request, data: "Dataset", model: Model, terms: Path, out: C
         with _steps_shown(out) as progress:
             if checkpoint.is_file():
                 progress(f"going on from {checkpoint}")
-            found = naming.diagnose(
-                data,
-                model,
-                max_effects=request.max_effects,
-                jobs=request.jobs,
-                seed=request.seed,
-                progress=progress,
-                checkpoint=checkpoint,
-                further=TermSearch(terms, progress),
-            )
+            yield checkpoint, progress
     except Interrupted as stop:
         if checkpoint.is_file():
             stop.left = f"{checkpoint} keeps the search: the same command goes on from there"
@@ -158,7 +186,6 @@ def _search(request: Request, data: "Dataset", model: Model, terms: Path, out: C
     finally:
         if made and request.out.is_dir() and not any(request.out.iterdir()):
             request.out.rmdir()
-    return found
 
 
 @contextmanager
@@ -175,38 +202,36 @@ def _steps_shown(out: Console) -> Iterator[Any]:
         yield progress
 
 
-def _write(
-    request: Request,
-    data: "Dataset",
-    folders: Sequence[Path],
-    found: "Diagnosis",
-    report: Mapping[str, Any],
-    warnings: list[str],
-) -> None:
+def writers_of(result: DiagnosisResult) -> dict[str, Writer]:
+    """The files of a diagnosis by name. The FMUs are built when the first of them is written."""
     from gyrotwin.diagnosis_report import render
-    from gyrotwin.output import publish
 
-    name, model = _name(request.dataset), found.model
-    device = improved_device(name, data, model, found)
-    note = f"{report['verdict'].capitalize()}: the model of data set {name} after `gyrotwin diagnose`.\n" + (
+    data, found, device, report = result.dataset, result.raw, result.device, result.report
+    note = f"{result.verdict.capitalize()}: the model of data set {device.name} after `gyrotwin diagnose`.\n" + (
         "Only x was measured: y stands here like x, uncoupled." if data.axes == 1 else ""
     )
-    with tempfile.TemporaryDirectory(prefix="gyrotwin-") as folder:
-        fmus = build(improved_model(data, model, device), Path(folder))
-        effects = {f"effects/{path.name}": path for given in folders for path in sorted(given.glob("*.py"))}
-        copies = {"fmi2.fmu": fmus.fmi2, "fmi3.fmu": fmus.fmi3, **effects}
-        publish(
-            request.out,
-            {
-                **{target: partial(shutil.copy, source) for target, source in copies.items()},
-                "device.toml": lambda path: write_device(device, path, note.strip()),
-                "report.json": lambda path: path.write_text(
-                    json.dumps(report, indent=2, allow_nan=False) + "\n", encoding="utf-8"
-                ),
-                "report.html": lambda path: render(name, data, model, report, found, [*warnings, *found.doubts], path),
-            },
-            sometimes="effects/discovered_*.py",
-        )
+
+    def write_fmus(path: Path) -> None:
+        with tempfile.TemporaryDirectory(prefix="gyrotwin-") as folder:
+            fmus = build(improved_model(data, found.model, device), Path(folder))
+            shutil.copy(fmus.fmi2, path)
+            shutil.copy(fmus.fmi3, path.with_name("fmi3.fmu"))
+
+    def write_page(path: Path) -> None:
+        render(device.name, data, found.model, report, found, [*result.warnings, *found.doubts], path)
+
+    return {
+        "fmi2.fmu": write_fmus,
+        "fmi3.fmu": lambda path: None,  # written with the other
+        **{name: partial(_write_bytes, text) for name, text in result.effect_files.items()},
+        "device.toml": lambda path: write_device(device, path, note.strip()),
+        "report.json": write_json(report),
+        "report.html": write_page,
+    }
+
+
+def _write_bytes(text: bytes, path: Path) -> None:
+    path.write_bytes(text)
 
 
 def improved_device(name: str, data: "Dataset", model: Model, found: "Diagnosis") -> Device:

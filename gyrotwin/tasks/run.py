@@ -1,7 +1,5 @@
-"""One run from the command line: what was asked for becomes a cosim Run, its result becomes summary.json,
-trace.parquet, report.html."""
+"""One run: what was asked for becomes a cosim Run, its result becomes summary.json, trace.parquet, report.html."""
 
-import json
 import tempfile
 from collections.abc import Iterable
 from dataclasses import replace
@@ -9,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from cosim.angle import UNIT_NAMES
-from cosim.angle_filters import band_pass, low_pass
+from cosim.angle_filters import Filter, band_pass, low_pass
 from cosim.design import DEFAULT, Design, load_design
 from cosim.master import Progress, simulate
 from cosim.metrics import summarise
@@ -21,8 +19,7 @@ from cosim.scenarios import scenario
 from gyro_model.device import Device, load_device
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
-from gyrotwin.output import check_writable, publish
-from gyrotwin.report import render
+from gyrotwin.output import check_writable
 
 PARTS: Final = ("observer", "controller", "monitor")
 """What --set NAME.KEY=VALUE may set besides the device."""
@@ -45,11 +42,12 @@ pair mismatch of 2 %, gain ratio 3 %, parasitic 5 %."""
 
 
 class Request(NamedTuple):
-    """A run as typed; None where the scenario or the design decides. ``settings`` are texts ``name=value``."""
+    """A run as asked for; None where the scenario or the design decides. ``settings`` are texts ``name=value``; a
+    device or design is a name, a file, or the object itself."""
 
     scenario: str
-    device: str = "reference"
-    design: str | None = None
+    device: str | Device = "reference"
+    design: str | Design | None = None
     settings: tuple[str, ...] = ()
     rate_profile: Path | None = None
     rate_column: str | None = None
@@ -83,14 +81,18 @@ def prepare(request: Request, folder: Path | None = None) -> Run:
             raise InputError(f"angle unit {request.angle!r}: give {', '.join(UNIT_NAMES)}")
         chosen = chosen.with_angle_unit(request.angle)
     own, settings = split_settings(request.settings, *PARTS)
-    device = load_device(request.device, load_model(*request.effects))
+    device = request.device
+    if not isinstance(device, Device):
+        device = load_device(device, load_model(*request.effects))
     # The device's own start comes before the scenario's, what the user sets before both.
     device = device.with_parameters({**chosen.parameters, **device.parameters})
     device = device.with_parameters(
         {**(SENSING_DEFECTS if request.sensing_defects else {}), **device.parameters, **own}
     )
     seed = int(device.model.parameter("seed").check(request.seed))
-    design = load_design(request.design or ("sensing_defects" if request.sensing_defects else DEFAULT), device, seed)
+    design = request.design or ("sensing_defects" if request.sensing_defects else DEFAULT)
+    if not isinstance(design, Design):
+        design = load_design(design, device, seed)
     stated = {name: value for name, value in device.controller.items() if request.design is None}
     design = replace(design, controller={**stated, **design.controller})
     run = Run(
@@ -143,31 +145,24 @@ def split_settings(texts: Iterable[str], *tables: str) -> tuple[dict[str, float]
 
 
 def execute(run: Run, folder: Path, progress: Progress | None = None) -> dict[str, Any]:
-    """Runs and writes the three files into ``folder``, complete or not at all; gives the summary."""
+    """Runs and writes the files of a result into ``folder``, complete or not at all; gives the summary."""
+    from gyrotwin.results import RunResult
+
     check_writable(folder)
-    result = simulate(run, progress)
-    summary = _summary(run, result)
-    filters = [unit.filter for unit in result.units.values() if unit.filter is not None]
+    result = RunResult(run, simulate(run, progress))
+    result.save(folder)
+    return dict(result.summary)
+
+
+def filters_of(run: Run, result: Result) -> list[Filter]:
+    """The filters of the angle units, then others of the same bands to compare them with."""
+    own = [unit.filter for unit in result.units.values() if unit.filter is not None]
     hertz = run.design.oscillation_hz
-    filters += [design(run.sample_rate, hertz, "butterworth") for design in (band_pass, low_pass)]
-
-    def write_summary(path: Path) -> None:
-        path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-
-    publish(
-        folder,
-        {
-            "summary.json": write_summary,
-            # Small groups keep the memory of the writer small.
-            "trace.parquet": lambda path: result.trace.write_parquet(path, row_group_size=20_000),
-            DESIGN_FILE: run.design.write,
-            "report.html": lambda path: render(summary, result.trace, result.bounds, filters, path, result.start),
-        },
-    )
-    return summary
+    return own + [design(run.sample_rate, hertz, "butterworth") for design in (band_pass, low_pass)]
 
 
-def _summary(run: Run, result: Result) -> dict[str, Any]:
+def summary_of(run: Run, result: Result) -> dict[str, Any]:
+    """The content of summary.json."""
     return summarise(
         result.trace,
         scenario=run.scenario.name,

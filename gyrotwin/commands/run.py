@@ -1,0 +1,85 @@
+"""`gyrotwin run`."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+console = Console()
+
+
+def run(
+    scenario: Annotated[
+        str, typer.Argument(help="A scenario by name (`gyrotwin list scenarios`) or a file of your own.")
+    ],
+    device: Annotated[
+        str, typer.Option(help="What the plant is: packaged device by name, or a device file.")
+    ] = "reference",
+    design: Annotated[
+        str | None,
+        typer.Option(help="All that the loop may know: plain, lab, or a file, such as the device.toml of a diagnosis."),
+    ] = None,
+    effects: Annotated[
+        list[Path] | None, typer.Option(metavar="DIR", help="Folder of further effect files; repeatable.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="Set a device parameter, or observer.NAME, controller.NAME, monitor.NAME (SI); repeatable.",
+        ),
+    ] = None,
+    rate_profile: Annotated[
+        Path | None, typer.Option(help="CSV file (also .csv.gz) with a measured rate, for `motion`.")
+    ] = None,
+    rate_column: Annotated[
+        str | None, typer.Option(help="Its column with the rate; the first column is time in s.")
+    ] = None,
+    rate_unit: Annotated[str, typer.Option(help="Unit of that column: deg/s or rad/s.")] = "deg/s",
+    rate_start: Annotated[float, typer.Option(help="Begin this many seconds into the profile.")] = 0.0,
+    observer: Annotated[str, typer.Option(help="ekf, lyapunov, or a Python file that defines OBSERVER.")] = "ekf",
+    controller: Annotated[str, typer.Option(help="foucault, or a Python file that defines CONTROLLER.")] = "foucault",
+    sensing_defects: Annotated[
+        bool,
+        typer.Option(
+            "--sensing-defects",
+            help="Offset, drift, gap, mismatches and parasitic in the pickoff; design sensing_defects.",
+        ),
+    ] = False,
+    angle: Annotated[str | None, typer.Option(help="Angle unit A, B or C; default: the scenario's.")] = None,
+    sample_rate: Annotated[float, typer.Option(help="Samples a second.")] = 200e3,
+    duration: Annotated[float | None, typer.Option(help="Seconds; default: the scenario's.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the noises and of the first estimates.")] = 1,
+    trace_rate: Annotated[
+        float | None, typer.Option(help="Rows of the trace a second; default 20000, fewer in long runs.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for summary.json, trace.parquet, report.html; default results/SCENARIO.")
+    ] = None,
+) -> None:
+    """Run a scenario in the closed loop and report."""
+    from gyrotwin.compiled import compile_once
+    from gyrotwin.output import check_writable
+    from gyrotwin.tasks.run import NOT_VALID, Request, prepare
+
+    request = Request(
+        scenario, device, design, tuple(settings or ()), rate_profile, rate_column, rate_unit, rate_start, observer,
+        controller, sensing_defects, angle, sample_rate, duration, seed, trace_rate, tuple(effects or ()),
+    )  # fmt: skip
+    prepared = prepare(request)
+    folder = out or Path("results") / prepared.scenario.name
+    check_writable(folder)
+    compile_once(console, prepared)
+    from gyrotwin.console import results
+    from gyrotwin.progress import shown_progress
+    from gyrotwin.tasks.run import execute
+
+    with shown_progress(console, f"{prepared.scenario.name}, {prepared.duration:g} s") as progress:
+        summary = execute(prepared, folder, progress)
+    console.print(results(summary))
+    console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
+    if not summary["valid"]["now"]:
+        sys.exit(NOT_VALID)
