@@ -3,6 +3,7 @@ token."""
 
 import hashlib
 import importlib.util
+import logging
 import os
 import shlex
 import shutil
@@ -32,6 +33,7 @@ from gyro_model.envelope import EnvelopeModel, envelope_model
 from gyro_model.errors import InputError
 from gyro_model.model import Model, load_model
 
+LOGGER = logging.getLogger("gyrotwin")
 PACKAGE = Path(__file__).parent
 CHECKOUT = PACKAGE.parent
 # Strict arithmetic: contraction to fused multiply-add would make platforms differ in the last bit. Nothing asks for
@@ -236,6 +238,7 @@ def c_files(folder: Path, fmi: str) -> list[str]:
 
 
 def _build_one(model: Model, token: str, fmi: str, path: Path) -> None:
+    LOGGER.info("compiling the %s FMU for %s, once for this model, some 5 s ...", model.NAME, fmi.upper())
     platform = _platform()
     with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
         root = Path(name)

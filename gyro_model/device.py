@@ -128,6 +128,7 @@ class Device:
         >>> device = Device.from_designer(frequency=3000, split=30, q=2000, mass=1e-7)
         >>> [round(f, 3) for f in device.frequencies]
         [3000.0, 3030.0]
+
         """
         return design_device(
             name,

@@ -12,6 +12,8 @@ import importlib
 import logging
 from typing import TYPE_CHECKING, Any, Final
 
+from gyro_model import VERSION as __version__
+
 if TYPE_CHECKING:
     from cosim.design import Design
     from discrepancy.dataset import Dataset
@@ -31,8 +33,6 @@ if TYPE_CHECKING:
         split,
     )
     from gyrotwin.results import CompensationResult, DiagnosisResult, RateResult, RunResult, SplitResult
-
-__version__ = "0.2.0"
 
 _HOMES: Final = {
     "Dataset": "discrepancy.dataset",

@@ -6,9 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from gyro_model.device import Device
+from gyro_model.device import Device, write_device
 from gyro_model.device import load_device as _load_device
-from gyro_model.device import write_device
 from gyro_model.errors import InputError
 from gyro_model.model import load_model
 
@@ -54,7 +53,8 @@ def load_device(source: DeviceSource, *, effects: Sequence[str | Path] = ()) -> 
     >>> import gyrotwin as gt
     >>> device = gt.load_device("reference")
     >>> round(device.frequencies[0])  # Hz
-    2836
+    2893
+
     """
     if isinstance(source, Device):
         return source
@@ -89,6 +89,7 @@ def load_design(source: "str | Path | Design | Device", device: DeviceSource = "
     >>> design = gt.load_design("plain", "reference", seed=7)
     >>> sorted(design.deviations)
     ['dxx', 'dxy', 'dyy', 'kxx', 'kxy', 'kyy', 'm']
+
     """
     from cosim.design import Design
     from cosim.design import load_design as load
@@ -176,8 +177,10 @@ def run(
     True
     >>> len(result.trace)
     4000
+
     """
     from cosim.master import simulate
+    from gyrotwin.compiled import compile_once
     from gyrotwin.results import RunResult
     from gyrotwin.tasks.run import Request, prepare
 
@@ -204,6 +207,7 @@ def run(
             effects=folders,
         )
     )
+    compile_once(prepared)
     return RunResult(prepared, simulate(prepared, progress))
 
 
@@ -276,6 +280,7 @@ def rate(
     >>> result = gt.rate(plant="envelope", duration=5, seed=3)
     >>> abs(result.summary["bias_deg_s"]) < 50
     True
+
     """
     from cosim.rate.master import simulate
     from gyrotwin.results import RateResult
@@ -327,6 +332,7 @@ def load_dataset(
     ------
     InputError
         If there is no data set, or it is wrong.
+
     """
     from discrepancy.dataset import load_dataset as load
 
@@ -374,6 +380,7 @@ def simulate_dataset(
     ...     data = gt.simulate_dataset(folder, hidden={"k3_x": 2e9}, samples=2000)
     >>> len(data.fit), len(data.held_out)
     (2, 1)
+
     """
     from discrepancy.dataset import load_dataset as load
     from discrepancy.trial_runs import write_trial
@@ -423,6 +430,7 @@ def diagnose(
     ------
     InputError
         If an argument or the data are wrong.
+
     """
     from discrepancy.checks import check
     from discrepancy.dataset import Dataset
@@ -490,6 +498,7 @@ def split(
     ------
     InputError
         If an argument or the record is wrong, or the noise does not tell.
+
     """
     from gyrotwin.tasks.split import Request, find
 
@@ -553,6 +562,7 @@ def compensate(
     ------
     InputError
         If an argument or the record is wrong.
+
     """
     from gyrotwin.tasks.compensate import Request, find
 
@@ -603,6 +613,7 @@ def build(
     >>> import gyrotwin as gt
     >>> [path.name for path in gt.build()]
     ['Gyroscope.fmu', 'Gyroscope.fmu', 'GyroscopeEnvelope.fmu', 'GyroscopeEnvelope.fmu']
+
     """
     from gyro_model.build import build_all
 
@@ -637,5 +648,6 @@ def effects(*folders: str | Path) -> "tuple[Effect, ...]":
     >>> import gyrotwin as gt
     >>> "cubic_stiffness" in [effect.id for effect in gt.effects()]
     True
+
     """
     return load_model(*map(Path, folders)).effects

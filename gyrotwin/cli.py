@@ -6,14 +6,13 @@ import sys
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
-import click
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
-from gyro_model.errors import InputError
+from gyro_model.errors import InputError, nearest
 from gyrotwin import __version__
 from gyrotwin.interrupt import Interrupted, interrupt
-from gyrotwin.notice import said_if_slow
+from gyrotwin.notice import said_if_slow, show_messages
 
 SETTINGS: Final = {"help_option_names": ["-h", "--help"]}
 
@@ -51,7 +50,7 @@ COMMANDS: Final = {
 """Each help is the first line of the command's own docstring; a test compares them."""
 
 
-def load_command(name: str) -> click.Command:
+def load_command(name: str) -> Any:
     """The command of that name in COMMANDS, with what it imports."""
     module, _, attribute = COMMANDS[name].place.partition(":")
     with said_if_slow(f"loading {name}"):
@@ -66,18 +65,20 @@ def load_command(name: str) -> click.Command:
 class _Lazy(TyperGroup):
     """A group that loads a command when it is called, and none for its own help."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:
+    # Contexts and commands are typer's or click's own, by typer's version: no type of theirs can be named here.
+    def list_commands(self, ctx: Any) -> list[str]:
         return list(COMMANDS)
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
         entry = COMMANDS.get(cmd_name)
-        return None if entry is None else click.Command(cmd_name, help=entry.help)
+        return None if entry is None else TyperCommand(cmd_name, help=entry.help)
 
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        name, command, rest = super().resolve_command(ctx, args)
-        return name, load_command(name) if name in COMMANDS else command, rest
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        name = args[0]
+        if name not in COMMANDS:
+            there = nearest(name, COMMANDS) or f"; there are {', '.join(COMMANDS)}"
+            raise InputError(f"command {name!r} is unknown{there}")
+        return name, load_command(name), args[1:]
 
 
 app = typer.Typer(
@@ -107,6 +108,7 @@ def _root(
 def main(arguments: Sequence[str] | None = None) -> Any:
     """Entry point: one line and exit code 2 for wrong input, 130 for Ctrl-C."""
     signal.signal(signal.SIGINT, interrupt)
+    show_messages()
     try:
         return app(args=arguments, prog_name="gyrotwin")
     except InputError as error:

@@ -1,7 +1,7 @@
 """What the first run compiles: the FMU, the loop for the structure that its design has, and observers or controllers in
 numba. It is done before the run, and said."""
 
-from rich.console import Console
+import logging
 
 from cosim.core.library import is_built, library
 from cosim.observers.record import CoreObserver
@@ -9,15 +9,16 @@ from cosim.run import Run
 from cosim.running import design_for
 from gyro_model.build import build
 
+LOGGER = logging.getLogger("gyrotwin")
 
-def compile_once(console: Console, run: Run) -> None:
+
+def compile_once(run: Run) -> None:
     """Compiles what the run needs and is not there yet."""
     known = design_for(run.observer, run.design).known_model
     own = not isinstance(run.observer, CoreObserver)
+    build(run.device.model)
     if is_built(known) and not own:
-        build(run.device.model)
         return
     what = "the loop and the observer" if own else "the loop"
-    with console.status(f"compiling {what}, once for this kind of design, some seconds"):
-        build(run.device.model)
-        library(known)
+    LOGGER.info("compiling %s, once for this kind of design, some 5 s ...", what)
+    library(known)

@@ -16,7 +16,9 @@ def check_writable(folder: Path) -> None:
         raise InputError(f"output folder {folder}: can't be written; name another with --out")
 
 
-def publish(folder: Path, writers: Mapping[str, Callable[[Path], object]], sometimes: str = "", *, force: bool = False) -> None:
+def publish(
+    folder: Path, writers: Mapping[str, Callable[[Path], object]], sometimes: str = "", *, force: bool = False
+) -> None:
     """Lets each writer write its file in a folder beside, then moves all of them into ``folder``: none half-written,
     none alone, and beside them none of the files ``sometimes`` (a pattern) that an earlier call had to write.
 

@@ -70,6 +70,7 @@ class Saved(ABC):
         ------
         InputError
             If the folder can't be written, is in use by another run, or holds foreign files.
+
         """
         path = Path(folder)
         check_writable(path)
@@ -135,9 +136,7 @@ class RunResult(Saved):
         from gyrotwin.report import run_figures
         from gyrotwin.tasks.run import filters_of
 
-        return run_figures(
-            self.summary, self.trace, self.raw.bounds, filters_of(self.run, self.raw), self.raw.start
-        )
+        return run_figures(self.summary, self.trace, self.raw.bounds, filters_of(self.run, self.raw), self.raw.start)
 
     def writers(self) -> Mapping[str, Writer]:
         """summary.json, trace.parquet, design.toml, report.html."""
@@ -221,6 +220,8 @@ class SplitResult(Saved):
 
     summary_: Mapping[str, Any] = field(repr=False)
     files: Mapping[str, Writer] = field(repr=False)
+    shown: Any = field(repr=False)
+    """Table for rich."""
     trace: pl.DataFrame | None = field(repr=False, default=None)
     """The split through time [s, Hz], where ``track`` asked for it."""
 
@@ -299,7 +300,7 @@ class DiagnosisResult(Saved):
 
     @property
     def verdict(self) -> str:
-        """"missing effects", "nothing missing" or "unexplained"."""
+        """One of: missing effects, nothing missing, unexplained."""
         return str(self.report["verdict"])
 
     @property

@@ -1,6 +1,5 @@
 """`gyrotwin split --track`: the split through time, as a table with intervals and a page."""
 
-import json
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,34 +13,26 @@ from calibration.mode_split import Question, Track, VoltageRecord, follow_split
 from calibration.mode_split.estimate import NORMAL_95
 from gyro_model.errors import InputError
 from gyrotwin.figures import Figure, Panel, line
-from gyrotwin.output import publish
 from gyrotwin.report import as_json, template, write_whole
+from gyrotwin.results import SplitResult, Writer, write_json
 
 SHOWN: Final = 5
 """Rows of the track in the terminal."""
 
 
-def follow(record: VoltageRecord, question: Question, block: float, name: str, folder: Path) -> Table:
-    """Follows the split by blocks of ``block`` [s], writes summary.json, track.csv and report.html into ``folder``;
-    gives what to print."""
+def follow(record: VoltageRecord, question: Question, block: float, name: str) -> SplitResult:
+    """Follows the split by blocks of ``block`` [s]. Raises InputError where ``question`` asks for a resolution."""
     if question.resolution is not None:
         raise InputError("--resolution with --track: every point of a track has its interval; leave it out")
     found = follow_split(record, question, block)
     table = frame(found)
     summary = summarise(found, table, record, name, question.q is not None)
-
-    def write_summary(path: Path) -> None:
-        path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-
-    publish(
-        folder,
-        {
-            "summary.json": write_summary,
-            "track.csv": table.write_csv,
-            "report.html": lambda path: _render(summary, table, path),
-        },
-    )
-    return _results(summary, table)
+    files: dict[str, Writer] = {
+        "summary.json": write_json(summary),
+        "track.csv": table.write_csv,
+        "report.html": lambda path: _render(summary, table, path),
+    }
+    return SplitResult(summary, files, _results(summary, table), table)
 
 
 def frame(track: Track) -> pl.DataFrame:

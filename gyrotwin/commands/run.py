@@ -61,25 +61,37 @@ def run(
     ] = None,
 ) -> None:
     """Run a scenario in the closed loop and report."""
-    from gyrotwin.compiled import compile_once
-    from gyrotwin.output import check_writable
-    from gyrotwin.tasks.run import NOT_VALID, Request, prepare
-
-    request = Request(
-        scenario, device, design, tuple(settings or ()), rate_profile, rate_column, rate_unit, rate_start, observer,
-        controller, sensing_defects, angle, sample_rate, duration, seed, trace_rate, tuple(effects or ()),
-    )  # fmt: skip
-    prepared = prepare(request)
-    folder = out or Path("results") / prepared.scenario.name
-    check_writable(folder)
-    compile_once(console, prepared)
+    from gyrotwin import api
     from gyrotwin.console import results
+    from gyrotwin.output import check_writable
     from gyrotwin.progress import shown_progress
-    from gyrotwin.tasks.run import execute
+    from gyrotwin.tasks.run import NOT_VALID, split_texts
 
-    with shown_progress(console, f"{prepared.scenario.name}, {prepared.duration:g} s") as progress:
-        summary = execute(prepared, folder, progress)
-    console.print(results(summary))
+    folder = out or Path("results") / Path(scenario).stem
+    check_writable(folder)
+    with shown_progress(console, Path(scenario).stem) as progress:
+        result = api.run(
+            scenario,
+            device=device,
+            design=design,
+            parameters=split_texts(settings or ()),
+            seed=seed,
+            duration=duration,
+            observer=observer,
+            controller=controller,
+            angle=angle,
+            sample_rate=sample_rate,
+            trace_rate=trace_rate,
+            rate_profile=rate_profile,
+            rate_column=rate_column,
+            rate_unit=rate_unit,
+            rate_start=rate_start,
+            sensing_defects=sensing_defects,
+            effects=effects or (),
+            progress=progress,
+        )
+    result.save(folder)
+    console.print(results(result.summary))
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
-    if not summary["valid"]["now"]:
+    if not result.valid:
         sys.exit(NOT_VALID)

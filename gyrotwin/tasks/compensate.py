@@ -1,6 +1,6 @@
 """`gyrotwin compensate`: fits a temperature compensation to a test, and shows what it leaves of another."""
 
-import json
+from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from calibration.compensation.measures import Result
     from calibration.compensation.model import Compensation
     from calibration.compensation.record import Blocks
+    from gyrotwin.results import CompensationResult
 
 console = Console()
 
@@ -35,6 +36,24 @@ class Judged(NamedTuple):
     score: float
     fitted: "Result"
     held_out: "Result"
+
+
+class Request(NamedTuple):
+    """A fit as asked for; None where the program decides. Times in s; ``maps`` and ``scales`` are texts COLUMN=..."""
+
+    record: Path
+    test: Path | None = None
+    method: str = "best"
+    sensor: str | None = None
+    segments: int | None = None
+    hidden: int = 8
+    sampling_time: float = 10.0
+    settling: float = 1.0
+    settled: bool = False
+    outside: str = "refuse"
+    maps: tuple[str, ...] = ()
+    scales: tuple[str, ...] = ()
+    seed: int = 1
 
 
 def compensate(
@@ -68,43 +87,56 @@ def compensate(
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default results/compensate.")] = None,
 ) -> None:
     """Fit a temperature compensation and write it as TOML and as a C header, with before and after."""
+    from gyrotwin.output import check_writable
+
+    folder = out or Path("results") / "compensate"
+    check_writable(folder)
+    found = find(
+        Request(
+            record, test, method, sensor, segments, hidden, sampling_time, settling, settled, outside,
+            tuple(maps or ()), tuple(scales or ()), seed,
+        )
+    )  # fmt: skip
+    found.save(folder)
+    console.print(results(found.summary))
+    for name in ("compensation.toml", "compensation.h", "report.html"):
+        console.print(str(folder / name), soft_wrap=True, highlight=False)
+
+
+def find(request: Request) -> "CompensationResult":
+    """The compensation that ``request`` asks for. Raises InputError, with a remedy, for whatever is wrong."""
     from calibration.compensation.choose import Asked
     from calibration.compensation.export import to_c_header, to_toml
     from calibration.compensation.model import OUTSIDE
     from calibration.compensation.record import CIRCUIT, STRUCTURE, make_blocks
     from gyrotwin.compensate_record import read_test
     from gyrotwin.compensate_report import render
-    from gyrotwin.output import check_writable, publish
+    from gyrotwin.results import CompensationResult, write_json
 
-    folder = out or Path("results") / "compensate"
-    check_writable(folder)
+    sensor, outside = request.sensor, request.outside
     for option, value, known in (("sensor", sensor, (STRUCTURE, CIRCUIT)), ("outside", outside, OUTSIDE)):
         if value is not None and value not in known:
             raise InputError(f"--{option} {value}: give {' or '.join(known)}{nearest(value, known)}")
-    asked = Asked(method, sensor, segments, hidden, seed, sampling_time)
+    asked = Asked(request.method, sensor, request.segments, request.hidden, request.seed, request.sampling_time)
 
     def blocks_of(path: Path) -> "Blocks":
-        blocks = make_blocks(read_test(path, maps or (), scales or ()), sampling_time, settling)
-        return _settled(blocks) if settled else blocks
+        table = read_test(path, request.maps, request.scales)
+        blocks = make_blocks(table, request.sampling_time, request.settling)
+        return _settled(blocks) if request.settled else blocks
 
-    fitted = blocks_of(record)
+    fitted, test = blocks_of(request.record), request.test
     judged, shown = judge_all(fitted, None if test is None else blocks_of(test), asked, outside)
-    summary = summarise(judged, record.name, None if test is None else test.name)
+    summary = summarise(judged, request.record.name, None if test is None else test.name)
     chosen = judged[0].compensation
-    publish(
-        folder,
+    return CompensationResult(
+        summary,
         {
             "compensation.toml": lambda path: path.write_text(to_toml(chosen), encoding="utf-8"),
             "compensation.h": lambda path: path.write_text(to_c_header(chosen, outside), encoding="utf-8"),
-            "summary.json": lambda path: path.write_text(
-                json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8"
-            ),
+            "summary.json": write_json(summary),
             "report.html": lambda path: render(summary, judged, shown, path),
         },
     )
-    console.print(results(summary))
-    for name in ("compensation.toml", "compensation.h", "report.html"):
-        console.print(str(folder / name), soft_wrap=True, highlight=False)
 
 
 def _settled(blocks: "Blocks") -> "Blocks":
@@ -177,7 +209,7 @@ def times(factor: float) -> str:
 HEADINGS: Final = ("method", "before", "after", "factor", "possible", "score")
 
 
-def rows(summary: dict[str, Any], quantity: str) -> list[tuple[str, ...]]:
+def rows(summary: Mapping[str, Any], quantity: str) -> list[tuple[str, ...]]:
     """Of each method on the held-out blocks: the columns of HEADINGS for "scale_factor_ppm_per_c" or "bias_per_c"."""
     lines = []
     for name, found in summary["methods"].items():
@@ -189,13 +221,13 @@ def rows(summary: dict[str, Any], quantity: str) -> list[tuple[str, ...]]:
     return lines
 
 
-def titles(summary: dict[str, Any]) -> dict[str, str]:
+def titles(summary: Mapping[str, Any]) -> dict[str, str]:
     """Headings of the tables by quantity."""
     unit = "°/h" if summary["unit"] == "rad/s" else summary["unit"]
     return {"scale_factor_ppm_per_c": "Scale factor [ppm/°C]", "bias_per_c": f"Bias [{unit}/°C]"}
 
 
-def results(summary: dict[str, Any]) -> Any:
+def results(summary: Mapping[str, Any]) -> Any:
     """The summary as tables for rich."""
     from rich.console import Group
 

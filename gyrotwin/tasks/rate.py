@@ -1,7 +1,5 @@
 """`gyrotwin rate`: rate mode, from the command line to summary.json, trace.parquet, report.html."""
 
-import json
-from collections.abc import Callable
 from dataclasses import replace
 from math import pi, radians
 from pathlib import Path
@@ -10,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 import typer
 from rich.console import Console
 
-from gyro_model.device import load_device
+from gyro_model.device import Device, load_device
 from gyro_model.errors import InputError, nearest
 
 if TYPE_CHECKING:
@@ -36,7 +34,7 @@ SENSE_RECORD: Final = "sense.parquet"
 class Request(NamedTuple):
     """A run as typed; None where the program decides. ``settings`` are texts ``name=value``."""
 
-    device: str = "rate-mode"
+    device: str | Device = "rate-mode"
     settings: tuple[str, ...] = ()
     rate_profile: Path | None = None
     rate_column: str | None = None
@@ -119,7 +117,8 @@ def prepare(request: Request) -> "RateRun":
     plant = request.plant or ("full" if duration <= FULL_AT_MOST else "envelope")
     _choose("--plant", plant, tuple(OUTPUT_RATES))
     own, entries = split_settings(request.settings, "rate_mode")
-    device = load_device(request.device).with_parameters(own)
+    device = request.device if isinstance(request.device, Device) else load_device(request.device)
+    device = device.with_parameters(own)
     device = replace(device, rate_mode={**device.rate_mode, **entries["rate_mode"]})
     run = RateRun(
         device=device,
@@ -194,24 +193,10 @@ def _duration(rate: "Course", temperature: "Course", request: Request) -> float:
 def execute(run: "RateRun", folder: Path, progress: "Progress | None" = None) -> dict[str, Any]:
     """Runs and writes the files into ``folder``, complete or not at all; gives the summary."""
     from cosim.rate.master import simulate
-    from cosim.rate.metrics import allan_of, summarise
-    from gyrotwin.output import check_writable, publish
-    from gyrotwin.rate_report import render
+    from gyrotwin.output import check_writable
+    from gyrotwin.results import RateResult
 
     check_writable(folder)
-    result = simulate(run, progress)
-    summary = summarise(run, result)
-
-    def write_summary(path: Path) -> None:
-        path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-
-    files: dict[str, Callable[[Path], object]] = {
-        "summary.json": write_summary,
-        "trace.parquet": lambda path: result.record.write_parquet(path, row_group_size=20_000),
-        "report.html": lambda path: render(summary, run, result.record, allan_of(result.record, run), path),
-    }
-    sense = result.sense
-    if sense is not None:
-        files[SENSE_RECORD] = sense.write_parquet
-    publish(folder, files, sometimes=SENSE_RECORD)
-    return summary
+    result = RateResult(run, simulate(run, progress))
+    result.save(folder)
+    return dict(result.summary)

@@ -123,24 +123,33 @@ def _through_file(design: Design, device: Device, seed: int, folder: Path | None
         return load_design(str(Path(name) / DESIGN_FILE), device, seed)
 
 
-def split_settings(texts: Iterable[str], *tables: str) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
-    """Splits ``name=value`` texts into device parameters and, for names ``TABLE.NAME``, entries of those tables."""
-    own: dict[str, float] = {}
-    entries: dict[str, dict[str, float]] = {table: {} for table in tables}
+def split_texts(texts: Iterable[str]) -> dict[str, float]:
+    """``name=value`` texts as a mapping."""
+    pairs = {}
     for text in texts:
         name, equals, value = text.partition("=")
         try:
             number = float(value)
         except ValueError:
             raise InputError(f"--set {text!r}: give name=value with a number, SI") from None
-        if not equals or not name:
+        if not equals or not name.strip():
             raise InputError(f"--set {text!r}: give name=value with a number, SI")
+        pairs[name.strip()] = number
+    return pairs
+
+
+def split_settings(texts: Iterable[str], *tables: str) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+    """Splits ``name=value`` texts into device parameters and, for names ``TABLE.NAME``, entries of those tables."""
+    own: dict[str, float] = {}
+    entries: dict[str, dict[str, float]] = {table: {} for table in tables}
+    for name, number in split_texts(texts).items():
+        text = f"{name}={number:g}"
         table, dot, key = name.partition(".")
         if dot and table not in entries:
             raise InputError(
                 f"--set {text!r}: {table!r} is unknown{nearest(table, entries)}; there are {', '.join(entries)}"
             )
-        (entries[table] if dot else own)[key.strip() if dot else name.strip()] = number
+        (entries[table] if dot else own)[key if dot else name] = number
     return own, entries
 
 

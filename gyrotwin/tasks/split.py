@@ -1,8 +1,8 @@
 """`gyrotwin split`: the frequency split of the two modes from the thermal noise in a record of normal operation."""
 
-import json
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
@@ -11,8 +11,25 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from calibration.mode_split import Analysis, Correlation
+    from gyrotwin.results import SplitResult
 
 console = Console()
+
+
+class Request(NamedTuple):
+    """A search as asked for; None where it is found or does not apply. Hz, s."""
+
+    record: Path
+    q: float | None = None
+    drive_frequency: float | None = None
+    sample_rate: float | None = None
+    columns: tuple[str, ...] = ()
+    carrier: float | None = None
+    span: float | None = None
+    guard: float = 0.0
+    clean_line: bool = False
+    resolution: float | None = None
+    track: float | None = None
 
 
 def split(
@@ -50,29 +67,41 @@ def split(
     ] = None,
 ) -> None:
     """Find the frequency split of the two modes in a record of normal operation, from thermal noise."""
+    from gyrotwin.output import check_writable
+
+    folder = out or Path("results") / ("split" if track is None else "track")
+    check_writable(folder)
+    request = Request(
+        record, q, drive_frequency, sample_rate, tuple(column or ()), carrier, span, guard, clean_line, resolution,
+        track,
+    )  # fmt: skip
+    found = find(request)
+    found.save(folder)
+    console.print(found.shown)
+    console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
+
+
+def find(request: Request) -> "SplitResult":
+    """The split, or its track, that ``request`` asks for. Raises InputError, with a remedy, for whatever is wrong."""
     from calibration.mode_split import Question, find_split
-    from gyrotwin.output import check_writable, publish
+    from gyrotwin.results import SplitResult, Writer, write_json
     from gyrotwin.split_record import read_record
     from gyrotwin.split_report import render_split
     from gyrotwin.split_track import follow
 
-    question = Question(q, drive_frequency, span, guard, resolution, clean_line)
-    folder = out or Path("results") / ("split" if track is None else "track")
-    check_writable(folder)
-    if track is not None:
-        voltage = read_record(record, column or (), sample_rate, carrier)
-        console.print(follow(voltage, question, track, record.name, folder))
-        console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
-        return
-    analysis = find_split(read_record(record, column or (), sample_rate, carrier), question)
-    summary = summarise(analysis, question.q, record.name)
-
-    def write_summary(path: Path) -> None:
-        path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-
-    publish(folder, {"summary.json": write_summary, "report.html": lambda path: render_split(summary, analysis, path)})
-    console.print(results(summary))
-    console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
+    question = Question(
+        request.q, request.drive_frequency, request.span, request.guard, request.resolution, request.clean_line
+    )
+    voltage = read_record(request.record, request.columns, request.sample_rate, request.carrier)
+    if request.track is not None:
+        return follow(voltage, question, request.track, request.record.name)
+    analysis = find_split(voltage, question)
+    summary = summarise(analysis, question.q, request.record.name)
+    files: dict[str, Writer] = {
+        "summary.json": write_json(summary),
+        "report.html": partial(render_split, summary, analysis),
+    }
+    return SplitResult(summary, files, results(summary))
 
 
 def summarise(analysis: "Analysis", q_given: float | None, name: str) -> dict[str, Any]:
