@@ -31,7 +31,13 @@ free = [q for q in MODEL.quantities if q.role in ("parameter", "size", "shape") 
 free = [q for q in free if q.name not in ("dxx", "dyy", "dxy")]
 
 
+# With the reference device's stiffness the modes stay between 1 Hz and 1 MHz, the gains what a device may have.
+LIMITED = {"m": (1e-9, 0.1), "sense_gain_x": (1e-6, 1e15), "sense_gain_y": (1e-6, 1e15)}
+
+
 def within(quantity) -> st.SearchStrategy[float]:
+    if quantity.name in LIMITED:
+        return st.floats(*LIMITED[quantity.name])
     if quantity.integer:
         return st.integers(int(quantity.low), int(quantity.high))
     return st.floats(max(quantity.low, -1e300), min(quantity.high, 1e300))
@@ -216,3 +222,46 @@ def test_bad_designs_are_refused(wrong: dict[str, float]) -> None:
 def test_passive_border_is_allowed() -> None:
     check_passive({"kxx": 1.0, "kyy": 1.0, "kxy": 0.0, "dxx": 1.0, "dyy": 4.0, "dxy": -2.0})
     check_passive({"kxx": 1.0, "kyy": 1.0, "kxy": 0.0, "dxx": 0.0, "dyy": 0.0, "dxy": 0.0})
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"q": 0.1}, "1 to 1e+10"),
+        ({"frequency": 3e9}, "1 to 1e+06 Hz"),
+        ({"split": 3e9}, "1 to 1e+06 Hz"),
+        ({"mass": 1e30}, "1e-18 to 1000 kg"),
+        ({"gain": 1e300}, "1e-06 to 1e+15 V/m"),
+        ({"gap": 1.0}, "1e-09 to 0.01 m"),
+        ({"q_upper": float("nan")}, "1 to 1e+10"),
+    ],
+)
+def test_what_no_gyroscope_is_is_refused_with_the_range(changes, said) -> None:
+    designer = {"frequency": 3000.0, "split": 30.0, "q": 2000.0, "mass": 1e-7}
+    with pytest.raises(InputError, match="this model describes no other") as error:
+        Device.from_designer(**{**designer, **changes})
+    assert said in str(error.value)
+
+
+def test_absurd_values_in_a_file_are_refused_like_a_designer_s() -> None:
+    for changes in ({"kxx": 1e12, "kyy": 1e12}, {"sense_gain_x": 1e300}, {"dxx": 1.0, "dyy": 1.0}):
+        with pytest.raises(InputError, match="this model describes no other"):
+            Device("absurd", changes)
+
+
+@given(
+    frequency=st.floats(100, 1e5), split=st.floats(1, 1e4), q=st.floats(10, 1e6), q_upper=st.floats(10, 1e6),
+    angle=st.floats(-180, 180),
+)  # fmt: skip
+def test_modes_and_quality_factors_come_back(frequency, split, q, q_upper, angle) -> None:
+    device = Device.from_designer(
+        frequency=frequency, split=split, q=q, q_upper=q_upper, axis_angle=angle, mass=1e-7, gain=2e6, gap=2e-6
+    )
+    # Rounding of K (1e-15) over the distance of its eigenvalues turns the axes, and mixes the Qs by the square.
+    ratio = (frequency + split) / frequency
+    assert device.frequencies == pytest.approx((frequency, frequency + split), rel=1e-13 * ratio**2)
+    turned = 1e-14 * ratio**2 / (ratio**2 - 1)
+    # The larger damping leaves its own rounding in the smaller one.
+    mixed = 1e-13 + (turned**2 + 1e-15) * max(q / q_upper, q_upper / q) * ratio
+    assert device.quality_factors == pytest.approx((q, q_upper), rel=10 * mixed)
+    assert device.parameters["pickoff_inverse_gap"] == 5e5
