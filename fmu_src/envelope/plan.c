@@ -57,8 +57,8 @@ gyro_status gyro_make_room(gyro_instance *g)
 
 const char *gyro_impossible_memory(const gyro_instance *g)
 {
-    (void)g;
-    return NULL;
+    const gyro_memory *memory = &g->memory;
+    return memory->phase_at.tick < 0 || gyro_before(memory->clock.settled, memory->phase_at) ? "its carrier changes in the future" : NULL;
 }
 
 const char *gyro_impossible_room(const gyro_instance *g)

@@ -11,7 +11,7 @@ static const double TWO_PI = 6.283185307179586;
 /* m²; an amplitude of 1e-30 m is none, and its inverse square is still a number. */
 static const double NO_MOTION = 1e-60;
 
-/* The amplitudes jump by the impulses that a change of the held inputs gives: velocities by J/m, displacements by B J. */
+/* The velocities jump by the impulses that a change of the held inputs gives. */
 static void jolt(gyro_instance *g)
 {
     gyro_view *view = &g->view;
@@ -25,9 +25,7 @@ static void jolt(gyro_instance *g)
         jump[0][quadrature] = view->s[GYRO_STATE_X_DOT];
         jump[1][quadrature] = view->s[GYRO_STATE_Y_DOT];
     }
-    const double m = g->value[GYRO_M];
-    const pair impulse = {{{m * jump[0][0], m * jump[0][1]}, {m * jump[1][0], m * jump[1][1]}}};
-    memory->q.part[0] = pair_plus(memory->q.part[0], apply(memory->slow.input, impulse));
+    memory->q_dot = pair_plus(memory->q_dot, (pair){{{jump[0][0], jump[0][1]}, {jump[1][0], jump[1][1]}}});
 }
 
 /* Parameters at `part` of the step from `settled` to `to`. */
@@ -159,12 +157,44 @@ static pair thermal_motion(gyro_instance *g)
     return apply(memory->gathered, (pair){{{along[0], across[0]}, {along[1], across[1]}}});
 }
 
-/* The amplitudes at the carrier `step` later, from `before`, the forces being those of the motion in memory. */
-static void advance(gyro_instance *g, pair before, const gyro_harmonics *u, gyro_motion m, double step)
+/* The carrier's phase at `at` [cycles], of which whole ones count for nothing. */
+static double phase_at(const gyro_instance *g, double frequency, gyro_instant at)
+{
+    const double cycles = g->memory.phase + frequency * gyro_between(g->memory.phase_at, at);
+    return cycles - gyro_floor(cycles);
+}
+
+/* Displacement and velocity at `settled` under the motion and force that begin there. A pair of amplitudes says more than the two numbers of
+   an axis that go on where forces or parameters jump, x = Re{q e^(iφ)} and x' = Re{v e^(iφ)}; of those that say the same, the one of the new
+   motion has v = S q + B f. */
+static pair joined(const gyro_instance *g, pair q, pair q_dot, pair force)
+{
+    const gyro_slow *slow = &g->memory.slow;
+    const pair own = pair_plus(apply(slow->rate, q), apply(slow->input, force));
+    const pair gap = {{minus(q_dot.e[0], own.e[0]), minus(q_dot.e[1], own.e[1])}};
+    if (gap.e[0].re != 0.0 || gap.e[0].im != 0.0 || gap.e[1].re != 0.0 || gap.e[1].im != 0.0) {
+        const number phase = turn(TWO_PI * phase_at(g, g->value[GYRO_CARRIER_FREQUENCY], g->memory.clock.settled));
+        const double x = times(gap.e[0], phase).re, y = times(gap.e[1], phase).re;
+        const matrix *s = &slow->rate;
+        const double scale = -1.0 / (s->e[0][0].im * s->e[1][1].im - s->e[0][1].im * s->e[1][0].im);
+        /* Beside the real parts, which stay, by as much as closes the gap: -Im S (dx, dy) = (x, y). */
+        const double dx = scale * (s->e[1][1].im * x - s->e[0][1].im * y), dy = scale * (s->e[0][0].im * y - s->e[1][0].im * x);
+        const number beside = times(number_of(0.0, 1.0), conjugate(phase));
+        q = pair_plus(q, (pair){{scaled(beside, dx), scaled(beside, dy)}});
+    }
+    return q;
+}
+
+/* The amplitudes at the carrier `step` later, from those before, the forces being those of the motion in memory. */
+static void advance(gyro_instance *g, pair before, pair before_dot, const gyro_harmonics *u, gyro_motion m, double step)
 {
     gyro_memory *memory = &g->memory;
     const pair force = find_forces(g, u, &m);
     gyro_find_slow(&memory->slow, m.stiffness, m.damping, gyro_carrier(g), g->view.inverse_mass, step);
+    if (memory->clock.settled.tick > 0) {
+        /* What begins at the start is an amplitude of the motion there. */
+        before = joined(g, before, before_dot, force);
+    }
     memory->q.part[0] = pair_plus(apply(memory->slow.decay, before), apply(memory->slow.gain, force));
     memory->q_dot = pair_plus(apply(memory->slow.rate, memory->q.part[0]), apply(memory->slow.input, force));
 }
@@ -174,18 +204,20 @@ static void move_amplitudes(gyro_instance *g, gyro_instant to)
 {
     gyro_view *view = &g->view;
     const double step = gyro_between(g->memory.clock.settled, to);
-    const pair before = g->memory.q.part[0];
+    const pair before = g->memory.q.part[0], before_dot = g->memory.q_dot;
     gyro_harmonics u;
     apply_laws_at(g, to, 0.5);
     gyro_actuate(g, &u);
     const gyro_motion m = gyro_straight_motion(g);
     if (any_curved_force(view)) {
         /* The midpoint rule: forces of half a step ahead. */
-        advance(g, before, &u, m, 0.5 * step);
+        advance(g, before, before_dot, &u, m, 0.5 * step);
     }
-    advance(g, before, &u, m, step);
+    advance(g, before, before_dot, &u, m, step);
     if (any_drawn_force(view)) {
-        g->memory.q.part[0] = pair_plus(g->memory.q.part[0], thermal_motion(g));
+        const pair moved = thermal_motion(g);
+        g->memory.q.part[0] = pair_plus(g->memory.q.part[0], moved);
+        g->memory.q_dot = pair_plus(g->memory.q_dot, apply(g->memory.slow.rate, moved));
     }
     apply_laws_at(g, to, 1.0);
 }
@@ -208,6 +240,11 @@ gyro_status gyro_take_inputs(gyro_instance *g)
 {
     gyro_view *view = &g->view;
     const gyro_clock *clock = &g->memory.clock;
+    const double carrier = clock->held[GYRO_CARRIER_FREQUENCY];
+    if (g->value[GYRO_CARRIER_FREQUENCY] != carrier) {
+        g->memory.phase = phase_at(g, carrier, clock->settled);
+        g->memory.phase_at = clock->settled;
+    }
     for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
         view->p[vr] = g->value[vr];
         view->change[vr] = clock->now > 0 ? g->value[vr] - clock->held[vr] : 0.0;

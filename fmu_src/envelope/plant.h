@@ -26,6 +26,8 @@ typedef struct {
     gyro_clock clock;
     gyro_harmonics q;    /* displacement, m */
     pair q_dot;          /* velocity at the carrier, m/s */
+    double phase;        /* of the carrier at `phase_at`, cycles */
+    gyro_instant phase_at; /* the latest instant at which its frequency changed */
     gyro_slow slow;      /* motion of the latest step */
     matrix noise;        /* density of the noise force that `gathered` is for, as B N B* , m²/s */
     matrix noise_rate;   /* likewise S, 1/s */

@@ -1,7 +1,7 @@
 """Fixtures of the tests of the model and of the FMU's physics."""
 
 import pytest
-from gyro_runner import Runner
+from gyro_runner import RestingRunner, Runner
 
 from gyro_model.build import Fmus, build
 from gyro_model.envelope import envelope_model
@@ -22,5 +22,5 @@ def plant(runners: dict[int, Runner]) -> Runner:
 
 @pytest.fixture(scope="session")
 def envelope(tmp_path_factory: pytest.TempPathFactory) -> Runner:
-    """The FMU of the envelope form for FMI 3.0."""
-    return Runner(build(envelope_model()).fmi3, tmp_path_factory.mktemp("envelope"))
+    """The FMU of the envelope form for FMI 3.0, at rest where nobody says otherwise."""
+    return RestingRunner(build(envelope_model()).fmi3, tmp_path_factory.mktemp("envelope"))

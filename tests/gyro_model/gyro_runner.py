@@ -93,3 +93,18 @@ class Runner:
         do_step = slave.dll.fmi3DoStep
         said = [ct.byref(kind()) for kind in (ct.c_bool, ct.c_bool, ct.c_bool, ct.c_double)]
         return lambda t, h: int(do_step(slave.component, ct.c_double(t), ct.c_double(h), True, *said))
+
+
+class RestingRunner(Runner):
+    """The FMU of the envelope form without its default motion and drive, at a carrier of 3 kHz."""
+
+    def run(
+        self,
+        parameters: Mapping[str, float],
+        t: Floats,
+        inputs: Mapping[str, Floats] | None = None,
+        outputs: Sequence[str] = OUTPUTS,
+    ) -> dict[str, Floats]:
+        """As ``Runner.run``."""
+        rest = {"u_x_q": np.zeros(len(t)), "carrier_frequency": np.full(len(t), 3000.0)}
+        return super().run({"x_start_i": 0.0, **parameters}, t, {**rest, **(inputs or {})}, outputs)

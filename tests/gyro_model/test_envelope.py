@@ -183,8 +183,14 @@ def test_thermal_phase_and_lag(envelope: Runner, residual: Residual) -> None:
 def test_damping_step_off_the_grid(envelope: Runner, residual: Residual) -> None:
     p = rate_device(500.0, kxy=0.0, damping_step_factor=3.0, damping_step_time=0.0123, internal_step=0.01)
     z = envelopes(envelope, p | start_at(1e-6 + 0j, 0j), np.arange(5) * 0.01, NO_FORCE)[:, 2]
+    before, after = full_motion(p), full_motion(p | {"dxx": 3 * p["dxx"], "dyy": 3 * p["dyy"]})
     decay = p["dxx"] / (2 * M)
-    residual("amplitude", abs(abs(z[-1]) / 1e-6 / exp(-decay * (0.0123 + 3 * (0.04 - 0.0123))) - 1), 1e-6)
+    speed = (-decay + 1j * sqrt(W_X**2 - decay**2)) * 1e-6
+    wanted = expm(after * (0.04 - 0.0123)) @ expm(before * 0.0123) @ [1e-6, 0.0, speed.real, 0.0]
+    # At 0.04 s the carrier has turned 120 times; 2 Q roundings.
+    residual("x", abs(z[-1].real - wanted[0]) / abs(wanted[0]), 1e-11)
+    # The phase at which it steps counts for the change of the decay over 2 w: 1/Q.
+    residual("amplitude", abs(abs(z[-1]) / 1e-6 / exp(-decay * (0.0123 + 3 * (0.04 - 0.0123))) - 1), 1 / 500)
 
 
 def test_offset_falls_out_and_clipping_is_projected(envelope: Runner, residual: Residual) -> None:
@@ -233,7 +239,9 @@ def test_jolt_of_a_rate_step(envelope: Runner, residual: Residual) -> None:
     p = rate_device(1e6, kxy=0.0, frame_rotation=1.0, angular_gain=0.0, internal_step=1e-4) | start_at(1e-6 + 0j, 0j)
     t = np.arange(3) * 1e-4
     rows = envelope.run(p, t, {"omega_z": np.array([0.0, 5.0, 5.0])}, ("y_i", "y_q", "x_i", "x_q"))
-    # y' jumps by -ΔΩ x: an amplitude of -ΔΩ x/(2iw) is left in the forward mode of y.
-    jump = -5.0 * complex(rows["x_i"][1], rows["x_q"][1]) / (1j * (W_X + 2 * pi * F_Y))
-    wanted = jump * np.exp(2j * pi * (F_Y - F_X) * 1e-4)
-    residual("y", abs(complex(rows["y_i"][2], rows["y_q"][2]) / wanted - 1), 1e-4)
+    # y' jumps by -ΔΩ x, of x as it is at that phase; then y swings freely, the centrifugal force of 25 m x far below.
+    phase = np.exp(2j * pi * F_X * t)
+    x, y = ((rows[f"{axis}_i"] + 1j * rows[f"{axis}_q"]) * phase for axis in "xy")
+    wanted = -5.0 * x[1].real / (2 * pi * F_Y) * np.sin(2 * pi * F_Y * 1e-4)
+    # Damping takes ωt/2Q = 1e-6 of it.
+    residual("y", abs(y[2].real / wanted - 1), 2e-6)

@@ -6,7 +6,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{6d3c17cc-bdbc-25dc-5d8e-e8956ef7e63a}"
+#define GYRO_TOKEN "{2956610c-5805-918a-bfb3-7aeedfc8ecbb}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
