@@ -3,10 +3,12 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+from gyro_model.envelope import envelope_model
 from gyro_model.model import Model
 from gyro_model.quantities import Quantity
 
 BEGIN, END = "<!-- variables: written by build_fmu.py --update -->", "<!-- end of variables -->"
+ENVELOPE_BEGIN, ENVELOPE_END = "<!-- envelope: written by build_fmu.py --update -->", "<!-- end of envelope -->"
 
 
 def variables(model: Model) -> str:
@@ -25,13 +27,28 @@ def variables(model: Model) -> str:
     return "\n".join(parts)
 
 
+def own_variables(form: Model, model: Model) -> str:
+    """Markdown table of what ``form``, of the same device, has and ``model`` has not."""
+    rows = (
+        (f"`{q.name}`", q.role, q.unit, "" if q.role == "output" else f"{q.start:g}", q.description)
+        for q in form.quantities
+        if q.name not in model.by_name or q.start != model.by_name[q.name].start
+    )
+    return _table(("name", "is", "unit", "start", "what"), rows)
+
+
 def insert(text: str, model: Model) -> str:
     """``text`` with the tables between its markers written anew. Raises ValueError where it has no markers."""
-    before, marker, rest = text.partition(BEGIN)
-    _, closing, after = rest.partition(END)
+    text = _between(text, BEGIN, variables(model), END)
+    return _between(text, ENVELOPE_BEGIN, own_variables(envelope_model(model), model), ENVELOPE_END)
+
+
+def _between(text: str, begin: str, written: str, end: str) -> str:
+    before, marker, rest = text.partition(begin)
+    _, closing, after = rest.partition(end)
     if not (marker and closing):
-        raise ValueError(f"no markers {BEGIN!r} ... {END!r}")
-    return f"{before}{BEGIN}\n\n{variables(model)}\n{END}{after}"
+        raise ValueError(f"no markers {begin!r} ... {end!r}")
+    return f"{before}{begin}\n\n{written}\n{end}{after}"
 
 
 def readme(checkout: Path, model: Model) -> dict[Path, str]:

@@ -1,7 +1,10 @@
 """The envelope form against what is known by hand: straight devices by linear algebra, curved ones by textbook."""
 
+import re
+import textwrap
 from collections.abc import Callable
 from math import exp, pi, sqrt
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +25,10 @@ from envelope_device import (
 )
 from gyro_runner import Runner
 from scipy.linalg import expm
+
+from gyro_model.build import CHECKOUT, build, default_folder
+from gyro_model.envelope import envelope_model
+from gyro_model.model import load_model
 
 Residual = Callable[[str, float, float], None]
 NO_FORCE = np.zeros(2, complex)
@@ -245,3 +252,48 @@ def test_jolt_of_a_rate_step(envelope: Runner, residual: Residual) -> None:
     wanted = -5.0 * x[1].real / (2 * pi * F_Y) * np.sin(2 * pi * F_Y * 1e-4)
     # Damping takes ωt/2Q = 1e-6 of it.
     residual("y", abs(y[2].real / wanted - 1), 2e-6)
+
+
+@pytest.mark.parametrize("instant", [0.02, 0.02 + 0.25 / F_X, 0.02 + 0.13 / F_X])
+def test_a_step_at_any_phase_is_that_of_the_full_plant(envelope: Runner, residual: Residual, instant: float) -> None:
+    # Rate and force step at once, with the drive on; what the plant hears is its force as amplitudes of the carrier.
+    p = rate_device(1000.0, kxy=0.5, dxy=5e-9)
+    forces = np.array([[1j * p["dxx"] * W_X * 1e-6, 0.0], [1.3j * p["dxx"] * W_X * 1e-6, -2e-8 + 1e-8j]])
+    start = answer(p, F_X, forces[0])
+    after = instant + np.arange(1, 400) * 7.3e-5
+    t = np.array([0.0, instant, *after])
+    stepped = np.arange(len(t)) >= 1
+    inputs = {
+        f"u_{axis}_{part}": np.where(stepped, *(getattr(forces[k][i], of) for k in (1, 0)))
+        for i, axis in enumerate("xy")
+        for part, of in (("i", "real"), ("q", "imag"))
+    }
+    p |= start_at(*start)
+    names = ("x_i", "x_q", "y_i", "y_q")
+    rows = envelope.run(p, t, inputs | {"omega_z": np.where(stepped, 1.0, 0.0)}, names)
+    motion = np.zeros((6, 6))
+    motion[:4, :4] = full_motion(p, rate=1.0)
+    motion[2:4, 4], motion[2:4, 5] = forces[1].real / M, -forces[1].imag / M
+    motion[4, 5], motion[5, 4] = -W_X, W_X
+    turn = np.exp(1j * W_X * instant)
+    begin = [*(start * turn).real, *(1j * W_X * start * turn).real, turn.real, turn.imag]
+    wanted = np.array([(expm(motion * (s - instant)) @ begin)[:2] for s in after])
+    for i, axis in enumerate("xy"):
+        found = ((rows[f"{axis}_i"] + 1j * rows[f"{axis}_q"]) * np.exp(1j * W_X * t)).real[2:]
+        # Phases of 4e2 to 1e3 radians, and 2 Q roundings a cycle apart. Amplitudes alone would be 1e-2 off.
+        residual(axis, np.max(np.abs(found - wanted[:, i])) / np.max(np.abs(wanted[:, i])), 3e-10)
+
+
+def test_the_example_of_the_readme(monkeypatch: pytest.MonkeyPatch) -> None:
+    section = (CHECKOUT / "README.md").read_text(encoding="utf-8").split("## The FMUs alone")[1]
+    code = section[section.index("    import numpy as np\n") :].split("\n\n")[0]
+    monkeypatch.chdir(default_folder(load_model()).parent)
+    build(envelope_model())
+    said: dict[str, Any] = {}
+    exec(textwrap.dedent(code), said)
+    last = said["result"][-1]
+    numbers = [float(n) for n in re.findall(r"-?\d+\.\d+(?= mV)", code)]
+    assert len(numbers) == 2
+    assert [1e3 * last["v_y_i"], 1e3 * last["v_y_q"]] == pytest.approx(numbers, abs=0.005)
+    assert said["result"]["v_x_i"] == pytest.approx(4.0, rel=1e-3)
+    assert np.all(said["result"]["v_y_q"][:500] == 0.0)
