@@ -20,12 +20,18 @@ class Named(NamedTuple):
 
 
 def table() -> dict[str, list[Named]]:
-    """Parameters by effect id, from the table of section 8."""
+    """Parameters by effect id, from the tables of sections 8 and 11."""
     if not SPECIFICATION.is_file():
         pytest.skip("shared/SYSTEM.md is not beside this checkout")
-    section = SPECIFICATION.read_text(encoding="utf-8").partition("## 8.")[2].partition("## 9.")[0]
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines() if line[:1] == "|"]
-    return {row[0].split()[0]: parameters(row[2]) for row in rows[2:]}
+    text = SPECIFICATION.read_text(encoding="utf-8")
+    rows = [*_rows(text, "## 8.", "## 9."), *_rows(text, "## 11.", "Record defects")]
+    return {row[0].split()[0]: parameters(row[2]) for row in rows}
+
+
+def _rows(text: str, begin: str, end: str) -> list[list[str]]:
+    section = text.partition(begin)[2].partition(end)[0]
+    lines = [line for line in section.splitlines() if line[:1] == "|"]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
 
 
 def parameters(cell: str) -> list[Named]:
