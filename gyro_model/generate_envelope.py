@@ -41,13 +41,14 @@ def envelope(model: Model) -> str:
     moving = (*model.state_symbols, *U)
     added = added_forces(model)
     curved = [e for e in added if is_curved(e.terms().values(), moving)]
+    crossed = [e for e in curved if _couples(e)]
     for effect in curved:
         if effect.states:
             raise InputError(f"effect {effect.id}: has states and is not linear, which the envelope form can't follow")
     maps = [e for e in model.effects if isinstance(e, Map)]
     parts = [
         _any("curved_force", "a force is not linear in the motion", curved),
-        _any("crossed_force", "such a force depends on the other axis or on the command", [e for e in curved if _couples(e)]),
+        _any("crossed_force", "such a force depends on the other axis or on the command", crossed),
         _any("stateful_force", "a force has states of its own", [e for e in added if e.states]),
         _any("drawn_force", "a force is noise", [e for e in model.forces if e.drawn]),
         _any("curved_actuator", "the force is not in proportion to the command", _bent(maps, ACTUATOR)),

@@ -55,7 +55,7 @@ EFFECT = Force(
     host_experiment="drive level ramp to beyond the gap",
     limits=(
         Limit(
-            why="two gaps: past it by e = 64 w: 500 N/m · 1 µm · 4096/4097, and 4096 · 4099/4097² of 1e-3 N·s/m at 10 mm/s",
+            why="64 w past it: 500 N/m · 2^-20 m · 4096/4097, and 4096 · 4099/4097² of 1e-3 N·s/m at 10 mm/s",
             at={
                 "stop_stiffness": 500.0,
                 "stop_gap": 2.0**-20,

@@ -32,7 +32,7 @@ EFFECT = Force(
     host_experiment="ring-down from an amplitude near the gap",
     limits=(
         Limit(
-            why="0.28 of the gap: 1 - 0.28² = 0.96², and 0.96³ = 0.884736; at rest the film is linear damping, 2e-6 · 10 mm/s",
+            why="0.28 of the gap: 1 - 0.28² = 0.96², and 0.96³ = 0.884736; at rest 2e-6 N·s/m · 10 mm/s",
             at={
                 "squeeze_x": 1e-6,
                 "squeeze_y": 2e-6,

@@ -7,7 +7,6 @@ import pytest
 from effect_points import IDS, MODEL, active_parameters
 from gyro_runner import Floats, Runner
 from philox_oracle import drawn
-
 from sympy import sympify
 from sympy.core.function import Application
 

@@ -20,16 +20,21 @@ class Named(NamedTuple):
 
 
 def table() -> dict[str, list[Named]]:
-    """Parameters by effect id, from the tables of sections 8 and 11."""
+    """Parameters by effect id, from the table of section 8."""
+    return {row[0].split()[0]: parameters(row[2]) for row in rows("## 8.", "## 9.")}
+
+
+def more() -> dict[str, str]:
+    """The cell of the parameters by effect id, from the table of section 11, of which some rows hold several."""
+    listed = rows("## 11.", "Record defects")
+    return {effect_id: row[2] for row in listed for effect_id in row[0].replace("†", "").replace(",", "").split()}
+
+
+def rows(begin: str, end: str) -> list[list[str]]:
+    """The cells of the table between two headings."""
     if not SPECIFICATION.is_file():
         pytest.skip("shared/SYSTEM.md is not beside this checkout")
-    text = SPECIFICATION.read_text(encoding="utf-8")
-    rows = [*_rows(text, "## 8.", "## 9."), *_rows(text, "## 11.", "Record defects")]
-    return {row[0].split()[0]: parameters(row[2]) for row in rows}
-
-
-def _rows(text: str, begin: str, end: str) -> list[list[str]]:
-    section = text.partition(begin)[2].partition(end)[0]
+    section = SPECIFICATION.read_text(encoding="utf-8").partition(begin)[2].partition(end)[0]
     lines = [line for line in section.splitlines() if line[:1] == "|"]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
 
@@ -54,7 +59,8 @@ def test_the_parser_reads_the_table() -> None:
 
 
 def test_every_effect_of_the_table_is_there_and_no_other() -> None:
-    assert {effect.id for effect in MODEL.effects if not effect.nominal} == set(table())
+    ids = {effect.id for effect in MODEL.effects if not effect.nominal}
+    assert set(table()) <= ids <= {*table(), *more()}
 
 
 def test_parameters_are_those_of_the_table() -> None:
@@ -65,3 +71,13 @@ def test_parameters_are_those_of_the_table() -> None:
         for name, role, start in named:
             assert own[name].role == role, name
             assert start is None or own[name].start == start, name
+
+
+def test_further_parameters_are_those_of_the_table() -> None:
+    for effect_id, cell in more().items():
+        for quantity in (q for e in MODEL.effects if e.id == effect_id for q in e.parameters):
+            named = re.search(rf"\b{quantity.name}\b", cell)
+            # Shapes may be there in words or by a Greek letter.
+            assert named or quantity.role == "shape", quantity.name
+            if named:
+                assert ("(" in cell[: named.start()]) == (quantity.role == "shape"), quantity.name
