@@ -64,7 +64,7 @@ def _from_file(path: Path, attribute: str) -> Any:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(f"{attribute.lower()} file {path}: {type(error).__name__}: {error}") from error
     if not hasattr(module, attribute):
         raise InputError(f"{attribute.lower()} file {path}: defines no {attribute}; assign it")

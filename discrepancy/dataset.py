@@ -1,8 +1,8 @@
 """A data set on disk: a folder with ``dataset.toml`` and one table a run (SYSTEM.md section 9)."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any, Final, NamedTuple, get_args
 
@@ -13,6 +13,7 @@ from discrepancy.table import SUFFIXES, read_columns
 from gyro_model.device import check_passive
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import Model, load_model
+from gyro_model.toml_text import read_toml_file
 
 __all__ = ["Dataset", "Record", "load_dataset", "make_record"]
 
@@ -95,10 +96,7 @@ def load_dataset(path: Path, device: Mapping[str, float] | None = None, model: M
     if not file.is_file():
         raise InputError(f"data set {path}: there is no {FILE}; `gyrotwin dataset init` writes one")
     try:
-        content = tomllib.loads(file.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise InputError(f"data set {file}: not TOML: {error}") from None
-    try:
+        content = read_toml_file(file)
         return _dataset(file.parent, content, dict(device or {}), model or load_model())
     except InputError as error:
         raise InputError(f"data set {file}: {error}") from None
@@ -141,7 +139,7 @@ def _entry(number: int, run: Mapping[str, Any]) -> _Entry:
         raise InputError(f'{where}: file = {file!r}: add file = "run.csv"')
     if "\0" in file or Path(file).is_absolute() or ".." in Path(file).parts:
         raise InputError(f"{where}: file = {file!r}: lies outside the data set's folder; copy it in and give its name")
-    if isinstance(rate, bool) or not isinstance(rate, (int, float)) or not rate > 0:
+    if isinstance(rate, bool) or not isinstance(rate, (int, float)) or not 0 < rate < inf:
         raise InputError(f"{where} ({file}): sample_rate = {rate!r}: add sample_rate = ... in Hz")
     if not file.lower().endswith(SUFFIXES):
         raise InputError(f"{where}: file = {file!r}: name one that ends in {', '.join(SUFFIXES)}")

@@ -49,6 +49,8 @@ def read_table(path: Path, *, skip_rows: int = 0, separator: str = ",") -> pl.Da
 def numbers(table: pl.DataFrame, name: str) -> Floats:
     """One column as float64 (n,), NaN where a cell is empty. Raises InputError for text."""
     column = table[name]
+    if column.dtype.is_nested() or column.dtype in (pl.Object, pl.Binary):
+        raise InputError(f"column {name} holds {column.dtype}: give one number a row")
     values = column.cast(pl.Float64, strict=False)
     text = values.is_null() & column.is_not_null()
     if text.any():

@@ -19,6 +19,8 @@ RUNS: Final = 3
 TONES: Final = 40
 REACH: Final = 0.5e-6
 """Amplitude of the motion [m] that the drive aims at, rms: half that of the reference run."""
+LARGEST_SEED: Final = 2**31 - 1
+"""Of the FMU; each run has a seed of its own."""
 SPREAD: Final = 0.02
 """What the lab believes is off by up to this share, as manufacturing leaves it."""
 
@@ -46,10 +48,15 @@ def write_trial(
     target = out / "dataset.toml"
     if target.exists():
         raise InputError(f"{target} exists: name another folder")
+    if not 0 <= seed * runs + runs - 1 <= LARGEST_SEED:
+        raise InputError(f"seed = {seed}: give 0 to {LARGEST_SEED // runs - 1}")
     rng = np.random.default_rng(seed)
     true = device.with_parameters(hidden).all_parameters
     starts = {name: 0.0 for name in true if name.endswith("_start")}
-    out.mkdir(parents=True, exist_ok=True)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"folder {out}: {error.strerror}; name another") from None
     t = np.arange(samples) / rate
     with Simulator(device.model, jobs=1) as simulator:
         for number in range(runs):

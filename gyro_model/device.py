@@ -6,8 +6,8 @@ format = 1, name, [parameters], optional [intervals] (name = [low, high], 95 %),
 
 import json
 import os
-import tomllib
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import atan2, cos, hypot, inf, isfinite, pi, radians, sin, sqrt
 from pathlib import Path
@@ -16,6 +16,7 @@ from typing import Any
 from gyro_model.anatomy import Effect
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import Model, load_model
+from gyro_model.toml_text import read_toml_file
 
 FOLDER = Path(__file__).parent / "devices"
 FORMAT = 1
@@ -234,10 +235,7 @@ def load_device(name: str, model: Model | None = None) -> Device:
 def read_toml(path: Path, tables: Collection[str]) -> dict[str, Any]:
     """The content of a device file, or of one of its form with these ``tables``, each checked to be one. Raises
     InputError without the path."""
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"not TOML: {error}") from None
+    data = read_toml_file(path)
     known = ("format", "name", *tables)
     for key in data:
         if key not in known:
@@ -378,8 +376,13 @@ def write_file(
         if entries or table == "parameters":
             lines += ["", f"[{table}]", *(_entry(key, value, units.get(key)) for key, value in entries.items())]
     beside = path.with_name(path.name + ".part")
-    beside.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    os.replace(beside, path)
+    try:
+        beside.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        os.replace(beside, path)
+    except OSError as error:
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)
+        raise InputError(f"file {path}: {error.strerror}; name another place") from None
 
 
 def _entry(name: str, value: Any, unit: str | None) -> str:

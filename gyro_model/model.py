@@ -205,7 +205,7 @@ def _load_effect(path: Path) -> Effect:
             spec.loader.exec_module(module)
         except InputError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise InputError(f"effect file {path}: {type(error).__name__}: {error}") from error
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):

@@ -18,6 +18,10 @@ Role = Literal["input", "output", "parameter", "size", "shape"]
 Terminal = Literal["mechanical", "electrical", "inertial", "thermal", ""]
 
 
+LARGEST = 1.7976931348623157e308
+"""The largest finite float; a whole number may be larger still."""
+
+
 @dataclass(frozen=True)
 class Quantity:
     """One number with a name: ``start`` is its value where nobody sets it (for a size parameter: neutral).
@@ -66,7 +70,7 @@ class Quantity:
 
     def check(self, value: float) -> float:
         """``value`` as a float. Raises InputError where it is not a finite number within the bounds, naming them."""
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not -LARGEST <= value <= LARGEST:
             raise InputError(f"{self.name} = {value!r}: give a finite number in {self.unit}")
         if not self.low <= value <= self.high:
             bounds = f"from {self.low:g} to {self.high:g}"

@@ -53,6 +53,8 @@ COMMANDS: Final = {
 def load_command(name: str) -> Any:
     """The command of that name in COMMANDS, with what it imports."""
     module, _, attribute = COMMANDS[name].place.partition(":")
+    # What `build` prints are paths for other programs.
+    show_messages(sys.stderr if name == "build" else None)
     with said_if_slow(f"loading {name}"):
         found = getattr(importlib.import_module(module), attribute)
     if not isinstance(found, typer.Typer):
@@ -108,11 +110,14 @@ def _root(
 def main(arguments: Sequence[str] | None = None) -> Any:
     """Entry point: one line and exit code 2 for wrong input, 130 for Ctrl-C."""
     signal.signal(signal.SIGINT, interrupt)
-    show_messages()
     try:
         return app(args=arguments, prog_name="gyrotwin")
     except InputError as error:
         print(f"gyrotwin: {error}", file=sys.stderr)
+        sys.exit(2)
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        print(f"gyrotwin: {place}{error.strerror or error}", file=sys.stderr)
         sys.exit(2)
     except Interrupted as stop:
         print(f"gyrotwin: interrupted; {stop.left}", file=sys.stderr)

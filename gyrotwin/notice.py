@@ -5,7 +5,9 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Final
+from typing import Final, TextIO
+
+LOGGER: Final = logging.getLogger("gyrotwin")
 
 PATIENCE: Final = 0.6
 """Silence a user bears without wondering [s]: well below the second within which each command must say something."""
@@ -13,8 +15,8 @@ PATIENCE: Final = 0.6
 
 @contextmanager
 def said_if_slow(what: str) -> Iterator[None]:
-    """Prints ``what`` on stderr if the block takes longer than PATIENCE."""
-    timer = threading.Timer(PATIENCE, lambda: print(f"gyrotwin: {what} ...", file=sys.stderr, flush=True))
+    """Says ``what`` if the block takes longer than PATIENCE."""
+    timer = threading.Timer(PATIENCE, LOGGER.info, (f"{what} ...",))
     timer.daemon = True
     timer.start()
     try:
@@ -23,16 +25,21 @@ def said_if_slow(what: str) -> Iterator[None]:
         timer.cancel()
 
 
-class _Stderr(logging.Handler):
-    """Writes each message as a line on stderr, wherever that leads at the time."""
+class _Lines(logging.Handler):
+    """Writes each message as a line to ``stream``; None: to stdout, wherever that leads at the time."""
+
+    stream: TextIO | None = None
 
     def emit(self, record: logging.LogRecord) -> None:
-        print(f"gyrotwin: {record.getMessage()}", file=sys.stderr, flush=True)
+        print(f"gyrotwin: {record.getMessage()}", file=self.stream or sys.stdout, flush=True)
 
 
-def show_messages() -> None:
-    """Shows what the package logs, from INFO on, as lines on stderr."""
-    logger = logging.getLogger("gyrotwin")
-    if not any(isinstance(handler, _Stderr) for handler in logger.handlers):
-        logger.addHandler(_Stderr())
-    logger.setLevel(logging.INFO)
+_HANDLER: Final = _Lines()
+
+
+def show_messages(stream: TextIO | None = None) -> None:
+    """Shows what the package logs, from INFO on, as lines of ``stream``; None: of stdout, which leaves stderr to what
+    is wrong."""
+    _HANDLER.stream = stream
+    LOGGER.addHandler(_HANDLER)
+    LOGGER.setLevel(logging.INFO)

@@ -12,6 +12,8 @@ import cosim.master
 @contextmanager
 def shown_progress(console: Console, title: str) -> Iterator[cosim.master.Progress]:
     """Shows a bar while the block runs; gives what to call with the time reached and the duration [s]."""
+    if not console.is_terminal:
+        console.print(f"{title} ...", highlight=False, markup=False)
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

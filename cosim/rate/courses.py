@@ -47,10 +47,15 @@ def constant(value: float, text: str) -> Course:
     return Course(lambda t: np.full(len(t), value), np.inf, text)
 
 
+LARGEST_STEP = 1e5
+"""Rate step at most [deg/s]: ten times what gyroscopes for projectiles measure."""
+LARGEST_RATE = np.deg2rad(LARGEST_STEP)
+
+
 def rate_step(rate: float, period: float) -> Course:
     """Rest, +``rate``, rest, -``rate`` [rad/s], over ``period`` [s] and again."""
-    if not (np.isfinite(rate) and rate > 0):
-        raise InputError(f"rate step {np.rad2deg(rate):g} deg/s: give a positive rate")
+    if not 0 < rate <= LARGEST_RATE:
+        raise InputError(f"rate step {np.rad2deg(rate):g} deg/s: give a rate above 0, up to {LARGEST_STEP:g} deg/s")
     if not (np.isfinite(period) and period > 0):
         raise InputError(f"rate period {period:g} s: give a positive time")
     pattern = rate * np.array(STEP_PATTERN, dtype=float)

@@ -4,7 +4,6 @@ format = 1, name, description, duration, optional angle_unit, optional [paramete
 a number, a table, or an array of tables.
 """
 
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
@@ -18,6 +17,7 @@ from cosim.scenarios.courses import Constant, Course, Part, Record, Sine, Square
 from cosim.scenarios.scenario import INPUT_NAMES, QUANTITIES, Scenario
 from gyro_model.errors import InputError, nearest
 from gyro_model.tables import read_table, stated_unit
+from gyro_model.toml_text import read_toml_file
 from gyro_model.units import Conversion, conversion
 
 Floats = NDArray[np.float64]
@@ -175,10 +175,7 @@ def descriptions() -> dict[str, str]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"not TOML: {error}") from None
+    return read_toml_file(path)
 
 
 def _scenario(data: Mapping[str, Any], folder: Path) -> Scenario:

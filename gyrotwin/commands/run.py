@@ -59,6 +59,7 @@ def run(
     out: Annotated[
         Path | None, typer.Option(help="Folder for summary.json, trace.parquet, report.html; default results/SCENARIO.")
     ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write even into a folder that holds other files.")] = False,
 ) -> None:
     """Run a scenario in the closed loop and report."""
     from gyrotwin import api
@@ -68,7 +69,7 @@ def run(
     from gyrotwin.tasks.run import NOT_VALID, split_texts
 
     folder = out or Path("results") / Path(scenario).stem
-    check_writable(folder)
+    check_writable(folder, force=force)
     with shown_progress(console, Path(scenario).stem) as progress:
         result = api.run(
             scenario,
@@ -90,7 +91,7 @@ def run(
             effects=effects or (),
             progress=progress,
         )
-    result.save(folder)
+    result.save(folder, force=force)
     console.print(results(result.summary))
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
     if not result.valid:

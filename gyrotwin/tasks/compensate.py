@@ -85,19 +85,20 @@ def compensate(
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the network's starts.")] = 1,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default results/compensate.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write even into a folder that holds other files.")] = False,
 ) -> None:
     """Fit a temperature compensation and write it as TOML and as a C header, with before and after."""
     from gyrotwin.output import check_writable
 
     folder = out or Path("results") / "compensate"
-    check_writable(folder)
+    check_writable(folder, force=force)
     found = find(
         Request(
             record, test, method, sensor, segments, hidden, sampling_time, settling, settled, outside,
             tuple(maps or ()), tuple(scales or ()), seed,
         )
     )  # fmt: skip
-    found.save(folder)
+    found.save(folder, force=force)
     console.print(results(found.summary))
     for name in ("compensation.toml", "compensation.h", "report.html"):
         console.print(str(folder / name), soft_wrap=True, highlight=False)

@@ -56,14 +56,15 @@ def diagnose(
     max_effects: Annotated[int, typer.Option(help="Name at most so many effects.")] = MOST_EFFECTS,
     jobs: Annotated[int | None, typer.Option(help="Simulations at a time; default one a core.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of whatever the search draws.")] = 0,
+    force: Annotated[bool, typer.Option("--force", help="Write even into a folder that holds other files.")] = False,
 ) -> None:
     """Find what a model lacks to explain measured data, and write the improved model."""
     folder = out or Path("results") / _name(dataset)
     request = Request(dataset, folder, device, tuple(effects or ()), max_effects, jobs, seed)
-    execute(request, console)
+    execute(request, console, force=force)
 
 
-def execute(request: Request, out: Console) -> dict[str, Any]:
+def execute(request: Request, out: Console, *, force: bool = False) -> dict[str, Any]:
     """Diagnoses and writes all files of ``request.out``, complete or not at all; shows what is found on ``out``; gives
     the contents of report.json.
 
@@ -74,7 +75,7 @@ def execute(request: Request, out: Console) -> dict[str, Any]:
     from gyrotwin.output import check_writable
 
     _check(request)
-    check_writable(request.out)
+    check_writable(request.out, force=force)
     model = load_model(*request.effects)
     data, notes = _dataset(request, model)
     warnings = [*notes, *map(str, check(data))]
@@ -83,7 +84,7 @@ def execute(request: Request, out: Console) -> dict[str, Any]:
     with _kept_search(request, out) as (checkpoint, progress):
         found = find(request, data, model, progress, checkpoint, warnings)
         with out.status("report and FMU"):
-            found.save(request.out)
+            found.save(request.out, force=force)
     (request.out / CHECKPOINT).unlink(missing_ok=True)
     out.print(results(found.report, found.raw))
     out.print(f"report: {request.out / 'report.html'}", soft_wrap=True, highlight=False)

@@ -88,6 +88,7 @@ def rate(
     out: Annotated[Path, typer.Option(help="Folder for summary.json, trace.parquet, report.html.")] = Path(
         "results/rate"
     ),
+    force: Annotated[bool, typer.Option("--force", help="Write even into a folder that holds other files.")] = False,
 ) -> None:
     """Run rate mode: drive loop, sense loop, rate over temperature, noise."""
     from gyrotwin.progress import shown_progress
@@ -99,7 +100,7 @@ def rate(
     )  # fmt: skip
     prepared = prepare(request)
     with shown_progress(console, f"rate mode, {prepared.duration:g} s") as progress:
-        summary = execute(prepared, out, progress)
+        summary = execute(prepared, out, progress, force=force)
     console.print(results(summary))
     if prepared.sense_rate is not None:
         console.print(f"for gyrotwin split: {out / SENSE_RECORD}", soft_wrap=True, highlight=False)
@@ -190,13 +191,13 @@ def _duration(rate: "Course", temperature: "Course", request: Request) -> float:
     return request.rate_period if request.rate_step is not None else REST_DURATION
 
 
-def execute(run: "RateRun", folder: Path, progress: "Progress | None" = None) -> dict[str, Any]:
+def execute(run: "RateRun", folder: Path, progress: "Progress | None" = None, *, force: bool = False) -> dict[str, Any]:
     """Runs and writes the files into ``folder``, complete or not at all; gives the summary."""
     from cosim.rate.master import simulate
     from gyrotwin.output import check_writable
     from gyrotwin.results import RateResult
 
-    check_writable(folder)
+    check_writable(folder, force=force)
     result = RateResult(run, simulate(run, progress))
-    result.save(folder)
+    result.save(folder, force=force)
     return dict(result.summary)

@@ -65,18 +65,19 @@ def split(
     out: Annotated[
         Path | None, typer.Option(help="Folder for summary.json and report.html, and track.csv of a track.")
     ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write even into a folder that holds other files.")] = False,
 ) -> None:
     """Find the frequency split of the two modes in a record of normal operation, from thermal noise."""
     from gyrotwin.output import check_writable
 
     folder = out or Path("results") / ("split" if track is None else "track")
-    check_writable(folder)
+    check_writable(folder, force=force)
     request = Request(
         record, q, drive_frequency, sample_rate, tuple(column or ()), carrier, span, guard, clean_line, resolution,
         track,
     )  # fmt: skip
     found = find(request)
-    found.save(folder)
+    found.save(folder, force=force)
     console.print(found.shown)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
 
