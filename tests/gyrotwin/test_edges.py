@@ -2,10 +2,8 @@
 
 import contextlib
 import os
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import polars as pl
@@ -163,17 +161,15 @@ def test_device_new_says_what_it_assumed(tmp_path: Path, capsys: pytest.CaptureF
     assert gt.load_device(path).parameters["sense_gain_y"] == 2e6
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX's")
+@pytest.mark.skipif(not hasattr(os, "wait4"), reason="processor time of one child is POSIX's")
 def test_something_is_said_within_a_second(tmp_path: Path) -> None:
-    """In a load that takes longer; the limit holds on an idle machine, hence the factor for a shared one."""
+    """By processor time, which is what a user waits on an idle machine; half as much again for shared caches."""
     environment = {**os.environ, "PYTHONPATH": str(Path(gt.__file__).parents[1])}
-    start = time.monotonic()
     command = [sys.executable, "-u", "-m", "gyrotwin", "run", "constant"]
     run = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True, env=environment)
     assert run.stdout is not None
     first = run.stdout.readline()
-    took = time.monotonic() - start
-    run.send_signal(signal.SIGINT)
-    run.wait(timeout=60)
+    run.kill()
+    _, _, used = os.wait4(run.pid, 0)
     assert first.strip()
-    assert took < 3.0
+    assert used.ru_utime + used.ru_stime < 1.5

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from gyro_model.errors import InputError
 from gyrotwin.output import publish
 
 
@@ -24,13 +25,13 @@ def test_what_an_earlier_call_wrote_besides_goes(tmp_path: Path) -> None:
 
 
 def test_a_writer_that_fails_leaves_all_as_it_was(tmp_path: Path) -> None:
-    publish(tmp_path, {"a.txt": writer("first"), "sense.parquet": writer("first")})
+    publish(tmp_path, {"summary.json": writer("first"), "sense.parquet": writer("first")})
 
     def fail(path: Path) -> None:
         path.write_text("half")
         raise OSError("disk full")
 
-    with pytest.raises(OSError, match="disk full"):
-        publish(tmp_path, {"a.txt": writer("second"), "b.txt": fail}, sometimes="sense.parquet")
-    assert files(tmp_path) == ["a.txt", "sense.parquet"]
-    assert (tmp_path / "a.txt").read_text() == "first"
+    with pytest.raises(InputError, match="disk full; nothing written"):
+        publish(tmp_path, {"summary.json": writer("second"), "track.csv": fail}, sometimes="sense.parquet")
+    assert files(tmp_path) == ["summary.json", "sense.parquet"]
+    assert (tmp_path / "summary.json").read_text() == "first"
