@@ -12,7 +12,7 @@ from typer.core import TyperCommand, TyperGroup
 from gyro_model.errors import InputError, nearest
 from gyrotwin import __version__
 from gyrotwin.interrupt import Interrupted, interrupt
-from gyrotwin.notice import said_if_slow, show_messages
+from gyrotwin.notice import promise, show_messages, shown
 
 SETTINGS: Final = {"help_option_names": ["-h", "--help"]}
 
@@ -55,8 +55,8 @@ def load_command(name: str) -> Any:
     module, _, attribute = COMMANDS[name].place.partition(":")
     # What `build` prints are paths for other programs.
     show_messages(sys.stderr if name == "build" else None)
-    with said_if_slow(f"loading {name}"):
-        found = getattr(importlib.import_module(module), attribute)
+    promise(f"loading {name}")
+    found = getattr(importlib.import_module(module), attribute)
     if not isinstance(found, typer.Typer):
         single = typer.Typer(add_completion=False, pretty_exceptions_enable=False, context_settings=SETTINGS)
         single.command(name)(found)
@@ -113,6 +113,7 @@ def main(arguments: Sequence[str] | None = None) -> Any:
     try:
         return app(args=arguments, prog_name="gyrotwin")
     except InputError as error:
+        shown()
         print(f"gyrotwin: {error}", file=sys.stderr)
         sys.exit(2)
     except OSError as error:
@@ -123,6 +124,7 @@ def main(arguments: Sequence[str] | None = None) -> Any:
         print(f"gyrotwin: interrupted; {stop.left}", file=sys.stderr)
         sys.exit(130)
     finally:
+        shown()
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 

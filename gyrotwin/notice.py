@@ -25,6 +25,24 @@ def said_if_slow(what: str) -> Iterator[None]:
         timer.cancel()
 
 
+def promise(what: str) -> None:
+    """Says ``what`` if the program has shown nothing else within PATIENCE: see ``shown``."""
+    global _promised
+    shown()
+    _promised = threading.Timer(PATIENCE, LOGGER.info, (f"{what} ...",))
+    _promised.daemon = True
+    _promised.start()
+
+
+def shown() -> None:
+    """Takes a promise back: something is shown, or the command is over."""
+    if _promised is not None:
+        _promised.cancel()
+
+
+_promised: threading.Timer | None = None
+
+
 class _Lines(logging.Handler):
     """Writes each message as a line to ``stream``; None: to stdout, wherever that leads at the time."""
 

@@ -2,16 +2,21 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-import cosim.master
+from gyrotwin.notice import shown
+
+if TYPE_CHECKING:
+    import cosim.master
 
 
 @contextmanager
-def shown_progress(console: Console, title: str) -> Iterator[cosim.master.Progress]:
+def shown_progress(console: Console, title: str) -> "Iterator[cosim.master.Progress]":
     """Shows a bar while the block runs; gives what to call with the time reached and the duration [s]."""
+    shown()
     if not console.is_terminal:
         console.print(f"{title} ...", highlight=False, markup=False)
     columns = (

@@ -163,7 +163,8 @@ def test_device_new_says_what_it_assumed(tmp_path: Path, capsys: pytest.CaptureF
 
 @pytest.mark.skipif(not hasattr(os, "wait4"), reason="processor time of one child is POSIX's")
 def test_something_is_said_within_a_second(tmp_path: Path) -> None:
-    """By processor time, which is what a user waits on an idle machine; half as much again for shared caches."""
+    """By processor time, which is what a user waits on an idle machine; half as much again for shared caches. Where
+    cores are shared, less of it passes before the promise is due."""
     environment = {**os.environ, "PYTHONPATH": str(Path(gt.__file__).parents[1])}
     command = [sys.executable, "-u", "-m", "gyrotwin", "run", "constant"]
     run = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True, env=environment)

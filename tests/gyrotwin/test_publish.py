@@ -33,5 +33,5 @@ def test_a_writer_that_fails_leaves_all_as_it_was(tmp_path: Path) -> None:
 
     with pytest.raises(InputError, match="disk full; nothing written"):
         publish(tmp_path, {"summary.json": writer("second"), "track.csv": fail}, sometimes="sense.parquet")
-    assert files(tmp_path) == ["summary.json", "sense.parquet"]
+    assert files(tmp_path) == ["sense.parquet", "summary.json"]
     assert (tmp_path / "summary.json").read_text() == "first"
