@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.report import Table, row
-from calibration.compensation.choose import FOLDS, Asked, held_out_stretches
+from calibration.compensation.cycles import MEMORY, covered, hold_outs, last_cycle, memory_of
+from calibration.compensation.methods.method import Asked
 from calibration.compensation.record import CIRCUIT, RATE_OF, STRUCTURE, Blocks, Floats, make_blocks
+from calibration.compensation.trial import trial
 from gyrotwin.compensate_record import read_test
-from gyrotwin.tasks.compensate import HELD_OUT_FOLD, HELD_OUT_STRETCHES, judge_all
 
 Chosen = NDArray[np.bool_]
 
@@ -39,7 +40,7 @@ NOTES: Final = (
     "√(<(b₂ - 2b₁ + b₀)²>/6) of means over 100 s of the last 25 min, where the die moves evenly by 0.2 °C in 100 s. No "
     "function of temperature removes either: the bound is √(σ_w² + σ_b²), and 0.05 counts is below it.",
     "Wide search: ridge regressions on polynomials of die, board or both, their rates, up to two lags of the board, "
-    "chosen by cross-validation on the stretches fitted; its least: the best of them on the held-out stretches, which "
+    "chosen by cross-validation on the parts fitted; its least: the best of them on the held-out parts, which "
     "flatters. Neighbours: means of two blocks on either side after a cubic in the die's temperature; no compensation, "
     "but it says how much of the bias lasts 50 s.",
 )
@@ -52,10 +53,11 @@ def warmup_table() -> Table:
         blocks = make_blocks(read_test(WARMUP, (*MAPS, f"rate={axis}"), SCALES), BLOCK, 0.0)
         values = {}
         for name, sensor in (("die", STRUCTURE), ("board", CIRCUIT)):
-            judged, _ = judge_all(blocks, None, Asked("piecewise", sensor=sensor, sampling_time=BLOCK), "clamp")
-            values[name] = judged[0].held_out.rms
-        judged, _ = judge_all(blocks, None, Asked("spline", sampling_time=BLOCK), "clamp")
-        values["both, spline"] = judged[0].held_out.rms
+            asked = Asked("piecewise", sensor=sensor, sampling_time=BLOCK)
+            values[name] = trial(blocks, None, asked, "clamp").judged[0].held_out.rms
+        for name in ("spline", "history"):
+            asked = Asked(name, sampling_time=BLOCK)
+            values[f"both, {name}"] = trial(blocks, None, asked, "clamp").judged[0].held_out.rms
         searched = widest_search(blocks)
         values |= {"wide search": searched.chosen, "its least": searched.least}
         values["neighbours in time"] = _neighbours(blocks)
@@ -65,7 +67,7 @@ def warmup_table() -> Table:
         rows.append(
             row(f"{axis}, rms of what remains", "counts", values, limit=REACH.get(axis), judged=("die",), note=note)
         )
-    return Table("Measured warm-up, stretches held out, blocks of 300 samples", rows)
+    return Table("Measured warm-up, one cycle: contiguous parts held out, blocks of 300 samples", rows)
 
 
 class Searched(NamedTuple):
@@ -78,17 +80,16 @@ class Searched(NamedTuple):
 
 
 def widest_search(blocks: Blocks) -> Searched:
-    """Every model, fitted without the stretches that `gyrotwin compensate` holds out, and judged there."""
-    out = held_out_stretches(len(blocks), HELD_OUT_FOLD, HELD_OUT_STRETCHES)
-    covered = np.ones(len(blocks), dtype=bool)
-    for values in blocks.inputs.values():
-        covered &= (values >= values[~out].min()) & (values <= values[~out].max())
-    folds = [held_out_stretches(int((~out).sum()), number) for number in range(FOLDS)]
+    """Every model, fitted without the parts that `gyrotwin compensate` holds out, and judged there."""
+    held = last_cycle(blocks, MEMORY * memory_of(blocks))
+    seen, judged = held.fitted, covered(blocks, held)
+    part = blocks.part(seen)
+    folds = [(fold.fitted, fold.left_out) for fold in hold_outs(part, MEMORY * memory_of(part))]
     found = []
     for columns, ridge in product(_models(blocks), RIDGES):
-        inside, rate = columns[~out], blocks.rate[~out]
-        score = sum(_left_over(inside, rate, ~fold, fold, ridge) ** 2 for fold in folds)
-        found.append((score, _left_over(columns, blocks.rate, ~out, out & covered, ridge)))
+        inside, rate = columns[seen], blocks.rate[seen]
+        score = sum(_left_over(inside, rate, *fold, ridge) ** 2 for fold in folds)
+        found.append((score, _left_over(columns, blocks.rate, seen, judged, ridge)))
     return Searched(min(found)[1], min(left for _, left in found), len(found))
 
 

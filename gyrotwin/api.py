@@ -511,13 +511,13 @@ def split(
 
 
 def compensate(
-    record: str | Path,
+    records: str | Path | Sequence[str | Path],
     *,
     test: str | Path | None = None,
     method: str = "best",
     sensor: str | None = None,
     segments: int | None = None,
-    hidden: int = 8,
+    hidden: int | None = None,
     sampling_time: float = 10.0,
     settling: float = 1.0,
     settled: bool = False,
@@ -530,18 +530,18 @@ def compensate(
 
     Parameters
     ----------
-    record : str or Path
-        Temperature test: trace.parquet of `rate`, or a table.
+    records : str or Path, or several
+        Temperature tests: trace.parquet of `rate`, or tables.
     test : str or Path
-        Another cycle to test on; None: a quarter of the record is held out.
-    method : {"best", "piecewise", "network", "spline"}
-        Best: by held-out error.
+        Another record to test on; None: the last whole cycle is held out, of a single one contiguous parts.
+    method : {"best", "piecewise", "network", "spline", "history"}
+        Best: by inner validation on the fitting cycles alone.
     sensor : {"structure", "circuit"}
         Temperature of the piecewise lines; None: structure where given.
     segments : int
-        Of the piecewise lines; None: by held-out error.
+        Of the piecewise lines; None: by inner validation.
     hidden : int
-        Neurons of the network.
+        Neurons of the network; None: by inner validation.
     sampling_time, settling : float
         Means over so many seconds; left out after a step of the rate [s].
     settled : bool
@@ -566,10 +566,11 @@ def compensate(
     """
     from gyrotwin.tasks.compensate import Request, find
 
+    paths = [records] if isinstance(records, str | Path) else records
     return find(
         Request(
-            Path(record), None if test is None else Path(test), method, sensor, segments, hidden, sampling_time,
-            settling, settled, outside, _pairs(maps), _pairs(scales), seed,
+            tuple(map(Path, paths)), None if test is None else Path(test), method, sensor, segments, hidden,
+            sampling_time, settling, settled, outside, _pairs(maps), _pairs(scales), seed,
         )
     )  # fmt: skip
 

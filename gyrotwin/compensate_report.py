@@ -15,7 +15,7 @@ from gyrotwin.figures import Figure, Line, Panel, envelope, line
 from gyrotwin.report import as_json, template, write_whole
 
 if TYPE_CHECKING:
-    from gyrotwin.tasks.compensate import Judged
+    from calibration.compensation.trial import Judged
 
 Floats = NDArray[np.float64]
 
@@ -23,13 +23,13 @@ SHARE: Final = 2.0
 """Noise is drawn at this many standard errors: 95 %."""
 PPM: Final = 1e6
 MINUTE: Final = 60.0
-METHOD_ROLES: Final = ("estimate", "effect-0", "effect-1")
+METHOD_ROLES: Final = ("estimate", "effect-0", "effect-1", "effect-2")
 AXES: Final = {STRUCTURE: "structure [°C]", CIRCUIT: "board [°C]", FREQUENCY: "drive frequency [Hz]"}
 
 
 def render(summary: Mapping[str, Any], judged: Sequence["Judged"], tested: Blocks, out: Path) -> None:
     """Writes the page to ``out``; summary: content of summary.json; tested: the held-out blocks."""
-    from gyrotwin.tasks.compensate import HEADINGS, rows, times, titles
+    from gyrotwin.tasks.compensate import HEADINGS, notes, rows, times, titles
 
     unit = "°/h" if summary["unit"] == "rad/s" else summary["unit"]
     drawn = [
@@ -42,6 +42,7 @@ def render(summary: Mapping[str, Any], judged: Sequence["Judged"], tested: Block
         chosen=summary["methods"][summary["method"]],
         headings=HEADINGS,
         times=times,
+        notes=notes(dict(summary)),
         tables={title: rows(dict(summary), quantity) for quantity, title in titles(dict(summary)).items()},
         bias_unit=unit,
         figures=drawn,

@@ -5,7 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from calibration.compensation.model import Additive, Compensation, Constant, Function, Network, Piecewise
+from calibration.compensation.field_form import field_form
+from calibration.compensation.model import Additive, Compensation, Constant, Function, Network, Piecewise, Varying
 from calibration.compensation.record import Floats
 from gyro_model.errors import InputError
 
@@ -16,7 +17,8 @@ def to_toml(compensation: Compensation) -> str:
     """The coefficients as a TOML file; numbers with all their digits."""
     lines = [
         "# Temperature compensation: compensated rate = rate / scale(X) - bias(X). Inputs X, and the rate, are means",
-        "# over the sampling time; an input that ends in _rate is the difference of two such means over that time.",
+        "# over the sampling time; NAME_rate is the difference of two such means over that time, NAME_lag_TAU a",
+        "# first-order lag of TAU s less NAME, NAME_play_WIDTH a play of that half width less NAME.",
         f"format = {FORMAT}",
         f"method = {_text(compensation.method)}",
         f"note = {_text(compensation.note)}",
@@ -46,6 +48,14 @@ def _toml(name: str, function: Function, inputs: Sequence[str]) -> list[str]:
             ]
             lines += [f"  {_array(row)}," for row in term.coefficients] + ["]"]
         return lines
+    if isinstance(function, Varying):
+        lines = ["", "# f_0(x_0) + sum of f_j(x_0) (x_j - centre_j); within segment k, f is c[k][0] + c[k][1] u + ..,"]
+        lines += ["# u = x_0 - edges[k]."]
+        for i, term, centre in zip(inputs, function.terms, function.centres.tolist(), strict=True):
+            lines += ["", f"[[{name}.weight]]", f"input = {_text(i)}", f"centre = {centre!r}"]
+            lines += [f"edges = {_array(term.edges)}", "coefficients = ["]
+            lines += [f"  {_array(row)}," for row in term.coefficients] + ["]"]
+        return lines
     if isinstance(function, Network):
         lines = ["", "# shift + gain (a2 tanh(a1 u + b1) + b2), u = 2 (x - low)/(high - low) - 1.", f"[{name}]"]
         lines += [f"shift = {function.shift!r}", f"gain = {function.gain!r}", "a1 = ["]
@@ -67,7 +77,9 @@ def to_c_header(compensation: Compensation, outside: str) -> str:
         [
             f"/* Temperature compensation by gyrotwin: {compensation.method}. {_comment(compensation.note)}",
             f" * Rates in {compensation.unit}. Inputs and rate are means over {compensation.sampling_time:g} s;",
-            " * *_rate is the difference of two such means over that time.",
+            " * NAME_rate is the difference of two such means over that time, NAME_lag_TAU a first-order lag of TAU s",
+            " * less NAME, NAME_play_WIDTH a play of that half width less NAME. gyro_compensation_sample() makes them",
+            " * all from what the sensors say.",
             *listing,
             " */",
             "#ifndef GYRO_COMPENSATION_H",
@@ -98,6 +110,7 @@ def to_c_header(compensation: Compensation, outside: str) -> str:
             "    return beyond;",
             "}",
             "",
+            field_form(compensation),
             "#endif",
             "",
         ]
@@ -107,7 +120,7 @@ def to_c_header(compensation: Compensation, outside: str) -> str:
 def _c_functions(compensation: Compensation) -> list[str]:
     both = (("gyro_scale_factor", compensation.scale), ("gyro_bias", compensation.bias))
     lines: list[str] = []
-    if any(isinstance(f, Additive) for _, f in both):
+    if any(isinstance(f, Additive | Varying) for _, f in both):
         lines.append(PIECEWISE)
     for name, function in both:
         lines += _c_function(name, function, len(compensation.inputs))
@@ -141,9 +154,21 @@ def _c_function(name: str, function: Function, inputs: int) -> list[str]:
             for k, (segments, width) in enumerate(term.coefficients.shape for term in function.terms)
         ]
         return [*tables, *head, "    return " + "\n        + ".join(calls) + ";", "}", ""]
+    if isinstance(function, Varying):
+        return _c_varying(name, function, head)
     if isinstance(function, Network):
         return _c_network(name, function, inputs, head)
     raise InputError(f"{type(function).__name__}: no such function can be written")
+
+
+def _c_varying(name: str, function: Varying, head: list[str]) -> list[str]:
+    tables = [line for k, term in enumerate(function.terms) for line in _c_term(f"{name}_{k}", term)]
+    calls = []
+    for k, (term, centre) in enumerate(zip(function.terms, function.centres.tolist(), strict=True)):
+        segments, width = term.coefficients.shape
+        call = f"gyro_piecewise({name}_{k}_edges, {name}_{k}, {segments}, {width - 1}, x[0])"
+        calls.append(call if k == 0 else f"{call} * (x[{k}] - ({centre!r}))")
+    return [*tables, *head, "    return " + "\n        + ".join(calls) + ";", "}", ""]
 
 
 def _c_term(name: str, term: Piecewise) -> list[str]:

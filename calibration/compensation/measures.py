@@ -60,11 +60,16 @@ class Change(NamedTuple):
 
 
 class Result(NamedTuple):
-    """A compensation on one test: curves over temperature; scale is None where the test never turns; rms: of what
-    remains of the bias at blocks [unit], floor: rms of their noise; outside: blocks clamped, of ``blocks``."""
+    """A compensation on one test.
+
+    Curves over temperature; scale is None where the test never turns; rms_before: of the bias at blocks about its mean
+    [unit]; rms: of what remains of it, an offset included; floor: rms of their noise; outside: blocks clamped, of
+    ``blocks``.
+    """
 
     scale: Curve | None
     bias: Curve
+    rms_before: float
     rms: float
     floor: float
     outside: int
@@ -82,8 +87,10 @@ def judge(blocks: Blocks, compensation: Compensation, outside: str = "refuse") -
     if len(found.value):
         left = found.value / applied.scale[np.searchsorted(blocks.t, found.blocks.t)]
         scale = _curve(found, found.value, left, found.noise)
-    rms, floor = (float(np.sqrt(np.mean(values**2))) for values in (remains, divided.noise))
-    return Result(scale, bias, rms, floor, int(applied.outside.sum()), len(blocks))
+    before, rms, floor = (
+        float(np.sqrt(np.mean(values**2))) for values in (raw.value - raw.value.mean(), remains, divided.noise)
+    )
+    return Result(scale, bias, before, rms, floor, int(applied.outside.sum()), len(blocks))
 
 
 def _curve(points: Points, before: Floats, after: Floats, noise: Floats) -> Curve:
@@ -123,6 +130,13 @@ def change(curve: Curve) -> Change:
     return Change(*(float(span) / curve.range for span in spans))
 
 
+def spread_over_temperature(blocks: Blocks, values: Floats) -> float:
+    """(max - min)/range of means over passes of ``values`` at ``blocks``, shape (n,) [unit/°C]."""
+    points = Points(blocks, values, blocks.noise)
+    curve = _curve(points, values, values, blocks.noise)
+    return change(curve).after
+
+
 def expected_range(deviations: Floats) -> float:
     """Mean of max - min of independent normal values with these standard deviations: ∫ 1 - ΠF - Π(1 - F)."""
     widest = float(deviations.max())
@@ -141,6 +155,12 @@ def summary(result: Result, unit: str) -> dict[str, Any]:
     return {
         "scale_factor_ppm_per_c": None if result.scale is None else _change(change(result.scale), 1e6),
         "bias_per_c": _change(change(result.bias), factor),
+        "bias_rms": {
+            "before": factor * result.rms_before,
+            "after": factor * result.rms,
+            "noise": factor * result.floor,
+            "factor": result.rms_before / result.rms,
+        },
         "residual_rms": factor * result.rms,
         "block_noise": factor * result.floor,
         "clamped_blocks": result.outside,

@@ -5,7 +5,8 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.compensation.record import RATE_OF, SIGNALS, Blocks, Floats
+from calibration.compensation.derived import derived
+from calibration.compensation.record import SIGNALS, Blocks, Floats
 from gyro_model.errors import InputError, nearest
 
 OUTSIDE: Final = ("refuse", "clamp")
@@ -18,8 +19,8 @@ NOISES: Final = 4.0
 
 def unit_of(name: str) -> str:
     """Unit of an input."""
-    base = name.removesuffix(RATE_OF)
-    return SIGNALS[base] + ("/s" if base != name else "")
+    wanted = derived(name)
+    return SIGNALS[wanted.signal] + ("/s" if wanted.kind == "rate" else "")
 
 
 class Input(NamedTuple):
@@ -69,6 +70,25 @@ class Additive(NamedTuple):
         total = np.zeros(len(x))
         for column, term in zip(x.T, self.terms, strict=True):
             total += term(column)
+        return total
+
+
+class Varying(NamedTuple):
+    """A piecewise polynomial of the first input, and for each other input one that multiplies it:
+
+        f_0(x_0) + Σ f_j(x_0) (x_j - centre_j)
+
+    terms: f_0, f_1, ..; centres (inputs,), the first unused.
+    """
+
+    terms: tuple[Piecewise, ...]
+    centres: Floats
+
+    def __call__(self, x: Floats) -> Floats:
+        """Values, shape (n,), at ``x``, shape (n, inputs)."""
+        total = self.terms[0](x[:, 0])
+        for term, column, centre in zip(self.terms[1:], x.T[1:], self.centres[1:], strict=True):
+            total = total + term(x[:, 0]) * (column - centre)
         return total
 
 
@@ -126,7 +146,7 @@ class Compensation(NamedTuple):
         """
         if outside not in OUTSIDE:
             raise InputError(f"outside = {outside!r}: give {' or '.join(OUTSIDE)}{nearest(outside, OUTSIDE)}")
-        x = inputs_of(blocks, [i.name for i in self.inputs])
+        x = inputs_of(blocks.with_inputs(i.name for i in self.inputs), [i.name for i in self.inputs])
         low, high = (np.array(edge) for edge in zip(*((i.low, i.high) for i in self.inputs), strict=True))
         beyond: NDArray[np.bool_] = (x < low) | (x > high)
         if outside == "refuse" and beyond.any():
@@ -158,6 +178,18 @@ def inputs_of(blocks: Blocks, names: list[str]) -> Floats:
             has = ", ".join(blocks.inputs)
             raise InputError(f"{blocks.name}: holds no {name} (has {has}): map a column to it, or use another method")
     return np.stack([blocks.inputs[name] for name in names], axis=1)
+
+
+REACH: Final = 3.0
+"""A line in a slope, a lag or a play goes on for so many times what was fitted: T(t - τ) = T - τ T' on any ramp."""
+
+
+def both_ways(i: Input) -> Input:
+    """The range of an input on which a compensation depends by a line: as far down as up, and REACH times that."""
+    if not derived(i.name).kind:
+        return i
+    most = REACH * max(-i.low, i.high)
+    return i._replace(low=-most, high=most)
 
 
 def fitted_inputs(blocks: Blocks, names: list[str]) -> tuple[Input, ...]:

@@ -44,13 +44,17 @@ def scale_points(blocks: Blocks) -> Points:
             f"{blocks.name}: {len(rest_t)} stretches at rest (rate_true = 0): bias and scale factor need "
             f"{FEWEST_RESTS}; let the rate step between rest and turning, as gyrotwin rate --rate-step does"
         )
-    after = np.searchsorted(rest_t, blocks.t)
+    bias = np.full(len(blocks), np.nan)
     usual = NEAR * float(np.median(np.diff(rest_t)))
-    inside = turning & (after > 0) & (after < len(rest_t))
-    inside[inside] = rest_t[after[inside]] - rest_t[after[inside] - 1] <= usual
+    # A gap, or the next record, ends a run.
+    ends = np.flatnonzero(np.diff(rest_t) > usual) + 1
+    for t, rate in zip(np.split(rest_t, ends), np.split(rest_rate, ends), strict=True):
+        if len(t) >= FEWEST_RESTS:
+            within = turning & (blocks.t > t[0]) & (blocks.t < t[-1])
+            bias[within] = CubicSpline(t, rate)(blocks.t[within])
+    inside = np.isfinite(bias)
     chosen = blocks.part(inside)
-    bias = CubicSpline(rest_t, rest_rate)(chosen.t)
-    value = (chosen.rate - bias) / chosen.rate_true
+    value = (chosen.rate - bias[inside]) / chosen.rate_true
     # Halfway between evenly spaced rests a cubic has weights of about 9, 9, -1, -1 sixteenths: 0.64 of their variance.
     return Points(chosen, value, np.sqrt(1.64) * chosen.noise / np.abs(chosen.rate_true))
 
@@ -59,7 +63,8 @@ def _rests(blocks: Blocks) -> tuple[Floats, Floats]:
     """Time [s] and rate of the stretches at rest, shape (n,): means over neighbouring rest blocks, at most as many as
     usually turn in a row, so that a cubic between them does not follow the noise within."""
     rest = blocks.at_rest
-    edges = np.flatnonzero(np.diff(rest)) + 1
+    apart = np.diff(blocks.t)
+    edges = np.flatnonzero(np.diff(rest) | (apart > NEAR * np.median(apart))) + 1
     run = np.split(np.arange(len(blocks)), edges)
     lengths = [len(part) for part in run if not rest[part[0]]]
     most = max(int(np.median(lengths)), 1)

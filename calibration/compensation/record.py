@@ -1,13 +1,15 @@
 """A temperature test, and its blocks: means over the sampling time of the compensation."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.compensation.cycles import cycle_numbers
+from calibration.compensation.derived import derived, memory, slope
 from gyro_model.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -25,6 +27,8 @@ FULL: Final = 0.5
 """A block counts that has this share of the rows of the usual one: the derivative of a shorter one is mostly noise."""
 RESTS: Final = 0.05 / 60
 """Slower than this the temperature is settled [°C/s]: at a lag of 240 s the structure is then 0.2 °C behind."""
+APART: Final = 1e6
+"""Between two records that are joined [s]: longer than any gap within one."""
 REST_WINDOW: Final = 120.0
 """Time over which that speed is taken [s]: 20 mK of noise and 62.5 mK of rounding are then below 0.02 °C/min."""
 
@@ -64,8 +68,8 @@ class Blocks:
     """Means over blocks of a test, shape (n,) each.
 
     t: middle [s]; rate, rate_true [unit]; noise: standard error of ``rate`` by the scatter within the block [unit];
-    inputs: signals [°C, Hz] and their derivatives, named ``_rate`` [1/s of them], by the difference to the block
-    before; unit of the rates.
+    inputs: signals [°C, Hz], their derivatives, named ``_rate`` [1/s of them], by the difference to the block before,
+    and what else ``with_inputs`` added; unit of the rates; cycle: number of the temperature cycle.
     """
 
     t: Floats
@@ -75,6 +79,11 @@ class Blocks:
     inputs: Mapping[str, Floats]
     unit: str = "rad/s"
     name: str = "record"
+    cycle: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    def __post_init__(self) -> None:
+        if len(self.cycle) != len(self.t):
+            object.__setattr__(self, "cycle", np.zeros(len(self.t), dtype=np.int64))
 
     def __len__(self) -> int:
         return len(self.t)
@@ -83,7 +92,21 @@ class Blocks:
         """The blocks chosen, shape (n,)."""
         inputs = {name: values[chosen] for name, values in self.inputs.items()}
         t, rate, true, noise = (values[chosen] for values in (self.t, self.rate, self.rate_true, self.noise))
-        return Blocks(t, rate, true, noise, inputs, self.unit, self.name)
+        return Blocks(t, rate, true, noise, inputs, self.unit, self.name, self.cycle[chosen])
+
+    def with_inputs(self, names: Iterable[str]) -> "Blocks":
+        """The same with inputs that remember, by their names in ``derived.py``; those that are there stay as they are.
+
+        To be called on whole records: memory begins with each.
+        """
+        inputs = dict(self.inputs)
+        again = np.flatnonzero(np.diff(self.t) >= APART) + 1
+        for name in names:
+            wanted = derived(name)
+            if name not in inputs and wanted.signal in inputs:
+                parts = zip(np.split(self.t, again), np.split(self.inputs[wanted.signal], again), strict=True)
+                inputs[name] = np.concatenate([memory(wanted, t, values) for t, values in parts])
+        return replace(self, inputs=inputs)
 
     @property
     def at_rest(self) -> NDArray[np.bool_]:
@@ -143,12 +166,46 @@ def make_blocks(test: TemperatureTest, sampling_time: float, settling: float) ->
 
     t, rate, true = mean(test.t), mean(test.rate), mean(test.rate_true)
     inputs = {name: mean(values) for name, values in test.signals.items()}
-    inputs |= {name + RATE_OF: np.diff(values, prepend=np.nan) / np.diff(t, prepend=np.nan)
-               for name, values in inputs.items()}  # fmt: skip
+    inputs |= {name + RATE_OF: slope(t, values) for name, values in inputs.items()}
     noise = _standard_error(test.t[used], test.rate[used], starts, counts)[full]
     # The first block has no derivative.
     has_both = np.arange(len(t)) > 0
-    return Blocks(t, rate, true, noise, inputs, test.unit, test.name).part(has_both)
+    blocks = Blocks(t, rate, true, noise, inputs, test.unit, test.name).part(has_both)
+    return replace(blocks, cycle=cycle_numbers(blocks.temperature))
+
+
+def joined(records: Sequence[Blocks]) -> Blocks:
+    """Records one after another, APART in time, each with cycles of its own. Inputs that are not in all are
+    left out. Raises InputError where the units of the rate differ, and where no signal is in all."""
+    first, *others = records
+    if not others:
+        return first
+    for other in others:
+        if other.unit != first.unit:
+            raise InputError(f"{other.name}: rates are in {other.unit}, those of {first.name} in {first.unit}")
+    names = [name for name in first.inputs if all(name in other.inputs for other in others)]
+    if not names:
+        raise InputError(f"{', '.join(r.name for r in records)}: no temperature or drive frequency is in all of them")
+    numbers, times, begin, end = [], [], 0, -APART
+    for record in records:
+        numbers.append(record.cycle + begin)
+        times.append(record.t - record.t[0] + end + APART)
+        begin, end = int(numbers[-1].max()) + 1, float(times[-1][-1])
+
+    def both(of: Callable[[Blocks], Floats]) -> Floats:
+        return np.concatenate([of(record) for record in records])
+
+    inputs = {name: np.concatenate([record.inputs[name] for record in records]) for name in names}
+    return Blocks(
+        np.concatenate(times),
+        both(lambda b: b.rate),
+        both(lambda b: b.rate_true),
+        both(lambda b: b.noise),
+        inputs,
+        first.unit,
+        first.name,
+        np.concatenate(numbers),
+    )
 
 
 def _stretches(test: TemperatureTest, settling: float) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:

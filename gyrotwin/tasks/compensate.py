@@ -14,39 +14,23 @@ from gyro_model.errors import InputError, nearest
 from gyrotwin.numbers import MISSING, significant
 
 if TYPE_CHECKING:
-    from calibration.compensation.choose import Asked
-    from calibration.compensation.measures import Result
-    from calibration.compensation.model import Compensation
+    from calibration.compensation.floors import Floor
     from calibration.compensation.record import Blocks
+    from calibration.compensation.trial import Trial
     from gyrotwin.results import CompensationResult
 
 console = Console()
-
-HELD_OUT_FOLD: Final = 1
-HELD_OUT_STRETCHES: Final = 60
-"""Without a second record one in four of these stretches is held out: short enough that a fast warm-up, too, is met at
-its start."""
-
-
-class Judged(NamedTuple):
-    """A method with what it leaves of the fitted and of the held-out blocks; score: rms of residual over noise in the
-    choice."""
-
-    compensation: "Compensation"
-    score: float
-    fitted: "Result"
-    held_out: "Result"
 
 
 class Request(NamedTuple):
     """A fit as asked for; None where the program decides. Times in s; ``maps`` and ``scales`` are texts COLUMN=..."""
 
-    record: Path
+    records: tuple[Path, ...]
     test: Path | None = None
     method: str = "best"
     sensor: str | None = None
     segments: int | None = None
-    hidden: int = 8
+    hidden: int | None = None
     sampling_time: float = 10.0
     settling: float = 1.0
     settled: bool = False
@@ -57,18 +41,21 @@ class Request(NamedTuple):
 
 
 def compensate(
-    record: Annotated[Path, typer.Argument(help="Temperature test: trace.parquet of `gyrotwin rate`, or a table.")],
+    records: Annotated[
+        list[Path],
+        typer.Argument(help="Temperature tests: trace.parquet of `gyrotwin rate`, or tables."),
+    ],
     test: Annotated[
-        Path | None, typer.Option(help="Another cycle to test on; default: a quarter of RECORD is held out.")
+        Path | None, typer.Option(help="Another record to test on; default: the last cycle is held out.")
     ] = None,
     method: Annotated[
-        str, typer.Option(help="piecewise (source 003), network (002), spline, or best by held-out error.")
+        str, typer.Option(help="piecewise, network, spline, history, or best by inner validation.")
     ] = "best",
     sensor: Annotated[
         str | None, typer.Option(help="Of the piecewise lines: structure or circuit; default: structure where given.")
     ] = None,
-    segments: Annotated[int | None, typer.Option(help="Of the piecewise lines; default: by held-out error.")] = None,
-    hidden: Annotated[int, typer.Option(help="Neurons of the network.")] = 8,
+    segments: Annotated[int | None, typer.Option(help="Of the piecewise lines; default: by inner validation.")] = None,
+    hidden: Annotated[int | None, typer.Option(help="Neurons of the network; default: by inner validation.")] = None,
     sampling_time: Annotated[float, typer.Option(help="Inputs and rate are means over this, s.")] = 10.0,
     settling: Annotated[float, typer.Option(help="Left out after a step of rate_true, s.")] = 1.0,
     settled: Annotated[
@@ -94,7 +81,7 @@ def compensate(
     check_writable(folder, force=force)
     found = find(
         Request(
-            record, test, method, sensor, segments, hidden, sampling_time, settling, settled, outside,
+            tuple(records), test, method, sensor, segments, hidden, sampling_time, settling, settled, outside,
             tuple(maps or ()), tuple(scales or ()), seed,
         )
     )  # fmt: skip
@@ -106,10 +93,11 @@ def compensate(
 
 def find(request: Request) -> "CompensationResult":
     """The compensation that ``request`` asks for. Raises InputError, with a remedy, for whatever is wrong."""
-    from calibration.compensation.choose import Asked
     from calibration.compensation.export import to_c_header, to_toml
+    from calibration.compensation.methods.method import Asked
     from calibration.compensation.model import OUTSIDE
-    from calibration.compensation.record import CIRCUIT, STRUCTURE, make_blocks
+    from calibration.compensation.record import CIRCUIT, STRUCTURE, joined, make_blocks
+    from calibration.compensation.trial import trial
     from gyrotwin.compensate_record import read_test
     from gyrotwin.compensate_report import render
     from gyrotwin.results import CompensationResult, write_json
@@ -125,17 +113,17 @@ def find(request: Request) -> "CompensationResult":
         blocks = make_blocks(table, request.sampling_time, request.settling)
         return _settled(blocks) if request.settled else blocks
 
-    fitted, test = blocks_of(request.record), request.test
-    judged, shown = judge_all(fitted, None if test is None else blocks_of(test), asked, outside)
-    summary = summarise(judged, request.record.name, None if test is None else test.name)
-    chosen = judged[0].compensation
+    fitted, test = joined([blocks_of(path) for path in request.records]), request.test
+    found = trial(fitted, None if test is None else blocks_of(test), asked, outside)
+    names = ", ".join(path.name for path in request.records)
+    summary = summarise(found, names, None if test is None else test.name)
     return CompensationResult(
         summary,
         {
-            "compensation.toml": lambda path: path.write_text(to_toml(chosen), encoding="utf-8"),
-            "compensation.h": lambda path: path.write_text(to_c_header(chosen, outside), encoding="utf-8"),
+            "compensation.toml": lambda path: path.write_text(to_toml(found.chosen), encoding="utf-8"),
+            "compensation.h": lambda path: path.write_text(to_c_header(found.chosen, outside), encoding="utf-8"),
             "summary.json": write_json(summary),
-            "report.html": lambda path: render(summary, judged, shown, path),
+            "report.html": lambda path: render(summary, found.judged, found.tested, path),
         },
     )
 
@@ -151,38 +139,15 @@ def _settled(blocks: "Blocks") -> "Blocks":
     return blocks.part(blocks.settled)
 
 
-def judge_all(blocks: "Blocks", test: "Blocks | None", asked: "Asked", outside: str) -> tuple[list[Judged], "Blocks"]:
-    """The methods asked for, best first, and the blocks that they are tested on.
-
-    Without a test a quarter of the blocks is held out, in stretches, as far as the others cover their range.
-    """
-    import numpy as np
-
-    from calibration.compensation.choose import choose, held_out_stretches
-    from calibration.compensation.measures import judge
-
-    shown = test
-    if shown is None:
-        left_out = held_out_stretches(len(blocks), HELD_OUT_FOLD, HELD_OUT_STRETCHES)
-        covered = np.ones(len(blocks), dtype=bool)
-        for values in blocks.inputs.values():
-            covered &= (values >= values[~left_out].min()) & (values <= values[~left_out].max())
-        shown = blocks.part(left_out & covered)
-        blocks = blocks.part(~left_out)
-    judged = []
-    for candidate in choose(blocks, asked):
-        compensation = candidate.fit(blocks)
-        fitted, held_out = judge(blocks, compensation, "clamp"), judge(shown, compensation, outside)
-        judged.append(Judged(compensation, candidate.held_out, fitted, held_out))
-    return judged, shown
-
-
-def summarise(judged: list[Judged], record: str, test: str | None) -> dict[str, Any]:
+def summarise(found: "Trial", record: str, test: str | None) -> dict[str, Any]:
     """The answer as JSON-ready values."""
-    from calibration.compensation.measures import summary
+    from calibration.compensation.measures import bias_factor, summary
 
-    chosen = judged[0].compensation
+    chosen = found.chosen
+    factor = bias_factor(chosen.unit)
     return {
+        "hold_out": found.hold_out,
+        "another_cycle_tested": not found.untested,
         "record": record,
         "test": test,
         "method": chosen.method,
@@ -197,8 +162,30 @@ def summarise(judged: list[Judged], record: str, test: str | None) -> dict[str, 
                 "fitted": summary(j.fitted, chosen.unit),
                 "held_out": summary(j.held_out, chosen.unit),
             }
-            for j in judged
+            for j in found.judged
         },
+        "floors": {
+            "present_inputs": _floor(found.floors.present, factor),
+            "history_of_inputs": _floor(found.floors.history, factor),
+        },
+        "residual": [cause._asdict() for cause in found.residual],
+        "inner_validation": [
+            {"method": c.family, "shape": c.shape, "score": c.held_out if isfinite(c.held_out) else None}
+            for c in sorted(found.choice.tried, key=lambda c: c.held_out)
+        ],
+    }
+
+
+def _floor(found: "Floor | str", factor: float) -> dict[str, Any]:
+    if isinstance(found, str):
+        return {"missing": found}
+    interval = (found.low, found.high)
+    return {
+        "bias_per_c": factor * found.per_c,
+        "bias_per_c_interval": [factor * found.per_c * end for end in interval],
+        "bias_rms": factor * found.rms,
+        "bias_rms_interval": [factor * found.rms * end for end in interval],
+        "cycles": found.cycles,
     }
 
 
@@ -207,33 +194,44 @@ def times(factor: float) -> str:
     return f"{factor:.0f}" if factor >= 100 else f"{factor:.3g}"
 
 
-HEADINGS: Final = ("method", "before", "after", "factor", "possible", "score")
+HEADINGS: Final = ("method", "before", "after", "factor", "noise allows", "history", "present", "score")
+FLOORS: Final = ("history_of_inputs", "present_inputs")
 
 
 def rows(summary: Mapping[str, Any], quantity: str) -> list[tuple[str, ...]]:
-    """Of each method on the held-out blocks: the columns of HEADINGS for "scale_factor_ppm_per_c" or "bias_per_c"."""
+    """Of each method on the held-out blocks: the columns of HEADINGS for a quantity of ``titles``."""
     lines = []
     for name, found in summary["methods"].items():
         change = found["held_out"][quantity]
         if change is not None:
             numbers = (significant(change[key], digits) for key, digits in (("before", 4), ("after", 3)))
-            allows = MISSING if change["noise_allows"] is None else times(change["noise_allows"])
-            lines.append((name, *numbers, times(change["factor"]), allows, significant(found["score"])))
+            noise = change["before"] / change["noise"] if change["noise"] else None
+            allowed = [_allowed(summary["floors"][floor], quantity, change["before"]) for floor in FLOORS]
+            allows = MISSING if noise is None else times(noise)
+            lines.append((name, *numbers, times(change["factor"]), allows, *allowed, significant(found["score"])))
     return lines
+
+
+def _allowed(floor: Mapping[str, Any], quantity: str, before: float) -> str:
+    """The factor down to a floor."""
+    return times(before / floor[quantity]) if quantity in floor else MISSING
 
 
 def titles(summary: Mapping[str, Any]) -> dict[str, str]:
     """Headings of the tables by quantity."""
     unit = "°/h" if summary["unit"] == "rad/s" else summary["unit"]
-    return {"scale_factor_ppm_per_c": "Scale factor [ppm/°C]", "bias_per_c": f"Bias [{unit}/°C]"}
+    return {
+        "scale_factor_ppm_per_c": "Scale factor [ppm/°C]",
+        "bias_per_c": f"Bias [{unit}/°C]",
+        "bias_rms": f"Bias, rms [{unit}]",
+    }
 
 
 def results(summary: Mapping[str, Any]) -> Any:
     """The summary as tables for rich."""
     from rich.console import Group
 
-    where = "held-out stretches" if summary["test"] is None else summary["test"]
-    parts: list[Any] = [f"{summary['method']}: {summary['note']}; tested on {where}"]
+    parts: list[Any] = [escape(summary["hold_out"]), escape(f"{summary['method']}: {summary['note']}")]
     for quantity, title in titles(summary).items():
         lines = rows(summary, quantity)
         if lines:
@@ -243,7 +241,35 @@ def results(summary: Mapping[str, Any]) -> Any:
             for line in lines:
                 table.add_row(*line)
             parts.append(table)
+    parts += [escape(line) for line in notes(summary)]
     clamped = summary["methods"][summary["method"]]["held_out"]["clamped_blocks"]
     if clamped:
         parts.append(f"{clamped} blocks lie beyond the fitted range and are clamped to it")
     return Group(*parts)
+
+
+def _told(floor: Mapping[str, Any], unit: str) -> str:
+    """A floor with its 95 % interval, or why there is none."""
+    if "missing" in floor:
+        return str(floor["missing"])
+    parts = []
+    for key, of in (("bias_per_c", f"{unit}/°C"), ("bias_rms", f"{unit} rms")):
+        low, high = floor[key + "_interval"]
+        parts.append(f"{significant(floor[key])} ({significant(low)} to {significant(high)}) {of}")
+    return f"{', '.join(parts)}, from {floor['cycles']} cycles"
+
+
+def notes(summary: Mapping[str, Any]) -> list[str]:
+    """Sentences under the tables: floors, what is left, what was tried."""
+    lines = []
+    floors = summary["floors"]
+    unit = "°/h" if summary["unit"] == "rad/s" else summary["unit"]
+    for key, what in (("history_of_inputs", "the history of the inputs"), ("present_inputs", "the present inputs")):
+        lines.append(f"What no function of {what} can remove: {_told(floors[key], unit)}.")
+    if summary["residual"]:
+        shares = "; ".join(f"{cause['name']} ({100 * cause['share']:.0f} %)" for cause in summary["residual"])
+        lines.append(f"What is left: {shares}.")
+    tried = summary["inner_validation"]
+    lines.append(f"Chosen by inner validation on the fitting cycles alone, best of {len(tried)}; next best:")
+    lines += [f"  {significant(t['score'])}  {t['method']}: {t['shape']}" for t in tried[1:4]]
+    return lines

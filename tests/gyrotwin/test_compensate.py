@@ -66,16 +66,42 @@ def test_files_and_numbers(records: Path, tmp_path: Path, capsys: pytest.Capture
     assert "http://" not in page.partition("<script>")[0]
 
 
-def test_without_a_second_record_stretches_are_held_out(records: Path, tmp_path: Path) -> None:
-    compensate(records / "cycle.parquet", "--method", "piecewise", "--segments", 12, "--out", tmp_path / "out")
+def test_of_one_cycle_the_report_says_first_that_another_is_untested(
+    records: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    compensate(records / "cycle.parquet", "--method", "piecewise", "--out", tmp_path / "out")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["test"] is None
+    assert summary["hold_out"].startswith("Another cycle is untested")
+    assert summary["another_cycle_tested"] is False
+    assert "missing" in summary["floors"]["history_of_inputs"]
+    assert capsys.readouterr().out.startswith("Another cycle is untested")
     found = summary["methods"]["piecewise, structure"]
     total = found["fitted"]["blocks"] + found["held_out"]["blocks"]
-    # A quarter, less what the other three quarters don't cover.
-    assert 0.1 * total < found["held_out"]["blocks"] <= 0.26 * total
-    # Twelve segments of 5 °C: as in benchmarks/compensation.py.
-    assert found["held_out"]["bias_per_c"]["factor"] > 20
+    # A quarter, less what the others do not cover; gaps are in neither.
+    assert 0.1 * total < found["held_out"]["blocks"] <= 0.3 * total
+    # Ten degrees a segment; measured 20.8.
+    assert found["held_out"]["bias_per_c"]["factor"] > 10
+
+
+def test_whole_cycles_are_held_out_and_the_floors_are_told(
+    records: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    compensate(records / "cycle.parquet", records / "again.parquet", "--method", "spline", "--out", tmp_path / "out")
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["another_cycle_tested"] is True
+    assert "tested on the last" in summary["hold_out"]
+    found = summary["methods"]["spline"]["held_out"]["bias_rms"]
+    for floor in summary["floors"].values():
+        assert floor["cycles"] == 2
+        low, high = floor["bias_rms_interval"]
+        # This device has no walk and no turn-on: the floors are the white noise of a block, that of the other cycle in
+        # the prediction included (up to √2), and what a local plane leaves of the curve.
+        assert found["noise"] < floor["bias_rms"] < 2 * found["noise"]
+        assert low < floor["bias_rms"] < high
+    scores = [one["score"] for one in summary["inner_validation"]]
+    assert scores == sorted(scores)
+    assert "inner validation on the fitting cycles alone" in capsys.readouterr().out
 
 
 def test_beyond_the_fitted_range(records: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -93,7 +119,7 @@ def test_beyond_the_fitted_range(records: Path, tmp_path: Path, capsys: pytest.C
         (("--method", "piecwise"), "did you mean 'piecewise'"),
         (("--sensor", "boad"), "--sensor boad: give structure or circuit"),
         (("--outside", "clmp"), "did you mean 'clamp'"),
-        (("--method", "piecewise", "--segments", 0), "segments = 0"),
+        (("--method", "piecewise", "--segments", 0), "--segments 0: give 1 or more"),
         (("--method", "piecewise", "--segments", 5000), "give fewer --segments"),
         (("--method", "network", "--hidden", 200), "--hidden with fewer neurons"),
         (("--sampling-time", 0), "sampling time 0 s"),

@@ -10,7 +10,16 @@ import numpy as np
 import pytest
 
 from calibration.compensation.export import to_c_header, to_toml
-from calibration.compensation.model import Additive, Compensation, Constant, Function, Input, Network, Piecewise
+from calibration.compensation.model import (
+    Additive,
+    Compensation,
+    Constant,
+    Function,
+    Input,
+    Network,
+    Piecewise,
+    Varying,
+)
 from gyro_model.build import find_compiler
 from gyro_model.errors import InputError
 
@@ -25,6 +34,7 @@ INPUTS = (Input("structure", -20.0, 60.0), Input("circuit_rate", -0.1, 0.1))
 FUNCTIONS: dict[str, tuple[Function, Function]] = {
     "additive": (Additive((CUBICS, LINES)), Additive((LINES, CUBICS))),
     "network": (NETWORK, NETWORK._replace(shift=0.01, b2=-0.5)),
+    "varying": (Varying((CUBICS, LINES), np.array([0.0, 0.02])), Varying((LINES, CUBICS), np.array([0.0, -0.01]))),
     "rest": (Constant(1.0), Additive((LINES, CUBICS))),
 }
 X = np.stack([RNG.uniform(-20, 60, 50), RNG.uniform(-0.1, 0.1, 50)], axis=1)
@@ -97,6 +107,13 @@ def by_hand(table: dict[str, Any], inputs: list[dict[str, Any]], x: np.ndarray) 
             k = max(j for j in range(len(term["coefficients"])) if j == 0 or values[term["input"]] >= term["edges"][j])
             u = values[term["input"]] - term["edges"][k]
             total += sum(c * u**power for power, c in enumerate(term["coefficients"][k]))
+        return total
+    if "weight" in table:
+        total = 0.0
+        for j, term in enumerate(table["weight"]):
+            k = max(j for j in range(len(term["coefficients"])) if j == 0 or x[0] >= term["edges"][j])
+            f = sum(c * (x[0] - term["edges"][k]) ** power for power, c in enumerate(term["coefficients"][k]))
+            total += f * (1.0 if j == 0 else values[term["input"]] - term["centre"])
         return total
     u = np.array([2 * (values[i["name"]] - i["low"]) / (i["high"] - i["low"]) - 1 for i in inputs])
     hidden = np.tanh(np.array(table["a1"]) @ u + np.array(table["b1"]))

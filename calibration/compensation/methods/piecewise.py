@@ -4,13 +4,16 @@ The lines of neighbouring segments meet: the source prints a table of coefficien
 jump of the output at an edge would be a fault of its own.
 """
 
+from collections.abc import Iterator
+from functools import partial
 from typing import Final
 
 import numpy as np
 
+from calibration.compensation.methods.method import Asked, Candidate, Method
 from calibration.compensation.model import Additive, Compensation, Constant, Function, Piecewise, fitted_inputs, unit_of
 from calibration.compensation.points import Points, bias_points, scale_points
-from calibration.compensation.record import Blocks, Floats
+from calibration.compensation.record import CIRCUIT, STRUCTURE, Blocks, Floats
 from gyro_model.errors import InputError
 
 SEGMENTS: Final = (1, 2, 3, 4, 6, 8, 10, 12, 16, 20, 24)
@@ -68,3 +71,21 @@ def _lines(points: Points, sensor: str, edges: Floats, what: str) -> Additive:
             f"{segments} segments: give fewer --segments or more temperatures"
         )
     return Additive((Piecewise(edges, np.stack([values[:-1], np.diff(values) / width], axis=1)),))
+
+
+def _candidates(blocks: Blocks, asked: Asked) -> Iterator[Candidate]:
+    sensors = [name for name in (STRUCTURE, CIRCUIT) if name in blocks.inputs and asked.sensor in (None, name)]
+    if not sensors and (asked.sensor or asked.method == "piecewise"):
+        raise InputError(
+            f"{blocks.name}: holds no temperature of the {asked.sensor or STRUCTURE}: map one with --map, or take the "
+            "other --sensor"
+        )
+    if asked.segments is not None and asked.segments < 1:
+        raise InputError(f"--segments {asked.segments}: give 1 or more")
+    for segments in SEGMENTS if asked.segments is None else (asked.segments,):
+        for sensor in sensors[:1]:
+            line = partial(fit, sampling_time=asked.sampling_time, sensor=sensor, segments=segments)
+            yield Candidate("piecewise", f"{sensor}, {segments} segments", line)
+
+
+METHOD: Final = Method("piecewise", "Liu et al. 2014", _candidates)

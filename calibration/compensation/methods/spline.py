@@ -5,11 +5,15 @@ squared second differences of their weights times λ) and a straight line in eve
 sensor's lag to first order: T(t - τ) = T - τ T'.
 """
 
+from collections.abc import Iterator
+from functools import partial
+from itertools import product
 from typing import Final
 
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
 
+from calibration.compensation.methods.method import Asked, Candidate, Method, holds
 from calibration.compensation.model import (
     Additive,
     Compensation,
@@ -17,6 +21,7 @@ from calibration.compensation.model import (
     Function,
     Input,
     Piecewise,
+    both_ways,
     fitted_inputs,
     inputs_of,
 )
@@ -50,7 +55,7 @@ def fit(blocks: Blocks, sampling_time: float, names: tuple[str, ...], penalty: f
 
     Raises InputError for an input that is missing or never changes.
     """
-    inputs = tuple(_both_ways(i) for i in fitted_inputs(blocks, list(names)))
+    inputs = tuple(map(both_ways, fitted_inputs(blocks, list(names))))
     for i in inputs:
         if not i.high > i.low:
             raise InputError(f"{blocks.name}: {i.name} never changes from {i.low:g} {i.unit}: nothing to fit")
@@ -63,14 +68,6 @@ def fit(blocks: Blocks, sampling_time: float, names: tuple[str, ...], penalty: f
     return Compensation(
         "spline", inputs, scale, bias, sampling_time, blocks.unit, f"{', '.join(names)}; penalty {penalty:g}"
     )
-
-
-def _both_ways(i: Input) -> Input:
-    """A straight line in a derivative holds as far down as up."""
-    if not i.name.endswith(RATE_OF):
-        return i
-    most = max(-i.low, i.high)
-    return i._replace(low=-most, high=most)
 
 
 def _knots(i: Input) -> Floats:
@@ -116,3 +113,13 @@ def _term(i: Input, weights: Floats) -> Piecewise:
     # Columns beyond the range belong to the knots outside.
     inside = slice(DEGREE, DEGREE + INTERVALS)
     return Piecewise(poly.x[DEGREE : DEGREE + INTERVALS + 1], poly.c[::-1, inside].T.copy())
+
+
+def _candidates(blocks: Blocks, asked: Asked) -> Iterator[Candidate]:
+    for names, penalty in product(SETS, PENALTIES):
+        if holds(blocks, names):
+            curve = partial(fit, sampling_time=asked.sampling_time, names=names, penalty=penalty)
+            yield Candidate("spline", f"{', '.join(names)}; penalty {penalty:g}", curve)
+
+
+METHOD: Final = Method("spline", "P. H. C. Eilers and B. D. Marx, Statistical Science 11, 1996", _candidates)
