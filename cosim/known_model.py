@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Final
 
 from sympy import Expr, Matrix, Symbol, cse, expand, numbered_symbols
+from sympy.core.function import Application
 
 from cosim.layout import PARAMETER_NAMES
 from gyro_model import symbols
-from gyro_model.anatomy import Delay, Follow, Lag, Law, Map
+from gyro_model.anatomy import Delay, Effect, Follow, Force, Lag, Law, Map
 from gyro_model.c_printing import c_expression
 from gyro_model.dynamics import Dynamics
 from gyro_model.errors import InputError, nearest
@@ -32,12 +33,20 @@ _STATE, _FORCE, _ESTIMATED, _KNOWN = "s", "f", "p", "c"
 
 def can_be_estimated(model: Model, name: str) -> bool:
     """Whether the loop can find a parameter of an effect: not where it is a time at which something happens, a lag of a
-    temperature, noise, the converter's limit, or the angular gain, which nothing but the angle shows."""
+    temperature, noise, the converter's limit, or the angular gain, which nothing but the angle shows; nor of a force
+    that saturates or has a corner, whose slope the filter can't hold over a sample."""
     effect = next((e for e in model.effects if any(q.name == name for q in e.parameters)), None)
     if effect is None or effect.noise or effect.nominal or isinstance(effect, Follow):
         return False
+    if isinstance(effect, Force) and (uses_command(effect) or any(e.has(Application) for e in effect.terms().values())):
+        return False
     timed = isinstance(effect, Law) and effect.event is not None and effect.event.name == name
     return not timed and name not in ("angular_gain", "adc_limit")
+
+
+def uses_command(effect: Effect) -> bool:
+    """Whether ``effect`` is a force that depends on the command."""
+    return isinstance(effect, Force) and effect.stage == "actuator"
 
 
 @dataclass(frozen=True)
@@ -45,8 +54,8 @@ class KnownModel:
     """What the loop knows of a device: the effects ``acting`` besides the nominal ones, and the ``estimated``
     parameters of effects, by FMU name.
 
-    Raises InputError for a parameter that can't be estimated: one that is no effect's, a time at which something
-    happens, or the angular gain, which nothing but the angle shows.
+    Raises InputError for an effect that the loop can't reckon with, and for a parameter that can't be estimated: one
+    that is no effect's, or one that ``can_be_estimated`` rules out.
     """
 
     model: Model
@@ -54,6 +63,12 @@ class KnownModel:
     estimated: tuple[str, ...]
 
     def __post_init__(self) -> None:
+        for effect_id in self.acting:
+            if uses_command(self.model.effect(effect_id)):
+                raise InputError(
+                    f"effect {effect_id}: the loop takes what it commands as a force that no motion changes; leave it "
+                    "out of the design"
+                )
         possible = [q.name for e in self.model.effects if e.id in self.acting for q in e.parameters]
         for name in self.estimated:
             if name not in possible:

@@ -1,9 +1,13 @@
-/* One step of the explicit Runge-Kutta method of order 8 in 12 stages by Dormand and Prince, as DOP853 uses it without its error estimate:
-   E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd edition 1993, section II.5 and appendix.
-   benchmarks/work_precision.py compares it with others. */
+/* The explicit Runge-Kutta method of order 8 in 12 stages by Dormand and Prince, DOP853: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary
+   Differential Equations I, 2nd edition 1993, sections II.5 and II.10 and appendix. benchmarks/work_precision.py compares it with others.
+
+   Its error estimate halves a step in which a force changes fast (a stop that is met, dry friction that changes its sign) and joins halves again
+   after it. All that follows from the state at a cut, so that no bit depends on how an importer divides time. */
 
 #ifndef GYRO_INTEGRATOR_H
 #define GYRO_INTEGRATOR_H
+
+#include <string.h>
 
 #include "generated/effects.h"
 
@@ -13,16 +17,27 @@
         g->s[i] = start[i] + h * (sum); \
     }                                   \
     g->t = t + (node) * h;              \
-    g->since = (node) * h;              \
+    g->since = from + (node) * h;       \
     if (g->moving) {                    \
         apply_laws(g, value);           \
     }                                   \
     state_rate(g, k[stage])
 
-/* Moves the states of the view from time t by h [s], the force of the view held, what lags being that of time t. `value` shape (GYRO_N_VARIABLES), as set; n states,
-   a constant at each call, so that the loops unroll. */
-static inline void integrate_states(gyro_view *g, const double *value, double t, double h, int n)
+/* Largest estimate of a step's error, over the size of each state. The estimate is of order 7, the step of order 8: where a step is smooth, the
+   error lies orders of magnitude below. */
+static const double GYRO_STEP_ERROR = 1e-12;
+
+/* Below this share of it the step may be twice as long: 2^-8 by the order of the estimate, and a margin. */
+static const double GYRO_LONGER = 1e-3;
+
+/* A step is halved so many times at most. What a force does within 1/1024 of internal_step is left to the last halves. */
+enum { GYRO_HALVINGS = 10 };
+
+/* Moves the states of the view from time t by h [s], the force of the view held, what lags being that of `from` [s] before t. `value` shape
+   (GYRO_N_VARIABLES), as set; n states, a constant at each call, so that the loops unroll. Gives the largest estimate of the error over the size of a state. */
+static inline double integrate_states(gyro_view *g, const double *value, double t, double from, double h, int n)
 {
+    double worst = 0.0;
     double start[GYRO_N_STATES];
     double k[12][GYRO_N_STATES];
     for (int i = 0; i < n; i++) {
@@ -66,17 +81,50 @@ static inline void integrate_states(gyro_view *g, const double *value, double t,
                               0.20136540080403034 * k[10][i] + 0.04471061572777259 * k[11][i]);
     }
     g->t = t + h;
+    for (int i = 0; i < n; i++) {
+        const double size = larger(fabs(start[i]), fabs(g->s[i])) + fabs(h * k[0][i]) + fabs(h * k[11][i]);
+        const double fifth = 0.01312004499419488 * k[0][i] + -1.2251564463762044 * k[5][i] + -0.4957589496572502 * k[6][i] + 1.6643771824549864 * k[7][i] +
+                             -0.35032884874997366 * k[8][i] + 0.3341791187130175 * k[9][i] + 0.08192320648511571 * k[10][i] + -0.022355307863886294 * k[11][i];
+        const double third = -0.18980075407240762 * k[0][i] + 4.450312892752409 * k[5][i] + 1.8915178993145003 * k[6][i] + -5.801203960010585 * k[7][i] +
+                             -0.4226823213237919 * k[8][i] + -0.1521609496625161 * k[9][i] + 0.20136540080403034 * k[10][i] + 0.02265179219836082 * k[11][i];
+        const double both = sqrt(fifth * fifth + 0.01 * third * third);
+        const double error = both > 0.0 ? fabs(h * fifth) * (fabs(fifth) / both) : 0.0;
+        /* What is no number stays the worst. */
+        worst = error <= worst * size || worst != worst ? worst : error / size;
+    }
+    return worst;
 }
 
 #undef STAGE
 
 /* The same, leaving out the states of effects when none that has states acts: they are zero and stay so. */
-static inline void integrate(gyro_view *g, const double *value, double t, double h)
+static inline double integrate_part(gyro_view *g, const double *value, double t, double from, double h)
 {
-    if (g->any_state) {
-        integrate_states(g, value, t, h, GYRO_N_STATES);
-    } else {
-        integrate_states(g, value, t, h, GYRO_STATE_Y_DOT + 1);
+    return g->any_state ? integrate_states(g, value, t, from, h, GYRO_N_STATES) : integrate_states(g, value, t, from, h, GYRO_STATE_Y_DOT + 1);
+}
+
+/* How far a step has come, in parts of GYRO_WHOLE, and how long its next part is. Begins as {0, GYRO_WHOLE}. */
+enum { GYRO_WHOLE = 1 << GYRO_HALVINGS };
+typedef struct {
+    int done;
+    int part;
+} gyro_progress;
+
+/* Moves the states of the view on by the next part of the step of h [s] from time t: all of it, or a half of halves where that does not do. */
+static inline void integrate_next(gyro_view *g, const double *value, double t, double h, gyro_progress *at)
+{
+    const double from = h * at->done / GYRO_WHOLE;
+    double before[GYRO_N_STATES];
+    memcpy(before, g->s, sizeof before);
+    double error = integrate_part(g, value, t + from, from, h * at->part / GYRO_WHOLE);
+    while (at->part > 1 && !(error <= GYRO_STEP_ERROR)) {
+        at->part /= 2;
+        memcpy(g->s, before, sizeof before);
+        error = integrate_part(g, value, t + from, from, h * at->part / GYRO_WHOLE);
+    }
+    at->done += at->part;
+    if (error < GYRO_LONGER * GYRO_STEP_ERROR && at->done % (2 * at->part) == 0) {
+        at->part *= 2;
     }
 }
 

@@ -127,8 +127,9 @@ static double quintic(const gyro_end *a, const gyro_end *b, int place, int speed
     return d * d * d * from_a + c * c * c * from_b;
 }
 
-/* The amplifier's lag from time t by h [s], the force being that of the view; states, laws and time of the view end at the end. */
-static void move_lag(gyro_instance *g, const gyro_end *start, double t, double h)
+/* The amplifier's lag from time t by h [s], which is `from` [s] into the step, the force being that of the view; states, laws and time of the
+   view end at the end. */
+static void move_lag(gyro_instance *g, const gyro_end *start, double t, double from, double h)
 {
     gyro_view *view = &g->view;
     const gyro_end end = end_here(view);
@@ -147,7 +148,7 @@ static void move_lag(gyro_instance *g, const gyro_end *start, double t, double h
             view->s[GYRO_STATE_Y] = quintic(start, &end, GYRO_STATE_Y, GYRO_STATE_Y_DOT, h, c);
         }
         view->t = t + c * h;
-        view->since = c * h;
+        view->since = from + c * h;
         if (view->moving) {
             apply_laws(view, g->value);
         }
@@ -260,15 +261,28 @@ void gyro_first_sample(gyro_instance *g)
     gyro_put_out(g);
 }
 
-/* The states of the view from `settled` to `to`, with the laws there; gives the step [s]. */
-static double move_states(gyro_instance *g, gyro_instant to)
+/* The states of the view from `settled` to `to`, with the laws there, and the voltage behind the lag where `lags`. */
+static void move_states(gyro_instance *g, gyro_instant to, int lags)
 {
     gyro_view *view = &g->view;
     const gyro_instant from = g->memory.clock.settled;
-    const double h = gyro_between(from, to);
+    const double t = gyro_time_of(g, from), h = gyro_between(from, to);
     view->moving = view->any_law && laws_move(view, g->value);
-    if (view->moving || view->any_curved || !propagate(view, h)) {
-        integrate(view, g->value, gyro_time_of(g, from), h);
+    const int straight = !view->moving && !view->any_curved;
+    for (gyro_progress at = {0, GYRO_WHOLE}; at.done < GYRO_WHOLE;) {
+        const double begin = h * at.done / GYRO_WHOLE;
+        gyro_end start;
+        if (lags) {
+            start = end_here(view);
+        }
+        if (straight && at.done == 0 && propagate(view, h)) {
+            at.done = GYRO_WHOLE;
+        } else {
+            integrate_next(view, g->value, t, h, &at);
+        }
+        if (lags) {
+            move_lag(g, &start, t + begin, begin, h * at.done / GYRO_WHOLE - begin);
+        }
     }
     /* From the count, not by addition: rounding would add up, and a restored instance would differ in the last bit. */
     view->t = gyro_time_of(g, to);
@@ -276,24 +290,13 @@ static double move_states(gyro_instance *g, gyro_instant to)
     if (view->moving) {
         apply_laws(view, g->value);
     }
-    return h;
 }
 
 void gyro_move(gyro_instance *g, gyro_instant to)
 {
     gyro_view *view = &g->view;
-    gyro_end start;
-    double t = 0.0;
     find_force(g);
-    if (g->plan.any_lag) {
-        start = end_here(view);
-        t = gyro_time_of(g, g->memory.clock.settled);
-    }
-    const double h = move_states(g, to);
-    if (g->plan.any_lag) {
-        move_lag(g, &start, t, h);
-        view->t = gyro_time_of(g, to);
-    }
+    move_states(g, to, g->plan.any_lag);
     view->since = 0.0;
     const int at = gyro_settle(g, to);
     if (view->moving) {
@@ -316,7 +319,7 @@ void gyro_look_ahead(gyro_instance *g, gyro_instant to)
 {
     const gyro_view kept = g->view;
     find_force(g);
-    move_states(g, to);
+    move_states(g, to, 0);
     gyro_put_out(g);
     if (gyro_infinite_state(g) == NULL) {
         g->view = kept;

@@ -186,14 +186,19 @@ class Force(Effect):
     """Adds a force [N] to each axis. A force that uses ``normal_x, normal_y`` is drawn anew at each sample and held.
 
     ``impulse`` [N·s] acts at once where a held input changes, before the step in which the new value holds; what the
-    first step finds is no change.
+    first step finds is no change. In ``u_x, u_y``, the force as the actuators give it, a force belongs to the
+    actuators' stage.
     """
 
-    STAGE: ClassVar[str] = "force"
     force: Pair
     energy: Energy | None
     states: tuple[State, ...] = ()
     impulse: Pair | None = None
+
+    @property
+    def stage(self) -> str:
+        """The stage that the force belongs to."""
+        return "actuator" if self.symbols & set(U) else "force"
 
     def terms(self) -> dict[str, Expr]:
         impulse = dict(zip(("impulse_x", "impulse_y"), self.impulse or (), strict=False))

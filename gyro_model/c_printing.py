@@ -28,7 +28,8 @@ _EXPRESSIONS = {"Max", "Min", "Heaviside", "Piecewise", "nearest_integer", "sign
 
 
 class _Printer(C99CodePrinter):
-    """C without libm: powers as products, Min and Max as the helpers of effects.h, the rest by gyro_math.h."""
+    """C without libm: powers as products, Min, Max, Heaviside as the helpers of effects.h, the rest by
+    gyro_math.h."""
 
     def __init__(self) -> None:
         super().__init__({"user_functions": {name: f"gyro_{own}" for name, own in _OWN.items()}})
@@ -41,6 +42,10 @@ class _Printer(C99CodePrinter):
         if exponent.is_Integer:
             product = "*".join([text] * -int(exponent))
             return f"1.0/({product})" if exponent < -1 else f"1.0/{text}"
+        if (2 * exponent).is_Integer and abs(exponent) > 1:
+            # A square root is right to the last bit everywhere, and cheap.
+            product = "*".join([text] * int(abs(exponent)) + [f"sqrt({self._print(base)})"])
+            return product if exponent > 0 else f"1.0/({product})"
         if abs(exponent) == Rational(1, 2):
             return f"sqrt({self._print(base)})" if exponent > 0 else f"1.0/sqrt({self._print(base)})"
         return f"gyro_pow({self._print(base)}, {self._print(exponent)})"
@@ -48,7 +53,9 @@ class _Printer(C99CodePrinter):
     def _print_Mul(self, expr: Expr) -> str:
         # A power below the line is one factor: a/x**2 would print as a/x*x.
         below = {
-            f: 1 / Symbol(f"({self._print(1 / f)})") for f in expr.args if f.is_Pow and f.exp.is_Integer and f.exp < -1
+            f: 1 / Symbol(f"({self._print(1 / f)})")
+            for f in expr.args
+            if f.is_Pow and (2 * f.exp).is_Integer and f.exp < -1
         }
         return str(super()._print_Mul(expr.xreplace(below)))
 
@@ -63,6 +70,9 @@ class _Printer(C99CodePrinter):
 
     def _print_nearest_integer(self, expr: Expr) -> str:
         return f"gyro_rint({self._print(expr.args[0])})"
+
+    def _print_Heaviside(self, expr: Expr) -> str:
+        return f"unit_step({self._print(expr.args[0])})"
 
     def _nested(self, function: str, args: Sequence[Expr]) -> str:
         head, *tail = args

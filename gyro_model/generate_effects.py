@@ -132,6 +132,7 @@ typedef struct {
 
 static inline double larger(double a, double b) { return a > b ? a : b; }
 static inline double smaller(double a, double b) { return a < b ? a : b; }
+static inline double unit_step(double a) { return a > 0.0 ? 1.0 : a < 0.0 ? 0.0 : 0.5; }
 
 /* 1 - e^-z, z >= 0; the series, off by z^6/720 < 1e-18 z, is fast where a lag is long. */
 static inline double decayed(double z)

@@ -31,23 +31,24 @@ def _is_bent(effect: Map) -> bool:
 
 
 def _couples(effect: Force) -> bool:
-    """Whether the force on an axis depends on the other one."""
-    other = ((symbols.y, symbols.y_dot), (symbols.x, symbols.x_dot))
+    """Whether the force on an axis depends on the other one, or on the command: then it is no stiffness of its axis."""
+    other = ((symbols.y, symbols.y_dot, *U), (symbols.x, symbols.x_dot, *U))
     return any(expr.free_symbols & set(axis) for expr, axis in zip(effect.force, other, strict=True) if expr != 0)
 
 
 def envelope(model: Model) -> str:
     """``envelope.h`` of ``model``. Raises InputError for a force with states of its own that is not linear."""
-    moving = model.state_symbols
+    moving = (*model.state_symbols, *U)
     added = added_forces(model)
     curved = [e for e in added if is_curved(e.terms().values(), moving)]
+    crossed = [e for e in curved if _couples(e)]
     for effect in curved:
         if effect.states:
             raise InputError(f"effect {effect.id}: has states and is not linear, which the envelope form can't follow")
     maps = [e for e in model.effects if isinstance(e, Map)]
     parts = [
         _any("curved_force", "a force is not linear in the motion", curved),
-        _any("crossed_force", "such a force depends on the other axis", [e for e in curved if _couples(e)]),
+        _any("crossed_force", "such a force depends on the other axis or on the command", crossed),
         _any("stateful_force", "a force has states of its own", [e for e in added if e.states]),
         _any("drawn_force", "a force is noise", [e for e in model.forces if e.drawn]),
         _any("curved_actuator", "the force is not in proportion to the command", _bent(maps, ACTUATOR)),

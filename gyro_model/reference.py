@@ -1,4 +1,4 @@
-"""The reference simulation: the same device by scipy's DOP853 at 1e-12, slow and independent of the C.
+"""The reference simulation: the same device by scipy's DOP853 at 1e-13, slow and independent of the C.
 
 Sample k is taken just before the force changes to u_k, which is held until the next; a delayed force switches exactly
 when it is due.
@@ -23,7 +23,7 @@ from gyro_model.quantities import INPUTS
 Floats = NDArray[np.float64]
 Normals = Callable[[str, int], tuple[float, float]]
 
-TOLERANCE = 1e-12
+TOLERANCE = 1e-13
 STILL = (0.0, 0.0, 0.0, 0.0)
 """No voltage and no rate of it, where an expression depends on neither."""
 

@@ -41,8 +41,8 @@ static void apply_laws_at(gyro_instance *g, gyro_instant to, double part)
 
 double gyro_carrier(const gyro_instance *g) { return TWO_PI * g->value[GYRO_CARRIER_FREQUENCY]; }
 
-/* The curved forces of the motion `q` with the velocity `q_dot` at the carrier, by harmonics [N]. */
-static gyro_harmonics curved_forces(gyro_instance *g, const gyro_harmonics *q, pair q_dot)
+/* The curved forces of the motion `q` with the velocity `q_dot` at the carrier under the force `u` of the actuators, by harmonics [N]. */
+static gyro_harmonics curved_forces(gyro_instance *g, const gyro_harmonics *u, const gyro_harmonics *q, pair q_dot)
 {
     gyro_view *view = &g->view;
     gyro_harmonics velocity = {{0.0, 0.0}, {q_dot}};
@@ -51,13 +51,15 @@ static gyro_harmonics curved_forces(gyro_instance *g, const gyro_harmonics *q, p
             velocity.part[h - 1].e[i] = times(number_of(0.0, h * gyro_carrier(g)), q->part[h - 1].e[i]);
         }
     }
-    const gyro_cycle at = gyro_around(q), speed = gyro_around(&velocity);
+    const gyro_cycle at = gyro_around(q), speed = gyro_around(&velocity), drive = gyro_around(u);
     gyro_cycle force;
     for (int k = 0; k < GYRO_PHASES; k++) {
         view->s[GYRO_STATE_X] = at.at[k][0];
         view->s[GYRO_STATE_Y] = at.at[k][1];
         view->s[GYRO_STATE_X_DOT] = speed.at[k][0];
         view->s[GYRO_STATE_Y_DOT] = speed.at[k][1];
+        view->u[0] = drive.at[k][0];
+        view->u[1] = drive.at[k][1];
         force.at[k][0] = 0.0;
         force.at[k][1] = 0.0;
         curved_force(view, force.at[k]);
@@ -69,7 +71,7 @@ static gyro_harmonics curved_forces(gyro_instance *g, const gyro_harmonics *q, p
 static gyro_harmonics follow_curves(gyro_instance *g, const gyro_harmonics *u, const gyro_motion *m)
 {
     gyro_memory *memory = &g->memory;
-    const gyro_harmonics f = curved_forces(g, &memory->q, memory->q_dot);
+    const gyro_harmonics f = curved_forces(g, u, &memory->q, memory->q_dot);
     gyro_harmonics force = *u;
     for (int i = 0; i < 2; i++) {
         force.mean[i] += f.mean[i];

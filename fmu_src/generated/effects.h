@@ -40,6 +40,7 @@ typedef struct {
 
 static inline double larger(double a, double b) { return a > b ? a : b; }
 static inline double smaller(double a, double b) { return a < b ? a : b; }
+static inline double unit_step(double a) { return a > 0.0 ? 1.0 : a < 0.0 ? 0.0 : 0.5; }
 
 /* 1 - e^-z, z >= 0; the series, off by z^6/720 < 1e-18 z, is fast where a lag is long. */
 static inline double decayed(double z)
@@ -121,6 +122,76 @@ static inline void effect_angular_gain(const gyro_view *g, double force[2])
     force[1] += m*omega_z*x_dot*(2 - 2*angular_gain);
 }
 
+/* The force of a comb drive depends on where the comb stands: fringe field and overlap change with the displacement.
+
+       u_q → u_q (1 + c q),  q = x, y
+
+   First order of what the field at the fingers' ends does to the force (W. A. Johnson, L. K. Warne, Electrophysics of
+   micromechanical comb actuators, Journal of Microelectromechanical Systems 4, 1995). It acts on the force at the mass,
+   after curve, gain and misalignment; what feeds through to the amplifier is the drive voltage, which knows no
+   displacement. */
+static inline void effect_comb_fringe(const gyro_view *g, double force[2])
+{
+    const double comb_fringe = g->p[GYRO_COMB_FRINGE];
+    const double u_x = g->u[0];
+    const double u_y = g->u[1];
+    const double x = g->s[GYRO_STATE_X];
+    const double y = g->s[GYRO_STATE_Y];
+    force[0] += comb_fringe*u_x*x;
+    force[1] += comb_fringe*u_y*y;
+}
+
+/* A constant force on each axis: weight, a stray charge, a spring that was mounted under load.
+
+       F_x = force_x,  F_y = force_y
+
+   It shifts the point about which the mass swings by F/k (L. D. Landau, E. M. Lifshitz, Mechanics, 1960, section 22, eq.
+   22.2 with a force that is constant). A linear device shows no more of it than a constant voltage. */
+static inline void effect_constant_force(const gyro_view *g, double force[2])
+{
+    const double force_x = g->p[GYRO_FORCE_X];
+    const double force_y = g->p[GYRO_FORCE_Y];
+    force[0] += force_x;
+    force[1] += force_y;
+}
+
+/* Mechanical stops on both sides of each axis: a spring and a damper that only push, and only past the gap.
+
+       F_q = -k e³/(e² + w²) - c q' d/de (e³/(e² + w²)),  e = q - min(max(q, -g), g),  w = g/64,  q = x, y
+
+   The spring-dashpot contact of G. Gilardi, I. Sharf, Literature survey of contact dynamics modelling, Mechanism and
+   Machine Theory 37, 2002. The two take hold over the depth w (asperities, tilt): the force is exactly zero before the
+   stop, twice continuously differentiable, and k e beyond. A stop softer than the suspension has that part of its damper. */
+static inline void effect_contact_stop(const gyro_view *g, double force[2])
+{
+    const double kxx = g->p[GYRO_KXX];
+    const double stop_damping = g->p[GYRO_STOP_DAMPING];
+    const double stop_gap = g->p[GYRO_STOP_GAP];
+    const double stop_stiffness = g->p[GYRO_STOP_STIFFNESS];
+    const double x = g->s[GYRO_STATE_X];
+    const double x_dot = g->s[GYRO_STATE_X_DOT];
+    const double y = g->s[GYRO_STATE_Y];
+    const double y_dot = g->s[GYRO_STATE_Y_DOT];
+    force[0] += -stop_damping*x_dot*((3.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) - stop_stiffness*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))/((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))));
+    force[1] += -stop_damping*y_dot*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) - stop_stiffness*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))/((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))));
+}
+
+/* Cubic stiffness that couples the axes: the swing of one stiffens the other.
+
+       energy ½ k22 x² y²:  F_x = -k22 x y²,  F_y = -k22 x² y
+
+   Tension that both axes share does this. Where the modes lie apart, the mean square of one shifts the other, ω_x² = (kxx
+   + ½ k22 A_y²)/m (H. J. R. Westra, M. Poot, H. S. J. van der Zant, W. J. Venstra, Nonlinear modal interactions in
+   clamped-clamped mechanical resonators, Physical Review Letters 105, 117205, 2010). */
+static inline void effect_cross_cubic_stiffness(const gyro_view *g, double force[2])
+{
+    const double k22 = g->p[GYRO_K22];
+    const double x = g->s[GYRO_STATE_X];
+    const double y = g->s[GYRO_STATE_Y];
+    force[0] += -k22*x*y*y;
+    force[1] += -k22*x*x*y;
+}
+
 /* Cubic (Duffing) stiffness of the suspension, axis by axis.
 
        F_x = -k3_x x³,  F_y = -k3_y y³
@@ -136,6 +207,27 @@ static inline void effect_cubic_stiffness(const gyro_view *g, double force[2])
     const double y = g->s[GYRO_STATE_Y];
     force[0] += -k3_x*x*x*x;
     force[1] += -k3_y*y*y*y;
+}
+
+/* Dry friction: a force against the velocity that does not grow with it, higher near rest (Stribeck).
+
+       F_q = -f_q s(q'),  s(w) = tanh(w/v) (1 + stribeck exp(-(w/v_s)²)),  q = x, y
+
+   Coulomb friction f, smoothed over the speed v; ``stribeck`` is by how much breakaway exceeds it (S. Andersson, A.
+   Söderberg, S. Björklund, Friction models for sliding dry, boundary and mixed lubricated contacts, Tribology
+   International 40, 2007, the combined model without its viscous part). The integrator halves its steps where the force
+   changes its sign, so that a small v costs time there and nothing else. */
+static inline void effect_dry_friction(const gyro_view *g, double force[2])
+{
+    const double friction_speed = g->p[GYRO_FRICTION_SPEED];
+    const double friction_x = g->p[GYRO_FRICTION_X];
+    const double friction_y = g->p[GYRO_FRICTION_Y];
+    const double stribeck = g->p[GYRO_STRIBECK];
+    const double stribeck_speed = g->p[GYRO_STRIBECK_SPEED];
+    const double x_dot = g->s[GYRO_STATE_X_DOT];
+    const double y_dot = g->s[GYRO_STATE_Y_DOT];
+    force[0] += -friction_x*(stribeck*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed)) + 1)*gyro_tanh(x_dot/friction_speed);
+    force[1] += -friction_y*(stribeck*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed)) + 1)*gyro_tanh(y_dot/friction_speed);
 }
 
 /* Parallel-plate electrodes at a bias voltage pull the mass away from the centre.
@@ -252,6 +344,26 @@ static inline void effect_quadratic_stiffness(const gyro_view *g, double force[2
     const double y = g->s[GYRO_STATE_Y];
     force[0] += -k2_x*x*x;
     force[1] += -k2_y*y*y;
+}
+
+/* Squeeze-film damping: the gas between mass and electrode resists the more, the narrower the gap.
+
+       F_q = -d q'/(1 - (q/g)²)^(3/2),  q = x, y
+
+   Damping of a film at small squeeze numbers with the amplitude in it, d being that at rest, beside the linear damping of
+   the device (M. H. Sadd, A. K. Stiffler, Squeeze film dampers: amplitude effects at low squeeze numbers, ASME Journal of
+   Engineering for Industry 97, 1975). */
+static inline void effect_squeeze_film(const gyro_view *g, double force[2])
+{
+    const double squeeze_gap = g->p[GYRO_SQUEEZE_GAP];
+    const double squeeze_x = g->p[GYRO_SQUEEZE_X];
+    const double squeeze_y = g->p[GYRO_SQUEEZE_Y];
+    const double x = g->s[GYRO_STATE_X];
+    const double x_dot = g->s[GYRO_STATE_X_DOT];
+    const double y = g->s[GYRO_STATE_Y];
+    const double y_dot = g->s[GYRO_STATE_Y_DOT];
+    force[0] += -squeeze_x*x_dot/((1 - x*x/(squeeze_gap*squeeze_gap))*sqrt(1 - x*x/(squeeze_gap*squeeze_gap)));
+    force[1] += -squeeze_y*y_dot/((1 - y*y/(squeeze_gap*squeeze_gap))*sqrt(1 - y*y/(squeeze_gap*squeeze_gap)));
 }
 
 /* Mechanical-thermal noise: the white force that keeps a damped mass at temperature T.
@@ -747,10 +859,15 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_AMPLIFIER_DRIFT] = g->p[GYRO_OFFSET_DRIFT] != 0.0;
     g->active[GYRO_EFFECT_AMPLIFIER_OFFSET] = g->p[GYRO_OFFSET_X] != 0.0 || g->p[GYRO_OFFSET_Y] != 0.0;
     g->active[GYRO_EFFECT_ANGULAR_GAIN] = g->p[GYRO_ANGULAR_GAIN] != 1.0;
+    g->active[GYRO_EFFECT_COMB_FRINGE] = g->p[GYRO_COMB_FRINGE] != 0.0;
+    g->active[GYRO_EFFECT_CONSTANT_FORCE] = g->p[GYRO_FORCE_X] != 0.0 || g->p[GYRO_FORCE_Y] != 0.0;
+    g->active[GYRO_EFFECT_CONTACT_STOP] = g->p[GYRO_STOP_STIFFNESS] != 0.0;
+    g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS] = g->p[GYRO_K22] != 0.0;
     g->active[GYRO_EFFECT_CUBIC_STIFFNESS] = g->p[GYRO_K3_X] != 0.0 || g->p[GYRO_K3_Y] != 0.0;
     g->active[GYRO_EFFECT_DAMPING_STEP] = g->p[GYRO_DAMPING_STEP_FACTOR] != 1.0;
     g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] = g->p[GYRO_CHARGING_VOLTAGE] != 0.0;
     g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH] = g->p[GYRO_FEEDTHROUGH] != 0.0;
+    g->active[GYRO_EFFECT_DRY_FRICTION] = g->p[GYRO_FRICTION_X] != 0.0 || g->p[GYRO_FRICTION_Y] != 0.0;
     g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] = g->p[GYRO_SOFTENING] != 0.0;
     g->active[GYRO_EFFECT_FLICKER_NOISE] = g->p[GYRO_FLICKER_NOISE] != 0.0;
     g->active[GYRO_EFFECT_FRAME_ROTATION] = g->p[GYRO_FRAME_ROTATION] != 0.0;
@@ -765,6 +882,7 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] = g->p[GYRO_K2_X] != 0.0 || g->p[GYRO_K2_Y] != 0.0;
     g->active[GYRO_EFFECT_SAMPLING_JITTER] = g->p[GYRO_SAMPLING_JITTER] != 0.0;
     g->active[GYRO_EFFECT_SENSE_NOISE] = g->p[GYRO_SENSE_NOISE] != 0.0;
+    g->active[GYRO_EFFECT_SQUEEZE_FILM] = g->p[GYRO_SQUEEZE_X] != 0.0 || g->p[GYRO_SQUEEZE_Y] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_DAMPING] = g->p[GYRO_TCD] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_FORCE] = g->p[GYRO_THERMAL_FORCE] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_GAIN] = g->p[GYRO_TCG] != 0.0;
@@ -775,13 +893,28 @@ static inline void find_active(gyro_view *g)
     g->any_impulse = g->active[GYRO_EFFECT_FRAME_ROTATION];
     g->any_rate = g->active[GYRO_EFFECT_SAMPLING_JITTER];
     g->any_state = g->active[GYRO_EFFECT_PARASITIC_MODE];
-    g->any_curved = g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS];
+    g->any_curved = g->active[GYRO_EFFECT_CONTACT_STOP] || g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_DRY_FRICTION] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] || g->active[GYRO_EFFECT_SQUEEZE_FILM];
     g->n_acting = 0;
     if (g->active[GYRO_EFFECT_ANGULAR_GAIN]) {
         g->acting[g->n_acting++] = GYRO_EFFECT_ANGULAR_GAIN;
     }
+    if (g->active[GYRO_EFFECT_COMB_FRINGE]) {
+        g->acting[g->n_acting++] = GYRO_EFFECT_COMB_FRINGE;
+    }
+    if (g->active[GYRO_EFFECT_CONSTANT_FORCE]) {
+        g->acting[g->n_acting++] = GYRO_EFFECT_CONSTANT_FORCE;
+    }
+    if (g->active[GYRO_EFFECT_CONTACT_STOP]) {
+        g->acting[g->n_acting++] = GYRO_EFFECT_CONTACT_STOP;
+    }
+    if (g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS]) {
+        g->acting[g->n_acting++] = GYRO_EFFECT_CROSS_CUBIC_STIFFNESS;
+    }
     if (g->active[GYRO_EFFECT_CUBIC_STIFFNESS]) {
         g->acting[g->n_acting++] = GYRO_EFFECT_CUBIC_STIFFNESS;
+    }
+    if (g->active[GYRO_EFFECT_DRY_FRICTION]) {
+        g->acting[g->n_acting++] = GYRO_EFFECT_DRY_FRICTION;
     }
     if (g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING]) {
         g->acting[g->n_acting++] = GYRO_EFFECT_ELECTROSTATIC_SOFTENING;
@@ -800,6 +933,9 @@ static inline void find_active(gyro_view *g)
     }
     if (g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS]) {
         g->acting[g->n_acting++] = GYRO_EFFECT_QUADRATIC_STIFFNESS;
+    }
+    if (g->active[GYRO_EFFECT_SQUEEZE_FILM]) {
+        g->acting[g->n_acting++] = GYRO_EFFECT_SQUEEZE_FILM;
     }
 }
 
@@ -837,10 +973,15 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* amplifier_drift: none */
     0u, /* amplifier_offset: none */
     0u, /* angular_gain: none */
+    0u, /* comb_fringe: none */
+    0u, /* constant_force: none */
+    0u, /* contact_stop: none */
+    0u, /* cross_cubic_stiffness: none */
     0u, /* cubic_stiffness: none */
     0u, /* damping_step: none */
     0u, /* dielectric_charging: none */
     0u, /* drive_feedthrough: none */
+    0u, /* dry_friction: none */
     0u, /* electrostatic_softening: none */
     0x66eadef4u, /* flicker_noise */
     0u, /* frame_rotation: none */
@@ -855,6 +996,7 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* quadratic_stiffness: none */
     0x7cf2e683u, /* sampling_jitter */
     0x922a3e3bu, /* sense_noise */
+    0u, /* squeeze_film: none */
     0u, /* thermal_damping: none */
     0xd9b10be9u, /* thermal_force */
     0u, /* thermal_gain: none */
@@ -879,10 +1021,15 @@ static const int pink_places[GYRO_N_EFFECTS] = {
     -1, /* amplifier_drift */
     -1, /* amplifier_offset */
     -1, /* angular_gain */
+    -1, /* comb_fringe */
+    -1, /* constant_force */
+    -1, /* contact_stop */
+    -1, /* cross_cubic_stiffness */
     -1, /* cubic_stiffness */
     -1, /* damping_step */
     -1, /* dielectric_charging */
     -1, /* drive_feedthrough */
+    -1, /* dry_friction */
     -1, /* electrostatic_softening */
     0, /* flicker_noise */
     -1, /* frame_rotation */
@@ -897,6 +1044,7 @@ static const int pink_places[GYRO_N_EFFECTS] = {
     -1, /* quadratic_stiffness */
     -1, /* sampling_jitter */
     -1, /* sense_noise */
+    -1, /* squeeze_film */
     -1, /* thermal_damping */
     -1, /* thermal_force */
     -1, /* thermal_gain */
@@ -1023,8 +1171,23 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
         case GYRO_EFFECT_ANGULAR_GAIN:
             effect_angular_gain(g, force);
             break;
+        case GYRO_EFFECT_COMB_FRINGE:
+            effect_comb_fringe(g, force);
+            break;
+        case GYRO_EFFECT_CONSTANT_FORCE:
+            effect_constant_force(g, force);
+            break;
+        case GYRO_EFFECT_CONTACT_STOP:
+            effect_contact_stop(g, force);
+            break;
+        case GYRO_EFFECT_CROSS_CUBIC_STIFFNESS:
+            effect_cross_cubic_stiffness(g, force);
+            break;
         case GYRO_EFFECT_CUBIC_STIFFNESS:
             effect_cubic_stiffness(g, force);
+            break;
+        case GYRO_EFFECT_DRY_FRICTION:
+            effect_dry_friction(g, force);
             break;
         case GYRO_EFFECT_ELECTROSTATIC_SOFTENING:
             effect_electrostatic_softening(g, force);
@@ -1043,6 +1206,9 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
             break;
         case GYRO_EFFECT_QUADRATIC_STIFFNESS:
             effect_quadratic_stiffness(g, force);
+            break;
+        case GYRO_EFFECT_SQUEEZE_FILM:
+            effect_squeeze_film(g, force);
             break;
         default:
             break;
@@ -1097,6 +1263,25 @@ static inline void slope_angular_gain(const gyro_view *g, double slope[2][4], do
     slope[1][GYRO_STATE_X_DOT] += m*omega_z*(2 - 2*angular_gain);
 }
 
+static inline void slope_comb_fringe(const gyro_view *g, double slope[2][4], double still[2])
+{
+    const double comb_fringe = g->p[GYRO_COMB_FRINGE];
+    const double u_x = g->u[0];
+    const double u_y = g->u[1];
+    (void)still;
+    slope[0][GYRO_STATE_X] += comb_fringe*u_x;
+    slope[1][GYRO_STATE_Y] += comb_fringe*u_y;
+}
+
+static inline void slope_constant_force(const gyro_view *g, double slope[2][4], double still[2])
+{
+    const double force_x = g->p[GYRO_FORCE_X];
+    const double force_y = g->p[GYRO_FORCE_Y];
+    (void)slope;
+    still[0] += force_x;
+    still[1] += force_y;
+}
+
 static inline void slope_frame_rotation(const gyro_view *g, double slope[2][4], double still[2])
 {
     const double frame_rotation = g->p[GYRO_FRAME_ROTATION];
@@ -1133,6 +1318,12 @@ static inline void find_slopes(const gyro_view *g, double slope[2][4], double st
         switch (g->acting[i]) {
         case GYRO_EFFECT_ANGULAR_GAIN:
             slope_angular_gain(g, slope, still);
+            break;
+        case GYRO_EFFECT_COMB_FRINGE:
+            slope_comb_fringe(g, slope, still);
+            break;
+        case GYRO_EFFECT_CONSTANT_FORCE:
+            slope_constant_force(g, slope, still);
             break;
         case GYRO_EFFECT_FRAME_ROTATION:
             slope_frame_rotation(g, slope, still);

@@ -6,7 +6,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{dd995699-fb59-22aa-9a0f-70591cc2dd4b}"
+#define GYRO_TOKEN "{a2c93d36-efbd-8085-2eca-f3d29b8e879d}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -57,44 +57,59 @@ enum {
     GYRO_OFFSET_X = 41, /* [V] size: offset of the x amplifier */
     GYRO_OFFSET_Y = 42, /* [V] size: offset of the y amplifier */
     GYRO_ANGULAR_GAIN = 43, /* [1] size: Coriolis coupling relative to that of a point mass */
-    GYRO_K3_X = 44, /* [N/m3] size: cubic stiffness, x axis */
-    GYRO_K3_Y = 45, /* [N/m3] size: cubic stiffness, y axis */
-    GYRO_DAMPING_STEP_FACTOR = 46, /* [1] size: all damping multiplies by this */
-    GYRO_DAMPING_STEP_TIME = 47, /* [s] shape: instant at which the damping steps */
-    GYRO_CHARGING_VOLTAGE = 48, /* [V] size: what the charge adds to the bias voltage in the end */
-    GYRO_CHARGING_TIME = 49, /* [s] shape: time constant of charging */
-    GYRO_FEEDTHROUGH = 50, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
-    GYRO_SOFTENING = 51, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
-    GYRO_ELECTRODE_GAP = 52, /* [m] shape: gap of the electrodes */
-    GYRO_FLICKER_NOISE = 53, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
-    GYRO_FRAME_ROTATION = 54, /* [1] size: centrifugal and Euler force times this (1: physical) */
-    GYRO_ACCELERATION_GAIN_X = 55, /* [1] size: part of the package's acceleration that moves the mass, x axis */
-    GYRO_ACCELERATION_GAIN_Y = 56, /* [1] size: part of the package's acceleration that moves the mass, y axis */
-    GYRO_D2_X = 57, /* [N.s/m3] size: nonlinear damping, x axis */
-    GYRO_D2_Y = 58, /* [N.s/m3] size: nonlinear damping, y axis */
-    GYRO_PARASITIC_RATIO = 59, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
-    GYRO_PARASITIC_COUPLING = 60, /* [N/m] size: spring that couples the parasitic mode to x */
-    GYRO_PARASITIC_FREQUENCY = 61, /* [Hz] shape: frequency of the parasitic mode alone */
-    GYRO_PARASITIC_Q = 62, /* [1] shape: quality factor of the parasitic mode */
-    GYRO_PICKOFF_GAIN_MISMATCH = 63, /* [1] size: relative excess of the y pickoff gain */
-    GYRO_PICKOFF_MISALIGNMENT = 64, /* [1] size: part of each displacement that the other pickoff sees */
-    GYRO_PICKOFF_MISMATCH = 65, /* [1] size: relative mismatch of the pair of sensing capacitors */
-    GYRO_PICKOFF_INVERSE_GAP = 66, /* [1/m] size: one over the gap of the sensing capacitors */
-    GYRO_K2_X = 67, /* [N/m2] size: quadratic stiffness, x axis */
-    GYRO_K2_Y = 68, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SAMPLING_JITTER = 69, /* [s] size: rms error of the sampling instant */
-    GYRO_SENSE_NOISE = 70, /* [V] size: white noise, rms a sample */
-    GYRO_TCD = 71, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 72, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 73, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_STRUCTURE_LAG = 74, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 75, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 76, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 77, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 78, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 79, /* [K] shape: temperature at which parameters are as given */
+    GYRO_COMB_FRINGE = 44, /* [1/m] size: change of the force with displacement, relative */
+    GYRO_FORCE_X = 45, /* [N] size: constant force, x axis */
+    GYRO_FORCE_Y = 46, /* [N] size: constant force, y axis */
+    GYRO_STOP_STIFFNESS = 47, /* [N/m] size: stiffness of the stops */
+    GYRO_STOP_GAP = 48, /* [m] shape: displacement at which the mass meets a stop */
+    GYRO_STOP_DAMPING = 49, /* [N.s/m] shape: damping of the stops while they touch */
+    GYRO_K22 = 50, /* [N/m3] size: cubic stiffness that couples the axes */
+    GYRO_K3_X = 51, /* [N/m3] size: cubic stiffness, x axis */
+    GYRO_K3_Y = 52, /* [N/m3] size: cubic stiffness, y axis */
+    GYRO_DAMPING_STEP_FACTOR = 53, /* [1] size: all damping multiplies by this */
+    GYRO_DAMPING_STEP_TIME = 54, /* [s] shape: instant at which the damping steps */
+    GYRO_CHARGING_VOLTAGE = 55, /* [V] size: what the charge adds to the bias voltage in the end */
+    GYRO_CHARGING_TIME = 56, /* [s] shape: time constant of charging */
+    GYRO_FEEDTHROUGH = 57, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
+    GYRO_FRICTION_X = 58, /* [N] size: dry friction, x axis */
+    GYRO_FRICTION_Y = 59, /* [N] size: dry friction, y axis */
+    GYRO_FRICTION_SPEED = 60, /* [m/s] shape: speed over which the friction changes its sign */
+    GYRO_STRIBECK = 61, /* [1] shape: by how much friction near rest exceeds that at speed, relative */
+    GYRO_STRIBECK_SPEED = 62, /* [m/s] shape: speed at which that excess has faded */
+    GYRO_SOFTENING = 63, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
+    GYRO_ELECTRODE_GAP = 64, /* [m] shape: gap of the electrodes */
+    GYRO_FLICKER_NOISE = 65, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
+    GYRO_FRAME_ROTATION = 66, /* [1] size: centrifugal and Euler force times this (1: physical) */
+    GYRO_ACCELERATION_GAIN_X = 67, /* [1] size: part of the package's acceleration that moves the mass, x axis */
+    GYRO_ACCELERATION_GAIN_Y = 68, /* [1] size: part of the package's acceleration that moves the mass, y axis */
+    GYRO_D2_X = 69, /* [N.s/m3] size: nonlinear damping, x axis */
+    GYRO_D2_Y = 70, /* [N.s/m3] size: nonlinear damping, y axis */
+    GYRO_PARASITIC_RATIO = 71, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
+    GYRO_PARASITIC_COUPLING = 72, /* [N/m] size: spring that couples the parasitic mode to x */
+    GYRO_PARASITIC_FREQUENCY = 73, /* [Hz] shape: frequency of the parasitic mode alone */
+    GYRO_PARASITIC_Q = 74, /* [1] shape: quality factor of the parasitic mode */
+    GYRO_PICKOFF_GAIN_MISMATCH = 75, /* [1] size: relative excess of the y pickoff gain */
+    GYRO_PICKOFF_MISALIGNMENT = 76, /* [1] size: part of each displacement that the other pickoff sees */
+    GYRO_PICKOFF_MISMATCH = 77, /* [1] size: relative mismatch of the pair of sensing capacitors */
+    GYRO_PICKOFF_INVERSE_GAP = 78, /* [1/m] size: one over the gap of the sensing capacitors */
+    GYRO_K2_X = 79, /* [N/m2] size: quadratic stiffness, x axis */
+    GYRO_K2_Y = 80, /* [N/m2] size: quadratic stiffness, y axis */
+    GYRO_SAMPLING_JITTER = 81, /* [s] size: rms error of the sampling instant */
+    GYRO_SENSE_NOISE = 82, /* [V] size: white noise, rms a sample */
+    GYRO_SQUEEZE_X = 83, /* [N.s/m] size: damping of the film at rest, x axis */
+    GYRO_SQUEEZE_Y = 84, /* [N.s/m] size: damping of the film at rest, y axis */
+    GYRO_SQUEEZE_GAP = 85, /* [m] shape: gap of the film */
+    GYRO_TCD = 86, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 87, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 88, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_STRUCTURE_LAG = 89, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 90, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 91, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 92, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 93, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 94, /* [K] shape: temperature at which parameters are as given */
     GYRO_N_INPUTS = 7, /* which come first */
-    GYRO_N_VARIABLES = 80
+    GYRO_N_VARIABLES = 95
 };
 
 /* Continuous states. */
@@ -131,32 +146,38 @@ enum {
     GYRO_EFFECT_AMPLIFIER_DRIFT = 11,
     GYRO_EFFECT_AMPLIFIER_OFFSET = 12,
     GYRO_EFFECT_ANGULAR_GAIN = 13,
-    GYRO_EFFECT_CUBIC_STIFFNESS = 14,
-    GYRO_EFFECT_DAMPING_STEP = 15,
-    GYRO_EFFECT_DIELECTRIC_CHARGING = 16,
-    GYRO_EFFECT_DRIVE_FEEDTHROUGH = 17,
-    GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 18,
-    GYRO_EFFECT_FLICKER_NOISE = 19,
-    GYRO_EFFECT_FRAME_ROTATION = 20,
-    GYRO_EFFECT_LINEAR_ACCELERATION = 21,
-    GYRO_EFFECT_NONLINEAR_DAMPING = 22,
-    GYRO_EFFECT_PARASITIC_CAPACITANCE = 23,
-    GYRO_EFFECT_PARASITIC_MODE = 24,
-    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 25,
-    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 26,
-    GYRO_EFFECT_PICKOFF_MISMATCH = 27,
-    GYRO_EFFECT_PICKOFF_NONLINEARITY = 28,
-    GYRO_EFFECT_QUADRATIC_STIFFNESS = 29,
-    GYRO_EFFECT_SAMPLING_JITTER = 30,
-    GYRO_EFFECT_SENSE_NOISE = 31,
-    GYRO_EFFECT_THERMAL_DAMPING = 32,
-    GYRO_EFFECT_THERMAL_FORCE = 33,
-    GYRO_EFFECT_THERMAL_GAIN = 34,
-    GYRO_EFFECT_THERMAL_LAG = 35,
-    GYRO_EFFECT_THERMAL_PHASE = 36,
-    GYRO_EFFECT_THERMAL_STIFFNESS = 37,
+    GYRO_EFFECT_COMB_FRINGE = 14,
+    GYRO_EFFECT_CONSTANT_FORCE = 15,
+    GYRO_EFFECT_CONTACT_STOP = 16,
+    GYRO_EFFECT_CROSS_CUBIC_STIFFNESS = 17,
+    GYRO_EFFECT_CUBIC_STIFFNESS = 18,
+    GYRO_EFFECT_DAMPING_STEP = 19,
+    GYRO_EFFECT_DIELECTRIC_CHARGING = 20,
+    GYRO_EFFECT_DRIVE_FEEDTHROUGH = 21,
+    GYRO_EFFECT_DRY_FRICTION = 22,
+    GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 23,
+    GYRO_EFFECT_FLICKER_NOISE = 24,
+    GYRO_EFFECT_FRAME_ROTATION = 25,
+    GYRO_EFFECT_LINEAR_ACCELERATION = 26,
+    GYRO_EFFECT_NONLINEAR_DAMPING = 27,
+    GYRO_EFFECT_PARASITIC_CAPACITANCE = 28,
+    GYRO_EFFECT_PARASITIC_MODE = 29,
+    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 30,
+    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 31,
+    GYRO_EFFECT_PICKOFF_MISMATCH = 32,
+    GYRO_EFFECT_PICKOFF_NONLINEARITY = 33,
+    GYRO_EFFECT_QUADRATIC_STIFFNESS = 34,
+    GYRO_EFFECT_SAMPLING_JITTER = 35,
+    GYRO_EFFECT_SENSE_NOISE = 36,
+    GYRO_EFFECT_SQUEEZE_FILM = 37,
+    GYRO_EFFECT_THERMAL_DAMPING = 38,
+    GYRO_EFFECT_THERMAL_FORCE = 39,
+    GYRO_EFFECT_THERMAL_GAIN = 40,
+    GYRO_EFFECT_THERMAL_LAG = 41,
+    GYRO_EFFECT_THERMAL_PHASE = 42,
+    GYRO_EFFECT_THERMAL_STIFFNESS = 43,
     GYRO_N_PINK = 1, /* of which draw pink numbers */
-    GYRO_N_EFFECTS = 38
+    GYRO_N_EFFECTS = 44
 };
 
 typedef enum {

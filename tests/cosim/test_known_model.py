@@ -143,6 +143,9 @@ def test_a_wrong_parameter_is_seen_by_the_comparison():
         (("sense_noise",), ("sense_noise",), "without an interval"),
         (("thermal_lag",), ("structure_lag",), "without an interval"),
         (("adc_clipping",), ("adc_limit",), "without an interval"),
+        (("dry_friction",), ("friction_x",), "without an interval"),
+        (("contact_stop",), ("stop_stiffness",), "without an interval"),
+        (("comb_fringe",), (), "leave it out of the design"),
     ],
 )
 def test_what_can_not_be_estimated_is_refused(acting, estimated, expected):

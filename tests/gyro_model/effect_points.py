@@ -134,6 +134,7 @@ def exactly(expr: Expr, values: Mapping[str, float]) -> float:
     if expr.is_Mul:
         return math.prod(args)
     special: dict[str, Any] = {"nearest_integer": round, "Max": max, "Min": min, "Abs": abs}
+    special["Heaviside"] = lambda at, middle: 1.0 if at > 0 else 0.0 if at < 0 else middle
     name = type(expr).__name__
     return float(special[name](*args) if name in special else getattr(math, name)(*args))
 

@@ -19,7 +19,7 @@ from effect_points import (
     unit_of,
     used_symbols,
 )
-from sympy import Expr, Float, Symbol, simplify
+from sympy import Expr, Float, Heaviside, Symbol, simplify
 from sympy import symbols as make_symbols
 
 import gyro_model.symbols
@@ -147,7 +147,24 @@ def test_power_balance(effect: Force) -> None:
     rates = {x: x_dot, y: y_dot} | {state.symbol: state.rate for state in effect.states}
     stored_rate = sum(stored.diff(symbol) * rate for symbol, rate in rates.items())
     power = terms["force_x"] * x_dot + terms["force_y"] * y_dot
-    assert simplify(power + stored_rate + dissipated) == 0
+    if (power + stored_rate).has(Heaviside):
+        # Algebra does not see through the corners of Max and Min; numbers on both sides of them do.
+        _assert_balanced(effect, power, stored_rate, dissipated)
+    else:
+        assert simplify(power + stored_rate + dissipated) == 0
+
+
+def _assert_balanced(effect: Force, *powers: Expr) -> None:
+    rng = np.random.default_rng(7)
+    sizes = []
+    for _ in range(300):
+        point = random_point(effect, rng)
+        point |= {name: rng.uniform(0, 2) * value for name, value in point.items() if name in ("x", "y")}
+        values = [exactly(power, point) for power in powers]
+        sizes.append(max(map(abs, values)))
+        # Each is a sum of four products of ten roundings; a depth is the difference of lengths ten times as large.
+        assert abs(sum(values)) <= 400 * EPS * sizes[-1]
+    assert 0 < sum(size == 0 for size in sizes) < len(sizes), "the points lie on one side of the corner"
 
 
 @pytest.mark.parametrize("effect", [e for e in MODEL.forces if e.energy is not None], ids=lambda e: e.id)

@@ -67,10 +67,17 @@ CURVED = {
     "pickoff_misalignment": {"pickoff_misalignment": 1e-2},
     "actuator_misalignment": {"actuator_misalignment": 1e-2, "actuator_gain_mismatch": 0.02},
     "adc_clipping": {"adc_limit": 4.0},
+    "constant_force": {"force_x": 2e-5, "force_y": -1e-5, "k3_x": 1e10},
+    "cross_cubic_stiffness": {"k22": 5e10},
+    "dry_friction": {"friction_x": 1e-7, "friction_y": 2e-9, "friction_speed": 3e-2},
+    "squeeze_film": {"squeeze_x": 2e-7, "squeeze_y": 2e-7, "squeeze_gap": 9e-6},
+    "comb_fringe": {"comb_fringe": 1e4, "k2_x": 1e5},
+    "contact_stop": {"stop_stiffness": 2.0, "stop_gap": 4e-6},
 }
-# What is left: corners of clipping that fall between 32 phases; the actuator's curve acts before the hold, which takes
+# What is left: corners of clipping and of a stop that fall between 32 phases, with the friction's harmonics above the
+# third; the actuator's curve acts before the hold, which takes
 # 4e-4 of the amplitude, on a cubic part of 1 %; else the transient of the full plant.
-LIMITS = {"adc_clipping": 2e-3, "actuator_nonlinearity": 1e-5}
+LIMITS = {"adc_clipping": 2e-3, "actuator_nonlinearity": 1e-5, "dry_friction": 1e-6, "contact_stop": 5e-3}
 
 
 @pytest.mark.parametrize("effect", CURVED)

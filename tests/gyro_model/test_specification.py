@@ -21,11 +21,22 @@ class Named(NamedTuple):
 
 def table() -> dict[str, list[Named]]:
     """Parameters by effect id, from the table of section 8."""
+    return {row[0].split()[0]: parameters(row[2]) for row in rows("## 8.", "## 9.")}
+
+
+def more() -> dict[str, str]:
+    """The cell of the parameters by effect id, from the table of section 11, of which some rows hold several."""
+    listed = rows("## 11.", "Record defects")
+    return {effect_id: row[2] for row in listed for effect_id in row[0].replace("†", "").replace(",", "").split()}
+
+
+def rows(begin: str, end: str) -> list[list[str]]:
+    """The cells of the table between two headings."""
     if not SPECIFICATION.is_file():
         pytest.skip("shared/SYSTEM.md is not beside this checkout")
-    section = SPECIFICATION.read_text(encoding="utf-8").partition("## 8.")[2].partition("## 9.")[0]
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines() if line[:1] == "|"]
-    return {row[0].split()[0]: parameters(row[2]) for row in rows[2:]}
+    section = SPECIFICATION.read_text(encoding="utf-8").partition(begin)[2].partition(end)[0]
+    lines = [line for line in section.splitlines() if line[:1] == "|"]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
 
 
 def parameters(cell: str) -> list[Named]:
@@ -48,7 +59,8 @@ def test_the_parser_reads_the_table() -> None:
 
 
 def test_every_effect_of_the_table_is_there_and_no_other() -> None:
-    assert {effect.id for effect in MODEL.effects if not effect.nominal} == set(table())
+    ids = {effect.id for effect in MODEL.effects if not effect.nominal}
+    assert set(table()) <= ids <= {*table(), *more()}
 
 
 def test_parameters_are_those_of_the_table() -> None:
@@ -59,3 +71,13 @@ def test_parameters_are_those_of_the_table() -> None:
         for name, role, start in named:
             assert own[name].role == role, name
             assert start is None or own[name].start == start, name
+
+
+def test_further_parameters_are_those_of_the_table() -> None:
+    for effect_id, cell in more().items():
+        for quantity in (q for e in MODEL.effects if e.id == effect_id for q in e.parameters):
+            named = re.search(rf"\b{quantity.name}\b", cell)
+            # Shapes may be there in words or by a Greek letter.
+            assert named or quantity.role == "shape", quantity.name
+            if named:
+                assert ("(" in cell[: named.start()]) == (quantity.role == "shape"), quantity.name

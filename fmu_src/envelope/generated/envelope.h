@@ -8,14 +8,13 @@
 /* Whether a force is not linear in the motion. */
 static inline int any_curved_force(const gyro_view *g)
 {
-    return g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS];
+    return g->active[GYRO_EFFECT_COMB_FRINGE] || g->active[GYRO_EFFECT_CONTACT_STOP] || g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_DRY_FRICTION] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] || g->active[GYRO_EFFECT_SQUEEZE_FILM];
 }
 
-/* Whether such a force depends on the other axis. */
+/* Whether such a force depends on the other axis or on the command. */
 static inline int any_crossed_force(const gyro_view *g)
 {
-    (void)g;
-    return 0;
+    return g->active[GYRO_EFFECT_COMB_FRINGE] || g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS];
 }
 
 /* Whether a force has states of its own. */
@@ -81,6 +80,9 @@ static inline void straight_rate(const gyro_view *g, double rate[GYRO_N_STATES])
     if (g->active[GYRO_EFFECT_ANGULAR_GAIN]) {
         effect_angular_gain(g, force);
     }
+    if (g->active[GYRO_EFFECT_CONSTANT_FORCE]) {
+        effect_constant_force(g, force);
+    }
     if (g->active[GYRO_EFFECT_FRAME_ROTATION]) {
         effect_frame_rotation(g, force);
     }
@@ -99,8 +101,20 @@ static inline void straight_rate(const gyro_view *g, double rate[GYRO_N_STATES])
 /* The curved forces [N], added to `force`. */
 static inline void curved_force(const gyro_view *g, double force[2])
 {
+    if (g->active[GYRO_EFFECT_COMB_FRINGE]) {
+        effect_comb_fringe(g, force);
+    }
+    if (g->active[GYRO_EFFECT_CONTACT_STOP]) {
+        effect_contact_stop(g, force);
+    }
+    if (g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS]) {
+        effect_cross_cubic_stiffness(g, force);
+    }
     if (g->active[GYRO_EFFECT_CUBIC_STIFFNESS]) {
         effect_cubic_stiffness(g, force);
+    }
+    if (g->active[GYRO_EFFECT_DRY_FRICTION]) {
+        effect_dry_friction(g, force);
     }
     if (g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING]) {
         effect_electrostatic_softening(g, force);
@@ -110,6 +124,9 @@ static inline void curved_force(const gyro_view *g, double force[2])
     }
     if (g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS]) {
         effect_quadratic_stiffness(g, force);
+    }
+    if (g->active[GYRO_EFFECT_SQUEEZE_FILM]) {
+        effect_squeeze_film(g, force);
     }
 }
 
