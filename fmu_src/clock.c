@@ -48,6 +48,19 @@ int64_t gyro_tick_of(gyro_beat beat, int64_t k)
     return k * beat.whole + (beat.part > 0.0 ? (int64_t)gyro_floor((double)k * beat.part + 0.5) : 0);
 }
 
+int64_t gyro_beats_until(gyro_beat beat, int64_t tick)
+{
+    /* The k-th lies within half a tick of its place: the quotient is off by one at most. */
+    int64_t k = (int64_t)gyro_floor((double)tick / ((double)beat.whole + beat.part));
+    while (gyro_tick_of(beat, k) > tick) {
+        k--;
+    }
+    while (gyro_tick_of(beat, k + 1) <= tick) {
+        k++;
+    }
+    return k;
+}
+
 /* The view's switches at `settled`, and the first event after it. */
 static void pass_events(gyro_instance *g)
 {

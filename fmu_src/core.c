@@ -130,9 +130,7 @@ gyro_status gyro_start(gyro_instance *g, double start_time)
     return status;
 }
 
-/* The tick `from` + `ticks`; a sample instant nearby is meant: within a tick, to which two ways of counting a period that is no whole
-   number of ticks may round, or a millionth of the sample period, for an importer whose times have lost their last digits. */
-static int64_t nearest_tick(const gyro_instance *g, int64_t from, double ticks)
+int64_t gyro_nearest_tick(const gyro_instance *g, int64_t from, double ticks)
 {
     const gyro_beat beat = g->plan.cuts.sample;
     const double period = (double)beat.whole + beat.part;
@@ -188,8 +186,7 @@ static gyro_status check_step(gyro_instance *g, double from, double step)
     return status;
 }
 
-/* The values before the latest change and the present ones change places, up to the value reference `end`. */
-static void swap_values(gyro_instance *g, int end)
+void gyro_swap_values(gyro_instance *g, int end)
 {
     double *held = g->memory.clock.held;
     for (int vr = 0; vr < end; vr++) {
@@ -201,8 +198,7 @@ static void swap_values(gyro_instance *g, int end)
     }
 }
 
-/* Takes inputs and tunable parameters as they are, where they are new: an equal value is no change, and cuts nothing. */
-static gyro_status take_inputs(gyro_instance *g)
+gyro_status gyro_take_values(gyro_instance *g)
 {
     gyro_clock *clock = &g->memory.clock;
     gyro_status status = GYRO_OK;
@@ -215,9 +211,9 @@ static gyro_status take_inputs(gyro_instance *g)
     }
     if ((changed || tuned) && gyro_before(clock->settled, (gyro_instant){clock->now, 0.0})) {
         const int end = tuned ? GYRO_N_VARIABLES : GYRO_N_INPUTS;
-        swap_values(g, end);
+        gyro_swap_values(g, end);
         gyro_move(g, (gyro_instant){clock->now, 0.0});
-        swap_values(g, end);
+        gyro_swap_values(g, end);
     }
     if (tuned) {
         gyro_tune(g);
@@ -278,14 +274,14 @@ static int64_t wanted_end(const gyro_instance *g, double time)
 }
 
 /* From `settled` to the tick `tick`, which no cut need be and lies `rest` ticks before where the importer has come to, or less far. */
-static gyro_status move_to(gyro_instance *g, int64_t tick, double rest, gyro_watch watch, void *watcher)
+static gyro_status move_to(gyro_instance *g, int64_t tick, double rest, int to_sample, gyro_watch watch, void *watcher)
 {
     const gyro_clock *clock = &g->memory.clock;
     const int64_t most = (int64_t)g->value[GYRO_STEP_LIMIT], first = clock->grid;
     gyro_status status = GYRO_OK;
     gyro_instant end = {tick, 0.0};
     for (gyro_instant cut = next_cut(g); !gyro_before(end, cut) && status == GYRO_OK; cut = next_cut(g)) {
-        const int64_t before = clock->grid;
+        const int64_t before = clock->grid, sample = clock->sample;
         gyro_move(g, cut);
         if (gyro_infinite_state(g) != NULL) {
             status = diverge(g, cut.tick);
@@ -299,6 +295,9 @@ static gyro_status move_to(gyro_instance *g, int64_t tick, double rest, gyro_wat
                 end = cut;
             }
         }
+        if (to_sample && clock->sample > sample && gyro_before(cut, end)) {
+            end = cut;
+        }
     }
     if (status == GYRO_OK) {
         status = put_out_at(g, end, end.tick < tick ? 0.0 : rest);
@@ -310,18 +309,22 @@ static gyro_status move_to(gyro_instance *g, int64_t tick, double rest, gyro_wat
     return status;
 }
 
-gyro_status gyro_advance(gyro_instance *g, double from, double step, gyro_watch watch, void *watcher)
+int64_t gyro_samples(const gyro_instance *g) { return g->memory.clock.sample; }
+
+double gyro_next_sample(const gyro_instance *g) { return gyro_time_of(g, (gyro_instant){g->plan.cuts.next_sample, 0.0}); }
+
+gyro_status gyro_advance(gyro_instance *g, double from, double step, int to_sample, gyro_watch watch, void *watcher)
 {
     gyro_clock *clock = &g->memory.clock;
     gyro_status status = check_step(g, from, step);
     if (status == GYRO_OK) {
-        status = take_inputs(g);
+        status = gyro_take_values(g);
     }
     if (status == GYRO_OK) {
         const double ticks = step_in_ticks(g, step) + clock->rest;
-        const int64_t end = nearest_tick(g, clock->now, ticks);
+        const int64_t end = gyro_nearest_tick(g, clock->now, ticks);
         clock->next_time = from + step;
-        status = move_to(g, end, ticks - (double)(end - clock->now), watch, watcher);
+        status = move_to(g, end, ticks - (double)(end - clock->now), to_sample, watch, watcher);
     }
     return status;
 }

@@ -52,10 +52,18 @@ void gyro_unstart(gyro_instance *g);
    picosecond; `from`, the present time as the importer has it, is checked to its own rounding. The motion depends on when inputs
    change, never on how time is divided into steps. A state that is no longer finite is a GYRO_ERROR, with time at the instant that showed
    it, NaN as outputs, and no way on.
-   `watch`, which may be NULL, is called with `watcher` at every point of the integration grid on the way, the outputs being those there,
+   With `to_sample` it ends early at the first sample on the way. `watch`, which may be NULL, is called with `watcher` at every point of the integration grid on the way, the outputs being those there,
    and gives the time [s] at which the step shall end, infinity for its own end; so does the parameter step_limit. */
 typedef double (*gyro_watch)(void *watcher);
-gyro_status gyro_advance(gyro_instance *g, double from, double step, gyro_watch watch, void *watcher);
+gyro_status gyro_advance(gyro_instance *g, double from, double step, int to_sample, gyro_watch watch, void *watcher);
+
+/* Samples taken since the start, the first not counted; the time of the next one [s]. */
+int64_t gyro_samples(const gyro_instance *g);
+double gyro_next_sample(const gyro_instance *g);
+
+/* Where samples are held, they are put out by gyro_latch only. */
+void gyro_hold_samples(gyro_instance *g, int hold);
+void gyro_latch(gyro_instance *g);
 
 /* Present time [s]. */
 double gyro_time(const gyro_instance *g);

@@ -1,13 +1,11 @@
-/* FMI 2.0 for co-simulation: every function of fmi2Functions.h, over fmi_common.h.
+/* FMI 2.0: every function of fmi2Functions.h, over fmi_common.h.
 
-   The memory callbacks are not used (FMI 2.0.2 deprecates them). What this FMU lacks (model exchange, derivatives of inputs and
-   outputs, asynchronous steps) is refused with a message, as modelDescription.xml announces. */
+   The memory callbacks are not used (FMI 2.0.2 deprecates them). What this FMU lacks (derivatives of inputs and outputs by time,
+   asynchronous steps) is refused with a message, as modelDescription.xml announces. */
 
 #include <fmi2Functions.h>
 
 #include "fmi_common.h"
-
-#define CO_SIMULATION_ONLY "this FMU is for co-simulation only"
 
 /* The log function takes a printf format, and many importers print it as it is: '%' is doubled for the former, and our texts avoid it. */
 static void emit(const fmi_instance *f, fmi_status status, const char *category, const char *text)
@@ -44,9 +42,8 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
     fmi_request request = {.call = __func__,
                            .name = instanceName,
                            .token = fmuGUID,
-                           .refusal = fmuType == fmi2CoSimulation ? NULL : CO_SIMULATION_ONLY,
                            .logging_on = loggingOn,
-                           .n_readable = GYRO_N_VARIABLES,
+                           .purpose = fmuType == fmi2ModelExchange ? MODEL_EXCHANGE : CO_SIMULATION,
                            .emit = emit,
                            .callback = functions != NULL ? (fmi_callback)functions->logger : NULL,
                            .environment = functions != NULL ? functions->componentEnvironment : NULL};
@@ -142,8 +139,8 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
                                         const fmi2ValueReference vKnown_ref[], size_t nKnown, const fmi2Real dvKnown[],
                                         fmi2Real dvUnknown[])
 {
-    (void)vUnknown_ref, (void)nUnknown, (void)vKnown_ref, (void)nKnown, (void)dvKnown, (void)dvUnknown;
-    return absent(c, __func__, "this FMU gives no directional derivatives (providesDirectionalDerivative is false)");
+    const fmi_derivative of = {vUnknown_ref, nUnknown, vKnown_ref, nKnown, dvKnown, nKnown, dvUnknown, nUnknown};
+    return (fmi2Status)fmi_derive(c, __func__, &of);
 }
 
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer order[],
@@ -217,55 +214,55 @@ fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind s, fmi2Stri
     return absent(c, __func__, "no step is pending: every step ends before fmi2DoStep returns");
 }
 
-fmi2Status fmi2EnterEventMode(fmi2Component c) { return absent(c, __func__, CO_SIMULATION_ONLY); }
+fmi2Status fmi2EnterEventMode(fmi2Component c) { return (fmi2Status)fmi_enter_event_mode(c, __func__); }
 
 fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *fmi2eventInfo)
 {
-    (void)fmi2eventInfo;
-    return absent(c, __func__, CO_SIMULATION_ONLY);
+    int jumped = 0;
+    double next = 0.0;
+    fmi_status status = FMI_ERROR;
+    if (fmi2eventInfo == NULL) {
+        return absent(c, __func__, "the address for the event info is NULL");
+    }
+    status = fmi_update(c, __func__, &jumped, &next);
+    if (status == FMI_OK) {
+        *fmi2eventInfo = (fmi2EventInfo){.valuesOfContinuousStatesChanged = jumped, .nextEventTimeDefined = fmi2True, .nextEventTime = next};
+    }
+    return (fmi2Status)status;
 }
 
-fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) { return absent(c, __func__, CO_SIMULATION_ONLY); }
+fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) { return (fmi2Status)fmi_leave_event_mode(c, __func__, CONTINUOUS); }
 
 fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStatePriorToCurrentPoint, fmi2Boolean *enterEventMode,
                                        fmi2Boolean *terminateSimulation)
 {
-    (void)noSetFMUStatePriorToCurrentPoint, (void)enterEventMode, (void)terminateSimulation;
-    return absent(c, __func__, CO_SIMULATION_ONLY);
+    const fmi_status status = fmi_completed_step(c, __func__);
+    (void)noSetFMUStatePriorToCurrentPoint;
+    if (status == FMI_OK && enterEventMode != NULL && terminateSimulation != NULL) {
+        *enterEventMode = fmi2False;
+        *terminateSimulation = fmi2False;
+    }
+    return (fmi2Status)status;
 }
 
-fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time)
-{
-    (void)time;
-    return absent(c, __func__, CO_SIMULATION_ONLY);
-}
+fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time) { return (fmi2Status)fmi_set_time(c, __func__, time); }
 
-fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t nx)
-{
-    (void)x, (void)nx;
-    return absent(c, __func__, CO_SIMULATION_ONLY);
-}
+fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t nx) { return (fmi2Status)fmi_set_states(c, __func__, x, nx); }
 
 fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[], size_t nx)
 {
-    (void)derivatives, (void)nx;
-    return absent(c, __func__, CO_SIMULATION_ONLY);
+    return (fmi2Status)fmi_get_rates(c, __func__, derivatives, nx);
 }
 
 fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real eventIndicators[], size_t ni)
 {
-    (void)eventIndicators, (void)ni;
-    return absent(c, __func__, CO_SIMULATION_ONLY);
+    (void)eventIndicators;
+    return (fmi2Status)fmi_no_indicators(c, __func__, ni);
 }
 
-fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t nx)
-{
-    (void)x, (void)nx;
-    return absent(c, __func__, CO_SIMULATION_ONLY);
-}
+fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t nx) { return (fmi2Status)fmi_get_states(c, __func__, x, nx); }
 
 fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real x_nominal[], size_t nx)
 {
-    (void)x_nominal, (void)nx;
-    return absent(c, __func__, CO_SIMULATION_ONLY);
+    return (fmi2Status)fmi_get_nominals(c, __func__, x_nominal, nx);
 }

@@ -1,19 +1,19 @@
-/* FMI 3.0 for co-simulation: every function of fmi3Functions.h, over fmi_common.h.
+/* FMI 3.0: every function of fmi3Functions.h, over fmi_common.h.
 
-   What this FMU lacks (from fmi3EnterEventMode on) is an error with a message, as modelDescription.xml announces. */
+   What this FMU lacks (clocks, structural parameters, scheduled execution) is an error with a message, as modelDescription.xml announces. */
 
 #include <fmi3Functions.h>
 
+#include "continuous.h"
 #include "fmi_common.h"
 
 #include <math.h>
 
-#define CO_SIMULATION_ONLY "this FMU is for co-simulation only"
-#define NO_EVENTS "this FMU has no event mode (hasEventMode is false)"
+#define NO_SCHEDULE "this FMU has no model partitions to schedule (ScheduledExecution is absent)"
 #define NO_CONFIGURATION "this FMU has no structural parameters, so no configuration mode"
 #define NO_CLOCKS "this FMU has no clocks"
 #define NO_DEPENDENCIES "this FMU gives no dependencies at run time; they are in modelDescription.xml"
-#define NO_DERIVATIVES "this FMU gives no derivatives"
+#define NO_DERIVATIVES "this FMU gives no derivatives of outputs by time"
 
 static void emit(const fmi_instance *f, fmi_status status, const char *category, const char *text)
 {
@@ -36,7 +36,7 @@ static double watch(fmi_instance *f)
     return end_requested && f->may_end_early ? end : INFINITY;
 }
 
-static fmi3Instance instantiate(const char *call, const char *refusal, fmi3String name, fmi3String token, fmi3Boolean logging_on,
+static fmi3Instance instantiate(const char *call, fmi_purpose purpose, const char *refusal, fmi3String name, fmi3String token, fmi3Boolean logging_on,
                                 fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, fmi3Boolean may_end_early,
                                 fmi3IntermediateUpdateCallback update)
 {
@@ -45,7 +45,7 @@ static fmi3Instance instantiate(const char *call, const char *refusal, fmi3Strin
                            .token = token,
                            .refusal = refusal,
                            .logging_on = logging_on,
-                           .n_readable = GYRO_N_VARIABLES + 1,
+                           .purpose = purpose,
                            .emit = emit,
                            .callback = (fmi_callback)log,
                            .environment = environment,
@@ -60,7 +60,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
                                           fmi3LogMessageCallback logMessage)
 {
     (void)resourcePath, (void)visible;
-    return instantiate(__func__, CO_SIMULATION_ONLY, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage, fmi3False,
+    return instantiate(__func__, MODEL_EXCHANGE, NULL, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage, fmi3False,
                        NULL);
 }
 
@@ -70,11 +70,14 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
                                          size_t nRequiredIntermediateVariables, fmi3InstanceEnvironment instanceEnvironment,
                                          fmi3LogMessageCallback logMessage, fmi3IntermediateUpdateCallback intermediateUpdate)
 {
-    const char *refusal = eventModeUsed ? "this FMU has no event mode (hasEventMode is false); pass eventModeUsed = false" : NULL;
+    const fmi_purpose purpose = eventModeUsed ? CO_SIMULATION_WITH_EVENTS : CO_SIMULATION;
+    const char *none = eventModeUsed && gyro_no_equation() != NULL
+                           ? "this FMU has no event mode (hasEventMode is false); pass eventModeUsed = false"
+                           : NULL;
     /* All variables can be read at an intermediate point, whichever are asked for. */
     (void)resourcePath, (void)visible, (void)requiredIntermediateVariables, (void)nRequiredIntermediateVariables;
-    return instantiate(__func__, refusal, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage, earlyReturnAllowed,
-                       intermediateUpdate);
+    return instantiate(__func__, purpose, none, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage,
+                       earlyReturnAllowed, intermediateUpdate);
 }
 
 fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath,
@@ -83,7 +86,7 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
                                                fmi3LockPreemptionCallback lockPreemption, fmi3UnlockPreemptionCallback unlockPreemption)
 {
     (void)resourcePath, (void)visible, (void)clockUpdate, (void)lockPreemption, (void)unlockPreemption;
-    return instantiate(__func__, CO_SIMULATION_ONLY, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage, fmi3False,
+    return instantiate(__func__, CO_SIMULATION, NO_SCHEDULE, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage, fmi3False,
                        NULL);
 }
 
@@ -220,7 +223,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
         status = fmi_fail(f, __func__, "an address for a result is NULL; pass all four");
     } else {
         status = fmi_step(f, __func__, currentCommunicationPoint, communicationStepSize);
-        *eventHandlingNeeded = fmi3False;
+        *eventHandlingNeeded = status != FMI_ERROR && f->purpose == CO_SIMULATION_WITH_EVENTS && f->sampled;
         *terminateSimulation = fmi3False;
         *earlyReturn = status == FMI_DISCARD && f->may_end_early;
         status = *earlyReturn ? FMI_OK : status;
@@ -234,19 +237,43 @@ static fmi3Status absent(fmi3Instance instance, const char *call, const char *wh
     return (fmi3Status)(instance == NULL ? FMI_ERROR : fmi_fail(instance, call, "%s", why));
 }
 
-fmi3Status fmi3EnterEventMode(fmi3Instance instance) { return absent(instance, __func__, NO_EVENTS); }
+fmi3Status fmi3EnterEventMode(fmi3Instance instance)
+{
+    return (fmi3Status)fmi_enter_event_mode(instance, __func__);
+}
 
-fmi3Status fmi3EnterStepMode(fmi3Instance instance) { return absent(instance, __func__, NO_EVENTS); }
+fmi3Status fmi3EnterStepMode(fmi3Instance instance)
+{
+    return (fmi3Status)fmi_leave_event_mode(instance, __func__, STEPPING);
+}
 
-fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance) { return absent(instance, __func__, NO_EVENTS); }
+fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance)
+{
+    return absent(instance, __func__, "nothing is evaluated apart (providesEvaluateDiscreteStates is false); call fmi3UpdateDiscreteStates");
+}
 
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discreteStatesNeedUpdate, fmi3Boolean *terminateSimulation,
                                     fmi3Boolean *nominalsOfContinuousStatesChanged, fmi3Boolean *valuesOfContinuousStatesChanged,
                                     fmi3Boolean *nextEventTimeDefined, fmi3Float64 *nextEventTime)
 {
-    (void)discreteStatesNeedUpdate, (void)terminateSimulation, (void)nominalsOfContinuousStatesChanged,
-    (void)valuesOfContinuousStatesChanged, (void)nextEventTimeDefined, (void)nextEventTime;
-    return absent(instance, __func__, NO_EVENTS);
+    fmi_instance *f = instance;
+    int jumped = 0;
+    double next = 0.0;
+    fmi_status status = FMI_ERROR;
+    if (discreteStatesNeedUpdate == NULL || terminateSimulation == NULL || nominalsOfContinuousStatesChanged == NULL ||
+        valuesOfContinuousStatesChanged == NULL || nextEventTimeDefined == NULL || nextEventTime == NULL) {
+        return absent(instance, __func__, "an address for a result is NULL; pass all six");
+    }
+    status = fmi_update(f, __func__, &jumped, &next);
+    if (status == FMI_OK) {
+        *discreteStatesNeedUpdate = fmi3False;
+        *terminateSimulation = fmi3False;
+        *nominalsOfContinuousStatesChanged = fmi3False;
+        *valuesOfContinuousStatesChanged = jumped != 0;
+        *nextEventTimeDefined = fmi3True;
+        *nextEventTime = next;
+    }
+    return (fmi3Status)status;
 }
 
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) { return absent(instance, __func__, NO_CONFIGURATION); }
@@ -334,16 +361,16 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueRe
                                         const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[], size_t nSeed,
                                         fmi3Float64 sensitivity[], size_t nSensitivity)
 {
-    (void)unknowns, (void)nUnknowns, (void)knowns, (void)nKnowns, (void)seed, (void)nSeed, (void)sensitivity, (void)nSensitivity;
-    return absent(instance, __func__, NO_DERIVATIVES);
+    const fmi_derivative of = {unknowns, nUnknowns, knowns, nKnowns, seed, nSeed, sensitivity, nSensitivity};
+    return (fmi3Status)fmi_derive(instance, __func__, &of);
 }
 
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nUnknowns,
                                     const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[], size_t nSeed,
                                     fmi3Float64 sensitivity[], size_t nSensitivity)
 {
-    (void)unknowns, (void)nUnknowns, (void)knowns, (void)nKnowns, (void)seed, (void)nSeed, (void)sensitivity, (void)nSensitivity;
-    return absent(instance, __func__, NO_DERIVATIVES);
+    const fmi_derivative of = {unknowns, nUnknowns, knowns, nKnowns, seed, nSeed, sensitivity, nSensitivity};
+    return (fmi3Status)fmi_derive_adjoint(instance, __func__, &of);
 }
 
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
@@ -353,59 +380,68 @@ fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueRefere
     return absent(instance, __func__, NO_DERIVATIVES);
 }
 
-fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance) { return absent(instance, __func__, CO_SIMULATION_ONLY); }
+fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance)
+{
+    return (fmi3Status)fmi_leave_event_mode(instance, __func__, CONTINUOUS);
+}
 
 fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetFMUStatePriorToCurrentPoint, fmi3Boolean *enterEventMode,
                                        fmi3Boolean *terminateSimulation)
 {
-    (void)noSetFMUStatePriorToCurrentPoint, (void)enterEventMode, (void)terminateSimulation;
-    return absent(instance, __func__, CO_SIMULATION_ONLY);
+    const fmi_status status = fmi_completed_step(instance, __func__);
+    (void)noSetFMUStatePriorToCurrentPoint;
+    if (status == FMI_OK && enterEventMode != NULL && terminateSimulation != NULL) {
+        *enterEventMode = fmi3False;
+        *terminateSimulation = fmi3False;
+    }
+    return (fmi3Status)status;
 }
 
 fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time)
 {
-    (void)time;
-    return absent(instance, __func__, CO_SIMULATION_ONLY);
+    return (fmi3Status)fmi_set_time(instance, __func__, time);
 }
 
 fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 continuousStates[], size_t nContinuousStates)
 {
-    (void)continuousStates, (void)nContinuousStates;
-    return absent(instance, __func__, CO_SIMULATION_ONLY);
+    return (fmi3Status)fmi_set_states(instance, __func__, continuousStates, nContinuousStates);
 }
 
 fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[], size_t nContinuousStates)
 {
-    (void)derivatives, (void)nContinuousStates;
-    return absent(instance, __func__, CO_SIMULATION_ONLY);
+    return (fmi3Status)fmi_get_rates(instance, __func__, derivatives, nContinuousStates);
 }
 
 fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 eventIndicators[], size_t nEventIndicators)
 {
-    (void)eventIndicators, (void)nEventIndicators;
-    return absent(instance, __func__, CO_SIMULATION_ONLY);
+    (void)eventIndicators;
+    return (fmi3Status)fmi_no_indicators(instance, __func__, nEventIndicators);
 }
 
 fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 continuousStates[], size_t nContinuousStates)
 {
-    (void)continuousStates, (void)nContinuousStates;
-    return absent(instance, __func__, CO_SIMULATION_ONLY);
+    return (fmi3Status)fmi_get_states(instance, __func__, continuousStates, nContinuousStates);
 }
 
 fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t nContinuousStates)
 {
-    (void)nominals, (void)nContinuousStates;
-    return absent(instance, __func__, CO_SIMULATION_ONLY);
+    return (fmi3Status)fmi_get_nominals(instance, __func__, nominals, nContinuousStates);
 }
 
 fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *nEventIndicators)
 {
-    (void)nEventIndicators;
-    return absent(instance, __func__, CO_SIMULATION_ONLY);
+    const fmi_status status = fmi_allow_exchange(instance, __func__, ANY_STATE);
+    if (status == FMI_OK && nEventIndicators != NULL) {
+        *nEventIndicators = 0;
+    }
+    return (fmi3Status)status;
 }
 
 fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *nContinuousStates)
 {
-    (void)nContinuousStates;
-    return absent(instance, __func__, CO_SIMULATION_ONLY);
+    const fmi_status status = fmi_allow_exchange(instance, __func__, ANY_STATE);
+    if (status == FMI_OK && nContinuousStates != NULL) {
+        *nContinuousStates = GYRO_N_CONTINUOUS;
+    }
+    return (fmi3Status)status;
 }

@@ -1,6 +1,7 @@
 /* The instance that both FMI layers hold: life cycle, variables, steps, in this order.
    Nothing on the way of a set, step or get that succeeds writes to the log. */
 
+#include "continuous.h"
 #include "fmi_common.h"
 
 #include <float.h>
@@ -9,10 +10,10 @@
 
 #include "gyro_math.h"
 
-enum { STATES_SIZE = 128 };
+enum { STATES_SIZE = 192 };
 
 /* Both indexed by gyro_kind. */
-static const unsigned can_set[] = {[GYRO_INPUT] = CAN_SET_INPUT, [GYRO_PARAMETER] = CAN_SET_PARAMETER, [GYRO_TUNABLE] = CAN_SET_INPUT, [GYRO_OUTPUT] = 0};
+static const unsigned can_set[] = {[GYRO_INPUT] = CAN_SET_INPUT, [GYRO_PARAMETER] = CAN_SET_PARAMETER, [GYRO_TUNABLE] = CAN_TUNE, [GYRO_OUTPUT] = 0};
 static const unsigned can_get[] = {
     [GYRO_INPUT] = CAN_GET_INPUT, [GYRO_PARAMETER] = CAN_GET_PARAMETER, [GYRO_TUNABLE] = CAN_GET_PARAMETER, [GYRO_OUTPUT] = CAN_GET_OUTPUT};
 
@@ -29,7 +30,8 @@ static fmi_status fail_with_core_message(const fmi_instance *f, const char *call
 /* "a or b or c" of the states in `states`. */
 static void name_states(unsigned states, char text[STATES_SIZE])
 {
-    static const char *const names[] = {"instantiated", "initialization mode", "step mode", "terminated", "intermediate update"};
+    static const char *const names[] = {"instantiated", "initialization mode", "step mode", "terminated", "intermediate update",
+                                        "event mode", "continuous-time mode"};
     text[0] = '\0';
     for (unsigned i = 0; i < sizeof names / sizeof *names; i++) {
         if ((states & (1u << i)) != 0) {
@@ -78,7 +80,7 @@ fmi_instance *fmi_new(const fmi_request *r)
     fmi_instance *f = calloc(1, sizeof *f + name_size);
     if (f != NULL) {
         begin_life(f);
-        f->n_readable = r->n_readable;
+        f->purpose = r->purpose;
         f->logging = LOG_ERRORS | (r->logging_on ? LOG_EVENTS : 0);
         f->emit = r->emit;
         f->callback = r->callback;
@@ -87,8 +89,9 @@ fmi_instance *fmi_new(const fmi_request *r)
         f->update = r->update;
         f->may_end_early = r->may_end_early;
         memcpy(f->name, name, name_size);
-        if (r->refusal != NULL) {
-            status = fmi_fail(f, r->call, "%s", r->refusal);
+        const char *refusal = r->refusal != NULL ? r->refusal : r->purpose != CO_SIMULATION ? gyro_no_equation() : NULL;
+        if (refusal != NULL) {
+            status = fmi_fail(f, r->call, "%s", refusal);
         } else if (r->token == NULL || strcmp(r->token, GYRO_TOKEN) != 0) {
             status = fmi_fail(f, r->call, "the token is %.60s, this library belongs to %s; use the modelDescription.xml of the same FMU",
                               r->token != NULL ? r->token : "NULL", GYRO_TOKEN);
@@ -143,11 +146,10 @@ fmi_status fmi_enter_initialization(fmi_instance *f, const char *call)
     return status;
 }
 
-/* Makes the outputs those of what has been set. */
-static fmi_status refresh(fmi_instance *f, const char *call)
+fmi_status fmi_refresh(fmi_instance *f, const char *call)
 {
     fmi_status status = FMI_OK;
-    if (gyro_start(f->core, f->start_time) != GYRO_OK) {
+    if (!gyro_started(f->core) && gyro_start(f->core, f->start_time) != GYRO_OK) {
         status = fail_with_core_message(f, call);
     }
     return status;
@@ -162,12 +164,13 @@ void fmi_find_latest_time(fmi_instance *f)
 fmi_status fmi_exit_initialization(fmi_instance *f, const char *call)
 {
     fmi_status status = fmi_allow(f, call, CAN_EXIT_INITIALIZATION);
-    if (status == FMI_OK && !gyro_started(f->core)) {
-        status = refresh(f, call);
+    if (status == FMI_OK) {
+        status = fmi_refresh(f, call);
     }
     if (status == FMI_OK) {
         fmi_find_latest_time(f);
-        f->state = STEPPING;
+        f->state = f->purpose == CO_SIMULATION ? STEPPING : EVENT;
+        gyro_hold_samples(f->core, f->purpose == CO_SIMULATION_WITH_EVENTS);
         fmi_report(f, call, "initialized");
     }
     return status;
@@ -196,9 +199,12 @@ fmi_status fmi_reset(fmi_instance *f, const char *call)
 
 static const char *const type_names[] = {[GYRO_REAL] = "real (Float64)", [GYRO_INTEGER] = "integer (Int32)"};
 
+/* Value references below this exist: the variables, `time`, then states and rates. */
+enum { N_READABLE = GYRO_FIRST_LOCAL + GYRO_N_LOCALS };
+
 static const char *name_of(uint32_t vr)
 {
-    return vr < GYRO_N_VARIABLES ? gyro_variables[vr].name : "time";
+    return vr < GYRO_N_VARIABLES ? gyro_variables[vr].name : vr < GYRO_FIRST_LOCAL ? "time" : gyro_local_names[vr - GYRO_FIRST_LOCAL];
 }
 
 static gyro_type type_of(uint32_t vr)
@@ -229,9 +235,9 @@ static fmi_status check_arrays(const fmi_instance *f, const char *call, const vo
 static fmi_status check_type(const fmi_instance *f, const char *call, gyro_type type, uint32_t vr)
 {
     fmi_status status = FMI_OK;
-    if (vr >= f->n_readable) {
+    if (vr >= N_READABLE) {
         status = fmi_fail(f, call, "no variable has the value reference %lu; they go from 0 to %lu", (unsigned long)vr,
-                          (unsigned long)f->n_readable - 1);
+                          (unsigned long)N_READABLE - 1);
     } else if (type_of(vr) != type) {
         status = fmi_fail(f, call, "%s is %s, not %s", name_of(vr), type_names[type_of(vr)], type_names[type]);
     }
@@ -248,11 +254,14 @@ static fmi_status check_set(const fmi_instance *f, const char *call, gyro_type t
         status = refuse_state(f, call, name_of(vr), allowed);
     } else if (status == FMI_OK && !gyro_finite(value)) {
         status = fmi_fail(f, call, "%s is %g; give a finite value", name_of(vr), value);
-    } else if (status == FMI_OK && (gyro_variables[vr].kind == GYRO_INPUT || f->state == STEPPING)) {
+    } else if (status == FMI_OK && (gyro_variables[vr].kind == GYRO_INPUT || (f->state & RUNNING) != 0)) {
         /* Parameters are checked at the start, together. */
         const gyro_variable *input = &gyro_variables[vr];
+        const char *jumping = f->state == CONTINUOUS && value != gyro_get(f->core, vr) ? gyro_jumping(f->core, vr) : NULL;
         if (value < input->min || value > input->max) {
             status = fmi_fail(f, call, "%s is %g; give a value from %g to %g", input->name, value, input->min, input->max);
+        } else if (jumping != NULL) {
+            status = fmi_fail(f, call, "%s may change in event mode only while the effect %s acts", input->name, jumping);
         }
     }
     return status;
@@ -267,7 +276,7 @@ fmi_status fmi_set(fmi_instance *f, const char *call, gyro_type type, const uint
     for (size_t i = 0; i < n && status == FMI_OK; i++) {
         gyro_set(f->core, vr[i], element(type, values, i));
     }
-    if (status == FMI_OK && f->state != STEPPING) {
+    if (status == FMI_OK && (f->state & RUNNING) == 0) {
         gyro_unstart(f->core);
     }
     return status;
@@ -276,13 +285,16 @@ fmi_status fmi_set(fmi_instance *f, const char *call, gyro_type type, const uint
 static fmi_status check_get(fmi_instance *f, const char *call, gyro_type type, uint32_t vr)
 {
     fmi_status status = check_type(f, call, type, vr);
-    if (status == FMI_OK && vr < GYRO_N_VARIABLES && !gyro_started(f->core)) {
-        unsigned allowed = can_get[gyro_variables[vr].kind];
-        if ((f->state & allowed) == 0) {
-            status = refuse_state(f, call, name_of(vr), allowed);
-        } else if (gyro_variables[vr].kind == GYRO_OUTPUT) {
-            status = refresh(f, call);
+    const gyro_kind kind = vr < GYRO_N_VARIABLES ? gyro_variables[vr].kind : GYRO_OUTPUT;
+    if (status == FMI_OK && vr != GYRO_N_VARIABLES && !gyro_started(f->core)) {
+        if ((f->state & can_get[kind]) == 0) {
+            status = refuse_state(f, call, name_of(vr), can_get[kind]);
+        } else if (kind == GYRO_OUTPUT) {
+            status = fmi_refresh(f, call);
         }
+    }
+    if (status == FMI_OK && kind == GYRO_OUTPUT && f->purpose == MODEL_EXCHANGE && (f->state & (EVENT | CONTINUOUS)) != 0) {
+        gyro_put_out_continuous(f->core);
     }
     return status;
 }
@@ -295,7 +307,9 @@ fmi_status fmi_get(fmi_instance *f, const char *call, gyro_type type, const uint
         if (status == FMI_OK && type == GYRO_INTEGER) {
             ((int32_t *)values)[i] = (int32_t)gyro_get(f->core, vr[i]);
         } else if (status == FMI_OK) {
-            ((double *)values)[i] = vr[i] < GYRO_N_VARIABLES ? gyro_get(f->core, vr[i]) : fmi_time(f);
+            ((double *)values)[i] = vr[i] < GYRO_N_VARIABLES   ? gyro_get(f->core, vr[i])
+                                    : vr[i] < GYRO_FIRST_LOCAL ? fmi_time(f)
+                                                               : fmi_local(f, vr[i]);
         }
     }
     return status;
@@ -305,7 +319,7 @@ fmi_status fmi_no_such_type(const fmi_instance *f, const char *call, const uint3
 {
     fmi_status status = check_arrays(f, call, vr, n, vr, n);
     if (status == FMI_OK && n > 0) {
-        status = vr[0] < f->n_readable
+        status = vr[0] < N_READABLE
                      ? fmi_fail(f, call, "%s is %s; no variable has the type of this function", name_of(vr[0]), type_names[type_of(vr[0])])
                      : fmi_fail(f, call, "no variable has the value reference %lu", (unsigned long)vr[0]);
     }
@@ -330,7 +344,10 @@ fmi_status fmi_step(fmi_instance *f, const char *call, double from, double step)
             status = fmi_fail(f, call, "the step to %.9g s passes the stop time %.9g s; step less, or set a later stop time at the start",
                               end, f->stop_time);
         } else {
-            const gyro_status moved = gyro_advance(f->core, from, step, f->watch != NULL ? watch : NULL, f);
+            const int64_t samples = gyro_samples(f->core);
+            const int to_sample = f->purpose == CO_SIMULATION_WITH_EVENTS && f->may_end_early;
+            const gyro_status moved = gyro_advance(f->core, from, step, to_sample, f->watch != NULL ? watch : NULL, f);
+            f->sampled = gyro_samples(f->core) != samples;
             if (moved == GYRO_ERROR) {
                 status = fail_with_core_message(f, call);
             } else if (moved == GYRO_EARLY) {

@@ -23,7 +23,10 @@ enum {
     STEPPING = 4,
     TERMINATED = 8,
     INTERMEDIATE = 16, /* in the importer's callback within a step: it may only look */
-    ANY_STATE = INSTANTIATED | INITIALIZATION | STEPPING | TERMINATED
+    EVENT = 32,
+    CONTINUOUS = 64, /* of model exchange */
+    ANY_STATE = INSTANTIATED | INITIALIZATION | STEPPING | TERMINATED | EVENT | CONTINUOUS,
+    RUNNING = STEPPING | EVENT | CONTINUOUS
 };
 
 /* The life cycle in one table: the states in which a call is allowed. */
@@ -32,13 +35,18 @@ enum {
     CAN_ENTER_INITIALIZATION = INSTANTIATED,
     CAN_EXIT_INITIALIZATION = INITIALIZATION,
     CAN_SET_PARAMETER = INSTANTIATED | INITIALIZATION,
-    CAN_SET_INPUT = INSTANTIATED | INITIALIZATION | STEPPING,
+    CAN_TUNE = INSTANTIATED | INITIALIZATION | STEPPING | EVENT,
+    CAN_SET_INPUT = INSTANTIATED | INITIALIZATION | RUNNING,
     CAN_GET_PARAMETER = ANY_STATE | INTERMEDIATE,
     CAN_GET_INPUT = ANY_STATE | INTERMEDIATE,
-    CAN_GET_OUTPUT = INITIALIZATION | STEPPING | TERMINATED | INTERMEDIATE,
+    CAN_GET_OUTPUT = INITIALIZATION | RUNNING | TERMINATED | INTERMEDIATE,
+    CAN_DERIVE = INITIALIZATION | RUNNING | TERMINATED,
+    CAN_UPDATE = EVENT,
+    CAN_SET_TIME = EVENT | CONTINUOUS,
+    CAN_SET_STATES = CONTINUOUS,
     CAN_STEP = STEPPING,
     CAN_GET_STATUS = STEPPING | TERMINATED,
-    CAN_TERMINATE = STEPPING,
+    CAN_TERMINATE = RUNNING,
     CAN_RESET = ANY_STATE,
     CAN_SAVE = ANY_STATE,
     CAN_RESTORE = ANY_STATE,
@@ -47,6 +55,9 @@ enum {
 
 /* Categories of the log, bits. Errors are reported unless the importer switches off just that category. */
 enum { LOG_ERRORS = 1, LOG_EVENTS = 2 };
+
+/* What an instance was made for. */
+typedef enum { CO_SIMULATION = 0, MODEL_EXCHANGE = 1, CO_SIMULATION_WITH_EVENTS = 2 } fmi_purpose;
 
 typedef struct fmi_instance fmi_instance;
 
@@ -59,7 +70,7 @@ typedef double (*fmi_watch)(fmi_instance *f);
 struct fmi_instance {
     gyro_instance *core;
     unsigned state;         /* one of the life-cycle bits */
-    uint32_t n_readable;    /* value references below this exist; one more than GYRO_N_VARIABLES where `time` is a variable */
+    fmi_purpose purpose;
     fmi_status last_step;   /* of the latest step */
     double start_time;      /* s */
     double stop_time;       /* s, infinite when undefined */
@@ -71,6 +82,7 @@ struct fmi_instance {
     fmi_watch watch;        /* hands an intermediate point to `update` the standard's way; NULL: nobody looks */
     fmi_callback update;    /* the importer's function for it */
     int may_end_early;      /* 1: the importer takes a step that ends early */
+    int sampled;            /* 1: the latest step came to a sample */
     char name[];            /* the importer's name of the instance */
 };
 
@@ -81,7 +93,7 @@ typedef struct {
     const char *token;      /* must be GYRO_TOKEN */
     const char *refusal;    /* why this kind of instance does not exist; NULL: it does */
     int logging_on;
-    uint32_t n_readable;
+    fmi_purpose purpose;
     fmi_emit emit;
     fmi_callback callback;
     void *environment;
@@ -116,6 +128,8 @@ fmi_status fmi_set_logging(fmi_instance *f, const char *call, int on, size_t n, 
 fmi_status fmi_set_times(fmi_instance *f, const char *call, double start_time, int stop_defined, double stop_time);
 fmi_status fmi_enter_initialization(fmi_instance *f, const char *call);
 fmi_status fmi_exit_initialization(fmi_instance *f, const char *call);
+/* Makes the outputs those of what has been set, where that has not been done. */
+fmi_status fmi_refresh(fmi_instance *f, const char *call);
 void fmi_find_latest_time(fmi_instance *f); /* from start_time and stop_time */
 fmi_status fmi_terminate(fmi_instance *f, const char *call);
 fmi_status fmi_reset(fmi_instance *f, const char *call);
@@ -126,6 +140,42 @@ fmi_status fmi_get(fmi_instance *f, const char *call, gyro_type type, const uint
 
 /* For the types that no variable has: FMI_OK for n = 0, else an error that says what the first variable is. */
 fmi_status fmi_no_such_type(const fmi_instance *f, const char *call, const uint32_t vr[], size_t n);
+
+/* Modes of model exchange, and of co-simulation with events. */
+fmi_status fmi_enter_event_mode(fmi_instance *f, const char *call);
+fmi_status fmi_leave_event_mode(fmi_instance *f, const char *call, unsigned mode); /* CONTINUOUS or STEPPING */
+
+/* What is due in event mode is done; *jumped: 1 where continuous states have; *next: time of the next event, s. */
+fmi_status fmi_update(fmi_instance *f, const char *call, int *jumped, double *next);
+
+/* FMI_ERROR where the instance is not of model exchange, or not in an allowed state. */
+fmi_status fmi_allow_exchange(const fmi_instance *f, const char *call, unsigned allowed);
+
+/* Of model exchange: time [s], and arrays of n = GYRO_N_CONTINUOUS in SI. */
+fmi_status fmi_set_time(fmi_instance *f, const char *call, double time);
+fmi_status fmi_set_states(fmi_instance *f, const char *call, const double states[], size_t n);
+fmi_status fmi_get_states(fmi_instance *f, const char *call, double states[], size_t n);
+fmi_status fmi_get_rates(fmi_instance *f, const char *call, double rates[], size_t n);
+fmi_status fmi_get_nominals(fmi_instance *f, const char *call, double nominals[], size_t n);
+fmi_status fmi_no_indicators(fmi_instance *f, const char *call, size_t n);
+fmi_status fmi_completed_step(fmi_instance *f, const char *call);
+
+/* The value of the variable `vr`, GYRO_FIRST_LOCAL or more. */
+double fmi_local(fmi_instance *f, uint32_t vr);
+
+/* Derivatives of unknowns (rates, continuous outputs) by knowns (inputs, states) along a seed: forward, seed by known, or adjoint. */
+typedef struct {
+    const uint32_t *unknowns;
+    size_t n_unknowns;
+    const uint32_t *knowns;
+    size_t n_knowns;
+    const double *seed;
+    size_t n_seed;
+    double *sensitivity;
+    size_t n_sensitivity;
+} fmi_derivative;
+fmi_status fmi_derive(fmi_instance *f, const char *call, const fmi_derivative *of);
+fmi_status fmi_derive_adjoint(fmi_instance *f, const char *call, const fmi_derivative *of);
 
 /* From time `from` on by `step`, s; FMI_DISCARD where it ends early, at fmi_time. */
 fmi_status fmi_step(fmi_instance *f, const char *call, double from, double step);

@@ -67,6 +67,16 @@ gyro_status gyro_refuse(gyro_instance *g, const char *format, ...);
 /* Refuses parameters out of their bounds, or of no passive device. */
 gyro_status gyro_check(gyro_instance *g);
 
+/* The tick `from` + `ticks`; a sample instant nearby is meant: within a tick, to which two ways of counting a period that is no whole
+   number of ticks may round, or a millionth of the sample period, for an importer whose times have lost their last digits. */
+int64_t gyro_nearest_tick(const gyro_instance *g, int64_t from, double ticks);
+
+/* The values before the latest change and the present ones change places, up to the value reference `end`. */
+void gyro_swap_values(gyro_instance *g, int end);
+
+/* Takes inputs and tunable parameters as they are, where they are new: an equal value is no change, and cuts nothing. */
+gyro_status gyro_take_values(gyro_instance *g);
+
 /* From tune.c: gyro_tune. From clock.c: */
 
 /* A time or period [s] in ticks; a whole number where it is one to the rounding of a double. */
@@ -93,6 +103,9 @@ gyro_beat gyro_beat_of(double period);
 
 /* The tick of the k-th beat, k >= 0. */
 int64_t gyro_tick_of(gyro_beat beat, int64_t k);
+
+/* How many beats there are up to a tick, that of the start not counted. */
+int64_t gyro_beats_until(gyro_beat beat, int64_t tick);
 
 /* Finds events and next instants from the parameters (in the view), the beats of the plan and the clock; sets the view's switches. */
 void gyro_plan_cuts(gyro_instance *g);

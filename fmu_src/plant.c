@@ -76,8 +76,7 @@ gyro_instant gyro_next_own_cut(const gyro_instance *g)
     return g->memory.n_late > 0 ? (gyro_instant){g->late[g->late_first].due, g->plan.delay.part} : (gyro_instant){GYRO_NEVER, 0.0};
 }
 
-/* The late force that is due acts from now on. */
-static void bring_force(gyro_instance *g)
+void gyro_bring_force(gyro_instance *g)
 {
     gyro_memory *memory = &g->memory;
     const double *u = g->late[g->late_first].u;
@@ -220,8 +219,19 @@ static void take_sample(gyro_instance *g)
         amplify(view);
     }
     convert(view);
-    g->value[GYRO_V_X] = view->v[0];
-    g->value[GYRO_V_Y] = view->v[1];
+    g->memory.sample[0] = view->v[0];
+    g->memory.sample[1] = view->v[1];
+    if (!g->memory.hold) {
+        gyro_latch(g);
+    }
+}
+
+void gyro_hold_samples(gyro_instance *g, int hold) { g->memory.hold = hold; }
+
+void gyro_latch(gyro_instance *g)
+{
+    g->value[GYRO_V_X] = g->memory.sample[0];
+    g->value[GYRO_V_Y] = g->memory.sample[1];
 }
 
 void gyro_start_lag(gyro_instance *g)
@@ -232,15 +242,30 @@ void gyro_start_lag(gyro_instance *g)
     g->memory.lagged[1] = g->view.v[1];
 }
 
-void gyro_put_out(gyro_instance *g)
+void gyro_put_out_of(gyro_instance *g, const gyro_view *view)
 {
-    const gyro_view *view = &g->view;
     g->value[GYRO_X] = view->s[GYRO_STATE_X];
     g->value[GYRO_Y] = view->s[GYRO_STATE_Y];
     g->value[GYRO_X_DOT] = view->s[GYRO_STATE_X_DOT];
     g->value[GYRO_Y_DOT] = view->s[GYRO_STATE_Y_DOT];
     g->value[GYRO_TEMPERATURE_STRUCTURE] = view->p[GYRO_TEMPERATURE_STRUCTURE];
     g->value[GYRO_TEMPERATURE_CIRCUIT] = view->p[GYRO_TEMPERATURE_CIRCUIT];
+}
+
+void gyro_put_out(gyro_instance *g) { gyro_put_out_of(g, &g->view); }
+
+void gyro_sample_here(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    if (view->any_law) {
+        apply_laws(view, g->value);
+    }
+    find_force(g);
+    if (g->plan.any_lag && !(lag_time_constant(view) > 0.0)) {
+        gyro_start_lag(g);
+    }
+    take_sample(g);
+    hold_noise(view);
 }
 
 void gyro_first_sample(gyro_instance *g)
@@ -292,12 +317,38 @@ static void move_states(gyro_instance *g, gyro_instant to, int lags)
     }
 }
 
-void gyro_move(gyro_instance *g, gyro_instant to)
+/* States, what lags, and the laws from `settled` to `to`, the force being that which acts. */
+static void move_view(gyro_instance *g, gyro_instant to)
 {
     gyro_view *view = &g->view;
     find_force(g);
     move_states(g, to, g->plan.any_lag);
     view->since = 0.0;
+}
+
+void gyro_peek(gyro_instance *g, gyro_view *view, double lagged[2])
+{
+    const gyro_view kept = g->view;
+    const double kept_lagged[2] = {g->memory.lagged[0], g->memory.lagged[1]};
+    const gyro_instant now = {g->memory.clock.now, 0.0};
+    if (gyro_before(g->memory.clock.settled, now)) {
+        gyro_swap_values(g, GYRO_N_VARIABLES);
+        move_view(g, now);
+        gyro_swap_values(g, GYRO_N_VARIABLES);
+        if (g->view.moving) {
+            memcpy(g->view.lagging, g->view.lagging_now, sizeof g->view.lagging);
+        }
+    }
+    *view = g->view;
+    memcpy(lagged, g->memory.lagged, sizeof g->memory.lagged);
+    g->view = kept;
+    memcpy(g->memory.lagged, kept_lagged, sizeof kept_lagged);
+}
+
+void gyro_move(gyro_instance *g, gyro_instant to)
+{
+    gyro_view *view = &g->view;
+    move_view(g, to);
     const int at = gyro_settle(g, to);
     if (view->moving) {
         memcpy(view->lagging, view->lagging_now, sizeof view->lagging);
@@ -311,7 +362,7 @@ void gyro_move(gyro_instance *g, gyro_instant to)
         hold_noise(view);
     }
     if (!gyro_before(to, gyro_next_own_cut(g))) {
-        bring_force(g);
+        gyro_bring_force(g);
     }
 }
 

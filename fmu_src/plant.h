@@ -33,6 +33,8 @@ typedef struct {
     double acting[2]; /* the command that acts now, after the delay, N */
     gyro_pink_memory pink[GYRO_N_PINK];
     double lagged[2]; /* voltage after the amplifier's lag, V */
+    double sample[2]; /* the latest, V */
+    int64_t hold;     /* 1: it is put out by gyro_latch only */
 } gyro_memory;
 
 /* A command on its way through the delay. */
@@ -57,6 +59,18 @@ struct gyro_instance {
 
 /* Brings what holds at the time of the view, with the variables `value` as set: laws, then the noise force, which depends on them. */
 void gyro_refresh(gyro_view *view, const double value[GYRO_N_VARIABLES]);
+
+/* The view at the communication point, inputs being those that act, and the voltages behind the lag; leaves no trace. */
+void gyro_peek(gyro_instance *g, gyro_view *view, double lagged[2]);
+
+/* Puts out what a view of the present instant shows. */
+void gyro_put_out_of(gyro_instance *g, const gyro_view *view);
+
+/* Takes the sample at `settled`, from the view as it is; its noise holds from there on. */
+void gyro_sample_here(gyro_instance *g);
+
+/* The late force that is due acts from now on. */
+void gyro_bring_force(gyro_instance *g);
 
 /* The voltage behind the amplifier's lag is the one before it. */
 void gyro_start_lag(gyro_instance *g);

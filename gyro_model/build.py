@@ -27,6 +27,7 @@ from gyro_model import (
     generate_effects,
     generate_envelope,
     generate_package,
+    generate_tangent,
     generate_xml,
 )
 from gyro_model.envelope import EnvelopeModel, envelope_model
@@ -101,6 +102,8 @@ def _generated_files(model: Model, token: str) -> dict[str, str]:
     }
     if isinstance(model, EnvelopeModel):
         files[f"{GENERATED}/envelope.h"] = generate_envelope.envelope(model)
+    else:
+        files[f"{GENERATED}/tangent.h"] = generate_tangent.tangent(model)
     return files
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from gyro_model import symbols
 from gyro_model.c_printing import STAMP, c_double, effect_macro, lagging_macro, macro, state_macro
+from gyro_model.continuous_states import continuous_states, first_local, hidden_states
 from gyro_model.model import Model
 
 _KINDS = {"input": "GYRO_INPUT", "output": "GYRO_OUTPUT"}
@@ -25,9 +26,12 @@ def header(model: Model, token: str) -> str:
     lagging = "\n".join(f"    {lagging_macro(target)} = {index}," for index, target in enumerate(model.followed))
     inputs = sum(q.role == "input" for q in model.quantities)
     effects = "\n".join(f"    {effect_macro(effect)} = {index}," for index, effect in enumerate(model.effects))
+    continuous = len(continuous_states(model))
     return f"""{STAMP}
 #ifndef GYRO_MODEL_H
 #define GYRO_MODEL_H
+
+#include <stdint.h>
 
 #include "names.h"
 
@@ -48,6 +52,14 @@ enum {{
 enum {{
 {states}
     GYRO_N_STATES = {len(model.state_symbols)}
+}};
+
+/* The motion as a differential equation: those states, the voltages behind the amplifier's lag, and what lags.
+   Variables beyond those above and `time` show the states that are no outputs, and all rates. */
+enum {{
+    GYRO_N_CONTINUOUS = {max(continuous, 1)},
+    GYRO_FIRST_LOCAL = {first_local(model)}, /* value reference */
+    GYRO_N_LOCALS = {len(hidden_states(model)) + continuous}
 }};
 
 /* Quantities that may lag. */
@@ -87,6 +99,19 @@ typedef struct {{
 /* Shape (GYRO_N_VARIABLES), by value reference. */
 extern const gyro_variable gyro_variables[GYRO_N_VARIABLES];
 
+/* Of each continuous state. */
+typedef struct {{
+    uint32_t vr;      /* value reference of the variable that shows it */
+    uint32_t rate_vr; /* and its rate */
+    double nominal;   /* SI */
+}} gyro_state;
+
+/* Shape (GYRO_N_CONTINUOUS), or one of zeros where the FMU shows none. */
+extern const gyro_state gyro_states[GYRO_N_CONTINUOUS];
+
+/* Names of the variables from GYRO_FIRST_LOCAL on, NULL at the end. */
+extern const char *const gyro_local_names[GYRO_N_LOCALS + 1];
+
 #if defined(__GNUC__)
 #pragma GCC visibility pop
 #endif
@@ -104,8 +129,20 @@ def table(model: Model) -> str:
         f"{c_double(model.start(q))}, {c_double(q.low)}, {c_double(q.high)}}},"
         for q in model.quantities
     )
+    states = continuous_states(model)
+    shown = "\n".join(f"    {{{s.reference}u, {s.rate_reference}u, {c_double(s.nominal)}}}," for s in states)
+    names = [*(s.name for s in hidden_states(model)), *(s.rate_name for s in states)]
+    local = "".join(f'    "{name}",\n' for name in names)
     return f"""{STAMP}
 #include "model.h"
+
+const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {{
+{shown or "    {0u, 0u, 0.0},"}
+}};
+
+const char *const gyro_local_names[GYRO_N_LOCALS + 1] = {{
+{local}    0,
+}};
 
 const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {{
 {rows}
@@ -121,7 +158,10 @@ def names(model: Model, headers: Iterable[str]) -> str:
     """``names.h``: what the FMU's files share, as the texts of their headers declare it, under names that carry the
     FMU's: two FMUs can then be linked into one program."""
     declared = {name for text in headers for name in _SHARED.findall(text)}
-    lines = "\n".join(f"#define {name} {model.NAME}_{name}" for name in sorted(declared | {"gyro_variables"}))
+    lines = "\n".join(
+        f"#define {name} {model.NAME}_{name}"
+        for name in sorted(declared | {"gyro_variables", "gyro_states", "gyro_local_names"})
+    )
     return f"""{STAMP}
 /* What the files of this FMU share carries its name, so that it can be linked with others into one program; define
    FMI2_FUNCTION_PREFIX or FMI3_FUNCTION_PREFIX for the functions of the standard. */

@@ -38,7 +38,7 @@ _SIGNALS = {
 }
 
 
-class _Locals:
+class Places:
     """Where an effect's symbols live in ``gyro_view``, as declarations of local constants."""
 
     def __init__(self, model: Model) -> None:
@@ -73,10 +73,10 @@ class _Locals:
 
 def effects(model: Model) -> str:
     """``effects.h``: every effect's function, then the stages that call those that are active."""
-    place = _Locals(model)
+    place = Places(model)
     parts = [_PROLOGUE]
     parts += [_force(e, place) for e in model.forces]
-    parts += [_follow(e) for e in _follows(model)]
+    parts += [_follow(e) for e in follows_of(model)]
     parts += [_law(e, place) for e in model.laws]
     parts += [_map(e, place) for e in model.effects if isinstance(e, Map)]
     parts += [
@@ -157,7 +157,7 @@ def _function(effect: Effect, arguments: str, body: str) -> str:
     return f"{_comment(effect.doc)}{head}{{\n{body}}}\n"
 
 
-def _force(effect: Force, place: _Locals) -> str:
+def _force(effect: Force, place: Places) -> str:
     terms = effect.terms()
     body = place.declare(effect, (expr for name, expr in terms.items() if not name.startswith("impulse")))
     body += _added("force", terms)
@@ -185,19 +185,19 @@ def _follow(effect: Follow) -> str:
     return _function(effect, "gyro_view *g", lines)
 
 
-def _law(effect: Law, place: _Locals) -> str:
+def _law(effect: Law, place: Places) -> str:
     lines = "".join(f"    g->p[{macro(name)}] = {c_expression(expr)};\n" for name, expr in effect.terms().items())
     return _function(effect, "gyro_view *g", place.declare(effect, effect.terms().values()) + lines)
 
 
-def _map(effect: Map, place: _Locals) -> str:
+def _map(effect: Map, place: Places) -> str:
     lines = "".join(f"    out[{axis}] = {c_expression(expr)};\n" for axis, expr in enumerate(effect.terms().values()))
     declared = place.declare(effect, effect.terms().values())
     function = _function(effect, "const gyro_view *g, double out[2]", declared + lines)
     return function + ("\n" + _map_rate(effect, place) if effect.stage in ("pickoff", "amplifier") else "")
 
 
-def _map_rate(effect: Map, place: _Locals) -> str:
+def _map_rate(effect: Map, place: Places) -> str:
     """The time derivative of a map's output, inputs and parameters held: the chain rule on what moves."""
     moving = (*SLOTS[effect.slot].enters, *place.model.state_symbols)
     rates = [
@@ -216,7 +216,7 @@ def _activity(model: Model) -> str:
         switches = [q for e in (effect, *model.wakers(effect)) for q in e.sizes]
         tests = [f"g->p[{macro(q.name)}] != {c_double(q.start)}" for q in switches]
         lines.append(f"    g->active[{effect_macro(effect)}] = {' || '.join(tests) or '1'};\n")
-    law = " || ".join(f"g->active[{effect_macro(e)}]" for e in (*_follows(model), *model.laws)) or "0"
+    law = " || ".join(f"g->active[{effect_macro(e)}]" for e in (*follows_of(model), *model.laws)) or "0"
     state = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if e.states) or "0"
     acting = "".join(guarded(e, f"g->acting[g->n_acting++] = {effect_macro(e)};\n") for e in added_forces(model))
     bent = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if not _is_linear(e, model)) or "0"
@@ -236,7 +236,7 @@ def _activity(model: Model) -> str:
 def _begin(model: Model) -> str:
     wakes = "".join(
         f"if (g->active[{effect_macro(e)}] && !acted[{effect_macro(e)}]) {{\n{indented}}}\n"
-        for e in _follows(model)
+        for e in follows_of(model)
         for indented in (textwrap.indent(_lag_starts(e), "    "),)
     )
     rests = "".join(
@@ -288,11 +288,11 @@ def _events(model: Model) -> str:
 
 def _laws(model: Model) -> str:
     targets = {target for law in model.laws for target in law.changes} | set(model.followed)
-    lines = "".join(_as_set(target) for target in sorted(targets, key=str))
-    lines += "".join(guarded(e, f"effect_{e.id}(g);\n") for e in (*_follows(model), *model.laws))
-    made = "".join(f"    {_as_set(symbol)}" for symbol in symbols.SET_BY)
-    start = "".join(textwrap.indent(_lag_starts(e), "    ") for e in _follows(model))
-    moving = "".join([*map(_moving, _follows(model)), *map(_moving, model.laws)])
+    lines = "".join(as_set(target) for target in sorted(targets, key=str))
+    lines += "".join(guarded(e, f"effect_{e.id}(g);\n") for e in (*follows_of(model), *model.laws))
+    made = "".join(f"    {as_set(symbol)}" for symbol in symbols.SET_BY)
+    start = "".join(textwrap.indent(_lag_starts(e), "    ") for e in follows_of(model))
+    moving = "".join([*map(_moving, follows_of(model)), *map(_moving, model.laws)])
     return (
         "/* What is made of the inputs, before any law. */\n"
         "static inline void take_made(gyro_view *g, const double value[GYRO_N_VARIABLES])\n"
@@ -337,11 +337,13 @@ def _holds(model: Model) -> str:
     )
 
 
-def _as_set(target: Symbol) -> str:
+def as_set(target: Symbol) -> str:
+    """The line that gives ``target`` its value as set."""
     return f"g->p[{macro(target.name)}] = value[{macro(symbols.SET_BY.get(target, target).name)}];\n"
 
 
-def _follows(model: Model) -> list[Follow]:
+def follows_of(model: Model) -> list[Follow]:
+    """The effects that make a quantity lag."""
     return [e for e in model.effects if isinstance(e, Follow)]
 
 
@@ -389,7 +391,7 @@ def _is_linear(effect: Force, model: Model) -> bool:
     return not changing and not is_curved(effect.force, model.state_symbols)
 
 
-def _slope(effect: Force, place: _Locals) -> str:
+def _slope(effect: Force, place: Places) -> str:
     """The derivatives of a linear force, and what is left of it at rest."""
     slopes = [[force.diff(state) for state in symbols.STATES] for force in effect.force]
     rest = [force.subs(dict.fromkeys(symbols.STATES, 0)) for force in effect.force]
@@ -407,7 +409,7 @@ def _slope(effect: Force, place: _Locals) -> str:
     return f"{head}\n{{\n{declared}{quiet}{lines}}}\n"
 
 
-def _linear(model: Model, place: _Locals) -> str:
+def _linear(model: Model, place: Places) -> str:
     own = [e for e in model.forces if _is_linear(e, model) and not e.drawn]
     functions = "\n".join(_slope(e, place) for e in own)
     nominal = "".join(f"    slope_{e.id}(g, slope, still);\n" for e in own if e.nominal)

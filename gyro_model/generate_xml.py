@@ -5,9 +5,10 @@ from math import isfinite
 from xml.etree import ElementTree as ET
 
 from gyro_model import VERSION
+from gyro_model.continuous_states import continuous_states, hidden_states
 from gyro_model.model import Model
 from gyro_model.quantities import Quantity
-from gyro_model.units import DISPLAYED, dimension
+from gyro_model.units import DISPLAYED, dimension, rate_unit
 
 TOOL = f"gyrotwin {VERSION}"
 ABOUT = {
@@ -22,69 +23,136 @@ LOG_CATEGORIES = {"logStatusError": "refused calls and failed steps", "logEvents
 def fmi2(model: Model, token: str, date: str, sources: Sequence[str]) -> str:
     """The model description for FMI 2.0; ``date`` of generation as in 2026-11-22T00:00:00Z; ``sources`` are the C
     files relative to the folder sources/."""
+    states = continuous_states(model)
     root = ET.Element("fmiModelDescription", fmiVersion="2.0", modelName=model.NAME, guid=token)
     _add_about(root, model, date)
     root.set("variableNamingConvention", "flat")
-    simulation = ET.SubElement(
-        root,
-        "CoSimulation",
-        modelIdentifier=model.NAME,
-        canHandleVariableCommunicationStepSize="true",
-        canNotUseMemoryManagementFunctions="true",
-        canGetAndSetFMUstate="true",
-        canSerializeFMUstate="true",
+    if states:
+        root.set("numberOfEventIndicators", "0")
+    saving = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
+    common = {"modelIdentifier": model.NAME, "canNotUseMemoryManagementFunctions": "true", **saving}
+    common |= {"providesDirectionalDerivative": "true"} if states else {}
+    interfaces = (
+        [ET.SubElement(root, "ModelExchange", common, completedIntegratorStepNotNeeded="true")] if states else []
     )
-    files = ET.SubElement(simulation, "SourceFiles")
-    for name in sources:
-        ET.SubElement(files, "File", name=name)
+    interfaces += [ET.SubElement(root, "CoSimulation", common, canHandleVariableCommunicationStepSize="true")]
+    for interface in interfaces:
+        files = ET.SubElement(interface, "SourceFiles")
+        for name in sources:
+            ET.SubElement(files, "File", name=name)
     _add_units(root, model)
     _add_log_categories(root)
     ET.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize=model.STEP_SIZE)
     variables = ET.SubElement(root, "ModelVariables")
+    reinit = {state.reference: {"reinit": "true"} for state in states}
     for reference, quantity in enumerate(model.quantities):
         scalar = ET.SubElement(variables, "ScalarVariable", _common(quantity, reference, model))
-        ET.SubElement(scalar, "Integer" if quantity.integer else "Real", _typed(quantity, model))
+        typed = _typed(quantity, model) | reinit.get(reference, {})
+        ET.SubElement(scalar, "Integer" if quantity.integer else "Real", typed)
+    if states:
+        ET.SubElement(ET.SubElement(variables, "ScalarVariable", _time(model)), "Real", unit="s")
+    for names, typed in _locals(model):
+        # FMI 2 counts variables from 1 where FMI 3 names them by reference.
+        own = {key: str(int(value) + 1) if key == "derivative" else value for key, value in typed.items()}
+        ET.SubElement(ET.SubElement(variables, "ScalarVariable", names), "Real", own)
     structure = ET.SubElement(root, "ModelStructure")
-    for group in ("Outputs", "InitialUnknowns"):
-        element = ET.SubElement(structure, group)
-        for reference in _outputs(model):
+    rates = [state.rate_reference for state in states]
+    groups = {"Outputs": _outputs(model), "Derivatives": rates, "InitialUnknowns": _initial_unknowns(model)}
+    for group, references in groups.items():
+        element = ET.SubElement(structure, group) if references else structure
+        for reference in references:
             unknown = ET.SubElement(element, "Unknown", index=str(reference + 1))
-            if group == "Outputs":
-                # Outputs are those of the last communication point: no loop through the FMU is algebraic.
-                unknown.set("dependencies", "")
+            if group != "InitialUnknowns" and (known := _dependencies(model, reference)) is not None:
+                unknown.set("dependencies", " ".join(str(other + 1) for other in known))
     return text_of(root)
 
 
 def fmi3(model: Model, token: str, date: str) -> str:
     """The model description for FMI 3.0; ``date`` as for ``fmi2``."""
+    states = continuous_states(model)
     root = ET.Element("fmiModelDescription", fmiVersion="3.0", modelName=model.NAME, instantiationToken=token)
     _add_about(root, model, date)
+    common = {"modelIdentifier": model.NAME, "canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
+    if states:
+        common |= {"providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true"}
+        ET.SubElement(root, "ModelExchange", common, needsCompletedIntegratorStep="false")
     ET.SubElement(
         root,
         "CoSimulation",
-        modelIdentifier=model.NAME,
+        common,
         canHandleVariableCommunicationStepSize="true",
         providesIntermediateUpdate="true",
         canReturnEarlyAfterIntermediateUpdate="true",
-        canGetAndSetFMUState="true",
-        canSerializeFMUState="true",
+        **({"hasEventMode": "true"} if states else {}),
     )
     _add_units(root, model)
     _add_log_categories(root)
     ET.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize=model.STEP_SIZE)
     variables = ET.SubElement(root, "ModelVariables")
+    reinit = {state.reference: {"reinit": "true"} for state in states}
     for reference, quantity in enumerate(model.quantities):
         tag = "Int32" if quantity.integer else "Float64"
-        ET.SubElement(variables, tag, {**_common(quantity, reference, model), **_typed(quantity, model)})
-    time = {"name": "time", "valueReference": str(len(model.quantities)), "causality": "independent", "unit": "s"}
-    ET.SubElement(variables, "Float64", {**time, "variability": "continuous", "description": "simulation time"})
+        typed = _typed(quantity, model) | reinit.get(reference, {})
+        ET.SubElement(variables, tag, {**_common(quantity, reference, model), **typed})
+    ET.SubElement(variables, "Float64", _time(model), unit="s")
+    for names, typed in _locals(model):
+        ET.SubElement(variables, "Float64", {**names, **typed})
     structure = ET.SubElement(root, "ModelStructure")
-    for group in ("Output", "InitialUnknown"):
-        for reference in _outputs(model):
+    rates = [state.rate_reference for state in states]
+    groups = {
+        "Output": _outputs(model),
+        "ContinuousStateDerivative": rates,
+        "InitialUnknown": _initial_unknowns(model),
+    }
+    for group, references in groups.items():
+        for reference in references:
             unknown = ET.SubElement(structure, group, valueReference=str(reference))
-            if group == "Output":
-                unknown.set("dependencies", "")
+            if group != "InitialUnknown" and (known := _dependencies(model, reference)) is not None:
+                unknown.set("dependencies", " ".join(map(str, known)))
     return text_of(root)
+
+
+def _time(model: Model) -> dict[str, str]:
+    names = {"name": "time", "valueReference": str(len(model.quantities)), "description": "simulation time"}
+    return names | {"causality": "independent", "variability": "continuous"}
+
+
+def _locals(model: Model) -> list[tuple[dict[str, str], dict[str, str]]]:
+    """Names and types of the states that are no outputs, then of all rates."""
+    states = continuous_states(model)
+    kept = {"causality": "local", "variability": "continuous", "initial": "calculated"}
+    rows = []
+    for state in hidden_states(model):
+        names = {"name": state.name, "valueReference": str(state.reference), "description": state.description}
+        rows.append((names | kept, {"unit": state.unit, "nominal": repr(state.nominal), "reinit": "true"}))
+    for state in states:
+        text = f"rate of {state.name}"
+        names = {"name": state.rate_name, "valueReference": str(state.rate_reference), "description": text}
+        rows.append((names | kept, {"unit": rate_unit(state.unit), "derivative": str(state.reference)}))
+    return rows
+
+
+def _initial_unknowns(model: Model) -> list[int]:
+    states = continuous_states(model)
+    hidden = [state.reference for state in hidden_states(model)]
+    return [*_outputs(model), *hidden, *(state.rate_reference for state in states)]
+
+
+def _dependencies(model: Model, reference: int) -> list[int] | None:
+    """What an output or rate depends on; None: on all inputs and states. A sample depends on nothing between events,
+    and the outputs of a co-simulation are those of the last communication point: no loop through it is algebraic."""
+    states = continuous_states(model)
+    if not states or reference < len(model.quantities):
+        name = model.quantities[reference].name
+        own = [state.reference for state in states if state.reference == reference]
+        if states and name.startswith("temperature"):
+            names = {s.name: s.reference for s in states}
+            inputs = [i for i, q in enumerate(model.quantities) if q.role == "input" and q.name == "temperature"]
+            return [*inputs, names[f"{name}_lagging"]]
+        return own
+    [state] = [state for state in states if state.rate_reference == reference]
+    speeds = {f"{name}_dot": name for name in ("x", "y")}
+    return [s.reference for s in states if speeds.get(s.name) == state.name] or None
 
 
 def build_description(model: Model, sources: Sequence[str]) -> str:
@@ -135,7 +203,8 @@ def _typed(quantity: Quantity, model: Model) -> dict[str, str]:
 
 def _add_units(root: ET.Element, model: Model) -> None:
     definitions = ET.SubElement(root, "UnitDefinitions")
-    shown = {q.unit: set[str]() for q in model.quantities} | {"s": set()}
+    rates = (rate_unit(state.unit) for state in continuous_states(model))
+    shown = {unit: set[str]() for unit in (*(q.unit for q in model.quantities), "s", *rates)}
     for quantity in model.quantities:
         shown[quantity.unit] |= {quantity.display} - {""}
     for name in sorted(shown):

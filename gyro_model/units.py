@@ -79,6 +79,14 @@ def _product(text: str, unit: str) -> Dimension:
     return result
 
 
+def rate_unit(unit: str) -> str:
+    """The unit of the time derivative of a quantity in ``unit``: m/s of m, m/s2 of m/s."""
+    above, slash, below = unit.partition("/")
+    if not slash:
+        return f"{unit}/s"
+    return f"{above}/s2" if below == "s" else f"{above}/({below}.s)"
+
+
 class Conversion(NamedTuple):
     """SI = factor * value + offset."""
 

@@ -2,6 +2,39 @@
 
 #include "model.h"
 
+const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
+    {9u, 87u, 1e-06},
+    {11u, 88u, 0.02},
+    {10u, 89u, 1e-06},
+    {12u, 90u, 0.02},
+    {81u, 91u, 1e-06},
+    {82u, 92u, 0.02},
+    {83u, 93u, 1.0},
+    {84u, 94u, 1.0},
+    {85u, 95u, 298.15},
+    {86u, 96u, 298.15},
+};
+
+const char *const gyro_local_names[GYRO_N_LOCALS + 1] = {
+    "parasitic",
+    "parasitic_dot",
+    "v_x_lagged",
+    "v_y_lagged",
+    "temperature_structure_lagging",
+    "temperature_circuit_lagging",
+    "der(x)",
+    "der(x_dot)",
+    "der(y)",
+    "der(y_dot)",
+    "der(parasitic)",
+    "der(parasitic_dot)",
+    "der(v_x_lagged)",
+    "der(v_y_lagged)",
+    "der(temperature_structure_lagging)",
+    "der(temperature_circuit_lagging)",
+    0,
+};
+
 const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {
     {"u_x", GYRO_INPUT, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"u_y", GYRO_INPUT, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},

@@ -67,7 +67,16 @@ class Fmu:
             return _LOG_2(lambda environment, name, *entry: append(*entry))
         return _LOG_3(lambda environment, *entry: append(*entry))
 
-    def instantiate(self, callback: Any, token: str, *, logging: bool = False, co_simulation: bool = True) -> Any:
+    def instantiate(
+        self,
+        callback: Any,
+        token: str,
+        *,
+        logging: bool = False,
+        co_simulation: bool = True,
+        events: bool = False,
+        early: bool = False,
+    ) -> Any:
         """The address of a new instance, an int; None when refused."""
         if self.version == 2:
             # The record ends with this call: the FMU must have copied what it needs.
@@ -81,19 +90,21 @@ class Fmu:
             return make(b"gyro", token.encode(), None, False, logging, None, callback)
         make = self.function("InstantiateCoSimulation")
         make.restype = ct.c_void_p
-        no_events, no_early_return, no_updates = False, False, (None, ct.c_size_t(0))
-        options = (False, logging, no_events, no_early_return, *no_updates)
+        options = (False, logging, ct.c_bool(events), ct.c_bool(early), None, ct.c_size_t(0))
         return make(b"gyro", token.encode(), None, *options, None, callback, None)
 
 
 class Instance:
     """One instance of an FMU and what it has logged."""
 
-    def __init__(self, fmu: Fmu, *, logging: bool = False) -> None:
+    def __init__(
+        self, fmu: Fmu, *, logging: bool = False, co_simulation: bool = True, events: bool = False, early: bool = False
+    ) -> None:
         self.fmu = fmu
         self.log: list[tuple[int, str, str]] = []
         self._callback = fmu.log_callback(self.log)
-        address = fmu.instantiate(self._callback, fmu.token, logging=logging)
+        purpose = {"co_simulation": co_simulation, "events": events, "early": early}
+        address = fmu.instantiate(self._callback, fmu.token, logging=logging, **purpose)
         assert address is not None, self.log
         self.address = ct.c_void_p(address)
         self._step_results = (ct.c_bool(), ct.c_bool(), ct.c_bool(), ct.c_double())
@@ -209,6 +220,53 @@ class Instance:
         name = "DeSerializeFMUstate" if self.fmu.version == 2 else "DeserializeFMUState"
         array = (ct.c_ubyte * len(data)).from_buffer_copy(data) if data else (ct.c_ubyte * 1)()
         return self.call(name, array, ct.c_size_t(len(data)), ct.byref(handle)), handle
+
+
+class _EventInfo(ct.Structure):
+    _fields_ = [(name, ct.c_int) for name in ("again", "terminate", "nominals", "values", "defined")]
+    _fields_ += [("next", ct.c_double)]
+
+
+class Exchange(Instance):
+    """An instance of model exchange: its modes, states and rates."""
+
+    def __init__(self, fmu: Fmu) -> None:
+        super().__init__(fmu, co_simulation=False)
+        states = (v.derivative for v in fmu.description.modelVariables if v.derivative is not None)
+        self.states = [state.name for state in states]
+
+    def update(self) -> tuple[bool, float]:
+        """Event iteration: whether states have jumped, and the time of the next event [s]."""
+        return update(self)
+
+    def array(self, name: str) -> list[float]:
+        """What ``fmi2<name>`` or ``fmi3<name>`` fills in for the continuous states."""
+        values = (ct.c_double * len(self.states))()
+        assert self.call(name, values, ct.c_size_t(len(values))) == OK, self.log
+        return list(values)
+
+    def rates(self) -> list[float]:
+        """Rates of the states [SI/s]."""
+        return self.array("GetDerivatives" if self.fmu.version == 2 else "GetContinuousStateDerivatives")
+
+    def move(self, time: float, states: Sequence[float]) -> None:
+        """Sets time and states."""
+        assert self.call("SetTime", ct.c_double(time)) == OK, self.log
+        n = len(states)
+        assert self.call("SetContinuousStates", (ct.c_double * n)(*states), ct.c_size_t(n)) == OK, self.log
+
+
+def update(instance: Instance) -> tuple[bool, float]:
+    """Event iteration of any instance: whether states have jumped, and the time of the next event [s]."""
+    if instance.fmu.version == 2:
+        info = _EventInfo()
+        assert instance.call("NewDiscreteStates", ct.byref(info)) == OK, instance.log
+        assert not info.again and info.defined
+        return bool(info.values), float(info.next)
+    flags, time = [ct.c_bool() for _ in range(5)], ct.c_double()
+    assert instance.call("UpdateDiscreteStates", *map(ct.byref, (*flags, time))) == OK, instance.log
+    assert not flags[0].value and flags[4].value
+    return flags[3].value, time.value
 
 
 def declared_functions(version: int) -> list[str]:

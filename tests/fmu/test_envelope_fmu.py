@@ -1,6 +1,7 @@
 """The FMU GyroscopeEnvelope as an importer sees it: the layers are those of the full FMU, tested there; here what its
 own plant must keep."""
 
+import ctypes as ct
 from collections.abc import Iterator
 
 import fmpy
@@ -118,6 +119,36 @@ def test_thermal_noise_of_a_divided_step_is_that_of_a_whole_one(envelopes: dict[
             spread.append(squares)
     # Two sums of 8000 squares, correlated over 2m/d = 4 steps: each good to √(2·4/8000) = 3 %; five times √2 of it.
     assert abs(spread[1] / spread[0] - 1.0) < 0.22
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_it_is_for_co_simulation_without_events_alone(envelopes: dict[int, Fmu], version: int) -> None:
+    log: list[tuple[int, str, str]] = []
+    fmu = envelopes[version]
+    assert fmu.description.modelExchange is None
+    assert fmu.instantiate(fmu.log_callback(log), fmu.token, co_simulation=False) is None
+    assert "co-simulation only" in log[-1][2]
+    if version == 3:
+        assert fmu.instantiate(fmu.log_callback(log), fmu.token, events=True) is None
+        assert "eventModeUsed" in log[-1][2]
+    with Instance(fmu) as plant:
+        plant.start()
+        sizes = [ct.c_size_t(0)] * (2 if version == 3 else 0)
+        assert (
+            plant.call(
+                "GetDirectionalDerivative",
+                None,
+                ct.c_size_t(0),
+                None,
+                ct.c_size_t(0),
+                None,
+                *sizes[:1],
+                None,
+                *sizes[:1],
+            )
+            == ERROR
+        )
+        assert "co-simulation only" in plant.message
 
 
 def test_run_continues_from_a_saved_state(plant: Instance) -> None:

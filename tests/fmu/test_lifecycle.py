@@ -18,12 +18,6 @@ def test_token_of_another_model_is_refused(fmu: Fmu) -> None:
     assert "{00000000-0000-0000-0000-000000000000}" in message and fmu.token in message
 
 
-def test_model_exchange_is_refused(fmu: Fmu) -> None:
-    log: list[tuple[int, str, str]] = []
-    assert fmu.instantiate(fmu.log_callback(log), fmu.token, co_simulation=False) is None
-    assert "co-simulation only" in log[-1][2]
-
-
 def test_call_in_a_wrong_state_names_function_state_and_allowed_states(gyro: Instance) -> None:
     assert gyro.step(0.0, 1e-6) == ERROR
     assert "DoStep: " in gyro.message

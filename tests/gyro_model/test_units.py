@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gyro_model.errors import InputError
-from gyro_model.units import UNITS, Dimension, dimension
+from gyro_model.units import UNITS, Dimension, dimension, rate_unit
 
 # A bare 1 stands alone or above a line; within a product its digit would be an exponent.
 names = st.sampled_from(sorted(set(UNITS) - {"1"}))
@@ -36,6 +36,11 @@ def text(pairs: list[tuple[str, int]]) -> str:
 )
 def test_dimensions_by_hand(unit: str, kg: int, m: int, s: int, a: int, k: int) -> None:
     assert dimension(unit) == Dimension(*(Fraction(value) for value in (kg, m, s, a, k)))
+
+
+@pytest.mark.parametrize("unit", ["m", "m/s", "K", "V", "N/m", "m/s2"])
+def test_unit_of_a_rate(unit: str) -> None:
+    assert dimension(rate_unit(unit)) == dimension(unit) * dimension("1/s")
 
 
 @given(st.lists(factors, min_size=1, max_size=4), st.lists(factors, min_size=1, max_size=4))

@@ -2,6 +2,14 @@
 
 #include "model.h"
 
+const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
+    {0u, 0u, 0.0},
+};
+
+const char *const gyro_local_names[GYRO_N_LOCALS + 1] = {
+    0,
+};
+
 const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {
     {"u_x_i", GYRO_INPUT, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"u_x_q", GYRO_INPUT, GYRO_REAL, 1.5796244429610475e-08, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
