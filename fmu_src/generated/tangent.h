@@ -203,6 +203,338 @@ static inline void tangent_angular_gain(const gyro_view *g, const gyro_tangent *
     force[1] += -2*d_angular_gain*m*omega_z*x_dot + d_m*omega_z*x_dot*(2 - 2*angular_gain) + d_omega_z*m*x_dot*(2 - 2*angular_gain) + d_x_dot*m*omega_z*(2 - 2*angular_gain);
 }
 
+static inline void tangent_comb_fringe(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+{
+    (void)g, (void)d, (void)force, (void)rate;
+    const double comb_fringe = g->p[GYRO_COMB_FRINGE];
+    const double u_x = g->u[0];
+    const double u_y = g->u[1];
+    const double x = g->s[GYRO_STATE_X];
+    const double y = g->s[GYRO_STATE_Y];
+    const double d_comb_fringe = d->p[GYRO_COMB_FRINGE];
+    const double d_u_x = d->u[0];
+    const double d_u_y = d->u[1];
+    const double d_x = d->s[GYRO_STATE_X];
+    const double d_y = d->s[GYRO_STATE_Y];
+    force[0] += comb_fringe*d_u_x*x + comb_fringe*d_x*u_x + d_comb_fringe*u_x*x;
+    force[1] += comb_fringe*d_u_y*y + comb_fringe*d_y*u_y + d_comb_fringe*u_y*y;
+}
+
+static inline void tangent_constant_force(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+{
+    (void)g, (void)d, (void)force, (void)rate;
+    const double d_force_x = d->p[GYRO_FORCE_X];
+    const double d_force_y = d->p[GYRO_FORCE_Y];
+    force[0] += d_force_x;
+    force[1] += d_force_y;
+}
+
+static inline void tangent_contact_stop(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+{
+    (void)g, (void)d, (void)force, (void)rate;
+    const double kxx = g->p[GYRO_KXX];
+    const double stop_damping = g->p[GYRO_STOP_DAMPING];
+    const double stop_gap = g->p[GYRO_STOP_GAP];
+    const double stop_stiffness = g->p[GYRO_STOP_STIFFNESS];
+    const double x = g->s[GYRO_STATE_X];
+    const double x_dot = g->s[GYRO_STATE_X_DOT];
+    const double y = g->s[GYRO_STATE_Y];
+    const double y_dot = g->s[GYRO_STATE_Y_DOT];
+    const double d_kxx = d->p[GYRO_KXX];
+    const double d_stop_damping = d->p[GYRO_STOP_DAMPING];
+    const double d_stop_gap = d->p[GYRO_STOP_GAP];
+    const double d_stop_stiffness = d->p[GYRO_STOP_STIFFNESS];
+    const double d_x = d->s[GYRO_STATE_X];
+    const double d_x_dot = d->s[GYRO_STATE_X_DOT];
+    const double d_y = d->s[GYRO_STATE_Y];
+    const double d_y_dot = d->s[GYRO_STATE_Y_DOT];
+    force[0] += d_kxx*stop_damping*stop_stiffness*x_dot*((3.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*((stop_stiffness/kxx < 1) ? (
+   1
+)
+: (
+   0
+))/((((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))))*(kxx*kxx)) - d_stop_damping*x_dot*((3.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) + d_stop_gap*(-stop_damping*x_dot*(-1.0/1024.0*stop_gap - 2*(x - larger(-stop_gap, smaller(stop_gap, x)))*(-2*((stop_gap + smaller(stop_gap, x) > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap - x < 0) ? (
+   1
+)
+: (
+   0
+)) + 2*((stop_gap + smaller(stop_gap, x) < 0) ? (
+   1
+)
+: (
+   0
+))))*((3.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) - stop_damping*x_dot*((3.0/2048.0)*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(-2*((stop_gap + smaller(stop_gap, x) > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap - x < 0) ? (
+   1
+)
+: (
+   0
+)) + 2*((stop_gap + smaller(stop_gap, x) < 0) ? (
+   1
+)
+: (
+   0
+))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) - stop_damping*x_dot*((3.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(-2*((stop_gap + smaller(stop_gap, x) > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap - x < 0) ? (
+   1
+)
+: (
+   0
+)) + 2*((stop_gap + smaller(stop_gap, x) < 0) ? (
+   1
+)
+: (
+   0
+)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) - stop_stiffness*(-1.0/2048.0*stop_gap - (x - larger(-stop_gap, smaller(stop_gap, x)))*(-2*((stop_gap + smaller(stop_gap, x) > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap - x < 0) ? (
+   1
+)
+: (
+   0
+)) + 2*((stop_gap + smaller(stop_gap, x) < 0) ? (
+   1
+)
+: (
+   0
+))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) - stop_stiffness*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(-3*((stop_gap + smaller(stop_gap, x) > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap - x < 0) ? (
+   1
+)
+: (
+   0
+)) + 3*((stop_gap + smaller(stop_gap, x) < 0) ? (
+   1
+)
+: (
+   0
+)))/((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) + d_stop_stiffness*(-(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))/((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))) - stop_damping*x_dot*((3.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*((stop_stiffness/kxx < 1) ? (
+   1
+)
+: (
+   0
+))/((((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))))*kxx)) + d_x*(-stop_damping*x_dot*((3.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(-2*((stop_gap - x > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap + smaller(stop_gap, x) > 0) ? (
+   1
+)
+: (
+   0
+)) + 2)*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) - stop_damping*x_dot*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(-2*((stop_gap - x > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap + smaller(stop_gap, x) > 0) ? (
+   1
+)
+: (
+   0
+)) + 2)*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) + 2*stop_damping*x_dot*((3.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(-2*((stop_gap - x > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap + smaller(stop_gap, x) > 0) ? (
+   1
+)
+: (
+   0
+)) + 2)*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) - stop_stiffness*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(-3*((stop_gap - x > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap + smaller(stop_gap, x) > 0) ? (
+   1
+)
+: (
+   0
+)) + 3)/((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))) + stop_stiffness*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(-2*((stop_gap - x > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap + smaller(stop_gap, x) > 0) ? (
+   1
+)
+: (
+   0
+)) + 2)/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))))) - d_x_dot*stop_damping*((3.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))));
+    force[1] += d_kxx*stop_damping*stop_stiffness*y_dot*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*((stop_stiffness/kxx < 1) ? (
+   1
+)
+: (
+   0
+))/((((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))))*(kxx*kxx)) - d_stop_damping*y_dot*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) + d_stop_gap*(-stop_damping*y_dot*(-1.0/1024.0*stop_gap - 2*(y - larger(-stop_gap, smaller(stop_gap, y)))*(-2*((stop_gap + smaller(stop_gap, y) > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap - y < 0) ? (
+   1
+)
+: (
+   0
+)) + 2*((stop_gap + smaller(stop_gap, y) < 0) ? (
+   1
+)
+: (
+   0
+))))*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) - stop_damping*y_dot*((3.0/2048.0)*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(-2*((stop_gap + smaller(stop_gap, y) > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap - y < 0) ? (
+   1
+)
+: (
+   0
+)) + 2*((stop_gap + smaller(stop_gap, y) < 0) ? (
+   1
+)
+: (
+   0
+))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) - stop_damping*y_dot*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(-2*((stop_gap + smaller(stop_gap, y) > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap - y < 0) ? (
+   1
+)
+: (
+   0
+)) + 2*((stop_gap + smaller(stop_gap, y) < 0) ? (
+   1
+)
+: (
+   0
+)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) - stop_stiffness*(-1.0/2048.0*stop_gap - (y - larger(-stop_gap, smaller(stop_gap, y)))*(-2*((stop_gap + smaller(stop_gap, y) > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap - y < 0) ? (
+   1
+)
+: (
+   0
+)) + 2*((stop_gap + smaller(stop_gap, y) < 0) ? (
+   1
+)
+: (
+   0
+))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) - stop_stiffness*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(-3*((stop_gap + smaller(stop_gap, y) > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap - y < 0) ? (
+   1
+)
+: (
+   0
+)) + 3*((stop_gap + smaller(stop_gap, y) < 0) ? (
+   1
+)
+: (
+   0
+)))/((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) + d_stop_stiffness*(-(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))/((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))) - stop_damping*y_dot*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*((stop_stiffness/kxx < 1) ? (
+   1
+)
+: (
+   0
+))/((((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))))*kxx)) + d_y*(-stop_damping*y_dot*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(-2*((stop_gap - y > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap + smaller(stop_gap, y) > 0) ? (
+   1
+)
+: (
+   0
+)) + 2)*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) - stop_damping*y_dot*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(-2*((stop_gap - y > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap + smaller(stop_gap, y) > 0) ? (
+   1
+)
+: (
+   0
+)) + 2)*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) + 2*stop_damping*y_dot*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(-2*((stop_gap - y > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap + smaller(stop_gap, y) > 0) ? (
+   1
+)
+: (
+   0
+)) + 2)*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) - stop_stiffness*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(-3*((stop_gap - y > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap + smaller(stop_gap, y) > 0) ? (
+   1
+)
+: (
+   0
+)) + 3)/((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))) + stop_stiffness*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(-2*((stop_gap - y > 0) ? (
+   1
+)
+: (
+   0
+))*((stop_gap + smaller(stop_gap, y) > 0) ? (
+   1
+)
+: (
+   0
+)) + 2)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))))) - d_y_dot*stop_damping*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))));
+}
+
+static inline void tangent_cross_cubic_stiffness(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+{
+    (void)g, (void)d, (void)force, (void)rate;
+    const double k22 = g->p[GYRO_K22];
+    const double x = g->s[GYRO_STATE_X];
+    const double y = g->s[GYRO_STATE_Y];
+    const double d_k22 = d->p[GYRO_K22];
+    const double d_x = d->s[GYRO_STATE_X];
+    const double d_y = d->s[GYRO_STATE_Y];
+    force[0] += -d_k22*x*y*y - d_x*k22*y*y - 2*d_y*k22*x*y;
+    force[1] += -d_k22*x*x*y - 2*d_x*k22*x*y - d_y*k22*x*x;
+}
+
 static inline void tangent_cubic_stiffness(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
@@ -216,6 +548,27 @@ static inline void tangent_cubic_stiffness(const gyro_view *g, const gyro_tangen
     const double d_y = d->s[GYRO_STATE_Y];
     force[0] += -d_k3_x*x*x*x - 3*d_x*k3_x*x*x;
     force[1] += -d_k3_y*y*y*y - 3*d_y*k3_y*y*y;
+}
+
+static inline void tangent_dry_friction(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+{
+    (void)g, (void)d, (void)force, (void)rate;
+    const double friction_speed = g->p[GYRO_FRICTION_SPEED];
+    const double friction_x = g->p[GYRO_FRICTION_X];
+    const double friction_y = g->p[GYRO_FRICTION_Y];
+    const double stribeck = g->p[GYRO_STRIBECK];
+    const double stribeck_speed = g->p[GYRO_STRIBECK_SPEED];
+    const double x_dot = g->s[GYRO_STATE_X_DOT];
+    const double y_dot = g->s[GYRO_STATE_Y_DOT];
+    const double d_friction_speed = d->p[GYRO_FRICTION_SPEED];
+    const double d_friction_x = d->p[GYRO_FRICTION_X];
+    const double d_friction_y = d->p[GYRO_FRICTION_Y];
+    const double d_stribeck = d->p[GYRO_STRIBECK];
+    const double d_stribeck_speed = d->p[GYRO_STRIBECK_SPEED];
+    const double d_x_dot = d->s[GYRO_STATE_X_DOT];
+    const double d_y_dot = d->s[GYRO_STATE_Y_DOT];
+    force[0] += d_friction_speed*friction_x*x_dot*(1 - gyro_tanh(x_dot/friction_speed)*gyro_tanh(x_dot/friction_speed))*(stribeck*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed)) + 1)/(friction_speed*friction_speed) - d_friction_x*(stribeck*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed)) + 1)*gyro_tanh(x_dot/friction_speed) - d_stribeck*friction_x*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(x_dot/friction_speed) - 2*d_stribeck_speed*friction_x*stribeck*x_dot*x_dot*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(x_dot/friction_speed)/(stribeck_speed*stribeck_speed*stribeck_speed) + d_x_dot*(2*friction_x*stribeck*x_dot*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(x_dot/friction_speed)/(stribeck_speed*stribeck_speed) - friction_x*(1 - gyro_tanh(x_dot/friction_speed)*gyro_tanh(x_dot/friction_speed))*(stribeck*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed)) + 1)/friction_speed);
+    force[1] += d_friction_speed*friction_y*y_dot*(1 - gyro_tanh(y_dot/friction_speed)*gyro_tanh(y_dot/friction_speed))*(stribeck*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed)) + 1)/(friction_speed*friction_speed) - d_friction_y*(stribeck*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed)) + 1)*gyro_tanh(y_dot/friction_speed) - d_stribeck*friction_y*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(y_dot/friction_speed) - 2*d_stribeck_speed*friction_y*stribeck*y_dot*y_dot*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(y_dot/friction_speed)/(stribeck_speed*stribeck_speed*stribeck_speed) + d_y_dot*(2*friction_y*stribeck*y_dot*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(y_dot/friction_speed)/(stribeck_speed*stribeck_speed) - friction_y*(1 - gyro_tanh(y_dot/friction_speed)*gyro_tanh(y_dot/friction_speed))*(stribeck*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed)) + 1)/friction_speed);
 }
 
 static inline void tangent_electrostatic_softening(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
@@ -323,6 +676,27 @@ static inline void tangent_quadratic_stiffness(const gyro_view *g, const gyro_ta
     const double d_y = d->s[GYRO_STATE_Y];
     force[0] += -d_k2_x*x*x - 2*d_x*k2_x*x;
     force[1] += -d_k2_y*y*y - 2*d_y*k2_y*y;
+}
+
+static inline void tangent_squeeze_film(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+{
+    (void)g, (void)d, (void)force, (void)rate;
+    const double squeeze_gap = g->p[GYRO_SQUEEZE_GAP];
+    const double squeeze_x = g->p[GYRO_SQUEEZE_X];
+    const double squeeze_y = g->p[GYRO_SQUEEZE_Y];
+    const double x = g->s[GYRO_STATE_X];
+    const double x_dot = g->s[GYRO_STATE_X_DOT];
+    const double y = g->s[GYRO_STATE_Y];
+    const double y_dot = g->s[GYRO_STATE_Y_DOT];
+    const double d_squeeze_gap = d->p[GYRO_SQUEEZE_GAP];
+    const double d_squeeze_x = d->p[GYRO_SQUEEZE_X];
+    const double d_squeeze_y = d->p[GYRO_SQUEEZE_Y];
+    const double d_x = d->s[GYRO_STATE_X];
+    const double d_x_dot = d->s[GYRO_STATE_X_DOT];
+    const double d_y = d->s[GYRO_STATE_Y];
+    const double d_y_dot = d->s[GYRO_STATE_Y_DOT];
+    force[0] += 3*d_squeeze_gap*squeeze_x*x*x*x_dot/(((1 - x*x/(squeeze_gap*squeeze_gap))*(1 - x*x/(squeeze_gap*squeeze_gap))*sqrt(1 - x*x/(squeeze_gap*squeeze_gap)))*(squeeze_gap*squeeze_gap*squeeze_gap)) - d_squeeze_x*x_dot/((1 - x*x/(squeeze_gap*squeeze_gap))*sqrt(1 - x*x/(squeeze_gap*squeeze_gap))) - 3*d_x*squeeze_x*x*x_dot/(((1 - x*x/(squeeze_gap*squeeze_gap))*(1 - x*x/(squeeze_gap*squeeze_gap))*sqrt(1 - x*x/(squeeze_gap*squeeze_gap)))*(squeeze_gap*squeeze_gap)) - d_x_dot*squeeze_x/((1 - x*x/(squeeze_gap*squeeze_gap))*sqrt(1 - x*x/(squeeze_gap*squeeze_gap)));
+    force[1] += 3*d_squeeze_gap*squeeze_y*y*y*y_dot/(((1 - y*y/(squeeze_gap*squeeze_gap))*(1 - y*y/(squeeze_gap*squeeze_gap))*sqrt(1 - y*y/(squeeze_gap*squeeze_gap)))*(squeeze_gap*squeeze_gap*squeeze_gap)) - d_squeeze_y*y_dot/((1 - y*y/(squeeze_gap*squeeze_gap))*sqrt(1 - y*y/(squeeze_gap*squeeze_gap))) - 3*d_y*squeeze_y*y*y_dot/(((1 - y*y/(squeeze_gap*squeeze_gap))*(1 - y*y/(squeeze_gap*squeeze_gap))*sqrt(1 - y*y/(squeeze_gap*squeeze_gap)))*(squeeze_gap*squeeze_gap)) - d_y_dot*squeeze_y/((1 - y*y/(squeeze_gap*squeeze_gap))*sqrt(1 - y*y/(squeeze_gap*squeeze_gap)));
 }
 
 static inline void tangent_ideal_pickoff(const gyro_view *g, const gyro_tangent *d, double *out)
@@ -667,8 +1041,23 @@ static inline void tangent_rate(const gyro_view *g, const gyro_tangent *d, doubl
     if (g->active[GYRO_EFFECT_ANGULAR_GAIN]) {
         tangent_angular_gain(g, d, force, rate);
     }
+    if (g->active[GYRO_EFFECT_COMB_FRINGE]) {
+        tangent_comb_fringe(g, d, force, rate);
+    }
+    if (g->active[GYRO_EFFECT_CONSTANT_FORCE]) {
+        tangent_constant_force(g, d, force, rate);
+    }
+    if (g->active[GYRO_EFFECT_CONTACT_STOP]) {
+        tangent_contact_stop(g, d, force, rate);
+    }
+    if (g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS]) {
+        tangent_cross_cubic_stiffness(g, d, force, rate);
+    }
     if (g->active[GYRO_EFFECT_CUBIC_STIFFNESS]) {
         tangent_cubic_stiffness(g, d, force, rate);
+    }
+    if (g->active[GYRO_EFFECT_DRY_FRICTION]) {
+        tangent_dry_friction(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING]) {
         tangent_electrostatic_softening(g, d, force, rate);
@@ -687,6 +1076,9 @@ static inline void tangent_rate(const gyro_view *g, const gyro_tangent *d, doubl
     }
     if (g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS]) {
         tangent_quadratic_stiffness(g, d, force, rate);
+    }
+    if (g->active[GYRO_EFFECT_SQUEEZE_FILM]) {
+        tangent_squeeze_film(g, d, force, rate);
     }
     rate[GYRO_STATE_X] = d->s[GYRO_STATE_X_DOT];
     rate[GYRO_STATE_Y] = d->s[GYRO_STATE_Y_DOT];

@@ -3,10 +3,12 @@
 #ifndef GYRO_MODEL_H
 #define GYRO_MODEL_H
 
+#include <stdint.h>
+
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{afd2076a-36cc-176c-33f0-f32a38b25d71}"
+#define GYRO_TOKEN "{94172193-ec2b-1e5a-3877-ef58bc4e2e1a}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -130,6 +132,14 @@ enum {
     GYRO_N_STATES = 6
 };
 
+/* The motion as a differential equation: those states, the voltages behind the amplifier's lag, and what lags.
+   Variables beyond those above and `time` show the states that are no outputs, and all rates. */
+enum {
+    GYRO_N_CONTINUOUS = 1,
+    GYRO_FIRST_LOCAL = 103, /* value reference */
+    GYRO_N_LOCALS = 0
+};
+
 /* Quantities that may lag. */
 enum {
     GYRO_LAGGING_TEMPERATURE_STRUCTURE = 0,
@@ -210,6 +220,19 @@ typedef struct {
 
 /* Shape (GYRO_N_VARIABLES), by value reference. */
 extern const gyro_variable gyro_variables[GYRO_N_VARIABLES];
+
+/* Of each continuous state. */
+typedef struct {
+    uint32_t vr;      /* value reference of the variable that shows it */
+    uint32_t rate_vr; /* and its rate */
+    double nominal;   /* SI */
+} gyro_state;
+
+/* Shape (GYRO_N_CONTINUOUS), or one of zeros where the FMU shows none. */
+extern const gyro_state gyro_states[GYRO_N_CONTINUOUS];
+
+/* Names of the variables from GYRO_FIRST_LOCAL on, NULL at the end. */
+extern const char *const gyro_local_names[GYRO_N_LOCALS + 1];
 
 #if defined(__GNUC__)
 #pragma GCC visibility pop
