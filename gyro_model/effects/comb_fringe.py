@@ -12,7 +12,7 @@ from gyro_model.anatomy import Force, Limit
 from gyro_model.quantities import size
 from gyro_model.symbols import u_x, u_y, x, y
 
-FRINGE = size("comb_fringe", "1/m", "change of the force with displacement, relative")
+FRINGE = size("comb_fringe", "1/m", "change of the force with displacement, relative", nominal=100.0)
 c = FRINGE.symbol
 
 EFFECT = Force(

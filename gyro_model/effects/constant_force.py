@@ -10,8 +10,8 @@ from gyro_model.anatomy import Energy, Force, Limit
 from gyro_model.quantities import size
 from gyro_model.symbols import x, y
 
-FORCE_X = size("force_x", "N", "constant force, x axis")
-FORCE_Y = size("force_y", "N", "constant force, y axis")
+FORCE_X = size("force_x", "N", "constant force, x axis", nominal=1e-7, display="µN")
+FORCE_Y = size("force_y", "N", "constant force, y axis", nominal=1e-7, display="µN")
 force_x, force_y = FORCE_X.symbol, FORCE_Y.symbol
 
 EFFECT = Force(

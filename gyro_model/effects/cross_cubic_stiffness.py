@@ -13,7 +13,7 @@ from gyro_model.anatomy import Energy, Force, Limit
 from gyro_model.quantities import size
 from gyro_model.symbols import x, y
 
-K22 = size("k22", "N/m3", "cubic stiffness that couples the axes")
+K22 = size("k22", "N/m3", "cubic stiffness that couples the axes", nominal=1e10)
 k22 = K22.symbol
 
 EFFECT = Force(
