@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{94172193-ec2b-1e5a-3877-ef58bc4e2e1a}"
+#define GYRO_TOKEN "{d967060d-28b5-6042-2d51-2b3919146b8e}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
