@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853, RK45
 
-from gyro_model.build import compile_library
+from gyro_model.compiling import compile_library
 
 Floats = NDArray[np.float64]
 

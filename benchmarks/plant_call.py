@@ -17,7 +17,8 @@ from benchmarks.fmpy_plant import fmpy_slave
 from benchmarks.report import Options, Report, Row, Table, load, row
 from cosim.exchange import exchange
 from cosim.fmu import HANDLE_SIZE, INPUT_NAMES, OUTPUT_NAMES, Plant
-from gyro_model.build import build, compile_library, model_token
+from gyro_model.build import build, model_token
+from gyro_model.compiling import compile_library
 from gyro_model.device import load_device
 from gyro_model.model import load_model
 

@@ -15,7 +15,7 @@ from rich import table as rich_table
 from rich.console import Console
 from rich.markup import escape
 
-from gyro_model.build import find_compiler
+from gyro_model.compiling import find_compiler
 from gyro_model.errors import InputError
 
 RESULTS: Final = Path(__file__).parent / "results"

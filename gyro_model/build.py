@@ -2,13 +2,9 @@
 token."""
 
 import hashlib
-import importlib.util
 import logging
 import os
-import shlex
 import shutil
-import subprocess
-import sys
 import tempfile
 import zipfile
 from collections.abc import Sequence
@@ -30,17 +26,15 @@ from gyro_model import (
     generate_tangent,
     generate_xml,
 )
+from gyro_model.compiling import compile_for, compile_library
 from gyro_model.envelope import EnvelopeModel, envelope_model
 from gyro_model.errors import InputError
 from gyro_model.model import Model, load_model
+from gyro_model.platforms import WASM, own_platform, platform_of
 
 LOGGER = logging.getLogger("gyrotwin")
 PACKAGE = Path(__file__).parent
 CHECKOUT = PACKAGE.parent
-# Strict arithmetic: contraction to fused multiply-add would make platforms differ in the last bit. Nothing asks for
-# errno, so that a root is one instruction.
-STRICT = ("-ffp-contract=off", "-fno-math-errno")
-FLAGS = ("-std=c99", "-O3", *STRICT, "-fvisibility=hidden", "-Wall", "-Wextra", "-Wpedantic")
 GENERATED = "generated"
 EFFECTS = f"{GENERATED}/effects.h"
 # Below the folder of the handwritten C: what the envelope form has of its own. A file there takes the place of the
@@ -54,19 +48,6 @@ class Fmus(NamedTuple):
 
     fmi2: Path
     fmi3: Path
-
-
-class _Platform(NamedTuple):
-    fmi2: str
-    fmi3: str
-    suffix: str
-
-
-def _platform() -> _Platform:
-    import fmpy
-
-    suffix = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
-    return _Platform(fmpy.platform, fmpy.platform_tuple, suffix)
 
 
 def handwritten_folder() -> Path:
@@ -147,26 +128,41 @@ def default_folder(model: Model) -> Path:
     return Path(platformdirs.user_cache_dir("gyrotwin")) / model_token(model).strip("{}")
 
 
-def build(model: Model | None = None, folder: Path | None = None, *, force: bool = False) -> Fmus:
+def build(
+    model: Model | None = None, folder: Path | None = None, *, force: bool = False, platforms: Sequence[str] = ()
+) -> Fmus:
     """Builds the FMUs of ``model``, ``fmi2/NAME.fmu`` and ``fmi3/NAME.fmu`` in ``folder``, unless those there already
-    are of this model.
+    are of this model and hold the libraries asked for.
 
-    Raises InputError where there is no compiler or it fails.
+    platforms: names from ``gyro_model.platforms``, compiled by zig; none: this machine's, by its own compiler. With
+    wasm32 among them ``wasm32/NAME.wasm`` holds the functions of FMI 3.0. Raises InputError where there is no compiler
+    or it fails.
     """
     model = model or load_model()
     folder = folder or default_folder(model)
     token = model_token(model)
     fmus = Fmus(*(folder / name / f"{model.NAME}.fmu" for name in Fmus._fields))
-    for fmi, path in zip(Fmus._fields, fmus, strict=True):
-        if force or token_of(path) != token:
-            _build_one(model, token, fmi, path)
+    wanted = tuple(name for name in platforms if name != WASM.fmi3) if platforms else (own_platform(),)
+    stale = [fmi for fmi, path in zip(Fmus._fields, fmus, strict=True) if force or not _fits(path, token, wanted, fmi)]
+    if stale or WASM.fmi3 in platforms:
+        with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
+            write_sources(model, Path(name))
+            for fmi in stale:
+                _build_one(model, token, fmi, getattr(fmus, fmi), Path(name), wanted if platforms else ())
+            if WASM.fmi3 in platforms:
+                library = folder / WASM.fmi3 / f"{model.NAME}{WASM.suffix}"
+                library.parent.mkdir(parents=True, exist_ok=True)
+                compile_for(WASM, Path(name), c_files(Path(name), "fmi3"), library)
     return fmus
 
 
-def build_all(model: Model | None = None, folder: Path | None = None, *, force: bool = False) -> tuple[Path, ...]:
+def build_all(
+    model: Model | None = None, folder: Path | None = None, *, force: bool = False, platforms: Sequence[str] = ()
+) -> tuple[Path, ...]:
     """The FMUs of both forms of ``model``: as it is, then as envelopes. Raises InputError as ``build`` does."""
     full = model or load_model()
-    return (*build(full, folder, force=force), *build(envelope_model(full), folder, force=force))
+    forms = (full, envelope_model(full))
+    return tuple(path for form in forms for path in build(form, folder, force=force, platforms=platforms))
 
 
 def token_of(path: Path) -> str | None:
@@ -179,6 +175,16 @@ def token_of(path: Path) -> str | None:
     return root.get("guid") or root.get("instantiationToken")
 
 
+def platforms_of(path: Path) -> set[str]:
+    """The folders in binaries/ of the FMU at ``path``."""
+    with zipfile.ZipFile(path) as archive:
+        return {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
+
+
+def _fits(path: Path, token: str, platforms: Sequence[str], fmi: str) -> bool:
+    return token_of(path) == token and {getattr(platform_of(name), fmi) for name in platforms} <= platforms_of(path)
+
+
 def update_generated(model: Model | None = None) -> list[Path]:
     """Writes the committed generated files and tables anew; gives those that changed."""
     changed = []
@@ -188,41 +194,6 @@ def update_generated(model: Model | None = None) -> list[Path]:
             path.write_text(text, encoding="utf-8")
             changed.append(path)
     return changed
-
-
-def find_compiler() -> list[str]:
-    """The command of the C compiler: $CC, cc, gcc, clang, or that of the package ziglang. Raises InputError where
-    there is none."""
-    asked = shlex.split(os.environ.get("CC", ""))
-    if asked:
-        if shutil.which(asked[0]) is None:
-            raise InputError(f"compiler CC={asked[0]!r}: not found; correct CC or unset it")
-        return asked
-    for name in ("cc", "gcc", "clang"):
-        if shutil.which(name):
-            return [name]
-    if importlib.util.find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "cc"]
-    raise InputError("no C compiler: install gcc or clang, set CC, or `pip install gyrotwin[zig]`")
-
-
-def fmi_headers() -> Path:
-    """The folder of the C headers of both standards."""
-    return Path(importlib.util.find_spec("fmpy").submodule_search_locations[0]) / "c-code"  # type: ignore[union-attr,index]
-
-
-def compile_library(sources: Path, files: Sequence[str], library: Path, extra: Sequence[str] = ()) -> None:
-    """Compiles the C ``files`` in the folder ``sources`` into a shared ``library``. Raises InputError with the
-    compiler's first words."""
-    headers = fmi_headers()
-    position = () if sys.platform == "win32" else ("-fPIC",)
-    math = () if sys.platform == "win32" else ("-lm",)
-    command = [*find_compiler(), *FLAGS, *extra, *position, "-shared", "-isystem", str(headers), "-I", str(sources)]
-    command += [str(sources / name) for name in files] + ["-o", str(library), *math]
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
-    if result.returncode != 0:
-        complaint = next((line for line in result.stderr.splitlines() if "error" in line), result.stderr.strip()[:300])
-        raise InputError(f"compiler {command[0]!r} failed: {complaint}")
 
 
 def write_sources(model: Model, folder: Path) -> None:
@@ -240,30 +211,31 @@ def c_files(folder: Path, fmi: str) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*.c") if path.name != other)
 
 
-def _build_one(model: Model, token: str, fmi: str, path: Path) -> None:
+def _build_one(model: Model, token: str, fmi: str, path: Path, sources: Path, platforms: Sequence[str]) -> None:
+    """Packs an FMU of the C in ``sources`` with libraries for ``platforms``; none: for this machine."""
     LOGGER.info("compiling the %s FMU for %s, once for this model, some 5 s ...", model.NAME, fmi.upper())
-    platform = _platform()
+    files = c_files(sources, fmi)
+    other = {"fmi2": "fmi3.c", "fmi3": "fmi2.c"}[fmi]
     with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
         root = Path(name)
-        sources = root / "sources"
-        sources.mkdir()
-        write_sources(model, sources)
-        files = c_files(sources, fmi)
-        (sources / {"fmi2": "fmi3.c", "fmi3": "fmi2.c"}[fmi]).unlink()
+        shutil.copytree(sources, root / "sources", ignore=shutil.ignore_patterns(other))
         if fmi == "fmi2":
-            description, binaries = generate_xml.fmi2(model, token, _date(), files), platform.fmi2
+            description = generate_xml.fmi2(model, token, _date(), files)
         else:
-            description, binaries = generate_xml.fmi3(model, token, _date()), platform.fmi3
-            (sources / "buildDescription.xml").write_text(
-                generate_xml.build_description(model, files), encoding="utf-8"
-            )
+            description = generate_xml.fmi3(model, token, _date())
+            build_description = generate_xml.build_description(model, files)
+            (root / "sources" / "buildDescription.xml").write_text(build_description, encoding="utf-8")
         (root / "modelDescription.xml").write_text(description, encoding="utf-8")
         for place, data in generate_package.package_files(model, fmi).items():
             (root / place).parent.mkdir(parents=True, exist_ok=True)
             (root / place).write_bytes(data)
-        library = root / "binaries" / binaries / f"{model.NAME}{platform.suffix}"
-        library.parent.mkdir(parents=True)
-        compile_library(sources, files, library)
+        for platform in map(platform_of, platforms or (own_platform(),)):
+            library = root / "binaries" / getattr(platform, fmi) / f"{model.NAME}{platform.suffix}"
+            library.parent.mkdir(parents=True)
+            if platforms:
+                compile_for(platform, sources, files, library)
+            else:
+                compile_library(sources, files, library)
         _pack(root, path)
 
 

@@ -585,6 +585,7 @@ def build(
     effects: Sequence[str | Path] = (),
     folder: str | Path | None = None,
     force: bool = False,
+    platforms: str | Sequence[str] = (),
 ) -> tuple[Path, ...]:
     """Build the FMUs Gyroscope and GyroscopeEnvelope, FMI 2.0 and FMI 3.0.
 
@@ -598,6 +599,9 @@ def build(
         Where to put them; None: beside the sources in a checkout, else the user's cache.
     force : bool
         Build even where they are up to date.
+    platforms : str or sequence of str
+        Platforms to hold libraries for, compiled by zig: "all", or names such as x86_64-windows; wasm32 is a module
+        beside the FMUs. None: this machine's, by its own compiler.
 
     Returns
     -------
@@ -607,7 +611,7 @@ def build(
     Raises
     ------
     InputError
-        If there is no compiler, or it fails.
+        If there is no compiler, or it fails; if a platform is unknown.
 
     Examples
     --------
@@ -617,13 +621,15 @@ def build(
 
     """
     from gyro_model.build import build_all
+    from gyro_model.platforms import chosen_platforms
 
+    named = chosen_platforms(platforms if isinstance(platforms, str) else ",".join(platforms)) if platforms else ()
     model = load_model(*map(Path, effects))
     if device is not None:
         if folder is None:
             raise InputError("build of a device: name the folder, so that the FMUs of the package stay as they are")
         model = model.starting_at(load_device(device, effects=effects).parameters)
-    return build_all(model, None if folder is None else Path(folder), force=force)
+    return build_all(model, None if folder is None else Path(folder), force=force, platforms=named)
 
 
 def effects(*folders: str | Path) -> "tuple[Effect, ...]":

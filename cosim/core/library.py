@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from cosim.core.settings import settings_header
 from cosim.known_model import KnownModel
 from cosim.layout import STATE_NAMES
-from gyro_model.build import compile_library, find_compiler
+from gyro_model.compiling import compile_library, find_compiler
 
 Floats = NDArray[np.float64]
 

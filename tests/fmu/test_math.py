@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gyro_model.build import compile_library, handwritten_folder
+from gyro_model.build import handwritten_folder
+from gyro_model.compiling import compile_library
 
 COUNT = 4000
 RNG = np.random.default_rng(20)

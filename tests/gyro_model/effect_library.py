@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gyro_model import build, symbols
+from gyro_model import build, compiling, symbols
 from gyro_model.anatomy import Delay, Effect, Follow, Force, Lag, Law, Map
 from gyro_model.model import Model
 
@@ -67,7 +67,7 @@ class EffectLibrary:
         ]
         (folder / "harness.c").write_text('#include "generated/effects.h"\n' + "".join(parts), encoding="utf-8")
         library = folder / "harness.so"
-        build.compile_library(folder, ["harness.c", "gyro_math.c", "gyro_trigonometry.c"], library)
+        compiling.compile_library(folder, ["harness.c", "gyro_math.c", "gyro_trigonometry.c"], library)
         self.library = ct.CDLL(str(library))
 
     def evaluate(self, effect: Effect, values: Mapping[str, float]) -> dict[str, float]:

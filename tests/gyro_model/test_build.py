@@ -35,6 +35,7 @@ from sympy import (
 )
 
 from gyro_model import build as building
+from gyro_model import compiling
 from gyro_model.build import Fmus, build, build_all, default_folder, model_token, token_of
 from gyro_model.c_printing import c_expression
 from gyro_model.envelope import envelope_model
@@ -98,7 +99,7 @@ def test_an_fmu_that_fits_is_left_alone(fmus: Fmus, monkeypatch: pytest.MonkeyPa
 
 def test_what_is_no_fmu_of_this_model_is_built_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built: list[Path] = []
-    monkeypatch.setattr(building, "_build_one", lambda model, token, fmi, path: built.append(path))
+    monkeypatch.setattr(building, "_build_one", lambda model, token, fmi, path, *_: built.append(path))
     wanted = [tmp_path / name / "Gyroscope.fmu" for name in ("fmi2", "fmi3")]
     for path in wanted:
         path.parent.mkdir()
@@ -112,7 +113,7 @@ def test_what_is_no_fmu_of_this_model_is_built_anew(tmp_path: Path, monkeypatch:
 
 
 def test_both_forms_are_built_side_by_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(building, "_build_one", lambda model, token, fmi, path: None)
+    monkeypatch.setattr(building, "_build_one", lambda *_: None)
     paths = [path.relative_to(tmp_path).as_posix() for path in build_all(folder=tmp_path)]
     assert paths == [f"{fmi}/{name}.fmu" for name in ("Gyroscope", "GyroscopeEnvelope") for fmi in ("fmi2", "fmi3")]
 
@@ -160,29 +161,29 @@ def test_no_compiler(no_compilers: Path, tmp_path: Path) -> None:
 def test_cc_that_is_not_there(no_compilers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", "mycc -m64")
     with pytest.raises(InputError, match="compiler CC='mycc': not found; correct CC or unset it"):
-        building.find_compiler()
+        compiling.find_compiler()
 
 
 def test_order_of_compilers(no_compilers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("clang", "gcc", "cc"):
         (no_compilers / name).write_text("")
         os.chmod(no_compilers / name, 0o755)
-        assert building.find_compiler() == [name]
+        assert compiling.find_compiler() == [name]
     monkeypatch.setenv("CC", "gcc -m64")
-    assert building.find_compiler() == ["gcc", "-m64"]
+    assert compiling.find_compiler() == ["gcc", "-m64"]
 
 
 def test_ziglang_is_the_last_resort(no_compilers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: object() if name == "ziglang" else find(name))
-    assert building.find_compiler() == [sys.executable, "-m", "ziglang", "cc"]
+    assert compiling.find_compiler() == [sys.executable, "-m", "ziglang", "cc"]
 
 
 def test_failing_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bad = tmp_path / "bad.c"
     bad.write_text("int main(void) { return nothing; }\n")
     with pytest.raises(InputError, match=r"compiler .* failed: .*error") as caught:
-        building.compile_library(tmp_path, ["bad.c"], tmp_path / "bad.so")
+        compiling.compile_library(tmp_path, ["bad.c"], tmp_path / "bad.so")
     assert "\n" not in str(caught.value)
     monkeypatch.setenv("CC", "false")
     with pytest.raises(InputError, match="compiler 'false' failed"):
@@ -201,7 +202,7 @@ def test_c_compiles_without_a_warning(
     files = building.c_files(tmp_path, fmi)
     # -O1 sees the flow of values, which some warnings need, in half the time of -O3.
     strict = ("-Werror", "-Wshadow", "-Wstrict-prototypes", "-Wvla", "-O1")
-    building.compile_library(tmp_path, files, tmp_path / "strict.so", strict)
+    compiling.compile_library(tmp_path, files, tmp_path / "strict.so", strict)
 
 
 def names_of(fmu: Path, folder: Path, *options: str) -> set[str]:
@@ -253,7 +254,7 @@ def test_every_function_prints_as_c_of_its_own() -> None:
 def standard_headers(folder: Path) -> Path:
     """The C headers of both standards. FMPy's copy of FMI 2 leaves out the prefix of the functions, which is put back
     as fmi2Functions.h 2.0.4 has it."""
-    shutil.copytree(building.fmi_headers(), folder)
+    shutil.copytree(compiling.fmi_headers(), folder)
     header = folder / "fmi2Functions.h"
     own, standard = (
         "#define fmi2FullName(name) name",
@@ -272,8 +273,8 @@ def standard_headers(folder: Path) -> Path:
 @pytest.mark.parametrize("fmi", ["fmi2", "fmi3"])
 def test_both_forms_link_into_one_program(fmi: str, tmp_path: Path) -> None:
     common = [
-        *building.find_compiler(),
-        *building.FLAGS,
+        *compiling.find_compiler(),
+        *compiling.FLAGS,
         "-O1",
         "-isystem",
         str(standard_headers(tmp_path / "headers")),

@@ -20,7 +20,7 @@ from calibration.compensation.model import (
     Piecewise,
     Varying,
 )
-from gyro_model.build import find_compiler
+from gyro_model.compiling import find_compiler
 from gyro_model.errors import InputError
 
 RNG = np.random.default_rng(5)

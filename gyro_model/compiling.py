@@ -1,0 +1,77 @@
+"""Compiles C into a library: for this machine by its own compiler, for any platform by zig."""
+
+import importlib.util
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from gyro_model.errors import InputError
+from gyro_model.platforms import Platform
+
+# Strict arithmetic: contraction to fused multiply-add would make platforms differ in the last bit. Nothing asks for
+# errno, so that a root is one instruction.
+STRICT = ("-ffp-contract=off", "-fno-math-errno")
+FLAGS = ("-std=c99", "-O3", *STRICT, "-fvisibility=hidden", "-Wall", "-Wextra", "-Wpedantic")
+
+_ZIG = (sys.executable, "-m", "ziglang", "cc")
+# malloc and free for an importer's arrays, the table for its callbacks.
+_WASM_EXPORTS = ("export-dynamic", "export=malloc", "export=free", "export-table")
+_KINDS = {".wasm": ("-mexec-model=reactor", *(f"-Wl,--{name}" for name in _WASM_EXPORTS)), ".dll": ("-shared",)}
+
+
+def find_compiler() -> list[str]:
+    """The command of the C compiler: $CC, cc, gcc, clang, or that of the package ziglang. Raises InputError where
+    there is none."""
+    asked = shlex.split(os.environ.get("CC", ""))
+    if asked:
+        if shutil.which(asked[0]) is None:
+            raise InputError(f"compiler CC={asked[0]!r}: not found; correct CC or unset it")
+        return asked
+    for name in ("cc", "gcc", "clang"):
+        if shutil.which(name):
+            return [name]
+    if importlib.util.find_spec("ziglang"):
+        return list(_ZIG)
+    raise InputError("no C compiler: install gcc or clang, set CC, or `pip install gyrotwin[zig]`")
+
+
+def fmi_headers() -> Path:
+    """The folder of the C headers of both standards."""
+    return Path(importlib.util.find_spec("fmpy").submodule_search_locations[0]) / "c-code"  # type: ignore[union-attr,index]
+
+
+def compile_library(sources: Path, files: Sequence[str], library: Path, extra: Sequence[str] = ()) -> None:
+    """Compiles the C ``files`` in the folder ``sources`` into a shared ``library`` for this machine. Raises InputError
+    with the compiler's first words."""
+    position, math = ((), ()) if sys.platform == "win32" else (("-fPIC",), ("-lm",))
+    _compile([*find_compiler(), *FLAGS, *extra, *position, "-shared"], sources, files, library, math)
+
+
+def compile_for(platform: Platform, sources: Path, files: Sequence[str], library: Path) -> None:
+    """The same for any platform that zig knows, and without the C library's mathematics. Raises InputError where the
+    package ziglang is missing."""
+    if not importlib.util.find_spec("ziglang"):
+        raise InputError(f"platform {platform.fmi3!r}: to compile for it takes zig; `pip install gyrotwin[zig]`")
+    kind = _KINDS.get(platform.suffix, ("-shared", "-fPIC"))
+    with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
+        # Elsewhere first: beside a library for Windows zig leaves other files. Stripped of names and dates, so that
+        # equal sources give equal libraries.
+        made = Path(name) / library.name
+        _compile([*_ZIG, *FLAGS, "-target", platform.target, "-s", *kind], sources, files, made)
+        shutil.copy(made, library)
+
+
+def _compile(
+    compiler: Sequence[str], sources: Path, files: Sequence[str], library: Path, last: Sequence[str] = ()
+) -> None:
+    command = [*compiler, "-isystem", str(fmi_headers()), "-I", str(sources)]
+    command += [str(sources / name) for name in files] + ["-o", str(library), *last]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    if result.returncode != 0:
+        complaint = next((line for line in result.stderr.splitlines() if "error" in line), result.stderr.strip()[:300])
+        raise InputError(f"compiler {compiler[0]!r} failed: {complaint}")
