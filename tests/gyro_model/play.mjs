@@ -67,14 +67,15 @@ while (words[at]) {
   check(f.fmi3EnterInitializationMode(c, 0, 0, 0, 0, 0) || f.fmi3ExitInitializationMode(c), name);
   const inReferences = references(inputs), set = f.malloc(8 * inputs.length + 8);
   let h = FIRST;
-  for (let k = 0; k < steps; k++) {
+  let k = 0;
+  for (let ok = true; k < steps && ok; k += ok ? 1 : 0) {
     put(set, inputs.map((v, i) => offsets[i].value + v.value * (((37 * k + 11 * i) % 17) - 8)));
     check(f.fmi3SetFloat64(c, inReferences, inputs.length, set, inputs.length), name);
-    check(f.fmi3DoStep(c, k * step, step, 1, results, results + 1, results + 2, results + 8), name);
+    ok = f.fmi3DoStep(c, k * step, step, 1, results, results + 1, results + 2, results + 8) === 0;
     check(f.fmi3GetFloat64(c, outReferences, outputs.length, out, outputs.length), name);
-    h = hash(h, out, 8 * outputs.length);
+    if (ok) h = hash(h, out, 8 * outputs.length);
   }
   const hex = (x) => x.toString(16).padStart(16, "0");
-  console.log(name, hex(h), hex(hashOfState(c)));
+  console.log(name, k, hex(h), hex(k === steps ? hashOfState(c) : 0n));
   f.fmi3FreeInstance(c);
 }

@@ -99,7 +99,7 @@ def score(form: str) -> str:
 
 
 def played(command: list[str], form: str) -> dict[str, list[str]]:
-    """Hashes of outputs and of the saved state by scenario."""
+    """Steps done, hashes of outputs and of the saved state by scenario."""
     quiet = os.environ | {"WINEDEBUG": "-all"}
     run = subprocess.run(command, input=score(form), capture_output=True, text=True, check=False, env=quiet)
     assert run.returncode == 0, run.stderr[-2000:]
@@ -146,8 +146,11 @@ def test_what_is_played_is_worth_comparing(form: str, wanted: dict[str, dict[str
     hashes = wanted[form]
     assert len(hashes) == len(scenarios(FORMS[form]))
     # An effect that acts leaves other outputs than none does. A voltage that is steady is nothing near the carrier.
-    silent = [name for name, (outputs, _) in hashes.items() if outputs == hashes["nothing"][0] and name != "nothing"]
+    silent = [name for name, (_, outputs, _) in hashes.items() if outputs == hashes["nothing"][1] and name != "nothing"]
     assert silent == ([] if form == "full" else ["amplifier_drift", "amplifier_offset"])
+    # All at once is more than the envelope form holds: a mass that strikes its stops has no slow amplitude.
+    stopped = [name for name, (steps, *_) in hashes.items() if int(steps) < STEPS]
+    assert stopped == ([] if form == "full" else ["everything"])
 
 
 @linux
