@@ -10,7 +10,7 @@ from cycle_records import STEP, course, record
 from calibration.compensation.export import to_c_header
 from calibration.compensation.methods import history
 from calibration.compensation.record import joined, make_blocks
-from gyro_model.build import find_compiler
+from gyro_model.compiling import find_compiler
 from gyro_model.errors import InputError
 
 SIZES = {"play": 4e-5, "slow": 2e-5}
