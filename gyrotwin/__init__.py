@@ -32,13 +32,19 @@ if TYPE_CHECKING:
         simulate_dataset,
         split,
     )
+    from gyrotwin.comparison import compare
     from gyrotwin.results import CompensationResult, DiagnosisResult, RateResult, RunResult, SplitResult
+    from gyrotwin.sweeping.result import SweepResult
+    from gyrotwin.tasks.sweep import sweep
 
 _HOMES: Final = {
     "Dataset": "discrepancy.dataset",
     "Design": "cosim.design",
     "Device": "gyro_model.device",
     "InputError": "gyro_model.errors",
+    "SweepResult": "gyrotwin.sweeping.result",
+    "compare": "gyrotwin.comparison",
+    "sweep": "gyrotwin.tasks.sweep",
     **dict.fromkeys(
         (
             *("build", "compensate", "diagnose", "effects", "load_dataset", "load_design", "load_device"),
@@ -61,8 +67,10 @@ __all__ = [
     "RateResult",
     "RunResult",
     "SplitResult",
+    "SweepResult",
     "__version__",
     "build",
+    "compare",
     "compensate",
     "diagnose",
     "effects",
@@ -73,6 +81,7 @@ __all__ = [
     "run",
     "simulate_dataset",
     "split",
+    "sweep",
 ]
 
 logging.getLogger("gyrotwin").addHandler(logging.NullHandler())

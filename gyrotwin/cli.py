@@ -40,6 +40,10 @@ COMMANDS: Final = {
         "Find what a model lacks to explain measured data, and write the improved model.",
     ),
     "dataset": _Entry("gyrotwin.dataset:dataset_app", "Data sets of measured runs."),
+    "sweep": _Entry(
+        "gyrotwin.commands.sweep:sweep", "Run a task at many points: grids, lists, distributions; on Dask."
+    ),
+    "compare": _Entry("gyrotwin.commands.compare:compare", "Put devices, or finished runs, side by side."),
     "device": _Entry("gyrotwin.commands.device:device_app", "Device files."),
     "build": _Entry(
         "gyrotwin.commands.build:build",

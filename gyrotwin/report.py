@@ -50,6 +50,17 @@ def render(
     write_whole(page, out)
 
 
+def render_page(name: str, out: Path, shown: Sequence[figures.Figure], **values: Any) -> None:
+    """Writes the page of the template ``name`` with the figures ``shown``, complete or not at all."""
+    page = template(name).render(
+        figures=shown,
+        data=as_json({figure.id: figure.data() for figure in shown}),
+        plotly=Markup(plotly.offline.get_plotlyjs()),
+        **values,
+    )
+    write_whole(page, out)
+
+
 def write_whole(page: str, out: Path) -> None:
     """Writes `page` to `out`, complete or not at all."""
     beside = out.with_name(out.name + ".part")

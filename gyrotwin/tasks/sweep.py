@@ -1,0 +1,117 @@
+"""A sweep from its plan to rows, sweep.json and a page; resumed where rows are there already."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from gyro_model.errors import InputError
+from gyrotwin.output import check_writable, publish
+from gyrotwin.results import write_json
+from gyrotwin.sweeping import rows
+from gyrotwin.sweeping.engine import BATCH_SECONDS, Progress, cluster
+from gyrotwin.sweeping.engine import sweep as work_off
+from gyrotwin.sweeping.plan import Plan, load_plan
+from gyrotwin.sweeping.result import SweepResult
+from gyrotwin.sweeping.scale import Scale, simulate
+from gyrotwin.sweeping.work import Done, job_of, work
+
+STATE: Final = "sweep.json"
+TRIED: Final = 3
+"""Points by which the time of a task is measured."""
+
+
+def sweep(
+    plan: str | Path | Mapping[str, Any] | Plan,
+    out: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> SweepResult:
+    """Run a task at many points, on the cores of this machine or of a Dask cluster.
+
+    Parameters
+    ----------
+    plan : str, Path, mapping or Plan
+        Plan file, or its content: task, parameters, sampling, seeds, outputs, limits.
+    out : str or Path
+        Folder for the rows (Parquet, one file a batch), sweep.json and report.html. Rows of the same plan that are
+        there are kept: an interrupted sweep goes on.
+    workers : int
+        Processes; None: one a core.
+    scheduler : str
+        Address of a Dask scheduler, whose workers have the same version of this package.
+    force : bool
+        Write even into a folder that holds other files.
+    progress : callable
+        Called with the points done and all points.
+
+    Returns
+    -------
+    SweepResult
+        With ``rows``, ``summary``, ``sensitivity``, ``worst()``.
+
+    Raises
+    ------
+    InputError
+        If the plan is wrong, Dask is missing, or ``out`` holds the rows of another plan.
+
+    """
+    chosen = load_plan(plan)
+    job = job_of(chosen)
+    points = chosen.points()
+    folder = Path(out)
+    check_writable(folder, force=force)
+    _claim(folder, chosen)
+    there = set(rows.read(folder)["point"].to_list())
+    missing = [point for point in points if point.number not in there]
+    if missing:
+        with cluster(workers, scheduler) as client:
+            if progress is not None:
+                progress(0, len(missing))
+            work_off(client, job, missing, folder, progress)
+    result = SweepResult(chosen, folder)
+    from gyrotwin.sweeping.page import render
+
+    publish(folder, {STATE: write_json(result.summary), "report.html": lambda path: render(result, path)}, force=force)
+    return result
+
+
+def _claim(folder: Path, plan: Plan) -> None:
+    """Makes ``folder`` that of ``plan``. Raises InputError where it is another's."""
+    state = folder / STATE
+    try:
+        there = json.loads(state.read_text(encoding="utf-8")).get("plan") if state.is_file() else None
+    except (OSError, ValueError):
+        there = "unreadable"
+    if there not in (None, plan.digest()):
+        raise InputError(f"output folder {folder}: holds the rows of another plan; name another with --out")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if there is None:
+            state.write_text(json.dumps({"plan": plan.digest()}) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"output folder {folder}: {error.strerror}; name another with --out") from None
+
+
+def replay(plan: str | Path | Plan, number: int) -> Done:
+    """One point of a plan again, in this process. Raises InputError where there is no such point."""
+    chosen = load_plan(plan)
+    points = chosen.points()
+    if not 0 <= number < len(points):
+        raise InputError(f"--point {number}: the plan has points 0 to {len(points) - 1}")
+    return work(job_of(chosen), [points[number]])[0]
+
+
+def simulate_scale(plan: str | Path | Plan) -> Scale:
+    """What 10,000 points of the plan would cost on more cores, from the measured time of its first ones."""
+    chosen = load_plan(plan)
+    # The first call loads and compiles what later ones find.
+    done = work(job_of(chosen), chosen.points()[: TRIED + 1])
+    failed = [d.error for d in done if d.error is not None]
+    if failed:
+        raise InputError(f"plan: a point fails, so that its time says nothing: {failed[0]}")
+    later = done[1:] or done
+    return simulate(min(d.seconds for d in later), BATCH_SECONDS)
