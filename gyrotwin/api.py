@@ -463,6 +463,10 @@ def split(
     clean_line: bool = False,
     resolution: float | None = None,
     track: float | None = None,
+    unfold: bool = False,
+    mass: float | None = None,
+    sense_gain: float | None = None,
+    temperature: float = 298.15,
 ) -> "SplitResult":
     """Find the frequency split of the two modes in a record of normal operation, from thermal noise.
 
@@ -488,6 +492,10 @@ def split(
         Refuse an answer with a 95 % interval wider than plus or minus this [Hz].
     track : float
         Follow the split through time, by blocks of so many seconds.
+    unfold : bool
+        The record was sampled below twice the drive frequency, which is given.
+    mass, sense_gain, temperature : float
+        With the first two [kg, V/m] the power of the hump is held against kT at the temperature [K].
 
     Returns
     -------
@@ -505,7 +513,7 @@ def split(
     return find(
         Request(
             Path(record), q, drive_frequency, sample_rate, tuple(columns), carrier, span, guard, clean_line, resolution,
-            track,
+            track, unfold, mass, sense_gain, temperature,
         )
     )  # fmt: skip
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.compensation.record import CIRCUIT, FREQUENCY, STRUCTURE, TemperatureTest
 from cosim.rate.courses import ZERO_CELSIUS
@@ -13,7 +14,11 @@ from discrepancy.import_table import read_lab_table
 from discrepancy.table import numbers
 from gyro_model.errors import InputError, nearest
 
+Floats = NDArray[np.float64]
 KELVIN: Final = (1.0, -ZERO_CELSIUS)
+COLDEST: Final = -120.0
+HOTTEST: Final = 250.0
+"""Temperatures beyond these [°C] are taken for a wrong unit: high-temperature parts are rated to 225 °C."""
 
 
 class Column(NamedTuple):
@@ -65,12 +70,28 @@ def read_test(path: Path, maps: Sequence[str] = (), scales: Sequence[str] = ()) 
             found[column.quantity] = factor * numbers(table, given[heading]) + offset
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
+    for name, column in COLUMNS.items():
+        if column.quantity in found and column.units is CELSIUS:
+            _check_celsius(f"{path}: {name}", name, found[column.quantity])
     unit = "counts" if units.get("rate") == "counts" else "rad/s"
     if (units.get("rate_true") == "counts") != (unit == "counts") and "rate_true" in found:
         raise InputError("--scale: give rate and rate_true the same kind of unit, both counts or neither")
     t, rate = found.pop("t"), found.pop("rate")
     true = found.pop("rate_true", np.zeros(len(t)))
     return TemperatureTest(t, rate, true, found, unit, str(path))
+
+
+def _check_celsius(what: str, name: str, values: Floats) -> None:
+    """Raises InputError where a temperature [°C] is none that electronics work at: most often another unit."""
+    low, high = float(values.min()), float(values.max())
+    if low >= COLDEST and high <= HOTTEST:
+        return
+    remedy = f"give a --scale {name}=FACTOR,OFFSET to K"
+    if low + ZERO_CELSIUS >= COLDEST and high + ZERO_CELSIUS <= HOTTEST:
+        remedy = f"are they in °C? Then give --scale {name}=degC"
+    elif low - ZERO_CELSIUS >= COLDEST and high - ZERO_CELSIUS <= HOTTEST:
+        remedy = f"are they in K? Then give --scale {name}=K"
+    raise InputError(f"{what} reads as {low:.4g} to {high:.4g} °C, at which no gyroscope is tested: {remedy}")
 
 
 def _pairs(option: str, texts: Sequence[str]) -> dict[str, str]:

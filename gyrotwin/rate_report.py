@@ -32,7 +32,8 @@ def results(summary: Mapping[str, Any]) -> RenderableType:
     table.add_column("unit")
     for row in rows(summary):
         table.add_row(*row)
-    parts: list[RenderableType] = [head, table]
+    warnings = [Text(f"warning: {text}", style="yellow") for text in summary["warnings"]]
+    parts: list[RenderableType] = [head, *warnings, table]
     if summary["allan"] is not None:
         parts.append(_allan(summary["allan"]))
     return Group(*parts)

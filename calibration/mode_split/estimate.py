@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from calibration.mode_split.checks import check_rate, check_steps, check_thermal, thermal_ratio, unfolded
 from calibration.mode_split.correlation import (
     Correlation,
     correlate,
@@ -48,9 +49,13 @@ class Question:
     guard: float = 0.0
     resolution: float | None = None
     clean_line: bool = False
+    unfold: bool = False
+    mass: float | None = None
+    sense_gain: float | None = None
+    temperature: float = 298.15
 
     def __post_init__(self) -> None:
-        for name in ("q", "drive_frequency", "span", "resolution"):
+        for name in ("q", "drive_frequency", "span", "resolution", "mass", "sense_gain", "temperature"):
             value = getattr(self, name)
             if value is not None and not (isfinite(value) and value > 0):
                 raise InputError(f"--{name.replace('_', '-')} {value:g}: give a positive number")
@@ -114,12 +119,22 @@ def find_split(record: VoltageRecord, question: Question = Question()) -> Analys
     Raises InputError where the record is too short for Q or for the resolution asked (it says how long it must be),
     and NothingFoundError where no hump stands out.
     """
+    check_rate(record, question.drive_frequency)
+    check_steps(record)
+    record, clear = unfolded(record, question.drive_frequency, question.unfold)
     f_x = find_line(record) if question.drive_frequency is None else question.drive_frequency
     check_length(record.duration, f_x, question.q)
-    part = envelope(record, f_x, question.span_about(f_x))
+    part = envelope(record, f_x, min(question.span_about(f_x), clear or np.inf))
+    if question.guard >= 0.9 * part.band:
+        raise InputError(
+            f"--guard {question.guard:g}: it leaves nothing of the band of ±{part.band:.4g} Hz that is searched; give "
+            "the bandwidth of the rate, some tens of Hz"
+        )
     spectrum = line_spectrum(part, f_x, question.guard)
     split = estimate(spectrum, question)
     check_resolution(split, question.resolution)
+    if question.mass is not None and question.sense_gain is not None:
+        check_thermal(thermal_ratio(split.model, question.mass, question.sense_gain, question.temperature))
     return Analysis(split, part, spectrum)
 
 

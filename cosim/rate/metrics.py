@@ -1,7 +1,7 @@
 """The numbers of a rate-mode run's summary.json. None where a number does not exist, so that it is strict JSON."""
 
 from math import degrees, pi, sqrt
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -100,6 +100,33 @@ def fit_line(record: pl.DataFrame, run: RateRun) -> Line | None:
     return Line(float(solution[0]), float(np.sqrt(covariance[0, 0] * repeats)), scale, rms)
 
 
+BEYOND: Final = 0.05
+"""Share of a rate's power beyond the bandwidth of the output from which on a scale factor is no longer one."""
+
+
+def power_beyond(run: RateRun) -> float:
+    """Share of the power of a rate profile that lies beyond the bandwidth of the output; 0 for steps and rest."""
+    if np.isfinite(run.rate.stays) or not np.isfinite(run.rate.length):
+        return 0.0
+    step = 0.05 / run.settings.output_bandwidth
+    values = run.rate.held(0, max(min(int(run.duration / step), 1_000_000), 2), step)
+    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(len(values)))) ** 2
+    beyond = np.fft.rfftfreq(len(values), step) > run.settings.output_bandwidth
+    return float(power[beyond].sum() / max(power.sum(), 1e-300))
+
+
+def warnings(run: RateRun) -> list[str]:
+    """What a reader of the numbers must know first."""
+    share = power_beyond(run)
+    if share <= BEYOND:
+        return []
+    bandwidth = run.settings.output_bandwidth
+    return [
+        f"{100 * share:.0f} % of the power of {run.rate.text} lies beyond the output's {bandwidth:g} Hz: the gain "
+        "to it is no scale factor, and none is given; take a slower profile, or a larger output_bandwidth"
+    ]
+
+
 def allan_of(record: pl.DataFrame, run: RateRun) -> tuple[Allan, NoiseLimits] | None:
     """Allan deviation and limits of a record at rest and at one temperature; None for others, and for short ones."""
     at_rest = not record["rate_true"].to_numpy().any() and np.ptp(record["temperature"].to_numpy()) == 0
@@ -119,6 +146,7 @@ def summarise(run: RateRun, result: Result) -> Summary:
     line, allan = fit_line(record, run), allan_of(record, run)
     calibration = run.nominal.calibration
     first = float(record["temperature_structure"][0])
+    told = warnings(run)
     expected = output_at(run.device, calibration, first)
     return {
         "device": run.device.name,
@@ -133,7 +161,8 @@ def summarise(run: RateRun, result: Result) -> Summary:
         "started_at": result.started_at,
         "bias_deg_s": None if line is None else degrees(line.bias),
         "bias_error_deg_s": None if line is None else degrees(line.bias_error),
-        "scale_factor": None if line is None else line.scale_factor,
+        "scale_factor": None if line is None or told else line.scale_factor,
+        "warnings": told,
         "residual_rms_deg_s": None if line is None else degrees(line.residual),
         "scale_factor_nominal": abs(calibration.scale),
         "scale_factor_nominal_unit": "N/(rad/s)" if run.closed else "V/(rad/s)",

@@ -30,6 +30,10 @@ class Request(NamedTuple):
     clean_line: bool = False
     resolution: float | None = None
     track: float | None = None
+    unfold: bool = False
+    mass: float | None = None
+    sense_gain: float | None = None
+    temperature: float = 298.15
 
 
 def split(
@@ -62,6 +66,14 @@ def split(
     track: Annotated[
         float | None, typer.Option(metavar="SECONDS", help="Follow the split through time, by blocks of this length.")
     ] = None,
+    unfold: Annotated[
+        bool, typer.Option("--unfold", help="Sampled below twice the drive frequency, which is given: unfold it.")
+    ] = False,
+    mass: Annotated[
+        float | None, typer.Option(help="kg; with --sense-gain the hump's power is held against kT.")
+    ] = None,
+    sense_gain: Annotated[float | None, typer.Option(help="V/m of the sense pickoff.")] = None,
+    temperature: Annotated[float, typer.Option(help="Of the structure, K.")] = 298.15,
     out: Annotated[
         Path | None, typer.Option(help="Folder for summary.json and report.html, and track.csv of a track.")
     ] = None,
@@ -74,7 +86,7 @@ def split(
     check_writable(folder, force=force)
     request = Request(
         record, q, drive_frequency, sample_rate, tuple(column or ()), carrier, span, guard, clean_line, resolution,
-        track,
+        track, unfold, mass, sense_gain, temperature,
     )  # fmt: skip
     found = find(request)
     found.save(folder, force=force)
@@ -85,19 +97,24 @@ def split(
 def find(request: Request) -> "SplitResult":
     """The split, or its track, that ``request`` asks for. Raises InputError, with a remedy, for whatever is wrong."""
     from calibration.mode_split import Question, find_split
+    from calibration.mode_split.checks import thermal_ratio
     from gyrotwin.results import SplitResult, Writer, write_json
     from gyrotwin.split_record import read_record
     from gyrotwin.split_report import render_split
     from gyrotwin.split_track import follow
 
     question = Question(
-        request.q, request.drive_frequency, request.span, request.guard, request.resolution, request.clean_line
-    )
+        request.q, request.drive_frequency, request.span, request.guard, request.resolution, request.clean_line,
+        request.unfold, request.mass, request.sense_gain, request.temperature,
+    )  # fmt: skip
     voltage = read_record(request.record, request.columns, request.sample_rate, request.carrier)
     if request.track is not None:
         return follow(voltage, question, request.track, request.record.name)
     analysis = find_split(voltage, question)
     summary = summarise(analysis, question.q, request.record.name)
+    if question.mass is not None and question.sense_gain is not None:
+        level = thermal_ratio(analysis.split.model, question.mass, question.sense_gain, question.temperature)
+        summary["power_over_thermal"] = level
     files: dict[str, Writer] = {
         "summary.json": write_json(summary),
         "report.html": partial(render_split, summary, analysis),
@@ -146,6 +163,9 @@ def results(summary: dict[str, Any]) -> Table:
     q = summary["q"]
     table.add_row("Q", f"{q['value']:.4g}", "given" if q["given"] else f"{q['low']:.4g} .. {q['high']:.4g}")
     table.add_row("hump over the floor", f"{summary['hump_over_floor_db']:.1f} dB", "")
+    level = summary.get("power_over_thermal")
+    told = "not checked: give --mass and --sense-gain" if level is None else f"{level:.3g}"
+    table.add_row("hump's power over kT's", told, "")
     table.add_row("standard deviation", f"{summary['deviation']:.3g} Hz", "")
     table.add_row("Cramér–Rao bound", f"{summary['bound']:.3g} Hz", "")
     for key, text in (("as_printed", "cross-correlation, as printed"), ("line_removed", "the same, line removed")):

@@ -168,3 +168,14 @@ def test_a_short_record_still_tells_a_scale_factor(tmp_path: Path) -> None:
     # Stretches of one block would all fall on the same phase of the rate step.
     assert found["scale_factor_ppm_per_c"] is not None
     assert found["bias_per_c"]["factor"] > 20
+
+
+def test_celsius_in_a_column_of_kelvin_is_asked_about(
+    records: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = pl.read_parquet(records / "cycle.parquet")
+    table.with_columns(pl.col("sensor_structure") - 273.15).write_parquet(tmp_path / "celsius.parquet")
+    line = refused(capsys, tmp_path, tmp_path / "celsius.parquet", "--method", "spline")
+    assert "--scale sensor_structure=degC" in line
+    named = ("--scale", "sensor_circuit=degC")
+    assert "--scale sensor_circuit=K" in refused(capsys, tmp_path, records / "cycle.parquet", *named)

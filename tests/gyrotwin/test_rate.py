@@ -76,7 +76,7 @@ def test_page_stands_alone(folder: Path) -> None:
         (("--plant", "slow"), "--plant slow: use full or envelope"),
         (("--device", "rate_mode"), "did you mean 'rate-mode'?"),
         (("--rate-step", "400"), "beyond the full scale of 300 deg/s"),
-        (("--rate-step", "0"), "give a positive rate"),
+        (("--rate-step", "0"), "give a rate above 0"),
         (("--rate-step", "10", "--rate-profile", "x.csv"), "give one of them"),
         (("--rate-profile", "x.csv"), "needs --rate-column"),
         (("--rate-profile", "x.csv", "--rate-column", "z"), "x.csv does not exist"),
@@ -111,3 +111,19 @@ def test_a_lost_lock_writes_nothing(capsys: pytest.CaptureFixture[str], tmp_path
     assert code == 2
     assert "lost its lock at t = " in error
     assert not out.exists()
+
+
+def test_a_profile_beyond_the_bandwidth_is_said_and_gives_no_scale_factor(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    t = np.arange(0, 6, 1e-3)
+    swept = 20 * np.sin(2 * np.pi * (2 * t + 0.5 * (167 - 2) / 6 * t**2))
+    pl.DataFrame({"t": t, "omega_z": swept}).write_csv(tmp_path / "swept.csv")
+    profile = ("--rate-profile", tmp_path / "swept.csv", "--rate-column", "omega_z")
+    with pytest.raises(SystemExit) as end:
+        main(["rate", "--plant", "envelope", *map(str, profile), "--out", str(tmp_path / "out")])
+    assert end.value.code in (0, None)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["scale_factor"] is None
+    assert "beyond the output's 40 Hz" in summary["warnings"][0]
+    assert "warning:" in capsys.readouterr().out

@@ -142,7 +142,7 @@ def test_no_hump_is_said_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixtu
         ({"t": T, "v": RECORD.values}, ["--carrier", 3000], "which columns are I and Q"),
         ({"t": T, "v": RECORD.values}, ["--column", "t", "--column", "v"], "2 columns named"),
         ({"t": T[:100], "v": RECORD.values[:100]}, [], "at least 256"),
-        ({"t": T, "v": RECORD.values}, ["--drive-frequency", 5000], "reaches from 0 to 4000 Hz"),
+        ({"t": T, "v": RECORD.values}, ["--drive-frequency", 5000], "folded to 3000 Hz"),
         ({"t": T, "v": ["a"] * len(T)}, [], "give numbers"),
     ],
 )

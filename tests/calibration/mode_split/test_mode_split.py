@@ -262,7 +262,7 @@ def test_questions_without_sense_are_refused(change, message):
 
 
 def test_drive_frequency_outside_the_record_is_refused():
-    with pytest.raises(InputError, match=r"reaches from 0 to 6000 Hz"):
+    with pytest.raises(InputError, match=r"folded to 3000 Hz"):
         find_split(make_record(WIDE, 2.0, 1), Question(drive_frequency=9000.0))
 
 

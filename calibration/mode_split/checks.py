@@ -1,0 +1,81 @@
+"""A record is checked before it is believed: what would mislead without a word is refused or asked about."""
+
+from typing import Final
+
+import numpy as np
+
+from calibration.mode_split.model import SplitModel
+from calibration.mode_split.record import VoltageRecord
+from gyro_model.errors import InputError
+from gyro_model.symbols import BOLTZMANN
+
+SLOWEST: Final = 2000.0
+"""No drive of a vibratory gyroscope, 1 kHz and more, is seen in a voltage with fewer samples a second [Hz]."""
+REPEATED: Final = 0.3
+"""Share of neighbouring samples that may be equal. Noise of one step rms repeats in 28 %: below that the error of
+rounding is no longer white and independent of the signal (B. Widrow and I. Kollár, Quantization Noise, 2008)."""
+CLEAR: Final = 0.45
+"""Half-width of the band that is analysed about an unfolded line, of its distance from its own image."""
+THERMAL: Final = 4.0
+"""A hump is called thermal whose power lies within this factor of kT/k: mass and gain are known to some 20 %."""
+
+
+def check_rate(record: VoltageRecord, drive_frequency: float | None) -> None:
+    """Raises InputError for a voltage with so few samples a second that the time must be in another unit."""
+    if not record.is_complex and record.rate < SLOWEST and drive_frequency is None:
+        raise InputError(
+            f"{record.rate:.4g} samples a second: a gyroscope's drive lies above 1 kHz. Is the time in ms or µs? Name "
+            "its column t [ms]; else give --drive-frequency"
+        )
+
+
+def check_steps(record: VoltageRecord) -> None:
+    """Raises InputError for samples that repeat: rounded in steps wider than their noise."""
+    for part in (record.values.real, record.values.imag) if record.is_complex else (record.values,):
+        repeated = float(np.mean(np.diff(part) == 0))
+        if repeated > REPEATED:
+            step = np.diff(np.unique(part))
+            raise InputError(
+                f"{100 * repeated:.0f} % of the samples equal the one before: they are rounded in steps of "
+                f"{step.min():.3g} V, wider than their noise, and no interval would hold; record with finer steps"
+            )
+
+
+def unfolded(record: VoltageRecord, drive_frequency: float | None, unfold: bool) -> tuple[VoltageRecord, float | None]:
+    """The record as it is, or about the drive line that it shows folded, and the half-width of the band then [Hz].
+
+    Raises InputError where the drive lies beyond half the sample rate and nobody has confirmed that the record is
+    folded, and where the line falls on its own image.
+    """
+    if record.is_complex or drive_frequency is None or drive_frequency < 0.5 * record.rate:
+        if unfold:
+            raise InputError("--unfold: the drive lies below half the sample rate, or none is given: leave it out")
+        return record, None
+    shown = drive_frequency - record.rate * round(drive_frequency / record.rate)
+    if not unfold:
+        mirrored = ", and mirrored" if shown < 0 else ""
+        raise InputError(
+            f"drive at {drive_frequency:g} Hz, {record.rate:g} samples a second: the record shows it folded to "
+            f"{abs(shown):g} Hz{mirrored}. Was it sampled without a filter? Then give --unfold; else check both numbers"
+        )
+    image = abs(2 * shown - record.rate * round(2 * shown / record.rate))
+    if image < 0.02 * record.rate:
+        raise InputError(f"--unfold: at {record.rate:g} Hz the line falls on its own image: take another sample rate")
+    turns = shown / record.rate * np.arange(len(record.values))
+    values = 2 * record.values * np.exp(-2j * np.pi * (turns % 1))
+    return VoltageRecord(values, record.rate, drive_frequency), CLEAR * image
+
+
+def thermal_ratio(model: SplitModel, mass: float, gain: float, temperature: float) -> float:
+    """Power of the hump over that of thermal motion, G² kT/(m ω²); mass [kg], gain [V/m], temperature [K]."""
+    power = model.hump * 0.5 * np.pi * model.f_y / model.q
+    return float(power / (gain**2 * float(BOLTZMANN) * temperature / (mass * (2 * np.pi * model.f_y) ** 2)))
+
+
+def check_thermal(ratio: float) -> None:
+    """Raises InputError for a hump that is not thermal."""
+    if not 1 / THERMAL <= ratio <= THERMAL:
+        raise InputError(
+            f"the hump is not thermal: it holds {ratio:.3g} times what kT gives at this mass and gain; it may be a "
+            "mode of the package, driven, or --mass or --sense-gain is wrong"
+        )

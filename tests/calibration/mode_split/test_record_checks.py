@@ -1,0 +1,71 @@
+"""Records that would give a wrong answer without a word: refused, or asked about with the option that mends them."""
+
+import numpy as np
+import pytest
+
+from benchmarks.split_records import SenseAxis, make_record
+from calibration.mode_split import Question, VoltageRecord, find_split
+from calibration.mode_split.checks import thermal_ratio
+from calibration.mode_split.model import SplitModel
+from gyro_model.errors import InputError
+
+AXIS = SenseAxis(q=500.0, f_y=3030.0)
+
+
+def record(rate: float = 20000.0, seed: int = 1) -> VoltageRecord:
+    return make_record(AXIS, 8.0, seed, rate)
+
+
+def folded(seed: int) -> VoltageRecord:
+    """Every fourth of 20 kHz: a converter without a filter."""
+    whole = record(seed=seed)
+    return VoltageRecord(whole.values[::4], whole.rate / 4)
+
+
+def test_a_drive_beyond_half_the_sample_rate_is_asked_about() -> None:
+    with pytest.raises(InputError, match=r"folded to 2000 Hz, and mirrored.*--unfold"):
+        find_split(folded(1), Question(drive_frequency=3000.0))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_confirmed_it_is_unfolded_with_the_right_sign(seed: int) -> None:
+    split = find_split(folded(seed), Question(drive_frequency=3000.0, unfold=True)).split
+    # Four deviations: folding adds the floor of the other zones to the interval.
+    assert split.split == pytest.approx(30.0, abs=4 * split.deviation)
+
+
+def test_unfold_without_need_is_refused() -> None:
+    with pytest.raises(InputError, match="leave it out"):
+        find_split(record(), Question(unfold=True))
+
+
+def test_time_in_another_unit_is_asked_about() -> None:
+    slow = record()
+    with pytest.raises(InputError, match=r"20 samples a second.*in ms or µs"):
+        find_split(VoltageRecord(slow.values, 20.0), Question())
+
+
+def test_steps_wider_than_the_noise_are_refused() -> None:
+    rng = np.random.default_rng(1)
+    values = np.linspace(1.0, 1.2, 20_000) + 1e-3 * (rng.standard_normal(20_000) + 1j * rng.standard_normal(20_000))
+    rounded = np.round(values.real / 17e-3) * 17e-3 + 1j * np.round(values.imag / 17e-3) * 17e-3
+    with pytest.raises(InputError, match="samples equal the one before"):
+        find_split(VoltageRecord(rounded, 1000.0, 3000.0), Question())
+
+
+def test_a_guard_as_wide_as_the_band_is_refused() -> None:
+    with pytest.raises(InputError, match=r"--guard 1e\+06: it leaves nothing"):
+        find_split(record(), Question(guard=1e6))
+
+
+def test_the_level_of_thermal_noise() -> None:
+    # By equipartition <y²> = kT/k: a Lorentzian of height h and width f/Q holds h π/2 f/Q.
+    mass, gain, temperature, q, f = 2e-8, 1e6, 300.0, 600.0, 5050.0
+    power = gain**2 * 1.380649e-23 * temperature / (mass * (2 * np.pi * f) ** 2)
+    model = SplitModel(f, q, power / (0.5 * np.pi * f / q), 1e-12, 0.0, 0.0, 5000.0, 1.0)
+    assert thermal_ratio(model, mass, gain, temperature) == pytest.approx(1.0, rel=1e-6)
+
+
+def test_a_hump_that_is_not_thermal_is_refused() -> None:
+    with pytest.raises(InputError, match="not thermal"):
+        find_split(record(), Question(mass=1e-3, sense_gain=1.0))
