@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 
 from gyro_model import VERSION, icon
 from gyro_model.errors import InputError
+from gyro_model.experiments import FOLDER, manifest, packaged_experiments
 from gyro_model.generate_xml import text_of
 from gyro_model.model import Model
 from gyro_model.quantities import Quantity
@@ -27,6 +28,10 @@ def package_files(model: Model, fmi: str) -> dict[str, bytes]:
         "documentation/index.html": documentation(model).encode(),
         "documentation/licenses/license.txt": _licence().read_bytes(),
     }
+    traces = {} if model.starts else packaged_experiments(model.NAME)
+    if traces:
+        files |= {f"{FOLDER}/{name}": data for name, data in traces.items()}
+        files[f"{FOLDER}/fmi-ls-manifest.xml"] = manifest()
     if fmi == "fmi2":
         return files | {"model.png": icon.png()}
     return files | {

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         run,
         simulate_dataset,
         split,
+        verify,
     )
     from gyrotwin.comparison import compare
     from gyrotwin.results import CompensationResult, DiagnosisResult, RateResult, RunResult, SplitResult
@@ -48,7 +49,7 @@ _HOMES: Final = {
     **dict.fromkeys(
         (
             *("build", "compensate", "diagnose", "effects", "load_dataset", "load_design", "load_device"),
-            *("rate", "run", "simulate_dataset", "split"),
+            *("rate", "run", "simulate_dataset", "split", "verify"),
         ),
         "gyrotwin.api",
     ),
@@ -82,6 +83,7 @@ __all__ = [
     "simulate_dataset",
     "split",
     "sweep",
+    "verify",
 ]
 
 logging.getLogger("gyrotwin").addHandler(logging.NullHandler())

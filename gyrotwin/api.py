@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from cosim.design import Design
     from discrepancy.dataset import Dataset
     from gyro_model.anatomy import Effect
+    from gyro_model.experiments import Residual
     from gyrotwin.results import CompensationResult, DiagnosisResult, RateResult, RunResult, SplitResult
 
 DeviceSource = str | Path | Device
@@ -585,6 +586,36 @@ def compensate(
 
 def _pairs(pairs: Mapping[str, str] | None) -> tuple[str, ...]:
     return tuple(f"{name}={value}" for name, value in (pairs or {}).items())
+
+
+def verify(fmu: str | Path) -> "list[Residual]":
+    """Replay the reference traces that an FMU brings, on this machine.
+
+    Parameters
+    ----------
+    fmu : str or Path
+        An FMU for FMI 2.0 or 3.0 with the layered standard fmi-ls-ref inside.
+
+    Returns
+    -------
+    list of Residual
+        Of each output of each experiment: how far it is off, what is allowed and why, ``met``.
+
+    Raises
+    ------
+    InputError
+        Where it is no FMU, brings no traces, or has no binary for this machine.
+
+    Examples
+    --------
+    >>> import gyrotwin as gt
+    >>> all(residual.met for residual in gt.verify(gt.build()[0]))
+    True
+
+    """
+    from gyro_model.experiments import verify as replay
+
+    return replay(Path(fmu))
 
 
 def build(

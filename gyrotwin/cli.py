@@ -49,6 +49,10 @@ COMMANDS: Final = {
         "gyrotwin.commands.build:build",
         "Build the FMUs Gyroscope and GyroscopeEnvelope, FMI 2.0 and FMI 3.0, and print where they are.",
     ),
+    "verify": _Entry(
+        "gyrotwin.commands.verify:verify",
+        "Replay the reference traces that an FMU brings and print how far its outputs are off; exit code 1: too far.",
+    ),
     "list": _Entry("gyrotwin.commands.listing:list_", "List what there is by name."),
 }
 """Each help is the first line of the command's own docstring; a test compares them."""

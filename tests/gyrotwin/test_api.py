@@ -146,6 +146,6 @@ def test_type_hints_of_public_functions_resolve() -> None:
         namespace = {
             **vars(api), "Dataset": gt.Dataset, "Design": gt.Design, "RunResult": gt.RunResult,
             "RateResult": gt.RateResult, "SplitResult": gt.SplitResult, "DiagnosisResult": gt.DiagnosisResult,
-            "CompensationResult": gt.CompensationResult, "Effect": object,
+            "CompensationResult": gt.CompensationResult, "Effect": object, "Residual": object,
         }  # fmt: skip
         assert "return" in typing.get_type_hints(getattr(gt, name), namespace)
