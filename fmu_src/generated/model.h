@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{93f7b82e-49f8-792b-05c2-d490b63d2c87}"
+#define GYRO_TOKEN "{93e1da45-ce77-85eb-3fa3-518f00285c00}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

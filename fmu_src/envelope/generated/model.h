@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{d967060d-28b5-6042-2d51-2b3919146b8e}"
+#define GYRO_TOKEN "{ef67f1a5-b155-82c5-2ec7-3850bcc08354}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
