@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 JOBS ?= 2
 
-.PHONY: run build test check bench update clean
+.PHONY: run build test check bench pages update clean
 
 run: $(VENV)/.installed
 	$(BIN)/gyrotwin run constant --out results/constant
@@ -38,3 +38,6 @@ $(VENV)/.installed-dev: $(VENV)/.installed
 
 clean:
 	rm -rf $(VENV) dist results
+
+pages: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.pages build/pages

@@ -5,8 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import plotly.offline
-from markupsafe import Markup
 from numpy.typing import NDArray
 
 from calibration.compensation.measures import Curve, bias_factor
@@ -47,7 +45,6 @@ def render(summary: Mapping[str, Any], judged: Sequence["Judged"], tested: Block
         bias_unit=unit,
         figures=drawn,
         data=as_json({figure.id: figure.data() for figure in drawn}),
-        plotly=Markup(plotly.offline.get_plotlyjs()),
     )
     write_whole(page, out)
 

@@ -4,9 +4,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import plotly.offline
-from markupsafe import Markup
-
 from discrepancy.answer import Diagnosis
 from discrepancy.assemble import forces
 from discrepancy.dataset import Dataset
@@ -45,7 +42,6 @@ def render(
         detectable=_detectable(model, report["detectable"]),
         figures=drawn,
         data=as_json({figure.id: figure.data() for figure in drawn}),
-        plotly=Markup(plotly.offline.get_plotlyjs()),
         uncertain=uncertain,
     )
     write_whole(page, out)

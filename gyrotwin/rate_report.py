@@ -4,9 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import plotly.offline
 import polars as pl
-from markupsafe import Markup
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -106,7 +104,6 @@ def render(summary: Mapping[str, Any], run: RateRun, record: pl.DataFrame, noise
         noise_rows=noise_rows(summary["allan"]) if noise is not None else [],
         figures=drawn,
         data=as_json({figure.id: figure.data() for figure in drawn}),
-        plotly=Markup(plotly.offline.get_plotlyjs()),
     )
     write_whole(page, out)
 

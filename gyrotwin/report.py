@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import jinja2
-import plotly.offline
 import polars as pl
 from markupsafe import Markup
 
@@ -44,7 +43,6 @@ def render(
         figures=shown,
         data=as_json({figure.id: figure.data() for figure in shown}),
         units={name: SI_UNITS[name[0]] for name in summary["parameters"]},
-        plotly=Markup(plotly.offline.get_plotlyjs()),
         lags={UNIT_OF_FILTER[f.name]: f.swing_lag() for f in filters if f.shape == "lag_free"},
     )
     write_whole(page, out)
@@ -55,7 +53,6 @@ def render_page(name: str, out: Path, shown: Sequence[figures.Figure], **values:
     page = template(name).render(
         figures=shown,
         data=as_json({figure.id: figure.data() for figure in shown}),
-        plotly=Markup(plotly.offline.get_plotlyjs()),
         **values,
     )
     write_whole(page, out)
@@ -108,6 +105,8 @@ def template(name: str) -> jinja2.Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    script = (resources.files("gyrotwin") / "assets" / "plotly-basic.min.js").read_text(encoding="utf-8")
+    environment.globals["plotly"] = Markup(script)
     for filter_name in ("significant", "relative", "milliseconds", "microseconds", "degrees", "uncertain", "hertz"):
         environment.filters[filter_name] = getattr(numbers, filter_name)
     return environment.get_template(name)

@@ -5,8 +5,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import plotly.offline
-from markupsafe import Markup
 from numpy.typing import NDArray
 
 from calibration.mode_split import Analysis, Correlation, Split, correlations, theoretical_spectrum
@@ -31,7 +29,6 @@ def render_split(summary: Mapping[str, Any], analysis: Analysis, out: Path) -> N
         summary=summary,
         figures=shown,
         data=as_json({figure.id: figure.data() for figure in shown}),
-        plotly=Markup(plotly.offline.get_plotlyjs()),
     )
     write_whole(page, out)
 

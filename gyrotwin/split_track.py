@@ -4,9 +4,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import plotly.offline
 import polars as pl
-from markupsafe import Markup
 from rich.table import Table
 
 from calibration.mode_split import Question, Track, VoltageRecord, follow_split
@@ -110,6 +108,5 @@ def _render(summary: dict[str, Any], table: pl.DataFrame, out: Path) -> None:
         summary=summary,
         figures=[figure],
         data=as_json({figure.id: figure.data()}),
-        plotly=Markup(plotly.offline.get_plotlyjs()),
     )
     write_whole(page, out)

@@ -20,11 +20,13 @@ const SCALES = {
 };
 const touch = matchMedia("(pointer: coarse)").matches;
 
+const css = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
 function axis(title, logarithmic, few) {
   return {
     title: {text: title, standoff: 6, font: {size: 12.5}}, type: logarithmic ? "log" : "linear",
-    gridcolor: "#e9edf1", linecolor: "#c3cad3", showline: true, ticks: "outside", ticklen: 4,
-    tickcolor: "#c3cad3", zeroline: false, automargin: true, nticks: few ? 6 : 0,
+    gridcolor: css("--grid"), linecolor: css("--axis"), showline: true, ticks: "outside", ticklen: 4,
+    tickcolor: css("--axis"), zeroline: false, automargin: true, nticks: few ? 6 : 0,
     exponentformat: logarithmic ? "power" : "e", minor: {nticks: 0},
   };
 }
@@ -44,8 +46,9 @@ function layout(panel) {
   });
   if (panel.names || panel.colours === "score") Object.assign(x, {type: "category", showgrid: false, tickangle: panel.names && innerWidth < 620 ? 90 : "auto"});
   if (panel.colours === "score") {
-    Object.assign(x, {side: "top"});
-    Object.assign(y, {type: "category", showgrid: false, nticks: 0, dtick: 1, tickfont: {size: 11}, ticks: ""});
+    Object.assign(x, {side: "top", categoryorder: "array", categoryarray: panel.columns, range: [-0.5, panel.columns.length - 0.5]});
+    Object.assign(y, {type: "category", showgrid: false, nticks: 0, dtick: 1, tickfont: {size: 11}, ticks: "",
+      categoryorder: "array", categoryarray: panel.rows, range: [-0.5, panel.rows.length - 0.5]});
   }
   if (panel.x_log) {
     const shown = panel.lines.flatMap(line => [line.x[0], line.x[line.x.length - 1]]);
@@ -56,9 +59,10 @@ function layout(panel) {
     xaxis: x, yaxis: y, shapes, showlegend: false, hovermode: panel.z || panel.names ? "closest" : "x unified",
     margin: {l: 8, r: 12, t: panel.title ? 26 : 10, b: 8}, dragmode: touch ? false : "zoom",
     title: panel.title ? {text: panel.title, font: {size: 13}, x: 0.5, y: 0.98, yanchor: "top"} : undefined,
-    font: {family: getComputedStyle(document.body).fontFamily, size: 12, color: "#1b2430"},
+    font: {family: getComputedStyle(document.body).fontFamily, size: 12, color: css("--ink")},
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
-    hoverlabel: {font: {size: 12}},
+    hoverlabel: {font: {size: 12, color: css("--ink")}, bgcolor: css("--paper"), bordercolor: css("--line")},
+    images: panel.z || panel.levels ? [picture(panel)] : [],
   };
 }
 
@@ -70,14 +74,47 @@ function cells(panel) {
     level => Math.round(10 * (low + (high - low) * level / 255)) / 10));
 }
 
+// A map is a picture with one pixel a cell; unseen markers carry its colour bar and its hover texts.
+function picture(panel) {
+  const z = cells(panel), [low, high] = panel.z_range, scale = SCALES[panel.colours];
+  const canvas = Object.assign(document.createElement("canvas"), {width: panel.columns.length, height: panel.rows.length});
+  const context = canvas.getContext("2d"), image = context.createImageData(canvas.width, canvas.height);
+  const stops = scale.map(([at, colour]) => [at, [1, 3, 5].map(k => parseInt(colour.slice(k, k + 2), 16))]);
+  z.forEach((row, r) => row.forEach((value, c) => {
+    if (value === null) return;
+    const share = Math.min(Math.max((value - low) / (high - low), 0), 1);
+    const k = Math.max(stops.findIndex(([at]) => at >= share), 1), [a, from] = stops[k - 1], [b, to] = stops[k];
+    const place = 4 * ((canvas.height - 1 - r) * canvas.width + c);
+    from.forEach((start, n) => { image.data[place + n] = Math.round(start + (to[n] - start) * (share - a) / (b - a)); });
+    image.data[place + 3] = 255;
+  }));
+  context.putImageData(image, 0, 0);
+  const [x, width] = extent(panel.columns), [y, height] = extent(panel.rows);
+  return {source: canvas.toDataURL(), xref: "x", yref: "y", x, y, sizex: width, sizey: height,
+    xanchor: "left", yanchor: "bottom", sizing: "stretch", layer: "below"};
+}
+
+function extent(values) {
+  if (typeof values[0] !== "number") return [-0.5, values.length];
+  const step = values.length > 1 ? (values[values.length - 1] - values[0]) / (values.length - 1) : 1;
+  return [values[0] - step / 2, step * values.length];
+}
+
 function heat(panel) {
-  const few = panel.text.length > 0;
+  const few = panel.text.length > 0, z = cells(panel), points = {x: [], y: [], value: [], text: [], colour: []};
+  const middle = 0.6 * panel.z_range[1] + 0.4 * panel.z_range[0];
+  panel.rows.forEach((row, r) => panel.columns.forEach((column, c) => {
+    if (z[r][c] === null) return;
+    points.x.push(column); points.y.push(row); points.value.push(z[r][c]);
+    points.text.push(few ? panel.text[r][c] : ""); points.colour.push(z[r][c] > middle ? "#ffffff" : "#1b2430");
+  }));
   return [{
-    type: "heatmap", x: panel.columns, y: panel.rows, z: cells(panel), zmin: panel.z_range[0], zmax: panel.z_range[1],
-    colorscale: SCALES[panel.colours], xgap: few ? 3 : 0, ygap: few ? 2 : 0, hoverongaps: false,
-    text: few ? panel.text : undefined, texttemplate: few ? "%{text}" : undefined, textfont: {size: 11}, showscale: !few,
-    hovertemplate: few ? "%{y}, %{x}: %{text}<extra></extra>" : "%{x} s, %{y}: %{z} dB<extra></extra>",
-    colorbar: {title: {text: panel.z_title, font: {size: 12}}, thickness: 10, outlinewidth: 0, len: 1, ticklen: 3},
+    type: "scatter", mode: few ? "text" : "markers", x: points.x, y: points.y, text: points.text, customdata: points.value,
+    textfont: {size: 11, color: points.colour},
+    marker: {color: points.value, colorscale: SCALES[panel.colours], cmin: panel.z_range[0], cmax: panel.z_range[1],
+      opacity: 0, size: 4, showscale: !few,
+      colorbar: {title: {text: panel.z_title, font: {size: 12}}, thickness: 10, outlinewidth: 0, len: 1, ticklen: 3}},
+    hovertemplate: few ? "%{y}, %{x}: %{text}<extra></extra>" : "%{x} s, %{y}: %{customdata} dB<extra></extra>",
   }];
 }
 
@@ -94,7 +131,7 @@ function bars(panel) {
 }
 
 function traces(panel) {
-  return panel.z ? heat(panel) : panel.names ? bars(panel) : lines(panel);
+  return panel.z || panel.levels ? heat(panel) : panel.names ? bars(panel) : lines(panel);
 }
 
 function lines(panel) {
@@ -104,21 +141,35 @@ function lines(panel) {
   }));
 }
 
+// Lines that are black on white are white on black.
+function adapt() {
+  const own = {run: "--ink", limit: "--soft", estimate: "--accent"};
+  for (const [role, name] of Object.entries(own)) STYLE[role].color = css(name);
+}
+
 const fit = new ResizeObserver(entries => {
   for (const entry of entries) Plotly.Plots.resize(entry.target);
 });
 const data = JSON.parse(document.getElementById("data").textContent);
-for (const [id, panels] of Object.entries(data)) {
-  const places = document.getElementById(id).querySelectorAll(".panel");
-  panels.forEach((panel, k) => {
-    if (panel.height) places[k].style.height = panel.height + "px";
-    Plotly.newPlot(places[k], traces(panel), layout(panel), {displayModeBar: false});
-    fit.observe(places[k]);
-  });
+function draw() {
+  adapt();
+  for (const [id, panels] of Object.entries(data)) {
+    const places = document.getElementById(id).querySelectorAll(".panel");
+    panels.forEach((panel, k) => {
+      if (panel.height) places[k].style.height = panel.height + "px";
+      Plotly.react(places[k], traces(panel), layout(panel), {displayModeBar: false});
+      fit.observe(places[k]);
+    });
+  }
+  for (const mark of document.querySelectorAll("[data-role]")) {
+    const style = STYLE[mark.dataset.role], stroke = mark.firstElementChild;
+    stroke.setAttribute("stroke", style.color);
+    stroke.setAttribute("stroke-width", Math.max(2, style.width));
+    if (style.dash) stroke.setAttribute("stroke-dasharray", "5 3");
+  }
 }
-for (const mark of document.querySelectorAll("[data-role]")) {
-  const style = STYLE[mark.dataset.role], stroke = mark.firstElementChild;
-  stroke.setAttribute("stroke", style.color);
-  stroke.setAttribute("stroke-width", Math.max(2, style.width));
-  if (style.dash) stroke.setAttribute("stroke-dasharray", "5 3");
-}
+draw();
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+// Paper is white, and narrower than most windows.
+matchMedia("print").addEventListener("change", () => { draw(); for (const place of document.querySelectorAll(".panel")) Plotly.Plots.resize(place); });
+document.documentElement.dataset.drawn = "yes";

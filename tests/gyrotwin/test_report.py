@@ -116,7 +116,7 @@ def test_page_is_self_contained(page_text):
     assert page.links == []
     outside_plotly = page_text.replace(page.scripts[0][1], "")
     assert not re.search(r"https?:|//\w+\.|@import|url\(", outside_plotly)
-    # plotly.min.js is 4.8 MB; the data of a run must stay small beside it.
+    # plotly-basic.min.js is 1.1 MB; the data of a run must stay small beside it.
     assert len(page_text.encode()) < 8e6
     assert len(outside_plotly.encode()) < 2e6
 
@@ -149,7 +149,7 @@ def test_second_embodiment_and_no_convergence(tmp_path):
     summary, trace, _ = made_up_run("varying", converged_at=None)
     render(summary, trace, None, filters(), tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "source 000, fig. 8" in text and "source 000, fig. 10" in text
+    assert "patent TW 201137310, fig. 8" in text and "patent TW 201137310, fig. 10" in text
     assert "converged: no angle" in text
     data = strictly(Page(text).scripts[1][1])
     assert "bound" not in data
