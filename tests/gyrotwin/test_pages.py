@@ -1,4 +1,4 @@
-"""Pages in headless Chromium: drawn without an error, nothing past its column, fit for paper, phones, screen readers."""
+"""Pages in headless Chromium: no error, nothing past its column, fit for paper, phones and screen readers."""
 
 import html
 import json

@@ -142,7 +142,7 @@ def test_texts_are_escaped(page_text):
 
 def test_source_figures_are_named(page_text):
     for number in ("fig. 4", "fig. 5", "fig. 7", "figs. 6 and 9"):
-        assert f"source 000, {number}" in page_text
+        assert f"patent TW 201137310, {number}" in page_text
 
 
 def test_second_embodiment_and_no_convergence(tmp_path):
