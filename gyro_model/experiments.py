@@ -78,7 +78,7 @@ def experiment_files(title: str, experiments: Iterable[Experiment]) -> dict[str,
         files[f"{e.name}.ssv"] = parameter_set(e.name, e.parameters)
         files[f"{e.name}_in.csv"] = _csv({"time": e.time, **e.inputs})
         files[f"{e.name}_ref.csv"] = _csv({"time": e.time, **e.outputs})
-    return {EXPERIMENTS: _xml(root), **files}
+    return {EXPERIMENTS: xml_bytes(root), **files}
 
 
 def packaged_experiments(form: str) -> dict[str, bytes]:
@@ -100,7 +100,7 @@ def parameter_set(name: str, parameters: Mapping[str, float], units: Mapping[str
         kind = "Integer" if isinstance(value, int) else "Real"
         unit = {"unit": units[key]} if units and units.get(key, "1") != "1" else {}
         ET.SubElement(one, f"{{{SSV}}}{kind}", {"value": repr(value), **unit})
-    return _xml(root)
+    return xml_bytes(root)
 
 
 def manifest() -> bytes:
@@ -120,7 +120,7 @@ def manifest() -> bytes:
         role="experiment/validation",
         description="Reference traces, made independently of this FMU",
     )
-    return _xml(root)
+    return xml_bytes(root)
 
 
 def read_experiments(read: Reader) -> list[Experiment]:
@@ -166,7 +166,8 @@ def _columns(data: bytes) -> dict[str, Floats]:
     return dict(zip(names, np.array(rows, dtype=float).T, strict=True))
 
 
-def _xml(root: ET.Element) -> bytes:
+def xml_bytes(root: ET.Element) -> bytes:
+    """``root`` as an XML file in UTF-8."""
     ET.indent(root)
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="utf-8") + b"\n"
 

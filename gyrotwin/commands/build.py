@@ -1,5 +1,6 @@
 """`gyrotwin build`."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -13,6 +14,9 @@ def build(
     platforms: Annotated[
         str, typer.Option(help="Libraries for other platforms too, by zig: all, or some of " + ", ".join(NAMES) + ".")
     ] = "",
+    ssp: Annotated[
+        Path | None, typer.Option(help="Also a system structure package (SSP) with the parameters of each device.")
+    ] = None,
 ) -> None:
     """Build the FMUs Gyroscope and GyroscopeEnvelope, FMI 2.0 and FMI 3.0, and print where they are."""
     from gyrotwin import api
@@ -21,3 +25,8 @@ def build(
         paths = api.build(force=force, platforms=platforms)
     for path in paths:
         print(path)
+    if ssp is not None:
+        from gyro_model.ssp import build_ssp
+
+        # The first two are Gyroscope for FMI 2.0 and 3.0; more tools that read SSP know the former.
+        print(build_ssp(paths[0], ssp))
