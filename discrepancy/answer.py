@@ -5,12 +5,13 @@ from dataclasses import asdict, dataclass, field
 from math import isfinite
 from typing import Any, Literal
 
+from discrepancy.criteria import Criteria
 from discrepancy.locate import Place
 from discrepancy.record import Floats
 from discrepancy.score import Score
 from gyro_model.model import Model
 
-Verdict = Literal["missing effects", "nothing missing", "unexplained"]
+Verdict = Literal["missing effects", "nothing missing", "partly explained", "unexplained"]
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,8 @@ class Finding:
     """An effect that is missing; ``either``: others that the data can't tell from it.
 
     forces: sympy text by ``force_x``, ``force_y``, empty where it is no force; share of the residual's square that it
-    takes away; next_experiment: what would tell it from the others.
+    takes away; next_experiment: what would tell it from the others; probability: of this name against its rivals and
+    against none of them.
     """
 
     id: str
@@ -37,6 +39,7 @@ class Finding:
     forces: Mapping[str, str] = field(default_factory=dict)
     share: float = 0.0
     next_experiment: str = ""
+    probability: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,9 @@ class Diagnosis:
 
     rivals: by finding, the parameters of the model with each other effect of its ``either`` in its place; removed: by
     effect, what taking it out changes in the output of each held-out run, (n, axes) [V]; steps: how it was found;
-    doubts: what the reader should know about the fit, one line each; model: with every effect named.
+    doubts: what the reader should know about the fit, one line each; left: share of the refit's residual power that is
+    left, noise taken off; record: defects of the measurement; criteria: the thresholds used; model: with every effect
+    named.
     """
 
     verdict: Verdict
@@ -84,25 +89,33 @@ class Diagnosis:
     stages: tuple[Stage, ...] = field(repr=False, default=())
     removed: Mapping[str, Mapping[str, Floats]] = field(repr=False, default_factory=dict)
     doubts: tuple[str, ...] = ()
+    left: float = 0.0
+    record: tuple[Finding, ...] = ()
+    criteria: Criteria = field(default_factory=Criteria)
     model: Model = field(repr=False, kw_only=True)
 
     def report(self) -> dict[str, Any]:
         """The contents of report.json: plain Python, null where a number is not finite."""
         return _plain({
             "verdict": self.verdict,
+            "doubts": self.doubts,
+            "left": self.left,
+            "record": [_listed(f) for f in self.record],
             "effects": [_listed(f) for f in self.effects],
             "immaterial": [_listed(f) for f in self.immaterial],
             "noise": {name: asdict(value) for name, value in self.noise.items()},
             "misfit": self.misfit,
             "located": [asdict(place) for place in self.located],
             "detectable": self.detectable,
+            "criteria": asdict(self.criteria),
         })  # fmt: skip
 
 
 def _listed(finding: Finding) -> dict[str, Any]:
     values = {name: asdict(value) for name, value in finding.parameters.items()}
     more = {"next_experiment": finding.next_experiment} if finding.either else {}
-    return {"id": finding.id, "either": list(finding.either), "parameters": values, **finding.forces, **more}
+    return {"id": finding.id, "either": list(finding.either), "probability": finding.probability, "parameters": values,
+            **finding.forces, **more}  # fmt: skip
 
 
 def _plain(value: Any) -> Any:

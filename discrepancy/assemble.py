@@ -1,6 +1,7 @@
 """What a finished search says: parameters with intervals, noise, misfit on held-out runs, what would have been seen."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -8,6 +9,7 @@ from scipy.stats import chi2, norm
 
 from discrepancy.answer import Diagnosis, Finding, Stage, Value, Verdict
 from discrepancy.columns import Candidate, nameable
+from discrepancy.defect import Defect, distortion_sizes, effect_of, quantity_of
 from discrepancy.experiment import next_experiment
 from discrepancy.limits import SAME
 from discrepancy.locate import located
@@ -16,33 +18,31 @@ from discrepancy.noise import Noise, converter_step, noise_of
 from discrepancy.noise import noises as all_noises
 from discrepancy.record import Floats
 from discrepancy.refit import SETTLED
-from discrepancy.scan import CHANCE, MATERIAL, best_of, sure
+from discrepancy.scan import best_of, sure
 from discrepancy.score import Score
+from discrepancy.verdict import Remainder, probability, remainder, sane, worse_without
 from gyro_model.anatomy import Effect, Force, Map
 
 if TYPE_CHECKING:
-    from discrepancy.search import Accepted, Search
+    from discrepancy.search import Accepted, Dropped, Search
 
 CLIP: Final = "sampled clip"
 """The slot of the effect that such samples show."""
-THERMAL: Final = 5.0
-"""Times the physical thermal force: a motion stronger than that is no noise of a package at 300 K and its damping."""
 POWER: Final = 0.95
 WIDTH: Final = float(norm.ppf(0.975))
-OPEN: Final = 1.5
-"""Final misfit over the noise floor from which a gap stays open: noises other than white ones lie above the floor too,
-and are told from a gap by what they are."""
 
 
 def assemble(search: "Search") -> Diagnosis:
     """The answer of ``search``. Opens the held-out runs."""
     search.progress("held-out runs")
+    _clean_held_out(search)
     noise = noise_of(search.at.residuals, search.fitter.records, search.at.parameters)
     clipped = _clipping(search)
     parameters = {**search.at.parameters, **{k: v.value for f in clipped for k, v in f.parameters.items()}}
     stages = _stages(search, parameters, [f.id for f in clipped])
     device = _device(search)
-    effects = (*(_finding(search, entry, device, noise) for entry in search.accepted), *clipped)
+    named = [_finding(search, entry, device, noise) for entry in search.accepted if not entry.of_record]
+    effects = (*named, *clipped)
     removed = _removed(search, effects, parameters)
     effects = tuple(sorted(effects, key=lambda finding: -_size(removed[finding.id])))
     gaps = _misfit(search, stages)
@@ -51,30 +51,58 @@ def assemble(search: "Search") -> Diagnosis:
     whole = refitted.residuals if len(refitted.residuals) == len(runs) else \
         [start_fitted(search.simulator, run, refitted.parameters)[0] for run in runs]  # fmt: skip
     places = located(whole, runs, refitted.parameters, search.at.whiten.setting.corner)
-    floor = gaps["noise_floor"]
-    noises = _noises(search, noise)
-    # Flicker lies above the floor by what it is; a motion that nothing drives may be thermal only as far as it is weak.
-    above = floor is not None and gaps["final"] > OPEN * floor and not search.at.whiten.setting.corner
-    unfinished = search.fitter is not search.whole or above or _driven(noises)
-    verdict: Verdict = "nothing missing"
-    if effects:
-        verdict = "missing effects"
-    elif unfinished:
-        verdict = "unexplained"
-    rivals = {entry.id: entry.rivals for entry in search.accepted if entry.rivals}
+    noises, absurd = sane(_noises(search, noise), search)
+    worse = worse_without(search, stages, gaps)
+    rest = remainder(search, stages, gaps, absurd)
+    doubts = (*absurd.values(), *worse.values(), *_doubts(search, rest))
+    verdict: Verdict = "missing effects" if effects else "nothing missing"
+    if rest.significant or (effects and worse):
+        verdict = "partly explained" if effects else "unexplained"
+    effects = tuple(replace(f, probability=probability(search, f, rest, f.id in worse)) for f in effects)
+    rivals = {entry.id: entry.rivals for entry in search.accepted if entry.rivals and not entry.of_record}
     return Diagnosis(
-        verdict, effects, _immaterial(search), noises, gaps, places, _detectable(search), device,
-        parameters, rivals, tuple(search.steps), stages, removed,
-        _doubts(search, noises),
+        verdict, effects, _immaterial(search), noises, gaps, places, _detectable(search),
+        {name: value for name, value in device.items() if name not in distortion_sizes()},
+        {name: value for name, value in parameters.items() if name not in distortion_sizes()},
+        rivals, tuple(search.steps), stages, removed, doubts, rest.share, _record(search, device), search.criteria,
         model=search.simulator.model,
     )  # fmt: skip
+
+
+def _clean_held_out(search: "Search") -> None:
+    """Takes out of the held-out runs the blemishes that the runs to fit had, by their own residuals."""
+    for blemish, _ in search.found:
+        runs = search.dataset.held_out
+        residuals = [start_fitted(search.simulator, run, search.at.parameters)[0] for run in runs]
+        if not all(np.isfinite(residual).all() for residual in residuals):
+            return
+        found = blemish.find(runs, residuals, search.criteria)
+        if found is not None:
+            cleaned = {run.name: blemish.without(run, own) for run, own in zip(runs, found.data, strict=True) if own}
+            records = tuple(cleaned.get(record.name, record) for record in search.dataset.records)
+            search.dataset = replace(search.dataset, records=records)
+
+
+def _record(search: "Search", device: Mapping[str, Value]) -> tuple[Finding, ...]:
+    """The defects of the record, as fitted or as found."""
+    fitted = [
+        Finding(a.id, tuple(a.rivals), {q.name: device[q.name] for q in a.candidate.effect.parameters}, {}, a.share)
+        for a in search.accepted if a.of_record
+    ]  # fmt: skip
+    # The first time a blemish is found it is whole; what a better model shows of it later is a rest.
+    first = {blemish.id: (blemish, found) for blemish, found in reversed(search.found)}
+    taken = [
+        Finding(name, (), {q.name: Value(*found.levels[q.name], q.unit) for q in blemish.parameters})
+        for name, (blemish, found) in first.items()
+    ]
+    return (*fitted, *taken)
 
 
 def _device(search: "Search") -> dict[str, Value]:
     """Every fitted parameter with its interval."""
     result = {}
     for name, deviation in search.fitter.deviations(search.at).items():
-        value, quantity = search.at.parameters[name], search.simulator.model.parameter(name)
+        value, quantity = search.at.parameters[name], quantity_of(search.simulator.model, name)
         low, high = (float(np.clip(value + side * WIDTH * deviation, quantity.low, quantity.high)) for side in (-1, 1))
         result[name] = Value(value, low, high, quantity.unit)
     return result
@@ -89,15 +117,20 @@ def _finding(search: "Search", entry: "Accepted", device: Mapping[str, Value], n
 
 def _experiment(search: "Search", entry: "Accepted", noise: Noise | None) -> str:
     """What would tell an effect from its rivals."""
-    if not entry.rivals:
+    rivals = {
+        name: p for name, p in entry.rivals.items() if not isinstance(effect_of(search.simulator.model, name), Defect)
+    }
+    if not rivals:
         return ""
-    search.progress(f"experiment to tell {entry.id} from {', '.join(entry.rivals)}")
+    if search.late:
+        return ""
+    search.progress(f"experiment to tell {entry.id} from {', '.join(rivals)}")
     level = noise.rms if noise else float(np.sqrt(search.at.variance))
-    sets = {entry.id: search.at.parameters, **entry.rivals}
+    sets = {entry.id: search.at.parameters, **rivals}
     return next_experiment(search.simulator, search.dataset.fit, sets, level).text
 
 
-def forces(effect: Effect) -> dict[str, str]:
+def forces(effect: Effect | Defect) -> dict[str, str]:
     """The terms of an effect that is a force, as sympy text by ``force_x``, ``force_y``; else none."""
     if not isinstance(effect, Force):
         return {}
@@ -167,9 +200,22 @@ def _size(changes: Mapping[str, Floats]) -> float:
 
 
 def _immaterial(search: "Search") -> tuple[Finding, ...]:
-    """Effects that are significant beside the final model but not worth a parameter."""
-    return tuple(_slight(c, s) for c, s in best_of(search.scored)
-                 if sure(c, s) and s.share < MATERIAL and c.effect.id not in search.present)  # fmt: skip
+    """Effects that are significant beside the final model but not worth a parameter, and those taken out again."""
+    slight = [_slight(c, s) for c, s in best_of(search.scored, search.criteria)
+              if sure(c, s, search.criteria) and s.share < search.criteria.material
+              and c.effect.id not in search.present and not isinstance(c.effect, Defect)]  # fmt: skip
+    dropped = [_dropped(entry) for entry in search.dropped if not isinstance(entry.candidate.effect, Defect)]
+    return (*(f for f in slight if f.id not in {d.id for d in dropped}), *dropped)
+
+
+def _dropped(entry: "Dropped") -> Finding:
+    effect, values = entry.candidate.effect, {}
+    for q in effect.sizes:
+        if q.name in entry.sizes:
+            value, deviation = entry.sizes[q.name]
+            low, high = (float(np.clip(value + side * WIDTH * deviation, q.low, q.high)) for side in (-1, 1))
+            values[q.name] = Value(value, low, high, q.unit)
+    return Finding(effect.id, (), values, forces(effect), entry.share)
 
 
 def _slight(candidate: Candidate, result: Score) -> Finding:
@@ -181,23 +227,18 @@ def _slight(candidate: Candidate, result: Score) -> Finding:
     return Finding(candidate.effect.id, (), values, forces(candidate.effect), result.share)
 
 
-def _driven(noises: Mapping[str, Value]) -> bool:
-    """Whether the motion that nothing drives is stronger than a thermal one can be."""
-    return "thermal_force" in noises and noises["thermal_force"].low > THERMAL
-
-
-def _doubts(search: "Search", noises: Mapping[str, Value]) -> tuple[str, ...]:
+def _doubts(search: "Search", rest: "Remainder") -> tuple[str, ...]:
     """What is wrong with the fit itself, and what it leaves open."""
     found = []
-    if _driven(noises):
-        times = noises["thermal_force"].value
+    if rest.significant:
         found.append(
-            f"what is left shakes the mass {times:.2g} times as strongly as thermal motion: it is something else"
+            f"{rest.share:.1%} of the refit's residual power is left: {rest.ratio:.3g} times the noise on held-out runs"
         )
+    if search.late:
+        found.append(f"the search ended after {search.criteria.time_limit:g} s: what follows is what it knew by then")
     if search.full:
-        rest = [(c.effect.id, s.share) for c, s in best_of(search.scored)
-                if sure(c, s) and s.share >= MATERIAL and c.effect.id not in search.present]  # fmt: skip
-        others = f"; {rest[0][0]} would take a further {rest[0][1]:.1%} of the residual's square" if rest else ""
+        more = [(c.effect.id, s.share) for c, s in search.significant() if c.effect.id not in search.present]
+        others = f"; {more[0][0]} would take a further {more[0][1]:.1%} of the residual's square" if more else ""
         found.append(f"the search ended because --max-effects allows no more{others}")
     if search.fitter is not search.whole:
         number = len(search.fitter.records) // len(search.whole.records)
@@ -215,9 +256,11 @@ def _detectable(search: "Search") -> dict[str, dict[str, float]]:
     """The size of each effect that this data would show with 95 % power at the threshold used."""
     sizes: dict[str, dict[str, float]] = {}
     for candidate, result in search.scored:
-        if candidate.partner:
+        if candidate.partner or isinstance(candidate.effect, Defect):
             continue
-        reach = np.sqrt(chi2.isf(CHANCE / candidate.trials, max(result.freedom, 1))) + norm.ppf(POWER)
+        reach = np.sqrt(chi2.isf(search.criteria.effect_chance / candidate.trials, max(result.freedom, 1))) + norm.ppf(
+            POWER
+        )
         for p, d in zip(candidate.probes, result.deviations, strict=False):
             if np.isfinite(d):
                 own = sizes.setdefault(candidate.effect.id, {})

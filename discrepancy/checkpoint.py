@@ -23,6 +23,7 @@ from discrepancy.checkpoint_schema import checked, term_from, term_state
 from discrepancy.columns import Candidate, Probe
 from discrepancy.continuation import cut
 from discrepancy.dataset import Dataset
+from discrepancy.defect import effect_of, quantity_of
 from discrepancy.effect_file import Term, joined
 from discrepancy.fitted import Fitted, Free
 from discrepancy.refit import Fitter
@@ -156,10 +157,10 @@ def candidate_state(candidate: Candidate) -> dict[str, Any]:
 
 def candidate_from(model: Model, state: Mapping[str, Any]) -> Candidate:
     """The candidate of ``candidate_state``."""
-    probes = tuple(Probe(model.parameter(name), step, power) for name, step, power in state["probes"])
+    probes = tuple(Probe(quantity_of(model, name), step, power) for name, step, power in state["probes"])
     partner = candidate_from(model, state["partner"]) if state["partner"] else None
     searched = tuple(model.parameter(name) for name in state["searched"])
-    return Candidate(model.effect(state["effect"]), probes, state["shapes"], searched, state["trials"], partner)
+    return Candidate(effect_of(model, state["effect"]), probes, state["shapes"], searched, state["trials"], partner)
 
 
 def step_state(step: Step) -> list[Any]:
@@ -179,5 +180,5 @@ def probes_state(kept: Mapping[tuple[str, str], tuple[Probe, float]]) -> list[li
 
 def probes_from(model: Model, state: list[list[Any]]) -> dict[tuple[str, str], tuple[Probe, float]]:
     """The probes of ``probes_state``."""
-    return {(name, beside): (Probe(model.parameter(name), step, power), target)
+    return {(name, beside): (Probe(quantity_of(model, name), step, power), target)
             for name, beside, step, power, target in state}  # fmt: skip

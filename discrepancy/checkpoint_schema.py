@@ -6,6 +6,7 @@ from math import isfinite, isnan
 from typing import Any, Final
 
 from discrepancy.dataset import Dataset
+from discrepancy.defect import defects, distortion_sizes, quantity_of
 from discrepancy.effect_file import UNITS, Term
 from discrepancy.formula import parse
 from discrepancy.library import SIGNALS, forms
@@ -51,8 +52,8 @@ def term_from(state: Any, axes: int) -> Term:
 def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
     """Raises InputError, naming the entry, unless ``state`` is one that a search of ``dataset`` by ``model`` may have
     written."""
-    settable = {q.name for q in model.quantities if q.role not in ("input", "output")}
-    effects = {e.id for e in model.effects}
+    settable = {q.name for q in model.quantities if q.role not in ("input", "output")} | distortion_sizes()
+    effects = {e.id for e in (*model.effects, *defects())}
     longest = max(len(r.t) for r in dataset.fit)
     parameters = _parameters(model)
     free = _Table({"name": _one_of(settable), "step": _number(0.0, above=True), "low": _bound, "high": _bound,
@@ -84,6 +85,8 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
         "terms": _list_of(lambda *_: None),
         "refused": _list_of(_one_of(effects)),
         "clip": _optional(_number(0.0, above=True)),
+        "blemishes": _list_of(_row(_one_of(effects), _list_of(_list_of(_number(), longest)), _mapping(settable | {
+            q.name for d in defects() for q in d.parameters}, _row(_number(), _number(), _number())))),
         "at": fit,
         "refitted": fit,
         "accepted": _list_of(_row(candidate, _number())),
@@ -128,7 +131,7 @@ def _parameters(model: Model) -> Check:
             raise InputError(f"{where}: give a table")
         for name, entry in value.items():
             try:
-                model.parameter(name).check(entry)
+                quantity_of(model, name).check(entry)
             except InputError as error:
                 raise InputError(f"{where}: {str(error)[:200]}") from None
 

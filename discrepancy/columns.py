@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from sympy import sympify
 
+from discrepancy.defect import Defect, distortions
 from discrepancy.fitted import Fitted, Free
 from discrepancy.linear_fit import mode_frequencies
 from discrepancy.record import Floats, Record
@@ -76,7 +77,7 @@ class Candidate:
     of the grid [s], where that is one of instants.
     """
 
-    effect: Effect
+    effect: Effect | Defect
     probes: tuple[Probe, ...]
     shapes: Mapping[str, float]
     searched: tuple[Quantity, ...] = ()
@@ -155,8 +156,10 @@ class Library:
     def candidates(self, fitter: Fitter, at: Fitted, present: Sequence[str]) -> list[Candidate]:
         """Every effect beside those ``present`` that changes the voltage of these runs, at each point of its grid."""
         scale = _Scale(fitter, at)
-        found, silent = [], []
-        for effect in nameable(self.model):
+        found: list[Candidate] = []
+        silent: list[Effect | Defect] = []
+        own_axes = self.records[0].axes
+        for effect in (*nameable(self.model), *(d for d in distortions() if d.axes <= own_axes)):
             if effect.id not in present:
                 # What changes nothing may do so only once something else is in.
                 known = self._silent.get(effect.id) == frozenset(present)
@@ -168,6 +171,8 @@ class Library:
         for effect in silent:
             still: set[str] = set()
             for partner in list(found):
+                if isinstance(effect, Defect) or isinstance(partner.effect, Defect):
+                    continue
                 if partner.partner is None and partner.effect.id not in still and _linked(effect, partner.effect):
                     own = self._of(effect, scale, at, partner)
                     found += [replace(c, partner=partner) for c in own]
@@ -175,7 +180,9 @@ class Library:
                     still |= set() if own else {partner.effect.id}
         return found
 
-    def _of(self, effect: Effect, scale: "_Scale", at: Fitted, partner: Candidate | None = None) -> list[Candidate]:
+    def _of(
+        self, effect: Effect | Defect, scale: "_Scale", at: Fitted, partner: Candidate | None = None
+    ) -> list[Candidate]:
         grid, searched = self._grid(effect, at)
         # An event at the start changes the whole run, a later one less of it.
         middle = grid[0 if isinstance(effect, Law) and effect.event is not None else len(grid) // 4]
@@ -200,7 +207,7 @@ class Library:
         step = min(abs(probe.step) * (target / before) ** (1 / probe.power), room)
         return replace(probe, step=float(np.copysign(step, probe.step)))
 
-    def _grid(self, effect: Effect, at: Fitted) -> tuple[list[dict[str, float]], tuple[Quantity, ...]]:
+    def _grid(self, effect: Effect | Defect, at: Fitted) -> tuple[list[dict[str, float]], tuple[Quantity, ...]]:
         """Values of the shape parameters to try and which of them a refit may move."""
         shapes = [q for q in effect.parameters if q.role == "shape"]
         if isinstance(effect, Law) and effect.event is not None:

@@ -21,15 +21,12 @@ from discrepancy.fitted import Fitted
 from discrepancy.library import Form, Known, forms, known, magnitude
 from discrepancy.record import Floats
 from discrepancy.refit import Fitter
-from discrepancy.scan import MATERIAL, batched
+from discrepancy.scan import batched
 from discrepancy.score import Score, score, without
 from discrepancy.simulate import Simulator
 from gyro_model.anatomy import Effect, Follow, Force
 from gyro_model.model import Model
 
-CHANCE: Final = 1e-8
-"""Probability of one test by chance at which a term counts as significant: with some 300 tests a search, 400 null sets
-make 0.001 false alarms."""
 SHORTLIST, SHORT_SHARE = 6, 0.6
 """Terms refitted: at most so many, whose linear share is at least this of the best."""
 DEGREE_PRICE: Final = 3.0
@@ -115,7 +112,7 @@ class Terms:
         pieces = [self.simulator.cut(r, number)[: 1 if _remembers(fitter.simulator.model, at) else None]
                   for r in fitter.records]  # fmt: skip
         cut = [max(own, key=lambda p: float(np.mean(p.v**4))) for own in pieces]
-        own = Fitter(self.simulator, cut, fitter.blocks)
+        own = Fitter(self.simulator, cut, fitter.blocks, fitter.criteria)
         return own, started(own, at)
 
     def candidates(self, at: Fitted) -> list[tuple[Form, Candidate]]:
@@ -202,7 +199,9 @@ class Terms:
     def contest(self, fitter: Fitter, at: Fitted) -> list[Entry]:
         """The best terms refitted, lowest price first."""
         scored = self.scored(fitter, at)
-        worth = [c for c in scored if c.score.probability < CHANCE and c.score.share >= MATERIAL]
+        limits = fitter.criteria
+        worth = [c for c in scored
+                 if c.score.probability < limits.term_chance and c.score.share >= limits.material]  # fmt: skip
         short = [c for c in worth if c.score.share >= SHORT_SHARE * worth[0].score.share][:SHORTLIST]
         entries = ranked([self.refitted(fitter, at, c) for c in short])
         # A part that earns nothing costs its term about a dozen: more than two terms are seldom so close.

@@ -94,13 +94,13 @@ def cut(whole: Fitter, number: int) -> Fitter:
     if number == 1:
         return whole
     pieces = [piece for record in whole.records for piece in whole.simulator.cut(record, number)]
-    return Fitter(whole.simulator, pieces, blocks=max(1, BLOCKS // number))
+    return Fitter(whole.simulator, pieces, max(1, BLOCKS // number), whole.criteria)
 
 
 def beginnings(whole: Fitter, number: int) -> Fitter:
     """A fitter of the first of ``number`` pieces of each run: where every state begins as in the whole."""
     records = [whole.simulator.part(r, 0, len(r.t) // number) for r in whole.records]
-    return Fitter(whole.simulator, records, max(1, BLOCKS // number))
+    return Fitter(whole.simulator, records, max(1, BLOCKS // number), whole.criteria)
 
 
 def _numbers(whole: Fitter, at: Fitted) -> list[int]:

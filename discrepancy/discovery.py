@@ -8,13 +8,12 @@ from typing import Final
 
 from scipy.stats import chi2
 
-from discrepancy.contest import CHANCE, Entry, Terms, ranked
+from discrepancy.contest import Entry, Terms, ranked
 from discrepancy.continuation import IN_STEP, settled, started
 from discrepancy.effect_file import Term, peaks_of
 from discrepancy.fitted import Fitted
 from discrepancy.library import Form
 from discrepancy.refit import Fitter
-from discrepancy.scan import EVEN
 from gyro_model.anatomy import Effect
 from gyro_model.model import Model
 
@@ -63,15 +62,15 @@ def discover(fitter: Fitter, at: Fitted, folder: Path, progress: Progress | None
         return None
     best = entries[0]
     coefficients, variance = len(best.contestant.candidate.probes), best.fitted.variance
-    if not before.cost - best.fitted.cost > chi2.isf(CHANCE, coefficients) * variance:
+    if not before.cost - best.fitted.cost > chi2.isf(fitter.criteria.term_chance, coefficients) * variance:
         return None
     share = 1 - best.fitted.cost / before.cost
     tell(f"found {best.contestant.form.text}")
     # By price: a term that holds the best one as a special case fits it always, and is no other.
-    alike = [e for e in entries[1:] if e.price(variance) < best.price(variance) + EVEN][:ALIKE]
+    alike = [e for e in entries[1:] if e.price(variance) < best.price(variance) + fitter.criteria.even][:ALIKE]
     had = tuple(e.contestant.id for e in alike if e.contestant.known)
     if best.contestant.known:
-        return Discovery(best.contestant.candidate.effect, True, share, had)
+        return Discovery(fitter.simulator.model.effect(best.contestant.id), True, share, had)
     peaks = peaks_of(short.records, best.fitted)
     new = [best, *(e for e in alike if not e.contestant.known)]
     found = tuple(Term(form, peaks) for form in _named(fitter.simulator.model, new))

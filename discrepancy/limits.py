@@ -14,15 +14,14 @@ SAME: Final = 1e-9
 """Relative: samples as near as this to the level stand at it."""
 REPEATED: Final = 3
 """So many samples of one value at the top are no chance where no other value comes twice."""
-CHANCE: Final = 1e-6
-"""Probability by chance of what a clip is said to have cut off."""
 
 
-def clip_level(records: Sequence[Record], residuals: Sequence[Floats]) -> float | None:
+def clip_level(records: Sequence[Record], residuals: Sequence[Floats], chance: float) -> float | None:
     """The level [V] at which samples are clipped, None where none are.
 
     Flat tops say it; so do equal values at the top where no other comes twice; and so does a top that falls short of
-    the simulation (residuals v - v_sim, (n, axes) each) by more than any other sample is off.
+    the simulation (residuals v - v_sim, (n, axes) each) by more than any other sample is off. chance: the probability
+    at which what it cut off is none.
     """
     flat = np.concatenate([np.abs(r.v[flat_tops(r.v)]) for r in records])
     if flat.size:
@@ -39,7 +38,7 @@ def clip_level(records: Sequence[Record], residuals: Sequence[Floats]) -> float 
     # The median of a normal distribution's size is 0.6745 deviations.
     deviation = max(float(np.median(rest)) / 0.6745, 1e-300)
     cut_off = float(np.sum((np.maximum(missing, 0.0) / deviation) ** 2))
-    sure = missing.max() > rest.max() and cut_off > chi2.isf(CHANCE, len(missing))
+    sure = missing.max() > rest.max() and cut_off > chi2.isf(chance, len(missing))
     return level if sure else None
 
 

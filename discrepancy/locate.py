@@ -78,7 +78,7 @@ def located(
 ) -> tuple[Place, ...]:
     """Where ``residuals`` (one (n, axes) a run) [V] of the model with ``parameters`` exceed the noise, largest share
     first; false discoveries at most 1 %. corner: of flicker noise [Hz], 0 for none."""
-    level = _noise_level(residuals, records, parameters)
+    level = noise_level(residuals, records, parameters)
     if level == 0:
         return ()
     edges = bands(records, parameters)
@@ -148,7 +148,7 @@ def drive_tones(records: Sequence[Record], most: int = 4) -> list[float]:
     return sorted(found)
 
 
-def _noise_level(residuals: Sequence[Floats], records: Sequence[Record], parameters: Mapping[str, float]) -> float:
+def noise_level(residuals: Sequence[Floats], records: Sequence[Record], parameters: Mapping[str, float]) -> float:
     """Deviation of the white noise a sample [V]: far above the modes, or the lower quartile of sixteen bands where the
     sample rate leaves no room there."""
     noise = noise_of(residuals, records, parameters)

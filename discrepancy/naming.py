@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import asdict
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -12,10 +13,11 @@ from discrepancy import MOST_EFFECTS
 from discrepancy import checkpoint as store
 from discrepancy.answer import Diagnosis
 from discrepancy.assemble import assemble
+from discrepancy.criteria import Criteria
 from discrepancy.dataset import Dataset
 from discrepancy.effect_file import Term, joined
 from discrepancy.fitted import Fitted
-from discrepancy.refit import Fitter
+from discrepancy.refit import DEFAULT, Fitter
 from discrepancy.search import Search
 from discrepancy.simulate import Simulator
 from gyro_model.errors import InputError
@@ -53,13 +55,15 @@ def diagnose(
     progress: Progress | None = None,
     checkpoint: Path | None = None,
     further: Further | None = None,
+    criteria: Criteria = DEFAULT,
 ) -> Diagnosis:
     """Finds what ``model`` lacks to explain ``dataset``; held-out runs are simulated once, at the end.
 
     max_effects: at most so many are named; jobs: threads; seed: names the search (it draws nothing at random);
     progress: called with one line a step; checkpoint: a file that holds the search after each step, from which an
     interrupted one resumes, removed at the end; further: called with the answer, at most ``max_effects`` times, until
-    it finds no more; what it adds to the model is scored, refitted and questioned beside all effects.
+    it finds no more; what it adds to the model is scored, refitted and questioned beside all effects; criteria: every
+    threshold.
     Raises InputError where the FMU can't be built or refuses the nominal values.
     """
     with ExitStack() as stack:
@@ -69,13 +73,13 @@ def diagnose(
         def simulator(model: Model, terms: Iterable[Term]) -> Simulator:
             return stack.enter_context(Simulator(joined(model, [term.effect for term in terms]), jobs))
 
-        settings = {"max_effects": max_effects, "seed": seed, "further": further is not None}
+        settings = {"max_effects": max_effects, "seed": seed, "further": further is not None, **asdict(criteria)}
         key = store.digest(dataset, model, settings) if checkpoint else ""
         tell = progress or (lambda _: None)
 
         def begun(state: Mapping[str, Any] | None) -> Search:
             terms = state["terms"] if state else []
-            search = Search(simulator(model, chain(*terms)), dataset, tell, terms)
+            search = Search(simulator(model, chain(*terms)), dataset, tell, terms, criteria)
             if checkpoint is not None:
                 search.keep = lambda state: store.save(checkpoint, key, state)
             search.begin(state)
@@ -93,14 +97,15 @@ def diagnose(
             for term in chain(*search.terms):
                 term.write(further.folder)
         search.finish(max_effects)
-        while further and len(search.terms) < max_effects and not search.in_vain:
-            named = [a.id for a in search.accepted]
+        while further and len(search.terms) < max_effects and not (search.in_vain or search.late):
+            named = [a.id for a in search.accepted if not a.of_record]
             wider = further(search.fitter, search.at, named, max_effects - len(named))
             if wider is None:
                 break
             search.give_up(wider.wrong)
             own = search.simulator
             search.widen(simulator(own.model, wider.terms) if wider.terms else own, wider.terms, max_effects)
+        search.question()
         found = assemble(search)
     if checkpoint is not None:
         checkpoint.unlink(missing_ok=True)

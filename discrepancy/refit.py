@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from discrepancy.algebra import inverse_scaled
+from discrepancy.criteria import Criteria
 from discrepancy.fitted import Fitted, Free, bare
 from discrepancy.linear_fit import WeakForm, weak_form
 from discrepancy.linear_fit import fit as fit_weak_form
@@ -22,6 +23,7 @@ from gyro_model.errors import InputError
 
 BLOCKS: Final = 24
 """Blocks of a run for block statistics: enough for a variance from few runs, each many periods long."""
+DEFAULT: Final = Criteria()
 STATES: Final = ("x_start", "x_dot_start", "y_start", "y_dot_start")
 SMALL, SMALLEST = 0.1, 1e-9
 """What a difference quotient may change the voltage by: over the noise, and over the signal (rounding of a run leaves
@@ -70,8 +72,14 @@ class Fitter:
     """Fits the runs ``records`` with one simulator. What it found by difference quotients it keeps until a fit has
     moved on."""
 
-    def __init__(self, simulator: Simulator, records: Sequence[Record], blocks: int = BLOCKS) -> None:
-        self.simulator, self.records, self.blocks = simulator, tuple(records), blocks
+    def __init__(
+        self,
+        simulator: Simulator,
+        records: Sequence[Record],
+        blocks: int = BLOCKS,
+        criteria: Criteria = DEFAULT,
+    ) -> None:
+        self.simulator, self.records, self.blocks, self.criteria = simulator, tuple(records), blocks, criteria
         self.axes = self.records[0].axes
         self.period = 1 / self.records[0].sample_rate
         self.state_names = STATES[: 2 * self.axes]

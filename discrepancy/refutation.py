@@ -6,10 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from discrepancy.contest import CHANCE, Standing, Terms, ranked
+from discrepancy.contest import Standing, Terms, ranked
 from discrepancy.fitted import Fitted
 from discrepancy.refit import Fitter
-from discrepancy.scan import EVEN, MATERIAL
 
 CHECKED: Final = 16_000
 """Samples on which a name is checked, shared by the runs."""
@@ -53,8 +52,9 @@ def rivals(fitter: Fitter, at: Fitted, named: Sequence[str], progress: Progress 
         short, begun = terms.excerpt(fitter, at, CHECKED)
         full = short.fit(begun, rounds=3)
         rest, *standings = terms.scans(short, full, groups)
+        limits = fitter.criteria
         beside = {c.form.text: c.score.share for c in rest.contestants
-                  if c.score.probability < CHANCE and c.score.share >= MATERIAL}  # fmt: skip
+                  if c.score.probability < limits.term_chance and c.score.share >= limits.material}  # fmt: skip
         for group, standing in zip(groups, standings, strict=True):
             best = _in_place(terms, short, full, group, standing)
             if best is not None:
@@ -71,7 +71,7 @@ def _in_place(terms: Terms, fitter: Fitter, full: Fitted, group: Sequence[str], 
     best = ranked([terms.refitted(fitter, less, c) for c in close[:CLOSEST]])[0]
     variance = best.fitted.variance
     fitted = len(full.free) - len(less.free)
-    if best.price(variance) + EVEN < full.cost / variance + fitted * float(np.log(full.count)):
+    if best.price(variance) + fitter.criteria.even < full.cost / variance + fitted * float(np.log(full.count)):
         return best.contestant.form.text
     return None
 

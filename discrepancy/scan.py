@@ -2,25 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from discrepancy.columns import Candidate
+from discrepancy.criteria import Criteria
 from discrepancy.fitted import Fitted
 from discrepancy.record import Floats
 from discrepancy.refit import Fitter
 from discrepancy.score import Score, score, without
-
-CHANCE: Final = 1e-6
-"""Probability of one test by chance at which an effect counts as significant: 60 effects and 400 null sets make 0.02
-false alarms; the points of a grid count as tests."""
-MATERIAL: Final = 3e-4
-"""Share of the residual's square that an effect has to take away to be worth a parameter."""
-EVEN: Final = 9.0
-"""Chi-square by which a rival may fit worse and still count as not told apart: three standard deviations."""
-SIMPLER: Final = 12.0
-"""Chi-square that a further size parameter must bring."""
 
 HELD, FEWEST = 50_000_000, 8
 """Bytes of columns of a run that a scan holds at a time, and columns at least: beyond, it goes in batches."""
@@ -107,14 +98,14 @@ def signed_score(grams: Floats, known: Sequence[int], columns: Sequence[int], ca
     return None
 
 
-def best_of(scored: Sequence[Scored]) -> list[Scored]:
+def best_of(scored: Sequence[Scored], criteria: Criteria) -> list[Scored]:
     """Of each effect the best point of its grid, largest gain first."""
     best: dict[str, Scored] = {}
     for candidate, result in scored:
         before = best.get(candidate.effect.id)
         if before is None or result.gain > before[1].gain:
             best[candidate.effect.id] = (candidate, result)
-    return sorted(best.values(), key=lambda entry: SIMPLER * entry[1].freedom - entry[1].gain)
+    return sorted(best.values(), key=lambda entry: criteria.simpler * entry[1].freedom - entry[1].gain)
 
 
 def next_peaks(best: Candidate, scored: Sequence[Scored]) -> list[Scored]:
@@ -128,6 +119,6 @@ def next_peaks(best: Candidate, scored: Sequence[Scored]) -> list[Scored]:
     return sorted(peaks, key=lambda e: -e[1].gain)[1:]
 
 
-def sure(candidate: Candidate, result: Score) -> bool:
+def sure(candidate: Candidate, result: Score, criteria: Criteria) -> bool:
     """Whether an effect is significant, the points of its grid counted as tests."""
-    return result.probability * candidate.trials < CHANCE
+    return result.probability * candidate.trials < criteria.effect_chance

@@ -1,8 +1,9 @@
 """The search for effects that a model lacks: score all, refit the best, accept, repeat, then question each again."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from dataclasses import dataclass, field, replace
+from time import monotonic
+from typing import Any, Final, NamedTuple
 
 from scipy.stats import chi2
 
@@ -10,15 +11,19 @@ from discrepancy import checkpoint as store
 from discrepancy.answer import Step
 from discrepancy.columns import Candidate, Library, finer, nameable
 from discrepancy.continuation import IN_STEP, beginnings, grown, settled, started
+from discrepancy.criteria import Criteria
 from discrepancy.dataset import Dataset
+from discrepancy.defect import Blemish, Data, Defect, Found, Level, blemishes, effect_of
 from discrepancy.effect_file import Term
 from discrepancy.fitted import Fitted, Free
 from discrepancy.limits import clip_level, masked
-from discrepancy.refit import Fitter
-from discrepancy.scan import CHANCE, EVEN, MATERIAL, SIMPLER, Scan, Scored, best_of, next_peaks, scanned, sure
+from discrepancy.refit import DEFAULT, Fitter
+from discrepancy.scan import Scan, Scored, best_of, next_peaks, scanned, sure
 from discrepancy.score import Score, score
 from discrepancy.simulate import Simulator
+from discrepancy.unseen import unseen_gains
 from gyro_model.anatomy import Force
+from gyro_model.errors import InputError
 
 RIVALS: Final = 6
 """At most so many effects are refitted before one is named."""
@@ -39,11 +44,12 @@ Progress = Callable[[str], None]
 @dataclass(frozen=True)
 class Accepted:
     """An effect in the model: how it was probed, the share of the residual's square it took, and rivals (parameters by
-    id) that fit as well."""
+    id) that fit as well; behind: by how much each rival that was refitted fits worse, as a chi-square."""
 
     candidate: Candidate
     share: float
     rivals: dict[str, dict[str, float]]
+    behind: dict[str, float] = field(default_factory=dict)
 
     @property
     def id(self) -> str:
@@ -55,19 +61,44 @@ class Accepted:
         """Its parameters."""
         return {q.name for q in self.candidate.effect.parameters}
 
+    @property
+    def of_record(self) -> bool:
+        """Whether it is a defect of the record, no effect of the device."""
+        return isinstance(self.candidate.effect, Defect)
+
+
+class Dropped(NamedTuple):
+    """An effect that was accepted and then taken out: why, and its sizes with their deviations."""
+
+    candidate: Candidate
+    reason: str
+    sizes: Mapping[str, tuple[float, float]]
+    share: float
+
 
 class Search:
     """The state of a search: what is accepted, and the model fitted with it (``at``, over the runs of ``fitter``);
     ``terms``: by further search, what it added to the model."""
 
     def __init__(
-        self, simulator: Simulator, dataset: Dataset, progress: Progress, terms: Sequence[tuple[Term, ...]] = ()
+        self,
+        simulator: Simulator,
+        dataset: Dataset,
+        progress: Progress,
+        terms: Sequence[tuple[Term, ...]] = (),
+        criteria: Criteria = DEFAULT,
     ) -> None:
+        self.criteria = criteria
         self.simulator, self.progress, self.terms = simulator, progress, list(terms)
         self.at: Fitted
+        self.fitter: Fitter
         self.keep: Callable[[Mapping[str, Any]], None] | None = None
         self.refitted_state: Mapping[str, Any] | None = None
         self.clip: float | None = None
+        self.measured = dataset
+        self.found: list[tuple[Blemish, Found]] = []
+        self.dropped: list[Dropped] = []
+        self.deadline = monotonic() + criteria.time_limit
         self.full = False
         self._take(dataset)
         noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
@@ -80,13 +111,13 @@ class Search:
 
     def _take(self, dataset: Dataset) -> None:
         self.dataset = dataset
-        self.whole = Fitter(self.simulator, dataset.fit)
+        self.whole = Fitter(self.simulator, dataset.fit, criteria=self.criteria)
         self.library = Library(self.whole)
 
     def _mask_clipped(self) -> None:
         """Looks for clipped samples beside the present model, and takes them out of everything else."""
         if self.clip is None and self.fitter is self.whole:
-            level = clip_level(self.dataset.fit, self.at.residuals)
+            level = clip_level(self.dataset.fit, self.at.residuals, self.criteria.clip_chance)
             if level is not None:
                 self.progress(f"samples clipped at {level:.6g} V")
                 self._take_clipped(level)
@@ -96,6 +127,30 @@ class Search:
         self.clip = level
         self._take(replace(self.dataset, records=tuple(masked(record, level) for record in self.dataset.records)))
 
+    def _clean(self) -> None:
+        """Looks for blemishes of the record beside the present model, and takes those out that the fit is better
+        without."""
+        if self.fitter is not self.whole:
+            return
+        for blemish in blemishes():
+            found = blemish.find(self.dataset.fit, self.at.residuals, self.criteria)
+            if found is None:
+                continue
+            before = self.dataset, self.whole, self.library, self.fitter, self.at
+            self._take_blemish(blemish, found.data)
+            self._settle(self.at)
+            if self.at.variance < (1 - self.criteria.material) * before[4].variance:
+                self.progress(f"record: {blemish.id} taken out")
+                self.found.append((blemish, found))
+            else:
+                self.dataset, self.whole, self.library, self.fitter, self.at = before
+
+    def _take_blemish(self, blemish: Blemish, data: Sequence[Data]) -> None:
+        """Goes on with the runs to fit without what ``data`` say."""
+        cleaned = dict(zip((r.name for r in self.dataset.fit), data, strict=True))
+        records = tuple(blemish.without(r, cleaned[r.name]) if cleaned.get(r.name) else r for r in self.dataset.records)
+        self._take(replace(self.dataset, records=records))
+
     def begin(self, state: Mapping[str, Any] | None = None) -> None:
         """Fits the nominal model, or takes up a kept ``state``, whose entries are checked. Raises InputError where the
         state's fit is not one of these runs."""
@@ -103,6 +158,7 @@ class Search:
             self.progress("nominal parameters and initial states")
             self._settle(self.whole.begin(self.nominal, self._believed()))
             self._mask_clipped()
+            self._clean()
             self.refitted = self.at
             self._stage("refit")
             self._save()
@@ -133,6 +189,11 @@ class Search:
         last = self.terms[-1] if self.terms else ()
         return bool(last) and not {term.id for term in last} & {a.id for a in self.accepted}
 
+    @property
+    def late(self) -> bool:
+        """Whether the time that a diagnosis has is used up."""
+        return monotonic() > self.deadline
+
     def finish(self, max_effects: int) -> None:
         """Searches to the end from what was begun."""
         self._extend(max_effects)
@@ -153,8 +214,11 @@ class Search:
                 break
             self._stage(self.accepted[-1].id)
             self._mask_clipped()
+            self._clean()
             self._save()
-        self.steps.append(Step({c.effect.id: s for c, s in best_of(self.scored)}, None))
+            if self.late:
+                break
+        self.steps.append(Step({c.effect.id: s for c, s in best_of(self.scored, self.criteria)}, None))
 
     def _save(self) -> None:
         """Hands out the state, and goes on from what a resumed search would have."""
@@ -164,6 +228,9 @@ class Search:
             "terms": store.terms_state(self.terms),
             "refused": sorted(self.refused),
             "clip": self.clip,
+            "blemishes": [
+                [b.id, list(map(list, f.data)), {k: list(v) for k, v in f.levels.items()}] for b, f in self.found
+            ],
             "at": store.fit_state(self.whole, self.fitter, self.at),
             "refitted": self.refitted_state or store.fit_state(self.whole, self.fitter, self.refitted),
             "accepted": [[store.candidate_state(a.candidate), a.share] for a in self.accepted],
@@ -178,6 +245,13 @@ class Search:
         model = self.simulator.model
         if state["clip"] is not None and self.clip is None:
             self._take_clipped(state["clip"])
+        for name, data, levels in state["blemishes"][len(self.found) :]:
+            blemish = effect_of(model, name)
+            if not isinstance(blemish, Blemish) or len(data) != len(self.dataset.fit):
+                raise InputError(f"blemish {name}: give numbers for each of {len(self.dataset.fit)} runs")
+            found = Found(tuple(map(tuple, data)), {k: Level(*v) for k, v in levels.items()})
+            self._take_blemish(blemish, found.data)
+            self.found.append((blemish, found))
         self.fitter, self.at = store.fit_from(self.whole, state["at"])
         self.refused = set(state["refused"])
         self.refitted_state = state["refitted"]
@@ -210,7 +284,7 @@ class Search:
         """Scores every candidate at the present fit."""
         self.scan = self._scanned(self.library.candidates(self.fitter, self.at, self.present))
         self.scored = self.scan.scores()
-        best = best_of(self.scored)
+        best = best_of(self.scored, self.criteria)
         for candidate, result in best:
             sharper = candidate
             # A resonance or an instant on a coarse grid: ever finer about the best point, where it may matter.
@@ -224,24 +298,27 @@ class Search:
     def _scanned(self, found: Sequence[Candidate]) -> Scan:
         return scanned(self.fitter, self.at, [_neutral(entry) for entry in self.accepted], found)
 
+    def significant(self) -> list[Scored]:
+        """What is significant and material beside the present model, best first."""
+        return [(c, s) for c, s in best_of(self.scored, self.criteria)
+                if sure(c, s, self.criteria) and s.share >= self.criteria.material]  # fmt: skip
+
     def _accept(self) -> bool:
         """Takes the best effect that is both significant and material into the model; False where there is none."""
         # What a further search could not tell from its term comes in only in its place.
         alike = {term.id for own in self.terms for term in own[1:]}
-        worth = [(c, s) for c, s in best_of(self.scored)
-                 if sure(c, s) and s.share >= MATERIAL and c.effect.id not in alike]  # fmt: skip
+        worth = [(c, s) for c, s in self.significant() if c.effect.id not in alike]
         if not worth:
             return False
         rivals = self._close(worth)
         self.progress("refit with " + ", ".join(dict.fromkeys(c.effect.id for c, _ in rivals)))
         fits = [(self._refitted(c, s), c, s) for c, s in rivals]
-        best, chosen, result = min(
-            fits, key=lambda entry: entry[0].cost + SIMPLER * entry[2].freedom * self.at.variance
-        )
+        best, chosen, result = min(fits, key=lambda entry: entry[0].cost + self._price(entry[1], entry[2].freedom))
         gain = self.at.cost - best.cost
-        if not gain > chi2.isf(CHANCE / chosen.trials, result.freedom) * result.inflation * best.variance:
+        needed = chi2.isf(self.criteria.effect_chance / chosen.trials, result.freedom)
+        if not gain > needed * result.inflation * best.variance:
             return False
-        scores = {c.effect.id: s for c, s in best_of(self.scored)}
+        scores = {c.effect.id: s for c, s in best_of(self.scored, self.criteria)}
         self.steps.append(Step(scores, chosen.effect.id))
         share = 1 - best.cost / self.at.cost
         if chosen.partner:
@@ -250,6 +327,12 @@ class Search:
         self.progress(f"accepted {chosen.effect.id}")
         self._settle(best)
         return True
+
+    def _price(self, candidate: Candidate, sizes: int) -> float:
+        """What so many sizes have to earn [V²]; a defect of the record a little more, so that where it can't be told
+        from an effect the effect is named."""
+        more = self.criteria.even if isinstance(candidate.effect, Defect) else 0.0
+        return (self.criteria.simpler * sizes + more) * self.at.variance
 
     def _refitted(self, candidate: Candidate, result: Score) -> Fitted:
         begun = self.with_effect(self.at, candidate, result)
@@ -260,12 +343,13 @@ class Search:
 
     def _close(self, worth: list[Scored]) -> list[Scored]:
         """Those whose refit could be the best: all that the linear scores leave open."""
-        top = max(s.gain - SIMPLER * s.freedom for _, s in worth)
+        even, simpler = self.criteria.even, self.criteria.simpler
+        top = max(s.gain - simpler * s.freedom for _, s in worth)
         linear = self.fitter.off(self.at) < IN_STEP
 
         def near(entries: Sequence[Scored]) -> list[Scored]:
-            least = [top - 4 * EVEN * s.inflation - 0.1 * top if linear else RIVAL_SHARE * top for _, s in entries]
-            return [(c, s) for (c, s), low in zip(entries, least, strict=True) if s.gain - SIMPLER * s.freedom >= low]
+            least = [top - 4 * even * s.inflation - 0.1 * top if linear else RIVAL_SHARE * top for _, s in entries]
+            return [(c, s) for (c, s), low in zip(entries, least, strict=True) if s.gain - simpler * s.freedom >= low]
 
         close = near(worth)[:RIVALS]
         return close + [peak for c, _ in close for peak in near(next_peaks(c, self.scored))[:1]]
@@ -288,12 +372,15 @@ class Search:
         for entry in list(self.accepted):
             if len(self.accepted) < 2:
                 break
-            needed = chi2.isf(CHANCE / entry.candidate.trials, len(entry.candidate.probes)) * self.at.variance
-            if self._takes(entry).gain * self.at.variance > CLEAR * max(needed, MATERIAL * self.at.cost):
+            if self.late:
+                break
+            chance = self.criteria.effect_chance / entry.candidate.trials
+            needed = chi2.isf(chance, len(entry.candidate.probes)) * self.at.variance
+            if self._takes(entry).gain * self.at.variance > CLEAR * max(needed, self.criteria.material * self.at.cost):
                 continue
             fitted = self.fitter.fit(self.without_effect(self.at, entry))
             gain = fitted.cost - self.at.cost
-            if gain < needed or gain < MATERIAL * fitted.cost:
+            if gain < needed or gain < self.criteria.material * fitted.cost:
                 self.progress(f"deleted {entry.id}")
                 self.accepted.remove(entry)
                 self._settle(fitted)
@@ -304,22 +391,55 @@ class Search:
         for place, entry in enumerate(self.accepted):
             if any(a.candidate.partner and a.candidate.partner.effect.id == entry.id for a in self.accepted):
                 continue
+            if self.late:
+                break
             variance = self.at.variance
             fits = {entry.id: (self.at, entry.candidate), **self._refitted_instead(entry)}
-            price = {i: at.cost + SIMPLER * len(c.all_probes) * variance for i, (at, c) in fits.items()}
+            price = {i: at.cost + self._price(c, len(c.all_probes)) for i, (at, c) in fits.items()}
             head = min(price, key=lambda i: price[i])
-            if price[head] > price[entry.id] - EVEN * variance:
+            if price[head] > price[entry.id] - self.criteria.even * variance:
                 head = entry.id
             self.at, candidate = fits.pop(head)
-            even = {i: dict(at.parameters) for i, (at, _) in fits.items() if at.cost < self.at.cost + EVEN * variance}
-            self.accepted[place] = Accepted(candidate, entry.share, even)
+            close = self.at.cost + self.criteria.even * variance
+            even = {i: dict(at.parameters) for i, (at, _) in fits.items() if at.cost < close}
+            behind = {i: (price[i] - price[head]) / variance for i in fits}
+            self.accepted[place] = Accepted(candidate, entry.share, even, behind)
+
+    def question(self) -> None:
+        """Takes out every effect that data which its fit did not see do not support, or whose interval holds neutral:
+        the weakest first, the rest refitted."""
+        while failing := self._failing():
+            self.progress(f"took out {failing.candidate.effect.id}: {failing.reason}")
+            entry = next(a for a in self.accepted if a.candidate is failing.candidate)
+            self.dropped.append(failing)
+            self.accepted.remove(entry)
+            self._settle(self.without_effect(self.at, entry))
+
+    def _failing(self) -> Dropped | None:
+        partners = {a.candidate.partner.effect.id for a in self.accepted if a.candidate.partner}
+        entries = [a for a in self.accepted if a.id not in partners]
+        if not entries:
+            return None
+        deviations = self.fitter.deviations(self.at)
+        gains = unseen_gains(self.fitter, self.at, [(a.names, _neutral(a)) for a in entries])
+        failing = []
+        for entry, gain in zip(entries, gains, strict=True):
+            sizes = {q.name: (self.at.parameters[q.name], deviations[q.name])
+                     for q in entry.candidate.effect.sizes if q.name in deviations}  # fmt: skip
+            neutral = {q.name: q.start for q in entry.candidate.effect.sizes}
+            if sizes and all(abs(value - neutral[name]) < 1.96 * d for name, (value, d) in sizes.items()):
+                failing.append((gain, Dropped(entry.candidate, "its interval holds neutral", sizes, entry.share)))
+            elif gain < self.criteria.unseen:
+                reason = f"data that its fit did not see improve by {gain:.1f} deviations only"
+                failing.append((gain, Dropped(entry.candidate, reason, sizes, entry.share)))
+        return min(failing, key=lambda f: f[0])[1] if failing else None
 
     def _refitted_instead(self, entry: Accepted) -> dict[str, tuple[Fitted, Candidate]]:
         """By id the effects that fit nearly as well in the place of ``entry``, or better."""
         stand_ins = self._stand_ins(entry)
         if not stand_ins:
             return {}
-        goal, fits = self.at.cost + EVEN * self.at.variance, {}
+        goal, fits = self.at.cost + self.criteria.even * self.at.variance, {}
         base, trial = self.without_effect(self.at, entry), self._trial()
         for candidate, result in stand_ins:
             begun = self.with_effect(base, candidate, result)
@@ -356,14 +476,14 @@ class Search:
         least = self._takes(entry)
         others = [i for i, f in enumerate(self.scan.at.free) if f.name not in entry.names]
         near = [(c, s) for c, s in self.scan.scores(others, self.accepted.index(entry))
-                if s.gain > least.gain - 4 * EVEN * least.inflation - 0.1 * least.gain]  # fmt: skip
-        return best_of(near)[:RIVALS]
+                if s.gain > least.gain - 4 * self.criteria.even * least.inflation - 0.1 * least.gain]  # fmt: skip
+        return best_of(near, self.criteria)[:RIVALS]
 
 
 def _lost(fitter: Fitter, at: Fitted, begun: Fitted) -> bool:
     """Whether ``begun``, a model of whole runs, can't come near the fit ``at`` of their beginnings."""
     # A rival that is even over the whole may be behind on a part by what it is ahead on the rest: six deviations.
-    goal = at.cost + 4 * EVEN * at.variance
+    goal = at.cost + 4 * fitter.criteria.even * at.variance
     rival = fitter.evaluated(replace(started(fitter, begun), whiten=at.whiten))
     return fitter.fit(rival, goal=goal).cost > goal
 

@@ -15,6 +15,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from cosim.exchange import exchange
 from cosim.fmu import HANDLE_SIZE, Plant
+from discrepancy.defect import Timing, distortion_sizes, distortions
 from discrepancy.record import CONDITIONS, Floats, Record
 from gyro_model.anatomy import Delay, Lag
 from gyro_model.build import build
@@ -39,6 +40,7 @@ MIRRORED: Final = {"kyy": "kxx", "dyy": "dxx", "sense_gain_y": "sense_gain_x"}
 Job = tuple[Record, Mapping[str, float]]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+_Distorted = tuple[tuple[str, float], ...]
 _Driven = tuple[Floats, tuple[str, ...], float]
 """Inputs of each step (steps, inputs), their names, and the step [s]."""
 
@@ -87,6 +89,7 @@ class Simulator:
         held = [e for e in model.effects if isinstance(e, Delay | Lag)]
         self._late = [q for e in held for switch in (e, *model.wakers(e)) for q in switch.sizes]
         self._driven: dict[tuple[int, int], tuple[Record, _Driven]] = {}
+        self._distorted: dict[tuple[int, int], tuple[_Distorted, _Driven]] = {}
         self._parts: dict[int, tuple[Record, Record, slice]] = {}
 
     def __enter__(self) -> Self:
@@ -147,21 +150,33 @@ class Simulator:
         self._parts[id(part)] = part, record, own
         return part
 
-    def _inputs(self, record: Record, split: int) -> _Driven:
+    def _inputs(self, record: Record, split: int, distorted: "_Distorted" = ()) -> _Driven:
         """What drives each step of a record, ``split`` times as many as usual; kept, since a record is simulated many
-        times."""
+        times. distorted: sizes of what changes the force on its way."""
+        if distorted and id(record) not in self._parts:
+            last = self._distorted.get((id(record), split))
+            if last is None or last[0] != distorted:
+                last = distorted, _distorted(self._inputs(record, split), record.axes, dict(distorted))
+                self._distorted[id(record), split] = last
+            return last[1]
+        if distorted:
+            return self._made(record, split, distorted)
         kept = self._driven.get((id(record), split))
         if kept is None:
             kept = self._driven[id(record), split] = record, self._made(record, split)
         return kept[1]
 
-    def _made(self, record: Record, split: int) -> _Driven:
+    def _made(self, record: Record, split: int, distorted: "_Distorted" = ()) -> _Driven:
         if id(record) not in self._parts:
             return _driven(record, split)
         _, whole, own = self._parts[id(record)]
-        values, names, step = self._inputs(whole, split)
+        values, names, step = self._inputs(whole, split, distorted)
         stride = len(values) // len(whole.t)
         return values[own.start * stride : own.stop * stride], names, step
+
+    def _first(self, record: Record) -> int:
+        """Which sample of its run a record begins with."""
+        return self._parts[id(record)][2].start if id(record) in self._parts else 0
 
     def forget(self, records: Sequence[Record]) -> None:
         """Frees what is kept of records that will not be simulated again."""
@@ -169,22 +184,44 @@ class Simulator:
             self._parts.pop(id(record), None)
             for split in (1, SPLIT):
                 self._driven.pop((id(record), split), None)
+                self._distorted.pop((id(record), split), None)
 
     def _on(self, bench: _Bench, record: Record, parameters: Mapping[str, float]) -> Floats:
         late = any(parameters.get(q.name, q.start) != q.start for q in self._late)
-        values, names, step = self._inputs(record, SPLIT if late else 1)
+        acting = [d for d in distortions() if d.acts(parameters)]
+        sizes = {q.name: parameters[q.name] for d in acting for q in d.sizes}
+        parameters = {name: value for name, value in parameters.items() if name not in distortion_sizes()}
+        timing = Timing(self._first(record), 1 / record.sample_rate)
+        forced = tuple((q.name, sizes[q.name]) for d in acting if d.force for q in d.sizes)
+        late |= any(d.split for d in acting)
+        values, names, step = self._inputs(record, SPLIT if late else 1, forced)
         stride = len(values) // len(record.t)
+        beyond = max((d.beyond(len(record.t), timing, sizes) for d in acting if d.beyond), default=0)
+        values = np.concatenate((values, np.repeat(values[-1:], beyond * stride, axis=0))) if beyond else values
         whole = both_axes(parameters) if record.axes == 1 else parameters
         first = dict(zip(names, values[0].tolist(), strict=True))
         clock = {"internal_step": step, "sample_period": step * stride}
         start = float(record.t[0])
         bench.restart({**whole, **clock, **first}, start)
-        v = np.full((len(record.t), 2), np.nan)
+        v = np.full((len(record.t) + beyond, 2), np.nan)
         v[0] = bench.get(OUTPUTS)
         references = bench.value_references(names)
         done = _run(bench.handle, references, values, bench.value_references(OUTPUTS), start, step, stride, v)
         v[done + 1 :] = np.nan
-        return np.ascontiguousarray(v[:, : record.axes])
+        v = v[:, : record.axes]
+        for distortion in acting:
+            if distortion.voltage and np.isfinite(v).all():
+                v = distortion.voltage(v, timing, sizes)
+        return np.ascontiguousarray(v[: len(record.t)])
+
+
+def _distorted(driven: _Driven, axes: int, sizes: Mapping[str, float]) -> _Driven:
+    values, names, step = driven
+    u = values[:, :axes]
+    for distortion in distortions():
+        if distortion.force and distortion.acts(sizes):
+            u = distortion.force(u, step, sizes)
+    return np.ascontiguousarray(np.column_stack((u, values[:, axes:]))), names, step
 
 
 def both_axes(parameters: Mapping[str, float]) -> dict[str, float]:

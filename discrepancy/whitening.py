@@ -136,6 +136,25 @@ def _motion(p: Mapping[str, float], axes: int, period: float, bandwidth: float) 
     return transition, drift, np.zeros((n, n)), seen
 
 
+def coloured_power(p: Mapping[str, float], axes: int, period: float, setting: Setting, length: int) -> float:
+    """Mean square over ``length`` samples of what noises with a memory add to the voltage, over that of the white
+    noise."""
+    total = 0.0
+    if setting.corner:
+        _, _, start, seen = _flicker(1, period, setting.corner, length)
+        total += float((seen @ start @ seen.T)[0, 0])
+    if setting.bandwidth:
+        # In so many steps the growth of the motion's variance is followed well enough for its mean.
+        stride = max(length // 500, 1)
+        _, drift, covariance, seen = _motion(p, axes, period, setting.bandwidth)
+        transition, squares = _motion(p, axes, period * stride, setting.bandwidth)[0], []
+        for _ in range(length // stride):
+            covariance = transition @ (covariance + stride * drift) @ transition.T
+            squares.append(float(np.mean(np.diag(seen @ covariance @ seen.T))))
+        total += float(np.mean(squares))
+    return total
+
+
 def top_rate(p: Mapping[str, float], axes: int) -> float:
     """Square of the highest mode's angular frequency [1/s²]."""
     k = np.array([[p["kxx"], p.get("kxy", 0.0)], [p.get("kxy", 0.0), p.get("kyy", 0.0)]])[:axes, :axes]

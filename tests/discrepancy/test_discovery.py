@@ -11,6 +11,7 @@ from sympy import Expr, sympify
 
 from discrepancy import discovery
 from discrepancy.continuation import cut, started
+from discrepancy.criteria import Criteria
 from discrepancy.discovery import Discovery, discover
 from discrepancy.effect_file import Term, joined
 from discrepancy.fitted import Fitted, Free
@@ -112,15 +113,14 @@ def test_finds_the_formula(term: str, simulator: Simulator, tmp_path: Path) -> N
     hold_as_effects(found, tmp_path / "found")
 
 
-def test_terms_that_fit_alike_are_written_too(
-    simulator: Simulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # As if nothing could be told from anything.
-    monkeypatch.setattr(discovery, "EVEN", 1e12)
+def test_terms_that_fit_alike_are_written_too(simulator: Simulator, tmp_path: Path) -> None:
     unit, on_x, on_y, true = TERMS["quintic"]
     (tmp_path / "hidden.py").write_text(HIDDEN.format(unit=unit, x=on_x, y=on_y), encoding="utf-8")
     records = runs(load_model(tmp_path), {"hidden_size": true})
-    found = discover(*refitted(simulator, records), tmp_path / "found")
+    fitter, at = refitted(simulator, records)
+    # As if nothing could be told from anything.
+    fitter.criteria = Criteria(even=1e12)
+    found = discover(fitter, at, tmp_path / "found")
     assert found is not None
     assert same_term(found.forces["force_x"], on_x), found.forces
     assert found.terms[0].id == "discovered_1"

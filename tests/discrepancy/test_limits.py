@@ -22,14 +22,14 @@ def test_one_clipped_sample_is_enough_when_it_is_cut_by_more_than_noise() -> Non
     # Between the two largest samples; by 20 deviations of the noise below the largest.
     limit = float(top[-1]) - 20 * NOISE
     record, left = measured(limit)
-    assert clip_level([record], [left]) == limit
+    assert clip_level([record], [left], 1e-6) == limit
     assert not masked(record, limit).valid.all()
 
 
 def test_no_clip_is_found_in_twenty_records_without_one() -> None:
     for seed in range(20):
         record, left = measured(10.0, seed)
-        assert clip_level([record], [left]) is None
+        assert clip_level([record], [left], 1e-6) is None
 
 
 def test_a_model_that_is_wrong_at_the_top_is_no_clip() -> None:
@@ -37,4 +37,4 @@ def test_a_model_that_is_wrong_at_the_top_is_no_clip() -> None:
     # An error of one part in a hundred of every sample is largest at the top, and as large beside it.
     off = left - 0.01 * record.v
     off[np.unravel_index(np.argmax(np.abs(record.v)), record.v.shape)[0] - 3] *= 1.5
-    assert clip_level([record], [off]) is None
+    assert clip_level([record], [off], 1e-6) is None

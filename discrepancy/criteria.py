@@ -1,0 +1,102 @@
+"""Every threshold by which a diagnosis decides, in one checked record."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from math import isfinite
+from pathlib import Path
+from typing import Any, Final
+
+from gyro_model.errors import InputError, nearest
+
+Bounds = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """Thresholds of a diagnosis; ``--criteria FILE`` sets them by name (TOML), report.json says which were used.
+
+    Raises InputError, naming the threshold and its bounds, where one is out of them.
+    """
+
+    effect_chance: float = 1e-6
+    """Probability of one test by chance at which an effect counts as significant. 60 effects and 400 null sets make
+    0.02 false alarms; the points of a grid count as tests."""
+    term_chance: float = 1e-8
+    """The same for a term of the library: with some 300 tests a search, 400 null sets make 0.001 false alarms."""
+    clip_chance: float = 1e-6
+    """Probability by chance of what a clip is said to have cut off."""
+    material: float = 3e-4
+    """Share of the residual's square that an effect has to take away to be worth a parameter."""
+    even: float = 9.0
+    """Chi-square by which a rival may fit worse and still count as not told apart: three standard deviations."""
+    simpler: float = 12.0
+    """Chi-square that a further size parameter must bring."""
+    unseen: float = 3.0
+    """Standard deviations by which data that a fit did not see must improve with an effect for it to be named: one
+    needless effect in 700 gets as far, after it has passed ``effect_chance``."""
+    left: float = 0.05
+    """Share of the refit's residual power, noise taken off, from which something is left, if that is significant."""
+    open_white: float = 1.2
+    """Final misfit over that of the noise from which a gap is significant where the noise is white: in 742 sets two
+    were above, whose noise was known."""
+    open_coloured: float = 1.5
+    """The same where noise has a memory: its mean square over a run scatters by as much as a third."""
+    noise_chance: float = 1e-8
+    """Probability by chance at which innovations count as not white, by the largest of their spectral lines."""
+    worse: float = 1.02
+    """Held-out misfit with an effect over that without, from which the effect is doubtful: 2 % are twice the scatter of
+    a misfit over 10,000 samples."""
+    thermal: float = 5.0
+    """Times the physical thermal force: a motion stronger than that is no noise of a package at 300 K and its
+    damping."""
+    jitter: float = 0.05
+    """Of a sample period: sampling instants that scatter more are no noise of a clock. A crystal's are below 1e-4, a
+    software timer's some per cent."""
+    coloured: float = 30.0
+    """Flicker over white noise, in mean square over a run, above which it is no noise of an amplifier but something
+    that wanders."""
+    prior_none: float = 0.01
+    """Probability, before the data, that what is missing is in no file though a name fits: 3 of 252 single effects were
+    named wrong in blind trials."""
+    time_limit: float = 110.0
+    """Seconds after which a search begins nothing further, and says so: with the end still to be written, an answer
+    comes within 120 s on two idle cores."""
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in BOUNDS.items():
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
+                raise InputError(f"criteria: {name} = {value!r}: give a number")
+            if not low <= value <= high:
+                raise InputError(f"criteria: {name} = {value:g}: give a number from {low:g} to {high:g}")
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> "Criteria":
+        """The default ones with some changed, by name. Raises InputError for a name that is none."""
+        known = [field.name for field in fields(cls)]
+        for name in given:
+            if name not in known:
+                raise InputError(f"criteria: {name!r} is unknown{nearest(name, known)}")
+        return cls(**given)
+
+
+BOUNDS: Final[Mapping[str, Bounds]] = {
+    "effect_chance": (1e-15, 0.1), "term_chance": (1e-15, 0.1), "clip_chance": (1e-15, 0.1), "material": (0.0, 0.5),
+    "even": (0.0, 1e15), "simpler": (0.0, 100.0), "unseen": (0.0, 20.0), "left": (0.0, 1.0),
+    "open_white": (1.0, 100.0), "open_coloured": (1.0, 100.0), "noise_chance": (1e-15, 0.1), "worse": (1.0, 10.0),
+    "thermal": (1.0, 1e6), "jitter": (1e-6, 1.0), "coloured": (0.1, 1e6), "prior_none": (0.0, 0.5),
+    "time_limit": (1.0, 1e6)}  # fmt: skip
+"""What each may be."""
+
+
+def load_criteria(path: Path) -> Criteria:
+    """The thresholds of a TOML file. Raises InputError where it can't be read or one is wrong."""
+    try:
+        given = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"--criteria {path}: can't be read as TOML: {error}") from None
+    try:
+        return Criteria.of(given)
+    except InputError as error:
+        raise InputError(f"--criteria {path}: {error}") from None

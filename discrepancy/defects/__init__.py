@@ -1,0 +1,1 @@
+"""Defects of a record, one file each: see ``discrepancy/defect.py``."""

@@ -1,0 +1,139 @@
+"""Lines of the mains in the voltage: 50 or 60 Hz and harmonics, of any phase in each run and channel.
+
+Least squares at known frequencies: S. M. Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993,
+example 4.2.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from scipy.stats import chi2
+
+from discrepancy.criteria import Criteria
+from discrepancy.defect import Blemish, Data, Found, Level
+from discrepancy.record import Floats, Record
+from gyro_model.quantities import size
+
+FREQUENCIES: Final = (50.0, 60.0)
+TOLERANCE: Final = 0.2
+"""Hz by which the mains of a large grid wander."""
+HARMONICS: Final = 10
+PERIODS: Final = 2.5
+"""Of the mains in a run at least: below, a line is not told from a drift."""
+DRIVE: Final = 0.2
+"""Share of the force's power on those lines from which they are the experiment's own."""
+AROUND: Final = 12
+"""Bins to each side that say how strong the residual is beside a line."""
+
+AMPLITUDE = size("mains", "V", "amplitude of the strongest line")
+
+
+def find(records: Sequence[Record], residuals: Sequence[Floats], criteria: Criteria) -> Found | None:
+    """The frequency whose harmonics stand out of the residuals most, and its lines."""
+    if any(len(r.t) / r.sample_rate * min(FREQUENCIES) < PERIODS for r in records):
+        return None
+    best: tuple[float, float, list[int]] = (0.0, 0.0, [])
+    for centre in FREQUENCIES:
+        if max(_on_lines(r, centre) for r in records) > DRIVE:
+            continue
+        gains = _gains(records, residuals, centre)
+        # Two degrees a line, channel and run.
+        count = 2 * sum(r.axes for r in records)
+        needed = chi2.isf(criteria.noise_chance / (2 * HARMONICS), count)
+        sure = [n + 1 for n, gain in enumerate(gains) if gain > needed]
+        if sure and sum(gains) > best[0]:
+            best = sum(gains), centre, sure
+    _, centre, sure = best
+    if not sure:
+        return None
+    grid = np.linspace(centre - TOLERANCE, centre + TOLERANCE, 41)
+    left = [sum(_rest(r, e, f, sure) for r, e in zip(records, residuals, strict=True)) for f in grid]
+    f0 = float(grid[int(np.argmin(left))])
+    data = tuple(_lines(r, e, f0, sure) for r, e in zip(records, residuals, strict=True))
+    strongest, deviation = 0.0, 0.0
+    for own, record, residual in zip(data, records, residuals, strict=True):
+        lines = np.array(own).reshape(-1, 2 * record.axes + 1)[:, 1:]
+        size_now = float(np.hypot(lines[:, ::2], lines[:, 1::2]).max())
+        if size_now > strongest:
+            strongest = size_now
+            deviation = float(np.std(residual)) * float(np.sqrt(2 / len(residual)))
+    return Found(data, {"mains": Level(strongest, strongest - 1.96 * deviation, strongest + 1.96 * deviation)})
+
+
+def without(record: Record, data: Data) -> Record:
+    """The run without the lines: each has its frequency [Hz], and cosine and sine [V] of each channel."""
+    from dataclasses import replace
+
+    lines = np.array(data).reshape(-1, 2 * record.axes + 1)
+    v = record.v.copy()
+    for f, *parts in lines:
+        phase = 2 * np.pi * f * (record.t - record.t[0])
+        wave = np.column_stack((np.cos(phase), np.sin(phase)))
+        v -= wave @ np.reshape(parts, (record.axes, 2)).T
+    return replace(record, v=v)
+
+
+def _waves(record: Record, f0: float, harmonics: Sequence[int]) -> Floats:
+    phase = 2 * np.pi * f0 * (record.t - record.t[0])[:, None] * np.array(harmonics)
+    return np.hstack((np.cos(phase), np.sin(phase)))
+
+
+def _below(record: Record) -> list[int]:
+    return [n for n in range(1, HARMONICS + 1) if n * max(FREQUENCIES) < 0.45 * record.sample_rate]
+
+
+def _on_lines(record: Record, f0: float) -> float:
+    """The share of the force's power on the lines, a bin to each side."""
+    power = (np.abs(np.fft.rfft(record.u * np.hanning(len(record.u))[:, None], axis=0)) ** 2).sum(axis=1)
+    f = np.fft.rfftfreq(len(record.u), 1 / record.sample_rate)
+    near = np.zeros(len(f), np.bool_)
+    for n in _below(record):
+        near |= np.abs(f - n * f0) < 1.5 * f[1]
+    # A dense spectrum has its share on any lines: what is beyond that counts.
+    return float(power[near].sum() / max(power.sum(), 1e-300)) - float(near.mean()) * 5
+
+
+def _gains(records: Sequence[Record], residuals: Sequence[Floats], f0: float) -> list[float]:
+    """Of each harmonic, what its lines stand out by, as a chi-square by the bins around."""
+    gains = np.zeros(HARMONICS)
+    for record, residual in zip(records, residuals, strict=True):
+        usable = np.where(record.valid[:, None], residual - residual[record.valid].mean(axis=0), 0.0)
+        power = np.abs(np.fft.rfft(usable * np.hanning(len(usable))[:, None], axis=0)) ** 2
+        spacing = record.sample_rate / len(usable)
+        for n in _below(record):
+            k = round(n * f0 / spacing)
+            around = [i for i in range(max(k - AROUND, 1), k + AROUND + 1) if abs(i - k) > 2 and i < len(power)]
+            if len(around) >= AROUND // 2:
+                # The median of an exponential distribution is ln 2 of its mean, which is two degrees.
+                level = np.median(power[around], axis=0) / np.log(2)
+                gains[n - 1] += float(np.sum(2 * power[k] / np.maximum(level, 1e-300)))
+    return gains.tolist()
+
+
+def _lines(record: Record, residual: Floats, f0: float, harmonics: Sequence[int]) -> Data:
+    waves = _waves(record, f0, harmonics)[record.valid]
+    # A mean belongs to an offset, not to a line.
+    waves = np.column_stack((waves, np.ones(len(waves))))
+    parts = np.linalg.lstsq(waves, residual[record.valid], rcond=None)[0]
+    count, data = len(harmonics), []
+    for i, n in enumerate(harmonics):
+        own = [float(parts[i + side * count, axis]) for axis in range(record.axes) for side in (0, 1)]
+        data += [n * f0, *own]
+    return tuple(data)
+
+
+def _rest(record: Record, residual: Floats, f0: float, harmonics: Sequence[int]) -> float:
+    waves = np.column_stack((_waves(record, f0, harmonics)[record.valid], np.ones(int(record.valid.sum()))))
+    own = residual[record.valid]
+    return float(np.sum((own - waves @ np.linalg.lstsq(waves, own, rcond=None)[0]) ** 2))
+
+
+DEFECT = Blemish(
+    id="mains",
+    parameters=(AMPLITUDE,),
+    signature="lines at 50 or 60 Hz and harmonics, which the drive does not have",
+    source="S. M. Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993, example 4.2",
+    find=find,
+    without=without,
+)

@@ -1,0 +1,38 @@
+"""The voltage passes an anti-alias filter before the converter: Butterworth of fourth order, τ = 1/(2π f_c).
+
+A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 2010, section 4.8.1: the filter before a converter.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.signal import butter, cont2discrete, lfilter, lfilter_zi
+
+from discrepancy.defect import Distortion, Timing
+from discrepancy.record import Floats
+from gyro_model.quantities import size
+
+TIME = size("voltage_filter", "s", "1/(2 pi f_c) of the voltage's low-pass filter", low=0.0, high=1e-3)
+
+
+def voltage(v: Floats, timing: Timing, p: Mapping[str, float]) -> Floats:
+    """The filtered voltage; v runs straight between two samples."""
+    # Far below the modes' period a filter of fourth order is a delay: two sections keep the numbers in range.
+    result = v
+    for section in np.array_split(butter(4, 1.0, analog=True, output="sos"), 2):
+        b, a = section[0, :3], section[0, 3:]
+        scale = (p["voltage_filter"] / timing.period) ** np.arange(2, -1, -1)
+        b, a, _ = cont2discrete((b * scale, a * scale), 1.0, "foh")
+        b = b.ravel()
+        start = lfilter_zi(b, a)
+        result = np.column_stack([lfilter(b, a, column, zi=start * column[0])[0] for column in result.T])
+    return np.asarray(result)
+
+
+DEFECT = Distortion(
+    id="voltage_filter",
+    parameters=(TIME,),
+    signature="a delay of the voltage, and less of it and of its noise at high frequencies",
+    source="A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 2010, section 4.8.1",
+    voltage=voltage,
+)

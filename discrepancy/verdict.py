@@ -1,0 +1,114 @@
+"""What a finished search may claim: what is left beside noise, which names held-out runs doubt, how probable each is."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+
+from discrepancy.answer import Finding, Stage, Value
+from discrepancy.locate import noise_level
+from discrepancy.measures import misfits, start_fitted
+from discrepancy.whitening import coloured_power
+
+if TYPE_CHECKING:
+    from discrepancy.search import Search
+
+ROUNDS: Final = 8
+"""Steps of a fit without an effect: enough to see whether held-out runs are better without it."""
+
+
+class Remainder(NamedTuple):
+    """What the final model leaves of the held-out runs: share of the refit's residual power, noise taken off; ratio of
+    the final misfit to that of the noise; significant: whether anything is left."""
+
+    share: float
+    ratio: float
+    significant: bool
+
+
+def sane(noises: Mapping[str, Value], search: "Search") -> tuple[dict[str, Value], dict[str, str]]:
+    """The noises that can be such, and of the others, by name, what they are not."""
+    limits, absurd = search.criteria, {}
+    thermal, clock = noises.get("thermal_force"), noises.get("sampling_jitter")
+    rate = search.dataset.fit[0].sample_rate
+    if thermal and thermal.low > limits.thermal:
+        absurd["thermal_force"] = (
+            f"the residual is not thermal noise: it shakes the mass {thermal.value:.2g} times as strongly; "
+            "look for a force that acts on the device and is not in the record"
+        )
+    if clock and clock.low * rate > limits.jitter:
+        absurd["sampling_jitter"] = (
+            f"the residual is no jitter of a clock: {clock.value:.2g} s are {clock.value * rate:.2g} sample periods"
+        )
+    memory = _memory(search, {"bandwidth": 0.0})
+    if memory > limits.coloured:
+        absurd["flicker_noise"] = (
+            f"the residual is no flicker noise: its slow part has {memory:.2g} times the power of the white one; "
+            "look for a drift, a temperature or a supply that wanders"
+        )
+    return {name: value for name, value in noises.items() if name not in absurd}, absurd
+
+
+def _memory(search: "Search", without: Mapping[str, float]) -> float:
+    """Power of noises with a memory over that of the white noise, those set to 0 ``without`` left out."""
+    at, run = search.at, search.dataset.held_out[0]
+    setting = replace(at.whiten.setting, **without)
+    return coloured_power(at.parameters, run.axes, 1 / run.sample_rate, setting, len(run.t))
+
+
+def remainder(
+    search: "Search", stages: tuple[Stage, ...], gaps: Mapping[str, Any], absurd: Mapping[str, str]
+) -> Remainder:
+    """What the final model leaves. Noise is what is white, and what has a memory where it can be noise at all."""
+    runs, last, limits = search.dataset.held_out, stages[-1], search.criteria
+    rms = float(np.sqrt(np.mean(np.concatenate([run.v[run.valid].ravel() for run in runs]) ** 2)))
+    floor = gaps["noise_floor"]
+    if floor is None:
+        floor = noise_level([last.residuals[run.name] for run in runs], runs, last.parameters) / rms
+    parts = {"bandwidth": "thermal_force", "corner": "flicker_noise"}
+    without = {part: 0.0 for part, name in parts.items() if name in absurd}
+    memory = _memory(search, without)
+    noise, final, refit = floor * (1 + memory) ** 0.5, gaps["final"], gaps["refit"]
+    if not np.isfinite(final):
+        return Remainder(1.0, float("inf"), True)
+    share = float(np.clip((final**2 - noise**2) / max(refit**2, 1e-300), 0.0, 1.0))
+    ratio = final / max(noise, 1e-300)
+    limit = limits.open_coloured if memory > 0 else limits.open_white
+    significant = (ratio > limit and share > limits.left) or search.fitter is not search.whole
+    return Remainder(share, float(ratio), bool(significant))
+
+
+def worse_without(search: "Search", stages: tuple[Stage, ...], gaps: Mapping[str, Any]) -> dict[str, str]:
+    """Of the effects named, those that make held-out runs worse, and by how much; each is refitted without."""
+    limit, worse = search.criteria.worse, {}
+    final = gaps["final"]
+    steps = {after.name: after.misfit[""] > limit * before.misfit[""]
+             for before, after in zip(stages, stages[1:], strict=False)}  # fmt: skip
+    for entry in search.accepted:
+        if entry.of_record or not (steps.get(entry.id) or final > limit * gaps["refit"]):
+            continue
+        search.progress(f"held-out runs without {entry.id}")
+        less = search.fitter.fit(search.without_effect(search.at, entry), ROUNDS).parameters
+        runs = search.dataset.held_out
+        residuals = {run.name: start_fitted(search.simulator, run, less) for run in runs}
+        beside = misfits(runs, residuals)[""]
+        if not final <= limit * beside:
+            worse[entry.id] = (
+                f"{entry.id} makes the held-out runs worse: misfit {beside:.3g} without it, {final:.3g} with"
+            )
+    return worse
+
+
+def probability(search: "Search", finding: Finding, rest: Remainder, worse: bool) -> float:
+    """Of a name against its rivals, each weighed by the likelihood of its refit, and against none of them.
+
+    What is left when all is named may be what the name only imitates, and a name that unseen data do not bear out is
+    likely wrong: both take from it.
+    """
+    behind = next((a.behind for a in search.accepted if a.id == finding.id), {})
+    weights = [float(np.exp(-0.5 * max(chi_square, 0.0))) for chi_square in behind.values()]
+    found = (1 - search.criteria.prior_none) / (1 + sum(weights))
+    if rest.significant:
+        found *= 1 - max(rest.share, 0.5)
+    return 0.2 * found if worse else found
