@@ -230,12 +230,13 @@ def _slight(candidate: Candidate, result: Score) -> Finding:
 def _doubts(search: "Search", rest: "Remainder") -> tuple[str, ...]:
     """What is wrong with the fit itself, and what it leaves open."""
     found = []
-    if rest.significant:
+    if rest.above or rest.significant:
         found.append(
-            f"{rest.share:.1%} of the refit's residual power is left: {rest.ratio:.3g} times the noise on held-out runs"
+            f"{rest.share:.2g} of the refit's residual power is left: {rest.ratio:.3g} times the noise on held-out runs"
         )
     if search.late:
-        found.append(f"the search ended after {search.criteria.time_limit:g} s: what follows is what it knew by then")
+        limit = search.criteria.processor_limit
+        found.append(f"the search ended after {limit:g} s of processor time: this is what it knew by then")
     if search.full:
         more = [(c.effect.id, s.share) for c, s in search.significant() if c.effect.id not in search.present]
         others = f"; {more[0][0]} would take a further {more[0][1]:.1%} of the residual's square" if more else ""

@@ -53,7 +53,7 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
     """Raises InputError, naming the entry, unless ``state`` is one that a search of ``dataset`` by ``model`` may have
     written."""
     settable = {q.name for q in model.quantities if q.role not in ("input", "output")} | distortion_sizes()
-    effects = {e.id for e in (*model.effects, *defects())}
+    effects = {e.id for e in model.effects} | {d.id for d in defects()}
     longest = max(len(r.t) for r in dataset.fit)
     parameters = _parameters(model)
     free = _Table({"name": _one_of(settable), "step": _number(0.0, above=True), "low": _bound, "high": _bound,

@@ -159,7 +159,8 @@ class Library:
         found: list[Candidate] = []
         silent: list[Effect | Defect] = []
         own_axes = self.records[0].axes
-        for effect in (*nameable(self.model), *(d for d in distortions() if d.axes <= own_axes)):
+        tried: list[Effect | Defect] = [*nameable(self.model), *(d for d in distortions() if d.axes <= own_axes)]
+        for effect in tried:
             if effect.id not in present:
                 # What changes nothing may do so only once something else is in.
                 known = self._silent.get(effect.id) == frozenset(present)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from time import monotonic
+from time import process_time
 from typing import Any, Final, NamedTuple
 
 from scipy.stats import chi2
@@ -98,7 +98,7 @@ class Search:
         self.measured = dataset
         self.found: list[tuple[Blemish, Found]] = []
         self.dropped: list[Dropped] = []
-        self.deadline = monotonic() + criteria.time_limit
+        self.deadline = process_time() + criteria.processor_limit
         self.full = False
         self._take(dataset)
         noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
@@ -192,7 +192,7 @@ class Search:
     @property
     def late(self) -> bool:
         """Whether the time that a diagnosis has is used up."""
-        return monotonic() > self.deadline
+        return process_time() > self.deadline
 
     def finish(self, max_effects: int) -> None:
         """Searches to the end from what was begun."""
@@ -212,6 +212,9 @@ class Search:
             self.full = len(self.accepted) >= max_effects
             if self.full or not self._accept():
                 break
+            if any(a.of_record for a in self.accepted[:-1]):
+                # Filters and delays differ by little, which shows only beside what else is missing.
+                self._exchange(only_record=True)
             self._stage(self.accepted[-1].id)
             self._mask_clipped()
             self._clean()
@@ -385,11 +388,13 @@ class Search:
                 self.accepted.remove(entry)
                 self._settle(fitted)
 
-    def _exchange(self) -> None:
+    def _exchange(self, *, only_record: bool = False) -> None:
         """With all in: could another effect stand in the place of each? One that fits better takes it, one that fits as
         well is its ``either``."""
         for place, entry in enumerate(self.accepted):
             if any(a.candidate.partner and a.candidate.partner.effect.id == entry.id for a in self.accepted):
+                continue
+            if only_record and not entry.of_record:
                 continue
             if self.late:
                 break

@@ -1,4 +1,4 @@
-"""Whether data that a fit did not see improve with an effect: cross-validation over runs, or over pieces of the only one.
+"""Whether data that a fit did not see improve with an effect: cross-validation over runs, or pieces of one.
 
 At the final fit the model is linear in what a part of the data can move. So the parameters are solved for from the
 blocks of all other runs, with the effect and without it, and the blocks left out are predicted with both (M. Stone,

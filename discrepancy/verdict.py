@@ -1,7 +1,8 @@
-"""What a finished search may claim: what is left beside noise, which names held-out runs doubt, how probable each is."""
+"""What a finished search may claim: what is left beside noise, which names are in doubt, how probable each is."""
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -20,10 +21,12 @@ ROUNDS: Final = 8
 
 class Remainder(NamedTuple):
     """What the final model leaves of the held-out runs: share of the refit's residual power, noise taken off; ratio of
-    the final misfit to that of the noise; significant: whether anything is left."""
+    the final misfit to that of the noise; above: whether that is more than noise; significant: whether it is also
+    enough to say that something is left."""
 
     share: float
     ratio: float
+    above: bool
     significant: bool
 
 
@@ -71,20 +74,19 @@ def remainder(
     memory = _memory(search, without)
     noise, final, refit = floor * (1 + memory) ** 0.5, gaps["final"], gaps["refit"]
     if not np.isfinite(final):
-        return Remainder(1.0, float("inf"), True)
+        return Remainder(1.0, float("inf"), True, True)
     share = float(np.clip((final**2 - noise**2) / max(refit**2, 1e-300), 0.0, 1.0))
     ratio = final / max(noise, 1e-300)
     limit = limits.open_coloured if memory > 0 else limits.open_white
     significant = (ratio > limit and share > limits.left) or search.fitter is not search.whole
-    return Remainder(share, float(ratio), bool(significant))
+    return Remainder(share, float(ratio), ratio > limit, bool(significant))
 
 
 def worse_without(search: "Search", stages: tuple[Stage, ...], gaps: Mapping[str, Any]) -> dict[str, str]:
     """Of the effects named, those that make held-out runs worse, and by how much; each is refitted without."""
     limit, worse = search.criteria.worse, {}
     final = gaps["final"]
-    steps = {after.name: after.misfit[""] > limit * before.misfit[""]
-             for before, after in zip(stages, stages[1:], strict=False)}  # fmt: skip
+    steps = {b.name: b.misfit[""] > limit * a.misfit[""] for a, b in pairwise(stages)}
     for entry in search.accepted:
         if entry.of_record or not (steps.get(entry.id) or final > limit * gaps["refit"]):
             continue
@@ -94,9 +96,8 @@ def worse_without(search: "Search", stages: tuple[Stage, ...], gaps: Mapping[str
         residuals = {run.name: start_fitted(search.simulator, run, less) for run in runs}
         beside = misfits(runs, residuals)[""]
         if not final <= limit * beside:
-            worse[entry.id] = (
-                f"{entry.id} makes the held-out runs worse: misfit {beside:.3g} without it, {final:.3g} with"
-            )
+            both = f"misfit {beside:.3g} without it, {final:.3g} with it"
+            worse[entry.id] = f"{entry.id} makes the held-out runs worse: {both}"
     return worse
 
 

@@ -10,6 +10,7 @@ from rich.text import Text
 from discrepancy.answer import Diagnosis
 from gyrotwin.numbers import significant, uncertain
 
+PARTLY: Final = "partly explained"
 MOST_RUNS: Final = 4
 """Held-out runs that get a column of their own."""
 
@@ -19,6 +20,7 @@ def results(report: Mapping[str, Any], found: Diagnosis) -> RenderableType:
     parts: list[RenderableType] = [Text(verdict(report), style="bold")]
     if report["effects"]:
         parts.append(_effects(report["effects"]))
+    parts += [Text(f"the record: {_defect(defect)}") for defect in report["record"]]
     parts += [Text("Misfit on held-out runs, rms(v - v_sim)/rms(v)", style="italic"), _misfit(report, found)]
     parts += [Text(f"next: {e['next_experiment']}") for e in report["effects"] if e.get("next_experiment")]
     parts += [Text(f"doubt: {doubt}", style="yellow") for doubt in found.doubts]
@@ -34,9 +36,12 @@ def verdict(report: Mapping[str, Any]) -> str:
         listed = ids[0] if len(ids) == 1 else f"{', '.join(ids[:-1])} and {ids[-1]}"
         before = significant(report["misfit"]["refit"])
         them = "it" if len(ids) == 1 else "them"
+        goes = "falls" if gap <= report["misfit"]["refit"] else "rises"
+        rest = f" {report['left']:.1%} of the residual's power is left." if report["verdict"] == PARTLY else ""
+        part = "In part, the" if report["verdict"] == PARTLY else "The"
         return (
-            f"The model lacks {listed}: with {them} the misfit on held-out runs falls from {before} to "
-            f"{significant(gap)}{ratio}."
+            f"{part} model lacks {listed}: with {them} the misfit on held-out runs {goes} from {before} to "
+            f"{significant(gap)}{ratio}.{rest}"
         )
     if report["verdict"] == "unexplained":
         return f"Unexplained: a misfit of {significant(gap)}{ratio} stays on held-out runs, and no effect explains it."
@@ -44,15 +49,22 @@ def verdict(report: Mapping[str, Any]) -> str:
         f"{significant(gap)}{ratio}."  # fmt: skip
 
 
+def _defect(defect: Mapping[str, Any]) -> str:
+    values = ", ".join(f"{name} = {_value(p)} {p['unit']}" for name, p in defect["parameters"].items())
+    instead = f" (or {', '.join(defect['either'])})" if defect["either"] else ""
+    return f"{defect['id']}{instead}, {values}, fitted and taken out"
+
+
 def _effects(effects: Sequence[Mapping[str, Any]]) -> Table:
     table = Table(title="Missing effects (± 95 %)", title_justify="left")
-    for heading in ("effect", "parameter", "value", "unit", "or instead"):
-        table.add_column(heading, justify="right" if heading == "value" else "left", overflow="fold")
+    for heading in ("effect", "parameter", "value", "unit", "or instead", "probability"):
+        right = heading in ("value", "probability")
+        table.add_column(heading, justify="right" if right else "left", overflow="fold")
     for effect in effects:
-        shown = effect["id"], ", ".join(effect["either"]) or "–"
+        shown = effect["id"], ", ".join(effect["either"]) or "–", f"{effect['probability']:.2f}"
         for name, p in effect["parameters"].items():
-            table.add_row(shown[0], name, _value(p), p["unit"], shown[1])
-            shown = "", ""
+            table.add_row(shown[0], name, _value(p), p["unit"], *shown[1:])
+            shown = "", "", ""
     return table
 
 

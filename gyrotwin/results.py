@@ -300,7 +300,7 @@ class DiagnosisResult(Saved):
 
     @property
     def verdict(self) -> str:
-        """One of: missing effects, nothing missing, unexplained."""
+        """One of: missing effects, nothing missing, partly explained, unexplained."""
         return str(self.report["verdict"])
 
     @property

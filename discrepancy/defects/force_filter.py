@@ -4,25 +4,35 @@ A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 2010, section 4
 """
 
 from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
-from scipy.signal import cont2discrete, lfilter, lfilter_zi
+from scipy.linalg import expm
+from scipy.signal import lfilter, lfilter_zi, ss2tf
 
 from discrepancy.defect import Distortion
 from discrepancy.record import Floats
 from gyro_model.quantities import size
+
+SETTLED: Final = 30.0
+"""Time constants in a step after which the filter has settled to 1e-9."""
 
 TIME = size("force_filter", "s", "1/(2 pi f_c) of the force's low-pass filter", low=0.0, high=1e-3)
 
 
 def force(u: Floats, step: float, p: Mapping[str, float]) -> Floats:
     """The mean of the filtered force over each step."""
-    tau = p["force_filter"]
-    b, a, _ = cont2discrete(([1.0], [tau**2, 2**0.5 * tau, 1.0]), step, "zoh")
+    turns = step / p["force_filter"]
+    if turns > SETTLED:
+        # What a step of u lacks until the filter has settled is sqrt(2) tau of it.
+        return np.asarray(u - np.vstack((np.zeros_like(u[:1]), np.diff(u, axis=0))) * 2**0.5 / turns)
+    # States F, F', the integral of F, and u, in units of tau.
+    rate = np.array([[0.0, 1, 0, 0], [-1, -(2**0.5), 0, 1], [1, 0, 0, 0], [0, 0, 0, 0]])
+    moved = expm(rate * turns)
+    b, a = ss2tf(moved[:2, :2], moved[:2, 3:], moved[2:3, :2] / turns, moved[2:3, 3:] / turns)
     b = b.ravel()
     start = lfilter_zi(b, a)
-    held = np.column_stack([lfilter(b, a, column, zi=start * column[0])[0] for column in u.T])
-    return np.asarray(0.5 * (held + np.vstack((held[1:], held[-1:]))))
+    return np.column_stack([lfilter(b, a, column, zi=start * column[0])[0] for column in u.T])
 
 
 DEFECT = Distortion(

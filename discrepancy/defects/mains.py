@@ -26,6 +26,10 @@ DRIVE: Final = 0.2
 AROUND: Final = 12
 """Bins to each side that say how strong the residual is beside a line."""
 
+ALONE: Final = 6.0
+"""Times the power of the bins on both sides, three to five off, that a line must have: a Hann window leaves nothing
+there, while a residual that rises or falls, or is modulated, has as much."""
+
 AMPLITUDE = size("mains", "V", "amplitude of the strongest line")
 
 
@@ -57,7 +61,8 @@ def find(records: Sequence[Record], residuals: Sequence[Floats], criteria: Crite
         size_now = float(np.hypot(lines[:, ::2], lines[:, 1::2]).max())
         if size_now > strongest:
             strongest = size_now
-            deviation = float(np.std(residual)) * float(np.sqrt(2 / len(residual)))
+            rest = residual - (record.v - without(record, own).v)
+            deviation = float(np.std(rest)) * float(np.sqrt(2 / len(residual)))
     return Found(data, {"mains": Level(strongest, strongest - 1.96 * deviation, strongest + 1.96 * deviation)})
 
 
@@ -105,9 +110,11 @@ def _gains(records: Sequence[Record], residuals: Sequence[Floats], f0: float) ->
             k = round(n * f0 / spacing)
             around = [i for i in range(max(k - AROUND, 1), k + AROUND + 1) if abs(i - k) > 2 and i < len(power)]
             if len(around) >= AROUND // 2:
+                beside = [i for i in (*range(k - 5, k - 2), *range(k + 3, k + 6)) if 0 < i < len(power)]
+                alone = power[k] > ALONE * power[beside].max(axis=0)
                 # The median of an exponential distribution is ln 2 of its mean, which is two degrees.
                 level = np.median(power[around], axis=0) / np.log(2)
-                gains[n - 1] += float(np.sum(2 * power[k] / np.maximum(level, 1e-300)))
+                gains[n - 1] += float(np.sum(alone * 2 * power[k] / np.maximum(level, 1e-300)))
     return gains.tolist()
 
 

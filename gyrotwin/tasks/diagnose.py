@@ -41,6 +41,7 @@ class Request(NamedTuple):
     max_effects: int = MOST_EFFECTS
     jobs: int | None = None
     seed: int = 0
+    criteria: Path | None = None
 
 
 def diagnose(
@@ -56,11 +57,14 @@ def diagnose(
     max_effects: Annotated[int, typer.Option(help="Name at most so many effects.")] = MOST_EFFECTS,
     jobs: Annotated[int | None, typer.Option(help="Simulations at a time; default one a core.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of whatever the search draws.")] = 0,
+    criteria: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="TOML with thresholds; report.json lists all of them.")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write even into a folder that holds other files.")] = False,
 ) -> None:
     """Find what a model lacks to explain measured data, and write the improved model."""
     folder = out or Path("results") / _name(dataset)
-    request = Request(dataset, folder, device, tuple(effects or ()), max_effects, jobs, seed)
+    request = Request(dataset, folder, device, tuple(effects or ()), max_effects, jobs, seed, criteria)
     execute(request, console, force=force)
 
 
@@ -101,6 +105,7 @@ def find(
 ) -> DiagnosisResult:
     """Diagnoses ``data`` as ``request`` asks; nothing is written but ``checkpoint``."""
     from discrepancy import naming
+    from discrepancy.criteria import Criteria, load_criteria
     from discrepancy.unnamed import TermSearch
 
     with tempfile.TemporaryDirectory(prefix="gyrotwin-") as folder:
@@ -114,6 +119,7 @@ def find(
             progress=progress,
             checkpoint=checkpoint,
             further=TermSearch(terms, progress),
+            criteria=load_criteria(request.criteria) if request.criteria else Criteria(),
         )
         given = [path for folder in (*request.effects, terms) for path in sorted(folder.glob("*.py"))]
         texts = {f"effects/{path.name}": path.read_bytes() for path in given}

@@ -119,11 +119,15 @@ def test_the_files_and_nothing_else(answer: SimpleNamespace) -> None:
 
 def test_report_json_has_the_keys_of_the_contract(answer: SimpleNamespace) -> None:
     report = json.loads((answer.out / "report.json").read_text(), parse_constant=pytest.fail)
-    assert set(report) == {"verdict", "effects", "immaterial", "noise", "misfit", "located", "detectable"}
+    assert set(report) == {"verdict", "doubts", "left", "record", "effects", "immaterial", "noise", "misfit", "located",
+                           "detectable", "criteria"}  # fmt: skip
+    assert report["left"] < report["criteria"]["left"]
+    assert report["record"] == []
     assert report["verdict"] == "missing effects"
     [effect] = report["effects"]
     assert effect["id"] == "cubic_stiffness"
-    assert set(effect) <= {"id", "either", "parameters", "force_x", "force_y", "next_experiment"}
+    assert set(effect) <= {"id", "either", "probability", "parameters", "force_x", "force_y", "next_experiment"}
+    assert 0.9 < effect["probability"] < 1
     assert set(effect["parameters"]["k3_x"]) == {"value", "low", "high", "unit"}
     assert effect["parameters"]["k3_x"]["unit"] == "N/m3"
     four = {"nominal", "refit", "final", "noise_floor"}
