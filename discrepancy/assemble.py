@@ -112,14 +112,18 @@ def _finding(search: "Search", entry: "Accepted", device: Mapping[str, Value], n
     effect = entry.candidate.effect
     values = {q.name: device[q.name] for q in effect.parameters if q.name in device}
     experiment = _experiment(search, entry, noise)
-    return Finding(effect.id, tuple(entry.rivals), values, forces(effect), entry.share, experiment)
+    either = tuple(name for name in entry.rivals if not _of_record(search, name))
+    return Finding(effect.id, either, values, forces(effect), entry.share, experiment)
+
+
+def _of_record(search: "Search", name: str) -> bool:
+    """Whether an id is that of a defect of the record."""
+    return isinstance(effect_of(search.simulator.model, name), Defect)
 
 
 def _experiment(search: "Search", entry: "Accepted", noise: Noise | None) -> str:
     """What would tell an effect from its rivals."""
-    rivals = {
-        name: p for name, p in entry.rivals.items() if not isinstance(effect_of(search.simulator.model, name), Defect)
-    }
+    rivals = {name: p for name, p in entry.rivals.items() if not _of_record(search, name)}
     if not rivals:
         return ""
     if search.late:
@@ -230,6 +234,10 @@ def _slight(candidate: Candidate, result: Score) -> Finding:
 def _doubts(search: "Search", rest: "Remainder") -> tuple[str, ...]:
     """What is wrong with the fit itself, and what it leaves open."""
     found = []
+    for entry in search.accepted:
+        instead = [name for name in entry.rivals if _of_record(search, name)]
+        if instead and not entry.of_record:
+            found.append(f"{entry.id} may also be the record's: {', '.join(instead)} fits as well in its place")
     if rest.above or rest.significant:
         found.append(
             f"{rest.share:.2g} of the refit's residual power is left: {rest.ratio:.3g} times the noise on held-out runs"

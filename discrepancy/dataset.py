@@ -8,6 +8,7 @@ from typing import Any, Final, NamedTuple, get_args
 
 import numpy as np
 
+from discrepancy.linear_start import linear_start
 from discrepancy.record import Floats, Hold, Record, Role, make_record
 from discrepancy.table import SUFFIXES, read_columns
 from gyro_model.device import check_passive
@@ -117,7 +118,9 @@ def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float],
     read = [_read_run(folder, entry) for entry in entries]
     records = tuple(record for record, _ in read)
     axes = records[0].axes if records else 2
-    complete, more = _completed(device | nominal, axes)
+    believed, found = _believed(device | nominal, records)
+    complete, more = _completed(believed, axes)
+    more = [*found, *more]
     return Dataset(folder, complete, records, (*notes, *more, *(note for _, note in read if note)), model)
 
 
@@ -185,6 +188,19 @@ def _taken(columns: dict[str, Floats], kind: str) -> Floats:
     """The columns t, or u_x and u_y, or v_x and v_y, taken out, shape (n, 1 or 2)."""
     names = [name for name in (kind, f"{kind}_x", f"{kind}_y") if name in columns]
     return np.stack([columns.pop(name) for name in names], axis=1)
+
+
+def _believed(nominal: dict[str, float], records: tuple[Record, ...]) -> tuple[dict[str, float], list[str]]:
+    """The nominal values; where none is given, those of the record's own response, and a note that says so."""
+    fit = [record for record in records if record.role == "fit"]
+    if not fit or any(name in nominal for name in NEEDED[fit[0].axes]):
+        return nominal, []
+    found = linear_start(fit)
+    if found is None:
+        return nominal, []
+    gauges = "the gain of the sensors is taken as 1 V/m" + ("" if fit[0].u.any() else ", the mass as 1 kg")
+    values = ", ".join(f"{name} = {found[name]:.4g}" for name in ("m", "kxx", "kyy", "dxx", "dyy") if name in found)
+    return found | nominal, [f"[nominal] is empty: from the record's own response {values} (SI); {gauges}"]
 
 
 def _completed(nominal: dict[str, float], axes: int) -> tuple[dict[str, float], list[str]]:

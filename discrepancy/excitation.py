@@ -24,7 +24,10 @@ def cramer_rao_bounds(records: tuple[Record, ...], nominal: Mapping[str, float])
     """Relative bound (one standard deviation over ``parameter_scale``) of each nominal parameter from ``records``
     together; inf where they say nothing."""
     axes = records[0].axes
-    names = PARAMETERS[axes]
+    names: tuple[str, ...] = PARAMETERS[axes]
+    if not any(record.u.any() for record in records):
+        # Without a force no sample knows the mass: it is held.
+        names = names[1:]
     point = working_point(records, nominal)
     scale = np.array([parameter_scale(nominal, name) for name in names])
     information = sum((_information(record, point, names, scale) for record in records), np.zeros((len(names),) * 2))

@@ -13,10 +13,11 @@ import numpy as np
 import polars as pl
 
 from discrepancy.dataset import FILE, FORMAT
-from discrepancy.record import MINIMUM_SAMPLES, Floats, measured_rate
-from discrepancy.table import COLUMNS, SUFFIXES, numbers, read_table
+from discrepancy.record import MINIMUM_SAMPLES, MOST_MISSING, Floats, measured_rate
+from discrepancy.table import COLUMNS, numbers, read_table
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
+from gyro_model.tables import SUFFIXES as LAB_SUFFIXES
 from gyro_model.units import MEASURED
 
 SI: Final = {"t": "s", "u_x": "N", "u_y": "N", "v_x": "V", "v_y": "V", "omega_z": "rad/s", "temperature": "K",
@@ -36,6 +37,10 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Headings, without unit and case, that are taken for a column; V1 in and V2 out as in the Silverbox record."""
 
+LONGEST_HOLE: Final = 20
+"""Rows missing at once that are masked; a longer hole, over which the force is not known, cuts the run."""
+FRAGMENT: Final = 0.05
+"""Share of the longest run below which what a hole leaves is no run of its own, and of all rows to be held out."""
 HELD_OUT: Final = 0.2
 """Share of a single run that is cut off its end and held out."""
 
@@ -75,17 +80,11 @@ class Piece(NamedTuple):
 
 
 def read_lab_table(path: Path) -> pl.DataFrame:
-    """A lab's table: comma, semicolon or tab between cells; columns without heading and without content are left out.
-    Raises InputError where it can't be read."""
-    if not path.name.lower().endswith(SUFFIXES):
-        raise InputError(f"{path}: can't tell its kind; give a table that ends in {', '.join(SUFFIXES)}")
-    try:
-        table = read_table(path)
-        for separator in ";\t":
-            if table.width == 1 and separator in table.columns[0]:
-                table = read_table(path, separator=separator)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    """A lab's table in any dialect; columns without heading and without content are left out. Raises InputError where
+    it can't be read."""
+    if not path.name.lower().endswith(LAB_SUFFIXES):
+        raise InputError(f"{path}: can't tell its kind; give a table that ends in {', '.join(LAB_SUFFIXES)}")
+    table = read_table(path)
     return table.select([name for name in table.columns if table[name].null_count() < len(table)])
 
 
@@ -160,6 +159,9 @@ def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
         + (f" + {source.offset:g}" if source.offset else "") + f" [{SI[column]}]"
         for column, source in sources.items()
     ]  # fmt: skip
+    unused = [name for name in table.columns if name not in {source.heading for source in sources.values()}]
+    if unused:
+        said.append(f"not used: {', '.join(map(repr, unused))}; --map COLUMN=HEADING takes one in")
     columns = {column: source.factor * _numbers(table, source.heading, path) + source.offset
                for column, source in sources.items()}  # fmt: skip
     if "t" not in columns:
@@ -176,8 +178,12 @@ def _numbers(table: pl.DataFrame, heading: str, path: Path) -> Floats:
 
 def _cut(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[list[Piece], list[str]]:
     """The runs between holes of t and rows that hold no number; those too short are left out, and it is said."""
+    columns, said = _filled(path, columns, said)
     t = columns["t"]
-    whole = np.all([np.isfinite(values) for values in columns.values()], axis=0)
+    # A sample of v that is missing is masked later; anything else that is missing ends a run.
+    needed = [values for column, values in columns.items() if not column.startswith("v_") or column == "v_bias"]
+    whole = np.all([np.isfinite(values) for values in needed], axis=0)
+    whole &= ~_long_gaps(columns)
     rows = np.flatnonzero(whole)
     if len(rows) < MINIMUM_SAMPLES:
         raise InputError(f"{path}: {len(rows)} rows hold numbers in every column; a run needs {MINIMUM_SAMPLES}")
@@ -187,11 +193,13 @@ def _cut(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[li
             f"{path}: time does not increase after {t[rows][int(np.argmax(step <= 0))]:.9g} s: sort the rows"
         )
     borders = np.flatnonzero(step > 1.5 * np.median(step)) + 1
-    parts = [part for part in np.split(rows, borders) if len(part) >= MINIMUM_SAMPLES]
+    parts = np.split(rows, borders)
+    least = max(MINIMUM_SAMPLES, FRAGMENT * max(map(len, parts)))
+    parts = [part for part in parts if len(part) >= least]
     if not parts:
         raise InputError(f"{path}: holes leave no stretch of {MINIMUM_SAMPLES} rows")
     stem = path.name
-    for suffix in sorted(SUFFIXES, key=len, reverse=True):
+    for suffix in sorted(LAB_SUFFIXES, key=len, reverse=True):
         stem = stem.removesuffix(suffix)
     names = [f"{stem}.parquet"] if len(parts) == 1 else [f"{stem}-{i}.parquet" for i in range(1, len(parts) + 1)]
     lost = len(t) - sum(map(len, parts))
@@ -200,6 +208,38 @@ def _cut(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[li
         said = [*said, f"{path.name}: {cut}{lost} of {len(t)} rows left out"]
     pieces = [Piece(n, path, {c: v[part] for c, v in columns.items()}) for n, part in zip(names, parts, strict=True)]
     return pieces, said
+
+
+def _filled(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[Mapping[str, Floats], list[str]]:
+    """The columns with rows put in where a few are missing from the time: v is missing there, the rest goes on."""
+    t = columns["t"]
+    step = np.diff(t)
+    if not (np.isfinite(t).all() and (step > 0).all() and len(t) > 2):
+        return columns, said
+    period = float(np.median(step))
+    counts = np.maximum(np.rint(step / period).astype(int) - 1, 0)
+    counts[counts > LONGEST_HOLE] = 0
+    if not 0 < counts.sum() <= MOST_MISSING * len(t):
+        return columns, said
+    place = np.repeat(np.arange(len(step)) + 1, counts)
+    filled = {column: np.insert(values, place, np.nan if column in ("v_x", "v_y") else values[place - 1])
+              for column, values in columns.items()}  # fmt: skip
+    known = np.insert(np.ones(len(t), np.bool_), place, False)
+    k = np.arange(len(known))
+    filled["t"] = np.interp(k, k[known], t)
+    return filled, [*said, f"{path.name}: {len(place)} missing rows are put in with v masked"]
+
+
+def _long_gaps(columns: Mapping[str, Floats]) -> np.ndarray:
+    """Rows in stretches without v that are too long to mask."""
+    gaps = ~np.all([np.isfinite(columns[c]) for c in ("v_x", "v_y") if c in columns], axis=0)
+    if gaps.mean() > MOST_MISSING:
+        return np.asarray(gaps)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], gaps.astype(int), [0]))))
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        if end - begin <= LONGEST_HOLE:
+            gaps[begin:end] = False
+    return np.asarray(gaps)
 
 
 def _held_out(pieces: list[Piece], request: Request) -> tuple[list[Piece], set[str], str]:
@@ -212,7 +252,11 @@ def _held_out(pieces: list[Piece], request: Request) -> tuple[list[Piece], set[s
             raise InputError(f"--held-out {request.held_out}: leaves no run to fit; give a further file")
         return pieces, chosen, f"held out: {', '.join(sorted(chosen))}"
     if len(pieces) > 1:
-        return pieces, {pieces[-1].name}, f"held out: {pieces[-1].name}, the last"
+        # The last that is long enough to judge by.
+        total = sum(len(piece.columns["t"]) for piece in pieces)
+        long = [piece for piece in pieces if len(piece.columns["t"]) >= FRAGMENT * total] or pieces
+        last = "the last" if long[-1] is pieces[-1] else "the last that is long enough"
+        return pieces, {long[-1].name}, f"held out: {long[-1].name}, {last}"
     [single] = pieces
     n = len(single.columns["t"])
     border = round((1 - HELD_OUT) * n)
@@ -247,9 +291,8 @@ def _write(folder: Path, pieces: list[Piece], text: str) -> None:
         raise InputError(f"--out {folder}: can't be written: {error.strerror}") from None
     try:
         for piece in pieces:
-            pl.DataFrame({c: piece.columns[c] for c in COLUMNS if c in piece.columns}).write_parquet(
-                beside / piece.name
-            )
+            table = pl.DataFrame({c: piece.columns[c] for c in COLUMNS if c in piece.columns})
+            table.fill_nan(None).write_parquet(beside / piece.name)
         (beside / FILE).write_text(text, encoding="utf-8")
         # dataset.toml last: where it stands, its tables do.
         for name in [*(piece.name for piece in pieces), FILE]:

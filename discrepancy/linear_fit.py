@@ -146,8 +146,12 @@ class LinearFit:
 
 def fit(form: WeakForm, nominal: Mapping[str, float]) -> LinearFit:
     """m, k, d within their room about nominal that explain the force best; k_xy, d_xy within the room of the mean."""
-    names = ("m", "kxx", "dxx") if len(form.force) == 1 else ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
-    columns, target = _equations(form, nominal, names)
+    one = len(form.force) == 1
+    names: tuple[str, ...] = ("m", "kxx", "dxx") if one else ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
+    columns, target = equations(form, nominal, names)
+    if not form.force.any():
+        # Nothing says how heavy it is: the mass is a gauge, and what it does stands for the force.
+        columns, target, names = columns[:, 1:], target - nominal["m"] * columns[:, 0], names[1:]
     scale = np.array([parameter_scale(nominal, name) for name in names])
     low, high = np.array([_room(name, nominal) for name in names]).T
     rows = _real(np.column_stack((columns * scale, target)))
@@ -177,7 +181,7 @@ def _room(name: str, nominal: Mapping[str, float]) -> tuple[float, float]:
     return 1 - STIFFNESS_ROOM, 1 + STIFFNESS_ROOM
 
 
-def _equations(form: WeakForm, nominal: Mapping[str, float], names: tuple[str, ...]) -> tuple[Complexes, Complexes]:
+def equations(form: WeakForm, nominal: Mapping[str, float], names: tuple[str, ...]) -> tuple[Complexes, Complexes]:
     """Columns (axes*rows, parameters) and target (axes*rows) of SYSTEM.md section 1, Coriolis at the nominal mass."""
     q, velocity, zero = form.q, form.velocity, np.zeros_like(form.q[0])
     if len(q) == 1:
@@ -222,7 +226,7 @@ def coriolis_gain(form: WeakForm, nominal: Mapping[str, float]) -> tuple[float, 
     if len(form.force) == 1 or not form.turning.any():
         return None
     names = ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
-    columns, target = _equations(form, nominal, names)
+    columns, target = equations(form, nominal, names)
     coriolis = nominal["m"] * np.concatenate((form.turning[1], -form.turning[0]))
     # Rates far too large must not hide in the target: the column stands alone.
     a, b = _real(np.column_stack((columns, -coriolis))), _real(target - coriolis)

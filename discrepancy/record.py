@@ -21,6 +21,9 @@ CONDITIONS: Final = ("omega_z", "temperature", "a_x", "a_y", "v_bias")
 MINIMUM_SAMPLES: Final = 100
 """The first 50 samples give the initial state (SYSTEM.md section 9); as many must be left to be scored."""
 
+MOST_MISSING: Final = 0.2
+"""Share of the samples of v that may be missing: beyond, windows between them get rare."""
+
 RATE_TOLERANCE: Final = 1e-3
 """Relative. A crystal is good to 1e-4 and a time column printed with a few digits to less over a whole record; 1e-3
 would already shift k/m by 2e-3."""
@@ -107,13 +110,19 @@ def make_record(
 ) -> Record:
     """A record from arrays: t (n,) [s], u [N] and v [V] (n,) or (n, axes), conditions (n,).
 
-    sample_rate: by default what t says. Clipped samples are found and masked. Raises InputError as ``Record`` does.
+    sample_rate: by default what t says. Clipped samples are found and masked, and so are those without a number in v,
+    up to MOST_MISSING of them. Raises InputError as ``Record`` does.
     """
     time = np.ascontiguousarray(t, dtype=np.float64)
     force, voltage = (_columns(values) for values in (u, v))
     given = {key: np.ascontiguousarray(values, dtype=np.float64) for key, values in (conditions or {}).items()}
     rate = measured_rate(time) if sample_rate is None and len(time) > 1 else sample_rate
-    valid = ~flat_tops(voltage).any(axis=1)
+    gaps: Bools = np.logical_not(np.isfinite(voltage).all(axis=1))
+    masked = 0 < gaps.sum() <= MOST_MISSING * len(gaps)
+    if masked:
+        k = np.arange(len(gaps))
+        voltage = np.column_stack([np.interp(k, k[~gaps], column[~gaps]) for column in voltage.T])
+    valid: Bools = np.logical_not(flat_tops(voltage).any(axis=1) | (gaps & masked))
     return Record(name, role, hold, rate, time, force, voltage, given, valid)  # type: ignore[arg-type]
 
 

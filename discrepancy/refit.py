@@ -94,7 +94,11 @@ class Fitter:
         if forms:
             joined = WeakForm(*(np.concatenate(arrays, axis=1) for arrays in zip(*map(_arrays, forms), strict=True)))
             parameters |= _damped(fit_weak_form(joined, nominal).values, nominal)
-        names = ("m", "kxx", "dxx") if self.axes == 1 else ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
+        one = self.axes == 1
+        names: tuple[str, ...] = ("m", "kxx", "dxx") if one else ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
+        if not any(r.u.any() for r in self.records):
+            # A free decay is the same for every mass: it is held, as the gauge of all forces.
+            names = names[1:]
         free = (*(_nominal(name, parameters) for name in names), *more)
         return self.whitened(self.evaluated(Fitted(parameters, self.at_rest, free, self.plain(parameters), ())))
 

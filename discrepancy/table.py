@@ -1,6 +1,5 @@
 """The table of one run: .csv, .csv.gz or .parquet with columns t, u_x, u_y, v_x, v_y and conditions."""
 
-import zlib
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Final
@@ -10,6 +9,7 @@ import polars as pl
 
 from discrepancy.record import CONDITIONS, Floats
 from gyro_model.errors import InputError, nearest
+from gyro_model.tables import read_table as read_any
 
 SUFFIXES: Final = (".csv", ".csv.gz", ".parquet")
 ONE_AXIS: Final = ("t", "u_x", "v_x")
@@ -31,19 +31,11 @@ def read_columns(path: Path) -> tuple[dict[str, Floats], tuple[str, ...]]:
     return {name: numbers(table, name) for name in known}, tuple(n for n in table.columns if n not in COLUMNS)
 
 
-def read_table(path: Path, *, skip_rows: int = 0, separator: str = ",") -> pl.DataFrame:
-    """The table in a file with a header line. Raises InputError where it can't be read."""
+def read_table(path: Path) -> pl.DataFrame:
+    """The table in a file, in whatever dialect. Raises InputError where it can't be read."""
     if not path.is_file():
         raise InputError(f"file {path} does not exist: check the path")
-    try:
-        if path.suffix.lower() == ".parquet":
-            return pl.read_parquet(path)
-        # One guess at the type of a column from all its rows: a first row of integers must not decide.
-        return pl.read_csv(path, infer_schema_length=None, skip_rows=skip_rows, separator=separator)
-    except pl.exceptions.NoDataError:
-        raise InputError("the table is empty: it needs a header line and rows") from None
-    except (OSError, EOFError, zlib.error, pl.exceptions.PolarsError) as error:
-        raise InputError(f"no table with a header line: {str(error).strip().splitlines()[0]}") from None
+    return read_any(path).frame
 
 
 def numbers(table: pl.DataFrame, name: str) -> Floats:

@@ -17,6 +17,8 @@ from gyro_model.quantities import size
 
 FAR: Final = 9.0
 """Robust deviations from the neighbours: one in 1e18 by chance, and far beyond what noise of growing size gives."""
+ALONE, REACH = 3.0, 6
+"""Times as far off as any of so many samples on both sides, but for the next."""
 MOST: Final = 0.02
 """Share of a run above which they are no outliers."""
 MEDIAN: Final = 0.6745
@@ -49,10 +51,13 @@ def _far(record: Record, residual: Floats) -> Data:
     if not (deviation > 0).all():
         return ()
     far = np.abs(off) / deviation
-    # The neighbours of an outlier are half as far off: it is the farthest of three.
-    crest = (far[1:-1] >= far[:-2]) & (far[1:-1] >= far[2:]) & (far[1:-1] > FAR)
-    alone = np.abs(residual[1:-1]) > 0.5 * np.abs(off[1:-1])
-    found = np.flatnonzero((crest & alone).any(axis=1) & record.valid[1:-1]) + 1
+    # The neighbours of an outlier are half as far off; what is missing from a model shows in stretches.
+    around = np.zeros_like(far)
+    for side in (*range(-REACH, -1), *range(2, REACH + 1)):
+        around = np.maximum(around, np.roll(far, side, axis=0))
+    beside = np.maximum(np.roll(far, 1, axis=0), np.roll(far, -1, axis=0))
+    alone = (far > FAR) & (far >= beside) & (far > ALONE * np.maximum(around, 1.0))
+    found = np.flatnonzero(alone.any(axis=1) & record.valid)
     return tuple(float(k) for k in found)
 
 

@@ -1,28 +1,25 @@
 """From a file to a table: which kind of file it is, and in which dialect its text is written."""
 
 import gzip
+import re
 import zlib
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import polars as pl
 
 from gyro_model.errors import InputError
+from gyro_model.tables.dialect import Dialect, decoded, dialect_of
+from gyro_model.tables.formats import READERS, frame_of
 from gyro_model.tables.table import Table
 
-SUFFIXES: Final = (".csv", ".csv.gz", ".parquet")
+TEXT: Final = (".csv", ".csv.gz", ".txt", ".tsv", ".dat", ".asc")
+SUFFIXES: Final = (*TEXT, ".parquet", *READERS)
 """What a table's name ends in. Text under another name is read as .csv."""
 
 
-class Dialect(NamedTuple):
-    """How a text table is written. separator: between cells; skip: lines above the header line."""
-
-    separator: str = ","
-    skip: int = 0
-
-
 def read_table(path: Path) -> Table:
-    """The table in a .csv, .csv.gz or .parquet file; text has a header line.
+    """The table in a file: text in any dialect, .parquet, .npy, .npz, .mat, and with further packages HDF5 and TDMS.
 
     Raises InputError where there is no such file, it can't be read, or it holds no table.
     """
@@ -34,8 +31,12 @@ def read_table(path: Path) -> Table:
         raise InputError(f"table {path} does not exist: check the path") from None
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"table {path} can't be read: {error}") from None
+    suffix = path.suffix.lower()
     try:
-        frame = pl.read_parquet(content) if path.suffix.lower() == ".parquet" else _parsed(content)
+        if suffix in READERS:
+            frame = frame_of(path, content)
+        else:
+            frame = pl.read_parquet(content) if suffix == ".parquet" else parsed(content)
     except (pl.exceptions.PolarsError, UnicodeDecodeError) as error:
         reason = str(error).strip().splitlines()[0]
         raise InputError(f"table {path} is no table with a header line: {reason}") from None
@@ -44,12 +45,32 @@ def read_table(path: Path) -> Table:
     return Table(str(path), frame)
 
 
-def _parsed(content: bytes) -> pl.DataFrame:
-    dialect = _dialect(content)
+def parsed(content: bytes) -> pl.DataFrame:
+    """The table in the bytes of a text file."""
+    text = decoded(content)
+    dialect = dialect_of(text)
     # The type of a column is guessed from all its rows: a first row of integers must not decide.
-    return pl.read_csv(content, infer_schema_length=None, separator=dialect.separator, skip_rows=dialect.skip)
+    if dialect.plain:
+        return pl.read_csv(text.encode(), infer_schema_length=None)
+    return _unusual(text, dialect)
 
 
-def _dialect(content: bytes) -> Dialect:
-    """The one place that decides how a text table is written; so far all are comma-separated."""
-    return Dialect()
+def _unusual(text: str, dialect: Dialect) -> pl.DataFrame:
+    lines = text.splitlines()[dialect.first :]
+    if dialect.separator == " ":
+        lines = [re.sub(r"\s+", "\t", line.strip()) for line in lines]
+    separator = "\t" if dialect.separator == " " else dialect.separator
+    body = "\n".join(line for line in lines if line.strip())
+    frame = pl.read_csv(body.encode(), infer_schema_length=None, separator=separator, has_header=False,
+                        decimal_comma=dialect.decimal == ",")  # fmt: skip
+    # Blanks around a cell make text of it.
+    frame = frame.with_columns(pl.col(pl.String).str.strip_chars())
+    numbers = [name for name in frame.columns if frame[name].dtype == pl.String and _all_numbers(frame[name])]
+    frame = frame.with_columns(pl.col(numbers).cast(pl.Float64, strict=False))
+    names = dialect.headings or tuple(f"column {k}" for k in range(1, frame.width + 1))
+    unique = [name or f"column {k}" for k, name in enumerate(names, 1)]
+    return frame.rename(dict(zip(frame.columns, unique, strict=True)))
+
+
+def _all_numbers(column: pl.Series) -> bool:
+    return bool((column.cast(pl.Float64, strict=False).is_not_null() | column.is_null() | (column == "")).all())

@@ -77,8 +77,63 @@ def test_a_hole_and_empty_rows_cut_a_table(tmp_path: Path) -> None:
         "reference",
     )
     data = load_dataset(tmp_path / "set")
-    assert [len(record.t) for record in data.records] == [400, 300, 299]
-    assert [record.role for record in data.records] == ["fit", "fit", "held-out"]
+    # One sample of v that is missing is masked; what u did over a long hole is not known.
+    assert [len(record.t) for record in data.records] == [400, 600]
+    assert [record.role for record in data.records] == ["fit", "held-out"]
+    assert np.flatnonzero(~data.records[1].valid).tolist() == [300]
+
+
+def test_a_few_missing_rows_are_masked_and_one_run_stays(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    lost = np.sort(rng.choice(np.arange(1, N - 1), 12, replace=False))
+    kept = np.setdiff1d(np.arange(N), lost)
+    file = tmp_path / "one.csv"
+    pl.DataFrame({k: np.asarray(v)[kept] for k, v in LAB.items()}).write_csv(file)
+    init(file, "--out", tmp_path / "set", "--nominal", "reference")
+    data = load_dataset(tmp_path / "set")
+    assert [len(record.t) for record in data.records] == [800, 200]
+    masked = np.concatenate([~record.valid for record in data.records])
+    assert np.flatnonzero(masked).tolist() == lost.tolist()
+    assert np.allclose(np.concatenate([record.t for record in data.records]), T, atol=1e-9)
+
+
+DIALECTS = {
+    "decimal comma": (";", True, "utf-8", "Versuch 7\nDatum: 22.11.2026\n\n"),
+    "tabs, UTF-16": ("\t", False, "utf-16", ""),
+    "white space": (" ", False, "utf-8", "# an instrument\n"),
+    "Latin": (",", False, "cp1252", "Gerät: 9\n"),
+}
+
+
+@pytest.mark.parametrize("case", DIALECTS)
+def test_text_as_labs_write_it(tmp_path: Path, case: str) -> None:
+    separator, comma, encoding, above = DIALECTS[case]
+    file = tmp_path / "one.txt"
+    rows = [["t", "u_x", "v_x"], *([f"{x:.9g}" for x in row] for row in zip(T, WAVE, 2 * WAVE, strict=True))]
+    lines = [separator.join(c.replace(".", ",") if comma else c for c in row) for row in rows]
+    file.write_bytes((above + "\n".join(lines) + "\n").encode(encoding))
+    init(file, "--out", tmp_path / "set", "--nominal", "reference")
+    record = load_dataset(tmp_path / "set").fit[0]
+    assert np.allclose(record.v[:, 0], 2 * WAVE[:800], atol=1e-8)
+
+
+def test_arrays_and_matlab_files(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    savemat(tmp_path / "one.mat", {"t": T, "u_x": WAVE, "v_x": 2 * WAVE, "note": "text"})
+    np.savez(tmp_path / "two.npz", t=T, u_x=WAVE, v_x=2 * WAVE)
+    np.save(tmp_path / "three.npy", np.column_stack((T, WAVE, 2 * WAVE)))
+    maps = ["--map", "t=column 1", "--map", "u_x=column 2", "--map", "v_x=column 3"]
+    for name, options in (("one.mat", []), ("two.npz", []), ("three.npy", maps)):
+        init(tmp_path / name, "--out", tmp_path / name.split(".")[0], "--nominal", "reference", *options)
+        record = load_dataset(tmp_path / name.split(".")[0]).fit[0]
+        assert record.v[:, 0].tolist() == (2 * WAVE[:800]).tolist()
+
+
+def test_objects_in_arrays_are_not_loaded(tmp_path: Path) -> None:
+    np.save(tmp_path / "one.npy", np.array([{"t": 1.0}, {"t": 2.0}]), allow_pickle=True)
+    with pytest.raises(InputError, match="can't be read"):
+        init(tmp_path / "one.npy", "--out", tmp_path / "set")
 
 
 def test_map_scale_held_out_and_hold(tmp_path: Path) -> None:
@@ -163,6 +218,6 @@ def test_wrong_input_is_one_line_and_writes_nothing(tmp_path: Path, case: str) -
 
 
 def test_a_missing_file_and_a_wrong_kind(tmp_path: Path) -> None:
-    for name, expected in (("none.csv", "does not exist"), ("data.mat", ".parquet")):
+    for name, expected in (("none.csv", "does not exist"), ("data.xyz", ".parquet")):
         with pytest.raises(InputError, match=expected):
             init(tmp_path / name, "--out", tmp_path / "set")
