@@ -18,6 +18,7 @@ from discrepancy.noise import Noise, converter_step, noise_of
 from discrepancy.noise import noises as all_noises
 from discrepancy.record import Floats
 from discrepancy.refit import SETTLED
+from discrepancy.repeats import repeated_noise
 from discrepancy.scan import best_of, sure
 from discrepancy.score import Score
 from discrepancy.verdict import Remainder, probability, remainder, sane, worse_without
@@ -172,12 +173,15 @@ def _misfit(search: "Search", stages: tuple[Stage, ...]) -> dict[str, Any]:
     runs, last = search.dataset.held_out, stages[-1]
     gaps = {"nominal": stages[0].misfit, "refit": stages[1].misfit, "final": last.misfit}
     table = {}
+    # A floor without a model goes before one from the residual's density.
+    general = repeated_noise(search.dataset.records)
     for name, own in {"": runs, **{run.name: (run,) for run in runs}}.items():
         noise = noise_of([last.residuals[run.name] for run in own], own, last.parameters)
+        level = repeated_noise(own) or general or (noise.rms if noise else None)
         rms = float(np.sqrt(np.mean(np.concatenate([run.v[run.valid].ravel() for run in own]) ** 2)))
         table[name] = {
             **{key: gap[name] for key, gap in gaps.items()},
-            "noise_floor": noise.rms / rms if noise else None,
+            "noise_floor": level / rms if level else None,
         }
     return {**table.pop(""), "runs": table}
 

@@ -10,6 +10,7 @@ import numpy as np
 from discrepancy.answer import Finding, Stage, Value
 from discrepancy.locate import noise_level
 from discrepancy.measures import misfits, start_fitted
+from discrepancy.repeats import repeated_noise
 from discrepancy.whitening import coloured_power
 
 if TYPE_CHECKING:
@@ -72,6 +73,9 @@ def remainder(
     parts = {"bandwidth": "thermal_force", "corner": "flicker_noise"}
     without = {part: 0.0 for part, name in parts.items() if name in absurd}
     memory = _memory(search, without)
+    if repeated_noise(search.dataset.records) is not None:
+        # What repetitions leave has the noises with a memory in it.
+        floor /= (1 + memory) ** 0.5
     noise, final, refit = floor * (1 + memory) ** 0.5, gaps["final"], gaps["refit"]
     if not np.isfinite(final):
         return Remainder(1.0, float("inf"), True, True)

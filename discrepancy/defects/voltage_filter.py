@@ -29,9 +29,9 @@ def voltage(v: Floats, timing: Timing, p: Mapping[str, float]) -> Floats:
     # Two sections of second order keep the numbers in range.
     result = v
     for section in np.array_split(butter(4, 1.0, analog=True, output="sos"), 2):
-        b, a = section[0, :3], section[0, 3:]
-        scale = turns ** -np.arange(2.0, -1, -1)
-        b, a, _ = cont2discrete((b * scale, a * scale), 1.0, "foh")
+        # The numerator is its last number alone.
+        a = section[0, 3:] * turns ** -np.arange(2.0, -1, -1)
+        b, a, _ = cont2discrete((section[0, 2:3], a), 1.0, "foh")
         b = b.ravel()
         start = lfilter_zi(b, a)
         result = np.column_stack([lfilter(b, a, column, zi=start * column[0])[0] for column in result.T])

@@ -1,0 +1,177 @@
+"""Defects of a record: the contract of every file, each against a closed form, and blemishes put in and taken out."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import butter, freqs
+
+from discrepancy.criteria import Criteria
+from discrepancy.defect import Blemish, Defect, Distortion, Timing, blemishes, defects, distortions
+from discrepancy.record import Floats, Record, make_record
+from gyro_model.model import load_model
+
+RATE, N, F = 2e5, 16_000, 3000.0
+T = np.arange(N) / RATE
+W = 2 * np.pi * F
+SINE = np.column_stack((np.sin(W * T), np.cos(W * T)))
+NOISE = 2e-5
+every = pytest.mark.parametrize("defect", defects(), ids=lambda d: d.id)
+
+
+@every
+def test_contract(defect: Defect) -> None:
+    model = {q.name for q in load_model().quantities}
+    assert isinstance(defect, Distortion | Blemish)
+    assert not {q.name for q in defect.parameters} & model
+    assert all(q.role == "size" and q.start == 0 for q in defect.parameters)
+    assert any(year in defect.source for year in map(str, range(1900, 2027)))
+
+
+def test_ids_are_distinct_from_effects() -> None:
+    ids = [d.id for d in defects()]
+    assert len(set(ids)) == len(ids)
+    assert not set(ids) & {e.id for e in load_model().effects}
+    assert len(distortions()) + len(blemishes()) == len(ids)
+
+
+def distortion(name: str) -> Distortion:
+    return next(d for d in distortions() if d.id == name)
+
+
+def answer(found: Floats, wanted: Floats) -> float:
+    """The largest error over what the distortion changes, edges aside."""
+    inner = slice(200, -200)
+    return float(np.abs(found - wanted)[inner].max() / np.abs(wanted - SINE)[inner].max())
+
+
+@pytest.mark.parametrize("skew", [2e-5, -1e-4])
+def test_clock_skew_reads_later(skew: float) -> None:
+    own = distortion("clock_skew")
+    assert own.voltage is not None and own.beyond is not None
+    p, timing = {"clock_skew": skew}, Timing(0, 1 / RATE)
+    t = np.arange(N + own.beyond(N, timing, p)) / RATE
+    v = np.column_stack((np.sin(W * t), np.cos(W * t)))
+    late = T * (1 + skew)
+    wanted = np.column_stack((np.sin(W * late), np.cos(W * late)))
+    # A cubic spline errs by (w T)^4/384 = 2e-7 of the sine, which changes by up to w s t = 0.03.
+    assert answer(own.voltage(v, timing, p)[:N], wanted) < 1e-4
+
+
+def test_channel_delay_moves_the_second_channel() -> None:
+    own = distortion("channel_delay")
+    assert own.voltage is not None
+    found = own.voltage(SINE, Timing(0, 1 / RATE), {"channel_delay": 3e-6})
+    assert np.array_equal(found[:, 0], SINE[:, 0])
+    inner = slice(200, -200)
+    # A cubic spline errs by (w T)^4/384 = 2e-7 of the sine.
+    assert np.abs(found[inner, 1] - np.cos(W * (T - 3e-6))[inner]).max() < 1e-6
+
+
+@pytest.mark.parametrize("tau", [1e-9, 1.6e-7, 1.8e-7, 1e-6, 6e-6])
+def test_voltage_filter_is_butterworth_of_fourth_order(tau: float) -> None:
+    own = distortion("voltage_filter")
+    assert own.voltage is not None
+    gain = freqs(*butter(4, 1 / tau, analog=True), [W])[1][0]
+    wanted = np.abs(gain) * np.column_stack((np.sin(W * T + np.angle(gain)), np.cos(W * T + np.angle(gain))))
+    # v runs straight between samples, which shrinks it by (w T)^2/12 = 7e-4, of a delay that is 4 % of that alone.
+    assert answer(own.voltage(SINE, Timing(0, 1 / RATE), {"voltage_filter": tau}), wanted) < 0.06
+
+
+@pytest.mark.parametrize("tau", [1e-9, 1.6e-7, 1.8e-7, 1e-6, 6e-6])
+def test_force_filter_holds_the_mean_of_butterworth_of_second_order(tau: float) -> None:
+    own = distortion("force_filter")
+    assert own.force is not None
+    # Steps so short that a held sine is one: images change the ratio by (w h)^2/12 = 1e-5 at most of what is there.
+    step = 1 / RATE / 10
+    t = np.arange(N) * step
+    turning = np.exp(1j * W * t)
+    found = own.force(np.column_stack((turning.real, turning.imag)), step, {"force_filter": tau})
+    inner = slice(2000, -2000)
+    ratio = np.mean((found[inner, 0] + 1j * found[inner, 1]) / turning[inner])
+    gain = freqs(*butter(2, 1 / tau, analog=True), [W])[1][0]
+    assert abs(ratio - gain) < 0.01 * abs(1 - gain) + 1e-5
+
+
+def test_force_saturation_cuts() -> None:
+    own = distortion("force_saturation")
+    assert own.force is not None
+    found = own.force(SINE, 1 / RATE, {"force_saturation": 2.0})
+    assert np.abs(found).max() == 0.5
+    assert np.array_equal(found[np.abs(SINE) < 0.5], SINE[np.abs(SINE) < 0.5])
+
+
+def records(changes: Sequence[Floats], smooth: float = 0.0) -> tuple[list[Record], list[Floats]]:
+    """Runs, and what a model that is right but for ``smooth`` leaves of them."""
+    rng = np.random.default_rng(3)
+    found, residuals = [], []
+    for number, change in enumerate(changes):
+        u = rng.standard_normal((N, 2))
+        residual = NOISE * rng.standard_normal((N, 2)) + smooth * SINE**3 + change
+        v = SINE + residual
+        found.append(make_record(f"run-{number}", T, u, v, sample_rate=RATE))
+        residuals.append(residual)
+    return found, residuals
+
+
+def blemish(name: str) -> Blemish:
+    return next(b for b in blemishes() if b.id == name)
+
+
+@pytest.mark.parametrize("name", [b.id for b in blemishes()])
+@pytest.mark.parametrize("smooth", [0.0, 1e-3, 0.1])
+def test_nothing_is_found_where_nothing_is(name: str, smooth: float) -> None:
+    runs, residuals = records([np.zeros((N, 2))] * 3, smooth)
+    assert blemish(name).find(runs, residuals, Criteria()) is None
+
+
+def test_mains_are_found_and_taken_out() -> None:
+    lines = [5 * NOISE * np.cos(2 * np.pi * 50.03 * T + phase)[:, None] * np.array([1.0, 0.5]) for phase in (0.3, 1.9)]
+    runs, residuals = records(lines)
+    found = blemish("mains").find(runs, residuals, Criteria())
+    assert found is not None
+    level = found.levels["mains"]
+    assert level.low < 5 * NOISE < level.high
+    for run, residual, line, data in zip(runs, residuals, lines, found.data, strict=True):
+        clean = blemish("mains").without(run, data)
+        # Two numbers a line from 16,000 samples: what is left of the line is a hundredth of the noise.
+        assert np.std(residual - line - (clean.v - SINE)) < 0.05 * NOISE
+
+
+def test_a_drive_on_the_lines_is_no_mains() -> None:
+    runs, residuals = records([5 * NOISE * np.cos(2 * np.pi * 50 * T)[:, None] * np.ones(2)] * 2)
+    tones = np.cos(2 * np.pi * 50 * T)[:, None] * np.ones(2)
+    driven = [replace(run, u=tones) for run in runs]
+    assert blemish("mains").find(driven, residuals, Criteria()) is None
+
+
+def test_outliers_are_masked() -> None:
+    rng = np.random.default_rng(5)
+    places = np.sort(rng.choice(np.arange(10, N - 10, 40), 12, replace=False))
+    change = np.zeros((N, 2))
+    change[places] = rng.choice([-1, 1], (12, 2)) * 50 * NOISE
+    runs, residuals = records([change])
+    found = blemish("outliers").find(runs, residuals, Criteria())
+    assert found is not None
+    assert list(found.data[0]) == places.tolist()
+    clean = blemish("outliers").without(runs[0], found.data[0])
+    assert np.flatnonzero(~clean.valid).tolist() == places.tolist()
+
+
+@pytest.mark.parametrize("lost", [1, 3, -2])
+def test_lost_and_doubled_samples_are_put_back(lost: int) -> None:
+    k = 6000
+    rows = np.concatenate((np.arange(k), np.arange(k, N) + lost))
+    rows = np.clip(rows, 0, N - 1)
+    runs, _ = records([np.zeros((N, 2))])
+    noise = runs[0].v - SINE
+    late = replace(runs[0], v=SINE[rows] + noise)
+    found = blemish("missing_samples").find([late], [late.v - SINE], Criteria())
+    assert found is not None
+    assert abs(found.data[0][0] - k) <= 3
+    assert found.data[0][1] == lost
+    clean = blemish("missing_samples").without(late, found.data[0])
+    off = np.abs(clean.v - SINE)[clean.valid]
+    assert off.max() < 6 * NOISE
+    assert clean.valid.sum() > N - 15
