@@ -316,7 +316,10 @@ class Search:
         rivals = self._close(worth)
         self.progress("refit with " + ", ".join(dict.fromkeys(c.effect.id for c, _ in rivals)))
         fits = [(self._refitted(c, s), c, s) for c, s in rivals]
-        best, chosen, result = min(fits, key=lambda entry: entry[0].cost + self._price(entry[1], entry[2].freedom))
+        prices = [at.cost + self._price(c, s.freedom) for at, c, s in fits]
+        # Where nothing tells two apart the electronics are more often at fault than a force on the mass.
+        tied = [fit for fit, price in zip(fits, prices, strict=True) if price < min(prices) + self.at.variance]
+        best, chosen, result = min(tied, key=lambda entry: isinstance(entry[1].effect, Force))
         gain = self.at.cost - best.cost
         needed = chi2.isf(self.criteria.effect_chance / chosen.trials, result.freedom)
         if not gain > needed * result.inflation * best.variance:
