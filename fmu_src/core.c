@@ -223,7 +223,8 @@ gyro_status gyro_take_values(gyro_instance *g)
     }
     changed |= tuned;
     if (changed && status == GYRO_OK) {
-        memcpy(clock->held, g->value, sizeof clock->held);
+        /* Parameters seldom change, inputs at most steps. */
+        memcpy(clock->held, g->value, (tuned ? GYRO_N_VARIABLES : GYRO_N_INPUTS) * sizeof *clock->held);
         clock->tuned = 0;
     }
     return status;

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{93e1da45-ce77-85eb-3fa3-518f00285c00}"
+#define GYRO_TOKEN "{3da3ff22-a39b-8055-1c81-00e84ed5db12}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

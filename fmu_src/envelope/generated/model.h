@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{ef67f1a5-b155-82c5-2ec7-3850bcc08354}"
+#define GYRO_TOKEN "{7664fbcc-c6d0-52ad-5cf6-f12545c9de26}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
