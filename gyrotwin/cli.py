@@ -44,6 +44,9 @@ COMMANDS: Final = {
         "gyrotwin.commands.sweep:sweep", "Run a task at many points: grids, lists, distributions; on Dask."
     ),
     "compare": _Entry("gyrotwin.commands.compare:compare", "Put devices, or finished runs, side by side."),
+    "effect": _Entry(
+        "gyrotwin.commands.effect:effect_app", "Parts of your own: effects, observers, controllers, scenarios."
+    ),
     "device": _Entry("gyrotwin.commands.device:device_app", "Device files."),
     "build": _Entry(
         "gyrotwin.commands.build:build",

@@ -30,7 +30,8 @@ from gyro_model.units import Dimension, dimension
 sys.path.insert(0, str(Path(__file__).parents[1] / "gyro_model"))
 import test_effects as contract
 from effect_library import EffectLibrary
-from effect_points import condition, evaluate, random_point
+
+from gyro_model.effect_points import condition, evaluate, random_point
 
 RATE, SAMPLES, NOISE = 200_000.0, 4000, 2e-5
 MODEL = load_model()

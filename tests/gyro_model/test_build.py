@@ -11,7 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from effect_points import MODEL
 from sympy import (
     Abs,
     Rational,
@@ -38,6 +37,7 @@ from gyro_model import build as building
 from gyro_model import compiling
 from gyro_model.build import Fmus, build, build_all, default_folder, model_token, token_of
 from gyro_model.c_printing import c_expression
+from gyro_model.effect_points import MODEL
 from gyro_model.envelope import envelope_model
 from gyro_model.errors import InputError
 from gyro_model.model import Model

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from effect_points import MODEL
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -21,6 +20,7 @@ from gyro_model.device import (
     packaged_devices,
     write_device,
 )
+from gyro_model.effect_points import MODEL
 from gyro_model.errors import InputError
 
 GOOD = 'format = 1\nname = "mine"\n[parameters]\nm = 2e-7\nkxx = 64.0\n'

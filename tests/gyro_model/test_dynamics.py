@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from effect_points import MODEL
 from sympy import Symbol
 
 from gyro_model.anatomy import Force
 from gyro_model.device import Device
 from gyro_model.dynamics import Dynamics, normals_of
+from gyro_model.effect_points import MODEL
 from gyro_model.errors import InputError
 from gyro_model.evaluate import compiled
 from gyro_model.reference import sensitivities, simulate

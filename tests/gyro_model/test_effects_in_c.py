@@ -6,11 +6,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from effect_library import EffectLibrary
-from effect_points import IDS, MODEL, at_limit, condition, random_point
 from sympy import Max, Min, Rational, Symbol, sqrt
 
 from gyro_model.anatomy import Effect, Limit, Map
 from gyro_model.c_printing import c_expression
+from gyro_model.effect_points import IDS, MODEL, at_limit, condition, random_point
 from gyro_model.evaluate import evaluate
 from gyro_model.model import Model
 from gyro_model.quantities import size

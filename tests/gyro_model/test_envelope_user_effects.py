@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from effect_points import MODEL
 from envelope_device import W_X, Complexes, matrices, rate_device, settled
 from gyro_runner import Runner
 from scipy.optimize import fsolve
@@ -13,6 +12,7 @@ from sympy import Symbol
 
 from gyro_model.anatomy import Force, Limit, Pair, State
 from gyro_model.build import build
+from gyro_model.effect_points import MODEL
 from gyro_model.envelope import envelope_model
 from gyro_model.errors import InputError
 from gyro_model.generate_envelope import envelope

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
-from effect_points import IDS, MODEL, active_parameters
 from gyro_runner import Floats, Runner
 from philox_oracle import drawn
 from sympy import sympify
@@ -12,6 +11,7 @@ from sympy.core.function import Application
 
 from gyro_model.anatomy import Effect, Follow, Force, Lag, Law
 from gyro_model.device import Device
+from gyro_model.effect_points import IDS, MODEL, active_parameters
 from gyro_model.reference import simulate
 
 Residual = Callable[[str, float, float], None]

@@ -5,10 +5,10 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
-from effect_points import MODEL
 
 from gyro_model import build, generate_xml
 from gyro_model.continuous_states import continuous_states
+from gyro_model.effect_points import MODEL
 from gyro_model.model import load_model
 from gyro_model.units import dimension, rate_unit
 

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from effect_points import MODEL
 from gyro_runner import Runner
 
 from gyro_model.anatomy import SLOTS
 from gyro_model.build import build, generated_files, model_token
 from gyro_model.device import Device
+from gyro_model.effect_points import MODEL
 from gyro_model.errors import InputError
 from gyro_model.model import EFFECTS_FOLDER, chain, load_model
 from gyro_model.quantities import INPUTS, OUTPUTS, PARAMETERS, Quantity, size

@@ -16,12 +16,12 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-from effect_points import MODEL, active_parameters
 
 from gyro_model import compiling
 from gyro_model.anatomy import Effect, Law
 from gyro_model.build import build, build_all, c_files, model_token, platforms_of, write_sources
 from gyro_model.compiling import STRICT, compile_library, fmi_headers
+from gyro_model.effect_points import MODEL, active_parameters
 from gyro_model.envelope import envelope_model
 from gyro_model.errors import InputError
 from gyro_model.model import Model

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from effect_points import MODEL
+
+from gyro_model.effect_points import MODEL
 
 SPECIFICATION = Path(__file__).parents[3] / "shared" / "SYSTEM.md"
 

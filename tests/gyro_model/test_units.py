@@ -3,10 +3,10 @@
 from fractions import Fraction
 
 import pytest
-from effect_points import MODEL
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gyro_model.effect_points import MODEL
 from gyro_model.errors import InputError
 from gyro_model.units import UNITS, Dimension, dimension, rate_unit
 

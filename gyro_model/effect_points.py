@@ -127,6 +127,9 @@ def exactly(expr: Expr, values: Mapping[str, float]) -> float:
     if isinstance(expr, Float) or expr == pi:
         return float(expr)
     if expr.is_Pow:
+        if expr.exp.free_symbols:
+            # Of a number without a dimension, to a power that is a parameter.
+            return exactly(expr.base, values) ** exactly(expr.exp, values)
         return _power(exactly(expr.base, values), expr.exp)
     args = [exactly(arg, values) for arg in expr.args]
     if expr.is_Add:

@@ -1,0 +1,165 @@
+"""What every effect must fulfil, packaged or a user's own: each check raises InputError with the reason.
+
+Like scikit-learn's ``check_estimator``: the same checks run over the packaged effects in the tests of this package.
+"""
+
+import math
+import sys
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import numpy as np
+from sympy import Expr, Heaviside, simplify
+
+from gyro_model import symbols
+from gyro_model.anatomy import Effect, Force
+from gyro_model.effect_points import (
+    at_limit,
+    dimension_of_term,
+    exactly,
+    neutral_point,
+    random_point,
+    unit_of,
+    used_symbols,
+)
+from gyro_model.errors import InputError
+from gyro_model.evaluate import evaluate
+from gyro_model.model import Model
+from gyro_model.units import Dimension, dimension
+
+EPS: Final = sys.float_info.epsilon
+LIMIT_ROUNDING: Final = 10 * EPS
+"""Limit cases are worked out in decimals: a rounding of each operand and operation, of which no term has more than
+ten."""
+CONSTANT_UNITS: Final = {"BOLTZMANN": "J/K"}
+"""Numbers with a dimension that gyro_model.symbols offers, by name."""
+
+
+def check_effect(effect: Effect, model: Model) -> None:
+    """Runs every check over ``effect``, which is part of ``model``. Raises InputError with the first reason."""
+    for check in CHECKS:
+        check(effect, model)
+
+
+def documentation(effect: Effect, model: Model) -> None:
+    """The file says what the effect is, how it shows and why each limit case holds."""
+    texts = {"docstring": effect.doc, "signature": effect.signature, "host_experiment": effect.host_experiment}
+    texts |= {f"description of {q.name}": q.description for q in effect.parameters}
+    texts |= {f"why of limit case {k}": limit.why for k, limit in enumerate(effect.limits, 1)}
+    for what, text in texts.items():
+        if not text.strip():
+            _fail(effect, f"{what} is empty: say it in words")
+
+
+def limit_cases(effect: Effect, model: Model) -> None:
+    """The terms give what the limit cases, computed by hand, say; each size is used by one."""
+    for limit in effect.limits:
+        unused = set(limit.at) - set(used_symbols(effect))
+        if unused:
+            _fail(effect, f"limit case sets {', '.join(sorted(unused))}, which no term uses")
+        terms = evaluate(effect, at_limit(effect, limit.at, model))
+        if set(limit.gives) != set(terms):
+            _fail(
+                effect, f"limit case gives {', '.join(sorted(limit.gives))}; the terms are {', '.join(sorted(terms))}"
+            )
+        for name, value in limit.gives.items():
+            if not abs(float(terms[name]) - value) <= LIMIT_ROUNDING * abs(value):
+                _fail(effect, f"limit case {limit.why!r}: {name} is {float(terms[name])!r}, by hand {value!r}")
+    for quantity in effect.sizes:
+        if all(limit.at.get(quantity.name, quantity.start) == quantity.start for limit in effect.limits):
+            _fail(effect, f"no limit case uses {quantity.name}: add one where it is not {quantity.start:g}")
+
+
+def neutral_size(effect: Effect, model: Model) -> None:
+    """At neutral sizes an effect that can be switched leaves everything as it is."""
+    if effect.nominal:
+        return
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        point = neutral_point(effect, rng, model)
+        for name, expr in effect.neutral().items():
+            wanted = float(expr) if expr.is_Number else point[expr.name]
+            with np.errstate(all="ignore"):
+                try:
+                    value = float(evaluate(effect, point)[name])
+                except ZeroDivisionError:
+                    value = math.nan
+            if math.isnan(value):
+                # A term may divide by a neutral size of zero, where the C does not call it; it must tend to neutral.
+                near = point | {q.name: q.start + 1e-9 for q in effect.sizes}
+                distance, allowed = abs(float(evaluate(effect, near)[name]) - wanted), 1e-9
+            else:
+                distance, allowed = abs(value - wanted), 0.0
+            if not distance <= allowed:
+                _fail(effect, f"at its neutral size {name} is {value:g} instead of {wanted:g}")
+
+
+def dimensions(effect: Effect, model: Model, terms: Mapping[str, Expr] | None = None) -> None:
+    """The terms scale with the units as their dimension says, to the last bit."""
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        # Powers of four: even their square roots are exact, so a right dimension rescales to the last bit.
+        powers = rng.permutation(np.arange(-3, 4))[:5]
+        scale = dict(zip(("kg", "m", "s", "A", "K"), (4.0 ** float(power) for power in powers), strict=True))
+        point = random_point(effect, rng, model) | {name: 1.38e-23 for name in CONSTANT_UNITS}
+        units = {name: CONSTANT_UNITS.get(name) or unit_of(name, model) for name in point}
+        rescaled = {name: value * _factor(dimension(units[name]), scale) for name, value in point.items()}
+        for name, expr in (terms if terms is not None else effect.terms()).items():
+            wanted = exactly(expr, point) * _factor(dimension_of_term(effect, name, model), scale)
+            if exactly(expr, rescaled) != wanted:
+                _fail(effect, f"{name} = {expr}: wrong dimension; check the units of its parameters")
+
+
+def _factor(of: Dimension, scale: Mapping[str, float]) -> float:
+    return math.prod(scale[base] ** float(getattr(of, base)) for base in scale)
+
+
+def energy(effect: Effect, model: Model) -> None:
+    """What a force that states its energy gives equals what it stores and dissipates; it dissipates nothing negative."""
+    if not isinstance(effect, Force) or effect.energy is None:
+        return
+    x, x_dot, y, y_dot = symbols.STATES
+    terms, stored, dissipated = effect.terms(), effect.energy.stored, effect.energy.dissipated
+    if {x_dot, y_dot} & stored.free_symbols:
+        _fail(effect, "stored energy depends on a velocity: positions and states of its own alone store")
+    rates = {x: x_dot, y: y_dot} | {state.symbol: state.rate for state in effect.states}
+    stored_rate = sum(stored.diff(symbol) * rate for symbol, rate in rates.items())
+    power = terms["force_x"] * x_dot + terms["force_y"] * y_dot
+    if (power + stored_rate).has(Heaviside):
+        # Algebra does not see through the corners of Max and Min; numbers on both sides of them do.
+        _check_balance(effect, model, power, stored_rate, dissipated)
+    elif simplify(power + stored_rate + dissipated) != 0:
+        _fail(effect, f"energy: power {power}, change of what is stored {stored_rate} and dissipation {dissipated} "
+                      "do not add up to zero")  # fmt: skip
+    rng = np.random.default_rng(3)
+    for _ in range(200):
+        point = random_point(effect, rng, model)
+        # A passive damping matrix, up to the very border; sizes and shapes of the random point are positive already.
+        if {"dxx", "dyy", "dxy"} <= set(point):
+            point["dxy"] = float(rng.uniform(-1, 1) * math.sqrt(point["dxx"] * point["dyy"]))
+        if exactly(dissipated, point) < 0.0:
+            _fail(effect, f"energy: dissipation {dissipated} is negative somewhere: the effect would be a motor")
+
+
+def _check_balance(effect: Effect, model: Model, *powers: Expr) -> None:
+    rng = np.random.default_rng(7)
+    sizes: list[float] = []
+    for _ in range(300):
+        point = random_point(effect, rng, model)
+        point |= {name: rng.uniform(0, 2) * value for name, value in point.items() if name in ("x", "y")}
+        values = [exactly(power, point) for power in powers]
+        sizes.append(max(map(abs, values)))
+        # Each is a sum of four products of ten roundings; a depth is the difference of lengths ten times as large.
+        if abs(sum(values)) > 400 * EPS * sizes[-1]:
+            _fail(effect, "energy: power, change of what is stored and dissipation do not add up to zero")
+    if not 0 < sum(size == 0 for size in sizes) < len(sizes):
+        _fail(effect, "energy: the limit cases lie on one side of the corner; give the range by one on either side")
+
+
+def _fail(effect: Effect, reason: str) -> None:
+    raise InputError(f"effect {effect.id}: {reason}")
+
+
+CHECKS: Final[tuple[Callable[[Effect, Model], None], ...]] = (
+    documentation, limit_cases, neutral_size, dimensions, energy,
+)  # fmt: skip
