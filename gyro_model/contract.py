@@ -115,7 +115,7 @@ def _factor(of: Dimension, scale: Mapping[str, float]) -> float:
 
 
 def energy(effect: Effect, model: Model) -> None:
-    """What a force that states its energy gives equals what it stores and dissipates; it dissipates nothing negative."""
+    """What a force that states its energy gives is what it stores and dissipates; it dissipates nothing negative."""
     if not isinstance(effect, Force) or effect.energy is None:
         return
     x, x_dot, y, y_dot = symbols.STATES
