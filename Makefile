@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 JOBS ?= 2
 
-.PHONY: run build test check bench pages update clean
+.PHONY: run build test check bench pages docs update clean
 
 run: $(VENV)/.installed
 	$(BIN)/gyrotwin run constant --out results/constant
@@ -41,3 +41,7 @@ clean:
 
 pages: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.pages build/pages
+
+docs: $(VENV)/.installed-dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+	$(BIN)/python -m mkdocs build --strict --site-dir build/site

@@ -1,0 +1,35 @@
+"""What the site says works: its effect passes the contract, its plans give points, its Python compiles."""
+
+import ast
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from gyrotwin import contract
+from gyrotwin.sweeping.plan import load_plan
+
+DOCS = Path(__file__).parents[2] / "docs"
+PAGES = sorted(DOCS.rglob("*.md"))
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
+
+
+def test_the_effect_of_the_how_to_passes_the_contract(tmp_path: Path) -> None:
+    (tmp_path / "own_spring.py").write_text(blocks(DOCS / "howto" / "effect.md", "python")[0])
+    assert contract.check(tmp_path) == [f"effect own_spring: {len(contract.CHECKS)} checks passed"]
+
+
+@pytest.mark.parametrize("page", ["guides/designer.md", "howto/sweep.md"])
+def test_plans_give_points(page: str, tmp_path: Path) -> None:
+    for text in blocks(DOCS / page, "toml"):
+        assert load_plan(tomllib.loads(text)).points()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
+def test_python_on_a_page_compiles(page: Path) -> None:
+    for text in blocks(page, "python"):
+        ast.parse(text)
