@@ -10,6 +10,7 @@ from scipy.signal import butter, freqs
 from discrepancy.criteria import Criteria
 from discrepancy.defect import Blemish, Defect, Distortion, Timing, blemishes, defects, distortions
 from discrepancy.record import Floats, Record, make_record
+from discrepancy.simulate import Simulator
 from gyro_model.model import load_model
 
 RATE, N, F = 2e5, 16_000, 3000.0
@@ -175,3 +176,24 @@ def test_lost_and_doubled_samples_are_put_back(lost: int) -> None:
     off = np.abs(clean.v - SINE)[clean.valid]
     assert off.max() < 6 * NOISE
     assert clean.valid.sum() > N - 15
+
+
+def test_what_the_simulator_does_with_a_distortion() -> None:
+    model = load_model()
+    rng = np.random.default_rng(2)
+    f = rng.uniform(500, 5000, 20)
+    u = 1e-5 * np.column_stack([np.sin(2 * np.pi * f * T[:4000, None] + p).sum(axis=1) for p in (0.1, 1.3)])
+    run = make_record("a", T[:4000], u, np.ones_like(u), sample_rate=RATE)
+    p = {"m": 1.8e-7, "kxx": 63.955, "kyy": 95.92, "kxy": 12.779, "dxx": 1.8e-6, "dyy": 1.8e-6, "dxy": 3.6e-7,
+         "sense_gain_x": 1e6, "sense_gain_y": 1e6}  # fmt: skip
+    with Simulator(model, jobs=1) as simulator:
+        plain = simulator.run(run, p)
+        assert np.array_equal(simulator.run(run, {**p, "clock_skew": 0.0, "force_filter": 0.0}), plain)
+        # A weak filter of second order is a delay of sqrt(2) tau.
+        tau = 1e-7
+        filtered = simulator.run(run, {**p, "force_filter": tau}) - plain
+        delayed = simulator.run(run, {**p, "actuator_delay": 2**0.5 * tau}) - plain
+        assert np.abs(filtered - delayed).max() < 0.03 * np.abs(delayed).max()
+        # A piece of a run reads the clock of the whole.
+        skewed = simulator.run(run, {**p, "clock_skew": 1e-4})
+        assert np.abs(skewed - plain)[-500:].max() > 5 * np.abs(skewed - plain)[:500].max()
