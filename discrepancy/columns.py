@@ -3,8 +3,8 @@
 A column is the change that the FMU shows when a size parameter leaves neutral by a probe, chosen so that the change is
 small beside the residual's noise. So every stage (law, force with states, map, delay, lag) has its column without a
 rule of its own, and an effect file that a user adds is scored as it stands. Sizes that act by a power (1/g by its
-square) show it in how the change grows. Shape parameters that decide where an effect shows (an instant, a frequency,
-a time constant) are searched on a grid: each grid point is a column, and each counts as a trial. An effect that changes
+square) show it in how the change grows. Shape parameters are searched on the grids that their
+effect files give: each grid point is a column, and each counts as a trial. An effect that changes
 nothing alone, but reads or feeds another, is tried together with that one.
 """
 
@@ -17,7 +17,7 @@ from sympy import sympify
 
 from discrepancy.defect import Defect, distortions
 from discrepancy.fitted import Fitted, Free
-from discrepancy.linear_fit import mode_frequencies
+from discrepancy.grids import FINER, Grids, around, free_shape
 from discrepancy.record import Floats, Record
 from discrepancy.refit import Fitter
 from gyro_model.anatomy import SLOTS, Effect, Law, Map
@@ -27,16 +27,8 @@ from gyro_model.units import dimension
 
 NEVER: Final = 1e100
 """A neutral value beyond this is a limit that is never reached: no small step leaves it."""
-FREQUENCIES, INSTANTS, TIMES = 30, 16, 6
-"""Grid points: over 0.2 to 3 times the highest mode, over a run, and over 0.01 to 10 runs by decades and halves."""
-SEARCH_QUALITY: Final = 10.0
-"""Quality factor of a searched resonance: as broad as its grid is coarse."""
-FINER: Final = 4.0
-"""By which each refinement of such a grid is finer."""
 FARTHEST: Final = 1e6
 """Times the first guess, at which a probe is no size of anything: what changes nothing there never does."""
-STRIDE: Final = 3.0
-"""By which a frequency, quality factor or time constant changes at most in one step of a refit."""
 ATTEMPTS: Final = 8
 """Tries at a probe of the right size."""
 HEAD: Final = 2000
@@ -114,12 +106,7 @@ class Candidate:
 
     def free(self, period: float) -> tuple[Free, ...]:
         """The parameters for a refit."""
-        shapes = []
-        for q in self.searched:
-            event = isinstance(self.effect, Law) and self.effect.event is not None
-            step = period if event else 1e-3 * abs(self.shapes[q.name])
-            # An instant may go anywhere; a quality factor that shows nowhere yet would leave for infinity.
-            shapes.append(Free(q.name, step, max(q.low, 0.0), q.high, np.inf if event else STRIDE))
+        shapes = [free_shape(q, self.shapes[q.name], period) for q in self.searched]
         before = self.partner.free(period) if self.partner else ()
         return (*before, *(p.free() for p in self.probes), *shapes)
 
@@ -147,9 +134,8 @@ class Library:
 
     def __init__(self, fitter: Fitter) -> None:
         self.model, self.records = fitter.simulator.model, fitter.records
-        self.duration = max(len(r.t) for r in self.records) * fitter.period
-        self.begin = min(float(r.t[0]) for r in self.records)
         self.period = fitter.period
+        self.grids = Grids(self.records, fitter.period)
         self.kept: dict[tuple[str, str], tuple[Probe, float]] = {}
         self._silent: dict[str, frozenset[str]] = {}
 
@@ -184,20 +170,18 @@ class Library:
     def _of(
         self, effect: Effect | Defect, scale: "_Scale", at: Fitted, partner: Candidate | None = None
     ) -> list[Candidate]:
-        grid, searched = self._grid(effect, at)
-        # An event at the start changes the whole run, a later one less of it.
-        middle = grid[0 if isinstance(effect, Law) and effect.event is not None else len(grid) // 4]
+        grid = self.grids.of([q for q in effect.parameters if q.role == "shape"], at)
         base = {k: v for change in partner.changes() for k, v in change.items()} if partner else {}
         probes = []
         for q in effect.sizes:
             key = q.name, partner.effect.id if partner else ""
-            probe = self._known(key, scale.target) or scale.probe(q, middle, base)
+            probe = self._known(key, scale.target) or scale.probe(q, grid.middle, base)
             if probe:
                 self.kept[key] = probe, scale.target
                 probes.append(probe)
-        spacing = self.duration / INSTANTS if isinstance(effect, Law) and effect.event is not None else 0.0
-        own = tuple(probes)
-        return [Candidate(effect, own, s, searched, len(grid), spacing=spacing) for s in grid] if probes else []
+        own, trials = tuple(probes), len(grid.values)
+        points = [Candidate(effect, own, s, grid.moved, trials, spacing=grid.spacing) for s in grid.values]
+        return points if probes else []
 
     def _known(self, key: tuple[str, str], target: float) -> Probe | None:
         """The probe that was found before, for a change of ``target``: a smaller gap asks for a smaller one."""
@@ -208,42 +192,13 @@ class Library:
         step = min(abs(probe.step) * (target / before) ** (1 / probe.power), room)
         return replace(probe, step=float(np.copysign(step, probe.step)))
 
-    def _grid(self, effect: Effect | Defect, at: Fitted) -> tuple[list[dict[str, float]], tuple[Quantity, ...]]:
-        """Values of the shape parameters to try and which of them a refit may move."""
-        shapes = [q for q in effect.parameters if q.role == "shape"]
-        if isinstance(effect, Law) and effect.event is not None:
-            moved = tuple(q for q in shapes if q.name == effect.event.name)
-            instants = self.begin + self.duration * np.arange(INSTANTS) / INSTANTS
-            return [{effect.event.name: float(time)} for time in instants], moved
-        rates = [q for q in shapes if q.unit == "Hz"]
-        if rates:
-            top = float(mode_frequencies(at.parameters, self.records[0].axes)[-1])
-            widths = {q.name: SEARCH_QUALITY for q in shapes if q.unit == "1"}
-            grid = np.geomspace(0.2 * top, min(3 * top, 0.4 / self.period), FREQUENCIES)
-            return [{rates[0].name: float(f), **widths} for f in grid], tuple(shapes)
-        times = [q for q in shapes if q.unit == "s"]
-        if times:
-            return [{times[0].name: float(tau)} for tau in self.duration * np.geomspace(0.01, 10, TIMES)], (times[0],)
-        return [{}], ()
-
 
 def finer(candidate: Candidate) -> list[Candidate]:
     """Grid points about that of ``candidate``, FINER times closer, where its grid is one of resonances or instants;
     else none."""
-    own, steps = dict(candidate.shapes), np.arange(-FINER, FINER + 1)
-    rates = [q for q in candidate.searched if q.unit == "Hz"]
-    if rates:
-        widths = {q.name: own[q.name] * FINER for q in candidate.searched if q.unit == "1" and q.name in own}
-        quality = next(iter(widths.values()), SEARCH_QUALITY * FINER)
-        around = [{**own, **widths, rates[0].name: float(f)} for f in own[rates[0].name] * (1 + steps / quality)]
-    elif candidate.spacing:
-        [instant] = own
-        spacing = candidate.spacing / FINER
-        around = [{instant: float(t)} for t in own[instant] + spacing * steps if t >= 0]
-    else:
-        return []
-    closer, trials = candidate.spacing / FINER, candidate.trials + len(around)
-    return [replace(candidate, shapes=shapes, trials=trials, spacing=closer) for shapes in around]
+    points = around(candidate.shapes, candidate.searched, candidate.spacing)
+    closer, trials = candidate.spacing / FINER, candidate.trials + len(points)
+    return [replace(candidate, shapes=shapes, trials=trials, spacing=closer) for shapes in points]
 
 
 def _linked(effect: Effect, partner: Effect) -> bool:

@@ -12,7 +12,10 @@ from typing import Any, Literal
 from sympy import Symbol
 
 from gyro_model.errors import InputError, nearest
+from gyro_model.grid import Grid
 from gyro_model.units import DISPLAYED, dimension
+
+__all__ = ["INPUTS", "OUTPUTS", "PARAMETERS", "Grid", "Quantity", "shape", "size"]
 
 Role = Literal["input", "output", "parameter", "size", "shape"]
 Terminal = Literal["mechanical", "electrical", "inertial", "thermal", ""]
@@ -30,7 +33,7 @@ class Quantity:
     nominal device and the simulation), ``size`` (switches an effect on) or ``shape`` (of an effect; switches
     nothing). ``nominal`` is how large it typically is [unit]; 0: as large as ``start``. ``display`` is the unit in
     which a tool shows it, of ``gyro_model.units.DISPLAYED``; ``terminal`` groups inputs and outputs by what they
-    connect to.
+    connect to. ``search``: how a search for the effect tries a shape; None: it leaves it as it is.
     """
 
     name: str
@@ -44,6 +47,7 @@ class Quantity:
     nominal: float = 0.0
     display: str = ""
     terminal: Terminal = ""
+    search: Grid | None = None
 
     def __post_init__(self) -> None:
         dimension(self.unit)
@@ -53,6 +57,11 @@ class Quantity:
             raise InputError(f"quantity {self.name}: start {self.start} is outside [{self.low}, {self.high}]")
         if not (isfinite(self.nominal) and self.nominal >= 0.0):
             raise InputError(f"quantity {self.name}: nominal {self.nominal} is no size; give a positive number")
+        if self.search is not None and self.search.of == "itself" and self.search.kind == "log" and not self.typical:
+            raise InputError(
+                f"shape {self.name}: starts at 0, about which there is nothing to search; say search=Grid.instant, "
+                'Grid.log(low, high, of="x"), or search=None'
+            )
         known = DISPLAYED.get(self.unit, {})
         if self.display and self.display not in known:
             hint = nearest(self.display, known)
@@ -105,9 +114,12 @@ def shape(
     high: float = inf,
     nominal: float = 0.0,
     display: str = "",
+    search: Grid | None = Grid.around,
 ) -> Quantity:
-    """A parameter that shapes its effect and has a usable default; it switches nothing."""
-    return Quantity(name, unit, start, description, "shape", low, high, nominal=nominal, display=display)
+    """A parameter that shapes its effect and has a usable default; it switches nothing. ``search``: how a search for
+    the effect tries it, by default a decade to either side of its typical value."""
+    more = {"nominal": nominal, "display": display, "search": search}
+    return Quantity(name, unit, start, description, "shape", low, high, **more)  # type: ignore[arg-type]
 
 
 def _of_role(role: Role) -> Callable[..., Quantity]:

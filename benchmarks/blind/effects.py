@@ -47,6 +47,25 @@ def _charging(rng: np.random.Generator, plant: Plant, scale: Scale) -> Mapping[s
     return {"charging_time": scale.duration * rng.uniform(0.2, 2.0)}
 
 
+def _gap(rng: np.random.Generator, plant: Plant, scale: Scale) -> Mapping[str, float]:
+    return {"electrode_gap": scale.q * 10 ** rng.uniform(0.3, 1.2)}
+
+
+def _film(rng: np.random.Generator, plant: Plant, scale: Scale) -> Mapping[str, float]:
+    return {"squeeze_gap": scale.q * 10 ** rng.uniform(0.1, 0.8)}
+
+
+def _stop(rng: np.random.Generator, plant: Plant, scale: Scale) -> Mapping[str, float]:
+    return {"stop_gap": scale.q * rng.uniform(0.6, 0.95)}
+
+
+def _friction(rng: np.random.Generator, plant: Plant, scale: Scale) -> Mapping[str, float]:
+    speed = scale.q * scale.omega
+    excess = rng.uniform(0.2, 1.0) * rng.integers(2)
+    return {"friction_speed": speed * 10 ** rng.uniform(-2, -0.3), "stribeck": float(excess),
+            "stribeck_speed": speed * 10 ** rng.uniform(-1, -0.3)}  # fmt: skip
+
+
 class Effect(NamedTuple):
     """One row of the table. sizes: its parameters that are zero (or ``base``) without it; host: the columns of the
     experiment that it needs; cap: the largest size that is sane and stable; signs: of the size; partner: what has to
@@ -78,7 +97,7 @@ EFFECTS: Final = (
     Effect("cubic_stiffness", ("k3_x", "k3_y"), lambda p, s: 0.2 * _stiff(p) / s.q**2),
     Effect("quadratic_stiffness", ("k2_x", "k2_y"), lambda p, s: 0.2 * _stiff(p) / s.q),
     Effect("electrostatic_softening", ("softening",), lambda p, s: 0.2 * _stiff(p) / max(s.bias, 1.0) ** 2,
-           host=("v_bias",), signs=(1,)),
+           host=("v_bias",), shape=_gap, signs=(1,)),
     Effect("nonlinear_damping", ("d2_x", "d2_y"), lambda p, s: 0.1 * math.sqrt(_stiff(p) * p.m) / s.q**2, signs=(1,)),
     Effect("damping_step", ("damping_step_factor",), lambda p, s: 4.0, shape=_step_time, base=1.0, signs=(1,)),
     Effect("angular_gain", ("angular_gain",), lambda p, s: 0.9, host=("omega_z",), base=1.0, signs=(-1,)),
@@ -113,7 +132,18 @@ EFFECTS: Final = (
     Effect("adc_clipping", ("adc_limit",), lambda p, s: 0.5 * s.v, signs=(1,)),
 )  # fmt: skip
 """adc_clipping's size is the depth of the limit below the largest voltage of the fitted runs."""
-BY_ID: Final = {effect.id: effect for effect in EFFECTS}
+MORE: Final = (
+    Effect("dry_friction", ("friction_x", "friction_y"), lambda p, s: 0.05 * _stiff(p) * s.q, shape=_friction,
+           signs=(1,)),
+    Effect("constant_force", ("force_x", "force_y"), lambda p, s: 0.3 * _stiff(p) * s.q),
+    Effect("cross_cubic_stiffness", ("k22",), lambda p, s: 0.2 * _stiff(p) / s.q**2),
+    Effect("contact_stop", ("stop_stiffness",), lambda p, s: 20 * _stiff(p), shape=_stop, signs=(1,)),
+    Effect("squeeze_film", ("squeeze_x", "squeeze_y"), lambda p, s: 0.1 * math.sqrt(_stiff(p) * p.m), shape=_film,
+           signs=(1,)),
+    Effect("comb_fringe", ("comb_fringe",), lambda p, s: 0.3 / s.q),
+)  # fmt: skip
+"""Effects that came later: pairs and triples are drawn from those above, so that their names keep their data."""
+BY_ID: Final = {effect.id: effect for effect in (*EFFECTS, *MORE)}
 
 
 def direction(effect: Effect, rng: np.random.Generator, units: tuple[float, ...]) -> tuple[float, ...]:

@@ -80,6 +80,21 @@ class Plant(NamedTuple):
     charging_voltage: float = 0.0
     charging_time: float = 1.0
     adc_limit: float = 1e300
+    friction_x: float = 0.0
+    friction_y: float = 0.0
+    friction_speed: float = 1e-3
+    stribeck: float = 0.0
+    stribeck_speed: float = 5e-3
+    force_x: float = 0.0
+    force_y: float = 0.0
+    k22: float = 0.0
+    stop_stiffness: float = 0.0
+    stop_gap: float = 2e-6
+    stop_damping: float = 0.0
+    squeeze_x: float = 0.0
+    squeeze_y: float = 0.0
+    squeeze_gap: float = 5e-6
+    comb_fringe: float = 0.0
     term: float = 0.0
     term_size: float = 0.0
 
@@ -116,6 +131,27 @@ def _followed(value, target, h, lag):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _rubbing(speed, p):  # type: ignore[no-untyped-def]
+    """Dry friction over its size: Coulomb's, smoothed, with Stribeck's excess near rest."""
+    excess = p.stribeck * math.exp(-(speed * speed) / (p.stribeck_speed * p.stribeck_speed))
+    return math.tanh(speed / p.friction_speed) * (1 + excess)
+
+
+@njit(cache=True)
+def _stopped(q, speed, p):  # type: ignore[no-untyped-def]
+    """Force of the stop that q has passed, if any: a spring and a damper that take hold over 1/64 of the gap."""
+    deep = abs(q) - p.stop_gap
+    if deep <= 0:
+        return 0.0
+    soft = p.stop_gap / 64
+    side = 1.0 if q > 0 else -1.0
+    total = deep * deep + soft * soft
+    hold = (3 * deep * deep * total - 2 * deep**4) / (total * total)
+    damper = p.stop_damping * min(p.stop_stiffness / p.kxx, 1.0)
+    return -side * p.stop_stiffness * deep**3 / total - damper * hold * speed
+
+
+@njit(cache=True)
 def _slope(s, t, ux, uy, omega, ax, ay, bias, heat, worn, p, out):  # type: ignore[no-untyped-def]
     """d/dt of s = x, y, x', y', q, q' (q: parasitic mode) at time t; heat: where the structure's temperature goes to,
     where it was and when; worn: the factor of the damping step."""
@@ -142,6 +178,17 @@ def _slope(s, t, ux, uy, omega, ax, ay, bias, heat, worn, p, out):  # type: igno
         pull = p.softening * volt * volt
         fx += pull * x / (1 - (x / p.electrode_gap) ** 2) ** 2
         fy += pull * y / (1 - (y / p.electrode_gap) ** 2) ** 2
+    fx += p.force_x + p.comb_fringe * ux * x - p.k22 * x * y * y
+    fy += p.force_y + p.comb_fringe * uy * y - p.k22 * x * x * y
+    if p.friction_x != 0 or p.friction_y != 0:
+        fx -= p.friction_x * _rubbing(dx, p)
+        fy -= p.friction_y * _rubbing(dy, p)
+    if p.squeeze_x != 0 or p.squeeze_y != 0:
+        fx -= p.squeeze_x * dx * (1 - (x / p.squeeze_gap) ** 2) ** -1.5
+        fy -= p.squeeze_y * dy * (1 - (y / p.squeeze_gap) ** 2) ** -1.5
+    if p.stop_stiffness != 0:
+        fx += _stopped(x, dx, p)
+        fy += _stopped(y, dy, p)
     if p.term != 0:
         gx, gy = extra_force(p.term, p.term_size, x, y, dx, dy, ux, uy)
         fx += gx
@@ -288,7 +335,9 @@ def simulate(p: Plant, run: Run, radians: float = RADIANS) -> Motion:
     """The noise-free motion and voltages of ``run``, not clipped; not finite where the device is unstable."""
     n, h = len(run.u), 1 / run.rate
     v, state = np.empty((n, 2)), np.empty((n, 4))
-    steps = max(1, math.ceil(fastest(p) * h / radians))
+    # A sign that friction changes, a stop that is met: far within a radian.
+    fine = 16 if p.friction_x or p.friction_y or p.stop_stiffness else 1
+    steps = fine * max(1, math.ceil(fastest(p) * h / radians))
     _run(p, h, run.u, run.omega, run.temperature, run.acceleration, run.v_bias, run.start, steps, v, state)
     return Motion(v, state)
 

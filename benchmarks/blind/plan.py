@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Final, NamedTuple
 
-from benchmarks.blind.effects import EFFECTS
+from benchmarks.blind.effects import EFFECTS, MORE
 from benchmarks.blind.inseparable import SITUATIONS, make_inseparable
 from benchmarks.blind.terms import TERMS
 from benchmarks.blind.trial import NULLS, Trial, make_effects, make_null, make_unknown, rng_of
@@ -58,7 +58,7 @@ def singles(block: str) -> Iterator[Entry]:
     """Every effect at every level and seed; the partner of one that needs it is known but for the second seed."""
     for level in LEVELS[1], LEVELS[2], LEVELS[0]:
         for seed in range(SEEDS):
-            for effect in EFFECTS:
+            for effect in (*EFFECTS, *MORE):
                 name = f"single-{effect.id}-{level:g}x-{seed}"
                 make = partial(make_effects, name, [effect.id], level, block, partner_known=seed != 1)
                 yield Entry("single", name, make)

@@ -10,12 +10,28 @@ stop, twice continuously differentiable, and k e beyond. A stop softer than the 
 from sympy import Expr, Max, Min, Rational, Symbol, log
 
 from gyro_model.anatomy import Energy, Force, Limit
-from gyro_model.quantities import shape, size
+from gyro_model.quantities import Grid, shape, size
 from gyro_model.symbols import kxx, x, x_dot, y, y_dot
 
 STIFFNESS = size("stop_stiffness", "N/m", "stiffness of the stops", low=0.0, nominal=1e5)
-GAP = shape("stop_gap", "m", 2e-6, "displacement at which the mass meets a stop", low=1e-12, display="µm")
-DAMPING = shape("stop_damping", "N.s/m", 0.0, "damping of the stops while they touch", low=0.0, nominal=1e-4)
+GAP = shape(
+    "stop_gap",
+    "m",
+    2e-6,
+    "displacement at which the mass meets a stop",
+    low=1e-12,
+    display="µm",
+    search=Grid.log(0.5, 0.98, of="x"),
+)
+DAMPING = shape(
+    "stop_damping",
+    "N.s/m",
+    0.0,
+    "damping of the stops while they touch",
+    low=0.0,
+    nominal=1e-4,
+    search=Grid.log(1, 1, points=1),
+)
 k, g, c = STIFFNESS.symbol, GAP.symbol, DAMPING.symbol
 
 ENTRY = Rational(1, 64)

@@ -7,11 +7,11 @@ instant, on the grid or off it.
 """
 
 from gyro_model.anatomy import Law, Limit
-from gyro_model.quantities import shape, size
+from gyro_model.quantities import Grid, shape, size
 from gyro_model.symbols import after, dxx, dxy, dyy
 
 FACTOR = size("damping_step_factor", "1", "all damping multiplies by this", neutral=1.0, low=0.0)
-TIME = shape("damping_step_time", "s", 0.0, "instant at which the damping steps", nominal=1.0)
+TIME = shape("damping_step_time", "s", 0.0, "instant at which the damping steps", nominal=1.0, search=Grid.instant)
 factor = FACTOR.symbol
 
 EFFECT = Law(

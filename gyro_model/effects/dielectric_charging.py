@@ -8,11 +8,13 @@ SYSTEM.md section 8.
 from sympy import exp
 
 from gyro_model.anatomy import Law, Limit
-from gyro_model.quantities import shape, size
+from gyro_model.quantities import Grid, shape, size
 from gyro_model.symbols import t, v_bias
 
 VOLTAGE = size("charging_voltage", "V", "what the charge adds to the bias voltage in the end", nominal=1.0)
-TIME = shape("charging_time", "s", 1.0, "time constant of charging", low=1e-9)
+TIME = shape(
+    "charging_time", "s", 1.0, "time constant of charging", low=1e-9, search=Grid.log(0.01, 10, of="duration", points=6)
+)
 
 EFFECT = Law(
     id="dielectric_charging",

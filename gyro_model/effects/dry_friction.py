@@ -11,16 +11,36 @@ changes its sign, so that a small v costs time there and nothing else.
 from sympy import Expr, Symbol, exp, tanh
 
 from gyro_model.anatomy import Energy, Force, Limit
-from gyro_model.quantities import shape, size
+from gyro_model.quantities import Grid, shape, size
 from gyro_model.symbols import x_dot, y_dot
 
 FRICTION_X = size("friction_x", "N", "dry friction, x axis", low=0.0, nominal=1e-8, display="µN")
 FRICTION_Y = size("friction_y", "N", "dry friction, y axis", low=0.0, nominal=1e-8, display="µN")
-SPEED = shape("friction_speed", "m/s", 1e-3, "speed over which the friction changes its sign", low=1e-12)
-STRIBECK = shape(
-    "stribeck", "1", 0.0, "by how much friction near rest exceeds that at speed, relative", low=0.0, nominal=0.3
+SPEED = shape(
+    "friction_speed",
+    "m/s",
+    1e-3,
+    "speed over which the friction changes its sign",
+    low=1e-12,
+    search=Grid.log(1e-3, 1, of="x_dot"),
 )
-STRIBECK_SPEED = shape("stribeck_speed", "m/s", 5e-3, "speed at which that excess has faded", low=1e-12)
+STRIBECK = shape(
+    "stribeck",
+    "1",
+    0.0,
+    "by how much friction near rest exceeds that at speed, relative",
+    low=0.0,
+    nominal=0.3,
+    search=Grid.log(1, 1, points=1),
+)
+STRIBECK_SPEED = shape(
+    "stribeck_speed",
+    "m/s",
+    5e-3,
+    "speed at which that excess has faded",
+    low=1e-12,
+    search=Grid.log(0.2, 0.2, of="x_dot", points=1),
+)
 f_x, f_y = FRICTION_X.symbol, FRICTION_Y.symbol
 
 

@@ -9,11 +9,13 @@ section 6.4).
 from sympy import Expr, Rational, Symbol
 
 from gyro_model.anatomy import Energy, Force, Limit
-from gyro_model.quantities import shape, size
+from gyro_model.quantities import Grid, shape, size
 from gyro_model.symbols import v_bias, x, y
 
 SOFTENING = size("softening", "N/m.V2", "electrostatic softening a, per square of the bias voltage", nominal=1e-3)
-GAP = shape("electrode_gap", "m", 1e-5, "gap of the electrodes", low=1e-9, display="µm")
+GAP = shape(
+    "electrode_gap", "m", 1e-5, "gap of the electrodes", low=1e-9, search=Grid.log(1.2, 30, of="x"), display="µm"
+)
 a, g = SOFTENING.symbol, GAP.symbol
 
 

@@ -9,12 +9,20 @@ nowhere. SYSTEM.md section 8.
 from sympy import Rational, Symbol, pi
 
 from gyro_model.anatomy import Energy, Force, Limit, State
-from gyro_model.quantities import shape, size
+from gyro_model.quantities import Grid, shape, size
 from gyro_model.symbols import m, x
 
 COUPLING = size("parasitic_coupling", "N/m", "spring that couples the parasitic mode to x", nominal=1.0)
-FREQUENCY = shape("parasitic_frequency", "Hz", 5000.0, "frequency of the parasitic mode alone", low=1e-3, display="kHz")
-QUALITY = shape("parasitic_q", "1", 1000.0, "quality factor of the parasitic mode", low=1e-3)
+FREQUENCY = shape(
+    "parasitic_frequency",
+    "Hz",
+    5000.0,
+    "frequency of the parasitic mode alone",
+    low=1e-3,
+    search=Grid.resonance(),
+    display="kHz",
+)
+QUALITY = shape("parasitic_q", "1", 1000.0, "quality factor of the parasitic mode", low=1e-3, search=Grid.quality())
 
 kappa = COUPLING.symbol
 w = 2 * pi * FREQUENCY.symbol

@@ -10,12 +10,12 @@ Engineering for Industry 97, 1975).
 from sympy import Expr, Rational, Symbol
 
 from gyro_model.anatomy import Energy, Force, Limit
-from gyro_model.quantities import shape, size
+from gyro_model.quantities import Grid, shape, size
 from gyro_model.symbols import x, x_dot, y, y_dot
 
 SQUEEZE_X = size("squeeze_x", "N.s/m", "damping of the film at rest, x axis", low=0.0, nominal=1e-7)
 SQUEEZE_Y = size("squeeze_y", "N.s/m", "damping of the film at rest, y axis", low=0.0, nominal=1e-7)
-GAP = shape("squeeze_gap", "m", 5e-6, "gap of the film", low=1e-9, display="µm")
+GAP = shape("squeeze_gap", "m", 5e-6, "gap of the film", low=1e-9, display="µm", search=Grid.log(1.1, 30, of="x"))
 d_x, d_y, g = SQUEEZE_X.symbol, SQUEEZE_Y.symbol, GAP.symbol
 
 

@@ -12,7 +12,7 @@ from gyro_model.symbols import kxx, kxy, kyy, temperature_structure
 
 TCK = size("tck", "1/K", "temperature coefficient of stiffness", nominal=1e-4, display="ppm/K")
 SPLIT = size("tck_split", "1/K", "what the y axis has beyond tck", nominal=1e-5, display="ppm/K")
-REFERENCE = shape("t_ref", "K", 298.15, "temperature at which parameters are as given", display="degC")
+REFERENCE = shape("t_ref", "K", 298.15, "temperature at which parameters are as given", display="degC", search=None)
 difference = temperature_structure - REFERENCE.symbol
 
 EFFECT = Law(

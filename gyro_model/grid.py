@@ -1,0 +1,58 @@
+"""How a search for a missing effect tries a shape parameter: what an effect file says beside the parameter."""
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import ClassVar, Literal
+
+from gyro_model.errors import InputError, nearest
+
+Kind = Literal["log", "resonance", "quality", "instant"]
+SCALES = ("itself", "1", "duration", "x", "y", "x_dot", "y_dot", "u_x", "u_y", "temperature", "v_bias", "omega_z")
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The values of a shape parameter that a search tries before a fit moves it on from the best.
+
+    ``kind`` log: ``points`` in equal ratios from ``low`` to ``high``, times the scale ``of``. resonance: likewise,
+    times the highest mode's frequency, and ever finer about the best. quality: the quality factor ``low`` of such a
+    resonance, as broad as its grid is coarse. instant: ``points`` over a run, likewise finer.
+
+    Scales: ``itself``, the parameter's own typical value; ``1``, as it stands; ``duration`` of the longest run [s]; by
+    how much a signal moves in the runs at most: ``x``, ``y`` and their rates count for either axis, an input for
+    itself.
+    """
+
+    kind: Kind
+    low: float = 1.0
+    high: float = 1.0
+    points: int = 1
+    of: str = "itself"
+
+    instant: ClassVar["Grid"]
+    around: ClassVar["Grid"]
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.high) and 0 < self.low <= self.high and self.points >= 1):
+            raise InputError(f"grid from {self.low} to {self.high}: give 0 < low <= high and a number of points")
+        if self.of not in SCALES:
+            raise InputError(f"grid of {self.of!r}: no such scale{nearest(self.of, SCALES)}")
+
+    @classmethod
+    def log(cls, low: float, high: float, of: str = "itself", points: int = 5) -> "Grid":
+        """``points`` in equal ratios from ``low`` to ``high`` times the scale ``of``."""
+        return cls("log", low, high, points, of)
+
+    @classmethod
+    def resonance(cls, low: float = 0.2, high: float = 3.0, points: int = 30) -> "Grid":
+        """A frequency, between ``low`` and ``high`` times that of the highest mode."""
+        return cls("resonance", low, high, points)
+
+    @classmethod
+    def quality(cls, coarse: float = 10.0) -> "Grid":
+        """The quality factor of the searched resonance: as broad as its grid is ``coarse``."""
+        return cls("quality", coarse, coarse)
+
+
+Grid.instant = Grid("instant", points=16)
+Grid.around = Grid.log(0.1, 10.0)
