@@ -64,6 +64,12 @@ class KnownModel:
 
     def __post_init__(self) -> None:
         for effect_id in self.acting:
+            effect = self.model.effect(effect_id)
+            if isinstance(effect, Force) and any(state.rate.has(Application) for state in effect.states):
+                raise InputError(
+                    f"effect {effect_id}: its states bend too sharply for the loop's prediction; leave it out of the "
+                    "design"
+                )
             if uses_command(self.model.effect(effect_id)):
                 raise InputError(
                     f"effect {effect_id}: the loop takes what it commands as a force that no motion changes; leave it "

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from gyro_model import symbols
 from gyro_model.anatomy import SLOTS, Effect, Force, Map, Q, U, V
 from gyro_model.c_printing import STAMP, effect_macro, state_macro
-from gyro_model.errors import InputError
 from gyro_model.generate_effects import added_forces, force_call, guarded, is_curved, slot_lines
 from gyro_model.model import Model
 
@@ -37,19 +36,19 @@ def _couples(effect: Force) -> bool:
 
 
 def envelope(model: Model) -> str:
-    """``envelope.h`` of ``model``. Raises InputError for a force with states of its own that is not linear."""
+    """``envelope.h`` of ``model``. A force with states of its own that is not linear is refused where it acts."""
     moving = (*model.state_symbols, *U)
     added = added_forces(model)
     curved = [e for e in added if is_curved(e.terms().values(), moving)]
+    refused = [e for e in curved if e.states]
+    curved = [e for e in curved if not e.states]
     crossed = [e for e in curved if _couples(e)]
-    for effect in curved:
-        if effect.states:
-            raise InputError(f"effect {effect.id}: has states and is not linear, which the envelope form can't follow")
     maps = [e for e in model.effects if isinstance(e, Map)]
     parts = [
         _any("curved_force", "a force is not linear in the motion", curved),
         _any("crossed_force", "such a force depends on the other axis or on the command", crossed),
-        _any("stateful_force", "a force has states of its own", [e for e in added if e.states]),
+        _refused(refused),
+        _any("stateful_force", "a force has states of its own", [e for e in added if e.states and e not in refused]),
         _any("drawn_force", "a force is noise", [e for e in model.forces if e.drawn]),
         _any("curved_actuator", "the force is not in proportion to the command", _bent(maps, ACTUATOR)),
         _any("curved_pickoff", "the voltage is not in proportion to the motion", _bent(maps, PICKOFF)),
@@ -59,7 +58,7 @@ def envelope(model: Model) -> str:
         _list("drawn_forces", "forces that are noise", [e for e in model.forces if e.drawn]),
         _list("drawn_samples", "maps that draw numbers for the sample", [e for e in maps if e.drawn]),
         _list("rounding_effects", "maps that round the sample", _rounding(maps)),
-        _straight_rate(model, [e for e in added if e not in curved]),
+        _straight_rate(model, [e for e in added if e not in (*curved, *refused)]),
         _curved_force(curved),
         _maps("limit", "What bounds the voltage after the amplifier's lag, noise apart.", maps, _quiet),
         _maps("add_noise", "The noise of the latest numbers on the voltage.", maps, lambda e: e.drawn),
@@ -89,6 +88,16 @@ def _any(name: str, text: str, members: Sequence[Effect]) -> str:
     tests = " || ".join(f"g->active[{effect_macro(e)}]" for e in members)
     body = f"    return {tests};\n" if tests else "    (void)g;\n    return 0;\n"
     return f"/* Whether {text}. */\nstatic inline int any_{name}(const gyro_view *g)\n{{\n{body}}}\n"
+
+
+def _refused(effects: Sequence[Effect]) -> str:
+    lines = "".join(guarded(e, f'refused = "{e.id}";\n') for e in effects)
+    return (
+        "/* The id of an effect that acts and that this form can't follow: a force with states of its own that is not\n"
+        "   linear. NULL where there is none. */\n"
+        "static inline const char *refused_effect(const gyro_view *g)\n{\n    const char *refused = 0;\n    (void)g;\n"
+        f"{textwrap.indent(lines, '    ')}    return refused;\n}}\n"
+    )
 
 
 def _list(name: str, text: str, members: Sequence[Effect]) -> str:

@@ -32,7 +32,7 @@ FAR = 1.0
 
 # What counts as zero beside rtol: 1e-12 of a picometre and of its velocity at 1 kHz, of the voltage that it makes at
 # 1 V/um; of a kelvin.
-_NEGLIGIBLE = {"m": 1e-24, "m/s": 1e-20, "V": 1e-18, "K": 1e-12}
+_NEGLIGIBLE = {"m": 1e-24, "m/s": 1e-20, "V": 1e-18, "K": 1e-12, "1": 1e-18}
 
 
 def no_noise(effect_id: str, sample: int) -> tuple[float, float]:

@@ -28,6 +28,11 @@ gyro_status gyro_prepare(gyro_instance *g)
         view->since = 0.0;
         find_active(view);
         gyro_plan_cuts(g);
+        const char *refused = refused_effect(view);
+        if (refused != NULL) {
+            status = gyro_refuse(g, "effect %s has states and is not linear, which the envelope form can't follow: use the full FMU, or leave its sizes neutral",
+                                 refused);
+        }
     }
     return status;
 }

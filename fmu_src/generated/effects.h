@@ -276,6 +276,31 @@ static inline void impulse_frame_rotation(const gyro_view *g, double impulse[2])
     impulse[1] += -frame_rotation*m*omega_z_change*x;
 }
 
+/* Hysteresis of the suspension: a force that depends on the way there, not on the speed (Bouc-Wen).
+
+       F_q = -h_q z_q,  L z_q' = q' - β |q'| |z_q|^(n-1) z_q - γ q' |z_q|^n,  q = x, y
+
+   Y. K. Wen, Method for random vibration of hysteretic systems, ASCE Journal of the Engineering Mechanics Division 102,
+   1976. Small motions see a spring h/L; far from a turning point z is 1 where β + γ = 1, and h is a friction that
+   remembers. It feeds no energy where β ≥ |γ|. */
+static inline void effect_hysteresis(const gyro_view *g, double force[2], double *rate)
+{
+    const double hysteresis_beta = g->p[GYRO_HYSTERESIS_BETA];
+    const double hysteresis_gamma = g->p[GYRO_HYSTERESIS_GAMMA];
+    const double hysteresis_length = g->p[GYRO_HYSTERESIS_LENGTH];
+    const double hysteresis_n = g->p[GYRO_HYSTERESIS_N];
+    const double hysteresis_x = g->p[GYRO_HYSTERESIS_X];
+    const double hysteresis_y = g->p[GYRO_HYSTERESIS_Y];
+    const double hysteresis_z_x = g->s[GYRO_STATE_HYSTERESIS_Z_X];
+    const double hysteresis_z_y = g->s[GYRO_STATE_HYSTERESIS_Z_Y];
+    const double x_dot = g->s[GYRO_STATE_X_DOT];
+    const double y_dot = g->s[GYRO_STATE_Y_DOT];
+    force[0] += -hysteresis_x*hysteresis_z_x;
+    force[1] += -hysteresis_y*hysteresis_z_y;
+    rate[GYRO_STATE_HYSTERESIS_Z_X] = (-hysteresis_beta*hysteresis_z_x*gyro_pow(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_fabs(x_dot) - hysteresis_gamma*x_dot*gyro_pow(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n) + x_dot)/hysteresis_length;
+    rate[GYRO_STATE_HYSTERESIS_Z_Y] = (-hysteresis_beta*hysteresis_z_y*gyro_pow(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_fabs(y_dot) - hysteresis_gamma*y_dot*gyro_pow(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n) + y_dot)/hysteresis_length;
+}
+
 /* The package accelerates, and the mass lags behind.
 
        F_x = c_x m a_x,  F_y = c_y m a_y; physically c = -1, a tuning fork's two tines cancel most of it
@@ -447,6 +472,23 @@ static inline void effect_thermal_damping(gyro_view *g)
     g->p[GYRO_DXX] = dxx*(tcd*(-t_ref + temperature_structure) + 1);
     g->p[GYRO_DYY] = dyy*(tcd*(-t_ref + temperature_structure) + 1);
     g->p[GYRO_DXY] = dxy*(tcd*(-t_ref + temperature_structure) + 1);
+}
+
+/* The damping of the axes against one another creeps with the logarithm of time: the device ages.
+
+       dxy → dxy + ageing log(1 + t/t_a) √(dxx dyy)
+
+   What relaxes over activation energies that are spread evenly goes with the logarithm (W. Primak, Kinetics of processes
+   distributed in activation energy, Physical Review 100, 1955). In the cross damping it is a bias of the rate gyroscope. */
+static inline void effect_ageing(gyro_view *g)
+{
+    const double ageing = g->p[GYRO_AGEING];
+    const double ageing_time = g->p[GYRO_AGEING_TIME];
+    const double dxx = g->p[GYRO_DXX];
+    const double dxy = g->p[GYRO_DXY];
+    const double dyy = g->p[GYRO_DYY];
+    const double t = g->t;
+    g->p[GYRO_DXY] = ageing*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time) + dxy;
 }
 
 /* The gain of both pickoffs changes with the temperature of the circuit.
@@ -855,6 +897,7 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_ACTUATOR_NONLINEARITY] = g->p[GYRO_ACTUATOR_A2] != 0.0 || g->p[GYRO_ACTUATOR_A3] != 0.0;
     g->active[GYRO_EFFECT_ADC_CLIPPING] = g->p[GYRO_ADC_LIMIT] != 1e+300;
     g->active[GYRO_EFFECT_ADC_QUANTISATION] = g->p[GYRO_ADC_LSB] != 0.0;
+    g->active[GYRO_EFFECT_AGEING] = g->p[GYRO_AGEING] != 0.0;
     g->active[GYRO_EFFECT_AMPLIFIER_BANDWIDTH] = g->p[GYRO_AMPLIFIER_TIME_CONSTANT] != 0.0 || g->p[GYRO_TCP] != 0.0;
     g->active[GYRO_EFFECT_AMPLIFIER_DRIFT] = g->p[GYRO_OFFSET_DRIFT] != 0.0;
     g->active[GYRO_EFFECT_AMPLIFIER_OFFSET] = g->p[GYRO_OFFSET_X] != 0.0 || g->p[GYRO_OFFSET_Y] != 0.0;
@@ -871,6 +914,7 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] = g->p[GYRO_SOFTENING] != 0.0;
     g->active[GYRO_EFFECT_FLICKER_NOISE] = g->p[GYRO_FLICKER_NOISE] != 0.0;
     g->active[GYRO_EFFECT_FRAME_ROTATION] = g->p[GYRO_FRAME_ROTATION] != 0.0;
+    g->active[GYRO_EFFECT_HYSTERESIS] = g->p[GYRO_HYSTERESIS_X] != 0.0 || g->p[GYRO_HYSTERESIS_Y] != 0.0;
     g->active[GYRO_EFFECT_LINEAR_ACCELERATION] = g->p[GYRO_ACCELERATION_GAIN_X] != 0.0 || g->p[GYRO_ACCELERATION_GAIN_Y] != 0.0;
     g->active[GYRO_EFFECT_NONLINEAR_DAMPING] = g->p[GYRO_D2_X] != 0.0 || g->p[GYRO_D2_Y] != 0.0;
     g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE] = g->p[GYRO_PARASITIC_RATIO] != 0.0;
@@ -889,11 +933,11 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_THERMAL_LAG] = g->p[GYRO_STRUCTURE_LAG] != 0.0 || g->p[GYRO_CIRCUIT_LAG] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_PHASE] = g->p[GYRO_TCP] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_STIFFNESS] = g->p[GYRO_TCK] != 0.0 || g->p[GYRO_TCK_SPLIT] != 0.0;
-    g->any_law = g->active[GYRO_EFFECT_THERMAL_LAG] || g->active[GYRO_EFFECT_DAMPING_STEP] || g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] || g->active[GYRO_EFFECT_THERMAL_DAMPING] || g->active[GYRO_EFFECT_THERMAL_GAIN] || g->active[GYRO_EFFECT_THERMAL_PHASE] || g->active[GYRO_EFFECT_THERMAL_STIFFNESS];
+    g->any_law = g->active[GYRO_EFFECT_THERMAL_LAG] || g->active[GYRO_EFFECT_DAMPING_STEP] || g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] || g->active[GYRO_EFFECT_THERMAL_DAMPING] || g->active[GYRO_EFFECT_AGEING] || g->active[GYRO_EFFECT_THERMAL_GAIN] || g->active[GYRO_EFFECT_THERMAL_PHASE] || g->active[GYRO_EFFECT_THERMAL_STIFFNESS];
     g->any_impulse = g->active[GYRO_EFFECT_FRAME_ROTATION];
     g->any_rate = g->active[GYRO_EFFECT_SAMPLING_JITTER];
-    g->any_state = g->active[GYRO_EFFECT_PARASITIC_MODE];
-    g->any_curved = g->active[GYRO_EFFECT_CONTACT_STOP] || g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_DRY_FRICTION] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] || g->active[GYRO_EFFECT_SQUEEZE_FILM];
+    g->any_state = g->active[GYRO_EFFECT_HYSTERESIS] || g->active[GYRO_EFFECT_PARASITIC_MODE];
+    g->any_curved = g->active[GYRO_EFFECT_CONTACT_STOP] || g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_DRY_FRICTION] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_HYSTERESIS] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] || g->active[GYRO_EFFECT_SQUEEZE_FILM];
     g->n_acting = 0;
     if (g->active[GYRO_EFFECT_ANGULAR_GAIN]) {
         g->acting[g->n_acting++] = GYRO_EFFECT_ANGULAR_GAIN;
@@ -921,6 +965,9 @@ static inline void find_active(gyro_view *g)
     }
     if (g->active[GYRO_EFFECT_FRAME_ROTATION]) {
         g->acting[g->n_acting++] = GYRO_EFFECT_FRAME_ROTATION;
+    }
+    if (g->active[GYRO_EFFECT_HYSTERESIS]) {
+        g->acting[g->n_acting++] = GYRO_EFFECT_HYSTERESIS;
     }
     if (g->active[GYRO_EFFECT_LINEAR_ACCELERATION]) {
         g->acting[g->n_acting++] = GYRO_EFFECT_LINEAR_ACCELERATION;
@@ -950,6 +997,10 @@ static inline void begin_acting(gyro_view *g, const unsigned char acted[GYRO_N_E
         g->lagging[GYRO_LAGGING_TEMPERATURE_STRUCTURE] = value[GYRO_TEMPERATURE];
         g->lagging[GYRO_LAGGING_TEMPERATURE_CIRCUIT] = value[GYRO_TEMPERATURE];
     }
+    if (!g->active[GYRO_EFFECT_HYSTERESIS]) {
+        g->s[GYRO_STATE_HYSTERESIS_Z_X] = 0.0;
+        g->s[GYRO_STATE_HYSTERESIS_Z_Y] = 0.0;
+    }
     if (!g->active[GYRO_EFFECT_PARASITIC_MODE]) {
         g->s[GYRO_STATE_PARASITIC] = 0.0;
         g->s[GYRO_STATE_PARASITIC_DOT] = 0.0;
@@ -969,6 +1020,7 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* actuator_nonlinearity: none */
     0u, /* adc_clipping: none */
     0u, /* adc_quantisation: none */
+    0u, /* ageing: none */
     0u, /* amplifier_bandwidth: none */
     0u, /* amplifier_drift: none */
     0u, /* amplifier_offset: none */
@@ -985,6 +1037,7 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* electrostatic_softening: none */
     0x66eadef4u, /* flicker_noise */
     0u, /* frame_rotation: none */
+    0u, /* hysteresis: none */
     0u, /* linear_acceleration: none */
     0u, /* nonlinear_damping: none */
     0u, /* parasitic_capacitance: none */
@@ -1017,6 +1070,7 @@ static const int pink_places[GYRO_N_EFFECTS] = {
     -1, /* actuator_nonlinearity */
     -1, /* adc_clipping */
     -1, /* adc_quantisation */
+    -1, /* ageing */
     -1, /* amplifier_bandwidth */
     -1, /* amplifier_drift */
     -1, /* amplifier_offset */
@@ -1033,6 +1087,7 @@ static const int pink_places[GYRO_N_EFFECTS] = {
     -1, /* electrostatic_softening */
     0, /* flicker_noise */
     -1, /* frame_rotation */
+    -1, /* hysteresis */
     -1, /* linear_acceleration */
     -1, /* nonlinear_damping */
     -1, /* parasitic_capacitance */
@@ -1102,6 +1157,9 @@ static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES]
     if (g->active[GYRO_EFFECT_THERMAL_DAMPING]) {
         effect_thermal_damping(g);
     }
+    if (g->active[GYRO_EFFECT_AGEING]) {
+        effect_ageing(g);
+    }
     if (g->active[GYRO_EFFECT_THERMAL_GAIN]) {
         effect_thermal_gain(g);
     }
@@ -1122,6 +1180,9 @@ static inline int laws_move(const gyro_view *g, const double value[GYRO_N_VARIAB
         moving = moving || g->lagging[GYRO_LAGGING_TEMPERATURE_STRUCTURE] != value[GYRO_TEMPERATURE] || g->lagging[GYRO_LAGGING_TEMPERATURE_CIRCUIT] != value[GYRO_TEMPERATURE];
     }
     if (g->active[GYRO_EFFECT_DIELECTRIC_CHARGING]) {
+        moving = 1;
+    }
+    if (g->active[GYRO_EFFECT_AGEING]) {
         moving = 1;
     }
     return moving;
@@ -1160,6 +1221,8 @@ static inline void hold_noise(gyro_view *g)
 static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
 {
     double force[2] = {g->u[0] + g->held[0], g->u[1] + g->held[1]};
+    rate[GYRO_STATE_HYSTERESIS_Z_X] = 0.0;
+    rate[GYRO_STATE_HYSTERESIS_Z_Y] = 0.0;
     rate[GYRO_STATE_PARASITIC] = 0.0;
     rate[GYRO_STATE_PARASITIC_DOT] = 0.0;
     effect_coriolis(g, force);
@@ -1194,6 +1257,9 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
             break;
         case GYRO_EFFECT_FRAME_ROTATION:
             effect_frame_rotation(g, force);
+            break;
+        case GYRO_EFFECT_HYSTERESIS:
+            effect_hysteresis(g, force, rate);
             break;
         case GYRO_EFFECT_LINEAR_ACCELERATION:
             effect_linear_acceleration(g, force);

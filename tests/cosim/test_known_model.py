@@ -145,6 +145,7 @@ def test_a_wrong_parameter_is_seen_by_the_comparison():
         (("adc_clipping",), ("adc_limit",), "without an interval"),
         (("dry_friction",), ("friction_x",), "without an interval"),
         (("contact_stop",), ("stop_stiffness",), "without an interval"),
+        (("hysteresis",), (), "leave it out of the design"),
         (("comb_fringe",), (), "leave it out of the design"),
     ],
 )

@@ -146,3 +146,40 @@ def test_comb_fringe_under_a_steady_force_is_a_spring(plant: Runner, residual: R
     x = plant.run({**LOSSLESS, "comb_fringe": c}, t, force, outputs=("x",))["x"]
     k = K - c * u
     residual("motion", np.max(np.abs(x - u / k * (1 - np.cos(np.sqrt(k / M) * t)))) / (u / k), 1e-12)
+
+
+def test_hysteresis_on_the_first_way_is_an_exponential(plant: Runner, residual: Residual) -> None:
+    # n = 1, β + γ = 1: z = 1 - e^(-x/L) while x grows, so m v²/2 falls by h (x - L (1 - e^(-x/L))).
+    h, length, speed = 1e-6, 3e-7, 2e-2
+    own = {"hysteresis_x": h, "hysteresis_length": length, "x_dot_start": speed}
+    out = plant.run({**LOSSLESS, "kxx": 1e-13, **own}, np.arange(401) * STEP, outputs=("x", "x_dot"))
+    x = out["x"]
+    wanted = np.sqrt(speed**2 - 2 * h / M * (x - length * (1 - np.exp(-x / length))))
+    # A step is good to 1e-12 of what moves in it; 400 of them.
+    residual("speed", np.max(np.abs(out["x_dot"] - wanted)) / speed, 1e-10)
+    assert wanted[-1] < 0.9 * speed
+
+
+@pytest.mark.parametrize("sharpness", [1.0, 2.0])
+def test_hysteresis_loses_the_area_of_its_loop(plant: Runner, residual: Residual, sharpness: float) -> None:
+    # The loop of x = A cos φ by quadrature, whatever the frequency; it takes m w² A ΔA a period.
+    h, length = 1e-3 * K * A, 0.2 * A
+    own = {"hysteresis_x": h, "hysteresis_length": length, "hysteresis_n": sharpness}
+    t = np.arange(4001) * STEP
+    turns = extremes(plant.run({**LOSSLESS, "x_start": A, **own}, t))[::2]
+    number = len(turns) // 2
+    amplitude = turns[number]
+    phases = np.linspace(0, 6 * np.pi, 600_001)
+    x, z, area = amplitude * np.cos(phases), 0.0, 0.0
+    for k in range(len(x) - 1):
+        way = x[k + 1] - x[k]
+        middle = z
+        for _ in range(2):
+            bend = abs(way) * abs(middle) ** (sharpness - 1) * middle + way * abs(middle) ** sharpness
+            middle = z + 0.5 * (way - 0.5 * bend) / length
+        if k >= 400_000:
+            area += h * middle * way
+        z = 2 * middle - z
+    fall = (turns[number - 5] - turns[number + 5]) / 10
+    # The fall of 3e-3 A a period bends the loop of the middle by its square.
+    residual("loss", abs(K * amplitude * fall / area - 1), 5e-3)

@@ -17,6 +17,18 @@ static inline int any_crossed_force(const gyro_view *g)
     return g->active[GYRO_EFFECT_COMB_FRINGE] || g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS];
 }
 
+/* The id of an effect that acts and that this form can't follow: a force with states of its own that is not
+   linear. NULL where there is none. */
+static inline const char *refused_effect(const gyro_view *g)
+{
+    const char *refused = 0;
+    (void)g;
+    if (g->active[GYRO_EFFECT_HYSTERESIS]) {
+        refused = "hysteresis";
+    }
+    return refused;
+}
+
 /* Whether a force has states of its own. */
 static inline int any_stateful_force(const gyro_view *g)
 {
@@ -72,6 +84,8 @@ static const int rounding_effects[] = {GYRO_EFFECT_ADC_QUANTISATION, GYRO_N_EFFE
 static inline void straight_rate(const gyro_view *g, double rate[GYRO_N_STATES])
 {
     double force[2] = {0.0, 0.0};
+    rate[GYRO_STATE_HYSTERESIS_Z_X] = 0.0;
+    rate[GYRO_STATE_HYSTERESIS_Z_Y] = 0.0;
     rate[GYRO_STATE_PARASITIC] = 0.0;
     rate[GYRO_STATE_PARASITIC_DOT] = 0.0;
     effect_coriolis(g, force);
