@@ -100,11 +100,13 @@ def _record(search: "Search", device: Mapping[str, Value]) -> tuple[Finding, ...
 
 
 def _device(search: "Search") -> dict[str, Value]:
-    """Every fitted parameter with its interval."""
+    """Every fitted parameter with its interval, within what its fit could reach."""
     result = {}
+    reach = {free.name: free for free in search.at.free}
     for name, deviation in search.fitter.deviations(search.at).items():
         value, quantity = search.at.parameters[name], quantity_of(search.simulator.model, name)
-        low, high = (float(np.clip(value + side * WIDTH * deviation, quantity.low, quantity.high)) for side in (-1, 1))
+        bounds = max(quantity.low, reach[name].low), min(quantity.high, reach[name].high)
+        low, high = (float(np.clip(value + side * WIDTH * deviation, *bounds)) for side in (-1, 1))
         result[name] = Value(value, low, high, quantity.unit)
     return result
 
@@ -260,7 +262,8 @@ def _doubts(search: "Search", rest: "Remainder") -> tuple[str, ...]:
         found.append(f"the fit stopped short of a minimum: a further step would gain {search.at.left:.2g} variances")
     for free in search.at.free:
         value = search.at.parameters[free.name]
-        if value in (free.low, free.high):
+        # At zero a part of an effect is not there, as friction of the other axis: nothing is wrong with that.
+        if value in (free.low, free.high) and value != 0.0:
             found.append(f"{free.name} = {value:.6g} stands at the bound of what it can be")
     return tuple(found)
 

@@ -31,6 +31,9 @@ SMALL, SMALLEST = 0.1, 1e-9
 other parameters."""
 DEAD: Final = 1e-15
 """Of the signal: below lies no change but rounding."""
+UNSEEN: Final = 1e-10
+"""Square of a column over that of the largest, below which a parameter shows nowhere: steps are set so that all are
+alike to a factor of 1e3 after the noise filter; what a step of rounding leaves is 1e-7 of one and less."""
 LINEAR: Final = 1e-5
 """The same over the signal where the residual is far above the noise."""
 PASSIVE: Final = 0.999
@@ -332,8 +335,13 @@ class Fitter:
         return np.asarray(white * np.outer(step, step))
 
     def deviations(self, at: Fitted) -> dict[str, float]:
-        """Standard deviation of each free parameter."""
-        size = np.sqrt(np.diag(self.covariance(at)))
+        """Standard deviation of each free parameter; infinite where its step, which should change the voltage as much
+        as that of the others, changes nothing."""
+        linear = at if at.grams is not None else self.with_grams(at)
+        assert linear.grams is not None
+        square = np.diag(linear.grams.sum(axis=0))[: linear.known]
+        size = np.sqrt(np.diag(self.covariance(linear)))
+        size = np.where(square > UNSEEN * np.max(square, initial=0.0), size, np.inf)
         return {free.name: float(value) for free, value in zip(at.free, size, strict=True)}
 
 

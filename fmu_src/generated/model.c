@@ -3,19 +3,23 @@
 #include "model.h"
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
-    {9u, 102u, 1e-06},
-    {11u, 103u, 0.02},
-    {10u, 104u, 1e-06},
-    {12u, 105u, 0.02},
-    {96u, 106u, 1e-06},
-    {97u, 107u, 0.02},
-    {98u, 108u, 1.0},
-    {99u, 109u, 1.0},
-    {100u, 110u, 298.15},
-    {101u, 111u, 298.15},
+    {9u, 112u, 1e-06},
+    {11u, 113u, 0.02},
+    {10u, 114u, 1e-06},
+    {12u, 115u, 0.02},
+    {104u, 116u, 1.0},
+    {105u, 117u, 1.0},
+    {106u, 118u, 1e-06},
+    {107u, 119u, 0.02},
+    {108u, 120u, 1.0},
+    {109u, 121u, 1.0},
+    {110u, 122u, 298.15},
+    {111u, 123u, 298.15},
 };
 
 const char *const gyro_local_names[GYRO_N_LOCALS + 1] = {
+    "hysteresis_z_x",
+    "hysteresis_z_y",
     "parasitic",
     "parasitic_dot",
     "v_x_lagged",
@@ -26,6 +30,8 @@ const char *const gyro_local_names[GYRO_N_LOCALS + 1] = {
     "der(x_dot)",
     "der(y)",
     "der(y_dot)",
+    "der(hysteresis_z_x)",
+    "der(hysteresis_z_y)",
     "der(parasitic)",
     "der(parasitic_dot)",
     "der(v_x_lagged)",

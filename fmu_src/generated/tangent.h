@@ -64,6 +64,22 @@ static inline void tangent_thermal_damping(const gyro_view *g, const gyro_tangen
     out[2] = d_dxy*(tcd*(-t_ref + temperature_structure) + 1) - d_t_ref*dxy*tcd + d_tcd*dxy*(-t_ref + temperature_structure) + d_temperature_structure*dxy*tcd;
 }
 
+static inline void tangent_ageing(const gyro_view *g, const gyro_tangent *d, double *out)
+{
+    (void)g, (void)d;
+    const double ageing = g->p[GYRO_AGEING];
+    const double ageing_time = g->p[GYRO_AGEING_TIME];
+    const double dxx = g->p[GYRO_DXX];
+    const double dyy = g->p[GYRO_DYY];
+    const double t = g->t;
+    const double d_ageing = d->p[GYRO_AGEING];
+    const double d_ageing_time = d->p[GYRO_AGEING_TIME];
+    const double d_dxx = d->p[GYRO_DXX];
+    const double d_dxy = d->p[GYRO_DXY];
+    const double d_dyy = d->p[GYRO_DYY];
+    out[0] = (1.0/2.0)*ageing*d_dxx*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)/dxx + (1.0/2.0)*ageing*d_dyy*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)/dyy - ageing*d_ageing_time*t*sqrt(dxx*dyy)/((ageing_time*ageing_time)*(1 + t/ageing_time)) + d_ageing*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time) + d_dxy;
+}
+
 static inline void tangent_thermal_gain(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
@@ -605,6 +621,35 @@ static inline void tangent_frame_rotation(const gyro_view *g, const gyro_tangent
     force[1] += d_frame_rotation*m*omega_z*omega_z*y + d_m*frame_rotation*omega_z*omega_z*y + 2*d_omega_z*frame_rotation*m*omega_z*y + d_y*frame_rotation*m*omega_z*omega_z;
 }
 
+static inline void tangent_hysteresis(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+{
+    (void)g, (void)d, (void)force, (void)rate;
+    const double hysteresis_beta = g->p[GYRO_HYSTERESIS_BETA];
+    const double hysteresis_gamma = g->p[GYRO_HYSTERESIS_GAMMA];
+    const double hysteresis_length = g->p[GYRO_HYSTERESIS_LENGTH];
+    const double hysteresis_n = g->p[GYRO_HYSTERESIS_N];
+    const double hysteresis_x = g->p[GYRO_HYSTERESIS_X];
+    const double hysteresis_y = g->p[GYRO_HYSTERESIS_Y];
+    const double hysteresis_z_x = g->s[GYRO_STATE_HYSTERESIS_Z_X];
+    const double hysteresis_z_y = g->s[GYRO_STATE_HYSTERESIS_Z_Y];
+    const double x_dot = g->s[GYRO_STATE_X_DOT];
+    const double y_dot = g->s[GYRO_STATE_Y_DOT];
+    const double d_hysteresis_beta = d->p[GYRO_HYSTERESIS_BETA];
+    const double d_hysteresis_gamma = d->p[GYRO_HYSTERESIS_GAMMA];
+    const double d_hysteresis_length = d->p[GYRO_HYSTERESIS_LENGTH];
+    const double d_hysteresis_n = d->p[GYRO_HYSTERESIS_N];
+    const double d_hysteresis_x = d->p[GYRO_HYSTERESIS_X];
+    const double d_hysteresis_y = d->p[GYRO_HYSTERESIS_Y];
+    const double d_hysteresis_z_x = d->s[GYRO_STATE_HYSTERESIS_Z_X];
+    const double d_hysteresis_z_y = d->s[GYRO_STATE_HYSTERESIS_Z_Y];
+    const double d_x_dot = d->s[GYRO_STATE_X_DOT];
+    const double d_y_dot = d->s[GYRO_STATE_Y_DOT];
+    force[0] += -d_hysteresis_x*hysteresis_z_x - d_hysteresis_z_x*hysteresis_x;
+    force[1] += -d_hysteresis_y*hysteresis_z_y - d_hysteresis_z_y*hysteresis_y;
+    rate[GYRO_STATE_HYSTERESIS_Z_X] = -d_hysteresis_beta*hysteresis_z_x*gyro_pow(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_fabs(x_dot)/hysteresis_length - d_hysteresis_gamma*x_dot*gyro_pow(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n)/hysteresis_length - d_hysteresis_length*(-hysteresis_beta*hysteresis_z_x*gyro_pow(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_fabs(x_dot) - hysteresis_gamma*x_dot*gyro_pow(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n) + x_dot)/(hysteresis_length*hysteresis_length) + d_hysteresis_n*(-1.0/2.0*hysteresis_beta*hysteresis_z_x*gyro_pow(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_log(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308)*gyro_fabs(x_dot) - 1.0/2.0*hysteresis_gamma*x_dot*gyro_pow(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n)*gyro_log(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308))/hysteresis_length + d_hysteresis_z_x*(-2*hysteresis_beta*hysteresis_z_x*hysteresis_z_x*((1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_pow(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_fabs(x_dot)/(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308) - hysteresis_beta*gyro_pow(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_fabs(x_dot) - hysteresis_gamma*hysteresis_n*hysteresis_z_x*x_dot*gyro_pow(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n)/(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308))/hysteresis_length + d_x_dot*(-hysteresis_beta*hysteresis_z_x*gyro_pow(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(((x_dot) > 0) - ((x_dot) < 0)) - hysteresis_gamma*gyro_pow(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n) + 1)/hysteresis_length;
+    rate[GYRO_STATE_HYSTERESIS_Z_Y] = -d_hysteresis_beta*hysteresis_z_y*gyro_pow(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_fabs(y_dot)/hysteresis_length - d_hysteresis_gamma*y_dot*gyro_pow(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n)/hysteresis_length - d_hysteresis_length*(-hysteresis_beta*hysteresis_z_y*gyro_pow(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_fabs(y_dot) - hysteresis_gamma*y_dot*gyro_pow(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n) + y_dot)/(hysteresis_length*hysteresis_length) + d_hysteresis_n*(-1.0/2.0*hysteresis_beta*hysteresis_z_y*gyro_pow(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_log(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308)*gyro_fabs(y_dot) - 1.0/2.0*hysteresis_gamma*y_dot*gyro_pow(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n)*gyro_log(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308))/hysteresis_length + d_hysteresis_z_y*(-2*hysteresis_beta*hysteresis_z_y*hysteresis_z_y*((1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_pow(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_fabs(y_dot)/(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308) - hysteresis_beta*gyro_pow(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_fabs(y_dot) - hysteresis_gamma*hysteresis_n*hysteresis_z_y*y_dot*gyro_pow(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n)/(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308))/hysteresis_length + d_y_dot*(-hysteresis_beta*hysteresis_z_y*gyro_pow(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(((y_dot) > 0) - ((y_dot) < 0)) - hysteresis_gamma*gyro_pow(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n) + 1)/hysteresis_length;
+}
+
 static inline void tangent_linear_acceleration(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
@@ -904,6 +949,11 @@ static inline void tangent_laws(gyro_view *g, const double value[GYRO_N_VARIABLE
         d->p[GYRO_DYY] = out[1];
         d->p[GYRO_DXY] = out[2];
     }
+    if (g->active[GYRO_EFFECT_AGEING]) {
+        tangent_ageing(g, d, out);
+        effect_ageing(g);
+        d->p[GYRO_DXY] = out[0];
+    }
     if (g->active[GYRO_EFFECT_THERMAL_GAIN]) {
         tangent_thermal_gain(g, d, out);
         effect_thermal_gain(g);
@@ -1033,6 +1083,8 @@ static inline void tangent_pick_off(gyro_view *g, gyro_tangent *d)
 static inline void tangent_rate(const gyro_view *g, const gyro_tangent *d, double rate[GYRO_N_STATES])
 {
     double force[2] = {d->u[0], d->u[1]};
+    rate[GYRO_STATE_HYSTERESIS_Z_X] = 0.0;
+    rate[GYRO_STATE_HYSTERESIS_Z_Y] = 0.0;
     rate[GYRO_STATE_PARASITIC] = 0.0;
     rate[GYRO_STATE_PARASITIC_DOT] = 0.0;
     tangent_coriolis(g, d, force, rate);
@@ -1064,6 +1116,9 @@ static inline void tangent_rate(const gyro_view *g, const gyro_tangent *d, doubl
     }
     if (g->active[GYRO_EFFECT_FRAME_ROTATION]) {
         tangent_frame_rotation(g, d, force, rate);
+    }
+    if (g->active[GYRO_EFFECT_HYSTERESIS]) {
+        tangent_hysteresis(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_LINEAR_ACCELERATION]) {
         tangent_linear_acceleration(g, d, force, rate);

@@ -12,7 +12,7 @@ from gyro_model.anatomy import Law, Limit
 from gyro_model.quantities import Grid, shape, size
 from gyro_model.symbols import dxx, dxy, dyy, t
 
-AGEING = size("ageing", "1", "cross damping that comes with each e-fold of time, over √(dxx dyy)")
+AGEING = size("ageing", "1", "cross damping that comes with each e-fold of time, over √(dxx dyy)", nominal=1e-4)
 TIME = shape("ageing_time", "s", 3600.0, "age at the start", low=1e-6, search=Grid.log(0.03, 3, of="duration"))
 
 EFFECT = Law(

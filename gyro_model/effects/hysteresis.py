@@ -13,8 +13,8 @@ from gyro_model.anatomy import Energy, Force, Limit, State
 from gyro_model.quantities import Grid, shape, size
 from gyro_model.symbols import x_dot, y_dot
 
-H_X = size("hysteresis_x", "N", "largest hysteretic force, x axis", low=0.0)
-H_Y = size("hysteresis_y", "N", "largest hysteretic force, y axis", low=0.0)
+H_X = size("hysteresis_x", "N", "largest hysteretic force, x axis", low=0.0, nominal=1e-7, display="µN")
+H_Y = size("hysteresis_y", "N", "largest hysteretic force, y axis", low=0.0, nominal=1e-7, display="µN")
 LENGTH = shape(
     "hysteresis_length", "m", 1e-6, "way on which the force builds up", low=1e-12, search=Grid.log(0.03, 3, of="x")
 )
