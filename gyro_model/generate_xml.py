@@ -124,7 +124,8 @@ def _locals(model: Model) -> list[tuple[dict[str, str], dict[str, str]]]:
     rows = []
     for state in hidden_states(model):
         names = {"name": state.name, "valueReference": str(state.reference), "description": state.description}
-        rows.append((names | kept, {"unit": state.unit, "nominal": repr(state.nominal), "reinit": "true"}))
+        unit = {} if state.unit == "1" else {"unit": state.unit}
+        rows.append((names | kept, unit | {"nominal": repr(state.nominal), "reinit": "true"}))
     for state in states:
         text = f"rate of {state.name}"
         names = {"name": state.rate_name, "valueReference": str(state.rate_reference), "description": text}
