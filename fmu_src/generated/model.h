@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{3da3ff22-a39b-8055-1c81-00e84ed5db12}"
+#define GYRO_TOKEN "{da168863-3779-cd78-f119-e9f9144531b8}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -54,64 +54,72 @@ enum {
     GYRO_ACTUATOR_A3 = 36, /* [1/N2] size: cubic part of the actuator curve */
     GYRO_ADC_LIMIT = 37, /* [V] size: largest voltage that the converter can give */
     GYRO_ADC_LSB = 38, /* [V] size: step of the converter */
-    GYRO_AMPLIFIER_TIME_CONSTANT = 39, /* [s] size: time constant of the charge amplifier */
-    GYRO_OFFSET_DRIFT = 40, /* [V/s] size: drift of the offset of both amplifiers */
-    GYRO_OFFSET_X = 41, /* [V] size: offset of the x amplifier */
-    GYRO_OFFSET_Y = 42, /* [V] size: offset of the y amplifier */
-    GYRO_ANGULAR_GAIN = 43, /* [1] size: Coriolis coupling relative to that of a point mass */
-    GYRO_COMB_FRINGE = 44, /* [1/m] size: change of the force with displacement, relative */
-    GYRO_FORCE_X = 45, /* [N] size: constant force, x axis */
-    GYRO_FORCE_Y = 46, /* [N] size: constant force, y axis */
-    GYRO_STOP_STIFFNESS = 47, /* [N/m] size: stiffness of the stops */
-    GYRO_STOP_GAP = 48, /* [m] shape: displacement at which the mass meets a stop */
-    GYRO_STOP_DAMPING = 49, /* [N.s/m] shape: damping of the stops while they touch */
-    GYRO_K22 = 50, /* [N/m3] size: cubic stiffness that couples the axes */
-    GYRO_K3_X = 51, /* [N/m3] size: cubic stiffness, x axis */
-    GYRO_K3_Y = 52, /* [N/m3] size: cubic stiffness, y axis */
-    GYRO_DAMPING_STEP_FACTOR = 53, /* [1] size: all damping multiplies by this */
-    GYRO_DAMPING_STEP_TIME = 54, /* [s] shape: instant at which the damping steps */
-    GYRO_CHARGING_VOLTAGE = 55, /* [V] size: what the charge adds to the bias voltage in the end */
-    GYRO_CHARGING_TIME = 56, /* [s] shape: time constant of charging */
-    GYRO_FEEDTHROUGH = 57, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
-    GYRO_FRICTION_X = 58, /* [N] size: dry friction, x axis */
-    GYRO_FRICTION_Y = 59, /* [N] size: dry friction, y axis */
-    GYRO_FRICTION_SPEED = 60, /* [m/s] shape: speed over which the friction changes its sign */
-    GYRO_STRIBECK = 61, /* [1] shape: by how much friction near rest exceeds that at speed, relative */
-    GYRO_STRIBECK_SPEED = 62, /* [m/s] shape: speed at which that excess has faded */
-    GYRO_SOFTENING = 63, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
-    GYRO_ELECTRODE_GAP = 64, /* [m] shape: gap of the electrodes */
-    GYRO_FLICKER_NOISE = 65, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
-    GYRO_FRAME_ROTATION = 66, /* [1] size: centrifugal and Euler force times this (1: physical) */
-    GYRO_ACCELERATION_GAIN_X = 67, /* [1] size: part of the package's acceleration that moves the mass, x axis */
-    GYRO_ACCELERATION_GAIN_Y = 68, /* [1] size: part of the package's acceleration that moves the mass, y axis */
-    GYRO_D2_X = 69, /* [N.s/m3] size: nonlinear damping, x axis */
-    GYRO_D2_Y = 70, /* [N.s/m3] size: nonlinear damping, y axis */
-    GYRO_PARASITIC_RATIO = 71, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
-    GYRO_PARASITIC_COUPLING = 72, /* [N/m] size: spring that couples the parasitic mode to x */
-    GYRO_PARASITIC_FREQUENCY = 73, /* [Hz] shape: frequency of the parasitic mode alone */
-    GYRO_PARASITIC_Q = 74, /* [1] shape: quality factor of the parasitic mode */
-    GYRO_PICKOFF_GAIN_MISMATCH = 75, /* [1] size: relative excess of the y pickoff gain */
-    GYRO_PICKOFF_MISALIGNMENT = 76, /* [1] size: part of each displacement that the other pickoff sees */
-    GYRO_PICKOFF_MISMATCH = 77, /* [1] size: relative mismatch of the pair of sensing capacitors */
-    GYRO_PICKOFF_INVERSE_GAP = 78, /* [1/m] size: one over the gap of the sensing capacitors */
-    GYRO_K2_X = 79, /* [N/m2] size: quadratic stiffness, x axis */
-    GYRO_K2_Y = 80, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SAMPLING_JITTER = 81, /* [s] size: rms error of the sampling instant */
-    GYRO_SENSE_NOISE = 82, /* [V] size: white noise, rms a sample */
-    GYRO_SQUEEZE_X = 83, /* [N.s/m] size: damping of the film at rest, x axis */
-    GYRO_SQUEEZE_Y = 84, /* [N.s/m] size: damping of the film at rest, y axis */
-    GYRO_SQUEEZE_GAP = 85, /* [m] shape: gap of the film */
-    GYRO_TCD = 86, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 87, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 88, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_STRUCTURE_LAG = 89, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 90, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 91, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 92, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 93, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 94, /* [K] shape: temperature at which parameters are as given */
+    GYRO_AGEING = 39, /* [1] size: cross damping that comes with each e-fold of time, over √(dxx dyy) */
+    GYRO_AGEING_TIME = 40, /* [s] shape: age at the start */
+    GYRO_AMPLIFIER_TIME_CONSTANT = 41, /* [s] size: time constant of the charge amplifier */
+    GYRO_OFFSET_DRIFT = 42, /* [V/s] size: drift of the offset of both amplifiers */
+    GYRO_OFFSET_X = 43, /* [V] size: offset of the x amplifier */
+    GYRO_OFFSET_Y = 44, /* [V] size: offset of the y amplifier */
+    GYRO_ANGULAR_GAIN = 45, /* [1] size: Coriolis coupling relative to that of a point mass */
+    GYRO_COMB_FRINGE = 46, /* [1/m] size: change of the force with displacement, relative */
+    GYRO_FORCE_X = 47, /* [N] size: constant force, x axis */
+    GYRO_FORCE_Y = 48, /* [N] size: constant force, y axis */
+    GYRO_STOP_STIFFNESS = 49, /* [N/m] size: stiffness of the stops */
+    GYRO_STOP_GAP = 50, /* [m] shape: displacement at which the mass meets a stop */
+    GYRO_STOP_DAMPING = 51, /* [N.s/m] shape: damping of the stops while they touch */
+    GYRO_K22 = 52, /* [N/m3] size: cubic stiffness that couples the axes */
+    GYRO_K3_X = 53, /* [N/m3] size: cubic stiffness, x axis */
+    GYRO_K3_Y = 54, /* [N/m3] size: cubic stiffness, y axis */
+    GYRO_DAMPING_STEP_FACTOR = 55, /* [1] size: all damping multiplies by this */
+    GYRO_DAMPING_STEP_TIME = 56, /* [s] shape: instant at which the damping steps */
+    GYRO_CHARGING_VOLTAGE = 57, /* [V] size: what the charge adds to the bias voltage in the end */
+    GYRO_CHARGING_TIME = 58, /* [s] shape: time constant of charging */
+    GYRO_FEEDTHROUGH = 59, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
+    GYRO_FRICTION_X = 60, /* [N] size: dry friction, x axis */
+    GYRO_FRICTION_Y = 61, /* [N] size: dry friction, y axis */
+    GYRO_FRICTION_SPEED = 62, /* [m/s] shape: speed over which the friction changes its sign */
+    GYRO_STRIBECK = 63, /* [1] shape: by how much friction near rest exceeds that at speed, relative */
+    GYRO_STRIBECK_SPEED = 64, /* [m/s] shape: speed at which that excess has faded */
+    GYRO_SOFTENING = 65, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
+    GYRO_ELECTRODE_GAP = 66, /* [m] shape: gap of the electrodes */
+    GYRO_FLICKER_NOISE = 67, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
+    GYRO_FRAME_ROTATION = 68, /* [1] size: centrifugal and Euler force times this (1: physical) */
+    GYRO_HYSTERESIS_X = 69, /* [N] size: largest hysteretic force, x axis */
+    GYRO_HYSTERESIS_Y = 70, /* [N] size: largest hysteretic force, y axis */
+    GYRO_HYSTERESIS_LENGTH = 71, /* [m] shape: way on which the force builds up */
+    GYRO_HYSTERESIS_BETA = 72, /* [1] shape: share of the limit that dissipates */
+    GYRO_HYSTERESIS_GAMMA = 73, /* [1] shape: share of the limit that bends */
+    GYRO_HYSTERESIS_N = 74, /* [1] shape: sharpness of the limit */
+    GYRO_ACCELERATION_GAIN_X = 75, /* [1] size: part of the package's acceleration that moves the mass, x axis */
+    GYRO_ACCELERATION_GAIN_Y = 76, /* [1] size: part of the package's acceleration that moves the mass, y axis */
+    GYRO_D2_X = 77, /* [N.s/m3] size: nonlinear damping, x axis */
+    GYRO_D2_Y = 78, /* [N.s/m3] size: nonlinear damping, y axis */
+    GYRO_PARASITIC_RATIO = 79, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
+    GYRO_PARASITIC_COUPLING = 80, /* [N/m] size: spring that couples the parasitic mode to x */
+    GYRO_PARASITIC_FREQUENCY = 81, /* [Hz] shape: frequency of the parasitic mode alone */
+    GYRO_PARASITIC_Q = 82, /* [1] shape: quality factor of the parasitic mode */
+    GYRO_PICKOFF_GAIN_MISMATCH = 83, /* [1] size: relative excess of the y pickoff gain */
+    GYRO_PICKOFF_MISALIGNMENT = 84, /* [1] size: part of each displacement that the other pickoff sees */
+    GYRO_PICKOFF_MISMATCH = 85, /* [1] size: relative mismatch of the pair of sensing capacitors */
+    GYRO_PICKOFF_INVERSE_GAP = 86, /* [1/m] size: one over the gap of the sensing capacitors */
+    GYRO_K2_X = 87, /* [N/m2] size: quadratic stiffness, x axis */
+    GYRO_K2_Y = 88, /* [N/m2] size: quadratic stiffness, y axis */
+    GYRO_SAMPLING_JITTER = 89, /* [s] size: rms error of the sampling instant */
+    GYRO_SENSE_NOISE = 90, /* [V] size: white noise, rms a sample */
+    GYRO_SQUEEZE_X = 91, /* [N.s/m] size: damping of the film at rest, x axis */
+    GYRO_SQUEEZE_Y = 92, /* [N.s/m] size: damping of the film at rest, y axis */
+    GYRO_SQUEEZE_GAP = 93, /* [m] shape: gap of the film */
+    GYRO_TCD = 94, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 95, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 96, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_STRUCTURE_LAG = 97, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 98, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 99, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 100, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 101, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 102, /* [K] shape: temperature at which parameters are as given */
     GYRO_N_INPUTS = 7, /* which come first */
-    GYRO_N_VARIABLES = 95
+    GYRO_N_VARIABLES = 103
 };
 
 /* Continuous states. */
@@ -120,17 +128,19 @@ enum {
     GYRO_STATE_X_DOT = 1, /* [m/s] */
     GYRO_STATE_Y = 2, /* [m] */
     GYRO_STATE_Y_DOT = 3, /* [m/s] */
-    GYRO_STATE_PARASITIC = 4, /* [m] */
-    GYRO_STATE_PARASITIC_DOT = 5, /* [m/s] */
-    GYRO_N_STATES = 6
+    GYRO_STATE_HYSTERESIS_Z_X = 4, /* [1] */
+    GYRO_STATE_HYSTERESIS_Z_Y = 5, /* [1] */
+    GYRO_STATE_PARASITIC = 6, /* [m] */
+    GYRO_STATE_PARASITIC_DOT = 7, /* [m/s] */
+    GYRO_N_STATES = 8
 };
 
 /* The motion as a differential equation: those states, the voltages behind the amplifier's lag, and what lags.
    Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {
-    GYRO_N_CONTINUOUS = 10,
-    GYRO_FIRST_LOCAL = 96, /* value reference */
-    GYRO_N_LOCALS = 16
+    GYRO_N_CONTINUOUS = 12,
+    GYRO_FIRST_LOCAL = 104, /* value reference */
+    GYRO_N_LOCALS = 20
 };
 
 /* Quantities that may lag. */
@@ -152,42 +162,44 @@ enum {
     GYRO_EFFECT_ACTUATOR_NONLINEARITY = 7,
     GYRO_EFFECT_ADC_CLIPPING = 8,
     GYRO_EFFECT_ADC_QUANTISATION = 9,
-    GYRO_EFFECT_AMPLIFIER_BANDWIDTH = 10,
-    GYRO_EFFECT_AMPLIFIER_DRIFT = 11,
-    GYRO_EFFECT_AMPLIFIER_OFFSET = 12,
-    GYRO_EFFECT_ANGULAR_GAIN = 13,
-    GYRO_EFFECT_COMB_FRINGE = 14,
-    GYRO_EFFECT_CONSTANT_FORCE = 15,
-    GYRO_EFFECT_CONTACT_STOP = 16,
-    GYRO_EFFECT_CROSS_CUBIC_STIFFNESS = 17,
-    GYRO_EFFECT_CUBIC_STIFFNESS = 18,
-    GYRO_EFFECT_DAMPING_STEP = 19,
-    GYRO_EFFECT_DIELECTRIC_CHARGING = 20,
-    GYRO_EFFECT_DRIVE_FEEDTHROUGH = 21,
-    GYRO_EFFECT_DRY_FRICTION = 22,
-    GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 23,
-    GYRO_EFFECT_FLICKER_NOISE = 24,
-    GYRO_EFFECT_FRAME_ROTATION = 25,
-    GYRO_EFFECT_LINEAR_ACCELERATION = 26,
-    GYRO_EFFECT_NONLINEAR_DAMPING = 27,
-    GYRO_EFFECT_PARASITIC_CAPACITANCE = 28,
-    GYRO_EFFECT_PARASITIC_MODE = 29,
-    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 30,
-    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 31,
-    GYRO_EFFECT_PICKOFF_MISMATCH = 32,
-    GYRO_EFFECT_PICKOFF_NONLINEARITY = 33,
-    GYRO_EFFECT_QUADRATIC_STIFFNESS = 34,
-    GYRO_EFFECT_SAMPLING_JITTER = 35,
-    GYRO_EFFECT_SENSE_NOISE = 36,
-    GYRO_EFFECT_SQUEEZE_FILM = 37,
-    GYRO_EFFECT_THERMAL_DAMPING = 38,
-    GYRO_EFFECT_THERMAL_FORCE = 39,
-    GYRO_EFFECT_THERMAL_GAIN = 40,
-    GYRO_EFFECT_THERMAL_LAG = 41,
-    GYRO_EFFECT_THERMAL_PHASE = 42,
-    GYRO_EFFECT_THERMAL_STIFFNESS = 43,
+    GYRO_EFFECT_AGEING = 10,
+    GYRO_EFFECT_AMPLIFIER_BANDWIDTH = 11,
+    GYRO_EFFECT_AMPLIFIER_DRIFT = 12,
+    GYRO_EFFECT_AMPLIFIER_OFFSET = 13,
+    GYRO_EFFECT_ANGULAR_GAIN = 14,
+    GYRO_EFFECT_COMB_FRINGE = 15,
+    GYRO_EFFECT_CONSTANT_FORCE = 16,
+    GYRO_EFFECT_CONTACT_STOP = 17,
+    GYRO_EFFECT_CROSS_CUBIC_STIFFNESS = 18,
+    GYRO_EFFECT_CUBIC_STIFFNESS = 19,
+    GYRO_EFFECT_DAMPING_STEP = 20,
+    GYRO_EFFECT_DIELECTRIC_CHARGING = 21,
+    GYRO_EFFECT_DRIVE_FEEDTHROUGH = 22,
+    GYRO_EFFECT_DRY_FRICTION = 23,
+    GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 24,
+    GYRO_EFFECT_FLICKER_NOISE = 25,
+    GYRO_EFFECT_FRAME_ROTATION = 26,
+    GYRO_EFFECT_HYSTERESIS = 27,
+    GYRO_EFFECT_LINEAR_ACCELERATION = 28,
+    GYRO_EFFECT_NONLINEAR_DAMPING = 29,
+    GYRO_EFFECT_PARASITIC_CAPACITANCE = 30,
+    GYRO_EFFECT_PARASITIC_MODE = 31,
+    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 32,
+    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 33,
+    GYRO_EFFECT_PICKOFF_MISMATCH = 34,
+    GYRO_EFFECT_PICKOFF_NONLINEARITY = 35,
+    GYRO_EFFECT_QUADRATIC_STIFFNESS = 36,
+    GYRO_EFFECT_SAMPLING_JITTER = 37,
+    GYRO_EFFECT_SENSE_NOISE = 38,
+    GYRO_EFFECT_SQUEEZE_FILM = 39,
+    GYRO_EFFECT_THERMAL_DAMPING = 40,
+    GYRO_EFFECT_THERMAL_FORCE = 41,
+    GYRO_EFFECT_THERMAL_GAIN = 42,
+    GYRO_EFFECT_THERMAL_LAG = 43,
+    GYRO_EFFECT_THERMAL_PHASE = 44,
+    GYRO_EFFECT_THERMAL_STIFFNESS = 45,
     GYRO_N_PINK = 1, /* of which draw pink numbers */
-    GYRO_N_EFFECTS = 44
+    GYRO_N_EFFECTS = 46
 };
 
 typedef enum {

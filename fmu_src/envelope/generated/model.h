@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{7664fbcc-c6d0-52ad-5cf6-f12545c9de26}"
+#define GYRO_TOKEN "{03a81909-b4d9-eb19-7812-5ee62af85a7c}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -61,64 +61,72 @@ enum {
     GYRO_ACTUATOR_A3 = 43, /* [1/N2] size: cubic part of the actuator curve */
     GYRO_ADC_LIMIT = 44, /* [V] size: largest voltage that the converter can give */
     GYRO_ADC_LSB = 45, /* [V] size: step of the converter */
-    GYRO_AMPLIFIER_TIME_CONSTANT = 46, /* [s] size: time constant of the charge amplifier */
-    GYRO_OFFSET_DRIFT = 47, /* [V/s] size: drift of the offset of both amplifiers */
-    GYRO_OFFSET_X = 48, /* [V] size: offset of the x amplifier */
-    GYRO_OFFSET_Y = 49, /* [V] size: offset of the y amplifier */
-    GYRO_ANGULAR_GAIN = 50, /* [1] size: Coriolis coupling relative to that of a point mass */
-    GYRO_COMB_FRINGE = 51, /* [1/m] size: change of the force with displacement, relative */
-    GYRO_FORCE_X = 52, /* [N] size: constant force, x axis */
-    GYRO_FORCE_Y = 53, /* [N] size: constant force, y axis */
-    GYRO_STOP_STIFFNESS = 54, /* [N/m] size: stiffness of the stops */
-    GYRO_STOP_GAP = 55, /* [m] shape: displacement at which the mass meets a stop */
-    GYRO_STOP_DAMPING = 56, /* [N.s/m] shape: damping of the stops while they touch */
-    GYRO_K22 = 57, /* [N/m3] size: cubic stiffness that couples the axes */
-    GYRO_K3_X = 58, /* [N/m3] size: cubic stiffness, x axis */
-    GYRO_K3_Y = 59, /* [N/m3] size: cubic stiffness, y axis */
-    GYRO_DAMPING_STEP_FACTOR = 60, /* [1] size: all damping multiplies by this */
-    GYRO_DAMPING_STEP_TIME = 61, /* [s] shape: instant at which the damping steps */
-    GYRO_CHARGING_VOLTAGE = 62, /* [V] size: what the charge adds to the bias voltage in the end */
-    GYRO_CHARGING_TIME = 63, /* [s] shape: time constant of charging */
-    GYRO_FEEDTHROUGH = 64, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
-    GYRO_FRICTION_X = 65, /* [N] size: dry friction, x axis */
-    GYRO_FRICTION_Y = 66, /* [N] size: dry friction, y axis */
-    GYRO_FRICTION_SPEED = 67, /* [m/s] shape: speed over which the friction changes its sign */
-    GYRO_STRIBECK = 68, /* [1] shape: by how much friction near rest exceeds that at speed, relative */
-    GYRO_STRIBECK_SPEED = 69, /* [m/s] shape: speed at which that excess has faded */
-    GYRO_SOFTENING = 70, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
-    GYRO_ELECTRODE_GAP = 71, /* [m] shape: gap of the electrodes */
-    GYRO_FLICKER_NOISE = 72, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
-    GYRO_FRAME_ROTATION = 73, /* [1] size: centrifugal and Euler force times this (1: physical) */
-    GYRO_ACCELERATION_GAIN_X = 74, /* [1] size: part of the package's acceleration that moves the mass, x axis */
-    GYRO_ACCELERATION_GAIN_Y = 75, /* [1] size: part of the package's acceleration that moves the mass, y axis */
-    GYRO_D2_X = 76, /* [N.s/m3] size: nonlinear damping, x axis */
-    GYRO_D2_Y = 77, /* [N.s/m3] size: nonlinear damping, y axis */
-    GYRO_PARASITIC_RATIO = 78, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
-    GYRO_PARASITIC_COUPLING = 79, /* [N/m] size: spring that couples the parasitic mode to x */
-    GYRO_PARASITIC_FREQUENCY = 80, /* [Hz] shape: frequency of the parasitic mode alone */
-    GYRO_PARASITIC_Q = 81, /* [1] shape: quality factor of the parasitic mode */
-    GYRO_PICKOFF_GAIN_MISMATCH = 82, /* [1] size: relative excess of the y pickoff gain */
-    GYRO_PICKOFF_MISALIGNMENT = 83, /* [1] size: part of each displacement that the other pickoff sees */
-    GYRO_PICKOFF_MISMATCH = 84, /* [1] size: relative mismatch of the pair of sensing capacitors */
-    GYRO_PICKOFF_INVERSE_GAP = 85, /* [1/m] size: one over the gap of the sensing capacitors */
-    GYRO_K2_X = 86, /* [N/m2] size: quadratic stiffness, x axis */
-    GYRO_K2_Y = 87, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SAMPLING_JITTER = 88, /* [s] size: rms error of the sampling instant */
-    GYRO_SENSE_NOISE = 89, /* [V] size: white noise, rms a sample */
-    GYRO_SQUEEZE_X = 90, /* [N.s/m] size: damping of the film at rest, x axis */
-    GYRO_SQUEEZE_Y = 91, /* [N.s/m] size: damping of the film at rest, y axis */
-    GYRO_SQUEEZE_GAP = 92, /* [m] shape: gap of the film */
-    GYRO_TCD = 93, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 94, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 95, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_STRUCTURE_LAG = 96, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 97, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 98, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 99, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 100, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 101, /* [K] shape: temperature at which parameters are as given */
+    GYRO_AGEING = 46, /* [1] size: cross damping that comes with each e-fold of time, over √(dxx dyy) */
+    GYRO_AGEING_TIME = 47, /* [s] shape: age at the start */
+    GYRO_AMPLIFIER_TIME_CONSTANT = 48, /* [s] size: time constant of the charge amplifier */
+    GYRO_OFFSET_DRIFT = 49, /* [V/s] size: drift of the offset of both amplifiers */
+    GYRO_OFFSET_X = 50, /* [V] size: offset of the x amplifier */
+    GYRO_OFFSET_Y = 51, /* [V] size: offset of the y amplifier */
+    GYRO_ANGULAR_GAIN = 52, /* [1] size: Coriolis coupling relative to that of a point mass */
+    GYRO_COMB_FRINGE = 53, /* [1/m] size: change of the force with displacement, relative */
+    GYRO_FORCE_X = 54, /* [N] size: constant force, x axis */
+    GYRO_FORCE_Y = 55, /* [N] size: constant force, y axis */
+    GYRO_STOP_STIFFNESS = 56, /* [N/m] size: stiffness of the stops */
+    GYRO_STOP_GAP = 57, /* [m] shape: displacement at which the mass meets a stop */
+    GYRO_STOP_DAMPING = 58, /* [N.s/m] shape: damping of the stops while they touch */
+    GYRO_K22 = 59, /* [N/m3] size: cubic stiffness that couples the axes */
+    GYRO_K3_X = 60, /* [N/m3] size: cubic stiffness, x axis */
+    GYRO_K3_Y = 61, /* [N/m3] size: cubic stiffness, y axis */
+    GYRO_DAMPING_STEP_FACTOR = 62, /* [1] size: all damping multiplies by this */
+    GYRO_DAMPING_STEP_TIME = 63, /* [s] shape: instant at which the damping steps */
+    GYRO_CHARGING_VOLTAGE = 64, /* [V] size: what the charge adds to the bias voltage in the end */
+    GYRO_CHARGING_TIME = 65, /* [s] shape: time constant of charging */
+    GYRO_FEEDTHROUGH = 66, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
+    GYRO_FRICTION_X = 67, /* [N] size: dry friction, x axis */
+    GYRO_FRICTION_Y = 68, /* [N] size: dry friction, y axis */
+    GYRO_FRICTION_SPEED = 69, /* [m/s] shape: speed over which the friction changes its sign */
+    GYRO_STRIBECK = 70, /* [1] shape: by how much friction near rest exceeds that at speed, relative */
+    GYRO_STRIBECK_SPEED = 71, /* [m/s] shape: speed at which that excess has faded */
+    GYRO_SOFTENING = 72, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
+    GYRO_ELECTRODE_GAP = 73, /* [m] shape: gap of the electrodes */
+    GYRO_FLICKER_NOISE = 74, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
+    GYRO_FRAME_ROTATION = 75, /* [1] size: centrifugal and Euler force times this (1: physical) */
+    GYRO_HYSTERESIS_X = 76, /* [N] size: largest hysteretic force, x axis */
+    GYRO_HYSTERESIS_Y = 77, /* [N] size: largest hysteretic force, y axis */
+    GYRO_HYSTERESIS_LENGTH = 78, /* [m] shape: way on which the force builds up */
+    GYRO_HYSTERESIS_BETA = 79, /* [1] shape: share of the limit that dissipates */
+    GYRO_HYSTERESIS_GAMMA = 80, /* [1] shape: share of the limit that bends */
+    GYRO_HYSTERESIS_N = 81, /* [1] shape: sharpness of the limit */
+    GYRO_ACCELERATION_GAIN_X = 82, /* [1] size: part of the package's acceleration that moves the mass, x axis */
+    GYRO_ACCELERATION_GAIN_Y = 83, /* [1] size: part of the package's acceleration that moves the mass, y axis */
+    GYRO_D2_X = 84, /* [N.s/m3] size: nonlinear damping, x axis */
+    GYRO_D2_Y = 85, /* [N.s/m3] size: nonlinear damping, y axis */
+    GYRO_PARASITIC_RATIO = 86, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
+    GYRO_PARASITIC_COUPLING = 87, /* [N/m] size: spring that couples the parasitic mode to x */
+    GYRO_PARASITIC_FREQUENCY = 88, /* [Hz] shape: frequency of the parasitic mode alone */
+    GYRO_PARASITIC_Q = 89, /* [1] shape: quality factor of the parasitic mode */
+    GYRO_PICKOFF_GAIN_MISMATCH = 90, /* [1] size: relative excess of the y pickoff gain */
+    GYRO_PICKOFF_MISALIGNMENT = 91, /* [1] size: part of each displacement that the other pickoff sees */
+    GYRO_PICKOFF_MISMATCH = 92, /* [1] size: relative mismatch of the pair of sensing capacitors */
+    GYRO_PICKOFF_INVERSE_GAP = 93, /* [1/m] size: one over the gap of the sensing capacitors */
+    GYRO_K2_X = 94, /* [N/m2] size: quadratic stiffness, x axis */
+    GYRO_K2_Y = 95, /* [N/m2] size: quadratic stiffness, y axis */
+    GYRO_SAMPLING_JITTER = 96, /* [s] size: rms error of the sampling instant */
+    GYRO_SENSE_NOISE = 97, /* [V] size: white noise, rms a sample */
+    GYRO_SQUEEZE_X = 98, /* [N.s/m] size: damping of the film at rest, x axis */
+    GYRO_SQUEEZE_Y = 99, /* [N.s/m] size: damping of the film at rest, y axis */
+    GYRO_SQUEEZE_GAP = 100, /* [m] shape: gap of the film */
+    GYRO_TCD = 101, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 102, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 103, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_STRUCTURE_LAG = 104, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 105, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 106, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 107, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 108, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 109, /* [K] shape: temperature at which parameters are as given */
     GYRO_N_INPUTS = 10, /* which come first */
-    GYRO_N_VARIABLES = 102
+    GYRO_N_VARIABLES = 110
 };
 
 /* Continuous states. */
@@ -127,16 +135,18 @@ enum {
     GYRO_STATE_X_DOT = 1, /* [m/s] */
     GYRO_STATE_Y = 2, /* [m] */
     GYRO_STATE_Y_DOT = 3, /* [m/s] */
-    GYRO_STATE_PARASITIC = 4, /* [m] */
-    GYRO_STATE_PARASITIC_DOT = 5, /* [m/s] */
-    GYRO_N_STATES = 6
+    GYRO_STATE_HYSTERESIS_Z_X = 4, /* [1] */
+    GYRO_STATE_HYSTERESIS_Z_Y = 5, /* [1] */
+    GYRO_STATE_PARASITIC = 6, /* [m] */
+    GYRO_STATE_PARASITIC_DOT = 7, /* [m/s] */
+    GYRO_N_STATES = 8
 };
 
 /* The motion as a differential equation: those states, the voltages behind the amplifier's lag, and what lags.
    Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {
     GYRO_N_CONTINUOUS = 1,
-    GYRO_FIRST_LOCAL = 103, /* value reference */
+    GYRO_FIRST_LOCAL = 111, /* value reference */
     GYRO_N_LOCALS = 0
 };
 
@@ -159,42 +169,44 @@ enum {
     GYRO_EFFECT_ACTUATOR_NONLINEARITY = 7,
     GYRO_EFFECT_ADC_CLIPPING = 8,
     GYRO_EFFECT_ADC_QUANTISATION = 9,
-    GYRO_EFFECT_AMPLIFIER_BANDWIDTH = 10,
-    GYRO_EFFECT_AMPLIFIER_DRIFT = 11,
-    GYRO_EFFECT_AMPLIFIER_OFFSET = 12,
-    GYRO_EFFECT_ANGULAR_GAIN = 13,
-    GYRO_EFFECT_COMB_FRINGE = 14,
-    GYRO_EFFECT_CONSTANT_FORCE = 15,
-    GYRO_EFFECT_CONTACT_STOP = 16,
-    GYRO_EFFECT_CROSS_CUBIC_STIFFNESS = 17,
-    GYRO_EFFECT_CUBIC_STIFFNESS = 18,
-    GYRO_EFFECT_DAMPING_STEP = 19,
-    GYRO_EFFECT_DIELECTRIC_CHARGING = 20,
-    GYRO_EFFECT_DRIVE_FEEDTHROUGH = 21,
-    GYRO_EFFECT_DRY_FRICTION = 22,
-    GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 23,
-    GYRO_EFFECT_FLICKER_NOISE = 24,
-    GYRO_EFFECT_FRAME_ROTATION = 25,
-    GYRO_EFFECT_LINEAR_ACCELERATION = 26,
-    GYRO_EFFECT_NONLINEAR_DAMPING = 27,
-    GYRO_EFFECT_PARASITIC_CAPACITANCE = 28,
-    GYRO_EFFECT_PARASITIC_MODE = 29,
-    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 30,
-    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 31,
-    GYRO_EFFECT_PICKOFF_MISMATCH = 32,
-    GYRO_EFFECT_PICKOFF_NONLINEARITY = 33,
-    GYRO_EFFECT_QUADRATIC_STIFFNESS = 34,
-    GYRO_EFFECT_SAMPLING_JITTER = 35,
-    GYRO_EFFECT_SENSE_NOISE = 36,
-    GYRO_EFFECT_SQUEEZE_FILM = 37,
-    GYRO_EFFECT_THERMAL_DAMPING = 38,
-    GYRO_EFFECT_THERMAL_FORCE = 39,
-    GYRO_EFFECT_THERMAL_GAIN = 40,
-    GYRO_EFFECT_THERMAL_LAG = 41,
-    GYRO_EFFECT_THERMAL_PHASE = 42,
-    GYRO_EFFECT_THERMAL_STIFFNESS = 43,
+    GYRO_EFFECT_AGEING = 10,
+    GYRO_EFFECT_AMPLIFIER_BANDWIDTH = 11,
+    GYRO_EFFECT_AMPLIFIER_DRIFT = 12,
+    GYRO_EFFECT_AMPLIFIER_OFFSET = 13,
+    GYRO_EFFECT_ANGULAR_GAIN = 14,
+    GYRO_EFFECT_COMB_FRINGE = 15,
+    GYRO_EFFECT_CONSTANT_FORCE = 16,
+    GYRO_EFFECT_CONTACT_STOP = 17,
+    GYRO_EFFECT_CROSS_CUBIC_STIFFNESS = 18,
+    GYRO_EFFECT_CUBIC_STIFFNESS = 19,
+    GYRO_EFFECT_DAMPING_STEP = 20,
+    GYRO_EFFECT_DIELECTRIC_CHARGING = 21,
+    GYRO_EFFECT_DRIVE_FEEDTHROUGH = 22,
+    GYRO_EFFECT_DRY_FRICTION = 23,
+    GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 24,
+    GYRO_EFFECT_FLICKER_NOISE = 25,
+    GYRO_EFFECT_FRAME_ROTATION = 26,
+    GYRO_EFFECT_HYSTERESIS = 27,
+    GYRO_EFFECT_LINEAR_ACCELERATION = 28,
+    GYRO_EFFECT_NONLINEAR_DAMPING = 29,
+    GYRO_EFFECT_PARASITIC_CAPACITANCE = 30,
+    GYRO_EFFECT_PARASITIC_MODE = 31,
+    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 32,
+    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 33,
+    GYRO_EFFECT_PICKOFF_MISMATCH = 34,
+    GYRO_EFFECT_PICKOFF_NONLINEARITY = 35,
+    GYRO_EFFECT_QUADRATIC_STIFFNESS = 36,
+    GYRO_EFFECT_SAMPLING_JITTER = 37,
+    GYRO_EFFECT_SENSE_NOISE = 38,
+    GYRO_EFFECT_SQUEEZE_FILM = 39,
+    GYRO_EFFECT_THERMAL_DAMPING = 40,
+    GYRO_EFFECT_THERMAL_FORCE = 41,
+    GYRO_EFFECT_THERMAL_GAIN = 42,
+    GYRO_EFFECT_THERMAL_LAG = 43,
+    GYRO_EFFECT_THERMAL_PHASE = 44,
+    GYRO_EFFECT_THERMAL_STIFFNESS = 45,
     GYRO_N_PINK = 1, /* of which draw pink numbers */
-    GYRO_N_EFFECTS = 44
+    GYRO_N_EFFECTS = 46
 };
 
 typedef enum {
