@@ -23,6 +23,7 @@ NAMES = (
     "mode_split",
     "rate_mode",
     "compensation",
+    "compensation_memory",
     "diagnosis_speed",
     "silverbox",
 )

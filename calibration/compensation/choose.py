@@ -2,7 +2,8 @@
 and predicted. Nothing else is looked at.
 
 The score is the rms of what remains of rate and scale factor at the blocks left out, each over its noise, so that both
-count in what can be known of them.
+count in what can be known of them. Of a whole cycle the mean is left out: no method tells the turn-on of the next, and
+one that is luckier with it is no better.
 """
 
 from typing import NamedTuple
@@ -86,6 +87,8 @@ def score(blocks: Blocks, folds: list[HoldOut], fit: Fit) -> tuple[float, float]
         inside: NDArray[np.bool_] = fold.left_out & ~applied.outside
         for residual in _residuals(blocks, applied):
             chosen = residual[inside & np.isfinite(residual)]
+            if fold.whole and len(chosen):
+                chosen = chosen - chosen.mean()
             total, count = total + float(chosen @ chosen), count + len(chosen)
         rest = inside & blocks.at_rest
         left.append(blocks.rate[rest] / applied.scale[rest] - applied.bias[rest])

@@ -35,8 +35,8 @@ from gyro_model.errors import InputError
 
 LAGS: Final = (100.0, 300.0, 1000.0, 3000.0)
 """Time constants [s], a half decade apart: two neighbours make any between them within 10 %."""
-WIDTHS: Final = (0.025, 0.05, 0.1, 0.2, 0.4)
-"""Half widths of plays, of the temperature range."""
+WIDTHS: Final = (0.025, 0.035, 0.05, 0.07, 0.1, 0.14, 0.2, 0.4)
+"""Half widths of plays, of the temperature range; a factor of √2 apart where hysteresis usually lies."""
 INTERVALS: Final = 24
 DEGREE: Final = 3
 PENALTIES: Final = (1e-6, 1e-3)

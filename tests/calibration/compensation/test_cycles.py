@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from cycle_records import blocks, course
 
+from benchmarks.cycle_records import blocks, course
 from calibration.compensation.cycles import count, cycle_numbers, hold_outs, last_cycle, memory_of
 from calibration.compensation.record import joined
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cycle_records import STEP, course, record
 
+from benchmarks.cycle_records import STEP, course, record
 from calibration.compensation.export import to_c_header
 from calibration.compensation.methods import history
 from calibration.compensation.record import joined, make_blocks

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from cycle_records import NOISE, blocks, course
 
+from benchmarks.cycle_records import NOISE, blocks, course
 from calibration.compensation.floors import Floor, floors
 from calibration.compensation.methods.method import Asked
 from calibration.compensation.record import joined
