@@ -44,8 +44,8 @@ def run(options: Options) -> Report:
     table = Table(f"{devices} devices: held out is another record, with other ramps", rows)
     notes = [
         "Play of 5 °C, lag of 2500 s, random walk and turn-on drawn by seed; fitted on three records at ±1 and ±3 "
-        "°C/min, tested on one at ±2 and ±5. Possible: down to what walk, turn-on and noise leave, which no function of the "
-        "inputs' history tells; by simulation. Share: factor over possible, a device at a time.",
+        "°C/min, tested on one at ±2 and ±5. Possible: down to what walk, turn-on and noise leave, which no "
+        "function of the inputs' history tells; by simulation. Share: factor over possible, a device at a time.",
     ]
     return Report("compensation_memory", "Compensation of devices that remember", [table], notes)
 
