@@ -33,3 +33,15 @@ def test_plans_give_points(page: str, tmp_path: Path) -> None:
 def test_python_on_a_page_compiles(page: Path) -> None:
     for text in blocks(page, "python"):
         ast.parse(text)
+
+
+def test_every_dependency_has_its_licence_on_the_page() -> None:
+    project = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    needed = [*project["dependencies"], *(d for name, extra in project["optional-dependencies"].items()
+              if name != "importers" for d in extra)]  # fmt: skip
+    page = (DOCS / "reference" / "licences.md").read_text(encoding="utf-8")
+    listed = dict(re.findall(r"^\| ([\w.-]+) \| \w* \| (.+?) \|$", page, re.M))
+    for dependency in needed:
+        name = re.match(r"[\w.-]+", dependency)
+        assert name is not None
+        assert listed.get(name.group(), "?") != "?", dependency
