@@ -389,7 +389,7 @@ FAULTS: dict[str, Fault] = {
     "no run to fit": (lambda p, r: written(p / "d", {"a.parquet": r["run-0.parquet"]}), [], "no run to fit"),
     "missing column": (lambda p, r: written(p / "d", {n: t.drop("v_y") for n, t in r.items()}), [], "v_y"),
     "hole": (lambda p, r: written(p / "d", cut(r)), [], "hole"),
-    "no number": (lambda p, r: written(p / "d", changed(r, pl.col("v_x").replace(0.0, np.nan).shift(1))), [], "v_x"),
+    "no number": (lambda p, r: written(p / "d", changed(r, pl.col("u_x").shift(1))), [], "u_x"),
     "wrong sign": (lambda p, r: written(p / "d", changed(r, -pl.col("v_x"), -pl.col("v_y"))), [], "sign"),
     "swapped": (
         lambda p, r: written(p / "d", changed(r, pl.col("v_y").alias("v_x"), pl.col("v_x").alias("v_y"))),
