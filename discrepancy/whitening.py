@@ -185,7 +185,11 @@ def misfit_under(
     """How unlikely ``residuals`` are under a setting (twice the negative log likelihood with the white noise's level
     free), and that level's variance [V²]."""
     axes = residuals[0].shape[1]
-    filtered = whitener(p, axes, period, setting, max(len(r) for r in residuals))
+    try:
+        filtered = whitener(p, axes, period, setting, max(len(r) for r in residuals))
+    except np.linalg.LinAlgError:
+        # A model whose motion grows has no such filter.
+        return np.inf, np.inf
     square, count, logs = 0.0, 0, 0.0
     for residual, usable in zip(residuals, valid, strict=True):
         square += float(np.sum(filtered(residual[None], usable) ** 2))
