@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 JOBS ?= 2
 
-.PHONY: run build test check bench pages docs update clean
+.PHONY: run build test check bench pages docs update fuzz soak clean
 
 run: $(VENV)/.installed
 	$(BIN)/gyrotwin run constant --out results/constant
@@ -22,6 +22,15 @@ check: $(VENV)/.installed-dev
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks
+
+# Needs clang: apt-get install clang.
+FUZZ_SECONDS ?= 300
+fuzz: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) --jobs $(JOBS)
+	$(BIN)/python -m tests.fuzz.sanitize
+
+soak: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.soak
 
 update: $(VENV)/.installed-dev
 	$(BIN)/python build_fmu.py --update

@@ -1,0 +1,1 @@
+"""Fuzzers of the C: `python -m tests.fuzz` compiles and runs them."""

@@ -1,0 +1,245 @@
+"""`python -m tests.soak --seed N --calls M`: random calls of an FMU, right ones and wrong ones, on random devices.
+
+Two instances share a life. One gets everything: steps of any length, refused calls, saved states, restored ones, also
+in another instance. The other one gets only what counts, in as few steps as possible. Outputs must be the same to the
+last bit whenever both have come to the same time. A seed gives the same calls on every platform.
+"""
+
+import argparse
+import ctypes as ct
+import hashlib
+import math
+import random
+import struct
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from gyro_model.build import build
+from gyro_model.envelope import envelope_model
+from gyro_model.model import Model, load_model
+from tests.fmu.fmu_importer import ERROR, OK, Fmu, Instance
+from tests.gyro_model.effect_points import active_parameters
+
+FORMS = {"full": load_model(), "envelope": envelope_model()}
+TICK = 1e-12
+"""What the FMU counts time in [s]: lengths of steps are whole numbers of it, so that their sums are exact."""
+
+# Sizes of random inputs by unit; a temperature keeps near its start.
+_INPUT_SCALE = {"N": 1e-6, "rad/s": 5.0, "m/s2": 10.0, "V": 1.0, "K": 5.0, "Hz": 0.1}
+
+
+class SoakError(AssertionError):
+    """Something that must not be; says what, after how many calls."""
+
+
+class Soak:
+    """The two instances of one device, and the calls made so far."""
+
+    def __init__(self, fmu: Fmu, model: Model, rng: random.Random) -> None:
+        self.fmu, self.model, self.rng = fmu, model, rng
+        self.calls = self.checks = self.devices = self.diverged = 0
+        self.digest = hashlib.sha256()
+        self.inputs = [q for q in model.quantities if q.role == "input" and q.unit in _INPUT_SCALE]
+        self.outputs = [q.name for q in model.quantities if q.role == "output"]
+        self.busy, self.plain = Instance(fmu), Instance(fmu)
+        self.saved: list[ct.c_void_p] = []
+        self.begin()
+
+    def close(self) -> None:
+        """Frees all."""
+        for handle in self.saved:
+            self.busy.free_saved(handle)
+        self.saved.clear()
+        for instance in (self.busy, self.plain):
+            instance.__exit__()
+
+    def device(self) -> dict[str, float]:
+        """Parameters of some effects, up to where they count."""
+        effects = [e for e in self.model.effects if not e.nominal and e.limits]
+        some = self.rng.sample(effects, self.rng.choice((0, 1, 2, 4, 8, 16)))
+        known = {q.name: q for q in self.model.quantities if q.role != "output"}
+        values: dict[str, float] = {"seed": self.rng.randrange(1000)}
+        for effect in some:
+            numbers = np.random.default_rng(self.rng.randrange(1 << 30))
+            values |= {name: v for name, v in active_parameters(effect, numbers, self.model).items() if name in known}
+        if "x_start" in known:
+            values |= {"x_start": self.rng.uniform(0, 1e-6), "y_dot_start": self.rng.uniform(0, 1e-2)}
+        start = self.model.start(known["internal_step"])
+        values["internal_step"] = start * self.rng.choice((1.0, 1.0, 0.2, 0.371, 0.74))
+        values["sample_period"] = 5e-6 * self.rng.choice((1.0, 1.0, 4.0, 1 / 3, 1.7))
+        return values
+
+    def begin(self) -> None:
+        """A new device for both."""
+        self.devices += 1
+        values = self.device()
+        start = self.rng.choice((0.0, 0.0, 1.25, 1.7e9))
+        for instance in (self.busy, self.plain):
+            self.expect(instance.call("Reset") == OK, "reset")
+            instance.start(start, **values)
+        self.start, self.now, self.behind = start, 0, 0
+        self.reference = self.model.start(self.model.by_name["internal_step"])
+
+    def expect(self, fact: bool, what: str) -> None:
+        """Raises SoakError where ``fact`` is not one."""
+        if not fact:
+            raise SoakError(f"call {self.calls}: {what}; last words: {self.busy.log[-1:]} {self.plain.log[-1:]}")
+
+    def time(self) -> float:
+        """Present time of the busy instance [s]."""
+        return self.start + self.now * TICK
+
+    def check(self) -> None:
+        """Brings the plain instance to the present and compares."""
+        self.checks += 1
+        if self.behind:
+            then = self.start + (self.now - self.behind) * TICK
+            self.expect(self.plain.step(then, self.behind * TICK) == OK, "the plain instance does not step")
+            self.behind = 0
+        busy, plain = (struct.pack(f"<{len(self.outputs)}d", *i.get(*self.outputs)) for i in (self.busy, self.plain))
+        self.expect(busy == plain, "outputs differ")
+        self.expect(all(map(math.isfinite, self.busy.get(*self.outputs))), "an output is not finite")
+        self.digest.update(busy)
+
+    # What a soak does, one call or a few each.
+
+    def step(self) -> None:
+        """A step of any length."""
+        ticks = max(
+            1, round(self.reference * self.rng.choice((0.01, 0.3, 1.0, 1.0, 3.7, 20.0)) * self.rng.random() / TICK)
+        )
+        status = self.busy.step(self.time(), ticks * TICK)
+        if status == ERROR and "diverged at" in self.busy.message:
+            self.end_diverged(ticks)
+        else:
+            self.expect(status == OK, "a step is refused")
+            self.now += ticks
+            self.behind += ticks
+
+    def end_diverged(self, ticks: int) -> None:
+        """Both diverge, in the same state, and put out nothing."""
+        self.diverged += 1
+        then = self.start + (self.now - self.behind) * TICK
+        self.expect(self.plain.step(then, (self.behind + ticks) * TICK) == ERROR, "only one instance diverged")
+        for instance in (self.busy, self.plain):
+            self.expect(all(math.isnan(v) for v in instance.get(*self.outputs)), "an output after a divergence")
+        self.begin()
+
+    def set_inputs(self) -> None:
+        """New inputs for both."""
+        self.check()
+        for quantity in self.rng.sample(self.inputs, self.rng.randint(1, 2)):
+            scale = _INPUT_SCALE[quantity.unit]
+            value = self.model.start(quantity) + scale * self.rng.uniform(-1.0, 1.0)
+            for instance in (self.busy, self.plain):
+                self.expect(instance.try_set(quantity.name, value) == OK, f"{quantity.name} can't be set")
+
+    def refused(self) -> None:
+        """A wrong call: it says why and changes nothing."""
+        busy, rng = self.busy, self.rng
+        before, said = busy.get(*self.outputs), len(busy.log)
+        name = rng.choice(self.inputs).name
+        wrong: list[Callable[[], int]] = [
+            lambda: busy.step(self.time(), rng.choice((0.0, -1e-6, math.nan, math.inf, 1e9))),
+            lambda: busy.step(self.time() + rng.choice((1e-3, -1e-3)) * (1.0 + self.now * TICK), 1e-6),
+            lambda: busy.try_set(name, rng.choice((math.nan, math.inf))),
+            lambda: busy.try_set(rng.choice(self.outputs), 1.0),
+            lambda: busy.try_set("m", 1e-6),
+            lambda: busy.call("ExitInitializationMode"),
+            lambda: busy.set_up(),
+            lambda: busy.deserialize(rng.randbytes(rng.randrange(200)))[0],
+        ]
+        status = rng.choice(wrong)()
+        self.expect(status == ERROR and len(busy.log) > said and bool(busy.message), f"status {status} of a wrong call")
+        self.expect(busy.get(*self.outputs) == before, "a refused call changed an output")
+
+    def save_and_go_on_elsewhere(self) -> None:
+        """The state as bytes into a new instance, which goes on instead of the old one."""
+        handle = self.busy.save()
+        data = self.busy.serialize(handle)
+        self.busy.free_saved(handle)
+        other = Instance(self.fmu)
+        status, moved = other.deserialize(data)
+        self.expect(status == OK and other.restore(moved) == OK, "a saved state is refused")
+        again = other.save()
+        self.expect(other.serialize(again) == data, "a restored instance saves other bytes")
+        other.free_saved(moved), other.free_saved(again)
+        self.busy.__exit__()
+        self.busy = other
+
+    def detour(self) -> None:
+        """Saves, runs on, comes back."""
+        handle = self.busy.save()
+        time = self.time()
+        self.busy.try_set(self.rng.choice(self.inputs).name, 1e-7)
+        for _ in range(self.rng.randint(1, 4)):
+            length = self.reference * self.rng.random() + TICK
+            if self.busy.step(time, length) != OK:
+                break
+            time += length
+        self.expect(self.busy.restore(handle) == OK, "a saved state is refused")
+        self.busy.free_saved(handle)
+        self.check()
+
+    def damaged(self) -> None:
+        """Bytes with one that is changed are no state."""
+        handle = self.busy.save()
+        data = bytearray(self.busy.serialize(handle))
+        self.busy.free_saved(handle)
+        data[self.rng.randrange(len(data))] ^= 1 << self.rng.randrange(8)
+        self.expect(self.busy.deserialize(bytes(data))[0] == ERROR, "a damaged state is taken")
+
+    def run(self, calls: int) -> None:
+        """That many of all these."""
+        ways = [*[self.step] * 10, self.set_inputs, self.set_inputs, self.refused, self.refused, self.check]
+        ways += [self.save_and_go_on_elsewhere, self.detour, self.damaged]
+        for self.calls in range(calls):
+            self.rng.choice(ways)()
+            if self.rng.random() < 0.004:
+                self.check()
+                self.begin()
+        self.check()
+
+
+def soak(seed: int, calls: int, version: int, form: str, folder: Path) -> str:
+    """Runs one soak and says what it did. Raises SoakError with the line that replays it."""
+    path = build(FORMS[form])[version - 2]
+    fmu = Fmu(path, folder)
+    assert fmu.version == version
+    runner = Soak(fmu, FORMS[form], random.Random(f"{seed} {version} {form}"))
+    try:
+        runner.run(calls)
+    except SoakError as error:
+        replay = f"python -m tests.soak --seed {seed} --calls {calls} --fmi {version} --form {form}"
+        raise SoakError(f"{error}\nreplay: {replay}") from None
+    finally:
+        runner.close()
+    counts = f"{runner.devices} devices ({runner.diverged} diverged), {runner.checks} comparisons"
+    return f"fmi{version} {form} seed {seed}: {calls} calls, {counts}, outputs {runner.digest.hexdigest()[:16]}"
+
+
+def main() -> int:
+    """Prints a line a form and standard; exit code 1 at what must not be."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--calls", type=int, default=10_000)
+    parser.add_argument("--fmi", type=int, choices=(2, 3), help="one standard; both otherwise")
+    parser.add_argument("--form", choices=tuple(FORMS), help="one form; both otherwise")
+    options = parser.parse_args()
+    for version in (options.fmi,) if options.fmi else (2, 3):
+        for form in (options.form,) if options.form else FORMS:
+            with tempfile.TemporaryDirectory() as folder:
+                try:
+                    print(soak(options.seed, options.calls, version, form, Path(folder)), flush=True)
+                except SoakError as error:
+                    print(f"FAILED {error}", file=sys.stderr)
+                    return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
