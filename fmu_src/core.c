@@ -135,7 +135,9 @@ int64_t gyro_nearest_tick(const gyro_instance *g, int64_t from, double ticks)
     const gyro_beat beat = g->plan.cuts.sample;
     const double period = (double)beat.whole + beat.part;
     const double slack = 1e-6 * period > 1.0 ? 1e-6 * period : 1.0;
-    const int64_t tick = from + (int64_t)gyro_floor(ticks + 0.5);
+    const double whole = gyro_floor(ticks + 0.5);
+    /* A time of model exchange may be any; so far NaN does not compare. */
+    const int64_t tick = !(whole > 0.0) ? from : whole < (double)(GYRO_LAST_TICK - from) ? from + (int64_t)whole : GYRO_LAST_TICK;
     int64_t sample = g->plan.cuts.next_sample;
     if (tick != sample) {
         sample = gyro_tick_of(beat, (int64_t)gyro_floor((double)tick / period + 0.5));
