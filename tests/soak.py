@@ -19,10 +19,10 @@ from pathlib import Path
 import numpy as np
 
 from gyro_model.build import build
+from gyro_model.effect_points import active_parameters
 from gyro_model.envelope import envelope_model
 from gyro_model.model import Model, load_model
 from tests.fmu.fmu_importer import ERROR, OK, Fmu, Instance
-from tests.gyro_model.effect_points import active_parameters
 
 FORMS = {"full": load_model(), "envelope": envelope_model()}
 TICK = 1e-12
