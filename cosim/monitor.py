@@ -45,8 +45,7 @@ DOUBTS: Final = 2
 
 
 class Verdict(NamedTuple):
-    """valid now; reason why not (else empty); predicted standard deviations: of the turning [rad/s] and of the angle's
-    reading [rad]."""
+    """valid now; reason why not (else empty); predicted standard deviations of the angle: drift [rad/s] and reading [rad]."""
 
     valid: bool
     reason: str
@@ -164,4 +163,6 @@ class Monitor:
             self.lib.call.core_estimate_drift(*map(pointer, arrays), stiffness, *out)
         if not (isfinite(turning.value) and isfinite(bending.value)):
             return float("inf"), float("inf")
-        return turning.value, bending.value
+        # The angle is read as the pattern's over the angular gain.
+        gain = max(abs(self.design.all_values["angular_gain"]), 1e-300)
+        return turning.value / gain, bending.value / gain

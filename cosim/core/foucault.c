@@ -92,7 +92,9 @@ static void form(foucault *c, const double *estimate)
     held_loop with_rate;
     known_rate_by_state(&c->k, rest, none, probe, turning);
     corner(turning, turning_a);
-    hold_form(&with_rate, turning_a, b, rate, omega_squared, probe, c->period, compensate);
+    /* The pattern shall turn as the device itself turns it: x'' = 2 coupling Omega y', y'' = -2 coupling Omega x'. */
+    c->coupling = 0.25 * (turning_a[7] - a[7] - turning_a[13] + a[13]) / probe;
+    hold_form(&with_rate, turning_a, b, rate, omega_squared, c->coupling * probe, c->period, compensate);
     hold_form(&c->loop, a, b, rate, omega_squared, 0.0, c->period, compensate);
     for (int i = 0; i < 8; i++) {
         c->by_omega[i] = (with_rate.gain[i] - c->loop.gain[i]) / probe;
@@ -207,7 +209,7 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
             force_of(c, k, s, f);
             move(c->step_phi, c->step_gamma, f, s);
         }
-        const double turn = 2.0 * omega_z * c->delay, x_dot = s[1];
+        const double turn = 2.0 * c->coupling * omega_z * c->delay, x_dot = s[1];
         s[1] += turn * s[3];
         s[3] -= turn * x_dot;
     }
@@ -233,8 +235,8 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
         added[i % 2] += amplitude * (sine_ahead * cos(w * half) + cosine_ahead * sin(w * half));
     }
     if (set->coriolis_compensation != 0.0) {
-        added[0] -= 2.0 * mass * omega_z * ahead[3];
-        added[1] += 2.0 * mass * omega_z * ahead[1];
+        added[0] -= 2.0 * mass * c->coupling * omega_z * ahead[3];
+        added[1] += 2.0 * mass * c->coupling * omega_z * ahead[1];
     }
 
     double feedback[2] = {0.0, 0.0};

@@ -25,6 +25,7 @@ typedef struct {
     known k;
     held_loop loop;
     double by_omega[8];        /* change of the gain with the rate */
+    double coupling;           /* Coriolis coupling relative to that of a point mass [1] */
     double delay_phi[16], delay_gamma[8]; /* over the rest of the delay */
     double step_phi[16], step_gamma[8];   /* over a period */
     double half_phi[16], half_gamma[8];
