@@ -81,21 +81,6 @@ double block_information(const filter *f, double L[NP][NP], double b[NP])
     return trace;
 }
 
-double block_squares_of(double L[NP][NP])
-{
-    double total = 0.0;
-    for (int i = 0; i < NP; i++) {
-        for (int j = 0; j <= i; j++) {
-            double sum = 0.0;
-            for (int k = 0; k <= j; k++) {
-                sum += L[i][k] * L[j][k];
-            }
-            total += (i == j ? 1.0 : 2.0) * sum * sum;
-        }
-    }
-    return total;
-}
-
 void block_solve(double L[NP][NP], const double b[NP], double x[NP], double half[NP])
 {
     for (int i = 0; i < NP; i++) {

@@ -8,9 +8,6 @@
 /* J = I + sum of the block's rows in units of W, as its Cholesky factor L; b = sum of row * innovation. Returns the trace of J - I. */
 double block_information(const filter *f, double L[NP][NP], double b[NP]);
 
-/* tr (L L')^2. */
-double block_squares_of(double L[NP][NP]);
-
 /* Solves L L' x = b; also gives L^-1 b. */
 void block_solve(double L[NP][NP], const double b[NP], double x[NP], double half[NP]);
 

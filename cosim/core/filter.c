@@ -11,12 +11,23 @@
 #define FORGET_SHARE 0.05 /* of a block in the running mean that forgetting follows */
 #define FORGET_SIGMAS 5.0 /* standard deviations at which it counts as moving */
 #define FORGET_MIN 0.1 /* where forgetting begins [1/s] */
+#define LEARNED 1e-9   /* share of its variance that a block must take from a constant to say whether it moves */
 #define UNFOUND 1e6  /* running mean of squared innovations of a device that has not been found yet */
 #define LOST 1e4     /* mean squared innovation of a whole start that has found nothing */
 #define EFFORT 2.0   /* samples filtered again for each new one, in the long run */
 #define EFFORT_MAX 200000.0 /* saved up at most */
 #define WATCHED 0.005 /* over which innovations are averaged [s] */
 #define FIRST 16     /* samples of the first block at its first fit */
+
+/* Of constant i. */
+static double variance_of(const filter *f, int i)
+{
+    double total = 0.0;
+    for (int j = i; j < NP; j++) {
+        total += f->W[i][j] * f->W[i][j];
+    }
+    return total;
+}
 
 /* |W' h|^2: what the uncertainty of p adds to the variance of a measurement. */
 static double uncertainty(const filter *f, const double *h)
@@ -279,11 +290,9 @@ static void watch(filter *f)
    |eta|^2 + |r(eta)|^2, with p = p_begun + W eta. Leaves the Cholesky factor of its Hessian in L. */
 static void find_constants(filter *f, int rounds, double L[NP][NP])
 {
-    double b[NP], step[NP], half[NP], change[NP], eta[NP], trial[NP];
+    double b[NP], step[NP], half[NP], *change = f->change, eta[NP], trial[NP];
     memcpy(eta, f->eta, sizeof eta);
     double trace = block_information(f, L, b), cost = block_squared(eta);
-    f->expected = trace;
-    f->expected_squares = block_squares_of(L) - 2.0 * trace - NP; /* tr (J - I)^2 */
     for (int64_t r = 0; r < f->rows; r++) {
         cost += f->r[r] * f->r[r];
     }
@@ -292,9 +301,6 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
             b[i] -= eta[i];
         }
         block_solve(L, b, step, half);
-        if (round == 0) {
-            f->found = block_squared(half);
-        }
         double part = 1.0;
         for (int i = 0; i < NP; i++) {
             trial[i] = eta[i] + step[i];
@@ -339,30 +345,37 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
     }
 }
 
-/* Constants that move show in steps that are larger than the block's information explains: for b = L L' step, b' J^-1 b has the mean trace(J - I).
-   Where the data say so, forgetting grows; else it dies away, and what is constant is remembered. */
-static void adapt_forgetting(filter *f)
+/* A constant that moves shows in changes that are larger than what the blocks learn of it explains: its change has the variance that it loses.
+   Where the data say so, forgetting of it grows; else it dies away, and what is constant is remembered. */
+static void adapt_forgetting(filter *f, const double before[NP])
 {
-    const filter_settings *s = &f->settings;
-    const double ratio = f->expected > 0.0 ? smaller(f->found / f->expected, 10.0) : 1.0;
-    /* For A = J - I the ratio's variance is 2 tr A^2/(tr A)^2 a block; the running mean takes the share of it below. */
-    const double noise = sqrt(2.0 * f->expected_squares) / larger(f->expected, 1e-300) * sqrt(0.5 * FORGET_SHARE);
-    f->moving += FORGET_SHARE * (ratio - 1.0 - f->moving);
-    if (f->moving > FORGET_SIGMAS * noise) {
-        f->forget = smaller(larger(f->forget, FORGET_MIN) * exp(s->forget_rate * f->moving), s->forget_max);
-    } else {
-        f->forget *= exp(-s->forget_rate * FORGET_SHARE);
+    /* The ratio's variance is 2; the running mean takes the share of it below. */
+    const double noise = sqrt(2.0 * 0.5 * FORGET_SHARE), rate = f->settings.forget_rate;
+    for (int i = 0; i < NP; i++) {
+        const double learned = before[i] - variance_of(f, i);
+        /* What the block says nothing of does not show whether it moves. */
+        const double ratio = learned > LEARNED * before[i] ? smaller(f->change[i] * f->change[i] / learned, 10.0) : 1.0;
+        f->moving[i] += FORGET_SHARE * (ratio - 1.0 - f->moving[i]);
+        if (f->moving[i] > FORGET_SIGMAS * noise) {
+            f->forget[i] = smaller(larger(f->forget[i], FORGET_MIN) * exp(rate * f->moving[i]), f->settings.forget_max);
+        } else {
+            f->forget[i] *= exp(-rate * FORGET_SHARE);
+        }
     }
 }
 
 static void fold(filter *f, double L[NP][NP])
 {
+    double before[NP];
+    for (int i = 0; i < NP; i++) {
+        before[i] = variance_of(f, i);
+    }
     block_shrink(f, L);
     if (!f->growing) {
-        adapt_forgetting(f);
+        adapt_forgetting(f, before);
     }
-    const double grow = 1.0 + f->forget * (double)f->in_block * f->m.period;
     for (int i = 0; i < NP; i++) {
+        const double grow = 1.0 + f->forget[i] * (double)f->in_block * f->m.period;
         for (int j = i; j < NP; j++) {
             f->W[i][j] *= grow;
         }
@@ -449,12 +462,13 @@ static void begin_anew(filter *f)
     memcpy(f->W_now, f->first_W, sizeof f->W_now);
     f->now = f->first;
     f->walk = f->settings.omega_walk_max;
-    f->surprises = f->restarts = f->share = f->forget = 0.0;
+    f->surprises = f->restarts = f->share = 0.0;
     /* Afresh: what made the filter lose its numbers may be in these means, and would never leave them. */
     f->chi2 = UNFOUND;
     memset(f->white, 0, sizeof f->white);
     memset(f->last_r, 0, sizeof f->last_r);
-    f->moving = f->found = f->expected = 0.0;
+    memset(f->moving, 0, sizeof f->moving);
+    memset(f->forget, 0, sizeof f->forget);
     f->rows = f->kept = 0;
     f->lost = 0;
     f->fit = 2.0 * FITS;
@@ -479,20 +493,15 @@ static void restart(filter *f)
     for (int i = 0; i < NP; i++) {
         const int plant = i < 6 || i == INVERSE_MASS, damping = i >= 3 && i < 6;
         if (plant) {
-            double variance = 0.0;
-            for (int j = i; j < NP; j++) {
-                variance += f->W[i][j] * f->W[i][j];
-            }
-            const double share = damping ? f->settings.restart_damping : f->settings.restart_stiffness;
+            const double variance = variance_of(f, i), share = damping ? f->settings.restart_damping : f->settings.restart_stiffness;
             const double own = larger(share * fabs(f->k.p[i]), 0.01 * share * f->prior[i]);
             for (int j = i; j < NP; j++) {
                 f->W[i][j] = 0.0;
             }
             f->W[i][i] = larger(own, sqrt(variance));
         } else {
-            double variance = 0.0;
+            const double variance = variance_of(f, i);
             for (int j = i; j < NP; j++) {
-                variance += f->W[i][j] * f->W[i][j];
                 f->W[i][j] = 0.0;
             }
             f->W[i][i] = sqrt(variance);
@@ -654,11 +663,7 @@ void filter_start(filter *f, const filter_settings *settings, const double *c, c
         f->now.P[i][i] = dz[i] * dz[i];
     }
     for (int i = 0; i < NP; i++) {
-        double variance = 0.0;
-        for (int j = i; j < NP; j++) {
-            variance += f->W[i][j] * f->W[i][j];
-        }
-        f->prior[i] = sqrt(variance);
+        f->prior[i] = sqrt(variance_of(f, i));
     }
     memcpy(f->first_p, p, sizeof f->first_p);
     f->first = f->now;

@@ -52,8 +52,8 @@ typedef struct {
     int growing;                           /* whether the block is filtered again as it doubles */
     int64_t since; /* sample at which the constants were last opened */
     double walk, surprises, restarts, wait, share;
-    double forget;          /* at which W grows [1/s] */
-    double found, expected, expected_squares, moving; /* squared step of the last block and its mean; running excess of their ratio */
+    double change[NP];      /* of p by the last block */
+    double forget[NP], moving[NP]; /* rate at which each row of W grows [1/s]; running excess of its squared change over the variance it should have */
     int lost;               /* whether a whole start has found no device */
     double effort; /* samples that may still be filtered again */
     double fit; /* mean squared innovation at the last fit of a growing block */

@@ -40,7 +40,7 @@ near the oscillator's own frequency."""
 HEALTH_NAMES: Final = ("chi2", "white_x", "white_y", "restarted_at", "restarts", "walk", "share", "forget")
 """What the filter says of itself: mean squared innovation over its variance and mean product of neighbouring ones, over
 some milliseconds; time of the last restart from the design [s]; restarts lately; random walk of the rate
-[rad/s per sqrt(s)]; share of the innovation's variance that the constants explain; rate of forgetting [1/s]."""
+[rad/s per sqrt(s)]; share of the innovation's variance that the constants explain; fastest forgetting [1/s]."""
 
 
 class Library:

@@ -103,13 +103,17 @@ EXPORT void core_foucault_start(void *memory, const double *settings, const doub
 }
 
 /* What a filter has found: p [NP], W [NP * NP] row by row, and its health: chi2, neighbours of either axis, time of the last restart [s],
-   restarts lately, walk of the rate, share of the innovation's variance that p explains. */
+   restarts lately, walk of the rate, share of the innovation's variance that p explains, fastest forgetting. */
 EXPORT void core_filter_found(const void *memory, double *p, double *W, double *health)
 {
     const filter *f = memory;
     memcpy(p, f->k.p, sizeof f->k.p);
     memcpy(W, f->W_now, sizeof f->W_now);
-    const double values[HEALTH_SIZE] = {f->chi2, f->white[0], f->white[1], f->restarted_at, f->restarts, f->walk, f->share, f->forget};
+    double forget = 0.0;
+    for (int i = 0; i < NP; i++) {
+        forget = larger(forget, f->forget[i]);
+    }
+    const double values[HEALTH_SIZE] = {f->chi2, f->white[0], f->white[1], f->restarted_at, f->restarts, f->walk, f->share, forget};
     memcpy(health, values, sizeof values);
 }
 
