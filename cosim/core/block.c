@@ -81,7 +81,7 @@ double block_information(const filter *f, double L[NP][NP], double b[NP])
     return trace;
 }
 
-void block_solve(double L[NP][NP], const double b[NP], double x[NP], double half[NP])
+void block_halve(double L[NP][NP], const double b[NP], double half[NP])
 {
     for (int i = 0; i < NP; i++) {
         half[i] = b[i];
@@ -90,12 +90,43 @@ void block_solve(double L[NP][NP], const double b[NP], double x[NP], double half
         }
         half[i] /= L[i][i];
     }
+}
+
+void block_solve(double L[NP][NP], const double b[NP], double x[NP], double half[NP])
+{
+    block_halve(L, b, half);
     for (int i = NP - 1; i >= 0; i--) {
         x[i] = half[i];
         for (int k = i + 1; k < NP; k++) {
             x[i] -= L[k][i] * x[k];
         }
         x[i] /= L[i][i];
+    }
+}
+
+void block_along(const filter *f, int i, double d[NP])
+{
+    for (int j = NP - 1; j >= 0; j--) {
+        d[j] = i == j ? 1.0 : 0.0;
+        for (int k = j + 1; k <= i; k++) {
+            d[j] -= f->W[j][k] * d[k];
+        }
+        d[j] /= f->W[j][j];
+    }
+}
+
+void block_widen(filter *f, int i, double wide)
+{
+    double v[NP];
+    memset(v, 0, sizeof v);
+    v[i] = wide;
+    for (int k = i; k >= 0; k--) {
+        const double r = sqrt(f->W[k][k] * f->W[k][k] + v[k] * v[k]), c = f->W[k][k] / r, s = v[k] / r;
+        for (int j = 0; j <= k; j++) {
+            const double w = f->W[j][k];
+            f->W[j][k] = c * w + s * v[j];
+            v[j] = c * v[j] - s * w;
+        }
     }
 }
 

@@ -8,6 +8,15 @@
 /* J = I + sum of the block's rows in units of W, as its Cholesky factor L; b = sum of row * innovation. Returns the trace of J - I. */
 double block_information(const filter *f, double L[NP][NP], double b[NP]);
 
+/* L^-1 b. */
+void block_halve(double L[NP][NP], const double b[NP], double half[NP]);
+
+/* Column i of W^-1: what eta becomes where p_i alone moves by one. */
+void block_along(const filter *f, int i, double d[NP]);
+
+/* Adds the variance of p_i that the standard deviation `wide` stands for. */
+void block_widen(filter *f, int i, double wide);
+
 /* Solves L L' x = b; also gives L^-1 b. */
 void block_solve(double L[NP][NP], const double b[NP], double x[NP], double half[NP]);
 

@@ -11,7 +11,8 @@
 #define FORGET_SHARE 0.05 /* of a block in the running mean that forgetting follows */
 #define FORGET_SIGMAS 5.0 /* standard deviations at which it counts as moving */
 #define FORGET_MIN 0.1 /* where forgetting begins [1/s] */
-#define LEARNED 1e-9   /* share of its variance that a block must take from a constant to say whether it moves */
+#define FORGOTTEN 1e-3 /* below which forgetting is none [1/s] */
+#define LEARNED 1e-9   /* share of what is known of a constant that a block must add to say whether it moves */
 #define UNFOUND 1e6  /* running mean of squared innovations of a device that has not been found yet */
 #define LOST 1e4     /* mean squared innovation of a whole start that has found nothing */
 #define EFFORT 2.0   /* samples filtered again for each new one, in the long run */
@@ -290,7 +291,7 @@ static void watch(filter *f)
    |eta|^2 + |r(eta)|^2, with p = p_begun + W eta. Leaves the Cholesky factor of its Hessian in L. */
 static void find_constants(filter *f, int rounds, double L[NP][NP])
 {
-    double b[NP], step[NP], half[NP], *change = f->change, eta[NP], trial[NP];
+    double b[NP], step[NP], half[NP], change[NP], eta[NP], trial[NP];
     memcpy(eta, f->eta, sizeof eta);
     double trace = block_information(f, L, b), cost = block_squared(eta);
     for (int64_t r = 0; r < f->rows; r++) {
@@ -345,16 +346,25 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
     }
 }
 
-/* A constant that moves shows in changes that are larger than what the blocks learn of it explains: its change has the variance that it loses.
-   Where the data say so, forgetting of it grows; else it dies away, and what is constant is remembered. */
-static void adapt_forgetting(filter *f, const double before[NP])
+/* A constant that moves while the others stand still shifts eta along d, its column of W^-1. Along it the block's step has the variance
+   d' (I - J^-1) d if nothing moves. Where the data say so, forgetting of it grows; else it dies away, and what is constant is remembered. */
+static void adapt_forgetting(filter *f, double L[NP][NP], double conditional[NP])
 {
     /* The ratio's variance is 2; the running mean takes the share of it below. */
     const double noise = sqrt(2.0 * 0.5 * FORGET_SHARE), rate = f->settings.forget_rate;
     for (int i = 0; i < NP; i++) {
-        const double learned = before[i] - variance_of(f, i);
+        double d[NP], half[NP], shift = 0.0, size = 0.0, left = 0.0;
+        block_along(f, i, d);
+        block_halve(L, d, half);
+        for (int j = 0; j < NP; j++) {
+            shift += d[j] * f->eta[j];
+            size += d[j] * d[j];
+            left += half[j] * half[j];
+        }
+        conditional[i] = 1.0 / size;
         /* What the block says nothing of does not show whether it moves. */
-        const double ratio = learned > LEARNED * before[i] ? smaller(f->change[i] * f->change[i] / learned, 10.0) : 1.0;
+        const double learned = size - left;
+        const double ratio = learned > LEARNED * size ? smaller(shift * shift / learned, 10.0) : 1.0;
         f->moving[i] += FORGET_SHARE * (ratio - 1.0 - f->moving[i]);
         if (f->moving[i] > FORGET_SIGMAS * noise) {
             f->forget[i] = smaller(larger(f->forget[i], FORGET_MIN) * exp(rate * f->moving[i]), f->settings.forget_max);
@@ -366,18 +376,16 @@ static void adapt_forgetting(filter *f, const double before[NP])
 
 static void fold(filter *f, double L[NP][NP])
 {
-    double before[NP];
-    for (int i = 0; i < NP; i++) {
-        before[i] = variance_of(f, i);
+    double conditional[NP];
+    memset(conditional, 0, sizeof conditional);
+    if (!f->growing) {
+        adapt_forgetting(f, L, conditional);
     }
     block_shrink(f, L);
-    if (!f->growing) {
-        adapt_forgetting(f, before);
-    }
     for (int i = 0; i < NP; i++) {
-        const double grow = 1.0 + f->forget[i] * (double)f->in_block * f->m.period;
-        for (int j = i; j < NP; j++) {
-            f->W[i][j] *= grow;
+        if (f->forget[i] > FORGOTTEN) {
+            /* Added, not scaled: the scaled row of one of two constants that move together would pass for knowledge of both. */
+            block_widen(f, i, sqrt(2.0 * f->forget[i] * (double)f->in_block * f->m.period * conditional[i]));
         }
     }
     memcpy(f->W_now, f->W, sizeof f->W_now);

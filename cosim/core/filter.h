@@ -52,8 +52,7 @@ typedef struct {
     int growing;                           /* whether the block is filtered again as it doubles */
     int64_t since; /* sample at which the constants were last opened */
     double walk, surprises, restarts, wait, share;
-    double change[NP];      /* of p by the last block */
-    double forget[NP], moving[NP]; /* rate at which each row of W grows [1/s]; running excess of its squared change over the variance it should have */
+    double forget[NP], moving[NP]; /* rate at which each constant, the others given, is forgotten [1/s]; running excess of its squared motion */
     int lost;               /* whether a whole start has found no device */
     double effort; /* samples that may still be filtered again */
     double fit; /* mean squared innovation at the last fit of a growing block */

@@ -64,6 +64,18 @@ static void corner(const double *a, double *out)
     }
 }
 
+static void form_way(way *w, const double *a, const double *turning, const double *b, double duration, double probe)
+{
+    transition_over(a, b, 4, duration, w->phi, w->gamma);
+    transition_over(turning, b, 4, duration, w->phi_by_omega, w->gamma_by_omega);
+    for (int i = 0; i < 16; i++) {
+        w->phi_by_omega[i] = (w->phi_by_omega[i] - w->phi[i]) / probe;
+    }
+    for (int i = 0; i < 8; i++) {
+        w->gamma_by_omega[i] = (w->gamma_by_omega[i] - w->gamma[i]) / probe;
+    }
+}
+
 /* Forms the control signal from the current estimates. */
 static void form(foucault *c, const double *estimate)
 {
@@ -102,9 +114,9 @@ static void form(foucault *c, const double *estimate)
     known_late(&c->k, rest, none, 0.0, late);
     c->delay = HAS_DELAY ? smaller(larger(late[0], 0.0), 0.5 * PAST * c->period) : 0.0;
     c->delay_samples = (int64_t)(c->delay / c->period);
-    transition_over(a, b, 4, c->delay - (double)c->delay_samples * c->period, c->delay_phi, c->delay_gamma);
-    transition_over(a, b, 4, c->period, c->step_phi, c->step_gamma);
-    transition_over(a, b, 4, 0.5 * c->period, c->half_phi, c->half_gamma);
+    form_way(&c->rest, a, turning_a, b, c->delay - (double)c->delay_samples * c->period, probe);
+    form_way(&c->step, a, turning_a, b, c->period, probe);
+    form_way(&c->half, a, turning_a, b, 0.5 * c->period, probe);
     const double angle = 0.5 * c->period * sqrt(omega_squared);
     c->boost = compensate ? angle / sin(angle) : 1.0;
     if (!c->formed) {
@@ -117,13 +129,17 @@ static void form(foucault *c, const double *estimate)
     c->formed = 1;
 }
 
-static void move(const double *phi, const double *gamma, const double f[2], double *s)
+/* Moves the four states `s` along `w` under the force f [N]. */
+static void move(const way *w, double omega_z, const double f[2], double *s)
 {
     double next[4];
     for (int i = 0; i < 4; i++) {
-        next[i] = gamma[2 * i] * f[0] + gamma[2 * i + 1] * f[1];
+        next[i] = 0.0;
+        for (int j = 0; j < 2; j++) {
+            next[i] += (w->gamma[2 * i + j] + omega_z * w->gamma_by_omega[2 * i + j]) * f[j];
+        }
         for (int j = 0; j < 4; j++) {
-            next[i] += phi[4 * i + j] * s[j];
+            next[i] += (w->phi[4 * i + j] + omega_z * w->phi_by_omega[4 * i + j]) * s[j];
         }
     }
     memcpy(s, next, sizeof next);
@@ -204,14 +220,11 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     memcpy(s + 4, estimate + ESTIMATE_SIZE - (NS - 4), (NS - 4) * sizeof *s);
     if (c->delay > 0.0) {
         force_of(c, c->count - 1 - c->delay_samples, s, f);
-        move(c->delay_phi, c->delay_gamma, f, s);
+        move(&c->rest, omega_z, f, s);
         for (int64_t k = c->count - c->delay_samples; k < c->count; k++) {
             force_of(c, k, s, f);
-            move(c->step_phi, c->step_gamma, f, s);
+            move(&c->step, omega_z, f, s);
         }
-        const double turn = 2.0 * c->coupling * omega_z * c->delay, x_dot = s[1];
-        s[1] += turn * s[3];
-        s[3] -= turn * x_dot;
     }
 
     /* The tones now, for the angle, and when the command acts. */
@@ -276,13 +289,7 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     double middle[NS], beyond[2];
     memcpy(middle, s, sizeof middle);
     memset(f, 0, sizeof f);
-    for (int i = 0; i < 4; i++) {
-        middle[i] = 0.0;
-        for (int j = 0; j < 4; j++) {
-            middle[i] += c->half_phi[4 * i + j] * s[j];
-        }
-        middle[i] += c->half_gamma[2 * i] * feedback[0] + c->half_gamma[2 * i + 1] * feedback[1];
-    }
+    move(&c->half, omega_z, feedback, middle);
     cancel_rest(c, middle, omega_z, mass, beyond);
     feedback[0] += c->boost * beyond[0];
     feedback[1] += c->boost * beyond[1];

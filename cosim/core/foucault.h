@@ -20,15 +20,18 @@
 #define ESTIMATE_M 11
 #define ESTIMATE_SIZE (12 + NP - 7 + NS - 4)
 
+/* What the four states of the plane do over a duration: moved by phi, by a held force through gamma; and the change of both with the rate. */
+typedef struct {
+    double phi[16], phi_by_omega[16], gamma[8], gamma_by_omega[8];
+} way;
+
 typedef struct {
     foucault_settings settings;
     known k;
     held_loop loop;
     double by_omega[8];        /* change of the gain with the rate */
     double coupling;           /* Coriolis coupling relative to that of a point mass [1] */
-    double delay_phi[16], delay_gamma[8]; /* over the rest of the delay */
-    double step_phi[16], step_gamma[8];   /* over a period */
-    double half_phi[16], half_gamma[8];
+    way rest, step, half;      /* over the delay's part of a period, a period, half of one */
     double a[NS * NS];         /* rate by state at rest, without a rate of turn */
     int64_t delay_samples;
     double delay;              /* [s] */
