@@ -13,7 +13,7 @@ from cosim.fmu import GET, INSTANCE, SET, STEP, Plant, open_plant
 from cosim.monitor import Monitor
 from cosim.recorder import Recorder, Result
 from cosim.run import Run
-from cosim.running import begin_controller, begin_observer, design_for
+from cosim.running import begin_controller, begin_observer, design_for, known_values
 from cosim.scenarios import INPUT_NAMES
 from gyro_model import symbols
 from gyro_model.anatomy import Follow
@@ -46,7 +46,7 @@ def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
     memory = lib.memory("loop")
     inputs = plant.value_references((*FORCE_NAMES, *INPUT_NAMES))
     outputs = plant.value_references(OUTPUT_NAMES)
-    lags = _temperature_lags(run)
+    lags, known = _temperature_lags(run), known_values(design, lib, run.period)
     lib.call.core_loop_start(
         pointer(memory),
         *(ctypes.c_void_p(int(plant.handle[slot])) for slot in (INSTANCE, SET, STEP, GET)),
@@ -56,6 +56,7 @@ def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
         pointer(observer.memory),
         ctypes.c_void_p(controller.address),
         pointer(controller.memory),
+        pointer(known),
         ctypes.c_double(run.period),
         pointer(lags),
     )

@@ -2,7 +2,6 @@
 
 #include "known_model.h"
 
-#define PI 3.14159265358979323846
 #define CROSS 0.1 /* a cross term may be zero: it counts as no smaller than this part of its geometric mean */
 #define WAIT 16  /* samples between two looks at an unknown device */
 #define LOST 5.0 /* times `trust`: uncertainty of the mass at which the device counts as lost */

@@ -3,7 +3,6 @@
 #include <complex.h>
 
 #define ROUNDS 4
-#define PI 3.14159265358979323846
 
 static void solve_for_force(const double *rate, const double *phi, const double *gamma, held_loop *h)
 {

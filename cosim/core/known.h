@@ -11,6 +11,7 @@
 #include "sizes.h"
 
 #define IN 6
+#define PI 3.14159265358979323846
 
 typedef struct {
     double p[NP];   /* estimated: k/m [1/s2] and d/m [1/s] in the order kxx kyy kxy dxx dyy dxy, effects' [SI], 1/m [1/kg] last */

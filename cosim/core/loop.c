@@ -182,7 +182,8 @@ EXPORT void core_filter_told(void *memory, int64_t count, const double *u, const
 }
 
 EXPORT void core_loop_start(loop *l, void *instance, void *set, void *step, void *get, const uint32_t *inputs, const uint32_t *outputs,
-                            void *observer, void *observer_memory, void *controller, void *controller_memory, double period, const double *lag)
+                            void *observer, void *observer_memory, void *controller, void *controller_memory, const double *known_values,
+                            double period, const double *lag)
 {
     memset(l, 0, sizeof *l);
     l->plant.instance = instance;
@@ -197,6 +198,7 @@ EXPORT void core_loop_start(loop *l, void *instance, void *set, void *step, void
     l->controller_memory = controller_memory;
     l->period = period;
     memcpy(l->lag, lag, sizeof l->lag);
+    edge_start(&l->edge, known_values, period);
     (void)l->plant.get(instance, l->plant.outputs, PLANT_OUTPUTS, l->output, PLANT_OUTPUTS);
 }
 
@@ -236,6 +238,8 @@ EXPORT int64_t core_loop_run(loop *l, int64_t first, int64_t count, const double
         l->observer(l->observer_memory, l->input, l->output, in, l->estimate, l->deviation);
         double *control = row + 2 * ESTIMATE_SIZE;
         l->controller(l->controller_memory, t, l->estimate, l->deviation, in, control);
+        edge_follow(&l->edge, l->estimate, in, control + 2, control[6], control[7]);
+        control[7] += l->edge.turned;
         memcpy(row, l->estimate, sizeof l->estimate);
         memcpy(row + ESTIMATE_SIZE, l->deviation, sizeof l->deviation);
         memcpy(control + CONTROL_SIZE, l->output, sizeof l->output);

@@ -6,6 +6,7 @@
 #ifndef LOOP_H
 #define LOOP_H
 
+#include "edge.h"
 #include "filter.h"
 #include "foucault.h"
 
@@ -43,6 +44,7 @@ typedef struct {
     double made[2];       /* these temperatures [K] */
     double input[PLANT_INPUTS], output[PLANT_OUTPUTS]; /* at the border between two blocks */
     double estimate[ESTIMATE_SIZE], deviation[ESTIMATE_SIZE];
+    edge edge;
 } loop;
 
 /* An observer of springs, dampers and a held force, with what the loop knows beyond them taken out before it looks (plain.c). */

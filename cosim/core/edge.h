@@ -1,0 +1,40 @@
+/* What a step of the rate did to the pattern before the loop knew of it.
+
+   The rate that the observer gives is late by tens of microseconds. Until then the Coriolis force on the motion that the tones force is not
+   cancelled, and kicks the pattern. And where the package has no Euler force, positions and velocities go on through the step while what is straight
+   for the new rate is another orbit: the pattern turns by up to half the step over the oscillation's angular frequency. Neither is a turn of the
+   device. Some milliseconds later the loop knows the rates on both sides, and the time of the step follows from the pattern itself: where it would be
+   for each time is compared with where it is. */
+
+#ifndef EDGE_H
+#define EDGE_H
+
+#include <complex.h>
+
+#include "known.h"
+
+#define EDGE_PAST 8192 /* samples kept; a power of two */
+
+/* A sample: the pattern x + i y and its velocity, the velocity of the forced motion, the rate that the loop acts on, k/m, and the angle by which
+   the controller has turned the pattern. */
+typedef struct {
+    double complex z, v, forced;
+    double rate, omega_squared, turned;
+} edge_sample;
+
+typedef struct {
+    edge_sample past[EDGE_PAST];
+    known k;
+    double period;    /* [s] */
+    int64_t count;    /* samples so far */
+    int64_t seen;     /* sample at which a step showed; below zero: none is under review */
+    double turned;    /* angle by which steps have turned the pattern [rad] */
+} edge;
+
+/* `values` [NC]: what is known. */
+void edge_start(edge *e, const double *values, double period);
+
+/* After the controller at a sample: the estimate; the forced motion x, x', y, y'; k/m; the angle that the controller has turned the pattern by. */
+void edge_follow(edge *e, const double *estimate, const double in[IN], const double forced[4], double omega_squared, double turned);
+
+#endif
