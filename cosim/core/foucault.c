@@ -82,6 +82,9 @@ static void form(foucault *c, const double *estimate)
     const double mass = estimate[ESTIMATE_M], *constants = estimate + ESTIMATE_KXX;
     const double rest[NS] = {0}, none[2] = {0.0, 0.0};
     memcpy(c->in_use, constants, sizeof c->in_use);
+    memcpy(c->formed_with, constants, sizeof c->formed_with);
+    memcpy(c->formed_in, c->k.in, sizeof c->formed_in);
+    c->formed_at = c->count;
     known_coordinates(&c->k, constants, none, 0.0, c->k.p);
     const double omega_squared = s->k / mass;
     const int compensate = s->hold_compensation != 0.0;
@@ -200,7 +203,10 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     const int64_t soon = every / 10 > 0 ? every / 10 : 1;
     memcpy(c->k.in, in, sizeof c->k.in);
     c->k.t = t;
-    const int due = c->formed ? c->count % every == 0 || (c->count % soon == 0 && has_jumped(c, estimate, deviation)) : c->count % WAIT == 0;
+    /* At once where the constants change: feedback on an older delay than the one that the state was found with turns the pattern. */
+    const int changed = memcmp(c->formed_with, estimate + ESTIMATE_KXX, sizeof c->formed_with) != 0 || memcmp(c->formed_in, in, sizeof c->formed_in) != 0;
+    const int old = c->count - c->formed_at >= every || (c->count % soon == 0 && has_jumped(c, estimate, deviation));
+    const int due = c->formed ? changed && old : c->count % WAIT == 0;
     if (due && is_known(c, estimate, deviation)) {
         form(c, estimate);
     } else if (due && !(deviation[ESTIMATE_M] < LOST * set->trust * estimate[ESTIMATE_M])) {
@@ -235,16 +241,17 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
             continue;
         }
         const double w = 2.0 * PI * c->frequency[i];
+        /* The command keeps its phase whatever the delay is taken for: a tone that moved with each estimate would shake the pattern. */
         const double sine = sin(w * t), cosine = cos(w * t), sine_d = sin(w * c->delay), cosine_d = cos(w * c->delay);
-        const double sine_ahead = sine * cosine_d + cosine * sine_d, cosine_ahead = cosine * cosine_d - sine * sine_d;
+        const double sine_late = sine * cosine_d - cosine * sine_d, cosine_late = cosine * cosine_d + sine * sine_d;
         for (int j = 0; j < 4; j++) {
-            const double response = c->phasor[i][2 * j] * sine + c->phasor[i][2 * j + 1] * cosine;
+            const double response = c->phasor[i][2 * j] * sine_late + c->phasor[i][2 * j + 1] * cosine_late;
             forced[j] += response;
             near[j] += i < 2 ? 0.0 : response;
-            ahead[j] += c->phasor[i][2 * j] * sine_ahead + c->phasor[i][2 * j + 1] * cosine_ahead;
+            ahead[j] += c->phasor[i][2 * j] * sine + c->phasor[i][2 * j + 1] * cosine;
         }
         /* The tones are taken at mid-hold, so that the held staircase has their true phase. */
-        added[i % 2] += amplitude * (sine_ahead * cos(w * half) + cosine_ahead * sin(w * half));
+        added[i % 2] += amplitude * (sine * cos(w * half) + cosine * sin(w * half));
     }
     if (set->coriolis_compensation != 0.0) {
         added[0] -= 2.0 * mass * c->coupling * omega_z * ahead[3];

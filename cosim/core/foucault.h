@@ -39,6 +39,8 @@ typedef struct {
     double phasor[TONES][8];
     double frequency[TONES];   /* of the tones [Hz] */
     double in_use[7];          /* the seven constants in the gains */
+    double formed_with[NP], formed_in[IN]; /* all constants and inputs in them */
+    int64_t formed_at;         /* sample at which they were formed */
     double u[PAST][2];         /* commands, by sample */
     int64_t count;
     double period;
