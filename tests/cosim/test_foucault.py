@@ -253,3 +253,18 @@ def test_force_is_bounded_while_estimates_are_wrong():
 def test_unknown_setting_is_refused():
     with pytest.raises(ValueError, match="no setting 'stiffness'"):
         CONTROLLER.settings_array(stiffness=1.0)
+
+
+def test_a_delay_does_not_change_the_scale_of_the_angle():
+    delay = 4.9e-6
+
+    def late(commands):
+        before = commands[-2] if len(commands) > 1 else np.zeros(2)
+        return [(delay, before), (PERIOD - delay, commands[-1])]
+
+    omega_z, straight = 20.0, {"quadrature_loop": 0.0, **SILENT}
+    states, _ = run(8000, [1e-6, 0, 0, 0], omega_z, effects={"actuator_delay": delay}, plant=late, **straight)
+    turned = np.unwrap([angle(state)[0] for state in states], period=180.0)
+    slope = np.polyfit(np.arange(8000) * PERIOD, turned, 1)[0]
+    # Where only the velocities are turned on the way, 0.1 (omega delay)^2 of the angle is missing: 0.2 %.
+    assert slope == pytest.approx(-np.degrees(omega_z), rel=1e-4)
