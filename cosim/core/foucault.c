@@ -65,6 +65,7 @@ static void corner(const double *a, double *out)
 
 static void form_way(way *w, const double *a, const double *turning, const double *b, double duration, double probe)
 {
+    w->duration = duration;
     transition_over(a, b, 4, duration, w->phi, w->gamma);
     transition_over(turning, b, 4, duration, w->phi_by_omega, w->gamma_by_omega);
     for (int i = 0; i < 16; i++) {
@@ -131,10 +132,22 @@ static void form(foucault *c, const double *estimate)
     c->formed = 1;
 }
 
-/* Moves the four states `s` along `w` under the force f [N]. */
-static void move(const way *w, double omega_z, const double f[2], double *s)
+/* What the linear part leaves out, over a time h. */
+static void bend_by(const foucault *c, double omega_z, double h, double *s)
+{
+    const double none[2] = {0.0, 0.0};
+    double bend[NS];
+    known_bend(&c->k, s, none, omega_z, bend);
+    for (int i = 0; i < 4; i++) {
+        s[i] += h * bend[i];
+    }
+}
+
+/* Moves the four states of `s` [NS] along `w` under the force f [N]: half of the bend before, half behind what is linear. */
+static void move(const foucault *c, const way *w, double omega_z, const double f[2], double *s)
 {
     double next[4];
+    bend_by(c, omega_z, 0.5 * w->duration, s);
     for (int i = 0; i < 4; i++) {
         next[i] = 0.0;
         for (int j = 0; j < 2; j++) {
@@ -145,6 +158,7 @@ static void move(const way *w, double omega_z, const double f[2], double *s)
         }
     }
     memcpy(s, next, sizeof next);
+    bend_by(c, omega_z, 0.5 * w->duration, s);
 }
 
 static void force_of(const foucault *c, int64_t sample, const double *s, double f[2])
@@ -225,10 +239,10 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     memcpy(s + 4, estimate + ESTIMATE_SIZE - (NS - 4), (NS - 4) * sizeof *s);
     if (c->delay > 0.0) {
         force_of(c, c->count - 1 - c->delay_samples, s, f);
-        move(&c->rest, omega_z, f, s);
+        move(c, &c->rest, omega_z, f, s);
         for (int64_t k = c->count - c->delay_samples; k < c->count; k++) {
             force_of(c, k, s, f);
-            move(&c->step, omega_z, f, s);
+            move(c, &c->step, omega_z, f, s);
         }
     }
 
@@ -295,7 +309,7 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     double middle[NS], beyond[2];
     memcpy(middle, s, sizeof middle);
     memset(f, 0, sizeof f);
-    move(&c->half, omega_z, feedback, middle);
+    move(c, &c->half, omega_z, feedback, middle);
     cancel_rest(c, middle, omega_z, mass, beyond);
     feedback[0] += c->boost * beyond[0];
     feedback[1] += c->boost * beyond[1];

@@ -22,6 +22,7 @@
 
 /* What the four states of the plane do over a duration: moved by phi, by a held force through gamma; and the change of both with the rate. */
 typedef struct {
+    double duration; /* [s] */
     double phi[16], phi_by_omega[16], gamma[8], gamma_by_omega[8];
 } way;
 
