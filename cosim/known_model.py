@@ -12,7 +12,7 @@ from math import inf
 from pathlib import Path
 from typing import Final
 
-from sympy import Expr, Matrix, Symbol, cse, expand, numbered_symbols
+from sympy import Expr, Matrix, Symbol, cse, expand, log, numbered_symbols
 from sympy.core.function import Application
 
 from cosim.layout import PARAMETER_NAMES
@@ -186,6 +186,7 @@ class KnownModel:
             "values_by_parameter": ("[NP * NP]", tuple(Matrix(self._values).jacobian(parameters))),
             "coordinates": ("[NP]", self._coordinates),
             "noise": ("[2]", self._noise),
+            "pink": ("[2 * 2]", self._pink),
             "thermal": ("[2 * 2]", self._thermal),
             "temperature_lag": ("[2]", self._temperature_lags),
         }
@@ -221,12 +222,30 @@ class KnownModel:
                 continue
             for axis, out in enumerate(effect.terms().values()):
                 total[axis] += sum(out.diff(number) ** 2 for number in symbols.NORMAL)
-                total[axis] += sum(out.diff(number) ** 2 for number in symbols.PINK) * _PINK_SHARE
                 # What rounds has the variance of an error spread evenly over its step.
                 for step in {s for f in out.atoms(symbols.nearest_integer) for s in f.args[0].free_symbols}:
                     if step not in (symbols.v_x, symbols.v_y):
                         total[axis] += step**2 / 12
-        return self._own(self.dynamics.under_laws(total))
+        pink = self._pink_densities
+        return self._own(self.dynamics.under_laws([v + p * _PINK_SHARE for v, p in zip(total, pink, strict=True)]))
+
+    @cached_property
+    def _pink_densities(self) -> tuple[Expr, ...]:
+        """a² of the density a²/f of the pink noise of either voltage."""
+        maps = [e for e in self._noisy.effects if isinstance(e, Map) and e.noise]
+        outs = [tuple(e.terms().values()) for e in maps]
+        return tuple(
+            sum((out[axis].diff(number) ** 2 for out in outs for number in symbols.PINK), symbols.t * 0)
+            for axis in range(2)
+        )
+
+    @cached_property
+    def _pink(self) -> tuple[Expr, ...]:
+        """For either voltage, what the variance of pink noise lacks of that of the white noise it counts as, and the
+        mean product of neighbouring samples [V²]."""
+        densities = self._pink_densities
+        terms = [(p * (_PINK_SHARE - _PINK_VARIANCE), p * _PINK_NEIGHBOURS) for p in densities]
+        return self._own(self.dynamics.under_laws([term for pair in terms for term in pair]))
 
     @cached_property
     def _thermal(self) -> tuple[Expr, ...]:
@@ -355,6 +374,11 @@ class KnownModel:
 _COMMANDS: Final = (symbols.u_x, symbols.u_y)
 # Density a²/f one-sided, at the resonance of x, as the variance of white noise up to half the sample rate.
 _PINK_SHARE: Final = expand(1 / (2 * symbols.sample_period)) * 2 * 3.141592653589793 * (symbols.m / symbols.kxx) ** 0.5
+_FOLLOWED: Final = 10.0
+"""Below it an estimated offset follows the pink noise [Hz]."""
+# Integral of 1/f from there to half the sample rate, and of cos(2 pi f T)/f: Ci(pi) - Ci(2 pi f T), the latter small.
+_PINK_VARIANCE: Final = -log(2 * _FOLLOWED * symbols.sample_period)
+_PINK_NEIGHBOURS: Final = 0.0737 - 0.5772 - log(2 * 3.141592653589793 * _FOLLOWED * symbols.sample_period)
 
 
 @cache

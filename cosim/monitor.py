@@ -45,7 +45,8 @@ DOUBTS: Final = 2
 
 
 class Verdict(NamedTuple):
-    """valid now; reason why not (else empty); predicted standard deviations of the angle: drift [rad/s] and reading [rad]."""
+    """valid now; reason why not (else empty); predicted standard deviations of the angle: of its drift [rad/s] and of its
+    reading [rad]."""
 
     valid: bool
     reason: str
@@ -98,10 +99,12 @@ class Monitor:
         health = self.health()
         if health["restarted_at"] >= 0 and t - health["restarted_at"] < set_["patience"]:
             return "the observer lost the device and began again from the design"
-        if not self._chi2_low() <= health["chi2"] <= set_["chi2_high"]:
+        # Pink noise below a hundred hertz is another one in each window, up to a few times its mean.
+        pink = max(health["pink_x"], health["pink_y"])
+        if not self._chi2_low() <= health["chi2"] <= set_["chi2_high"] + pink:
             return f"{INNOVATIONS} are {sqrt(max(health['chi2'], 0)):.3g} times what they should be{self._hint()}"
         for axis in ("x", "y"):
-            if not abs(health[f"white_{axis}"]) <= set_["whiteness"]:
+            if not abs(health[f"white_{axis}"]) <= set_["whiteness"] + pink:
                 return f"{INNOVATIONS} of {axis} are not white: neighbours correlate by {health[f'white_{axis}']:.2g}"
         seven, sigma = estimate[KXX : M + 1], deviation[KXX : M + 1]
         tolerance = self._tolerance(seven)

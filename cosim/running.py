@@ -137,7 +137,8 @@ def plain_health(lib: Library, part: Part) -> dict[str, float]:
     """The innovations of an observer of one's own, seen from outside."""
     chi2, white = ctypes.c_double(), np.zeros(2)
     lib.call.core_plain_found(pointer(part.memory), ctypes.byref(chi2), pointer(white))
-    return {"chi2": chi2.value, "white_x": float(white[0]), "white_y": float(white[1]), "restarted_at": -1.0}
+    pink = {"pink_x": 0.0, "pink_y": 0.0}
+    return {"chi2": chi2.value, "white_x": float(white[0]), "white_y": float(white[1]), "restarted_at": -1.0, **pink}
 
 
 def observe(part: Part, u: Floats, v: Floats, inputs: Floats, estimate: Floats, deviation: Floats) -> None:

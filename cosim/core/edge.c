@@ -16,12 +16,7 @@ static const edge_sample *sample_at(const edge *e, int64_t k) { return &e->past[
 
 static int64_t samples_in(const edge *e, double duration) { return (int64_t)(duration / e->period + 0.5); }
 
-/* An orbit turning in the plane: z'' + 2 i turn z' + w^2 z = 0. */
-typedef struct {
-    double complex z, v;
-} orbit;
-
-/* The orbit a time later. */
+/* The orbit a time later: z'' + 2 i turn z' + w^2 z = 0. */
 static orbit moved(orbit o, double turn, double w, double duration)
 {
     const double complex up = 0.5 * (o.z + (o.v + I * turn * o.z) / (I * w)), down = o.z - up;
@@ -54,7 +49,7 @@ static orbit mean_orbit(const edge *e, int64_t first, int64_t last, int64_t at, 
     orbit total = {0.0, 0.0};
     for (int64_t k = first; k < last; k++) {
         const edge_sample *s = sample_at(e, k);
-        const orbit here = {s->z, s->v}, there = moved(here, turn, w, (double)(at - k) * e->period);
+        const orbit there = moved(s->free, turn, w, (double)(at - k) * e->period);
         total.z += there.z;
         total.v += there.v;
     }
@@ -95,15 +90,15 @@ static double deviation_of(orbit a, orbit b, double w)
     return total / size;
 }
 
-/* Jump of the velocity of `o` by a step of the rate, per rad/s: the Euler force, where the package is known to have one. */
-static double complex jump_of(const known *k, orbit o)
+/* Jump of the velocity by a step of the rate, per rad/s: the Euler force on all of the motion, where the package is known to have one. */
+static double complex jump_of(const known *k, orbit a, orbit b)
 {
     double s[NS] = {0}, out[2];
     const double none[2] = {0.0, 0.0};
-    s[0] = creal(o.z);
-    s[1] = creal(o.v);
-    s[2] = cimag(o.z);
-    s[3] = cimag(o.v);
+    s[0] = creal(a.z + b.z);
+    s[1] = creal(a.v + b.v);
+    s[2] = cimag(a.z + b.z);
+    s[3] = cimag(a.v + b.v);
     known_jump(k, s, none, 0.0, out);
     return out[0] + I * out[1];
 }
@@ -131,7 +126,7 @@ static void review(edge *e, const double *estimate)
     /* Kicks that the Coriolis force on the forced motion gave beyond what the loop cancelled, had the rate been `after` throughout. */
     orbit kicked = {0.0, 0.0};
     for (int64_t k = first; k < last; k++) {
-        const double complex forced = 0.5 * (sample_at(e, k)->forced + sample_at(e, k + 1)->forced);
+        const double complex forced = 0.5 * (sample_at(e, k)->forced.v + sample_at(e, k + 1)->forced.v);
         const orbit kick = {0.0, -2.0 * I * coupling * T * (after - rate_acting(e, k, delay)) * forced};
         const orbit there = moved(kick, turn_after, w, ((double)(last - k) - 0.5) * T);
         kicked.z += there.z;
@@ -139,11 +134,11 @@ static void review(edge *e, const double *estimate)
     }
     double least = INFINITY, most = 0.0, turned = 0.0;
     for (int64_t k = first; k <= e->seen; k++) {
-        const double complex forced = 0.5 * (sample_at(e, k)->forced + sample_at(e, k + 1)->forced);
+        const double complex forced = 0.5 * (sample_at(e, k)->forced.v + sample_at(e, k + 1)->forced.v);
         for (int n = 0; n < FINE && k >= earliest; n++) {
             const double part = (double)n / FINE, since = (double)(k - first) + part, left = (double)(last - k) - part;
             orbit o = moved(from, turn_before, w, since * T);
-            o.v += (after - before) * jump_of(&e->k, o);
+            o.v += (after - before) * jump_of(&e->k, o, sample_at(e, k)->forced);
             o = moved(o, turn_after, w, left * T);
             const orbit kick = {0.0, -2.0 * I * coupling * T * part * (before - after) * forced};
             const orbit there = moved(kick, turn_after, w, (left + 0.5 * part) * T);
@@ -177,9 +172,10 @@ void edge_start(edge *e, const double *values, double period)
 void edge_follow(edge *e, const double *estimate, const double in[IN], const double forced[4], double omega_squared, double turned)
 {
     edge_sample *now = &e->past[e->count & (EDGE_PAST - 1)];
-    now->z = estimate[0] - forced[0] + I * (estimate[2] - forced[2]);
-    now->v = estimate[1] - forced[1] + I * (estimate[3] - forced[3]);
-    now->forced = forced[1] + I * forced[3];
+    now->forced.z = forced[0] + I * forced[2];
+    now->forced.v = forced[1] + I * forced[3];
+    now->free.z = estimate[0] + I * estimate[2] - now->forced.z;
+    now->free.v = estimate[1] + I * estimate[3] - now->forced.v;
     now->rate = estimate[4];
     now->omega_squared = omega_squared;
     now->turned = turned;

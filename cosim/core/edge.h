@@ -15,10 +15,14 @@
 
 #define EDGE_PAST 8192 /* samples kept; a power of two */
 
-/* A sample: the pattern x + i y and its velocity, the velocity of the forced motion, the rate that the loop acts on, k/m, and the angle by which
-   the controller has turned the pattern. */
+/* A motion in the plane: x + i y and its velocity. */
 typedef struct {
-    double complex z, v, forced;
+    double complex z, v;
+} orbit;
+
+/* A sample: the pattern, the forced motion, the rate that the loop acts on, k/m, and the angle by which the controller has turned the pattern. */
+typedef struct {
+    orbit free, forced;
     double rate, omega_squared, turned;
 } edge_sample;
 

@@ -17,6 +17,7 @@
 #define LOST 1e4     /* mean squared innovation of a whole start that has found nothing */
 #define EFFORT 2.0   /* samples filtered again for each new one, in the long run */
 #define EFFORT_MAX 200000.0 /* saved up at most */
+#define NOISE_SHARE 0.01 /* of a sample in the running mean of 1/S */
 #define WATCHED 0.005 /* over which innovations are averaged [s] */
 #define FIRST 16     /* samples of the first block at its first fit */
 
@@ -71,6 +72,7 @@ static double correct_axis(filter *f, const double *c, const double *by_p, doubl
         row[q] = h[q] * root;
     }
     f->r[f->rows] = e * root;
+    f->inverse[f->rows & 1] += NOISE_SHARE * (1.0 / S - f->inverse[f->rows & 1]);
     f->rows++;
     for (int i = 0; i < NZ; i++) {
         gain[i] = Pc[i] / S;
@@ -275,15 +277,20 @@ static void watch(filter *f)
     }
     const double pace = f->growing ? 1.0 : smaller(1.0, (double)f->in_block * f->m.period / WATCHED);
     const double expected = f->growing ? 1.0 : 1.0 + f->share;
-    double total = 0.0, product[2] = {0.0, 0.0};
+    const double none[2] = {0.0, 0.0};
+    double total = 0.0, product[2] = {0.0, 0.0}, pink[4];
     for (int64_t r = 0; r < f->rows; r++) {
         total += f->r[r] * f->r[r];
         product[r & 1] += f->r[r] * f->last_r[r & 1];
         f->last_r[r & 1] = f->r[r];
     }
-    f->chi2 += pace * (total / ((double)f->rows * expected) - f->chi2);
+    known_pink(&f->k, f->now.z, none, 0.0, pink);
+    const double lacking = 0.5 * (pink[0] * f->inverse[0] + pink[2] * f->inverse[1]);
+    f->chi2 += pace * (total / ((double)f->rows * expected) + lacking - f->chi2);
     for (int a = 0; a < 2; a++) {
-        f->white[a] += pace * (product[a] / (0.5 * (double)f->rows * expected) - f->white[a]);
+        const double neighbours = product[a] / (0.5 * (double)f->rows * expected);
+        f->pink[a] = pink[2 * a + 1] * f->inverse[a];
+        f->white[a] += pace * (neighbours - f->pink[a] - f->white[a]);
     }
 }
 

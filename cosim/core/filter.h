@@ -57,7 +57,9 @@ typedef struct {
     double effort; /* samples that may still be filtered again */
     double fit; /* mean squared innovation at the last fit of a growing block */
     int fresh; /* whether this sample brought new constants */
-    double chi2, white[2], last_r[2]; /* running means: squared innovation over its variance; product of neighbours */
+    double chi2, white[2], last_r[2]; /* running means: squared innovation over its variance; product of neighbours beyond that of pink noise */
+    double inverse[2];      /* running mean of 1/S of either axis [1/V2] */
+    double pink[2];         /* what pink noise makes of the product of neighbours, in the mean */
     double restarted_at;    /* time of the last restart from the design [s], below zero: none */
     double first_W[NP][NP], first_p[NP]; /* of the design */
     moving first;

@@ -37,10 +37,14 @@ CONTROL_NAMES: Final = (
 """What a controller gives at a sample: command [N], response to the tones [m, m/s], k/m of the isotropic oscillator
 [1/s^2], angle by which the pattern has been turned electronically [rad]; the part of the response that is due to tones
 near the oscillator's own frequency."""
-HEALTH_NAMES: Final = ("chi2", "white_x", "white_y", "restarted_at", "restarts", "walk", "share", "forget")
+HEALTH_NAMES: Final = (
+    *("chi2", "white_x", "white_y", "restarted_at", "restarts", "walk", "share", "forget"),
+    *("pink_x", "pink_y"),
+)
 """What the filter says of itself: mean squared innovation over its variance and mean product of neighbouring ones, over
-some milliseconds; time of the last restart from the design [s]; restarts lately; random walk of the rate
-[rad/s per sqrt(s)]; share of the innovation's variance that the constants explain; fastest forgetting [1/s]."""
+some milliseconds, less what known pink noise makes of both; time of the last restart from the design [s]; restarts
+lately; random walk of the rate [rad/s per sqrt(s)]; share of the innovation's variance that the constants explain;
+fastest forgetting [1/s]; what pink noise makes of the product of neighbours, in the mean."""
 
 
 class Library:
