@@ -45,7 +45,7 @@ DOUBTS: Final = 2
 
 
 class Verdict(NamedTuple):
-    """valid now; reason why not (else empty); predicted standard deviations of the angle: of its drift [rad/s] and of its
+    """valid now; reason why not (else empty); predicted standard deviations: of the angle's drift [rad/s] and of its
     reading [rad]."""
 
     valid: bool

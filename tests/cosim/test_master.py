@@ -55,7 +55,7 @@ def test_constant_converges_and_the_angle_follows(observer: str) -> None:
 def test_a_known_angular_gain_turns_the_pattern_less_and_is_taken_out(gain: float, tmp_path: Path) -> None:
     design = tmp_path / "design.toml"
     design.write_text(f'format = 1\nname = "ring"\n[parameters]\nangular_gain = {gain}\n')
-    run, result = simulated("constant", f"angular_gain={gain}", design=str(design), duration=0.5, seed=3)
+    _, result = simulated("constant", f"angular_gain={gain}", design=str(design), duration=0.5, seed=3)
     trace = result.trace.filter(pl.col("converged"))
     assert len(trace) > 0.3 * len(result.trace)
     error = (trace["angle_C"] - trace["angle_true"]).to_numpy()
