@@ -12,7 +12,7 @@ from plant import GAIN, MEASURED, NOISE, PERIOD, REFERENCE, begin, close_loop, d
 from runs import simulated
 from scipy.stats import chi2
 
-from cosim.core.library import library, pointer
+from cosim.core.library import HEALTH_NAMES, library, pointer
 from cosim.design import load_design
 from cosim.exchange import exchange
 from cosim.fmu import open_plant
@@ -137,7 +137,7 @@ def test_without_a_force_only_ratios_are_learned(seed):
         loop.observe(np.zeros(2), GAIN * state[::2] + NOISE * noise[k])
         state = phi @ state
     count = loop.lib.sizes["NP"]
-    p, root, health = np.zeros(count), np.zeros((count, count)), np.zeros(8)
+    p, root, health = np.zeros(count), np.zeros((count, count)), np.zeros(len(HEALTH_NAMES))
     loop.lib.call.core_filter_found(pointer(loop.observer.memory), pointer(p), pointer(root), pointer(health))
     deviation, at_first = np.sqrt(np.sum(root[6] ** 2)), np.sqrt(np.sum(before[6] ** 2))
     # Seven of 30 % each, and six ratios of them known; the dampings not wholly: 0.5 % are left of them.
@@ -151,7 +151,7 @@ def test_errors_are_as_large_as_the_filter_says():
         loop = begin(design)
         course = close_loop(loop, np.full(20000, 5.0), seed)
         count = loop.lib.sizes["NP"]
-        p, root, health = np.zeros(count), np.zeros((count, count)), np.zeros(8)
+        p, root, health = np.zeros(count), np.zeros((count, count)), np.zeros(len(HEALTH_NAMES))
         loop.lib.call.core_filter_found(pointer(loop.observer.memory), pointer(p), pointer(root), pointer(health))
         truth = np.array([*(REFERENCE[:6] / REFERENCE[6]), 1 / REFERENCE[6]])
         squared.append(np.sum(np.linalg.solve(root, p - truth) ** 2))

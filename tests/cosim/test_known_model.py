@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plant import MEASURED, PERIOD, device_with, told
 
-from cosim.core.library import library, pointer
+from cosim.core.library import HEALTH_NAMES, library, pointer
 from cosim.core.settings import FILTER
 from cosim.known_model import KnownModel
 from cosim.layout import PARAMETER_NAMES
@@ -180,7 +180,7 @@ def test_values_come_back_from_the_coordinates_of_the_filter():
     design = told(device_with(**CHAIN), dict.fromkeys(CHAIN, 1e-3))
     lib, part = told_exactly(design)
     count = lib.sizes["NP"]
-    p, root, health = np.zeros(count), np.zeros((count, count)), np.zeros(8)
+    p, root, health = np.zeros(count), np.zeros((count, count)), np.zeros(len(HEALTH_NAMES))
     lib.call.core_filter_found(pointer(part.memory), pointer(p), pointer(root), pointer(health))
     values = np.concatenate((p[:6] / p[-1], p[6:-1], 1 / p[-1:]))
     expected = [design.values[name] for name in PARAMETER_NAMES[:6]] + [design.values[n] for n in CHAIN]
