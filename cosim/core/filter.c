@@ -72,7 +72,10 @@ static double correct_axis(filter *f, const double *c, const double *by_p, doubl
         row[q] = h[q] * root;
     }
     f->r[f->rows] = e * root;
-    f->inverse[f->rows & 1] += NOISE_SHARE * (1.0 / S - f->inverse[f->rows & 1]);
+    if (isfinite(1.0 / S)) {
+        /* Trials of a start may have lost their numbers. */
+        f->inverse[f->rows & 1] += NOISE_SHARE * (1.0 / S - f->inverse[f->rows & 1]);
+    }
     f->rows++;
     for (int i = 0; i < NZ; i++) {
         gain[i] = Pc[i] / S;

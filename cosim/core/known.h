@@ -10,6 +10,24 @@
 
 #include "sizes.h"
 
+/* The functions of the FMU's own mathematics that effects may call: to the loop an ulp does not matter. */
+#define gyro_exp exp
+#define gyro_log log
+#define gyro_sin sin
+#define gyro_cos cos
+#define gyro_tan tan
+#define gyro_asin asin
+#define gyro_acos acos
+#define gyro_atan atan
+#define gyro_atan2 atan2
+#define gyro_sinh sinh
+#define gyro_cosh cosh
+#define gyro_tanh tanh
+#define gyro_floor floor
+#define gyro_ceil ceil
+#define gyro_fabs fabs
+#define gyro_pow pow
+
 #define IN 6
 #define PI 3.14159265358979323846
 
