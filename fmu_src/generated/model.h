@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{da168863-3779-cd78-f119-e9f9144531b8}"
+#define GYRO_TOKEN "{74020d36-f571-39e2-f177-113abe151471}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

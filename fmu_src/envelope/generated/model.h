@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{03a81909-b4d9-eb19-7812-5ee62af85a7c}"
+#define GYRO_TOKEN "{5d57f112-5a51-c296-ed39-70249c19ad38}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
