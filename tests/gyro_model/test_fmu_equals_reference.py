@@ -56,7 +56,7 @@ def hosts(effect: Effect) -> list[Effect]:
 def tolerance(effect: Effect) -> float:
     """Relative to the largest amplitude of a channel."""
     lags = any(isinstance(e, Lag) or any(isinstance(w, Lag) for w in woken(e)) for e in (effect, *hosts(effect)))
-    bends = isinstance(effect, Force) and any(sympify(expr).has(Application) for expr in effect.force)
+    bends = isinstance(effect, Force) and any(sympify(expr).has(Application) for expr in effect.terms().values())
     return LAG if lags else HALVED if bends else ROUNDING
 
 
@@ -114,7 +114,7 @@ def test_delay_is_exact(plant: Runner, residual: Residual, delay: float, tau: fl
 def test_neutral_size_changes_no_bit(effect: Effect, plant: Runner, neutral: dict[str, Floats]) -> None:
     # Shapes alone switch nothing, and no other effect feels a size at neutral.
     sizes = {q.name: q.start for q in effect.sizes}
-    shapes = {q.name: 0.7 * q.start + 1e-4 for q in effect.parameters if q.role == "shape"}
+    shapes = {q.name: min(max(0.7 * q.start + 1e-4, q.low), q.high) for q in effect.parameters if q.role == "shape"}
     fmu = plant.run(START | sizes | shapes, T, driven())
     for name, values in fmu.items():
         assert np.array_equal(values, neutral[name]), name
