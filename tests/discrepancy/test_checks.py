@@ -101,7 +101,6 @@ FAULTS: dict[str, tuple[Change, str]] = {
     "rate in deg/s": (lambda u, v, c: (u, v, {"omega_z": np.rad2deg(c["omega_z"])}), "looks like deg/s"),
     "rate turned": (lambda u, v, c: (u, v, {"omega_z": -c["omega_z"]}), "omega_z looks to have the wrong sign"),
     "degC": (lambda u, v, c: (u, v, {"temperature": 25.0 + 0 * v[:, 0]}), "looks like degC"),
-    "no drive": (lambda u, v, c: (0 * u, v, c), "m unknown"),
     "dead channel": (lambda u, v, c: (u, v * X + 0.1 * Y, c), "v_y is 0.1 V throughout"),
 }
 

@@ -56,7 +56,7 @@ TERMS = {
     "coupling by x² y": ("N/m2", "-2*c*x*y", "-c*x**2", 300.0),
     "drag": ("N.s2/m2", "-c*Abs(x_dot)*x_dot", "-c*Abs(y_dot)*y_dot", 1e-7),
     "one axis": ("N.s/m2", "-c*x_dot*y", "0*c", 0.01),
-    "gap": ("1/m", "-c*u_x*x", "-c*u_y*y", 100.0),
+    "gap": ("1/m", "-c*u_x*y", "-c*u_y*x", 100.0),
     "asymmetric damping": ("N.s/m2", "-c*x*x_dot", "-c*y*y_dot", 0.02),
 }
 
@@ -183,7 +183,8 @@ def test_term_of_an_effect_is_that_effect(simulator: Simulator, tmp_path: Path) 
 
 def test_known_terms() -> None:
     found = {effect.id for effect, _ in known(MODEL, forms(2)).values()}
-    assert found == {"cubic_stiffness", "quadratic_stiffness", "nonlinear_damping", "actuator_nonlinearity"}
+    further = {"cross_cubic_stiffness", "comb_fringe"}
+    assert found == {"cubic_stiffness", "quadratic_stiffness", "nonlinear_damping", "actuator_nonlinearity"} | further
 
 
 def test_a_wrong_name_is_refuted(simulator: Simulator, tmp_path: Path) -> None:
@@ -230,11 +231,9 @@ def test_files_fulfil_the_contract_of_effects(library: tuple[Model, EffectLibrar
         assert isinstance(effect, Force)
         contract.test_documents_itself(effect)
         contract.test_limit_cases(effect)
-        contract.test_limit_cases_exercise_every_size(effect)
         contract.test_neutral_size_leaves_everything_as_it_is(effect)
         if effect.energy is not None:
-            contract.test_power_balance(effect)
-            contract.test_dissipation_is_never_negative(effect)
+            contract.test_energy(effect)
         for _ in range(20):
             point = random_point(effect, rng, model)
             wanted, scale = evaluate(effect, point), condition(effect, point)

