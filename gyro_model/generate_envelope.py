@@ -35,12 +35,18 @@ def _couples(effect: Force) -> bool:
     return any(expr.free_symbols & set(axis) for expr, axis in zip(effect.force, other, strict=True) if expr != 0)
 
 
+def refused_effects(model: Model) -> tuple[Force, ...]:
+    """Forces with states of their own that are not linear: the envelope form can't follow them."""
+    moving = (*model.state_symbols, *U)
+    return tuple(e for e in added_forces(model) if e.states and is_curved(e.terms().values(), moving))
+
+
 def envelope(model: Model) -> str:
     """``envelope.h`` of ``model``. A force with states of its own that is not linear is refused where it acts."""
     moving = (*model.state_symbols, *U)
     added = added_forces(model)
     curved = [e for e in added if is_curved(e.terms().values(), moving)]
-    refused = [e for e in curved if e.states]
+    refused = refused_effects(model)
     curved = [e for e in curved if not e.states]
     crossed = [e for e in curved if _couples(e)]
     maps = [e for e in model.effects if isinstance(e, Map)]

@@ -21,6 +21,7 @@ import numpy as np
 from gyro_model.build import build
 from gyro_model.effect_points import active_parameters
 from gyro_model.envelope import envelope_model
+from gyro_model.generate_envelope import refused_effects
 from gyro_model.model import Model, load_model
 from tests.fmu.fmu_importer import ERROR, OK, Fmu, Instance
 
@@ -59,7 +60,8 @@ class Soak:
 
     def device(self) -> dict[str, float]:
         """Parameters of some effects, up to where they count."""
-        effects = [e for e in self.model.effects if not e.nominal and e.limits]
+        refused = refused_effects(self.model) if self.model is FORMS["envelope"] else ()
+        effects = [e for e in self.model.effects if not e.nominal and e.limits and e not in refused]
         some = self.rng.sample(effects, self.rng.choice((0, 1, 2, 4, 8, 16)))
         known = {q.name: q for q in self.model.quantities if q.role != "output"}
         values: dict[str, float] = {"seed": self.rng.randrange(1000)}

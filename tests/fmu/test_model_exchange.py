@@ -218,7 +218,7 @@ def test_calls_of_the_other_kind_are_refused(fmu: Fmu) -> None:
         assert plain.step(0.0, PERIOD) == OK
         wrong = (ct.c_double * 3)()
         assert gyro.call("GetContinuousStates", wrong, ct.c_size_t(3)) == ERROR
-        assert "10 continuous states" in gyro.message
+        assert f"{len(gyro.states)} continuous states" in gyro.message
         gyro.update()
         assert gyro.call("EnterContinuousTimeMode") == OK
         bad = (ct.c_double * 10)(*[float("nan")] * 10)

@@ -244,8 +244,8 @@ def test_times_of_a_recorder_count_as_differences(gyro: Instance) -> None:
 
 @pytest.mark.parametrize("internal_step", [5e-6, 1e-3])
 def test_divergence_says_which_state_and_when_and_leaves_no_number(gyro: Instance, internal_step: float) -> None:
-    # Hardening of 1e20 N/m³ at 10 µm: 1e5 N, which no step resolves.
-    gyro.start(x_start=1e-5, k3_x=1e20, k3_y=1e20, internal_step=internal_step)
+    # Softening of 1e20 N/m³ at 10 µm: 1e5 N outwards, and without a bound in a finite time.
+    gyro.start(x_start=1e-5, k3_x=-1e20, k3_y=-1e20, internal_step=internal_step)
     gyro.set(u_x=1.0)
     assert gyro.step(0.0, 0.3) == ERROR
     first = gyro.message

@@ -20,6 +20,7 @@ FORCES = tuple(e.id for e in MODEL.effects if isinstance(e, Force) and not e.noi
 OWN = {"k3_x": 5e12, "k3_y": -2e12, "d2_x": 5e5, "d2_y": 1e5, "parasitic_coupling": 5.0, "k2_x": 1e6, "softening": 0.02}
 VALUES = {q.name: q.start for q in MODEL.quantities} | OWN | {
     "x": 1e-6, "x_dot": 2e-2, "y": -7e-7, "y_dot": -1e-2, "parasitic": 2e-7, "parasitic_dot": 3e-3,
+    "hysteresis_z_x": 0.2, "hysteresis_z_y": -0.3,
     "u_x": 1e-5, "u_y": -2e-5, "omega_z": 5.0, "v_bias": 9.0, "a_x": 1.0, "a_y": 2.0, "angular_gain": 0.9, "t": 0.1,
 }  # fmt: skip
 

@@ -24,6 +24,7 @@ from gyro_model.compiling import STRICT, compile_library, fmi_headers
 from gyro_model.effect_points import MODEL, active_parameters
 from gyro_model.envelope import envelope_model
 from gyro_model.errors import InputError
+from gyro_model.generate_envelope import refused_effects
 from gyro_model.model import Model
 from gyro_model.platforms import NAMES, PLATFORMS, WASM, chosen_platforms, own_platform, platform_of
 
@@ -69,7 +70,8 @@ def awake(effect: Effect, model: Model) -> dict[str, float]:
 
 def scenarios(model: Model) -> dict[str, dict[str, float]]:
     """Parameters by name of what they switch on."""
-    alone = {e.id: awake(e, model) for e in model.effects if not e.nominal}
+    refused = refused_effects(model) if model.NAME == FORMS["envelope"].NAME else ()
+    alone = {e.id: awake(e, model) for e in model.effects if not e.nominal and e not in refused}
     every = {name: value for parameters in alone.values() for name, value in parameters.items()}
     known = {q.name for q in model.quantities}
     cases = {"nothing": {}, **alone, "everything": every}
