@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 
 from benchmarks.fmpy_plant import fmpy_slave
 from benchmarks.report import Row, row
-from cosim.core.library import CONTROL_NAMES, Library, pointer
-from cosim.fmu import GET, INSTANCE, SET, STEP, Plant, open_plant
-from cosim.master import FORCE_NAMES, OUTPUT_NAMES, simulate
+from cosim.compiled_loop import PLANT_INPUTS, CompiledLoop
+from cosim.core.library import CONTROL_NAMES, pointer
+from cosim.fmu import OUTPUT_NAMES, Plant, open_plant
+from cosim.master import simulate
 from cosim.run import Run
-from cosim.running import Part, begin_controller, begin_observer, design_for
-from cosim.scenarios import INPUT_NAMES
-from gyro_model import symbols
+from cosim.running import Part
 from gyro_model.build import build
 from gyrotwin.tasks.run import Request, prepare
 
@@ -133,43 +132,14 @@ def _ratio_rows(repeats: int) -> list[Row]:
     ]
 
 
-def _parts(run: Run) -> tuple[Library, Part, Part]:
-    """The library, and observer and controller begun."""
-    lib, observer = begin_observer(run.observer, run.design, run.period, run.observer_settings())
-    design = design_for(run.observer, run.design)
-    return lib, observer, begin_controller(run.controller, design, lib, run.period, run.controller_settings())
-
-
 class SteppedLoop:
     """The compiled loop of a run over a plant, block by block, without recorder and monitor."""
 
     def __init__(self, run: Run, plant: Plant) -> None:
         self.run, self.plant = run, plant
-        self.lib, self.observer, self.controller = _parts(run)
-        self.size = len(self.lib.estimate_names)
-        self.width = 2 * self.size + len(CONTROL_NAMES) + len(OUTPUT_NAMES)
-        self.memory = self.lib.memory("loop")
-        self.inputs = plant.value_references((*FORCE_NAMES, *INPUT_NAMES))
-        self.outputs = plant.value_references(OUTPUT_NAMES)
+        self.loop = CompiledLoop(run, plant)
+        self.size = len(self.loop.lib.estimate_names)
         self.first = 0
-        self.start(self.observer, self.controller)
-
-    def start(self, observer: Part, controller: Part) -> None:
-        """Puts these to work from the next sample on."""
-        handle = (ctypes.c_void_p(int(self.plant.handle[slot])) for slot in (INSTANCE, SET, STEP, GET))
-        self.lags = np.zeros(len(symbols.SET_BY))
-        self.lib.call.core_loop_start(
-            pointer(self.memory),
-            *handle,
-            pointer(self.inputs),
-            pointer(self.outputs),
-            ctypes.c_void_p(observer.address),
-            pointer(observer.memory),
-            ctypes.c_void_p(controller.address),
-            pointer(controller.memory),
-            ctypes.c_double(self.run.period),
-            pointer(self.lags),
-        )
 
     def parts(self, rows: Floats) -> tuple[Floats, Floats, Floats]:
         """Estimates, what the controller gives, and outputs of the plant, of ``rows``."""
@@ -178,11 +148,10 @@ class SteppedLoop:
 
     def step(self, count: int) -> tuple[Floats, float]:
         """The rows of the next ``count`` samples, and the time that they took [s]."""
-        rows = np.zeros((count, self.width))
+        rows = np.zeros((count, self.loop.width))
         held = np.ascontiguousarray(self.run.scenario.inputs(self.first, count, self.run.period))
-        samples = ctypes.c_int64(self.first), ctypes.c_int64(count)
         began = time.perf_counter()
-        done = self.lib.call.core_loop_run(pointer(self.memory), *samples, pointer(held), pointer(rows))
+        done = self.loop.step(self.first, held, rows)
         spent = time.perf_counter() - began
         if done != count:
             raise RuntimeError(f"the plant stopped after {self.first + done} samples: {self.plant.complaint()}")
@@ -212,9 +181,9 @@ def share_of(run: Run, timed: int, settling: int) -> Share:
         last = loop.step(settling)[0][-1].copy()
         whole = loop.step(timed)[1]
         observer = _repeating_observer(last[: 2 * loop.size])
-        loop.start(observer, loop.controller)
+        loop.loop.start(observer, loop.loop.controller)
         no_observer = loop.step(timed)[1]
-        loop.start(observer, _repeating_controller(np.zeros(len(CONTROL_NAMES))))
+        loop.loop.start(observer, _repeating_controller(np.zeros(len(CONTROL_NAMES))))
         plant_only = loop.step(timed)[1]
     scale = 1e6 / timed
     return Share(*(scale * t for t in (whole, plant_only, whole - no_observer, no_observer - plant_only)))
@@ -256,19 +225,20 @@ def fmpy_loop(run: Run, samples: int) -> tuple[Floats, float]:
         fmpy_slave(build().fmi3, run.plant_parameters() | run.scenario.first_inputs(run.period)) as slave,
         stepped_plant(run) as plant,
     ):
-        inputs = plant.value_references((*FORCE_NAMES, *INPUT_NAMES)).tolist()
+        inputs = plant.value_references(PLANT_INPUTS).tolist()
         outputs = plant.value_references(OUTPUT_NAMES).tolist()
-        return _python_loop(run, slave, inputs, outputs, held)
+        return _python_loop(CompiledLoop(run, plant), run.period, slave, inputs, outputs, held)
 
 
-def _python_loop(run: Run, slave: Any, inputs: list[int], outputs: list[int], held: Floats) -> tuple[Floats, float]:
-    lib, observer, controller = _parts(run)
-    size, period = len(lib.estimate_names), run.period
+def _python_loop(
+    loop: CompiledLoop, period: float, slave: Any, inputs: list[int], outputs: list[int], held: Floats
+) -> tuple[Floats, float]:
+    observer, controller, size = loop.observer, loop.controller, len(loop.lib.estimate_names)
     observe = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 6)(observer.address)
     act = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, *[ctypes.c_void_p] * 4)(controller.address)
-    rows = np.zeros((len(held), 2 * size + len(CONTROL_NAMES) + len(OUTPUT_NAMES)))
+    rows = np.zeros((len(held), loop.width))
     estimate, deviation, control = np.zeros(size), np.zeros(size), np.zeros(len(CONTROL_NAMES))
-    u, v, measured = np.zeros(len(FORCE_NAMES)), np.zeros(2), np.zeros(6)
+    u, v, measured = np.zeros(2), np.zeros(2), np.zeros(6)
     own, own_controller = pointer(observer.memory), pointer(controller.memory)
     at = tuple(map(pointer, (u, v, measured, estimate, deviation, control)))
     out = slave.getFloat64(outputs)

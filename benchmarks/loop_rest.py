@@ -72,7 +72,7 @@ def measure(what: tuple[str, int], duration: float) -> Outcome:
 def _measured(design: str, seed: int, run: Run, loop: SteppedLoop) -> Outcome:
     every = max(round(KEPT * run.sample_rate), 1)
     size = max(round(BLOCK_DURATION / KEPT), 1) * every
-    monitor = Monitor(run.observer, run.design, loop.lib, loop.observer, run.period, run.monitor_settings())
+    monitor = Monitor(run.observer, run.design, loop.loop.lib, loop.loop.observer, run.period, run.monitor_settings())
     growing = GrowingBound(at_the_truth(run.design, run.device.all_parameters), run.period)
     unit = UnitC()
     angles, bounds, sigmas, flags = [], [], [], []

@@ -1,30 +1,23 @@
 """The co-simulation master: plant, observer and controller for a run, stepped block by block in C, and judged after
 each block."""
 
-import ctypes
 import time
 from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 
-from cosim.core.library import CONTROL_NAMES, pointer
-from cosim.fmu import GET, INSTANCE, SET, STEP, Plant, open_plant
+from cosim.compiled_loop import CompiledLoop
+from cosim.fmu import Plant, open_plant
 from cosim.monitor import Monitor
 from cosim.recorder import Recorder, Result
 from cosim.run import Run
-from cosim.running import begin_controller, begin_observer, design_for, known_values
-from cosim.scenarios import INPUT_NAMES
-from gyro_model import symbols
-from gyro_model.anatomy import Follow
 
 Progress = Callable[[float, float], None]
 """Called with the time reached and the duration [s]."""
 
 BLOCK_DURATION: Final = 0.005
 """Length of a block [s]: the flag is set and withdrawn at its end; Ctrl-C is heard and progress told."""
-FORCE_NAMES: Final = ("u_x", "u_y")
-OUTPUT_NAMES: Final = ("v_x", "v_y", "x", "x_dot", "y", "y_dot")
 
 
 def simulate(run: Run, progress: Progress | None = None) -> Result:
@@ -38,38 +31,16 @@ def simulate(run: Run, progress: Progress | None = None) -> Result:
 
 
 def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
-    lib, observer = begin_observer(run.observer, run.design, run.period, run.observer_settings())
-    design = design_for(run.observer, run.design)
-    controller = begin_controller(run.controller, design, lib, run.period, run.controller_settings())
-    monitor = Monitor(run.observer, run.design, lib, observer, run.period, run.monitor_settings())
-    recorder = Recorder(run, lib, monitor)
-    memory = lib.memory("loop")
-    inputs = plant.value_references((*FORCE_NAMES, *INPUT_NAMES))
-    outputs = plant.value_references(OUTPUT_NAMES)
-    lags, known = _temperature_lags(run), known_values(design, lib, run.period)
-    lib.call.core_loop_start(
-        pointer(memory),
-        *(ctypes.c_void_p(int(plant.handle[slot])) for slot in (INSTANCE, SET, STEP, GET)),
-        pointer(inputs),
-        pointer(outputs),
-        ctypes.c_void_p(observer.address),
-        pointer(observer.memory),
-        ctypes.c_void_p(controller.address),
-        pointer(controller.memory),
-        pointer(known),
-        ctypes.c_double(run.period),
-        pointer(lags),
-    )
+    loop = CompiledLoop(run, plant)
+    monitor = Monitor(run.observer, run.design, loop.lib, loop.observer, run.period, run.monitor_settings())
+    recorder = Recorder(run, loop.lib, monitor)
     size = max(round(BLOCK_DURATION * run.sample_rate), 1)
-    width = 2 * len(lib.estimate_names) + len(CONTROL_NAMES) + len(OUTPUT_NAMES)
-    rows = np.empty((min(size, run.samples), width))
+    rows = np.empty((min(size, run.samples), loop.width))
     clock = _Clock()
     for first in range(0, run.samples, size):
         count = min(size, run.samples - first)
         held = np.ascontiguousarray(run.scenario.inputs(first, count, run.period))
-        done = lib.call.core_loop_run(
-            pointer(memory), ctypes.c_int64(first), ctypes.c_int64(count), pointer(held), pointer(rows)
-        )
+        done = loop.step(first, held, rows)
         # The sample before a step that the plant refuses was still taken, even the first of the run.
         taken = min(done + 1, count)
         recorder.keep(first, rows[:taken], held[:taken])
@@ -80,14 +51,6 @@ def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
         if progress is not None:
             progress((first + count) * run.period, run.duration)
     return recorder.result(clock.wall_time())
-
-
-def _temperature_lags(run: Run) -> np.ndarray:
-    """Time constants that the design knows of the temperatures of structure and circuit [s]."""
-    values = run.design.all_values
-    acting = [e for e in run.design.known_model.dynamics.effects if isinstance(e, Follow)]
-    constants = {target: values[constant.name] for e in acting for target, constant in e.follows.items()}
-    return np.array([constants.get(target, 0.0) for target in symbols.SET_BY])
 
 
 class _Clock:

@@ -1,0 +1,79 @@
+"""The compiled loop over a plant: observer, controller and plant stepped sample by sample in one call."""
+
+import ctypes
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.core.library import CONTROL_NAMES, Library, pointer
+from cosim.fmu import GET, INSTANCE, OUTPUT_NAMES, SET, STEP, Plant
+from cosim.run import Run
+from cosim.running import Part, begin_controller, begin_observer, design_for, known_values
+from cosim.scenarios import INPUT_NAMES
+from gyro_model import symbols
+from gyro_model.anatomy import Follow
+
+Floats = NDArray[np.float64]
+
+PLANT_INPUTS: Final = ("u_x", "u_y", *INPUT_NAMES)
+"""What the loop sets at a sample, in its order: the commands and the inputs of the scenario."""
+
+
+class CompiledLoop:
+    """The loop of a run over its plant, which must stay open.
+
+    ``lib``: the compiled library; ``observer`` and ``controller`` at work; ``width``: length of a row, which holds
+    estimates, their deviations, what the controller gives (CONTROL_NAMES) and the plant's outputs (OUTPUT_NAMES).
+    """
+
+    def __init__(self, run: Run, plant: Plant) -> None:
+        self._run, self._plant = run, plant
+        self.lib: Library
+        self.lib, self.observer = begin_observer(run.observer, run.design, run.period, run.observer_settings())
+        self._design = design_for(run.observer, run.design)
+        self.controller = begin_controller(
+            run.controller, self._design, self.lib, run.period, run.controller_settings()
+        )
+        self.width = 2 * len(self.lib.estimate_names) + len(CONTROL_NAMES) + len(OUTPUT_NAMES)
+        self._memory = self.lib.memory("loop")
+        self.start(self.observer, self.controller)
+
+    def start(self, observer: Part, controller: Part) -> None:
+        """Puts these to work from the next sample on."""
+        self.observer, self.controller = observer, controller
+        inputs = self._plant.value_references(PLANT_INPUTS)
+        outputs = self._plant.value_references(OUTPUT_NAMES)
+        known, lags = known_values(self._design, self.lib, self._run.period), _temperature_lags(self._run)
+        self.lib.call.core_loop_start(
+            pointer(self._memory),
+            *(ctypes.c_void_p(int(self._plant.handle[slot])) for slot in (INSTANCE, SET, STEP, GET)),
+            pointer(inputs),
+            pointer(outputs),
+            ctypes.c_void_p(observer.address),
+            pointer(observer.memory),
+            ctypes.c_void_p(controller.address),
+            pointer(controller.memory),
+            pointer(known),
+            ctypes.c_double(self._run.period),
+            pointer(lags),
+        )
+
+    def step(self, first: int, held: Floats, rows: Floats) -> int:
+        """Runs the samples from ``first`` on and fills ``rows`` (n, width); returns after how many the plant went on.
+
+        ``held`` (n, 5): the inputs besides the force. Fewer than n samples: the plant refused the next.
+        """
+        count = len(held)
+        if rows.shape[0] < count or rows.shape[1] != self.width:
+            raise ValueError(f"rows: shape {rows.shape}, give ({count}, {self.width})")
+        samples = ctypes.c_int64(first), ctypes.c_int64(count)
+        return int(self.lib.call.core_loop_run(pointer(self._memory), *samples, pointer(held), pointer(rows)))
+
+
+def _temperature_lags(run: Run) -> Floats:
+    """Time constants that the design knows of the temperatures of structure and circuit [s]."""
+    values = run.design.all_values
+    acting = [e for e in run.design.known_model.dynamics.effects if isinstance(e, Follow)]
+    constants = {target: values[constant.name] for e in acting for target, constant in e.follows.items()}
+    return np.array([constants.get(target, 0.0) for target in symbols.SET_BY])
