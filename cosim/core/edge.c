@@ -10,6 +10,7 @@
 #define SETTLED 1e-3   /* after which the rate is known again [s] */
 #define SPAN 1e-3      /* over which the motion is averaged, before and after [s] */
 #define EXPLAINED 0.3  /* share of the deviation that the best time may leave unexplained */
+#define JUMPS 2        /* what the velocity may do in a step: what is known of the package; the Euler force of a frame that turns */
 #define FINE 4         /* times tried a sample */
 
 static const edge_sample *sample_at(const edge *e, int64_t k) { return &e->past[k & (EDGE_PAST - 1)]; }
@@ -103,61 +104,112 @@ static double complex jump_of(const known *k, orbit a, orbit b)
     return out[0] + I * out[1];
 }
 
-/* Finds when the step was, and what it turned the pattern by. */
-static void review(edge *e, const double *estimate)
+/* The motion on both sides of a step: rates [rad/s], how fast the pattern turns [rad/s], the pattern at `first` and at `last`. */
+typedef struct {
+    int64_t first, last;
+    double before, after, turn_before, turn_after;
+    orbit from, to;
+} sides;
+
+static double coupling_of(edge *e, const double *estimate)
 {
-    const double rest[NS] = {0}, none[2] = {0.0, 0.0}, T = e->period;
-    double still[NS * NS], turning[NS * NS], late[2] = {0.0, 0.0};
+    const double rest[NS] = {0}, none[2] = {0.0, 0.0};
+    double still[NS * NS], turning[NS * NS];
     known_coordinates(&e->k, estimate + ESTIMATE_KXX, none, 0.0, e->k.p);
     known_rate_by_state(&e->k, rest, none, 0.0, still);
     known_rate_by_state(&e->k, rest, none, 1.0, turning);
-    const double coupling = 0.25 * (turning[NS + 3] - still[NS + 3] - turning[3 * NS + 1] + still[3 * NS + 1]);
+    return rate_coupling(still, turning, 1.0);
+}
+
+/* Samples by which the force is late. */
+static double delay_of(const edge *e)
+{
+    const double rest[NS] = {0}, none[2] = {0.0, 0.0};
+    double late[2] = {0.0, 0.0};
     if (HAS_DELAY) {
         known_late(&e->k, rest, none, 0.0, late);
     }
-    const int64_t span = samples_in(e, SPAN), tried = samples_in(e, LATEST);
-    const int64_t last = e->count - span, earliest = e->seen - tried, first = earliest - samples_in(e, MARGIN);
-    const double w = sqrt(sample_at(e, first)->omega_squared), delay = smaller(larger(late[0] / T, 0.0), (double)span);
-    const double before = mean_rate(e, first - span, first), after = mean_rate(e, last, e->count);
+    return smaller(larger(late[0] / e->period, 0.0), (double)samples_in(e, SPAN));
+}
+
+static int64_t first_of(const edge *e) { return e->seen - samples_in(e, LATEST) - samples_in(e, MARGIN); }
+
+static sides sides_of(const edge *e, double coupling, double w)
+{
+    sides s;
+    const int64_t span = samples_in(e, SPAN);
+    s.last = e->count - span;
+    s.first = first_of(e);
+    s.before = mean_rate(e, s.first - span, s.first);
+    s.after = mean_rate(e, s.last, e->count);
     /* What the controller turns the pattern by goes on through the step. */
-    const double own = -(sample_at(e, last)->turned - sample_at(e, first)->turned) / ((double)(last - first) * T);
-    const double turn_before = coupling * before + own, turn_after = coupling * after + own;
-    const orbit from = mean_orbit(e, first - span, first, first, turn_before, w), to = mean_orbit(e, last, e->count, last, turn_after, w);
-    /* Kicks that the Coriolis force on the forced motion gave beyond what the loop cancelled, had the rate been `after` throughout. */
+    const double own = -(sample_at(e, s.last)->turned - sample_at(e, s.first)->turned) / ((double)(s.last - s.first) * e->period);
+    s.turn_before = coupling * s.before + own;
+    s.turn_after = coupling * s.after + own;
+    s.from = mean_orbit(e, s.first - span, s.first, s.first, s.turn_before, w);
+    s.to = mean_orbit(e, s.last, e->count, s.last, s.turn_after, w);
+    return s;
+}
+
+/* Adds what a push of the velocity has become `duration` later. */
+static void push(orbit *o, double complex velocity, double turn, double w, double duration)
+{
+    const orbit start = {0.0, velocity}, end = moved(start, turn, w, duration);
+    o->z += end.z;
+    o->v += end.v;
+}
+
+/* The Coriolis push, per rad/s that is not cancelled, on the forced motion over the period after sample k. */
+static double complex push_of_forced(const edge *e, int64_t k, double coupling)
+{
+    return -I * coupling * e->period * (sample_at(e, k)->forced.v + sample_at(e, k + 1)->forced.v);
+}
+
+/* Finds when the step was, and what it turned the pattern by. */
+static void review(edge *e, const double *estimate)
+{
+    const double T = e->period, coupling = coupling_of(e, estimate), delay = delay_of(e);
+    const double w = sqrt(sample_at(e, first_of(e))->omega_squared);
+    const sides s = sides_of(e, coupling, w);
+    /* What the loop did not cancel, had the rate been `after` throughout; the rest follows as the time that is tried moves on. */
     orbit kicked = {0.0, 0.0};
-    for (int64_t k = first; k < last; k++) {
-        const double complex forced = 0.5 * (sample_at(e, k)->forced.v + sample_at(e, k + 1)->forced.v);
-        const orbit kick = {0.0, -2.0 * I * coupling * T * (after - rate_acting(e, k, delay)) * forced};
-        const orbit there = moved(kick, turn_after, w, ((double)(last - k) - 0.5) * T);
-        kicked.z += there.z;
-        kicked.v += there.v;
+    for (int64_t k = s.first; k < s.last; k++) {
+        const double complex kick = (s.after - rate_acting(e, k, delay)) * push_of_forced(e, k, coupling);
+        push(&kicked, kick, s.turn_after, w, ((double)(s.last - k) - 0.5) * T);
     }
-    double least = INFINITY, most = 0.0, turned = 0.0;
-    for (int64_t k = first; k <= e->seen; k++) {
-        const double complex forced = 0.5 * (sample_at(e, k)->forced.v + sample_at(e, k + 1)->forced.v);
-        for (int n = 0; n < FINE && k >= earliest; n++) {
-            const double part = (double)n / FINE, since = (double)(k - first) + part, left = (double)(last - k) - part;
-            orbit o = moved(from, turn_before, w, since * T);
-            o.v += (after - before) * jump_of(&e->k, o, sample_at(e, k)->forced);
-            o = moved(o, turn_after, w, left * T);
-            const orbit kick = {0.0, -2.0 * I * coupling * T * part * (before - after) * forced};
-            const orbit there = moved(kick, turn_after, w, (left + 0.5 * part) * T);
-            o.z += kicked.z + there.z;
-            o.v += kicked.v + there.v;
-            const double left_over = deviation_of(to, o, w);
-            most = larger(most, left_over);
-            if (left_over < least) {
-                least = left_over;
-                turned = orientation(o, turn_after, w) - orientation(from, turn_before, w) + (since * turn_before + left * turn_after) * T;
+    double least[JUMPS] = {INFINITY, INFINITY}, most[JUMPS] = {0.0, 0.0}, turned[JUMPS] = {0.0, 0.0};
+    for (int64_t k = s.first; k <= e->seen; k++) {
+        const double complex kick = (s.before - s.after) * push_of_forced(e, k, coupling);
+        for (int n = 0; n < FINE && k >= e->seen - samples_in(e, LATEST); n++) {
+            const double part = (double)n / FINE, since = (double)(k - s.first) + part, left = (double)(s.last - k) - part;
+            const orbit there = moved(s.from, s.turn_before, w, since * T), forced = sample_at(e, k)->forced;
+            const double complex jump[JUMPS] = {jump_of(&e->k, there, forced), -I * (there.z + forced.z)};
+            for (int j = 0; j < JUMPS; j++) {
+                orbit o = {there.z, there.v + (s.after - s.before) * jump[j]};
+                o = moved(o, s.turn_after, w, left * T);
+                o.z += kicked.z;
+                o.v += kicked.v;
+                push(&o, part * kick, s.turn_after, w, (left + 0.5 * part) * T);
+                const double left_over = deviation_of(s.to, o, w);
+                most[j] = larger(most[j], left_over);
+                if (left_over < least[j]) {
+                    least[j] = left_over;
+                    turned[j] = orientation(o, s.turn_after, w) - orientation(s.from, s.turn_before, w)
+                                + (since * s.turn_before + left * s.turn_after) * T;
+                }
             }
         }
-        const orbit kick = {0.0, -2.0 * I * coupling * T * (before - after) * forced};
-        const orbit there = moved(kick, turn_after, w, ((double)(last - k) - 0.5) * T);
-        kicked.z += there.z;
-        kicked.v += there.v;
+        push(&kicked, kick, s.turn_after, w, ((double)(s.last - k) - 0.5) * T);
     }
-    if (least < EXPLAINED * EXPLAINED * most) {
-        e->turned += remainder(turned, PI);
+    const int explained[JUMPS] = {least[0] < EXPLAINED * EXPLAINED * most[0], least[1] < EXPLAINED * EXPLAINED * most[1]};
+    if (explained[0] || explained[1]) {
+        /* The logarithm: how well a step can be explained depends on what is known by then, so each votes by the ratio. */
+        e->unexplained[0] += log(least[0]);
+        e->unexplained[1] += log(least[1]);
+    }
+    const int best = e->unexplained[1] < e->unexplained[0];
+    if (explained[best]) {
+        e->turned += remainder(turned[best], PI);
     }
 }
 

@@ -4,7 +4,7 @@
    cancelled, and kicks the pattern. And where the package has no Euler force, positions and velocities go on through the step while what is straight
    for the new rate is another orbit: the pattern turns by up to half the step over the oscillation's angular frequency. Neither is a turn of the
    device. Some milliseconds later the loop knows the rates on both sides, and the time of the step follows from the pattern itself: where it would be
-   for each time is compared with where it is. */
+   for each time is compared with where it is. Whether there is an Euler force that the loop was not told of, all steps together decide. */
 
 #ifndef EDGE_H
 #define EDGE_H
@@ -33,6 +33,7 @@ typedef struct {
     int64_t count;    /* samples so far */
     int64_t seen;     /* sample at which a step showed; below zero: none is under review */
     double turned;    /* angle by which steps have turned the pattern [rad] */
+    double unexplained[2]; /* sum of the logarithms of the squared deviations: with the jump that is known, and with the Euler force of the whole motion */
 } edge;
 
 /* `values` [NC]: what is known. */

@@ -107,8 +107,8 @@ static void form(foucault *c, const double *estimate)
     held_loop with_rate;
     known_rate_by_state(&c->k, rest, none, probe, turning);
     corner(turning, turning_a);
-    /* The pattern shall turn as the device itself turns it: x'' = 2 coupling Omega y', y'' = -2 coupling Omega x'. */
-    c->coupling = 0.25 * (turning_a[7] - a[7] - turning_a[13] + a[13]) / probe;
+    /* The pattern shall turn as the device itself turns it. */
+    c->coupling = rate_coupling(c->a, turning, probe);
     hold_form(&with_rate, turning_a, b, rate, omega_squared, c->coupling * probe, c->period, compensate);
     hold_form(&c->loop, a, b, rate, omega_squared, 0.0, c->period, compensate);
     for (int i = 0; i < 8; i++) {

@@ -42,6 +42,12 @@ typedef struct {
 
 static inline double larger(double a, double b) { return a > b ? a : b; }
 static inline double smaller(double a, double b) { return a < b ? a : b; }
+/* How strongly a rate couples the velocities, x'' = 2 coupling Omega y' and y'' = -2 coupling Omega x': 1 or the angular gain. Taken from the
+   Jacobians of the motion [NS * NS] at rest and at `rate` [rad/s]. */
+static inline double rate_coupling(const double *still, const double *turning, double rate)
+{
+    return 0.25 * (turning[NS + 3] - still[NS + 3] - turning[3 * NS + 1] + still[3 * NS + 1]) / rate;
+}
 static inline double unit_step(double a) { return a > 0.0 ? 1.0 : a < 0.0 ? 0.0 : 0.5; }
 
 #endif
