@@ -242,3 +242,12 @@ double block_distance(double L[NP][NP], const double a[NP], const double b[NP])
     }
     return sqrt(total);
 }
+
+double block_variance(const filter *f, int i)
+{
+    double total = 0.0;
+    for (int j = i; j < NP; j++) {
+        total += f->W[i][j] * f->W[i][j];
+    }
+    return total;
+}

@@ -23,6 +23,10 @@ void block_solve(double L[NP][NP], const double b[NP], double x[NP], double half
 /* W becomes W L^-T, which is upper triangular again. */
 void block_shrink(filter *f, double L[NP][NP]);
 
+/* Variance of p_i. */
+double block_variance(const filter *f, int i);
+
+/* |x|^2. */
 double block_squared(const double x[NP]);
 
 /* p = p_begun + W eta; `change` is what that changes. */

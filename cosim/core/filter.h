@@ -1,7 +1,7 @@
 /* A Kalman filter for a device with many constants: a fast filter for what moves, and the constants beside it in blocks.
 
    What moves, z = [states, rate, lagging voltages], has a Kalman filter of its own, run as if the constants p were right. Y = dz/dp is how its
-   estimate answers to an error of them (B. Friedland, IEEE Trans. Automatic Control 14, 1969, treatment of bias; eqs. below in filter.c). Every
+   estimate answers to an error of them (B. Friedland, IEEE Trans. Automatic Control 14, 1969, treatment of bias; eqs. in correction.c and docs/theory/loop.md). Every
    innovation is then a measurement of that error, e = h dp + noise, and those of a block of samples are folded into p at once, by Cholesky factors
    that rounding can't make negative. Where a block moves p by more than its uncertainty, it is filtered again from its beginning at the new p
    (Gauss-Newton, an iterated extended Kalman filter). The first block grows from a few samples to the whole start, filtered again from the first

@@ -358,3 +358,14 @@ void filter_expect(const filter *f, double v[2], double C[2][NZ], double by_p[2 
     known_pick_off_rate(k, z, force.f, z[OMEGA], rate);
     known_noise(k, z, rate, z[OMEGA], noise);
 }
+
+void filter_enter(filter *f, const double in[IN])
+{
+    const int changed = memcmp(f->k.in, in, sizeof f->k.in) != 0;
+    memcpy(f->k.in, in, sizeof f->k.in);
+    if (changed) {
+        /* Parameter laws follow the inputs. */
+        filter_form(f);
+    }
+    f->k.t = (double)f->sample * f->m.period;
+}

@@ -11,6 +11,9 @@ const double *filter_command(const filter *f, int64_t sample);
 /* Forms the motion with the constants as they are now. */
 void filter_form(filter *f);
 
+/* Takes up what is measured at the present sample; the motion is formed anew where that changes it. */
+void filter_enter(filter *f, const double in[IN]);
+
 /* Moves z, Y and P over the period that ends at the present sample. */
 void filter_predict(filter *f);
 

@@ -1,0 +1,81 @@
+#include "correction.h"
+
+#include "prediction.h"
+
+#define OUTLIER 15.0 /* squared innovation over its fast variance from which the full one is worth working out */
+#define NOISE_SHARE 0.01 /* of a sample in the running mean of 1/S */
+
+/* |W' h|^2: what the uncertainty of p adds to the variance of a measurement. */
+static double uncertainty(const filter *f, const double *h)
+{
+    double total = 0.0;
+    for (int j = 0; j < NP; j++) {
+        double sum = 0.0;
+        for (int i = 0; i <= j; i++) {
+            sum += f->W_now[i][j] * h[i];
+        }
+        total += sum * sum;
+    }
+    return total;
+}
+
+double filter_correct_axis(filter *f, const double *c, const double *by_p, double noise, double e)
+{
+    moving *n = &f->now;
+    double Pc[NZ], gain[NZ], h[NP], S = noise, surprise = 0.0;
+    memcpy(h, by_p, sizeof h);
+    for (int i = 0; i < NZ; i++) {
+        Pc[i] = 0.0;
+        for (int j = 0; j < NZ; j++) {
+            Pc[i] += n->P[i][j] * c[j];
+        }
+        S += c[i] * Pc[i];
+        if (c[i] != 0.0) {
+            for (int q = 0; q < NP; q++) {
+                h[q] += c[i] * n->Y[i][q];
+            }
+        }
+    }
+    const double root = 1.0 / sqrt(S);
+    if (e * e > OUTLIER * S) {
+        surprise = e * e / (S + uncertainty(f, h));
+    }
+    double *row = f->H[f->rows];
+    for (int q = 0; q < NP; q++) {
+        row[q] = h[q] * root;
+    }
+    f->r[f->rows] = e * root;
+    if (isfinite(1.0 / S)) {
+        /* Trials of a start may have lost their numbers. */
+        f->inverse[f->rows & 1] += NOISE_SHARE * (1.0 / S - f->inverse[f->rows & 1]);
+    }
+    f->rows++;
+    for (int i = 0; i < NZ; i++) {
+        gain[i] = Pc[i] / S;
+        n->z[i] += gain[i] * e;
+        for (int q = 0; q < NP; q++) {
+            n->Y[i][q] -= gain[i] * h[q];
+        }
+    }
+    for (int i = 0; i < NZ; i++) {
+        for (int j = 0; j < NZ; j++) {
+            n->P[i][j] -= gain[i] * Pc[j];
+        }
+    }
+    n->sum += gain[OMEGA] * e;
+    n->sum_variance += gain[OMEGA] * gain[OMEGA] * S * (1.0 + f->share);
+    return surprise;
+}
+
+double filter_correct(filter *f, const double v[2])
+{
+    double expected[2], C[2][NZ], by_p[2 * NP], noise[2], was[NZ];
+    filter_expect(f, expected, C, by_p, noise);
+    memcpy(was, f->now.z, sizeof was);
+    double surprise = filter_correct_axis(f, C[0], by_p, noise[0], v[0] - expected[0]);
+    double e = v[1] - expected[1];
+    for (int i = 0; i < NZ; i++) {
+        e -= C[1][i] * (f->now.z[i] - was[i]);
+    }
+    return surprise + filter_correct_axis(f, C[1], by_p + NP, noise[1], e);
+}

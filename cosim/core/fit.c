@@ -1,0 +1,252 @@
+#include "fit.h"
+
+#include "block.h"
+#include "correction.h"
+#include "known_model.h"
+#include "prediction.h"
+#include "rate.h"
+#include "take_up.h"
+
+#define ROUNDS 8     /* filterings of a block at most */
+#define MOVED 0.3    /* change of p in its new standard deviations, all together, that is worth another one */
+#define FORGET_SHARE 0.05 /* of a block in the running mean that forgetting follows */
+#define FORGET_SIGMAS 5.0 /* standard deviations at which it counts as moving */
+#define FORGET_MIN 0.1 /* where forgetting begins [1/s] */
+#define FORGOTTEN 1e-3 /* below which forgetting is none [1/s] */
+#define LEARNED 1e-9   /* share of what is known of a constant that a block must add to say whether it moves */
+#define LOST 1e4     /* mean squared innovation of a whole start that has found nothing */
+#define WATCHED 0.005 /* over which innovations are averaged [s] */
+#define FIRST 16     /* samples of the first block at its first fit */
+
+/* Where the next block ends. One that grows doubles, from FIRST samples on; another is a sixteenth of what went before. */
+static void plan_block(filter *f)
+{
+    const double age = (double)(f->sample + 1 - f->since);
+    if (f->growing) {
+        f->length = f->in_block > 0 ? 2 * f->in_block : FIRST;
+    } else {
+        f->length = (int64_t)smaller(larger(floor(age / 16.0), FIRST), smaller(f->settings.block, BLOCK_MAX));
+    }
+}
+
+void fit_begin(filter *f)
+{
+    f->in_block = 0;
+    f->block_begun = f->sample + 1;
+    f->begun = f->now;
+    memcpy(f->p_begun, f->k.p, sizeof f->p_begun);
+    memset(f->eta, 0, sizeof f->eta);
+    plan_block(f);
+}
+
+/* Filters the block again from its beginning at the constants as they are now; returns the sum of squared innovations. */
+static double filter_again(filter *f)
+{
+    const int64_t last = f->sample;
+    double total = 0.0;
+    f->effort -= (double)f->in_block;
+    f->now = f->begun;
+    for (int i = 0; i < NZ; i++) {
+        for (int q = 0; q < NP; q++) {
+            f->now.z[i] += f->begun.Y[i][q] * (f->k.p[q] - f->p_begun[q]);
+        }
+    }
+    f->rows = 0;
+    f->sample = f->block_begun;
+    filter_enter(f, f->in[0]);
+    filter_form(f);
+    for (int64_t k = f->block_begun; k <= last; k++) {
+        const int64_t place = k - f->block_begun;
+        f->sample = k;
+        filter_enter(f, f->in[place]);
+        if (k > f->origin) {
+            filter_predict(f);
+            filter_correct(f, f->v[place]);
+        } else {
+            filter_take_up(f, f->v[place]);
+        }
+        if (f->opened[place]) {
+            rate_drop_recent(f);
+            rate_open(f);
+        }
+    }
+    for (int64_t r = 0; r < f->rows; r++) {
+        total += f->r[r] * f->r[r];
+    }
+    f->now.sum = f->now.sum_variance = 0.0;
+    return total;
+}
+
+/* Follows how large and how white the innovations are. Those of a start that has just been filtered at its own fit are taken as they are; others also
+   carry what was not known of the constants beforehand. */
+static void watch(filter *f)
+{
+    if (f->rows == 0) {
+        return;
+    }
+    const double pace = f->growing ? 1.0 : smaller(1.0, (double)f->in_block * f->m.period / WATCHED);
+    const double expected = f->growing ? 1.0 : 1.0 + f->share;
+    const double none[2] = {0.0, 0.0};
+    double total = 0.0, product[2] = {0.0, 0.0}, pink[4];
+    for (int64_t r = 0; r < f->rows; r++) {
+        total += f->r[r] * f->r[r];
+        product[r & 1] += f->r[r] * f->last_r[r & 1];
+        f->last_r[r & 1] = f->r[r];
+    }
+    known_pink(&f->k, f->now.z, none, 0.0, pink);
+    const double lacking = 0.5 * (pink[0] * f->inverse[0] + pink[2] * f->inverse[1]);
+    f->chi2 += pace * (total / ((double)f->rows * expected) + lacking - f->chi2);
+    for (int a = 0; a < 2; a++) {
+        const double neighbours = product[a] / (0.5 * (double)f->rows * expected);
+        f->pink[a] = pink[2 * a + 1] * f->inverse[a];
+        f->white[a] += pace * (neighbours - f->pink[a] - f->white[a]);
+    }
+}
+
+/* Finds the constants that the block and what was known before it make most likely, filtering it again up to `rounds` times: Gauss-Newton on
+   |eta|^2 + |r(eta)|^2, with p = p_begun + W eta. Leaves the Cholesky factor of its Hessian in L. */
+static void find_constants(filter *f, int rounds, double L[NP][NP])
+{
+    double b[NP], step[NP], half[NP], change[NP], eta[NP], trial[NP];
+    memcpy(eta, f->eta, sizeof eta);
+    double trace = block_information(f, L, b), cost = block_squared(eta);
+    for (int64_t r = 0; r < f->rows; r++) {
+        cost += f->r[r] * f->r[r];
+    }
+    for (int round = 0;; round++) {
+        for (int i = 0; i < NP; i++) {
+            b[i] -= eta[i];
+        }
+        block_solve(L, b, step, half);
+        double part = 1.0;
+        for (int i = 0; i < NP; i++) {
+            trial[i] = eta[i] + step[i];
+        }
+        block_keep_in_bounds(f, L, trial);
+        const double moved = block_distance(L, trial, eta);
+        for (int i = 0; i < NP; i++) {
+            step[i] = trial[i] - eta[i];
+        }
+        block_set_constants(f, trial, change);
+        if (round >= rounds || moved < MOVED || f->effort <= 0.0) {
+            break;
+        }
+        double next = block_squared(trial) + filter_again(f);
+        while (!(next < cost * 1.001 + 1.0) && part > 0.01 && f->effort > 0.0) {
+            part *= 0.3;
+            for (int i = 0; i < NP; i++) {
+                trial[i] = eta[i] + part * step[i];
+            }
+            block_set_constants(f, trial, change);
+            next = block_squared(trial) + filter_again(f);
+        }
+        memcpy(eta, trial, sizeof eta);
+        cost = next;
+        trace = block_information(f, L, b);
+    }
+    memcpy(f->eta, trial, sizeof trial);
+    f->fit = f->rows > 0 ? cost / (double)f->rows : 1.0;
+    for (int i = 0; i < NZ; i++) {
+        for (int q = 0; q < NP; q++) {
+            f->now.z[i] += f->now.Y[i][q] * change[q];
+        }
+    }
+    for (int64_t r = f->rows; r < f->rows + f->kept; r++) {
+        for (int q = 0; q < NP; q++) {
+            f->r[r] -= f->H[r][q] * change[q];
+        }
+    }
+    if (f->rows > 0) {
+        f->share = trace / (double)f->rows;
+        watch(f);
+    }
+}
+
+/* A constant that moves while the others stand still shifts eta along d, its column of W^-1. Along it the block's step has the variance
+   d' (I - J^-1) d if nothing moves. Where the data say so, forgetting of it grows; else it dies away, and what is constant is remembered. */
+static void adapt_forgetting(filter *f, double L[NP][NP], double conditional[NP])
+{
+    /* The ratio's variance is 2; the running mean takes the share of it below. */
+    const double noise = sqrt(2.0 * 0.5 * FORGET_SHARE), rate = f->settings.forget_rate;
+    for (int i = 0; i < NP; i++) {
+        double d[NP], half[NP], shift = 0.0, size = 0.0, left = 0.0;
+        block_along(f, i, d);
+        block_halve(L, d, half);
+        for (int j = 0; j < NP; j++) {
+            shift += d[j] * f->eta[j];
+            size += d[j] * d[j];
+            left += half[j] * half[j];
+        }
+        conditional[i] = 1.0 / size;
+        /* What the block says nothing of does not show whether it moves. */
+        const double learned = size - left;
+        const double ratio = learned > LEARNED * size ? smaller(shift * shift / learned, 10.0) : 1.0;
+        f->moving[i] += FORGET_SHARE * (ratio - 1.0 - f->moving[i]);
+        if (f->moving[i] > FORGET_SIGMAS * noise) {
+            f->forget[i] = smaller(larger(f->forget[i], FORGET_MIN) * exp(rate * f->moving[i]), f->settings.forget_max);
+        } else {
+            f->forget[i] *= exp(-rate * FORGET_SHARE);
+        }
+    }
+}
+
+void fit_fold(filter *f, double L[NP][NP])
+{
+    double conditional[NP];
+    memset(conditional, 0, sizeof conditional);
+    if (!f->growing) {
+        adapt_forgetting(f, L, conditional);
+    }
+    block_shrink(f, L);
+    for (int i = 0; i < NP; i++) {
+        if (f->forget[i] > FORGOTTEN) {
+            /* Added, not scaled: the scaled row of one of two constants that move together would pass for knowledge of both. */
+            block_widen(f, i, sqrt(2.0 * f->forget[i] * (double)f->in_block * f->m.period * conditional[i]));
+        }
+    }
+    memcpy(f->W_now, f->W, sizeof f->W_now);
+    memmove(f->H, f->H + f->rows, (size_t)f->kept * sizeof *f->H);
+    memmove(f->r, f->r + f->rows, (size_t)f->kept * sizeof *f->r);
+    f->rows = f->kept;
+    f->kept = 0;
+    f->growing = 0;
+    filter_form(f);
+    fit_begin(f);
+}
+
+void fit_end(filter *f)
+{
+    double L[NP][NP];
+    if (f->growing) {
+        find_constants(f, ROUNDS, L);
+        filter_form(f);
+        if (f->in_block < (int64_t)f->settings.start) {
+            double known_W[NP][NP];
+            memcpy(known_W, f->W, sizeof known_W);
+            block_shrink(f, L);
+            memcpy(f->W_now, f->W, sizeof f->W_now);
+            memcpy(f->W, known_W, sizeof known_W);
+            filter_again(f);
+            watch(f);
+            plan_block(f);
+        } else {
+            f->lost = !(f->fit < LOST);
+            fit_fold(f, L);
+        }
+    } else {
+        const int64_t recent = 2 * (int64_t)f->settings.settle;
+        f->kept = f->rows > recent ? recent : f->rows;
+        f->rows -= f->kept;
+        find_constants(f, 0, L);
+        fit_fold(f, L);
+    }
+    f->fresh = 1;
+}
+
+void fit_cut(filter *f)
+{
+    double L[NP][NP];
+    find_constants(f, 0, L);
+    fit_fold(f, L);
+    f->fresh = 1;
+}

@@ -1,0 +1,17 @@
+/* The rate as a random walk, and what is done where it jumps. */
+
+#ifndef RATE_H
+#define RATE_H
+
+#include "filter.h"
+
+/* Opens the rate, and the state by what a jump of the rate did in the last `settle` samples. */
+void rate_open(filter *f);
+
+/* Leaves out the rows of the samples in which a surprise may have been under way: what they tell is of the rate, not of the constants. */
+void rate_drop_recent(filter *f);
+
+/* Lets the walk of the rate follow its corrections since the last call. */
+void rate_adapt_walk(filter *f);
+
+#endif

@@ -1,0 +1,14 @@
+/* What is done where the constants, or all that is taken of the device, are no longer right. */
+
+#ifndef RESTART_H
+#define RESTART_H
+
+#include "filter.h"
+
+/* Begins again with what the design says, at the next sample. */
+void restart_from_design(filter *f);
+
+/* A sample that is too far off: the rate has jumped. Surprises that go on say that the constants have changed. */
+void restart_on_surprise(filter *f);
+
+#endif

@@ -1,0 +1,87 @@
+#include "take_up.h"
+
+#include "known_model.h"
+#include "prediction.h"
+
+/* Solves a x = b for 2 x 2 a, `columns` right-hand sides [2 * columns], in place. */
+static void solve_pair(const double a[4], double *b, int columns)
+{
+    const double det = a[0] * a[3] - a[1] * a[2];
+    for (int q = 0; q < columns; q++) {
+        const double first = b[q], second = b[columns + q];
+        b[q] = (a[3] * first - a[1] * second) / det;
+        b[columns + q] = (a[0] * second - a[2] * first) / det;
+    }
+}
+
+void filter_take_up(filter *f, const double v[2])
+{
+    enum { STEPS = 6 };
+    moving *n = &f->now;
+    const double none[2] = {0.0, 0.0};
+    double l[2] = {v[0], v[1]}, through[4], l_by_p[2 * NP], q[2] = {0.0, 0.0}, by_q[4], by_s[2 * NS], by_p[2 * NP], noise[2], u[2];
+    double *z = n->z;
+    known_actuate(&f->k, z, filter_command(f, 0), z[OMEGA], u);
+    for (int i = 0; i < STEPS; i++) {
+        double e[2];
+        known_amplify(&f->k, z, l, z[OMEGA], e);
+        known_amplify_by_voltage(&f->k, z, l, z[OMEGA], through);
+        e[0] = v[0] - e[0];
+        e[1] = v[1] - e[1];
+        solve_pair(through, e, 1);
+        l[0] += e[0];
+        l[1] += e[1];
+    }
+    for (int i = 0; i < STEPS; i++) {
+        double e[2];
+        z[0] = q[0];
+        z[2] = q[1];
+        known_pick_off(&f->k, z, u, z[OMEGA], e);
+        known_pick_off_by_state(&f->k, z, u, z[OMEGA], by_s);
+        const double slopes[4] = {by_s[0], by_s[2], by_s[NS], by_s[NS + 2]};
+        memcpy(by_q, slopes, sizeof by_q);
+        e[0] = l[0] - e[0];
+        e[1] = l[1] - e[1];
+        solve_pair(by_q, e, 1);
+        q[0] += e[0];
+        q[1] += e[1];
+    }
+    z[0] = q[0];
+    z[2] = q[1];
+    const double one[4] = {1.0, 0.0, 0.0, 1.0};
+    memset(l_by_p, 0, sizeof l_by_p);
+    memset(by_p, 0, sizeof by_p);
+    spread_amplify_by_parameter(&f->k, z, l, z[OMEGA], one, 2, l_by_p);
+    spread_pick_off_by_parameter(&f->k, z, u, z[OMEGA], one, 2, by_p);
+    known_noise(&f->k, z, none, z[OMEGA], noise);
+    solve_pair(through, l_by_p, NP);
+    /* The noise of the sample moves the voltages by `root`, and the position by by_q^-1 of it. */
+    double root[4] = {sqrt(noise[0]), 0.0, 0.0, sqrt(noise[1])}, spread[NZ][2];
+    memset(spread, 0, sizeof spread);
+    solve_pair(through, root, 2);
+    if (HAS_LAG) {
+        for (int a = 0; a < 2; a++) {
+            z[NZ - 2 + a] = l[a];
+            memcpy(spread[NZ - 2 + a], root + 2 * a, 2 * sizeof *root);
+            for (int q_ = 0; q_ < NP; q_++) {
+                n->Y[NZ - 2 + a][q_] = -l_by_p[a * NP + q_];
+            }
+        }
+    }
+    for (int i = 0; i < 2 * NP; i++) {
+        by_p[i] = -l_by_p[i] - by_p[i];
+    }
+    solve_pair(by_q, by_p, NP);
+    solve_pair(by_q, root, 2);
+    for (int a = 0; a < 2; a++) {
+        memcpy(n->Y[2 * a], by_p + a * NP, NP * sizeof *by_p);
+        memcpy(spread[2 * a], root + 2 * a, 2 * sizeof *root);
+    }
+    for (int i = 0; i < NZ; i++) {
+        for (int j = 0; j < NZ; j++) {
+            if (spread[i][0] != 0.0 || spread[i][1] != 0.0) {
+                n->P[i][j] = n->P[j][i] = spread[i][0] * spread[j][0] + spread[i][1] * spread[j][1];
+            }
+        }
+    }
+}
