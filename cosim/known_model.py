@@ -12,7 +12,7 @@ from math import inf
 from pathlib import Path
 from typing import Final
 
-from sympy import Expr, Matrix, Symbol, cse, expand, log, numbered_symbols
+from sympy import Expr, Matrix, Symbol, cse, expand, log, numbered_symbols, pi, sqrt
 from sympy.core.function import Application
 
 from cosim.layout import PARAMETER_NAMES
@@ -373,12 +373,12 @@ class KnownModel:
 
 _COMMANDS: Final = (symbols.u_x, symbols.u_y)
 # Density a²/f one-sided, at the resonance of x, as the variance of white noise up to half the sample rate.
-_PINK_SHARE: Final = expand(1 / (2 * symbols.sample_period)) * 2 * 3.141592653589793 * (symbols.m / symbols.kxx) ** 0.5
+_PINK_SHARE: Final = pi * sqrt(symbols.m / symbols.kxx) / symbols.sample_period
 _FOLLOWED: Final = 10.0
 """Below it an estimated offset follows the pink noise [Hz]."""
 # Integral of 1/f from there to half the sample rate, and of cos(2 pi f T)/f: Ci(pi) - Ci(2 pi f T), the latter small.
 _PINK_VARIANCE: Final = -log(2 * _FOLLOWED * symbols.sample_period)
-_PINK_NEIGHBOURS: Final = 0.0737 - 0.5772 - log(2 * 3.141592653589793 * _FOLLOWED * symbols.sample_period)
+_PINK_NEIGHBOURS: Final = 0.0737 - 0.5772 - log(2 * pi * _FOLLOWED * symbols.sample_period)
 
 
 @cache

@@ -3,6 +3,7 @@
 import doctest
 import importlib
 import inspect
+import pkgutil
 import subprocess
 import sys
 import typing
@@ -30,7 +31,14 @@ def test_every_public_name_is_there_and_listed() -> None:
         gt.no_such  # noqa: B018
 
 
-@pytest.mark.parametrize("module", ["gyrotwin.api", "gyro_model.device", *{"gyrotwin.contract"} & set(sys.modules)])
+@pytest.mark.parametrize(
+    "module",
+    [
+        *(f"gyrotwin.api.{module.name}" for module in pkgutil.iter_modules(api.__path__)),
+        "gyro_model.device",
+        *{"gyrotwin.contract"} & set(sys.modules),
+    ],
+)
 def test_examples_in_docstrings_run(module: str) -> None:
     found = doctest.testmod(importlib.import_module(module))
     assert found.attempted > 0
@@ -143,9 +151,10 @@ def test_what_is_found_is_a_design_that_runs(tmp_path: Path) -> None:
 
 def test_type_hints_of_public_functions_resolve() -> None:
     for name in FUNCTIONS:
+        function = getattr(gt, name)
         namespace = {
-            **vars(api), "Dataset": gt.Dataset, "Design": gt.Design, "RunResult": gt.RunResult,
+            **vars(sys.modules[function.__module__]), "Dataset": gt.Dataset, "Design": gt.Design, "RunResult": gt.RunResult,
             "RateResult": gt.RateResult, "SplitResult": gt.SplitResult, "DiagnosisResult": gt.DiagnosisResult,
             "CompensationResult": gt.CompensationResult, "Effect": object, "Residual": object,
         }  # fmt: skip
-        assert "return" in typing.get_type_hints(getattr(gt, name), namespace)
+        assert "return" in typing.get_type_hints(function, namespace)

@@ -1,0 +1,25 @@
+"""The functions of the package; each command is a thin skin over the one of its name."""
+
+from gyrotwin.api.datasets import MOST_EFFECTS, diagnose, load_dataset, simulate_dataset
+from gyrotwin.api.files import DeviceSource, effects, load_design, load_device
+from gyrotwin.api.fmu import build, verify
+from gyrotwin.api.records import compensate, split
+from gyrotwin.api.simulation import Progress, rate, run
+
+__all__ = [
+    "MOST_EFFECTS",
+    "DeviceSource",
+    "Progress",
+    "build",
+    "compensate",
+    "diagnose",
+    "effects",
+    "load_dataset",
+    "load_design",
+    "load_device",
+    "rate",
+    "run",
+    "simulate_dataset",
+    "split",
+    "verify",
+]

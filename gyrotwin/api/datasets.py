@@ -1,0 +1,160 @@
+"""Data sets, and what they say of a device."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from gyro_model.model import load_model
+from gyrotwin.api.files import DeviceSource, load_device
+
+if TYPE_CHECKING:
+    from discrepancy.dataset import Dataset
+    from gyrotwin.results import DiagnosisResult
+
+Steps = Callable[[str], None]
+"""Called with one line of text a step."""
+
+MOST_EFFECTS: Final = 6
+"""Effects that a diagnosis names at most, where nothing is said."""
+
+
+def load_dataset(
+    folder: str | Path, *, device: DeviceSource | None = None, effects: Sequence[str | Path] = ()
+) -> "Dataset":
+    """Load measured runs.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder with ``dataset.toml``; ``gyrotwin dataset init`` writes one.
+    device : str, Path or Device
+        Its parameters stand where ``[nominal]`` names none.
+    effects : sequence of str or Path
+        Folders of further effect files.
+
+    Returns
+    -------
+    Dataset
+        With ``records``, ``nominal`` (SI), ``axes``.
+
+    Raises
+    ------
+    InputError
+        If there is no data set, or it is wrong.
+
+    """
+    from discrepancy.dataset import load_dataset as load
+
+    given = dict(load_device(device, effects=effects).parameters) if device is not None else {}
+    return load(Path(folder), given, load_model(*map(Path, effects)))
+
+
+def simulate_dataset(
+    folder: str | Path,
+    *,
+    device: DeviceSource = "reference",
+    hidden: Mapping[str, float] | None = None,
+    runs: int = 3,
+    samples: int = 8000,
+    seed: int = 1,
+) -> "Dataset":
+    """Write the runs that a device would give, driven over both modes, and load them.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Where ``dataset.toml`` and the runs are written.
+    device : str, Path or Device
+        What is measured.
+    hidden : mapping of str to float
+        Parameters that differ in truth from what ``[nominal]`` will say [SI].
+    runs, samples : int
+        The last run is held out; samples of each at 200 kHz.
+    seed : int
+        Seed of drive, noise and of what the lab believes.
+
+    Returns
+    -------
+    Dataset
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong, or the folder holds a data set.
+
+    Examples
+    --------
+    >>> import tempfile, gyrotwin as gt
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     data = gt.simulate_dataset(folder, hidden={"k3_x": 2e9}, samples=2000)
+    >>> len(data.fit), len(data.held_out)
+    (2, 1)
+
+    """
+    from discrepancy.dataset import load_dataset as load
+    from discrepancy.trial_runs import write_trial
+
+    write_trial(load_device(device), dict(hidden or {}), Path(folder), runs=runs, samples=samples, seed=seed)
+    return load(Path(folder))
+
+
+def diagnose(
+    dataset: "str | Path | Dataset",
+    *,
+    device: DeviceSource | None = None,
+    effects: Sequence[str | Path] = (),
+    max_effects: int = MOST_EFFECTS,
+    jobs: int | None = None,
+    seed: int = 0,
+    progress: Steps | None = None,
+    checkpoint: str | Path | None = None,
+) -> "DiagnosisResult":
+    """Find what a model lacks to explain measured data.
+
+    Parameters
+    ----------
+    dataset : str, Path or Dataset
+        Measured runs.
+    device : str, Path or Device
+        Nominal values that replace those of the data set.
+    effects : sequence of str or Path
+        Folders of further effect files.
+    max_effects : int
+        Name at most so many.
+    jobs : int
+        Simulations at a time; None: one a core.
+    seed : int
+        Seed of whatever the search draws.
+    progress : callable
+        Called with one line of text a step.
+    checkpoint : str or Path
+        File that keeps the search after each step; an interrupted search goes on from it.
+
+    Returns
+    -------
+    DiagnosisResult
+        With ``effects``, ``device``, ``design``, ``misfit``, ``save(folder)``.
+
+    Raises
+    ------
+    InputError
+        If an argument or the data are wrong.
+
+    """
+    from discrepancy.checks import check
+    from discrepancy.dataset import Dataset
+    from gyrotwin.tasks.diagnose import Request, find, with_nominal
+
+    folders = tuple(map(Path, effects))
+    if isinstance(dataset, Dataset):
+        place, data = dataset.folder, replace(dataset, model=load_model(*folders)) if folders else dataset
+    else:
+        place = Path(dataset)
+        data = load_dataset(place, device=device, effects=folders)
+    given = load_device(device, effects=folders).parameters if device is not None else {}
+    data, notes = with_nominal(data, given, "that was given")
+    request = Request(place, place, None, folders, max_effects, jobs, seed)
+    warnings = [*notes, *map(str, check(data))]
+    kept = None if checkpoint is None else Path(checkpoint)
+    return find(request, data, data.model, progress or (lambda line: None), kept, warnings)

@@ -1,0 +1,95 @@
+"""The FMUs: built, and verified against their reference traces."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gyro_model.errors import InputError
+from gyro_model.model import load_model
+from gyrotwin.api.files import DeviceSource, load_device
+
+if TYPE_CHECKING:
+    from gyro_model.experiments import Residual
+
+
+def build(
+    device: DeviceSource | None = None,
+    *,
+    effects: Sequence[str | Path] = (),
+    folder: str | Path | None = None,
+    force: bool = False,
+    platforms: str | Sequence[str] = (),
+) -> tuple[Path, ...]:
+    """Build the FMUs Gyroscope and GyroscopeEnvelope, FMI 2.0 and FMI 3.0.
+
+    Parameters
+    ----------
+    device : str, Path or Device
+        The FMUs start as this device where nobody sets a parameter; needs ``folder``.
+    effects : sequence of str or Path
+        Folders of further effect files.
+    folder : str or Path
+        Where to put them; None: beside the sources in a checkout, else the user's cache.
+    force : bool
+        Build even where they are up to date.
+    platforms : str or sequence of str
+        Platforms to hold libraries for, compiled by zig: "all", or names such as x86_64-windows; wasm32 is a module
+        beside the FMUs. None: this machine's, by its own compiler.
+
+    Returns
+    -------
+    tuple of Path
+        Gyroscope for FMI 2.0 and 3.0, then GyroscopeEnvelope.
+
+    Raises
+    ------
+    InputError
+        If there is no compiler, or it fails; if a platform is unknown.
+
+    Examples
+    --------
+    >>> import gyrotwin as gt
+    >>> [path.name for path in gt.build()]
+    ['Gyroscope.fmu', 'Gyroscope.fmu', 'GyroscopeEnvelope.fmu', 'GyroscopeEnvelope.fmu']
+
+    """
+    from gyro_model.build import build_all
+    from gyro_model.platforms import chosen_platforms
+
+    named = chosen_platforms(platforms if isinstance(platforms, str) else ",".join(platforms)) if platforms else ()
+    model = load_model(*map(Path, effects))
+    if device is not None:
+        if folder is None:
+            raise InputError("build of a device: name the folder, so that the FMUs of the package stay as they are")
+        model = model.starting_at(load_device(device, effects=effects).parameters)
+    return build_all(model, None if folder is None else Path(folder), force=force, platforms=named)
+
+
+def verify(fmu: str | Path) -> "list[Residual]":
+    """Replay the reference traces that an FMU brings, on this machine.
+
+    Parameters
+    ----------
+    fmu : str or Path
+        An FMU for FMI 2.0 or 3.0 with the layered standard fmi-ls-ref inside.
+
+    Returns
+    -------
+    list of Residual
+        Of each output of each experiment: how far it is off, what is allowed and why, ``met``.
+
+    Raises
+    ------
+    InputError
+        Where it is no FMU, brings no traces, or has no binary for this machine.
+
+    Examples
+    --------
+    >>> import gyrotwin as gt
+    >>> all(residual.met for residual in gt.verify(gt.build()[0]))
+    True
+
+    """
+    from gyro_model.experiments import verify as replay
+
+    return replay(Path(fmu))
