@@ -30,7 +30,7 @@ def units_alone(run: Run, converged_at: float, mass_error: float = 0.0) -> dict[
     omega_z = run.scenario.omega_z(0, run.samples, run.period)
     turned = np.concatenate(([0.0], np.cumsum(omega_z)[:-1])) * run.period
     w = np.sqrt(run.design.stiffness / (run.device.all_parameters["m"] * (1.0 + mass_error)))
-    # The pattern turns backwards by the angle (source 000, section 4 of the specification).
+    # The pattern turns backwards by the angle (docs/theory/angle.md, eq. 2).
     along, across = np.cos(-turned), np.sin(-turned)
     x, x_dot = np.cos(w * t), -w * np.sin(w * t)
     converged = t >= converged_at

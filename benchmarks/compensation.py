@@ -33,7 +33,7 @@ from cosim.rate.metrics import PER_HOUR
 SEGMENTS: Final = 16
 """Of 5 °C, as the soaks fitted lie, where structure and board are compared."""
 SOURCE_SEGMENTS: Final = 4
-"""Of 20 °C, as source 003 measures."""
+"""Of 20 °C, as Liu et al. 2014 measure."""
 
 
 class Cycle(NamedTuple):
@@ -68,7 +68,8 @@ def run(options: Options) -> Report:
         "nothing but the noise of the record were left. A spline may come out above: that is its scatter.",
         "Soaks are fitted every 5 °C upwards and tested 2.5 °C off, downwards. Ramps are fitted at ±1 and ±3 °C/min "
         "from -22 to 62 °C and tested at ±5 °C/min, inputs clamped to what was fitted.",
-        "Source: piecewise 4.5 and 3.2 times; with the board's sensor 2.0 and 2.1; network about 20.",
+        "Measured devices: piecewise 4.5 and 3.2 times, with the board's sensor 2.0 and 2.1 (Liu et al. 2014); network "
+        "about 20 (CN 105222765).",
     ]
     if WARMUP.is_file():
         tables.append(warmup_table())
@@ -86,7 +87,7 @@ def _methods(records: dict[str, tuple[Blocks, Blocks]], seeds: int) -> list[Row]
     chosen = choose(soaks[0], Asked("piecewise", sensor=STRUCTURE, sampling_time=SAMPLING_TIME)).best[0]
     rows = _pair("piecewise, structure sensor, settled", soaks, chosen.fit(soaks[0]), 20.0, 20.0)
     as_source = piecewise.fit(soaks[0], SAMPLING_TIME, STRUCTURE, SOURCE_SEGMENTS)
-    rows += _pair("the same in four segments, as the source", soaks, as_source)
+    rows += _pair("the same in four segments, as Liu et al. 2014", soaks, as_source)
     for name in ("ramps", "closed"):
         pair = records[name]
         loop = "closed loop" if name == "closed" else "open loop"
@@ -160,6 +161,6 @@ def _causes() -> list[Row]:
                 left[name] = (1e6 * change(found.scale).after, PER_HOUR * change(found.bias).after)
         for k, unit in enumerate(("ppm/°C", "°/h/°C")):
             rows.append(row(what, unit, {name: values[k] for name, values in left.items()}))
-    rows.append(row("source 003", "ppm/°C", {"structure": 69.67, "board": 154.97}))
-    rows.append(row("source 003", "°/h/°C", {"structure": 115.25, "board": 172.67}))
+    rows.append(row("Liu et al. 2014", "ppm/°C", {"structure": 69.67, "board": 154.97}))
+    rows.append(row("Liu et al. 2014", "°/h/°C", {"structure": 115.25, "board": 172.67}))
     return rows

@@ -1,4 +1,4 @@
-"""Split from noise: errors of the likelihood over its bound, the source's cross-correlation beside it, both loops."""
+"""Split from noise: errors of the likelihood over its bound, CN 111272193's correlation beside it, both loops."""
 
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor

@@ -1,4 +1,4 @@
-"""Solves the device `rate-mode` for the drift of source 003: ``python -m benchmarks.rate_device`` prints the three
+"""Solves the device `rate-mode` for the drift of Liu et al. 2014: ``python -m benchmarks.rate_device`` prints the three
 parameters."""
 
 import sys
@@ -17,7 +17,7 @@ from gyro_model.device import Device, load_device
 Floats = NDArray[np.float64]
 
 SOAKS: Final = np.array([-20.0, 0.0, 20.0, 40.0, 60.0])
-"""Temperatures of source 003 [°C]."""
+"""Temperatures of Liu et al. 2014 [°C]."""
 SCALE_DRIFT: Final = 316.66e-6
 """Of the scale factor [1/K], (max - min)/range over the soaks."""
 BIAS_DRIFT: Final = 366.22
@@ -29,7 +29,7 @@ SIZES: Final = {"actuator_misalignment": 1e-2, "tck_split": 1e-6, "dxy": 1e-9}
 
 
 def solve(device: Device) -> dict[str, float]:
-    """``actuator_misalignment``, ``tck_split`` and ``dxy`` with which ``device`` drifts as source 003 says, to six
+    """``actuator_misalignment``, ``tck_split`` and ``dxy`` with which ``device`` drifts as Liu et al. 2014 say, to six
     digits, found from those it has."""
 
     def missed(z: Floats) -> Floats:

@@ -165,8 +165,8 @@ def _drift(device: Device, found: dict[tuple[bool, float, float], tuple[Settled,
     return Table(
         "uncompensated drift over -20 … 60 °C, settled",
         [
-            row("scale factor", "ppm/°C", scales, note=f"source 003: {1e6 * SCALE_DRIFT:g}"),
-            row("bias", "°/h/°C", biases, note=f"source 003: {BIAS_DRIFT:g}"),
+            row("scale factor", "ppm/°C", scales, note=f"Liu et al. 2014: {1e6 * SCALE_DRIFT:g}"),
+            row("bias", "°/h/°C", biases, note=f"Liu et al. 2014: {BIAS_DRIFT:g}"),
             row("bias that is not linear", "of its span", part, limit=NONLINEAR, at_least=True, judged=judged),
         ],
     )

@@ -1,8 +1,8 @@
-"""Angle units: the angle of the vibration pattern, no rate integrated (source 000 eqs. 8-11).
+"""Angle units: the angle of the vibration pattern, no rate integrated (TW 201137310, eqs. 8-11).
 
     phi = atan2(2 (w^2 x y + x' y'), w^2 (x^2 - y^2) + x'^2 - y'^2) / 2,   w^2 = k / m
 
-(the source prints k for w^2 and a plain arctan). The pattern turns by -lambda int(Omega dt) in the
+(the patent prints k for w^2 and a plain arctan). The pattern turns by -lambda int(Omega dt) in the
 body, so the reported angle is theta = -(phi - phi at convergence) / lambda.
 
 A: band-pass the four states, then phi. B: phi, then low-pass. C: subtract the observer's response
@@ -83,7 +83,7 @@ RETUNE: Final = 1e-3
 
 
 class UnitA:
-    """Band-pass on the four states, then phi (source 000 eqs. 8-9).
+    """Band-pass on the four states, then phi (TW 201137310, eqs. 8-9).
 
     The filter is designed for the nominal device. From convergence on it follows the oscillation that the observer
     found, sqrt(k/m)/2pi, which sensors of unknown gain move by as much as they move m.
@@ -118,7 +118,7 @@ class UnitA:
 
 
 class UnitB:
-    """Phi of the unfiltered states, then low-pass on angle and quality (source 000 eqs. 10-11)."""
+    """Phi of the unfiltered states, then low-pass on angle and quality (TW 201137310, eqs. 10-11)."""
 
     name = "B"
 

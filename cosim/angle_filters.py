@@ -1,8 +1,8 @@
-"""The two filters of the angle units: band-pass (source 000 fig. 6) and low-pass (fig. 9).
+"""The two filters of the angle units: band-pass (TW 201137310, fig. 6) and low-pass (fig. 9).
 
 Both bands are printed for a device at 3 kHz and scale with the oscillation frequency.
 
-The source claims an angle without lag, yet a causal filter delays: a Butterworth band-pass of
+The patent claims an angle without lag, yet a causal filter delays: a Butterworth band-pass of
 this band and order by 0.83 ms, which turns the sign changes of a +-5 rad/s rate into steps of
 0.48 deg; the low-pass by 2.1 ms. For a steady rate only the group delay at the oscillation
 frequency matters, and that one number can be made zero at the price of 3 dB more gain near the
@@ -81,7 +81,7 @@ class Filter(NamedTuple):
 
 
 def band_pass(sample_rate: float, frequency_hz: float, shape: Shape = "lag_free") -> Filter:
-    """Band-pass of unit A for an oscillation at `frequency_hz` (source 000 eq. 8, fig. 6).
+    """Band-pass of unit A for an oscillation at `frequency_hz` (TW 201137310, eq. 8, fig. 6).
 
     Raises InputError where the band does not fit below half of `sample_rate` [Hz].
     """
@@ -91,7 +91,7 @@ def band_pass(sample_rate: float, frequency_hz: float, shape: Shape = "lag_free"
 
 
 def low_pass(sample_rate: float, frequency_hz: float, shape: Shape = "lag_free") -> Filter:
-    """Low-pass of unit B for an oscillation at `frequency_hz` (source 000 eq. 11, fig. 9).
+    """Low-pass of unit B for an oscillation at `frequency_hz` (TW 201137310, eq. 11, fig. 9).
 
     Raises InputError where the band does not fit below half of `sample_rate` [Hz].
     """

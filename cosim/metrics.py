@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 Summary = dict[str, Any]
 
 WITHIN: Final = 0.01
-"""Relative error that counts as converged (source 000 draws no line; the issue asks 1 %)."""
+"""Relative error that counts as converged (TW 201137310 draws no line)."""
 SETTLING: Final = 0.02
 """The rate error counts from this long after an edge of the rate [s]."""
 REFERENCE: Final = 0.01

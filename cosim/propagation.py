@@ -1,4 +1,4 @@
-"""One sample of the plant of SYSTEM.md section 1 (source 000, eq. 1), exactly, with its derivatives.
+"""One sample of the plant (TW 201137310, eq. 1), exactly, with its derivatives.
 
 The state is [x, x', y, y'] (m, m/s). The parameters are the eight rates
 

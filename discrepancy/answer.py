@@ -1,4 +1,4 @@
-"""The answer of a diagnosis as data, and as the contents of report.json (SYSTEM.md section 9)."""
+"""The answer of a diagnosis as data, and as the contents of report.json (docs/theory/records.md)."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field

@@ -120,7 +120,7 @@ def nameable(model: Model, *, limits: bool = False) -> tuple[Effect, ...]:
 
 def is_gauge(effect: Effect) -> bool:
     """Whether an effect scales both voltages alike, whatever they are: no sample tells it from another mass, stiffness
-    and damping (SYSTEM.md section 1)."""
+    and damping (docs/theory/plant.md, eq. 4)."""
     if not isinstance(effect, Map):
         return False
     enters = SLOTS[effect.slot].enters

@@ -1,4 +1,4 @@
-"""A data set on disk: a folder with ``dataset.toml`` and one table a run (SYSTEM.md section 9)."""
+"""A data set on disk: a folder with ``dataset.toml`` and one table a run (docs/theory/records.md)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,8 +1,8 @@
 """The nominal linear model fitted to one run as given, and with channels swapped, turned or scaled.
 
 The equations of motion are multiplied by windowed harmonics and integrated by parts, so that no derivative of a
-measured signal is taken and m, k, d enter linearly (SYSTEM.md section 9); windows are as long as 25 periods of the
-lowest mode.
+measured signal is taken and m, k, d enter linearly (docs/theory/records.md, eq. 3); windows are as long as 25
+periods of the lowest mode.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,7 +24,7 @@ BAND: Final = 1.5
 """Highest frequency, over the highest mode: above, the sensor's noise counts (m w² grows) and the response says
 little."""
 STIFFNESS_ROOM: Final = 0.5
-"""m, k may differ from nominal by this, relative: the widest first guess that the product is made for (section 5)."""
+"""m, k may differ from nominal by this, relative: the widest first guess that the loop is made for."""
 DAMPING_ROOM: Final = 10.0
 """d may differ by this factor: Q is the least known of all before a measurement, and says nothing about sign or
 unit."""
@@ -182,7 +182,8 @@ def _room(name: str, nominal: Mapping[str, float]) -> tuple[float, float]:
 
 
 def equations(form: WeakForm, nominal: Mapping[str, float], names: tuple[str, ...]) -> tuple[Complexes, Complexes]:
-    """Columns (axes*rows, parameters) and target (axes*rows) of SYSTEM.md section 1, Coriolis at the nominal mass."""
+    """Columns (axes*rows, parameters) and target (axes*rows) of the equations of motion (docs/theory/plant.md, eq. 1),
+    Coriolis at the nominal mass."""
     q, velocity, zero = form.q, form.velocity, np.zeros_like(form.q[0])
     if len(q) == 1:
         return np.stack([form.acceleration[0], q[0], velocity[0]], axis=1), form.force[0]

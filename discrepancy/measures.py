@@ -1,4 +1,4 @@
-"""Measures of a fitted model: misfit on held-out runs (SYSTEM.md section 9)."""
+"""Measures of a fitted model: misfit on held-out runs (docs/theory/records.md, eqs. 1 and 2)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -19,7 +19,7 @@ CONDITIONS: Final = ("omega_z", "temperature", "a_x", "a_y", "v_bias")
 """Inputs beside the forces, as the FMU names them; a record may hold any of them."""
 
 MINIMUM_SAMPLES: Final = 100
-"""The first 50 samples give the initial state (SYSTEM.md section 9); as many must be left to be scored."""
+"""The first 50 samples give the initial state (docs/theory/records.md, eq. 2); as many must be left to be scored."""
 
 MOST_MISSING: Final = 0.2
 """Share of the samples of v that may be missing: beyond, windows between them get rare."""

@@ -18,7 +18,8 @@ COLUMNS: Final = (*TWO_AXES, *CONDITIONS)
 
 
 def read_columns(path: Path) -> tuple[dict[str, Floats], tuple[str, ...]]:
-    """The columns of SYSTEM.md section 9 in a table, each (n,), SI, NaN where a cell is empty; and the names of others.
+    """The columns of a data set (docs/theory/records.md) in a table, each (n,), SI, NaN where a cell is empty; and the
+    names of others.
 
     Raises InputError for a file that is missing or no table, a column that is missing or nearly right, and text in
     place of a number.

@@ -49,8 +49,8 @@ SLOTS: Mapping[str, Slot] = {
     "sampled clip": Slot(V, V),
     "sampled round": Slot(V, V),
 }
-"""The chain in its order (SYSTEM.md section 8); the first word is the stage. Forces act on the displacement after the
-actuator slots."""
+"""The chain in its order (docs/theory/effects.md, eq. 1); the first word is the stage. Forces act on the
+displacement after the actuator slots."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class Effect:
 
     @property
     def stage(self) -> str:
-        """The stage that the effect belongs to, as SYSTEM.md section 8 names it."""
+        """The stage that the effect belongs to (docs/theory/effects.md)."""
         return self.STAGE
 
     @property

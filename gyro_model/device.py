@@ -1,4 +1,4 @@
-"""Device files: what one device is, as FMU parameters, with the controller that fits it (SYSTEM.md section 8).
+"""Device files: what one device is, as FMU parameters, with the controller that fits it.
 
 format = 1, name, [parameters], optional [intervals] (name = [low, high], 95 %), optional [controller], optional
 [rate_mode]
@@ -32,7 +32,7 @@ RATE_MODE_UNITS = {
     "demodulator_bandwidth": "Hz",
 }
 
-# Of the resonance and of the static deflection: the reference device's tones (SYSTEM.md section 3), scaled.
+# Of the resonance and of the static deflection: the reference device's tones (docs/theory/plant.md), scaled.
 TONE_RATIO_X, TONE_RATIO_Y, TONE_DEFLECTION = 0.15, 1 / 6, 0.5e-6
 
 PLAUSIBLE = {

@@ -189,7 +189,7 @@ OUTPUTS = (
     ),
 )
 
-# Reference device of SYSTEM.md section 1 (source 000 gives the symbols; the numbers are the specification's).
+# The reference device (docs/theory/plant.md): symbols of TW 201137310, chosen numbers.
 # The lowest mass and sample period exclude zero, by which the model divides.
 PARAMETERS = (
     _parameter("m", "kg", 1.8e-7, "proof mass", low=1e-18, display="µg"),

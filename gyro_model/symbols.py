@@ -1,8 +1,8 @@
 """The symbols that an effect file may write its term in, besides its own parameters.
 
-Signals run along the chain of SYSTEM.md section 8: ``u_x, u_y`` are the force after the actuator stages that come
-before the effect, ``q_x, q_y`` [m] the displacement as the pickoff stages before it leave it, ``v_x, v_y`` [V]
-likewise the voltage.
+Signals run along the chain (docs/theory/effects.md, eq. 1): ``u_x, u_y`` are the force after the actuator stages
+that come before the effect, ``q_x, q_y`` [m] the displacement as the pickoff stages before it leave it, ``v_x, v_y``
+[V] likewise the voltage.
 """
 
 from sympy import Expr, Float, Function, Integer, Symbol

@@ -78,7 +78,7 @@ def _before_and_after(judged: "Judged", tested: Blocks, unit: str) -> Figure:
     return Figure(
         "before-after",
         "Bias over temperature" if judged.held_out.scale is None else "Bias and scale factor over temperature",
-        "source 003, fig. 6",
+        "Liu et al. 2014, fig. 6",
         "Held-out blocks, means over neighbours, before and after compensation. A line that comes back beside itself "
         "is a temperature that the sensor does not tell: up and down of a cycle differ by the lag.",
         [("before", "before"), ("after", f"after: {judged.compensation.method}")],
@@ -97,7 +97,7 @@ def _remains(judged: Sequence["Judged"], tested: Blocks, unit: str) -> Figure:
     return Figure(
         "remains",
         "What remains",
-        "not in the sources",
+        "beyond Liu et al. 2014",
         "The same after compensation, magnified, for every method fitted. Dashed: two standard errors of the record's "
         "own noise; what lies within them is no longer the compensation's.",
         [
@@ -133,7 +133,7 @@ def _course(judged: "Judged", tested: Blocks, unit: str) -> Figure:
     return Figure(
         "course",
         "The test in time",
-        "not in the sources",
+        "beyond Liu et al. 2014",
         "Temperatures that the sensors read over the held-out blocks, and the bias that remains.",
         [("estimate", "structure"), ("reference", "board"), ("error", "bias after")],
         panels,

@@ -1,6 +1,6 @@
 """The figures of the report as plain data: panels of lines, ready for JSON.
 
-A figure redraws one of source 000, or shows what the source leaves out. The page's script turns a
+A figure redraws one of patent TW 201137310, or shows what the patent leaves out. The page's script turns a
 panel into a Plotly plot; colours and dashes follow the role of a line.
 """
 
@@ -120,7 +120,7 @@ def parameters_figure(trace: pl.DataFrame, scenario: str) -> Figure:
         _source(scenario, "fig. 5", "fig. 8"),
         "Stiffness, damping, mass and rate of turn from first estimates that are 10 to 50 % off. "
         + ("After the damping doubles at 0.45 s the estimates find it again. " if varying else "")
-        + "The source shows convergence within 0.3 s."
+        + "The patent shows convergence within 0.3 s."
         + ("" if varying else " Time is logarithmic but for the rate."),
         [("truth", "truth"), ("estimate", "estimate")],
         panels,
@@ -137,7 +137,7 @@ def relative_error_figure(trace: pl.DataFrame, scenario: str) -> Figure:
     return Figure(
         "relative-error",
         "Relative error of the parameters",
-        "not in the source",
+        "not in the patent",
         "The same estimates on a logarithmic scale, as rms over short windows. Dashed: the 1 % "
         "that counts as converged.",
         [(name, name) for name in PARAMETER_NAMES] + [("limit", "1 %")],
@@ -159,7 +159,7 @@ def bound_figure(trace: pl.DataFrame, bounds: Bounds, scenario: str) -> Figure:
     return Figure(
         "bound",
         "Distance from what can be known",
-        "not in the source",
+        "not in the patent",
         "Error of each parameter, rms over short windows, over its posterior Cramér–Rao bound at "
         "that time, where the bound is computed. Over many seeds no observer stays below 1 on "
         "average; a single run scatters.",
@@ -216,7 +216,7 @@ def units_figure(trace: pl.DataFrame, converged_at: float | None) -> Figure:
     return Figure(
         "units",
         "Three ways to read the angle",
-        "not in the source",
+        "not in the patent",
         "Angle error of unit A (band-pass, then angle), unit B (angle, then low-pass) and unit C "
         "(the response to the two tones subtracted, no filter), from the same run. At an edge of "
         "the rate a filter without lag still errs for a moment; "
@@ -251,9 +251,9 @@ def filter_figure(filters: Sequence[Filter]) -> Figure:
 
 
 def _source(scenario: str, first: str, second: str) -> str:
-    """Figure of source 000 that shows the same: of the first embodiment or of the second."""
+    """Figure of TW 201137310 that shows the same: of the first embodiment or of the second."""
     drawn = {"constant": first, "varying": second}
-    return drawn.get(scenario, f"as {first} of source 000, for another motion")
+    return drawn.get(scenario, f"as {first} of patent TW 201137310, for another motion")
 
 
 def angle_error(trace: pl.DataFrame, unit: str, converged_at: float | None) -> Floats:

@@ -66,7 +66,7 @@ def drive_figure(record: pl.DataFrame) -> Figure:
     return Figure(
         "drive",
         "Drive loop",
-        "not in the sources",
+        "beyond Liu et al. 2014",
         "The phase-locked loop follows the resonance, which tells the temperature of the structure; the amplitude loop "
         "holds the voltage, and its force tells the damping.",
         [("estimate", "drive loop")],
@@ -94,7 +94,7 @@ def temperature_figure(record: pl.DataFrame) -> Figure:
     return Figure(
         "temperature",
         "Temperatures",
-        "sensor circuit of source 003",
+        "sensor circuit of Liu et al. 2014, fig. 3",
         "Structure and circuit follow the ambient temperature, each with its lag. The platinum resistor sits on the "
         "structure, the digital sensor on the board.",
         [("truth", "true"), ("estimate", "sensor"), ("reference", "ambient")],
@@ -121,7 +121,7 @@ def over_temperature_figure(record: pl.DataFrame, run: RateRun) -> Figure:
     return Figure(
         "over-temperature",
         "Bias and scale factor over temperature",
-        "source 003, fig. 6, before compensation",
+        "Liu et al. 2014, fig. 6, before compensation",
         "Settled values by harmonic balance, and the output of this run while the package rests, both against the "
         "temperature of the structure.",
         [("truth", "settled"), ("estimate", "this run")],
@@ -150,7 +150,7 @@ def allan_figure(allan: Allan, limits: NoiseLimits) -> Figure:
     return Figure(
         "allan",
         "Allan deviation at rest",
-        "not in the sources",
+        "beyond Liu et al. 2014",
         "Overlapping estimator. At averaging times of the output filter and below the deviation shows the filter; "
         "beyond, the slope of -1/2 is the angle random walk. The limits come from the device: the thermal force on the "
         "sense axis, and with it the white noise of the converters.",

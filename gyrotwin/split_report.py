@@ -59,7 +59,7 @@ def _spectra(analysis: Analysis) -> Figure:
     return Figure(
         "spectra",
         "Measured and theoretical spectrum",
-        "source 004, M and N",
+        "patent CN 111272193, M and N",
         "Means over neighbouring bins of the periodogram. The line at the drive frequency is Coriolis force and "
         "quadrature; the hump is the thermal motion of the sense mode. N is the theoretical hump for this "
         "Q, preset at the drive frequency and "
@@ -126,9 +126,9 @@ def _correlation(analysis: Analysis) -> Figure:
     return Figure(
         "correlation",
         "Cross-correlation of N and M",
-        "source 004, R(λ)",
+        "patent CN 111272193, R(λ)",
         "R over the lag of N, preset at f_x: the line gives the peak at zero, the hump the one at the split. Left: as "
-        "the source has it, the line in M. Right: the lines in M replaced by what lies around them. Orange: the hump's "
+        "in the patent, the line in M. Right: the lines in M replaced by what lies around them. Orange: the hump's "
         "peak as read from R; dashed: the split by maximum likelihood.",
         [("estimate", "R"), ("error", "peak of the hump in R"), ("limit", "split, maximum likelihood")],
         panels,

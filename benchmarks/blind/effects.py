@@ -1,4 +1,4 @@
-"""What may be hidden: every nameable effect of SYSTEM.md section 8, its sizes, its host experiment and its limits."""
+"""What may be hidden: every nameable effect, its sizes, its host experiment and its limits."""
 
 import math
 from collections.abc import Callable, Mapping

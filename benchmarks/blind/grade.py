@@ -13,7 +13,7 @@ STATES: Final = ("x", "y", "x_dot", "y_dot", "u_x", "u_y")
 
 
 class Grade(NamedTuple):
-    """kind, level, truth: from the label; named: what was said; right: as the issue's row asks; exact: without the
+    """kind, level, truth: from the label; named: what was said; right: as the results' row asks; exact: without the
     help of ``either``; covered: by true parameter, whether its interval holds it; ratio: final misfit over the true
     noise floor, None where there is none; multiple: the smallest of the effects, of the detectable size."""
 

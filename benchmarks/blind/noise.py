@@ -1,4 +1,4 @@
-"""What no model explains: the noises of SYSTEM.md section 8, drawn by seed."""
+"""What no model explains: the noises, drawn by seed."""
 
 import math
 from typing import Final, NamedTuple

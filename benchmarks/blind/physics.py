@@ -1,4 +1,5 @@
-"""The device of SYSTEM.md sections 1 and 8, written from that text alone, and its motion by an 8th-order Runge–Kutta.
+"""The device and its effects, written from their equations without a line of the model, and its motion by an 8th-order
+Runge–Kutta.
 
 Everything is held over a sample interval but the states; what switches inside one (a delayed force, a damping step)
 splits it, so that no step runs over a jump.
@@ -25,9 +26,8 @@ RADIANS: Final = 0.15
 
 
 class Plant(NamedTuple):
-    """Every parameter, SI, neutral where the effect is absent (units: SYSTEM.md section 8). term, term_size: a force
-    that stands in no effect file, number 1 to 20 of ``terms.TERMS``
-    (0: none)."""
+    """Every parameter, SI, neutral where the effect is absent (names and units: those of the FMU). term, term_size: a
+    force that stands in no effect file, number 1 to 20 of ``terms.TERMS`` (0: none)."""
 
     m: float = 1.8e-7
     kxx: float = 63.955

@@ -18,8 +18,8 @@ MULTIPLES: Final = (10.0, 30.0)
 DRAWS: Final = 12
 """Choices of effects before a pair or triple is given up: not all are separable or large enough together."""
 APART: Final = frozenset({"actuator_delay", "drive_feedthrough", "amplifier_bandwidth", "thermal_phase"})
-"""At most one of these in a set: lag and delay are the same to first order, and SYSTEM.md does not say whether a
-delayed actuator delays what feeds through."""
+"""At most one of these in a set: lag and delay are the same to first order, and whether a delayed actuator
+delays what feeds through differs from device to device."""
 
 
 class Entry(NamedTuple):

@@ -24,7 +24,7 @@ APART: Final = 0.2
 separable."""
 NULLS: Final = ("clean", "noisy", "quantised", "thermal", "flicker", "jitter", "badly", "short")
 SETTLE: Final = (5e-3, 50)
-"""Not scored at the begin of a run: [s], samples (SYSTEM.md section 9)."""
+"""Not scored at the begin of a run: [s], samples (docs/theory/records.md, eq. 2)."""
 
 
 @dataclass(frozen=True)

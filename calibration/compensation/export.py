@@ -1,4 +1,4 @@
-"""Coefficients of a compensation as TOML, and as a C99 header: what the sources put into an FPGA."""
+"""Coefficients of a compensation as TOML, and as a C99 header: what goes into the FPGA of Liu et al. 2014."""
 
 from collections.abc import Iterable, Sequence
 from typing import Final

@@ -1,8 +1,8 @@
 """Temperature coefficients before and after a compensation, beside what the noise of the record alone would leave.
 
-A coefficient is (max - min)/range over the temperatures of the test (source 003). Its values are means over *passes*:
-neighbouring blocks of at most PASS_BLOCKS and PASS_SPAN of temperature; up and down of a ramp stay apart, so that a lag
-does not cancel.
+A coefficient is (max - min)/range over the temperatures of the test (docs/theory/rate.md, eq. 6). Its values are means
+over *passes*: neighbouring blocks of at most PASS_BLOCKS and PASS_SPAN of temperature; up and down of a ramp stay
+apart, so that a lag does not cancel.
 """
 
 from typing import Any, Final, NamedTuple

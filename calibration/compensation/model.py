@@ -103,7 +103,7 @@ class Constant(NamedTuple):
 
 
 class Network(NamedTuple):
-    """One output of source 002: y = shift + gain · (a2 · tanh(a1 · u + b1) + b2), u = 2 (x - low)/(high - low) - 1.
+    """One output of the network: y = shift + gain · (a2 · tanh(a1 · u + b1) + b2), u = 2 (x - low)/(high - low) - 1.
 
     a1 (hidden, inputs), b1 (hidden,), a2 (hidden,); low, high (inputs,): the range that is mapped to -1 .. 1.
     """

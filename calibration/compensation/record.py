@@ -135,8 +135,8 @@ def make_blocks(test: TemperatureTest, sampling_time: float, settling: float) ->
     """The blocks of a test: means over ``sampling_time`` [s], none across a step of the rate of turn; the first
     ``settling`` [s] after a step are left out.
 
-    The derivative of a signal is that of source 002, eqs. 12 and 13, (f1 - f0)/T: the difference of neighbouring means
-    over the time between their middles. Raises InputError where fewer than FEWEST blocks remain, and where the
+    The derivative of a signal is that of CN 105222765, eqs. 12 and 13, (f1 - f0)/T: the difference of neighbouring
+    means over the time between their middles. Raises InputError where fewer than FEWEST blocks remain, and where the
     rate steps more often than that.
     """
     for option, value in (("sampling time", sampling_time), ("settling", settling)):

@@ -1,4 +1,4 @@
-"""The frequency split of the two modes from thermal noise, without disturbing operation (SYSTEM.md section 7)."""
+"""The frequency split of the two modes from thermal noise, without disturbing operation (docs/theory/split.md)."""
 
 from calibration.mode_split.correlation import Correlation, correlate, correlate_without_line, theoretical_spectrum
 from calibration.mode_split.estimate import (

@@ -1,4 +1,4 @@
-"""The method of source 004: the theoretical noise spectrum slides along the measured one.
+"""The method of CN 111272193: the theoretical noise spectrum slides along the measured one.
 
     N(f) = S_m |G_y0(f)|²,  S_m = 2 k_B T c_y (two-sided),  R(λ) = ∫ N(f) M(f + λ) df
 
@@ -45,7 +45,7 @@ class Correlation:
 def theoretical_spectrum(
     f: Floats, preset: float, q: float, *, mass: float = 1.0, gain: float = 1.0, temperature: float = ROOM_TEMPERATURE
 ) -> Floats:
-    """N(f) [V²/Hz], two-sided (source 004, eq. 4), shape of ``f`` [Hz].
+    """N(f) [V²/Hz], two-sided (CN 111272193, eq. 4), shape of ``f`` [Hz].
 
     preset: f0 [Hz]; mass [kg] and gain K_xv [V/m] scale it and move no peak; temperature [K].
     """
@@ -56,7 +56,7 @@ def theoretical_spectrum(
 
 
 def measured_spectrum(part: Envelope) -> tuple[Floats, Floats]:
-    """Frequencies (n,) [Hz] and M (n,) [V²/Hz]: the periodogram with its line, two-sided as the source has it."""
+    """Frequencies (n,) [Hz] and M (n,) [V²/Hz]: the periodogram with its line, two-sided as in CN 111272193."""
     n = len(part.values)
     density = np.abs(np.fft.fftshift(np.fft.fft(part.values))) ** 2 / (n * part.rate)
     f = part.centre + np.fft.fftshift(np.fft.fftfreq(n, 1 / part.rate))
@@ -85,7 +85,7 @@ def correlate(f: Floats, m: Floats, drive_line: float, q: float, preset: float) 
 
 
 def correlate_without_line(spectrum: Spectrum, q: float, preset: float) -> Correlation:
-    """The same with every line in M replaced by the median around it: no source, but it makes the method usable."""
+    """The same with every line in M replaced by the median around it: not in the patent, but then the method works."""
     filled = np.interp(spectrum.f, spectrum.f[spectrum.valid], spectrum.power[spectrum.valid])
     found = correlate(spectrum.f, 0.5 * filled, spectrum.drive_line, q, preset)
     best = int(np.argmax(found.r))

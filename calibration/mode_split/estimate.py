@@ -167,7 +167,7 @@ def estimate(spectrum: Spectrum, question: Question, near: tuple[float, float] |
 
 
 def correlations(analysis: Analysis) -> tuple[tuple[Correlation, float], tuple[Correlation, float]]:
-    """The source's cross-correlation as printed, and with the line removed, each with the half-width of its 95 %
+    """The cross-correlation as printed in CN 111272193, and with the line removed, each with the half-width of its 95 %
     interval [Hz]. Preset at f_x, so that the lag of the hump is the split."""
     split, spectrum = analysis.split, analysis.spectrum
     f, m = measured_spectrum(analysis.part)

@@ -2,7 +2,7 @@
 
     M(f) = h |G(f)|²/|G(f_y)|² + w + k f_x/f + s (g/(f - f_x))²
 
-Thermal hump, white and flicker floor of source 004 (eqs. 3, 10), and the skirt that a line with phase noise leaves
+Thermal hump, white and flicker floor of CN 111272193 (eqs. 3, 10), and the skirt that a line with phase noise leaves
 beside its masked bins (g: half-width of the mask). |G(f)|² = 1/((f_y² - f²)² + (f f_y/Q)²) as in its eq. 11.
 """
 
@@ -80,7 +80,7 @@ _FIELDS: Final = ("q", "hump", "white", "flicker", "skirt")
 
 
 def response(f: ArrayLike, f_y: float, q: float) -> Floats:
-    """|G(f)|²/|G(f_y)|² of a resonance, shape of ``f`` [Hz] (source 004, eq. 11)."""
+    """|G(f)|²/|G(f_y)|² of a resonance, shape of ``f`` [Hz] (CN 111272193, eq. 11)."""
     g = np.asarray(f, dtype=float)
     shape: NDArray[np.float64] = (f_y**2 / q) ** 2 / ((f_y**2 - g**2) ** 2 + (g * f_y / q) ** 2)
     return shape

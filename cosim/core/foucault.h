@@ -1,7 +1,7 @@
 /* The controller of TW 201137310 (eqs. 5-7): an isotropic lossless oscillator and tones, on the model that the loop knows.
 
    force u = K q + D q' - k q + w(t) from the current estimates, w sines along either axis. The free part of the motion then turns like a
-   Foucault pendulum. Beside the source: the force is computed for the instant at which it will act, from the state predicted with the forces
+   Foucault pendulum. Beyond the patent: the force is computed for the instant at which it will act, from the state predicted with the forces
    under way; the hold is undone (hold.h); what the model knows beyond springs and dampers is cancelled; actuators are inverted; the Coriolis
    force on the forced motion is cancelled, without which every change of the rate would kick the pattern; and optional loops hold the energy
    of the pattern and keep its orbit straight. */

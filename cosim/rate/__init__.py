@@ -1,1 +1,1 @@
-"""Rate mode: a drive loop holds frequency and amplitude, a sense loop gives the rate (SYSTEM.md section 6)."""
+"""Rate mode: a drive loop holds frequency and amplitude, a sense loop gives the rate (docs/theory/rate.md)."""

@@ -1,7 +1,7 @@
 """The settled rate mode by harmonic balance: drive frequency, scale factor, bias and quadrature, without a simulation.
 
-The drive loop holds the amplitude of v_x and its phase; with x = Re(X e^{iωt}), y = Re(Y e^{iωt}), SYSTEM.md section 1
-becomes
+The drive loop holds the amplitude of v_x and its phase; with x = Re(X e^{iωt}), y = Re(Y e^{iωt}), the equations
+of motion (TW 201137310, eq. 1) become
 
     (kxx + 3/4 k3_x |X|² - mω² + iω dxx - κ²/(m P)) X + C_xy Y = U_x,   P = w² - ω² + iω w/Q of the parasitic mode
     C_yx X + (kyy - mω² + iω dyy) Y = U_y

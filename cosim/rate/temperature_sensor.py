@@ -1,11 +1,11 @@
 """The two temperature sensors of rate mode: a platinum resistor on the structure, a digital sensor on the board.
 
-Source 003, eqs. 12 and 13: R_T = R_0 (1 + βT) in a bridge with R1 = R2 = 5 kΩ above, R3 = 500 Ω and the trimmer
+Liu et al. 2014, eqs. 12 and 13: R_T = R_0 (1 + βT) in a bridge with R1 = R2 = 5 kΩ above, R3 = 500 Ω and the trimmer
 R4 = 25 Ω in the other lower arm, then a difference amplifier of gain 16 (set by R_G = 9.1 kΩ) and a converter,
 
     V = 16 V_s [R_T/(R1 + R_T) - (R3 + R4)/(R2 + R3 + R4)]
 
-R_0 and the supply V_s are ours, the source prints neither: R_0 = 500 Ω balances the bridge at 22.9 °C.
+R_0 and the supply V_s are chosen, the paper prints neither: R_0 = 500 Ω balances the bridge at 22.9 °C.
 """
 
 from typing import NamedTuple

@@ -12,8 +12,8 @@
 
    The steady state at any detuning and the free motion of both modes, frequency and decay, are exact; so is, where force or parameters jump,
    the free motion that this sets off, since displacement and velocity there are those of the present phase of the carrier (plant.c, joined):
-   without it, that motion would be off by Δ/(2ω), Δ the distance of the mode from the carrier, or 1/(4 Q) on resonance. The reduction in source 003's words, detuning (k - mω²)/(2mω), is the first term of S - iω; it
-   moves the beat of a mode Δ away from the carrier by Δ²/(2ω). */
+   without it, that motion would be off by Δ/(2ω), Δ the distance of the mode from the carrier, or 1/(4 Q) on resonance. The usual reduction, detuning
+   (k - mω²)/(2mω), is the first term of S - iω; it moves the beat of a mode Δ away from the carrier by Δ²/(2ω). */
 
 #ifndef GYRO_SLOW_H
 #define GYRO_SLOW_H

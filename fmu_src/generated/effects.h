@@ -62,7 +62,7 @@ static inline void follow(gyro_view *g, int vr, int index, double lag)
 
        F_x = 2 m Ω y',  F_y = -2 m Ω x'
 
-   Source 000, eq. 1. */
+   TW 201137310, eq. 1. */
 static inline void effect_coriolis(const gyro_view *g, double force[2])
 {
     const double m = g->p[GYRO_M];
@@ -77,7 +77,7 @@ static inline void effect_coriolis(const gyro_view *g, double force[2])
 
        F = -[dxx dxy; dxy dyy] q'
 
-   Source 000, eq. 1. */
+   TW 201137310, eq. 1. */
 static inline void effect_damping(const gyro_view *g, double force[2])
 {
     const double dxx = g->p[GYRO_DXX];
@@ -93,7 +93,7 @@ static inline void effect_damping(const gyro_view *g, double force[2])
 
        F = -[kxx kxy; kxy kyy] q
 
-   Source 000, eq. 1. */
+   TW 201137310, eq. 1. */
 static inline void effect_suspension(const gyro_view *g, double force[2])
 {
     const double kxx = g->p[GYRO_KXX];
@@ -252,8 +252,7 @@ static inline void effect_electrostatic_softening(const gyro_view *g, double for
        F_x = m Ω² x, F_y = m Ω² y; at each change ΔΩ of the held rate x' += ΔΩ y, y' -= ΔΩ x
 
    With the Coriolis force this is Newton's law seen from a turning frame, -2 Ω×v - Ω×(Ω×r) - Ω'×r (H. Goldstein, Classical
-   Mechanics, 1950, section 4-9); a rate held in steps makes Ω' a pulse, of which the velocity jump is the integral.
-   SYSTEM.md section 8. */
+   Mechanics, 1950, section 4-9); a rate held in steps makes Ω' a pulse, of which the velocity jump is the integral. */
 static inline void effect_frame_rotation(const gyro_view *g, double force[2])
 {
     const double frame_rotation = g->p[GYRO_FRAME_ROTATION];
@@ -305,7 +304,8 @@ static inline void effect_hysteresis(const gyro_view *g, double force[2], double
 
        F_x = c_x m a_x,  F_y = c_y m a_y; physically c = -1, a tuning fork's two tines cancel most of it
 
-   SYSTEM.md section 8. */
+   Newton's law in the frame of the package gives F = -m a. The model has one number c an axis for what a suspension of
+   several masses leaves of it. */
 static inline void effect_linear_acceleration(const gyro_view *g, double force[2])
 {
     const double a_x = g->p[GYRO_A_X];
@@ -340,7 +340,7 @@ static inline void effect_nonlinear_damping(const gyro_view *g, double force[2])
        q'' + (w/Q) q' + w² q = -(κ/m) x,  F_x = -κ q,  w = 2π · frequency
 
    The mode is scaled to the proof mass, so that the coupling is one symmetric spring κ and no energy appears from
-   nowhere. SYSTEM.md section 8. */
+   nowhere. A model of one mode, linear, that does not follow the temperature. */
 static inline void effect_parasitic_mode(const gyro_view *g, double force[2], double *rate)
 {
     const double m = g->p[GYRO_M];
@@ -396,8 +396,7 @@ static inline void effect_squeeze_film(const gyro_view *g, double force[2])
        one-sided density S_F = 4 k_B T D, with D the damping matrix
 
    A force held over a sample period Δ has the variance 2 k_B T D/Δ; the matrix root of D is taken in closed form,
-   √D = (D + √det D · I)/√(tr D + 2 √det D). T. B. Gabrielson, IEEE Trans. Electron Devices 40, 1993, eq. 7; SYSTEM.md
-   section 8. */
+   √D = (D + √det D · I)/√(tr D + 2 √det D). T. B. Gabrielson, IEEE Trans. Electron Devices 40, 1993, eq. 7. */
 static inline void effect_thermal_force(const gyro_view *g, double force[2])
 {
     const double dxx = g->p[GYRO_DXX];
@@ -416,8 +415,8 @@ static inline void effect_thermal_force(const gyro_view *g, double force[2])
 
        T' = (temperature - T)/lag, T = temperature at the start, for T_structure and T_circuit
 
-   Source 003 and SYSTEM.md sections 6 and 8. The update is exact while the ambient temperature is held, so that a lag may
-   lie far below the step. */
+   Newton's law of cooling: a model of one heat capacity for each. The update is exact while the ambient temperature is
+   held, so that a lag may lie far below the step. */
 static inline void effect_thermal_lag(gyro_view *g)
 {
     follow(g, GYRO_TEMPERATURE_STRUCTURE, GYRO_LAGGING_TEMPERATURE_STRUCTURE, g->p[GYRO_STRUCTURE_LAG]);
@@ -428,7 +427,7 @@ static inline void effect_thermal_lag(gyro_view *g)
 
        d → d · factor for t ≥ time
 
-   Second embodiment of source 000 (figs. 8 and 10), where all damping doubles at 0.45 s. The integrator stops at the
+   As in TW 201137310, second embodiment (figs. 8 and 10), where all damping changes at 0.45 s. The integrator stops at the
    instant, on the grid or off it. */
 static inline void effect_damping_step(gyro_view *g)
 {
@@ -446,7 +445,7 @@ static inline void effect_damping_step(gyro_view *g)
 
        v_bias → v_bias + V_c (1 - exp(-t/τ)); acts where softening ≠ 0
 
-   SYSTEM.md section 8. */
+   A first-order model with one time constant. */
 static inline void effect_dielectric_charging(gyro_view *g)
 {
     const double charging_time = g->p[GYRO_CHARGING_TIME];
@@ -460,7 +459,8 @@ static inline void effect_dielectric_charging(gyro_view *g)
 
        d → d (1 + tcd ΔT), ΔT = T_structure - t_ref
 
-   Source 003, eq. 6 (Q falls as T rises at constant P/T); SYSTEM.md section 6. */
+   A first-order model. Q falls as T rises at constant P/T (X. Liu et al., Chinese Journal of Sensors and Actuators 27,
+   2014, eq. 6). */
 static inline void effect_thermal_damping(gyro_view *g)
 {
     const double dxx = g->p[GYRO_DXX];
@@ -495,7 +495,7 @@ static inline void effect_ageing(gyro_view *g)
 
        G → G (1 + tcg (T_circuit - t_ref))
 
-   SYSTEM.md sections 6 and 8. */
+   A first-order model. */
 static inline void effect_thermal_gain(gyro_view *g)
 {
     const double sense_gain_x = g->p[GYRO_SENSE_GAIN_X];
@@ -511,8 +511,9 @@ static inline void effect_thermal_gain(gyro_view *g)
 
        τ → max(0, τ + tcp (T_circuit - t_ref))
 
-   A lag of phase of ωτ that moves with temperature mixes quadrature into the demodulated rate (source 003). SYSTEM.md
-   section 8; where the sum would be negative there is no lag. */
+   A first-order model. A lag of phase of ωτ that moves with temperature mixes quadrature into the demodulated rate
+   (X. Liu et al., Chinese Journal of Sensors and Actuators 27, 2014, eq. 11). Where the sum would be negative there is no
+   lag. */
 static inline void effect_thermal_phase(gyro_view *g)
 {
     const double amplifier_time_constant = g->p[GYRO_AMPLIFIER_TIME_CONSTANT];
@@ -526,8 +527,8 @@ static inline void effect_thermal_phase(gyro_view *g)
 
        kxx, kxy → (1 + tck ΔT), kyy → (1 + (tck + tck_split) ΔT), ΔT = T_structure - t_ref
 
-   Source 003, k(T) = k0 [1 - α (T - T0)], so that f(T) ≈ f0 [1 - ½ α (T - T0)]: tck = -α. For silicon tck is about
-   -6e-5 /K. */
+   k(T) = k0 [1 - α (T - T0)], so that f(T) ≈ f0 [1 - ½ α (T - T0)]: tck = -α (X. Liu et al., Chinese
+   Journal of Sensors and Actuators 27, 2014, eqs. 4 and 5). For silicon tck is about -6e-5 /K. */
 static inline void effect_thermal_stiffness(gyro_view *g)
 {
     const double kxx = g->p[GYRO_KXX];
@@ -546,7 +547,7 @@ static inline void effect_thermal_stiffness(gyro_view *g)
 
        v = G q
 
-   SYSTEM.md section 1. Scaling m, k, d and both gains together changes no sample (gauge), so one gain is held as known. */
+   A linear model. Scaling m, k, d and both gains together changes no sample (gauge), so one gain is held as known. */
 static inline void effect_ideal_pickoff(const gyro_view *g, double out[2])
 {
     const double q_x = g->q[0];
@@ -571,7 +572,7 @@ static inline void rate_ideal_pickoff(const gyro_view *g, double out[2])
 
        u_y → u_y (1 + ε)
 
-   SYSTEM.md section 8. */
+   A model with one constant factor for converter, driver and actuator. */
 static inline void effect_actuator_gain_mismatch(const gyro_view *g, double out[2])
 {
     const double actuator_gain_mismatch = g->p[GYRO_ACTUATOR_GAIN_MISMATCH];
@@ -585,7 +586,7 @@ static inline void effect_actuator_gain_mismatch(const gyro_view *g, double out[
 
        u_x → u_x + ε u_y, u_y → u_y + ε u_x
 
-   SYSTEM.md section 8. */
+   A first-order model of two actuators that are not at right angles, in the small angle ε. */
 static inline void effect_actuator_misalignment(const gyro_view *g, double out[2])
 {
     const double actuator_misalignment = g->p[GYRO_ACTUATOR_MISALIGNMENT];
@@ -599,8 +600,8 @@ static inline void effect_actuator_misalignment(const gyro_view *g, double out[2
 
        u → u + a2 u² + a3 u³
 
-   Electrostatic actuators pull with the square of the voltage; what linearisation leaves is a2 and a3.
-   SYSTEM.md section 8. */
+   Electrostatic actuators pull with the square of the voltage; a2 and a3 are what linearisation
+   leaves of that, in a Taylor model of third order. */
 static inline void effect_actuator_nonlinearity(const gyro_view *g, double out[2])
 {
     const double actuator_a2 = g->p[GYRO_ACTUATOR_A2];
@@ -615,7 +616,7 @@ static inline void effect_actuator_nonlinearity(const gyro_view *g, double out[2
 
        v → clip(v, ±limit)
 
-   SYSTEM.md section 8. */
+   A model of an ideal limit, the same in both directions. */
 static inline void effect_adc_clipping(const gyro_view *g, double out[2])
 {
     const double adc_limit = g->p[GYRO_ADC_LIMIT];
@@ -629,7 +630,7 @@ static inline void effect_adc_clipping(const gyro_view *g, double out[2])
 
        v → round(v/lsb) · lsb, ties to even
 
-   SYSTEM.md section 8. It looks like white noise of lsb²/12 where the signal crosses many steps. */
+   It looks like white noise of lsb²/12 where the signal crosses many steps (W. R. Bennett, Bell Syst. Tech. J. 27, 1948). */
 static inline void effect_adc_quantisation(const gyro_view *g, double out[2])
 {
     const double adc_lsb = g->p[GYRO_ADC_LSB];
@@ -643,7 +644,7 @@ static inline void effect_adc_quantisation(const gyro_view *g, double out[2])
 
        v → v + r t
 
-   Source 000 asks for its compensation on line; SYSTEM.md section 8. */
+   A linear model of the drift that TW 201137310 names among the defects of sensing circuits and compensates on line. */
 static inline void effect_amplifier_drift(const gyro_view *g, double out[2])
 {
     const double offset_drift = g->p[GYRO_OFFSET_DRIFT];
@@ -667,7 +668,7 @@ static inline void rate_amplifier_drift(const gyro_view *g, double out[2])
 
        v_x → v_x + o_x, v_y → v_y + o_y
 
-   Source 000 asks for its compensation on line; SYSTEM.md section 8. */
+   TW 201137310 names it among the defects of sensing circuits and compensates it on line. */
 static inline void effect_amplifier_offset(const gyro_view *g, double out[2])
 {
     const double offset_x = g->p[GYRO_OFFSET_X];
@@ -690,7 +691,7 @@ static inline void rate_amplifier_offset(const gyro_view *g, double out[2])
 
        v → v + c_ft u, with the force that has acted until the sample
 
-   SYSTEM.md section 8. */
+   A model of a stray capacitance between drive and sense electrodes, with a drive voltage in proportion to the force. */
 static inline void effect_drive_feedthrough(const gyro_view *g, double out[2])
 {
     const double feedthrough = g->p[GYRO_FEEDTHROUGH];
@@ -715,7 +716,7 @@ static inline void rate_drive_feedthrough(const gyro_view *g, double out[2])
        v → v + a p, one-sided density a²/f from 1 Hz to half the sample rate
 
    p is pink noise of density 1 Hz/f, made of first-order processes with corners 1.5 a decade (M. S. Keshner, Proc. IEEE
-   70, 1982): within 3.5 % of the density, flat below about 0.1 Hz. Both axes are independent. SYSTEM.md section 8. */
+   70, 1982): within 3.5 % of the density, flat below about 0.1 Hz. Both axes are independent. */
 static inline void effect_flicker_noise(const gyro_view *g, double out[2])
 {
     const double flicker_noise = g->p[GYRO_FLICKER_NOISE];
@@ -731,7 +732,8 @@ static inline void effect_flicker_noise(const gyro_view *g, double out[2])
 
        v → v/(1 + r), r = c_p/(A c_f), c_f the feedback capacitance and A the open-loop gain
 
-   SYSTEM.md section 8. It is a common gain, which no record can tell from a scaling of m, k and d (gauge). */
+   TW 201137310 names it among the defects of sensing circuits; a first-order model in 1/A. It is a common gain, which no
+   record can tell from a scaling of m, k and d (gauge). */
 static inline void effect_parasitic_capacitance(const gyro_view *g, double out[2])
 {
     const double parasitic_ratio = g->p[GYRO_PARASITIC_RATIO];
@@ -754,7 +756,7 @@ static inline void rate_parasitic_capacitance(const gyro_view *g, double out[2])
 
        v_y → v_y (1 + ε)
 
-   SYSTEM.md section 8. */
+   A model with one constant factor for pickoff and amplifier. */
 static inline void effect_pickoff_gain_mismatch(const gyro_view *g, double out[2])
 {
     const double pickoff_gain_mismatch = g->p[GYRO_PICKOFF_GAIN_MISMATCH];
@@ -777,7 +779,7 @@ static inline void rate_pickoff_gain_mismatch(const gyro_view *g, double out[2])
 
        x → x + ε y, y → y + ε x
 
-   SYSTEM.md section 8. */
+   A first-order model of two pickoffs that are not at right angles, in the small angle ε. */
 static inline void effect_pickoff_misalignment(const gyro_view *g, double out[2])
 {
     const double pickoff_misalignment = g->p[GYRO_PICKOFF_MISALIGNMENT];
@@ -800,7 +802,9 @@ static inline void rate_pickoff_misalignment(const gyro_view *g, double out[2])
 
        q → q (1 + e q/g)/(1 - (q/g)²), the rest imbalance nulled; acts where 1/g > 0
 
-   SYSTEM.md section 8. It shares its slot with ``pickoff_nonlinearity``, which gives the part without e. */
+   Two plates of sizes 1 ± e at gap g: (1 + e)/(1 - q/g) - (1 - e)/(1 + q/g), less its value 2e at rest, over 2/g.
+   TW 201137310 names this asymmetry among the defects of sensing circuits. It shares its slot with
+   ``pickoff_nonlinearity``, which gives the part without e. */
 static inline void effect_pickoff_mismatch(const gyro_view *g, double out[2])
 {
     const double pickoff_inverse_gap = g->p[GYRO_PICKOFF_INVERSE_GAP];
@@ -854,7 +858,7 @@ static inline void rate_pickoff_nonlinearity(const gyro_view *g, double out[2])
        v → v + v' δ, δ normal
 
    v' is the rate at which the voltage enters the converter. On a sine of amplitude A the noise is A ω σ/√2 rms (IEEE Std
-   1241-2010, section 4.1, aperture uncertainty); SYSTEM.md section 8. */
+   1241-2010, section 4.1, aperture uncertainty). */
 static inline void effect_sampling_jitter(const gyro_view *g, double out[2])
 {
     const double normal_x = g->drawn[GYRO_EFFECT_SAMPLING_JITTER][0];
@@ -872,7 +876,7 @@ static inline void effect_sampling_jitter(const gyro_view *g, double out[2])
 
        v → v + σ n
 
-   SYSTEM.md sections 1 and 8: the reference device has 20 pm rms at 200 kHz, 20 µV at 1e6 V/m. */
+   A model of independent normal numbers. The device ``reference`` has 20 pm rms at 200 kHz, 20 µV at 1e6 V/m. */
 static inline void effect_sense_noise(const gyro_view *g, double out[2])
 {
     const double normal_x = g->drawn[GYRO_EFFECT_SENSE_NOISE][0];

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{74020d36-f571-39e2-f177-113abe151471}"
+#define GYRO_TOKEN "{191e573b-4e9e-5852-70fe-820d9fb22d0c}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

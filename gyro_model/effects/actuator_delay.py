@@ -2,7 +2,7 @@
 
     u(t) → u(t - τ), τ ≤ 1 ms; before the start the force is the first one
 
-SYSTEM.md sections 3 and 8. In a loop that cancels stiffness ΔK the delay acts as a damping ΔK·τ.
+A model of a pure dead time, a phase of ωτ. In a loop that cancels stiffness ΔK the delay acts as a damping ΔK·τ.
 """
 
 from gyro_model.anatomy import Delay, Limit

@@ -2,7 +2,7 @@
 
     u_y → u_y (1 + ε)
 
-SYSTEM.md section 8.
+A model with one constant factor for converter, driver and actuator.
 """
 
 from gyro_model.anatomy import Limit, Map

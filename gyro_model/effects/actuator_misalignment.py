@@ -2,7 +2,7 @@
 
     u_x → u_x + ε u_y, u_y → u_y + ε u_x
 
-SYSTEM.md section 8.
+A first-order model of two actuators that are not at right angles, in the small angle ε.
 """
 
 from gyro_model.anatomy import Limit, Map

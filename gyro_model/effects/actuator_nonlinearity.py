@@ -2,8 +2,8 @@
 
     u → u + a2 u² + a3 u³
 
-Electrostatic actuators pull with the square of the voltage; what linearisation leaves is a2 and a3.
-SYSTEM.md section 8.
+Electrostatic actuators pull with the square of the voltage; a2 and a3 are what linearisation
+leaves of that, in a Taylor model of third order.
 """
 
 from gyro_model.anatomy import Limit, Map

@@ -2,7 +2,7 @@
 
     v → clip(v, ±limit)
 
-SYSTEM.md section 8.
+A model of an ideal limit, the same in both directions.
 """
 
 from sympy import Max, Min

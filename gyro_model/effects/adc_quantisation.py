@@ -2,7 +2,7 @@
 
     v → round(v/lsb) · lsb, ties to even
 
-SYSTEM.md section 8. It looks like white noise of lsb²/12 where the signal crosses many steps.
+It looks like white noise of lsb²/12 where the signal crosses many steps (W. R. Bennett, Bell Syst. Tech. J. 27, 1948).
 """
 
 from gyro_model.anatomy import Limit, Map

@@ -2,7 +2,7 @@
 
     τ v_out' + v_out = v_in, v_out = v_in at the start
 
-SYSTEM.md section 8. The update is exact, so that τ may lie far below the step.
+A model with one pole. The update is exact, so that τ may lie far below the step.
 """
 
 from gyro_model.anatomy import Lag, Limit

@@ -2,7 +2,7 @@
 
     v → v + r t
 
-Source 000 asks for its compensation on line; SYSTEM.md section 8.
+A linear model of the drift that TW 201137310 names among the defects of sensing circuits and compensates on line.
 """
 
 from gyro_model.anatomy import Limit, Map

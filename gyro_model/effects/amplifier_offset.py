@@ -2,7 +2,7 @@
 
     v_x → v_x + o_x, v_y → v_y + o_y
 
-Source 000 asks for its compensation on line; SYSTEM.md section 8.
+TW 201137310 names it among the defects of sensing circuits and compensates it on line.
 """
 
 from gyro_model.anatomy import Limit, Map

@@ -2,7 +2,7 @@
 
     F_x = 2 m Ω y',  F_y = -2 m Ω x'
 
-Source 000, eq. 1.
+TW 201137310, eq. 1.
 """
 
 from gyro_model.anatomy import Energy, Force, Limit

@@ -2,7 +2,7 @@
 
     F = -[dxx dxy; dxy dyy] q'
 
-Source 000, eq. 1.
+TW 201137310, eq. 1.
 """
 
 from gyro_model.anatomy import Energy, Force, Limit

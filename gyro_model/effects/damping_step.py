@@ -2,7 +2,7 @@
 
     d → d · factor for t ≥ time
 
-Second embodiment of source 000 (figs. 8 and 10), where all damping doubles at 0.45 s. The integrator stops at the
+As in TW 201137310, second embodiment (figs. 8 and 10), where all damping changes at 0.45 s. The integrator stops at the
 instant, on the grid or off it.
 """
 

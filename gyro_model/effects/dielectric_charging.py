@@ -2,7 +2,7 @@
 
     v_bias → v_bias + V_c (1 - exp(-t/τ)); acts where softening ≠ 0
 
-SYSTEM.md section 8.
+A first-order model with one time constant.
 """
 
 from sympy import exp

@@ -2,7 +2,7 @@
 
     v → v + c_ft u, with the force that has acted until the sample
 
-SYSTEM.md section 8.
+A model of a stray capacitance between drive and sense electrodes, with a drive voltage in proportion to the force.
 """
 
 from gyro_model.anatomy import Limit, Map

@@ -3,7 +3,7 @@
     v → v + a p, one-sided density a²/f from 1 Hz to half the sample rate
 
 p is pink noise of density 1 Hz/f, made of first-order processes with corners 1.5 a decade (M. S. Keshner, Proc. IEEE
-70, 1982): within 3.5 % of the density, flat below about 0.1 Hz. Both axes are independent. SYSTEM.md section 8.
+70, 1982): within 3.5 % of the density, flat below about 0.1 Hz. Both axes are independent.
 """
 
 from gyro_model.anatomy import Limit, Map

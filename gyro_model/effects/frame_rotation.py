@@ -4,7 +4,6 @@
 
 With the Coriolis force this is Newton's law seen from a turning frame, -2 Ω×v - Ω×(Ω×r) - Ω'×r (H. Goldstein, Classical
 Mechanics, 1950, section 4-9); a rate held in steps makes Ω' a pulse, of which the velocity jump is the integral.
-SYSTEM.md section 8.
 """
 
 from sympy import Rational

@@ -2,7 +2,7 @@
 
     v = G q
 
-SYSTEM.md section 1. Scaling m, k, d and both gains together changes no sample (gauge), so one gain is held as known.
+A linear model. Scaling m, k, d and both gains together changes no sample (gauge), so one gain is held as known.
 """
 
 from gyro_model.anatomy import Limit, Map

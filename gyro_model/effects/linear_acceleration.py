@@ -2,7 +2,8 @@
 
     F_x = c_x m a_x,  F_y = c_y m a_y; physically c = -1, a tuning fork's two tines cancel most of it
 
-SYSTEM.md section 8.
+Newton's law in the frame of the package gives F = -m a. The model has one number c an axis for what a suspension of
+several masses leaves of it.
 """
 
 from gyro_model.anatomy import Force, Limit

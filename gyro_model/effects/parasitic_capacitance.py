@@ -2,7 +2,8 @@
 
     v → v/(1 + r), r = c_p/(A c_f), c_f the feedback capacitance and A the open-loop gain
 
-SYSTEM.md section 8. It is a common gain, which no record can tell from a scaling of m, k and d (gauge).
+TW 201137310 names it among the defects of sensing circuits; a first-order model in 1/A. It is a common gain, which no
+record can tell from a scaling of m, k and d (gauge).
 """
 
 from gyro_model.anatomy import Limit, Map

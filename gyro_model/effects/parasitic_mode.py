@@ -3,7 +3,7 @@
     q'' + (w/Q) q' + w² q = -(κ/m) x,  F_x = -κ q,  w = 2π · frequency
 
 The mode is scaled to the proof mass, so that the coupling is one symmetric spring κ and no energy appears from
-nowhere. SYSTEM.md section 8.
+nowhere. A model of one mode, linear, that does not follow the temperature.
 """
 
 from sympy import Rational, Symbol, pi

@@ -2,7 +2,7 @@
 
     v_y → v_y (1 + ε)
 
-SYSTEM.md section 8.
+A model with one constant factor for pickoff and amplifier.
 """
 
 from gyro_model.anatomy import Limit, Map

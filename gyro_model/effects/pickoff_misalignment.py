@@ -2,7 +2,7 @@
 
     x → x + ε y, y → y + ε x
 
-SYSTEM.md section 8.
+A first-order model of two pickoffs that are not at right angles, in the small angle ε.
 """
 
 from gyro_model.anatomy import Limit, Map

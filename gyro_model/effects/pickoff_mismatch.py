@@ -2,7 +2,9 @@
 
     q → q (1 + e q/g)/(1 - (q/g)²), the rest imbalance nulled; acts where 1/g > 0
 
-SYSTEM.md section 8. It shares its slot with ``pickoff_nonlinearity``, which gives the part without e.
+Two plates of sizes 1 ± e at gap g: (1 + e)/(1 - q/g) - (1 - e)/(1 + q/g), less its value 2e at rest, over 2/g.
+TW 201137310 names this asymmetry among the defects of sensing circuits. It shares its slot with
+``pickoff_nonlinearity``, which gives the part without e.
 """
 
 from sympy import Expr, Symbol

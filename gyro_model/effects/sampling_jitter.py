@@ -3,7 +3,7 @@
     v → v + v' δ, δ normal
 
 v' is the rate at which the voltage enters the converter. On a sine of amplitude A the noise is A ω σ/√2 rms (IEEE Std
-1241-2010, section 4.1, aperture uncertainty); SYSTEM.md section 8.
+1241-2010, section 4.1, aperture uncertainty).
 """
 
 from gyro_model.anatomy import Limit, Map

@@ -2,7 +2,7 @@
 
     v → v + σ n
 
-SYSTEM.md sections 1 and 8: the reference device has 20 pm rms at 200 kHz, 20 µV at 1e6 V/m.
+A model of independent normal numbers. The device ``reference`` has 20 pm rms at 200 kHz, 20 µV at 1e6 V/m.
 """
 
 from gyro_model.anatomy import Limit, Map

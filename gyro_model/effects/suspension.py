@@ -2,7 +2,7 @@
 
     F = -[kxx kxy; kxy kyy] q
 
-Source 000, eq. 1.
+TW 201137310, eq. 1.
 """
 
 from sympy import Rational

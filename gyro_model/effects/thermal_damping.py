@@ -2,7 +2,8 @@
 
     d → d (1 + tcd ΔT), ΔT = T_structure - t_ref
 
-Source 003, eq. 6 (Q falls as T rises at constant P/T); SYSTEM.md section 6.
+A first-order model. Q falls as T rises at constant P/T (X. Liu et al., Chinese Journal of Sensors and Actuators 27,
+2014, eq. 6).
 """
 
 from gyro_model.anatomy import Law, Limit

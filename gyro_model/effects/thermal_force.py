@@ -3,8 +3,7 @@
     one-sided density S_F = 4 k_B T D, with D the damping matrix
 
 A force held over a sample period Δ has the variance 2 k_B T D/Δ; the matrix root of D is taken in closed form,
-√D = (D + √det D · I)/√(tr D + 2 √det D). T. B. Gabrielson, IEEE Trans. Electron Devices 40, 1993, eq. 7; SYSTEM.md
-section 8.
+√D = (D + √det D · I)/√(tr D + 2 √det D). T. B. Gabrielson, IEEE Trans. Electron Devices 40, 1993, eq. 7.
 """
 
 from sympy import Max, sqrt

@@ -2,7 +2,7 @@
 
     G → G (1 + tcg (T_circuit - t_ref))
 
-SYSTEM.md sections 6 and 8.
+A first-order model.
 """
 
 from gyro_model.anatomy import Law, Limit

@@ -2,8 +2,8 @@
 
     T' = (temperature - T)/lag, T = temperature at the start, for T_structure and T_circuit
 
-Source 003 and SYSTEM.md sections 6 and 8. The update is exact while the ambient temperature is held, so that a lag may
-lie far below the step.
+Newton's law of cooling: a model of one heat capacity for each. The update is exact while the ambient temperature is
+held, so that a lag may lie far below the step.
 """
 
 from gyro_model.anatomy import Follow, Limit

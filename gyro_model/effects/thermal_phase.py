@@ -2,8 +2,9 @@
 
     τ → max(0, τ + tcp (T_circuit - t_ref))
 
-A lag of phase of ωτ that moves with temperature mixes quadrature into the demodulated rate (source 003). SYSTEM.md
-section 8; where the sum would be negative there is no lag.
+A first-order model. A lag of phase of ωτ that moves with temperature mixes quadrature into the demodulated rate
+(X. Liu et al., Chinese Journal of Sensors and Actuators 27, 2014, eq. 11). Where the sum would be negative there is no
+lag.
 """
 
 from sympy import Max

@@ -2,8 +2,8 @@
 
     kxx, kxy → (1 + tck ΔT), kyy → (1 + (tck + tck_split) ΔT), ΔT = T_structure - t_ref
 
-Source 003, k(T) = k0 [1 - α (T - T0)], so that f(T) ≈ f0 [1 - ½ α (T - T0)]: tck = -α. For silicon tck is about
--6e-5 /K.
+k(T) = k0 [1 - α (T - T0)], so that f(T) ≈ f0 [1 - ½ α (T - T0)]: tck = -α (X. Liu et al., Chinese
+Journal of Sensors and Actuators 27, 2014, eqs. 4 and 5). For silicon tck is about -6e-5 /K.
 """
 
 from gyro_model.anatomy import Law, Limit

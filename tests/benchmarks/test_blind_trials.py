@@ -68,7 +68,7 @@ def test_nothing_of_the_model_is_loaded_by_the_generator() -> None:
 
 
 def slope(t: float, s: np.ndarray, p: Plant, run: Run, k: int) -> np.ndarray:
-    """SYSTEM.md sections 1 and 8 once more, as matrices: x, y, x', y', parasitic q, q', structure temperature."""
+    """The device and its effects once more, as matrices: x, y, x', y', parasitic q, q', structure temperature."""
     q, dq, T = s[:2], s[2:4], s[6] - p.t_ref
     factor = p.damping_step_factor if t >= p.damping_step_time else 1.0
     D = np.array([[p.dxx, p.dxy], [p.dxy, p.dyy]]) * factor * (1 + p.tcd * T)

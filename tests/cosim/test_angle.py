@@ -23,7 +23,7 @@ SETTLED = 0.03
 
 
 def pattern(theta, theta_dot, tones=True, minor=0.0, converged_from=SETTLED, lambda_=1.0):
-    """Orbit of an isotropic lossless oscillator (source 000 eq. 1 with k, d, u cancelled).
+    """Orbit of an isotropic lossless oscillator (TW 201137310, eq. 1, with k, d, u cancelled).
 
     x + j y = exp(-j lambda theta) (a cos wt + j b sin wt) plus the steady response to the tones;
     theta [rad] and its rate [rad/s], shape (n,); minor: b over a.

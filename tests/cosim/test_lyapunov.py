@@ -212,7 +212,7 @@ def test_gain_takes_its_share_of_the_energy_at_any_stiffness(seed: int) -> None:
 def test_seven_parameters_and_rate_converge() -> None:
     for seed in range(3):
         result = run(seed, 0.35)
-        # The issue asks 1 % for good within 0.3 s, and 0.2 rad/s from 20 ms after each edge.
+        # Asked is 1 % for good within 0.3 s, and 0.2 rad/s from 20 ms after each edge.
         assert np.all(np.abs(result.error[result.t >= 0.3]) < 0.01)
         settled = (np.arange(len(result.t)) % 10_000) * PERIOD >= 0.02
         rate_error = (result.estimate[:, OMEGA_Z] - result.omega)[settled]

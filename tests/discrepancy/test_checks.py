@@ -27,7 +27,7 @@ NOISE = 2e-5
 
 
 def simulated(n: int, u: Floats, omega: float = 0.0, noise: float = NOISE, seed: int = 1) -> Floats:
-    """Samples (n, 2) [V] of SYSTEM.md section 1 from rest, by scipy's discretisation: none of the code under test."""
+    """Samples (n, 2) [V] of docs/theory/plant.md, eqs. 1 and 3, from rest, by scipy: none of the code under test."""
     k = np.array([[TRUE["kxx"], TRUE["kxy"]], [TRUE["kxy"], TRUE["kyy"]]])
     d = np.array([[TRUE["dxx"], TRUE["dxy"]], [TRUE["dxy"], TRUE["dyy"]]])
     d = d + 2 * TRUE["m"] * omega * np.array([[0, -1], [1, 0]])

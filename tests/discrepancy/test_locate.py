@@ -18,7 +18,7 @@ P = {"m": 1.8e-7, "kxx": 63.955, "kyy": 95.92, "kxy": 12.779, "dxx": 1.8e-6, "dy
      "sense_gain_x": 1e6, "sense_gain_y": 1e6}  # fmt: skip
 T = np.arange(LENGTH) / RATE
 LOWER, UPPER = 2893.0, 3759.0
-"""The coupled modes [Hz] (SYSTEM.md section 1)."""
+"""The coupled modes [Hz] of the reference device."""
 
 
 def run(number: int, rng: np.random.Generator, temperature: np.ndarray | None = None) -> Record:

@@ -31,7 +31,7 @@ def start_at(x: complex, y: complex) -> dict[str, float]:
 
 
 def matrices(p: Mapping[str, float], rate: float = 0.0) -> tuple[Floats, Floats, Floats]:
-    """Mass, damping with the Coriolis coupling at ``rate`` [rad/s], stiffness; source 000 eq. 1."""
+    """Mass, damping with the Coriolis coupling at ``rate`` [rad/s], stiffness; TW 201137310, eq. 1."""
     coriolis = 2 * p["m"] * rate * np.array([[0.0, -1.0], [1.0, 0.0]])
     damping = np.array([[p["dxx"], p["dxy"]], [p["dxy"], p["dyy"]]]) + coriolis
     return p["m"] * np.eye(2), damping, np.array([[p["kxx"], p["kxy"]], [p["kxy"], p["kyy"]]])

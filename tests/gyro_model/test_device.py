@@ -167,10 +167,10 @@ def test_reference_device_is_the_start_of_the_fmu() -> None:
     for name, value in device.parameters.items():
         if MODEL.parameter(name).role == "parameter":
             assert value == MODEL.parameter(name).start, name
-    # Its one size: 20 pm rms at 1e6 V/m (SYSTEM.md section 1).
+    # Its one size: 20 pm rms at 1e6 V/m (docs/theory/plant.md).
     sizes = {name: value for name, value in device.parameters.items() if MODEL.parameter(name).role == "size"}
     assert sizes == {"sense_noise": 2e-5}
-    # Its controller is that of section 3, and close to what would be scaled from it.
+    # Its controller is the one that is printed there, and close to what would be scaled from it.
     assert device.controller == {"k": 63.955, "tone_amplitude": 32e-6, "tone_x": 450.0, "tone_y": 500.0}
     for key, value in controller_for(63.955, 1.8e-7).items():
         # 3000 Hz and 0.5 µm are themselves rounded to 1e-4 and 1e-3.

@@ -48,7 +48,7 @@ def test_bias_scale_factor_and_quadrature_over_temperature(envelope: Runner, pla
         pairs = [both(envelope, plant, p, temperature=temperature, omega_z=rate) for rate in rates]
         (slow_0, quad_slow), (slow_1, _) = (reading(slow) for slow, _ in pairs)
         (fast_0, quad_fast), (fast_1, _) = (reading(fast) for _, fast in pairs)
-        # Of full range; the task asks for 1e-2. The lag's interpolation in the full plant leaves 1e-8.
+        # Of full range; asked is 1e-2. The lag's interpolation in the full plant leaves 1e-8.
         residual(f"bias at {temperature} K", abs(slow_0 - fast_0) / RANGE, 1e-7)
         residual(f"quadrature at {temperature} K", abs(quad_slow - quad_fast) / RANGE, 1e-7)
         residual(f"scale factor at {temperature} K", abs((slow_1 - slow_0) - (fast_1 - fast_0)) / RANGE, 1e-7)

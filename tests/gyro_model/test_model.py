@@ -54,7 +54,7 @@ def test_value_references_begin_with_the_table_of_quantities() -> None:
     assert all(MODEL.by_name[q.name] is q for q in MODEL.quantities)
 
 
-def test_chain_runs_in_the_order_of_the_specification() -> None:
+def test_chain_runs_in_its_order() -> None:
     slots = [slot for slot, _ in chain(MODEL)]
     assert slots == [slot for slot in SLOTS if slot in slots]
     assert {effect.id for _, members in chain(MODEL) for effect in members} == {
@@ -62,7 +62,7 @@ def test_chain_runs_in_the_order_of_the_specification() -> None:
     }
 
 
-def test_stages_are_those_of_the_specification() -> None:
+def test_stages_are_the_six() -> None:
     stages = {"parameter law", "actuator", "force", "pickoff", "amplifier", "sampled block"}
     assert {effect.stage for effect in MODEL.effects} == stages
 

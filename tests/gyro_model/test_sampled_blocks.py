@@ -118,7 +118,7 @@ def test_rounding(plant: Runner, lsb: float) -> None:
 
 
 def test_order_of_the_converter(plant: Runner) -> None:
-    # Noise, then clip, then round (SYSTEM.md section 8): the largest output is the rounded limit.
+    # Noise, then clip, then round (docs/theory/effects.md, eq. 1): the largest output is the rounded limit.
     own = {"sense_noise": 0.01, "adc_limit": 0.55, "adc_lsb": 0.1}
     v = plant.run({**MOVING, **own}, T, outputs=("v_x",))["v_x"]
     before = plant.run({**MOVING, "sense_noise": 0.01}, T, outputs=("v_x",))["v_x"]

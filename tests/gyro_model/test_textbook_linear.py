@@ -91,7 +91,7 @@ def test_foucault_changing_rate(plant: Runner, residual: Residual) -> None:
 
 
 def test_coriolis_sign(plant: Runner) -> None:
-    # Moving along +x with Ω > 0 pushes towards -y: y'' = -2 Ω x' (source 000, eq. 1).
+    # Moving along +x with Ω > 0 pushes towards -y: y'' = -2 Ω x' (TW 201137310, eq. 1).
     out = plant.run({**ISOTROPIC, "x_dot_start": 0.01}, np.array([0.0, 1e-6]), {"omega_z": np.full(2, 10.0)})
     # The first microsecond, in which x' changes by (ωh)²/2 = 2e-4 of itself.
     assert out["y_dot"][1] == pytest.approx(-2 * 10.0 * 0.01 * 1e-6, rel=2e-4)

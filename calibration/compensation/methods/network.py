@@ -1,4 +1,4 @@
-"""Source 002: Y = purelin(a2 · tansig(a1 · X + b1) + b2), Y = [bias, scale factor].
+"""CN 105222765: Y = purelin(a2 · tansig(a1 · X + b1) + b2), Y = [bias, scale factor].
 
 X = [drive frequency, its derivative, temperature of the circuit, its derivative]: the frequency tells the structure's
 temperature, the sensor the circuit's. Trained by Levenberg and Marquardt's method with the analytic Jacobian; inputs

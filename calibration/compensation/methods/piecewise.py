@@ -1,6 +1,6 @@
-"""Source 003: scale factor aT + b and bias cT + d in segments of the temperature, by least squares.
+"""Liu et al. 2014: scale factor aT + b and bias cT + d in segments of the temperature, by least squares.
 
-The lines of neighbouring segments meet: the source prints a table of coefficients a segment and no condition, and a
+The lines of neighbouring segments meet: the paper prints a table of coefficients a segment and no condition, and a
 jump of the output at an edge would be a fault of its own.
 """
 

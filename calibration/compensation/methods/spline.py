@@ -1,4 +1,4 @@
-"""Cubic splines of the temperatures and slopes of their derivatives, with a penalty: the method beyond the sources.
+"""Cubic splines of the temperatures and slopes of their derivatives, with a penalty: in neither document.
 
 S(X) and B(X) are each a sum of a penalised cubic spline of every signal (Eilers and Marx 1996: uniform B-splines, the
 squared second differences of their weights times λ) and a straight line in every derivative, which stands for a

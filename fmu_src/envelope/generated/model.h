@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{5d57f112-5a51-c296-ed39-70249c19ad38}"
+#define GYRO_TOKEN "{1ccc43c1-a25e-1763-12a2-0bce2685f095}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

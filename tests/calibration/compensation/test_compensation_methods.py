@@ -43,7 +43,7 @@ def left(test: Blocks, compensation: Compensation) -> tuple[Change, Change]:
 
 def test_the_device_drifts_as_in_source_003() -> None:
     scale, bias = left(settled(SOAK_TEST, 2), piecewise.fit(settled(SOAK_FIT, 1), 10.0, "structure", SEGMENTS))
-    # The device was solved for the five temperatures of the source; between them the bias peaks 0.03 °/s higher.
+    # The device was solved for the five temperatures of Liu et al. 2014; between them the bias peaks 0.03 °/s higher.
     assert 1e6 * scale.before == pytest.approx(316.66, rel=0.01)
     assert np.rad2deg(3600 * bias.before) == pytest.approx(366.22, rel=0.01)
     # The reach; measured 165 and 139.
@@ -125,7 +125,7 @@ def test_training_stops_at_the_threshold() -> None:
     weights, note = network._train(training, "record", np.random.default_rng(0))
     assert "reached" in note
     error = training._replace(threshold=-1.0).residual(weights)[:80]
-    # (Y - T)ᵀ(Y - T)/2 of source 002; without a stop least squares goes on.
+    # (Y - T)ᵀ(Y - T)/2 of CN 105222765; without a stop least squares goes on.
     assert 0.5 * error @ error < 20.0
     lower, _ = network._train(training._replace(threshold=-1.0), "record", np.random.default_rng(0))
     assert np.linalg.norm(training._replace(threshold=-1.0).residual(lower)[:80]) < np.linalg.norm(error)

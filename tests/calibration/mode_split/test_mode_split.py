@@ -1,4 +1,4 @@
-"""The split from noise: spectrum, bound, fit, the source's correlation."""
+"""The split from noise: spectrum, bound, fit, the correlation of CN 111272193."""
 
 from dataclasses import replace
 
@@ -271,7 +271,7 @@ def test_a_record_without_a_line_asks_for_the_drive_frequency():
         find_line(VoltageRecord(np.random.default_rng(1).standard_normal(20_000), 12000.0))
 
 
-# The source's correlation
+# The correlation of CN 111272193
 
 
 def spectrum_of(line_power, hump_power, split, q=1000.0):

@@ -1,4 +1,4 @@
-"""The settled rate mode against hand formulas, and the packaged device against source 003."""
+"""The settled rate mode against hand formulas, and the packaged device against Liu et al. 2014."""
 
 from math import pi, sqrt
 

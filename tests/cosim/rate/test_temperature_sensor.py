@@ -1,4 +1,4 @@
-"""The temperature sensors: the bridge of source 003 by hand, noise and rounding."""
+"""The temperature sensors: the bridge of Liu et al. 2014 by hand, noise and rounding."""
 
 import numpy as np
 import pytest
