@@ -152,9 +152,5 @@ def test_what_is_found_is_a_design_that_runs(tmp_path: Path) -> None:
 def test_type_hints_of_public_functions_resolve() -> None:
     for name in FUNCTIONS:
         function = getattr(gt, name)
-        namespace = {
-            **vars(sys.modules[function.__module__]), "Dataset": gt.Dataset, "Design": gt.Design, "RunResult": gt.RunResult,
-            "RateResult": gt.RateResult, "SplitResult": gt.SplitResult, "DiagnosisResult": gt.DiagnosisResult,
-            "CompensationResult": gt.CompensationResult, "Effect": object, "Residual": object,
-        }  # fmt: skip
+        namespace = vars(sys.modules[function.__module__]) | vars(gt) | {"Effect": object, "Residual": object}
         assert "return" in typing.get_type_hints(function, namespace)
