@@ -90,12 +90,12 @@ def _generated_files(model: Model, token: str) -> dict[str, str]:
 
 def committed_files(model: Model) -> dict[Path, str]:
     """What a checkout holds of generated text, by path: the C of both forms of ``model``, which share the effects, and
-    README.md with its tables."""
+    the page of the FMUs with its tables."""
     folder = handwritten_folder()
     own = {name: text for name, text in generated_files(envelope_model(model)).items() if name != EFFECTS}
     files = {folder / name: text for name, text in generated_files(model).items()}
     files |= {folder / ENVELOPE / name: text for name, text in own.items()}
-    return files | generate_docs.readme(CHECKOUT, model)
+    return files | generate_docs.reference_page(CHECKOUT, model)
 
 
 def model_token(model: Model) -> str:

@@ -1,4 +1,4 @@
-"""Writes the tables of variables and effects that README.md holds between its markers."""
+"""Writes the tables of variables and effects that docs/reference/fmu.md holds between its markers."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -51,9 +51,9 @@ def _between(text: str, begin: str, written: str, end: str) -> str:
     return f"{before}{begin}\n\n{written}\n{end}{after}"
 
 
-def readme(checkout: Path, model: Model) -> dict[Path, str]:
-    """README.md with its tables, by path; nothing where there is no README."""
-    path = checkout / "README.md"
+def reference_page(checkout: Path, model: Model) -> dict[Path, str]:
+    """The page of the FMUs with its tables, by path; nothing where there are no pages."""
+    path = checkout / "docs" / "reference" / "fmu.md"
     return {path: insert(path.read_text(encoding="utf-8"), model)} if path.is_file() else {}
 
 

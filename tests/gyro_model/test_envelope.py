@@ -284,8 +284,8 @@ def test_a_step_at_any_phase_is_that_of_the_full_plant(envelope: Runner, residua
         residual(axis, np.max(np.abs(found - wanted[:, i])) / np.max(np.abs(wanted[:, i])), 3e-10)
 
 
-def test_the_example_of_the_readme(monkeypatch: pytest.MonkeyPatch) -> None:
-    section = (CHECKOUT / "README.md").read_text(encoding="utf-8").split("## The FMUs alone")[1]
+def test_the_example_of_the_documentation(monkeypatch: pytest.MonkeyPatch) -> None:
+    section = (CHECKOUT / "docs/reference/fmu.md").read_text(encoding="utf-8").split("## The envelope")[1]
     code = section[section.index("    import numpy as np\n") :].split("\n\n")[0]
     monkeypatch.chdir(default_folder(load_model()).parent)
     build(envelope_model())
