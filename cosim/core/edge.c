@@ -1,5 +1,6 @@
 #include "edge.h"
 
+#include "edge_fit.h"
 #include "foucault.h"
 #include "known_model.h"
 
@@ -8,32 +9,17 @@
 #define LATEST 4e-4    /* a step lies at most so long before it shows [s] */
 #define MARGIN 3e-4    /* between the motion that is taken as before the step and that [s] */
 #define SETTLED 1e-3   /* after which the rate is known again [s] */
-#define SPAN 1e-3      /* over which the motion is averaged, before and after [s] */
+#define SPAN 1e-3      /* over which the rate is averaged before and after, and the pattern after [s] */
+#define LOOKED 2e-4    /* over which the pattern is compared once the step has shown [s] */
+#define LOOKED_MOST 512 /* samples of that at most */
+#define ORBIT 1e-4     /* error of the orbit over its size: of the rates over the time between before and after, of constants that have just been found */
+#define ACROSS 2e-5    /* error of a position across the pattern over its size, common to those that are compared */
 #define EXPLAINED 0.3  /* share of the deviation that the best time may leave unexplained */
-#define JUMPS 2        /* what the velocity may do in a step: what is known of the package; the Euler force of a frame that turns */
-#define FINE 4         /* times tried a sample */
+#define JUMPS 2        /* as known, or with the Euler force of a frame that turns */
 
-static const edge_sample *sample_at(const edge *e, int64_t k) { return &e->past[k & (EDGE_PAST - 1)]; }
+static int64_t fewer(int64_t a, int64_t b) { return a < b ? a : b; }
 
 static int64_t samples_in(const edge *e, double duration) { return (int64_t)(duration / e->period + 0.5); }
-
-/* The orbit a time later: z'' + 2 i turn z' + w^2 z = 0. */
-static orbit moved(orbit o, double turn, double w, double duration)
-{
-    const double complex up = 0.5 * (o.z + (o.v + I * turn * o.z) / (I * w)), down = o.z - up;
-    const double complex swing = cexp(I * w * duration), frame = cexp(-I * turn * duration);
-    const double complex ahead = frame * up * swing, back = frame * down * conj(swing);
-    const orbit end = {ahead + back, I * (w - turn) * ahead - I * (w + turn) * back};
-    return end;
-}
-
-/* Orientation of the straight line that an orbit is while the plane turns [rad]. */
-static double orientation(orbit o, double turn, double w)
-{
-    const double complex v = (o.v + I * turn * o.z) / w;
-    const double cross = 2.0 * (creal(o.z) * cimag(o.z) + creal(v) * cimag(v));
-    return 0.5 * atan2(cross, creal(o.z * conj(o.z)) + 2.0 * creal(v) * creal(v) - 2.0 * cimag(o.z) * cimag(o.z) - creal(v * conj(v)));
-}
 
 static double mean_rate(const edge *e, int64_t first, int64_t last)
 {
@@ -44,21 +30,6 @@ static double mean_rate(const edge *e, int64_t first, int64_t last)
     return total / (double)(last - first);
 }
 
-/* The orbit at sample `at`, averaged over those from first to last - 1. */
-static orbit mean_orbit(const edge *e, int64_t first, int64_t last, int64_t at, double turn, double w)
-{
-    orbit total = {0.0, 0.0};
-    for (int64_t k = first; k < last; k++) {
-        const edge_sample *s = sample_at(e, k);
-        const orbit there = moved(s->free, turn, w, (double)(at - k) * e->period);
-        total.z += there.z;
-        total.v += there.v;
-    }
-    total.z /= (double)(last - first);
-    total.v /= (double)(last - first);
-    return total;
-}
-
 /* The rate that the force which acts from sample k on was computed with; the force is `delay` samples late. */
 static double rate_acting(const edge *e, int64_t k, double delay)
 {
@@ -67,35 +38,14 @@ static double rate_acting(const edge *e, int64_t k, double delay)
     return (1.0 - part) * sample_at(e, k - whole)->rate + part * sample_at(e, k - whole - 1)->rate;
 }
 
-/* Squared deviation of b from a over the square of a's size, but for what amplitude and phase explain. */
-static double deviation_of(orbit a, orbit b, double w)
-{
-    const double from[4] = {creal(a.z), cimag(a.z), creal(a.v) / w, cimag(a.v) / w};
-    const double along[2][4] = {{from[0], from[1], from[2], from[3]}, {from[2], from[3], -from[0], -from[1]}};
-    double d[4] = {creal(b.z) - from[0], cimag(b.z) - from[1], creal(b.v) / w - from[2], cimag(b.v) / w - from[3]}, size = 0.0, total = 0.0;
-    for (int i = 0; i < 4; i++) {
-        size += from[i] * from[i];
-    }
-    for (int n = 0; n < 2; n++) {
-        double share = 0.0;
-        for (int i = 0; i < 4; i++) {
-            share += d[i] * along[n][i] / size;
-        }
-        for (int i = 0; i < 4; i++) {
-            d[i] -= share * along[n][i];
-        }
-    }
-    for (int i = 0; i < 4; i++) {
-        total += d[i] * d[i];
-    }
-    return total / size;
-}
-
-/* Jump of the velocity by a step of the rate, per rad/s: the Euler force on all of the motion, where the package is known to have one. */
-static double complex jump_of(const known *k, orbit a, orbit b)
+/* Jump of the velocity in a step of the rate, per rad/s: as the package is known, or the Euler force of a frame that turns on all of the motion. */
+static double complex jump_of(const known *k, int euler, orbit a, orbit b)
 {
     double s[NS] = {0}, out[2];
     const double none[2] = {0.0, 0.0};
+    if (euler) {
+        return -I * (a.z + b.z);
+    }
     s[0] = creal(a.z + b.z);
     s[1] = creal(a.v + b.v);
     s[2] = cimag(a.z + b.z);
@@ -103,13 +53,6 @@ static double complex jump_of(const known *k, orbit a, orbit b)
     known_jump(k, s, none, 0.0, out);
     return out[0] + I * out[1];
 }
-
-/* The motion on both sides of a step: rates [rad/s], how fast the pattern turns [rad/s], the pattern at `first` and at `last`. */
-typedef struct {
-    int64_t first, last;
-    double before, after, turn_before, turn_after;
-    orbit from, to;
-} sides;
 
 static double coupling_of(edge *e, const double *estimate)
 {
@@ -132,84 +75,150 @@ static double delay_of(const edge *e)
     return smaller(larger(late[0] / e->period, 0.0), (double)samples_in(e, SPAN));
 }
 
-static int64_t first_of(const edge *e) { return e->seen - samples_in(e, LATEST) - samples_in(e, MARGIN); }
+/* A step and what is known around it: the pattern `from` at sample `first` and `to` at sample `last`, from which on the rate is known again; samples
+   that are compared besides, `seen` to `looked`; what the forces after `looked` that were not cancelled do to the pattern, `rest`; rates [rad/s] and
+   how fast the pattern turns [rad/s] before and after; how long a force is late [samples]; the pattern's angular frequency [rad/s] and size [m]; what is
+   wrong of the response to the tones, and the positions from `seen` on without it [m]. */
+typedef struct {
+    int64_t first, looked, last;
+    orbit from, to, rest;
+    double before, after, turn_before, turn_after, coupling, delay, w, size;
+    double complex wrong[TERMS], clean[LOOKED_MOST];
+} step;
 
-static sides sides_of(const edge *e, double coupling, double w)
+/* Velocity that the Coriolis force on the forced motion gives over the period after sample k where the rate is `rate`, as far as the loop does not
+   cancel it. */
+static double complex kick_at(const edge *e, const step *s, int64_t k, double rate)
 {
-    sides s;
+    const double left = rate - rate_acting(e, k, s->delay);
+    return -I * s->coupling * left * e->period * (sample_at(e, k)->forced.v + sample_at(e, k + 1)->forced.v);
+}
+
+/* With a push of the velocity over the last period. */
+static orbit kicked(orbit o, double complex push, double period)
+{
+    o.z += 0.5 * period * push;
+    o.v += push;
+    return o;
+}
+
+/* The pattern on both sides of the step. */
+static void fit_sides(const edge *e, step *s, int64_t begin)
+{
+    const double complex none[TERMS] = {0};
+    double complex found[TERMS];
+    edge_fit(e, TERMS, begin, s->first, s->first, s->turn_before, s->w, s->size, none, s->wrong);
+    s->from = pattern_of(s->wrong[0], s->wrong[1], s->turn_before, s->w);
+    /* The pattern has turned by other than the mean of the rate says where that has an error. */
+    s->turn_before -= 0.5 * cimag(s->wrong[2] / s->wrong[0] + s->wrong[3] / s->wrong[1]) / FITTED;
+    edge_fit(e, PATTERN_TERMS, s->last, e->count, s->last, s->turn_after, s->w, s->size, s->wrong, found);
+    s->to = pattern_of(found[0], found[1], s->turn_after, s->w);
+    for (int64_t k = e->seen; k < s->looked; k++) {
+        s->clean[k - e->seen] = edge_clean(e, s->wrong, k, s->w, s->size);
+    }
+}
+
+static step step_of(edge *e, const double *estimate)
+{
+    step s;
     const int64_t span = samples_in(e, SPAN);
+    s.first = e->seen - samples_in(e, LATEST) - samples_in(e, MARGIN);
+    s.looked = e->seen + fewer(samples_in(e, LOOKED), LOOKED_MOST);
     s.last = e->count - span;
-    s.first = first_of(e);
+    s.coupling = coupling_of(e, estimate);
+    s.delay = delay_of(e);
+    const edge_sample *begun = sample_at(e, s.first);
+    s.w = sqrt(begun->omega_squared);
+    s.size = hypot(cabs(begun->free.z), cabs(begun->free.v) / s.w);
     s.before = mean_rate(e, s.first - span, s.first);
     s.after = mean_rate(e, s.last, e->count);
     /* What the controller turns the pattern by goes on through the step. */
     const double own = -(sample_at(e, s.last)->turned - sample_at(e, s.first)->turned) / ((double)(s.last - s.first) * e->period);
-    s.turn_before = coupling * s.before + own;
-    s.turn_after = coupling * s.after + own;
-    s.from = mean_orbit(e, s.first - span, s.first, s.first, s.turn_before, w);
-    s.to = mean_orbit(e, s.last, e->count, s.last, s.turn_after, w);
+    s.turn_before = s.coupling * s.before + own;
+    s.turn_after = s.coupling * s.after + own;
+    fit_sides(e, &s, s.first - fewer(samples_in(e, FITTED), s.first - e->reviewed));
+    s.rest.z = s.rest.v = 0.0;
+    const advance after = pattern_advance(s.turn_after, s.w, e->period);
+    for (int64_t k = s.looked; k < s.last; k++) {
+        s.rest = kicked(pattern_moved(s.rest, &after), kick_at(e, &s, k, s.after), e->period);
+    }
     return s;
 }
 
-/* Adds what a push of the velocity has become `duration` later. */
-static void push(orbit *o, double complex velocity, double turn, double w, double duration)
+/* Follows the pattern through a step at the sample `at`, of which a fraction counts. Returns how badly that explains what was seen, in variances;
+   `turned` is what the pattern turned by beyond its share of the rate. */
+static double follow(const edge *e, const step *s, double at, int euler, double *turned)
 {
-    const orbit start = {0.0, velocity}, end = moved(start, turn, w, duration);
-    o->z += end.z;
-    o->v += end.v;
+    const double T = e->period, part = at - floor(at);
+    const advance before = pattern_advance(s->turn_before, s->w, T), after = pattern_advance(s->turn_after, s->w, T);
+    const advance to_step = pattern_advance(s->turn_before, s->w, part * T), from_step = pattern_advance(s->turn_after, s->w, (1.0 - part) * T);
+    const int64_t stepped = (int64_t)floor(at);
+    orbit o = s->from;
+    double total = 0.0, angle = pattern_orientation(o, s->turn_before, s->w);
+    for (int64_t k = s->first; k < s->looked; k++) {
+        const double old = k < stepped ? 1.0 : k > stepped ? 0.0 : part;
+        if (k == stepped) {
+            o = pattern_moved(o, &to_step);
+            o.v += (s->after - s->before) * jump_of(&e->k, euler, o, sample_at(e, k)->forced);
+            o = pattern_moved(o, &from_step);
+        } else {
+            o = pattern_moved(o, k < stepped ? &before : &after);
+        }
+        o = kicked(o, kick_at(e, s, k, old * s->before + (1.0 - old) * s->after), T);
+        angle -= (old * s->turn_before + (1.0 - old) * s->turn_after) * T;
+        if (k + 1 >= e->seen && k + 1 < s->looked) {
+            const double across = cimag((cos(angle) - I * sin(angle)) * (s->clean[k + 1 - e->seen] - o.z));
+            total += across * across;
+        }
+    }
+    const advance remaining = pattern_advance(s->turn_after, s->w, (double)(s->last - s->looked) * T);
+    o = pattern_moved(o, &remaining);
+    o.z += s->rest.z;
+    o.v += s->rest.v;
+    angle -= s->turn_after * (double)(s->last - s->looked) * T;
+    *turned = remainder(pattern_orientation(o, s->turn_after, s->w) - angle, PI);
+    return total / (ACROSS * ACROSS * s->size * s->size * (double)(s->looked - e->seen)) + pattern_deviation(s->to, o, s->w) / (ORBIT * ORBIT);
 }
 
-/* The Coriolis push, per rad/s that is not cancelled, on the forced motion over the period after sample k. */
-static double complex push_of_forced(const edge *e, int64_t k, double coupling)
+/* The time at which a step explains best what was seen [samples], by a parabola through the least and its neighbours, or below zero where there is
+   none; how badly the best and the worst time explain it. */
+static double find_step(const edge *e, const step *s, int euler, double *least, double *worst)
 {
-    return -I * coupling * e->period * (sample_at(e, k)->forced.v + sample_at(e, k + 1)->forced.v);
+    const int64_t earliest = e->seen - samples_in(e, LATEST);
+    double middle = 0.0, old = 0.0, turned, best = -1.0;
+    *worst = 0.0;
+    *least = INFINITY;
+    for (int64_t k = earliest; k <= e->seen; k++) {
+        const double found = follow(e, s, (double)k, euler, &turned);
+        *worst = larger(*worst, found);
+        if (k >= earliest + 2 && middle <= old && middle <= found && middle < *least) {
+            const double bend = old - 2.0 * middle + found;
+            *least = middle;
+            best = (double)(k - 1) + (bend > 0.0 ? 0.5 * (old - found) / bend : 0.0);
+        }
+        old = middle;
+        middle = found;
+    }
+    return best;
 }
 
-/* Finds when the step was, and what it turned the pattern by. */
+/* Finds when the step was, and takes out what it turned the pattern by. */
 static void review(edge *e, const double *estimate)
 {
-    const double T = e->period, coupling = coupling_of(e, estimate), delay = delay_of(e);
-    const double w = sqrt(sample_at(e, first_of(e))->omega_squared);
-    const sides s = sides_of(e, coupling, w);
-    /* What the loop did not cancel, had the rate been `after` throughout; the rest follows as the time that is tried moves on. */
-    orbit kicked = {0.0, 0.0};
-    for (int64_t k = s.first; k < s.last; k++) {
-        const double complex kick = (s.after - rate_acting(e, k, delay)) * push_of_forced(e, k, coupling);
-        push(&kicked, kick, s.turn_after, w, ((double)(s.last - k) - 0.5) * T);
-    }
-    double least[JUMPS] = {INFINITY, INFINITY}, most[JUMPS] = {0.0, 0.0}, turned[JUMPS] = {0.0, 0.0};
-    for (int64_t k = s.first; k <= e->seen; k++) {
-        const double complex kick = (s.before - s.after) * push_of_forced(e, k, coupling);
-        for (int n = 0; n < FINE && k >= e->seen - samples_in(e, LATEST); n++) {
-            const double part = (double)n / FINE, since = (double)(k - s.first) + part, left = (double)(s.last - k) - part;
-            const orbit there = moved(s.from, s.turn_before, w, since * T), forced = sample_at(e, k)->forced;
-            const double complex jump[JUMPS] = {jump_of(&e->k, there, forced), -I * (there.z + forced.z)};
-            for (int j = 0; j < JUMPS; j++) {
-                orbit o = {there.z, there.v + (s.after - s.before) * jump[j]};
-                o = moved(o, s.turn_after, w, left * T);
-                o.z += kicked.z;
-                o.v += kicked.v;
-                push(&o, part * kick, s.turn_after, w, (left + 0.5 * part) * T);
-                const double left_over = deviation_of(s.to, o, w);
-                most[j] = larger(most[j], left_over);
-                if (left_over < least[j]) {
-                    least[j] = left_over;
-                    turned[j] = orientation(o, s.turn_after, w) - orientation(s.from, s.turn_before, w)
-                                + (since * s.turn_before + left * s.turn_after) * T;
-                }
-            }
-        }
-        push(&kicked, kick, s.turn_after, w, ((double)(s.last - k) - 0.5) * T);
-    }
-    const int explained[JUMPS] = {least[0] < EXPLAINED * EXPLAINED * most[0], least[1] < EXPLAINED * EXPLAINED * most[1]};
-    if (explained[0] || explained[1]) {
+    const step s = step_of(e, estimate);
+    double at[JUMPS], turned;
+    int explained[JUMPS];
+    for (int j = 0; j < JUMPS; j++) {
+        double least, worst;
+        at[j] = find_step(e, &s, j, &least, &worst);
+        explained[j] = least < EXPLAINED * EXPLAINED * worst;
         /* The logarithm: how well a step can be explained depends on what is known by then, so each votes by the ratio. */
-        e->unexplained[0] += log(least[0]);
-        e->unexplained[1] += log(least[1]);
+        e->unexplained[j] += log(smaller(least, worst));
     }
     const int best = e->unexplained[1] < e->unexplained[0];
     if (explained[best]) {
-        e->turned += remainder(turned[best], PI);
+        (void)follow(e, &s, at[best], best, &turned);
+        e->turned += turned;
     }
 }
 
@@ -221,11 +230,14 @@ void edge_start(edge *e, const double *values, double period)
     e->seen = -1;
 }
 
-void edge_follow(edge *e, const double *estimate, const double in[IN], const double forced[4], double omega_squared, double turned)
+void edge_follow(edge *e, const double *estimate, const double in[IN], const double forced[4], const double near[4],
+                 double omega_squared, double turned)
 {
     edge_sample *now = &e->past[e->count & (EDGE_PAST - 1)];
     now->forced.z = forced[0] + I * forced[2];
     now->forced.v = forced[1] + I * forced[3];
+    now->near.z = near[0] + I * near[2];
+    now->near.v = near[1] + I * near[3];
     now->free.z = estimate[0] + I * estimate[2] - now->forced.z;
     now->free.v = estimate[1] + I * estimate[3] - now->forced.v;
     now->rate = estimate[4];
@@ -233,15 +245,16 @@ void edge_follow(edge *e, const double *estimate, const double in[IN], const dou
     now->turned = turned;
     memcpy(e->k.in, in, sizeof e->k.in);
     const int64_t needed = samples_in(e, LATEST + MARGIN + 2.0 * SPAN), wait = samples_in(e, SETTLED + SPAN), sudden = samples_in(e, SUDDEN);
-    if (needed + wait >= EDGE_PAST) {
+    if (samples_in(e, FITTED) + needed + wait >= EDGE_PAST) {
         return;
     }
-    if (e->seen < 0 && e->count > needed && fabs(now->rate - sample_at(e, e->count - sudden)->rate) > STEP) {
+    if (e->seen < 0 && e->count > e->reviewed + needed && fabs(now->rate - sample_at(e, e->count - sudden)->rate) > STEP) {
         e->seen = e->count;
     }
     e->count++;
     if (e->seen >= 0 && e->count == e->seen + wait) {
         review(e, estimate);
         e->seen = -1;
+        e->reviewed = e->count;
     }
 }

@@ -9,20 +9,15 @@
 #ifndef EDGE_H
 #define EDGE_H
 
-#include <complex.h>
-
 #include "known.h"
+#include "pattern.h"
 
-#define EDGE_PAST 8192 /* samples kept; a power of two */
+#define EDGE_PAST 16384 /* samples kept; a power of two */
 
-/* A motion in the plane: x + i y and its velocity. */
+/* A sample: the pattern, the forced motion and its part from tones near the oscillation, the rate that the loop acts on, k/m, and the angle by which the
+   controller has turned the pattern. */
 typedef struct {
-    double complex z, v;
-} orbit;
-
-/* A sample: the pattern, the forced motion, the rate that the loop acts on, k/m, and the angle by which the controller has turned the pattern. */
-typedef struct {
-    orbit free, forced;
+    orbit free, forced, near;
     double rate, omega_squared, turned;
 } edge_sample;
 
@@ -32,14 +27,19 @@ typedef struct {
     double period;    /* [s] */
     int64_t count;    /* samples so far */
     int64_t seen;     /* sample at which a step showed; below zero: none is under review */
+    int64_t reviewed; /* sample from which on no step is known */
     double turned;    /* angle by which steps have turned the pattern [rad] */
     double unexplained[2]; /* sum of the logarithms of the squared deviations: with the jump that is known, and with the Euler force of the whole motion */
 } edge;
 
+static inline const edge_sample *sample_at(const edge *e, int64_t k) { return &e->past[k & (EDGE_PAST - 1)]; }
+
 /* `values` [NC]: what is known. */
 void edge_start(edge *e, const double *values, double period);
 
-/* After the controller at a sample: the estimate; the forced motion x, x', y, y'; k/m; the angle that the controller has turned the pattern by. */
-void edge_follow(edge *e, const double *estimate, const double in[IN], const double forced[4], double omega_squared, double turned);
+/* After the controller at a sample: the estimate; the forced motion x, x', y, y' and its part from tones near the
+   oscillation; k/m; the angle that the controller has turned the pattern by. */
+void edge_follow(edge *e, const double *estimate, const double in[IN], const double forced[4], const double near[4],
+                 double omega_squared, double turned);
 
 #endif

@@ -1,0 +1,70 @@
+#include "edge_fit.h"
+
+#define FITTED_MOST 1000 /* samples of a fit at most */
+#define RIDGE 1e-9       /* of the diagonal */
+
+static void terms_at(const edge *e, int64_t k, int64_t at, double turn, double w, double size, double complex out[TERMS])
+{
+    const edge_sample *s = sample_at(e, k);
+    const double t = (double)(k - at) * e->period;
+    const advance by = pattern_advance(turn, w, t);
+    const double complex far = s->forced.z - s->near.z, far_v = (s->forced.v - s->near.v) / w, near_v = s->near.v / w;
+    const double response[8] = {creal(far), cimag(far), creal(far_v), cimag(far_v), creal(s->near.z), cimag(s->near.z), creal(near_v), cimag(near_v)};
+    out[0] = by.up;
+    out[1] = by.down;
+    out[2] = by.up * (t / FITTED);
+    out[3] = by.down * (t / FITTED);
+    out[4] = 1.0;
+    for (int i = 0; i < 8; i++) {
+        out[5 + i] = response[i] / size;
+    }
+}
+
+double complex edge_clean(const edge *e, const double complex wrong[TERMS], int64_t k, double w, double size)
+{
+    double complex terms[TERMS], z = sample_at(e, k)->free.z;
+    terms_at(e, k, k, 0.0, w, size, terms);
+    for (int i = MOVING_TERMS; i < TERMS; i++) {
+        z -= wrong[i] * terms[i];
+    }
+    return z;
+}
+
+void edge_fit(const edge *e, int count, int64_t first, int64_t last, int64_t at, double turn, double w, double size,
+              const double complex wrong[TERMS], double complex found[TERMS])
+{
+    double complex A[TERMS][TERMS], terms[TERMS];
+    const int64_t stride = (last - first) / FITTED_MOST + 1;
+    memset(A, 0, sizeof A);
+    memset(found, 0, TERMS * sizeof *found);
+    for (int64_t k = first; k < last; k += stride) {
+        const double complex z = edge_clean(e, wrong, k, w, size);
+        terms_at(e, k, at, turn, w, size, terms);
+        for (int i = 0; i < count; i++) {
+            for (int j = 0; j <= i; j++) {
+                A[i][j] += conj(terms[i]) * terms[j];
+            }
+            found[i] += conj(terms[i]) * z;
+        }
+    }
+    /* A term that is not there, of a tone that is not driven, is held at zero by the ridge. */
+    for (int i = 0; i < count; i++) {
+        A[i][i] += RIDGE * creal(A[0][0]);
+    }
+    /* Cholesky, in place: A = L D L*. */
+    for (int j = 0; j < count; j++) {
+        for (int i = j + 1; i < count; i++) {
+            const double complex factor = A[i][j] / A[j][j];
+            for (int q = j + 1; q <= i; q++) {
+                A[i][q] -= factor * conj(A[q][j]);
+            }
+            found[i] -= factor * found[j];
+        }
+    }
+    for (int j = count - 1; j >= 0; j--) {
+        for (int i = j + 1; i < count; i++) {
+            found[j] -= conj(A[i][j]) * found[i];
+        }
+        found[j] /= A[j][j];
+    }
+}
