@@ -1,10 +1,4 @@
-"""The checks that the packaged parts pass, for parts of a user's own.
-
-    from gyrotwin import contract
-    contract.check("my_effects")         # a folder or a file: effect, observer, controller or scenario
-
-Raises InputError with the reason where a part does not fulfil its contract.
-"""
+"""The checks that the packaged parts pass, for parts of a user's own: effects, observers, controllers, scenarios."""
 
 import shutil
 import tempfile
@@ -35,6 +29,18 @@ def check(path: str | Path) -> list[str]:
     ------
     InputError
         With the reason why a part is refused.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from gyro_model.model import EFFECTS_FOLDER
+    >>> from gyrotwin import contract
+    >>> text = (EFFECTS_FOLDER / "cubic_stiffness.py").read_text()
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> own = text.replace("cubic_stiffness", "my_stiffness").replace("k3_", "my_")
+    >>> _ = (folder / "my_stiffness.py").write_text(own)
+    >>> [line.split(":")[0] for line in contract.check(folder)]
+    ['effect my_stiffness']
 
     """
     place = Path(path)
