@@ -9,6 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from gyro_model.build import Fmus, build
+from gyrotwin import notice
 
 _KEY = "residual"
 
@@ -28,6 +29,12 @@ def fmus() -> Fmus:
 def update(request: pytest.FixtureRequest) -> bool:
     """Whether to rewrite what a test would compare with."""
     return bool(request.config.getoption("--update"))
+
+
+@pytest.fixture(autouse=True)
+def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No command says that it is still loading: whether it would depends on how busy the machine is."""
+    monkeypatch.setattr(notice, "PATIENCE", 3600.0)
 
 
 @pytest.fixture
