@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -23,6 +23,28 @@ LARGEST_SEED: Final = 2**31 - 1
 """Of the FMU; each run has a seed of its own."""
 SPREAD: Final = 0.02
 """What the lab believes is off by up to this share, as manufacturing leaves it."""
+
+
+class Tones(NamedTuple):
+    """The force of a run: on each axis a sum of sines of one ``size`` [N]. frequency [Hz], phase [rad]: (TONES, 2)."""
+
+    frequency: Floats
+    phase: Floats
+    size: float
+
+    def force(self, t: Floats) -> Floats:
+        """The force [N] at the times ``t`` [s], (n, 2)."""
+        angle = 2 * np.pi * self.frequency * t[:, None, None] + self.phase
+        return np.asarray(self.size * np.sin(angle).sum(axis=1))
+
+
+def draw_run(true: Mapping[str, float], rng: np.random.Generator) -> tuple[Tones, float]:
+    """The tones of the next run, from below the lower mode to above the upper one, and its rate [rad/s]."""
+    low, high = mode_frequencies(true, 2)
+    frequency = rng.uniform(0.3 * low, 1.5 * high, (TONES, 2))
+    phase = rng.uniform(0, 2 * np.pi, (TONES, 2))
+    # Off resonance a force of k REACH moves the mass by about REACH; near it by more.
+    return Tones(frequency, phase, 0.3 * np.sqrt(2 / TONES) * REACH * true["kxx"]), rng.uniform(-5, 5)
 
 
 def write_trial(
@@ -60,7 +82,8 @@ def write_trial(
     t = np.arange(samples) / rate
     with Simulator(device.model, jobs=1) as simulator:
         for number in range(runs):
-            blank = _blank(t, _drive(t, true, rng), rng.uniform(-5, 5), rate)
+            tones, omega_z = draw_run(true, rng)
+            blank = blank_run(t, tones, omega_z, rate)
             v = simulator.run(blank, {**true, **starts, "seed": seed * runs + number})
             _table(replace(blank, v=v)).write_parquet(out / f"run-{number + 1:02d}.parquet")
     names = ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
@@ -73,17 +96,9 @@ def write_trial(
     return target
 
 
-def _drive(t: Floats, true: Mapping[str, float], rng: np.random.Generator) -> Floats:
-    """Tones of random frequency and phase from below the lower mode to above the upper one, (n, 2) [N]."""
-    low, high = mode_frequencies(true, 2)
-    f = rng.uniform(0.3 * low, 1.5 * high, (TONES, 2))
-    phase = rng.uniform(0, 2 * np.pi, (TONES, 2))
-    # Off resonance a force of k REACH moves the mass by about REACH; near it by more.
-    size = 0.3 * np.sqrt(2 / TONES) * REACH * true["kxx"]
-    return np.asarray(size * np.sin(2 * np.pi * f * t[:, None, None] + phase).sum(axis=1))
-
-
-def _blank(t: Floats, u: Floats, omega_z: float, rate: float) -> Record:
+def blank_run(t: Floats, tones: Tones, omega_z: float, rate: float) -> Record:
+    """A run at the times ``t`` [s], ``rate`` of them a second, whose voltage is not simulated yet."""
+    u = tones.force(t)
     return make_record(
         "trial", t, u, np.ones_like(u), sample_rate=rate, conditions={"omega_z": np.full(len(t), omega_z)}
     )

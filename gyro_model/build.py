@@ -150,10 +150,39 @@ def build(
             for fmi in stale:
                 _build_one(model, token, fmi, getattr(fmus, fmi), Path(name), wanted if platforms else ())
             if WASM.fmi3 in platforms:
-                library = folder / WASM.fmi3 / f"{model.NAME}{WASM.suffix}"
-                library.parent.mkdir(parents=True, exist_ok=True)
-                compile_for(WASM, Path(name), c_files(Path(name), "fmi3"), library)
+                _compile_module(Path(name), _module_path(model, folder))
     return fmus
+
+
+def build_module(model: Model | None = None, folder: Path | None = None) -> Path:
+    """Compiles the WebAssembly module of ``model``, ``wasm32/NAME.wasm`` in ``folder``, unless the one there already
+    is of this model. It exports the functions of FMI 3.0, malloc and free.
+
+    Raises InputError where the package ziglang is missing or it fails.
+    """
+    model = model or load_model()
+    path = _module_path(model, folder or default_folder(model))
+    # The token stands in the module: what it compares an importer's with.
+    if not path.is_file() or model_token(model).encode() not in path.read_bytes():
+        LOGGER.info("compiling the %s module for web browsers, once for this model, some 10 s ...", model.NAME)
+        with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
+            write_sources(model, Path(name))
+            _compile_module(Path(name), path)
+    return path
+
+
+def _module_path(model: Model, folder: Path) -> Path:
+    return folder / WASM.fmi3 / f"{model.NAME}{WASM.suffix}"
+
+
+def _compile_module(sources: Path, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_suffix(f".{os.getpid()}.part")
+    try:
+        compile_for(WASM, sources, c_files(sources, "fmi3"), beside)
+        os.replace(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def build_all(

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         load_dataset,
         load_design,
         load_device,
+        play,
         rate,
         run,
         simulate_dataset,
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
         verify,
     )
     from gyrotwin.comparison import compare
+    from gyrotwin.playing.page import PlayResult
     from gyrotwin.results import CompensationResult, DiagnosisResult, RateResult, RunResult, SplitResult
     from gyrotwin.sweeping.result import SweepResult
     from gyrotwin.tasks.sweep import sweep
@@ -43,13 +45,14 @@ _HOMES: Final = {
     "Design": "cosim.design",
     "Device": "gyro_model.device",
     "InputError": "gyro_model.errors",
+    "PlayResult": "gyrotwin.playing.page",
     "SweepResult": "gyrotwin.sweeping.result",
     "compare": "gyrotwin.comparison",
     "sweep": "gyrotwin.tasks.sweep",
     **dict.fromkeys(
         (
             *("build", "compensate", "diagnose", "effects", "load_dataset", "load_design", "load_device"),
-            *("rate", "run", "simulate_dataset", "split", "verify"),
+            *("play", "rate", "run", "simulate_dataset", "split", "verify"),
         ),
         "gyrotwin.api",
     ),
@@ -65,6 +68,7 @@ __all__ = [
     "Device",
     "DiagnosisResult",
     "InputError",
+    "PlayResult",
     "RateResult",
     "RunResult",
     "SplitResult",
@@ -78,6 +82,7 @@ __all__ = [
     "load_dataset",
     "load_design",
     "load_device",
+    "play",
     "rate",
     "run",
     "simulate_dataset",

@@ -25,6 +25,10 @@ class _Entry(NamedTuple):
 
 
 COMMANDS: Final = {
+    "play": _Entry(
+        "gyrotwin.commands.play:play",
+        "Write a page that runs the FMU itself: orbit, spectrum, ring-down, a slider for every effect, a game.",
+    ),
     "run": _Entry("gyrotwin.commands.run:run", "Run a scenario in the closed loop and report."),
     "rate": _Entry("gyrotwin.tasks.rate:rate", "Run rate mode: drive loop, sense loop, rate over temperature, noise."),
     "compensate": _Entry(

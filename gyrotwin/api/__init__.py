@@ -3,6 +3,7 @@
 from gyrotwin.api.datasets import MOST_EFFECTS, diagnose, load_dataset, simulate_dataset
 from gyrotwin.api.files import DeviceSource, effects, load_design, load_device
 from gyrotwin.api.fmu import build, verify
+from gyrotwin.api.playing import play
 from gyrotwin.api.records import compensate, split
 from gyrotwin.api.simulation import Progress, rate, run
 
@@ -17,6 +18,7 @@ __all__ = [
     "load_dataset",
     "load_design",
     "load_device",
+    "play",
     "rate",
     "run",
     "simulate_dataset",
