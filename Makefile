@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 JOBS ?= 2
 
-.PHONY: run build test check bench pages docs update fuzz soak clean
+.PHONY: run build test check bench pages picture docs update fuzz soak clean
 
 run: $(VENV)/.installed
 	$(BIN)/gyrotwin run constant --out results/constant
@@ -50,6 +50,9 @@ clean:
 
 pages: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.pages build/pages
+
+picture: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.play_picture docs/play.png
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
