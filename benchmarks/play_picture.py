@@ -33,10 +33,10 @@ HOLD: Final = 80
 COLOURS: Final = 64
 LARGEST: Final = 500_000
 """Bytes."""
-SETUP: Final = """
+SETUP: Final = f"""
 scene.running = false, document.getElementById("ghost").checked = false, scene.pluck();
-var sheet = new OffscreenCanvas(%d, %d).getContext("2d", {willReadFrequently: true});
-""" % (WIDTH, HEIGHT)
+var sheet = new OffscreenCanvas({WIDTH}, {HEIGHT}).getContext("2d", {{willReadFrequently: true}});
+"""
 # The orbit to the left, two plots to the right; drawn anew at the sizes they have here.
 FRAME: Final = """
 (() => {

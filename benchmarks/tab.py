@@ -103,6 +103,11 @@ class Tab:
         for kind in ("keyDown", "keyUp"):
             self.call("Input.dispatchKeyEvent", type=kind, key=name, code=name, windowsVirtualKeyCode=code)
 
+    def drag(self, begin: tuple[float, float], end: tuple[float, float]) -> None:
+        """Presses the mouse at ``begin``, lets it go at ``end``; x and y in CSS pixels of the window."""
+        for kind, (x, y) in (("mousePressed", begin), ("mouseMoved", end), ("mouseReleased", end)):
+            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
+
     def picture(self, *, whole: bool = False, clip: Mapping[str, float] | None = None) -> bytes:
         """A screenshot as PNG: of the window, of the ``whole`` page, or of ``clip`` (x, y, width, height, scale)."""
         where = {"clip": dict(clip)} if clip else {}

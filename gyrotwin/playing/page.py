@@ -3,6 +3,7 @@
 import base64
 import html
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +15,7 @@ from gyro_model.anatomy import SLOTS, Effect, Force
 from gyro_model.build import build, build_module, model_token
 from gyro_model.device import Device
 from gyro_model.model import Model, load_model
-from gyrotwin.playing.hidden import experiment_of, hideable, ideal_parameters
+from gyrotwin.playing.hidden import RATE, experiment_of, hideable, ideal_parameters
 from gyrotwin.playing.native import Floats, NativeFmu, Score, fnv1a
 from gyrotwin.playing.sliders import UNLIMITED, Slider, slider, sliders_of
 from gyrotwin.report import as_json, template, write_whole
@@ -30,6 +31,8 @@ PLUCK: Final = 1e-6
 STARTS: Final = ("x_start", "y_start", "x_dot_start", "y_dot_start")
 BEYOND: Final = 1000.0
 """Voltage over its typical one at which the page stops: a mass pulled through its electrodes swings by centimetres."""
+BALANCED: Final = 0.1
+"""Frequency split [Hz] below which the orbit stays a line for seconds."""
 SHOWN_SLOWER: Final = 20
 """Times slower than the device that the page opens."""
 
@@ -88,7 +91,7 @@ def play_page(device: Device, named: str) -> PlayResult:
     fingerprint = _fingerprint(model, build(model).fmi3, parameters, [s for group in effects.values() for s in group])
     data = {
         "token": model_token(model),
-        "device": named,
+        "device": shlex.quote(named),
         "frequency": device.frequencies[0],
         "gains": [parameters["sense_gain_x"], parameters["sense_gain_y"]],
         "beyond": BEYOND * model.by_name["v_x"].typical,
@@ -108,6 +111,7 @@ def play_page(device: Device, named: str) -> PlayResult:
         **game,
     }
     stages = _stages(model)
+    split = device.frequencies[1] - device.frequencies[0]
     page = template("play.html.j2").render(
         device=device,
         data=as_json(data),
@@ -116,6 +120,8 @@ def play_page(device: Device, named: str) -> PlayResult:
         stages=stages,
         effects=sum(len(stage.effects) for stage in stages),
         hidden=len({hidden["effect"] for hidden in game["hideable"]}),
+        split=split,
+        balanced=split < BALANCED,
         slower=math.log10(SHOWN_SLOWER),
         hash=fingerprint["hash"],
     )
@@ -136,9 +142,10 @@ def _game(device: Device, sliders: Sequence[Slider]) -> dict[str, Any]:
     owner = {s.name: s.effect for s in sliders}
     experiment = experiment_of(device)
     ranges = hideable(device, experiment, [s for s in sliders if s.effect in packaged])
+    clock = {"internal_step": 1 / RATE, "sample_period": 1 / RATE}
     numbers = {
-        "device": _split(device.model, _at_rest(device))[0],
-        "ideal": _split(device.model, ideal_parameters(device))[0],
+        "device": _split(device.model, _at_rest(device) | clock)[0],
+        "ideal": _split(device.model, ideal_parameters(device) | clock)[0],
     }
     return {
         "hideable": [{"effect": owner[r.name], **r._asdict()} for r in ranges],

@@ -103,7 +103,7 @@ def _range(quantity: Quantity, start: float, typical: float) -> tuple[Scale, flo
         return "limit", within(typical / REACH), within(typical * REACH)
     if quantity.unit in SPAN:
         return "linear", within(start - SPAN[quantity.unit]), within(start + SPAN[quantity.unit])
-    if quantity.role == "parameter" and start:
+    if quantity.role == "parameter" and quantity.start:
         return "linear", within(start - TOLERANCE * abs(start)), within(start + TOLERANCE * abs(start))
     if quantity.start == 0:
         reach = max(REACH * (typical or 1.0), abs(start))

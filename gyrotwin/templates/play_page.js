@@ -154,7 +154,8 @@ class Scene {
 
   // Both start anew at x_start, y_start.
   pluck() {
-    this.time = 0, this.first = 0;
+    const starts = [data.references.x_start, data.references.y_start];
+    this.time = 0, this.first = Math.hypot(...starts.map((start, i) => this.numbers.get(start) * data.gains[i]));
     this.swings.clear(), this.ideally.clear();
     delete this.swings.latest, delete this.ideally.latest;
     this.begin(this.numbers, this.idealNumbers);

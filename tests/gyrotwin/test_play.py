@@ -227,6 +227,24 @@ def test_sliders_change_the_motion_by_mouse_and_by_keys(page: Path) -> None:
 
 
 @needs_browser
+def test_the_mass_is_pulled_and_let_go(page: Path) -> None:
+    with opened(page, "light") as tab:
+        tab.wait(READY)
+        box = "(b => [b.left, b.top, b.width])(document.getElementById('orbit').getBoundingClientRect())"
+        left, top, width = tab.run(box)
+        middle = (left + width / 2, top + width / 2)
+        tab.run("document.getElementById('pause').click()")
+        scale = tab.run("player.map.x(1) - player.map.x(0)") * 1e-6
+        tab.drag(middle, (middle[0] + 60, middle[1] - 90))
+        x, y = tab.run("['x_start', 'y_start'].map(name => scene.numbers.get(data.references[name]))")
+        # To the pixel, upwards is +y; the voltage of a micrometre is 1 V.
+        assert (x, y) == pytest.approx((60 * scale, 90 * scale), abs=scale)
+        tab.run("scene.advance(200)")
+        assert tab.run("scene.swings.latest.angle") == pytest.approx(np.degrees(np.arctan2(90, 60)), abs=2)
+        assert tab.run("document.getElementById('device-x_start').getAttribute('aria-valuetext')").endswith("µm")
+
+
+@needs_browser
 def test_the_game_is_won_by_the_right_model(page: Path) -> None:
     with opened(page, "phone") as tab:
         tab.wait("game && game.hidden")
