@@ -61,27 +61,21 @@ def experiment_of(device: Device) -> Experiment:
     return Experiment(*draw_run(device.all_parameters, np.random.default_rng(SEED)))
 
 
-def ideal_parameters(device: Device) -> dict[str, float]:
-    """The device without any effect, at rest [SI]."""
-    model = device.model
-    return {
-        name: 0.0 if name.endswith("_start") else model.by_name[name].start if _is_size(device, name) else value
-        for name, value in device.all_parameters.items()
-    }
-
-
-def _is_size(device: Device, name: str) -> bool:
-    return device.model.by_name[name].role == "size"
+def known_parameters(device: Device) -> dict[str, float]:
+    """The device as it is known, at rest and without noise [SI]."""
+    noise = {q.name: q.start for effect in device.model.effects if effect.noise for q in effect.sizes}
+    return {name: 0.0 if name.endswith("_start") else value for name, value in device.all_parameters.items()} | noise
 
 
 def hideable(device: Device, experiment: Experiment, sliders: Sequence[Slider]) -> list[Range]:
     """Of the parameters with ``sliders`` those that can be hidden, in their order, measured on the FMU."""
-    ideal, record = ideal_parameters(device), experiment.record
-    tried = [(s, value) for s in sliders if _is_size(device, s.name) for value in _sizes(s)]
+    known, record = known_parameters(device), experiment.record
+    sizes = {q.name for effect in device.model.effects if not effect.noise for q in effect.sizes}
+    tried = [(s, value) for s in sliders if s.name in sizes for value in _sizes(s)]
     with Simulator(device.model) as simulator:
-        plain = simulator.run(record, ideal)
-        found = simulator.try_all([(record, {**ideal, s.name: value}) for s, value in tried])
-        imitations = _imitations(simulator, record, ideal, plain)
+        plain = simulator.run(record, known)
+        found = simulator.try_all([(record, {**known, s.name: value}) for s, value in tried])
+        imitations = _imitations(simulator, record, known, plain)
     seen: dict[str, list[float]] = {}
     for (s, value), v in zip(tried, found, strict=True):
         if v is not None and _shows(v - plain, plain, imitations):
@@ -96,11 +90,11 @@ def _sizes(s: Slider) -> Floats:
     return s.start + (s.high - s.start) * 10.0 ** (-np.arange(STEPS) / 2)
 
 
-def _imitations(simulator: Simulator, record: Record, ideal: Mapping[str, float], plain: Floats) -> Floats:
+def _imitations(simulator: Simulator, record: Record, known: Mapping[str, float], plain: Floats) -> Floats:
     """An orthonormal basis of what small changes of nominal parameters do to the voltage, (2 n, k)."""
     # A coupling of zero is moved by a share of what it couples.
-    of = {"kxy": ideal["kxx"], "dxy": ideal["dxx"]}
-    jobs = [(record, {**ideal, name: ideal[name] + NUDGE * of.get(name, ideal[name])}) for name in NOMINAL]
+    of = {"kxy": known["kxx"], "dxy": known["dxx"]}
+    jobs = [(record, {**known, name: known[name] + NUDGE * of.get(name, known[name])}) for name in NOMINAL]
     columns = [(v - plain).ravel() for v in simulator.try_all(jobs) if v is not None]
     return np.linalg.qr(np.array(columns).T)[0]
 

@@ -15,7 +15,7 @@ from gyro_model.anatomy import SLOTS, Effect, Force
 from gyro_model.build import build, build_module, model_token
 from gyro_model.device import Device
 from gyro_model.model import Model, load_model
-from gyrotwin.playing.hidden import RATE, experiment_of, hideable, ideal_parameters
+from gyrotwin.playing.hidden import RATE, experiment_of, hideable, known_parameters
 from gyrotwin.playing.native import Floats, NativeFmu, Score, fnv1a
 from gyrotwin.playing.sliders import UNLIMITED, Slider, slider, sliders_of
 from gyrotwin.report import as_json, template, write_whole
@@ -145,7 +145,7 @@ def _game(device: Device, sliders: Sequence[Slider]) -> dict[str, Any]:
     clock = {"internal_step": 1 / RATE, "sample_period": 1 / RATE}
     numbers = {
         "device": _split(device.model, _at_rest(device) | clock)[0],
-        "ideal": _split(device.model, ideal_parameters(device) | clock)[0],
+        "known": _split(device.model, known_parameters(device) | clock)[0],
     }
     return {
         "hideable": [{"effect": owner[r.name], **r._asdict()} for r in ranges],

@@ -65,7 +65,7 @@ class Game {
   constructor(module, data, controls) {
     Object.assign(this, {data, controls, bench: new Bench(module, data), cases: 0, right: 0});
     this.at = id => document.getElementById(id);
-    this.ideal = new Map(data.experiment.ideal);
+    this.known = new Map(data.experiment.known);
     this.device = new Map(data.experiment.device);
     for (const range of data.hideable) if (!this.at("guess").namedItem(range.effect)) {
       const option = new Option(data.effects[range.effect].title, range.effect);
@@ -93,7 +93,7 @@ class Game {
   // The sliders of the effect that is suspected, as a model of the user's.
   suspect() {
     const id = this.at("guess").value, place = this.at("suspected");
-    this.model = new Map(this.ideal);
+    this.model = new Map(this.known);
     place.replaceChildren();
     this.at("signature").textContent = id ? `What to look for: ${this.data.effects[id].signature}.` : "Each effect leaves its own trace. Choose one, and its sliders appear.";
     for (const slider of id ? this.data.effects[id].sliders : []) {

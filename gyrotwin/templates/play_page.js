@@ -6,6 +6,7 @@ const BUDGET = 12;            // ms of a frame for the FMU
 const LENGTH = 16384;         // samples in a spectrum
 const MOST_SWINGS = 3000;     // points of a ring-down before every other one goes
 const TRAIL_TIME = 1.5;       // s on the screen that the orbit stays
+const FEWEST = 16;            // samples that tell an orbit
 const STILL = 0.05;           // share of the first swing at which the mass is plucked again
 const at = id => document.getElementById(id);
 const step = data.step;
@@ -116,7 +117,7 @@ class Swings {
   add(x, y, t) {
     const s = this.sums;
     s[0] += x, s[1] += y, s[2] += x * x, s[3] += y * y, s[4] += x * y;
-    if (++this.n * step * data.frequency < 1) return;
+    if (++this.n < FEWEST || this.n * step * data.frequency < 1) return;
     const mx = s[0] / this.n, my = s[1] / this.n;
     const a = s[2] / this.n - mx * mx, b = s[3] / this.n - my * my, c = s[4] / this.n - mx * my;
     const half = Math.hypot((a - b) / 2, c), angle = 90 / Math.PI * Math.atan2(2 * c, a - b);

@@ -21,7 +21,7 @@ from benchmarks.tab import Tab
 from discrepancy.simulate import Simulator
 from gyro_model.build import build_module
 from gyro_model.model import load_model
-from gyrotwin.playing.hidden import LEAST, MOST, experiment_of, ideal_parameters
+from gyrotwin.playing.hidden import LEAST, MOST, experiment_of, known_parameters
 from gyrotwin.playing.page import STEPS
 from gyrotwin.playing.sliders import shown_unit, slider
 
@@ -116,7 +116,7 @@ def test_a_case_hides_what_shows_and_what_the_right_model_explains(page: Path) -
         s = sliders[case["name"]]
         assert s["low"] <= case["value"] <= s["high"], case["number"]
         # Sizes in between those tried, where the motion may be a little more or less.
-        assert 0.5 * LEAST < case["ideal"] < 2 * MOST, case["number"]
+        assert 0.5 * LEAST < case["unexplained"] < 2 * MOST, case["number"]
         # What the pickoff's noise leaves: 2e-5 V of some V.
         assert case["right"] < 1e-4, case["number"]
         name, _, value = case["commands"].splitlines()[0].rpartition(" ")[2].partition("=")
@@ -129,7 +129,7 @@ def test_a_case_is_the_first_run_of_its_data_set(page: Path, tmp_path: Path) -> 
     experiment = experiment_of(device)
     [case] = in_node(page, 3, 3)["cases"]
     with Simulator(MODEL, jobs=1) as simulator:
-        wanted = simulator.run(experiment.record, {**ideal_parameters(device), case["name"]: case["value"]})
+        wanted = simulator.run(experiment.record, {**known_parameters(device), case["name"]: case["value"]})
     # Sums of forty sines differ in their last bits between libraries.
     off = np.linalg.norm(np.array(case["v"]).T - wanted) / np.linalg.norm(wanted)
     assert off < 1e-9
