@@ -150,6 +150,7 @@ def summarise(run: RateRun, result: Result) -> Summary:
     expected = output_at(run.device, calibration, first)
     return {
         "device": run.device.name,
+        "design": None if run.design is None else run.design.name,
         "sense": "closed" if run.closed else "open",
         "plant": "envelope" if run.envelope else "full",
         "seed": run.seed,

@@ -27,8 +27,10 @@ class RateRun:
 
     rate [rad/s], temperature [K]: what the package goes through, from the time on at which the loops have settled;
     closed: the sense loop rebalances; sample_rate, output_rate [Hz]; duration [s]; sense_rate: of a record of the sense
-    voltage [Hz], None for none. Raises InputError for what can't be, a course shorter than the run, a rate beyond full
-    scale, a temperature that jumps, and a record that could not show the split.
+    voltage [Hz], None for none; design: what loops and calibration know of the device, None: all of it.
+
+    Raises InputError for what can't be, a course shorter than the run, a rate beyond full scale, a temperature that
+    jumps, and a record that could not show the split.
     """
 
     device: Device
@@ -41,6 +43,7 @@ class RateRun:
     output_rate: float = 100.0
     envelope: bool = False
     sense_rate: float | None = None
+    design: Device | None = None
 
     def __post_init__(self) -> None:
         if not 1 <= self.output_rate <= 1e4:
@@ -81,13 +84,18 @@ class RateRun:
 
     @cached_property
     def settings(self) -> Settings:
-        """The device's [rate_mode], completed."""
-        return settings_of(self.device)
+        """The [rate_mode] of what is known, completed."""
+        return settings_of(self.known)
 
     @cached_property
     def nominal(self) -> Nominal:
         """What the loops are designed for."""
-        return nominal(self.device, self.settings, self.closed)
+        return nominal(self.known, self.settings, self.closed)
+
+    @property
+    def known(self) -> Device:
+        """What loops and calibration are made from."""
+        return self.design or self.device
 
     @property
     def period(self) -> float:

@@ -1,7 +1,8 @@
 """What a device's [rate_mode] says, completed, and the blocks that follow from it and the nominal device."""
 
+from dataclasses import replace
 from math import hypot, pi, sqrt
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from cosim.rate.drive_loop import AmplitudeLoop, PhaseLoop
 from cosim.rate.filters import LowPass
@@ -32,6 +33,27 @@ def settings_of(device: Device) -> Settings:
     p = device.all_parameters
     default = {"drive_amplitude": hypot(p["x_start"], p["y_start"]) or 1e-6}
     return Settings(**{**default, **device.rate_mode})
+
+
+NEEDED: Final = ("m", "kxx", "kyy", "dxx", "dyy")
+"""What a design must say: without it the loops have no frequency, split or damping to be made for."""
+CROSS: Final = ("kxy", "dxy")
+"""Zero where a design says nothing: nobody designs a cross term."""
+STATED: Final = ("sense_gain_x", "sense_gain_y", "x_start", "x_dot_start", "y_start", "y_dot_start")
+
+
+def design_for(given: Device, device: Device) -> Device:
+    """What the loops of ``device`` may know: ``given``, and where it says nothing, the gains and noise that the device
+    file states and the [rate_mode] that the loops are set to; every other effect is neutral.
+
+    Raises InputError where it leaves out what the loops are made from.
+    """
+    missing = [name for name in NEEDED if name not in given.parameters]
+    if missing:
+        raise InputError(f"design {given.name}: says nothing of {', '.join(missing)}: give values, SI")
+    stated = [*STATED, *(q.name for e in device.model.effects if e.noise for q in e.parameters)]
+    values = dict.fromkeys(CROSS, 0.0) | {name: device.parameters[name] for name in stated if name in device.parameters}
+    return replace(given, parameters={**values, **given.parameters}, rate_mode={**device.rate_mode, **given.rate_mode})
 
 
 class Nominal(NamedTuple):

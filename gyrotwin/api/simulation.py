@@ -124,6 +124,7 @@ def run(
 def rate(
     *,
     device: DeviceSource = "rate-mode",
+    design: DeviceSource | None = None,
     parameters: Mapping[str, float] | None = None,
     rate_profile: str | Path | None = None,
     rate_column: str | None = None,
@@ -146,6 +147,8 @@ def rate(
     ----------
     device : str, Path or Device
         What the plant is.
+    design : str, Path or Device
+        All that loops and calibration know of it; None: the device itself.
     parameters : mapping of str to float
         Parameters of the device to change, SI, and settings ``rate_mode.NAME``.
     rate_profile, rate_column, rate_unit
@@ -195,6 +198,7 @@ def rate(
     prepared = prepare(
         Request(
             device=load_device(device),
+            design=None if design is None else load_device(design),
             settings=_texts(parameters),
             rate_profile=None if rate_profile is None else Path(rate_profile),
             rate_column=rate_column,

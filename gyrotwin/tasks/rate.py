@@ -49,10 +49,15 @@ class Request(NamedTuple):
     output_rate: float | None = None
     seed: int = 1
     sense_record: float | None = None
+    design: str | Device | None = None
 
 
 def rate(
     device: Annotated[str, typer.Option(help="Packaged device by name, or a device file.")] = "rate-mode",
+    design: Annotated[
+        str | None,
+        typer.Option(help="All that loops and calibration know: a device file or name; default: the device itself."),
+    ] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Set a device parameter, or rate_mode.NAME (SI); repeatable."),
@@ -96,7 +101,7 @@ def rate(
 
     request = Request(
         device, tuple(settings or ()), rate_profile, rate_column, rate_unit, rate_step, rate_period, temperature, sense,
-        plant, duration, sample_rate, output_rate, seed, sense_record,
+        plant, duration, sample_rate, output_rate, seed, sense_record, design,
     )  # fmt: skip
     prepared = prepare(request)
     with shown_progress(console, f"rate mode, {prepared.duration:g} s") as progress:
@@ -132,6 +137,7 @@ def prepare(request: Request) -> "RateRun":
         output_rate=request.output_rate if request.output_rate is not None else OUTPUT_RATES[plant],
         envelope=plant == "envelope",
         sense_rate=request.sense_record,
+        design=None if request.design is None else _design(request.design, device),
     )
     if run.sense_rate is not None:
         _check_sense_length(run)
@@ -146,6 +152,12 @@ def _check_sense_length(run: "RateRun") -> None:
     f_x = known.calibration.frequency
     f_y, line_width = f_x + known.pole.imag / (2 * pi), max(-known.pole.real, 1e-9) / pi
     check_length(run.duration, f_x, f_y / line_width)
+
+
+def _design(given: str | Device, device: Device) -> Device:
+    from cosim.rate.settings import design_for
+
+    return design_for(given if isinstance(given, Device) else load_device(given), device)
 
 
 def _choose(option: str, value: str, valid: tuple[str, ...]) -> None:

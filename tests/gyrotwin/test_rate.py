@@ -91,6 +91,7 @@ def test_page_stands_alone(folder: Path) -> None:
         (("--set", "tcp=x"), "give name=value with a number"),
         (("--set", "rate_mode.demodulator_bandwidth=2000"), "less than a quarter of the drive frequency"),
         (("--seed", "-1"), "seed = -1"),
+        (("--design", "rate_mode"), "did you mean 'rate-mode'?"),
     ],
 )
 def test_wrong_input_is_one_line_and_exit_code_2(
@@ -127,3 +128,19 @@ def test_a_profile_beyond_the_bandwidth_is_said_and_gives_no_scale_factor(
     assert summary["scale_factor"] is None
     assert "beyond the output's 40 Hz" in summary["warnings"][0]
     assert "warning:" in capsys.readouterr().out
+
+
+def test_loops_and_calibration_know_what_the_design_says(tmp_path: Path) -> None:
+    design = tmp_path / "nominal.toml"
+    values = {"m": 2e-8, "kxx": 19.74, "kyy": 20.14, "dxx": 1.257e-7, "dyy": 1.058e-6}
+    design.write_text(
+        "\n".join(['format = 1\nname = "nominal"\n[parameters]', *(f"{n} = {v}" for n, v in values.items())])
+    )
+    steps = ("--plant", "envelope", "--rate-step", "100", "--rate-period", "12")
+    with pytest.raises(SystemExit) as end:
+        main(["rate", *steps, "--design", str(design), "--out", str(tmp_path / "out")])
+    assert end.value.code in (0, None)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["design"] == "nominal"
+    # A package mode that the design does not know pulls the drive by 0.3 Hz of a split of 50 Hz.
+    assert summary["scale_factor"] == pytest.approx(0.994, abs=0.002)
