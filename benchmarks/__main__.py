@@ -12,6 +12,7 @@ from gyro_model.errors import InputError, nearest
 
 NAMES = (
     "plant_call",
+    "plant_cost",
     "envelope",
     "startup",
     "work_precision",

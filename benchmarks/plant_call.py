@@ -1,26 +1,22 @@
 """What a step of the plant costs: from the compiled loop, from C, and through fmpy's classes; and the closed loop."""
 
-import ctypes
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from fmpy import extract, platform_tuple
 from numba import njit
 
+from benchmarks.c_driver import CPlant, CPlants
 from benchmarks.closed_loop import closed_loop_rows, sample_rows
 from benchmarks.fmpy_plant import fmpy_slave
 from benchmarks.report import Options, Report, Row, Table, load, row
 from cosim.exchange import exchange
 from cosim.fmu import HANDLE_SIZE, INPUT_NAMES, OUTPUT_NAMES, Plant
-from gyro_model.build import build, model_token
-from gyro_model.compiling import compile_library
+from gyro_model.build import build
 from gyro_model.device import load_device
-from gyro_model.model import load_model
 
 STEPS: Final = ((5e-6, 5e-6), (5e-6, 1e-6), (1e-6, 1e-6))
 """Communication step and internal step [s]; the first is what the loop uses at 200 kHz."""
@@ -59,11 +55,11 @@ def ways(step: float, internal_step: float) -> Iterator[Ways]:
     path = build().fmi3
     with ExitStack() as stack:
         plant = stack.enter_context(Plant(path, parameters))
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="gyrotwin-")))
-        extract(path, folder)
+        plants = stack.enter_context(CPlants(path))
+        still = {name: np.zeros(1) for name in INPUT_NAMES}
         yield Ways(
             _from_loop(plant, step),
-            stack.enter_context(_from_c(plant, folder, parameters, step)),
+            _from_c(stack.enter_context(plants.start(parameters, still, step))),
             stack.enter_context(_from_fmpy(plant, path, parameters, step)),
         )
 
@@ -79,47 +75,8 @@ def _from_loop(plant: Plant, step: float) -> Drive:
     return drive
 
 
-@contextmanager
-def _from_c(plant: Plant, folder: Path, parameters: Mapping[str, float], step: float) -> Iterator[Drive]:
-    library = folder / "plant_driver.bin"
-    compile_library(Path(__file__).parent, ["plant_driver.c"], library)
-    driver = ctypes.CDLL(str(library))
-    driver.driver_open.restype = ctypes.c_void_p
-    driver.driver_run.restype = ctypes.c_int64
-    [binary] = [f for f in (folder / "binaries" / platform_tuple).iterdir() if f.suffix in (".so", ".dll", ".dylib")]
-    values = np.array(list(parameters.values()))
-    references = plant.value_references(list(parameters))
-    token = model_token(load_model()).encode()
-    opened = driver.driver_open(str(binary).encode(), token, _at(references), _at(values), ctypes.c_size_t(len(values)))
-    if not opened:
-        raise RuntimeError("the C driver could not start the plant")
-    instance = ctypes.c_void_p(opened)
-    inputs, outputs = np.zeros(len(INPUT_NAMES)), np.zeros(len(OUTPUT_NAMES))
-
-    def drive(first: int, count: int) -> int:
-        return int(
-            driver.driver_run(
-                instance,
-                ctypes.c_int64(first),
-                ctypes.c_int64(count),
-                ctypes.c_double(step),
-                _at(plant.inputs),
-                _at(inputs),
-                ctypes.c_size_t(len(inputs)),
-                _at(plant.outputs),
-                _at(outputs),
-                ctypes.c_size_t(len(outputs)),
-            )
-        )
-
-    try:
-        yield drive
-    finally:
-        driver.driver_close(instance)
-
-
-def _at(array: Any) -> ctypes.c_void_p:
-    return ctypes.c_void_p(array.ctypes.data)
+def _from_c(plant: CPlant) -> Drive:
+    return lambda first, count: plant(count)
 
 
 @contextmanager

@@ -1,5 +1,4 @@
-/* The plant call as a C program makes it: opens the library of an FMI 3.0 FMU, and sets, steps and gets in a loop. The yardstick of
-   benchmarks/plant_call.py. */
+/* The plant call as a C program makes it: opens the library of an FMI 3.0 FMU, and sets, steps and gets in a loop. */
 
 #include <stdint.h>
 #include <stdlib.h>
@@ -57,15 +56,17 @@ EXPORT driver *driver_open(const char *path, const char *token, const uint32_t *
     return d;
 }
 
-/* Steps first .. first + count - 1 of `period` [s] each; gives the number done. Inputs [SI] are set and outputs [SI] got at each. */
+/* Steps first .. first + count - 1 of `period` [s] each; gives the number done. Inputs [SI], shape (rows, n_in), are set and outputs [SI] got
+   at each, a row a time, in turns. */
 EXPORT int64_t driver_run(driver *d, int64_t first, int64_t count, double period, const uint32_t *inputs, const double *input_values,
-                          size_t n_in, const uint32_t *outputs, double *output_values, size_t n_out)
+                          int64_t rows, size_t n_in, const uint32_t *outputs, double *output_values, size_t n_out)
 {
     bool event, terminate, early;
     double reached;
     for (int64_t k = 0; k < count; k++) {
         const double t = (double)(first + k) * period;
-        if (d->set(d->instance, inputs, n_in, input_values, n_in) > fmi3Warning ||
+        const double *row = input_values + (size_t)((first + k) % rows) * n_in;
+        if (d->set(d->instance, inputs, n_in, row, n_in) > fmi3Warning ||
             d->step(d->instance, t, period, 0, &event, &terminate, &early, &reached) > fmi3Warning ||
             d->get(d->instance, outputs, n_out, output_values, n_out) > fmi3Warning) {
             return k;

@@ -125,7 +125,7 @@ int gyro_settle(gyro_instance *g, gyro_instant to)
 }
 
 /* Whether a tick lies from the beat number `k` on and before the next. */
-static int fits(gyro_beat beat, int64_t k, int64_t tick)
+static int beat_fits(gyro_beat beat, int64_t k, int64_t tick)
 {
     return k >= 0 && k <= tick / beat.whole && gyro_tick_of(beat, k) <= tick && tick < gyro_tick_of(beat, k + 1);
 }
@@ -139,9 +139,9 @@ const char *gyro_impossible_clock(const gyro_instance *g)
         why = "its time is none";
     } else if (settled.tick < 0 || !(settled.part >= 0.0 && settled.part < 1.0) || gyro_before(now, settled)) {
         why = "its motion is ahead of its time";
-    } else if (!fits(g->plan.cuts.grid, clock->grid, settled.tick) || !fits(g->plan.cuts.sample, clock->sample, settled.tick)) {
+    } else if (!beat_fits(g->plan.cuts.grid, clock->grid, settled.tick) || !beat_fits(g->plan.cuts.sample, clock->sample, settled.tick)) {
         why = "its count of steps or samples does not fit its time";
-    } else if (!fits(g->plan.cuts.grid, clock->grid, now.tick) || !fits(g->plan.cuts.sample, clock->sample, now.tick)) {
+    } else if (!beat_fits(g->plan.cuts.grid, clock->grid, now.tick) || !beat_fits(g->plan.cuts.sample, clock->sample, now.tick)) {
         why = "its motion is behind its time";
     }
     return why;

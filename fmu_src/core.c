@@ -132,18 +132,23 @@ gyro_status gyro_start(gyro_instance *g, double start_time)
 
 int64_t gyro_nearest_tick(const gyro_instance *g, int64_t from, double ticks)
 {
-    const gyro_beat beat = g->plan.cuts.sample;
-    const double period = (double)beat.whole + beat.part;
-    const double slack = 1e-6 * period > 1.0 ? 1e-6 * period : 1.0;
-    const double whole = gyro_floor(ticks + 0.5);
-    /* A time of model exchange may be any; so far NaN does not compare. */
-    const int64_t tick = !(whole > 0.0) ? from : whole < (double)(GYRO_LAST_TICK - from) ? from + (int64_t)whole : GYRO_LAST_TICK;
-    int64_t sample = g->plan.cuts.next_sample;
-    if (tick != sample) {
-        sample = gyro_tick_of(beat, (int64_t)gyro_floor((double)tick / period + 0.5));
+    int64_t tick = g->plan.cuts.next_sample;
+    /* Most steps end at a sample. */
+    if (ticks != (double)(tick - from)) {
+        const gyro_beat beat = g->plan.cuts.sample;
+        const double period = (double)beat.whole + beat.part;
+        const double slack = 1e-6 * period > 1.0 ? 1e-6 * period : 1.0;
+        const double whole = gyro_floor(ticks + 0.5);
+        /* A time of model exchange may be any; so far NaN does not compare. */
+        tick = !(whole > 0.0) ? from : whole < (double)(GYRO_LAST_TICK - from) ? from + (int64_t)whole : GYRO_LAST_TICK;
+        int64_t sample = g->plan.cuts.next_sample;
+        if (tick != sample) {
+            sample = gyro_tick_of(beat, (int64_t)gyro_floor((double)tick / period + 0.5));
+        }
+        /* Never back, never a step that is long enough to be meant lost. */
+        tick = fabs((double)(tick - sample)) <= slack && sample > from ? sample : tick;
     }
-    /* Never back, never a step that is long enough to be meant lost. */
-    return fabs((double)(tick - sample)) <= slack && sample > from ? sample : tick;
+    return tick;
 }
 
 static gyro_status refuse_diverged(gyro_instance *g)
@@ -205,8 +210,8 @@ gyro_status gyro_take_values(gyro_instance *g)
     gyro_clock *clock = &g->memory.clock;
     gyro_status status = GYRO_OK;
     int changed = clock->now == 0, tuned = 0;
-    for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
-        changed |= g->value[vr] != clock->held[vr];
+    for (int vr = 0; vr < GYRO_N_INPUTS && !changed; vr++) {
+        changed = g->value[vr] != clock->held[vr];
     }
     for (int vr = GYRO_N_INPUTS; clock->tuned && vr < GYRO_N_VARIABLES; vr++) {
         tuned |= gyro_variables[vr].kind == GYRO_TUNABLE && g->value[vr] != clock->held[vr];
@@ -226,7 +231,11 @@ gyro_status gyro_take_values(gyro_instance *g)
     changed |= tuned;
     if (changed && status == GYRO_OK) {
         /* Parameters seldom change, inputs at most steps. */
-        memcpy(clock->held, g->value, (tuned ? GYRO_N_VARIABLES : GYRO_N_INPUTS) * sizeof *clock->held);
+        for (int vr = 0; vr < (tuned ? GYRO_N_VARIABLES : GYRO_N_INPUTS); vr++) {
+            if (g->value[vr] != clock->held[vr]) {
+                clock->held[vr] = g->value[vr];
+            }
+        }
         clock->tuned = 0;
     }
     return status;

@@ -27,7 +27,7 @@ fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, siz
     return (fmi3Status)fmi_set_logging(instance, __func__, loggingOn, nCategories, categories);
 }
 
-static double watch(fmi_instance *f)
+static double update_intermediate(fmi_instance *f)
 {
     fmi3Boolean end_requested = fmi3False;
     fmi3Float64 end = 0.0;
@@ -49,7 +49,7 @@ static fmi3Instance instantiate(const char *call, fmi_purpose purpose, const cha
                            .emit = emit,
                            .callback = (fmi_callback)log,
                            .environment = environment,
-                           .watch = watch,
+                           .watch = update_intermediate,
                            .update = (fmi_callback)update,
                            .may_end_early = may_end_early};
     return fmi_new(&request);

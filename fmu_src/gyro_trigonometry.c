@@ -47,7 +47,7 @@ static double fraction_of_2(int n)
 }
 
 /* x = quarter pi/2 + angle, |angle| <= pi/4 (for x below that: x itself), finite x >= 0; the quarter modulo 4. */
-static double2 reduce(double x, unsigned *quarter)
+static double2 reduce_turns(double x, unsigned *quarter)
 {
     double2 angle = {x, 0.0};
     *quarter = 0;
@@ -114,7 +114,7 @@ double gyro_sin(double x)
     if (size < 1e-8) {
         result = x;
     } else if (gyro_finite(x)) {
-        const double2 angle = reduce(size, &quarter);
+        const double2 angle = reduce_turns(size, &quarter);
         result = quarter % 2 == 0 ? sine_near_0(angle) : cosine_near_0(angle);
         result = (quarter >= 2) != (x < 0.0) ? -result : result;
     }
@@ -126,7 +126,7 @@ double gyro_cos(double x)
     unsigned quarter;
     double result = NAN;
     if (gyro_finite(x)) {
-        const double2 angle = reduce(gyro_fabs(x), &quarter);
+        const double2 angle = reduce_turns(gyro_fabs(x), &quarter);
         result = quarter % 2 == 0 ? cosine_near_0(angle) : sine_near_0(angle);
         result = quarter == 1 || quarter == 2 ? -result : result;
     }

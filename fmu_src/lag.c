@@ -132,16 +132,16 @@ static void find_weights(gyro_lag_weights *lag, double step, const double tau[N]
     }
 }
 
-static int fits(const gyro_lag_weights *lag, double step, const double tau[N])
+static int weights_fit(const gyro_lag_weights *lag, double step, const double tau[N])
 {
     return step == lag->step && memcmp(tau, lag->tau, sizeof lag->tau) == 0;
 }
 
 void gyro_weigh_lag(gyro_lag *lag, double step, const double tau[N])
 {
-    if (!fits(&lag->kept[lag->latest], step, tau)) {
+    if (!weights_fit(&lag->kept[lag->latest], step, tau)) {
         lag->latest = 1 - lag->latest;
-        if (!fits(&lag->kept[lag->latest], step, tau)) {
+        if (!weights_fit(&lag->kept[lag->latest], step, tau)) {
             find_weights(&lag->kept[lag->latest], step, tau);
         }
     }

@@ -10,8 +10,8 @@
 #include "generated/effects.h"
 
 /* Up to this size of A h the series ends after the power GYRO_FIRST_POWER + i: there (A h)^(n+1)/(n+1)! <= 1e-17. */
-enum { GYRO_FIRST_POWER = 4, GYRO_POWERS = 15 };
-static const double gyro_reach[GYRO_POWERS] = {0.00104, 0.00439, 0.0126, 0.0282, 0.0535, 0.0903, 0.14, 0.202,
+enum { GYRO_FIRST_POWER = 4, GYRO_HIGHEST_POWER = 18 };
+static const double gyro_reach[GYRO_HIGHEST_POWER - GYRO_FIRST_POWER + 1] = {0.00104, 0.00439, 0.0126, 0.0282, 0.0535, 0.0903, 0.14, 0.202,
                                                0.279,   0.369,   0.472,  0.588,  0.717,  0.858,  1.0};
 
 /* Beyond, the step is divided, up to so many times. */
@@ -28,20 +28,28 @@ static inline double bound_of(double slope[2][4], double inverse_mass)
     return sqrt(stiff * inverse_mass) + damped * inverse_mass;
 }
 
+/* The highest power of the series for A h of this size, at most 1. */
+static inline int power_for(double size)
+{
+    int power = GYRO_FIRST_POWER;
+    while (size > gyro_reach[power - GYRO_FIRST_POWER]) {
+        power++;
+    }
+    return power;
+}
+
 /* Moves the states by h [s]; gives 0 where the step would have to be divided too often, and then has done nothing. */
 static inline int propagate(gyro_view *g, double h)
 {
     double slope[2][4], still[2];
-    find_slopes(g, slope, still);
+    find_slopes(g, slope);
+    find_still(g, still);
     const double size = h * bound_of(slope, g->inverse_mass);
     const int possible = size <= GYRO_MOST_PARTS;
     if (possible) {
         const int parts = size > 1.0 ? (int)size + 1 : 1;
         const double part = h / parts, mass = g->inverse_mass;
-        int power = GYRO_FIRST_POWER;
-        while (size > parts * gyro_reach[power - GYRO_FIRST_POWER]) {
-            power++;
-        }
+        const int power = power_for(size / parts);
         const double xx = slope[0][0] * mass, xv = slope[0][1] * mass, xy = slope[0][2] * mass, xw = slope[0][3] * mass;
         const double yx = slope[1][0] * mass, yv = slope[1][1] * mass, yy = slope[1][2] * mass, yw = slope[1][3] * mass;
         const double bx = still[0] * mass, by = still[1] * mass;

@@ -13,7 +13,7 @@ void gyro_drop(gyro_instance *g)
     g->late_room = 0;
 }
 
-/* Which noises and lags there are. */
+/* Which noises and lags there are, and how the motion goes on where nothing bends it. */
 static void plan_effects(gyro_instance *g)
 {
     g->plan.any_draw = 0;
@@ -24,6 +24,12 @@ static void plan_effects(gyro_instance *g)
         gyro_pink_design(&g->plan.pink, g->value[GYRO_SAMPLE_PERIOD]);
     }
     g->plan.any_lag = (unsigned char)lag_acts(&g->view);
+    g->plan.propagator.step = 0.0;
+    if (g->view.steady) {
+        /* Most steps go from one point of the finer of the two beats to the next. */
+        const double step = smaller(g->value[GYRO_INTERNAL_STEP], g->value[GYRO_SAMPLE_PERIOD]);
+        gyro_tabulate(&g->plan.propagator, &g->view, step);
+    }
 }
 
 void gyro_before_tuning(gyro_instance *g)
@@ -125,7 +131,11 @@ const char *gyro_infinite_state(const gyro_instance *g)
 {
     static const char *const names[] = {"x", "x_dot", "y", "y_dot"};
     const char *name = NULL;
-    for (int i = 0; i < GYRO_N_STATES && name == NULL; i++) {
+    double none = 0.0;
+    for (int i = 0; i < GYRO_N_STATES; i++) {
+        none += g->view.s[i] - g->view.s[i];
+    }
+    for (int i = 0; none != 0.0 && i < GYRO_N_STATES && name == NULL; i++) {
         if (!gyro_finite(g->view.s[i])) {
             name = i <= GYRO_STATE_Y_DOT ? names[i] : "a state of an effect";
         }

@@ -49,8 +49,11 @@ gyro_status gyro_take_inputs(gyro_instance *g)
     gyro_status status = late ? make_way(g) : GYRO_OK;
     if (status == GYRO_OK) {
         for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
-            view->p[vr] = g->value[vr];
-            view->change[vr] = first ? 0.0 : g->value[vr] - memory->clock.held[vr];
+            view->change[vr] = 0.0;
+            if (first || g->value[vr] != memory->clock.held[vr]) {
+                view->p[vr] = g->value[vr];
+                view->change[vr] = first ? 0.0 : g->value[vr] - memory->clock.held[vr];
+            }
         }
         take_made(view, g->value);
         if (first) {
@@ -286,21 +289,22 @@ void gyro_first_sample(gyro_instance *g)
     gyro_put_out(g);
 }
 
-/* The states of the view from `settled` to `to`, with the laws there, and the voltage behind the lag where `lags`. */
-static void move_states(gyro_instance *g, gyro_instant to, int lags)
+/* The states of the view over h [s] from `settled`, and the voltage behind the lag where `lags`. */
+static void move_by(gyro_instance *g, double h, int lags)
 {
     gyro_view *view = &g->view;
-    const gyro_instant from = g->memory.clock.settled;
-    const double t = gyro_time_of(g, from), h = gyro_between(from, to);
-    view->moving = view->any_law && laws_move(view, g->value);
-    const int straight = !view->moving && !view->any_curved;
+    const double t = gyro_time_of(g, g->memory.clock.settled);
+    const int tabulated = view->steady && gyro_holds(&g->plan.propagator, view, h), straight = !view->moving && !view->any_curved;
     for (gyro_progress at = {0, GYRO_WHOLE}; at.done < GYRO_WHOLE;) {
         const double begin = h * at.done / GYRO_WHOLE;
         gyro_end start;
         if (lags) {
             start = end_here(view);
         }
-        if (straight && at.done == 0 && propagate(view, h)) {
+        if (tabulated) {
+            gyro_apply(&g->plan.propagator, view);
+            at.done = GYRO_WHOLE;
+        } else if (straight && at.done == 0 && propagate(view, h)) {
             at.done = GYRO_WHOLE;
         } else {
             integrate_next(view, g->value, t, h, &at);
@@ -308,6 +312,19 @@ static void move_states(gyro_instance *g, gyro_instant to, int lags)
         if (lags) {
             move_lag(g, &start, t + begin, begin, h * at.done / GYRO_WHOLE - begin);
         }
+    }
+}
+
+/* The view from `settled` to `to`, with the laws there, and the voltage behind the lag where `lags`. */
+static void move_states(gyro_instance *g, gyro_instant to, int lags)
+{
+    gyro_view *view = &g->view;
+    const double h = gyro_between(g->memory.clock.settled, to);
+    view->moving = view->any_law && laws_move(view, g->value);
+    if (!lags && view->steady && gyro_holds(&g->plan.propagator, view, h)) {
+        gyro_apply(&g->plan.propagator, view);
+    } else {
+        move_by(g, h, lags);
     }
     /* From the count, not by addition: rounding would add up, and a restored instance would differ in the last bit. */
     view->t = gyro_time_of(g, to);

@@ -8,6 +8,7 @@
 #include "instance.h"
 #include "lag.h"
 #include "pink.h"
+#include "propagator.h"
 
 /* Also where an importer compiles the sources without -fvisibility=hidden, two FMUs in one process keep to their own. */
 #if defined(__GNUC__)
@@ -19,6 +20,7 @@ typedef struct {
     gyro_cuts cuts;
     gyro_instant delay;  /* of the force, as if it came at the start */
     gyro_pink_plan pink; /* where any_draw */
+    gyro_propagator propagator; /* of the steps between cuts of the grid, where steady */
     gyro_lag lag;        /* weights for the latest step and time constants; where any_lag */
     unsigned char any_delay;
     unsigned char any_lag;

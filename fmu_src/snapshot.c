@@ -17,7 +17,7 @@ typedef struct {
 } snapshot_header;
 
 /* FNV-1a, 64 bit. */
-static uint64_t hash(const void *bytes, size_t size)
+static uint64_t hash_of(const void *bytes, size_t size)
 {
     const unsigned char *byte = bytes;
     uint64_t value = 0xcbf29ce484222325u;
@@ -50,12 +50,12 @@ void gyro_save(const gyro_instance *g, unsigned char *bytes)
             at += parts[i].size;
         }
     }
-    const snapshot_header header = {MAGIC, VERSION, hash(GYRO_TOKEN, strlen(GYRO_TOKEN)), size,
-                                    hash(bytes + sizeof header, size - sizeof header)};
+    const snapshot_header header = {MAGIC, VERSION, hash_of(GYRO_TOKEN, strlen(GYRO_TOKEN)), size,
+                                    hash_of(bytes + sizeof header, size - sizeof header)};
     memcpy(bytes, &header, sizeof header);
 }
 
-static gyro_status check_header(gyro_instance *g, const unsigned char *bytes, size_t size)
+static gyro_status check_snapshot(gyro_instance *g, const unsigned char *bytes, size_t size)
 {
     snapshot_header header = {0};
     gyro_status status = GYRO_OK;
@@ -64,9 +64,9 @@ static gyro_status check_header(gyro_instance *g, const unsigned char *bytes, si
     }
     if (size < sizeof header || header.magic != MAGIC) {
         status = gyro_refuse(g, "state of %zu bytes: not a saved gyroscope; give bytes that this FMU wrote", size);
-    } else if (header.version != VERSION || header.model != hash(GYRO_TOKEN, strlen(GYRO_TOKEN))) {
+    } else if (header.version != VERSION || header.model != hash_of(GYRO_TOKEN, strlen(GYRO_TOKEN))) {
         status = gyro_refuse(g, "state of another model or version: give bytes that this very FMU wrote");
-    } else if (header.length != size || header.checksum != hash(bytes + sizeof header, size - sizeof header)) {
+    } else if (header.length != size || header.checksum != hash_of(bytes + sizeof header, size - sizeof header)) {
         status = gyro_refuse(g, "state of %zu bytes is damaged: length or checksum differ from its header", size);
     }
     return status;
@@ -164,7 +164,7 @@ static gyro_status read_body(gyro_instance *g, const unsigned char *body, size_t
 gyro_status gyro_load(gyro_instance *g, const unsigned char *bytes, size_t size, int started)
 {
     gyro_instance *loaded = NULL;
-    gyro_status status = check_header(g, bytes, size);
+    gyro_status status = check_snapshot(g, bytes, size);
     if (status == GYRO_OK) {
         loaded = gyro_new();
         status = loaded != NULL ? read_body(loaded, bytes + sizeof(snapshot_header), size - sizeof(snapshot_header)) : GYRO_ERROR;

@@ -26,7 +26,7 @@ from gyro_model import (
     generate_tangent,
     generate_xml,
 )
-from gyro_model.compiling import compile_for, compile_library
+from gyro_model.compiling import WHOLE, compile_for, compile_library, write_whole
 from gyro_model.envelope import EnvelopeModel, envelope_model
 from gyro_model.errors import InputError
 from gyro_model.model import Model, load_model
@@ -40,7 +40,7 @@ EFFECTS = f"{GENERATED}/effects.h"
 # Below the folder of the handwritten C: what the envelope form has of its own. A file there takes the place of the
 # one of the same name.
 ENVELOPE = "envelope"
-FULL_ALONE = ("integrator.h", "linear.h", "lag.c", "lag.h", "pink.c", "pink.h")
+FULL_ALONE = ("integrator.h", "linear.h", "lag.c", "lag.h", "pink.c", "pink.h", "propagator.c", "propagator.h")
 
 
 class Fmus(NamedTuple):
@@ -179,7 +179,7 @@ def _compile_module(sources: Path, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_suffix(f".{os.getpid()}.part")
     try:
-        compile_for(WASM, sources, c_files(sources, "fmi3"), beside)
+        compile_for(WASM, sources, [write_whole(sources, c_files(sources, "fmi3"))], beside)
         os.replace(beside, path)
     finally:
         beside.unlink(missing_ok=True)
@@ -237,7 +237,9 @@ def write_sources(model: Model, folder: Path) -> None:
 def c_files(folder: Path, fmi: str) -> list[str]:
     """The C files of one FMU, relative to ``folder``: all but the layer of the other FMI version."""
     other = {"fmi2": "fmi3.c", "fmi3": "fmi2.c"}[fmi]
-    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*.c") if path.name != other)
+    return sorted(
+        path.relative_to(folder).as_posix() for path in folder.rglob("*.c") if path.name not in (other, WHOLE)
+    )
 
 
 def _build_one(model: Model, token: str, fmi: str, path: Path, sources: Path, platforms: Sequence[str]) -> None:
@@ -247,7 +249,8 @@ def _build_one(model: Model, token: str, fmi: str, path: Path, sources: Path, pl
     other = {"fmi2": "fmi3.c", "fmi3": "fmi2.c"}[fmi]
     with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
         root = Path(name)
-        shutil.copytree(sources, root / "sources", ignore=shutil.ignore_patterns(other))
+        shutil.copytree(sources, root / "sources", ignore=shutil.ignore_patterns(other, WHOLE))
+        whole = [write_whole(sources, files)]
         if fmi == "fmi2":
             description = generate_xml.fmi2(model, token, _date(), files)
         else:
@@ -262,9 +265,9 @@ def _build_one(model: Model, token: str, fmi: str, path: Path, sources: Path, pl
             library = root / "binaries" / getattr(platform, fmi) / f"{model.NAME}{platform.suffix}"
             library.parent.mkdir(parents=True)
             if platforms:
-                compile_for(platform, sources, files, library)
+                compile_for(platform, sources, whole, library)
             else:
-                compile_library(sources, files, library)
+                compile_library(sources, whole, library)
         _pack(root, path)
 
 

@@ -18,6 +18,7 @@ from gyro_model.platforms import Platform
 STRICT = ("-ffp-contract=off", "-fno-math-errno")
 FLAGS = ("-std=c99", "-O3", *STRICT, "-fvisibility=hidden", "-Wall", "-Wextra", "-Wpedantic")
 
+WHOLE = "whole.c"
 _ZIG = (sys.executable, "-m", "ziglang", "cc")
 # malloc and free for an importer's arrays, the table for its callbacks.
 _WASM_EXPORTS = ("export-dynamic", "export=malloc", "export=free", "export-table")
@@ -50,6 +51,12 @@ def compile_library(sources: Path, files: Sequence[str], library: Path, extra: S
     with the compiler's first words."""
     position, math = ((), ()) if sys.platform == "win32" else (("-fPIC",), ("-lm",))
     _compile([*find_compiler(), *FLAGS, *extra, *position, "-shared"], sources, files, library, math)
+
+
+def write_whole(sources: Path, files: Sequence[str]) -> str:
+    """A file in ``sources`` that includes the C ``files``: a compiler which sees them at once calls little."""
+    (sources / WHOLE).write_text("".join(f'#include "{name}"\n' for name in files), encoding="utf-8")
+    return WHOLE
 
 
 def compile_for(platform: Platform, sources: Path, files: Sequence[str], library: Path) -> None:

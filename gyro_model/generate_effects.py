@@ -123,6 +123,7 @@ typedef struct {
     unsigned char any_law;
     unsigned char moving; /* laws change parameters within the present step */
     unsigned char any_curved; /* a force acts that is not linear in the motion, or has states of its own */
+    unsigned char steady; /* the motion is linear, and nothing but the rate changes its slopes */
     unsigned char any_impulse;
     unsigned char any_rate; /* the converter asks for the rate of the voltage */
     unsigned char any_state; /* a force with states of its own acts */
@@ -220,6 +221,8 @@ def _activity(model: Model) -> str:
     state = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if e.states) or "0"
     acting = "".join(guarded(e, f"g->acting[g->n_acting++] = {effect_macro(e)};\n") for e in added_forces(model))
     bent = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if not _is_linear(e, model)) or "0"
+    moved = [e for e in added_forces(model) if _is_linear(e, model) and not _is_steady(e, model)]
+    unsteady = "".join(f" && !g->active[{effect_macro(e)}]" for e in moved)
     impulse = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.forces if e.impulse) or "0"
     rate = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.effects if _asks_rate(e)) or "0"
     return (
@@ -227,7 +230,8 @@ def _activity(model: Model) -> str:
         "static inline void find_active(gyro_view *g)\n{\n"
         + "".join(lines)
         + f"    g->any_law = {law};\n    g->any_impulse = {impulse};\n"
-        + f"    g->any_rate = {rate};\n    g->any_state = {state};\n    g->any_curved = {bent};\n    g->n_acting = 0;\n"
+        + f"    g->any_rate = {rate};\n    g->any_state = {state};\n    g->any_curved = {bent};\n"
+        + f"    g->steady = !g->any_law && !g->any_curved{unsteady};\n    g->n_acting = 0;\n"
         + textwrap.indent(acting, "    ")
         + "}\n"
     )
@@ -391,47 +395,80 @@ def _is_linear(effect: Force, model: Model) -> bool:
     return not changing and not is_curved(effect.force, model.state_symbols)
 
 
+def _is_steady(effect: Force, model: Model) -> bool:
+    """Whether the slopes of a linear force stay while parameters do, but for the rate, in which they are quadratic."""
+    moving = {q.symbol for q in model.quantities if q.role == "input"} | set(model.followed) | set(symbols.SET_BY)
+    moving |= {symbols.u_x, symbols.u_y}
+    slopes = [expr for row in _slopes(effect) for expr in row]
+    read = set().union(*(expr.free_symbols for expr in slopes))
+    return not read & (moving - {symbols.omega_z}) and all(diff(expr, symbols.omega_z, 3) == 0 for expr in slopes)
+
+
+def _slopes(effect: Force) -> list[list[Expr]]:
+    return [[force.diff(state) for state in symbols.STATES] for force in effect.force]
+
+
+def _at_rest(effect: Force) -> list[Expr]:
+    return [force.subs(dict.fromkeys(symbols.STATES, 0)) for force in effect.force]
+
+
 def _slope(effect: Force, place: Places) -> str:
-    """The derivatives of a linear force, and what is left of it at rest."""
-    slopes = [[force.diff(state) for state in symbols.STATES] for force in effect.force]
-    rest = [force.subs(dict.fromkeys(symbols.STATES, 0)) for force in effect.force]
+    """The derivatives of a linear force."""
+    slopes = _slopes(effect)
     lines = "".join(
         f"    slope[{axis}][{state_macro(state)}] += {c_expression(expr)};\n"
         for axis in (0, 1)
         for state, expr in zip(symbols.STATES, slopes[axis], strict=True)
         if expr != 0
     )
-    lines += "".join(f"    still[{axis}] += {c_expression(expr)};\n" for axis, expr in enumerate(rest) if expr != 0)
-    unused = [name for name in ("slope", "still") if f"{name}[" not in lines]
-    declared = place.declare(effect, (*slopes[0], *slopes[1], *rest))
-    quiet = "".join(f"    (void){name};\n" for name in unused)
-    head = f"static inline void slope_{effect.id}(const gyro_view *g, double slope[2][4], double still[2])"
-    return f"{head}\n{{\n{declared}{quiet}{lines}}}\n"
+    head = f"static inline void slope_{effect.id}(const gyro_view *g, double slope[2][4])"
+    return f"{head}\n{{\n{place.declare(effect, (*slopes[0], *slopes[1]))}{lines}}}\n" if lines else ""
+
+
+def _still(effect: Force, place: Places) -> str:
+    """What is left of a linear force at rest."""
+    rest = _at_rest(effect)
+    lines = "".join(f"    still[{axis}] += {c_expression(expr)};\n" for axis, expr in enumerate(rest) if expr != 0)
+    head = f"static inline void still_{effect.id}(const gyro_view *g, double still[2])"
+    return f"{head}\n{{\n{place.declare(effect, rest)}{lines}}}\n" if lines else ""
 
 
 def _linear(model: Model, place: Places) -> str:
     own = [e for e in model.forces if _is_linear(e, model) and not e.drawn]
-    functions = "\n".join(_slope(e, place) for e in own)
-    nominal = "".join(f"    slope_{e.id}(g, slope, still);\n" for e in own if e.nominal)
-    others = "".join(
-        f"case {effect_macro(e)}:\n    slope_{e.id}(g, slope, still);\n    break;\n" for e in own if not e.nominal
-    )
+    sloping, standing = [e for e in own if _slope(e, place)], [e for e in own if _still(e, place)]
+    functions = "\n".join([_slope(e, place) for e in sloping] + [_still(e, place) for e in standing])
     return f"""{functions}
 /* Where any_curved is 0 the force is slope (x, x', y, y') + still [N]; slope [N/m, N.s/m], shape (2, 4). */
-static inline void find_slopes(const gyro_view *g, double slope[2][4], double still[2])
+static inline void find_slopes(const gyro_view *g, double slope[2][4])
+{{
+    for (int axis = 0; axis < 2; axis++) {{
+        slope[axis][0] = slope[axis][1] = slope[axis][2] = slope[axis][3] = 0.0;
+    }}
+{_called(sloping, "slope")}}}
+
+static inline void find_still(const gyro_view *g, double still[2])
 {{
     for (int axis = 0; axis < 2; axis++) {{
         still[axis] = g->u[axis] + g->held[axis];
-        slope[axis][0] = slope[axis][1] = slope[axis][2] = slope[axis][3] = 0.0;
     }}
-{nominal}    for (int i = 0; i < g->n_acting; i++) {{
+{_called(standing, "still")}}}
+"""
+
+
+def _called(forces: Sequence[Force], what: str) -> str:
+    """The calls of ``what``_ID(g, ``what``): of the nominal forces, then of those that act."""
+    nominal = "".join(f"    {what}_{e.id}(g, {what});\n" for e in forces if e.nominal)
+    others = "".join(
+        f"case {effect_macro(e)}:\n    {what}_{e.id}(g, {what});\n    break;\n" for e in forces if not e.nominal
+    )
+    loop = f"""    for (int i = 0; i < g->n_acting; i++) {{
         switch (g->acting[i]) {{
 {textwrap.indent(others, "        ")}        default:
             break;
         }}
     }}
-}}
 """
+    return nominal + (loop if others else "")
 
 
 def _kick(model: Model) -> str:

@@ -31,6 +31,7 @@ typedef struct {
     unsigned char any_law;
     unsigned char moving; /* laws change parameters within the present step */
     unsigned char any_curved; /* a force acts that is not linear in the motion, or has states of its own */
+    unsigned char steady; /* the motion is linear, and nothing but the rate changes its slopes */
     unsigned char any_impulse;
     unsigned char any_rate; /* the converter asks for the rate of the voltage */
     unsigned char any_state; /* a force with states of its own acts */
@@ -942,6 +943,7 @@ static inline void find_active(gyro_view *g)
     g->any_rate = g->active[GYRO_EFFECT_SAMPLING_JITTER];
     g->any_state = g->active[GYRO_EFFECT_HYSTERESIS] || g->active[GYRO_EFFECT_PARASITIC_MODE];
     g->any_curved = g->active[GYRO_EFFECT_CONTACT_STOP] || g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_DRY_FRICTION] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_HYSTERESIS] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] || g->active[GYRO_EFFECT_SQUEEZE_FILM];
+    g->steady = !g->any_law && !g->any_curved && !g->active[GYRO_EFFECT_COMB_FRINGE];
     g->n_acting = 0;
     if (g->active[GYRO_EFFECT_ANGULAR_GAIN]) {
         g->acting[g->n_acting++] = GYRO_EFFECT_ANGULAR_GAIN;
@@ -1290,116 +1292,120 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
     rate[GYRO_STATE_Y_DOT] = force[1] * g->inverse_mass;
 }
 
-static inline void slope_coriolis(const gyro_view *g, double slope[2][4], double still[2])
+static inline void slope_coriolis(const gyro_view *g, double slope[2][4])
 {
     const double m = g->p[GYRO_M];
     const double omega_z = g->p[GYRO_OMEGA_Z];
-    (void)still;
     slope[0][GYRO_STATE_Y_DOT] += 2*m*omega_z;
     slope[1][GYRO_STATE_X_DOT] += -2*m*omega_z;
 }
 
-static inline void slope_damping(const gyro_view *g, double slope[2][4], double still[2])
+static inline void slope_damping(const gyro_view *g, double slope[2][4])
 {
     const double dxx = g->p[GYRO_DXX];
     const double dxy = g->p[GYRO_DXY];
     const double dyy = g->p[GYRO_DYY];
-    (void)still;
     slope[0][GYRO_STATE_X_DOT] += -dxx;
     slope[0][GYRO_STATE_Y_DOT] += -dxy;
     slope[1][GYRO_STATE_X_DOT] += -dxy;
     slope[1][GYRO_STATE_Y_DOT] += -dyy;
 }
 
-static inline void slope_suspension(const gyro_view *g, double slope[2][4], double still[2])
+static inline void slope_suspension(const gyro_view *g, double slope[2][4])
 {
     const double kxx = g->p[GYRO_KXX];
     const double kxy = g->p[GYRO_KXY];
     const double kyy = g->p[GYRO_KYY];
-    (void)still;
     slope[0][GYRO_STATE_X] += -kxx;
     slope[0][GYRO_STATE_Y] += -kxy;
     slope[1][GYRO_STATE_X] += -kxy;
     slope[1][GYRO_STATE_Y] += -kyy;
 }
 
-static inline void slope_angular_gain(const gyro_view *g, double slope[2][4], double still[2])
+static inline void slope_angular_gain(const gyro_view *g, double slope[2][4])
 {
     const double angular_gain = g->p[GYRO_ANGULAR_GAIN];
     const double m = g->p[GYRO_M];
     const double omega_z = g->p[GYRO_OMEGA_Z];
-    (void)still;
     slope[0][GYRO_STATE_Y_DOT] += m*omega_z*(2*angular_gain - 2);
     slope[1][GYRO_STATE_X_DOT] += m*omega_z*(2 - 2*angular_gain);
 }
 
-static inline void slope_comb_fringe(const gyro_view *g, double slope[2][4], double still[2])
+static inline void slope_comb_fringe(const gyro_view *g, double slope[2][4])
 {
     const double comb_fringe = g->p[GYRO_COMB_FRINGE];
     const double u_x = g->u[0];
     const double u_y = g->u[1];
-    (void)still;
     slope[0][GYRO_STATE_X] += comb_fringe*u_x;
     slope[1][GYRO_STATE_Y] += comb_fringe*u_y;
 }
 
-static inline void slope_constant_force(const gyro_view *g, double slope[2][4], double still[2])
-{
-    const double force_x = g->p[GYRO_FORCE_X];
-    const double force_y = g->p[GYRO_FORCE_Y];
-    (void)slope;
-    still[0] += force_x;
-    still[1] += force_y;
-}
-
-static inline void slope_frame_rotation(const gyro_view *g, double slope[2][4], double still[2])
+static inline void slope_frame_rotation(const gyro_view *g, double slope[2][4])
 {
     const double frame_rotation = g->p[GYRO_FRAME_ROTATION];
     const double m = g->p[GYRO_M];
     const double omega_z = g->p[GYRO_OMEGA_Z];
-    (void)still;
     slope[0][GYRO_STATE_X] += frame_rotation*m*omega_z*omega_z;
     slope[1][GYRO_STATE_Y] += frame_rotation*m*omega_z*omega_z;
 }
 
-static inline void slope_linear_acceleration(const gyro_view *g, double slope[2][4], double still[2])
+static inline void still_constant_force(const gyro_view *g, double still[2])
+{
+    const double force_x = g->p[GYRO_FORCE_X];
+    const double force_y = g->p[GYRO_FORCE_Y];
+    still[0] += force_x;
+    still[1] += force_y;
+}
+
+static inline void still_linear_acceleration(const gyro_view *g, double still[2])
 {
     const double a_x = g->p[GYRO_A_X];
     const double a_y = g->p[GYRO_A_Y];
     const double acceleration_gain_x = g->p[GYRO_ACCELERATION_GAIN_X];
     const double acceleration_gain_y = g->p[GYRO_ACCELERATION_GAIN_Y];
     const double m = g->p[GYRO_M];
-    (void)slope;
     still[0] += a_x*acceleration_gain_x*m;
     still[1] += a_y*acceleration_gain_y*m;
 }
 
 /* Where any_curved is 0 the force is slope (x, x', y, y') + still [N]; slope [N/m, N.s/m], shape (2, 4). */
-static inline void find_slopes(const gyro_view *g, double slope[2][4], double still[2])
+static inline void find_slopes(const gyro_view *g, double slope[2][4])
 {
     for (int axis = 0; axis < 2; axis++) {
-        still[axis] = g->u[axis] + g->held[axis];
         slope[axis][0] = slope[axis][1] = slope[axis][2] = slope[axis][3] = 0.0;
     }
-    slope_coriolis(g, slope, still);
-    slope_damping(g, slope, still);
-    slope_suspension(g, slope, still);
+    slope_coriolis(g, slope);
+    slope_damping(g, slope);
+    slope_suspension(g, slope);
     for (int i = 0; i < g->n_acting; i++) {
         switch (g->acting[i]) {
         case GYRO_EFFECT_ANGULAR_GAIN:
-            slope_angular_gain(g, slope, still);
+            slope_angular_gain(g, slope);
             break;
         case GYRO_EFFECT_COMB_FRINGE:
-            slope_comb_fringe(g, slope, still);
-            break;
-        case GYRO_EFFECT_CONSTANT_FORCE:
-            slope_constant_force(g, slope, still);
+            slope_comb_fringe(g, slope);
             break;
         case GYRO_EFFECT_FRAME_ROTATION:
-            slope_frame_rotation(g, slope, still);
+            slope_frame_rotation(g, slope);
+            break;
+        default:
+            break;
+        }
+    }
+}
+
+static inline void find_still(const gyro_view *g, double still[2])
+{
+    for (int axis = 0; axis < 2; axis++) {
+        still[axis] = g->u[axis] + g->held[axis];
+    }
+    for (int i = 0; i < g->n_acting; i++) {
+        switch (g->acting[i]) {
+        case GYRO_EFFECT_CONSTANT_FORCE:
+            still_constant_force(g, still);
             break;
         case GYRO_EFFECT_LINEAR_ACCELERATION:
-            slope_linear_acceleration(g, slope, still);
+            still_linear_acceleration(g, still);
             break;
         default:
             break;

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{191e573b-4e9e-5852-70fe-820d9fb22d0c}"
+#define GYRO_TOKEN "{b0a3d526-10a7-4842-4db2-7b911cd93b00}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

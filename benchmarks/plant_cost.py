@@ -1,0 +1,135 @@
+"""What the plant costs beside a plain C program: set inputs, step 5 us, get outputs, over RK4 in 1 us steps for the
+same 5 us; with nothing on, with each effect alone and with all of them.
+
+Rate and forces are new at every call, also for the yardstick (rk4_yardstick.c). Both are timed in processor time, in
+turns, so that a busy moment meets both.
+"""
+
+import ctypes
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.c_driver import CPlants, at, compiled
+from benchmarks.report import Options, Report, Row, Table, load, row
+from gyro_model.build import build
+from gyro_model.device import load_device
+from gyro_model.effect_points import MODEL, active_parameters
+
+Floats = NDArray[np.float64]
+
+STEP: Final = 5e-6
+CALLS: Final = 4_000
+"""In one repeat: 20 ms of the plant."""
+REPEATS: Final = 41
+ROWS: Final = 256
+NOTHING, EVERY = "nothing on", "all effects and noises on"
+LIMITS: Final = {NOTHING: 0.6, EVERY: 10.0}
+ALONE: Final = 3.3
+"""Of the dearest single effect."""
+START: Final = {"x_start": 1e-6, "y_dot_start": 5e-3}
+"""0.4 of 1 um of x in the faster mode, the rest in the other."""
+
+
+def inputs() -> dict[str, Floats]:
+    """Rates within 300 deg/s and forces that move the device by some nm, in turns."""
+    rng = np.random.default_rng(31)
+    sizes = {"u_x": 2e-7, "u_y": 2e-7, "omega_z": np.radians(300.0)}
+    warm = {"temperature": np.full(ROWS, 310.0)}
+    return {name: size * rng.uniform(-1.0, 1.0, ROWS) for name, size in sizes.items()} | warm
+
+
+def cases() -> dict[str, dict[str, float]]:
+    """Parameters beyond those of the reference device, by what is on."""
+    rng = np.random.default_rng(32)
+    alone = {e.id: active_parameters(e, rng) for e in MODEL.effects if not e.nominal}
+    every = {name: value for parameters in alone.values() for name, value in parameters.items()}
+    return {NOTHING: {}, **alone, EVERY: every}
+
+
+def measure(
+    chosen: Mapping[str, Mapping[str, float]], calls: int = CALLS, repeats: int = REPEATS
+) -> dict[str, list[tuple[float, float]]]:
+    """Processor time of a call of the plant and of the yardstick [ns], a pair a repeat, by case."""
+    device = load_device("reference").with_parameters({"sense_noise": 0.0, **START}).parameters
+    own = {**device, "internal_step": STEP, "sample_period": STEP}
+    times: dict[str, list[tuple[float, float]]] = {name: [] for name in chosen}
+    table = inputs()
+    with ExitStack() as stack:
+        plants = stack.enter_context(CPlants(build().fmi3))
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="gyrotwin-")))
+        yardstick = Yardstick(folder, device, table)
+        for repeat in range(repeats + 1):
+            for name, parameters in chosen.items():
+                # Anew each time, so that every repeat is of the same motion.
+                with plants.start({**own, **parameters}, table, STEP) as plant:
+                    plant(100)
+                    plain = _time(yardstick, calls)
+                    spent = _time(plant, calls)
+                if repeat > 0:
+                    times[name].append((spent, plain))
+    return times
+
+
+class Yardstick:
+    """RK4 in C on the same device under the same inputs; called as a plant is."""
+
+    def __init__(self, folder: Path, device: Mapping[str, float], table: Mapping[str, Floats]) -> None:
+        self._run = compiled("rk4_yardstick.c", folder).rk4_run
+        m = device["m"]
+        self._coefficients = np.array([device[name] / m for name in ("kxx", "kyy", "kxy", "dxx", "dyy", "dxy")])
+        self._inputs = np.ascontiguousarray(np.array([table["omega_z"], table["u_x"] / m, table["u_y"] / m]).T)
+        self.state = np.array([device.get(name, 0.0) for name in ("x_start", "x_dot_start", "y_start", "y_dot_start")])
+        self._done = 0
+
+    def __call__(self, count: int) -> int:
+        first, rows = ctypes.c_int64(self._done), ctypes.c_int64(len(self._inputs))
+        self._run(at(self._coefficients), at(self.state), at(self._inputs), rows, first, ctypes.c_int64(count))
+        self._done += count
+        return count
+
+
+def _time(run: Callable[[int], int], calls: int) -> float:
+    began = time.process_time_ns()
+    if run(calls) != calls:
+        raise RuntimeError("the plant stopped")
+    return (time.process_time_ns() - began) / calls
+
+
+def cost_rows(times: Mapping[str, Sequence[tuple[float, float]]]) -> list[Row]:
+    """A row a case, and the dearest effect, which is judged."""
+    ratios = {}
+    rows = []
+    for name, pairs in times.items():
+        spent, plain = np.array(pairs).T
+        ratios[name] = {"of minima": spent.min() / plain.min(), "median of ratios": float(np.median(spent / plain))}
+        values = {**ratios[name], "plant [ns]": spent.min(), "yardstick [ns]": plain.min()}
+        rows.append(row(name, "1", values, limit=LIMITS.get(name), judged=tuple(ratios[name])))
+    alone = {name: ratio for name, ratio in ratios.items() if name not in LIMITS}
+    if alone:
+        dearest = max(alone, key=lambda name: alone[name]["median of ratios"])
+        spent, plain = np.array(times[dearest]).T
+        values = {**alone[dearest], "plant [ns]": spent.min(), "yardstick [ns]": plain.min()}
+        judged = tuple(alone[dearest])
+        rows.append(row("the dearest single effect", "1", values, limit=ALONE, judged=judged, note=dearest))
+    return rows
+
+
+def run(options: Options) -> Report:
+    """All cases, in this one process."""
+    before = load()
+    table = Table("set, step of 5 µs, get, over RK4 in 1 µs steps in C", cost_rows(measure(cases())))
+    notes = [
+        f"{REPEATS} repeats of {CALLS} calls each, in turns with as many of the yardstick, in processor time; each "
+        "repeat begins a new instance in the same state.",
+        "Sizes of effects are half way from neutral to the limit case that their file states, or a little more.",
+        "Before: " + before,
+        "After: " + load(),
+    ]
+    return Report("plant_cost", "Cost of the plant beside a plain C program", [table], notes)
