@@ -48,14 +48,24 @@ typedef struct {
 
 static reduced reduce(double x, double tail)
 {
-    const double n = gyro_rint(x * PER_LN2);
+    const double shift = 6755399441055744.0; /* 1.5 2^52: beyond, every double is a whole number */
+    const double n = (x * PER_LN2 + shift) - shift;
     const double main = x - n * LN2_HIGH, rest = n * LN2_LOW - tail;
     return (reduced){(int)n, main, rest};
 }
 
+/* The sum of c[i] x^i, by pairs of pairs: a processor does those side by side, where Horner's rule waits for each product and sum. */
+enum { TERMS = 13 };
+static inline double polynomial(const double c[TERMS], double x)
+{
+    const double x_2 = x * x, x_4 = x_2 * x_2, x_8 = x_4 * x_4;
+    const double first = (c[0] + c[1] * x) + (c[2] + c[3] * x) * x_2, second = (c[4] + c[5] * x) + (c[6] + c[7] * x) * x_2;
+    const double third = (c[8] + c[9] * x) + (c[10] + c[11] * x) * x_2;
+    return (first + second * x_4) + (third + c[12] * x_4) * x_8;
+}
+
 /* 1/n! from n = 2 on. */
-enum { FACTORIALS = 13 };
-static const double PER_FACTORIAL[FACTORIALS] = {1.0 / 2.0,       1.0 / 6.0,        1.0 / 24.0,        1.0 / 120.0,        1.0 / 720.0,
+static const double PER_FACTORIAL[TERMS] = {1.0 / 2.0,       1.0 / 6.0,        1.0 / 24.0,        1.0 / 120.0,        1.0 / 720.0,
                                                  1.0 / 5040.0,    1.0 / 40320.0,    1.0 / 362880.0,    1.0 / 3628800.0,    1.0 / 39916800.0,
                                                  1.0 / 479001600.0, 1.0 / 6227020800.0, 1.0 / 87178291200.0};
 
@@ -63,11 +73,7 @@ static const double PER_FACTORIAL[FACTORIALS] = {1.0 / 2.0,       1.0 / 6.0,    
 static double bend(double main, double rest)
 {
     const double r = main - rest;
-    double sum = 0.0;
-    for (int i = FACTORIALS - 1; i >= 0; i--) {
-        sum = sum * r + PER_FACTORIAL[i];
-    }
-    return r * r * sum - rest;
+    return r * r * polynomial(PER_FACTORIAL, r) - rest;
 }
 
 /* e^(x + tail). */
@@ -133,13 +139,9 @@ static int split(double x, double *f)
 /* Sum of 2/(k + 2 i) z^i, i >= 0, k = 3 or 5, z < 0.0295: what is left is z^12. */
 static double artanh_series(double z, int k)
 {
-    static const double term[] = {2.0 / 3.0,  2.0 / 5.0,  2.0 / 7.0,  2.0 / 9.0,  2.0 / 11.0, 2.0 / 13.0, 2.0 / 15.0,
-                                  2.0 / 17.0, 2.0 / 19.0, 2.0 / 21.0, 2.0 / 23.0, 2.0 / 25.0, 2.0 / 27.0};
-    double sum = 0.0;
-    for (int i = 12; 2 * i >= k - 3; i--) {
-        sum = sum * z + term[i];
-    }
-    return sum;
+    static const double term[TERMS + 1] = {2.0 / 3.0,  2.0 / 5.0,  2.0 / 7.0,  2.0 / 9.0,  2.0 / 11.0, 2.0 / 13.0, 2.0 / 15.0,
+                                  2.0 / 17.0, 2.0 / 19.0, 2.0 / 21.0, 2.0 / 23.0, 2.0 / 25.0, 2.0 / 27.0, 0.0};
+    return polynomial(term + (k - 3) / 2, z);
 }
 
 /* log(1 + f) = f - f^2/2 + s (f^2/2 + R), s = f/(2 + f), R = 2 artanh(s)/s - 2. */
@@ -227,6 +229,8 @@ double gyro_pow(double x, double y)
     }
     return minus ? -result : result;
 }
+
+double gyro_power(double x, double y) { return y == 0.0 ? 1.0 : gyro_exp(y * gyro_log(x)); }
 
 double gyro_sinh(double x)
 {

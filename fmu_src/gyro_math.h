@@ -19,6 +19,7 @@ double gyro_expm1(double x);
 double gyro_log(double x);
 double gyro_log1p(double x); /* 3 ulp */
 double gyro_pow(double x, double y);
+double gyro_power(double x, double y); /* the same for x > 0 in a fifth of the time: 3 |y log x| + 2 ulp */
 double gyro_sin(double x);
 double gyro_cos(double x);
 double gyro_tan(double x);           /* 3 ulp */

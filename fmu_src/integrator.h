@@ -23,18 +23,22 @@
     }                                   \
     state_rate(g, k[stage])
 
-/* Largest estimate of a step's error, over the size of each state. The estimate is of order 7, the step of order 8: where a step is smooth, the
-   error lies orders of magnitude below. */
-static const double GYRO_STEP_ERROR = 1e-12;
+/* Largest estimate of a step's error, over the size of each state, squared: of 1e-12. The estimate is of order 7, the step of order 8: where a
+   step is smooth, the error lies orders of magnitude below. */
+static const double GYRO_STEP_ERROR = 1e-24;
 
-/* Below this share of it the step may be twice as long: 2^-8 by the order of the estimate, and a margin. */
-static const double GYRO_LONGER = 1e-3;
+/* What half a step makes of that square, by its order: 2^-16. */
+static const double GYRO_HALF_ERROR = 1.0 / 65536.0;
+
+/* Below this share of it the step may be twice as long: that, and a margin. */
+static const double GYRO_LONGER = 1e-6;
 
 /* A step is halved so many times at most. What a force does within 1/1024 of internal_step is left to the last halves. */
 enum { GYRO_HALVINGS = 10 };
 
 /* Moves the states of the view from time t by h [s], the force of the view held, what lags being that of `from` [s] before t. `value` shape
-   (GYRO_N_VARIABLES), as set; n states, a constant at each call, so that the loops unroll. Gives the largest estimate of the error over the size of a state. */
+   (GYRO_N_VARIABLES), as set; n states, a constant at each call, so that the loops unroll. Gives the largest estimate of the error over the
+   size of a state, squared. */
 static inline double integrate_states(gyro_view *g, const double *value, double t, double from, double h, int n)
 {
     double worst = 0.0;
@@ -87,10 +91,11 @@ static inline double integrate_states(gyro_view *g, const double *value, double 
                              -0.35032884874997366 * k[8][i] + 0.3341791187130175 * k[9][i] + 0.08192320648511571 * k[10][i] + -0.022355307863886294 * k[11][i];
         const double third = -0.18980075407240762 * k[0][i] + 4.450312892752409 * k[5][i] + 1.8915178993145003 * k[6][i] + -5.801203960010585 * k[7][i] +
                              -0.4226823213237919 * k[8][i] + -0.1521609496625161 * k[9][i] + 0.20136540080403034 * k[10][i] + 0.02265179219836082 * k[11][i];
-        const double both = sqrt(fifth * fifth + 0.01 * third * third);
-        const double error = both > 0.0 ? fabs(h * fifth) * (fabs(fifth) / both) : 0.0;
+        /* h |fifth|^2/sqrt(fifth^2 + third^2/100) over the size, squared. */
+        const double both = (fifth * fifth + 0.01 * third * third) * (size * size), whole = h * fifth * fifth;
+        const double error = both > 0.0 ? whole * whole / both : 0.0;
         /* What is no number stays the worst. */
-        worst = error <= worst * size || worst != worst ? worst : error / size;
+        worst = error <= worst || worst != worst ? worst : error;
     }
     return worst;
 }
@@ -118,7 +123,11 @@ static inline void integrate_next(gyro_view *g, const double *value, double t, d
     memcpy(before, g->s, sizeof before);
     double error = integrate_part(g, value, t + from, from, h * at->part / GYRO_WHOLE);
     while (at->part > 1 && !(error <= GYRO_STEP_ERROR)) {
-        at->part /= 2;
+        /* As often as that says it takes; where the motion has a corner, a half makes less of it, and so it is asked again. */
+        do {
+            at->part /= 2;
+            error *= GYRO_HALF_ERROR;
+        } while (at->part > 1 && error > GYRO_STEP_ERROR);
         memcpy(g->s, before, sizeof before);
         error = integrate_part(g, value, t + from, from, h * at->part / GYRO_WHOLE);
     }

@@ -2,7 +2,10 @@
 
        s + h (r + h/2 A (r + h/3 A (r + ...))),  r = A s + b.
 
-   The number of terms follows from the size of A h, so that what is left out is below rounding whatever the stiffness and the rate. */
+   The number of terms follows from the size of A h, so that what is left out is below rounding whatever the stiffness and the rate.
+
+   Where laws change A within the step, each of its halves has the mean of two values that makes the error of order 4 in how A changes: the
+   parts per million by which a temperature moves it in 5 us leave 1e-13 of a step's motion. */
 
 #ifndef GYRO_LINEAR_H
 #define GYRO_LINEAR_H
@@ -38,46 +41,128 @@ static inline int power_for(double size)
     return power;
 }
 
-/* Moves the states by h [s]; gives 0 where the step would have to be divided too often, and then has done nothing. */
-static inline int propagate(gyro_view *g, double h)
+/* The force while it is linear: slope (x, x', y, y') + still [N]; slope [N/m, N.s/m]. */
+typedef struct {
+    double slope[2][4];
+    double still[2];
+} gyro_linear;
+
+/* That of the view as it is. */
+static inline gyro_linear linear_of(const gyro_view *g)
 {
-    double slope[2][4], still[2];
-    find_slopes(g, slope);
-    find_still(g, still);
-    const double size = h * bound_of(slope, g->inverse_mass);
-    const int possible = size <= GYRO_MOST_PARTS;
-    if (possible) {
-        const int parts = size > 1.0 ? (int)size + 1 : 1;
-        const double part = h / parts, mass = g->inverse_mass;
-        const int power = power_for(size / parts);
-        const double xx = slope[0][0] * mass, xv = slope[0][1] * mass, xy = slope[0][2] * mass, xw = slope[0][3] * mass;
-        const double yx = slope[1][0] * mass, yv = slope[1][1] * mass, yy = slope[1][2] * mass, yw = slope[1][3] * mass;
-        const double bx = still[0] * mass, by = still[1] * mass;
-        double x = g->s[GYRO_STATE_X], v = g->s[GYRO_STATE_X_DOT], y = g->s[GYRO_STATE_Y], w = g->s[GYRO_STATE_Y_DOT];
-        for (int i = 0; i < parts; i++) {
-            const double rv = (xx * x + xv * v) + (xy * y + xw * w) + bx;
-            const double rw = (yx * x + yv * v) + (yy * y + yw * w) + by;
-            double dx = v, dv = rv, dy = w, dw = rw;
-            for (int k = power; k > 1; k--) {
-                const double f = part / k;
-                const double av = (xx * dx + xv * dv) + (xy * dy + xw * dw);
-                const double aw = (yx * dx + yv * dv) + (yy * dy + yw * dw);
-                dx = v + f * dv;
-                dy = w + f * dw;
-                dv = rv + f * av;
-                dw = rw + f * aw;
-            }
-            x += part * dx;
-            v += part * dv;
-            y += part * dy;
-            w += part * dw;
+    gyro_linear linear;
+    find_slopes(g, linear.slope);
+    find_still(g, linear.still);
+    return linear;
+}
+
+/* Whether a step h [s] need not be divided too often. */
+static inline int is_gentle(gyro_linear *linear, double inverse_mass, double h)
+{
+    return h * bound_of(linear->slope, inverse_mass) <= GYRO_MOST_PARTS;
+}
+
+/* Moves the states by a gentle step h [s]. */
+static inline void propagate(gyro_view *g, gyro_linear *linear, double h)
+{
+    const double size = h * bound_of(linear->slope, g->inverse_mass);
+    const int parts = size > 1.0 ? (int)size + 1 : 1, power = power_for(size / parts);
+    const double part = h / parts, mass = g->inverse_mass;
+    const double *to_x = linear->slope[0], *to_y = linear->slope[1];
+    const double xx = to_x[0] * mass, xv = to_x[1] * mass, xy = to_x[2] * mass, xw = to_x[3] * mass;
+    const double yx = to_y[0] * mass, yv = to_y[1] * mass, yy = to_y[2] * mass, yw = to_y[3] * mass;
+    const double bx = linear->still[0] * mass, by = linear->still[1] * mass;
+    double x = g->s[GYRO_STATE_X], v = g->s[GYRO_STATE_X_DOT], y = g->s[GYRO_STATE_Y], w = g->s[GYRO_STATE_Y_DOT];
+    for (int i = 0; i < parts; i++) {
+        const double rv = (xx * x + xv * v) + (xy * y + xw * w) + bx;
+        const double rw = (yx * x + yv * v) + (yy * y + yw * w) + by;
+        double dx = v, dv = rv, dy = w, dw = rw;
+        for (int k = power; k > 1; k--) {
+            const double f = part / k;
+            const double av = (xx * dx + xv * dv) + (xy * dy + xw * dw);
+            const double aw = (yx * dx + yv * dv) + (yy * dy + yw * dw);
+            dx = v + f * dv;
+            dy = w + f * dw;
+            dv = rv + f * av;
+            dw = rw + f * aw;
         }
-        g->s[GYRO_STATE_X] = x;
-        g->s[GYRO_STATE_X_DOT] = v;
-        g->s[GYRO_STATE_Y] = y;
-        g->s[GYRO_STATE_Y_DOT] = w;
+        x += part * dx;
+        v += part * dv;
+        y += part * dy;
+        w += part * dw;
     }
-    return possible;
+    g->s[GYRO_STATE_X] = x;
+    g->s[GYRO_STATE_X_DOT] = v;
+    g->s[GYRO_STATE_Y] = y;
+    g->s[GYRO_STATE_Y_DOT] = w;
+}
+
+/* The nodes of Gauss on [0, 1], and the weights of what holds there for the two halves of a step: S. Blanes, P. C. Moan, Fourth- and
+   sixth-order commutator-free Magnus integrators, Applied Numerical Mathematics 56, 2006, eq. 23, times two for a half. */
+static const double GYRO_LAW_NODES[2] = {0.21132486540518713, 0.78867513459481287};
+static const double GYRO_LAW_WEIGHTS[2] = {1.0773502691896257, -0.077350269189625731};
+
+/* What holds in the half of a step nearer to the node at which `near` does. */
+static inline gyro_linear in_half(const gyro_linear *near, const gyro_linear *far)
+{
+    gyro_linear half;
+    for (int axis = 0; axis < 2; axis++) {
+        half.still[axis] = GYRO_LAW_WEIGHTS[0] * near->still[axis] + GYRO_LAW_WEIGHTS[1] * far->still[axis];
+        for (int i = 0; i < 4; i++) {
+            half.slope[axis][i] = GYRO_LAW_WEIGHTS[0] * near->slope[axis][i] + GYRO_LAW_WEIGHTS[1] * far->slope[axis][i];
+        }
+    }
+    return half;
+}
+
+/* How far laws may bend the course of the slopes within a step, over the slopes, to be left to two nodes: those leave less than a hundredth
+   of it, of which (w h)^2 moves the states. A lag of ms bends by 1e-10, one of us by more, and then steps are halved. */
+static const double GYRO_LAW_BEND = 1e-9;
+
+/* Whether the slopes at both nodes lie on a line with those at the start. */
+static inline int is_even(gyro_linear *start, const gyro_linear at[2], double inverse_mass)
+{
+    const double along = GYRO_LAW_NODES[0] / (GYRO_LAW_NODES[1] - GYRO_LAW_NODES[0]);
+    const double frequency = bound_of(start->slope, inverse_mass);
+    double most = 0.0;
+    for (int axis = 0; axis < 2; axis++) {
+        double bend[4];
+        for (int i = 0; i < 4; i++) {
+            const double near = at[0].slope[axis][i], far = at[1].slope[axis][i];
+            bend[i] = size_of(start->slope[axis][i] - (near - along * (far - near)));
+        }
+        most = larger(most, bend[0] + bend[2] + frequency * (bend[1] + bend[3]));
+    }
+    return most * inverse_mass <= GYRO_LAW_BEND * frequency * frequency;
+}
+
+/* Moves the states by h [s] from time t, every force being linear; laws change parameters where `moving`. Gives 0 where it would have to be
+   divided too often, and then has moved nothing. */
+static inline int propagate_linear(gyro_view *g, const double *value, double t, double h)
+{
+    int gentle;
+    if (g->moving) {
+        gyro_linear start = linear_of(g), at[2];
+        for (int node = 0; node < 2; node++) {
+            g->t = t + GYRO_LAW_NODES[node] * h;
+            g->since = GYRO_LAW_NODES[node] * h;
+            apply_laws(g, value);
+            at[node] = linear_of(g);
+        }
+        gyro_linear first = in_half(&at[0], &at[1]), second = in_half(&at[1], &at[0]);
+        gentle = is_even(&start, at, g->inverse_mass) && is_gentle(&first, g->inverse_mass, 0.5 * h) && is_gentle(&second, g->inverse_mass, 0.5 * h);
+        if (gentle) {
+            propagate(g, &first, 0.5 * h);
+            propagate(g, &second, 0.5 * h);
+        }
+    } else {
+        gyro_linear linear = linear_of(g);
+        gentle = is_gentle(&linear, g->inverse_mass, h);
+        if (gentle) {
+            propagate(g, &linear, h);
+        }
+    }
+    return gentle;
 }
 
 #endif

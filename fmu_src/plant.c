@@ -294,7 +294,7 @@ static void move_by(gyro_instance *g, double h, int lags)
 {
     gyro_view *view = &g->view;
     const double t = gyro_time_of(g, g->memory.clock.settled);
-    const int tabulated = view->steady && gyro_holds(&g->plan.propagator, view, h), straight = !view->moving && !view->any_curved;
+    const int tabulated = view->steady && gyro_holds(&g->plan.propagator, view, h);
     for (gyro_progress at = {0, GYRO_WHOLE}; at.done < GYRO_WHOLE;) {
         const double begin = h * at.done / GYRO_WHOLE;
         gyro_end start;
@@ -304,7 +304,7 @@ static void move_by(gyro_instance *g, double h, int lags)
         if (tabulated) {
             gyro_apply(&g->plan.propagator, view);
             at.done = GYRO_WHOLE;
-        } else if (straight && at.done == 0 && propagate(view, h)) {
+        } else if (!view->any_curved && at.done == 0 && propagate_linear(view, g->value, t, h)) {
             at.done = GYRO_WHOLE;
         } else {
             integrate_next(view, g->value, t, h, &at);

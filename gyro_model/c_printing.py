@@ -23,6 +23,8 @@ _OWN = {
     "ceiling": "ceil",
     "Abs": "fabs",
 }
+# Functions that cost as much as dozens of products.
+_COSTLY = {"exp", "log", "sinh", "cosh", "tanh", "sin", "cos", "tan"}
 # What prints as an expression, not as a call.
 _EXPRESSIONS = {"Max", "Min", "Heaviside", "Piecewise", "nearest_integer", "sign"}
 
@@ -48,9 +50,16 @@ class _Printer(C99CodePrinter):
             return product if exponent > 0 else f"1.0/({product})"
         if abs(exponent) == Rational(1, 2):
             return f"sqrt({self._print(base)})" if exponent > 0 else f"1.0/sqrt({self._print(base)})"
-        return f"gyro_pow({self._print(base)}, {self._print(exponent)})"
+        return f"gyro_pow{'er' if base.is_positive else ''}({self._print(base)}, {self._print(exponent)})"
 
     def _print_Mul(self, expr: Expr) -> str:
+        factors = [factor for factor in expr.args if factor.is_Symbol]
+        if factors and any(type(factor).__name__ in _COSTLY for factor in expr.args):
+            # A shape at zero, as most are, spares the call.
+            return f"({self._print(factors[0])} == 0.0 ? 0.0 : {self._product(expr)})"
+        return self._product(expr)
+
+    def _product(self, expr: Expr) -> str:
         # A power below the line is one factor: a/x**2 would print as a/x*x.
         below = {
             f: 1 / Symbol(f"({self._print(1 / f)})")

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{b0a3d526-10a7-4842-4db2-7b911cd93b00}"
+#define GYRO_TOKEN "{64190fc8-d0a1-1340-fe1c-a8ba881c4ac0}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

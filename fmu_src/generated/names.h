@@ -102,6 +102,7 @@
 #define gyro_pink_start Gyroscope_gyro_pink_start
 #define gyro_plan_cuts Gyroscope_gyro_plan_cuts
 #define gyro_pow Gyroscope_gyro_pow
+#define gyro_power Gyroscope_gyro_power
 #define gyro_prepare Gyroscope_gyro_prepare
 #define gyro_put_out Gyroscope_gyro_put_out
 #define gyro_put_out_continuous Gyroscope_gyro_put_out_continuous

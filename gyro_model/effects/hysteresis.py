@@ -33,13 +33,17 @@ def _power(z: Symbol, exponent: Expr) -> Expr:
     return (z**2 + TINY) ** (exponent / 2)
 
 
+def _bend(z: Symbol, speed: Symbol) -> Expr:
+    # Both powers of |z| by one: a power costs as much as all the rest.
+    return _power(z, n - 1) * (beta * Abs(speed) * z + gamma * speed * Abs(z))
+
+
 def _rate(z: Symbol, speed: Symbol) -> Expr:
-    bend = beta * Abs(speed) * _power(z, n - 1) * z + gamma * speed * _power(z, n)
-    return (speed - bend) / LENGTH.symbol
+    return (speed - _bend(z, speed)) / LENGTH.symbol
 
 
 def _loss(h: Symbol, z: Symbol, speed: Symbol) -> Expr:
-    return h * z * (beta * Abs(speed) * _power(z, n - 1) * z + gamma * speed * _power(z, n))
+    return h * z * _bend(z, speed)
 
 
 EFFECT = Force(

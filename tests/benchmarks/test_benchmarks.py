@@ -12,6 +12,7 @@ from benchmarks import (
     loop_measures,
     mode_split,
     plant_call,
+    plant_cost,
     split_envelope,
     split_fmu,
     split_matching,
@@ -22,6 +23,8 @@ from benchmarks.__main__ import NAMES, command_of
 from benchmarks.closed_loop import compiled_loop, fmpy_loop
 from benchmarks.integrators import METHODS, Integrators
 from benchmarks.report import Options, Report, Row, Table, row, spread, write
+from gyro_model.build import build
+from gyro_model.device import load_device
 from gyrotwin.tasks.run import Request, prepare
 
 
@@ -66,6 +69,25 @@ def test_angle_lag_gives_rows():
 def test_plant_call_gives_rows():
     rows = plant_call.plant_rows(calls=200, repeats=1)
     assert all(value for line in rows for value in line.values.values())
+
+
+def test_plant_cost_gives_rows_and_the_dearest():
+    chosen = {name: plant_cost.cases()[name] for name in (plant_cost.NOTHING, "hysteresis", "cubic_stiffness")}
+    rows = plant_cost.cost_rows(plant_cost.measure(chosen, calls=100, repeats=2))
+    assert rows[-1].note == "hysteresis"
+    assert rows[0].limit == plant_cost.LIMITS[plant_cost.NOTHING]
+    assert all(value > 0 for line in rows for value in line.values.values())
+
+
+def test_the_yardstick_moves_as_the_plant(tmp_path):
+    device = {**load_device("reference").parameters, "sense_noise": 0.0, **plant_cost.START}
+    table = plant_cost.inputs()
+    yardstick = plant_cost.Yardstick(tmp_path, device, table)
+    yardstick(200)
+    with plant_cost.CPlants(build().fmi3) as plants, plants.start(device, table, plant_cost.STEP) as plant:
+        assert plant(200) == 200
+    # 1 ms in steps of 1 us by order 4: (w h)^5/120 of 24 krad/s a step, 7e-11, a thousand times.
+    np.testing.assert_allclose(yardstick.state, plant.outputs[2:], rtol=0, atol=1e-7 * np.array([1e-6, 2e-2] * 2))
 
 
 def test_both_loops_compute_the_same():

@@ -34,7 +34,7 @@ class Compiled:
 
     def __init__(self, folder: Path) -> None:
         text = _HARNESS + "".join(f"EACH({name})\n" for name in (*ONE_ARGUMENT, "rint", "floor", "ceil", "fabs"))
-        text += "PAIR(pow)\nPAIR(atan2)\n"
+        text += "PAIR(pow)\nPAIR(power)\nPAIR(atan2)\n"
         (folder / "harness.c").write_text(text, encoding="utf-8")
         for source in ("gyro_math.c", "gyro_trigonometry.c"):
             (folder / source).write_text((handwritten_folder() / source).read_text(encoding="utf-8"), encoding="utf-8")
@@ -123,6 +123,20 @@ def test_errors_of_powers(compiled: Compiled, residual: Callable[..., None]) -> 
     assert usual.mean() > 0.5
     worst = off(power[usual], lambda a, b: a**b, x[usual], y[usual])
     residual(f"pow({x[usual][worst.argmax()]!r}, {y[usual][worst.argmax()]!r}), ulp", worst.max(), 1.0)
+
+
+def test_errors_of_quick_powers(compiled: Compiled, residual: Callable[..., None]) -> None:
+    x = np.abs(np.concatenate([sizes(-1022, 1023), sizes(-1, 1), 1 + sizes(-50, -2)]))
+    y = signs(RNG.uniform(0.0, 3.0, len(x)))
+    power = compiled("power", x, y)
+    usual = (power > 1e-300) & (power < 1e300)
+    assert usual.mean() > 0.5
+    # A unit of the logarithm and half of one of the product, times the exponent's size, and twice where a power of 2 lies
+    # between.
+    allowed = 2.0 + 3.0 * np.abs(y * np.log(x))[usual]
+    worst = off(power[usual], lambda a, b: a**b, x[usual], y[usual]) / allowed
+    residual(f"power({x[usual][worst.argmax()]!r}, {y[usual][worst.argmax()]!r})", worst.max(), 1.0)
+    assert np.all(compiled("power", x, np.zeros_like(x)) == 1.0)
 
 
 def test_errors_of_directions(compiled: Compiled, residual: Callable[..., None]) -> None:

@@ -120,6 +120,27 @@ def test_neutral_size_changes_no_bit(effect: Effect, plant: Runner, neutral: dic
         assert np.array_equal(values, neutral[name]), name
 
 
+# Far below a step, about it, some, many: stiffness and damping settle, bend or move evenly within a step. Beside a
+# cubic spring each step is integrated by its stages instead.
+@pytest.mark.parametrize("lag", [3e-7, 5e-6, 2e-5, 1e-4, 1e-3, 1.0])
+@pytest.mark.parametrize("cubic", [0.0, 1e10])
+def test_laws_within_a_step(plant: Runner, residual: Residual, lag: float, cubic: float) -> None:
+    own = {"structure_lag": lag, "tck": -3e-4, "tcd": 3e-2, "k3_x": cubic, "ageing": 1e-3, "ageing_time": 1.0}
+    compare(plant, START | own, HALVED, residual)
+
+
+# Within what the tabulated propagator holds for, about its limit, far beyond.
+@pytest.mark.parametrize("rate", [1e-3, 1.0, 15.9, 16.1, 300.0])
+@pytest.mark.parametrize("effects", [{}, {"frame_rotation": 1.0, "angular_gain": 0.3}])
+def test_any_rate(plant: Runner, residual: Residual, rate: float, effects: dict[str, float]) -> None:
+    inputs = driven()
+    inputs["omega_z"] *= rate / np.max(np.abs(inputs["omega_z"]))
+    fmu = plant.run(START | effects, T, inputs)
+    reference = simulate(Device("test", START | effects), T, inputs, drawn(SEED, N))
+    for name, values in fmu.items():
+        residual(name, np.max(np.abs(values - reference[name])) / np.max(np.abs(reference[name])), ROUNDING)
+
+
 # On a sample, between two, anywhere, less than a tick after and before a sample, before the start, at it.
 @pytest.mark.parametrize("time", [4e-4, 4.03e-4, 4.0349e-4, 4e-4 + 4e-13, 4e-4 - 4e-13, -1.0, 0.0])
 def test_event_anywhere(plant: Runner, residual: Residual, time: float) -> None:

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{056d93c3-f5e0-c701-5dd1-2bd1a369e5ad}"
+#define GYRO_TOKEN "{ffbd579a-c296-feda-bfa2-f13d6e5cc0be}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -101,6 +101,7 @@
 #define gyro_normal_pairs GyroscopeEnvelope_gyro_normal_pairs
 #define gyro_plan_cuts GyroscopeEnvelope_gyro_plan_cuts
 #define gyro_pow GyroscopeEnvelope_gyro_pow
+#define gyro_power GyroscopeEnvelope_gyro_power
 #define gyro_prepare GyroscopeEnvelope_gyro_prepare
 #define gyro_put_out GyroscopeEnvelope_gyro_put_out
 #define gyro_put_out_continuous GyroscopeEnvelope_gyro_put_out_continuous
