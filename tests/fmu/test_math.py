@@ -131,7 +131,7 @@ def test_errors_of_quick_powers(compiled: Compiled, residual: Callable[..., None
     power = compiled("power", x, y)
     usual = (power > 1e-300) & (power < 1e300)
     assert usual.mean() > 0.5
-    # A unit of the logarithm and half of one of the product, times the exponent's size, and twice where a power of 2 lies
+    # A unit of the logarithm and half of one of the product, times the exponent, and twice where a power of 2 lies
     # between.
     allowed = 2.0 + 3.0 * np.abs(y * np.log(x))[usual]
     worst = off(power[usual], lambda a, b: a**b, x[usual], y[usual]) / allowed
