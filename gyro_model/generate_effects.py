@@ -221,8 +221,7 @@ def _activity(model: Model) -> str:
     state = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if e.states) or "0"
     acting = "".join(guarded(e, f"g->acting[g->n_acting++] = {effect_macro(e)};\n") for e in added_forces(model))
     bent = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if not _is_linear(e, model)) or "0"
-    moved = [e for e in added_forces(model) if _is_linear(e, model) and not _is_steady(e, model)]
-    unsteady = "".join(f" && !g->active[{effect_macro(e)}]" for e in moved)
+    unsteady = "".join(f" && !g->active[{effect_macro(e)}]" for e in _unsteady(model))
     impulse = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.forces if e.impulse) or "0"
     rate = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.effects if _asks_rate(e)) or "0"
     return (
@@ -231,7 +230,7 @@ def _activity(model: Model) -> str:
         + "".join(lines)
         + f"    g->any_law = {law};\n    g->any_impulse = {impulse};\n"
         + f"    g->any_rate = {rate};\n    g->any_state = {state};\n    g->any_curved = {bent};\n"
-        + f"    g->steady = !g->any_law && !g->any_curved{unsteady};\n    g->n_acting = 0;\n"
+        + f"    g->steady = !g->any_curved{unsteady};\n    g->n_acting = 0;\n"
         + textwrap.indent(acting, "    ")
         + "}\n"
     )
@@ -402,6 +401,14 @@ def _is_steady(effect: Force, model: Model) -> bool:
     slopes = [expr for row in _slopes(effect) for expr in row]
     read = set().union(*(expr.free_symbols for expr in slopes))
     return not read & (moving - {symbols.omega_z}) and all(diff(expr, symbols.omega_z, 3) == 0 for expr in slopes)
+
+
+def _unsteady(model: Model) -> list[Effect]:
+    """The linear forces whose slopes may change, and the laws that change a parameter of any slope."""
+    linear = [e for e in model.forces if _is_linear(e, model)]
+    read = {symbol for e in linear for row in _slopes(e) for expr in row for symbol in expr.free_symbols}
+    laws = [e for e in model.laws if read & set(e.changes)] + [e for e in follows_of(model) if read & set(e.follows)]
+    return [e for e in linear if not _is_steady(e, model)] + laws
 
 
 def _slopes(effect: Force) -> list[list[Expr]]:

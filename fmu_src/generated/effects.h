@@ -943,7 +943,7 @@ static inline void find_active(gyro_view *g)
     g->any_rate = g->active[GYRO_EFFECT_SAMPLING_JITTER];
     g->any_state = g->active[GYRO_EFFECT_HYSTERESIS] || g->active[GYRO_EFFECT_PARASITIC_MODE];
     g->any_curved = g->active[GYRO_EFFECT_CONTACT_STOP] || g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_DRY_FRICTION] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_HYSTERESIS] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] || g->active[GYRO_EFFECT_SQUEEZE_FILM];
-    g->steady = !g->any_law && !g->any_curved && !g->active[GYRO_EFFECT_COMB_FRINGE];
+    g->steady = !g->any_curved && !g->active[GYRO_EFFECT_COMB_FRINGE] && !g->active[GYRO_EFFECT_DAMPING_STEP] && !g->active[GYRO_EFFECT_THERMAL_DAMPING] && !g->active[GYRO_EFFECT_AGEING] && !g->active[GYRO_EFFECT_THERMAL_STIFFNESS];
     g->n_acting = 0;
     if (g->active[GYRO_EFFECT_ANGULAR_GAIN]) {
         g->acting[g->n_acting++] = GYRO_EFFECT_ANGULAR_GAIN;

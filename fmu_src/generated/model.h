@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{64190fc8-d0a1-1340-fe1c-a8ba881c4ac0}"
+#define GYRO_TOKEN "{ddb78d41-f030-ce0a-fcb9-ba75ca4a4dfc}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{ffbd579a-c296-feda-bfa2-f13d6e5cc0be}"
+#define GYRO_TOKEN "{0396a2da-e72c-8f7a-aefc-788e611fc42d}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
