@@ -407,8 +407,8 @@ def _unsteady(model: Model) -> list[Effect]:
     """The linear forces whose slopes may change, and the laws that change a parameter of any slope."""
     linear = [e for e in model.forces if _is_linear(e, model)]
     read = {symbol for e in linear for row in _slopes(e) for expr in row for symbol in expr.free_symbols}
-    laws = [e for e in model.laws if read & set(e.changes)] + [e for e in follows_of(model) if read & set(e.follows)]
-    return [e for e in linear if not _is_steady(e, model)] + laws
+    laws = [*(e for e in model.laws if read & set(e.changes)), *(e for e in follows_of(model) if read & set(e.follows))]
+    return [*(e for e in linear if not _is_steady(e, model)), *laws]
 
 
 def _slopes(effect: Force) -> list[list[Expr]]:
