@@ -61,3 +61,9 @@ def show_messages(stream: TextIO | None = None) -> None:
     _HANDLER.stream = stream
     LOGGER.addHandler(_HANDLER)
     LOGGER.setLevel(logging.INFO)
+
+
+def hide_messages() -> None:
+    """Takes ``show_messages`` back."""
+    LOGGER.removeHandler(_HANDLER)
+    LOGGER.setLevel(logging.NOTSET)

@@ -4,7 +4,7 @@
 instead of comparing.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -32,9 +32,12 @@ def update(request: pytest.FixtureRequest) -> bool:
 
 
 @pytest.fixture(autouse=True)
-def patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No command says that it is still loading: whether it would depends on how busy the machine is."""
+def notices(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """No command says that it is still loading, which depends on how busy the machine is, and none is heard in the
+    tests after its own."""
     monkeypatch.setattr(notice, "PATIENCE", 3600.0)
+    yield
+    notice.hide_messages()
 
 
 @pytest.fixture
