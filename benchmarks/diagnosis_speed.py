@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from benchmarks.report import Options, Report, Row, Table, load
+from discrepancy.criteria import Criteria
 from discrepancy.dataset import load_dataset
 from discrepancy.naming import diagnose
 from discrepancy.trial_runs import write_trial
@@ -26,6 +27,8 @@ HIDDEN: Final = {"k3_x": 2e8, "k3_y": 2e8, "angular_gain": 0.8}
 """A cubic stiffness and an angular gain."""
 SIZES: Final = ((4, 40_000), (4, 400_000), (31, 40_000))
 """Runs, the last of them held out, and samples a run: the others have ten times the samples of the first."""
+UNHURRIED: Final = Criteria(time_limit=3600.0)
+"""The whole search is measured, however many the runs."""
 WITHIN_S: Final = 15.0
 WITHIN_GB: Final = 2.0
 
@@ -45,7 +48,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as terms:
         _warm(Path(terms))
         wall, cpu = time.perf_counter(), time.process_time()
-        found = diagnose(dataset, model, further=TermSearch(Path(terms)))
+        found = diagnose(dataset, model, further=TermSearch(Path(terms)), criteria=UNHURRIED)
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     print(json.dumps(Cost(wall, cpu, peak, tuple(e["id"] for e in found.report()["effects"]))))

@@ -53,11 +53,16 @@ def assemble(search: "Search") -> Diagnosis:
         [start_fitted(search.simulator, run, refitted.parameters)[0] for run in runs]  # fmt: skip
     places = located(whole, runs, refitted.parameters, search.at.whiten.setting.corner)
     noises, absurd = sane(_noises(search, noise), search)
+    clock = search.simulator.clock
+    clock.until = search.criteria.time_limit
     worse = worse_without(search, stages, gaps)
+    clock.until = float("inf")
     rest = remainder(search, stages, gaps, absurd)
     doubts = (*absurd.values(), *worse.values(), *_doubts(search, rest))
     verdict: Verdict = "missing effects" if effects else "nothing missing"
-    if rest.significant or (effects and worse):
+    # What was not tested is not said: neither that a name stands nor that nothing is missing.
+    untested = bool(search.undone) if effects else not search.scored
+    if rest.significant or untested or (effects and worse):
         verdict = "partly explained" if effects else "unexplained"
     effects = tuple(replace(f, probability=probability(search, f, rest, f.id in worse)) for f in effects)
     rivals = {entry.id: entry.rivals for entry in search.accepted if entry.rivals and not entry.of_record}
@@ -129,7 +134,7 @@ def _experiment(search: "Search", entry: "Accepted", noise: Noise | None) -> str
     rivals = {name: p for name, p in entry.rivals.items() if not _of_record(search, name)}
     if not rivals:
         return ""
-    if search.late:
+    if search.undone:
         return ""
     search.progress(f"experiment to tell {entry.id} from {', '.join(rivals)}")
     level = noise.rms if noise else float(np.sqrt(search.at.variance))
@@ -248,9 +253,9 @@ def _doubts(search: "Search", rest: "Remainder") -> tuple[str, ...]:
         found.append(
             f"{rest.share:.2g} of the refit's residual power is left: {rest.ratio:.3g} times the noise on held-out runs"
         )
-    if search.late:
-        limit = search.criteria.processor_limit
-        found.append(f"the search ended after {limit:g} s of processor time: this is what it knew by then")
+    if search.undone:
+        limit, not_done = search.criteria.time_limit, "; ".join(dict.fromkeys(search.undone))
+        found.append(f"stopped within the {limit:g} s of time_limit, not done: {not_done}; --criteria FILE allows more")
     if search.full:
         more = [(c.effect.id, s.share) for c, s in search.significant() if c.effect.id not in search.present]
         others = f"; {more[0][0]} would take a further {more[0][1]:.1%} of the residual's square" if more else ""

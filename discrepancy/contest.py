@@ -23,7 +23,6 @@ from discrepancy.record import Floats
 from discrepancy.refit import Fitter
 from discrepancy.scan import batched
 from discrepancy.score import Score, score, without
-from discrepancy.simulate import Simulator
 from gyro_model.anatomy import Effect, Follow, Force
 from gyro_model.model import Model
 
@@ -95,7 +94,7 @@ class Terms:
         """Builds the FMU where that has not been done. ``at``: a fit, which says how large the motion is."""
         self.forms = forms(fitter.axes)
         self.known, self.effects, model = _library(fitter.simulator.model, fitter.axes)
-        self.simulator = Simulator(model)
+        self.simulator = fitter.simulator.like(model)
         self.scales = scales_of(fitter, at)
         self.spring = at.parameters["kxx"] * self.scales["x"]
 

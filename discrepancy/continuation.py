@@ -9,6 +9,7 @@ continuity, which nothing needs in the end, when a piece is a run).
 from dataclasses import replace
 from typing import Final
 
+from discrepancy.clock import OutOfTime
 from discrepancy.fitted import Fitted
 from discrepancy.linear_fit import mode_frequencies
 from discrepancy.refit import BLOCKS, Fitter
@@ -33,7 +34,7 @@ off at any length."""
 def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, Fitted]:
     """``at`` fitted and whitened: over the whole runs, or, where no such fit stays in step, over the longest pieces
     that do, with the fitter of those pieces. ``at`` may come from pieces or from the whole; enough: residual over
-    signal below which a fit of the whole is not questioned."""
+    signal below which a fit of the whole is not questioned. Raises OutOfTime where there was no time for any."""
     # Under the filter of an earlier, larger gap a fit would predict a sample ahead and not care where the motion goes.
     at = replace(at, whiten=whole.plain(at.parameters))
     direct = whitened(whole, whole.fit(started(whole, at)))
@@ -44,7 +45,10 @@ def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, 
     for number in reversed(_numbers(whole, at)):
         fitter = cut(whole, number)
         before = now
-        now = whitened(fitter, fitter.fit(started(fitter, before or at), _rounds(number)))
+        try:
+            now = whitened(fitter, fitter.fit(started(fitter, before or at), _rounds(number)))
+        except OutOfTime:
+            break
         if before is None or fitter.off(now) < max(IN_STEP, SLIP * best[0].off(best[1])):
             best = fitter, now
         else:

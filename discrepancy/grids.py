@@ -80,14 +80,20 @@ class Grids:
             self._scales[of] = float(f"{size:.1e}") if size > 0 else q.typical
         return self._scales[of]
 
+    def _simulated(self, at: Fitted) -> list[Floats]:
+        """The voltage by the fit, run by run or, where it is one of pieces, piece by piece."""
+        ends = np.cumsum([len(e) for e in at.residuals])[:-1]
+        measured = np.split(np.concatenate([r.v for r in self.records]), ends)
+        return [v - e for v, e in zip(measured, at.residuals, strict=True)]
+
     def _size(self, of: str, at: Fitted) -> float:
         """How far a signal goes at most in these runs, in its unit."""
         gain = abs(at.parameters["sense_gain_x"])
         if of in ("x", "y"):
             return max(float(np.max(np.abs(r.v - np.median(r.v, axis=0))[r.valid])) for r in self.records) / gain
         if of in ("x_dot", "y_dot"):
-            smooth = [r.v - e for r, e in zip(self.records, at.residuals, strict=False)]
-            return max(float(np.max(np.abs(np.diff(v, axis=0)))) for v in smooth) / (gain * self.period)
+            steps = [np.abs(np.diff(v, axis=0)).max() for v in self._simulated(at)]
+            return float(max(steps)) / (gain * self.period)
         if of in ("u_x", "u_y"):
             axis = min("xy".index(of[-1]), self.records[0].axes - 1)
             return max(float(np.max(np.abs(r.u[:, axis]))) for r in self.records)

@@ -1,8 +1,10 @@
 """Names the effects that a model lacks, and hands what no name explains to a further search."""
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -13,6 +15,7 @@ from discrepancy import MOST_EFFECTS
 from discrepancy import checkpoint as store
 from discrepancy.answer import Diagnosis
 from discrepancy.assemble import assemble
+from discrepancy.clock import Clock
 from discrepancy.criteria import Criteria
 from discrepancy.dataset import Dataset
 from discrepancy.effect_file import Term, joined
@@ -71,8 +74,9 @@ def diagnose(
         stack.enter_context(threadpool_limits(1, "blas"))
 
         def simulator(model: Model, terms: Iterable[Term]) -> Simulator:
-            return stack.enter_context(Simulator(joined(model, [term.effect for term in terms]), jobs))
+            return stack.enter_context(Simulator(joined(model, [term.effect for term in terms]), jobs, clock))
 
+        clock = Clock(jobs or os.cpu_count() or 1)
         settings = {"max_effects": max_effects, "seed": seed, "further": further is not None, **asdict(criteria)}
         key = store.digest(dataset, model, settings) if checkpoint else ""
         tell = progress or (lambda _: None)
@@ -97,14 +101,17 @@ def diagnose(
             for term in chain(*search.terms):
                 term.write(further.folder)
         search.finish(max_effects)
-        while further and len(search.terms) < max_effects and not (search.in_vain or search.late):
+        while further and len(search.terms) < max_effects and not search.in_vain:
             named = [a.id for a in search.accepted if not a.of_record]
-            wider = further(search.fitter, search.at, named, max_effects - len(named))
+            ask = partial(further, search.fitter, search.at, named, max_effects - len(named))
+            wider = search.attempt("terms that are in no file", ask)
             if wider is None:
                 break
-            search.give_up(wider.wrong)
             own = search.simulator
-            search.widen(simulator(own.model, wider.terms) if wider.terms else own, wider.terms, max_effects)
+            wide = simulator(own.model, wider.terms) if wider.terms else own
+            if not search.attempt("refit with a new term", partial(search.widen, wide, wider.terms, wider.wrong)):
+                break
+            search.finish(max_effects)
         search.question()
         found = assemble(search)
     if checkpoint is not None:

@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from discrepancy.algebra import inverse_scaled
+from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.fitted import Fitted, Free, bare
 from discrepancy.linear_fit import WeakForm, weak_form
@@ -47,6 +48,9 @@ HOPE: Final = 10.0
 CREEP, CREEPING = 0.05, 5
 """A fit is given up after so many steps in a row that each brought less than this share of what was promised: along a
 bound, or far from a minimum, where a fit of shorter pieces goes on."""
+NEARER, SLOW = 0.5, 4
+"""A fit that has a goal is given up after so many steps in a row that each left more than this share of the way to
+it: near a minimum what is left falls by its square."""
 ALIKE: Final = 3.0
 """By which a difference quotient's step may be off and its column, scaled, still serve."""
 SETTLED: Final = 0.02
@@ -259,29 +263,33 @@ class Fitter:
 
     def fit(self, at: Fitted, rounds: int = 30, goal: float = np.inf) -> Fitted:
         """The minimum near ``at``, linearised there. ``left`` says how far it is from a minimum: above SETTLED the
-        rounds were used up, no step helped, steps crept, or none could reach the ``goal``, a cost below which alone
-        the fit matters."""
-        damping, creeping = 0.0, 0
-        at = self.with_grams(at) if at.cost < np.inf else at
-        for _ in range(rounds):
-            if (
-                creeping == CREEPING
-                or at.left < SETTLED
-                or at.grams is None
-                or at.cost - HOPE * at.left * at.variance > goal
-            ):
-                break
-            for _ in range(10):
-                moved = self.evaluated(self._moved(at, damping))
-                if moved.cost < at.cost:
-                    damping = damping / 10 if damping > 1e-6 else 0.0
+        rounds were used up, no step helped, steps crept, the time was over, or none could reach the ``goal``, a cost
+        below which alone the fit matters."""
+        damping, creeping, slow = 0.0, 0, 0
+        try:
+            at = self.with_grams(at) if at.cost < np.inf else at
+            for _ in range(rounds):
+                far = at.cost - HOPE * at.left * at.variance > goal
+                if creeping == CREEPING or slow == SLOW or at.left < SETTLED or at.grams is None or far:
                     break
-                damping = max(1e-5, 10 * damping)
-            else:
-                break
-            creeping = creeping + 1 if at.cost - moved.cost < CREEP * at.left * at.variance else 0
-            at = self.with_grams(moved)
+                moved, damping = self._lower(at, damping)
+                if moved is None:
+                    break
+                creeping = creeping + 1 if at.cost - moved.cost < CREEP * at.left * at.variance else 0
+                slow = slow + 1 if moved.cost - goal > NEARER * (at.cost - goal) > 0 else 0
+                at = self.with_grams(moved)
+        except OutOfTime:
+            pass
         return at
+
+    def _lower(self, at: Fitted, damping: float) -> tuple[Fitted | None, float]:
+        """A step that lowers the cost, None where none does, and the damping for the next one."""
+        for _ in range(10):
+            moved = self.evaluated(self._moved(at, damping))
+            if moved.cost < at.cost:
+                return moved, damping / 10 if damping > 1e-6 else 0.0
+            damping = max(1e-5, 10 * damping)
+        return None, damping
 
     def _step(self, at: Fitted, damping: float) -> Floats:
         """Changes of the free parameters in their steps; one that a bound stops stays, and the others are solved

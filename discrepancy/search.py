@@ -1,14 +1,17 @@
 """The search for effects that a model lacks: score all, refit the best, accept, repeat, then question each again."""
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
-from time import process_time
-from typing import Any, Final, NamedTuple
+from functools import partial
+from typing import Any, Final, NamedTuple, TypeVar
 
+import numpy as np
 from scipy.stats import chi2
 
 from discrepancy import checkpoint as store
 from discrepancy.answer import Step
+from discrepancy.clock import OutOfTime
 from discrepancy.columns import Candidate, Library, finer, nameable
 from discrepancy.continuation import IN_STEP, beginnings, grown, settled, started
 from discrepancy.criteria import Criteria
@@ -20,6 +23,7 @@ from discrepancy.limits import clip_level, masked
 from discrepancy.refit import DEFAULT, Fitter
 from discrepancy.scan import Scan, Scored, best_of, next_peaks, scanned, sure
 from discrepancy.score import Score, score
+from discrepancy.score import without as less
 from discrepancy.simulate import Simulator
 from discrepancy.unseen import unseen_gains
 from gyro_model.anatomy import Force
@@ -38,7 +42,11 @@ TRIED, LONG = 8_000, 4
 FINEST: Final = 70
 """Trials of a grid after which it is not refined further: resonances are then as sharp as Q = 640."""
 
+BEGIN, NAME, QUESTION = 0.35, 0.8, 0.9
+"""Shares of the time after which the nominal model is left as it is, nothing further is named, no name questioned."""
+
 Progress = Callable[[str], None]
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -98,7 +106,8 @@ class Search:
         self.measured = dataset
         self.found: list[tuple[Blemish, Found]] = []
         self.dropped: list[Dropped] = []
-        self.deadline = process_time() + criteria.processor_limit
+        self.undone: list[str] = []
+        self.questioned = False
         self.full = False
         self._take(dataset)
         noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
@@ -108,6 +117,22 @@ class Search:
         self.scored: list[Scored] = []
         self.steps: list[Step] = []
         self.stages: list[tuple[str, dict[str, float]]] = [("nominal", dict(self.nominal))]
+
+    def attempt(self, what: str, work: Callable[[], Result]) -> Result | None:
+        """What ``work`` gives; where the time ends within it all is as it was before, and ``what`` is noted as not
+        done."""
+        before = {name: copy(own) if isinstance(own, list | set) else own for name, own in vars(self).items()}
+        try:
+            self.simulator.clock.check()
+            return work()
+        except OutOfTime:
+            vars(self).update(before)
+            self.undone.append(what)
+            self.progress(f"out of time: {what}")
+            return None
+
+    def _until(self, share: float) -> None:
+        self.simulator.clock.until = share * self.criteria.time_limit
 
     def _take(self, dataset: Dataset) -> None:
         self.dataset = dataset
@@ -136,14 +161,20 @@ class Search:
             found = blemish.find(self.dataset.fit, self.at.residuals, self.criteria)
             if found is None:
                 continue
-            before = self.dataset, self.whole, self.library, self.fitter, self.at
+            before, unlikely = (self.dataset, self.whole, self.library, self.fitter, self.at), self._unlikely()
             self._take_blemish(blemish, found.data)
             self._settle(self.at)
-            if self.at.variance < (1 - self.criteria.material) * before[4].variance:
+            if self._unlikely() < unlikely - self.criteria.material:
                 self.progress(f"record: {blemish.id} taken out")
                 self.found.append((blemish, found))
             else:
                 self.dataset, self.whole, self.library, self.fitter, self.at = before
+
+    def _unlikely(self) -> float:
+        """Twice the negative log likelihood of the residuals, a sample: innovations alone do not tell two fits apart
+        that are whitened by different filters, since a strong one leaves little of anything."""
+        logs = sum(self.at.whiten.log_determinants(len(residual)) for residual in self.at.residuals)
+        return float(np.log(self.at.variance)) - 2 * logs / self.at.count
 
     def _take_blemish(self, blemish: Blemish, data: Sequence[Data]) -> None:
         """Goes on with the runs to fit without what ``data`` say."""
@@ -156,17 +187,25 @@ class Search:
         state's fit is not one of these runs."""
         if state is None:
             self.progress("nominal parameters and initial states")
-            self._settle(self.whole.begin(self.nominal, self._believed()))
-            self._mask_clipped()
-            self._clean()
+            self.fitter, self.at = self.whole, self.whole.begin(self.nominal, self._believed())
+            self._until(BEGIN)
+            self._settle_or_keep(self.at)
+            self._until(NAME)
+            self.attempt("defects of single samples", self._tidy)
             self.refitted = self.at
             self._stage("refit")
             self._save()
         else:
             self._restore(state)
+            self._until(NAME)
             self.progress(f"resumed with {', '.join(a.id for a in self.accepted) or 'nominal parameters fitted'}")
 
-    def give_up(self, wrong: Sequence[str]) -> None:
+    def _tidy(self) -> None:
+        """Takes out of the record what the present model shows to be none of the device's."""
+        self._mask_clipped()
+        self._clean()
+
+    def _give_up(self, wrong: Sequence[str]) -> None:
         """Takes effects out of the model for good."""
         for entry in [a for a in self.accepted if a.id in wrong]:
             self.progress(f"gave up {entry.id}: another term fits better in its place")
@@ -174,14 +213,16 @@ class Search:
             self.at = self.without_effect(self.at, entry)
         self.refused |= set(wrong)
 
-    def widen(self, simulator: Simulator, terms: tuple[Term, ...], max_effects: int) -> None:
-        """Goes on with the model of ``simulator``: the present one and the effects of ``terms``."""
+    def widen(self, simulator: Simulator, terms: tuple[Term, ...], wrong: Sequence[str]) -> bool:
+        """Goes on without the effects ``wrong``, with the model of ``simulator``: the present one and the effects of
+        ``terms``. Raises OutOfTime."""
+        self._give_up(wrong)
         self.simulator = simulator
         self.terms.append(terms)
         self._take(self.dataset)
         self._settle(self.at)
         self._save()
-        self.finish(max_effects)
+        return True
 
     @property
     def in_vain(self) -> bool:
@@ -191,11 +232,11 @@ class Search:
 
     @property
     def late(self) -> bool:
-        """Whether the time that a diagnosis has is used up."""
-        return process_time() > self.deadline
+        """Whether the time for the present part is used up."""
+        return self.simulator.clock.late
 
     def finish(self, max_effects: int) -> None:
-        """Searches to the end from what was begun."""
+        """Searches to the end from what was begun, or as far as the time goes."""
         self._extend(max_effects)
         if self.terms:
             # A term in no file may make a name needless: first each is held against the others.
@@ -208,25 +249,24 @@ class Search:
     def _extend(self, max_effects: int) -> None:
         """Accepts effects until none is worth it."""
         while True:
-            self._scan()
+            self.attempt("scores of all effects", self._scan)
             self.full = len(self.accepted) >= max_effects
-            if self.full or not self._accept():
+            if self.late or self.full or not self.attempt(self._waiting(), self._accept):
                 break
             if any(a.of_record for a in self.accepted[:-1]):
                 # Filters and delays differ by little, which shows only beside what else is missing.
                 self._exchange(only_record=True)
             self._stage(self.accepted[-1].id)
-            self._mask_clipped()
-            self._clean()
+            self.attempt("defects of single samples", self._tidy)
             self._save()
-            if self.late:
-                break
         self.steps.append(Step({c.effect.id: s for c, s in best_of(self.scored, self.criteria)}, None))
 
     def _save(self) -> None:
         """Hands out the state, and goes on from what a resumed search would have."""
         if self.keep is None:
             return
+        clock = self.simulator.clock
+        until, clock.until = clock.until, float("inf")
         state = {
             "terms": store.terms_state(self.terms),
             "refused": sorted(self.refused),
@@ -243,6 +283,7 @@ class Search:
         }
         self.keep(state)
         self._restore(state)
+        clock.until = until
 
     def _restore(self, state: Mapping[str, Any]) -> None:
         model = self.simulator.model
@@ -278,7 +319,18 @@ class Search:
                 if self.nominal.get(q.name, q.start) != q.start]  # fmt: skip
 
     def _settle(self, at: Fitted) -> None:
+        """Goes on with ``at``, fitted over as much of the runs as stays in step."""
         self.fitter, self.at = settled(self.whole, at)
+
+    def _settle_or_keep(self, at: Fitted) -> None:
+        """The same; without the time for it with ``at`` as it is, which the present fitter has fitted."""
+        self.at = at
+        self.attempt("fit over whole runs", partial(self._settle, at))
+
+    def _waiting(self) -> str:
+        """What a refit would try next."""
+        ids = [c.effect.id for c, _ in self.significant()]
+        return f"refit with {', '.join(ids[:RIVALS])}" if ids else "refit"
 
     def _stage(self, name: str) -> None:
         self.stages.append((name, dict(self.at.parameters)))
@@ -316,6 +368,8 @@ class Search:
         rivals = self._close(worth)
         self.progress("refit with " + ", ".join(dict.fromkeys(c.effect.id for c, _ in rivals)))
         fits = [(self._refitted(c, s), c, s) for c, s in rivals]
+        # One that was cut short is no match for the others.
+        self.simulator.clock.check()
         prices = [at.cost + self._price(c, s.freedom) for at, c, s in fits]
         # Where nothing tells two apart the electronics are more often at fault than a force on the mass.
         tied = [fit for fit, price in zip(fits, prices, strict=True) if price < min(prices) + self.at.variance]
@@ -331,7 +385,7 @@ class Search:
             self.accepted.append(Accepted(chosen.partner, share, {}))
         self.accepted.append(Accepted(chosen, share, {}))
         self.progress(f"accepted {chosen.effect.id}")
-        self._settle(best)
+        self._settle_or_keep(best)
         return True
 
     def _price(self, candidate: Candidate, sizes: int) -> float:
@@ -376,20 +430,22 @@ class Search:
     def _delete(self) -> None:
         """Backward deletion: without each effect that the others have made needless."""
         for entry in list(self.accepted):
-            if len(self.accepted) < 2:
+            if len(self.accepted) < 2 or self.late:
                 break
-            if self.late:
-                break
-            chance = self.criteria.effect_chance / entry.candidate.trials
-            needed = chi2.isf(chance, len(entry.candidate.probes)) * self.at.variance
-            if self._takes(entry).gain * self.at.variance > CLEAR * max(needed, self.criteria.material * self.at.cost):
-                continue
-            fitted = self.fitter.fit(self.without_effect(self.at, entry))
-            gain = fitted.cost - self.at.cost
-            if gain < needed or gain < self.criteria.material * fitted.cost:
-                self.progress(f"deleted {entry.id}")
-                self.accepted.remove(entry)
-                self._settle(fitted)
+            self.attempt(f"refit without {entry.id}", partial(self._delete_needless, entry))
+
+    def _delete_needless(self, entry: Accepted) -> None:
+        chance = self.criteria.effect_chance / entry.candidate.trials
+        needed = chi2.isf(chance, len(entry.candidate.probes)) * self.at.variance
+        if self._takes(entry).gain * self.at.variance > CLEAR * max(needed, self.criteria.material * self.at.cost):
+            return
+        fitted = self.fitter.fit(self.without_effect(self.at, entry))
+        self.simulator.clock.check()
+        gain = fitted.cost - self.at.cost
+        if gain < needed or gain < self.criteria.material * fitted.cost:
+            self.progress(f"deleted {entry.id}")
+            self.accepted.remove(entry)
+            self._settle(fitted)
 
     def _exchange(self, *, only_record: bool = False) -> None:
         """With all in: could another effect stand in the place of each? One that fits better takes it, one that fits as
@@ -399,29 +455,38 @@ class Search:
                 continue
             if only_record and not entry.of_record:
                 continue
-            if self.late:
-                break
-            variance = self.at.variance
-            fits = {entry.id: (self.at, entry.candidate), **self._refitted_instead(entry)}
-            price = {i: at.cost + self._price(c, len(c.all_probes)) for i, (at, c) in fits.items()}
-            head = min(price, key=lambda i: price[i])
-            if price[head] > price[entry.id] - self.criteria.even * variance:
-                head = entry.id
-            self.at, candidate = fits.pop(head)
-            close = self.at.cost + self.criteria.even * variance
-            even = {i: dict(at.parameters) for i, (at, _) in fits.items() if at.cost < close}
-            behind = {i: (price[i] - price[head]) / variance for i in fits}
-            self.accepted[place] = Accepted(candidate, entry.share, even, behind)
+            self.attempt(f"rivals of {entry.id}", partial(self._exchange_one, place, entry))
+
+    def _exchange_one(self, place: int, entry: Accepted) -> None:
+        variance = self.at.variance
+        fits = {entry.id: (self.at, entry.candidate), **self._refitted_instead(entry)}
+        self.simulator.clock.check()
+        price = {i: at.cost + self._price(c, len(c.all_probes)) for i, (at, c) in fits.items()}
+        head = min(price, key=lambda i: price[i])
+        if price[head] > price[entry.id] - self.criteria.even * variance:
+            head = entry.id
+        self.at, candidate = fits.pop(head)
+        close = self.at.cost + self.criteria.even * variance
+        even = {i: dict(at.parameters) for i, (at, _) in fits.items() if at.cost < close}
+        behind = {i: (price[i] - price[head]) / variance for i in fits}
+        self.accepted[place] = Accepted(candidate, entry.share, even, behind)
 
     def question(self) -> None:
         """Takes out every effect that data which its fit did not see do not support, or whose interval holds neutral:
-        the weakest first, the rest refitted."""
+        the weakest first, the rest refitted. After it all the time that is left is the answer's."""
+        self._until(QUESTION)
+        self.attempt("names held against data that no fit saw", self._question)
+        self.simulator.clock.until = float("inf")
+
+    def _question(self) -> None:
         while failing := self._failing():
             self.progress(f"took out {failing.candidate.effect.id}: {failing.reason}")
             entry = next(a for a in self.accepted if a.candidate is failing.candidate)
             self.dropped.append(failing)
             self.accepted.remove(entry)
             self._settle(self.without_effect(self.at, entry))
+        self.simulator.clock.check()
+        self.questioned = True
 
     def _failing(self) -> Dropped | None:
         partners = {a.candidate.partner.effect.id for a in self.accepted if a.candidate.partner}
@@ -435,12 +500,23 @@ class Search:
             sizes = {q.name: (self.at.parameters[q.name], deviations[q.name])
                      for q in entry.candidate.effect.sizes if q.name in deviations}  # fmt: skip
             neutral = {q.name: q.start for q in entry.candidate.effect.sizes}
-            if sizes and all(abs(value - neutral[name]) < 1.96 * d for name, (value, d) in sizes.items()):
+            weak = all(abs(value - neutral[name]) < 1.96 * d for name, (value, d) in sizes.items())
+            if sizes and weak and not self._shows(entry):
                 failing.append((gain, Dropped(entry.candidate, "its interval holds neutral", sizes, entry.share)))
             elif gain < self.criteria.unseen:
                 reason = f"data that its fit did not see improve by {gain:.1f} deviations only"
                 failing.append((gain, Dropped(entry.candidate, reason, sizes, entry.share)))
         return min(failing, key=lambda f: f[0])[1] if failing else None
+
+    def _shows(self, entry: Accepted) -> bool:
+        """Whether all parameters of an effect together explain something significant, though each by itself may be
+        what the others make up for: of a weak friction over a high speed the data show the ratio alone."""
+        linear = self.fitter.with_grams(self.at, [_neutral(entry)])
+        assert linear.grams is not None
+        own = [i for i, f in enumerate(linear.free) if f.name in entry.names]
+        others = [i for i in range(linear.known) if i not in own]
+        found = score(less(linear.grams, linear.known), others, own, linear.count)
+        return sure(entry.candidate, found, self.criteria)
 
     def _refitted_instead(self, entry: Accepted) -> dict[str, tuple[Fitted, Candidate]]:
         """By id the effects that fit nearly as well in the place of ``entry``, or better."""

@@ -15,6 +15,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from cosim.exchange import exchange
 from cosim.fmu import HANDLE_SIZE, Plant
+from discrepancy.clock import Clock
 from discrepancy.defect import Timing, distortion_sizes, distortions
 from discrepancy.record import CONDITIONS, Floats, Record
 from gyro_model.anatomy import Delay, Lag
@@ -74,13 +75,15 @@ class _Bench(Plant):
 
 
 class Simulator:
-    """Runs of a model under measured inputs; a context manager. ``jobs``: threads, by default one a core."""
+    """Runs of a model under measured inputs; a context manager. ``jobs``: threads, by default one a core; clock: of the
+    diagnosis that they are for."""
 
-    def __init__(self, model: Model, jobs: int | None = None) -> None:
+    def __init__(self, model: Model, jobs: int | None = None, clock: Clock | None = None) -> None:
         """Builds the FMU where that has not been done. Raises InputError as ``build`` does."""
         path = build(model).fmi3
         self.model = model
         count = jobs or os.cpu_count() or 1
+        self.clock = clock or Clock(count)
         self._benches: SimpleQueue[_Bench] = SimpleQueue()
         self._all = [_Bench(path, {}, model) for _ in range(count)]
         for bench in self._all:
@@ -103,12 +106,17 @@ class Simulator:
         for bench in self._all:
             bench.close()
 
+    def like(self, model: Model) -> "Simulator":
+        """One of another model, with as many threads and the same clock."""
+        return Simulator(model, len(self._all), self.clock)
+
     def run(self, record: Record, parameters: Mapping[str, float]) -> Floats:
         """The voltage [V] (n, axes) that the model gives under the record's inputs, noise off.
 
         parameters: by FMU name, SI, initial state included. Raises InputError where the FMU refuses one; NaN from the
-        sample on at which the motion left all bounds.
+        sample on at which the motion left all bounds. Raises OutOfTime where the clock says so.
         """
+        self.clock.check()
         bench = self._benches.get()
         try:
             return self._on(bench, record, parameters)
@@ -117,7 +125,11 @@ class Simulator:
 
     def run_all(self, jobs: Sequence[Job]) -> list[Floats]:
         """``run`` of each job, in parallel."""
-        return list(self._pool.map(lambda job: self.run(*job), jobs))
+
+        def one(job: Job) -> Floats:
+            return self.run(*job)
+
+        return list(self._pool.map(self.clock.shared(one), jobs))
 
     def try_all(self, jobs: Sequence[Job]) -> list[Floats | None]:
         """``run`` of each job, in parallel; None where the FMU refuses its parameters or the motion leaves all
@@ -130,11 +142,11 @@ class Simulator:
                 return None
             return v if np.isfinite(v).all() else None
 
-        return list(self._pool.map(attempt, jobs))
+        return list(self._pool.map(self.clock.shared(attempt), jobs))
 
     def each(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
         """``function`` of each item, in parallel; it may simulate, which runs on threads of its own."""
-        return list(self._callers.map(function, items))
+        return list(self._callers.map(self.clock.shared(function), items))
 
     def cut(self, record: Record, number: int) -> tuple[Record, ...]:
         """``record`` in ``number`` records of equal length, each under the force that it has in the whole."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -14,7 +15,7 @@ from discrepancy.repeats import repeated_noise
 from discrepancy.whitening import coloured_power
 
 if TYPE_CHECKING:
-    from discrepancy.search import Search
+    from discrepancy.search import Accepted, Search
 
 ROUNDS: Final = 8
 """Steps of a fit without an effect: enough to see whether held-out runs are better without it."""
@@ -95,14 +96,18 @@ def worse_without(search: "Search", stages: tuple[Stage, ...], gaps: Mapping[str
         if entry.of_record or not (steps.get(entry.id) or final > limit * gaps["refit"]):
             continue
         search.progress(f"held-out runs without {entry.id}")
-        less = search.fitter.fit(search.without_effect(search.at, entry), ROUNDS).parameters
-        runs = search.dataset.held_out
-        residuals = {run.name: start_fitted(search.simulator, run, less) for run in runs}
-        beside = misfits(runs, residuals)[""]
-        if not final <= limit * beside:
+        beside = search.attempt(f"held-out runs without {entry.id}", partial(_misfit_without, search, entry))
+        if beside is not None and not final <= limit * beside:
             both = f"misfit {beside:.3g} without it, {final:.3g} with it"
             worse[entry.id] = f"{entry.id} makes the held-out runs worse: {both}"
     return worse
+
+
+def _misfit_without(search: "Search", entry: "Accepted") -> float:
+    """On the held-out runs, of the model refitted without an effect. Raises OutOfTime."""
+    less = search.fitter.fit(search.without_effect(search.at, entry), ROUNDS).parameters
+    runs = search.dataset.held_out
+    return misfits(runs, {run.name: start_fitted(search.simulator, run, less) for run in runs})[""]
 
 
 def probability(search: "Search", finding: Finding, rest: Remainder, worse: bool) -> float:

@@ -1,0 +1,84 @@
+"""The time that a diagnosis may take: how it is counted, and what an answer says that ran out of it."""
+
+from time import sleep
+
+import pytest
+from test_naming import MODEL, SHORT, made, names
+
+from discrepancy.clock import Clock, OutOfTime
+from discrepancy.naming import diagnose
+from discrepancy.search import Search
+from discrepancy.simulate import Simulator
+
+CUBIC = {"k3_x": 2e9, "k3_y": 2e9}
+
+
+def work(seconds: float) -> None:
+    """Keeps a core busy for as long by its own clock."""
+    clock = Clock()
+    while clock.now < seconds:
+        pass
+
+
+def test_waiting_is_no_work() -> None:
+    clock = Clock()
+    sleep(0.2)
+    # A process that sleeps takes less than a hundredth.
+    assert clock.now < 0.1
+
+
+def test_work_side_by_side_counts_by_the_number_of_threads() -> None:
+    alone, shared = Clock(4), Clock(4)
+    shared.shared(work)(0.2)
+    # A quarter of 0.2 s; both see what else the process does.
+    assert alone.now - shared.now == pytest.approx(0.15, abs=0.03)
+
+
+def test_a_simulation_after_the_end_is_refused() -> None:
+    record = made({}, samples=SHORT).records[0]
+    with Simulator(MODEL, jobs=1) as simulator:
+        simulator.clock.until = 0.0
+        with pytest.raises(OutOfTime):
+            simulator.run_all([(record, {})])
+
+
+@pytest.mark.parametrize(
+    ("method", "said", "hidden", "verdict"),
+    [
+        ("_scan", "scores of all effects", {}, "unexplained"),
+        ("_accept", "refit with cubic_stiffness", CUBIC, "unexplained"),
+        ("_exchange_one", "rivals of cubic_stiffness", CUBIC, "partly explained"),
+        ("_question", "names held against data that no fit saw", CUBIC, "partly explained"),
+    ],
+)
+def test_what_was_not_done_is_said_and_no_verdict_claims_it(
+    method: str, said: str, hidden: dict[str, float], verdict: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def ends(self: Search, *_: object) -> None:
+        self.refused.add("half done")
+        raise OutOfTime
+
+    monkeypatch.setattr(Search, method, ends)
+    found = diagnose(made(hidden, samples=SHORT), MODEL)
+    assert found.verdict == verdict
+    assert names(found) == ({"cubic_stiffness"} if verdict == "partly explained" else set())
+    [doubt] = [doubt for doubt in found.doubts if "time_limit" in doubt]
+    assert said in doubt
+
+
+def test_a_step_that_does_not_end_is_undone() -> None:
+    data, lines = made({}, samples=SHORT), list[str]()
+    with Simulator(MODEL, jobs=1) as simulator:
+        search = Search(simulator, data, lines.append)
+
+        def half() -> None:
+            search.refused.add("cubic_stiffness")
+            search.full = True
+            simulator.clock.until = 0.0
+            simulator.run(data.records[0], {})
+
+        assert search.attempt("all of it", half) is None
+    assert not search.refused
+    assert not search.full
+    assert search.undone == ["all of it"]
+    assert lines == ["out of time: all of it"]
