@@ -48,7 +48,6 @@ def test_a_simulation_after_the_end_is_refused() -> None:
         ("_scan", "scores of all effects", {}, "unexplained"),
         ("_accept", "refit with cubic_stiffness", CUBIC, "unexplained"),
         ("_exchange_one", "rivals of cubic_stiffness", CUBIC, "partly explained"),
-        ("_question", "names held against data that no fit saw", CUBIC, "partly explained"),
     ],
 )
 def test_what_was_not_done_is_said_and_no_verdict_claims_it(

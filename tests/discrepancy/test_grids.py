@@ -54,6 +54,14 @@ def test_a_grid_spans_its_scale(swing, of, scale):
     assert [q.name for q in points.moved] == ["any"]
 
 
+def test_a_fit_of_pieces_has_the_scales_of_the_whole(swing):
+    grids, at = swing
+    pieces = replace(at, residuals=(np.zeros((1500, 1)), np.zeros((2500, 1))))
+    own = [searched(Grid.log(1, 1, of="x_dot", points=1))]
+    fresh = Grids(grids.records, grids.period)
+    assert fresh.of(own, pieces).values == grids.of(own, at).values
+
+
 def test_what_no_run_shows_is_searched_about_itself(swing):
     grids, at = swing
     assert grids.of([searched(Grid.log(1, 1, of="temperature", points=1))], at).values == ({"any": 1e-3},)

@@ -266,3 +266,17 @@ def test_example(name: str) -> None:
 def test_what_scales_both_voltages_alike_is_never_a_name() -> None:
     assert {e.id for e in MODEL.effects if is_gauge(e)} == {"parasitic_capacitance"}
     assert "parasitic_capacitance" not in {e.id for e in nameable(MODEL)}
+
+
+def test_mains_are_taken_out_though_a_filter_for_flicker_leaves_little_of_them() -> None:
+    data, rng = made({}, samples=14_000), np.random.default_rng(5)
+    t = np.arange(14_000) / RATE
+    humming = [replace(r, v=r.v + 1e-4 * np.sin(2 * np.pi * 50 * t[:, None] + rng.uniform(0, 6.28, 2)))
+               for r in data.records]  # fmt: skip
+    with Simulator(MODEL) as simulator:
+        begun = search.Search(simulator, replace(data, records=tuple(humming)), lambda _: None)
+        begun.begin()
+    [(blemish, found)] = begun.found
+    assert blemish.id == "mains"
+    # Noise of 2e-5 V over 14,000 samples leaves an amplitude to 2.4e-7 V, what the fit takes of it aside.
+    assert found.levels["mains"].value == pytest.approx(1e-4, rel=0.02)
