@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from gyrotwin.api import (
         build,
         compensate,
+        datasheet,
         diagnose,
         effects,
         load_dataset,
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
         verify,
     )
     from gyrotwin.comparison import compare
+    from gyrotwin.datasheet_result import DatasheetResult
     from gyrotwin.playing.page import PlayResult
     from gyrotwin.results import CompensationResult, DiagnosisResult, RateResult, RunResult, SplitResult
     from gyrotwin.sweeping.result import SweepResult
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
 
 _HOMES: Final = {
     "Dataset": "discrepancy.dataset",
+    "DatasheetResult": "gyrotwin.datasheet_result",
     "Design": "cosim.design",
     "Device": "gyro_model.device",
     "InputError": "gyro_model.errors",
@@ -51,7 +54,7 @@ _HOMES: Final = {
     "sweep": "gyrotwin.tasks.sweep",
     **dict.fromkeys(
         (
-            *("build", "compensate", "diagnose", "effects", "load_dataset", "load_design", "load_device"),
+            *("build", "compensate", "datasheet", "diagnose", "effects", "load_dataset", "load_design", "load_device"),
             *("play", "rate", "run", "simulate_dataset", "split", "verify"),
         ),
         "gyrotwin.api",
@@ -64,6 +67,7 @@ _HOMES: Final = {
 __all__ = [
     "CompensationResult",
     "Dataset",
+    "DatasheetResult",
     "Design",
     "Device",
     "DiagnosisResult",
@@ -77,6 +81,7 @@ __all__ = [
     "build",
     "compare",
     "compensate",
+    "datasheet",
     "diagnose",
     "effects",
     "load_dataset",

@@ -31,6 +31,10 @@ COMMANDS: Final = {
     ),
     "run": _Entry("gyrotwin.commands.run:run", "Run a scenario in the closed loop and report."),
     "rate": _Entry("gyrotwin.tasks.rate:rate", "Run rate mode: drive loop, sense loop, rate over temperature, noise."),
+    "datasheet": _Entry(
+        "gyrotwin.commands.datasheet:datasheet",
+        "Measure the datasheet of a device: the tests of IEEE Std 1431, Allan analysis, formulas beside.",
+    ),
     "compensate": _Entry(
         "gyrotwin.tasks.compensate:compensate",
         "Fit a temperature compensation and write it as TOML and as a C header, with before and after.",

@@ -1,7 +1,7 @@
-"""Allan deviation of the rate from the angle that a whole-angle gyroscope gives, with intervals and noise terms.
+"""Allan deviation of the rate, or of the angle that a gyroscope gives, with intervals and noise terms.
 
-Terms of the variance (IEEE Std 952, annex C): white angle noise 3 Q²/τ², angle random walk N²/τ, bias instability
-(2 ln 2/π) B², rate random walk K² τ/3.
+Terms of the variance (IEEE Std 952, annex C): quantisation, or white angle noise, 3 Q²/τ², angle random walk N²/τ, bias
+instability (2 ln 2/π) B², rate random walk K² τ/3, rate ramp R² τ²/2.
 """
 
 from typing import Final, NamedTuple
@@ -12,7 +12,7 @@ from scipy.optimize import nnls
 from scipy.stats import chi2
 
 from calibration.analysis.allan_freedom import degrees_of_freedom
-from cosim.rate.allan import FLAT, MINIMUM_ROWS, bottom, overlapping
+from cosim.rate.allan import FLAT, LONGEST_SHARE, MINIMUM_ROWS, bottom, overlapping
 from gyro_model.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -20,11 +20,13 @@ Floats = NDArray[np.float64]
 CONFIDENCE: Final = 0.95
 OCTAVE: Final = 2.0
 """The terms are fitted to deviations at least this far apart: nearer ones repeat each other."""
-SLOPES: Final = np.array([-1.0, -0.5, 0.0, 0.5])
+SLOPES: Final = np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
 """Of the deviation of each term, on logarithmic axes."""
 SHARED: Final = 1.4
 """Octaves of an overlapping estimator still share noise: the terms scatter by this more than independent deviations
 would let them (Q and N where they rule: 1.3 to 1.5 in 150 records each of five mixtures of the terms)."""
+LEAST_SPAN: Final = 8.0
+"""The longest averaging time over the shortest one that is fitted, at least: three octaves."""
 PASSES: Final = 4
 """The weights come from the fit of the pass before; from the third on they change no third digit."""
 
@@ -40,8 +42,8 @@ class AngleAllan(NamedTuple):
     """tau [s]; deviation, low and high, its 95 % interval [rad/s], shapes (n,).
 
     Fitted terms: angle_noise Q [rad]; angle_random_walk N [rad/sqrt(s)]; instability B [rad/s]; rate_random_walk K
-    [rad/s/sqrt(s)]. bias_instability [rad/s], at bias_instability_tau [s]: read off the bottom, None where the
-    deviation still falls at the end.
+    [rad/s/sqrt(s)]; rate_ramp R [rad/s²]. bias_instability [rad/s], at bias_instability_tau [s]: read off the bottom,
+    None where the deviation still falls at the end.
     """
 
     tau: Floats
@@ -52,6 +54,7 @@ class AngleAllan(NamedTuple):
     angle_random_walk: Term
     instability: Term
     rate_random_walk: Term
+    rate_ramp: Term
     bias_instability: float | None
     bias_instability_tau: float | None
 
@@ -65,21 +68,50 @@ def angle_allan(angle: Floats, interval: float) -> AngleAllan:
         raise InputError("angle holds rows without a number: give the rows from convergence on")
     if len(angle) <= MINIMUM_ROWS:
         raise InputError(f"{len(angle)} rows of the angle: an Allan deviation needs {MINIMUM_ROWS + 1}")
-    tau, deviation = overlapping(np.diff(angle) / interval, interval)
+    return rate_allan((np.diff(angle) / interval)[None], interval)
+
+
+def rate_allan(rates: Floats, interval: float, shortest: float = 0.0) -> AngleAllan:
+    """Of records of one ``rate`` [rad/s], shape (records, n), means over each ``interval`` [s]: the mean of their
+    variances, with the degrees of freedom of all.
+
+    shortest: the terms are fitted from this averaging time on [s]; below, a filter shapes the deviation. Raises
+    InputError where the records are too short for that, or hold no noise.
+    """
+    found = [overlapping(rate, interval) for rate in rates]
+    tau = found[0][0]
+    deviation = np.sqrt(np.mean([one**2 for _, one in found], axis=0))
     if not deviation.all():
         raise InputError("angle does not change: an Allan deviation needs its noise")
-    design = np.stack([3 / tau**2, 1 / tau, np.full(len(tau), FLAT**2), tau / 3], axis=1)
+    used = tau >= shortest * (1 - 1e-9)
+    if tau[-1] < LEAST_SPAN * max(shortest, interval):
+        raise InputError(
+            f"record of {rates.shape[1] * interval:.4g} s: an Allan deviation from {shortest:.3g} s on needs "
+            f"{LEAST_SPAN * max(shortest, interval) / LONGEST_SHARE:.4g} s"
+        )
+    design = columns(tau)
+
+    def freedom_of(slope: Floats) -> Floats:
+        return len(rates) * _freedom(slope, tau, interval, rates.shape[1] + 1)
+
+    def fit(freedom: Floats) -> tuple[Floats, Floats]:
+        return _fit(design[used], deviation[used], freedom[used], tau[used])
+
     # What noise there is decides how many degrees of freedom a deviation has, and these how the terms are fitted.
-    freedom = _freedom(np.zeros(len(tau)), tau, interval, len(angle))
-    squares, _ = _fit(design, deviation, freedom, tau)
+    squares, _ = fit(freedom_of(np.zeros(len(tau))))
     shares = design * squares
-    freedom = _freedom(shares @ SLOPES / shares.sum(axis=1), tau, interval, len(angle))
-    angle_noise, walk, instability, rate_walk = map(_term, *_fit(design, deviation, freedom, tau))
+    freedom = freedom_of(shares @ SLOPES / shares.sum(axis=1))
     tail = (1 - CONFIDENCE) / 2
     low, high = (deviation * np.sqrt(freedom / chi2.ppf(share, freedom)) for share in (1 - tail, tail))
     # Of a deviation, half the relative error of the variance, sqrt(2/freedom).
     lowest, lowest_tau = bottom(tau, deviation, float(deviation[-1] / np.sqrt(2 * freedom[-1])))
-    return AngleAllan(tau, deviation, low, high, angle_noise, walk, instability, rate_walk, lowest, lowest_tau)
+    q, n, b, k, r = map(_term, *fit(freedom))
+    return AngleAllan(tau, deviation, low, high, q, n, b, k, r, lowest, lowest_tau)
+
+
+def columns(tau: Floats) -> Floats:
+    """What the square of each coefficient is multiplied by in the variance at ``tau`` [s], shape (n, 5)."""
+    return np.stack([3 / tau**2, 1 / tau, np.full(len(tau), FLAT**2), tau / 3, tau**2 / 2], axis=1)
 
 
 def _freedom(slope: Floats, tau: Floats, interval: float, rows: int) -> Floats:
@@ -93,7 +125,7 @@ def _freedom(slope: Floats, tau: Floats, interval: float, rows: int) -> Floats:
 
 
 def _fit(design: Floats, deviation: Floats, freedom: Floats, tau: Floats) -> tuple[Floats, Floats]:
-    """Squares of the four coefficients and their standard errors, shapes (4,), by least squares on the variance with
+    """Squares of the five coefficients and their standard errors, shapes (5,), by least squares on the variance with
     weights of its own statistics; none is negative."""
     rows = [0]
     for row in range(1, len(tau)):

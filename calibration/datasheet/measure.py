@@ -1,0 +1,44 @@
+"""Runs the tests of a datasheet, one after the other."""
+
+from collections.abc import Callable
+from math import exp
+from typing import Any, Final, NamedTuple
+
+from calibration.datasheet.figure import Outcome
+from calibration.datasheet.procedure import Procedure, procedures
+
+Progress = Callable[[float, float], None]
+
+TYPICAL: Final = 100.0
+"""Simulated seconds after which a test is told to be two thirds done: it does not say before how long it takes."""
+
+
+class Test(NamedTuple):
+    """A procedure that was run, by name, and what it gave."""
+
+    id: str
+    procedure: Procedure
+    outcome: Outcome
+
+
+def measure(make_bench: Callable[[Callable[[float], None]], Any], mode: str, progress: Progress | None) -> list[Test]:
+    """All tests of a ``mode`` on the bench that ``make_bench`` gives; it is handed what to call with the simulated time
+    of each record [s]."""
+    chosen = procedures(mode)
+    total = sum(procedure.share for procedure in chosen.values())
+    done = within = 0.0
+    share = 1.0
+
+    def advance(seconds: float) -> None:
+        nonlocal within
+        within += seconds
+        if progress is not None:
+            progress(done + share * (1 - exp(-within / (TYPICAL * share))), total)
+
+    bench = make_bench(advance)
+    found = []
+    for name, procedure in chosen.items():
+        within, share = 0.0, procedure.share
+        found.append(Test(name, procedure, procedure.measure(bench)))
+        done += procedure.share
+    return found

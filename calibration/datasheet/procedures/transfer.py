@@ -1,0 +1,133 @@
+"""Transfer function from rate to output: bandwidth, phase, group delay, from a sum of sines."""
+
+from math import degrees, pi
+
+import numpy as np
+
+from calibration.analysis.frequency_response import Response, bandwidth, frequency_response, group_delay
+from calibration.datasheet.figure import Curve, Figure, Outcome
+from calibration.datasheet.procedure import RATE, Procedure
+from cosim.rate.bench import Bench, multisine
+from cosim.rate.transfer import expected_transfer
+
+PERIODS = 4
+LINES = 80
+SLOWEST = 1 / 40
+FASTEST = 5.0
+"""Frequencies from and to, over the bandwidth of the output."""
+ROWS_A_PERIOD = 8
+"""Rows in a period of the fastest sine."""
+SHARE = 0.5
+"""Largest rate over full scale."""
+
+
+def measure(bench: Bench) -> Outcome:
+    """On the full FMU where the device settles soon enough."""
+    envelope = not bench.can_run_full
+    run = bench.asked(0.1, envelope=envelope)
+    found = _response(bench, envelope)
+    size, fine = np.abs(found.gain), np.geomspace(found.frequency[0], found.frequency[-1], 2000)
+    expected = expected_transfer(bench.device, run, fine)
+    at = expected_transfer(bench.device, run, found.frequency)
+    edge, edge_expected = bandwidth(found.frequency, size), bandwidth(fine, np.abs(expected))
+    slow = found.frequency[0] * 8
+    delay, delay_error = group_delay(found, slow)
+    lag = float(-np.angle(expected[0]) / (2 * pi * fine[0]))
+    peak = float(20 * np.log10(size.max() / size[0]))
+    rule = "loops and filters as designed around the mode's pole: expected_transfer, docs/datasheet.md"
+    figures = [
+        Figure(
+            "bandwidth",
+            "bandwidth, -3 dB",
+            edge,
+            "Hz",
+            _edge_error(found, edge),
+            1,
+            edge_expected,
+            rule,
+            note="" if edge else f"the gain does not fall by 3 dB up to {found.frequency[-1]:.4g} Hz",
+        ),
+        Figure(
+            "phase_at_bandwidth",
+            "phase at the bandwidth",
+            _phase(found, edge),
+            "°",
+            None,
+            1,
+            _phase(Response(fine, expected, 0 * fine), edge_expected),
+            rule,
+        ),
+        Figure(
+            "group_delay",
+            "group delay of slow rates",
+            1e3 * delay,
+            "ms",
+            1e3 * delay_error,
+            1,
+            1e3 * lag,
+            rule,
+            note=f"up to {slow:.3g} Hz",
+        ),
+        Figure(
+            "peak",
+            "peak of the gain",
+            peak,
+            "dB",
+            None,
+            1,
+            float(20 * np.log10(np.abs(at).max() / np.abs(at[0]))),
+            rule,
+        ),
+    ]
+    return Outcome(
+        figures,
+        [
+            Curve(
+                "transfer",
+                "Transfer function",
+                {
+                    "frequency [Hz]": found.frequency,
+                    "gain [1]": size,
+                    "phase [°]": np.degrees(np.unwrap(np.angle(found.gain))),
+                    "gain error [1]": found.error,
+                    "expected gain [1]": np.abs(at),
+                    "expected phase [°]": np.degrees(np.unwrap(np.angle(at))),
+                },
+            )
+        ],
+    )
+
+
+def _response(bench: Bench, envelope: bool) -> Response:
+    top = bench.typical.settings.output_bandwidth
+    # The envelope steps at 1 ms, and a tenth of that rate is the fastest that it shows well.
+    fastest = min(FASTEST * top, 100.0) if envelope else FASTEST * top
+    step = bench.typical.period if envelope else 1 / bench.typical.sample_rate
+    interval = step * max(int(1 / (ROWS_A_PERIOD * fastest * step)), 1)
+    rows = round(1 / (SLOWEST * top * interval))
+    period = rows * interval
+    lines = np.unique(np.rint(np.geomspace(1, fastest * period, LINES)))
+    lead = int(np.ceil(bench.settling / period))
+    course = multisine(lines / period, SHARE * bench.full_scale, bench.seed)
+    one = bench.record((lead + PERIODS) * period, rate=course, output_rate=1 / interval, envelope=envelope)
+    # The same means over rows of the rate and of the output: their filter drops out.
+    true, rate = (values[lead * rows :] for values in (one.true, one.rate))
+    return frequency_response(true, rate, interval, lines / period, 1 / period)
+
+
+def _phase(found: Response, at: float | None) -> float | None:
+    if at is None:
+        return None
+    return degrees(float(np.interp(at, found.frequency, np.unwrap(np.angle(found.gain)))))
+
+
+def _edge_error(found: Response, edge: float | None) -> float | None:
+    if edge is None:
+        return None
+    size = np.abs(found.gain)
+    slope = np.gradient(size, found.frequency)
+    i = int(np.argmin(np.abs(found.frequency - edge)))
+    return float(found.error[i] / max(abs(slope[i]), 1e-300))
+
+
+PROCEDURE = Procedure("Transfer function", "12.15", RATE, measure, 4)

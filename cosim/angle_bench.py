@@ -1,0 +1,141 @@
+"""A test bench for whole-angle mode: one gyroscope turned on again and again, and the rates that it goes through."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim.design import DEFAULT, Design, load_design
+from cosim.master import simulate
+from cosim.rate.settings import settings_of
+from cosim.registry import find_controller, find_observer
+from cosim.run import Run
+from cosim.scenarios import Constant, Scenario, steps
+from gyro_model.device import Device
+
+Floats = NDArray[np.float64]
+
+SAMPLE_RATE: Final = 200e3
+ROWS: Final = 1000.0
+"""Rows of a record a second [Hz]."""
+SLOWEST_START: Final = 1e-6
+"""Amplitude of the pattern of a device that starts at rest [m]."""
+
+
+class AnglePlan(NamedTuple):
+    """How much is measured: rest_records of rest_duration [s]; spin of spin_duration [s] at spin_rate [rad/s]; steps of
+    the rate to either side, plateau [s] each."""
+
+    rest_records: int
+    rest_duration: float
+    spin_duration: float
+    spin_rate: float
+    steps: int
+    plateau: float
+
+
+WHOLE: Final = AnglePlan(3, 20.0, 12.0, 3.0, 5, 1.5)
+QUICK: Final = AnglePlan(2, 4.0, 4.0, 3.0, 2, 0.5)
+
+
+class AngleRecord(NamedTuple):
+    """A record from the first valid angle on: t [s]; angle and true angle [rad], unwrapped; true rate [rad/s]; pattern:
+    where the pattern stands from there on [rad]; shapes (n,). valid_at: from power on [s], None where the angle never
+    was valid; reason: why not; estimates: of the seven parameters at the end."""
+
+    t: Floats
+    angle: Floats
+    true: Floats
+    rate: Floats
+    pattern: Floats
+    valid_at: float | None
+    reason: str
+    estimates: dict[str, float]
+
+
+@dataclass(frozen=True)
+class AngleBench:
+    """A device on the bench.
+
+    design: all that its loop may know, by name, None: what goes with the device; seed: of the first turn-on, each next
+    one has the next seed; advance: called with the simulated time of every record that is done [s].
+    """
+
+    device: Device
+    design: str | Design | None = None
+    seed: int = 1
+    plan: AnglePlan = WHOLE
+    advance: Callable[[float], None] = field(default=lambda seconds: None)
+
+    @property
+    def full_scale(self) -> float:
+        """Full scale [rad/s]."""
+        return settings_of(self.device).full_scale
+
+    def seeds(self, count: int) -> range:
+        """Seeds of so many turn-ons."""
+        return range(self.seed, self.seed + count)
+
+    def run(self, scenario: Scenario, seed: int) -> Run:
+        """A run through ``scenario``."""
+        start = {"x_start": SLOWEST_START, **self.device.parameters}
+        device = self.device.with_parameters(start)
+        design = self.design or DEFAULT
+        if not isinstance(design, Design):
+            design = load_design(design, device, seed)
+        stated = dict(device.controller) if self.design is None else {}
+        return Run(
+            scenario=scenario,
+            device=device,
+            design=replace(design, controller={**stated, **design.controller}),
+            observer=find_observer("ekf"),
+            controller=find_controller("foucault"),
+            sample_rate=SAMPLE_RATE,
+            duration=scenario.duration,
+            seed=seed,
+            trace_rate=ROWS,
+        )
+
+    def record(self, duration: float, rate: Scenario | None = None, seed: int | None = None) -> AngleRecord:
+        """A record of ``duration`` [s], at rest where no ``rate`` is given."""
+        scenario = rate or Scenario("rest", "at rest", duration)
+        result = simulate(self.run(scenario, self.seed if seed is None else seed))
+        self.advance(duration)
+        trace = result.trace
+        valid = trace["converged"].to_numpy() & np.isfinite(trace["angle"].to_numpy())
+        first = int(np.argmax(valid)) if valid.any() else len(valid)
+        names = ("t", "angle", "angle_true", "omega_true")
+        t, angle, true, held = (trace[name].to_numpy()[first:] for name in names)
+        # The pattern stays behind as the package turns, by the angular gain.
+        pattern = -self.device.all_parameters["angular_gain"] * angle
+        estimates = {
+            name.removeprefix("est_"): float(trace[name][-1])
+            for name in trace.columns
+            if name.removeprefix("est_") in ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
+        }
+        valid_at = result.converged_at if valid.any() else None
+        return AngleRecord(t, angle, true, held, pattern, valid_at, result.validity.reason, estimates)
+
+    @cached_property
+    def rest(self) -> list[AngleRecord]:
+        """Records at rest, one a seed."""
+        return [self.record(self.plan.rest_duration, seed=seed) for seed in self.seeds(self.plan.rest_records)]
+
+    @property
+    def refusal(self) -> str:
+        """Why the tests can't be done; empty where they can: the angle is valid in every record at rest."""
+        return next((f"no valid angle: {one.reason}" for one in self.rest if one.valid_at is None), "")
+
+
+def spinning(rate: float, duration: float) -> Scenario:
+    """A constant ``rate`` [rad/s] for ``duration`` [s]."""
+    return Scenario("spin", f"constant rate of {rate:g} rad/s", duration, {"omega_z": (Constant(rate),)})
+
+
+def stairs(rates: Floats, stays: float) -> Scenario:
+    """Plateaus at ``rates`` [rad/s], shape (n,), ``stays`` [s] each."""
+    times = stays * np.arange(len(rates), dtype=float)
+    return Scenario("staircase", "plateaus of the rate", stays * len(rates), {"omega_z": (steps(times, rates),)})

@@ -1,0 +1,75 @@
+"""Datasheets of simulated gyroscopes."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gyro_model.device import Device
+from gyrotwin.api.files import DeviceSource, load_device
+
+if TYPE_CHECKING:
+    from cosim.design import Design
+    from gyrotwin.datasheet_result import DatasheetResult
+
+Progress = Callable[[float, float], None]
+
+
+def datasheet(
+    device: DeviceSource = "rate-mode",
+    *,
+    mode: str = "rate-open",
+    standard: str = "ieee1431",
+    design: "str | Path | Device | Design | None" = None,
+    parameters: Mapping[str, float] | None = None,
+    seed: int = 1,
+    quick: bool = False,
+    progress: Progress | None = None,
+) -> "DatasheetResult":
+    """Measure the datasheet of a device by the tests of IEEE Std 1431 and the Allan analysis of IEEE Std 952.
+
+    Parameters
+    ----------
+    device : str, Path or Device
+        What is on the bench.
+    mode : {"rate-open", "rate-closed", "whole-angle"}
+        How it is run.
+    standard : {"ieee1431"}
+        Whose tests.
+    design : str, Path, Device or Design
+        All that loops and calibration know: a device in rate mode, a design in whole-angle mode; None: in rate mode the
+        device itself, else what goes with the device.
+    parameters : mapping of str to float
+        Parameters of the device to change, SI, and settings ``rate_mode.NAME``.
+    seed : int
+        Of the first turn-on; each next one has the next seed.
+    quick : bool
+        Fewer and shorter records: half a minute, wider errors.
+    progress : callable
+        Called with the share done and the whole.
+
+    Returns
+    -------
+    DatasheetResult
+        With ``figures`` by id (value, unit, error, expected), ``summary``, ``save(folder)``.
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong; the message names the remedy.
+
+    Examples
+    --------
+    >>> import gyrotwin as gt
+    >>> sheet = gt.datasheet("rate-mode", quick=True)
+    >>> 60 < sheet.figures["bandwidth"].value < 70  # Hz
+    True
+
+    """
+    from gyrotwin.tasks.datasheet import Request, find
+    from gyrotwin.tasks.run import split_settings
+
+    own, entries = split_settings([f"{n}={float(v)!r}" for n, v in (parameters or {}).items()], "rate_mode")
+    plant = load_device(device).with_parameters(own)
+    plant = replace(plant, rate_mode={**plant.rate_mode, **entries["rate_mode"]})
+    return find(Request(plant, mode, standard, design, seed, quick), progress)
