@@ -38,11 +38,11 @@ class Figure(NamedTuple):
 
     @property
     def holds(self) -> bool | None:
-        """Whether the value is what is expected, within SURE standard errors or LEFT_OUT of it; None where nothing is
+        """Whether the value is what is expected, within SURE standard errors and LEFT_OUT of it; None where nothing is
         expected or measured."""
         if self.value is None or self.expected is None:
             return None
-        allowed = max(SURE * (self.error or 0.0), LEFT_OUT * abs(self.expected), ROUNDING * abs(self.value))
+        allowed = SURE * (self.error or 0.0) + LEFT_OUT * abs(self.expected) + ROUNDING * abs(self.value)
         above = self.value - self.expected
         return bool({"equals": abs(above), "at least": -above, "at most": above}[self.how] <= allowed)
 

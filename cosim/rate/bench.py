@@ -12,15 +12,16 @@ from numpy.typing import NDArray
 from cosim.rate import loop
 from cosim.rate.courses import Course, constant
 from cosim.rate.master import LoopedPlant, simulate
-from cosim.rate.run import LONGEST_SETTLING, RateRun
+from cosim.rate.run import RateRun
 from cosim.rate.steady_state import Output, output_at
 from gyro_model.device import Device
 
 Floats = NDArray[np.float64]
 
 FULL_AT_MOST: Final = 30.0
-"""A test takes the full FMU where envelope and full FMU disagree, and then lasts this long at most [s]: some 15 s of
-computing."""
+"""Records at rest last this long at most where envelope and full FMU disagree [s]: some 15 s of computing."""
+SETTLES: Final = 5.0
+"""A device that settles later than this is only run on the envelope FMU [s]."""
 AGREE: Final = 1e-3
 """Envelope and full FMU agree where bias over full scale and scale factor differ by less than this, or by less than the
 noise."""
@@ -120,7 +121,7 @@ class Bench:
     @property
     def can_run_full(self) -> bool:
         """Whether the device settles soon enough for the full FMU."""
-        return self.settling <= LONGEST_SETTLING
+        return self.settling <= SETTLES
 
     def stays(self, measured: float) -> float:
         """How long a plateau stays so that ``measured`` [s] of it are settled: whole rows at 10, 20, 50 and 100 Hz."""
@@ -174,7 +175,7 @@ class Bench:
     def record(self, duration: float, *, envelope: bool | None = None, **course: Any) -> Record:
         """A record, as ``asked``; envelope: None where the envelope serves if it agrees with the full FMU."""
         where = self.envelope if envelope is None else envelope
-        run = self.asked(duration if where else min(duration, FULL_AT_MOST), envelope=where, **course)
+        run = self.asked(duration, envelope=where, **course)
         result = simulate(run)
         self.advance(duration + result.started_at)
         column = {name: result.record[name].to_numpy() for name in result.record.columns}
@@ -236,8 +237,8 @@ class Bench:
     @cached_property
     def rest(self) -> list[Record]:
         """Long records at rest, one a seed."""
-        plan = self.plan
-        return [self.record(plan.rest_duration, seed=seed) for seed in self.seeds(plan.rest_records)]
+        duration = self.plan.rest_duration if self.envelope else min(self.plan.rest_duration, FULL_AT_MOST)
+        return [self.record(duration, seed=seed) for seed in self.seeds(self.plan.rest_records)]
 
     @cached_property
     def turn_ons(self) -> list[Record]:

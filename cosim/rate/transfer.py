@@ -8,7 +8,7 @@ moves mixes from both sides of it:
 
 For s, Δ = ω_y - ω and γ = dyy/2m far below ω the open loop is (Δ² + γ² + γs)/(s² + 2γs + Δ² + γ²): it peaks at the
 split.
-Demodulator and output filter follow, each two sections 1/(1 + s/ω_1)².
+Demodulator and output filter follow, each two sections, as sampled.
 """
 
 from math import pi
@@ -16,7 +16,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.rate.filters import SECTION
+from cosim.rate.filters import LowPass
 from cosim.rate.run import RateRun
 from cosim.rate.steady_state import output_at, parameters_at
 from gyro_model.device import Device
@@ -28,14 +28,14 @@ def expected_transfer(device: Device, run: RateRun, frequency: NDArray[np.float6
     """H at ``frequency`` [Hz], shape (n,), over its value at rest."""
     s: Complexes = np.complex128(2j * pi) * frequency
     # The envelope FMU gives what a demodulator would.
-    demodulator = _filter(s, np.inf if run.envelope else run.settings.demodulator_bandwidth)
+    demodulator = np.ones_like(s) if run.envelope else _filter(s, run.settings.demodulator_bandwidth, run.period)
     if run.closed:
         inside = 2 * pi * run.settings.sense_bandwidth * demodulator
         gain = inside / (s + inside)
     else:
         gain = _open(device, run, s)
         gain = gain * demodulator
-    return np.asarray(gain * _filter(s, run.settings.output_bandwidth))
+    return np.asarray(gain * _filter(s, run.settings.output_bandwidth, run.period))
 
 
 def _open(device: Device, run: RateRun, s: Complexes) -> Complexes:
@@ -50,5 +50,7 @@ def _open(device: Device, run: RateRun, s: Complexes) -> Complexes:
     return np.asarray(0.5 * (side(zero, 1) / side(s, 1) + side(zero, -1) / side(s, -1)))
 
 
-def _filter(s: Complexes, bandwidth: float) -> Complexes | float:
-    return 1 / (1 + s / (2 * pi * SECTION * bandwidth)) ** 2 if np.isfinite(bandwidth) else 1.0
+def _filter(s: Complexes, bandwidth: float, period: float) -> Complexes:
+    """Two sections a_k = a_{k-1} + g (s_k - a_{k-1}) at the sample ``period`` [s]."""
+    g = LowPass.design(bandwidth, period).gain
+    return np.asarray((g / (1 - (1 - g) * np.exp(-s * period))) ** 2)

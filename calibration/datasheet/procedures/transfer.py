@@ -1,20 +1,23 @@
 """Transfer function from rate to output: bandwidth, phase, group delay, from a sum of sines."""
 
-from math import degrees, pi
+from math import degrees
 
 import numpy as np
 
 from calibration.analysis.frequency_response import Response, bandwidth, frequency_response, group_delay
 from calibration.datasheet.figure import Curve, Figure, Outcome
 from calibration.datasheet.procedure import RATE, Procedure
-from cosim.rate.bench import Bench, multisine
+from cosim.rate.bench import FULL_AT_MOST, Bench, multisine
+from cosim.rate.run import RateRun
 from cosim.rate.transfer import expected_transfer
 
 PERIODS = 4
 LINES = 80
 SLOWEST = 1 / 40
-FASTEST = 5.0
-"""Frequencies from and to, over the bandwidth of the output."""
+FASTEST = 4.0
+"""Frequencies from and to, over the bandwidth that the formula gives."""
+LOOKED_AT = (1e-4, 20.0)
+"""Where that is looked for, over the bandwidth of the output filter."""
 ROWS_A_PERIOD = 8
 """Rows in a period of the fastest sine."""
 SHARE = 0.5
@@ -22,17 +25,16 @@ SHARE = 0.5
 
 
 def measure(bench: Bench) -> Outcome:
-    """On the full FMU where the device settles soon enough."""
-    envelope = not bench.can_run_full
-    run = bench.asked(0.1, envelope=envelope)
-    found = _response(bench, envelope)
+    """On the full FMU where device and bandwidth are fast enough for it."""
+    run, top = _chosen(bench)
+    found = _response(bench, run, top)
     size, fine = np.abs(found.gain), np.geomspace(found.frequency[0], found.frequency[-1], 2000)
     expected = expected_transfer(bench.device, run, fine)
     at = expected_transfer(bench.device, run, found.frequency)
     edge, edge_expected = bandwidth(found.frequency, size), bandwidth(fine, np.abs(expected))
     slow = found.frequency[0] * 8
     delay, delay_error = group_delay(found, slow)
-    lag = float(-np.angle(expected[0]) / (2 * pi * fine[0]))
+    lag, _ = group_delay(found._replace(gain=at), slow)
     peak = float(20 * np.log10(size.max() / size[0]))
     rule = "loops and filters as designed around the mode's pole: expected_transfer, docs/datasheet.md"
     figures = [
@@ -98,18 +100,26 @@ def measure(bench: Bench) -> Outcome:
     )
 
 
-def _response(bench: Bench, envelope: bool) -> Response:
-    top = bench.typical.settings.output_bandwidth
+def _chosen(bench: Bench) -> tuple[RateRun, float]:
+    """A run on the FMU that is taken, and the bandwidth that the formula gives [Hz]."""
+    filtered = bench.typical.settings.output_bandwidth
+    wide = np.geomspace(LOOKED_AT[0] * filtered, LOOKED_AT[1] * filtered, 5000)
+    top = bandwidth(wide, np.abs(expected_transfer(bench.device, bench.typical, wide))) or filtered
+    envelope = not bench.can_run_full or PERIODS / (SLOWEST * top) > FULL_AT_MOST
+    return bench.asked(0.1, envelope=envelope), top
+
+
+def _response(bench: Bench, run: RateRun, top: float) -> Response:
     # The envelope steps at 1 ms, and a tenth of that rate is the fastest that it shows well.
-    fastest = min(FASTEST * top, 100.0) if envelope else FASTEST * top
-    step = bench.typical.period if envelope else 1 / bench.typical.sample_rate
+    fastest = min(FASTEST * top, 100.0) if run.envelope else FASTEST * top
+    step = run.period
     interval = step * max(int(1 / (ROWS_A_PERIOD * fastest * step)), 1)
     rows = round(1 / (SLOWEST * top * interval))
     period = rows * interval
     lines = np.unique(np.rint(np.geomspace(1, fastest * period, LINES)))
     lead = int(np.ceil(bench.settling / period))
     course = multisine(lines / period, SHARE * bench.full_scale, bench.seed)
-    one = bench.record((lead + PERIODS) * period, rate=course, output_rate=1 / interval, envelope=envelope)
+    one = bench.record((lead + PERIODS) * period, rate=course, output_rate=1 / interval, envelope=run.envelope)
     # The same means over rows of the rate and of the output: their filter drops out.
     true, rate = (values[lead * rows :] for values in (one.true, one.rate))
     return frequency_response(true, rate, interval, lines / period, 1 / period)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.analysis.allan import AngleAllan, angle_allan
+from calibration.analysis.allan import AngleAllan, angle_allan, rate_allan
 from cosim.rate.allan import overlapping
 from gyro_model.errors import InputError
 
@@ -86,3 +86,38 @@ def test_result_is_complete() -> None:
     assert isinstance(found, AngleAllan)
     assert (found.low < found.deviation).all()
     assert (found.deviation < found.high).all()
+
+
+def test_a_ramp_of_the_rate_comes_back_beside_white_noise() -> None:
+    ramp, walk = 2e-6, 3e-5
+    t = INTERVAL * np.arange(ROWS)
+    noise = np.random.default_rng(5).standard_normal((3, ROWS)) * walk / np.sqrt(INTERVAL)
+    found = rate_allan(noise + ramp * t, INTERVAL)
+    assert abs(found.rate_ramp.value - ramp) < 3 * found.rate_ramp.error
+    assert found.rate_ramp.error < 0.2 * ramp
+    assert abs(found.angle_random_walk.value - walk) < 3 * found.angle_random_walk.error
+
+
+def test_records_together_are_as_good_as_their_number_says() -> None:
+    rng = np.random.default_rng(6)
+    walk = 3e-5
+    rates = walk / np.sqrt(INTERVAL) * rng.standard_normal((4, ROWS))
+    one, four = rate_allan(rates[:1], INTERVAL), rate_allan(rates, INTERVAL)
+    # Four times the degrees of freedom: half the interval, but for its asymmetry at the longest times.
+    width = [np.log(found.high / found.low)[:20].mean() for found in (one, four)]
+    assert width[1] == pytest.approx(width[0] / 2, rel=0.05)
+    assert abs(four.angle_random_walk.value - walk) < 3 * four.angle_random_walk.error
+
+
+def test_the_deviation_is_that_of_allantools() -> None:
+    allantools = pytest.importorskip("allantools")
+    rate = np.random.default_rng(7).standard_normal(5000)
+    found = rate_allan(rate[None], 0.1)
+    tau, deviation, *_ = allantools.oadev(rate, rate=10.0, data_type="freq", taus=found.tau)
+    np.testing.assert_allclose(tau, found.tau)
+    np.testing.assert_allclose(deviation, found.deviation, rtol=1e-9)
+
+
+def test_a_record_that_only_shows_the_filter_is_refused() -> None:
+    with pytest.raises(InputError, match=r"from 0\.5 s on needs 36 s"):
+        rate_allan(np.random.default_rng(1).standard_normal((1, 300)), 0.1, 0.5)

@@ -1,0 +1,174 @@
+"""Figures of a textbook device in rate mode, beside what can be reckoned by hand."""
+
+from dataclasses import replace
+from math import degrees, pi, sqrt
+
+import numpy as np
+import pytest
+
+from calibration.datasheet.figure import Figure
+from calibration.datasheet.procedure import procedures
+from cosim.rate.bench import Bench, Plan, multisine, steps
+from cosim.rate.free_decay import linear_modes
+from cosim.rate.transfer import expected_transfer
+from gyro_model.device import Device, load_device
+
+F_X, SPLIT, MASS, Q_X, Q_Y, GAIN, NOISE, SWING = 4000.0, 40.0, 1e-8, 3000.0, 800.0, 1e6, 2e-5, 3e-6
+PERIOD = 5e-6
+PLAN = Plan(4, 400.0, 4, 5.0, 2, 4, (-20.0, 25.0, 60.0), 2.0)
+
+
+def device(**more: float) -> Device:
+    """Two modes, damped, with white noise of the pickoff and nothing else."""
+    w = [2 * pi * F_X, 2 * pi * (F_X + SPLIT)]
+    own = {
+        "m": MASS, "kxx": MASS * w[0] ** 2, "kyy": MASS * w[1] ** 2, "kxy": 0.0,
+        "dxx": MASS * w[0] / Q_X, "dyy": MASS * w[1] / Q_Y, "dxy": 0.0,
+        "sense_gain_x": GAIN, "sense_gain_y": GAIN, "sense_noise": NOISE,
+    }  # fmt: skip
+    # Filters far above the split: the mode itself is the filter.
+    mode = {"drive_amplitude": SWING, "full_scale": 5.0, "output_bandwidth": 700.0, "demodulator_bandwidth": 900.0}
+    return Device("textbook", {**own, **more}, rate_mode=mode)
+
+
+@pytest.fixture(scope="module")
+def bench() -> Bench:
+    return Bench(device(), plan=PLAN)
+
+
+def figures(bench: Bench, name: str) -> dict[str, Figure]:
+    return {figure.id: figure for figure in procedures("rate-open")[name].measure(bench).figures}
+
+
+def volts_per_rate() -> float:
+    """Open loop at rest: |Y| = 2 m ω A/|kyy - m ω² + i ω dyy| for 1 rad/s, times the gain."""
+    w, p = 2 * pi * F_X, device().parameters
+    return GAIN * 2 * MASS * w * SWING / abs(p["kyy"] - MASS * w * w + 1j * w * p["dyy"])
+
+
+def test_envelope_and_full_agree(bench: Bench) -> None:
+    assert bench.agreement is not None
+    assert bench.agreement.agree
+    assert bench.agreement.scale_factor_error < 1e-3
+
+
+def test_frequency_split_and_q_by_hand(bench: Bench) -> None:
+    found = figures(bench, "modes")
+    # Damping lowers a frequency by 1/8Q²: 1e-8 of it. Noise over two time constants of 80 dB: far below 1e-6.
+    assert found["mode_frequency_lower"].value == pytest.approx(F_X, rel=1e-6)
+    assert found["mode_split"].value == pytest.approx(SPLIT, rel=1e-4)
+    assert found["quality_factor_lower"].value == pytest.approx(Q_X, rel=2e-3)
+    assert found["quality_factor_upper"].value == pytest.approx(Q_Y, rel=2e-3)
+
+
+def test_scale_factor_by_hand(bench: Bench) -> None:
+    found = figures(bench, "scale_factor")
+    assert found["scale_factor_channel"].value == pytest.approx(volts_per_rate() * pi / 180, rel=1e-4)
+    # The calibration is that of the device itself: what is left is noise and Ω² over the split squared, 4e-4.
+    assert found["scale_factor"].value == pytest.approx(1.0, abs=1e-3)
+    assert found["scale_factor"].holds
+
+
+def test_angle_random_walk_from_the_amplifier_by_hand(bench: Bench) -> None:
+    found = figures(bench, "noise")["angle_random_walk"]
+    # σ a sample is one-sided 2σ²T, its part in one phase has twice that, and N² is the two-sided density.
+    by_hand = degrees(1) * 60 * sqrt(2 * NOISE**2 * PERIOD) / volts_per_rate()
+    assert found.expected == pytest.approx(by_hand, rel=1e-4)
+    # 1 % is what the peak of the open loop adds from 40 delays on; three standard errors of 1,600 s.
+    assert abs(found.value - by_hand) < 3 * found.error + 0.01 * by_hand
+    assert found.error < 0.03 * by_hand
+
+
+def test_bandwidth_of_the_open_loop_from_split_and_q(bench: Bench) -> None:
+    found = figures(bench, "transfer")
+    # |Δ² + γs|/|s² + 2γs + Δ² + γ²| is 1/√2 at about Δ √(1 + √2): γ/Δ = ω/2QΔ = 0.063 moves it by 1 %.
+    gamma = 2 * pi * (F_X + SPLIT) / (2 * Q_Y)
+    f = np.linspace(SPLIT, 2 * SPLIT, 10_000)
+    s, both = 2j * pi * f, (2 * pi * SPLIT) ** 2 + gamma**2
+    size = np.abs((both + gamma * s) / (s * s + 2 * gamma * s + both))
+    by_hand = float(f[np.argmax(size < sqrt(0.5))])
+    assert by_hand == pytest.approx(SPLIT * sqrt(1 + sqrt(2)), rel=0.02)
+    # Filters at 700 and 900 Hz take 1 % at 62 Hz, sidebands 1.5 % away from the carrier another.
+    assert found["bandwidth"].value == pytest.approx(by_hand, rel=0.02)
+    assert found["bandwidth"].holds
+    assert found["peak"].holds
+    assert found["group_delay"].holds
+
+
+def test_a_slow_filter_sets_bandwidth_and_delay() -> None:
+    slow = replace(device(), rate_mode={**device().rate_mode, "output_bandwidth": 5.0})
+    found = figures(Bench(slow, plan=PLAN), "transfer")
+    # The output filter halves the power at 5 Hz, where its gain falls with the power -0.586 of f; the open loop lifts
+    # by 1/(1 - (5/40)²), 1.6 %. What is left is second order.
+    assert found["bandwidth"].value == pytest.approx(5.0 * (1 + 0.0159 / 0.586), rel=3e-3)
+    assert found["group_delay"].holds
+
+
+def test_bias_repeats_as_the_noise_lets_it_and_full_range_is_there(bench: Bench) -> None:
+    found = figures(bench, "bias") | figures(bench, "input_range") | figures(bench, "drive")
+    assert found["bias"].holds
+    assert found["bias_repeatability"].holds
+    assert found["input_limit"].holds
+    assert found["drive_frequency"].value == pytest.approx(F_X, rel=1e-6)
+    # dxx ω² A/ω
+    assert found["drive_force"].value == pytest.approx(1e9 * MASS * (2 * pi * F_X) ** 2 / Q_X * SWING, rel=1e-4)
+
+
+def test_temperature_moves_the_scale_factor_as_the_split() -> None:
+    # The split moves by kyy tck_split/2: 4 Hz of 40 over 80 K; the open loop's gain goes with 1/split.
+    found = figures(Bench(device(tck_split=-2.5e-5), plan=PLAN), "temperature")
+    slope = found["scale_factor_slope"]
+    assert slope.value == pytest.approx(1e6 * 0.5 * 2.5e-5 * (F_X + SPLIT) / SPLIT, rel=0.05)
+    assert slope.holds
+
+
+def test_threshold_is_where_noise_ends(bench: Bench) -> None:
+    found = figures(bench, "threshold")
+    assert found["threshold"].value is not None
+    # Rates double: one step beyond the bound, two by chance.
+    assert found["threshold"].expected / 4 < found["threshold"].value <= 4 * found["threshold"].expected
+
+
+def test_acceleration_is_tested_where_the_device_has_it() -> None:
+    procedure = procedures("rate-open")["acceleration"]
+    assert "acceleration_gain_x" in procedure.measure(Bench(device(), plan=PLAN)).reason
+    with_it = device(acceleration_gain_x=-1.0, acceleration_gain_y=-1.0, k3_x=1e9)
+    found = {f.id: f for f in procedure.measure(Bench(with_it, plan=PLAN)).figures}
+    assert found["acceleration_x"].error is not None
+
+
+def test_a_device_that_warms_up_is_seen_to() -> None:
+    # At rest a bias that grows by 1e-4 of dxy an e-fold of time; without it there is no drift.
+    plan = PLAN._replace(rest_records=2, rest_duration=200.0)
+    ageing = device(ageing=2e-3, ageing_time=20.0)
+    drifting, steady = (figures(Bench(d, plan=plan), "warm_up")["warm_up_drift"] for d in (ageing, device()))
+    assert steady.holds
+    assert abs(drifting.value) > 20 * abs(steady.value)
+
+
+def test_the_closed_loop_has_its_own_bandwidth() -> None:
+    own = {**device().rate_mode, "output_bandwidth": 300.0, "sense_bandwidth": 20.0}
+    bench = Bench(replace(device(), rate_mode=own), closed=True, plan=PLAN)
+    found = {f.id: f for f in procedures("rate-closed")["transfer"].measure(bench).figures}
+    # One pole at 20 Hz, and a demodulator at 900 Hz in the loop.
+    assert found["bandwidth"].value == pytest.approx(20.0, rel=0.03)
+    assert found["bandwidth"].holds
+
+
+def test_steps_and_sines_are_what_they_say() -> None:
+    course = steps([0.0, 1.0, -2.0], 0.5)
+    np.testing.assert_array_equal(course.values(np.array([0.1, 0.5, 0.9, 1.2, 9.0])), [0.0, 1.0, 1.0, -2.0, -2.0])
+    sines = multisine(np.array([1.0, 2.0, 7.0]), 0.3, 1)
+    assert 0.2 < np.abs(sines.values(np.linspace(0, 3, 10_001))).max() <= 0.3
+
+
+def test_modes_of_packaged_devices_are_those_of_their_matrices() -> None:
+    packaged = load_device("tuning_fork")
+    low, high = linear_modes(packaged.all_parameters)
+    assert (low.frequency, high.frequency) == pytest.approx(packaged.frequencies, rel=1e-6)
+    assert (low.q, high.q) == pytest.approx(packaged.quality_factors, rel=1e-2)
+
+
+def test_the_formula_of_the_open_loop_is_one_at_rest(bench: Bench) -> None:
+    gain = expected_transfer(bench.device, bench.typical, np.array([1e-6, 1.0]))
+    assert gain[0] == pytest.approx(1.0, abs=1e-6)
