@@ -35,7 +35,8 @@ def expected_transfer(device: Device, run: RateRun, frequency: NDArray[np.float6
     else:
         gain = _open(device, run, s)
         gain = gain * demodulator
-    return np.asarray(gain * _filter(s, run.settings.output_bandwidth, run.period))
+    # A sample shows the rate before it, and the rate is held after it: half a sample on average.
+    return np.asarray(np.exp(-s * run.period / 2) * gain * _filter(s, run.settings.output_bandwidth, run.period))
 
 
 def _open(device: Device, run: RateRun, s: Complexes) -> Complexes:
