@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         datasheet,
         diagnose,
         effects,
+        export_sensor,
         load_dataset,
         load_design,
         load_device,
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from gyrotwin.datasheet_result import DatasheetResult
     from gyrotwin.playing.page import PlayResult
     from gyrotwin.results import CompensationResult, DiagnosisResult, RateResult, RunResult, SplitResult
+    from gyrotwin.sensor_result import SensorResult
     from gyrotwin.sweeping.result import SweepResult
     from gyrotwin.tasks.sweep import sweep
 
@@ -49,12 +51,23 @@ _HOMES: Final = {
     "Device": "gyro_model.device",
     "InputError": "gyro_model.errors",
     "PlayResult": "gyrotwin.playing.page",
+    "SensorResult": "gyrotwin.sensor_result",
     "SweepResult": "gyrotwin.sweeping.result",
     "compare": "gyrotwin.comparison",
     "sweep": "gyrotwin.tasks.sweep",
     **dict.fromkeys(
         (
-            *("build", "compensate", "datasheet", "diagnose", "effects", "load_dataset", "load_design", "load_device"),
+            *(
+                "build",
+                "compensate",
+                "datasheet",
+                "diagnose",
+                "effects",
+                "export_sensor",
+                "load_dataset",
+                "load_design",
+                "load_device",
+            ),
             *("play", "rate", "run", "simulate_dataset", "split", "verify"),
         ),
         "gyrotwin.api",
@@ -75,6 +88,7 @@ __all__ = [
     "PlayResult",
     "RateResult",
     "RunResult",
+    "SensorResult",
     "SplitResult",
     "SweepResult",
     "__version__",
@@ -84,6 +98,7 @@ __all__ = [
     "datasheet",
     "diagnose",
     "effects",
+    "export_sensor",
     "load_dataset",
     "load_design",
     "load_device",

@@ -35,6 +35,7 @@ COMMANDS: Final = {
         "gyrotwin.commands.datasheet:datasheet",
         "Measure the datasheet of a device: the tests of IEEE Std 1431, Allan analysis, formulas beside.",
     ),
+    "export": _Entry("gyrotwin.commands.export:export_app", "What was measured, for other programs."),
     "compensate": _Entry(
         "gyrotwin.tasks.compensate:compensate",
         "Fit a temperature compensation and write it as TOML and as a C header, with before and after.",

@@ -1,7 +1,7 @@
 """The functions of the package; each command is a thin skin over the one of its name."""
 
 from gyrotwin.api.datasets import MOST_EFFECTS, diagnose, load_dataset, simulate_dataset
-from gyrotwin.api.datasheets import datasheet
+from gyrotwin.api.datasheets import datasheet, export_sensor
 from gyrotwin.api.files import DeviceSource, effects, load_design, load_device
 from gyrotwin.api.fmu import build, verify
 from gyrotwin.api.playing import play
@@ -17,6 +17,7 @@ __all__ = [
     "datasheet",
     "diagnose",
     "effects",
+    "export_sensor",
     "load_dataset",
     "load_design",
     "load_device",

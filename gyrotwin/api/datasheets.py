@@ -1,16 +1,19 @@
 """Datasheets of simulated gyroscopes."""
 
-from collections.abc import Callable, Mapping
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gyro_model.device import Device
+from gyro_model.errors import InputError
 from gyrotwin.api.files import DeviceSource, load_device
 
 if TYPE_CHECKING:
     from cosim.design import Design
     from gyrotwin.datasheet_result import DatasheetResult
+    from gyrotwin.sensor_result import SensorResult
 
 Progress = Callable[[float, float], None]
 
@@ -73,3 +76,55 @@ def datasheet(
     plant = load_device(device).with_parameters(own)
     plant = replace(plant, rate_mode={**plant.rate_mode, **entries["rate_mode"]})
     return find(Request(plant, mode, standard, design, seed, quick), progress)
+
+
+def export_sensor(
+    datasheet: "str | Path | Mapping[str, Any] | DatasheetResult",
+    *,
+    formats: Sequence[str] = (),
+    sample_rate: float = 100.0,
+) -> "SensorResult":
+    """Give the sensor of a datasheet in the formats of other programs.
+
+    Parameters
+    ----------
+    datasheet : str, Path, mapping or DatasheetResult
+        A datasheet.json, its content, or the result itself; of rate mode.
+    formats : sequence of str
+        Of kalibr, gnss_ins_sim, matlab, gazebo, px4; none: all.
+    sample_rate : float
+        At which the sensor is read there [Hz].
+
+    Returns
+    -------
+    SensorResult
+        With ``sensor`` (SI), ``files`` by name, ``save(folder)``.
+
+    Raises
+    ------
+    InputError
+        If the datasheet is none, is of whole-angle mode, lacks a figure, or a format is unknown.
+
+    """
+    from calibration.sensor.format import files_of
+    from calibration.sensor.numbers import sensor_of
+    from gyrotwin.datasheet_result import DatasheetResult
+    from gyrotwin.sensor_result import SensorResult
+
+    if isinstance(datasheet, DatasheetResult):
+        content: Any = datasheet.summary
+    elif isinstance(datasheet, Mapping):
+        content = datasheet
+    else:
+        content = _read(Path(datasheet))
+    sensor = sensor_of(content)
+    return SensorResult(sensor, files_of(sensor, sample_rate, formats))
+
+
+def _read(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"datasheet {path}: {error}; give the datasheet.json that `gyrotwin datasheet DEVICE` wrote"
+        ) from None

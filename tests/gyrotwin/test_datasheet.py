@@ -100,6 +100,20 @@ def test_wrong_input_is_one_line(
     assert not (tmp_path / "out").exists()
 
 
+def test_the_sensor_is_exported(sheet: gt.DatasheetResult, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sheet.save(tmp_path / "sheet")
+    out = tmp_path / "sensor"
+    with pytest.raises(SystemExit) as end:
+        main(["export", "sensor", str(tmp_path / "sheet" / "datasheet.json"), "--out", str(out)])
+    assert end.value.code in (0, None)
+    written = sorted(path.name for path in out.iterdir())
+    assert written == sorted(Path(line).name for line in capsys.readouterr().out.splitlines())
+    assert gt.export_sensor(sheet).files == {path.name: path.read_text() for path in out.iterdir()}
+    (tmp_path / "sheet" / "datasheet.json").write_text("[1, 2")
+    with pytest.raises(gt.InputError, match="gyrotwin datasheet DEVICE"):
+        gt.export_sensor(tmp_path / "sheet" / "datasheet.json")
+
+
 def test_values_show_two_digits_of_their_error(sheet: gt.DatasheetResult) -> None:
     figure = sheet.figures["bias"]._replace(value=1.23456, error=0.0123, expected=1.2, how="at least")
     assert value_of(figure) == "1.235 ± 0.012"

@@ -1,0 +1,1 @@
+"""Formats of other programs, one a file with ``FORMAT``, found by a scan."""
