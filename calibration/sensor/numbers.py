@@ -23,8 +23,8 @@ class Sensor(NamedTuple):
     rad/√s; random_walk K [rad/s²/√Hz] and instability B [rad/s], 0 where the datasheet does not see them,
     random_walk_error then says what it would have seen; bias [rad/s] at the reference temperature; turn_on: standard
     deviation of the bias from turn-on to turn-on [rad/s]; scale_factor [1]; full_scale [rad/s]; bias_slope [rad/s/K]
-    and scale_factor_slope [1/K] over temperature; acceleration: of the bias [rad/s per m/s²], 0 where it was not tested;
-    bandwidth [Hz], None where the gain does not fall.
+    and scale_factor_slope [1/K] over temperature; acceleration: of the bias [rad/s per m/s²], 0 where it was not
+    tested; bandwidth [Hz], None where the gain does not fall.
     """
 
     device: str
@@ -65,7 +65,7 @@ def sensor_of(summary: Mapping[str, Any]) -> Sensor:
     def seen(name: str) -> float:
         return value(name) if value(name) > 2 * SEEN * value(name, "error") else 0.0
 
-    accelerations = [figures[name]["value"] for name in ("acceleration_x", "acceleration_y") if name in figures]
+    accelerations = [value(name) for name in ("acceleration_x", "acceleration_y") if name in figures]
     edge = figures.get("bandwidth", {}).get("value")
     walk = PER_HOUR / 60
     return Sensor(
