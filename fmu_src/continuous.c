@@ -7,7 +7,10 @@
 #include "plant.h"
 
 /* Where the parts of the continuous states begin. */
-enum { AT_LAGGED = GYRO_N_STATES, AT_LAGGING = GYRO_N_STATES + 2 };
+enum { AT_LAGGED = GYRO_N_STATES, AT_LAGGING = GYRO_N_STATES + 2, AT_FLOWING = AT_LAGGING + GYRO_N_LAGGING };
+
+/* Bytes of what flows, which is the first that effects remember. */
+static const size_t FLOWING = GYRO_N_FLOWING * sizeof(double);
 
 const char *gyro_no_equation(void) { return NULL; }
 
@@ -44,6 +47,7 @@ void gyro_get_continuous(gyro_instance *g, double states[GYRO_N_CONTINUOUS])
     memcpy(states, view.s, sizeof view.s);
     memcpy(states + AT_LAGGED, lagged, sizeof lagged);
     memcpy(states + AT_LAGGING, view.lagging, sizeof view.lagging);
+    memcpy(states + AT_FLOWING, view.remembered, FLOWING);
 }
 
 void gyro_get_rates(gyro_instance *g, double rates[GYRO_N_CONTINUOUS])
@@ -55,6 +59,7 @@ void gyro_get_rates(gyro_instance *g, double rates[GYRO_N_CONTINUOUS])
     }
     actuate(&view);
     state_rate(&view, rates);
+    flow_memories(&view, rates + AT_FLOWING);
     pick_off(&view);
     const double lag = lag_acts(&view) ? lag_time_constant(&view) : 0.0;
     for (int axis = 0; axis < 2; axis++) {
@@ -75,11 +80,13 @@ void gyro_respond(gyro_instance *g, const gyro_direction *along, gyro_response *
     memcpy(d.p, along->input, sizeof along->input);
     memcpy(d.s, along->state, sizeof d.s);
     memcpy(d.lagging, along->state + AT_LAGGING, sizeof d.lagging);
+    memcpy(d.remembered, along->state + AT_FLOWING, FLOWING);
     d.u[0] = g->plan.any_delay ? 0.0 : along->input[GYRO_U_X];
     d.u[1] = g->plan.any_delay ? 0.0 : along->input[GYRO_U_Y];
     tangent_laws(&view, g->value, &d);
     tangent_actuate(&view, &d);
     tangent_rate(&view, &d, response->rate);
+    tangent_flow(&view, &d, response->rate + AT_FLOWING);
     tangent_pick_off(&view, &d);
     const double lag = lag_acts(&view) ? lag_time_constant(&view) : 0.0;
     const double d_lag = lag_tangent(&d);
@@ -113,6 +120,7 @@ gyro_status gyro_set_continuous(gyro_instance *g, const double states[GYRO_N_CON
         memcpy(g->view.s, states, sizeof g->view.s);
         memcpy(g->memory.lagged, states + AT_LAGGED, sizeof g->memory.lagged);
         memcpy(g->view.lagging, states + AT_LAGGING, sizeof g->view.lagging);
+        memcpy(g->view.remembered, states + AT_FLOWING, FLOWING);
     }
     return status;
 }
@@ -176,6 +184,7 @@ gyro_status gyro_enter_event(gyro_instance *g)
         if (g->view.any_law) {
             apply_laws(&g->view, g->value);
         }
+        gyro_remember(g);
     }
     return status;
 }

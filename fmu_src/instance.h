@@ -77,7 +77,10 @@ void gyro_swap_values(gyro_instance *g, int end);
 /* Takes inputs and tunable parameters as they are, where they are new: an equal value is no change, and cuts nothing. */
 gyro_status gyro_take_values(gyro_instance *g);
 
-/* From tune.c: gyro_tune. From clock.c: */
+/* From tune.c: gyro_tune, and what the effects remember that act and did not in `acted` begins, from `value` as set. */
+void gyro_begin_memories(gyro_instance *g, const double value[GYRO_N_VARIABLES], const unsigned char acted[GYRO_N_EFFECTS]);
+
+/* From clock.c: */
 
 /* A time or period [s] in ticks; a whole number where it is one to the rounding of a double. */
 double gyro_ticks(double seconds);

@@ -124,7 +124,8 @@ void gyro_list_parts(gyro_instance *g, gyro_part parts[])
     parts[2] = (gyro_part){g->view.s, sizeof g->view.s};
     parts[3] = (gyro_part){g->view.drawn, sizeof g->view.drawn};
     parts[4] = (gyro_part){g->view.lagging, sizeof g->view.lagging};
-    parts[5] = (gyro_part){g->late != NULL ? g->late + g->late_first : NULL, gyro_room(g)};
+    parts[5] = (gyro_part){g->view.remembered, sizeof g->view.remembered};
+    parts[6] = (gyro_part){g->late != NULL ? g->late + g->late_first : NULL, gyro_room(g)};
 }
 
 const char *gyro_infinite_state(const gyro_instance *g)

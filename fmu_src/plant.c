@@ -9,6 +9,9 @@
 #include "linear.h"
 #include "noise.h"
 
+/* No effect has acted. */
+static const unsigned char NONE[GYRO_N_EFFECTS] = {0};
+
 void gyro_refresh(gyro_view *view, const double value[GYRO_N_VARIABLES])
 {
     if (view->any_law) {
@@ -59,6 +62,7 @@ gyro_status gyro_take_inputs(gyro_instance *g)
         if (first) {
             /* What holds in the first step has held before. */
             start_lagging(view, g->value);
+            gyro_begin_memories(g, g->value, NONE);
         }
         if (late) {
             g->late[g->late_first + memory->n_late++] = (gyro_late_force){memory->clock.now + g->plan.delay.tick, {u[0], u[1]}};
@@ -203,11 +207,24 @@ static void draw_noise(gyro_instance *g)
     }
 }
 
+/* What effects remember changes with the numbers drawn, and the laws with it. */
+static void renew(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    view->since = g->value[GYRO_SAMPLE_PERIOD];
+    renew_memories(view);
+    view->since = 0.0;
+    apply_laws(view, g->value);
+}
+
 /* The sample at the present time, the force being the one that has acted until now. */
 static void take_sample(gyro_instance *g)
 {
     gyro_view *view = &g->view;
     draw_noise(g);
+    if (view->any_renewed && g->memory.clock.sample > 0) {
+        renew(g);
+    }
     if (view->any_rate) {
         pick_off_moving(view);
     } else if (!g->plan.any_lag) {
@@ -275,6 +292,7 @@ void gyro_first_sample(gyro_instance *g)
 {
     gyro_view *view = &g->view;
     start_lagging(view, g->value);
+    gyro_begin_memories(g, g->value, NONE);
     view->s[GYRO_STATE_X] = g->value[GYRO_X_START];
     view->s[GYRO_STATE_X_DOT] = g->value[GYRO_X_DOT_START];
     view->s[GYRO_STATE_Y] = g->value[GYRO_Y_START];
@@ -343,6 +361,19 @@ static void move_view(gyro_instance *g, gyro_instant to)
     view->since = 0.0;
 }
 
+static void keep_memories(gyro_view *view)
+{
+    if (view->any_memory) {
+        memcpy(view->remembered, view->remembered_now, sizeof view->remembered);
+    }
+}
+
+void gyro_remember(gyro_instance *g)
+{
+    find_force(g);
+    keep_memories(&g->view);
+}
+
 void gyro_peek(gyro_instance *g, gyro_view *view, double lagged[2])
 {
     const gyro_view kept = g->view;
@@ -355,6 +386,7 @@ void gyro_peek(gyro_instance *g, gyro_view *view, double lagged[2])
         if (g->view.moving) {
             memcpy(g->view.lagging, g->view.lagging_now, sizeof g->view.lagging);
         }
+        keep_memories(&g->view);
     }
     *view = g->view;
     memcpy(lagged, g->memory.lagged, sizeof g->memory.lagged);
@@ -370,6 +402,7 @@ void gyro_move(gyro_instance *g, gyro_instant to)
     if (view->moving) {
         memcpy(view->lagging, view->lagging_now, sizeof view->lagging);
     }
+    keep_memories(view);
     if (view->moving || (at & GYRO_AT_EVENT)) {
         /* Once more, as a restored instance finds them: by the time of the tick, from what lags here, with the event that falls here. */
         gyro_refresh(view, g->value);

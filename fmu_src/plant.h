@@ -45,8 +45,8 @@ typedef struct {
     double u[2]; /* N */
 } gyro_late_force;
 
-/* Parts of a snapshot: values, memory, states, noise, lagging quantities, late forces. */
-enum { GYRO_N_PARTS = 6 };
+/* Parts of a snapshot: values, memory, states, noise, lagging quantities, what effects remember, late forces. */
+enum { GYRO_N_PARTS = 7 };
 
 struct gyro_instance {
     double value[GYRO_N_VARIABLES]; /* as set and as last put out, SI, by value reference */
@@ -76,6 +76,9 @@ void gyro_bring_force(gyro_instance *g);
 
 /* The voltage behind the amplifier's lag is the one before it. */
 void gyro_start_lag(gyro_instance *g);
+
+/* What effects remember at the time of the view, the force being that which acts, stands from now on. */
+void gyro_remember(gyro_instance *g);
 
 /* Draws the numbers of one effect for the latest sample. */
 void gyro_draw(gyro_instance *g, int effect);

@@ -2,13 +2,14 @@
 
 An effect belongs to one stage, and each stage is a class: ``Law`` changes parameters, ``Follow`` makes them lag,
 ``Force`` adds a force (and states of its own), ``Map`` rewrites the signal at its place in the chain, ``Delay`` and
-``Lag`` hold a signal back.
+``Lag`` hold a signal back. A law, or a map of the actuators, may remember: each ``Memory`` is a number drawn at the
+start, a random walk, a slow lag or a loop of hysteresis.
 
 Expressions are sympy, in the symbols of ``gyro_model.symbols`` and the effect's own parameters. Every class checks
 itself where it is built and raises InputError.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, NamedTuple
@@ -33,6 +34,7 @@ class Slot(NamedTuple):
 
 SLOTS: Mapping[str, Slot] = {
     "actuator delay": Slot(U, U),
+    "actuator play": Slot(U, U),
     "actuator curve": Slot(U, U),
     "actuator gain": Slot(U, U),
     "actuator misalignment": Slot(U, U),
@@ -74,6 +76,39 @@ class State:
 
 
 @dataclass(frozen=True)
+class Memory:
+    """A number [unit] that an effect carries from instant to instant, saved with the state of the device.
+
+    ``start``: as the run begins, or the effect does. ``now``: the time ``since`` after it was ``symbol``, while all that
+    the effect reads is held; where ``since`` is not in it, it is the same however often it is taken on the way there.
+    ``sample``: at each sample after the first (in the envelope form: at each internal step), ``since`` being the time
+    from one to the next. ``start`` and ``sample`` may draw ``normal_x, normal_y``. By default it is zero and stays.
+    """
+
+    symbol: Symbol
+    unit: str
+    description: str
+    start: Expr = sympify(0)
+    now: Expr | None = None
+    sample: Expr | None = None
+
+    @property
+    def flows(self) -> bool:
+        """Whether it changes by time itself: then it is a continuous state."""
+        return self.now is not None and symbols.since in self.now.free_symbols
+
+    @property
+    def rate(self) -> Expr:
+        """The time derivative of one that flows."""
+        return sympify(self.now).diff(symbols.since).subs(symbols.since, 0)
+
+    def terms(self) -> dict[str, Expr]:
+        """What it is made of by name; what stays is not said."""
+        named = {"start": self.start, "now": self.now, "sample": self.sample}
+        return {f"{what}_{self.symbol.name}": sympify(e) for what, e in named.items() if e is not None}
+
+
+@dataclass(frozen=True)
 class Energy:
     """The power balance of a force: force·velocity + d(stored)/dt + dissipated = 0, ``dissipated`` never negative.
 
@@ -99,6 +134,7 @@ class Effect:
     signature: str
     host_experiment: str
     limits: tuple[Limit, ...]
+    memories: tuple[Memory, ...] = ()
     nominal: bool = False
     noise: bool = False
     doc: str = ""
@@ -110,6 +146,8 @@ class Effect:
             raise InputError(f"effect {self.id}: has no size parameter; add one that is neutral by default")
         if not self.limits:
             raise InputError(f"effect {self.id}: give at least one limit case computed by hand")
+        if self.memories and self.stage not in ("parameter law", "actuator"):
+            raise InputError(f"effect {self.id}: laws and maps of the actuators remember; others have states or none")
 
     @property
     def stage(self) -> str:
@@ -123,10 +161,14 @@ class Effect:
 
     def terms(self) -> dict[str, Expr]:
         """The expressions of the effect by the name that a limit case uses."""
+        return self.made() | {name: expr for memory in self.memories for name, expr in memory.terms().items()}
+
+    def made(self) -> dict[str, Expr]:
+        """``terms`` without those of what the effect remembers."""
         raise NotImplementedError
 
     def neutral(self) -> dict[str, Expr]:
-        """What each of ``terms`` is where the effect is switched off."""
+        """What each of ``made`` is where the effect is switched off; rates of its states are left out."""
         raise NotImplementedError
 
     @cached_property
@@ -137,7 +179,18 @@ class Effect:
     @property
     def drawn(self) -> bool:
         """Whether the effect draws numbers at each sample."""
-        return bool(self.symbols & {*symbols.NORMAL, *symbols.PINK})
+        starts = {f"start_{memory.symbol.name}" for memory in self.memories}
+        return _draws(expr for name, expr in self.terms().items() if name not in starts)
+
+    @property
+    def drawn_at_start(self) -> bool:
+        """Whether the effect draws numbers once, as it begins to act."""
+        return _draws(memory.start for memory in self.memories)
+
+
+def _draws(exprs: Iterable[Expr]) -> bool:
+    numbers = {*symbols.NORMAL, *symbols.PINK}
+    return any(sympify(expr).free_symbols & numbers for expr in exprs)
 
 
 def _sympified(terms: Mapping[str, Expr]) -> dict[str, Expr]:
@@ -156,7 +209,7 @@ class Law(Effect):
     changes: Mapping[Symbol, Expr]
     event: Symbol | None = None
 
-    def terms(self) -> dict[str, Expr]:
+    def made(self) -> dict[str, Expr]:
         return _sympified({target.name: expr for target, expr in self.changes.items()})
 
     def neutral(self) -> dict[str, Expr]:
@@ -174,11 +227,11 @@ class Follow(Effect):
     STAGE: ClassVar[str] = "parameter law"
     follows: Mapping[Symbol, Symbol]
 
-    def terms(self) -> dict[str, Expr]:
+    def made(self) -> dict[str, Expr]:
         return {f"time_constant_{target.name}": constant for target, constant in self.follows.items()}
 
     def neutral(self) -> dict[str, Expr]:
-        return dict.fromkeys(self.terms(), sympify(0))
+        return dict.fromkeys(self.made(), sympify(0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,13 +253,13 @@ class Force(Effect):
         """The stage that the force belongs to."""
         return "actuator" if self.symbols & set(U) else "force"
 
-    def terms(self) -> dict[str, Expr]:
+    def made(self) -> dict[str, Expr]:
         impulse = dict(zip(("impulse_x", "impulse_y"), self.impulse or (), strict=False))
         rates = {f"d_{state.symbol.name}": state.rate for state in self.states}
         return _sympified({"force_x": self.force[0], "force_y": self.force[1], **impulse, **rates})
 
     def neutral(self) -> dict[str, Expr]:
-        return {name: sympify(0) for name in self.terms() if not name.startswith("d_")}
+        return {name: sympify(0) for name in self.made() if not name.startswith("d_")}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,7 +284,7 @@ class Map(Effect):
         word = self.slot.split()[0]
         return "sampled block" if word == "sampled" else word
 
-    def terms(self) -> dict[str, Expr]:
+    def made(self) -> dict[str, Expr]:
         leaving = (symbol.name for symbol in SLOTS[self.slot].leaves)
         return _sympified(dict(zip(leaving, self.output, strict=True)))
 
@@ -247,7 +300,7 @@ class Delay(Effect):
     slot: ClassVar[str] = "actuator delay"
     delay: Symbol
 
-    def terms(self) -> dict[str, Expr]:
+    def made(self) -> dict[str, Expr]:
         return {"delay": self.delay}
 
     def neutral(self) -> dict[str, Expr]:
@@ -263,7 +316,7 @@ class Lag(Effect):
     slot: ClassVar[str] = "amplifier lag"
     time_constant: Symbol
 
-    def terms(self) -> dict[str, Expr]:
+    def made(self) -> dict[str, Expr]:
         return {"time_constant": self.time_constant}
 
     def neutral(self) -> dict[str, Expr]:

@@ -123,6 +123,11 @@ def lagging_macro(target: Symbol) -> str:
     return f"GYRO_LAGGING_{target.name.upper()}"
 
 
+def memory_macro(symbol: Symbol) -> str:
+    """The index of what an effect remembers in C."""
+    return f"GYRO_MEMORY_{symbol.name.upper()}"
+
+
 def effect_macro(effect: Effect) -> str:
     """The index of an effect in C."""
     return f"GYRO_EFFECT_{effect.id.upper()}"

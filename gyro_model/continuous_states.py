@@ -28,7 +28,7 @@ class ContinuousState(NamedTuple):
 
 def continuous_states(model: Model) -> tuple[ContinuousState, ...]:
     """The states in order: those of the motion, which are outputs, those of effects, the voltages behind the
-    amplifier's lag, what lags. None of a model in envelope form.
+    amplifier's lag, what lags, what effects remember that flows. None of a model in envelope form.
 
     Beyond the variables of the model and ``time`` come the states that are no outputs, then all rates.
     """
@@ -44,6 +44,7 @@ def continuous_states(model: Model) -> tuple[ContinuousState, ...]:
         (f"{target.name}_lagging", model.by_name[target.name].unit, f"{target.name} as it lags, where it does")
         for target in model.followed
     ]
+    rows += [(m.symbol.name, m.unit, m.description) for m in model.memories if m.flows]
     shown = {q.name: reference for reference, q in enumerate(model.quantities)}
     free = first_local(model)
     references = []

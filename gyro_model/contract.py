@@ -19,6 +19,7 @@ from gyro_model.effect_points import (
     exactly,
     neutral_point,
     random_point,
+    recalled,
     unit_of,
     used_symbols,
 )
@@ -76,7 +77,7 @@ def neutral_size(effect: Effect, model: Model) -> None:
         return
     rng = np.random.default_rng(1)
     for _ in range(50):
-        point = neutral_point(effect, rng, model)
+        point = recalled(effect, neutral_point(effect, rng, model))
         for name, expr in effect.neutral().items():
             wanted = float(expr) if expr.is_Number else point[expr.name]
             with np.errstate(all="ignore"):
@@ -92,6 +93,27 @@ def neutral_size(effect: Effect, model: Model) -> None:
                 distance, allowed = abs(value - wanted), 0.0
             if not distance <= allowed:
                 _fail(effect, f"at its neutral size {name} is {value:g} instead of {wanted:g}")
+
+
+def memory(effect: Effect, model: Model) -> None:
+    """What an effect remembers is taken at no time in between or at any: it is the same after two parts of a time as
+    after the whole, and after none what it was."""
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        point = random_point(effect, rng, model)
+        first, second = rng.uniform(0.0, 2.0, 2) * point.get("since", 1.0)
+        still, whole, part = (
+            recalled(effect, point | {"since": float(s)}) for s in (0.0, first + second, first)
+        )
+        for own in effect.memories:
+            name = own.symbol.name
+            [twice] = [recalled(effect, part | {"since": float(second)})[name]]
+            # Exponentials of times add up to some roundings of their argument.
+            allowed = 100 * EPS * max(abs(point[name]), abs(whole[name]), abs(whole[name] - point[name]))
+            if own.flows and not abs(still[name] - point[name]) <= allowed:
+                _fail(effect, f"{name} after no time is {still[name]:g}, and was {point[name]:g}")
+            if not abs(twice - whole[name]) <= (allowed if own.flows else 0.0):
+                _fail(effect, f"{name} is {whole[name]!r}, but {twice!r} where it is taken on the way too")
 
 
 def dimensions(effect: Effect, model: Model, terms: Mapping[str, Expr] | None = None) -> None:
@@ -161,5 +183,5 @@ def _fail(effect: Effect, reason: str) -> None:
 
 
 CHECKS: Final[tuple[Callable[[Effect, Model], None], ...]] = (
-    documentation, limit_cases, neutral_size, dimensions, energy,
+    documentation, limit_cases, neutral_size, memory, dimensions, energy,
 )  # fmt: skip

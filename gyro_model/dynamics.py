@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeVar
 from sympy import Expr, Matrix, Symbol
 
 from gyro_model import symbols
-from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Map
+from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Map, Memory
 from gyro_model.model import Model, load_model
 
 Substitution = dict[Symbol, Expr]
@@ -22,6 +22,17 @@ _E = TypeVar("_E", bound=Effect)
 def normals_of(effect_id: str) -> tuple[Symbol, Symbol]:
     """The two random numbers of one effect, told from those of others."""
     return Symbol(f"normal_x_{effect_id}", real=True), Symbol(f"normal_y_{effect_id}", real=True)
+
+
+class Remembered(NamedTuple):
+    """What an effect remembers and no state stands for: its ``symbol``, and what it is as it begins, now and after a
+    sample, in ``symbol`` and the rest of the device, laws applied."""
+
+    effect_id: str
+    symbol: Symbol
+    start: Expr
+    now: Expr
+    sample: Expr
 
 
 class Follower(NamedTuple):
@@ -55,16 +66,46 @@ class Dynamics:
 
     @cached_property
     def states(self) -> tuple[Symbol, ...]:
-        """x, x_dot, y, y_dot, then the states of acting effects, then the quantities that lag."""
+        """x, x_dot, y, y_dot, then the states of acting effects, the quantities that lag, the memories that flow."""
         own = (state.symbol for e in self._of(Force) for state in e.states)
-        return (*symbols.STATES, *own, *(follower.state for follower in self.followers))
+        lagging = (follower.state for follower in self.followers)
+        return (*symbols.STATES, *own, *lagging, *(memory.symbol for memory in self.flowing))
 
     @cached_property
     def state_units(self) -> tuple[str, ...]:
         """The unit of each state."""
         own = (state.unit for e in self._of(Force) for state in e.states)
         lagging = (self.model.by_name[follower.source.name].unit for follower in self.followers)
-        return ("m", "m/s", "m", "m/s", *own, *lagging)
+        return ("m", "m/s", "m", "m/s", *own, *lagging, *(memory.unit for memory in self.flowing))
+
+    @cached_property
+    def flowing(self) -> tuple[Memory, ...]:
+        """What acting effects remember that flows, as states."""
+        return tuple(memory for e in self.effects for memory in e.memories if memory.flows)
+
+    @cached_property
+    def remembered(self) -> tuple[Remembered, ...]:
+        """What acting effects remember besides."""
+        rows = []
+        for e in self.effects:
+            terms = self._privately(e)
+            for memory in e.memories:
+                if not memory.flows:
+                    start, now, sample = (
+                        terms.get(f"{what}_{memory.symbol.name}", memory.symbol) for what in ("start", "now", "sample")
+                    )
+                    entering = self._entering(e, (start, now, sample))
+                    rows.append(Remembered(e.id, memory.symbol, *self.under_laws(entering)))
+        return tuple(rows)
+
+    def _entering(self, effect: Effect, exprs: Iterable[Expr]) -> tuple[Expr, ...]:
+        """``exprs`` with the signals that enter the slot of ``effect`` in terms of the command."""
+        if not isinstance(effect, Map):
+            return tuple(exprs)
+        names = list(SLOTS)
+        entering = self._along(names[1 : names.index(effect.slot)], symbols.u_x, symbols.u_y)
+        known = dict(zip(SLOTS[effect.slot].enters, entering, strict=True))
+        return tuple(expr.subs(known, simultaneous=True) for expr in exprs)
 
     @cached_property
     def followers(self) -> tuple[Follower, ...]:
@@ -78,7 +119,8 @@ class Dynamics:
     @cached_property
     def _actuated(self) -> tuple[Expr, Expr]:
         """The force after the actuators [N], laws not applied."""
-        return self._along(("actuator curve", "actuator gain", "actuator misalignment"), symbols.u_x, symbols.u_y)
+        slots = [slot for slot in SLOTS if slot.startswith("actuator") and slot != Delay.slot]
+        return self._along(slots, symbols.u_x, symbols.u_y)
 
     @cached_property
     def actuated(self) -> tuple[Expr, ...]:
@@ -101,7 +143,8 @@ class Dynamics:
             force = (force[0] + terms["force_x"], force[1] + terms["force_y"])
             own += [terms[f"d_{state.symbol.name}"] for state in effect.states]
         lagging = ((follower.source - follower.state) / follower.time_constant for follower in self.followers)
-        rates = (symbols.x_dot, force[0] / symbols.m, symbols.y_dot, force[1] / symbols.m, *own, *lagging)
+        flowing = (memory.rate for memory in self.flowing)
+        rates = (symbols.x_dot, force[0] / symbols.m, symbols.y_dot, force[1] / symbols.m, *own, *lagging, *flowing)
         return self.under_laws(rates)
 
     @cached_property
@@ -203,7 +246,10 @@ class Dynamics:
         numbers = symbols.PINK if effect.symbols & set(symbols.PINK) else symbols.NORMAL
         own = dict(zip(numbers, normals_of(effect.id), strict=True))
         own[symbols.after] = Symbol(f"after_{effect.id}", real=True)
-        return {name: expr.subs(own) for name, expr in effect.terms().items()}
+        terms = {name: expr.subs(own) for name, expr in effect.terms().items()}
+        # What holds is what is remembered as it is now.
+        held = {m.symbol: terms[f"now_{m.symbol.name}"] for m in effect.memories if m.now is not None and not m.flows}
+        return terms | {name: terms[name].subs(held) for name in effect.made()}
 
     @cached_property
     def _laws(self) -> Substitution:
@@ -224,7 +270,7 @@ class Dynamics:
         signal = (first, second)
         for slot in slots:
             members = [e for e in self._of(Map) if e.slot == slot]
-            outputs = [tuple(self._privately(e).values()) for e in members]
+            outputs = [tuple(expr for name, expr in self._privately(e).items() if name in e.made()) for e in members]
             if outputs and SLOTS[slot].enters != SLOTS[slot].leaves:
                 [changed] = outputs
             else:

@@ -9,7 +9,7 @@ from sympy import Expr, Float, Rational, Symbol, pi, preorder_traversal
 
 from gyro_model import symbols
 from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map
-from gyro_model.evaluate import evaluate
+from gyro_model.evaluate import compiled, evaluate
 from gyro_model.model import Model, load_model
 from gyro_model.units import Dimension, dimension
 
@@ -22,6 +22,7 @@ _TYPICAL = {"m": 1e-6, "m/s": 2e-2, "N": 1e-5, "V": 1.0, "rad/s": 5.0, "m/s2": 1
 _UNLIMITED = 1e100
 _OWN_UNITS = {
     "t": "s",
+    "since": "s",
     "after": "1",
     "normal_x": "1",
     "normal_y": "1",
@@ -37,12 +38,15 @@ _OWN_UNITS = {
 
 def unit_of(name: str, model: Model = MODEL) -> str:
     """The unit of any symbol that a term may use."""
-    states = {state.symbol.name: state.unit for state in model.states}
+    states = {own.symbol.name: own.unit for own in (*model.states, *model.memories)}
     return _OWN_UNITS.get(name) or states.get(name) or model.by_name[name].unit
 
 
 def dimension_of_term(effect: Effect, name: str, model: Model = MODEL) -> Dimension:
     """The dimension that a term must have."""
+    remembered = {term: memory.unit for memory in effect.memories for term in memory.terms()}
+    if name in remembered:
+        return dimension(remembered[name])
     if isinstance(effect, (Delay, Follow, Lag)):
         return dimension("s")
     if isinstance(effect, Force):
@@ -67,13 +71,15 @@ def at_limit(effect: Effect, at: Mapping[str, float], model: Model = MODEL) -> d
     """All symbols of the effect: those of a limit case as given, others at their start (signals and states: zero)."""
     starts = {q.name: q.start for q in model.quantities}
     moving = {s.name for s in (*model.state_symbols, symbols.u_x, symbols.u_y, symbols.v_x, symbols.v_y)}
+    moving |= {memory.symbol.name for memory in effect.memories}
     return {name: at.get(name, 0.0 if name in moving else starts.get(name, 0.0)) for name in used_symbols(effect)}
 
 
 def random_point(effect: Effect, rng: np.random.Generator, model: Model = MODEL) -> dict[str, float]:
     """A generic point: parameters 0.5 to 1 times a limit case (else their start), signals and states of either sign."""
     point = {}
-    moving = {s.name for s in model.state_symbols} | {"u_x", "u_y", "v_x", "v_y", *_OWN_UNITS} - {"t", "after"}
+    moving = {s.name for s in model.state_symbols} | {"u_x", "u_y", "v_x", "v_y", *_OWN_UNITS}
+    moving = moving - {"t", "since", "after"} | {memory.symbol.name for memory in effect.memories}
     for name in used_symbols(effect):
         quantity = model.by_name.get(name)
         value = (
@@ -89,6 +95,18 @@ def random_point(effect: Effect, rng: np.random.Generator, model: Model = MODEL)
 def neutral_point(effect: Effect, rng: np.random.Generator, model: Model = MODEL) -> dict[str, float]:
     """A generic point with the sizes of the effect at neutral."""
     return random_point(effect, rng, model) | {q.name: q.start for q in effect.sizes}
+
+
+def recalled(effect: Effect, point: Mapping[str, float]) -> dict[str, float]:
+    """``point`` with what the effect remembers as it is now, from what it was."""
+    terms = effect.terms()
+    now = {m.symbol.name: terms[f"now_{m.symbol.name}"] for m in effect.memories if m.now is not None}
+    values = {name: compiled(expr, _sorted(expr))(*(point[s.name] for s in _sorted(expr))) for name, expr in now.items()}
+    return dict(point) | {name: float(value) for name, value in values.items()}
+
+
+def _sorted(expr: Expr) -> tuple[Symbol, ...]:
+    return tuple(sorted(expr.free_symbols, key=lambda symbol: symbol.name))
 
 
 def condition(effect: Effect, point: Mapping[str, float]) -> dict[str, float]:

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable
 
 from gyro_model import symbols
-from gyro_model.c_printing import STAMP, c_double, effect_macro, lagging_macro, macro, state_macro
+from gyro_model.c_printing import STAMP, c_double, effect_macro, lagging_macro, macro, memory_macro, state_macro
 from gyro_model.continuous_states import continuous_states, first_local, hidden_states
 from gyro_model.model import Model
 
@@ -24,6 +24,10 @@ def header(model: Model, token: str) -> str:
         for index, (symbol, unit) in enumerate(zip(model.state_symbols, units, strict=True))
     )
     lagging = "\n".join(f"    {lagging_macro(target)} = {index}," for index, target in enumerate(model.followed))
+    memories = "\n".join(
+        f"    {memory_macro(memory.symbol)} = {index}, /* [{memory.unit}] */"
+        for index, memory in enumerate(model.memories)
+    )
     inputs = sum(q.role == "input" for q in model.quantities)
     effects = "\n".join(f"    {effect_macro(effect)} = {index}," for index, effect in enumerate(model.effects))
     continuous = len(continuous_states(model))
@@ -54,7 +58,7 @@ enum {{
     GYRO_N_STATES = {len(model.state_symbols)}
 }};
 
-/* The motion as a differential equation: those states, the voltages behind the amplifier's lag, and what lags.
+/* The motion as a differential equation: those states, the voltages behind the amplifier's lag, what lags, what flows.
    Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {{
     GYRO_N_CONTINUOUS = {max(continuous, 1)},
@@ -66,6 +70,13 @@ enum {{
 enum {{
 {lagging}
     GYRO_N_LAGGING = {len(model.followed)}
+}};
+
+/* What effects remember, that which flows by time itself first. */
+enum {{
+{memories}
+    GYRO_N_FLOWING = {sum(memory.flows for memory in model.memories)},
+    GYRO_N_MEMORIES = {max(len(model.memories), 1)} /* room for one where there is none */
 }};
 
 /* Effects, those of the nominal device first. */

@@ -7,11 +7,20 @@ import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations_with_replacement
 
-from sympy import Expr, Symbol, diff
+from sympy import Expr, Symbol, diff, sympify
 
 from gyro_model import symbols
-from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map
-from gyro_model.c_printing import STAMP, c_double, c_expression, effect_macro, lagging_macro, macro, state_macro
+from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map, Memory
+from gyro_model.c_printing import (
+    STAMP,
+    c_double,
+    c_expression,
+    effect_macro,
+    lagging_macro,
+    macro,
+    memory_macro,
+    state_macro,
+)
 from gyro_model.model import Model, chain
 
 
@@ -48,11 +57,16 @@ class Places:
             zip(symbols.STATES, ("m", "m/s", "m", "m/s"), strict=True)
         )
 
-    def declare(self, effect: Effect, exprs: Iterable[Expr]) -> str:
+    def declare(self, effect: Effect, exprs: Iterable[Expr], remembered: str = "remembered_now") -> str:
+        """``remembered``: where what effects remember is taken from."""
         used = sorted(set().union(*(expr.free_symbols for expr in exprs)), key=lambda symbol: symbol.name)
-        return "".join(f"    const double {s.name} = {self._place(s, effect)};\n" for s in used)
+        return "".join(f"    const double {s.name} = {self._place(s, effect, remembered)};\n" for s in used)
 
-    def _place(self, symbol: Symbol, effect: Effect) -> str:
+    def _place(self, symbol: Symbol, effect: Effect, remembered: str) -> str:
+        if symbol in {memory.symbol for memory in effect.memories}:
+            return f"g->{remembered}[{memory_macro(symbol)}]"
+        if symbol == symbols.since:
+            return "g->since"
         if symbol in _SIGNALS:
             return f"g->{_SIGNALS[symbol]}"
         if symbol in self.state_rates:
@@ -76,6 +90,7 @@ def effects(model: Model) -> str:
     place = Places(model)
     parts = [_PROLOGUE]
     parts += [_force(e, place) for e in model.forces]
+    parts += [_memories(e, place) for e in model.effects if e.memories]
     parts += [_follow(e) for e in follows_of(model)]
     parts += [_law(e, place) for e in model.laws]
     parts += [_map(e, place) for e in model.effects if isinstance(e, Map)]
@@ -85,6 +100,7 @@ def effects(model: Model) -> str:
         _streams(model),
         _events(model),
         _laws(model),
+        _remembering(model),
         _holds(model),
         _derivative(model),
         _linear(model, place),
@@ -116,6 +132,8 @@ typedef struct {
     double since;                         /* time since `lagging`, s; two late dates would differ by less */
     double lagging[GYRO_N_LAGGING];       /* quantities that lag, at the start of the step, SI */
     double lagging_now[GYRO_N_LAGGING];   /* the same, now */
+    double remembered[GYRO_N_MEMORIES];   /* what effects remember, at the start of the step */
+    double remembered_now[GYRO_N_MEMORIES]; /* the same, now */
     double inverse_mass;                  /* 1/kg */
     double drawn[GYRO_N_EFFECTS][2];      /* normal or pink numbers of each effect, of the latest sample */
     double after[GYRO_N_EFFECTS];         /* 1 from the event of each effect on, 0 before */
@@ -127,6 +145,8 @@ typedef struct {
     unsigned char any_impulse;
     unsigned char any_rate; /* the converter asks for the rate of the voltage */
     unsigned char any_state; /* a force with states of its own acts */
+    unsigned char any_memory; /* an effect that remembers acts */
+    unsigned char any_renewed; /* and what it remembers changes at samples */
     int n_acting;            /* forces that act beyond the nominal and the held ones */
     int acting[GYRO_N_EFFECTS]; /* these forces, by effect */
 } gyro_view;
@@ -178,6 +198,35 @@ def _added(what: str, terms: Mapping[str, Expr]) -> str:
     return "".join(f"    {what}[{axis}] += {c_expression(expr)};\n" for axis, expr in enumerate(pair) if expr != 0)
 
 
+def _memories(effect: Effect, place: Places) -> str:
+    """What the effect remembers as it begins, within a step, after a sample, and its rate where it flows."""
+    of = effect.memories
+    parts = [_remember("begin", effect, place, "remembered", [(m, m.start) for m in of])]
+    parts += [_remember("recall", effect, place, "remembered_now", [(m, m.symbol if m.now is None else m.now) for m in of])]
+    renewed = [(m, m.sample) for m in of if m.sample is not None]
+    parts += [_remember("renew", effect, place, "remembered", renewed)] if renewed else []
+    flowing = [m for m in of if m.flows]
+    if flowing:
+        lines = "".join(f"    rate[{memory_macro(m.symbol)}] = {c_expression(m.rate)};\n" for m in flowing)
+        head = f"static inline void flow_{effect.id}(const gyro_view *g, double rate[GYRO_N_FLOWING])"
+        parts += [f"{head}\n{{\n{place.declare(effect, [m.rate for m in flowing], 'remembered')}{lines}}}\n"]
+    return "\n".join(parts)
+
+
+def _remember(what: str, effect: Effect, place: Places, to: str, made: Sequence[tuple[Memory, Expr]]) -> str:
+    exprs = [sympify(expr) for _, expr in made]
+    lines = "".join(
+        f"    g->{to}[{memory_macro(m.symbol)}] = {c_expression(expr)};\n" for (m, _), expr in zip(made, exprs, strict=True)
+    )
+    head = f"static inline void {what}_{effect.id}(gyro_view *g)"
+    return f"{head}\n{{\n{place.declare(effect, exprs, 'remembered')}{lines}}}\n"
+
+
+def called(effect: Effect, call: str) -> str:
+    """``call`` of a function of ``effect``, with what it remembers recalled before."""
+    return f"recall_{effect.id}(g);\n{call}" if effect.memories else call
+
+
 def _follow(effect: Follow) -> str:
     lines = "".join(
         f"    follow(g, {macro(target.name)}, {lagging_macro(target)}, g->p[{macro(constant.name)}]);\n"
@@ -187,13 +236,13 @@ def _follow(effect: Follow) -> str:
 
 
 def _law(effect: Law, place: Places) -> str:
-    lines = "".join(f"    g->p[{macro(name)}] = {c_expression(expr)};\n" for name, expr in effect.terms().items())
-    return _function(effect, "gyro_view *g", place.declare(effect, effect.terms().values()) + lines)
+    lines = "".join(f"    g->p[{macro(name)}] = {c_expression(expr)};\n" for name, expr in effect.made().items())
+    return _function(effect, "gyro_view *g", place.declare(effect, effect.made().values()) + lines)
 
 
 def _map(effect: Map, place: Places) -> str:
-    lines = "".join(f"    out[{axis}] = {c_expression(expr)};\n" for axis, expr in enumerate(effect.terms().values()))
-    declared = place.declare(effect, effect.terms().values())
+    lines = "".join(f"    out[{axis}] = {c_expression(expr)};\n" for axis, expr in enumerate(effect.made().values()))
+    declared = place.declare(effect, effect.made().values())
     function = _function(effect, "const gyro_view *g, double out[2]", declared + lines)
     return function + ("\n" + _map_rate(effect, place) if effect.stage in ("pickoff", "amplifier") else "")
 
@@ -203,7 +252,7 @@ def _map_rate(effect: Map, place: Places) -> str:
     moving = (*SLOTS[effect.slot].enters, *place.model.state_symbols)
     rates = [
         sum((expr.diff(symbol) * _rate_of(symbol) for symbol in moving), expr.diff(symbols.t))
-        for expr in effect.terms().values()
+        for expr in effect.made().values()
     ]
     lines = "".join(f"    out[{axis}] = {c_expression(expr)};\n" for axis, expr in enumerate(rates))
     unused = "" if any(rate.free_symbols for rate in rates) else "    (void)g;\n"
@@ -218,7 +267,9 @@ def _activity(model: Model) -> str:
         tests = [f"g->p[{macro(q.name)}] != {c_double(q.start)}" for q in switches]
         lines.append(f"    g->active[{effect_macro(effect)}] = {' || '.join(tests) or '1'};\n")
     law = " || ".join(f"g->active[{effect_macro(e)}]" for e in (*follows_of(model), *model.laws)) or "0"
-    state = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if e.states) or "0"
+    state = _any_of(e for e in added_forces(model) if e.states)
+    memory = _any_of(e for e in model.effects if e.memories)
+    renewed = _any_of(e for e in model.effects if _is_renewed(e))
     acting = "".join(guarded(e, f"g->acting[g->n_acting++] = {effect_macro(e)};\n") for e in added_forces(model))
     bent = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if not _is_linear(e, model)) or "0"
     unsteady = "".join(f" && !g->active[{effect_macro(e)}]" for e in _unsteady(model))
@@ -230,10 +281,19 @@ def _activity(model: Model) -> str:
         + "".join(lines)
         + f"    g->any_law = {law};\n    g->any_impulse = {impulse};\n"
         + f"    g->any_rate = {rate};\n    g->any_state = {state};\n    g->any_curved = {bent};\n"
+        + f"    g->any_memory = {memory};\n    g->any_renewed = {renewed};\n"
         + f"    g->steady = !g->any_curved{unsteady};\n    g->n_acting = 0;\n"
         + textwrap.indent(acting, "    ")
         + "}\n"
     )
+
+
+def _any_of(effects: Iterable[Effect]) -> str:
+    return " || ".join(f"g->active[{effect_macro(e)}]" for e in effects) or "0"
+
+
+def _is_renewed(effect: Effect) -> bool:
+    return any(memory.sample is not None for memory in effect.memories)
 
 
 def _begin(model: Model) -> str:
@@ -247,9 +307,20 @@ def _begin(model: Model) -> str:
         for e in model.forces
         if (zeros := "".join(f"    g->s[{state_macro(s.symbol)}] = 0.0;\n" for s in e.states))
     )
+    rests += "".join(
+        f"if (!g->active[{effect_macro(e)}]) {{\n{zeros}}}\n"
+        for e in model.effects
+        if (
+            zeros := "".join(
+                f"    g->{what}[{memory_macro(m.symbol)}] = 0.0;\n"
+                for m in e.memories
+                for what in ("remembered", "remembered_now")
+            )
+        )
+    )
     return (
         "/* After find_active, where the effects in `acted` did: what lags begins to do so from its value as set, and\n"
-        "   the states of an effect that does not act rest. */\n"
+        "   states and memories of an effect that does not act rest. */\n"
         "static inline void begin_acting(gyro_view *g, const unsigned char acted[GYRO_N_EFFECTS],\n"
         "                                const double value[GYRO_N_VARIABLES])\n"
         f"{{\n    (void)acted;\n    (void)value;\n{textwrap.indent(wakes + rests, '    ')}}}\n"
@@ -266,16 +337,23 @@ def _lag_starts(effect: Follow) -> str:
 def _streams(model: Model) -> str:
     pink = [e for e in model.effects if e.symbols & set(symbols.PINK)]
     places = "".join(f"    {pink.index(e) if e in pink else -1}, /* {e.id} */\n" for e in model.effects)
-    rows = "".join(
-        f"    {zlib.crc32(e.id.encode()):#010x}u, /* {e.id} */\n" if e.drawn else f"    0u, /* {e.id}: none */\n"
-        for e in model.effects
-    )
+    rows = _stream_rows(model, [e for e in model.effects if e.drawn])
+    start_rows = _stream_rows(model, [e for e in model.effects if e.drawn_at_start])
     return (
         "/* The noise stream of each effect, 0 where it draws none. It is made from the effect's id, so that a new\n"
         "   effect leaves the noise of the others alone. */\n"
         f"static const uint32_t streams[GYRO_N_EFFECTS] = {{\n{rows}}};\n\n"
+        "/* Likewise of effects that draw as they begin to act: the numbers of sample 0. */\n"
+        f"static const uint32_t start_streams[GYRO_N_EFFECTS] = {{\n{start_rows}}};\n\n"
         "/* The place of each effect that draws pink numbers among those that do, -1 of the others. */\n"
         f"static const int pink_places[GYRO_N_EFFECTS] = {{\n{places}}};\n"
+    )
+
+
+def _stream_rows(model: Model, drawing: Sequence[Effect]) -> str:
+    return "".join(
+        f"    {zlib.crc32(e.id.encode()):#010x}u, /* {e.id} */\n" if e in drawing else f"    0u, /* {e.id}: none */\n"
+        for e in model.effects
     )
 
 
@@ -292,7 +370,7 @@ def _events(model: Model) -> str:
 def _laws(model: Model) -> str:
     targets = {target for law in model.laws for target in law.changes} | set(model.followed)
     lines = "".join(as_set(target) for target in sorted(targets, key=str))
-    lines += "".join(guarded(e, f"effect_{e.id}(g);\n") for e in (*follows_of(model), *model.laws))
+    lines += "".join(guarded(e, called(e, f"effect_{e.id}(g);\n")) for e in (*follows_of(model), *model.laws))
     made = "".join(f"    {as_set(symbol)}" for symbol in symbols.SET_BY)
     start = "".join(textwrap.indent(_lag_starts(e), "    ") for e in follows_of(model))
     moving = "".join([*map(_moving, follows_of(model)), *map(_moving, model.laws)])
@@ -314,12 +392,48 @@ def _laws(model: Model) -> str:
 
 def _moving(effect: Follow | Law) -> str:
     if isinstance(effect, Law):
-        return guarded(effect, "moving = 1;\n") if symbols.t in effect.symbols else ""
+        if symbols.t in effect.symbols:
+            return guarded(effect, "moving = 1;\n")
+        rates = [f"rate[{memory_macro(memory.symbol)}] != 0.0" for memory in effect.memories if memory.flows]
+        test = f"double rate[GYRO_N_FLOWING];\nflow_{effect.id}(g, rate);\nmoving = moving || {' || '.join(rates)};\n"
+        return guarded(effect, test) if rates else ""
     tests = (
         f"g->lagging[{lagging_macro(target)}] != value[{macro(symbols.SET_BY.get(target, target).name)}]"
         for target in effect.follows
     )
     return guarded(effect, f"moving = moving || {' || '.join(tests)};\n")
+
+
+def _remembering(model: Model) -> str:
+    targets = {target for law in model.laws for target in law.changes} | set(model.followed)
+    lines = "".join(as_set(target) for target in sorted(targets, key=str))
+    lines += "".join(guarded(e, f"effect_{e.id}(g);\n") for e in follows_of(model))
+    for law in model.laws:
+        lines += guarded(law, _begun(law) + called(law, f"effect_{law.id}(g);\n"))
+    maps = [e for e in model.effects if isinstance(e, Map) and e.memories]
+    lines += "".join(guarded(e, _begun(e)) for e in maps)
+    renewed = "".join(guarded(e, f"renew_{e.id}(g);\n") for e in model.effects if _is_renewed(e))
+    flowing = [e for e in model.effects if any(memory.flows for memory in e.memories)]
+    flow = "".join(guarded(e, f"flow_{e.id}(g, rate);\n") for e in flowing)
+    return (
+        "/* What the effects remember that act and did not in `acted` begins, numbers drawn. */\n"
+        "static inline void begin_memories(gyro_view *g, const double value[GYRO_N_VARIABLES],\n"
+        "                                  const unsigned char acted[GYRO_N_EFFECTS])\n"
+        f"{{\n    (void)acted;\n{textwrap.indent(lines, '    ')}}}\n\n"
+        "/* What effects remember after a sample, `since` the one before, numbers drawn. */\n"
+        "static inline void renew_memories(gyro_view *g)\n"
+        f"{{\n    (void)g;\n{textwrap.indent(renewed, '    ')}}}\n\n"
+        "/* The rate of what flows [SI/s], laws applied. */\n"
+        "static inline void flow_memories(const gyro_view *g, double *rate)\n"
+        "{\n    for (int i = 0; i < GYRO_N_FLOWING; i++) {\n        rate[i] = 0.0;\n    }\n"
+        f"    (void)g;\n{textwrap.indent(flow, '    ')}}}\n"
+    )
+
+
+def _begun(effect: Effect) -> str:
+    if not effect.memories:
+        return ""
+    return f"if (!acted[{effect_macro(effect)}]) {{\n    begin_{effect.id}(g);\n}}\n"
 
 
 def _holds(model: Model) -> str:
@@ -543,12 +657,14 @@ def slot_lines(slot: str, members: Sequence[Map], of: str) -> str:
     function = "rate" if of else "effect"
     if len(members) == 1:
         [effect] = members
-        assign = f"{function}_{effect.id}(g, out);\ng->{leaves}[0] = out[0];\ng->{leaves}[1] = out[1];\n"
+        call = called(effect, f"{function}_{effect.id}(g, out);\n")
+        assign = f"{call}g->{leaves}[0] = out[0];\ng->{leaves}[1] = out[1];\n"
         return textwrap.indent(assign if effect.nominal else guarded(effect, assign), "    ")
     lines = f"const double entering[2] = {{g->{enters}[0], g->{enters}[1]}};\n"
     lines += "double sum[2] = {entering[0], entering[1]};\n"
     for effect in members:
-        add = f"{function}_{effect.id}(g, out);\nsum[0] += out[0] - entering[0];\nsum[1] += out[1] - entering[1];\n"
+        add = called(effect, f"{function}_{effect.id}(g, out);\n")
+        add += "sum[0] += out[0] - entering[0];\nsum[1] += out[1] - entering[1];\n"
         lines += guarded(effect, add)
     lines += f"g->{leaves}[0] = sum[0];\ng->{leaves}[1] = sum[1];\n"
     return "    {\n" + textwrap.indent(lines, "        ") + "    }\n"

@@ -21,12 +21,12 @@ OUTPUT = _NAMES[_NAMES.index("amplifier lag") + 1 :]
 
 def _is_shifted(effect: Map) -> bool:
     zero = dict.fromkeys((*U, *Q, *V), 0)
-    return any(expr.subs(zero) != 0 for expr in effect.terms().values())
+    return any(expr.subs(zero) != 0 for expr in effect.made().values())
 
 
 def _is_bent(effect: Map) -> bool:
     """Whether the parts along cos φ and sin φ don't pass ``effect`` each on its own."""
-    return is_curved(effect.terms().values(), SLOTS[effect.slot].enters) or _is_shifted(effect)
+    return is_curved(effect.made().values(), SLOTS[effect.slot].enters) or _is_shifted(effect)
 
 
 def _couples(effect: Force) -> bool:
@@ -35,14 +35,16 @@ def _couples(effect: Force) -> bool:
     return any(expr.free_symbols & set(axis) for expr, axis in zip(effect.force, other, strict=True) if expr != 0)
 
 
-def refused_effects(model: Model) -> tuple[Force, ...]:
-    """Forces with states of their own that are not linear: the envelope form can't follow them."""
+def refused_effects(model: Model) -> tuple[Effect, ...]:
+    """What the envelope form can't follow: forces with states of their own that are not linear, and maps that remember,
+    whose answer to a cycle depends on the cycles before it."""
     moving = (*model.state_symbols, *U)
-    return tuple(e for e in added_forces(model) if e.states and is_curved(e.terms().values(), moving))
+    forces = (e for e in added_forces(model) if e.states and is_curved(e.terms().values(), moving))
+    return (*forces, *(e for e in model.effects if isinstance(e, Map) and e.memories))
 
 
 def envelope(model: Model) -> str:
-    """``envelope.h`` of ``model``. A force with states of its own that is not linear is refused where it acts."""
+    """``envelope.h`` of ``model``. What ``refused_effects`` names is refused where it acts."""
     moving = (*model.state_symbols, *U)
     added = added_forces(model)
     curved = [e for e in added if is_curved(e.terms().values(), moving)]
@@ -100,7 +102,7 @@ def _refused(effects: Sequence[Effect]) -> str:
     lines = "".join(guarded(e, f'refused = "{e.id}";\n') for e in effects)
     return (
         "/* The id of an effect that acts and that this form can't follow: a force with states of its own that is not\n"
-        "   linear. NULL where there is none. */\n"
+        "   linear, or a map that remembers. NULL where there is none. */\n"
         "static inline const char *refused_effect(const gyro_view *g)\n{\n    const char *refused = 0;\n    (void)g;\n"
         f"{textwrap.indent(lines, '    ')}    return refused;\n}}\n"
     )

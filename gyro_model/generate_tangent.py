@@ -8,13 +8,22 @@ from sympy import DiracDelta, Expr, Heaviside, Piecewise, Symbol, sympify
 
 from gyro_model import symbols
 from gyro_model.anatomy import SLOTS, Delay, Effect, Force, Lag, Map
-from gyro_model.c_printing import STAMP, c_expression, effect_macro, lagging_macro, macro, state_macro
-from gyro_model.generate_effects import Places, added_forces, as_set, follows_of, guarded
+from gyro_model.c_printing import (
+    STAMP,
+    c_expression,
+    effect_macro,
+    lagging_macro,
+    macro,
+    memory_macro,
+    state_macro,
+)
+from gyro_model.generate_effects import Places, added_forces, as_set, called, follows_of, guarded
 from gyro_model.model import Model, chain
 
 _SIGNALS = {"u": (symbols.u_x, symbols.u_y), "q": (symbols.q_x, symbols.q_y), "v": (symbols.v_x, symbols.v_y)}
 _STILL = {
     symbols.t,
+    symbols.since,
     symbols.after,
     *symbols.NORMAL,
     *symbols.PINK,
@@ -31,14 +40,16 @@ def tangent(model: Model) -> str:
     maps = [e for e in model.effects if isinstance(e, Map) and e.stage in ("actuator", "pickoff", "amplifier")]
     parts = [
         _PROLOGUE,
-        *(_function(e, list(e.terms().values()), places) for e in model.laws),
+        *(_recall(e, places) for e in model.effects if e.memories),
+        *(_function(e, list(e.made().values()), places) for e in model.laws),
         *(_force(e, places) for e in forces),
-        *(_function(e, list(e.terms().values()), places) for e in maps),
+        *(_function(e, list(e.made().values()), places) for e in maps),
         _laws(model),
         _chain(model, "actuate", "actuator delay", "actuator misalignment", ""),
         _chain(model, "pick_off", "pickoff misalignment", "amplifier feedthrough", _PICK_OFF),
         _rate(model, forces),
         _lags(model),
+        _flow(model),
         _jumping(model),
     ]
     return f"{STAMP}\n#ifndef GYRO_TANGENT_H\n#define GYRO_TANGENT_H\n\n" + "\n".join(parts) + "\n#endif\n"
@@ -51,6 +62,8 @@ typedef struct {
     double p[GYRO_N_VARIABLES];
     double s[GYRO_N_STATES];
     double lagging[GYRO_N_LAGGING];
+    double remembered[GYRO_N_MEMORIES];
+    double remembered_now[GYRO_N_MEMORIES];
     double u[2];
     double q[2];
     double v[2];
@@ -63,8 +76,10 @@ _PICK_OFF = """    g->q[0] = g->s[GYRO_STATE_X];
 """
 
 
-def _moves(symbol: Symbol, model: Model) -> str:
+def _moves(symbol: Symbol, model: Model, remembered: str = "remembered_now") -> str:
     """Where the tangent of ``symbol`` stands; "" where it does not move."""
+    if symbol in {memory.symbol for memory in model.memories}:
+        return f"d->{remembered}[{memory_macro(symbol)}]"
     for array, pair in _SIGNALS.items():
         if symbol in pair:
             return f"d->{array}[{pair.index(symbol)}]"
@@ -81,12 +96,53 @@ def _along(expr: Expr, model: Model) -> Expr:
     return slope.replace(Heaviside, lambda x, *_: Piecewise((1, x > 0), (0, True)))
 
 
-def _declared(effect: Effect, exprs: Sequence[Expr], places: Places) -> str:
+def _declared(
+    effect: Effect, exprs: Sequence[Expr], places: Places, remembered: str = "remembered_now"
+) -> str:
     used = {s for expr in exprs for s in expr.free_symbols}
     moving = {s for s in effect.symbols if Symbol(f"d_{s.name}", real=True) in used}
-    own = places.declare(effect, [s for s in used if s in effect.symbols])
+    own = places.declare(effect, [s for s in used if s in effect.symbols], remembered)
     rates = sorted(moving, key=lambda s: s.name)
-    return own + "".join(f"    const double d_{s.name} = {_moves(s, places.model)};\n" for s in rates)
+    return own + "".join(f"    const double d_{s.name} = {_moves(s, places.model, remembered)};\n" for s in rates)
+
+
+def _recall(effect: Effect, places: Places) -> str:
+    """How what the effect remembers moves, and the rate of what flows."""
+    now = [sympify(m.symbol if m.now is None else m.now) for m in effect.memories]
+    slopes = [_along(expr, places.model) for expr in now]
+    lines = "".join(
+        f"    d->remembered_now[{memory_macro(m.symbol)}] = {c_expression(expr)};\n"
+        for m, expr in zip(effect.memories, slopes, strict=True)
+    )
+    declared = _declared(effect, slopes, places, "remembered")
+    head = f"static inline void tangent_recall_{effect.id}(const gyro_view *g, gyro_tangent *d)"
+    text = f"{head}\n{{\n    (void)g;\n{declared}{lines}}}\n"
+    flowing = [m for m in effect.memories if m.flows]
+    if flowing:
+        rates = [_along(m.rate, places.model) for m in flowing]
+        lines = "".join(
+            f"    rate[{memory_macro(m.symbol)}] = {c_expression(expr)};\n" for m, expr in zip(flowing, rates, strict=True)
+        )
+        declared = _declared(effect, rates, places, "remembered")
+        head = f"static inline void tangent_flow_{effect.id}(const gyro_view *g, const gyro_tangent *d, double *rate)"
+        text += f"\n{head}\n{{\n    (void)g;\n{declared}{lines}}}\n"
+    return text
+
+
+def _flow(model: Model) -> str:
+    flowing = [e for e in model.effects if any(m.flows for m in e.memories)]
+    lines = "".join(guarded(e, f"tangent_flow_{e.id}(g, d, rate);\n") for e in flowing)
+    return (
+        "/* The tangent of flow_memories. */\n"
+        "static inline void tangent_flow(const gyro_view *g, const gyro_tangent *d, double *rate)\n"
+        "{\n    (void)g, (void)d;\n    for (int i = 0; i < GYRO_N_FLOWING; i++) {\n        rate[i] = 0.0;\n    }\n"
+        f"{textwrap.indent(lines, '    ')}}}\n"
+    )
+
+
+def _with_memory(effect: Effect, call: str) -> str:
+    """``call`` of the tangent of ``effect``, with what it remembers and its tangent recalled before."""
+    return called(effect, f"tangent_recall_{effect.id}(g, d);\n{call}") if effect.memories else call
 
 
 def _head(effect: Effect, arguments: str) -> str:
@@ -128,7 +184,7 @@ def _laws(model: Model) -> str:
         steps += guarded(effect, f"{lags}effect_{effect.id}(g);\n")
     for law in model.laws:
         taken = "".join(f"d->p[{macro(target.name)}] = out[{i}];\n" for i, target in enumerate(law.changes))
-        steps += guarded(law, f"tangent_{law.id}(g, d, out);\neffect_{law.id}(g);\n{taken}")
+        steps += guarded(law, _with_memory(law, f"tangent_{law.id}(g, d, out);\neffect_{law.id}(g);\n{taken}"))
     most = max((len(law.changes) for law in model.laws), default=1)
     return (
         "/* Laws, as apply_laws applies them, and their tangents from those of the values as set. */\n"
@@ -141,14 +197,14 @@ def _slot(slot: str, members: Sequence[Map]) -> str:
     enters, leaves = (pair[0].name.removesuffix("_x") for pair in SLOTS[slot])
     if len(members) == 1:
         [effect] = members
-        lines = f"tangent_{effect.id}(g, d, moved);\neffect_{effect.id}(g, out);\n"
+        lines = _with_memory(effect, f"tangent_{effect.id}(g, d, moved);\neffect_{effect.id}(g, out);\n")
         lines += "".join(f"g->{leaves}[{i}] = out[{i}];\nd->{leaves}[{i}] = moved[{i}];\n" for i in (0, 1))
         return textwrap.indent(lines if effect.nominal else guarded(effect, lines), "    ")
     lines = f"const double entering[2] = {{g->{enters}[0], g->{enters}[1]}};\n"
     lines += f"const double moving[2] = {{d->{enters}[0], d->{enters}[1]}};\n"
     lines += "double sum[2] = {entering[0], entering[1]}, slope[2] = {moving[0], moving[1]};\n"
     for effect in members:
-        add = f"tangent_{effect.id}(g, d, moved);\neffect_{effect.id}(g, out);\n"
+        add = _with_memory(effect, f"tangent_{effect.id}(g, d, moved);\neffect_{effect.id}(g, out);\n")
         add += "".join(
             f"sum[{i}] += out[{i}] - entering[{i}];\nslope[{i}] += moved[{i}] - moving[{i}];\n" for i in (0, 1)
         )

@@ -11,7 +11,7 @@ from typing import ClassVar
 from sympy import Symbol
 
 from gyro_model import symbols
-from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map, State
+from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map, Memory, State
 from gyro_model.errors import InputError, nearest
 from gyro_model.quantities import INPUTS, OUTPUTS, PARAMETERS, Quantity
 
@@ -48,7 +48,7 @@ class Model:
 
     def __post_init__(self) -> None:
         _refuse_twins("quantity", (q.name for q in self.quantities))
-        _refuse_twins("state", (state.symbol.name for state in self.states))
+        _refuse_twins("state", (own.symbol.name for own in (*self.states, *self.memories)))
         for held in (Delay, Lag):
             _refuse_twins(
                 f"{held.__name__.lower()} in the chain:", [held.__name__ for e in self.effects if isinstance(e, held)]
@@ -74,11 +74,12 @@ class Model:
         return dict(self.starts).get(quantity.name, quantity.start)
 
     def _check_symbols(self, effect: Effect) -> None:
-        private = ("t", "after", "q_x", "q_y", *(number.name for number in (*symbols.NORMAL, *symbols.PINK)))
+        private = ("t", "since", "after", "q_x", "q_y", *(number.name for number in (*symbols.NORMAL, *symbols.PINK)))
         always = {*private, *(change.name for change in symbols.CHANGES)}
         if isinstance(effect, Map) and effect.stage == "sampled block":
             always |= {symbols.v_x_rate.name, symbols.v_y_rate.name}
         known = {*self.by_name, *always, *(state.symbol.name for state in self.states)}
+        known |= {memory.symbol.name for memory in effect.memories}
         targets = effect.changes if isinstance(effect, Law) else effect.follows if isinstance(effect, Follow) else ()
         for name in sorted(symbol.name for symbol in effect.symbols | set(targets)):
             if name not in known:
@@ -118,6 +119,12 @@ class Model:
     def states(self) -> tuple[State, ...]:
         """The continuous states that effects bring, after x, x_dot, y, y_dot."""
         return tuple(state for effect in self.effects if isinstance(effect, Force) for state in effect.states)
+
+    @cached_property
+    def memories(self) -> tuple[Memory, ...]:
+        """What effects remember, that which flows first."""
+        every = (memory for effect in self.effects for memory in effect.memories)
+        return tuple(sorted(every, key=lambda memory: not memory.flows))
 
     @cached_property
     def state_symbols(self) -> tuple[Symbol, ...]:

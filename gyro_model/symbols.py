@@ -37,6 +37,9 @@ CHANGES = {omega_z_change: omega_z}
 t = Symbol("t", real=True)
 """Time [s]."""
 
+since = Symbol("since", real=True)
+"""Time [s] that has gone by since what an effect remembers was as its symbol says; for a ``Memory`` only."""
+
 after = Symbol("after", real=True)
 """1 from the effect's event on, 0 before it."""
 

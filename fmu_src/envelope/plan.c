@@ -30,7 +30,7 @@ gyro_status gyro_prepare(gyro_instance *g)
         gyro_plan_cuts(g);
         const char *refused = refused_effect(view);
         if (refused != NULL) {
-            status = gyro_refuse(g, "effect %s has states and is not linear, which the envelope form can't follow: use the full FMU, or leave its sizes neutral",
+            status = gyro_refuse(g, "effect %s has states and is not linear, or remembers the fast signal, which the envelope form can't follow: use the full FMU, or leave its sizes neutral",
                                  refused);
         }
     }
@@ -77,7 +77,8 @@ void gyro_list_parts(gyro_instance *g, gyro_part parts[])
     parts[0] = (gyro_part){g->value, sizeof g->value};
     parts[1] = (gyro_part){&g->memory, sizeof g->memory};
     parts[2] = (gyro_part){g->view.lagging, sizeof g->view.lagging};
-    parts[3] = (gyro_part){NULL, 0};
+    parts[3] = (gyro_part){g->view.remembered, sizeof g->view.remembered};
+    parts[4] = (gyro_part){NULL, 0};
 }
 
 const char *gyro_infinite_state(const gyro_instance *g)

@@ -11,6 +11,9 @@ static const double TWO_PI = 6.283185307179586;
 /* m²; an amplitude of 1e-30 m is none, and its inverse square is still a number. */
 static const double NO_MOTION = 1e-60;
 
+/* No effect has acted. */
+static const unsigned char NONE[GYRO_N_EFFECTS] = {0};
+
 /* The velocities jump by the impulses that a change of the held inputs gives. */
 static void jolt(gyro_instance *g)
 {
@@ -224,11 +227,31 @@ static void move_amplitudes(gyro_instance *g, gyro_instant to)
     apply_laws_at(g, to, 1.0);
 }
 
+/* What effects remember at the end of an internal step changes with the numbers drawn there. */
+static void renew(gyro_instance *g)
+{
+    gyro_view *view = &g->view;
+    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
+        if (streams[effect] != 0u && view->active[effect]) {
+            gyro_draw(g, effect, g->memory.clock.grid, 0u, view->drawn[effect]);
+        }
+    }
+    view->since = g->plan.step;
+    renew_memories(view);
+    /* The noise of forces and samples draws for itself, and reckons with zero where it does not. */
+    memset(view->drawn, 0, sizeof view->drawn);
+}
+
 void gyro_move(gyro_instance *g, gyro_instant to)
 {
     move_amplitudes(g, to);
     memcpy(g->view.lagging, g->view.lagging_now, sizeof g->view.lagging);
-    gyro_settle(g, to);
+    if (g->view.any_memory) {
+        memcpy(g->view.remembered, g->view.remembered_now, sizeof g->view.remembered);
+    }
+    if ((gyro_settle(g, to) & GYRO_AT_SAMPLE) && g->view.any_renewed) {
+        renew(g);
+    }
     apply_laws_at(g, to, 0.0);
 }
 
@@ -255,6 +278,7 @@ gyro_status gyro_take_inputs(gyro_instance *g)
     if (clock->now == 0) {
         /* What holds in the first step has held before. */
         start_lagging(view, g->value);
+        gyro_begin_memories(g, g->value, NONE);
     }
     apply_laws_at(g, clock->settled, 0.0);
     if (view->any_impulse) {
@@ -306,6 +330,7 @@ void gyro_first_sample(gyro_instance *g)
         memory->q_dot.e[axis] = times(number_of(0.0, gyro_carrier(g)), memory->q.part[0].e[axis]);
     }
     start_lagging(&g->view, g->value);
+    gyro_begin_memories(g, g->value, NONE);
     apply_laws_at(g, g->memory.clock.settled, 0.0);
     gyro_put_out(g);
 }

@@ -35,8 +35,8 @@ typedef struct {
     matrix gathered;     /* root of the covariance that it makes in a step, m */
 } gyro_memory;
 
-/* Parts of a snapshot: values, memory, lagging quantities, and nothing beside the instance. */
-enum { GYRO_N_PARTS = 4 };
+/* Parts of a snapshot: values, memory, lagging quantities, what effects remember, and nothing beside the instance. */
+enum { GYRO_N_PARTS = 5 };
 
 struct gyro_instance {
     double value[GYRO_N_VARIABLES]; /* as set and as last put out, SI, by value reference */

@@ -24,6 +24,8 @@ typedef struct {
     double since;                         /* time since `lagging`, s; two late dates would differ by less */
     double lagging[GYRO_N_LAGGING];       /* quantities that lag, at the start of the step, SI */
     double lagging_now[GYRO_N_LAGGING];   /* the same, now */
+    double remembered[GYRO_N_MEMORIES];   /* what effects remember, at the start of the step */
+    double remembered_now[GYRO_N_MEMORIES]; /* the same, now */
     double inverse_mass;                  /* 1/kg */
     double drawn[GYRO_N_EFFECTS][2];      /* normal or pink numbers of each effect, of the latest sample */
     double after[GYRO_N_EFFECTS];         /* 1 from the event of each effect on, 0 before */
@@ -35,6 +37,8 @@ typedef struct {
     unsigned char any_impulse;
     unsigned char any_rate; /* the converter asks for the rate of the voltage */
     unsigned char any_state; /* a force with states of its own acts */
+    unsigned char any_memory; /* an effect that remembers acts */
+    unsigned char any_renewed; /* and what it remembers changes at samples */
     int n_acting;            /* forces that act beyond the nominal and the held ones */
     int acting[GYRO_N_EFFECTS]; /* these forces, by effect */
 } gyro_view;
@@ -412,6 +416,102 @@ static inline void effect_thermal_force(const gyro_view *g, double force[2])
     force[1] += 5.254805419803858e-12*thermal_force*sqrt(temperature_structure/sample_period)*(dxy*normal_x + normal_y*(dyy + sqrt(larger(0, dxx*dyy - dxy*dxy))))/sqrt(larger(2.2250738585072014e-308, dxx + dyy + 2*sqrt(larger(0, dxx*dyy - dxy*dxy))));
 }
 
+static inline void begin_bias_walk(gyro_view *g)
+{
+    g->remembered[GYRO_MEMORY_BIAS_WALKED] = 0;
+}
+
+static inline void recall_bias_walk(gyro_view *g)
+{
+    const double bias_walked = g->remembered[GYRO_MEMORY_BIAS_WALKED];
+    g->remembered_now[GYRO_MEMORY_BIAS_WALKED] = bias_walked;
+}
+
+static inline void renew_bias_walk(gyro_view *g)
+{
+    const double bias_walked = g->remembered[GYRO_MEMORY_BIAS_WALKED];
+    const double normal_x = g->drawn[GYRO_EFFECT_BIAS_WALK][0];
+    const double since = g->since;
+    g->remembered[GYRO_MEMORY_BIAS_WALKED] = bias_walked + normal_x*sqrt(since);
+}
+
+static inline void begin_play(gyro_view *g)
+{
+    g->remembered[GYRO_MEMORY_PLAY_X] = 0;
+    g->remembered[GYRO_MEMORY_PLAY_Y] = 0;
+}
+
+static inline void recall_play(gyro_view *g)
+{
+    const double play = g->p[GYRO_PLAY];
+    const double play_x = g->remembered[GYRO_MEMORY_PLAY_X];
+    const double play_y = g->remembered[GYRO_MEMORY_PLAY_Y];
+    const double u_x = g->u[0];
+    const double u_y = g->u[1];
+    g->remembered_now[GYRO_MEMORY_PLAY_X] = larger(-play + u_x, smaller(play_x, play + u_x));
+    g->remembered_now[GYRO_MEMORY_PLAY_Y] = larger(-play + u_y, smaller(play_y, play + u_y));
+}
+
+static inline void begin_stress_relaxation(gyro_view *g)
+{
+    const double t_ref = g->p[GYRO_T_REF];
+    const double temperature = g->p[GYRO_TEMPERATURE];
+    g->remembered[GYRO_MEMORY_RELAXING_TEMPERATURE] = -t_ref + temperature;
+}
+
+static inline void recall_stress_relaxation(gyro_view *g)
+{
+    const double relaxation_time = g->p[GYRO_RELAXATION_TIME];
+    const double relaxing_temperature = g->remembered[GYRO_MEMORY_RELAXING_TEMPERATURE];
+    const double since = g->since;
+    const double t_ref = g->p[GYRO_T_REF];
+    const double temperature = g->p[GYRO_TEMPERATURE];
+    g->remembered_now[GYRO_MEMORY_RELAXING_TEMPERATURE] = relaxing_temperature + (1 - gyro_exp(-since/relaxation_time))*(-relaxing_temperature - t_ref + temperature);
+}
+
+static inline void flow_stress_relaxation(const gyro_view *g, double rate[GYRO_N_FLOWING])
+{
+    const double relaxation_time = g->p[GYRO_RELAXATION_TIME];
+    const double relaxing_temperature = g->remembered[GYRO_MEMORY_RELAXING_TEMPERATURE];
+    const double t_ref = g->p[GYRO_T_REF];
+    const double temperature = g->p[GYRO_TEMPERATURE];
+    rate[GYRO_MEMORY_RELAXING_TEMPERATURE] = (-relaxing_temperature - t_ref + temperature)/relaxation_time;
+}
+
+static inline void begin_thermal_hysteresis(gyro_view *g)
+{
+    const double temperature_structure = g->p[GYRO_TEMPERATURE_STRUCTURE];
+    g->remembered[GYRO_MEMORY_THERMAL_PLAY_1] = temperature_structure;
+    g->remembered[GYRO_MEMORY_THERMAL_PLAY_2] = temperature_structure;
+    g->remembered[GYRO_MEMORY_THERMAL_PLAY_3] = temperature_structure;
+}
+
+static inline void recall_thermal_hysteresis(gyro_view *g)
+{
+    const double temperature_structure = g->p[GYRO_TEMPERATURE_STRUCTURE];
+    const double thermal_hysteresis_width_1 = g->p[GYRO_THERMAL_HYSTERESIS_WIDTH_1];
+    const double thermal_hysteresis_width_2 = g->p[GYRO_THERMAL_HYSTERESIS_WIDTH_2];
+    const double thermal_hysteresis_width_3 = g->p[GYRO_THERMAL_HYSTERESIS_WIDTH_3];
+    const double thermal_play_1 = g->remembered[GYRO_MEMORY_THERMAL_PLAY_1];
+    const double thermal_play_2 = g->remembered[GYRO_MEMORY_THERMAL_PLAY_2];
+    const double thermal_play_3 = g->remembered[GYRO_MEMORY_THERMAL_PLAY_3];
+    g->remembered_now[GYRO_MEMORY_THERMAL_PLAY_1] = larger(temperature_structure - thermal_hysteresis_width_1, smaller(thermal_play_1, temperature_structure + thermal_hysteresis_width_1));
+    g->remembered_now[GYRO_MEMORY_THERMAL_PLAY_2] = larger(temperature_structure - thermal_hysteresis_width_2, smaller(thermal_play_2, temperature_structure + thermal_hysteresis_width_2));
+    g->remembered_now[GYRO_MEMORY_THERMAL_PLAY_3] = larger(temperature_structure - thermal_hysteresis_width_3, smaller(thermal_play_3, temperature_structure + thermal_hysteresis_width_3));
+}
+
+static inline void begin_turn_on_offset(gyro_view *g)
+{
+    const double normal_x = g->drawn[GYRO_EFFECT_TURN_ON_OFFSET][0];
+    g->remembered[GYRO_MEMORY_TURN_ON_DRAWN] = normal_x;
+}
+
+static inline void recall_turn_on_offset(gyro_view *g)
+{
+    const double turn_on_drawn = g->remembered[GYRO_MEMORY_TURN_ON_DRAWN];
+    g->remembered_now[GYRO_MEMORY_TURN_ON_DRAWN] = turn_on_drawn;
+}
+
 /* Structure and circuit warm and cool slowly: each temperature follows the ambient one, with its own lag.
 
        T' = (temperature - T)/lag, T = temperature at the start, for T_structure and T_circuit
@@ -456,6 +556,25 @@ static inline void effect_dielectric_charging(gyro_view *g)
     g->p[GYRO_V_BIAS] = charging_voltage*(1 - gyro_exp(-t/charging_time)) + v_bias;
 }
 
+/* The die attach gives way slowly: stiffness follows the ambient temperature with a lag of tens of minutes.
+
+       k → k (1 + r s),  τ s' = (temperature - t_ref) - s,  s = temperature - t_ref at the start
+
+   A first-order model of the relaxing stress between die and package, which no temperature sensor sees (for that stress
+   itself: X. Zhang, S. Park, M. W. Judy, Accurate assessment of packaging stress effects on MEMS sensors, Journal of
+   Microelectromechanical Systems 16, 2007). */
+static inline void effect_stress_relaxation(gyro_view *g)
+{
+    const double kxx = g->p[GYRO_KXX];
+    const double kxy = g->p[GYRO_KXY];
+    const double kyy = g->p[GYRO_KYY];
+    const double relaxation = g->p[GYRO_RELAXATION];
+    const double relaxing_temperature = g->remembered_now[GYRO_MEMORY_RELAXING_TEMPERATURE];
+    g->p[GYRO_KXX] = kxx*(relaxation*relaxing_temperature + 1);
+    g->p[GYRO_KYY] = kyy*(relaxation*relaxing_temperature + 1);
+    g->p[GYRO_KXY] = kxy*(relaxation*relaxing_temperature + 1);
+}
+
 /* All damping changes with the temperature of the structure: the gas of a sealed cavity becomes more viscous.
 
        d → d (1 + tcd ΔT), ΔT = T_structure - t_ref
@@ -473,23 +592,6 @@ static inline void effect_thermal_damping(gyro_view *g)
     g->p[GYRO_DXX] = dxx*(tcd*(-t_ref + temperature_structure) + 1);
     g->p[GYRO_DYY] = dyy*(tcd*(-t_ref + temperature_structure) + 1);
     g->p[GYRO_DXY] = dxy*(tcd*(-t_ref + temperature_structure) + 1);
-}
-
-/* The damping of the axes against one another creeps with the logarithm of time: the device ages.
-
-       dxy → dxy + ageing log(1 + t/t_a) √(dxx dyy)
-
-   What relaxes over activation energies that are spread evenly goes with the logarithm (W. Primak, Kinetics of processes
-   distributed in activation energy, Physical Review 100, 1955). In the cross damping it is a bias of the rate gyroscope. */
-static inline void effect_ageing(gyro_view *g)
-{
-    const double ageing = g->p[GYRO_AGEING];
-    const double ageing_time = g->p[GYRO_AGEING_TIME];
-    const double dxx = g->p[GYRO_DXX];
-    const double dxy = g->p[GYRO_DXY];
-    const double dyy = g->p[GYRO_DYY];
-    const double t = g->t;
-    g->p[GYRO_DXY] = (ageing == 0.0 ? 0.0 : ageing*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)) + dxy;
 }
 
 /* The gain of both pickoffs changes with the temperature of the circuit.
@@ -542,6 +644,85 @@ static inline void effect_thermal_stiffness(gyro_view *g)
     g->p[GYRO_KXX] = kxx*(tck*(-t_ref + temperature_structure) + 1);
     g->p[GYRO_KXY] = kxy*(tck*(-t_ref + temperature_structure) + 1);
     g->p[GYRO_KYY] = kyy*((-t_ref + temperature_structure)*(tck + tck_split) + 1);
+}
+
+/* Thermal hysteresis: after warming, the split of the stiffnesses and the damping are others than after cooling.
+
+       kyy → kyy + h s (kyy - kxx),  d → d (1 + h s),  s = mean of (T - p_i)/w_i,  T = T_structure
+       p_i = max(T - w_i, min(T + w_i, p_i before)),  p_i = T at the start
+
+   A Prandtl-Ishlinskii model of three play operators of half widths w_i (K. Kuhnen, Modeling, identification and
+   compensation of complex hysteretic nonlinearities, European Journal of Control 9, 2003; M. Brokate, J. Sprekels,
+   Hysteresis and Phase Transitions, Springer 1996, section 2.4). Far along one way s is 1, back on the other -1: between
+   both, split and damping differ by 2 h; it takes twice the largest width to change over. Speed does not matter. */
+static inline void effect_thermal_hysteresis(gyro_view *g)
+{
+    const double dxx = g->p[GYRO_DXX];
+    const double dxy = g->p[GYRO_DXY];
+    const double dyy = g->p[GYRO_DYY];
+    const double kxx = g->p[GYRO_KXX];
+    const double kyy = g->p[GYRO_KYY];
+    const double temperature_structure = g->p[GYRO_TEMPERATURE_STRUCTURE];
+    const double thermal_hysteresis = g->p[GYRO_THERMAL_HYSTERESIS];
+    const double thermal_hysteresis_width_1 = g->p[GYRO_THERMAL_HYSTERESIS_WIDTH_1];
+    const double thermal_hysteresis_width_2 = g->p[GYRO_THERMAL_HYSTERESIS_WIDTH_2];
+    const double thermal_hysteresis_width_3 = g->p[GYRO_THERMAL_HYSTERESIS_WIDTH_3];
+    const double thermal_play_1 = g->remembered_now[GYRO_MEMORY_THERMAL_PLAY_1];
+    const double thermal_play_2 = g->remembered_now[GYRO_MEMORY_THERMAL_PLAY_2];
+    const double thermal_play_3 = g->remembered_now[GYRO_MEMORY_THERMAL_PLAY_3];
+    g->p[GYRO_KYY] = kyy + thermal_hysteresis*(-kxx + kyy)*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1);
+    g->p[GYRO_DXX] = dxx*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1);
+    g->p[GYRO_DYY] = dyy*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1);
+    g->p[GYRO_DXY] = dxy*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1);
+}
+
+/* The damping of the axes against one another creeps with the logarithm of time: the device ages.
+
+       dxy → dxy + ageing log(1 + t/t_a) √(dxx dyy)
+
+   What relaxes over activation energies that are spread evenly goes with the logarithm (W. Primak, Kinetics of processes
+   distributed in activation energy, Physical Review 100, 1955). In the cross damping it is a bias of the rate gyroscope. */
+static inline void effect_ageing(gyro_view *g)
+{
+    const double ageing = g->p[GYRO_AGEING];
+    const double ageing_time = g->p[GYRO_AGEING_TIME];
+    const double dxx = g->p[GYRO_DXX];
+    const double dxy = g->p[GYRO_DXY];
+    const double dyy = g->p[GYRO_DYY];
+    const double t = g->t;
+    g->p[GYRO_DXY] = (ageing == 0.0 ? 0.0 : ageing*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)) + dxy;
+}
+
+/* The damping of the axes against one another walks at random: the bias of the rate drifts without end.
+
+       dxy → dxy + bias_walk W √(dxx dyy), W a Wiener process: W(0) = 0, <(W(t) - W(s))²> = |t - s|
+
+   The rate random walk of IEEE Std 952-1997, annex C, an Allan deviation K √(τ/3). W steps at the samples, in the envelope
+   form at the internal steps. */
+static inline void effect_bias_walk(gyro_view *g)
+{
+    const double bias_walk = g->p[GYRO_BIAS_WALK];
+    const double bias_walked = g->remembered_now[GYRO_MEMORY_BIAS_WALKED];
+    const double dxx = g->p[GYRO_DXX];
+    const double dxy = g->p[GYRO_DXY];
+    const double dyy = g->p[GYRO_DYY];
+    g->p[GYRO_DXY] = bias_walk*bias_walked*sqrt(dxx*dyy) + dxy;
+}
+
+/* The damping of the axes against one another is another at each turn-on: the bias does not come back.
+
+       dxy → dxy + turn_on n √(dxx dyy), n normal, drawn from the seed at the start
+
+   The scatter from one turn-on to the next that IEEE Std 528-2019 calls the repeatability of the bias, as a normal model.
+   Each seed is a turn-on; within one nothing tells it from cross damping. */
+static inline void effect_turn_on_offset(gyro_view *g)
+{
+    const double dxx = g->p[GYRO_DXX];
+    const double dxy = g->p[GYRO_DXY];
+    const double dyy = g->p[GYRO_DYY];
+    const double turn_on = g->p[GYRO_TURN_ON];
+    const double turn_on_drawn = g->remembered_now[GYRO_MEMORY_TURN_ON_DRAWN];
+    g->p[GYRO_DXY] = dxy + turn_on*turn_on_drawn*sqrt(dxx*dyy);
 }
 
 /* The ideal pickoff: a voltage in proportion to the displacement of each axis.
@@ -854,6 +1035,21 @@ static inline void rate_pickoff_nonlinearity(const gyro_view *g, double out[2])
     out[1] = q_y_rate*(2*pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + 1.0/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1));
 }
 
+/* Play of the actuator: the force stays while the command turns back by less than twice the half width.
+
+       u → p,  p = max(u - b, min(u + b, p before)),  p = 0 at the start
+
+   Backlash as a play operator (M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash - a survey, Automatica
+   38, 2002, the friction-driven model; M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer 1996, section
+   2.3). It acts before the actuator's curve; how fast the command changes does not matter. */
+static inline void effect_play(const gyro_view *g, double out[2])
+{
+    const double play_x = g->remembered_now[GYRO_MEMORY_PLAY_X];
+    const double play_y = g->remembered_now[GYRO_MEMORY_PLAY_Y];
+    out[0] = play_x;
+    out[1] = play_y;
+}
+
 /* The converter samples a little early or late, by a random time.
 
        v → v + v' δ, δ normal
@@ -907,6 +1103,7 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_AMPLIFIER_DRIFT] = g->p[GYRO_OFFSET_DRIFT] != 0.0;
     g->active[GYRO_EFFECT_AMPLIFIER_OFFSET] = g->p[GYRO_OFFSET_X] != 0.0 || g->p[GYRO_OFFSET_Y] != 0.0;
     g->active[GYRO_EFFECT_ANGULAR_GAIN] = g->p[GYRO_ANGULAR_GAIN] != 1.0;
+    g->active[GYRO_EFFECT_BIAS_WALK] = g->p[GYRO_BIAS_WALK] != 0.0;
     g->active[GYRO_EFFECT_COMB_FRINGE] = g->p[GYRO_COMB_FRINGE] != 0.0;
     g->active[GYRO_EFFECT_CONSTANT_FORCE] = g->p[GYRO_FORCE_X] != 0.0 || g->p[GYRO_FORCE_Y] != 0.0;
     g->active[GYRO_EFFECT_CONTACT_STOP] = g->p[GYRO_STOP_STIFFNESS] != 0.0;
@@ -928,22 +1125,28 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT] = g->p[GYRO_PICKOFF_MISALIGNMENT] != 0.0;
     g->active[GYRO_EFFECT_PICKOFF_MISMATCH] = g->p[GYRO_PICKOFF_MISMATCH] != 0.0;
     g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY] = g->p[GYRO_PICKOFF_INVERSE_GAP] != 0.0;
+    g->active[GYRO_EFFECT_PLAY] = g->p[GYRO_PLAY] != 0.0;
     g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] = g->p[GYRO_K2_X] != 0.0 || g->p[GYRO_K2_Y] != 0.0;
     g->active[GYRO_EFFECT_SAMPLING_JITTER] = g->p[GYRO_SAMPLING_JITTER] != 0.0;
     g->active[GYRO_EFFECT_SENSE_NOISE] = g->p[GYRO_SENSE_NOISE] != 0.0;
     g->active[GYRO_EFFECT_SQUEEZE_FILM] = g->p[GYRO_SQUEEZE_X] != 0.0 || g->p[GYRO_SQUEEZE_Y] != 0.0;
+    g->active[GYRO_EFFECT_STRESS_RELAXATION] = g->p[GYRO_RELAXATION] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_DAMPING] = g->p[GYRO_TCD] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_FORCE] = g->p[GYRO_THERMAL_FORCE] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_GAIN] = g->p[GYRO_TCG] != 0.0;
+    g->active[GYRO_EFFECT_THERMAL_HYSTERESIS] = g->p[GYRO_THERMAL_HYSTERESIS] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_LAG] = g->p[GYRO_STRUCTURE_LAG] != 0.0 || g->p[GYRO_CIRCUIT_LAG] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_PHASE] = g->p[GYRO_TCP] != 0.0;
     g->active[GYRO_EFFECT_THERMAL_STIFFNESS] = g->p[GYRO_TCK] != 0.0 || g->p[GYRO_TCK_SPLIT] != 0.0;
-    g->any_law = g->active[GYRO_EFFECT_THERMAL_LAG] || g->active[GYRO_EFFECT_DAMPING_STEP] || g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] || g->active[GYRO_EFFECT_THERMAL_DAMPING] || g->active[GYRO_EFFECT_AGEING] || g->active[GYRO_EFFECT_THERMAL_GAIN] || g->active[GYRO_EFFECT_THERMAL_PHASE] || g->active[GYRO_EFFECT_THERMAL_STIFFNESS];
+    g->active[GYRO_EFFECT_TURN_ON_OFFSET] = g->p[GYRO_TURN_ON] != 0.0;
+    g->any_law = g->active[GYRO_EFFECT_THERMAL_LAG] || g->active[GYRO_EFFECT_DAMPING_STEP] || g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] || g->active[GYRO_EFFECT_STRESS_RELAXATION] || g->active[GYRO_EFFECT_THERMAL_DAMPING] || g->active[GYRO_EFFECT_THERMAL_GAIN] || g->active[GYRO_EFFECT_THERMAL_PHASE] || g->active[GYRO_EFFECT_THERMAL_STIFFNESS] || g->active[GYRO_EFFECT_THERMAL_HYSTERESIS] || g->active[GYRO_EFFECT_AGEING] || g->active[GYRO_EFFECT_BIAS_WALK] || g->active[GYRO_EFFECT_TURN_ON_OFFSET];
     g->any_impulse = g->active[GYRO_EFFECT_FRAME_ROTATION];
     g->any_rate = g->active[GYRO_EFFECT_SAMPLING_JITTER];
     g->any_state = g->active[GYRO_EFFECT_HYSTERESIS] || g->active[GYRO_EFFECT_PARASITIC_MODE];
     g->any_curved = g->active[GYRO_EFFECT_CONTACT_STOP] || g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_DRY_FRICTION] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_HYSTERESIS] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] || g->active[GYRO_EFFECT_SQUEEZE_FILM];
-    g->steady = !g->any_curved && !g->active[GYRO_EFFECT_COMB_FRINGE] && !g->active[GYRO_EFFECT_DAMPING_STEP] && !g->active[GYRO_EFFECT_THERMAL_DAMPING] && !g->active[GYRO_EFFECT_AGEING] && !g->active[GYRO_EFFECT_THERMAL_STIFFNESS];
+    g->any_memory = g->active[GYRO_EFFECT_BIAS_WALK] || g->active[GYRO_EFFECT_PLAY] || g->active[GYRO_EFFECT_STRESS_RELAXATION] || g->active[GYRO_EFFECT_THERMAL_HYSTERESIS] || g->active[GYRO_EFFECT_TURN_ON_OFFSET];
+    g->any_renewed = g->active[GYRO_EFFECT_BIAS_WALK];
+    g->steady = !g->any_curved && !g->active[GYRO_EFFECT_COMB_FRINGE] && !g->active[GYRO_EFFECT_DAMPING_STEP] && !g->active[GYRO_EFFECT_STRESS_RELAXATION] && !g->active[GYRO_EFFECT_THERMAL_DAMPING] && !g->active[GYRO_EFFECT_THERMAL_STIFFNESS] && !g->active[GYRO_EFFECT_THERMAL_HYSTERESIS] && !g->active[GYRO_EFFECT_AGEING] && !g->active[GYRO_EFFECT_BIAS_WALK] && !g->active[GYRO_EFFECT_TURN_ON_OFFSET];
     g->n_acting = 0;
     if (g->active[GYRO_EFFECT_ANGULAR_GAIN]) {
         g->acting[g->n_acting++] = GYRO_EFFECT_ANGULAR_GAIN;
@@ -993,7 +1196,7 @@ static inline void find_active(gyro_view *g)
 }
 
 /* After find_active, where the effects in `acted` did: what lags begins to do so from its value as set, and
-   the states of an effect that does not act rest. */
+   states and memories of an effect that does not act rest. */
 static inline void begin_acting(gyro_view *g, const unsigned char acted[GYRO_N_EFFECTS],
                                 const double value[GYRO_N_VARIABLES])
 {
@@ -1010,6 +1213,32 @@ static inline void begin_acting(gyro_view *g, const unsigned char acted[GYRO_N_E
     if (!g->active[GYRO_EFFECT_PARASITIC_MODE]) {
         g->s[GYRO_STATE_PARASITIC] = 0.0;
         g->s[GYRO_STATE_PARASITIC_DOT] = 0.0;
+    }
+    if (!g->active[GYRO_EFFECT_BIAS_WALK]) {
+        g->remembered[GYRO_MEMORY_BIAS_WALKED] = 0.0;
+        g->remembered_now[GYRO_MEMORY_BIAS_WALKED] = 0.0;
+    }
+    if (!g->active[GYRO_EFFECT_PLAY]) {
+        g->remembered[GYRO_MEMORY_PLAY_X] = 0.0;
+        g->remembered_now[GYRO_MEMORY_PLAY_X] = 0.0;
+        g->remembered[GYRO_MEMORY_PLAY_Y] = 0.0;
+        g->remembered_now[GYRO_MEMORY_PLAY_Y] = 0.0;
+    }
+    if (!g->active[GYRO_EFFECT_STRESS_RELAXATION]) {
+        g->remembered[GYRO_MEMORY_RELAXING_TEMPERATURE] = 0.0;
+        g->remembered_now[GYRO_MEMORY_RELAXING_TEMPERATURE] = 0.0;
+    }
+    if (!g->active[GYRO_EFFECT_THERMAL_HYSTERESIS]) {
+        g->remembered[GYRO_MEMORY_THERMAL_PLAY_1] = 0.0;
+        g->remembered_now[GYRO_MEMORY_THERMAL_PLAY_1] = 0.0;
+        g->remembered[GYRO_MEMORY_THERMAL_PLAY_2] = 0.0;
+        g->remembered_now[GYRO_MEMORY_THERMAL_PLAY_2] = 0.0;
+        g->remembered[GYRO_MEMORY_THERMAL_PLAY_3] = 0.0;
+        g->remembered_now[GYRO_MEMORY_THERMAL_PLAY_3] = 0.0;
+    }
+    if (!g->active[GYRO_EFFECT_TURN_ON_OFFSET]) {
+        g->remembered[GYRO_MEMORY_TURN_ON_DRAWN] = 0.0;
+        g->remembered_now[GYRO_MEMORY_TURN_ON_DRAWN] = 0.0;
     }
 }
 
@@ -1031,6 +1260,7 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* amplifier_drift: none */
     0u, /* amplifier_offset: none */
     0u, /* angular_gain: none */
+    0xedd9c371u, /* bias_walk */
     0u, /* comb_fringe: none */
     0u, /* constant_force: none */
     0u, /* contact_stop: none */
@@ -1052,16 +1282,75 @@ static const uint32_t streams[GYRO_N_EFFECTS] = {
     0u, /* pickoff_misalignment: none */
     0u, /* pickoff_mismatch: none */
     0u, /* pickoff_nonlinearity: none */
+    0u, /* play: none */
     0u, /* quadratic_stiffness: none */
     0x7cf2e683u, /* sampling_jitter */
     0x922a3e3bu, /* sense_noise */
     0u, /* squeeze_film: none */
+    0u, /* stress_relaxation: none */
     0u, /* thermal_damping: none */
     0xd9b10be9u, /* thermal_force */
     0u, /* thermal_gain: none */
+    0u, /* thermal_hysteresis: none */
     0u, /* thermal_lag: none */
     0u, /* thermal_phase: none */
     0u, /* thermal_stiffness: none */
+    0u, /* turn_on_offset: none */
+};
+
+/* Likewise of effects that draw as they begin to act: the numbers of sample 0. */
+static const uint32_t start_streams[GYRO_N_EFFECTS] = {
+    0u, /* coriolis: none */
+    0u, /* damping: none */
+    0u, /* ideal_pickoff: none */
+    0u, /* suspension: none */
+    0u, /* actuator_delay: none */
+    0u, /* actuator_gain_mismatch: none */
+    0u, /* actuator_misalignment: none */
+    0u, /* actuator_nonlinearity: none */
+    0u, /* adc_clipping: none */
+    0u, /* adc_quantisation: none */
+    0u, /* ageing: none */
+    0u, /* amplifier_bandwidth: none */
+    0u, /* amplifier_drift: none */
+    0u, /* amplifier_offset: none */
+    0u, /* angular_gain: none */
+    0u, /* bias_walk: none */
+    0u, /* comb_fringe: none */
+    0u, /* constant_force: none */
+    0u, /* contact_stop: none */
+    0u, /* cross_cubic_stiffness: none */
+    0u, /* cubic_stiffness: none */
+    0u, /* damping_step: none */
+    0u, /* dielectric_charging: none */
+    0u, /* drive_feedthrough: none */
+    0u, /* dry_friction: none */
+    0u, /* electrostatic_softening: none */
+    0u, /* flicker_noise: none */
+    0u, /* frame_rotation: none */
+    0u, /* hysteresis: none */
+    0u, /* linear_acceleration: none */
+    0u, /* nonlinear_damping: none */
+    0u, /* parasitic_capacitance: none */
+    0u, /* parasitic_mode: none */
+    0u, /* pickoff_gain_mismatch: none */
+    0u, /* pickoff_misalignment: none */
+    0u, /* pickoff_mismatch: none */
+    0u, /* pickoff_nonlinearity: none */
+    0u, /* play: none */
+    0u, /* quadratic_stiffness: none */
+    0u, /* sampling_jitter: none */
+    0u, /* sense_noise: none */
+    0u, /* squeeze_film: none */
+    0u, /* stress_relaxation: none */
+    0u, /* thermal_damping: none */
+    0u, /* thermal_force: none */
+    0u, /* thermal_gain: none */
+    0u, /* thermal_hysteresis: none */
+    0u, /* thermal_lag: none */
+    0u, /* thermal_phase: none */
+    0u, /* thermal_stiffness: none */
+    0x7c81fb4fu, /* turn_on_offset */
 };
 
 /* The place of each effect that draws pink numbers among those that do, -1 of the others. */
@@ -1081,6 +1370,7 @@ static const int pink_places[GYRO_N_EFFECTS] = {
     -1, /* amplifier_drift */
     -1, /* amplifier_offset */
     -1, /* angular_gain */
+    -1, /* bias_walk */
     -1, /* comb_fringe */
     -1, /* constant_force */
     -1, /* contact_stop */
@@ -1102,16 +1392,20 @@ static const int pink_places[GYRO_N_EFFECTS] = {
     -1, /* pickoff_misalignment */
     -1, /* pickoff_mismatch */
     -1, /* pickoff_nonlinearity */
+    -1, /* play */
     -1, /* quadratic_stiffness */
     -1, /* sampling_jitter */
     -1, /* sense_noise */
     -1, /* squeeze_film */
+    -1, /* stress_relaxation */
     -1, /* thermal_damping */
     -1, /* thermal_force */
     -1, /* thermal_gain */
+    -1, /* thermal_hysteresis */
     -1, /* thermal_lag */
     -1, /* thermal_phase */
     -1, /* thermal_stiffness */
+    -1, /* turn_on_offset */
 };
 
 /* The time of each active effect's event [s]; the entries of the others stay as they are. */
@@ -1160,11 +1454,12 @@ static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES]
     if (g->active[GYRO_EFFECT_DIELECTRIC_CHARGING]) {
         effect_dielectric_charging(g);
     }
+    if (g->active[GYRO_EFFECT_STRESS_RELAXATION]) {
+        recall_stress_relaxation(g);
+        effect_stress_relaxation(g);
+    }
     if (g->active[GYRO_EFFECT_THERMAL_DAMPING]) {
         effect_thermal_damping(g);
-    }
-    if (g->active[GYRO_EFFECT_AGEING]) {
-        effect_ageing(g);
     }
     if (g->active[GYRO_EFFECT_THERMAL_GAIN]) {
         effect_thermal_gain(g);
@@ -1174,6 +1469,21 @@ static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES]
     }
     if (g->active[GYRO_EFFECT_THERMAL_STIFFNESS]) {
         effect_thermal_stiffness(g);
+    }
+    if (g->active[GYRO_EFFECT_THERMAL_HYSTERESIS]) {
+        recall_thermal_hysteresis(g);
+        effect_thermal_hysteresis(g);
+    }
+    if (g->active[GYRO_EFFECT_AGEING]) {
+        effect_ageing(g);
+    }
+    if (g->active[GYRO_EFFECT_BIAS_WALK]) {
+        recall_bias_walk(g);
+        effect_bias_walk(g);
+    }
+    if (g->active[GYRO_EFFECT_TURN_ON_OFFSET]) {
+        recall_turn_on_offset(g);
+        effect_turn_on_offset(g);
     }
 }
 
@@ -1188,10 +1498,112 @@ static inline int laws_move(const gyro_view *g, const double value[GYRO_N_VARIAB
     if (g->active[GYRO_EFFECT_DIELECTRIC_CHARGING]) {
         moving = 1;
     }
+    if (g->active[GYRO_EFFECT_STRESS_RELAXATION]) {
+        double rate[GYRO_N_FLOWING];
+        flow_stress_relaxation(g, rate);
+        moving = moving || rate[GYRO_MEMORY_RELAXING_TEMPERATURE] != 0.0;
+    }
     if (g->active[GYRO_EFFECT_AGEING]) {
         moving = 1;
     }
     return moving;
+}
+
+/* What the effects remember that act and did not in `acted` begins, numbers drawn. */
+static inline void begin_memories(gyro_view *g, const double value[GYRO_N_VARIABLES],
+                                  const unsigned char acted[GYRO_N_EFFECTS])
+{
+    (void)acted;
+    g->p[GYRO_AMPLIFIER_TIME_CONSTANT] = value[GYRO_AMPLIFIER_TIME_CONSTANT];
+    g->p[GYRO_DXX] = value[GYRO_DXX];
+    g->p[GYRO_DXY] = value[GYRO_DXY];
+    g->p[GYRO_DYY] = value[GYRO_DYY];
+    g->p[GYRO_KXX] = value[GYRO_KXX];
+    g->p[GYRO_KXY] = value[GYRO_KXY];
+    g->p[GYRO_KYY] = value[GYRO_KYY];
+    g->p[GYRO_SENSE_GAIN_X] = value[GYRO_SENSE_GAIN_X];
+    g->p[GYRO_SENSE_GAIN_Y] = value[GYRO_SENSE_GAIN_Y];
+    g->p[GYRO_TEMPERATURE_CIRCUIT] = value[GYRO_TEMPERATURE];
+    g->p[GYRO_TEMPERATURE_STRUCTURE] = value[GYRO_TEMPERATURE];
+    g->p[GYRO_V_BIAS] = value[GYRO_V_BIAS];
+    if (g->active[GYRO_EFFECT_THERMAL_LAG]) {
+        effect_thermal_lag(g);
+    }
+    if (g->active[GYRO_EFFECT_DAMPING_STEP]) {
+        effect_damping_step(g);
+    }
+    if (g->active[GYRO_EFFECT_DIELECTRIC_CHARGING]) {
+        effect_dielectric_charging(g);
+    }
+    if (g->active[GYRO_EFFECT_STRESS_RELAXATION]) {
+        if (!acted[GYRO_EFFECT_STRESS_RELAXATION]) {
+            begin_stress_relaxation(g);
+        }
+        recall_stress_relaxation(g);
+        effect_stress_relaxation(g);
+    }
+    if (g->active[GYRO_EFFECT_THERMAL_DAMPING]) {
+        effect_thermal_damping(g);
+    }
+    if (g->active[GYRO_EFFECT_THERMAL_GAIN]) {
+        effect_thermal_gain(g);
+    }
+    if (g->active[GYRO_EFFECT_THERMAL_PHASE]) {
+        effect_thermal_phase(g);
+    }
+    if (g->active[GYRO_EFFECT_THERMAL_STIFFNESS]) {
+        effect_thermal_stiffness(g);
+    }
+    if (g->active[GYRO_EFFECT_THERMAL_HYSTERESIS]) {
+        if (!acted[GYRO_EFFECT_THERMAL_HYSTERESIS]) {
+            begin_thermal_hysteresis(g);
+        }
+        recall_thermal_hysteresis(g);
+        effect_thermal_hysteresis(g);
+    }
+    if (g->active[GYRO_EFFECT_AGEING]) {
+        effect_ageing(g);
+    }
+    if (g->active[GYRO_EFFECT_BIAS_WALK]) {
+        if (!acted[GYRO_EFFECT_BIAS_WALK]) {
+            begin_bias_walk(g);
+        }
+        recall_bias_walk(g);
+        effect_bias_walk(g);
+    }
+    if (g->active[GYRO_EFFECT_TURN_ON_OFFSET]) {
+        if (!acted[GYRO_EFFECT_TURN_ON_OFFSET]) {
+            begin_turn_on_offset(g);
+        }
+        recall_turn_on_offset(g);
+        effect_turn_on_offset(g);
+    }
+    if (g->active[GYRO_EFFECT_PLAY]) {
+        if (!acted[GYRO_EFFECT_PLAY]) {
+            begin_play(g);
+        }
+    }
+}
+
+/* What effects remember after a sample, `since` the one before, numbers drawn. */
+static inline void renew_memories(gyro_view *g)
+{
+    (void)g;
+    if (g->active[GYRO_EFFECT_BIAS_WALK]) {
+        renew_bias_walk(g);
+    }
+}
+
+/* The rate of what flows [SI/s], laws applied. */
+static inline void flow_memories(const gyro_view *g, double *rate)
+{
+    for (int i = 0; i < GYRO_N_FLOWING; i++) {
+        rate[i] = 0.0;
+    }
+    (void)g;
+    if (g->active[GYRO_EFFECT_STRESS_RELAXATION]) {
+        flow_stress_relaxation(g, rate);
+    }
 }
 
 /* Delay of the force [s]. */
@@ -1428,6 +1840,12 @@ static inline void kick(gyro_view *g)
 static inline void actuate(gyro_view *g)
 {
     double out[2];
+    if (g->active[GYRO_EFFECT_PLAY]) {
+        recall_play(g);
+        effect_play(g, out);
+        g->u[0] = out[0];
+        g->u[1] = out[1];
+    }
     if (g->active[GYRO_EFFECT_ACTUATOR_NONLINEARITY]) {
         effect_actuator_nonlinearity(g, out);
         g->u[0] = out[0];

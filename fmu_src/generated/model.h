@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{ddb78d41-f030-ce0a-fcb9-ba75ca4a4dfc}"
+#define GYRO_TOKEN "{c6ee628c-f3f3-01e1-6cdd-e66a4730b5b4}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -61,65 +61,74 @@ enum {
     GYRO_OFFSET_X = 43, /* [V] size: offset of the x amplifier */
     GYRO_OFFSET_Y = 44, /* [V] size: offset of the y amplifier */
     GYRO_ANGULAR_GAIN = 45, /* [1] size: Coriolis coupling relative to that of a point mass */
-    GYRO_COMB_FRINGE = 46, /* [1/m] size: change of the force with displacement, relative */
-    GYRO_FORCE_X = 47, /* [N] size: constant force, x axis */
-    GYRO_FORCE_Y = 48, /* [N] size: constant force, y axis */
-    GYRO_STOP_STIFFNESS = 49, /* [N/m] size: stiffness of the stops */
-    GYRO_STOP_GAP = 50, /* [m] shape: displacement at which the mass meets a stop */
-    GYRO_STOP_DAMPING = 51, /* [N.s/m] shape: damping of the stops while they touch */
-    GYRO_K22 = 52, /* [N/m3] size: cubic stiffness that couples the axes */
-    GYRO_K3_X = 53, /* [N/m3] size: cubic stiffness, x axis */
-    GYRO_K3_Y = 54, /* [N/m3] size: cubic stiffness, y axis */
-    GYRO_DAMPING_STEP_FACTOR = 55, /* [1] size: all damping multiplies by this */
-    GYRO_DAMPING_STEP_TIME = 56, /* [s] shape: instant at which the damping steps */
-    GYRO_CHARGING_VOLTAGE = 57, /* [V] size: what the charge adds to the bias voltage in the end */
-    GYRO_CHARGING_TIME = 58, /* [s] shape: time constant of charging */
-    GYRO_FEEDTHROUGH = 59, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
-    GYRO_FRICTION_X = 60, /* [N] size: dry friction, x axis */
-    GYRO_FRICTION_Y = 61, /* [N] size: dry friction, y axis */
-    GYRO_FRICTION_SPEED = 62, /* [m/s] shape: speed over which the friction changes its sign */
-    GYRO_STRIBECK = 63, /* [1] shape: by how much friction near rest exceeds that at speed, relative */
-    GYRO_STRIBECK_SPEED = 64, /* [m/s] shape: speed at which that excess has faded */
-    GYRO_SOFTENING = 65, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
-    GYRO_ELECTRODE_GAP = 66, /* [m] shape: gap of the electrodes */
-    GYRO_FLICKER_NOISE = 67, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
-    GYRO_FRAME_ROTATION = 68, /* [1] size: centrifugal and Euler force times this (1: physical) */
-    GYRO_HYSTERESIS_X = 69, /* [N] size: largest hysteretic force, x axis */
-    GYRO_HYSTERESIS_Y = 70, /* [N] size: largest hysteretic force, y axis */
-    GYRO_HYSTERESIS_LENGTH = 71, /* [m] shape: way on which the force builds up */
-    GYRO_HYSTERESIS_BETA = 72, /* [1] shape: share of the limit that dissipates */
-    GYRO_HYSTERESIS_GAMMA = 73, /* [1] shape: share of the limit that bends */
-    GYRO_HYSTERESIS_N = 74, /* [1] shape: sharpness of the limit */
-    GYRO_ACCELERATION_GAIN_X = 75, /* [1] size: part of the package's acceleration that moves the mass, x axis */
-    GYRO_ACCELERATION_GAIN_Y = 76, /* [1] size: part of the package's acceleration that moves the mass, y axis */
-    GYRO_D2_X = 77, /* [N.s/m3] size: nonlinear damping, x axis */
-    GYRO_D2_Y = 78, /* [N.s/m3] size: nonlinear damping, y axis */
-    GYRO_PARASITIC_RATIO = 79, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
-    GYRO_PARASITIC_COUPLING = 80, /* [N/m] size: spring that couples the parasitic mode to x */
-    GYRO_PARASITIC_FREQUENCY = 81, /* [Hz] shape: frequency of the parasitic mode alone */
-    GYRO_PARASITIC_Q = 82, /* [1] shape: quality factor of the parasitic mode */
-    GYRO_PICKOFF_GAIN_MISMATCH = 83, /* [1] size: relative excess of the y pickoff gain */
-    GYRO_PICKOFF_MISALIGNMENT = 84, /* [1] size: part of each displacement that the other pickoff sees */
-    GYRO_PICKOFF_MISMATCH = 85, /* [1] size: relative mismatch of the pair of sensing capacitors */
-    GYRO_PICKOFF_INVERSE_GAP = 86, /* [1/m] size: one over the gap of the sensing capacitors */
-    GYRO_K2_X = 87, /* [N/m2] size: quadratic stiffness, x axis */
-    GYRO_K2_Y = 88, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SAMPLING_JITTER = 89, /* [s] size: rms error of the sampling instant */
-    GYRO_SENSE_NOISE = 90, /* [V] size: white noise, rms a sample */
-    GYRO_SQUEEZE_X = 91, /* [N.s/m] size: damping of the film at rest, x axis */
-    GYRO_SQUEEZE_Y = 92, /* [N.s/m] size: damping of the film at rest, y axis */
-    GYRO_SQUEEZE_GAP = 93, /* [m] shape: gap of the film */
-    GYRO_TCD = 94, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 95, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 96, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_STRUCTURE_LAG = 97, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 98, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 99, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 100, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 101, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 102, /* [K] shape: temperature at which parameters are as given */
+    GYRO_BIAS_WALK = 46, /* [s-0.5] size: random walk of the cross damping, rms in 1 s, over √(dxx dyy) */
+    GYRO_COMB_FRINGE = 47, /* [1/m] size: change of the force with displacement, relative */
+    GYRO_FORCE_X = 48, /* [N] size: constant force, x axis */
+    GYRO_FORCE_Y = 49, /* [N] size: constant force, y axis */
+    GYRO_STOP_STIFFNESS = 50, /* [N/m] size: stiffness of the stops */
+    GYRO_STOP_GAP = 51, /* [m] shape: displacement at which the mass meets a stop */
+    GYRO_STOP_DAMPING = 52, /* [N.s/m] shape: damping of the stops while they touch */
+    GYRO_K22 = 53, /* [N/m3] size: cubic stiffness that couples the axes */
+    GYRO_K3_X = 54, /* [N/m3] size: cubic stiffness, x axis */
+    GYRO_K3_Y = 55, /* [N/m3] size: cubic stiffness, y axis */
+    GYRO_DAMPING_STEP_FACTOR = 56, /* [1] size: all damping multiplies by this */
+    GYRO_DAMPING_STEP_TIME = 57, /* [s] shape: instant at which the damping steps */
+    GYRO_CHARGING_VOLTAGE = 58, /* [V] size: what the charge adds to the bias voltage in the end */
+    GYRO_CHARGING_TIME = 59, /* [s] shape: time constant of charging */
+    GYRO_FEEDTHROUGH = 60, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
+    GYRO_FRICTION_X = 61, /* [N] size: dry friction, x axis */
+    GYRO_FRICTION_Y = 62, /* [N] size: dry friction, y axis */
+    GYRO_FRICTION_SPEED = 63, /* [m/s] shape: speed over which the friction changes its sign */
+    GYRO_STRIBECK = 64, /* [1] shape: by how much friction near rest exceeds that at speed, relative */
+    GYRO_STRIBECK_SPEED = 65, /* [m/s] shape: speed at which that excess has faded */
+    GYRO_SOFTENING = 66, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
+    GYRO_ELECTRODE_GAP = 67, /* [m] shape: gap of the electrodes */
+    GYRO_FLICKER_NOISE = 68, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
+    GYRO_FRAME_ROTATION = 69, /* [1] size: centrifugal and Euler force times this (1: physical) */
+    GYRO_HYSTERESIS_X = 70, /* [N] size: largest hysteretic force, x axis */
+    GYRO_HYSTERESIS_Y = 71, /* [N] size: largest hysteretic force, y axis */
+    GYRO_HYSTERESIS_LENGTH = 72, /* [m] shape: way on which the force builds up */
+    GYRO_HYSTERESIS_BETA = 73, /* [1] shape: share of the limit that dissipates */
+    GYRO_HYSTERESIS_GAMMA = 74, /* [1] shape: share of the limit that bends */
+    GYRO_HYSTERESIS_N = 75, /* [1] shape: sharpness of the limit */
+    GYRO_ACCELERATION_GAIN_X = 76, /* [1] size: part of the package's acceleration that moves the mass, x axis */
+    GYRO_ACCELERATION_GAIN_Y = 77, /* [1] size: part of the package's acceleration that moves the mass, y axis */
+    GYRO_D2_X = 78, /* [N.s/m3] size: nonlinear damping, x axis */
+    GYRO_D2_Y = 79, /* [N.s/m3] size: nonlinear damping, y axis */
+    GYRO_PARASITIC_RATIO = 80, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
+    GYRO_PARASITIC_COUPLING = 81, /* [N/m] size: spring that couples the parasitic mode to x */
+    GYRO_PARASITIC_FREQUENCY = 82, /* [Hz] shape: frequency of the parasitic mode alone */
+    GYRO_PARASITIC_Q = 83, /* [1] shape: quality factor of the parasitic mode */
+    GYRO_PICKOFF_GAIN_MISMATCH = 84, /* [1] size: relative excess of the y pickoff gain */
+    GYRO_PICKOFF_MISALIGNMENT = 85, /* [1] size: part of each displacement that the other pickoff sees */
+    GYRO_PICKOFF_MISMATCH = 86, /* [1] size: relative mismatch of the pair of sensing capacitors */
+    GYRO_PICKOFF_INVERSE_GAP = 87, /* [1/m] size: one over the gap of the sensing capacitors */
+    GYRO_PLAY = 88, /* [N] size: half width of the actuator's backlash */
+    GYRO_K2_X = 89, /* [N/m2] size: quadratic stiffness, x axis */
+    GYRO_K2_Y = 90, /* [N/m2] size: quadratic stiffness, y axis */
+    GYRO_SAMPLING_JITTER = 91, /* [s] size: rms error of the sampling instant */
+    GYRO_SENSE_NOISE = 92, /* [V] size: white noise, rms a sample */
+    GYRO_SQUEEZE_X = 93, /* [N.s/m] size: damping of the film at rest, x axis */
+    GYRO_SQUEEZE_Y = 94, /* [N.s/m] size: damping of the film at rest, y axis */
+    GYRO_SQUEEZE_GAP = 95, /* [m] shape: gap of the film */
+    GYRO_RELAXATION = 96, /* [1/K] size: change of stiffness with the lagging temperature */
+    GYRO_RELAXATION_TIME = 97, /* [s] shape: time constant of the relaxing stress */
+    GYRO_TCD = 98, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 99, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 100, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_THERMAL_HYSTERESIS = 101, /* [1] size: by what warming changes split and damping, relative; cooling as much back */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_1 = 102, /* [K] shape: half width of play operator 1 */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_2 = 103, /* [K] shape: half width of play operator 2 */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_3 = 104, /* [K] shape: half width of play operator 3 */
+    GYRO_STRUCTURE_LAG = 105, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 106, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 107, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 108, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 109, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 110, /* [K] shape: temperature at which parameters are as given */
+    GYRO_TURN_ON = 111, /* [1] size: cross damping of a turn-on, rms, over √(dxx dyy) */
     GYRO_N_INPUTS = 7, /* which come first */
-    GYRO_N_VARIABLES = 103
+    GYRO_N_VARIABLES = 112
 };
 
 /* Continuous states. */
@@ -135,12 +144,12 @@ enum {
     GYRO_N_STATES = 8
 };
 
-/* The motion as a differential equation: those states, the voltages behind the amplifier's lag, and what lags.
+/* The motion as a differential equation: those states, the voltages behind the amplifier's lag, what lags, what flows.
    Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {
-    GYRO_N_CONTINUOUS = 12,
-    GYRO_FIRST_LOCAL = 104, /* value reference */
-    GYRO_N_LOCALS = 20
+    GYRO_N_CONTINUOUS = 13,
+    GYRO_FIRST_LOCAL = 113, /* value reference */
+    GYRO_N_LOCALS = 22
 };
 
 /* Quantities that may lag. */
@@ -148,6 +157,20 @@ enum {
     GYRO_LAGGING_TEMPERATURE_STRUCTURE = 0,
     GYRO_LAGGING_TEMPERATURE_CIRCUIT = 1,
     GYRO_N_LAGGING = 2
+};
+
+/* What effects remember, that which flows by time itself first. */
+enum {
+    GYRO_MEMORY_RELAXING_TEMPERATURE = 0, /* [K] */
+    GYRO_MEMORY_BIAS_WALKED = 1, /* [s0.5] */
+    GYRO_MEMORY_PLAY_X = 2, /* [N] */
+    GYRO_MEMORY_PLAY_Y = 3, /* [N] */
+    GYRO_MEMORY_THERMAL_PLAY_1 = 4, /* [K] */
+    GYRO_MEMORY_THERMAL_PLAY_2 = 5, /* [K] */
+    GYRO_MEMORY_THERMAL_PLAY_3 = 6, /* [K] */
+    GYRO_MEMORY_TURN_ON_DRAWN = 7, /* [1] */
+    GYRO_N_FLOWING = 1,
+    GYRO_N_MEMORIES = 8 /* room for one where there is none */
 };
 
 /* Effects, those of the nominal device first. */
@@ -167,39 +190,44 @@ enum {
     GYRO_EFFECT_AMPLIFIER_DRIFT = 12,
     GYRO_EFFECT_AMPLIFIER_OFFSET = 13,
     GYRO_EFFECT_ANGULAR_GAIN = 14,
-    GYRO_EFFECT_COMB_FRINGE = 15,
-    GYRO_EFFECT_CONSTANT_FORCE = 16,
-    GYRO_EFFECT_CONTACT_STOP = 17,
-    GYRO_EFFECT_CROSS_CUBIC_STIFFNESS = 18,
-    GYRO_EFFECT_CUBIC_STIFFNESS = 19,
-    GYRO_EFFECT_DAMPING_STEP = 20,
-    GYRO_EFFECT_DIELECTRIC_CHARGING = 21,
-    GYRO_EFFECT_DRIVE_FEEDTHROUGH = 22,
-    GYRO_EFFECT_DRY_FRICTION = 23,
-    GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 24,
-    GYRO_EFFECT_FLICKER_NOISE = 25,
-    GYRO_EFFECT_FRAME_ROTATION = 26,
-    GYRO_EFFECT_HYSTERESIS = 27,
-    GYRO_EFFECT_LINEAR_ACCELERATION = 28,
-    GYRO_EFFECT_NONLINEAR_DAMPING = 29,
-    GYRO_EFFECT_PARASITIC_CAPACITANCE = 30,
-    GYRO_EFFECT_PARASITIC_MODE = 31,
-    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 32,
-    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 33,
-    GYRO_EFFECT_PICKOFF_MISMATCH = 34,
-    GYRO_EFFECT_PICKOFF_NONLINEARITY = 35,
-    GYRO_EFFECT_QUADRATIC_STIFFNESS = 36,
-    GYRO_EFFECT_SAMPLING_JITTER = 37,
-    GYRO_EFFECT_SENSE_NOISE = 38,
-    GYRO_EFFECT_SQUEEZE_FILM = 39,
-    GYRO_EFFECT_THERMAL_DAMPING = 40,
-    GYRO_EFFECT_THERMAL_FORCE = 41,
-    GYRO_EFFECT_THERMAL_GAIN = 42,
-    GYRO_EFFECT_THERMAL_LAG = 43,
-    GYRO_EFFECT_THERMAL_PHASE = 44,
-    GYRO_EFFECT_THERMAL_STIFFNESS = 45,
+    GYRO_EFFECT_BIAS_WALK = 15,
+    GYRO_EFFECT_COMB_FRINGE = 16,
+    GYRO_EFFECT_CONSTANT_FORCE = 17,
+    GYRO_EFFECT_CONTACT_STOP = 18,
+    GYRO_EFFECT_CROSS_CUBIC_STIFFNESS = 19,
+    GYRO_EFFECT_CUBIC_STIFFNESS = 20,
+    GYRO_EFFECT_DAMPING_STEP = 21,
+    GYRO_EFFECT_DIELECTRIC_CHARGING = 22,
+    GYRO_EFFECT_DRIVE_FEEDTHROUGH = 23,
+    GYRO_EFFECT_DRY_FRICTION = 24,
+    GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 25,
+    GYRO_EFFECT_FLICKER_NOISE = 26,
+    GYRO_EFFECT_FRAME_ROTATION = 27,
+    GYRO_EFFECT_HYSTERESIS = 28,
+    GYRO_EFFECT_LINEAR_ACCELERATION = 29,
+    GYRO_EFFECT_NONLINEAR_DAMPING = 30,
+    GYRO_EFFECT_PARASITIC_CAPACITANCE = 31,
+    GYRO_EFFECT_PARASITIC_MODE = 32,
+    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 33,
+    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 34,
+    GYRO_EFFECT_PICKOFF_MISMATCH = 35,
+    GYRO_EFFECT_PICKOFF_NONLINEARITY = 36,
+    GYRO_EFFECT_PLAY = 37,
+    GYRO_EFFECT_QUADRATIC_STIFFNESS = 38,
+    GYRO_EFFECT_SAMPLING_JITTER = 39,
+    GYRO_EFFECT_SENSE_NOISE = 40,
+    GYRO_EFFECT_SQUEEZE_FILM = 41,
+    GYRO_EFFECT_STRESS_RELAXATION = 42,
+    GYRO_EFFECT_THERMAL_DAMPING = 43,
+    GYRO_EFFECT_THERMAL_FORCE = 44,
+    GYRO_EFFECT_THERMAL_GAIN = 45,
+    GYRO_EFFECT_THERMAL_HYSTERESIS = 46,
+    GYRO_EFFECT_THERMAL_LAG = 47,
+    GYRO_EFFECT_THERMAL_PHASE = 48,
+    GYRO_EFFECT_THERMAL_STIFFNESS = 49,
+    GYRO_EFFECT_TURN_ON_OFFSET = 50,
     GYRO_N_PINK = 1, /* of which draw pink numbers */
-    GYRO_N_EFFECTS = 46
+    GYRO_N_EFFECTS = 51
 };
 
 typedef enum {

@@ -53,6 +53,7 @@
 #define gyro_beat_of Gyroscope_gyro_beat_of
 #define gyro_beats_until Gyroscope_gyro_beats_until
 #define gyro_before_tuning Gyroscope_gyro_before_tuning
+#define gyro_begin_memories Gyroscope_gyro_begin_memories
 #define gyro_bring_force Gyroscope_gyro_bring_force
 #define gyro_check Gyroscope_gyro_check
 #define gyro_come_to Gyroscope_gyro_come_to
@@ -109,6 +110,7 @@
 #define gyro_put_out_of Gyroscope_gyro_put_out_of
 #define gyro_refresh Gyroscope_gyro_refresh
 #define gyro_refuse Gyroscope_gyro_refuse
+#define gyro_remember Gyroscope_gyro_remember
 #define gyro_reset Gyroscope_gyro_reset
 #define gyro_respond Gyroscope_gyro_respond
 #define gyro_room Gyroscope_gyro_room

@@ -10,10 +10,294 @@ typedef struct {
     double p[GYRO_N_VARIABLES];
     double s[GYRO_N_STATES];
     double lagging[GYRO_N_LAGGING];
+    double remembered[GYRO_N_MEMORIES];
+    double remembered_now[GYRO_N_MEMORIES];
     double u[2];
     double q[2];
     double v[2];
 } gyro_tangent;
+
+static inline void tangent_recall_bias_walk(const gyro_view *g, gyro_tangent *d)
+{
+    (void)g;
+    const double d_bias_walked = d->remembered[GYRO_MEMORY_BIAS_WALKED];
+    d->remembered_now[GYRO_MEMORY_BIAS_WALKED] = d_bias_walked;
+}
+
+static inline void tangent_recall_play(const gyro_view *g, gyro_tangent *d)
+{
+    (void)g;
+    const double play = g->p[GYRO_PLAY];
+    const double play_x = g->remembered[GYRO_MEMORY_PLAY_X];
+    const double play_y = g->remembered[GYRO_MEMORY_PLAY_Y];
+    const double u_x = g->u[0];
+    const double u_y = g->u[1];
+    const double d_play = d->p[GYRO_PLAY];
+    const double d_play_x = d->remembered[GYRO_MEMORY_PLAY_X];
+    const double d_play_y = d->remembered[GYRO_MEMORY_PLAY_Y];
+    const double d_u_x = d->u[0];
+    const double d_u_y = d->u[1];
+    d->remembered_now[GYRO_MEMORY_PLAY_X] = d_play*(((play - u_x + smaller(play_x, play + u_x) > 0) ? (
+   1
+)
+: (
+   0
+))*((play - play_x + u_x < 0) ? (
+   1
+)
+: (
+   0
+)) - ((play - u_x + smaller(play_x, play + u_x) < 0) ? (
+   1
+)
+: (
+   0
+))) + d_play_x*((play - play_x + u_x > 0) ? (
+   1
+)
+: (
+   0
+))*((play - u_x + smaller(play_x, play + u_x) > 0) ? (
+   1
+)
+: (
+   0
+)) + d_u_x*(((play - u_x + smaller(play_x, play + u_x) > 0) ? (
+   1
+)
+: (
+   0
+))*((play - play_x + u_x < 0) ? (
+   1
+)
+: (
+   0
+)) + ((play - u_x + smaller(play_x, play + u_x) < 0) ? (
+   1
+)
+: (
+   0
+)));
+    d->remembered_now[GYRO_MEMORY_PLAY_Y] = d_play*(((play - u_y + smaller(play_y, play + u_y) > 0) ? (
+   1
+)
+: (
+   0
+))*((play - play_y + u_y < 0) ? (
+   1
+)
+: (
+   0
+)) - ((play - u_y + smaller(play_y, play + u_y) < 0) ? (
+   1
+)
+: (
+   0
+))) + d_play_y*((play - play_y + u_y > 0) ? (
+   1
+)
+: (
+   0
+))*((play - u_y + smaller(play_y, play + u_y) > 0) ? (
+   1
+)
+: (
+   0
+)) + d_u_y*(((play - u_y + smaller(play_y, play + u_y) > 0) ? (
+   1
+)
+: (
+   0
+))*((play - play_y + u_y < 0) ? (
+   1
+)
+: (
+   0
+)) + ((play - u_y + smaller(play_y, play + u_y) < 0) ? (
+   1
+)
+: (
+   0
+)));
+}
+
+static inline void tangent_recall_stress_relaxation(const gyro_view *g, gyro_tangent *d)
+{
+    (void)g;
+    const double relaxation_time = g->p[GYRO_RELAXATION_TIME];
+    const double relaxing_temperature = g->remembered[GYRO_MEMORY_RELAXING_TEMPERATURE];
+    const double since = g->since;
+    const double t_ref = g->p[GYRO_T_REF];
+    const double temperature = g->p[GYRO_TEMPERATURE];
+    const double d_relaxation_time = d->p[GYRO_RELAXATION_TIME];
+    const double d_relaxing_temperature = d->remembered[GYRO_MEMORY_RELAXING_TEMPERATURE];
+    const double d_t_ref = d->p[GYRO_T_REF];
+    const double d_temperature = d->p[GYRO_TEMPERATURE];
+    d->remembered_now[GYRO_MEMORY_RELAXING_TEMPERATURE] = (d_relaxation_time == 0.0 ? 0.0 : -d_relaxation_time*since*(-relaxing_temperature - t_ref + temperature)*gyro_exp(-since/relaxation_time)/(relaxation_time*relaxation_time)) + (d_relaxing_temperature == 0.0 ? 0.0 : d_relaxing_temperature*gyro_exp(-since/relaxation_time)) + d_t_ref*(-1 + gyro_exp(-since/relaxation_time)) + d_temperature*(1 - gyro_exp(-since/relaxation_time));
+}
+
+static inline void tangent_flow_stress_relaxation(const gyro_view *g, const gyro_tangent *d, double *rate)
+{
+    (void)g;
+    const double relaxation_time = g->p[GYRO_RELAXATION_TIME];
+    const double relaxing_temperature = g->remembered[GYRO_MEMORY_RELAXING_TEMPERATURE];
+    const double t_ref = g->p[GYRO_T_REF];
+    const double temperature = g->p[GYRO_TEMPERATURE];
+    const double d_relaxation_time = d->p[GYRO_RELAXATION_TIME];
+    const double d_relaxing_temperature = d->remembered[GYRO_MEMORY_RELAXING_TEMPERATURE];
+    const double d_t_ref = d->p[GYRO_T_REF];
+    const double d_temperature = d->p[GYRO_TEMPERATURE];
+    rate[GYRO_MEMORY_RELAXING_TEMPERATURE] = -d_relaxation_time*(-relaxing_temperature - t_ref + temperature)/(relaxation_time*relaxation_time) - d_relaxing_temperature/relaxation_time - d_t_ref/relaxation_time + d_temperature/relaxation_time;
+}
+
+static inline void tangent_recall_thermal_hysteresis(const gyro_view *g, gyro_tangent *d)
+{
+    (void)g;
+    const double temperature_structure = g->p[GYRO_TEMPERATURE_STRUCTURE];
+    const double thermal_hysteresis_width_1 = g->p[GYRO_THERMAL_HYSTERESIS_WIDTH_1];
+    const double thermal_hysteresis_width_2 = g->p[GYRO_THERMAL_HYSTERESIS_WIDTH_2];
+    const double thermal_hysteresis_width_3 = g->p[GYRO_THERMAL_HYSTERESIS_WIDTH_3];
+    const double thermal_play_1 = g->remembered[GYRO_MEMORY_THERMAL_PLAY_1];
+    const double thermal_play_2 = g->remembered[GYRO_MEMORY_THERMAL_PLAY_2];
+    const double thermal_play_3 = g->remembered[GYRO_MEMORY_THERMAL_PLAY_3];
+    const double d_temperature_structure = d->p[GYRO_TEMPERATURE_STRUCTURE];
+    const double d_thermal_hysteresis_width_1 = d->p[GYRO_THERMAL_HYSTERESIS_WIDTH_1];
+    const double d_thermal_hysteresis_width_2 = d->p[GYRO_THERMAL_HYSTERESIS_WIDTH_2];
+    const double d_thermal_hysteresis_width_3 = d->p[GYRO_THERMAL_HYSTERESIS_WIDTH_3];
+    const double d_thermal_play_1 = d->remembered[GYRO_MEMORY_THERMAL_PLAY_1];
+    const double d_thermal_play_2 = d->remembered[GYRO_MEMORY_THERMAL_PLAY_2];
+    const double d_thermal_play_3 = d->remembered[GYRO_MEMORY_THERMAL_PLAY_3];
+    d->remembered_now[GYRO_MEMORY_THERMAL_PLAY_1] = d_temperature_structure*(((-temperature_structure + thermal_hysteresis_width_1 + smaller(thermal_play_1, temperature_structure + thermal_hysteresis_width_1) > 0) ? (
+   1
+)
+: (
+   0
+))*((temperature_structure + thermal_hysteresis_width_1 - thermal_play_1 < 0) ? (
+   1
+)
+: (
+   0
+)) + ((-temperature_structure + thermal_hysteresis_width_1 + smaller(thermal_play_1, temperature_structure + thermal_hysteresis_width_1) < 0) ? (
+   1
+)
+: (
+   0
+))) + d_thermal_hysteresis_width_1*(((-temperature_structure + thermal_hysteresis_width_1 + smaller(thermal_play_1, temperature_structure + thermal_hysteresis_width_1) > 0) ? (
+   1
+)
+: (
+   0
+))*((temperature_structure + thermal_hysteresis_width_1 - thermal_play_1 < 0) ? (
+   1
+)
+: (
+   0
+)) - ((-temperature_structure + thermal_hysteresis_width_1 + smaller(thermal_play_1, temperature_structure + thermal_hysteresis_width_1) < 0) ? (
+   1
+)
+: (
+   0
+))) + d_thermal_play_1*((-temperature_structure + thermal_hysteresis_width_1 + smaller(thermal_play_1, temperature_structure + thermal_hysteresis_width_1) > 0) ? (
+   1
+)
+: (
+   0
+))*((temperature_structure + thermal_hysteresis_width_1 - thermal_play_1 > 0) ? (
+   1
+)
+: (
+   0
+));
+    d->remembered_now[GYRO_MEMORY_THERMAL_PLAY_2] = d_temperature_structure*(((-temperature_structure + thermal_hysteresis_width_2 + smaller(thermal_play_2, temperature_structure + thermal_hysteresis_width_2) > 0) ? (
+   1
+)
+: (
+   0
+))*((temperature_structure + thermal_hysteresis_width_2 - thermal_play_2 < 0) ? (
+   1
+)
+: (
+   0
+)) + ((-temperature_structure + thermal_hysteresis_width_2 + smaller(thermal_play_2, temperature_structure + thermal_hysteresis_width_2) < 0) ? (
+   1
+)
+: (
+   0
+))) + d_thermal_hysteresis_width_2*(((-temperature_structure + thermal_hysteresis_width_2 + smaller(thermal_play_2, temperature_structure + thermal_hysteresis_width_2) > 0) ? (
+   1
+)
+: (
+   0
+))*((temperature_structure + thermal_hysteresis_width_2 - thermal_play_2 < 0) ? (
+   1
+)
+: (
+   0
+)) - ((-temperature_structure + thermal_hysteresis_width_2 + smaller(thermal_play_2, temperature_structure + thermal_hysteresis_width_2) < 0) ? (
+   1
+)
+: (
+   0
+))) + d_thermal_play_2*((-temperature_structure + thermal_hysteresis_width_2 + smaller(thermal_play_2, temperature_structure + thermal_hysteresis_width_2) > 0) ? (
+   1
+)
+: (
+   0
+))*((temperature_structure + thermal_hysteresis_width_2 - thermal_play_2 > 0) ? (
+   1
+)
+: (
+   0
+));
+    d->remembered_now[GYRO_MEMORY_THERMAL_PLAY_3] = d_temperature_structure*(((-temperature_structure + thermal_hysteresis_width_3 + smaller(thermal_play_3, temperature_structure + thermal_hysteresis_width_3) > 0) ? (
+   1
+)
+: (
+   0
+))*((temperature_structure + thermal_hysteresis_width_3 - thermal_play_3 < 0) ? (
+   1
+)
+: (
+   0
+)) + ((-temperature_structure + thermal_hysteresis_width_3 + smaller(thermal_play_3, temperature_structure + thermal_hysteresis_width_3) < 0) ? (
+   1
+)
+: (
+   0
+))) + d_thermal_hysteresis_width_3*(((-temperature_structure + thermal_hysteresis_width_3 + smaller(thermal_play_3, temperature_structure + thermal_hysteresis_width_3) > 0) ? (
+   1
+)
+: (
+   0
+))*((temperature_structure + thermal_hysteresis_width_3 - thermal_play_3 < 0) ? (
+   1
+)
+: (
+   0
+)) - ((-temperature_structure + thermal_hysteresis_width_3 + smaller(thermal_play_3, temperature_structure + thermal_hysteresis_width_3) < 0) ? (
+   1
+)
+: (
+   0
+))) + d_thermal_play_3*((-temperature_structure + thermal_hysteresis_width_3 + smaller(thermal_play_3, temperature_structure + thermal_hysteresis_width_3) > 0) ? (
+   1
+)
+: (
+   0
+))*((temperature_structure + thermal_hysteresis_width_3 - thermal_play_3 > 0) ? (
+   1
+)
+: (
+   0
+));
+}
+
+static inline void tangent_recall_turn_on_offset(const gyro_view *g, gyro_tangent *d)
+{
+    (void)g;
+    const double d_turn_on_drawn = d->remembered[GYRO_MEMORY_TURN_ON_DRAWN];
+    d->remembered_now[GYRO_MEMORY_TURN_ON_DRAWN] = d_turn_on_drawn;
+}
 
 static inline void tangent_damping_step(const gyro_view *g, const gyro_tangent *d, double *out)
 {
@@ -44,6 +328,24 @@ static inline void tangent_dielectric_charging(const gyro_view *g, const gyro_ta
     out[0] = d_charging_voltage*(1 - gyro_exp(-t/charging_time)) + d_v_bias + (charging_voltage == 0.0 ? 0.0 : -charging_voltage*d_charging_time*t*gyro_exp(-t/charging_time)/(charging_time*charging_time));
 }
 
+static inline void tangent_stress_relaxation(const gyro_view *g, const gyro_tangent *d, double *out)
+{
+    (void)g, (void)d;
+    const double kxx = g->p[GYRO_KXX];
+    const double kxy = g->p[GYRO_KXY];
+    const double kyy = g->p[GYRO_KYY];
+    const double relaxation = g->p[GYRO_RELAXATION];
+    const double relaxing_temperature = g->remembered_now[GYRO_MEMORY_RELAXING_TEMPERATURE];
+    const double d_kxx = d->p[GYRO_KXX];
+    const double d_kxy = d->p[GYRO_KXY];
+    const double d_kyy = d->p[GYRO_KYY];
+    const double d_relaxation = d->p[GYRO_RELAXATION];
+    const double d_relaxing_temperature = d->remembered_now[GYRO_MEMORY_RELAXING_TEMPERATURE];
+    out[0] = d_kxx*(relaxation*relaxing_temperature + 1) + d_relaxation*kxx*relaxing_temperature + d_relaxing_temperature*kxx*relaxation;
+    out[1] = d_kyy*(relaxation*relaxing_temperature + 1) + d_relaxation*kyy*relaxing_temperature + d_relaxing_temperature*kyy*relaxation;
+    out[2] = d_kxy*(relaxation*relaxing_temperature + 1) + d_relaxation*kxy*relaxing_temperature + d_relaxing_temperature*kxy*relaxation;
+}
+
 static inline void tangent_thermal_damping(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
@@ -62,22 +364,6 @@ static inline void tangent_thermal_damping(const gyro_view *g, const gyro_tangen
     out[0] = d_dxx*(tcd*(-t_ref + temperature_structure) + 1) - d_t_ref*dxx*tcd + d_tcd*dxx*(-t_ref + temperature_structure) + d_temperature_structure*dxx*tcd;
     out[1] = d_dyy*(tcd*(-t_ref + temperature_structure) + 1) - d_t_ref*dyy*tcd + d_tcd*dyy*(-t_ref + temperature_structure) + d_temperature_structure*dyy*tcd;
     out[2] = d_dxy*(tcd*(-t_ref + temperature_structure) + 1) - d_t_ref*dxy*tcd + d_tcd*dxy*(-t_ref + temperature_structure) + d_temperature_structure*dxy*tcd;
-}
-
-static inline void tangent_ageing(const gyro_view *g, const gyro_tangent *d, double *out)
-{
-    (void)g, (void)d;
-    const double ageing = g->p[GYRO_AGEING];
-    const double ageing_time = g->p[GYRO_AGEING_TIME];
-    const double dxx = g->p[GYRO_DXX];
-    const double dyy = g->p[GYRO_DYY];
-    const double t = g->t;
-    const double d_ageing = d->p[GYRO_AGEING];
-    const double d_ageing_time = d->p[GYRO_AGEING_TIME];
-    const double d_dxx = d->p[GYRO_DXX];
-    const double d_dxy = d->p[GYRO_DXY];
-    const double d_dyy = d->p[GYRO_DYY];
-    out[0] = (ageing == 0.0 ? 0.0 : (1.0/2.0)*ageing*d_dxx*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)/dxx) + (ageing == 0.0 ? 0.0 : (1.0/2.0)*ageing*d_dyy*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)/dyy) - ageing*d_ageing_time*t*sqrt(dxx*dyy)/((ageing_time*ageing_time)*(1 + t/ageing_time)) + (d_ageing == 0.0 ? 0.0 : d_ageing*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)) + d_dxy;
 }
 
 static inline void tangent_thermal_gain(const gyro_view *g, const gyro_tangent *d, double *out)
@@ -151,6 +437,87 @@ static inline void tangent_thermal_stiffness(const gyro_view *g, const gyro_tang
     out[0] = d_kxx*(tck*(-t_ref + temperature_structure) + 1) - d_t_ref*kxx*tck + d_tck*kxx*(-t_ref + temperature_structure) + d_temperature_structure*kxx*tck;
     out[1] = d_kxy*(tck*(-t_ref + temperature_structure) + 1) - d_t_ref*kxy*tck + d_tck*kxy*(-t_ref + temperature_structure) + d_temperature_structure*kxy*tck;
     out[2] = d_kyy*((-t_ref + temperature_structure)*(tck + tck_split) + 1) + d_t_ref*kyy*(-tck - tck_split) + d_tck*kyy*(-t_ref + temperature_structure) + d_tck_split*kyy*(-t_ref + temperature_structure) + d_temperature_structure*kyy*(tck + tck_split);
+}
+
+static inline void tangent_thermal_hysteresis(const gyro_view *g, const gyro_tangent *d, double *out)
+{
+    (void)g, (void)d;
+    const double dxx = g->p[GYRO_DXX];
+    const double dxy = g->p[GYRO_DXY];
+    const double dyy = g->p[GYRO_DYY];
+    const double kxx = g->p[GYRO_KXX];
+    const double kyy = g->p[GYRO_KYY];
+    const double temperature_structure = g->p[GYRO_TEMPERATURE_STRUCTURE];
+    const double thermal_hysteresis = g->p[GYRO_THERMAL_HYSTERESIS];
+    const double thermal_hysteresis_width_1 = g->p[GYRO_THERMAL_HYSTERESIS_WIDTH_1];
+    const double thermal_hysteresis_width_2 = g->p[GYRO_THERMAL_HYSTERESIS_WIDTH_2];
+    const double thermal_hysteresis_width_3 = g->p[GYRO_THERMAL_HYSTERESIS_WIDTH_3];
+    const double thermal_play_1 = g->remembered_now[GYRO_MEMORY_THERMAL_PLAY_1];
+    const double thermal_play_2 = g->remembered_now[GYRO_MEMORY_THERMAL_PLAY_2];
+    const double thermal_play_3 = g->remembered_now[GYRO_MEMORY_THERMAL_PLAY_3];
+    const double d_dxx = d->p[GYRO_DXX];
+    const double d_dxy = d->p[GYRO_DXY];
+    const double d_dyy = d->p[GYRO_DYY];
+    const double d_kxx = d->p[GYRO_KXX];
+    const double d_kyy = d->p[GYRO_KYY];
+    const double d_temperature_structure = d->p[GYRO_TEMPERATURE_STRUCTURE];
+    const double d_thermal_hysteresis = d->p[GYRO_THERMAL_HYSTERESIS];
+    const double d_thermal_hysteresis_width_1 = d->p[GYRO_THERMAL_HYSTERESIS_WIDTH_1];
+    const double d_thermal_hysteresis_width_2 = d->p[GYRO_THERMAL_HYSTERESIS_WIDTH_2];
+    const double d_thermal_hysteresis_width_3 = d->p[GYRO_THERMAL_HYSTERESIS_WIDTH_3];
+    const double d_thermal_play_1 = d->remembered_now[GYRO_MEMORY_THERMAL_PLAY_1];
+    const double d_thermal_play_2 = d->remembered_now[GYRO_MEMORY_THERMAL_PLAY_2];
+    const double d_thermal_play_3 = d->remembered_now[GYRO_MEMORY_THERMAL_PLAY_3];
+    out[0] = -d_kxx*thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + d_kyy*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1) + d_temperature_structure*thermal_hysteresis*(-kxx + kyy)*((1.0/3.0)/thermal_hysteresis_width_3 + (1.0/3.0)/thermal_hysteresis_width_2 + (1.0/3.0)/thermal_hysteresis_width_1) + d_thermal_hysteresis*(-kxx + kyy)*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_1*thermal_hysteresis*(-kxx + kyy)*(temperature_structure - thermal_play_1)/(thermal_hysteresis_width_1*thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_2*thermal_hysteresis*(-kxx + kyy)*(temperature_structure - thermal_play_2)/(thermal_hysteresis_width_2*thermal_hysteresis_width_2) - 1.0/3.0*d_thermal_hysteresis_width_3*thermal_hysteresis*(-kxx + kyy)*(temperature_structure - thermal_play_3)/(thermal_hysteresis_width_3*thermal_hysteresis_width_3) - 1.0/3.0*d_thermal_play_1*thermal_hysteresis*(-kxx + kyy)/thermal_hysteresis_width_1 - 1.0/3.0*d_thermal_play_2*thermal_hysteresis*(-kxx + kyy)/thermal_hysteresis_width_2 - 1.0/3.0*d_thermal_play_3*thermal_hysteresis*(-kxx + kyy)/thermal_hysteresis_width_3;
+    out[1] = d_dxx*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1) + d_temperature_structure*dxx*thermal_hysteresis*((1.0/3.0)/thermal_hysteresis_width_3 + (1.0/3.0)/thermal_hysteresis_width_2 + (1.0/3.0)/thermal_hysteresis_width_1) + d_thermal_hysteresis*dxx*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_1*dxx*thermal_hysteresis*(temperature_structure - thermal_play_1)/(thermal_hysteresis_width_1*thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_2*dxx*thermal_hysteresis*(temperature_structure - thermal_play_2)/(thermal_hysteresis_width_2*thermal_hysteresis_width_2) - 1.0/3.0*d_thermal_hysteresis_width_3*dxx*thermal_hysteresis*(temperature_structure - thermal_play_3)/(thermal_hysteresis_width_3*thermal_hysteresis_width_3) - 1.0/3.0*d_thermal_play_1*dxx*thermal_hysteresis/thermal_hysteresis_width_1 - 1.0/3.0*d_thermal_play_2*dxx*thermal_hysteresis/thermal_hysteresis_width_2 - 1.0/3.0*d_thermal_play_3*dxx*thermal_hysteresis/thermal_hysteresis_width_3;
+    out[2] = d_dyy*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1) + d_temperature_structure*dyy*thermal_hysteresis*((1.0/3.0)/thermal_hysteresis_width_3 + (1.0/3.0)/thermal_hysteresis_width_2 + (1.0/3.0)/thermal_hysteresis_width_1) + d_thermal_hysteresis*dyy*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_1*dyy*thermal_hysteresis*(temperature_structure - thermal_play_1)/(thermal_hysteresis_width_1*thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_2*dyy*thermal_hysteresis*(temperature_structure - thermal_play_2)/(thermal_hysteresis_width_2*thermal_hysteresis_width_2) - 1.0/3.0*d_thermal_hysteresis_width_3*dyy*thermal_hysteresis*(temperature_structure - thermal_play_3)/(thermal_hysteresis_width_3*thermal_hysteresis_width_3) - 1.0/3.0*d_thermal_play_1*dyy*thermal_hysteresis/thermal_hysteresis_width_1 - 1.0/3.0*d_thermal_play_2*dyy*thermal_hysteresis/thermal_hysteresis_width_2 - 1.0/3.0*d_thermal_play_3*dyy*thermal_hysteresis/thermal_hysteresis_width_3;
+    out[3] = d_dxy*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1) + d_temperature_structure*dxy*thermal_hysteresis*((1.0/3.0)/thermal_hysteresis_width_3 + (1.0/3.0)/thermal_hysteresis_width_2 + (1.0/3.0)/thermal_hysteresis_width_1) + d_thermal_hysteresis*dxy*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_1*dxy*thermal_hysteresis*(temperature_structure - thermal_play_1)/(thermal_hysteresis_width_1*thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_2*dxy*thermal_hysteresis*(temperature_structure - thermal_play_2)/(thermal_hysteresis_width_2*thermal_hysteresis_width_2) - 1.0/3.0*d_thermal_hysteresis_width_3*dxy*thermal_hysteresis*(temperature_structure - thermal_play_3)/(thermal_hysteresis_width_3*thermal_hysteresis_width_3) - 1.0/3.0*d_thermal_play_1*dxy*thermal_hysteresis/thermal_hysteresis_width_1 - 1.0/3.0*d_thermal_play_2*dxy*thermal_hysteresis/thermal_hysteresis_width_2 - 1.0/3.0*d_thermal_play_3*dxy*thermal_hysteresis/thermal_hysteresis_width_3;
+}
+
+static inline void tangent_ageing(const gyro_view *g, const gyro_tangent *d, double *out)
+{
+    (void)g, (void)d;
+    const double ageing = g->p[GYRO_AGEING];
+    const double ageing_time = g->p[GYRO_AGEING_TIME];
+    const double dxx = g->p[GYRO_DXX];
+    const double dyy = g->p[GYRO_DYY];
+    const double t = g->t;
+    const double d_ageing = d->p[GYRO_AGEING];
+    const double d_ageing_time = d->p[GYRO_AGEING_TIME];
+    const double d_dxx = d->p[GYRO_DXX];
+    const double d_dxy = d->p[GYRO_DXY];
+    const double d_dyy = d->p[GYRO_DYY];
+    out[0] = (ageing == 0.0 ? 0.0 : (1.0/2.0)*ageing*d_dxx*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)/dxx) + (ageing == 0.0 ? 0.0 : (1.0/2.0)*ageing*d_dyy*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)/dyy) - ageing*d_ageing_time*t*sqrt(dxx*dyy)/((ageing_time*ageing_time)*(1 + t/ageing_time)) + (d_ageing == 0.0 ? 0.0 : d_ageing*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)) + d_dxy;
+}
+
+static inline void tangent_bias_walk(const gyro_view *g, const gyro_tangent *d, double *out)
+{
+    (void)g, (void)d;
+    const double bias_walk = g->p[GYRO_BIAS_WALK];
+    const double bias_walked = g->remembered_now[GYRO_MEMORY_BIAS_WALKED];
+    const double dxx = g->p[GYRO_DXX];
+    const double dyy = g->p[GYRO_DYY];
+    const double d_bias_walk = d->p[GYRO_BIAS_WALK];
+    const double d_bias_walked = d->remembered_now[GYRO_MEMORY_BIAS_WALKED];
+    const double d_dxx = d->p[GYRO_DXX];
+    const double d_dxy = d->p[GYRO_DXY];
+    const double d_dyy = d->p[GYRO_DYY];
+    out[0] = (1.0/2.0)*bias_walk*bias_walked*d_dxx*sqrt(dxx*dyy)/dxx + (1.0/2.0)*bias_walk*bias_walked*d_dyy*sqrt(dxx*dyy)/dyy + bias_walk*d_bias_walked*sqrt(dxx*dyy) + bias_walked*d_bias_walk*sqrt(dxx*dyy) + d_dxy;
+}
+
+static inline void tangent_turn_on_offset(const gyro_view *g, const gyro_tangent *d, double *out)
+{
+    (void)g, (void)d;
+    const double dxx = g->p[GYRO_DXX];
+    const double dyy = g->p[GYRO_DYY];
+    const double turn_on = g->p[GYRO_TURN_ON];
+    const double turn_on_drawn = g->remembered_now[GYRO_MEMORY_TURN_ON_DRAWN];
+    const double d_dxx = d->p[GYRO_DXX];
+    const double d_dxy = d->p[GYRO_DXY];
+    const double d_dyy = d->p[GYRO_DYY];
+    const double d_turn_on = d->p[GYRO_TURN_ON];
+    const double d_turn_on_drawn = d->remembered_now[GYRO_MEMORY_TURN_ON_DRAWN];
+    out[0] = (1.0/2.0)*d_dxx*turn_on*turn_on_drawn*sqrt(dxx*dyy)/dxx + d_dxy + (1.0/2.0)*d_dyy*turn_on*turn_on_drawn*sqrt(dxx*dyy)/dyy + d_turn_on*turn_on_drawn*sqrt(dxx*dyy) + d_turn_on_drawn*turn_on*sqrt(dxx*dyy);
 }
 
 static inline void tangent_coriolis(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
@@ -902,10 +1269,19 @@ static inline void tangent_pickoff_nonlinearity(const gyro_view *g, const gyro_t
     out[1] = 2*d_pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + d_q_y*(2*pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + 1.0/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1));
 }
 
+static inline void tangent_play(const gyro_view *g, const gyro_tangent *d, double *out)
+{
+    (void)g, (void)d;
+    const double d_play_x = d->remembered_now[GYRO_MEMORY_PLAY_X];
+    const double d_play_y = d->remembered_now[GYRO_MEMORY_PLAY_Y];
+    out[0] = d_play_x;
+    out[1] = d_play_y;
+}
+
 /* Laws, as apply_laws applies them, and their tangents from those of the values as set. */
 static inline void tangent_laws(gyro_view *g, const double value[GYRO_N_VARIABLES], gyro_tangent *d)
 {
-    double out[3];
+    double out[4];
     (void)out;
     g->p[GYRO_TEMPERATURE_STRUCTURE] = value[GYRO_TEMPERATURE];
     d->p[GYRO_TEMPERATURE_STRUCTURE] = d->p[GYRO_TEMPERATURE];
@@ -942,17 +1318,21 @@ static inline void tangent_laws(gyro_view *g, const double value[GYRO_N_VARIABLE
         effect_dielectric_charging(g);
         d->p[GYRO_V_BIAS] = out[0];
     }
+    if (g->active[GYRO_EFFECT_STRESS_RELAXATION]) {
+        recall_stress_relaxation(g);
+        tangent_recall_stress_relaxation(g, d);
+        tangent_stress_relaxation(g, d, out);
+        effect_stress_relaxation(g);
+        d->p[GYRO_KXX] = out[0];
+        d->p[GYRO_KYY] = out[1];
+        d->p[GYRO_KXY] = out[2];
+    }
     if (g->active[GYRO_EFFECT_THERMAL_DAMPING]) {
         tangent_thermal_damping(g, d, out);
         effect_thermal_damping(g);
         d->p[GYRO_DXX] = out[0];
         d->p[GYRO_DYY] = out[1];
         d->p[GYRO_DXY] = out[2];
-    }
-    if (g->active[GYRO_EFFECT_AGEING]) {
-        tangent_ageing(g, d, out);
-        effect_ageing(g);
-        d->p[GYRO_DXY] = out[0];
     }
     if (g->active[GYRO_EFFECT_THERMAL_GAIN]) {
         tangent_thermal_gain(g, d, out);
@@ -972,6 +1352,35 @@ static inline void tangent_laws(gyro_view *g, const double value[GYRO_N_VARIABLE
         d->p[GYRO_KXY] = out[1];
         d->p[GYRO_KYY] = out[2];
     }
+    if (g->active[GYRO_EFFECT_THERMAL_HYSTERESIS]) {
+        recall_thermal_hysteresis(g);
+        tangent_recall_thermal_hysteresis(g, d);
+        tangent_thermal_hysteresis(g, d, out);
+        effect_thermal_hysteresis(g);
+        d->p[GYRO_KYY] = out[0];
+        d->p[GYRO_DXX] = out[1];
+        d->p[GYRO_DYY] = out[2];
+        d->p[GYRO_DXY] = out[3];
+    }
+    if (g->active[GYRO_EFFECT_AGEING]) {
+        tangent_ageing(g, d, out);
+        effect_ageing(g);
+        d->p[GYRO_DXY] = out[0];
+    }
+    if (g->active[GYRO_EFFECT_BIAS_WALK]) {
+        recall_bias_walk(g);
+        tangent_recall_bias_walk(g, d);
+        tangent_bias_walk(g, d, out);
+        effect_bias_walk(g);
+        d->p[GYRO_DXY] = out[0];
+    }
+    if (g->active[GYRO_EFFECT_TURN_ON_OFFSET]) {
+        recall_turn_on_offset(g);
+        tangent_recall_turn_on_offset(g, d);
+        tangent_turn_on_offset(g, d, out);
+        effect_turn_on_offset(g);
+        d->p[GYRO_DXY] = out[0];
+    }
 }
 
 /* As actuate, with the tangents. */
@@ -979,6 +1388,16 @@ static inline void tangent_actuate(gyro_view *g, gyro_tangent *d)
 {
     double out[2], moved[2];
     (void)g, (void)d, (void)out, (void)moved;
+    if (g->active[GYRO_EFFECT_PLAY]) {
+        recall_play(g);
+        tangent_recall_play(g, d);
+        tangent_play(g, d, moved);
+        effect_play(g, out);
+        g->u[0] = out[0];
+        d->u[0] = moved[0];
+        g->u[1] = out[1];
+        d->u[1] = moved[1];
+    }
     if (g->active[GYRO_EFFECT_ACTUATOR_NONLINEARITY]) {
         tangent_actuator_nonlinearity(g, d, moved);
         effect_actuator_nonlinearity(g, out);
@@ -1151,6 +1570,18 @@ static inline double lag_tangent(const gyro_tangent *d)
 {
     (void)d;
     return d->p[GYRO_AMPLIFIER_TIME_CONSTANT];
+}
+
+/* The tangent of flow_memories. */
+static inline void tangent_flow(const gyro_view *g, const gyro_tangent *d, double *rate)
+{
+    (void)g, (void)d;
+    for (int i = 0; i < GYRO_N_FLOWING; i++) {
+        rate[i] = 0.0;
+    }
+    if (g->active[GYRO_EFFECT_STRESS_RELAXATION]) {
+        tangent_flow_stress_relaxation(g, d, rate);
+    }
 }
 
 /* The id of an effect that acts, for which the input `vr` may jump but not glide; NULL where it may. */

@@ -18,13 +18,16 @@ static inline int any_crossed_force(const gyro_view *g)
 }
 
 /* The id of an effect that acts and that this form can't follow: a force with states of its own that is not
-   linear. NULL where there is none. */
+   linear, or a map that remembers. NULL where there is none. */
 static inline const char *refused_effect(const gyro_view *g)
 {
     const char *refused = 0;
     (void)g;
     if (g->active[GYRO_EFFECT_HYSTERESIS]) {
         refused = "hysteresis";
+    }
+    if (g->active[GYRO_EFFECT_PLAY]) {
+        refused = "play";
     }
     return refused;
 }
@@ -44,7 +47,7 @@ static inline int any_drawn_force(const gyro_view *g)
 /* Whether the force is not in proportion to the command. */
 static inline int any_curved_actuator(const gyro_view *g)
 {
-    return g->active[GYRO_EFFECT_ACTUATOR_NONLINEARITY];
+    return g->active[GYRO_EFFECT_ACTUATOR_NONLINEARITY] || g->active[GYRO_EFFECT_PLAY];
 }
 
 /* Whether the voltage is not in proportion to the motion. */

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{0396a2da-e72c-8f7a-aefc-788e611fc42d}"
+#define GYRO_TOKEN "{c18d542c-2786-6a92-d6e4-f71254bf8976}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -68,65 +68,74 @@ enum {
     GYRO_OFFSET_X = 50, /* [V] size: offset of the x amplifier */
     GYRO_OFFSET_Y = 51, /* [V] size: offset of the y amplifier */
     GYRO_ANGULAR_GAIN = 52, /* [1] size: Coriolis coupling relative to that of a point mass */
-    GYRO_COMB_FRINGE = 53, /* [1/m] size: change of the force with displacement, relative */
-    GYRO_FORCE_X = 54, /* [N] size: constant force, x axis */
-    GYRO_FORCE_Y = 55, /* [N] size: constant force, y axis */
-    GYRO_STOP_STIFFNESS = 56, /* [N/m] size: stiffness of the stops */
-    GYRO_STOP_GAP = 57, /* [m] shape: displacement at which the mass meets a stop */
-    GYRO_STOP_DAMPING = 58, /* [N.s/m] shape: damping of the stops while they touch */
-    GYRO_K22 = 59, /* [N/m3] size: cubic stiffness that couples the axes */
-    GYRO_K3_X = 60, /* [N/m3] size: cubic stiffness, x axis */
-    GYRO_K3_Y = 61, /* [N/m3] size: cubic stiffness, y axis */
-    GYRO_DAMPING_STEP_FACTOR = 62, /* [1] size: all damping multiplies by this */
-    GYRO_DAMPING_STEP_TIME = 63, /* [s] shape: instant at which the damping steps */
-    GYRO_CHARGING_VOLTAGE = 64, /* [V] size: what the charge adds to the bias voltage in the end */
-    GYRO_CHARGING_TIME = 65, /* [s] shape: time constant of charging */
-    GYRO_FEEDTHROUGH = 66, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
-    GYRO_FRICTION_X = 67, /* [N] size: dry friction, x axis */
-    GYRO_FRICTION_Y = 68, /* [N] size: dry friction, y axis */
-    GYRO_FRICTION_SPEED = 69, /* [m/s] shape: speed over which the friction changes its sign */
-    GYRO_STRIBECK = 70, /* [1] shape: by how much friction near rest exceeds that at speed, relative */
-    GYRO_STRIBECK_SPEED = 71, /* [m/s] shape: speed at which that excess has faded */
-    GYRO_SOFTENING = 72, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
-    GYRO_ELECTRODE_GAP = 73, /* [m] shape: gap of the electrodes */
-    GYRO_FLICKER_NOISE = 74, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
-    GYRO_FRAME_ROTATION = 75, /* [1] size: centrifugal and Euler force times this (1: physical) */
-    GYRO_HYSTERESIS_X = 76, /* [N] size: largest hysteretic force, x axis */
-    GYRO_HYSTERESIS_Y = 77, /* [N] size: largest hysteretic force, y axis */
-    GYRO_HYSTERESIS_LENGTH = 78, /* [m] shape: way on which the force builds up */
-    GYRO_HYSTERESIS_BETA = 79, /* [1] shape: share of the limit that dissipates */
-    GYRO_HYSTERESIS_GAMMA = 80, /* [1] shape: share of the limit that bends */
-    GYRO_HYSTERESIS_N = 81, /* [1] shape: sharpness of the limit */
-    GYRO_ACCELERATION_GAIN_X = 82, /* [1] size: part of the package's acceleration that moves the mass, x axis */
-    GYRO_ACCELERATION_GAIN_Y = 83, /* [1] size: part of the package's acceleration that moves the mass, y axis */
-    GYRO_D2_X = 84, /* [N.s/m3] size: nonlinear damping, x axis */
-    GYRO_D2_Y = 85, /* [N.s/m3] size: nonlinear damping, y axis */
-    GYRO_PARASITIC_RATIO = 86, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
-    GYRO_PARASITIC_COUPLING = 87, /* [N/m] size: spring that couples the parasitic mode to x */
-    GYRO_PARASITIC_FREQUENCY = 88, /* [Hz] shape: frequency of the parasitic mode alone */
-    GYRO_PARASITIC_Q = 89, /* [1] shape: quality factor of the parasitic mode */
-    GYRO_PICKOFF_GAIN_MISMATCH = 90, /* [1] size: relative excess of the y pickoff gain */
-    GYRO_PICKOFF_MISALIGNMENT = 91, /* [1] size: part of each displacement that the other pickoff sees */
-    GYRO_PICKOFF_MISMATCH = 92, /* [1] size: relative mismatch of the pair of sensing capacitors */
-    GYRO_PICKOFF_INVERSE_GAP = 93, /* [1/m] size: one over the gap of the sensing capacitors */
-    GYRO_K2_X = 94, /* [N/m2] size: quadratic stiffness, x axis */
-    GYRO_K2_Y = 95, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SAMPLING_JITTER = 96, /* [s] size: rms error of the sampling instant */
-    GYRO_SENSE_NOISE = 97, /* [V] size: white noise, rms a sample */
-    GYRO_SQUEEZE_X = 98, /* [N.s/m] size: damping of the film at rest, x axis */
-    GYRO_SQUEEZE_Y = 99, /* [N.s/m] size: damping of the film at rest, y axis */
-    GYRO_SQUEEZE_GAP = 100, /* [m] shape: gap of the film */
-    GYRO_TCD = 101, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 102, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 103, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_STRUCTURE_LAG = 104, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 105, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 106, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 107, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 108, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 109, /* [K] shape: temperature at which parameters are as given */
+    GYRO_BIAS_WALK = 53, /* [s-0.5] size: random walk of the cross damping, rms in 1 s, over √(dxx dyy) */
+    GYRO_COMB_FRINGE = 54, /* [1/m] size: change of the force with displacement, relative */
+    GYRO_FORCE_X = 55, /* [N] size: constant force, x axis */
+    GYRO_FORCE_Y = 56, /* [N] size: constant force, y axis */
+    GYRO_STOP_STIFFNESS = 57, /* [N/m] size: stiffness of the stops */
+    GYRO_STOP_GAP = 58, /* [m] shape: displacement at which the mass meets a stop */
+    GYRO_STOP_DAMPING = 59, /* [N.s/m] shape: damping of the stops while they touch */
+    GYRO_K22 = 60, /* [N/m3] size: cubic stiffness that couples the axes */
+    GYRO_K3_X = 61, /* [N/m3] size: cubic stiffness, x axis */
+    GYRO_K3_Y = 62, /* [N/m3] size: cubic stiffness, y axis */
+    GYRO_DAMPING_STEP_FACTOR = 63, /* [1] size: all damping multiplies by this */
+    GYRO_DAMPING_STEP_TIME = 64, /* [s] shape: instant at which the damping steps */
+    GYRO_CHARGING_VOLTAGE = 65, /* [V] size: what the charge adds to the bias voltage in the end */
+    GYRO_CHARGING_TIME = 66, /* [s] shape: time constant of charging */
+    GYRO_FEEDTHROUGH = 67, /* [V/N] size: voltage at the amplifier's input for each newton of drive */
+    GYRO_FRICTION_X = 68, /* [N] size: dry friction, x axis */
+    GYRO_FRICTION_Y = 69, /* [N] size: dry friction, y axis */
+    GYRO_FRICTION_SPEED = 70, /* [m/s] shape: speed over which the friction changes its sign */
+    GYRO_STRIBECK = 71, /* [1] shape: by how much friction near rest exceeds that at speed, relative */
+    GYRO_STRIBECK_SPEED = 72, /* [m/s] shape: speed at which that excess has faded */
+    GYRO_SOFTENING = 73, /* [N/m.V2] size: electrostatic softening a, per square of the bias voltage */
+    GYRO_ELECTRODE_GAP = 74, /* [m] shape: gap of the electrodes */
+    GYRO_FLICKER_NOISE = 75, /* [V/Hz0.5] size: amplitude density of flicker noise at 1 Hz */
+    GYRO_FRAME_ROTATION = 76, /* [1] size: centrifugal and Euler force times this (1: physical) */
+    GYRO_HYSTERESIS_X = 77, /* [N] size: largest hysteretic force, x axis */
+    GYRO_HYSTERESIS_Y = 78, /* [N] size: largest hysteretic force, y axis */
+    GYRO_HYSTERESIS_LENGTH = 79, /* [m] shape: way on which the force builds up */
+    GYRO_HYSTERESIS_BETA = 80, /* [1] shape: share of the limit that dissipates */
+    GYRO_HYSTERESIS_GAMMA = 81, /* [1] shape: share of the limit that bends */
+    GYRO_HYSTERESIS_N = 82, /* [1] shape: sharpness of the limit */
+    GYRO_ACCELERATION_GAIN_X = 83, /* [1] size: part of the package's acceleration that moves the mass, x axis */
+    GYRO_ACCELERATION_GAIN_Y = 84, /* [1] size: part of the package's acceleration that moves the mass, y axis */
+    GYRO_D2_X = 85, /* [N.s/m3] size: nonlinear damping, x axis */
+    GYRO_D2_Y = 86, /* [N.s/m3] size: nonlinear damping, y axis */
+    GYRO_PARASITIC_RATIO = 87, /* [1] size: parasitic capacitance over open-loop gain times feedback capacitance */
+    GYRO_PARASITIC_COUPLING = 88, /* [N/m] size: spring that couples the parasitic mode to x */
+    GYRO_PARASITIC_FREQUENCY = 89, /* [Hz] shape: frequency of the parasitic mode alone */
+    GYRO_PARASITIC_Q = 90, /* [1] shape: quality factor of the parasitic mode */
+    GYRO_PICKOFF_GAIN_MISMATCH = 91, /* [1] size: relative excess of the y pickoff gain */
+    GYRO_PICKOFF_MISALIGNMENT = 92, /* [1] size: part of each displacement that the other pickoff sees */
+    GYRO_PICKOFF_MISMATCH = 93, /* [1] size: relative mismatch of the pair of sensing capacitors */
+    GYRO_PICKOFF_INVERSE_GAP = 94, /* [1/m] size: one over the gap of the sensing capacitors */
+    GYRO_PLAY = 95, /* [N] size: half width of the actuator's backlash */
+    GYRO_K2_X = 96, /* [N/m2] size: quadratic stiffness, x axis */
+    GYRO_K2_Y = 97, /* [N/m2] size: quadratic stiffness, y axis */
+    GYRO_SAMPLING_JITTER = 98, /* [s] size: rms error of the sampling instant */
+    GYRO_SENSE_NOISE = 99, /* [V] size: white noise, rms a sample */
+    GYRO_SQUEEZE_X = 100, /* [N.s/m] size: damping of the film at rest, x axis */
+    GYRO_SQUEEZE_Y = 101, /* [N.s/m] size: damping of the film at rest, y axis */
+    GYRO_SQUEEZE_GAP = 102, /* [m] shape: gap of the film */
+    GYRO_RELAXATION = 103, /* [1/K] size: change of stiffness with the lagging temperature */
+    GYRO_RELAXATION_TIME = 104, /* [s] shape: time constant of the relaxing stress */
+    GYRO_TCD = 105, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 106, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 107, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_THERMAL_HYSTERESIS = 108, /* [1] size: by what warming changes split and damping, relative; cooling as much back */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_1 = 109, /* [K] shape: half width of play operator 1 */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_2 = 110, /* [K] shape: half width of play operator 2 */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_3 = 111, /* [K] shape: half width of play operator 3 */
+    GYRO_STRUCTURE_LAG = 112, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 113, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 114, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 115, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 116, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 117, /* [K] shape: temperature at which parameters are as given */
+    GYRO_TURN_ON = 118, /* [1] size: cross damping of a turn-on, rms, over √(dxx dyy) */
     GYRO_N_INPUTS = 10, /* which come first */
-    GYRO_N_VARIABLES = 110
+    GYRO_N_VARIABLES = 119
 };
 
 /* Continuous states. */
@@ -142,11 +151,11 @@ enum {
     GYRO_N_STATES = 8
 };
 
-/* The motion as a differential equation: those states, the voltages behind the amplifier's lag, and what lags.
+/* The motion as a differential equation: those states, the voltages behind the amplifier's lag, what lags, what flows.
    Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {
     GYRO_N_CONTINUOUS = 1,
-    GYRO_FIRST_LOCAL = 111, /* value reference */
+    GYRO_FIRST_LOCAL = 120, /* value reference */
     GYRO_N_LOCALS = 0
 };
 
@@ -155,6 +164,20 @@ enum {
     GYRO_LAGGING_TEMPERATURE_STRUCTURE = 0,
     GYRO_LAGGING_TEMPERATURE_CIRCUIT = 1,
     GYRO_N_LAGGING = 2
+};
+
+/* What effects remember, that which flows by time itself first. */
+enum {
+    GYRO_MEMORY_RELAXING_TEMPERATURE = 0, /* [K] */
+    GYRO_MEMORY_BIAS_WALKED = 1, /* [s0.5] */
+    GYRO_MEMORY_PLAY_X = 2, /* [N] */
+    GYRO_MEMORY_PLAY_Y = 3, /* [N] */
+    GYRO_MEMORY_THERMAL_PLAY_1 = 4, /* [K] */
+    GYRO_MEMORY_THERMAL_PLAY_2 = 5, /* [K] */
+    GYRO_MEMORY_THERMAL_PLAY_3 = 6, /* [K] */
+    GYRO_MEMORY_TURN_ON_DRAWN = 7, /* [1] */
+    GYRO_N_FLOWING = 1,
+    GYRO_N_MEMORIES = 8 /* room for one where there is none */
 };
 
 /* Effects, those of the nominal device first. */
@@ -174,39 +197,44 @@ enum {
     GYRO_EFFECT_AMPLIFIER_DRIFT = 12,
     GYRO_EFFECT_AMPLIFIER_OFFSET = 13,
     GYRO_EFFECT_ANGULAR_GAIN = 14,
-    GYRO_EFFECT_COMB_FRINGE = 15,
-    GYRO_EFFECT_CONSTANT_FORCE = 16,
-    GYRO_EFFECT_CONTACT_STOP = 17,
-    GYRO_EFFECT_CROSS_CUBIC_STIFFNESS = 18,
-    GYRO_EFFECT_CUBIC_STIFFNESS = 19,
-    GYRO_EFFECT_DAMPING_STEP = 20,
-    GYRO_EFFECT_DIELECTRIC_CHARGING = 21,
-    GYRO_EFFECT_DRIVE_FEEDTHROUGH = 22,
-    GYRO_EFFECT_DRY_FRICTION = 23,
-    GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 24,
-    GYRO_EFFECT_FLICKER_NOISE = 25,
-    GYRO_EFFECT_FRAME_ROTATION = 26,
-    GYRO_EFFECT_HYSTERESIS = 27,
-    GYRO_EFFECT_LINEAR_ACCELERATION = 28,
-    GYRO_EFFECT_NONLINEAR_DAMPING = 29,
-    GYRO_EFFECT_PARASITIC_CAPACITANCE = 30,
-    GYRO_EFFECT_PARASITIC_MODE = 31,
-    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 32,
-    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 33,
-    GYRO_EFFECT_PICKOFF_MISMATCH = 34,
-    GYRO_EFFECT_PICKOFF_NONLINEARITY = 35,
-    GYRO_EFFECT_QUADRATIC_STIFFNESS = 36,
-    GYRO_EFFECT_SAMPLING_JITTER = 37,
-    GYRO_EFFECT_SENSE_NOISE = 38,
-    GYRO_EFFECT_SQUEEZE_FILM = 39,
-    GYRO_EFFECT_THERMAL_DAMPING = 40,
-    GYRO_EFFECT_THERMAL_FORCE = 41,
-    GYRO_EFFECT_THERMAL_GAIN = 42,
-    GYRO_EFFECT_THERMAL_LAG = 43,
-    GYRO_EFFECT_THERMAL_PHASE = 44,
-    GYRO_EFFECT_THERMAL_STIFFNESS = 45,
+    GYRO_EFFECT_BIAS_WALK = 15,
+    GYRO_EFFECT_COMB_FRINGE = 16,
+    GYRO_EFFECT_CONSTANT_FORCE = 17,
+    GYRO_EFFECT_CONTACT_STOP = 18,
+    GYRO_EFFECT_CROSS_CUBIC_STIFFNESS = 19,
+    GYRO_EFFECT_CUBIC_STIFFNESS = 20,
+    GYRO_EFFECT_DAMPING_STEP = 21,
+    GYRO_EFFECT_DIELECTRIC_CHARGING = 22,
+    GYRO_EFFECT_DRIVE_FEEDTHROUGH = 23,
+    GYRO_EFFECT_DRY_FRICTION = 24,
+    GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 25,
+    GYRO_EFFECT_FLICKER_NOISE = 26,
+    GYRO_EFFECT_FRAME_ROTATION = 27,
+    GYRO_EFFECT_HYSTERESIS = 28,
+    GYRO_EFFECT_LINEAR_ACCELERATION = 29,
+    GYRO_EFFECT_NONLINEAR_DAMPING = 30,
+    GYRO_EFFECT_PARASITIC_CAPACITANCE = 31,
+    GYRO_EFFECT_PARASITIC_MODE = 32,
+    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 33,
+    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 34,
+    GYRO_EFFECT_PICKOFF_MISMATCH = 35,
+    GYRO_EFFECT_PICKOFF_NONLINEARITY = 36,
+    GYRO_EFFECT_PLAY = 37,
+    GYRO_EFFECT_QUADRATIC_STIFFNESS = 38,
+    GYRO_EFFECT_SAMPLING_JITTER = 39,
+    GYRO_EFFECT_SENSE_NOISE = 40,
+    GYRO_EFFECT_SQUEEZE_FILM = 41,
+    GYRO_EFFECT_STRESS_RELAXATION = 42,
+    GYRO_EFFECT_THERMAL_DAMPING = 43,
+    GYRO_EFFECT_THERMAL_FORCE = 44,
+    GYRO_EFFECT_THERMAL_GAIN = 45,
+    GYRO_EFFECT_THERMAL_HYSTERESIS = 46,
+    GYRO_EFFECT_THERMAL_LAG = 47,
+    GYRO_EFFECT_THERMAL_PHASE = 48,
+    GYRO_EFFECT_THERMAL_STIFFNESS = 49,
+    GYRO_EFFECT_TURN_ON_OFFSET = 50,
     GYRO_N_PINK = 1, /* of which draw pink numbers */
-    GYRO_N_EFFECTS = 46
+    GYRO_N_EFFECTS = 51
 };
 
 typedef enum {

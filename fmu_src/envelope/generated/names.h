@@ -55,6 +55,7 @@
 #define gyro_beat_of GyroscopeEnvelope_gyro_beat_of
 #define gyro_beats_until GyroscopeEnvelope_gyro_beats_until
 #define gyro_before_tuning GyroscopeEnvelope_gyro_before_tuning
+#define gyro_begin_memories GyroscopeEnvelope_gyro_begin_memories
 #define gyro_carrier GyroscopeEnvelope_gyro_carrier
 #define gyro_check GyroscopeEnvelope_gyro_check
 #define gyro_come_to GyroscopeEnvelope_gyro_come_to
