@@ -71,6 +71,12 @@ class _Simulation:
         self.voltage = self._compiled(self.dynamics.voltage)
         self.voltage_rate = self._compiled(self.dynamics.voltage_rate)
         self.sample = self._compiled(self.dynamics.sample)
+        self.begun, self.now, self.renewed = (
+            self._compiled(tuple(getattr(r, what) for r in self.dynamics.remembered))
+            for what in ("start", "now", "sample")
+        )
+        self.flow = self._compiled(tuple(memory.start for memory in self.dynamics.flowing))
+        self.memory = [0.0] * len(self.dynamics.remembered)
         self.delay = float(self.dynamics.delay.subs(self.by_symbol))
         self.lag = self._compiled((self.dynamics.time_constant,))
         self.lagging = any(isinstance(e, Lag) for e in self.dynamics.effects)
@@ -89,6 +95,8 @@ class _Simulation:
             list(symbols.CHANGES),
             drawn,
             switches,
+            [r.symbol for r in self.dynamics.remembered],
+            symbols.since,
         )
         return lambdify(
             arguments,
@@ -96,8 +104,9 @@ class _Simulation:
             modules=[{"nearest_integer": np.rint}, "numpy"],
         )
 
-    def _context(self, k: int, t: float, u: tuple[float, float], sample: int) -> tuple[list[float], ...]:
-        """What holds at ``t``: the inputs of index ``k``, the force ``u``, the noise of ``sample``, the switches."""
+    def _context(self, k: int, t: float, u: tuple[float, float], sample: int) -> tuple[Any, ...]:
+        """What holds at ``t``: the inputs of index ``k``, the force ``u``, the noise of ``sample``, the switches, what is
+        remembered and the sample period."""
         held = [
             u[0] if name == "u_x" else u[1] if name == "u_y" else float(values[k])
             for name, values in self.inputs.items()
@@ -109,7 +118,7 @@ class _Simulation:
             float(isinstance(e, Law) and e.event is not None and t >= self.values[e.event.name])
             for e in self.dynamics.effects
         ]
-        return held, changes, drawn, switches
+        return held, changes, drawn, switches, self.memory, self.t[1] - self.t[0]
 
     def _force(self, t: float) -> tuple[float, float]:
         """The force at the mass at time ``t``: the one commanded ``delay`` ago, before the start the first."""
@@ -132,6 +141,10 @@ class _Simulation:
         state[:4] = [self.values[f"{name}_start"] for name in self.names[:4]]
         for follower in self.dynamics.followers:
             state[self.names.index(follower.state.name)] = self.inputs[follower.source.name][0]
+        context = self._context(0, self.t[0], self._force(self.t[0]), 0)
+        if self.dynamics.flowing:
+            state[-len(self.dynamics.flowing) :] = self.flow(self.t[0], state, STILL, *context)
+        self.memory = self.begun(self.t[0], state, STILL, *context)
         return state
 
     def run(self) -> dict[str, Floats]:
@@ -144,6 +157,7 @@ class _Simulation:
             )
         rows = []
         for k, t in enumerate(self.t):
+            self.memory = self._renew(k, t, state, acting) if k > 0 else self.memory
             rows.append(self._row(k, t, state, acting))
             if k + 1 < len(self.t):
                 state[[1, 3]] += self.jumps(t, state[: len(self.names)], STILL, *self._context(k, t, acting, k))
@@ -155,6 +169,10 @@ class _Simulation:
         return dict(
             zip(("v_x", "v_y", "temperature_structure", "temperature_circuit", *self.names), columns, strict=True)
         )
+
+    def _renew(self, k: int, t: float, state: Floats, acting: tuple[float, float]) -> list[float]:
+        """What is remembered from sample ``k`` on."""
+        return list(self.renewed(t, state[: len(self.names)], STILL, *self._context(k - 1, t, acting, k)))
 
     def _row(self, k: int, t: float, state: Floats, acting: tuple[float, float]) -> list[float]:
         # The inputs are those held until now, the noise is that of this sample.
@@ -186,6 +204,7 @@ class _Simulation:
         if self.lagging and self.lag(end, after[:n], STILL, *context)[0] <= 0:
             # No lag: the voltage is there at once.
             after[n:] = self.voltage(end, after[:n], STILL, *context)
+        self.memory = list(self.now(end, after[:n], STILL, *context))
         return after
 
 
@@ -194,10 +213,14 @@ def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Map
     variational equation.
 
     S' = (∂f/∂s) S + ∂f/∂p, S = 0 at the start. Raises InputError as ``simulate`` does, and for a device with a
-    delay, a lag or impulses.
+    delay, a lag, impulses or what remembers.
     """
     simulation = _Simulation(device, t, inputs, no_noise)
-    left_out = [e.id for e in simulation.dynamics.effects if isinstance(e, (Delay, Lag)) or getattr(e, "impulse", None)]
+    left_out = [
+        e.id
+        for e in simulation.dynamics.effects
+        if isinstance(e, (Delay, Lag)) or e.memories or getattr(e, "impulse", None)
+    ]
     if left_out:
         raise InputError(f"sensitivities: {', '.join(left_out)} not covered; switch off first")
     dynamics, n = simulation.dynamics, len(simulation.names)

@@ -15,10 +15,12 @@ _OWN = (
     *(symbols.t, symbols.after, symbols.normal_x, symbols.normal_y, symbols.omega_z_change),
     *(symbols.v_x_rate, symbols.v_y_rate),
     *symbols.PINK,
+    symbols.since,
 )
 _SIGNALS = ("u_x", "u_y", "q_x", "q_y", "v_x", "v_y")
 _BODY = """
-{export} {name}(const double *p, const double *s, const double *signals, const double *own, double *out)
+{export} {name}(const double *p, const double *s, const double *signals, const double *own,
+    const double *memories, double *out)
 {{
     gyro_view view = {{0}};
     for (int i = 0; i < GYRO_N_VARIABLES; i++) view.p[i] = p[i];
@@ -31,12 +33,31 @@ _BODY = """
     view.v_rate[0] = own[5]; view.v_rate[1] = own[6];
     view.t = own[0];
     view.after[{effect}] = own[1];
+    view.since = own[9];
+    for (int i = 0; i < GYRO_N_MEMORIES; i++) view.remembered[i] = view.remembered_now[i] = memories[i];
     {call}
 }}
 """
 
 
 def _call(effect: Effect) -> str:
+    first = len(effect.made())
+    copies = ""
+    for i, name in enumerate(list(effect.terms())[first:]):
+        what, memory = name.split("_", 1)
+        function, where = {
+            "start": ("begin", "remembered"),
+            "now": ("recall", "remembered_now"),
+            "sample": ("renew", "remembered"),
+        }[what]
+        copies += (
+            f" {{ gyro_view other = view; {function}_{effect.id}(&other);"
+            f" out[{first + i}] = other.{where}[GYRO_MEMORY_{memory.upper()}]; }}"
+        )
+    return copies + _made(effect)
+
+
+def _made(effect: Effect) -> str:
     if isinstance(effect, Delay):
         return "out[0] = force_delay(&view);"
     if isinstance(effect, Lag):
@@ -44,7 +65,7 @@ def _call(effect: Effect) -> str:
     if isinstance(effect, Follow):
         return " ".join(f"out[{i}] = view.p[GYRO_{c.name.upper()}];" for i, c in enumerate(effect.follows.values()))
     if isinstance(effect, Law):
-        copies = (f"out[{i}] = view.p[GYRO_{name.upper()}];" for i, name in enumerate(effect.terms()))
+        copies = (f"out[{i}] = view.p[GYRO_{name.upper()}];" for i, name in enumerate(effect.made()))
         return f"effect_{effect.id}(&view); " + " ".join(copies)
     if isinstance(effect, Force) and effect.impulse:
         return f"effect_{effect.id}(&view, out); impulse_{effect.id}(&view, out + 2);"
@@ -76,7 +97,8 @@ class EffectLibrary:
         s = np.array([values.get(symbol.name, 0.0) for symbol in self.model.state_symbols])
         signals = np.array([values.get(name, 0.0) for name in _SIGNALS])
         own = np.array([values.get(symbol.name, 0.0) for symbol in _OWN])
+        memories = np.array([values.get(memory.symbol.name, 0.0) for memory in self.model.memories] or [0.0])
         out = np.zeros(2 + len(self.model.states) + len(effect.terms()))
         function = getattr(self.library, f"call_{effect.id}")
-        function(*(array.ctypes.data_as(ct.POINTER(ct.c_double)) for array in (p, s, signals, own, out)))
+        function(*(array.ctypes.data_as(ct.POINTER(ct.c_double)) for array in (p, s, signals, own, memories, out)))
         return {name: float(value) for name, value in zip(effect.terms(), out, strict=False)}
