@@ -33,10 +33,10 @@ _STATE, _FORCE, _ESTIMATED, _KNOWN = "s", "f", "p", "c"
 
 def can_be_estimated(model: Model, name: str) -> bool:
     """Whether the loop can find a parameter of an effect: not where it is a time at which something happens, a lag of a
-    temperature, noise, the converter's limit, or the angular gain, which nothing but the angle shows; nor of a force
-    that saturates or has a corner, whose slope the filter can't hold over a sample."""
+    temperature, noise, what remembers, the converter's limit, or the angular gain, which nothing but the angle shows;
+    nor of a force that saturates or has a corner, whose slope the filter can't hold over a sample."""
     effect = next((e for e in model.effects if any(q.name == name for q in e.parameters)), None)
-    if effect is None or effect.noise or effect.nominal or isinstance(effect, Follow):
+    if effect is None or effect.noise or effect.nominal or effect.memories or isinstance(effect, Follow):
         return False
     if isinstance(effect, Force) and (uses_command(effect) or any(e.has(Application) for e in effect.terms().values())):
         return False
@@ -68,6 +68,11 @@ class KnownModel:
             if isinstance(effect, Force) and any(state.rate.has(Application) for state in effect.states):
                 raise InputError(
                     f"effect {effect_id}: its states bend too sharply for the loop's prediction; leave it out of the "
+                    "design"
+                )
+            if effect.memories and not effect.noise:
+                raise InputError(
+                    f"effect {effect_id}: the loop's model keeps no record of what it remembers; leave it out of the "
                     "design"
                 )
             if uses_command(self.model.effect(effect_id)):

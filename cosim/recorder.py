@@ -17,6 +17,7 @@ from cosim.run import Run
 from cosim.scenarios import INPUT_NAMES
 from gyro_model.device import Device
 from gyro_model.evaluate import evaluate
+from gyro_model.remembered import remembered
 
 Floats = NDArray[np.float64]
 
@@ -253,6 +254,9 @@ def true_parameters(device: Device, t: Floats, held: Floats | None = None) -> di
     for law in device.model.laws:
         if device.acts(law):
             passed = t >= values[law.event.name] if law.event is not None else np.zeros(len(t))
-            changed = evaluate(law, {**values, **result, "t": t, "after": np.asarray(passed, dtype=float)})
+            known = {**values, **result, "t": t, "after": np.asarray(passed, dtype=float)}
+            if law.memories:
+                known |= remembered(law, t, known)
+            changed = evaluate(law, known, law.made())
             result |= {name: np.broadcast_to(value, t.shape) for name, value in changed.items() if name in result}
     return result

@@ -210,7 +210,7 @@ class Terms:
 def _remembers(model: Model, at: Fitted) -> bool:
     """Whether an effect that is fitted in ``at`` has states of its own, which no piece has free."""
     fitted = {free.name for free in at.free}
-    stateful = (e for e in model.effects if isinstance(e, Follow) or (isinstance(e, Force) and e.states))
+    stateful = (e for e in model.effects if isinstance(e, Follow) or e.memories or (isinstance(e, Force) and e.states))
     return any(fitted & {q.name for q in e.parameters} for e in stateful)
 
 

@@ -79,8 +79,8 @@ class State:
 class Memory:
     """A number [unit] that an effect carries from instant to instant, saved with the state of the device.
 
-    ``start``: as the run begins, or the effect does. ``now``: the time ``since`` after it was ``symbol``, while all that
-    the effect reads is held; where ``since`` is not in it, it is the same however often it is taken on the way there.
+    ``start``: as the run begins, or the effect does. ``now``: the time ``since`` after it was ``symbol``, all that the
+    effect reads being held; where ``since`` is not in it, it is the same however often it is taken on the way there.
     ``sample``: at each sample after the first (in the envelope form: at each internal step), ``since`` being the time
     from one to the next. ``start`` and ``sample`` may draw ``normal_x, normal_y``. By default it is zero and stays.
     """

@@ -102,9 +102,7 @@ def memory(effect: Effect, model: Model) -> None:
     for _ in range(50):
         point = random_point(effect, rng, model)
         first, second = rng.uniform(0.0, 2.0, 2) * point.get("since", 1.0)
-        still, whole, part = (
-            recalled(effect, point | {"since": float(s)}) for s in (0.0, first + second, first)
-        )
+        still, whole, part = (recalled(effect, point | {"since": float(s)}) for s in (0.0, first + second, first))
         for own in effect.memories:
             name = own.symbol.name
             [twice] = [recalled(effect, part | {"since": float(second)})[name]]

@@ -38,7 +38,8 @@ _OWN_UNITS = {
 
 def unit_of(name: str, model: Model = MODEL) -> str:
     """The unit of any symbol that a term may use."""
-    states = {own.symbol.name: own.unit for own in (*model.states, *model.memories)}
+    states = {state.symbol.name: state.unit for state in model.states}
+    states |= {memory.symbol.name: memory.unit for memory in model.memories}
     return _OWN_UNITS.get(name) or states.get(name) or model.by_name[name].unit
 
 
@@ -101,7 +102,9 @@ def recalled(effect: Effect, point: Mapping[str, float]) -> dict[str, float]:
     """``point`` with what the effect remembers as it is now, from what it was."""
     terms = effect.terms()
     now = {m.symbol.name: terms[f"now_{m.symbol.name}"] for m in effect.memories if m.now is not None}
-    values = {name: compiled(expr, _sorted(expr))(*(point[s.name] for s in _sorted(expr))) for name, expr in now.items()}
+    values = {
+        name: compiled(expr, _sorted(expr))(*(point[s.name] for s in _sorted(expr))) for name, expr in now.items()
+    }
     return dict(point) | {name: float(value) for name, value in values.items()}
 
 

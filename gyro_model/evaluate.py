@@ -19,11 +19,11 @@ def compiled(expr: Expr, arguments: tuple[Symbol, ...]) -> Callable[..., Any]:
     return lambdify(arguments, expr, modules=_NUMPY)
 
 
-def evaluate(effect: Effect, values: Mapping[str, Any]) -> dict[str, Any]:
-    """The terms of ``effect`` at ``values`` by symbol name, SI, numbers or arrays that broadcast. Raises KeyError for
-    a missing value."""
+def evaluate(effect: Effect, values: Mapping[str, Any], terms: Mapping[str, Expr] | None = None) -> dict[str, Any]:
+    """The terms of ``effect``, or those given, at ``values`` by symbol name, SI, numbers or arrays that broadcast.
+    Raises KeyError for a missing value."""
     result = {}
-    for name, expr in effect.terms().items():
+    for name, expr in (effect.terms() if terms is None else terms).items():
         arguments = tuple(sorted(expr.free_symbols, key=lambda symbol: symbol.name))
         result[name] = compiled(expr, arguments)(*(values[symbol.name] for symbol in arguments))
     return result

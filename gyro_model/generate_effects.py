@@ -202,7 +202,9 @@ def _memories(effect: Effect, place: Places) -> str:
     """What the effect remembers as it begins, within a step, after a sample, and its rate where it flows."""
     of = effect.memories
     parts = [_remember("begin", effect, place, "remembered", [(m, m.start) for m in of])]
-    parts += [_remember("recall", effect, place, "remembered_now", [(m, m.symbol if m.now is None else m.now) for m in of])]
+    parts += [
+        _remember("recall", effect, place, "remembered_now", [(m, m.symbol if m.now is None else m.now) for m in of])
+    ]
     renewed = [(m, m.sample) for m in of if m.sample is not None]
     parts += [_remember("renew", effect, place, "remembered", renewed)] if renewed else []
     flowing = [m for m in of if m.flows]
@@ -216,7 +218,8 @@ def _memories(effect: Effect, place: Places) -> str:
 def _remember(what: str, effect: Effect, place: Places, to: str, made: Sequence[tuple[Memory, Expr]]) -> str:
     exprs = [sympify(expr) for _, expr in made]
     lines = "".join(
-        f"    g->{to}[{memory_macro(m.symbol)}] = {c_expression(expr)};\n" for (m, _), expr in zip(made, exprs, strict=True)
+        f"    g->{to}[{memory_macro(m.symbol)}] = {c_expression(expr)};\n"
+        for (m, _), expr in zip(made, exprs, strict=True)
     )
     head = f"static inline void {what}_{effect.id}(gyro_view *g)"
     return f"{head}\n{{\n{place.declare(effect, exprs, 'remembered')}{lines}}}\n"

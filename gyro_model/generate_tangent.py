@@ -96,9 +96,7 @@ def _along(expr: Expr, model: Model) -> Expr:
     return slope.replace(Heaviside, lambda x, *_: Piecewise((1, x > 0), (0, True)))
 
 
-def _declared(
-    effect: Effect, exprs: Sequence[Expr], places: Places, remembered: str = "remembered_now"
-) -> str:
+def _declared(effect: Effect, exprs: Sequence[Expr], places: Places, remembered: str = "remembered_now") -> str:
     used = {s for expr in exprs for s in expr.free_symbols}
     moving = {s for s in effect.symbols if Symbol(f"d_{s.name}", real=True) in used}
     own = places.declare(effect, [s for s in used if s in effect.symbols], remembered)
@@ -121,7 +119,8 @@ def _recall(effect: Effect, places: Places) -> str:
     if flowing:
         rates = [_along(m.rate, places.model) for m in flowing]
         lines = "".join(
-            f"    rate[{memory_macro(m.symbol)}] = {c_expression(expr)};\n" for m, expr in zip(flowing, rates, strict=True)
+            f"    rate[{memory_macro(m.symbol)}] = {c_expression(expr)};\n"
+            for m, expr in zip(flowing, rates, strict=True)
         )
         declared = _declared(effect, rates, places, "remembered")
         head = f"static inline void tangent_flow_{effect.id}(const gyro_view *g, const gyro_tangent *d, double *rate)"

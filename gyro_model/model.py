@@ -48,7 +48,7 @@ class Model:
 
     def __post_init__(self) -> None:
         _refuse_twins("quantity", (q.name for q in self.quantities))
-        _refuse_twins("state", (own.symbol.name for own in (*self.states, *self.memories)))
+        _refuse_twins("state", [*(s.symbol.name for s in self.states), *(m.symbol.name for m in self.memories)])
         for held in (Delay, Lag):
             _refuse_twins(
                 f"{held.__name__.lower()} in the chain:", [held.__name__ for e in self.effects if isinstance(e, held)]

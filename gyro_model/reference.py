@@ -105,8 +105,8 @@ class _Simulation:
         )
 
     def _context(self, k: int, t: float, u: tuple[float, float], sample: int) -> tuple[Any, ...]:
-        """What holds at ``t``: the inputs of index ``k``, the force ``u``, the noise of ``sample``, the switches, what is
-        remembered and the sample period."""
+        """What holds at ``t``: the inputs of index ``k``, the force ``u``, the noise of ``sample``, the switches, the
+        memories and the sample period."""
         held = [
             u[0] if name == "u_x" else u[1] if name == "u_y" else float(values[k])
             for name, values in self.inputs.items()

@@ -2,9 +2,9 @@
 
     u → p,  p = max(u - b, min(u + b, p before)),  p = 0 at the start
 
-Backlash as a play operator (M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash - a survey, Automatica
-38, 2002, the friction-driven model; M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer 1996, section
-2.3). It acts before the actuator's curve; how fast the command changes does not matter.
+Backlash as a play operator (M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash - a survey,
+Automatica 38, 2002; M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer 1996). It acts before the
+actuator's curve; how fast the command changes does not matter.
 """
 
 from sympy import Expr, Max, Min, Symbol
@@ -30,11 +30,11 @@ EFFECT = Map(
     ),
     slot="actuator play",
     output=(p_x, p_y),
-    signature="the force is smaller than the command by the half width and late; small commands do nothing; odd harmonics",
+    signature="the force lags and is smaller by the half width; small commands do nothing; odd harmonics",
     host_experiment="drive level ramp",
     limits=(
         Limit(
-            why="x gave 0.5 µN and is pushed to 3 µN less 1 µN; y has turned back by 1.5 µN from 4 µN, within the play, and stays",
+            why="x gave 0.5 µN, is pushed to 3 µN less 1 µN; y turned back from 4 µN by less than the play: it stays",
             at={"play": 1e-6, "u_x": 3e-6, "play_x": 5e-7, "u_y": 2.5e-6, "play_y": 3e-6},
             gives={
                 "u_x": 5e-7,

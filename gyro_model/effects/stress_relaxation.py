@@ -14,7 +14,9 @@ from gyro_model.effects.thermal_stiffness import REFERENCE
 from gyro_model.quantities import Grid, shape, size
 from gyro_model.symbols import kxx, kxy, kyy, since, temperature
 
-RELAXATION = size("relaxation", "1/K", "change of stiffness with the lagging temperature", nominal=1e-6, display="ppm/K")
+RELAXATION = size(
+    "relaxation", "1/K", "change of stiffness with the lagging temperature", nominal=1e-6, display="ppm/K"
+)
 TIME = shape(
     "relaxation_time",
     "s",

@@ -5,7 +5,7 @@
 
 A Prandtl-Ishlinskii model of three play operators of half widths w_i (K. Kuhnen, Modeling, identification and
 compensation of complex hysteretic nonlinearities, European Journal of Control 9, 2003; M. Brokate, J. Sprekels,
-Hysteresis and Phase Transitions, Springer 1996, section 2.4). Far along one way s is 1, back on the other -1: between
+Hysteresis and Phase Transitions, Springer 1996). Far along one way s is 1, back on the other -1: between
 both, split and damping differ by 2 h; it takes twice the largest width to change over. Speed does not matter.
 """
 
@@ -36,9 +36,7 @@ EFFECT = Law(
     id="thermal_hysteresis",
     parameters=(HYSTERESIS, *WIDTHS),
     memories=tuple(
-        Memory(
-            p, "K", f"temperature behind play operator {i}", start=T, now=Max(T - w.symbol, Min(T + w.symbol, p))
-        )
+        Memory(p, "K", f"temperature behind play operator {i}", start=T, now=Max(T - w.symbol, Min(T + w.symbol, p)))
         for i, (p, w) in enumerate(zip(plays, WIDTHS, strict=True), 1)
     ),
     changes={kyy: kyy + factor * (kyy - kxx), **{d: d * (1 + factor) for d in (dxx, dyy, dxy)}},
@@ -46,7 +44,7 @@ EFFECT = Law(
     host_experiment="temperature cycle, up and down",
     limits=(
         Limit(
-            why="on the way up the narrow two lag by their widths, the wide one by half of its: s = (1 + 1 + ½)/3 = 5/6",
+            why="on the way up two lag by their widths, the wide one by half of its: s = (1 + 1 + ½)/3 = 5/6",
             at={
                 "thermal_hysteresis": 0.06,
                 "thermal_hysteresis_width_1": 2.0,

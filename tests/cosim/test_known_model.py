@@ -146,6 +146,9 @@ def test_a_wrong_parameter_is_seen_by_the_comparison():
         (("dry_friction",), ("friction_x",), "without an interval"),
         (("contact_stop",), ("stop_stiffness",), "without an interval"),
         (("hysteresis",), (), "leave it out of the design"),
+        (("play",), (), "effect play: .* leave it out of the design"),
+        (("thermal_hysteresis",), (), "effect thermal_hysteresis: .* leave it out of the design"),
+        (("stress_relaxation",), (), "effect stress_relaxation: .* leave it out of the design"),
         (("comb_fringe",), (), "leave it out of the design"),
     ],
 )

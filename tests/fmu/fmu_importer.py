@@ -10,7 +10,7 @@ import fmpy
 
 OK, DISCARD, ERROR = 0, 2, 3  # the same in fmi2Status and fmi3Status
 
-# Every stage that keeps something between steps: noises, delay line, lag, an event, a mode of its own.
+# Every stage that keeps something between steps: noises, delay line, lag, an event, a mode of its own, memories.
 NOISY = {
     "seed": 7,
     "sense_noise": 1e-3,
@@ -27,6 +27,12 @@ NOISY = {
     "frame_rotation": 1.0,
     "sampling_jitter": 1e-9,
     "flicker_noise": 1e-4,
+    "play": 3e-7,
+    "thermal_hysteresis": 0.003,
+    "relaxation": 1e-4,
+    "relaxation_time": 1e-3,
+    "turn_on": 0.01,
+    "bias_walk": 0.1,
     "x_start": 1e-6,
 }
 OUTPUTS = ("v_x", "v_y", "x", "y", "x_dot", "y_dot")

@@ -28,7 +28,9 @@ BUSY = {
     **{"amplifier_time_constant": 3e-6, "structure_lag": 3e-4, "circuit_lag": 1e-4},
     **{"damping_step_factor": 2.0, "damping_step_time": 0.0},
 }
+REMEMBERING = {"play": 3e-7, "thermal_hysteresis": 0.1, "relaxation": 1e-4, "relaxation_time": 1e-3, "turn_on": 0.01}
 DEVICES = {"plain": {}, "busy": BUSY, "delay": BUSY | {"actuator_delay": 1e-5}, "no lag": BUSY | {"structure_lag": 0.0}}
+DEVICES |= {"remembering": BUSY | REMEMBERING}
 OUTPUTS = ("x", "y", "x_dot", "y_dot", "temperature_structure", "temperature_circuit")
 SIZES = {"u_x": 1e-6, "u_y": 1e-6, "omega_z": 10.0, "temperature": 10.0, "a_x": 10.0, "a_y": 10.0, "v_bias": 3.0}
 _UNIT_SIZES = {"1": 0.5, "m": 1e-6, "m/s": 0.02, "V": 1.0, "K": 10.0}

@@ -22,6 +22,15 @@ DEVICES: dict[str, dict[str, float]] = {
     "delay": {"actuator_delay": 47.3e-6, "feedthrough": 1e3},
     "turning": {"frame_rotation": 1.0, "angular_gain": 0.8},
     "mode": {"parasitic_coupling": 8.0, "parasitic_frequency": 4100.0},
+    "play": {"play": 7e-7},
+    "memories": {
+        "thermal_hysteresis": 0.1,
+        "structure_lag": 3e-4,
+        "circuit_lag": 1e-4,
+        "relaxation": 1e-4,
+        "relaxation_time": 4e-4,
+    },
+    "walk": {"bias_walk": 1.0, "turn_on": 0.1, "seed": 3},
     "busy": {**NOISY, "damping_step_time": 7.123e-4},
 }
 SAMPLES = 60

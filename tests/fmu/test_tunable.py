@@ -13,7 +13,7 @@ from gyro_model.reference import simulate
 
 MODEL = load_model()
 TUNABLE = sorted(MODEL.tunable)
-NOISE = {q.name for e in MODEL.effects if e.drawn for q in e.parameters}
+NOISE = {q.name for e in MODEL.effects if e.drawn or e.drawn_at_start for q in e.parameters}
 PERIOD, SWITCH, LAST = 2e-5, 40, 90
 """Of samples and steps [s]; the step at which a parameter is set, the last one."""
 # What lets most effects be seen: a motion, a rate, warmth, a bias voltage, an acceleration.

@@ -61,10 +61,10 @@ STARTS = {"x_start": 1e-6, "y_dot_start": 1e-3}
 
 
 def awake(effect: Effect, model: Model) -> dict[str, float]:
-    """Parameters that switch on an effect and, for a law, what it changes."""
+    """Parameters that switch on an effect and, for a law, what it changes, other laws apart."""
     rng = np.random.default_rng(len(effect.id))
     targets = set(effect.changes) if isinstance(effect, Law) else set()
-    moved = (e for e in model.effects if e.symbols & targets and not e.nominal)
+    moved = (e for e in model.effects if e.symbols & targets and not (e.nominal or isinstance(e, Law)))
     return {name: value for e in (*moved, effect) for name, value in active_parameters(e, rng, model).items()}
 
 
