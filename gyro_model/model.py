@@ -147,7 +147,7 @@ class Model:
         while waiting:
             ready = next((law for law in waiting if not any(_reads(law, other) for other in waiting)), None)
             if ready is None:
-                circle = ", ".join(law.id for law in waiting)
+                circle = ", ".join(law.id for law in _circle(waiting))
                 raise InputError(f"effects {circle}: each law reads what another of them changes; break the circle")
             waiting.remove(ready)
             ordered.append(ready)
@@ -185,6 +185,12 @@ class Model:
 def _reads(law: Law, other: Law) -> bool:
     # Laws that change one target, each from the other's value, come in any order.
     return law is not other and bool(set(other.changes) & (law.symbols - set(law.changes)))
+
+
+def _circle(waiting: list[Law]) -> list[Law]:
+    """Of laws that wait for one another, those that another one waits for."""
+    awaited = [law for law in waiting if any(_reads(other, law) for other in waiting)]
+    return waiting if len(awaited) == len(waiting) else _circle(awaited)
 
 
 def _refuse_twins(kind: str, names: Iterable[str]) -> None:

@@ -653,7 +653,7 @@ static inline void effect_thermal_stiffness(gyro_view *g)
 
    A Prandtl-Ishlinskii model of three play operators of half widths w_i (K. Kuhnen, Modeling, identification and
    compensation of complex hysteretic nonlinearities, European Journal of Control 9, 2003; M. Brokate, J. Sprekels,
-   Hysteresis and Phase Transitions, Springer 1996, section 2.4). Far along one way s is 1, back on the other -1: between
+   Hysteresis and Phase Transitions, Springer 1996). Far along one way s is 1, back on the other -1: between
    both, split and damping differ by 2 h; it takes twice the largest width to change over. Speed does not matter. */
 static inline void effect_thermal_hysteresis(gyro_view *g)
 {
@@ -1039,9 +1039,9 @@ static inline void rate_pickoff_nonlinearity(const gyro_view *g, double out[2])
 
        u → p,  p = max(u - b, min(u + b, p before)),  p = 0 at the start
 
-   Backlash as a play operator (M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash - a survey, Automatica
-   38, 2002, the friction-driven model; M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer 1996, section
-   2.3). It acts before the actuator's curve; how fast the command changes does not matter. */
+   Backlash as a play operator (M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash - a survey,
+   Automatica 38, 2002; M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer 1996). It acts before the
+   actuator's curve; how fast the command changes does not matter. */
 static inline void effect_play(const gyro_view *g, double out[2])
 {
     const double play_x = g->remembered_now[GYRO_MEMORY_PLAY_X];

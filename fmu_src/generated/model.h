@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{c6ee628c-f3f3-01e1-6cdd-e66a4730b5b4}"
+#define GYRO_TOKEN "{42cce805-22ad-8e19-a60d-dc4a8f61198d}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

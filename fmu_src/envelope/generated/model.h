@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{c18d542c-2786-6a92-d6e4-f71254bf8976}"
+#define GYRO_TOKEN "{42023183-15b9-4925-a561-effb7917e821}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
