@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{42cce805-22ad-8e19-a60d-dc4a8f61198d}"
+#define GYRO_TOKEN "{dc999577-5b47-8fe1-870c-fba983f46ad1}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -61,7 +61,7 @@ enum {
     GYRO_OFFSET_X = 43, /* [V] size: offset of the x amplifier */
     GYRO_OFFSET_Y = 44, /* [V] size: offset of the y amplifier */
     GYRO_ANGULAR_GAIN = 45, /* [1] size: Coriolis coupling relative to that of a point mass */
-    GYRO_BIAS_WALK = 46, /* [s-0.5] size: random walk of the cross damping, rms in 1 s, over √(dxx dyy) */
+    GYRO_BIAS_WALK = 46, /* [1/s0.5] size: random walk of the cross damping, rms in 1 s, over √(dxx dyy) */
     GYRO_COMB_FRINGE = 47, /* [1/m] size: change of the force with displacement, relative */
     GYRO_FORCE_X = 48, /* [N] size: constant force, x axis */
     GYRO_FORCE_Y = 49, /* [N] size: constant force, y axis */

@@ -13,7 +13,7 @@ from gyro_model.quantities import size
 from gyro_model.symbols import dxx, dxy, dyy, normal_x, since
 
 WALK = size(
-    "bias_walk", "s-0.5", "random walk of the cross damping, rms in 1 s, over √(dxx dyy)", low=0.0, nominal=1e-6
+    "bias_walk", "1/s0.5", "random walk of the cross damping, rms in 1 s, over √(dxx dyy)", low=0.0, nominal=1e-6
 )
 walked = Symbol("bias_walked", real=True)
 

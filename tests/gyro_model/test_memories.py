@@ -3,6 +3,7 @@ motion by the matrix exponential; and what theory says of each."""
 
 from collections.abc import Callable
 from math import asin, exp, pi, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from gyro_runner import Floats, RestingRunner, Runner
 from philox_oracle import normals
 from scipy.linalg import expm
 
+from gyro_model.build import build
+from gyro_model.contract import check_effect
 from gyro_model.device import Device
 from gyro_model.effects.thermal_hysteresis import EFFECT as HYSTERESIS
 from gyro_model.errors import InputError
@@ -363,3 +366,48 @@ def test_normal_numbers_are_those_of_the_fmu() -> None:
 def test_sensitivities_leave_out_what_remembers() -> None:
     with pytest.raises(InputError, match="play not covered"):
         sensitivities(Device("d", {"play": 1e-7}), ("kxx",), np.arange(3) * PERIOD, {})
+
+
+GAIN_WALK = '''"""The gain of the y pickoff walks at random (a test, 2026)."""
+
+from sympy import Symbol, sqrt
+
+from gyro_model.anatomy import Law, Limit, Memory
+from gyro_model.quantities import size
+from gyro_model.symbols import normal_x, sense_gain_y, since
+
+WALK = size("gain_walk", "1/s0.5", "random walk of the y gain")
+walked = Symbol("gain_walked", real=True)
+
+EFFECT = Law(
+    id="gain_walk",
+    parameters=(WALK,),
+    memories=(Memory(walked, "s0.5", "Wiener process", sample=walked + sqrt(since) * normal_x),),
+    changes={sense_gain_y: sense_gain_y * (1 + WALK.symbol * walked)},
+    noise=True,
+    signature="the scale of v_y strays",
+    host_experiment="long record",
+    limits=(
+        Limit(
+            why="2/√s at 0.25 √s: half as much again; a quarter of a second on, 1 √s is added",
+            at={"gain_walk": 2.0, "gain_walked": 0.25, "sense_gain_y": 1e6, "since": 0.25, "normal_x": 2.0},
+            gives={"sense_gain_y": 1.5e6, "start_gain_walked": 0.0, "sample_gain_walked": 1.25},
+        ),
+    ),
+)
+'''
+
+
+def test_an_amplifier_of_ones_own_drifts_by_the_same_part(tmp_path: Path) -> None:
+    (tmp_path / "effects").mkdir()
+    (tmp_path / "effects" / "gain_walk.py").write_text(GAIN_WALK, encoding="utf-8")
+    model = load_model(tmp_path / "effects")
+    check_effect(model.effect("gain_walk"), model)
+    plant = Runner(build(model).fmi3, tmp_path / "fmu")
+    t = np.arange(200) * PERIOD
+    out = plant.run({**START, "gain_walk": 3.0, "seed": 2}, t)
+    steps = normals(2, "gain_walk", np.arange(len(t)))[:, 0] * sqrt(PERIOD)
+    steps[0] = 0.0
+    # A sample has the gain that is drawn with it.
+    assert out["v_y"] == pytest.approx(1e6 * (1 + 3.0 * np.cumsum(steps)) * out["y"], rel=1e-12)
+    assert np.array_equal(out["v_x"], plant.run(START, t)["v_x"])

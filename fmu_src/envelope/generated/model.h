@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{42023183-15b9-4925-a561-effb7917e821}"
+#define GYRO_TOKEN "{f1a23f67-8242-9af2-e143-dc1e55bb3d85}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -68,7 +68,7 @@ enum {
     GYRO_OFFSET_X = 50, /* [V] size: offset of the x amplifier */
     GYRO_OFFSET_Y = 51, /* [V] size: offset of the y amplifier */
     GYRO_ANGULAR_GAIN = 52, /* [1] size: Coriolis coupling relative to that of a point mass */
-    GYRO_BIAS_WALK = 53, /* [s-0.5] size: random walk of the cross damping, rms in 1 s, over √(dxx dyy) */
+    GYRO_BIAS_WALK = 53, /* [1/s0.5] size: random walk of the cross damping, rms in 1 s, over √(dxx dyy) */
     GYRO_COMB_FRINGE = 54, /* [1/m] size: change of the force with displacement, relative */
     GYRO_FORCE_X = 55, /* [N] size: constant force, x axis */
     GYRO_FORCE_Y = 56, /* [N] size: constant force, y axis */
