@@ -191,16 +191,34 @@ def _taken(columns: dict[str, Floats], kind: str) -> Floats:
 
 
 def _believed(nominal: dict[str, float], records: tuple[Record, ...]) -> tuple[dict[str, float], list[str]]:
-    """The nominal values; where none is given, those of the record's own response, and a note that says so."""
+    """The nominal values; where no more than gains is given, or all but gains, those of the record's own response
+    beside, and a note that says so."""
     fit = [record for record in records if record.role == "fit"]
-    if not fit or any(name in nominal for name in NEEDED[fit[0].axes]):
+    if not fit:
         return nominal, []
-    found = linear_start(fit)
+    needed, gains = NEEDED[fit[0].axes], [f"sense_gain_{axis}" for axis in "xy"[: fit[0].axes]]
+    given, driven = {name for name in needed if name in nominal}, bool(fit[0].u.any())
+    known = [nominal[name] for name in gains if name in given]
+    if given and given - set(gains) and (known or not driven or "m" not in given):
+        return nominal, []
+    gain = known[0] if known else 1.0
+    found = linear_start(fit, [nominal.get(name, gain) for name in gains])
     if found is None:
         return nominal, []
-    gauges = "the gain of the sensors is taken as 1 V/m" + ("" if fit[0].u.any() else ", the mass as 1 kg")
-    values = ", ".join(f"{name} = {found[name]:.4g}" for name in ("m", "kxx", "kyy", "dxx", "dyy") if name in found)
-    return found | nominal, [f"[nominal] is empty: from the record's own response {values} (SI); {gauges}"]
+    said = ""
+    if "m" in given:
+        # In a sensor of another gain, all of mass, stiffness and damping are larger by it.
+        gain = nominal["m"] / found["m"]
+        found = {name: value if name in gains else gain * value for name, value in found.items()}
+        found |= dict.fromkeys(gains, gain)
+        said = f"the gain of the sensors is taken as {gain:.4g} V/m, of which the response is that of the mass given"
+    elif not known:
+        said = "the gain of the sensors is taken as 1 V/m"
+    said += "" if driven else "; the mass is taken as 1 kg"
+    values = ", ".join(f"{name} = {found[name]:.4g}" for name in needed if name not in given and name not in gains)
+    from_record = f"from the record's own response {values} (SI)" if values else ""
+    parts = "; ".join(part for part in (from_record, said.removeprefix("; ")) if part)
+    return found | nominal, [f"[nominal] is {'short' if given else 'empty'}: {parts}"]
 
 
 def _completed(nominal: dict[str, float], axes: int) -> tuple[dict[str, float], list[str]]:

@@ -48,11 +48,13 @@ _HEADING: Final = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 
 
 class Source(NamedTuple):
-    """Where a column comes from: the heading in the lab's table, and SI = factor * value + offset."""
+    """Where a column comes from: the heading in the lab's table, and SI = factor * value + offset, in ``unit``: that of
+    the column, or m where a sensor's voltage is given as the displacement that it stands for."""
 
     heading: str
     factor: float
     offset: float
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -72,11 +74,12 @@ class Request:
 
 
 class Piece(NamedTuple):
-    """One run to be written: columns (n,) in SI."""
+    """One run to be written: columns (n,) in SI; metres: those of v that hold a displacement."""
 
     name: str
     source: Path
     columns: Mapping[str, Floats]
+    metres: tuple[str, ...] = ()
 
 
 def read_lab_table(path: Path) -> pl.DataFrame:
@@ -156,7 +159,8 @@ def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
         )
     said = [
         f"{column} = {source.heading!r}" + (f" * {source.factor:g}" if source.factor != 1 else "")
-        + (f" + {source.offset:g}" if source.offset else "") + f" [{SI[column]}]"
+        + (f" + {source.offset:g}" if source.offset else "") + f" [{source.unit}]"
+        + (f": a sensor of 1 V/m, sense_gain_{column[-1]} = 1" if source.unit == "m" else "")
         for column, source in sources.items()
     ]  # fmt: skip
     unused = [name for name in table.columns if name not in {source.heading for source in sources.values()}]
@@ -166,7 +170,9 @@ def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
                for column, source in sources.items()}  # fmt: skip
     if "t" not in columns:
         columns = {"t": np.arange(len(table)) / float(request.sample_rate or 1.0)} | columns
-    return _cut(path, columns, said)
+    pieces, said = _cut(path, columns, said)
+    metres = tuple(column for column, source in sources.items() if source.unit == "m")
+    return [piece._replace(metres=metres) for piece in pieces], said
 
 
 def _numbers(table: pl.DataFrame, heading: str, path: Path) -> Floats:
@@ -263,7 +269,7 @@ def _held_out(pieces: list[Piece], request: Request) -> tuple[list[Piece], set[s
     if n - border < MINIMUM_SAMPLES:
         raise InputError(f"{single.source}: {n} rows are too few to hold out a fifth; give a second file")
     stem = single.name.removesuffix(".parquet")
-    parts = [Piece(f"{stem}-{word}.parquet", single.source, {c: v[rows] for c, v in single.columns.items()})
+    parts = [single._replace(name=f"{stem}-{word}.parquet", columns={c: v[rows] for c, v in single.columns.items()})
              for word, rows in (("fit", slice(None, border)), ("held-out", slice(border, None)))]  # fmt: skip
     return parts, {parts[1].name}, f"held out: the last fifth of the only run, {parts[1].name}"
 
@@ -271,7 +277,9 @@ def _held_out(pieces: list[Piece], request: Request) -> tuple[list[Piece], set[s
 def _toml(pieces: list[Piece], rates: Mapping[str, float], held_out: set[str], request: Request) -> str:
     lines = [f"format = {FORMAT}", "", "[nominal]"]
     model = load_model()
-    lines += [f"{name} = {float(value)!r} # {model.parameter(name).unit}" for name, value in request.nominal.items()]
+    gains = {f"sense_gain_{column[-1]}": 1.0 for column in _metres(pieces)}
+    nominal = {**request.nominal, **gains}
+    lines += [f"{name} = {float(value)!r} # {model.parameter(name).unit}" for name, value in nominal.items()]
     if not request.nominal:
         lines += ["# What you believe of the device, SI; or name the device by --nominal.",
                   "# m = 1.8e-7", "# kxx = 63.955", "# dxx = 1.8e-6", "# sense_gain_x = 1e6"]  # fmt: skip
@@ -281,6 +289,17 @@ def _toml(pieces: list[Piece], rates: Mapping[str, float], held_out: set[str], r
         lines += ['role = "held-out"'] if piece.name in held_out else []
         lines += [f'hold = "{request.hold}"'] if request.hold != "zero" else []
     return "\n".join(lines) + "\n"
+
+
+def _metres(pieces: Sequence[Piece]) -> tuple[str, ...]:
+    """The columns of v that hold a displacement. Raises InputError where runs differ."""
+    for piece in pieces:
+        if piece.metres != pieces[0].metres:
+            raise InputError(
+                f"{piece.source} and {pieces[0].source}: one has v in m, the other in V: "
+                "name one unit by --scale, or make a data set of each"
+            )
+    return pieces[0].metres
 
 
 def _write(folder: Path, pieces: list[Piece], text: str) -> None:
@@ -307,9 +326,10 @@ def _bare(heading: str) -> str:
     return re.sub(r"[\s\-]+", "_", (match[1] if match else heading).strip().lower())
 
 
-def _scale(column: str, heading: str, given: str | None) -> tuple[float, float]:
-    """(factor, offset) by --scale, else by the unit in the heading, else SI."""
-    units = MEASURED[SI[column]]
+def _scale(column: str, heading: str, given: str | None) -> tuple[float, float, str]:
+    """(factor, offset, unit) by --scale, else by the unit in the heading, else SI."""
+    choices = (SI[column], "m") if column in ("v_x", "v_y") else (SI[column],)
+    units = {name: (*factors, si) for si in choices for name, factors in MEASURED[si].items()}
     if given is not None:
         if given in units:
             return units[given]
@@ -319,11 +339,11 @@ def _scale(column: str, heading: str, given: str | None) -> tuple[float, float]:
             factor = 0.0
         if factor == 0 or not np.isfinite(factor):
             raise InputError(f"--scale {column}={given}: give a number or one of {', '.join(units)}")
-        return factor, 0.0
+        return factor, 0.0, SI[column]
     match = _HEADING.fullmatch(heading)
     unit = match[2] if match else None
     if not unit:
-        return 1.0, 0.0
+        return 1.0, 0.0, SI[column]
     if unit not in units:
         raise InputError(
             f"{column} = {heading!r}: {unit!r} is no unit of it; "

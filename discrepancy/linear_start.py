@@ -1,8 +1,8 @@
 """Nominal values from nothing but the record: where the lab believes nothing, its own response says m, k and d.
 
 The peaks of the response give the modes, and least squares of the weak form about them the rest (``linear_fit.py``).
-The gain of the sensors is a gauge and is held at 1 V/m, so that m, k and d are those of such a sensor. Without a force
-the mass is a gauge too, held at 1 kg.
+The gain of the sensors is a gauge: m, k and d are those of the gain that is given. Without a force the mass is a gauge
+too, held at 1 kg.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,14 +26,15 @@ QUALITY: Final = 1e5
 """Highest quality factor that is believed: a damping that comes out lower, or negative, is set to it."""
 
 
-def linear_start(records: Sequence[Record]) -> dict[str, float] | None:
-    """Nominal values by FMU name, SI; None where no linear model explains the runs."""
+def linear_start(records: Sequence[Record], gains: Sequence[float] = (1.0, 1.0)) -> dict[str, float] | None:
+    """Nominal values by FMU name, SI, for sensors of so many ``gains`` [V/m]; None where no linear model explains the
+    runs."""
     axes = records[0].axes
     driven = any(record.u.any() for record in records)
     peaks = [2 * np.pi * _peak(records, axis, driven) for axis in range(axes)]
-    values = {"m": 1.0, "kxx": peaks[0] ** 2, "dxx": peaks[0] / 100, "sense_gain_x": 1.0}
+    values = {"m": 1.0, "kxx": peaks[0] ** 2, "dxx": peaks[0] / 100, "sense_gain_x": gains[0]}
     if axes == 2:
-        values |= {"kyy": peaks[1] ** 2, "dyy": peaks[1] / 100, "kxy": 0.0, "dxy": 0.0, "sense_gain_y": 1.0}
+        values |= {"kyy": peaks[1] ** 2, "dyy": peaks[1] / 100, "kxy": 0.0, "dxy": 0.0, "sense_gain_y": gains[1]}
     for _ in range(ROUNDS):
         forms = [form for form in (weak_form(record, values) for record in records) if form is not None]
         if not forms:
@@ -50,6 +51,11 @@ def _solved(form: WeakForm, values: Mapping[str, float], driven: bool) -> dict[s
     one = len(form.force) == 1
     names: tuple[str, ...] = ("m", "kxx", "dxx") if one else ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
     columns, target = equations(form, values, names)
+    if not one:
+        # Coriolis force is in proportion to the mass, which is sought.
+        turning = np.concatenate((form.turning[1], -form.turning[0]))
+        columns[:, 0] -= turning
+        target = target - values["m"] * turning
     if not driven:
         columns, target, names = columns[:, 1:], target - values["m"] * columns[:, 0], names[1:]
     a, b = np.vstack((columns.real, columns.imag)), np.concatenate((target.real, target.imag))

@@ -221,3 +221,22 @@ def test_a_missing_file_and_a_wrong_kind(tmp_path: Path) -> None:
     for name, expected in (("none.csv", "does not exist"), ("data.xyz", ".parquet")):
         with pytest.raises(InputError, match=expected):
             init(tmp_path / name, "--out", tmp_path / "set")
+
+
+def test_a_displacement_is_the_voltage_of_a_sensor_of_one_volt_a_metre(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    moved = {"sense x [mV]": None, "sense y [mV]": None, "v_x [um]": WAVE, "v_y [nm]": 1e3 * WAVE}
+    init(lab_table(tmp_path, **moved), "--out", tmp_path / "set", "--nominal", "reference")
+    data = load_dataset(tmp_path / "set")
+    assert data.nominal == {**load_device("reference").parameters, "sense_gain_x": 1.0, "sense_gain_y": 1.0}
+    # A product by a unit's factor rounds twice at most.
+    assert data.fit[0].v == pytest.approx(1e-6 * np.stack((WAVE, WAVE), 1)[:800], rel=1e-14, abs=1e-30)
+    assert "sense_gain_x = 1" in capsys.readouterr().out
+
+
+def test_runs_in_volts_and_in_metres_are_no_one_set(tmp_path: Path) -> None:
+    moved = {"sense x [mV]": None, "v_x [um]": WAVE}
+    files = [lab_table(tmp_path), lab_table(tmp_path, "two.csv", **moved)]
+    with pytest.raises(InputError, match="make a data set of each"):
+        init(*files, "--out", tmp_path / "set")

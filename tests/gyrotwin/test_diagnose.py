@@ -384,7 +384,7 @@ FAULTS: dict[str, Fault] = {
     "no folder": (lambda p, r: p / "none", [], "dataset init"),
     "format": (lambda p, r: written(p / "d", r, head="format = 2"), [], "format = 2"),
     "unknown nominal key": (lambda p, r: written(p / "d", r, {**TRUE, "kxxx": 1.0}), [], "'kxx'"),
-    "lacking nominal": (lambda p, r: written(p / "d", r, {"m": 1e-7}), [], "lacks kxx"),
+    "lacking nominal": (lambda p, r: written(p / "d", r, {"kxx": 64.0}), [], "lacks m "),
     "no run": (lambda p, r: written(p / "d", {}), [], "no run"),
     "no run to fit": (lambda p, r: written(p / "d", {"a.parquet": r["run-0.parquet"]}), [], "no run to fit"),
     "missing column": (lambda p, r: written(p / "d", {n: t.drop("v_y") for n, t in r.items()}), [], "v_y"),
