@@ -77,6 +77,18 @@ def _finite(value: Any) -> Any:
     return None if isinstance(plain, float) and not isfinite(plain) else plain
 
 
+def balanced(figures: Sequence[Figure], left_out: Sequence[str], rules: Sequence[str]) -> list[Figure]:
+    """The figures, where ``left_out`` names effects without what one of ``rules`` would have them be: it does not know
+    these effects."""
+    if not left_out:
+        return list(figures)
+    note = f"nothing expected: the harmonic balance leaves out {', '.join(left_out)}"
+    return [
+        f._replace(expected=None, rule="", note=f"{f.note}; {note}" if f.note else note) if f.rule in rules else f
+        for f in figures
+    ]
+
+
 def mean(values: Sequence[float] | Floats) -> tuple[float, float | None]:
     """Mean and its standard error by the scatter, None of a single value."""
     array = np.asarray(values, dtype=float)

@@ -13,7 +13,8 @@ from cosim.rate import loop
 from cosim.rate.courses import Course, constant
 from cosim.rate.master import LoopedPlant, simulate
 from cosim.rate.run import RateRun
-from cosim.rate.steady_state import Output, output_at
+from cosim.rate.steady_state import COVERED, Output, output_at
+from gyro_model.anatomy import Follow
 from gyro_model.device import Device
 
 Floats = NDArray[np.float64]
@@ -25,6 +26,10 @@ SETTLES: Final = 5.0
 AGREE: Final = 1e-3
 """Envelope and full FMU agree where bias over full scale and scale factor differ by less than this, or by less than the
 noise."""
+FROM_REST: Final = dict.fromkeys(("x_start", "x_dot_start", "y_start", "y_dot_start"), 0.0)
+"""Nothing swings when the power comes on, whatever the device file lets begin."""
+NOISES: Final = ("sense_noise", "adc_quantisation", "thermal_force")
+"""Noises of which ``noise_limits`` knows."""
 SURE: Final = 4.0
 """Differences within this many standard errors are noise."""
 
@@ -140,6 +145,23 @@ class Bench:
         """The settled output by harmonic balance at a temperature [K], None: of reference."""
         return output_at(self.device, self.typical.nominal.calibration, temperature or self.reference_temperature)
 
+    @cached_property
+    def left_out(self) -> tuple[str, ...]:
+        """Effects that act on the settled output and of which the harmonic balance does not know."""
+        known = (*COVERED, *(("actuator_delay",) if self.design is None else ()))
+        return tuple(
+            effect.id
+            for effect in self.device.model.effects
+            if not (effect.nominal or effect.noise or isinstance(effect, Follow) or effect.id in known)
+            and self.device.acts(effect)
+        )
+
+    @cached_property
+    def other_noises(self) -> tuple[str, ...]:
+        """Noises that act and of which ``noise_limits`` does not know."""
+        model = self.device.model
+        return tuple(e.id for e in model.effects if e.noise and e.id not in NOISES and self.device.acts(e))
+
     def asked(
         self,
         duration: float,
@@ -169,7 +191,7 @@ class Bench:
             output_rate=output_rate,
             envelope=envelope,
             design=design,
-            held=held or {},
+            held={**FROM_REST, **(held or {})},
         )
 
     def record(self, duration: float, *, envelope: bool | None = None, **course: Any) -> Record:

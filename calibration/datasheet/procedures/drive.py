@@ -2,7 +2,7 @@
 
 from math import degrees
 
-from calibration.datasheet.figure import Figure, Outcome, mean
+from calibration.datasheet.figure import Figure, Outcome, balanced, mean
 from calibration.datasheet.procedure import RATE, Procedure
 from cosim.rate.bench import Bench
 
@@ -46,7 +46,7 @@ def measure(bench: Bench) -> Outcome:
             "what the amplitude loop is set to",
         )
     )
-    return Outcome(figures)
+    return Outcome(balanced(figures, bench.left_out, [rule]))
 
 
 PROCEDURE = Procedure("Drive and quadrature", "12.2", RATE, measure, 2)

@@ -25,7 +25,10 @@ def measure(bench: Bench) -> Outcome:
     walk = noise_limits(run.nominal, bench.reference_temperature, 1 / run.sample_rate).total
     figures = terms(found, len(records))
     rule = "√(thermal² + electronics²): √(k_B T/(mωQA²))/λ, and the noise of the pickoff over its scale factor"
-    figures[1] = figures[1]._replace(expected=PER_ROOT_HOUR * walk, rule=rule)
+    if bench.other_noises:
+        rule += f"; {', '.join(bench.other_noises)} add to it"
+    how = "at least" if bench.other_noises else "equals"
+    figures[1] = figures[1]._replace(expected=PER_ROOT_HOUR * walk, rule=rule, how=how)
     return Outcome(figures, [curve(found)])
 
 

@@ -1,9 +1,11 @@
 """Scale factor: nonlinearity, asymmetry, repeatability, from plateaus of the rate up and down through full scale."""
 
+from math import sqrt
+
 import numpy as np
 
 from calibration.analysis.staircase import PPM, Plateaus, plateaus, staircase
-from calibration.datasheet.figure import Curve, Figure, Outcome, mean, spread
+from calibration.datasheet.figure import Curve, Figure, Outcome, balanced, mean, spread
 from calibration.datasheet.procedure import RATE, Procedure
 from cosim.rate.allan import noise_limits
 from cosim.rate.bench import Bench, Record, steps
@@ -24,7 +26,8 @@ def measure(bench: Bench) -> Outcome:
     repeats, repeats_error = spread([one.scale_factor_ppm for one in found])
     run = bench.typical
     walk = noise_limits(run.nominal, bench.reference_temperature, 1 / run.sample_rate).total
-    within = PPM * walk / np.sqrt(bench.plan.plateau * (rates**2).sum())
+    within = float(PPM * walk / np.sqrt(bench.plan.plateau * (rates**2).sum()))
+    repeats_error = max(repeats_error, within / sqrt(2 * (len(found) - 1)))
     ideal = staircase(_settled(bench, rates))
     calibration = run.nominal.calibration
     # The mean over the turn-ons: the largest of a residual that is noise would grow with the noise.
@@ -93,7 +96,7 @@ def measure(bench: Bench) -> Outcome:
         "Departure from the scale factor's line",
         {"rate [°/s]": np.degrees(line.rate), "residual [ppm of full scale]": residual},
     )
-    return Outcome(figures, [curve])
+    return Outcome(balanced(figures, bench.left_out, [balance]), [curve])
 
 
 def plateaus_of(one: Record, settling: float) -> Plateaus:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from calibration.analysis.regression import least_squares
-from calibration.datasheet.figure import Curve, Figure, Outcome
+from calibration.datasheet.figure import Curve, Figure, Outcome, balanced
 from calibration.datasheet.procedure import RATE, Procedure
 from cosim.rate.bench import Bench, Record, steps
 from cosim.rate.metrics import PER_HOUR
@@ -26,7 +26,7 @@ def measure(bench: Bench) -> Outcome:
         found.append(_bias_and_scale(one, bench.settled(one, stays), stays, rate))
         balance = bench.expected(temperature)
         expected.append((balance.bias, balance.scale_factor, balance.drive_frequency))
-    bias, scale, frequency, error = np.array(found).T
+    bias, scale, frequency, error, wander = np.array(found).T
     bias_true, scale_true, frequency_true = np.array(expected).T
     rule = "harmonic balance of the settled device"
     hour = f"largest less smallest over {celsius[0]:g} to {celsius[-1]:g} °C"
@@ -41,12 +41,12 @@ def measure(bench: Bench) -> Outcome:
             "ppm/°C",
             PPM * frequency / frequency_true.mean(),
             PPM * frequency_true / frequency_true.mean(),
-            None,
+            PPM * wander / frequency_true.mean(),
         ),
     ):
         span = float(np.ptp(celsius))
         wide = float(np.ptp(values)) / span
-        white = None if noise is None else float(np.sqrt(2) * noise.mean() / span)
+        white = float(np.sqrt(2) * noise.mean() / span)
         figures.append(
             Figure(
                 f"{key}_temperature",
@@ -63,7 +63,7 @@ def measure(bench: Bench) -> Outcome:
         line = np.stack([celsius - celsius.mean(), np.ones_like(celsius)], axis=1)
         fit, fit_true = least_squares(line, values), least_squares(line, true)
         # The error is by noise: what is no line is no error of its slope.
-        white = None if noise is None else float(noise.mean() / np.sqrt((line[:, 0] ** 2).sum()))
+        white = float(noise.mean() / np.sqrt((line[:, 0] ** 2).sum()))
         figures.append(
             Figure(
                 f"{key}_slope",
@@ -91,17 +91,22 @@ def measure(bench: Bench) -> Outcome:
             "drive frequency [Hz]": frequency,
         },
     )
-    return Outcome(figures, [curve])
+    if bench.left_out:
+        curve = curve._replace(columns={n: v for n, v in curve.columns.items() if not n.startswith("expected")})
+    return Outcome(balanced(figures, bench.left_out, [rule]), [curve])
 
 
-def _bias_and_scale(one: Record, settled: np.ndarray, stays: float, rate: float) -> tuple[float, float, float, float]:
-    """Bias [rad/s], scale factor, drive frequency [Hz], standard error of a plateau's mean [rad/s]."""
+def _bias_and_scale(one: Record, settled: np.ndarray, stays: float, rate: float) -> tuple[float, ...]:
+    """Bias [rad/s], scale factor, drive frequency [Hz], standard errors of a plateau's mean [rad/s] and
+    of the frequency [Hz]."""
     index = np.minimum((one.t - 1e-9) // stays, 3).astype(int)
     parts = [one.rate[settled & (index == k)] for k in range(4)]
     means = [float(part.mean()) for part in parts]
     # Blocks of a tenth of the plateau are longer than the output filter remembers.
     error = float(np.mean([np.std([b.mean() for b in np.array_split(part, 10)], ddof=1) for part in parts])) / 10**0.5
-    return (means[0] + means[2]) / 2, (means[1] - means[3]) / (2 * rate), float(one.frequency[settled].mean()), error
+    frequency = np.array([one.frequency[settled & (index == k)].mean() for k in range(4)])
+    bias, scale = (means[0] + means[2]) / 2, (means[1] - means[3]) / (2 * rate)
+    return bias, scale, float(frequency.mean()), error, float(frequency.std(ddof=1)) / 2
 
 
 PROCEDURE = Procedure("Operating temperature", "12.8", RATE, measure, 3)

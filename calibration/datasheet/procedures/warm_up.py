@@ -13,7 +13,7 @@ FIRST = 0.02
 LAST = 0.25
 """Shares of the long record at rest that are its begin and its end."""
 PIECES = 50
-SURE = 3.0
+SURE = 4.0
 
 
 def measure(bench: Bench) -> Outcome:
@@ -49,7 +49,7 @@ def measure(bench: Bench) -> Outcome:
                 "s",
                 step,
                 len(pieces),
-                note=f"from when on means over {step:.3g} s stay within 3 standard errors of the end"
+                note=f"from when on means over {step:.3g} s stay within 4 standard errors of the end"
                 if settled
                 else f"still drifts at the end, after {duration:.4g} s",
             ),

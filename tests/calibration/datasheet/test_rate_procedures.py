@@ -172,3 +172,22 @@ def test_modes_of_packaged_devices_are_those_of_their_matrices() -> None:
 def test_the_formula_of_the_open_loop_is_one_at_rest(bench: Bench) -> None:
     gain = expected_transfer(bench.device, bench.typical, np.array([1e-6, 1.0]))
     assert gain[0] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_nothing_is_expected_where_the_balance_does_not_know_an_effect(bench: Bench) -> None:
+    assert bench.left_out == ()
+    assert bench.other_noises == ()
+    own = Bench(device(pickoff_misalignment=0.01, flicker_noise=1e-6), plan=PLAN._replace(rest_records=1))
+    assert own.left_out == ("pickoff_misalignment",)
+    assert own.other_noises == ("flicker_noise",)
+    bias = figures(own, "bias")["bias"]
+    assert bias.expected is None
+    assert "pickoff_misalignment" in bias.note
+    assert figures(own, "noise")["angle_random_walk"].how == "at least"
+
+
+def test_a_bench_turns_on_from_rest_whatever_the_device_file_lets_begin() -> None:
+    swinging = Bench(device(x_start=SWING), plan=PLAN)
+    found = figures(swinging, "turn_on")
+    assert found["turn_on_lock"].holds
+    assert found["turn_on_lock"].value > 2 * Q_X / (2 * pi * F_X) * 0.05
