@@ -1,7 +1,7 @@
 #include "edge_fit.h"
 
 #define FITTED_MOST 1000 /* samples of a fit at most */
-#define RIDGE 1e-9       /* of the diagonal */
+#define PRIOR 4e-4       /* squared noise of a position over what is expected of all terms but the pattern's own: 2e-5 and 1e-3 of the pattern's size */
 
 static void terms_at(const edge *e, int64_t k, int64_t at, double turn, double w, double size, double complex out[TERMS])
 {
@@ -47,9 +47,9 @@ void edge_fit(const edge *e, int count, int64_t first, int64_t last, int64_t at,
             found[i] += conj(terms[i]) * z;
         }
     }
-    /* A term that is not there, of a tone that is not driven, is held at zero by the ridge. */
-    for (int i = 0; i < count; i++) {
-        A[i][i] += RIDGE * creal(A[0][0]);
+    /* Terms that few samples can't tell apart stay small, and that of a tone that is not driven zero. */
+    for (int i = PATTERN_TERMS; i < count; i++) {
+        A[i][i] += PRIOR;
     }
     /* Cholesky, in place: A = L D L*. */
     for (int j = 0; j < count; j++) {
