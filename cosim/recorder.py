@@ -15,6 +15,7 @@ from cosim.monitor import Monitor, Verdict
 from cosim.observers.record import CoreObserver
 from cosim.run import Run
 from cosim.scenarios import INPUT_NAMES
+from cosim.trace import Trace
 from gyro_model.device import Device
 from gyro_model.evaluate import evaluate
 from gyro_model.remembered import remembered
@@ -42,12 +43,13 @@ class Validity(NamedTuple):
 class Result(NamedTuple):
     """What a run gives.
 
-    trace: columns of trace.parquet; start: the first milliseconds at full rate, with the true states; units: the angle
+    trace: columns of trace.parquet, thinned where it is long; rows: all of it; start: the first milliseconds at full rate, with the true states; units: the angle
     units, after use; converged_at: when the angle was valid first [s] or None; bounds: None where it can't be told;
     validity; wall_time: of the loop [s]; estimate_names: what else was estimated, by FMU name.
     """
 
     trace: pl.DataFrame
+    rows: Trace
     start: pl.DataFrame
     units: dict[str, AngleUnit]
     converged_at: float | None
@@ -69,7 +71,7 @@ class Recorder:
         self.converged_at: float | None = None
         self.names = lib.estimate_names
         self.extra_names = lib.known.estimated if isinstance(run.observer, CoreObserver) else ()
-        self._blocks: list[dict[str, NDArray[Any]]] = []
+        self._trace = Trace(-(-run.samples // self.every))
         self._start: list[pl.DataFrame] = []
         self._motion: list[tuple[Floats, ...]] = []
         self._verdict = Verdict(False, "the run has only begun", np.inf, np.inf)
@@ -100,7 +102,7 @@ class Recorder:
         kept = slice(-first % self.every, None, self.every)
         angle_true = self._angle_true(converged, omega_z)
         if len(t[kept]):
-            self._blocks.append(self._trace(t[kept], rows[kept], held[kept], angle_true[kept], angles, kept))
+            self._trace.add(self._columns(t[kept], rows[kept], held[kept], angle_true[kept], angles, kept))
         self._samples += len(rows)
         self._valid_samples += int(converged.sum())
         self._judge(t[-1], rows[-1], held[-1])
@@ -115,9 +117,9 @@ class Recorder:
         reason = self._stopped or ("" if self._verdict.valid else self._verdict.reason)
         valid = self._verdict.valid and not self._stopped
         validity = Validity(self._valid_samples / max(self._samples, 1), withdrawn, valid, reason, self._stopped)
-        columns = {name: np.concatenate([block[name] for block in self._blocks]) for name in self._blocks[0]}
         return Result(
-            pl.DataFrame(columns),
+            self._trace.frame(),
+            self._trace,
             pl.concat(self._start),
             self.units,
             self.converged_at,
@@ -168,7 +170,7 @@ class Recorder:
         block = Block(t, x, x_dot, y, y_dot, forced, near, omega_squared, converged, self.angular_gain, turned)
         return {name: unit.process(block) for name, unit in self.units.items()}
 
-    def _trace(
+    def _columns(
         self,
         t: Floats,
         rows: Floats,
@@ -182,7 +184,7 @@ class Recorder:
         angle, quality = angles[self.run.scenario.angle_unit]
         extra = [self.names.index(name) for name in self.extra_names]
         changing = {name: held[:, i] for i, name in enumerate(INPUT_NAMES) if i and name in self.run.scenario.courses}
-        columns = {
+        return {
             "t": t,
             "omega_true": held[:, 0],
             "angle_true": angle_true,
@@ -203,7 +205,6 @@ class Recorder:
             **{f"angle_{name}": angles[name][0][kept] for name in UNIT_NAMES},
             **changing,
         }
-        return {name: np.array(values) for name, values in columns.items()}
 
     def _start_frame(self, t: Floats, true: Floats, estimate: Floats, held: Floats) -> pl.DataFrame:
         parameters = true_parameters(self.run.device, t, held)
