@@ -121,9 +121,9 @@ def _deviations(lib: Library, design: Design, memory: Array) -> tuple[Array, flo
     to_values = _to_values(p, design)
     rate = lib.sizes["NS"]
     omega = np.sqrt(own[rate, rate] + np.sum((slopes[rate] @ root) ** 2))
-    turning, bending = ctypes.c_double(), ctypes.c_double()
+    turning, bending, unseen = ctypes.c_double(), ctypes.c_double(), ctypes.c_double()
     stiffness = ctypes.c_double(design.stiffness)
-    lib.call.core_filter_drift(pointer(memory), stiffness, ctypes.byref(turning), ctypes.byref(bending))
+    lib.call.core_filter_drift(pointer(memory), stiffness, *map(ctypes.byref, (turning, bending, unseen)))
     return np.sqrt(np.sum((to_values @ root) ** 2, axis=1)), float(omega), turning.value
 
 

@@ -72,8 +72,8 @@ class Monitor:
 
     def judge(self, t: float, estimate: Floats, deviation: Floats, inputs: Floats) -> Verdict:
         """The verdict at ``t`` [s] on the last estimates of a block and their deviations, with the measured inputs."""
-        turning, bending = self._drift(estimate, deviation, inputs)
-        reason = self._doubt(t, estimate, deviation, turning)
+        turning, bending, unseen = self._drift(estimate, deviation, inputs)
+        reason = self._doubt(t, estimate, deviation, turning, unseen)
         self._previous.append((t, estimate[KXX : M + 1].copy()))
         self._doubts = self._doubts + 1 if reason else 0
         if self.valid and 0 < self._doubts < DOUBTS and reason.startswith(INNOVATIONS):
@@ -92,7 +92,7 @@ class Monitor:
                 self.valid = True
         return Verdict(self.valid, reason, turning, bending)
 
-    def _doubt(self, t: float, estimate: Floats, deviation: Floats, turning: float) -> str:
+    def _doubt(self, t: float, estimate: Floats, deviation: Floats, turning: float, unseen: float) -> str:
         set_ = self.settings
         if not np.isfinite(estimate).all():
             return "an estimate is no number"
@@ -120,7 +120,8 @@ class Monitor:
             i = int(np.argmax(moved / tolerance))
             return f"{PARAMETER_NAMES[i]} is not steady"
         if not turning <= set_["drift_limit"]:
-            return f"the angle may drift by {np.rad2deg(turning):.2g} deg/s (1 sigma): gauge or weak tones"
+            most = "gauge: turn the device or the pattern" if unseen > 0.5 * turning else "weak tones"
+            return f"the angle may drift by {np.rad2deg(turning):.2g} deg/s (1 sigma): {most}"
         return ""
 
     def health(self) -> dict[str, float]:
@@ -154,18 +155,20 @@ class Monitor:
         tolerance[3:6] = np.maximum(tolerance[3:6], turning_mass * np.array([4.0, 4.0, 2.0]))
         return tolerance
 
-    def _drift(self, estimate: Floats, deviation: Floats, inputs: Floats) -> tuple[float, float]:
-        turning, bending = ctypes.c_double(), ctypes.c_double()
+    def _drift(self, estimate: Floats, deviation: Floats, inputs: Floats) -> tuple[float, float, float]:
+        """Standard deviations of the turning [rad/s] and the bending [rad]; of the turning that part which no sample
+        shows while the device goes on as it does."""
+        turning, bending, unseen = ctypes.c_double(), ctypes.c_double(), ctypes.c_double()
         stiffness = ctypes.c_double(self.design.stiffness)
         out = (ctypes.byref(turning), ctypes.byref(bending))
         if isinstance(self.observer, CoreObserver):
-            self.lib.call.core_filter_drift(pointer(self.part.memory), stiffness, *out)
+            self.lib.call.core_filter_drift(pointer(self.part.memory), stiffness, *out, ctypes.byref(unseen))
         else:
             known = known_values(self.design.without_estimates(), self.lib, self.period)
             arrays = (known, np.ascontiguousarray(estimate), np.ascontiguousarray(deviation), inputs)
             self.lib.call.core_estimate_drift(*map(pointer, arrays), stiffness, *out)
         if not (isfinite(turning.value) and isfinite(bending.value)):
-            return float("inf"), float("inf")
+            return float("inf"), float("inf"), 0.0
         # The angle is read as the pattern's over the angular gain.
         gain = max(abs(self.design.all_values["angular_gain"]), 1e-300)
-        return turning.value / gain, bending.value / gain
+        return turning.value / gain, bending.value / gain, unseen.value / gain

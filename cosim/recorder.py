@@ -43,9 +43,10 @@ class Validity(NamedTuple):
 class Result(NamedTuple):
     """What a run gives.
 
-    trace: columns of trace.parquet, thinned where it is long; rows: all of it; start: the first milliseconds at full rate, with the true states; units: the angle
-    units, after use; converged_at: when the angle was valid first [s] or None; bounds: None where it can't be told;
-    validity; wall_time: of the loop [s]; estimate_names: what else was estimated, by FMU name.
+    trace: columns of trace.parquet, thinned where it is long; rows: all of them; start: the first milliseconds at full
+    rate, with the true states; units: the angle units, after use; converged_at: when the angle was valid first [s] or
+    None; bounds: None where it can't be told; validity; wall_time: of the loop [s]; extra_names: what else was
+    estimated, by FMU name.
     """
 
     trace: pl.DataFrame

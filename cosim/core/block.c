@@ -1,9 +1,11 @@
 #include "block.h"
 
+#include "unseen.h"
+
 #define PARALLEL 1e-7 /* share of a variance that two bounds must not have in common */
 #define BOUNDS 4     /* lowest values that may be reached at once */
 
-/* Row r of the block in eta, W' h. */
+/* Row r of the block in eta, W' h, less what no sample shows. */
 static void row_in_eta(const filter *f, int64_t r, double g[NP])
 {
     for (int j = 0; j < NP; j++) {
@@ -15,6 +17,7 @@ static void row_in_eta(const filter *f, int64_t r, double g[NP])
             g[j] += f->W[i][j] * h;
         }
     }
+    unseen_leave_out(f, g);
 }
 
 /* L of J + g g' where it was that of J, by rotations. A start is told 1e13 times more of k/m than it knew; in a sum of g g' the rounding of
@@ -104,11 +107,11 @@ void block_solve(double L[NP][NP], const double b[NP], double x[NP], double half
     }
 }
 
-void block_along(const filter *f, int i, double d[NP])
+void block_scale(const filter *f, const double p[NP], double d[NP])
 {
     for (int j = NP - 1; j >= 0; j--) {
-        d[j] = i == j ? 1.0 : 0.0;
-        for (int k = j + 1; k <= i; k++) {
+        d[j] = p[j];
+        for (int k = j + 1; k < NP; k++) {
             d[j] -= f->W[j][k] * d[k];
         }
         d[j] /= f->W[j][j];

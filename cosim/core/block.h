@@ -11,8 +11,8 @@ double block_information(const filter *f, double L[NP][NP], double b[NP]);
 /* L^-1 b. */
 void block_halve(double L[NP][NP], const double b[NP], double half[NP]);
 
-/* Column i of W^-1: what eta becomes where p_i alone moves by one. */
-void block_along(const filter *f, int i, double d[NP]);
+/* d = W^-1 p: a change of p in units of W. */
+void block_scale(const filter *f, const double p[NP], double d[NP]);
 
 /* Adds the variance of p_i that the standard deviation `wide` stands for. */
 void block_widen(filter *f, int i, double wide);

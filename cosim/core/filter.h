@@ -53,6 +53,10 @@ typedef struct {
     int64_t since; /* sample at which the constants were last opened */
     double walk, surprises, restarts, wait, share;
     double forget[NP], moving[NP]; /* rate at which each constant, the others given, is forgotten [1/s]; running excess of its squared motion */
+    double unseen[NP][NP];     /* changes of p that no sample shows, row by row */
+    double unseen_eta[NP][NP]; /* what they span, in units of W, orthonormal */
+    int shown[NP]; /* blocks in a row that showed something of them */
+    int unseen_count;
     int lost;               /* whether a whole start has found no device */
     double effort; /* samples that may still be filtered again */
     double fit; /* mean squared innovation at the last fit of a growing block */

@@ -5,10 +5,15 @@
 #include "known_model.h"
 #include "prediction.h"
 #include "rate.h"
+#include "restart.h"
 #include "take_up.h"
+#include "unseen.h"
 
 #define ROUNDS 8     /* filterings of a block at most */
 #define MOVED 0.3    /* change of p in its new standard deviations, all together, that is worth another one */
+#define WORTH 0.1      /* fall of the sum of squares that is worth another one */
+#define SHORTEST 0.003 /* part of a step that is worth a filtering */
+#define FOR_WHOLE 10.0 /* filterings of a whole start that are saved up for it */
 #define FORGET_SHARE 0.05 /* of a block in the running mean that forgetting follows */
 #define FORGET_SIGMAS 5.0 /* standard deviations at which it counts as moving */
 #define FORGET_MIN 0.1 /* where forgetting begins [1/s] */
@@ -36,6 +41,7 @@ void fit_begin(filter *f)
     f->begun = f->now;
     memcpy(f->p_begun, f->k.p, sizeof f->p_begun);
     memset(f->eta, 0, sizeof f->eta);
+    unseen_scale(f);
     plan_block(f);
 }
 
@@ -103,12 +109,38 @@ static void watch(filter *f)
     }
 }
 
+/* The sum of squares at `trial`, or nearer to eta on the way there, or at eta: where it is below `limit`. The block is left filtered there. */
+static double go(filter *f, const double eta[NP], double trial[NP], double limit, double reserve)
+{
+    double whole[NP], change[NP], next = block_squared(trial) + filter_again(f);
+    memcpy(whole, trial, sizeof whole);
+    for (double part = 0.3; !(next < limit); part *= 0.3) {
+        /* The last way left is none. */
+        part = part > SHORTEST && f->effort > reserve ? part : 0.0;
+        for (int i = 0; i < NP; i++) {
+            trial[i] = eta[i] + part * (whole[i] - eta[i]);
+        }
+        block_set_constants(f, trial, change);
+        next = block_squared(trial) + filter_again(f);
+        if (part <= 0.0) {
+            break;
+        }
+    }
+    return next;
+}
+
 /* Finds the constants that the block and what was known before it make most likely, filtering it again up to `rounds` times: Gauss-Newton on
    |eta|^2 + |r(eta)|^2, with p = p_begun + W eta. Leaves the Cholesky factor of its Hessian in L. */
 static void find_constants(filter *f, int rounds, double L[NP][NP])
 {
+    const int whole = f->in_block >= (int64_t)f->settings.start;
+    const double reserve = whole ? 0.0 : FOR_WHOLE * f->settings.start;
     double b[NP], step[NP], half[NP], change[NP], eta[NP], trial[NP];
     memcpy(eta, f->eta, sizeof eta);
+    if (f->growing && whole) {
+        /* As later rounds are: with the walk of the rate as it is by now. */
+        (void)filter_again(f);
+    }
     double trace = block_information(f, L, b), cost = block_squared(eta);
     for (int64_t r = 0; r < f->rows; r++) {
         cost += f->r[r] * f->r[r];
@@ -118,31 +150,30 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
             b[i] -= eta[i];
         }
         block_solve(L, b, step, half);
-        double part = 1.0;
+        if (f->growing && whole) {
+            /* Moved along what it does not see, the block would not be consistent with what its motion was filtered at. */
+            unseen_find(f, L);
+            unseen_leave_out(f, step);
+        }
         for (int i = 0; i < NP; i++) {
             trial[i] = eta[i] + step[i];
         }
         block_keep_in_bounds(f, L, trial);
         const double moved = block_distance(L, trial, eta);
-        for (int i = 0; i < NP; i++) {
-            step[i] = trial[i] - eta[i];
-        }
         block_set_constants(f, trial, change);
-        if (round >= rounds || moved < MOVED || f->effort <= 0.0) {
+        if (round >= rounds || moved < MOVED || f->effort <= reserve) {
             break;
         }
-        double next = block_squared(trial) + filter_again(f);
-        while (!(next < cost * 1.001 + 1.0) && part > 0.01 && f->effort > 0.0) {
-            part *= 0.3;
-            for (int i = 0; i < NP; i++) {
-                trial[i] = eta[i] + part * step[i];
-            }
-            block_set_constants(f, trial, change);
-            next = block_squared(trial) + filter_again(f);
-        }
+        /* What is found before the start is complete need not be best, and may have to climb to become better. */
+        const double next = go(f, eta, trial, whole ? cost + WORTH : 1.001 * cost + 1.0, reserve);
+        const double gained = cost - next;
         memcpy(eta, trial, sizeof eta);
         cost = next;
         trace = block_information(f, L, b);
+        if (whole && gained < WORTH) {
+            memset(change, 0, sizeof change);
+            break;
+        }
     }
     memcpy(f->eta, trial, sizeof trial);
     f->fit = f->rows > 0 ? cost / (double)f->rows : 1.0;
@@ -169,8 +200,9 @@ static void adapt_forgetting(filter *f, double L[NP][NP], double conditional[NP]
     /* The ratio's variance is 2; the running mean takes the share of it below. */
     const double noise = sqrt(2.0 * 0.5 * FORGET_SHARE), rate = f->settings.forget_rate;
     for (int i = 0; i < NP; i++) {
-        double d[NP], half[NP], shift = 0.0, size = 0.0, left = 0.0;
-        block_along(f, i, d);
+        double unit[NP] = {0.0}, d[NP], half[NP], shift = 0.0, size = 0.0, left = 0.0;
+        unit[i] = 1.0;
+        block_scale(f, unit, d);
         block_halve(L, d, half);
         for (int j = 0; j < NP; j++) {
             shift += d[j] * f->eta[j];
@@ -237,8 +269,12 @@ void fit_end(filter *f)
         const int64_t recent = 2 * (int64_t)f->settings.settle;
         f->kept = f->rows > recent ? recent : f->rows;
         f->rows -= f->kept;
+        const int shows = unseen_shows(f);
         find_constants(f, 0, L);
         fit_fold(f, L);
+        if (shows && f->effort > FOR_WHOLE * f->settings.start) {
+            restart_to_look(f);
+        }
     }
     f->fresh = 1;
 }

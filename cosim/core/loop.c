@@ -2,6 +2,7 @@
 
 #include "drift.h"
 #include "known_model.h"
+#include "unseen.h"
 
 #if defined(_WIN32)
 #define EXPORT __declspec(dllexport)
@@ -117,13 +118,19 @@ EXPORT void core_filter_found(const void *memory, double *p, double *W, double *
     memcpy(health, values, sizeof values);
 }
 
-/* Standard deviations of the turning [rad/s] and of the bending [rad] of the pattern that come of what is not known of p. */
-EXPORT void core_filter_drift(const void *memory, double stiffness, double *turning, double *bending)
+/* Standard deviations of the turning [rad/s] and of the bending [rad] of the pattern that come of what is not known of p; of the turning that part
+   which comes of what no sample shows. */
+EXPORT void core_filter_drift(const void *memory, double stiffness, double *turning, double *bending, double *unseen)
 {
     const filter *f = memory;
-    double W[NP][NP];
+    double W[NP][NP], unseen_bending = 0.0;
     memcpy(W, f->W_now, sizeof W);
     drift_deviation(&f->k, W, stiffness, turning, bending);
+    *unseen = 0.0;
+    if (f->unseen_count > 0) {
+        unseen_columns(f, W);
+        drift_deviation(&f->k, W, stiffness, unseen, &unseen_bending);
+    }
 }
 
 /* The same for estimates [ESTIMATE_SIZE] with independent deviations, of a device with `known_values`. */

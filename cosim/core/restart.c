@@ -47,12 +47,36 @@ void restart_from_design(filter *f)
     memset(f->forget, 0, sizeof f->forget);
     f->rows = f->kept = 0;
     f->lost = 0;
+    f->unseen_count = 0;
     f->fit = 2.0 * FITS;
     f->growing = 1;
     f->origin = f->since = f->sample + 1;
     f->fresh = 1;
     filter_form(f);
     fit_begin(f);
+}
+
+void restart_to_look(filter *f)
+{
+    double change[NP];
+    memcpy(f->W, f->first_W, sizeof f->W);
+    f->rows = f->kept = 0;
+    f->unseen_count = 0;
+    f->since = f->sample;
+    f->growing = 1;
+    fit_begin(f);
+    f->length = (int64_t)f->settings.start;
+    memcpy(f->p_begun, f->first_p, sizeof f->p_begun);
+    for (int i = 0; i < NP; i++) {
+        change[i] = f->k.p[i] - f->first_p[i];
+    }
+    block_scale(f, change, f->eta);
+    /* z is that of the constants as they are. */
+    for (int i = 0; i < NZ; i++) {
+        for (int q = 0; q < NP; q++) {
+            f->begun.z[i] -= f->begun.Y[i][q] * change[q];
+        }
+    }
 }
 
 /* Opens the constants of the plant again; what the electronics are stays known. After several times in a row everything begins anew. */
@@ -79,6 +103,7 @@ static void restart(filter *f)
     }
     memcpy(f->W_now, f->W, sizeof f->W_now);
     f->since = f->sample;
+    f->unseen_count = 0;
     f->growing = 1;
     fit_begin(f);
 }

@@ -5,6 +5,10 @@
 
 #include "filter.h"
 
+/* Takes the next samples as another start, at the constants as they are and with what the design knew of them: they show what could not be seen
+   before. Until it is complete the constants stay. */
+void restart_to_look(filter *f);
+
 /* Begins again with what the design says, at the next sample. */
 void restart_from_design(filter *f);
 

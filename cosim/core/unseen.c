@@ -1,0 +1,230 @@
+#include "unseen.h"
+
+#include "block.h"
+
+#define LEFT 0.1       /* share of the variance along a direction that a start must leave for it to count */
+#define CANCELLED 3e-5 /* of large terms that cancel; rounding, and constants that move by their deviation, leave up to 1.2e-5, a rate that begins to
+                          change by 1 rad/s in a second 4e-5 */
+#define CANCEL 1e-3    /* of its terms: what a start shows at most of a direction along which they cancel */
+#define BLOCKS 10      /* in a row that must show something: what the motion still owes to constants before the last fit dies away in fewer */
+#define ENOUGH 0.04    /* what a block must tell, in squared deviations as they are: the 82 of a start then tell three times what is known */
+#define SWEEPS 20      /* of rotations at most; 6 to 8 are usual */
+#define DIAGONAL 1e-24 /* sum of squares off the diagonal at which rotations end */
+
+/* A rotation of rows or columns p and q of A: `row` and `column` are the strides. */
+static void rotate(double *A, int p, int q, int along, int across, double c, double s)
+{
+    for (int k = 0; k < NP; k++) {
+        const double a = A[p * along + k * across], b = A[q * along + k * across];
+        A[p * along + k * across] = c * a - s * b;
+        A[q * along + k * across] = s * a + c * b;
+    }
+}
+
+/* Eigenvectors of the symmetric K as rows of V, eigenvalues on the diagonal of K: cyclic Jacobi rotations (G. Golub and C. Van Loan, Matrix
+   Computations, 8.5). */
+static void eigenvectors(double K[NP][NP], double V[NP][NP])
+{
+    double off = 1.0;
+    for (int i = 0; i < NP; i++) {
+        for (int j = 0; j < NP; j++) {
+            V[i][j] = i == j ? 1.0 : 0.0;
+        }
+    }
+    for (int sweep = 0; sweep < SWEEPS && off > DIAGONAL; sweep++) {
+        off = 0.0;
+        for (int p = 0; p < NP - 1; p++) {
+            for (int q = p + 1; q < NP; q++) {
+                if (fabs(K[p][q]) > 1e-300) {
+                    const double theta = (K[q][q] - K[p][p]) / (2.0 * K[p][q]);
+                    const double t = copysign(1.0, theta) / (fabs(theta) + sqrt(theta * theta + 1.0));
+                    const double c = 1.0 / sqrt(t * t + 1.0), s = t * c;
+                    off += K[p][q] * K[p][q];
+                    rotate(&K[0][0], p, q, 1, NP, c, s);
+                    rotate(&K[0][0], p, q, NP, 1, c, s);
+                    rotate(&V[0][0], p, q, NP, 1, c, s);
+                }
+            }
+        }
+    }
+}
+
+/* (L L')^-1: its largest eigenvalues, near 1, belong to what has not been seen. They would be lost in L L' beside its largest. */
+static void left_variance(double L[NP][NP], double K[NP][NP])
+{
+    double inverse[NP][NP];
+    for (int j = 0; j < NP; j++) {
+        double unit[NP] = {0.0};
+        unit[j] = 1.0;
+        block_halve(L, unit, inverse[j]);
+    }
+    for (int i = 0; i < NP; i++) {
+        for (int j = 0; j < NP; j++) {
+            K[i][j] = 0.0;
+            for (int k = 0; k < NP; k++) {
+                K[i][j] += inverse[i][k] * inverse[j][k];
+            }
+        }
+    }
+}
+
+/* Reduced echelon form of the directions, each p_i in units of its prior, so that of a mixture each becomes one by itself. */
+static void separate(filter *f)
+{
+    int taken[NP] = {0};
+    for (int m = 0; m < f->unseen_count; m++) {
+        int row = m, pivot = 0;
+        double most = 0.0;
+        for (int r = m; r < f->unseen_count; r++) {
+            for (int i = 0; i < NP; i++) {
+                const double size = f->prior[i] > 0.0 && !taken[i] ? fabs(f->unseen[r][i]) / f->prior[i] : 0.0;
+                if (size > most) {
+                    most = size;
+                    row = r;
+                    pivot = i;
+                }
+            }
+        }
+        taken[pivot] = 1;
+        for (int i = 0; i < NP; i++) {
+            const double swap = f->unseen[m][i];
+            f->unseen[m][i] = f->unseen[row][i];
+            f->unseen[row][i] = swap;
+        }
+        for (int r = 0; r < f->unseen_count; r++) {
+            const double factor = r != m && most > 0.0 ? f->unseen[r][pivot] / f->unseen[m][pivot] : 0.0;
+            for (int i = 0; i < NP; i++) {
+                f->unseen[r][i] -= factor * f->unseen[m][i];
+            }
+        }
+    }
+}
+
+/* What the block's rows show of direction m, and the terms that it is the sum of, both in squared deviations. */
+static double shown(const filter *f, int m, double *terms)
+{
+    double net = 0.0;
+    *terms = 0.0;
+    for (int64_t r = 0; r < f->rows; r++) {
+        double sum = 0.0, sizes = 0.0;
+        for (int i = 0; i < NP; i++) {
+            const double term = f->H[r][i] * f->unseen[m][i];
+            sum += term;
+            sizes += fabs(term);
+        }
+        net += sum * sum;
+        *terms += sizes * sizes;
+    }
+    return net;
+}
+
+/* Keeps those whose terms cancel. What merely does little pretends nothing, and may do more later. */
+static void keep_cancelling(filter *f)
+{
+    int kept = 0;
+    for (int m = 0; m < f->unseen_count; m++) {
+        double terms;
+        if (shown(f, m, &terms) < CANCEL * CANCEL * terms) {
+            memmove(f->unseen[kept++], f->unseen[m], sizeof f->unseen[m]);
+        }
+    }
+    f->unseen_count = kept;
+}
+
+void unseen_find(filter *f, double L[NP][NP])
+{
+    double K[NP][NP], V[NP][NP];
+    left_variance(L, K);
+    eigenvectors(K, V);
+    f->unseen_count = 0;
+    memset(f->shown, 0, sizeof f->shown);
+    for (int m = 0; m < NP; m++) {
+        if (K[m][m] > LEFT) {
+            double *change = f->unseen[f->unseen_count++];
+            for (int i = 0; i < NP; i++) {
+                change[i] = 0.0;
+                for (int j = i; j < NP; j++) {
+                    change[i] += f->W[i][j] * V[m][j];
+                }
+            }
+        }
+    }
+    separate(f);
+    keep_cancelling(f);
+    unseen_scale(f);
+}
+
+void unseen_scale(filter *f)
+{
+    for (int m = 0; m < f->unseen_count; m++) {
+        double *d = f->unseen_eta[m];
+        block_scale(f, f->unseen[m], d);
+        for (int b = 0; b < m; b++) {
+            double along = 0.0;
+            for (int j = 0; j < NP; j++) {
+                along += d[j] * f->unseen_eta[b][j];
+            }
+            for (int j = 0; j < NP; j++) {
+                d[j] -= along * f->unseen_eta[b][j];
+            }
+        }
+        const double size = sqrt(block_squared(d));
+        for (int j = 0; j < NP; j++) {
+            d[j] = size > 0.0 ? d[j] / size : 0.0;
+        }
+    }
+}
+
+void unseen_leave_out(const filter *f, double x[NP])
+{
+    for (int m = 0; m < f->unseen_count; m++) {
+        double along = 0.0;
+        for (int j = 0; j < NP; j++) {
+            along += x[j] * f->unseen_eta[m][j];
+        }
+        for (int j = 0; j < NP; j++) {
+            x[j] -= along * f->unseen_eta[m][j];
+        }
+    }
+}
+
+/* Squared length of direction m in units of W: how many deviations it is long. */
+static double squared_length(const filter *f, int m)
+{
+    double d[NP];
+    block_scale(f, f->unseen[m], d);
+    return block_squared(d);
+}
+
+int unseen_shows(filter *f)
+{
+    int look = 0, kept = 0;
+    for (int m = 0; m < f->unseen_count; m++) {
+        double terms;
+        const double net = shown(f, m, &terms);
+        const int blocks = net > CANCELLED * CANCELLED * terms ? f->shown[m] + 1 : 0;
+        const int enough = net > ENOUGH * squared_length(f, m);
+        look |= blocks >= BLOCKS && enough;
+        if (blocks < BLOCKS || enough) {
+            memmove(f->unseen[kept], f->unseen[m], sizeof f->unseen[m]);
+            f->shown[kept++] = blocks;
+        }
+    }
+    if (kept < f->unseen_count) {
+        f->unseen_count = kept;
+        unseen_scale(f);
+    }
+    return look;
+}
+
+void unseen_columns(const filter *f, double columns[NP][NP])
+{
+    for (int i = 0; i < NP; i++) {
+        for (int m = 0; m < NP; m++) {
+            columns[i][m] = 0.0;
+            for (int j = i; j < NP && m < f->unseen_count; j++) {
+                columns[i][m] += f->W[i][j] * f->unseen_eta[m][j];
+            }
+        }
+    }
+}

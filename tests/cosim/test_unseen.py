@@ -1,0 +1,43 @@
+"""What no sample shows: actuators against pickoffs, on a linear device at a rate that stands still."""
+
+import pytest
+from runs import drift, simulated
+
+from cosim.recorder import Result
+
+GAUGE = "gauge: turn the device or the pattern"
+
+
+def predicted(result: Result) -> float:
+    """Standard deviation of the drift at the end [rad/s]."""
+    return float(result.trace["drift_sigma"][-1])
+
+
+@pytest.mark.parametrize(
+    ("scenario", "change"), [("rest", ()), ("rest", ("controller.carousel_rate=5",)), ("spin", ())]
+)
+def test_nothing_is_claimed_of_what_no_sample_shows(scenario, change, residual) -> None:
+    # Without care the filter took 30 to 100 times more for known within half a second, and the angle drifted by up to
+    # twenty of its standard deviations. An electronic turn of the pattern is a force that the loop knows: it is the
+    # same for all that the gauge holds.
+    _, result = simulated(scenario, *change, design="lab", seed=3, duration=0.6)
+    assert result.converged_at is None
+    assert GAUGE in result.validity.reason
+    # The bound is taken at the truth, the filter's deviation at its estimates, some per cent off.
+    residual("sigma over its bound", abs(predicted(result) / result.bounds.drift[-1] - 1.0), 0.05)
+
+
+def test_what_a_changing_rate_shows_is_looked_at_again(residual) -> None:
+    # The profile stands nearly still for 0.35 s, too long for the start to see anything, and then turns.
+    _, result = simulated("motion", design="lab", seed=4, duration=1.9)
+    assert result.validity.now
+    assert result.converged_at > 0.35
+    # The bound is that of the first second.
+    assert 0.4 < predicted(result) / result.bounds.drift[-1] < 1.5
+    # Before it looked again: 0.6.
+    residual("drift from the first valid angle on [deg/s]", abs(drift(result)), 0.3)
+
+
+def test_a_device_with_imperfections_shows_everything_at_rest() -> None:
+    _, result = simulated("rest", device="reference_as_built", design="lab", seed=3, duration=0.3)
+    assert result.validity.now
