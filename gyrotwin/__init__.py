@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from gyrotwin.datasheet_result import DatasheetResult
     from gyrotwin.playing.page import PlayResult
     from gyrotwin.results import CompensationResult, DiagnosisResult, RateResult, RunResult, SplitResult
+    from gyrotwin.schemas import schema
     from gyrotwin.sensor_result import SensorResult
     from gyrotwin.sweeping.result import SweepResult
     from gyrotwin.tasks.sweep import sweep
@@ -54,6 +55,7 @@ _HOMES: Final = {
     "SensorResult": "gyrotwin.sensor_result",
     "SweepResult": "gyrotwin.sweeping.result",
     "compare": "gyrotwin.comparison",
+    "schema": "gyrotwin.schemas",
     "sweep": "gyrotwin.tasks.sweep",
     **dict.fromkeys(
         (
@@ -105,6 +107,7 @@ __all__ = [
     "play",
     "rate",
     "run",
+    "schema",
     "simulate_dataset",
     "split",
     "sweep",

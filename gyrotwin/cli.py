@@ -65,6 +65,10 @@ COMMANDS: Final = {
         "gyrotwin.commands.verify:verify",
         "Replay the reference traces that an FMU brings and print how far its outputs are off; exit code 1: too far.",
     ),
+    "schema": _Entry(
+        "gyrotwin.commands.schema:schema",
+        "Print the JSON Schema of a file format, by which an editor completes and checks what one types.",
+    ),
     "list": _Entry("gyrotwin.commands.listing:list_", "List what there is by name."),
 }
 """Each help is the first line of the command's own docstring; a test compares them."""

@@ -27,7 +27,7 @@ FORMAT: Final = 1
 LARGEST: Final = 1e150
 """A number beyond this is a slip; its square would overflow."""
 _KEYS: Final = ("format", "name", "description", "duration", "angle_unit", "parameters", *INPUT_NAMES)
-_COMMON_KEYS: Final = ("kind", "unit", "from", "until")
+COMMON_KEYS: Final = ("kind", "unit", "from", "until")
 
 
 @dataclass(frozen=True)
@@ -238,7 +238,7 @@ def _course(entry: Entry) -> Course:
         raise InputError(f"kind is missing: give {', '.join(KINDS)}")
     name = entry.choice("kind", tuple(KINDS), "")
     kind = KINDS[name]
-    known = (*_COMMON_KEYS, *kind.needed, *kind.optional)
+    known = (*COMMON_KEYS, *kind.needed, *kind.optional)
     for key in entry.table:
         if key not in known:
             raise InputError(f"key {key!r} is unknown to kind {name!r}{nearest(key, known)} (keys: {', '.join(known)})")

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -15,6 +16,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import fmpy
+import jsonschema
 import numpy as np
 import polars as pl
 import pytest
@@ -22,6 +24,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 from rich.console import Console
 
+import gyrotwin as gt
 from discrepancy import naming
 from discrepancy.answer import Diagnosis, Value
 from discrepancy.dataset import Dataset, load_dataset
@@ -137,6 +140,12 @@ def test_report_json_has_the_keys_of_the_contract(answer: SimpleNamespace) -> No
     assert report["located"]
     for place in report["located"]:
         assert set(place) == {"run", "channel", "t", "f", "condition", "share"}
+
+
+def test_report_and_device_follow_their_schemas(answer: SimpleNamespace) -> None:
+    report = json.loads((answer.out / "report.json").read_text(encoding="utf-8"))
+    jsonschema.validate(report, gt.schema("report"))
+    jsonschema.validate(tomllib.loads((answer.out / "device.toml").read_text(encoding="utf-8")), gt.schema("device"))
 
 
 def test_device_file_comes_back_to_the_last_bit(answer: SimpleNamespace, tmp_path: Path) -> None:
