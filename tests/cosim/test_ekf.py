@@ -188,9 +188,11 @@ def test_lab_finds_what_hides_in_the_chain():
     hidden = {"actuator_delay": 2e-6, "feedthrough": 5.0, "pickoff_gain_mismatch": 0.02, "k3_x": 5e9}
     _, result = simulated("constant", *(f"{k}={v}" for k, v in hidden.items()), design="lab", duration=0.3, seed=2)
     last = result.trace[-1]
-    # Ten times what is left of the priors' width, 5 us, 20 V/N, 10 % and 2e10 N/m3, by the 0.3 s.
-    for name, tolerance in (("actuator_delay", 2e-7), ("feedthrough", 2.0), ("k3_x", 1e9)):
-        assert last[f"est_{name}"][0] == pytest.approx(hidden[name], abs=tolerance), name
+    # Delay against lag against feedthrough is weak and turns nothing; the force is late by delay and lag together.
+    late = last["est_actuator_delay"][0] + last["est_amplifier_time_constant"][0]
+    assert late == pytest.approx(hidden["actuator_delay"], abs=2e-9)
+    # Ten times what is left of the priors' width, 2e10 N/m3 and 10 %, by the 0.3 s.
+    assert last["est_k3_x"][0] == pytest.approx(hidden["k3_x"], abs=1e9)
     assert last["est_pickoff_gain_mismatch"][0] == pytest.approx(0.02, abs=2e-3)
 
 
