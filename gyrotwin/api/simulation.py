@@ -131,7 +131,8 @@ def rate(
     rate_unit: str = "deg/s",
     rate_step: float | None = None,
     rate_period: float = 8.0,
-    temperature: float | tuple[float, float, float] | str | Path = 25.0,
+    temperature: float | tuple[float, float, float] | str | Path | None = None,
+    scenario: str | Path | None = None,
     sense: str = "open",
     plant: str | None = None,
     duration: float | None = None,
@@ -139,6 +140,7 @@ def rate(
     output_rate: float | None = None,
     seed: int = 1,
     sense_record: float | None = None,
+    split_estimate: float | None = None,
     progress: Progress | None = None,
 ) -> "RateResult":
     """Run rate mode: drive loop, sense loop, rate over temperature, noise.
@@ -156,7 +158,9 @@ def rate(
     rate_step, rate_period : float
         Rest, +R, rest, -R again and again [deg/s], one round in so many seconds.
     temperature : float, tuple or path
-        Ambient [°C]; a ramp (start [°C], stop [°C], slope [°C/min]); or a CSV file.
+        Ambient [°C]; a ramp (start [°C], stop [°C], slope [°C/min]); or a CSV file. None: 25 °C, or the scenario's.
+    scenario : str or Path
+        Scenario file or name: rate, temperature, ``a_x``, ``a_y``, ``v_bias`` as courses.
     sense : {"open", "closed"}
         Sense loop.
     plant : {"full", "envelope"}
@@ -167,6 +171,8 @@ def rate(
         Of the converter and of the record [Hz].
     seed : int
         Seed of the noises.
+    split_estimate : float
+        Estimate the frequency split from the noise in blocks of so many seconds.
     sense_record : float
         Also record v_y as I and Q for `split`, so many samples a second [Hz].
     progress : callable
@@ -194,7 +200,7 @@ def rate(
     from gyrotwin.results import RateResult
     from gyrotwin.tasks.rate import Request, prepare
 
-    course = ",".join(map(str, temperature)) if isinstance(temperature, tuple) else str(temperature)
+    course = _course(temperature)
     prepared = prepare(
         Request(
             device=load_device(device),
@@ -206,6 +212,7 @@ def rate(
             rate_step=rate_step,
             rate_period=rate_period,
             temperature=course,
+            scenario=None if scenario is None else str(scenario),
             sense=sense,
             plant=plant,
             duration=duration,
@@ -213,9 +220,17 @@ def rate(
             output_rate=output_rate,
             seed=seed,
             sense_record=sense_record,
+            split_estimate=split_estimate,
         )
     )
     return RateResult(prepared, simulate(prepared, progress))
+
+
+def _course(temperature: float | tuple[float, float, float] | str | Path | None) -> str | None:
+    """A temperature as the text of --temperature."""
+    if temperature is None:
+        return None
+    return ",".join(map(str, temperature)) if isinstance(temperature, tuple) else str(temperature)
 
 
 def _texts(parameters: Mapping[str, float] | None) -> tuple[str, ...]:

@@ -41,7 +41,7 @@ class Request(NamedTuple):
     rate_unit: str = "deg/s"
     rate_step: float | None = None
     rate_period: float = STEP_PERIOD
-    temperature: str = "25"
+    temperature: str | None = None
     sense: str = "open"
     plant: str | None = None
     duration: float | None = None
@@ -50,6 +50,8 @@ class Request(NamedTuple):
     seed: int = 1
     sense_record: float | None = None
     design: str | Device | None = None
+    scenario: str | None = None
+    split_estimate: float | None = None
 
 
 def rate(
@@ -70,12 +72,16 @@ def rate(
     rate_step: Annotated[float | None, typer.Option(help="Rest, +R, rest, -R again and again, deg/s.")] = None,
     rate_period: Annotated[float, typer.Option(help="Seconds of one such round.")] = STEP_PERIOD,
     temperature: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="T | START,STOP,RAMP | FILE",
-            help="Ambient: °C, a ramp in °C, °C, °C/min, or a CSV file with t [s] and temperature_deg_c.",
+            help="Ambient: °C, a ramp in °C, °C, °C/min, or a CSV file with t [s] and temperature_deg_c; default: 25.",
         ),
-    ] = "25",
+    ] = None,
+    scenario: Annotated[
+        str | None,
+        typer.Option(help="Scenario file: rate, temperature, a_x, a_y, v_bias as courses; or a packaged one by name."),
+    ] = None,
     sense: Annotated[str, typer.Option(help="Sense loop: open, or closed (force to rebalance).")] = "open",
     plant: Annotated[
         str | None, typer.Option(help="full or envelope (hours); default: full up to 60 s, else envelope.")
@@ -90,6 +96,10 @@ def rate(
         float | None,
         typer.Option(metavar="HZ", help="Also write sense.parquet for `gyrotwin split`, this many samples a second."),
     ] = None,
+    split_estimate: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="Frequency split from the noise, block by block of this length."),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for summary.json, trace.parquet, report.html.")] = Path(
         "results/rate"
     ),
@@ -101,7 +111,7 @@ def rate(
 
     request = Request(
         device, tuple(settings or ()), rate_profile, rate_column, rate_unit, rate_step, rate_period, temperature, sense,
-        plant, duration, sample_rate, output_rate, seed, sense_record, design,
+        plant, duration, sample_rate, output_rate, seed, sense_record, design, scenario, split_estimate,
     )  # fmt: skip
     prepared = prepare(request)
     with shown_progress(console, f"rate mode, {prepared.duration:g} s") as progress:
@@ -118,8 +128,9 @@ def prepare(request: Request) -> "RateRun":
     from gyrotwin.tasks.run import split_settings
 
     _choose("--sense", request.sense, ("open", "closed"))
-    rate, temperature = _rate(request), _temperature(request.temperature)
-    duration = request.duration if request.duration is not None else _duration(rate, temperature, request)
+    courses, length = courses_of_request(request)
+    rate, temperature = courses.pop("omega_z"), courses.pop("temperature")
+    duration = request.duration if request.duration is not None else length
     plant = request.plant or ("full" if duration <= FULL_AT_MOST else "envelope")
     _choose("--plant", plant, tuple(OUTPUT_RATES))
     own, entries = split_settings(request.settings, "rate_mode")
@@ -137,7 +148,8 @@ def prepare(request: Request) -> "RateRun":
         output_rate=request.output_rate if request.output_rate is not None else OUTPUT_RATES[plant],
         envelope=plant == "envelope",
         sense_rate=request.sense_record,
-        design=None if request.design is None else _design(request.design, device),
+        design=None if request.design is None else design_of(request.design, device),
+        others=courses,
     )
     if run.sense_rate is not None:
         _check_sense_length(run)
@@ -154,7 +166,29 @@ def _check_sense_length(run: "RateRun") -> None:
     check_length(run.duration, f_x, f_y / line_width)
 
 
-def _design(given: str | Device, device: Device) -> Device:
+def courses_of_request(request: Request) -> "tuple[dict[str, Course], float]":
+    """The courses of the inputs by name, rate and temperature among them, and how long the run is [s].
+
+    Raises InputError where an input is given twice.
+    """
+    from cosim.rate import courses, from_scenario
+    from cosim.scenarios import load_scenario
+
+    chosen = None if request.scenario is None else load_scenario(request.scenario)
+    given = {} if chosen is None else dict(from_scenario.courses_of(chosen))
+    typed = {
+        "omega_z": ("--rate-step or --rate-profile", request.rate_step or request.rate_profile),
+        "temperature": ("--temperature", request.temperature),
+    }
+    for name, (option, value) in typed.items():
+        if name in given and value is not None:
+            raise InputError(f"{option} with scenario {request.scenario}, which gives {name}: leave one of them out")
+    rate, temperature = _rate(request), _temperature(request.temperature or "25")
+    given = {"omega_z": rate, "temperature": temperature, **given}
+    return given, _duration(rate, temperature, request) if chosen is None else chosen.duration
+
+
+def design_of(given: str | Device, device: Device) -> Device:
     from cosim.rate.settings import design_for
 
     return design_for(given if isinstance(given, Device) else load_device(given), device)
