@@ -91,7 +91,8 @@ def write_json(content: Mapping[str, Any]) -> Writer:
     return lambda path: path.write_text(text, encoding="utf-8")
 
 
-def _write_trace(trace: pl.DataFrame) -> Writer:
+def write_trace(trace: pl.DataFrame) -> Writer:
+    """A function that writes ``trace`` as parquet."""
     # Small groups keep the memory of the writer small.
     return lambda path: trace.write_parquet(path, row_group_size=20_000)
 
@@ -146,7 +147,7 @@ class RunResult(Saved):
         filters, raw = filters_of(self.run, self.raw), self.raw
         return {
             "summary.json": write_json(self.summary),
-            "trace.parquet": _write_trace(self.trace),
+            "trace.parquet": write_trace(self.trace),
             DESIGN_FILE: self.run.design.write,
             "report.html": lambda path: render(self.summary, self.trace, raw.bounds, filters, path, raw.start),
         }
@@ -200,7 +201,7 @@ class RateResult(Saved):
         raw, run = self.raw, self.run
         files: dict[str, Writer] = {
             "summary.json": write_json(self.summary),
-            "trace.parquet": _write_trace(raw.record),
+            "trace.parquet": write_trace(raw.record),
             "report.html": lambda path: render(self.summary, run, raw.record, allan_of(raw.record, run), path),
         }
         if raw.sense is not None:

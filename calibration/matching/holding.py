@@ -9,8 +9,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from calibration.matching.known import Known, Sensed
-from calibration.matching.methods.method import Answer, Asked, Estimator, Method, Plan
+from calibration.matching.asking import Asking
+from calibration.matching.known import Sensed
+from calibration.matching.methods.method import Answer, Estimator, Plan
 from calibration.matching.tuner import Tuner
 from cosim.rate.dither import Dither
 from cosim.rate.master import BLOCK_ROWS, LoopedPlant, check_lock, record_frame, start_up
@@ -26,10 +27,11 @@ a loop of half the tone's bandwidth less than a degree."""
 
 
 class Block(NamedTuple):
-    """A block. t: its end [s]; v_bias [V] of its measurement; answer: its own, None where nothing was found; split,
+    """A block. t: its end [s]; length: of its measurement [s]; v_bias [V] of its measurement; answer: its own, None where nothing was found; split,
     deviation: at that bias, by all blocks up to it [Hz]."""
 
     t: float
+    length: float
     v_bias: float
     answer: Answer | None
     split: float
@@ -46,12 +48,13 @@ class Matched(NamedTuple):
     started_at: float
 
 
-def match(run: RateRun, method: Method, known: Known, asked: Asked = Asked(), progress: Progress | None = None) -> Matched:
-    """Runs rate mode with the bias tuned by ``method``, which is told what is ``known``.
+def match(asking: Asking, progress: Progress | None = None) -> Matched:
+    """Runs rate mode with its bias tuned.
 
-    Raises InputError where the drive loop never locks or loses its lock, and where ``method`` can't work.
+    Raises InputError where the drive loop never locks or loses its lock.
     """
-    estimator, tuner = method.start(known, asked), Tuner(known)
+    run, known = asking.run, asking.known
+    estimator, tuner = asking.method.start(known, asking.asked), Tuner(known)
     rows: list[Floats] = []
     held: list[Floats] = []
     blocks: list[Block] = []
@@ -79,7 +82,7 @@ def _judge(estimator: Estimator, tuner: Tuner, plan: Plan, sensed: Sensed, bias:
     if answer is not None:
         tuner.update(answer.split, answer.deviation, square)
     tuner.predict(0.5 * plan.measure)
-    return Block(t, bias, answer, *tuner.split(square))
+    return Block(t, len(sensed.voltage) * sensed.period, bias, answer, *tuner.split(square))
 
 
 def _frame(run: RateRun, rows: Floats, held: Floats) -> pl.DataFrame:

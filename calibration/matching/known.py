@@ -22,7 +22,8 @@ class Known(NamedTuple):
 
     frequency: of the drive [Hz]; decay: of the sense mode, ω/2Q [1/s]; mass [kg]; amplitude: of the drive [m]; gain: of
     the sense pickoff [V/m]; slope: dΔf/dV² [Hz/V²]; first_bias, highest_bias [V]; full_scale [rad/s]; output_bandwidth,
-    sense_bandwidth [Hz]; drift: of the split under the fastest ramp [Hz/s].
+    sense_bandwidth [Hz]; drift: of the split under the fastest ramp [Hz/s];
+    interval: of which blocks are multiples [s].
     """
 
     frequency: float
@@ -37,6 +38,7 @@ class Known(NamedTuple):
     output_bandwidth: float
     sense_bandwidth: float
     drift: float
+    interval: float
 
 
 class Sensed(NamedTuple):
@@ -91,6 +93,7 @@ def known_of(run: RateRun, highest_bias: float) -> Known:
         frequency, -nominal.pole.real, p["m"], settings.drive_amplitude, p["sense_gain_y"], slope, first, highest_bias,
         settings.full_scale, settings.output_bandwidth, settings.sense_bandwidth,
         0.5 * frequency * PACKAGE_SPLIT * FASTEST_RAMP,
+        run.interval,
     )  # fmt: skip
 
 

@@ -125,18 +125,15 @@ def rate(
 def prepare(request: Request) -> "RateRun":
     """The run that ``request`` asks for. Raises InputError, with a remedy, for whatever is wrong in it."""
     from cosim.rate.run import RateRun
-    from gyrotwin.tasks.run import split_settings
 
-    _choose("--sense", request.sense, ("open", "closed"))
+    choose("--sense", request.sense, ("open", "closed"))
     courses, length = courses_of_request(request)
     rate, temperature = courses.pop("omega_z"), courses.pop("temperature")
     duration = request.duration if request.duration is not None else length
     plant = request.plant or ("full" if duration <= FULL_AT_MOST else "envelope")
-    _choose("--plant", plant, tuple(OUTPUT_RATES))
-    own, entries = split_settings(request.settings, "rate_mode")
+    choose("--plant", plant, tuple(OUTPUT_RATES))
     device = request.device if isinstance(request.device, Device) else load_device(request.device)
-    device = device.with_parameters(own)
-    device = replace(device, rate_mode={**device.rate_mode, **entries["rate_mode"]})
+    device = with_settings(device, request.settings)
     run = RateRun(
         device=device,
         rate=rate,
@@ -189,12 +186,23 @@ def courses_of_request(request: Request) -> "tuple[dict[str, Course], float]":
 
 
 def design_of(given: str | Device, device: Device) -> Device:
+    """What may be known of ``device``, from a device, its name or its file."""
     from cosim.rate.settings import design_for
 
     return design_for(given if isinstance(given, Device) else load_device(given), device)
 
 
-def _choose(option: str, value: str, valid: tuple[str, ...]) -> None:
+def with_settings(device: Device, settings: tuple[str, ...]) -> Device:
+    """``device`` with its parameters and [rate_mode] entries set by texts ``name=value``."""
+    from gyrotwin.tasks.run import split_settings
+
+    own, entries = split_settings(settings, "rate_mode")
+    device = device.with_parameters(own)
+    return replace(device, rate_mode={**device.rate_mode, **entries["rate_mode"]})
+
+
+def choose(option: str, value: str, valid: tuple[str, ...]) -> None:
+    """Raises InputError, with the nearest, where ``value`` is none of ``valid``."""
     if value not in valid:
         raise InputError(f"{option} {value}: use {' or '.join(valid)}{nearest(value, valid)}")
 

@@ -29,7 +29,7 @@ class Sidebands:
         rate = SHARE * known.full_scale if asked.dither is None else asked.dither
         if not 0 < rate <= known.full_scale:
             raise InputError(f"--dither {rate:g} rad/s: give a rate above 0, up to full scale {known.full_scale:g} rad/s")
-        measure = MEASURE if asked.block is None else asked.block
+        measure = max(round((MEASURE if asked.block is None else asked.block) / known.interval), 1) * known.interval
         tone = max(BEYOND[0] * known.output_bandwidth, BEYOND[1] * known.sense_bandwidth)
         if measure * tone < 2 * FARTHEST:
             raise InputError(f"--block {measure:g} s: the dither of {tone:g} Hz needs {2 * FARTHEST / tone:.2g} s or more")
