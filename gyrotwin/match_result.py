@@ -91,7 +91,7 @@ class MatchResult(Saved):
                 "angle_random_walk_deg_rth": _number(PER_ROOT_HOUR * found.walk),
                 "limit_deg_rth": PER_ROOT_HOUR * limit,
             },
-            "bias_deg_s": degrees(float(self.raw.record["rate"].mean() or 0.0)),
+            "bias_deg_s": degrees(float(self.raw.record["rate"].to_numpy().mean())),
         }
 
     def writers(self) -> Mapping[str, Writer]:

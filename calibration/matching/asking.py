@@ -16,6 +16,7 @@ from gyro_model.errors import InputError, nearest
 
 ROWS: Final = 10.0
 """Rows of the record a second [Hz]."""
+UNASKED: Final = Asked()
 HIGHEST: Final = 2.0
 """Largest bias where nothing is said, over that at which the design matches: four times its tuning."""
 
@@ -39,7 +40,7 @@ def ask(
     seed: int = 1,
     envelope: bool = True,
     highest_bias: float | None = None,
-    asked: Asked = Asked(),
+    asked: Asked = UNASKED,
 ) -> Asking:
     """The run of ``device`` through ``courses`` (by input; v_bias: the first bias, by default that of ``design``).
 

@@ -27,8 +27,8 @@ a loop of half the tone's bandwidth less than a degree."""
 
 
 class Block(NamedTuple):
-    """A block. t: its end [s]; length: of its measurement [s]; v_bias [V] of its measurement; answer: its own, None where nothing was found; split,
-    deviation: at that bias, by all blocks up to it [Hz]."""
+    """A block. t: its end [s]; length: of its measurement [s]; v_bias [V] in it; answer: its own, None where nothing
+    was found; split, deviation: at that bias, by all blocks up to it [Hz]."""
 
     t: float
     length: float
@@ -126,7 +126,5 @@ class _Step:
             if progress is not None:
                 progress((self._first + first + count) * run.interval, run.duration)
         voltage, omega, force = np.concatenate(sensed, axis=1)
-        seen = Sensed(run.period, voltage, force, omega.real / (2 * pi))
-        return np.concatenate(rows), np.concatenate(held), seen.after(self._settle)
-
-
+        whole = Sensed(run.period, 0.0 if run.envelope else run.period, voltage, force, omega.real / (2 * pi))
+        return np.concatenate(rows), np.concatenate(held), whole.after(self._settle)

@@ -1,4 +1,4 @@
-"""What a laboratory knows when it matches the modes: the design of the device and of the loops, nothing of the plant."""
+"""What a laboratory knows when it matches the modes: the design of device and loops, nothing of the plant."""
 
 from math import pi, sqrt
 from typing import Final, NamedTuple
@@ -44,11 +44,13 @@ class Known(NamedTuple):
 class Sensed(NamedTuple):
     """What a block of a run shows, sample by sample at ``period`` [s], shape (n,).
 
+    hold: over which the converter of the force holds it [s], 0 where the carrier itself is smooth (the envelope);
     voltage: v_y mixed with the drive [V]; force: the envelope of the force on y that follows each sample [N];
     frequency: of the drive [Hz].
     """
 
     period: float
+    hold: float
     voltage: NDArray[np.complex128]
     force: NDArray[np.complex128]
     frequency: NDArray[np.float64]
@@ -98,5 +100,5 @@ def known_of(run: RateRun, highest_bias: float) -> Known:
 
 
 def virtual_rate_force(known: Known, rate: float) -> float:
-    """Force of each side of a dither that is worth ``rate`` [rad/s]: 2 m Ω ω A cos θ has two sides of half of that [N]."""
+    """Force of each side of a dither that is worth ``rate`` [rad/s]: half of 2 m Ω ω A [N]."""
     return known.mass * rate * 2 * pi * known.frequency * known.amplitude

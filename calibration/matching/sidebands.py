@@ -19,6 +19,8 @@ Complexes = NDArray[np.complex128]
 NEAREST: Final = 3
 """Bins between the tone and those that tell the noise: a Hann window's line is 4 bins wide."""
 FARTHEST: Final = 14
+SIDES: Final = (1, -1)
+"""Above and below the drive."""
 ITERATIONS: Final = 8
 """Of the pole; each leaves ν/2ω, one percent, of the error."""
 
@@ -36,44 +38,44 @@ class Pole(NamedTuple):
 
 
 def find_pole(sensed: Sensed, tone: float) -> Pole:
-    """The pole from a record with a dither at ``tone`` [Hz].
+    """The pole from a record with a dither at ``tone`` [Hz], of which it holds whole periods.
 
     Raises InputError for a record too short to tell the noise beside the tone.
     """
+    turns = round(tone * sensed.period * len(sensed.voltage))
+    if turns <= FARTHEST:
+        raise InputError(f"a block of {turns} periods of the dither: make it more than {FARTHEST}")
     omega = 2 * pi * float(sensed.frequency.mean())
-    # The dither leaks to the drive and the loop that follows its phase follows it: a wobble of the oscillator at the
-    # tone, which a strong drive line would carry to both sides. A frame of constant frequency has none.
+    # The dither leaks to the drive, and the oscillator follows the drive's phase: a wobble at the tone, which a strong
+    # drive line would carry to both sides. A frame of constant frequency has none.
     frame = np.exp(1j * np.cumsum(2 * pi * sensed.frequency - omega) * sensed.period)
-    voltage, force = sensed.voltage * frame, sensed.force * frame
-    turns = tone * sensed.period * len(sensed.voltage)
-    if turns < 2 * FARTHEST:
-        raise InputError(f"a block of {turns:.3g} periods of the dither: make it {2 * FARTHEST} or more")
-    resolution = 1 / (sensed.period * len(sensed.voltage))
-    beside = resolution * np.r_[-FARTHEST : -NEAREST + 1, NEAREST : FARTHEST + 1]
-    noise = []
+    voltage, force = (_spectrum(values * frame) for values in (sensed.voltage, sensed.force))
+    bin_ = 2 * pi / (sensed.period * len(sensed.voltage))
+
+    def given(place: int) -> complex:
+        # A force held over T is less by sinc(ωT/2), which falls from one side to the other.
+        return complex(force[place]) * float(np.sinc((omega + place * bin_) * sensed.hold / (2 * pi)))
+
+    answers = [complex(voltage[side * turns]) / given(side * turns) for side in SIDES]
     pole = complex(-1.0)
-    z = [_at(voltage, side * tone, sensed.period) for side in (1, -1)]
-    u = [_at(force, side * tone, sensed.period) for side in (1, -1)]
-    answers = [voltage / force for voltage, force in zip(z, u, strict=True)]
-    ratio = answers[0] / answers[1]
     for _ in range(ITERATIONS):
-        pole = _balanced(ratio, pole, 2 * pi * tone, sensed.period, omega)
-    for side, answer in zip((1, -1), answers, strict=True):
-        unit = answer / _shape(pole, side * 2 * pi * tone, sensed.period, omega)
-        for offset in beside:
-            f = side * tone + float(offset)
-            left = _at(voltage, f, sensed.period)
-            left -= unit * _shape(pole, 2 * pi * f, sensed.period, omega) * _at(force, f, sensed.period)
-            noise.append(abs(left / z[0 if side > 0 else 1]) ** 2)
-    # |dp| = |iν - p|/2 |dρ/ρ|, of which the imaginary part has half; ρ has the noise of both sides.
-    relative = float(np.mean(noise))
-    return Pole(pole, 0.5 * abs(2j * pi * tone - pole) * sqrt(2 * relative / 2))
+        pole = _balanced(answers[0] / answers[1], pole, turns * bin_, sensed.period, omega)
+    noise = []
+    for side, answer in zip(SIDES, answers, strict=True):
+        level = answer / _shape(pole, side * turns * bin_, sensed.period, omega)
+        for place in (*range(-FARTHEST, 1 - NEAREST), *range(NEAREST, FARTHEST + 1)):
+            expected = level * _shape(pole, (side * turns + place) * bin_, sensed.period, omega)
+            left = voltage[side * turns + place] - expected * given(side * turns + place)
+            noise.append(abs(left / voltage[side * turns]) ** 2)
+    # |dp| = |iν - p|/2 |dρ/ρ|, half of it in the imaginary part; ρ has the noise of both sides.
+    return Pole(pole, 0.5 * abs(1j * turns * bin_ - pole) * sqrt(float(np.mean(noise))))
 
 
-def _at(values: Complexes, frequency: float, period: float) -> complex:
-    """The complex amplitude of ``values`` at ``frequency`` [Hz] under a Hann window."""
+def _spectrum(values: Complexes) -> Complexes:
+    """Complex amplitudes by bin under a Hann window; a negative frequency has a negative place."""
     window = np.hanning(len(values) + 1)[:-1]
-    return complex((window * values) @ np.exp(-2j * pi * frequency * period * np.arange(len(values))) / window.sum())
+    spectrum: Complexes = np.fft.fft(window * values) / window.sum()
+    return spectrum
 
 
 def _shape(pole: complex, nu: float, period: float, omega: float) -> complex:

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from cosim.envelope import open_envelope
 from cosim.fmu import Plant, open_plant
 from cosim.rate import loop
-from cosim.rate.run import INPUT_NAMES, OMEGA_Z, TEMPERATURE, RateRun
+from cosim.rate.run import OMEGA_Z, TEMPERATURE, RateRun
 from cosim.rate.sense_record import SenseRecorder
 from cosim.rate.temperature_sensor import BoardSensor, Bridge
+from cosim.scenarios.scenario import INPUT_NAMES
 from gyro_model.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -65,9 +66,7 @@ class LoopedPlant:
         self.blocks = run.blocks()
         """May be replaced between two steps."""
         self._state = loop.start_state(self.blocks)
-        self._inputs, self._outputs = map(
-            self._plant.value_references, ((*forces, *INPUT_NAMES), outputs)
-        )
+        self._inputs, self._outputs = map(self._plant.value_references, ((*forces, *INPUT_NAMES), outputs))
         self._values = self._plant.get(outputs)
         self._period = run.period
         self._done = 0
@@ -151,6 +150,7 @@ def start_up(run: RateRun, plant: LoopedPlant) -> tuple[float, float]:
 
 
 def check_lock(run: RateRun, block: Floats, first: int) -> None:
+    """Raises InputError where the rows of ``block``, from row ``first`` on, show that the lock is lost."""
     off = np.abs(block[:, loop.AMPLITUDE] / run.nominal.calibration.drive.voltage - 1)
     lost = ~((block[:, loop.LARGEST_ERROR] < LOST_ERROR) & (off < LOST_ERROR))
     if lost.any():

@@ -116,7 +116,7 @@ class RateRun:
         return {name: given.get(name) for name in INPUT_NAMES}
 
     def inputs(self, first: int, count: int) -> Floats:
-        """Values held over the samples first .. first + count - 1, SI, shape (count, 5), in the order of INPUT_NAMES."""
+        """Values held over ``count`` samples from ``first`` on, SI, shape (count, 5), in the order of INPUT_NAMES."""
         held = np.empty((count, len(INPUT_NAMES)))
         for column, (name, course) in enumerate(self.courses.items()):
             held[:, column] = QUANTITIES[name].start if course is None else course.held(first, count, self.period)

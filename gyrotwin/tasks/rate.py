@@ -168,7 +168,7 @@ def courses_of_request(request: Request) -> "tuple[dict[str, Course], float]":
 
     Raises InputError where an input is given twice.
     """
-    from cosim.rate import courses, from_scenario
+    from cosim.rate import from_scenario
     from cosim.scenarios import load_scenario
 
     chosen = None if request.scenario is None else load_scenario(request.scenario)

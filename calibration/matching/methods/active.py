@@ -4,7 +4,7 @@ The force is a virtual Coriolis force, which a real rate of turn disturbs in pha
 and not the split (docs/theory/matching.md, eq. 8).
 """
 
-from math import pi
+from math import degrees, pi
 from typing import Final
 
 from calibration.matching.known import Known, Sensed, virtual_rate_force
@@ -28,11 +28,15 @@ class Sidebands:
     def __init__(self, known: Known, asked: Asked) -> None:
         rate = SHARE * known.full_scale if asked.dither is None else asked.dither
         if not 0 < rate <= known.full_scale:
-            raise InputError(f"--dither {rate:g} rad/s: give a rate above 0, up to full scale {known.full_scale:g} rad/s")
+            raise InputError(
+                f"--dither {degrees(rate):g}: give more than 0 and at most full scale, {degrees(known.full_scale):g} deg/s"
+            )
         measure = max(round((MEASURE if asked.block is None else asked.block) / known.interval), 1) * known.interval
         tone = max(BEYOND[0] * known.output_bandwidth, BEYOND[1] * known.sense_bandwidth)
         if measure * tone < 2 * FARTHEST:
-            raise InputError(f"--block {measure:g} s: the dither of {tone:g} Hz needs {2 * FARTHEST / tone:.2g} s or more")
+            raise InputError(
+                f"--block {measure:g} s: the dither of {tone:g} Hz needs {2 * FARTHEST / tone:.2g} s or more"
+            )
         # Whole periods in a measurement: what stays, and it is the rate and the quadrature, drops out.
         self._plan = Plan(SETTLE, measure, round(tone * measure) / measure, virtual_rate_force(known, rate))
 

@@ -47,7 +47,8 @@ class Asked(NamedTuple):
 class Method(NamedTuple):
     """One way to match the modes.
 
-    name; source: where it is published; closed: whether the sense loop rebalances while it holds; start: the estimator for what is known. It raises InputError where it can't work with what is asked.
+    name; source: where it is published; closed: whether the sense loop rebalances while it holds; start: the estimator
+    for what is known, which raises InputError where it can't work with what is asked.
     """
 
     name: str

@@ -34,7 +34,9 @@ class Hump:
         least = DECAYS / known.decay
         measure = max(SHORTEST, least) if asked.block is None else asked.block
         if measure < 0.25 * least:
-            raise InputError(f"--block {measure:g} s: the line width of the sense mode needs {0.25 * least:.3g} s or more")
+            raise InputError(
+                f"--block {measure:g} s: the line width of the sense mode needs {0.25 * least:.3g} s or more"
+            )
         self._plan = Plan(RINGING / known.decay, measure, closed=False)
         self._designed = pi * known.frequency / known.decay
         self._found: list[float] = []
