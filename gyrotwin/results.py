@@ -174,6 +174,8 @@ class RateResult(Saved):
 
     run: "RateRun" = field(repr=False)
     raw: "RawRateResult" = field(repr=False)
+    split_block: float | None = field(repr=False, default=None)
+    """Length of a block of a split estimate [s], where one was asked for."""
     sometimes: ClassVar[str] = "sense.parquet"
 
     @property
@@ -190,8 +192,13 @@ class RateResult(Saved):
     def summary(self) -> Mapping[str, Any]:
         """Bias, scale factor, quadrature, noise; the content of summary.json."""
         from cosim.rate.metrics import summarise
+        from gyrotwin import split_online
 
-        return summarise(self.run, self.raw)
+        summary = summarise(self.run, self.raw)
+        if self.split_block is not None and self.raw.sense is not None:
+            steps = split_online.split_blocks(self.run, self.raw.sense, self.split_block)
+            summary["split"] = split_online.summarise(steps, self.run, self.split_block)
+        return summary
 
     def writers(self) -> Mapping[str, Writer]:
         """summary.json, trace.parquet, report.html, and sense.parquet where it was asked for."""

@@ -1,7 +1,7 @@
 """What a laboratory knows when it matches the modes: the design of device and loops, nothing of the plant."""
 
 from math import pi, sqrt
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,19 +11,13 @@ from cosim.rate.run import V_BIAS, RateRun
 from gyro_model.device import Device
 from gyro_model.errors import InputError
 
-PACKAGE_SPLIT: Final = 2e-5
-"""Of the stiffness of one axis against the other [1/K]: a few of the last places of silicon's -60e-6, by stress."""
-FASTEST_RAMP: Final = 1 / 60
-"""Of the ambient temperature that the tuner is made for [K/s]: 1 °C/min, as chambers run."""
-
 
 class Known(NamedTuple):
     """What every method is told.
 
     frequency: of the drive [Hz]; decay: of the sense mode, ω/2Q [1/s]; mass [kg]; amplitude: of the drive [m]; gain: of
     the sense pickoff [V/m]; slope: dΔf/dV² [Hz/V²]; first_bias, highest_bias [V]; full_scale [rad/s]; output_bandwidth,
-    sense_bandwidth [Hz]; drift: of the split under the fastest ramp [Hz/s];
-    interval: of which blocks are multiples [s].
+    sense_bandwidth [Hz]; interval: of which blocks are multiples [s].
     """
 
     frequency: float
@@ -37,7 +31,6 @@ class Known(NamedTuple):
     full_scale: float
     output_bandwidth: float
     sense_bandwidth: float
-    drift: float
     interval: float
 
 
@@ -94,7 +87,6 @@ def known_of(run: RateRun, highest_bias: float) -> Known:
     return Known(
         frequency, -nominal.pole.real, p["m"], settings.drive_amplitude, p["sense_gain_y"], slope, first, highest_bias,
         settings.full_scale, settings.output_bandwidth, settings.sense_bandwidth,
-        0.5 * frequency * PACKAGE_SPLIT * FASTEST_RAMP,
         run.interval,
     )  # fmt: skip
 

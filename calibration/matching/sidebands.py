@@ -48,7 +48,8 @@ def find_pole(sensed: Sensed, tone: float) -> Pole:
     omega = 2 * pi * float(sensed.frequency.mean())
     # The dither leaks to the drive, and the oscillator follows the drive's phase: a wobble at the tone, which a strong
     # drive line would carry to both sides. A frame of constant frequency has none.
-    frame = np.exp(1j * np.cumsum(2 * pi * sensed.frequency - omega) * sensed.period)
+    step = (2 * pi * sensed.frequency - omega) * sensed.period
+    frame = np.exp(1j * (np.cumsum(step) - step))
     voltage, force = (_spectrum(values * frame) for values in (sensed.voltage, sensed.force))
     bin_ = 2 * pi / (sensed.period * len(sensed.voltage))
 

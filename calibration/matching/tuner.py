@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.matching.known import Known
+from calibration.mode_split import expected_drift, expected_wander
 
 Floats = NDArray[np.float64]
 
@@ -16,8 +17,6 @@ SLOPE_ERROR: Final = 0.3
 fifth power."""
 FIRST_DRIFT: Final = 3.0
 """Prior deviation of the drift of the split, over that of the fastest ramp: devices differ."""
-TAKES_UP: Final = 240.0
-"""A drift may change by that of the fastest ramp within this time [s]: the lag of a package in still air."""
 FIRST_SPLIT: Final = 1e3
 """Prior deviation of the split [Hz]: nothing is known."""
 
@@ -38,14 +37,18 @@ class Tuner:
     def __post_init__(self) -> None:
         slope = self.known.slope
         self.mean = np.array([-slope * self.known.first_bias**2, 0.0, slope])
-        spread = np.diag([FIRST_SPLIT**2, (FIRST_DRIFT * self.known.drift) ** 2, (SLOPE_ERROR * slope) ** 2])
+        spread = np.diag(
+            [FIRST_SPLIT**2, (FIRST_DRIFT * expected_drift(self.known.frequency)) ** 2, (SLOPE_ERROR * slope) ** 2]
+        )
         self.covariance = spread
 
     def predict(self, step: float) -> None:
         """Moves on by ``step`` [s]."""
         move = np.array([[1.0, step, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
         noise = np.zeros((3, 3))
-        noise[:2, :2] = self.known.drift**2 / TAKES_UP * np.array([[step**3 / 3, step**2 / 2], [step**2 / 2, step]])
+        noise[:2, :2] = expected_wander(self.known.frequency) ** 2 * np.array(
+            [[step**3 / 3, step**2 / 2], [step**2 / 2, step]]
+        )
         self.mean = move @ self.mean
         self.covariance = move @ self.covariance @ move.T + noise
 

@@ -224,7 +224,7 @@ def rate(
             split_estimate=split_estimate,
         )
     )
-    return RateResult(prepared, simulate(prepared, progress))
+    return RateResult(prepared, simulate(prepared, progress), split_estimate)
 
 
 def match(

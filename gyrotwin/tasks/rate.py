@@ -115,9 +115,9 @@ def rate(
     )  # fmt: skip
     prepared = prepare(request)
     with shown_progress(console, f"rate mode, {prepared.duration:g} s") as progress:
-        summary = execute(prepared, out, progress, force=force)
+        summary = execute(prepared, out, progress, force=force, block=split_estimate)
     console.print(results(summary))
-    if prepared.sense_rate is not None:
+    if sense_record is not None:
         console.print(f"for gyrotwin split: {out / SENSE_RECORD}", soft_wrap=True, highlight=False)
     console.print(f"report: {out / 'report.html'}", soft_wrap=True, highlight=False)
 
@@ -134,6 +134,8 @@ def prepare(request: Request) -> "RateRun":
     choose("--plant", plant, tuple(OUTPUT_RATES))
     device = request.device if isinstance(request.device, Device) else load_device(request.device)
     device = with_settings(device, request.settings)
+    if request.split_estimate is not None and request.sense == "closed":
+        raise InputError("--split-estimate with --sense closed: the force that rebalances shapes the noise; give open")
     run = RateRun(
         device=device,
         rate=rate,
@@ -148,6 +150,11 @@ def prepare(request: Request) -> "RateRun":
         design=None if request.design is None else design_of(request.design, device),
         others=courses,
     )
+    if request.split_estimate is not None:
+        from gyrotwin.split_online import check_blocks, sense_rate_for
+
+        check_blocks(run, request.split_estimate)
+        run = run if run.sense_rate is not None else replace(run, sense_rate=sense_rate_for(run))
     if run.sense_rate is not None:
         _check_sense_length(run)
     return run
@@ -245,13 +252,16 @@ def _duration(rate: "Course", temperature: "Course", request: Request) -> float:
     return request.rate_period if request.rate_step is not None else REST_DURATION
 
 
-def execute(run: "RateRun", folder: Path, progress: "Progress | None" = None, *, force: bool = False) -> dict[str, Any]:
-    """Runs and writes the files into ``folder``, complete or not at all; gives the summary."""
+def execute(
+    run: "RateRun", folder: Path, progress: "Progress | None" = None, *, force: bool = False, block: float | None = None
+) -> dict[str, Any]:
+    """Runs and writes the files into ``folder``, complete or not at all; gives the summary. block: of a split estimate
+    [s]."""
     from cosim.rate.master import simulate
     from gyrotwin.output import check_writable
     from gyrotwin.results import RateResult
 
     check_writable(folder, force=force)
-    result = RateResult(run, simulate(run, progress))
+    result = RateResult(run, simulate(run, progress), block)
     result.save(folder, force=force)
     return dict(result.summary)

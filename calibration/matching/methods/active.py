@@ -28,9 +28,8 @@ class Sidebands:
     def __init__(self, known: Known, asked: Asked) -> None:
         rate = SHARE * known.full_scale if asked.dither is None else asked.dither
         if not 0 < rate <= known.full_scale:
-            raise InputError(
-                f"--dither {degrees(rate):g}: give more than 0 and at most full scale, {degrees(known.full_scale):g} deg/s"
-            )
+            most = degrees(known.full_scale)
+            raise InputError(f"--dither {degrees(rate):g}: give more than 0 and at most full scale, {most:g} deg/s")
         measure = max(round((MEASURE if asked.block is None else asked.block) / known.interval), 1) * known.interval
         tone = max(BEYOND[0] * known.output_bandwidth, BEYOND[1] * known.sense_bandwidth)
         if measure * tone < 2 * FARTHEST:
