@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from functools import partial
+from math import inf
 
 from cosim.rate.courses import Course
 from cosim.scenarios import Scenario
@@ -16,4 +17,7 @@ def courses_of(scenario: Scenario) -> Mapping[str, Course]:
             "scenario; put parameters into the device file, or give --set"
         )
     text = f"scenario {scenario.name}"
-    return {name: Course(partial(scenario.values, name), float("inf"), text) for name in scenario.courses}
+    return {
+        name: Course(partial(scenario.values, name), inf, text, means=partial(scenario.held, name))
+        for name in scenario.courses
+    }

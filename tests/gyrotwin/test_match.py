@@ -63,7 +63,8 @@ def test_a_scenario_gives_rate_temperature_and_first_bias(tmp_path: Path) -> Non
     )
     found = gt.match("mode_matched_as_built", design="mode_matched", scenario=scenario)
     assert found.summary["bias_v"]["first"] == 14.0
-    assert found.trace["rate_true"].to_numpy().max() == pytest.approx(0.2, rel=0.01)
+    # A row is a mean over a twentieth of a period, and may miss the crest by half of that: 0.4 % and 1.2 %.
+    assert found.trace["rate_true"].to_numpy().max() == pytest.approx(0.2, rel=0.02)
     assert found.summary["split"]["largest_hz"] < 0.02
 
 
