@@ -25,15 +25,16 @@ DEVICES: Final = 12
 LOWEST_Q, HIGHEST_Q = 500.0, 20_000.0
 COLD, HOT, PER_MINUTE = -20.0, 60.0, 1.0
 """The ramp [°C, °C/min]."""
-PASSIVE_RUNS: Final = 3
-"""Ramps of the passive method at most: each is 80 minutes."""
+PASSIVE_RUNS, PASSIVE_MINUTES = 3, 20.0
+"""Ramps of the passive method at most, and how much of each."""
 REST: Final = 200.0
 """Of a run for the noise of the rate [s]."""
 
 
 def as_designed(number: int) -> Device:
-    """The design of device ``number``: Q from 500 to 20,000 through the lot."""
-    share = number / max(DEVICES - 1, 1)
+    """The design of device ``number``: Q from 500 to 20,000, whichever part of the lot is taken."""
+    # Digits of the number in base 2 behind the point, in reverse: 0, 1/2, 1/4, 3/4, ...; the largest of twelve is 7/8.
+    share = int(f"{number:04b}"[::-1], 2) / 16 / 0.875
     q = LOWEST_Q * (HIGHEST_Q / LOWEST_Q) ** share
     design = load_device("mode_matched")
     p = design.parameters
@@ -117,7 +118,7 @@ def run(options: Options) -> Report:
     lot = range(options.seeds_or(DEVICES))
     with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
         held = list(pool.map(partial(through_ramp, method="active"), lot))
-        passive = list(pool.map(partial(through_ramp, method="passive"), _some(lot)))
+        passive = list(pool.map(partial(through_ramp, method="passive", minutes=PASSIVE_MINUTES), _some(lot)))
         costs = list(pool.map(noise, lot))
     what = f"{COLD:g}..{HOT:g} °C at {PER_MINUTE:g} °C/min, {len(held)} devices as built, Q {LOWEST_Q:g}..{HIGHEST_Q:g}"
     return Report(
@@ -125,7 +126,7 @@ def run(options: Options) -> Report:
         "Mode matching",
         [
             Table("Active: force either side of the drive, sense loop closed", active_rows(held, what)),
-            Table("Passive: thermal noise, sense loop open", passive_rows(passive)),
+            Table(f"Passive: thermal noise, sense loop open, {PASSIVE_MINUTES:g} minutes", passive_rows(passive)),
             Table("What the dither costs the rate, at 25 °C", noise_rows(costs)),
         ],
         [

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from math import floor
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from calibration.matching.known import Known, designed_bias, known_of
 from calibration.matching.methods import methods
 from calibration.matching.methods.method import Asked, Method
@@ -68,5 +70,6 @@ def step_for(design: Device, bias: float) -> float:
     frequency too. At such a step those fall half of 1/T from the tones instead of onto one, where they would shift the
     split found by up to its ν²/2ω, 0.3 Hz.
     """
-    frequency = sense_resonance(design, design.all_parameters["t_ref"], bias)
+    at = design.all_parameters["t_ref"], bias
+    frequency = float(sense_resonance(design, *np.array(at).reshape(2, 1))[0])
     return (floor(2 * frequency * ENVELOPE_PERIOD - 0.5) + 0.5) / (2 * frequency)

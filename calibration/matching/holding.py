@@ -88,10 +88,8 @@ def _judge(estimator: Estimator, tuner: Tuner, plan: Plan, sensed: Sensed, bias:
 def _frame(run: RateRun, rows: Floats, held: Floats) -> pl.DataFrame:
     frame = record_frame(rows, held, run.interval, run.seed)
     bias = held[:, V_BIAS]
-    f_y = [sense_resonance(run.device, t, v) for t, v in zip(frame["temperature_structure"], bias, strict=True)]
-    return frame.with_columns(
-        v_bias=pl.Series(bias), split_true=pl.Series(np.array(f_y) - frame["drive_frequency"].to_numpy())
-    )
+    f_y = sense_resonance(run.device, frame["temperature_structure"].to_numpy(), bias)
+    return frame.with_columns(v_bias=pl.Series(bias), split_true=f_y - frame["drive_frequency"].to_numpy())
 
 
 class _Step:

@@ -5,7 +5,7 @@ share included, so that it makes no difference whether the sense loop is closed.
 """
 
 from cmath import exp, log
-from math import pi, sqrt
+from math import pi, sin, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -55,7 +55,8 @@ def find_pole(sensed: Sensed, tone: float) -> Pole:
 
     def given(place: int) -> complex:
         # A force held over T is less by sinc(ωT/2), which falls from one side to the other.
-        return complex(force[place]) * float(np.sinc((omega + place * bin_) * sensed.hold / (2 * pi)))
+        half = (omega + place * bin_) * sensed.hold / 2
+        return complex(force[place]) * (sin(half) / half if half else 1.0)
 
     answers = [complex(voltage[side * turns]) / given(side * turns) for side in SIDES]
     pole = complex(-1.0)

@@ -96,7 +96,7 @@ def test_split_block_by_block_in_normal_operation() -> None:
         (("match", "rate-mode"), "no electrodes that tune"),
         (("match", *DEVICE, "--method", "activ"), "active"),
         (("match", *DEVICE, "--plant", "half"), "envelope"),
-        (("match", *DEVICE, "--dither", "500"), "full scale, 300/s"),
+        (("match", *DEVICE, "--dither", "500"), "full scale, 300"),
         (("match", *DEVICE, "--block", "0.01"), "--block"),
         (("match", *DEVICE, "--highest-bias", "9"), "first bias"),
         (("match", *DEVICE, "--scenario", "constant"), "sets"),
