@@ -216,9 +216,8 @@ class Bench:
     def power_on(self, duration: float, seed: int, *, envelope: bool, output_rate: float) -> tuple[Floats, Floats]:
         """Times [s] since power on and the output [rad/s] at rest, whether in lock or not; shapes (n,)."""
         run = self.asked(duration, seed=seed, envelope=envelope, output_rate=output_rate)
-        samples = run.rows * run.per_row
         with LoopedPlant(run) as plant:
-            rows, _ = plant.step(np.zeros(samples), np.full(samples, self.reference_temperature), run.rows)
+            rows, _ = plant.step(run.inputs(0, run.rows * run.per_row), run.rows)
         self.advance(duration)
         t: Floats = np.float64(run.interval) * np.arange(1, run.rows + 1)
         return t, rows[:, loop.RATE]
