@@ -62,7 +62,7 @@ _HOMES: Final = {
         (
             *("build", "compensate", "datasheet", "diagnose", "effects", "export_sensor", "load_dataset"),
             *("load_design", "load_device", "match", "play", "rate", "run", "simulate_dataset", "split"),
-            *("verify"),
+            "verify",
         ),
         "gyrotwin.api",
     ),

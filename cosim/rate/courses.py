@@ -182,7 +182,7 @@ def check_rate(rate: Course, duration: float, interval: float, full_scale: float
     # In pieces: hours at a fine step would fill the memory.
     for first in range(0, round(duration / step) + 1, 1_000_000):
         count = min(1_000_000, round(duration / step) + 1 - first)
-        values = np.abs(rate.values((np.arange(first, first + count) + 0.5) * step))
+        values = np.abs(rate.values((np.arange(first, first + count) + 0.5) * np.float64(step)))
         if values.max() > full_scale:
             worst = int(values.argmax())
             raise InputError(
