@@ -22,6 +22,7 @@ NAMES = (
     "loop_devices",
     "loop_rest",
     "mode_split",
+    "matching",
     "rate_mode",
     "compensation",
     "compensation_memory",

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         load_dataset,
         load_design,
         load_device,
+        match,
         play,
         rate,
         run,
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     )
     from gyrotwin.comparison import compare
     from gyrotwin.datasheet_result import DatasheetResult
+    from gyrotwin.match_result import MatchResult
     from gyrotwin.playing.page import PlayResult
     from gyrotwin.results import CompensationResult, DiagnosisResult, RateResult, RunResult, SplitResult
     from gyrotwin.schemas import schema
@@ -51,6 +53,7 @@ _HOMES: Final = {
     "Design": "cosim.design",
     "Device": "gyro_model.device",
     "InputError": "gyro_model.errors",
+    "MatchResult": "gyrotwin.match_result",
     "PlayResult": "gyrotwin.playing.page",
     "SensorResult": "gyrotwin.sensor_result",
     "SweepResult": "gyrotwin.sweeping.result",
@@ -59,18 +62,9 @@ _HOMES: Final = {
     "sweep": "gyrotwin.tasks.sweep",
     **dict.fromkeys(
         (
-            *(
-                "build",
-                "compensate",
-                "datasheet",
-                "diagnose",
-                "effects",
-                "export_sensor",
-                "load_dataset",
-                "load_design",
-                "load_device",
-            ),
-            *("play", "rate", "run", "simulate_dataset", "split", "verify"),
+            *("build", "compensate", "datasheet", "diagnose", "effects", "export_sensor", "load_dataset"),
+            *("load_design", "load_device", "match", "play", "rate", "run", "simulate_dataset", "split"),
+            "verify",
         ),
         "gyrotwin.api",
     ),
@@ -87,6 +81,7 @@ __all__ = [
     "Device",
     "DiagnosisResult",
     "InputError",
+    "MatchResult",
     "PlayResult",
     "RateResult",
     "RunResult",
@@ -104,6 +99,7 @@ __all__ = [
     "load_dataset",
     "load_design",
     "load_device",
+    "match",
     "play",
     "rate",
     "run",

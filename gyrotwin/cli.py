@@ -44,6 +44,10 @@ COMMANDS: Final = {
         "gyrotwin.tasks.split:split",
         "Find the frequency split of the two modes in a record of normal operation, from thermal noise.",
     ),
+    "match": _Entry(
+        "gyrotwin.tasks.match:match",
+        "Run rate mode with the bias tuned to matched modes, from noise or by a small dither.",
+    ),
     "diagnose": _Entry(
         "gyrotwin.tasks.diagnose:diagnose",
         "Find what a model lacks to explain measured data, and write the improved model.",

@@ -34,7 +34,34 @@ def results(summary: Mapping[str, Any]) -> RenderableType:
     parts: list[RenderableType] = [head, *warnings, table]
     if summary["allan"] is not None:
         parts.append(_allan(summary["allan"]))
+    if summary.get("split") is not None:
+        parts.append(_split(summary["split"]))
     return Group(*parts)
+
+
+SHOWN = 5
+"""Blocks of a split estimate in the terminal."""
+
+
+def _split(split: Mapping[str, Any]) -> Table:
+    table = Table(title="Frequency split, block by block", title_justify="left")
+    for heading in ("t [s]", "split f_y - f_x [Hz]", "95 % interval"):
+        table.add_column(heading, justify="right")
+    for t, value, low, high in split_rows(split):
+        table.add_row(t, value, f"{low} .. {high}")
+    table.caption = (
+        f"{split['blocks']} blocks of {split['block_s']:g} s, {split['blocks_with_a_hump']} with a hump; "
+        f"Q of the design: {split['q_of_the_design']:.4g}"
+    )
+    return table
+
+
+def split_rows(split: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    """Time, split, ends of its interval, of some blocks through the run."""
+    steps = split["estimates"]
+    count = min(SHOWN, len(steps))
+    chosen = [steps[round(i * (len(steps) - 1) / max(count - 1, 1))] for i in range(count)]
+    return [(f"{s['t']:g}", f"{s['split_hz']:.4f}", f"{s['low_hz']:.4f}", f"{s['high_hz']:.4f}") for s in chosen]
 
 
 def rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
@@ -101,6 +128,7 @@ def render(summary: Mapping[str, Any], run: RateRun, record: pl.DataFrame, noise
     page = template("rate.html.j2").render(
         summary=summary,
         rows=rows(summary),
+        split_rows=split_rows(summary["split"]) if summary.get("split") else [],
         noise_rows=noise_rows(summary["allan"]) if noise is not None else [],
         figures=drawn,
         data=as_json({figure.id: figure.data() for figure in drawn}),

@@ -91,7 +91,8 @@ def write_json(content: Mapping[str, Any]) -> Writer:
     return lambda path: path.write_text(text, encoding="utf-8")
 
 
-def _write_trace(trace: pl.DataFrame) -> Writer:
+def write_trace(trace: pl.DataFrame) -> Writer:
+    """A function that writes ``trace`` as parquet."""
     # Small groups keep the memory of the writer small.
     return lambda path: trace.write_parquet(path, row_group_size=20_000)
 
@@ -173,6 +174,8 @@ class RateResult(Saved):
 
     run: "RateRun" = field(repr=False)
     raw: "RawRateResult" = field(repr=False)
+    split_block: float | None = field(repr=False, default=None)
+    """Length of a block of a split estimate [s], where one was asked for."""
     sometimes: ClassVar[str] = "sense.parquet"
 
     @property
@@ -189,8 +192,13 @@ class RateResult(Saved):
     def summary(self) -> Mapping[str, Any]:
         """Bias, scale factor, quadrature, noise; the content of summary.json."""
         from cosim.rate.metrics import summarise
+        from gyrotwin import split_online
 
-        return summarise(self.run, self.raw)
+        summary = summarise(self.run, self.raw)
+        if self.split_block is not None and self.raw.sense is not None:
+            steps = split_online.split_blocks(self.run, self.raw.sense, self.split_block)
+            summary["split"] = split_online.summarise(steps, self.run, self.split_block)
+        return summary
 
     def writers(self) -> Mapping[str, Writer]:
         """summary.json, trace.parquet, report.html, and sense.parquet where it was asked for."""
@@ -200,7 +208,7 @@ class RateResult(Saved):
         raw, run = self.raw, self.run
         files: dict[str, Writer] = {
             "summary.json": write_json(self.summary),
-            "trace.parquet": _write_trace(raw.record),
+            "trace.parquet": write_trace(raw.record),
             "report.html": lambda path: render(self.summary, run, raw.record, allan_of(raw.record, run), path),
         }
         if raw.sense is not None:

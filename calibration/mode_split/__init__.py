@@ -14,7 +14,15 @@ from calibration.mode_split.follow import Track, follow_split
 from calibration.mode_split.model import SplitModel, frequency_bound, kept_information
 from calibration.mode_split.record import Envelope, VoltageRecord, envelope, find_line
 from calibration.mode_split.spectrum import Spectrum, line_spectrum
-from calibration.mode_split.tracking import BiasTuner, SplitTracker, Tracked, split_slope, track
+from calibration.mode_split.tracking import (
+    BiasTuner,
+    SplitTracker,
+    Tracked,
+    expected_drift,
+    expected_wander,
+    split_slope,
+    track,
+)
 
 __all__ = [
     "Analysis",
@@ -35,6 +43,8 @@ __all__ = [
     "correlations",
     "envelope",
     "estimate",
+    "expected_drift",
+    "expected_wander",
     "find_line",
     "find_split",
     "follow_split",

@@ -11,6 +11,8 @@ from gyro_model.symbols import BOLTZMANN
 
 SLOWEST: Final = 2000.0
 """No drive of a vibratory gyroscope, 1 kHz and more, is seen in a voltage with fewer samples a second [Hz]."""
+SLOWEST_PAIR: Final = 20.0
+"""Of I and Q [Hz]: a demodulator of a gyroscope gives 20 kHz at most, which read in ms is this."""
 REPEATED: Final = 0.3
 """Share of neighbouring samples that may be equal. Noise of one step rms repeats in 28 %: below that the error of
 rounding is no longer white and independent of the signal (B. Widrow and I. Kollár, Quantization Noise, 2008)."""
@@ -21,7 +23,12 @@ THERMAL: Final = 4.0
 
 
 def check_rate(record: VoltageRecord, drive_frequency: float | None) -> None:
-    """Raises InputError for a voltage with so few samples a second that the time must be in another unit."""
+    """Raises InputError for so few samples a second that the time must be in another unit."""
+    if record.is_complex and record.rate < SLOWEST_PAIR and drive_frequency is None:
+        raise InputError(
+            f"{record.rate:.4g} pairs a second show ±{record.rate / 2:.4g} Hz about the carrier, which no split of two "
+            "modes lies in. Is the time in ms or µs? Name its column t [ms]; else give --drive-frequency"
+        )
     if not record.is_complex and record.rate < SLOWEST and drive_frequency is None:
         raise InputError(
             f"{record.rate:.4g} samples a second: a gyroscope's drive lies above 1 kHz. Is the time in ms or µs? Name "

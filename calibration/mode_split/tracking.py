@@ -21,6 +21,25 @@ SLOWEST_RATE: Final = 1.0
 """Prior deviation of dΔf/dt, half-widths a second: wider than any drift that a block could resolve."""
 
 
+PACKAGE_SPLIT: Final = 2e-5
+"""Of the stiffness of one axis against the other by stress of the package [1/K]; silicon's own -60e-6 is common to
+both."""
+FASTEST_RAMP: Final = 1 / 60
+"""Of the ambient temperature that a tracker is made for [K/s]: 1 °C/min, as chambers run."""
+TAKES_UP: Final = 240.0
+"""Within which the structure takes up a ramp [s]: package in still air."""
+
+
+def expected_drift(frequency: float) -> float:
+    """Of the split of modes at ``frequency`` [Hz] under the fastest ramp [Hz/s]."""
+    return 0.5 * frequency * PACKAGE_SPLIT * FASTEST_RAMP
+
+
+def expected_wander(frequency: float) -> float:
+    """Strength of the random walk of such a drift [Hz/s per √s]: it may come or go within the lag of a package."""
+    return expected_drift(frequency) / TAKES_UP**0.5
+
+
 @dataclass
 class SplitTracker:
     """Recursive estimate of the split.

@@ -27,7 +27,7 @@ AGREE: Final = 1e-3
 """Envelope and full FMU agree where bias over full scale and scale factor differ by less than this, or by less than the
 noise."""
 FROM_REST: Final = dict.fromkeys(("x_start", "x_dot_start", "y_start", "y_dot_start"), 0.0)
-"""Nothing swings when the power comes on, whatever the device file lets begin."""
+"""A mass that does not swing."""
 NOISES: Final = ("sense_noise", "adc_quantisation", "thermal_force")
 """Noises of which ``noise_limits`` knows."""
 SURE: Final = 4.0
@@ -52,15 +52,12 @@ WHOLE: Final = Plan(5, 2000.0, 10, 20.0, 3, 10, (-40.0, -20.0, 0.0, 25.0, 45.0, 
 QUICK: Final = Plan(3, 300.0, 5, 5.0, 2, 5, (-40.0, 25.0, 85.0), 1.0)
 
 
-@dataclass(frozen=True)
-class HeldRun(RateRun):
-    """A run in which further inputs of the FMU are ``held`` at values by name, SI, from power on."""
-
-    held: Mapping[str, float] = field(default_factory=dict)
+class ColdRun(RateRun):
+    """A run in which nothing swings when the power comes on, whatever the device file lets begin."""
 
     def plant_parameters(self) -> dict[str, float]:
-        """Parameters of the FMU, with the inputs as it finds them when it starts: nobody sets them afterwards."""
-        return super().plant_parameters() | dict(self.held)
+        """Parameters of the FMU, at rest at the start."""
+        return super().plant_parameters() | FROM_REST
 
 
 class Record(NamedTuple):
@@ -104,7 +101,7 @@ class Bench:
     advance: Callable[[float], None] = field(default=lambda seconds: None)
 
     @cached_property
-    def typical(self) -> RateRun:
+    def typical(self) -> ColdRun:
         """A run at rest at the reference temperature, for what follows from settings and design."""
         return self.asked(0.1, envelope=True)
 
@@ -173,15 +170,16 @@ class Bench:
         envelope: bool,
         held: Mapping[str, float] | None = None,
         wide: float = 1.0,
-    ) -> HeldRun:
-        """A run of ``duration`` [s]; temperature [K]; wide: full scale is taken to be so many times what it is."""
+    ) -> ColdRun:
+        """A run of ``duration`` [s]; temperature [K]; wide: full scale is taken to be so many times what it is;
+        held: further inputs by name, SI."""
         device, design = self.device, self.design
         if wide != 1.0:
             full = {"full_scale": wide * self.full_scale}
             device = replace(device, rate_mode={**device.rate_mode, **full})
             design = None if design is None else replace(design, rate_mode={**design.rate_mode, **full})
         kelvin = temperature or self.reference_temperature
-        return HeldRun(
+        return ColdRun(
             device=device,
             rate=rate or constant(0.0, "at rest"),
             temperature=constant(kelvin, f"{kelvin:g} K"),
@@ -191,7 +189,7 @@ class Bench:
             output_rate=output_rate,
             envelope=envelope,
             design=design,
-            held={**FROM_REST, **(held or {})},
+            others={name: constant(value, f"{value:g}") for name, value in (held or {}).items()},
         )
 
     def record(self, duration: float, *, envelope: bool | None = None, **course: Any) -> Record:
@@ -216,9 +214,8 @@ class Bench:
     def power_on(self, duration: float, seed: int, *, envelope: bool, output_rate: float) -> tuple[Floats, Floats]:
         """Times [s] since power on and the output [rad/s] at rest, whether in lock or not; shapes (n,)."""
         run = self.asked(duration, seed=seed, envelope=envelope, output_rate=output_rate)
-        samples = run.rows * run.per_row
         with LoopedPlant(run) as plant:
-            rows, _ = plant.step(np.zeros(samples), np.full(samples, self.reference_temperature), run.rows)
+            rows, _ = plant.step(run.inputs(0, run.rows * run.per_row), run.rows)
         self.advance(duration)
         t: Floats = np.float64(run.interval) * np.arange(1, run.rows + 1)
         return t, rows[:, loop.RATE]

@@ -30,15 +30,19 @@ which no phase loop in use loses; a jump would ring through every row that follo
 
 class Course(NamedTuple):
     """A quantity against time. values: t [s], shape (n,), to its value there; length [s]; text: for the report; stays:
-    between two steps [s], inf where there are none."""
+    between two steps [s], inf where there are none; means: of the samples (first, count, period), where they are known
+    better than by the values in their middle."""
 
     values: Callable[[Floats], Floats]
     length: float
     text: str
     stays: float = np.inf
+    means: Callable[[int, int, float], Floats] | None = None
 
     def held(self, first: int, count: int, period: float) -> Floats:
-        """The values in the middle of the samples first .. first + count - 1, shape (count,)."""
+        """The values held over the samples first .. first + count - 1 at ``period`` [s], shape (count,)."""
+        if self.means is not None:
+            return self.means(first, count, period)
         return self.values((np.arange(first, first + count) + 0.5) * np.float64(period))
 
 
@@ -178,7 +182,7 @@ def check_rate(rate: Course, duration: float, interval: float, full_scale: float
     # In pieces: hours at a fine step would fill the memory.
     for first in range(0, round(duration / step) + 1, 1_000_000):
         count = min(1_000_000, round(duration / step) + 1 - first)
-        values = np.abs(rate.held(first, count, step))
+        values = np.abs(rate.values((np.arange(first, first + count) + 0.5) * np.float64(step)))
         if values.max() > full_scale:
             worst = int(values.argmax())
             raise InputError(

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from cosim.envelope import open_envelope
 from cosim.fmu import Plant, open_plant
 from cosim.rate import loop
-from cosim.rate.run import RateRun
+from cosim.rate.run import OMEGA_Z, TEMPERATURE, RateRun
 from cosim.rate.sense_record import SenseRecorder
 from cosim.rate.temperature_sensor import BoardSensor, Bridge
+from cosim.scenarios.scenario import INPUT_NAMES
 from gyro_model.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -50,21 +51,22 @@ class LoopedPlant:
 
     def __init__(self, run: RateRun) -> None:
         # The structure starts at the temperature at which the run does.
-        parameters = run.plant_parameters() | {"temperature": float(run.temperature.values(np.zeros(1))[0])}
-        inputs: Sequence[str] = loop.INPUT_NAMES
+        parameters = run.plant_parameters() | {"temperature": float(run.first_inputs[TEMPERATURE])}
+        forces: Sequence[str] = loop.FORCE_NAMES
         outputs: Sequence[str] = loop.OUTPUT_NAMES
         self._run_rows = loop.run_rows
         if run.envelope:
             parameters |= {name: run.device.all_parameters[name] for name in ("kxx", "m")}
             carrier = run.nominal.calibration.frequency
             self._plant: Plant = open_envelope(parameters, run.period, carrier, run.device.model)
-            inputs, outputs = loop.ENVELOPE_INPUT_NAMES, loop.ENVELOPE_OUTPUT_NAMES
+            forces, outputs = loop.ENVELOPE_FORCE_NAMES, loop.ENVELOPE_OUTPUT_NAMES
             self._run_rows = loop.run_envelope_rows
         else:
             self._plant = open_plant(parameters, run.device.model)
-        self._blocks = run.blocks()
-        self._state = loop.start_state(self._blocks)
-        self._inputs, self._outputs = map(self._plant.value_references, (inputs, outputs))
+        self.blocks = run.blocks()
+        """May be replaced between two steps."""
+        self._state = loop.start_state(self.blocks)
+        self._inputs, self._outputs = map(self._plant.value_references, ((*forces, *INPUT_NAMES), outputs))
         self._values = self._plant.get(outputs)
         self._period = run.period
         self._done = 0
@@ -75,20 +77,20 @@ class LoopedPlant:
     def __exit__(self, *exception: object) -> None:
         self._plant.close()
 
-    def step(self, omega_z: Floats, temperature: Floats, rows: int) -> tuple[Floats, Complexes]:
-        """Runs the samples over which rate [rad/s] and temperature [K] are held, shape (n,); gives their rows, shape
-        (rows, ROW_SIZE), and v_y mixed with the drive, with its frequency [V, rad/s], shape (2, n).
+    def step(self, held: Floats, rows: int) -> tuple[Floats, Complexes]:
+        """Runs the samples over which the scenario's inputs are ``held``, shape (n, 5); gives their rows, shape
+        (rows, ROW_SIZE), and v_y mixed with the drive, its frequency and the force on y [V, rad/s, N], shape (3, n).
 
         Raises InputError where the plant can't go on.
         """
         result = np.empty((rows, loop.ROW_SIZE))
-        sensed = np.empty((2, len(omega_z)), complex)
+        sensed = np.empty((3, len(held)), complex)
         done = self._run_rows(
-            self._plant.handle, self._inputs, self._outputs, self._blocks, self._state, self._done, self._period,
-            omega_z, temperature, self._values, result, sensed,
+            self._plant.handle, self._inputs, self._outputs, self.blocks, self._state, self._done, self._period,
+            held, self._values, result, sensed,
         )  # fmt: skip
         self._done += done
-        if done < len(omega_z):
+        if done < len(held):
             raise InputError(f"run {self._plant.complaint()}")
         return result, sensed
 
@@ -100,21 +102,20 @@ def simulate(run: RateRun, progress: Progress | None = None) -> Result:
 
 
 def _simulate(run: RateRun, plant: LoopedPlant, progress: Progress | None) -> Result:
-    locked_at, started_at = _start_up(run, plant)
+    locked_at, started_at = start_up(run, plant)
     rows = np.empty((run.rows, loop.ROW_SIZE))
-    held = np.empty((run.rows, 2))
+    held = np.empty((run.rows, len(INPUT_NAMES)))
     recorder = None if run.sense_rate is None else SenseRecorder(run.period, run.sense_rate)
     for first in range(0, run.rows, BLOCK_ROWS):
         count = min(BLOCK_ROWS, run.rows - first)
         samples = first * run.per_row, count * run.per_row
-        omega_z, temperature = (course.held(*samples, run.period) for course in (run.rate, run.temperature))
-        block, sensed = plant.step(omega_z, temperature, count)
+        inputs = run.inputs(*samples)
+        block, sensed = plant.step(inputs, count)
         if recorder is not None:
             recorder.take(sensed)
-        _check_lock(run, block, first)
+        check_lock(run, block, first)
         rows[first : first + count] = block
-        held[first : first + count, 0] = omega_z.reshape(count, -1).mean(axis=1)
-        held[first : first + count, 1] = temperature.reshape(count, -1).mean(axis=1)
+        held[first : first + count] = inputs.reshape(count, run.per_row, -1).mean(axis=1)
         if progress is not None:
             progress((first + count) * run.interval, run.duration)
     return Result(
@@ -125,14 +126,15 @@ def _simulate(run: RateRun, plant: LoopedPlant, progress: Progress | None) -> Re
     )
 
 
-def _start_up(run: RateRun, plant: LoopedPlant) -> tuple[float, float]:
+def start_up(run: RateRun, plant: LoopedPlant) -> tuple[float, float]:
     """From power on at the first temperature and no rate until the loops are in lock, and settled: both times [s]."""
-    temperature = np.full(run.per_row, float(run.temperature.values(np.zeros(1))[0]))
+    inputs = np.tile(run.first_inputs, (run.per_row, 1))
+    inputs[:, OMEGA_Z] = 0.0
     settling = int(np.ceil(run.settling / run.interval))
     locked = row = 0
     while row < locked + settling or not locked:
         row += 1
-        values, _ = plant.step(np.zeros(run.per_row), temperature, 1)
+        values, _ = plant.step(inputs, 1)
         off = abs(values[0, loop.AMPLITUDE] / run.nominal.calibration.drive.voltage - 1)
         if values[0, loop.LARGEST_ERROR] > LOCKED_ERROR or off > LOCKED_AMPLITUDE:
             locked = 0
@@ -147,7 +149,8 @@ def _start_up(run: RateRun, plant: LoopedPlant) -> tuple[float, float]:
     return locked * run.interval, row * run.interval
 
 
-def _check_lock(run: RateRun, block: Floats, first: int) -> None:
+def check_lock(run: RateRun, block: Floats, first: int) -> None:
+    """Raises InputError where the rows of ``block``, from row ``first`` on, show that the lock is lost."""
     off = np.abs(block[:, loop.AMPLITUDE] / run.nominal.calibration.drive.voltage - 1)
     lost = ~((block[:, loop.LARGEST_ERROR] < LOST_ERROR) & (off < LOST_ERROR))
     if lost.any():
@@ -173,12 +176,12 @@ def record_frame(rows: Floats, held: Floats, interval: float, seed: int) -> pl.D
         {
             "t": interval * np.arange(1, len(rows) + 1),
             "rate": rows[:, loop.RATE],
-            "rate_true": held[:, 0],
+            "rate_true": held[:, OMEGA_Z],
             "quadrature": rows[:, loop.QUADRATURE],
             "drive_frequency": rows[:, loop.FREQUENCY],
             "drive_amplitude": rows[:, loop.AMPLITUDE],
             "drive_force": rows[:, loop.FORCE],
-            "temperature": held[:, 1],
+            "temperature": held[:, TEMPERATURE],
             "temperature_structure": structure,
             "temperature_circuit": circuit,
             "sensor_structure": Bridge().read(structure, rng),

@@ -11,7 +11,8 @@ from cosim.rate.allan import Allan, NoiseLimits, allan_deviation, noise_limits
 from cosim.rate.courses import ZERO_CELSIUS
 from cosim.rate.filters import delay
 from cosim.rate.master import Result
-from cosim.rate.run import RateRun
+from cosim.rate.run import V_BIAS, RateRun
+from cosim.rate.settings import at_bias
 from cosim.rate.steady_state import output_at
 from gyro_model.errors import InputError
 
@@ -147,7 +148,8 @@ def summarise(run: RateRun, result: Result) -> Summary:
     calibration = run.nominal.calibration
     first = float(record["temperature_structure"][0])
     told = warnings(run)
-    expected = output_at(run.device, calibration, first)
+    biased = at_bias(run.device, float(run.first_inputs[V_BIAS]), run.settings.drive_amplitude)
+    expected = output_at(biased, calibration, first)
     return {
         "device": run.device.name,
         "design": None if run.design is None else run.design.name,

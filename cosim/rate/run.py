@@ -1,23 +1,32 @@
 """A rate-mode run as asked for, and what follows from it before the first sample."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import pi
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cosim.rate.courses import Course, check_jumps, check_rate
 from cosim.rate.filters import delay
 from cosim.rate.loop import Blocks
 from cosim.rate.sense_record import check_sense_record
-from cosim.rate.settings import Nominal, Settings, blocks_for, nominal, settings_of
+from cosim.rate.settings import Nominal, Settings, at_bias, blocks_for, nominal, settings_of
 from cosim.run import plant_parameters
+from cosim.scenarios.scenario import INPUT_NAMES, QUANTITIES
 from gyro_model.device import Device
 from gyro_model.errors import InputError
 
-ENVELOPE_PERIOD = 1e-3
+Floats = NDArray[np.float64]
+
+OMEGA_Z, TEMPERATURE, V_BIAS = (INPUT_NAMES.index(name) for name in ("omega_z", "temperature", "v_bias"))
+ENVELOPE_PERIOD: Final = 1e-3
 """Step of the slow loops on the envelope [s]: a twentieth of a period of the split, a fiftieth of the phase loop's."""
-LONGEST_SETTLING = 60.0
+LONGEST_SETTLING: Final = 60.0
 """The full FMU is not run up for longer than this [s]: some 20 s of computing."""
-SETTLED = 12.0
+SETTLED: Final = 12.0
 """Time constants until settled: e^-12 = 6e-6 of a start or step is left."""
 
 
@@ -27,7 +36,8 @@ class RateRun:
 
     rate [rad/s], temperature [K]: what the package goes through, from the time on at which the loops have settled;
     closed: the sense loop rebalances; sample_rate, output_rate [Hz]; duration [s]; sense_rate: of a record of the sense
-    voltage [Hz], None for none; design: what loops and calibration know of the device, None: all of it.
+    voltage [Hz], None for none; design: what loops and calibration know of the device, None: all of it; others: further
+    inputs of the plant by name, SI; envelope_period: step of the loops on the envelope [s].
 
     Raises InputError for what can't be, a course shorter than the run, a rate beyond full scale, a temperature that
     jumps, and a record that could not show the split.
@@ -44,6 +54,8 @@ class RateRun:
     envelope: bool = False
     sense_rate: float | None = None
     design: Device | None = None
+    others: Mapping[str, Course] = field(default_factory=dict)
+    envelope_period: float = ENVELOPE_PERIOD
 
     def __post_init__(self) -> None:
         if not 1 <= self.output_rate <= 1e4:
@@ -85,7 +97,7 @@ class RateRun:
     @cached_property
     def settings(self) -> Settings:
         """The [rate_mode] of what is known, completed."""
-        return settings_of(self.known)
+        return settings_of(self.design or self.device)
 
     @cached_property
     def nominal(self) -> Nominal:
@@ -94,13 +106,32 @@ class RateRun:
 
     @property
     def known(self) -> Device:
-        """What loops and calibration are made from."""
-        return self.design or self.device
+        """What loops and calibration are made from, at the first bias voltage."""
+        return at_bias(self.design or self.device, float(self.first_inputs[V_BIAS]), self.settings.drive_amplitude)
+
+    @cached_property
+    def courses(self) -> Mapping[str, Course | None]:
+        """All inputs of the plant beside the forces, in the order of INPUT_NAMES; None: the FMU's start value."""
+        given = {"omega_z": self.rate, "temperature": self.temperature, **self.others}
+        return {name: given.get(name) for name in INPUT_NAMES}
+
+    def inputs(self, first: int, count: int) -> Floats:
+        """Values held over ``count`` samples from ``first`` on, SI, shape (count, 5), in the order of INPUT_NAMES."""
+        held = np.empty((count, len(INPUT_NAMES)))
+        for column, (name, course) in enumerate(self.courses.items()):
+            held[:, column] = QUANTITIES[name].start if course is None else course.held(first, count, self.period)
+        return held
+
+    @cached_property
+    def first_inputs(self) -> Floats:
+        """The values at the start, shape (5,)."""
+        start = [QUANTITIES[name].start if c is None else c.values(np.zeros(1))[0] for name, c in self.courses.items()]
+        return np.array(start)
 
     @property
     def period(self) -> float:
         """Period of the loops [s]: of the converter, or of the envelope."""
-        return ENVELOPE_PERIOD if self.envelope else 1 / self.sample_rate
+        return self.envelope_period if self.envelope else 1 / self.sample_rate
 
     @property
     def per_row(self) -> int:

@@ -56,6 +56,25 @@ def design_for(given: Device, device: Device) -> Device:
     return replace(given, parameters={**values, **given.parameters}, rate_mode={**device.rate_mode, **given.rate_mode})
 
 
+def at_bias(device: Device, v_bias: float, amplitude: float) -> Device:
+    """``device`` with the mean softening of its electrodes at ``v_bias`` [V] in its stiffness, x swinging by
+    ``amplitude`` [m], and no electrodes: (docs/theory/matching.md, eq. 1)."""
+    p = device.all_parameters
+    pull = p["softening"] * v_bias**2
+    if pull == 0.0:
+        return device
+    swing = (amplitude / p["electrode_gap"]) ** 2
+    if swing >= 1:
+        raise InputError(
+            f"drive_amplitude {amplitude:g} m: the electrodes are {p['electrode_gap']:g} m away; give a smaller one, "
+            "or electrode_gap"
+        )
+    softened = {"kxx": p["kxx"] - pull * (1 - swing) ** -1.5, "kyy": p["kyy"] - pull, "softening": 0.0}
+    if min(softened["kxx"], softened["kyy"]) <= 0:
+        raise InputError(f"v_bias {v_bias:g} V pulls the mass to its electrodes: give less, or a smaller softening")
+    return device.with_parameters(softened)
+
+
 class Nominal(NamedTuple):
     """What the designer of the loops knows of the plant at t_ref.
 

@@ -76,7 +76,17 @@ class Scenario:
 
     def omega_z(self, first: int, count: int, period: float) -> Floats:
         """The rate [rad/s] of ``inputs`` alone, shape (count,)."""
-        return self._held("omega_z", Spans.of_samples(first, count, period))
+        return self.held("omega_z", first, count, period)
+
+    def held(self, name: str, first: int, count: int, period: float) -> Floats:
+        """The input ``name`` of ``inputs`` alone, SI, shape (count,)."""
+        return self._held(name, Spans.of_samples(first, count, period))
+
+    def values(self, name: str, t: Floats) -> Floats:
+        """The input ``name`` just after the instants ``t`` [s], SI, shape (n,)."""
+        courses = self.courses.get(name, ())
+        after = [course.limits(t)[1] for course in courses]
+        return np.sum(after, axis=0) if after else np.full(len(t), QUANTITIES[name].start)
 
     def first_inputs(self, period: float) -> dict[str, float]:
         """The values held over the first sample at ``period`` [s], by name: what the plant finds when it starts."""

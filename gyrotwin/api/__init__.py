@@ -6,7 +6,7 @@ from gyrotwin.api.files import DeviceSource, effects, load_design, load_device
 from gyrotwin.api.fmu import build, verify
 from gyrotwin.api.playing import play
 from gyrotwin.api.records import compensate, split
-from gyrotwin.api.simulation import Progress, rate, run
+from gyrotwin.api.simulation import Progress, match, rate, run
 
 __all__ = [
     "MOST_EFFECTS",
@@ -21,6 +21,7 @@ __all__ = [
     "load_dataset",
     "load_design",
     "load_device",
+    "match",
     "play",
     "rate",
     "run",

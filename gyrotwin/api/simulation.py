@@ -9,6 +9,7 @@ from gyrotwin.api.files import DeviceSource, load_design, load_device
 
 if TYPE_CHECKING:
     from cosim.design import Design
+    from gyrotwin.match_result import MatchResult
     from gyrotwin.results import RateResult, RunResult
 
 Progress = Callable[[float, float], None]
@@ -131,7 +132,8 @@ def rate(
     rate_unit: str = "deg/s",
     rate_step: float | None = None,
     rate_period: float = 8.0,
-    temperature: float | tuple[float, float, float] | str | Path = 25.0,
+    temperature: float | tuple[float, float, float] | str | Path | None = None,
+    scenario: str | Path | None = None,
     sense: str = "open",
     plant: str | None = None,
     duration: float | None = None,
@@ -139,6 +141,7 @@ def rate(
     output_rate: float | None = None,
     seed: int = 1,
     sense_record: float | None = None,
+    split_estimate: float | None = None,
     progress: Progress | None = None,
 ) -> "RateResult":
     """Run rate mode: drive loop, sense loop, rate over temperature, noise.
@@ -156,7 +159,9 @@ def rate(
     rate_step, rate_period : float
         Rest, +R, rest, -R again and again [deg/s], one round in so many seconds.
     temperature : float, tuple or path
-        Ambient [°C]; a ramp (start [°C], stop [°C], slope [°C/min]); or a CSV file.
+        Ambient [°C]; a ramp (start [°C], stop [°C], slope [°C/min]); or a CSV file. None: 25 °C, or the scenario's.
+    scenario : str or Path
+        Scenario file or name: rate, temperature, ``a_x``, ``a_y``, ``v_bias`` as courses.
     sense : {"open", "closed"}
         Sense loop.
     plant : {"full", "envelope"}
@@ -167,6 +172,8 @@ def rate(
         Of the converter and of the record [Hz].
     seed : int
         Seed of the noises.
+    split_estimate : float
+        Estimate the frequency split from the noise in blocks of so many seconds.
     sense_record : float
         Also record v_y as I and Q for `split`, so many samples a second [Hz].
     progress : callable
@@ -194,7 +201,7 @@ def rate(
     from gyrotwin.results import RateResult
     from gyrotwin.tasks.rate import Request, prepare
 
-    course = ",".join(map(str, temperature)) if isinstance(temperature, tuple) else str(temperature)
+    course = _course(temperature)
     prepared = prepare(
         Request(
             device=load_device(device),
@@ -206,6 +213,7 @@ def rate(
             rate_step=rate_step,
             rate_period=rate_period,
             temperature=course,
+            scenario=None if scenario is None else str(scenario),
             sense=sense,
             plant=plant,
             duration=duration,
@@ -213,9 +221,100 @@ def rate(
             output_rate=output_rate,
             seed=seed,
             sense_record=sense_record,
+            split_estimate=split_estimate,
         )
     )
-    return RateResult(prepared, simulate(prepared, progress))
+    return RateResult(prepared, simulate(prepared, progress), split_estimate)
+
+
+def match(
+    device: DeviceSource,
+    *,
+    method: str = "active",
+    design: DeviceSource | None = None,
+    parameters: Mapping[str, float] | None = None,
+    scenario: str | Path | None = None,
+    temperature: float | tuple[float, float, float] | str | Path | None = None,
+    rate_step: float | None = None,
+    rate_period: float = 8.0,
+    duration: float | None = None,
+    plant: str = "envelope",
+    dither: float | None = None,
+    block: float | None = None,
+    highest_bias: float | None = None,
+    seed: int = 1,
+    progress: Progress | None = None,
+) -> "MatchResult":
+    """Run rate mode with the bias voltage tuned until both modes are at one frequency.
+
+    Parameters
+    ----------
+    device : str, Path or Device
+        What the plant is.
+    method : {"active", "passive", "hybrid"}
+        From the answers to a small dither, from thermal noise, or the one after the other.
+    design : str, Path or Device
+        All that tuner, loops and calibration know; None: the device itself.
+    parameters : mapping of str to float
+        Parameters of the device to change, SI, and settings ``rate_mode.NAME``.
+    scenario : str or Path
+        Scenario file or name: rate, temperature, ``a_x``, ``a_y`` as courses; ``v_bias``: the first bias.
+    temperature : float, tuple or path
+        Ambient [°C]; a ramp (start [°C], stop [°C], slope [°C/min]); or a CSV file. None: 25 °C, or the scenario's.
+    rate_step, rate_period : float
+        Rest, +R, rest, -R again and again [deg/s], one round in so many seconds.
+    duration : float
+        Seconds; None: what the courses last, else 60, passive 600.
+    plant : {"envelope", "full"}
+        What simulates the device.
+    dither : float
+        Virtual rate of the tone [deg/s]; None: a tenth of full scale.
+    block : float
+        Seconds of a measurement; None: by the method.
+    highest_bias : float
+        Volts; None: twice that at which the design matches.
+    seed : int
+        Seed of the noises.
+    progress : callable
+        Called with the time reached and the duration [s].
+
+    Returns
+    -------
+    MatchResult
+        With ``summary``, ``trace``, ``blocks``, ``save(folder)``.
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong; the message names the remedy.
+
+    Examples
+    --------
+    >>> import gyrotwin as gt
+    >>> found = gt.match("mode_matched_as_built", design="mode_matched", duration=8)
+    >>> found.summary["split"]["rms_hz"] < 0.01
+    True
+
+    """
+    from calibration.matching import match as tuned
+    from gyrotwin.match_result import MatchResult
+    from gyrotwin.tasks.match import Request, prepare
+
+    asking = prepare(
+        Request(
+            load_device(device), method, None if design is None else load_device(design), _texts(parameters),
+            None if scenario is None else str(scenario), _course(temperature), rate_step, rate_period, duration, plant,
+            dither, block, highest_bias, seed,
+        )
+    )  # fmt: skip
+    return MatchResult(asking, tuned(asking, progress))
+
+
+def _course(temperature: float | tuple[float, float, float] | str | Path | None) -> str | None:
+    """A temperature as the text of --temperature."""
+    if temperature is None:
+        return None
+    return ",".join(map(str, temperature)) if isinstance(temperature, tuple) else str(temperature)
 
 
 def _texts(parameters: Mapping[str, float] | None) -> tuple[str, ...]:

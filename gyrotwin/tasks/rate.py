@@ -41,7 +41,7 @@ class Request(NamedTuple):
     rate_unit: str = "deg/s"
     rate_step: float | None = None
     rate_period: float = STEP_PERIOD
-    temperature: str = "25"
+    temperature: str | None = None
     sense: str = "open"
     plant: str | None = None
     duration: float | None = None
@@ -50,6 +50,8 @@ class Request(NamedTuple):
     seed: int = 1
     sense_record: float | None = None
     design: str | Device | None = None
+    scenario: str | None = None
+    split_estimate: float | None = None
 
 
 def rate(
@@ -70,12 +72,16 @@ def rate(
     rate_step: Annotated[float | None, typer.Option(help="Rest, +R, rest, -R again and again, deg/s.")] = None,
     rate_period: Annotated[float, typer.Option(help="Seconds of one such round.")] = STEP_PERIOD,
     temperature: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="T | START,STOP,RAMP | FILE",
-            help="Ambient: °C, a ramp in °C, °C, °C/min, or a CSV file with t [s] and temperature_deg_c.",
+            help="Ambient: °C, a ramp in °C, °C, °C/min, or a CSV file with t [s] and temperature_deg_c; default: 25.",
         ),
-    ] = "25",
+    ] = None,
+    scenario: Annotated[
+        str | None,
+        typer.Option(help="Scenario file: rate, temperature, a_x, a_y, v_bias as courses; or a packaged one by name."),
+    ] = None,
     sense: Annotated[str, typer.Option(help="Sense loop: open, or closed (force to rebalance).")] = "open",
     plant: Annotated[
         str | None, typer.Option(help="full or envelope (hours); default: full up to 60 s, else envelope.")
@@ -90,6 +96,10 @@ def rate(
         float | None,
         typer.Option(metavar="HZ", help="Also write sense.parquet for `gyrotwin split`, this many samples a second."),
     ] = None,
+    split_estimate: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="Frequency split from the noise, block by block of this length."),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for summary.json, trace.parquet, report.html.")] = Path(
         "results/rate"
     ),
@@ -101,13 +111,13 @@ def rate(
 
     request = Request(
         device, tuple(settings or ()), rate_profile, rate_column, rate_unit, rate_step, rate_period, temperature, sense,
-        plant, duration, sample_rate, output_rate, seed, sense_record, design,
+        plant, duration, sample_rate, output_rate, seed, sense_record, design, scenario, split_estimate,
     )  # fmt: skip
     prepared = prepare(request)
     with shown_progress(console, f"rate mode, {prepared.duration:g} s") as progress:
-        summary = execute(prepared, out, progress, force=force)
+        summary = execute(prepared, out, progress, force=force, block=split_estimate)
     console.print(results(summary))
-    if prepared.sense_rate is not None:
+    if sense_record is not None:
         console.print(f"for gyrotwin split: {out / SENSE_RECORD}", soft_wrap=True, highlight=False)
     console.print(f"report: {out / 'report.html'}", soft_wrap=True, highlight=False)
 
@@ -115,17 +125,17 @@ def rate(
 def prepare(request: Request) -> "RateRun":
     """The run that ``request`` asks for. Raises InputError, with a remedy, for whatever is wrong in it."""
     from cosim.rate.run import RateRun
-    from gyrotwin.tasks.run import split_settings
 
-    _choose("--sense", request.sense, ("open", "closed"))
-    rate, temperature = _rate(request), _temperature(request.temperature)
-    duration = request.duration if request.duration is not None else _duration(rate, temperature, request)
+    choose("--sense", request.sense, ("open", "closed"))
+    courses, length = courses_of_request(request)
+    rate, temperature = courses.pop("omega_z"), courses.pop("temperature")
+    duration = request.duration if request.duration is not None else length
     plant = request.plant or ("full" if duration <= FULL_AT_MOST else "envelope")
-    _choose("--plant", plant, tuple(OUTPUT_RATES))
-    own, entries = split_settings(request.settings, "rate_mode")
+    choose("--plant", plant, tuple(OUTPUT_RATES))
     device = request.device if isinstance(request.device, Device) else load_device(request.device)
-    device = device.with_parameters(own)
-    device = replace(device, rate_mode={**device.rate_mode, **entries["rate_mode"]})
+    device = with_settings(device, request.settings)
+    if request.split_estimate is not None and request.sense == "closed":
+        raise InputError("--split-estimate with --sense closed: the force that rebalances shapes the noise; give open")
     run = RateRun(
         device=device,
         rate=rate,
@@ -137,8 +147,14 @@ def prepare(request: Request) -> "RateRun":
         output_rate=request.output_rate if request.output_rate is not None else OUTPUT_RATES[plant],
         envelope=plant == "envelope",
         sense_rate=request.sense_record,
-        design=None if request.design is None else _design(request.design, device),
+        design=None if request.design is None else design_of(request.design, device),
+        others=courses,
     )
+    if request.split_estimate is not None:
+        from gyrotwin.split_online import check_blocks, sense_rate_for
+
+        check_blocks(run, request.split_estimate)
+        run = run if run.sense_rate is not None else replace(run, sense_rate=sense_rate_for(run))
     if run.sense_rate is not None:
         _check_sense_length(run)
     return run
@@ -154,13 +170,46 @@ def _check_sense_length(run: "RateRun") -> None:
     check_length(run.duration, f_x, f_y / line_width)
 
 
-def _design(given: str | Device, device: Device) -> Device:
+def courses_of_request(request: Request) -> "tuple[dict[str, Course], float]":
+    """The courses of the inputs by name, rate and temperature among them, and how long the run is [s].
+
+    Raises InputError where an input is given twice.
+    """
+    from cosim.rate import from_scenario
+    from cosim.scenarios import load_scenario
+
+    chosen = None if request.scenario is None else load_scenario(request.scenario)
+    given = {} if chosen is None else dict(from_scenario.courses_of(chosen))
+    typed = {
+        "omega_z": ("--rate-step or --rate-profile", request.rate_step or request.rate_profile),
+        "temperature": ("--temperature", request.temperature),
+    }
+    for name, (option, value) in typed.items():
+        if name in given and value is not None:
+            raise InputError(f"{option} with scenario {request.scenario}, which gives {name}: leave one of them out")
+    rate, temperature = _rate(request), _temperature(request.temperature or "25")
+    given = {"omega_z": rate, "temperature": temperature, **given}
+    return given, _duration(rate, temperature, request) if chosen is None else chosen.duration
+
+
+def design_of(given: str | Device, device: Device) -> Device:
+    """What may be known of ``device``, from a device, its name or its file."""
     from cosim.rate.settings import design_for
 
     return design_for(given if isinstance(given, Device) else load_device(given), device)
 
 
-def _choose(option: str, value: str, valid: tuple[str, ...]) -> None:
+def with_settings(device: Device, settings: tuple[str, ...]) -> Device:
+    """``device`` with its parameters and [rate_mode] entries set by texts ``name=value``."""
+    from gyrotwin.tasks.run import split_settings
+
+    own, entries = split_settings(settings, "rate_mode")
+    device = device.with_parameters(own)
+    return replace(device, rate_mode={**device.rate_mode, **entries["rate_mode"]})
+
+
+def choose(option: str, value: str, valid: tuple[str, ...]) -> None:
+    """Raises InputError, with the nearest, where ``value`` is none of ``valid``."""
     if value not in valid:
         raise InputError(f"{option} {value}: use {' or '.join(valid)}{nearest(value, valid)}")
 
@@ -203,13 +252,16 @@ def _duration(rate: "Course", temperature: "Course", request: Request) -> float:
     return request.rate_period if request.rate_step is not None else REST_DURATION
 
 
-def execute(run: "RateRun", folder: Path, progress: "Progress | None" = None, *, force: bool = False) -> dict[str, Any]:
-    """Runs and writes the files into ``folder``, complete or not at all; gives the summary."""
+def execute(
+    run: "RateRun", folder: Path, progress: "Progress | None" = None, *, force: bool = False, block: float | None = None
+) -> dict[str, Any]:
+    """Runs and writes the files into ``folder``, complete or not at all; gives the summary. block: of a split estimate
+    [s]."""
     from cosim.rate.master import simulate
     from gyrotwin.output import check_writable
     from gyrotwin.results import RateResult
 
     check_writable(folder, force=force)
-    result = RateResult(run, simulate(run, progress))
+    result = RateResult(run, simulate(run, progress), block)
     result.save(folder, force=force)
     return dict(result.summary)

@@ -39,6 +39,13 @@ def test_unfold_without_need_is_refused() -> None:
         find_split(record(), Question(unfold=True))
 
 
+def test_time_of_i_and_q_in_another_unit_is_asked_about() -> None:
+    # 20 kHz of I and Q read in ms.
+    pairs = record().values[::100] + 0j
+    with pytest.raises(InputError, match=r"2 pairs a second.*in ms or µs"):
+        find_split(VoltageRecord(pairs, 2.0, 3000.0), Question())
+
+
 def test_time_in_another_unit_is_asked_about() -> None:
     slow = record()
     with pytest.raises(InputError, match=r"20 samples a second.*in ms or µs"):

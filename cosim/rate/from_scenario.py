@@ -1,0 +1,23 @@
+"""A scenario file's inputs as the courses of a run of rate mode."""
+
+from collections.abc import Mapping
+from functools import partial
+from math import inf
+
+from cosim.rate.courses import Course
+from cosim.scenarios import Scenario
+from gyro_model.errors import InputError
+
+
+def courses_of(scenario: Scenario) -> Mapping[str, Course]:
+    """The inputs that ``scenario`` gives, by name. Raises InputError where it sets parameters: the device does that."""
+    if scenario.parameters:
+        raise InputError(
+            f"scenario {scenario.name} sets {', '.join(scenario.parameters)}: rate mode takes inputs alone from a "
+            "scenario; put parameters into the device file, or give --set"
+        )
+    text = f"scenario {scenario.name}"
+    return {
+        name: Course(partial(scenario.values, name), inf, text, means=partial(scenario.held, name))
+        for name in scenario.courses
+    }
