@@ -120,8 +120,7 @@ def _finding(search: "Search", entry: "Accepted", device: Mapping[str, Value], n
     effect = entry.candidate.effect
     values = {q.name: device[q.name] for q in effect.parameters if q.name in device}
     experiment = _experiment(search, entry, noise)
-    either = tuple(name for name in entry.rivals if not _of_record(search, name))
-    return Finding(effect.id, either, values, forces(effect), entry.share, experiment)
+    return Finding(effect.id, tuple(entry.rivals), values, forces(effect), entry.share, experiment)
 
 
 def _of_record(search: "Search", name: str) -> bool:
@@ -131,14 +130,11 @@ def _of_record(search: "Search", name: str) -> bool:
 
 def _experiment(search: "Search", entry: "Accepted", noise: Noise | None) -> str:
     """What would tell an effect from its rivals."""
-    rivals = {name: p for name, p in entry.rivals.items() if not _of_record(search, name)}
-    if not rivals:
+    if not entry.rivals or search.undone:
         return ""
-    if search.undone:
-        return ""
-    search.progress(f"experiment to tell {entry.id} from {', '.join(rivals)}")
+    search.progress(f"experiment to tell {entry.id} from {', '.join(entry.rivals)}")
     level = noise.rms if noise else float(np.sqrt(search.at.variance))
-    sets = {entry.id: search.at.parameters, **rivals}
+    sets = {entry.id: search.at.parameters, **entry.rivals}
     return next_experiment(search.simulator, search.dataset.fit, sets, level).text
 
 

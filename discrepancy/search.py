@@ -26,6 +26,7 @@ from discrepancy.score import Score, score
 from discrepancy.score import without as less
 from discrepancy.simulate import Simulator
 from discrepancy.unseen import unseen_gains
+from discrepancy.whitening import EARNED
 from gyro_model.anatomy import Force
 from gyro_model.errors import InputError
 
@@ -164,7 +165,9 @@ class Search:
             before, unlikely = (self.dataset, self.whole, self.library, self.fitter, self.at), self._unlikely()
             self._take_blemish(blemish, found.data)
             self._settle(self.at)
-            if self._unlikely() < unlikely - self.criteria.material:
+            # Worth a line of the report, and beyond what its numbers take away by chance.
+            sure = (2 * sum(map(len, found.data)) + EARNED) / self.at.count
+            if self._unlikely() < unlikely - max(self.criteria.material, sure):
                 self.progress(f"record: {blemish.id} taken out")
                 self.found.append((blemish, found))
             else:
@@ -463,7 +466,11 @@ class Search:
         self.simulator.clock.check()
         price = {i: at.cost + self._price(c, len(c.all_probes)) for i, (at, c) in fits.items()}
         head = min(price, key=lambda i: price[i])
-        if price[head] > price[entry.id] - self.criteria.even * variance:
+        # Of an effect and a defect of the record that are even the effect is named, whichever came first.
+        owed = (
+            0.0 if entry.of_record and not isinstance(fits[head][1].effect, Defect) else self.criteria.even * variance
+        )
+        if price[head] > price[entry.id] - owed:
             head = entry.id
         self.at, candidate = fits.pop(head)
         close = self.at.cost + self.criteria.even * variance

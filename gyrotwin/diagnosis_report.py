@@ -7,6 +7,7 @@ from typing import Any
 from discrepancy.answer import Diagnosis
 from discrepancy.assemble import forces
 from discrepancy.dataset import Dataset
+from discrepancy.defect import effect_of
 from gyro_model.errors import InputError
 from gyro_model.model import Model
 from gyrotwin import diagnosis_figures as figures
@@ -82,8 +83,8 @@ def _about(model: Model, effect_id: str) -> str:
 
 
 def _rivals(model: Model, ids: Sequence[str], axes: int) -> dict[str, str]:
-    """Of effects that another can't be told from, by id: their forces, "" where they are none."""
-    shown = {i: forces(model.effect(i)) for i in ids}
+    """Of effects and defects that another can't be told from, by id: their forces, "" where they are none."""
+    shown = {i: forces(effect_of(model, i)) for i in ids}
     return {i: ", ".join(_formulas(model, {"id": i, **own}, axes)) if own else "" for i, own in shown.items()}
 
 

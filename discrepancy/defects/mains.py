@@ -30,6 +30,10 @@ ALONE: Final = 6.0
 """Times the power of the bins on both sides, three to five off, that a line must have: a Hann window leaves nothing
 there, while a residual that rises or falls, or is modulated, has as much."""
 
+LINE: Final = 1e-6
+"""Share of the force's power from which a line of it counts: its answer, by a model that is wrong by 1 %, is then 1e-5
+of the voltage."""
+
 AMPLITUDE = size("mains", "V", "amplitude of the strongest line")
 
 
@@ -41,7 +45,8 @@ def find(records: Sequence[Record], residuals: Sequence[Floats], criteria: Crite
     for centre in FREQUENCIES:
         if max(_on_lines(r, centre) for r in records) > DRIVE:
             continue
-        gains = _gains(records, residuals, centre)
+        driven = {n for r in records for n in _driven(r, centre)}
+        gains = [0.0 if n + 1 in driven else g for n, g in enumerate(_gains(records, residuals, centre))]
         # Two degrees a line, channel and run.
         count = 2 * sum(r.axes for r in records)
         needed = chi2.isf(criteria.noise_chance / (2 * HARMONICS), count)
@@ -97,6 +102,19 @@ def _on_lines(record: Record, f0: float) -> float:
         near |= np.abs(f - n * f0) < 1.5 * f[1]
     # A dense spectrum has its share on any lines: what is beyond that counts.
     return float(power[near].sum() / max(power.sum(), 1e-300)) - float(near.mean()) * 5
+
+
+def _driven(record: Record, f0: float) -> list[int]:
+    """Harmonics at which the force has a line of its own: what a wrong model leaves there is a line too."""
+    power = (np.abs(np.fft.rfft(record.u * np.hanning(len(record.u))[:, None], axis=0)) ** 2).sum(axis=1)
+    spacing, found = record.sample_rate / len(record.u), []
+    for n in _below(record):
+        k = round(n * f0 / spacing)
+        here = power[max(k - 2, 0) : k + 3].max()
+        beside = np.concatenate((power[max(k - 2 - AROUND, 0) : max(k - 2, 0)], power[k + 3 : k + 3 + AROUND]))
+        if here > LINE * power.sum() and here > ALONE * np.median(beside):
+            found.append(n)
+    return found
 
 
 def _gains(records: Sequence[Record], residuals: Sequence[Floats], f0: float) -> list[float]:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from scipy.ndimage import percentile_filter
 
 from discrepancy.criteria import Criteria
 from discrepancy.defect import Blemish, Data, Found, Level
@@ -19,10 +20,12 @@ FAR: Final = 9.0
 """Robust deviations from the neighbours: one in 1e18 by chance, and far beyond what noise of growing size gives."""
 ALONE, REACH = 3.0, 6
 """Times as far off as any of so many samples on both sides, but for the next."""
+NEAR: Final = 41
+"""Samples about one that say how much noise is there: four in five of them scatter by a tenth."""
 MOST: Final = 0.02
 """Share of a run above which they are no outliers."""
-MEDIAN: Final = 0.6745
-"""Of a normal deviation's size."""
+MEDIAN, UPPER = 0.6745, 1.2816
+"""Of a normal deviation's size, and what four in five are below: the more certain of few that vary."""
 
 SHARE = size("outliers", "1", "share of the samples that are far off", low=0.0, high=1.0)
 
@@ -50,13 +53,15 @@ def _far(record: Record, residual: Floats) -> Data:
     deviation = np.median(np.abs(off[record.valid]), axis=0) / MEDIAN
     if not (deviation > 0).all():
         return ()
-    far = np.abs(off) / deviation
+    # Noise may grow with the motion: where it has, an outlier is one beside its own.
+    beside = percentile_filter(np.abs(off), 80, (NEAR, 1), mode="nearest") / UPPER
+    far = np.abs(off) / np.maximum(deviation, beside)
     # The neighbours of an outlier are half as far off; what is missing from a model shows in stretches.
     around = np.zeros_like(far)
     for side in (*range(-REACH, -1), *range(2, REACH + 1)):
         around = np.maximum(around, np.roll(far, side, axis=0))
-    beside = np.maximum(np.roll(far, 1, axis=0), np.roll(far, -1, axis=0))
-    alone = (far > FAR) & (far >= beside) & (far > ALONE * np.maximum(around, 1.0))
+    next_to = np.maximum(np.roll(far, 1, axis=0), np.roll(far, -1, axis=0))
+    alone = (far > FAR) & (far >= next_to) & (far > ALONE * np.maximum(around, 1.0))
     found = np.flatnonzero(alone.any(axis=1) & record.valid)
     return tuple(float(k) for k in found)
 

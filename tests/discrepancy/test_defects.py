@@ -147,6 +147,16 @@ def test_a_drive_on_the_lines_is_no_mains() -> None:
     assert blemish("mains").find(driven, residuals, Criteria()) is None
 
 
+def test_a_line_that_the_drive_has_is_no_mains() -> None:
+    # Among other tones, one of which is a hundredth of the power.
+    runs, residuals = records([5 * NOISE * np.cos(2 * np.pi * 100 * T)[:, None] * np.ones(2)] * 2)
+    assert blemish("mains").find(runs, residuals, Criteria()) is not None
+    f = np.array([333.0, 1210.0, 2333.0, 3141.0])
+    tones = np.sin(2 * np.pi * f * T[:, None]).sum(axis=1) + 0.2 * np.cos(2 * np.pi * 100 * T)
+    driven = [replace(run, u=tones[:, None] * np.ones(2)) for run in runs]
+    assert blemish("mains").find(driven, residuals, Criteria()) is None
+
+
 def test_outliers_are_masked() -> None:
     rng = np.random.default_rng(5)
     places = np.sort(rng.choice(np.arange(10, N - 10, 40), 12, replace=False))
@@ -158,6 +168,14 @@ def test_outliers_are_masked() -> None:
     assert list(found.data[0]) == places.tolist()
     clean = blemish("outliers").without(runs[0], found.data[0])
     assert np.flatnonzero(~clean.valid).tolist() == places.tolist()
+
+
+def test_noise_that_grows_with_the_motion_has_no_outliers() -> None:
+    rng = np.random.default_rng(9)
+    # A timer's: 30 times the noise where the motion of a decay is fastest.
+    slope = SINE[:, ::-1] * np.exp(-T / T[-1] * 4)[:, None]
+    runs, residuals = records([30 * NOISE * slope * rng.standard_normal((N, 1)) for _ in range(3)])
+    assert blemish("outliers").find(runs, residuals, Criteria()) is None
 
 
 @pytest.mark.parametrize("lost", [1, 3, -2])
