@@ -5,11 +5,13 @@ import json
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 import gyrotwin as gt
 from calibration.datasheet.procedure import procedures
 from cosim.rate import bench as rate_bench
 from gyrotwin.cli import main
+from gyrotwin.commands import datasheet as command
 from gyrotwin.datasheet_report import draw, expected_of, value_of
 
 SHORT = rate_bench.QUICK._replace(rest_records=2, rest_duration=40.0, turn_ons=3, turn_on_duration=2.0)
@@ -56,7 +58,7 @@ def test_another_seed_is_another_record_and_the_same_is_the_same() -> None:
 def test_the_command_writes_page_and_json(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "140")
+    monkeypatch.setattr(command, "console", Console(width=140))
     with pytest.raises(SystemExit) as end:
         main(["datasheet", "rate-mode", "--mode", "rate-closed", "--quick", "--out", str(tmp_path / "sheet")])
     assert end.value.code in (0, None)
