@@ -1,14 +1,15 @@
 """A test bench for whole-angle mode: one gyroscope turned on again and again, and the rates that it goes through."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.design import DEFAULT, Design, load_design
+from cosim.design import DEFAULT_AMPLITUDE, Design, chosen_design
+from cosim.layout import PARAMETER_NAMES
 from cosim.master import simulate
 from cosim.rate.settings import settings_of
 from cosim.registry import find_controller, find_observer
@@ -18,11 +19,8 @@ from gyro_model.device import Device
 
 Floats = NDArray[np.float64]
 
-SAMPLE_RATE: Final = 200e3
 ROWS: Final = 1000.0
 """Rows of a record a second [Hz]."""
-SLOWEST_START: Final = 1e-6
-"""Amplitude of the pattern of a device that starts at rest [m]."""
 
 
 class AnglePlan(NamedTuple):
@@ -81,19 +79,14 @@ class AngleBench:
 
     def run(self, scenario: Scenario, seed: int) -> Run:
         """A run through ``scenario``."""
-        start = {"x_start": SLOWEST_START, **self.device.parameters}
+        start = {"x_start": DEFAULT_AMPLITUDE, **self.device.parameters}
         device = self.device.with_parameters(start)
-        design = self.design or DEFAULT
-        if not isinstance(design, Design):
-            design = load_design(design, device, seed)
-        stated = dict(device.controller) if self.design is None else {}
         return Run(
             scenario=scenario,
             device=device,
-            design=replace(design, controller={**stated, **design.controller}),
+            design=chosen_design(self.design, device, seed),
             observer=find_observer("ekf"),
             controller=find_controller("foucault"),
-            sample_rate=SAMPLE_RATE,
             duration=scenario.duration,
             seed=seed,
             trace_rate=ROWS,
@@ -102,20 +95,17 @@ class AngleBench:
     def record(self, duration: float, rate: Scenario | None = None, seed: int | None = None) -> AngleRecord:
         """A record of ``duration`` [s], at rest where no ``rate`` is given."""
         scenario = rate or Scenario("rest", "at rest", duration)
-        result = simulate(self.run(scenario, self.seed if seed is None else seed))
+        run = self.run(scenario, self.seed if seed is None else seed)
+        result = simulate(run)
         self.advance(duration)
         trace = result.trace
         valid = trace["converged"].to_numpy() & np.isfinite(trace["angle"].to_numpy())
         first = int(np.argmax(valid)) if valid.any() else len(valid)
         names = ("t", "angle", "angle_true", "omega_true")
         t, angle, true, held = (trace[name].to_numpy()[first:] for name in names)
-        # The pattern stays behind as the package turns, by the angular gain.
-        pattern = -self.device.all_parameters["angular_gain"] * angle
-        estimates = {
-            name.removeprefix("est_"): float(trace[name][-1])
-            for name in trace.columns
-            if name.removeprefix("est_") in ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
-        }
+        # The pattern stays behind as the package turns; the angle is the pattern's over the gain that the loop knows.
+        pattern = -run.design.all_values["angular_gain"] * angle
+        estimates = {name: float(trace[f"est_{name}"][-1]) for name in PARAMETER_NAMES}
         valid_at = result.converged_at if valid.any() else None
         return AngleRecord(t, angle, true, held, pattern, valid_at, result.validity.reason, estimates)
 

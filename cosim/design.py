@@ -129,6 +129,17 @@ def packaged_designs() -> dict[str, Path]:
     return {path.stem: path for path in sorted(FOLDER.glob("*.toml"))}
 
 
+def chosen_design(given: "str | Design | None", device: Device, seed: int, default: str = DEFAULT) -> Design:
+    """The design ``given``, by name, file or itself; None: ``default``, with the controller that the device states.
+
+    Raises InputError where there is none or it is wrong.
+    """
+    if given is not None:
+        return given if isinstance(given, Design) else load_design(given, device, seed)
+    design = load_design(default, device, seed)
+    return replace(design, controller={**device.controller, **design.controller})
+
+
 def load_design(name: str, device: Device, seed: int) -> Design:
     """The design of a packaged name or of a file, complete: what it leaves open is drawn or taken from what ``device``
     states.

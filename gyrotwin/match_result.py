@@ -49,8 +49,9 @@ class MatchResult(Saved):
     def summary(self) -> Mapping[str, Any]:
         """The content of match.json: Hz, V, s."""
         from calibration.matching import measures
-        from calibration.matching.measures import MATCHED, PER_ROOT_HOUR
+        from calibration.matching.measures import MATCHED
         from cosim.rate.allan import noise_limits
+        from cosim.rate.metrics import PER_ROOT_HOUR
 
         run, known = self.asking.run, self.asking.known
         found = measures(run, self.raw)

@@ -1,6 +1,6 @@
 """What a run with its bias tuned has reached, by the true split."""
 
-from math import degrees, nan, sqrt
+from math import nan, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -15,8 +15,6 @@ MATCHED: Final = 0.01
 """Split below which the modes are called matched [Hz] (Micromachines 16, 704, 2025)."""
 SETTLING: Final = 5.0
 """From the start on in which the bias may still be looking for the match [s] (the same)."""
-PER_ROOT_HOUR: Final = degrees(1) * 60
-"""deg/sqrt(h) in 1 rad/sqrt(s)."""
 
 
 class Measures(NamedTuple):

@@ -5,15 +5,13 @@ from math import isfinite, radians
 from typing import Any, Final, NamedTuple
 
 from calibration.datasheet.procedures.noise import SEEN
+from cosim.rate.metrics import PER_HOUR
 from gyro_model.errors import InputError
+from gyro_model.units import STANDARD_GRAVITY
 
 FORMAT: Final = 1
 """Format of datasheet.json."""
 REMEDY: Final = "make it anew with `gyrotwin datasheet DEVICE`"
-PER_HOUR: Final = radians(1) / 3600
-"""rad/s in 1 °/h."""
-GRAVITY: Final = 9.80665
-"""Standard gravity [m/s²]."""
 
 
 class Sensor(NamedTuple):
@@ -67,20 +65,21 @@ def sensor_of(summary: Mapping[str, Any]) -> Sensor:
 
     accelerations = [value(name) for name in ("acceleration_x", "acceleration_y") if name in figures]
     edge = figures.get("bandwidth", {}).get("value")
-    walk = PER_HOUR / 60
+    # °/h/√h
+    walk = 1 / (60 * PER_HOUR)
     return Sensor(
         device=_one_line(str(summary.get("device", ""))),
         noise_density=radians(value("angle_random_walk")) / 60,
         random_walk=walk * seen("rate_random_walk"),
         random_walk_error=walk * value("rate_random_walk", "error"),
-        instability=PER_HOUR * seen("flicker"),
+        instability=seen("flicker") / PER_HOUR,
         bias=radians(value("bias")),
-        turn_on=PER_HOUR * value("bias_repeatability"),
+        turn_on=value("bias_repeatability") / PER_HOUR,
         scale_factor=value("scale_factor"),
         full_scale=radians(value("full_scale")),
-        bias_slope=PER_HOUR * value("bias_slope"),
+        bias_slope=value("bias_slope") / PER_HOUR,
         scale_factor_slope=1e-6 * value("scale_factor_slope"),
-        acceleration=max(map(radians, map(abs, accelerations)), default=0.0) / GRAVITY,
+        acceleration=max(map(radians, map(abs, accelerations)), default=0.0) / STANDARD_GRAVITY,
         bandwidth=None if edge is None else value("bandwidth"),
     )
 

@@ -110,7 +110,7 @@ static void watch(filter *f)
 }
 
 /* The sum of squares at `trial`, or nearer to eta on the way there, or at eta: where it is below `limit`. The block is left filtered there. */
-static double go(filter *f, const double eta[NP], double trial[NP], double limit, double reserve)
+static double descend(filter *f, const double eta[NP], double trial[NP], double limit, double reserve)
 {
     double whole[NP], change[NP], next = block_squared(trial) + filter_again(f);
     memcpy(whole, trial, sizeof whole);
@@ -165,7 +165,7 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
             break;
         }
         /* What is found before the start is complete need not be best, and may have to climb to become better. */
-        const double next = go(f, eta, trial, whole ? cost + WORTH : 1.001 * cost + 1.0, reserve);
+        const double next = descend(f, eta, trial, whole ? cost + WORTH : 1.001 * cost + 1.0, reserve);
         const double gained = cost - next;
         memcpy(eta, trial, sizeof eta);
         cost = next;

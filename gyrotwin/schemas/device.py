@@ -14,19 +14,16 @@ def settable() -> tuple[Json, Json]:
     )
 
 
-def _build() -> Json:
+def described(**more: Json) -> Json:
+    """A file that describes a device, with ``more`` tables."""
     parameters, intervals = settable()
-    return table(
-        {
-            "format": {"const": FORMAT},
-            "name": TEXT,
-            "parameters": parameters,
-            "intervals": intervals,
-            "controller": in_units(CONTROLLER_UNITS, "the loop that fits the device"),
-            "rate_mode": in_units(RATE_MODE_UNITS, "amplitude, range and bandwidths of rate mode"),
-        },
-        ("format", "name"),
-    )
+    own: Json = {"format": {"const": FORMAT}, "name": TEXT, "parameters": parameters, "intervals": intervals}
+    rate_mode = in_units(RATE_MODE_UNITS, "amplitude, range and bandwidths of rate mode")
+    return table({**own, **more, "rate_mode": rate_mode}, ("format", "name"))
+
+
+def _build() -> Json:
+    return described(controller=in_units(CONTROLLER_UNITS, "the loop that fits the device"))
 
 
 SCHEMA = Schema("device", "Device file: what one device is", _build)

@@ -2,13 +2,12 @@
 
 import tempfile
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from cosim.angle import UNIT_NAMES
 from cosim.angle_filters import Filter, band_pass, low_pass
-from cosim.design import DEFAULT, Design, load_design
+from cosim.design import DEFAULT, Design, chosen_design, load_design
 from cosim.master import Progress, simulate
 from cosim.metrics import summarise
 from cosim.rate_profile import read_profile
@@ -90,11 +89,8 @@ def prepare(request: Request, folder: Path | None = None) -> Run:
         {**(SENSING_DEFECTS if request.sensing_defects else {}), **device.parameters, **own}
     )
     seed = int(device.model.parameter("seed").check(request.seed))
-    design = request.design or ("sensing_defects" if request.sensing_defects else DEFAULT)
-    if not isinstance(design, Design):
-        design = load_design(design, device, seed)
-    stated = {name: value for name, value in device.controller.items() if request.design is None}
-    design = replace(design, controller={**stated, **design.controller})
+    default = "sensing_defects" if request.sensing_defects else DEFAULT
+    design = chosen_design(request.design or None, device, seed, default)
     run = Run(
         scenario=chosen,
         device=device,

@@ -17,8 +17,8 @@ def predicted(result: Result) -> float:
     ("scenario", "change"), [("rest", ()), ("rest", ("controller.carousel_rate=5",)), ("spin", ())]
 )
 def test_nothing_is_claimed_of_what_no_sample_shows(scenario, change, residual) -> None:
-    # Without care the filter took 30 to 100 times more for known within half a second, and the angle drifted by up to
-    # twenty of its standard deviations. An electronic turn of the pattern is a force that the loop knows: it is the
+    # Without care the deviation was a twentieth of the bound after half a second, and the angle drifted by up to thirty
+    # of them. An electronic turn of the pattern is a force that the loop knows: it is the
     # same for all that the gauge holds.
     _, result = simulated(scenario, *change, design="lab", seed=3, duration=0.6)
     assert result.converged_at is None

@@ -52,6 +52,8 @@ def test_the_library_gives_what_the_command_gives(matched: Path) -> None:
     found = gt.match("mode_matched_as_built", design="mode_matched", duration=20)
     assert json.loads((matched / "match.json").read_text()) == json.loads(json.dumps(found.summary))
     assert len(found.blocks) == found.summary["block"]["count"]
+    # A second result takes the place of the first: its names are known for those of commands.
+    assert found.save(matched) == matched
 
 
 def test_a_scenario_gives_rate_temperature_and_first_bias(tmp_path: Path) -> None:

@@ -1,15 +1,14 @@
 """Sensitivity of the bias to a steady acceleration of the package along x and y."""
 
-from math import degrees, sqrt
+from math import degrees
 from typing import Final
 
-from calibration.datasheet.figure import Figure, Outcome
+from calibration.datasheet.figure import Figure, Outcome, mean
 from calibration.datasheet.procedure import RATE, Procedure
 from cosim.rate.bench import Bench
+from gyro_model.units import STANDARD_GRAVITY
 
 EFFECT: Final = "linear_acceleration"
-G: Final = 9.80665
-"""Standard gravity [m/s²]."""
 
 
 def measure(bench: Bench) -> Outcome:
@@ -24,13 +23,12 @@ def measure(bench: Bench) -> Outcome:
         half = []
         for seed in bench.seeds(bench.plan.repeats):
             low, high = (
-                bench.record(bench.plan.turn_on_duration, seed=seed, held={f"a_{axis}": sign * G}).rate
+                bench.record(bench.plan.turn_on_duration, seed=seed, held={f"a_{axis}": sign * STANDARD_GRAVITY}).rate
                 for sign in (-1.0, 1.0)
             )
             # The same seed draws the same noise: it drops out of the difference.
             half.append(degrees(float((high - low).mean())) / 2)
-        value = sum(half) / len(half)
-        error = sqrt(sum((one - value) ** 2 for one in half) / (len(half) - 1) / len(half))
+        value, error = mean(half)
         figures.append(
             Figure(
                 f"acceleration_{axis}",

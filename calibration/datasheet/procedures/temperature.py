@@ -3,13 +3,13 @@
 import numpy as np
 
 from calibration.analysis.regression import least_squares
+from calibration.analysis.staircase import PPM
 from calibration.datasheet.figure import Curve, Figure, Outcome, balanced
 from calibration.datasheet.procedure import RATE, Procedure
 from cosim.rate.bench import Bench, Record, steps
 from cosim.rate.metrics import PER_HOUR
 from gyro_model.units import ZERO_CELSIUS
 
-PPM = 1e6
 SHARE = 0.5
 """Rate over full scale."""
 

@@ -50,7 +50,8 @@ def measure(bench: Bench) -> Outcome:
                 lock_error,
                 len(locks),
                 least,
-                "(2Q/ω) ln(20/19.02): all the drive force until 98 % of the amplitude",
+                f"(2Q/ω) ln({LARGEST_FORCE:g}/{LARGEST_FORCE - 1 + LOCKED_AMPLITUDE:g}): all the drive force until "
+                f"{100 * (1 - LOCKED_AMPLITUDE):g} % of the amplitude",
                 "at least",
                 note,
             ),

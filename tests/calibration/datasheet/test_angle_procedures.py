@@ -35,3 +35,11 @@ def test_a_device_that_the_loop_does_not_know_gives_a_reason() -> None:
     outcome = procedures("whole-angle")["angle_scale_factor"].measure(bench)
     assert "no valid angle" in outcome.reason
     assert not outcome.figures
+
+
+def test_where_the_pattern_stands_is_what_the_loop_can_know() -> None:
+    # The design takes the gain for 1: where the pattern is seen does not depend on what the plant's is.
+    device = load_device("reference").with_parameters({"angular_gain": 0.8})
+    record = AngleBench(device, plan=PLAN).record(0.2)
+    assert len(record.angle) > 0
+    assert (record.pattern == -record.angle).all()
