@@ -126,8 +126,14 @@ static void form(foucault *c, const double *estimate)
         /* Once: a tone that moved with each estimate would be no tone. */
         place_tones(c, sqrt(omega_squared) / (2.0 * PI));
     }
+    /* A sample lies so long after a command has begun to act. */
+    double phi[16], gamma[8];
+    const double lead = compensate ? 0.5 * c->period : 0.0;
+    transition_over(a, b, 4, c->period - c->rest.duration, phi, gamma);
     for (int i = 0; i < TONES; i++) {
-        hold_respond(&c->loop, c->frequency[i], i % 2, tone_amplitude(s, i), c->period, compensate ? 0.5 * c->period : 0.0, c->phasor[i]);
+        const double amplitude = tone_amplitude(s, i);
+        hold_respond(&c->loop, c->frequency[i], i % 2, amplitude, c->period, lead, c->phasor[i]);
+        hold_respond_within(&c->loop, phi, gamma, c->frequency[i], i % 2, amplitude, lead, c->phasor[i], c->phasor_now[i]);
     }
     c->formed = 1;
 }
@@ -256,10 +262,11 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
         }
         const double w = 2.0 * PI * c->frequency[i];
         /* The command keeps its phase whatever the delay is taken for: a tone that moved with each estimate would shake the pattern. */
-        const double sine = sin(w * t), cosine = cos(w * t), sine_d = sin(w * c->delay), cosine_d = cos(w * c->delay);
+        const double late = (double)(c->delay_samples + 1) * c->period; /* age of the command that acts when a sample is taken */
+        const double sine = sin(w * t), cosine = cos(w * t), sine_d = sin(w * late), cosine_d = cos(w * late);
         const double sine_late = sine * cosine_d - cosine * sine_d, cosine_late = cosine * cosine_d + sine * sine_d;
         for (int j = 0; j < 4; j++) {
-            const double response = c->phasor[i][2 * j] * sine_late + c->phasor[i][2 * j + 1] * cosine_late;
+            const double response = c->phasor_now[i][2 * j] * sine_late + c->phasor_now[i][2 * j + 1] * cosine_late;
             forced[j] += response;
             near[j] += i < 2 ? 0.0 : response;
             ahead[j] += c->phasor[i][2 * j] * sine + c->phasor[i][2 * j + 1] * cosine;

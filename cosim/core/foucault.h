@@ -37,7 +37,8 @@ typedef struct {
     int64_t delay_samples;
     double delay;              /* [s] */
     double boost;
-    double phasor[TONES][8];
+    double phasor[TONES][8];   /* responses to the tones where a command begins to act */
+    double phasor_now[TONES][8]; /* and at the sample before the next one does, in the same phase */
     double frequency[TONES];   /* of the tones [Hz] */
     double in_use[7];          /* the seven constants in the gains */
     double formed_with[NP], formed_in[IN]; /* all constants and inputs in them */

@@ -150,3 +150,25 @@ void hold_respond(const held_loop *h, double frequency, int axis, double amplitu
         phasor[2 * i + 1] = a[4 + i][8];
     }
 }
+
+void hold_respond_within(const held_loop *h, const double *phi, const double *gamma, double frequency, int axis, double amplitude, double lead,
+                         const double *phasor, double *within)
+{
+    const double added[2] = {amplitude * cos(2.0 * PI * frequency * lead), amplitude * sin(2.0 * PI * frequency * lead)};
+    for (int part = 0; part < 2; part++) {
+        double force[2];
+        for (int a = 0; a < 2; a++) {
+            force[a] = h->mix[2 * a + axis] * added[part];
+            for (int j = 0; j < 4; j++) {
+                force[a] += h->gain[4 * a + j] * phasor[2 * j + part];
+            }
+        }
+        for (int i = 0; i < 4; i++) {
+            double state = gamma[2 * i] * force[0] + gamma[2 * i + 1] * force[1];
+            for (int j = 0; j < 4; j++) {
+                state += phi[4 * i + j] * phasor[2 * j + part];
+            }
+            within[2 * i + part] = state;
+        }
+    }
+}

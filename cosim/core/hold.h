@@ -25,4 +25,9 @@ void hold_form(held_loop *h, const double *a, const double *b, const double *rat
    phasor[2i] sin + phasor[2i + 1] cos of 2 pi frequency t. */
 void hold_respond(const held_loop *h, double frequency, int axis, double amplitude, double period, double lead, double *phasor);
 
+/* What such a response is a part of a period later, in the phase of its beginning: phi [16] and gamma [8] are those of the part. A held force makes
+   other curves than sines between the instants at which it changes. */
+void hold_respond_within(const held_loop *h, const double *phi, const double *gamma, double frequency, int axis, double amplitude, double lead,
+                         const double *phasor, double *within);
+
 #endif
