@@ -9,7 +9,7 @@
 #ifndef EDGE_H
 #define EDGE_H
 
-#include "known.h"
+#include "filter.h"
 #include "pattern.h"
 
 #define EDGE_PAST 16384 /* samples kept; a power of two */
@@ -29,7 +29,6 @@ typedef struct {
     int64_t seen;     /* sample at which a step showed; below zero: none is under review */
     int64_t reviewed; /* sample from which on no step is known */
     double turned;    /* angle by which steps have turned the pattern [rad] */
-    double unexplained[2]; /* sum of the logarithms of the squared deviations: with the jump that is known, and with the Euler force of the whole motion */
 } edge;
 
 static inline const edge_sample *sample_at(const edge *e, int64_t k) { return &e->past[k & (EDGE_PAST - 1)]; }
@@ -38,8 +37,8 @@ static inline const edge_sample *sample_at(const edge *e, int64_t k) { return &e
 void edge_start(edge *e, const double *values, double period);
 
 /* After the controller at a sample: the estimate; the forced motion x, x', y, y' and its part from tones near the
-   oscillation; k/m; the angle that the controller has turned the pattern by. */
+   oscillation; k/m; the angle that the controller has turned the pattern by; the observer, or NULL where it is another one: then no step is found. */
 void edge_follow(edge *e, const double *estimate, const double in[IN], const double forced[4], const double near[4],
-                 double omega_squared, double turned);
+                 double omega_squared, double turned, filter *f);
 
 #endif

@@ -38,6 +38,35 @@ static int is_sound(const filter *f)
     return total == 0.0 && !(f->fresh && f->lost);
 }
 
+/* Keeps what was measured, and now and then the motion. */
+static void remember(filter *f, const double v[2], const double in[IN])
+{
+    heard *h = &f->heard[f->sample & (RECENT - 1)];
+    memcpy(h->v, v, sizeof h->v);
+    memcpy(h->in, in, sizeof h->in);
+    if (f->sample % EVERY == 0) {
+        before_now *b = &f->past[f->sample / EVERY % (RECENT / EVERY)];
+        double YW[NZ][NP];
+        memcpy(b->z, f->now.z, sizeof b->z);
+        memcpy(b->P, f->now.P, sizeof b->P);
+        for (int i = 0; i < NZ; i++) {
+            for (int j = 0; j < NP; j++) {
+                YW[i][j] = 0.0;
+                for (int q = 0; q <= j; q++) {
+                    YW[i][j] += f->now.Y[i][q] * f->W_now[q][j];
+                }
+            }
+        }
+        for (int i = 0; i < NZ; i++) {
+            for (int j = 0; j < NZ; j++) {
+                for (int q = 0; q < NP; q++) {
+                    b->P[i][j] += YW[i][q] * YW[j][q];
+                }
+            }
+        }
+    }
+}
+
 void filter_step(filter *f, const double u[2], const double v[2], const double in[IN])
 {
     const filter_settings *s = &f->settings;
@@ -67,6 +96,7 @@ void filter_step(filter *f, const double u[2], const double v[2], const double i
     if (!is_sound(f)) {
         restart_from_design(f);
     }
+    remember(f, v, in);
 }
 
 void filter_step_told(filter *f, const double u[2], const double *z_true, const double in[IN])

@@ -21,6 +21,19 @@
 #define START_MAX 16384 /* samples of the start at most */
 #define QUEUE 65536     /* commands kept; a power of two, above START_MAX and 1 ms of delay at 1e7 samples a second */
 
+#define RECENT 4096     /* samples of which what was measured is kept, and how the motion was, every so many; powers of two */
+#define EVERY 16
+
+/* A sample and the inputs with it. */
+typedef struct {
+    double v[2], in[IN];
+} heard;
+
+/* The motion after a sample, with all that was uncertain of it. */
+typedef struct {
+    double z[NZ], P[NZ][NZ];
+} before_now;
+
 /* What moves, with its uncertainty: all that a block starts from. */
 typedef struct {
     double z[NZ];      /* [SI] */
@@ -46,6 +59,8 @@ typedef struct {
     double v[START_MAX][2], in[START_MAX][IN];
     unsigned char opened[START_MAX]; /* whether the rate was opened after a sample of the block */
     double u[QUEUE][2]; /* commands, by sample */
+    heard heard[RECENT];
+    before_now past[RECENT / EVERY];
     int64_t sample;     /* of the last correction; -1 before the first */
     int64_t block_begun, in_block, length; /* in_block: its samples so far; length: at which it ends */
     int64_t rows, kept;                    /* rows that count, and after them those left for the next block */

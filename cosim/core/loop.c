@@ -245,7 +245,7 @@ EXPORT int64_t core_loop_run(loop *l, int64_t first, int64_t count, const double
         l->observer(l->observer_memory, l->input, l->output, in, l->estimate, l->deviation);
         double *control = row + 2 * ESTIMATE_SIZE;
         l->controller(l->controller_memory, t, l->estimate, l->deviation, in, control);
-        edge_follow(&l->edge, l->estimate, in, control + 2, control + 8, control[6], control[7]);
+        edge_follow(&l->edge, l->estimate, in, control + 2, control + 8, control[6], control[7], l->observer == core_filter_step ? l->observer_memory : NULL);
         control[7] += l->edge.turned;
         memcpy(row, l->estimate, sizeof l->estimate);
         memcpy(row + ESTIMATE_SIZE, l->deviation, sizeof l->deviation);
