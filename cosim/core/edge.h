@@ -3,8 +3,8 @@
    The rate that the observer gives is late by tens of microseconds. Until then the Coriolis force on the motion that the tones force is not
    cancelled, and kicks the pattern. And where the package has no Euler force, positions and velocities go on through the step while what is straight
    for the new rate is another orbit: the pattern turns by up to half the step over the oscillation's angular frequency. Neither is a turn of the
-   device. Some milliseconds later the loop knows the rates on both sides, and the time of the step follows from the pattern itself: where it would be
-   for each time is compared with where it is. Whether there is an Euler force that the loop was not told of, all steps together decide. */
+   device. Some milliseconds later the loop knows the rates on both sides. The samples tell when the step was (step_time.h), and the pattern what it has
+   turned by beyond that. */
 
 #ifndef EDGE_H
 #define EDGE_H

@@ -20,7 +20,8 @@ static void terms_at(const edge *e, int64_t k, int64_t at, double turn, double w
     }
 }
 
-double complex edge_clean(const edge *e, const double complex wrong[TERMS], int64_t k, double w, double size)
+/* The position of the pattern without what is wrong of the response to the tones. */
+static double complex clean(const edge *e, const double complex wrong[TERMS], int64_t k, double w, double size)
 {
     double complex terms[TERMS], z = sample_at(e, k)->free.z;
     terms_at(e, k, k, 0.0, w, size, terms);
@@ -38,7 +39,7 @@ void edge_fit(const edge *e, int count, int64_t first, int64_t last, int64_t at,
     memset(A, 0, sizeof A);
     memset(found, 0, TERMS * sizeof *found);
     for (int64_t k = first; k < last; k += stride) {
-        const double complex z = edge_clean(e, wrong, k, w, size);
+        const double complex z = clean(e, wrong, k, w, size);
         terms_at(e, k, at, turn, w, size, terms);
         for (int i = 0; i < count; i++) {
             for (int j = 0; j <= i; j++) {

@@ -13,9 +13,6 @@
 #define MOVING_TERMS 4
 #define TERMS (MOVING_TERMS + 9)
 
-/* The position of the pattern without what is wrong of the response to the tones. */
-double complex edge_clean(const edge *e, const double complex wrong[TERMS], int64_t k, double w, double size);
-
 /* Least squares of the first `count` terms over the samples first .. last - 1, the pattern's at sample `at`; `wrong` is taken out before. */
 void edge_fit(const edge *e, int count, int64_t first, int64_t last, int64_t at, double turn, double w, double size,
               const double complex wrong[TERMS], double complex found[TERMS]);

@@ -7,9 +7,10 @@
 #include "known_model.h"
 #include "prediction.h"
 
-#define STRIDE 4       /* samples between the times that are tried first */
-#define UNEXPLAINED 2.0 /* mean squared innovation over its variance of what is no step */
-#define JUMPS 2        /* as known, or with the Euler force of a frame that turns */
+#define TIMES 512        /* samples back from where a step has shown that may be tried */
+#define HOPELESS 1000.0  /* above the least: less likely by exp(-500) */
+#define UNEXPLAINED 2.0  /* mean squared innovation over its variance of what is no step */
+#define JUMPS 2          /* as known, or with the Euler force of a frame that turns */
 
 /* Corrects z and P of one axis with the innovation e; returns e^2/S + log S. */
 static double correct(moving *n, const double *c, double noise, double e, double *squared)
@@ -70,85 +71,91 @@ static void jump(filter *f, double after, double variance, int euler)
     f->now.P[OMEGA][OMEGA] = variance;
 }
 
-/* Twice the negative logarithm of the likelihood of the samples up to `looked` where the rate stepped at the sample `at`; `squared`: the mean squared
-   innovation from there on, over its variance. */
-static double unlikelihood(filter *f, int64_t at, int64_t looked, double after, double variance, int euler, const moving *before, int64_t from,
-                           double *squared)
+/* Where the rate has not stepped yet: the motion, and twice the negative logarithm of the likelihood so far. */
+typedef struct {
+    before_now motion;
+    double unlikely;
+} still;
+
+/* What a search goes through: the samples from `earliest` on before a step, those up to `looked` after it; the rate after it and its variance. */
+typedef struct {
+    int64_t earliest, seen, looked;
+    double after, variance;
+    still before[TIMES];
+} search;
+
+static void go_back(filter *f, const before_now *b)
+{
+    memcpy(f->now.z, b->z, sizeof b->z);
+    memcpy(f->now.P, b->P, sizeof b->P);
+}
+
+/* Filters on without a step, from sample `from` on. */
+static void stand_still(filter *f, search *s, int64_t from)
 {
     double total = 0.0, unused = 0.0;
-    f->now = *before;
-    for (int64_t k = from + 1; k <= at; k++) {
+    for (int64_t k = from + 1; k <= s->seen; k++) {
         total += hear(f, k, &unused);
+        if (k >= s->earliest) {
+            still *b = &s->before[k - s->earliest];
+            memcpy(b->motion.z, f->now.z, sizeof b->motion.z);
+            memcpy(b->motion.P, f->now.P, sizeof b->motion.P);
+            b->unlikely = total;
+        }
     }
-    jump(f, after, variance, euler);
+}
+
+/* Twice the negative logarithm of the likelihood of the samples where the rate stepped at the sample `at`; `squared`: the mean squared innovation
+   from there on, over its variance. */
+static double unlikelihood(filter *f, const search *s, int64_t at, int euler, double *squared)
+{
+    const still *b = &s->before[at - s->earliest];
+    double total = b->unlikely;
+    go_back(f, &b->motion);
+    jump(f, s->after, s->variance, euler);
     *squared = 0.0;
-    for (int64_t k = at + 1; k <= looked; k++) {
+    for (int64_t k = at + 1; k <= s->looked; k++) {
         total += hear(f, k, squared);
     }
-    *squared /= 2.0 * (double)(looked - at);
+    *squared /= 2.0 * (double)(s->looked - at);
     return total;
 }
 
-/* What a search goes through. */
-typedef struct {
-    int64_t from, earliest, seen, looked;
-    double after, variance;
-    moving before;
-} search;
-
-static double tried(filter *f, const search *s, int64_t at, int euler, double *squared)
-{
-    return unlikelihood(f, at, s->looked, s->after, s->variance, euler, &s->before, s->from, squared);
-}
-
-/* The most likely time with one kind of jump, by a parabola through the least and its neighbours; below zero where it is none inside. */
+/* The most likely time with one kind of jump, by a parabola through the least and its neighbours; below zero where it is none inside. Searches
+   backwards, until earlier times are out of the question. */
 static double most_likely(filter *f, const search *s, int euler, double *least, double *squared)
 {
-    double ignored, value[2 * STRIDE + 1];
-    int64_t best = s->earliest;
+    double value[3] = {0.0, 0.0, 0.0}, of[2] = {0.0, 0.0}, best = -1.0;
     *least = HUGE_VAL;
-    for (int64_t at = s->earliest; at <= s->seen; at += STRIDE) {
-        const double found = tried(f, s, at, euler, &ignored);
-        if (found < *least) {
-            *least = found;
-            best = at;
+    for (int64_t at = s->seen; at >= s->earliest && !(value[2] > *least + HOPELESS); at--) {
+        value[0] = value[1];
+        value[1] = value[2];
+        of[0] = of[1];
+        value[2] = unlikelihood(f, s, at, euler, &of[1]);
+        if (at <= s->seen - 2 && value[1] <= value[0] && value[1] <= value[2] && value[1] < *least) {
+            const double bend = value[0] - 2.0 * value[1] + value[2];
+            *least = value[1];
+            *squared = of[0];
+            best = (double)(at + 1) - (bend > 0.0 ? 0.5 * (value[0] - value[2]) / bend : 0.0);
         }
     }
-    const int64_t first = best - STRIDE;
-    int place = 0;
-    for (int i = 0; i <= 2 * STRIDE; i++) {
-        value[i] = tried(f, s, first + i, euler, &ignored);
-        place = value[i] < value[place] ? i : place;
-    }
-    *least = tried(f, s, first + place, euler, squared);
-    if (place == 0 || place == 2 * STRIDE) {
-        return -1.0;
-    }
-    const double bend = value[place - 1] - 2.0 * value[place] + value[place + 1];
-    return (double)(first + place) + (bend > 0.0 ? 0.5 * (value[place - 1] - value[place + 1]) / bend : 0.0);
+    return best;
 }
 
 double step_time(filter *f, int64_t earliest, int64_t seen, int64_t looked, double after)
 {
-    const int64_t sample = f->sample;
+    const int64_t sample = f->sample, from = (earliest - 1) / EVERY * EVERY;
     const moving now = f->now;
     const motion m = f->m;
     const known k = f->k;
-    search s;
-    double at[JUMPS], least[JUMPS], squared[JUMPS];
-    s.from = (earliest - STRIDE - 1) / EVERY * EVERY;
-    s.earliest = earliest;
-    s.seen = seen;
-    s.looked = looked;
-    s.after = after;
-    s.variance = now.P[OMEGA][OMEGA];
-    if (sample - s.from >= RECENT || s.from <= f->origin) {
+    double at[JUMPS], least[JUMPS], squared[JUMPS] = {0.0};
+    search s = {.earliest = earliest, .seen = seen, .looked = looked, .after = after, .variance = now.P[OMEGA][OMEGA]};
+    if (sample - from >= RECENT || seen - earliest >= TIMES || from <= f->origin) {
         return -1.0;
     }
-    memset(&s.before, 0, sizeof s.before);
-    const before_now *b = &f->past[s.from / EVERY % (RECENT / EVERY)];
-    memcpy(s.before.z, b->z, sizeof b->z);
-    memcpy(s.before.P, b->P, sizeof b->P);
+    memset(f->now.Y, 0, sizeof f->now.Y);
+    go_back(f, &f->past[from / EVERY % (RECENT / EVERY)]);
+    stand_still(f, &s, from);
     for (int j = 0; j < JUMPS; j++) {
         at[j] = most_likely(f, &s, j, &least[j], &squared[j]);
     }
