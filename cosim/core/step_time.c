@@ -133,10 +133,12 @@ static double most_likely(filter *f, const search *s, int euler, double *least, 
         of[0] = of[1];
         value[2] = unlikelihood(f, s, at, euler, &of[1]);
         if (at <= s->seen - 2 && value[1] <= value[0] && value[1] <= value[2] && value[1] < *least) {
-            const double bend = value[0] - 2.0 * value[1] + value[2];
-            *least = value[1];
-            *squared = of[0];
-            best = (double)(at + 1) - (bend > 0.0 ? 0.5 * (value[0] - value[2]) / bend : 0.0);
+            const double bend = value[0] - 2.0 * value[1] + value[2], off = bend > 0.0 ? 0.5 * (value[0] - value[2]) / bend : 0.0;
+            /* A step between two samples: as badly as the nearest explains it, the parabola does not. */
+            const double gained = 0.5 * bend * off * off;
+            *least = value[1] - gained;
+            *squared = of[0] - gained / (2.0 * (double)(s->looked - at - 1));
+            best = (double)(at + 1) - off;
         }
     }
     return best;

@@ -253,6 +253,25 @@ def test_a_step_of_the_rate_does_not_shift_the_angle(
     assert np.abs(jumps).max() <= 0.004
 
 
+def test_large_steps_between_two_samples_do_not_shift_the_angle(tmp_path: Path) -> None:
+    scenario = tmp_path / "steps.toml"
+    scenario.write_text(
+        'format = 1\nname = "steps"\ndescription = "steps"\nduration = 0.35\nangle_unit = "C"\n[parameters]\nx_start = 1e-6\n'
+        '[omega_z]\nkind = "steps"\ntimes = [0, 0.15, 0.2000007, 0.2500021, 0.3000036]\nvalues = [0, 5, 30, 0, -3]\n'
+    )
+    run, result = simulated(str(scenario), device="whole_angle_as_built", design="lab", seed=3)
+    t = result.trace["t"].to_numpy()
+    error = np.rad2deg((result.trace["angle_C"] - result.trace["angle_true"]).to_numpy())
+    edges = run.scenario.edges_until(run.duration)
+    jumps = [
+        error[(t > edge + 4e-3) & (t < edge + 11e-3)].mean() - error[(t > edge - 8e-3) & (t < edge - 1e-3)].mean()
+        for edge in edges
+    ]
+    # A tenth of a sample of 5 us is 0.001 deg where the rate steps by 30 rad/s; the kicks of the tones are 0.04 deg.
+    assert len(jumps) == 4
+    assert np.abs(jumps).max() <= 0.006
+
+
 def test_an_offset_that_wanders_is_forgotten_alone(tmp_path: Path) -> None:
     design = tmp_path / "design.toml"
     text = 'format = 1\nname = "wanders"\n[intervals]\noffset_x = [-0.01, 0.01]\noffset_y = [-0.01, 0.01]\n'
