@@ -256,7 +256,8 @@ def test_a_step_of_the_rate_does_not_shift_the_angle(
 def test_large_steps_between_two_samples_do_not_shift_the_angle(tmp_path: Path) -> None:
     scenario = tmp_path / "steps.toml"
     scenario.write_text(
-        'format = 1\nname = "steps"\ndescription = "steps"\nduration = 0.35\nangle_unit = "C"\n[parameters]\nx_start = 1e-6\n'
+        'format = 1\nname = "steps"\ndescription = "steps"\nduration = 0.35\nangle_unit = "C"\n'
+        "[parameters]\nx_start = 1e-6\n"
         '[omega_z]\nkind = "steps"\ntimes = [0, 0.15, 0.2000007, 0.2500021, 0.3000036]\nvalues = [0, 5, 30, 0, -3]\n'
     )
     run, result = simulated(str(scenario), device="whole_angle_as_built", design="lab", seed=3)
