@@ -23,6 +23,7 @@
 
 #define RECENT 4096     /* samples of which what was measured is kept, and how the motion was, every so many; powers of two */
 #define EVERY 16
+#define TIMES 512 /* samples back from where a step of the rate has shown that it may have had */
 
 /* A sample and the inputs with it. */
 typedef struct {
@@ -33,6 +34,12 @@ typedef struct {
 typedef struct {
     double z[NZ], P[NZ][NZ];
 } before_now;
+
+/* The motion where the rate has not stepped yet, and twice the negative logarithm of the likelihood so far. */
+typedef struct {
+    before_now motion;
+    double unlikely;
+} still;
 
 /* What moves, with its uncertainty: all that a block starts from. */
 typedef struct {
@@ -61,6 +68,7 @@ typedef struct {
     double u[QUEUE][2]; /* commands, by sample */
     heard heard[RECENT];
     before_now past[RECENT / EVERY];
+    still stills[TIMES]; /* of the last search for a step */
     int64_t sample;     /* of the last correction; -1 before the first */
     int64_t block_begun, in_block, length; /* in_block: its samples so far; length: at which it ends */
     int64_t rows, kept;                    /* rows that count, and after them those left for the next block */

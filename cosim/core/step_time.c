@@ -7,7 +7,6 @@
 #include "known_model.h"
 #include "prediction.h"
 
-#define TIMES 512        /* samples back from where a step has shown that may be tried */
 #define HOPELESS 1000.0  /* above the least: less likely by exp(-500) */
 #define UNEXPLAINED 2.0  /* mean squared innovation over its variance of what is no step */
 #define JUMPS 2          /* as known, or with the Euler force of a frame that turns */
@@ -71,17 +70,10 @@ static void jump(filter *f, double after, double variance, int euler)
     f->now.P[OMEGA][OMEGA] = variance;
 }
 
-/* Where the rate has not stepped yet: the motion, and twice the negative logarithm of the likelihood so far. */
-typedef struct {
-    before_now motion;
-    double unlikely;
-} still;
-
 /* What a search goes through: the samples from `earliest` on before a step, those up to `looked` after it; the rate after it and its variance. */
 typedef struct {
     int64_t earliest, seen, looked;
     double after, variance;
-    still before[TIMES];
 } search;
 
 static void go_back(filter *f, const before_now *b)
@@ -91,13 +83,13 @@ static void go_back(filter *f, const before_now *b)
 }
 
 /* Filters on without a step, from sample `from` on. */
-static void stand_still(filter *f, search *s, int64_t from)
+static void stand_still(filter *f, const search *s, int64_t from)
 {
     double total = 0.0, unused = 0.0;
     for (int64_t k = from + 1; k <= s->seen; k++) {
         total += hear(f, k, &unused);
         if (k >= s->earliest) {
-            still *b = &s->before[k - s->earliest];
+            still *b = &f->stills[k - s->earliest];
             memcpy(b->motion.z, f->now.z, sizeof b->motion.z);
             memcpy(b->motion.P, f->now.P, sizeof b->motion.P);
             b->unlikely = total;
@@ -109,7 +101,7 @@ static void stand_still(filter *f, search *s, int64_t from)
    from there on, over its variance. */
 static double unlikelihood(filter *f, const search *s, int64_t at, int euler, double *squared)
 {
-    const still *b = &s->before[at - s->earliest];
+    const still *b = &f->stills[at - s->earliest];
     double total = b->unlikely;
     go_back(f, &b->motion);
     jump(f, s->after, s->variance, euler);
@@ -151,7 +143,7 @@ double step_time(filter *f, int64_t earliest, int64_t seen, int64_t looked, doub
     const motion m = f->m;
     const known k = f->k;
     double at[JUMPS], least[JUMPS], squared[JUMPS] = {0.0};
-    search s = {.earliest = earliest, .seen = seen, .looked = looked, .after = after, .variance = now.P[OMEGA][OMEGA]};
+    const search s = {.earliest = earliest, .seen = seen, .looked = looked, .after = after, .variance = now.P[OMEGA][OMEGA]};
     if (sample - from >= RECENT || seen - earliest >= TIMES || from <= f->origin) {
         return -1.0;
     }
