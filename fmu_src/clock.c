@@ -61,36 +61,13 @@ int64_t gyro_beats_until(gyro_beat beat, int64_t tick)
     return k;
 }
 
-/* The view's switches at `settled`, and the first event after it. */
-static void pass_events(gyro_instance *g)
-{
-    gyro_cuts *cuts = &g->plan.cuts;
-    cuts->next_event = (gyro_instant){GYRO_NEVER, 0.0};
-    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-        const gyro_instant event = cuts->event[effect];
-        const int ahead = gyro_before(g->memory.clock.settled, event);
-        g->view.after[effect] = ahead ? 0.0 : 1.0;
-        if (ahead && gyro_before(event, cuts->next_event)) {
-            cuts->next_event = event;
-        }
-    }
-}
-
 void gyro_plan_cuts(gyro_instance *g)
 {
     gyro_cuts *cuts = &g->plan.cuts;
     const gyro_clock *clock = &g->memory.clock;
-    double time[GYRO_N_EFFECTS];
-    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-        time[effect] = INFINITY;
-    }
-    event_times(&g->view, time);
-    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
-        cuts->event[effect] = gyro_instant_of(gyro_ticks(time[effect] - clock->start_time));
-    }
     cuts->next_grid = gyro_tick_of(cuts->grid, clock->grid + 1);
     cuts->next_sample = gyro_tick_of(cuts->sample, clock->sample + 1);
-    pass_events(g);
+    gyro_find_events(g);
     gyro_come_to(g, clock->now, clock->rest);
 }
 
@@ -118,7 +95,7 @@ int gyro_settle(gyro_instance *g, gyro_instant to)
         at |= GYRO_AT_SAMPLE;
     }
     if (!gyro_before(to, cuts->next_event)) {
-        pass_events(g);
+        gyro_pass_events(g);
         at |= GYRO_AT_EVENT;
     }
     return at;

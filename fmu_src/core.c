@@ -69,20 +69,6 @@ static gyro_status check_bounds(gyro_instance *g, const double values[GYRO_N_VAR
     return status;
 }
 
-static gyro_status check_matrices(gyro_instance *g)
-{
-    const double *p = g->value;
-    gyro_status status = GYRO_OK;
-    if (!(p[GYRO_KXX] > 0.0 && p[GYRO_KXX] * p[GYRO_KYY] > p[GYRO_KXY] * p[GYRO_KXY])) {
-        status = gyro_refuse(g, "stiffness kxx = %.9g, kyy = %.9g, kxy = %.9g N/m is not positive definite: make kxx*kyy > kxy^2", p[GYRO_KXX],
-                             p[GYRO_KYY], p[GYRO_KXY]);
-    } else if (p[GYRO_DXX] * p[GYRO_DYY] < p[GYRO_DXY] * p[GYRO_DXY]) {
-        status = gyro_refuse(g, "damping dxx = %.9g, dyy = %.9g, dxy = %.9g N.s/m feeds energy: make dxx*dyy >= dxy^2", p[GYRO_DXX],
-                             p[GYRO_DYY], p[GYRO_DXY]);
-    }
-    return status;
-}
-
 gyro_status gyro_check(gyro_instance *g)
 {
     gyro_status status = check_bounds(g, g->value);
@@ -90,7 +76,7 @@ gyro_status gyro_check(gyro_instance *g)
         status = check_bounds(g, g->memory.clock.held);
     }
     if (status == GYRO_OK) {
-        status = check_matrices(g);
+        status = gyro_check_device(g);
     }
     return status;
 }

@@ -42,12 +42,12 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
     fmi_request request = {.call = __func__,
                            .name = instanceName,
                            .token = fmuGUID,
+                           .resources = fmuResourceLocation,
                            .logging_on = loggingOn,
                            .purpose = fmuType == fmi2ModelExchange ? MODEL_EXCHANGE : CO_SIMULATION,
                            .emit = emit,
                            .callback = functions != NULL ? (fmi_callback)functions->logger : NULL,
                            .environment = functions != NULL ? functions->componentEnvironment : NULL};
-    (void)fmuResourceLocation;
     (void)visible;
     return fmi_new(&request);
 }

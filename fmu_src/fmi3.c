@@ -36,13 +36,14 @@ static double update_intermediate(fmi_instance *f)
     return end_requested && f->may_end_early ? end : INFINITY;
 }
 
-static fmi3Instance instantiate(const char *call, fmi_purpose purpose, const char *refusal, fmi3String name, fmi3String token, fmi3Boolean logging_on,
-                                fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, fmi3Boolean may_end_early,
+static fmi3Instance instantiate(const char *call, fmi_purpose purpose, const char *refusal, fmi3String name, fmi3String token, fmi3String resources,
+                                fmi3Boolean logging_on, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, fmi3Boolean may_end_early,
                                 fmi3IntermediateUpdateCallback update)
 {
     fmi_request request = {.call = call,
                            .name = name,
                            .token = token,
+                           .resources = resources,
                            .refusal = refusal,
                            .logging_on = logging_on,
                            .purpose = purpose,
@@ -59,8 +60,8 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
                                           fmi3Boolean visible, fmi3Boolean loggingOn, fmi3InstanceEnvironment instanceEnvironment,
                                           fmi3LogMessageCallback logMessage)
 {
-    (void)resourcePath, (void)visible;
-    return instantiate(__func__, MODEL_EXCHANGE, NULL, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage, fmi3False,
+    (void)visible;
+    return instantiate(__func__, MODEL_EXCHANGE, NULL, instanceName, instantiationToken, resourcePath, loggingOn, instanceEnvironment, logMessage, fmi3False,
                        NULL);
 }
 
@@ -75,8 +76,8 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
                            ? "this FMU has no event mode (hasEventMode is false); pass eventModeUsed = false"
                            : NULL;
     /* All variables can be read at an intermediate point, whichever are asked for. */
-    (void)resourcePath, (void)visible, (void)requiredIntermediateVariables, (void)nRequiredIntermediateVariables;
-    return instantiate(__func__, purpose, none, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage,
+    (void)visible, (void)requiredIntermediateVariables, (void)nRequiredIntermediateVariables;
+    return instantiate(__func__, purpose, none, instanceName, instantiationToken, resourcePath, loggingOn, instanceEnvironment, logMessage,
                        earlyReturnAllowed, intermediateUpdate);
 }
 
@@ -85,8 +86,8 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
                                                fmi3LogMessageCallback logMessage, fmi3ClockUpdateCallback clockUpdate,
                                                fmi3LockPreemptionCallback lockPreemption, fmi3UnlockPreemptionCallback unlockPreemption)
 {
-    (void)resourcePath, (void)visible, (void)clockUpdate, (void)lockPreemption, (void)unlockPreemption;
-    return instantiate(__func__, CO_SIMULATION, NO_SCHEDULE, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage, fmi3False,
+    (void)visible, (void)clockUpdate, (void)lockPreemption, (void)unlockPreemption;
+    return instantiate(__func__, CO_SIMULATION, NO_SCHEDULE, instanceName, instantiationToken, resourcePath, loggingOn, instanceEnvironment, logMessage, fmi3False,
                        NULL);
 }
 

@@ -72,6 +72,13 @@ static void begin_life(fmi_instance *f)
     f->latest_time = INFINITY;
 }
 
+static void take_starts(fmi_instance *f)
+{
+    for (uint32_t vr = 0; f->has_starts && vr < GYRO_N_VARIABLES; vr++) {
+        gyro_set(f->core, vr, f->start[vr]);
+    }
+}
+
 fmi_instance *fmi_new(const fmi_request *r)
 {
     const char *name = r->name != NULL ? r->name : "";
@@ -92,16 +99,14 @@ fmi_instance *fmi_new(const fmi_request *r)
         const char *refusal = r->refusal != NULL ? r->refusal : r->purpose != CO_SIMULATION ? gyro_no_equation() : NULL;
         if (refusal != NULL) {
             status = fmi_fail(f, r->call, "%s", refusal);
-        } else if (r->token == NULL || strcmp(r->token, GYRO_TOKEN) != 0) {
-            status = fmi_fail(f, r->call, "the token is %.60s, this library belongs to %s; use the modelDescription.xml of the same FMU",
-                              r->token != NULL ? r->token : "NULL", GYRO_TOKEN);
-        } else if ((f->core = gyro_new()) == NULL) {
+        } else if ((status = fmi_check_token(f, r)) == FMI_OK && (f->core = gyro_new()) == NULL) {
             status = fmi_fail(f, r->call, "out of memory");
         }
         if (status != FMI_OK) {
             fmi_free(f);
             f = NULL;
         } else {
+            take_starts(f);
             fmi_report(f, r->call, "instantiated");
         }
     }
@@ -191,6 +196,7 @@ fmi_status fmi_reset(fmi_instance *f, const char *call)
     fmi_status status = fmi_allow(f, call, CAN_RESET);
     if (status == FMI_OK) {
         gyro_reset(f->core);
+        take_starts(f);
         begin_life(f);
         fmi_report(f, call, "reset");
     }

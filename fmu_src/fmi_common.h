@@ -83,6 +83,8 @@ struct fmi_instance {
     fmi_callback update;    /* the importer's function for it */
     int may_end_early;      /* 1: the importer takes a step that ends early */
     int sampled;            /* 1: the latest step came to a sample */
+    int has_starts;         /* 1: the FMU brings start values of its own */
+    double start[GYRO_N_VARIABLES]; /* which are these, SI */
     char name[];            /* the importer's name of the instance */
 };
 
@@ -90,7 +92,8 @@ struct fmi_instance {
 typedef struct {
     const char *call;
     const char *name;
-    const char *token;      /* must be GYRO_TOKEN */
+    const char *token;      /* must be GYRO_TOKEN, or that with the hash of the start values that the FMU brings */
+    const char *resources;  /* where those lie: the folder resources/ as a path or URI; may be NULL */
     const char *refusal;    /* why this kind of instance does not exist; NULL: it does */
     int logging_on;
     fmi_purpose purpose;
@@ -101,6 +104,9 @@ typedef struct {
     fmi_callback update;
     int may_end_early;
 } fmi_request;
+
+/* From fmi_starts.c: refuses a token that is not this library's, and reads the start values that it announces. */
+fmi_status fmi_check_token(fmi_instance *f, const fmi_request *request);
 
 /* A new instance; NULL, with a message in the log, when the request is refused. */
 fmi_instance *fmi_new(const fmi_request *request);

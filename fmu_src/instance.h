@@ -53,7 +53,6 @@ typedef struct {
     int64_t next_grid;   /* tick of the next of each */
     int64_t next_sample;
     gyro_instant next_event;
-    gyro_instant event[GYRO_N_EFFECTS]; /* of each effect, negative where it is before the start */
     double time;         /* of the communication point, s */
     double latest_step;  /* of an importer [s], and the same in ticks: most steps are like the one before */
     double latest_ticks;
@@ -64,7 +63,7 @@ typedef struct {
 /* Records why a call is refused, printf style; gives GYRO_ERROR. */
 gyro_status gyro_refuse(gyro_instance *g, const char *format, ...);
 
-/* Refuses parameters out of their bounds, or of no passive device. */
+/* Refuses parameters out of their bounds, or of no device. */
 gyro_status gyro_check(gyro_instance *g);
 
 /* The tick `from` + `ticks`; a sample instant nearby is meant: within a tick, to which two ways of counting a period that is no whole
@@ -76,9 +75,6 @@ void gyro_swap_values(gyro_instance *g, int end);
 
 /* Takes inputs and tunable parameters as they are, where they are new: an equal value is no change, and cuts nothing. */
 gyro_status gyro_take_values(gyro_instance *g);
-
-/* From tune.c: gyro_tune, and what the effects remember that act and did not in `acted` begins, from `value` as set. */
-void gyro_begin_memories(gyro_instance *g, const double value[GYRO_N_VARIABLES], const unsigned char acted[GYRO_N_EFFECTS]);
 
 /* From clock.c: */
 
@@ -110,7 +106,7 @@ int64_t gyro_tick_of(gyro_beat beat, int64_t k);
 /* How many beats there are up to a tick, that of the start not counted. */
 int64_t gyro_beats_until(gyro_beat beat, int64_t tick);
 
-/* Finds events and next instants from the parameters (in the view), the beats of the plan and the clock; sets the view's switches. */
+/* Finds events and next instants from the parameters (in the view), the beats of the plan and the clock. */
 void gyro_plan_cuts(gyro_instance *g);
 
 /* The next instant after `settled` that is on the grid, a sample or an event. */
@@ -119,13 +115,20 @@ gyro_instant gyro_next_cut(const gyro_instance *g);
 /* What `settled` has come to. */
 enum { GYRO_AT_SAMPLE = 1, GYRO_AT_EVENT = 2 };
 
-/* Moves `settled` to `to`, at most the next cut, with counts, next instants and the view's switches; gives GYRO_AT_ bits. */
+/* Moves `settled` to `to`, at most the next cut, with counts and next instants; gives GYRO_AT_ bits. */
 int gyro_settle(gyro_instance *g, gyro_instant to);
 
 /* Why a clock that was read from bytes can be none; NULL where it can. The beats of the plan must be known. */
 const char *gyro_impossible_clock(const gyro_instance *g);
 
 /* From the plant. */
+
+/* Refuses parameters that are within their bounds and no device. */
+gyro_status gyro_check_device(gyro_instance *g);
+
+/* Finds the events from the parameters, then passes them: brings the next event, and what switches, to `settled`. */
+void gyro_find_events(gyro_instance *g);
+void gyro_pass_events(gyro_instance *g);
 
 /* Builds the plan and the rest of the view from values and memory; refuses parameters that don't fit one another. Allocates nothing. */
 gyro_status gyro_prepare(gyro_instance *g);
@@ -153,10 +156,6 @@ gyro_status gyro_take_inputs(gyro_instance *g);
 
 /* The next instant after `settled` at which the plant itself is cut. */
 gyro_instant gyro_next_own_cut(const gyro_instance *g);
-
-/* What the plant holds of an effect that is tuned: called before the parameters change, and after with what has acted before. */
-void gyro_before_tuning(gyro_instance *g);
-void gyro_after_tuning(gyro_instance *g, const unsigned char acted[GYRO_N_EFFECTS]);
 
 /* Moves the state from `settled` to `to`, in which nothing jumps, settles there and does what is due there. */
 void gyro_move(gyro_instance *g, gyro_instant to);

@@ -127,7 +127,7 @@ static gyro_status read_run(gyro_instance *g, const unsigned char *bytes, size_t
         status = refuse_why(g, gyro_impossible_memory(g));
     }
     if (status == GYRO_OK && size != gyro_room(g)) {
-        status = gyro_refuse(g, "%zu bytes are left for the past forces, %zu are due", size, gyro_room(g));
+        status = gyro_refuse(g, "%zu bytes are left for what is beside the memory, %zu are due", size, gyro_room(g));
     }
     if (status == GYRO_OK) {
         status = gyro_prepare(g);

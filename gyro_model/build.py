@@ -7,11 +7,11 @@ import os
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree as ET
 
 import platformdirs
@@ -27,20 +27,24 @@ from gyro_model import (
     generate_xml,
 )
 from gyro_model.compiling import WHOLE, compile_for, compile_library, write_whole
-from gyro_model.envelope import EnvelopeModel, envelope_model
+from gyro_model.envelope import envelope_model
 from gyro_model.errors import InputError
+from gyro_model.form import Form
 from gyro_model.model import Model, load_model
 from gyro_model.platforms import WASM, own_platform, platform_of
+from gyro_model.sensor import SensorModel
 
 LOGGER = logging.getLogger("gyrotwin")
 PACKAGE = Path(__file__).parent
 CHECKOUT = PACKAGE.parent
 GENERATED = "generated"
 EFFECTS = f"{GENERATED}/effects.h"
-# Below the folder of the handwritten C: what the envelope form has of its own. A file there takes the place of the
-# one of the same name.
-ENVELOPE = "envelope"
-FULL_ALONE = ("integrator.h", "linear.h", "lag.c", "lag.h", "pink.c", "pink.h", "propagator.c", "propagator.h")
+WRITERS: dict[str, dict[str, Callable[[Any], str]]] = {
+    "device": {EFFECTS: generate_effects.effects},
+    "full": {f"{GENERATED}/tangent.h": generate_tangent.tangent},
+    "envelope": {f"{GENERATED}/envelope.h": generate_envelope.envelope},
+}
+"""What is generated for a layer of C beside the tables of the FMU's variables, by its path in the sources."""
 
 
 class Fmus(NamedTuple):
@@ -58,47 +62,52 @@ def handwritten_folder() -> Path:
     raise InputError("C sources: found neither beside the package nor in it; install gyrotwin anew")
 
 
-def handwritten_files(model: Model) -> dict[str, Path]:
-    """The handwritten C of the FMU of ``model`` by name, in the order of names."""
+def handwritten_files(model: Form) -> dict[str, Path]:
+    """The handwritten C of the FMU of ``model`` by name, in the order of names: what all share, then its layers."""
     folder = handwritten_folder()
-    files = {path.name: path for path in folder.glob("*.[ch]")}
-    if isinstance(model, EnvelopeModel):
-        files = {name: path for name, path in files.items() if name not in FULL_ALONE}
-        files |= {path.name: path for path in (folder / ENVELOPE).glob("*.[ch]")}
-    return dict(sorted(files.items()))
+    files = [path for layer in ("", *model.LAYERS) for path in (folder / layer).glob("*.[ch]")]
+    return {path.name: path for path in sorted(files, key=lambda path: path.name)}
 
 
-def generated_files(model: Model) -> dict[str, str]:
+def generated_files(model: Form) -> dict[str, str]:
     """Every generated text by its path in the sources of the FMU, the token filled in."""
     return _generated_files(model, model_token(model))
 
 
-def _generated_files(model: Model, token: str) -> dict[str, str]:
+def _generated_files(model: Form, token: str) -> dict[str, str]:
+    layers = _generated_layers(model, token)
+    return {name: text for files in layers.values() for name, text in files.items()}
+
+
+def _generated_layers(model: Form, token: str) -> dict[str, dict[str, str]]:
+    """The generated texts by layer, then by path in the sources; the tables are the last layer's."""
     headers = (path.read_text(encoding="utf-8") for path in handwritten_files(model).values() if path.suffix == ".h")
-    files = {
+    layers = {name: {file: write(model) for file, write in WRITERS.get(name, {}).items()} for name in model.LAYERS}
+    layers[model.LAYERS[-1]] |= {
         f"{GENERATED}/names.h": generate_c.names(model, headers),
         f"{GENERATED}/model.h": generate_c.header(model, token),
         f"{GENERATED}/model.c": generate_c.table(model),
-        EFFECTS: generate_effects.effects(model),
     }
-    if isinstance(model, EnvelopeModel):
-        files[f"{GENERATED}/envelope.h"] = generate_envelope.envelope(model)
-    else:
-        files[f"{GENERATED}/tangent.h"] = generate_tangent.tangent(model)
-    return files
+    return layers
 
 
 def committed_files(model: Model) -> dict[Path, str]:
-    """What a checkout holds of generated text, by path: the C of both forms of ``model``, which share the effects, and
-    the page of the FMUs with its tables."""
+    """What a checkout holds of generated text, by path: the C of all forms, of which some share layers, and the page of
+    the FMUs with its tables."""
     folder = handwritten_folder()
-    own = {name: text for name, text in generated_files(envelope_model(model)).items() if name != EFFECTS}
-    files = {folder / name: text for name, text in generated_files(model).items()}
-    files |= {folder / ENVELOPE / name: text for name, text in own.items()}
+    files = {}
+    for form in forms(model):
+        for layer, texts in _generated_layers(form, model_token(form)).items():
+            files |= {folder / layer / name: text for name, text in texts.items()}
     return files | generate_docs.reference_page(CHECKOUT, model)
 
 
-def model_token(model: Model) -> str:
+def forms(model: Model) -> tuple[Form, ...]:
+    """All FMUs of ``model``: as it is, as envelopes, and what a datasheet says of a gyroscope."""
+    return (model, envelope_model(model), SensorModel())
+
+
+def model_token(model: Form) -> str:
     """Names a model: a digest of all its C and XML, so that an FMU of other effects, bounds or code has another
     token."""
     digest = hashlib.sha256(_generated_text(model))
@@ -109,7 +118,7 @@ def model_token(model: Model) -> str:
 
 
 @lru_cache(maxsize=8)
-def _generated_text(model: Model) -> bytes:
+def _generated_text(model: Form) -> bytes:
     """All that is generated for a model. Kept: printing some hundred effects takes a second, at each load of an FMU."""
     texts = [
         *_generated_files(model, "").values(),
@@ -120,16 +129,16 @@ def _generated_text(model: Model) -> bytes:
     return "".join(texts).encode() + b"".join(data for package in files for data in package.values())
 
 
-def default_folder(model: Model) -> Path:
+def default_folder(model: Form) -> Path:
     """Where FMUs of ``model`` go: ``dist`` in a checkout, else the user's cache, by token."""
-    packaged = model.effects == load_model().effects
+    packaged = not model.effects or model.effects == load_model().effects
     if packaged and (CHECKOUT / "pyproject.toml").is_file() and handwritten_folder().parent == CHECKOUT:
         return CHECKOUT / "dist"
     return Path(platformdirs.user_cache_dir("gyrotwin")) / model_token(model).strip("{}")
 
 
 def build(
-    model: Model | None = None, folder: Path | None = None, *, force: bool = False, platforms: Sequence[str] = ()
+    model: Form | None = None, folder: Path | None = None, *, force: bool = False, platforms: Sequence[str] = ()
 ) -> Fmus:
     """Builds the FMUs of ``model``, ``fmi2/NAME.fmu`` and ``fmi3/NAME.fmu`` in ``folder``, unless those there already
     are of this model and hold the libraries asked for.
@@ -154,7 +163,7 @@ def build(
     return fmus
 
 
-def build_module(model: Model | None = None, folder: Path | None = None) -> Path:
+def build_module(model: Form | None = None, folder: Path | None = None) -> Path:
     """Compiles the WebAssembly module of ``model``, ``wasm32/NAME.wasm`` in ``folder``, unless the one there already
     is of this model. It exports the functions of FMI 3.0, malloc and free.
 
@@ -171,7 +180,7 @@ def build_module(model: Model | None = None, folder: Path | None = None) -> Path
     return path
 
 
-def _module_path(model: Model, folder: Path) -> Path:
+def _module_path(model: Form, folder: Path) -> Path:
     return folder / WASM.fmi3 / f"{model.NAME}{WASM.suffix}"
 
 
@@ -188,10 +197,9 @@ def _compile_module(sources: Path, path: Path) -> None:
 def build_all(
     model: Model | None = None, folder: Path | None = None, *, force: bool = False, platforms: Sequence[str] = ()
 ) -> tuple[Path, ...]:
-    """The FMUs of both forms of ``model``: as it is, then as envelopes. Raises InputError as ``build`` does."""
-    full = model or load_model()
-    forms = (full, envelope_model(full))
-    return tuple(path for form in forms for path in build(form, folder, force=force, platforms=platforms))
+    """The FMUs of all forms of ``model``. Raises InputError as ``build`` does."""
+    every = forms(model or load_model())
+    return tuple(path for form in every for path in build(form, folder, force=force, platforms=platforms))
 
 
 def token_of(path: Path) -> str | None:
@@ -225,7 +233,7 @@ def update_generated(model: Model | None = None) -> list[Path]:
     return changed
 
 
-def write_sources(model: Model, folder: Path) -> None:
+def write_sources(model: Form, folder: Path) -> None:
     """Copies the handwritten C and writes the generated C into ``folder``."""
     for name, path in handwritten_files(model).items():
         shutil.copy(path, folder / name)
@@ -242,7 +250,7 @@ def c_files(folder: Path, fmi: str) -> list[str]:
     )
 
 
-def _build_one(model: Model, token: str, fmi: str, path: Path, sources: Path, platforms: Sequence[str]) -> None:
+def _build_one(model: Form, token: str, fmi: str, path: Path, sources: Path, platforms: Sequence[str]) -> None:
     """Packs an FMU of the C in ``sources`` with libraries for ``platforms``; none: for this machine."""
     LOGGER.info("compiling the %s FMU for %s, once for this model, some 5 s ...", model.NAME, fmi.upper())
     files = c_files(sources, fmi)
@@ -252,9 +260,9 @@ def _build_one(model: Model, token: str, fmi: str, path: Path, sources: Path, pl
         shutil.copytree(sources, root / "sources", ignore=shutil.ignore_patterns(other, WHOLE))
         whole = [write_whole(sources, files)]
         if fmi == "fmi2":
-            description = generate_xml.fmi2(model, token, _date(), files)
+            description = generate_xml.fmi2(model, token, issue_date(), files)
         else:
-            description = generate_xml.fmi3(model, token, _date())
+            description = generate_xml.fmi3(model, token, issue_date())
             build_description = generate_xml.build_description(model, files)
             (root / "sources" / "buildDescription.xml").write_text(build_description, encoding="utf-8")
         (root / "modelDescription.xml").write_text(description, encoding="utf-8")
@@ -268,26 +276,27 @@ def _build_one(model: Model, token: str, fmi: str, path: Path, sources: Path, pl
                 compile_for(platform, sources, whole, library)
             else:
                 compile_library(sources, whole, library)
-        _pack(root, path)
+        pack({p.relative_to(root).as_posix(): p.read_bytes() for p in root.rglob("*") if p.is_file()}, path)
 
 
-def _date() -> str:
+def issue_date() -> str:
     """What an FMU gives as its date: one that is built again is the same (reproducible-builds.org)."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     return datetime.fromtimestamp(int(epoch), UTC).strftime("%Y-%m-%dT%H:%M:%SZ") if epoch.isdigit() else RELEASED
 
 
-def _pack(root: Path, path: Path) -> None:
+def pack(files: Mapping[str, bytes], path: Path) -> None:
+    """Writes an FMU of ``files`` by name; equal files give an equal FMU."""
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_suffix(f".{os.getpid()}.part")
     try:
         with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
-            for file in sorted(p for p in root.rglob("*") if p.is_file()):
+            for name in sorted(files, key=lambda name: name.split("/")):
                 # A fixed date makes equal models give equal files.
-                info = zipfile.ZipInfo(file.relative_to(root).as_posix(), (2000, 1, 1, 0, 0, 0))
-                info.external_attr = (0o755 if "binaries" in file.parts else 0o644) << 16
+                info = zipfile.ZipInfo(name, (2000, 1, 1, 0, 0, 0))
+                info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
                 info.compress_type = zipfile.ZIP_DEFLATED
-                archive.writestr(info, file.read_bytes())
+                archive.writestr(info, files[name])
         os.replace(beside, path)
     finally:
         beside.unlink(missing_ok=True)

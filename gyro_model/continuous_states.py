@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from gyro_model.anatomy import Force
-from gyro_model.envelope import EnvelopeModel
+from gyro_model.form import Form
 from gyro_model.model import Model
 
 # How large a state typically is, by unit: a micrometre, its velocity at 3 kHz, a volt, room temperature.
@@ -26,13 +26,14 @@ class ContinuousState(NamedTuple):
         return f"der({self.name})"
 
 
-def continuous_states(model: Model) -> tuple[ContinuousState, ...]:
+def continuous_states(model: Form) -> tuple[ContinuousState, ...]:
     """The states in order: those of the motion, which are outputs, those of effects, the voltages behind the
-    amplifier's lag, what lags, what effects remember that flows. None of a model in envelope form.
+    amplifier's lag, what lags, what effects remember that flows. None of a form for co-simulation
+    only.
 
     Beyond the variables of the model and ``time`` come the states that are no outputs, then all rates.
     """
-    if isinstance(model, EnvelopeModel):
+    if not (isinstance(model, Model) and model.EQUATION):
         return ()
     own = {s.symbol.name: s for e in model.effects if isinstance(e, Force) for s in e.states}
     rows: list[tuple[str, str, str]] = []
@@ -57,11 +58,11 @@ def continuous_states(model: Model) -> tuple[ContinuousState, ...]:
     )
 
 
-def first_local(model: Model) -> int:
+def first_local(model: Form) -> int:
     """The first value reference beyond the variables of the model and ``time``."""
     return len(model.quantities) + 1
 
 
-def hidden_states(model: Model) -> tuple[ContinuousState, ...]:
+def hidden_states(model: Form) -> tuple[ContinuousState, ...]:
     """The states that are no outputs."""
     return tuple(state for state in continuous_states(model) if state.reference >= first_local(model))

@@ -77,7 +77,12 @@ ENVELOPE_INPUTS = (
     *(q for q in INPUTS if q.name not in ("u_x", "u_y")),
 )
 ENVELOPE_OUTPUTS = (
-    *_pairs("output", "V", {"v_x": "x sensor voltage", "v_y": "y sensor voltage"}, 1.0, "", "electrical"),
+    *(
+        replace(q, discrete=True)
+        for q in _pairs(
+            "output", "V", {"v_x": "x sensor voltage", "v_y": "y sensor voltage"}, 1.0, "", "electrical"
+        )
+    ),
     *_pairs(
         "output",
         "m",
@@ -147,6 +152,8 @@ class EnvelopeModel(Model):
         "initialization ends.",
     )
     STEP_SIZE: ClassVar[str] = "1e-3"
+    LAYERS: ClassVar[tuple[str, ...]] = ("device", "co_simulation", "envelope")
+    EQUATION: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         # The effects are written in the quantities of the full model.

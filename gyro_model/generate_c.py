@@ -1,35 +1,23 @@
-"""Writes the C of a model: ``model.h`` (variables, states, effects by index), ``model.c`` (their table) and ``names.h``
+"""Writes the C of a model: ``model.h`` (variables by index), ``model.c`` (their table) and ``names.h``
 (symbols of its own); ``effects.h`` is ``generate_effects``'s."""
 
 import re
 from collections.abc import Iterable
 
-from gyro_model import symbols
-from gyro_model.c_printing import STAMP, c_double, effect_macro, lagging_macro, macro, memory_macro, state_macro
+from gyro_model.c_printing import STAMP, c_double, macro
 from gyro_model.continuous_states import continuous_states, first_local, hidden_states
-from gyro_model.model import Model
+from gyro_model.form import Form
 
 _KINDS = {"input": "GYRO_INPUT", "output": "GYRO_OUTPUT"}
 
 
-def header(model: Model, token: str) -> str:
-    """``model.h``: the indexes of variables, states and effects, and the token that names this model."""
+def header(model: Form, token: str) -> str:
+    """``model.h``: the indexes of variables, and the token that names this model."""
     kinds = "\n".join(
         f"    {macro(q.name)} = {index}, /* [{q.unit}] {q.role}: {q.description} */"
         for index, q in enumerate(model.quantities)
     )
-    units = ["m", "m/s", "m", "m/s", *(s.unit for s in model.states)]
-    states = "\n".join(
-        f"    {state_macro(symbol)} = {index}, /* [{unit}] */"
-        for index, (symbol, unit) in enumerate(zip(model.state_symbols, units, strict=True))
-    )
-    lagging = "\n".join(f"    {lagging_macro(target)} = {index}," for index, target in enumerate(model.followed))
-    memories = "\n".join(
-        f"    {memory_macro(memory.symbol)} = {index}, /* [{memory.unit}] */"
-        for index, memory in enumerate(model.memories)
-    )
     inputs = sum(q.role == "input" for q in model.quantities)
-    effects = "\n".join(f"    {effect_macro(effect)} = {index}," for index, effect in enumerate(model.effects))
     continuous = len(continuous_states(model))
     return f"""{STAMP}
 #ifndef GYRO_MODEL_H
@@ -52,38 +40,12 @@ enum {{
     GYRO_N_VARIABLES = {len(model.quantities)}
 }};
 
-/* Continuous states. */
-enum {{
-{states}
-    GYRO_N_STATES = {len(model.state_symbols)}
-}};
-
-/* The motion as a differential equation: those states, the voltages behind the amplifier's lag, what lags, what flows.
+/* The motion as a differential equation: continuous states, the voltages behind the amplifier's lag, what lags, what flows.
    Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {{
     GYRO_N_CONTINUOUS = {max(continuous, 1)},
     GYRO_FIRST_LOCAL = {first_local(model)}, /* value reference */
     GYRO_N_LOCALS = {len(hidden_states(model)) + continuous}
-}};
-
-/* Quantities that may lag. */
-enum {{
-{lagging}
-    GYRO_N_LAGGING = {len(model.followed)}
-}};
-
-/* What effects remember, that which flows by time itself first. */
-enum {{
-{memories}
-    GYRO_N_FLOWING = {sum(memory.flows for memory in model.memories)},
-    GYRO_N_MEMORIES = {max(len(model.memories), 1)} /* room for one where there is none */
-}};
-
-/* Effects, those of the nominal device first. */
-enum {{
-{effects}
-    GYRO_N_PINK = {sum(bool(e.symbols & set(symbols.PINK)) for e in model.effects)}, /* of which draw pink numbers */
-    GYRO_N_EFFECTS = {len(model.effects)}
 }};
 
 typedef enum {{
@@ -131,7 +93,7 @@ extern const char *const gyro_local_names[GYRO_N_LOCALS + 1];
 """
 
 
-def table(model: Model) -> str:
+def table(model: Form) -> str:
     """``model.c``: the table of variables."""
     kinds = {q.name: _KINDS.get(q.role, "GYRO_PARAMETER") for q in model.quantities}
     kinds |= dict.fromkeys(model.tunable, "GYRO_TUNABLE")
@@ -165,7 +127,7 @@ const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {{
 _SHARED = re.compile(r"^(?!static )(?:extern )?(?:const )?\w+ \*?((?:gyro|fmi)_\w+)[(\[]", re.MULTILINE)
 
 
-def names(model: Model, headers: Iterable[str]) -> str:
+def names(model: Form, headers: Iterable[str]) -> str:
     """``names.h``: what the FMU's files share, as the texts of their headers declare it, under names that carry the
     FMU's: two FMUs can then be linked into one program."""
     declared = {name for text in headers for name in _SHARED.findall(text)}

@@ -85,10 +85,51 @@ class Places:
         return f"g->p[{macro(symbol.name)}]"
 
 
+def indexes(model: Model) -> str:
+    """States, what lags, what is remembered, and effects by index."""
+    units = ["m", "m/s", "m", "m/s", *(s.unit for s in model.states)]
+    states = "\n".join(
+        f"    {state_macro(symbol)} = {index}, /* [{unit}] */"
+        for index, (symbol, unit) in enumerate(zip(model.state_symbols, units, strict=True))
+    )
+    lagging = "\n".join(f"    {lagging_macro(target)} = {index}," for index, target in enumerate(model.followed))
+    memories = "\n".join(
+        f"    {memory_macro(memory.symbol)} = {index}, /* [{memory.unit}] */"
+        for index, memory in enumerate(model.memories)
+    )
+    listed = "\n".join(f"    {effect_macro(effect)} = {index}," for index, effect in enumerate(model.effects))
+    return f"""/* Continuous states. */
+enum {{
+{states}
+    GYRO_N_STATES = {len(model.state_symbols)}
+}};
+
+/* Quantities that may lag. */
+enum {{
+{lagging}
+    GYRO_N_LAGGING = {len(model.followed)}
+}};
+
+/* What effects remember, that which flows by time itself first. */
+enum {{
+{memories}
+    GYRO_N_FLOWING = {sum(memory.flows for memory in model.memories)},
+    GYRO_N_MEMORIES = {max(len(model.memories), 1)} /* room for one where there is none */
+}};
+
+/* Effects, those of the nominal device first. */
+enum {{
+{listed}
+    GYRO_N_PINK = {sum(bool(e.symbols & set(symbols.PINK)) for e in model.effects)}, /* of which draw pink numbers */
+    GYRO_N_EFFECTS = {len(model.effects)}
+}};
+"""
+
+
 def effects(model: Model) -> str:
     """``effects.h``: every effect's function, then the stages that call those that are active."""
     place = Places(model)
-    parts = [_PROLOGUE]
+    parts = [_PROLOGUE.replace("INDEXES", indexes(model))]
     parts += [_force(e, place) for e in model.forces]
     parts += [_memories(e, place) for e in model.effects if e.memories]
     parts += [_follow(e) for e in follows_of(model)]
@@ -116,6 +157,7 @@ _PROLOGUE = """#include <stdint.h>
 #include "../gyro_math.h"
 #include "model.h"
 
+INDEXES
 /* All that an effect may read. */
 typedef struct {
     double p[GYRO_N_VARIABLES];           /* variables by value reference, laws applied, SI */

@@ -10,7 +10,7 @@ from gyro_model import VERSION, icon
 from gyro_model.errors import InputError
 from gyro_model.experiments import FOLDER, manifest, packaged_experiments
 from gyro_model.generate_xml import text_of
-from gyro_model.model import Model
+from gyro_model.form import Form
 from gyro_model.quantities import Quantity
 from gyro_model.units import DISPLAYED
 
@@ -22,7 +22,7 @@ _TERMINALS = {
 }
 
 
-def package_files(model: Model, fmi: str) -> dict[str, bytes]:
+def package_files(model: Form, fmi: str) -> dict[str, bytes]:
     """The files by path in the FMU; ``fmi`` is "fmi2" or "fmi3". Raises InputError where the licence is missing."""
     files = {
         "documentation/index.html": documentation(model).encode(),
@@ -49,7 +49,7 @@ def _licence() -> Path:
     raise InputError("LICENSE: found neither beside the package nor in it; install gyrotwin anew")
 
 
-def terminals(model: Model) -> str:
+def terminals(model: Form) -> str:
     """``terminalsAndIcons.xml`` of FMI 3.0: inputs and outputs by what they connect to."""
     root = ET.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
@@ -68,7 +68,7 @@ def terminals(model: Model) -> str:
     return text_of(root)
 
 
-def documentation(model: Model) -> str:
+def documentation(model: Form) -> str:
     """``documentation/index.html``: conventions, every variable, every effect."""
     groups = {
         "Inputs": [q for q in model.quantities if q.role == "input"],
@@ -89,6 +89,8 @@ def documentation(model: Model) -> str:
         )
         for e in model.effects
     )
+    listed = _table(("effect", "parameters", "stage", "what"), effects)
+    chapter = f"<h2>Effects</h2>\n{listed}" if model.effects else ""
     conventions = "".join(f"<p>{escape(text)}</p>\n" for text in model.CONVENTIONS)
     return f"""<!DOCTYPE html>
 <html lang="en">
@@ -105,13 +107,12 @@ td, th {{ border: 1px solid #999; padding: 0.2em 0.5em; text-align: left; vertic
 <h1>{model.NAME}</h1>
 <p>{escape(model.DESCRIPTION)}. Version {VERSION}; licence: <a href="licenses/license.txt">MIT</a>.</p>
 <h2>Conventions</h2>
-{conventions}{tables}<h2>Effects</h2>
-{_table(("effect", "parameters", "stage", "what"), effects)}</body>
+{conventions}{tables}{chapter}</body>
 </html>
 """
 
 
-def _row(quantity: Quantity, model: Model) -> Sequence[str]:
+def _row(quantity: Quantity, model: Form) -> Sequence[str]:
     def number(value: float) -> str:
         return f"{value:g}" if isfinite(value) else ""
 

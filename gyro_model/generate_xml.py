@@ -6,7 +6,7 @@ from xml.etree import ElementTree as ET
 
 from gyro_model import VERSION
 from gyro_model.continuous_states import continuous_states, hidden_states
-from gyro_model.model import Model
+from gyro_model.form import Form
 from gyro_model.quantities import Quantity
 from gyro_model.units import DISPLAYED, dimension, rate_unit
 
@@ -20,7 +20,7 @@ ABOUT = {
 LOG_CATEGORIES = {"logStatusError": "refused calls and failed steps", "logEvents": "life-cycle calls", "logAll": "both"}
 
 
-def fmi2(model: Model, token: str, date: str, sources: Sequence[str]) -> str:
+def fmi2(model: Form, token: str, date: str, sources: Sequence[str]) -> str:
     """The model description for FMI 2.0; ``date`` of generation as in 2026-11-22T00:00:00Z; ``sources`` are the C
     files relative to the folder sources/."""
     states = continuous_states(model)
@@ -67,7 +67,7 @@ def fmi2(model: Model, token: str, date: str, sources: Sequence[str]) -> str:
     return text_of(root)
 
 
-def fmi3(model: Model, token: str, date: str) -> str:
+def fmi3(model: Form, token: str, date: str) -> str:
     """The model description for FMI 3.0; ``date`` as for ``fmi2``."""
     states = continuous_states(model)
     root = ET.Element("fmiModelDescription", fmiVersion="3.0", modelName=model.NAME, instantiationToken=token)
@@ -112,12 +112,12 @@ def fmi3(model: Model, token: str, date: str) -> str:
     return text_of(root)
 
 
-def _time(model: Model) -> dict[str, str]:
+def _time(model: Form) -> dict[str, str]:
     names = {"name": "time", "valueReference": str(len(model.quantities)), "description": "simulation time"}
     return names | {"causality": "independent", "variability": "continuous"}
 
 
-def _locals(model: Model) -> list[tuple[dict[str, str], dict[str, str]]]:
+def _locals(model: Form) -> list[tuple[dict[str, str], dict[str, str]]]:
     """Names and types of the states that are no outputs, then of all rates."""
     states = continuous_states(model)
     kept = {"causality": "local", "variability": "continuous", "initial": "calculated"}
@@ -133,13 +133,13 @@ def _locals(model: Model) -> list[tuple[dict[str, str], dict[str, str]]]:
     return rows
 
 
-def _initial_unknowns(model: Model) -> list[int]:
+def _initial_unknowns(model: Form) -> list[int]:
     states = continuous_states(model)
     hidden = [state.reference for state in hidden_states(model)]
     return [*_outputs(model), *hidden, *(state.rate_reference for state in states)]
 
 
-def _dependencies(model: Model, reference: int) -> list[int] | None:
+def _dependencies(model: Form, reference: int) -> list[int] | None:
     """What an output or rate depends on; None: on all inputs and states. A sample depends on nothing between events,
     and the outputs of a co-simulation are those of the last communication point: no loop through it is algebraic."""
     states = continuous_states(model)
@@ -156,7 +156,7 @@ def _dependencies(model: Model, reference: int) -> list[int] | None:
     return [s.reference for s in states if speeds.get(s.name) == state.name] or None
 
 
-def build_description(model: Model, sources: Sequence[str]) -> str:
+def build_description(model: Form, sources: Sequence[str]) -> str:
     """``sources/buildDescription.xml`` of FMI 3.0."""
     root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
     configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=model.NAME)
@@ -166,7 +166,7 @@ def build_description(model: Model, sources: Sequence[str]) -> str:
     return text_of(root)
 
 
-def _add_about(root: ET.Element, model: Model, date: str) -> None:
+def _add_about(root: ET.Element, model: Form, date: str) -> None:
     root.set("description", model.DESCRIPTION)
     for name, value in ABOUT.items():
         root.set(name, value)
@@ -174,21 +174,20 @@ def _add_about(root: ET.Element, model: Model, date: str) -> None:
     root.set("generationDateAndTime", date)
 
 
-def _outputs(model: Model) -> list[int]:
+def _outputs(model: Form) -> list[int]:
     return [reference for reference, q in enumerate(model.quantities) if q.role == "output"]
 
 
-def _common(quantity: Quantity, reference: int, model: Model) -> dict[str, str]:
+def _common(quantity: Quantity, reference: int, model: Form) -> dict[str, str]:
     attributes = {"name": quantity.name, "valueReference": str(reference), "description": quantity.description}
     if quantity.role in ("input", "output"):
-        sampled = quantity.role == "output" and quantity.name.startswith("v_")
-        attributes |= {"causality": quantity.role, "variability": "discrete" if sampled else "continuous"}
+        attributes |= {"causality": quantity.role, "variability": "discrete" if quantity.discrete else "continuous"}
         return attributes | ({"initial": "calculated"} if quantity.role == "output" else {})
     variability = "tunable" if quantity.name in model.tunable else "fixed"
     return attributes | {"causality": "parameter", "variability": variability, "initial": "exact"}
 
 
-def _typed(quantity: Quantity, model: Model) -> dict[str, str]:
+def _typed(quantity: Quantity, model: Form) -> dict[str, str]:
     def number(value: float) -> str:
         return str(int(value)) if quantity.integer else repr(float(value))
 
@@ -202,7 +201,7 @@ def _typed(quantity: Quantity, model: Model) -> dict[str, str]:
     return attributes | ({} if quantity.role == "output" else {"start": number(model.start(quantity))})
 
 
-def _add_units(root: ET.Element, model: Model) -> None:
+def _add_units(root: ET.Element, model: Form) -> None:
     definitions = ET.SubElement(root, "UnitDefinitions")
     rates = (rate_unit(state.unit) for state in continuous_states(model))
     shown = {unit: set[str]() for unit in (*(q.unit for q in model.quantities), "s", *rates)}

@@ -13,13 +13,14 @@ from sympy import Symbol
 from gyro_model import symbols
 from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map, Memory, State
 from gyro_model.errors import InputError, nearest
+from gyro_model.form import Form
 from gyro_model.quantities import INPUTS, OUTPUTS, PARAMETERS, Quantity
 
 EFFECTS_FOLDER = Path(__file__).parent / "effects"
 
 
 @dataclass(frozen=True)
-class Model:
+class Model(Form):
     """Effects in a fixed order (nominal ones first, then by id) with what follows from them; ``starts``: parameters
     (name, value) [SI] whose FMU starts at another value than the table of quantities says.
 
@@ -39,9 +40,9 @@ class Model:
         "A size parameter switches its effect on where it differs from its start. Tunable ones may be set while the "
         "FMU runs and act from that instant; the others are fixed once initialization ends.",
     )
-    """Said in the FMU's documentation, a paragraph each."""
     STEP_SIZE: ClassVar[str] = "5e-6"
-    """What an importer should start with [s]."""
+    LAYERS: ClassVar[tuple[str, ...]] = ("device", "full")
+    EQUATION: ClassVar[bool] = True
 
     effects: tuple[Effect, ...]
     starts: tuple[tuple[str, float], ...] = ()
@@ -68,10 +69,6 @@ class Model:
         What an effect is neutral at stays. Raises InputError for an unknown name or a value out of bounds.
         """
         return Model(self.effects, tuple((name, self.parameter(name).check(v)) for name, v in parameters.items()))
-
-    def start(self, quantity: Quantity) -> float:
-        """The value of ``quantity`` where nobody sets it."""
-        return dict(self.starts).get(quantity.name, quantity.start)
 
     def _check_symbols(self, effect: Effect) -> None:
         private = ("t", "since", "after", "q_x", "q_y", *(number.name for number in (*symbols.NORMAL, *symbols.PINK)))
@@ -102,11 +99,6 @@ class Model:
     def quantities(self) -> tuple[Quantity, ...]:
         """Every FMI variable; the index is its value reference: inputs, outputs, parameters, then effect by effect."""
         return (*INPUTS, *OUTPUTS, *PARAMETERS, *(p for effect in self.effects for p in effect.parameters))
-
-    @cached_property
-    def by_name(self) -> dict[str, Quantity]:
-        """The quantities by name."""
-        return {q.name: q for q in self.quantities}
 
     @cached_property
     def tunable(self) -> frozenset[str]:
@@ -173,13 +165,6 @@ class Model:
             if effect.id == effect_id:
                 return effect
         raise InputError(f"effect {effect_id!r} is unknown{nearest(effect_id, [e.id for e in self.effects])}")
-
-    def parameter(self, name: str) -> Quantity:
-        """The parameter of that name. Raises InputError with the nearest name where there is none."""
-        settable = {q.name: q for q in self.quantities if q.role not in ("input", "output")}
-        if name not in settable:
-            raise InputError(f"parameter {name!r} is unknown{nearest(name, settable)}")
-        return settable[name]
 
 
 def _reads(law: Law, other: Law) -> bool:

@@ -6,6 +6,8 @@
 
 #include "cycle.h"
 #include "generated/envelope.h"
+#include "effect_memories.h"
+#include "events.h"
 #include "instance.h"
 #include "slow.h"
 
@@ -17,6 +19,7 @@
 /* Follows from the parameters and stays during a run, but for the next instants of the cuts. */
 typedef struct {
     gyro_cuts cuts;     /* `sample` is the grid, at whose points the noise of the voltages is drawn */
+    gyro_events events;
     double step;        /* internal step, s */
     double noise_scale; /* of a normal number of each quadrature, √(2 sample_period/internal_step) */
 } gyro_plan;

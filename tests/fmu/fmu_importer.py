@@ -1,6 +1,7 @@
 """A small importer over ctypes that calls FMI 2 and FMI 3 alike and shows every status and message."""
 
 import ctypes as ct
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -59,6 +60,12 @@ class Fmu:
         library = f"{self.description.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
         self.library = ct.CDLL(str(self.folder / "binaries" / platform / library))
 
+    @property
+    def resources(self) -> bytes:
+        """The folder resources/ as the standard wants it: a URI, or a path that ends in a separator."""
+        folder = self.folder / "resources"
+        return (folder.as_uri() if self.version == 2 else f"{folder}{os.sep}").encode()
+
     def function(self, name: str) -> Any:
         """The exported function ``fmi2<name>`` or ``fmi3<name>``."""
         return getattr(self.library, f"fmi{self.version}{name}")
@@ -82,22 +89,25 @@ class Fmu:
         co_simulation: bool = True,
         events: bool = False,
         early: bool = False,
+        resources: str | None = None,
     ) -> Any:
-        """The address of a new instance, an int; None when refused."""
+        """The address of a new instance, an int; None when refused. ``resources``: "" says that there are none, None
+        names the folder as the standard asks."""
+        place = self.resources if resources is None else resources.encode()
         if self.version == 2:
             # The record ends with this call: the FMU must have copied what it needs.
             record = _Callbacks(callback, None, None, None, None)
             make = self.function("Instantiate")
             make.restype = ct.c_void_p
-            return make(b"gyro", ct.c_int(int(co_simulation)), token.encode(), b"", ct.byref(record), 0, int(logging))
+            return make(b"gyro", ct.c_int(int(co_simulation)), token.encode(), place, ct.byref(record), 0, int(logging))
         if not co_simulation:
             make = self.function("InstantiateModelExchange")
             make.restype = ct.c_void_p
-            return make(b"gyro", token.encode(), None, False, logging, None, callback)
+            return make(b"gyro", token.encode(), place, False, logging, None, callback)
         make = self.function("InstantiateCoSimulation")
         make.restype = ct.c_void_p
         options = (False, logging, ct.c_bool(events), ct.c_bool(early), None, ct.c_size_t(0))
-        return make(b"gyro", token.encode(), None, *options, None, callback, None)
+        return make(b"gyro", token.encode(), place, *options, None, callback, None)
 
 
 class Instance:

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{f1a23f67-8242-9af2-e143-dc1e55bb3d85}"
+#define GYRO_TOKEN "{8ca7000e-1f4f-61b8-bd25-ddfc60e8aaf6}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -138,103 +138,12 @@ enum {
     GYRO_N_VARIABLES = 119
 };
 
-/* Continuous states. */
-enum {
-    GYRO_STATE_X = 0, /* [m] */
-    GYRO_STATE_X_DOT = 1, /* [m/s] */
-    GYRO_STATE_Y = 2, /* [m] */
-    GYRO_STATE_Y_DOT = 3, /* [m/s] */
-    GYRO_STATE_HYSTERESIS_Z_X = 4, /* [1] */
-    GYRO_STATE_HYSTERESIS_Z_Y = 5, /* [1] */
-    GYRO_STATE_PARASITIC = 6, /* [m] */
-    GYRO_STATE_PARASITIC_DOT = 7, /* [m/s] */
-    GYRO_N_STATES = 8
-};
-
-/* The motion as a differential equation: those states, the voltages behind the amplifier's lag, what lags, what flows.
+/* The motion as a differential equation: continuous states, the voltages behind the amplifier's lag, what lags, what flows.
    Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {
     GYRO_N_CONTINUOUS = 1,
     GYRO_FIRST_LOCAL = 120, /* value reference */
     GYRO_N_LOCALS = 0
-};
-
-/* Quantities that may lag. */
-enum {
-    GYRO_LAGGING_TEMPERATURE_STRUCTURE = 0,
-    GYRO_LAGGING_TEMPERATURE_CIRCUIT = 1,
-    GYRO_N_LAGGING = 2
-};
-
-/* What effects remember, that which flows by time itself first. */
-enum {
-    GYRO_MEMORY_RELAXING_TEMPERATURE = 0, /* [K] */
-    GYRO_MEMORY_BIAS_WALKED = 1, /* [s0.5] */
-    GYRO_MEMORY_PLAY_X = 2, /* [N] */
-    GYRO_MEMORY_PLAY_Y = 3, /* [N] */
-    GYRO_MEMORY_THERMAL_PLAY_1 = 4, /* [K] */
-    GYRO_MEMORY_THERMAL_PLAY_2 = 5, /* [K] */
-    GYRO_MEMORY_THERMAL_PLAY_3 = 6, /* [K] */
-    GYRO_MEMORY_TURN_ON_DRAWN = 7, /* [1] */
-    GYRO_N_FLOWING = 1,
-    GYRO_N_MEMORIES = 8 /* room for one where there is none */
-};
-
-/* Effects, those of the nominal device first. */
-enum {
-    GYRO_EFFECT_CORIOLIS = 0,
-    GYRO_EFFECT_DAMPING = 1,
-    GYRO_EFFECT_IDEAL_PICKOFF = 2,
-    GYRO_EFFECT_SUSPENSION = 3,
-    GYRO_EFFECT_ACTUATOR_DELAY = 4,
-    GYRO_EFFECT_ACTUATOR_GAIN_MISMATCH = 5,
-    GYRO_EFFECT_ACTUATOR_MISALIGNMENT = 6,
-    GYRO_EFFECT_ACTUATOR_NONLINEARITY = 7,
-    GYRO_EFFECT_ADC_CLIPPING = 8,
-    GYRO_EFFECT_ADC_QUANTISATION = 9,
-    GYRO_EFFECT_AGEING = 10,
-    GYRO_EFFECT_AMPLIFIER_BANDWIDTH = 11,
-    GYRO_EFFECT_AMPLIFIER_DRIFT = 12,
-    GYRO_EFFECT_AMPLIFIER_OFFSET = 13,
-    GYRO_EFFECT_ANGULAR_GAIN = 14,
-    GYRO_EFFECT_BIAS_WALK = 15,
-    GYRO_EFFECT_COMB_FRINGE = 16,
-    GYRO_EFFECT_CONSTANT_FORCE = 17,
-    GYRO_EFFECT_CONTACT_STOP = 18,
-    GYRO_EFFECT_CROSS_CUBIC_STIFFNESS = 19,
-    GYRO_EFFECT_CUBIC_STIFFNESS = 20,
-    GYRO_EFFECT_DAMPING_STEP = 21,
-    GYRO_EFFECT_DIELECTRIC_CHARGING = 22,
-    GYRO_EFFECT_DRIVE_FEEDTHROUGH = 23,
-    GYRO_EFFECT_DRY_FRICTION = 24,
-    GYRO_EFFECT_ELECTROSTATIC_SOFTENING = 25,
-    GYRO_EFFECT_FLICKER_NOISE = 26,
-    GYRO_EFFECT_FRAME_ROTATION = 27,
-    GYRO_EFFECT_HYSTERESIS = 28,
-    GYRO_EFFECT_LINEAR_ACCELERATION = 29,
-    GYRO_EFFECT_NONLINEAR_DAMPING = 30,
-    GYRO_EFFECT_PARASITIC_CAPACITANCE = 31,
-    GYRO_EFFECT_PARASITIC_MODE = 32,
-    GYRO_EFFECT_PICKOFF_GAIN_MISMATCH = 33,
-    GYRO_EFFECT_PICKOFF_MISALIGNMENT = 34,
-    GYRO_EFFECT_PICKOFF_MISMATCH = 35,
-    GYRO_EFFECT_PICKOFF_NONLINEARITY = 36,
-    GYRO_EFFECT_PLAY = 37,
-    GYRO_EFFECT_QUADRATIC_STIFFNESS = 38,
-    GYRO_EFFECT_SAMPLING_JITTER = 39,
-    GYRO_EFFECT_SENSE_NOISE = 40,
-    GYRO_EFFECT_SQUEEZE_FILM = 41,
-    GYRO_EFFECT_STRESS_RELAXATION = 42,
-    GYRO_EFFECT_THERMAL_DAMPING = 43,
-    GYRO_EFFECT_THERMAL_FORCE = 44,
-    GYRO_EFFECT_THERMAL_GAIN = 45,
-    GYRO_EFFECT_THERMAL_HYSTERESIS = 46,
-    GYRO_EFFECT_THERMAL_LAG = 47,
-    GYRO_EFFECT_THERMAL_PHASE = 48,
-    GYRO_EFFECT_THERMAL_STIFFNESS = 49,
-    GYRO_EFFECT_TURN_ON_OFFSET = 50,
-    GYRO_N_PINK = 1, /* of which draw pink numbers */
-    GYRO_N_EFFECTS = 51
 };
 
 typedef enum {

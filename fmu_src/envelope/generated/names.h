@@ -8,6 +8,7 @@
 
 #define fmi_allow GyroscopeEnvelope_fmi_allow
 #define fmi_allow_exchange GyroscopeEnvelope_fmi_allow_exchange
+#define fmi_check_token GyroscopeEnvelope_fmi_check_token
 #define fmi_completed_step GyroscopeEnvelope_fmi_completed_step
 #define fmi_derive GyroscopeEnvelope_fmi_derive
 #define fmi_derive_adjoint GyroscopeEnvelope_fmi_derive_adjoint
@@ -58,6 +59,7 @@
 #define gyro_begin_memories GyroscopeEnvelope_gyro_begin_memories
 #define gyro_carrier GyroscopeEnvelope_gyro_carrier
 #define gyro_check GyroscopeEnvelope_gyro_check
+#define gyro_check_device GyroscopeEnvelope_gyro_check_device
 #define gyro_come_to GyroscopeEnvelope_gyro_come_to
 #define gyro_cos GyroscopeEnvelope_gyro_cos
 #define gyro_cosh GyroscopeEnvelope_gyro_cosh
@@ -66,6 +68,7 @@
 #define gyro_enter_event GyroscopeEnvelope_gyro_enter_event
 #define gyro_exp GyroscopeEnvelope_gyro_exp
 #define gyro_expm1 GyroscopeEnvelope_gyro_expm1
+#define gyro_find_events GyroscopeEnvelope_gyro_find_events
 #define gyro_find_slow GyroscopeEnvelope_gyro_find_slow
 #define gyro_first_sample GyroscopeEnvelope_gyro_first_sample
 #define gyro_follow_force GyroscopeEnvelope_gyro_follow_force
@@ -100,6 +103,7 @@
 #define gyro_no_equation GyroscopeEnvelope_gyro_no_equation
 #define gyro_normal_pair GyroscopeEnvelope_gyro_normal_pair
 #define gyro_normal_pairs GyroscopeEnvelope_gyro_normal_pairs
+#define gyro_pass_events GyroscopeEnvelope_gyro_pass_events
 #define gyro_plan_cuts GyroscopeEnvelope_gyro_plan_cuts
 #define gyro_pow GyroscopeEnvelope_gyro_pow
 #define gyro_power GyroscopeEnvelope_gyro_power

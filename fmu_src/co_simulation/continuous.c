@@ -1,4 +1,4 @@
-/* The envelope form shows no differential equation: its amplitudes and harmonics answer each other at once. */
+/* An FMU for co-simulation only shows no differential equation. */
 
 #include "continuous.h"
 

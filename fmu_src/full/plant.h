@@ -5,6 +5,8 @@
 #define GYRO_PLANT_H
 
 #include "generated/effects.h"
+#include "effect_memories.h"
+#include "events.h"
 #include "instance.h"
 #include "lag.h"
 #include "pink.h"
@@ -18,6 +20,7 @@
 /* Follows from the parameters and stays during a run, but for the next instants of the cuts. */
 typedef struct {
     gyro_cuts cuts;
+    gyro_events events;
     gyro_instant delay;  /* of the force, as if it came at the start */
     gyro_pink_plan pink; /* where any_draw */
     gyro_propagator propagator; /* of the steps between cuts of the grid, where steady */

@@ -8,6 +8,7 @@
 
 #define fmi_allow Gyroscope_fmi_allow
 #define fmi_allow_exchange Gyroscope_fmi_allow_exchange
+#define fmi_check_token Gyroscope_fmi_check_token
 #define fmi_completed_step Gyroscope_fmi_completed_step
 #define fmi_derive Gyroscope_fmi_derive
 #define fmi_derive_adjoint Gyroscope_fmi_derive_adjoint
@@ -56,6 +57,7 @@
 #define gyro_begin_memories Gyroscope_gyro_begin_memories
 #define gyro_bring_force Gyroscope_gyro_bring_force
 #define gyro_check Gyroscope_gyro_check
+#define gyro_check_device Gyroscope_gyro_check_device
 #define gyro_come_to Gyroscope_gyro_come_to
 #define gyro_cos Gyroscope_gyro_cos
 #define gyro_cosh Gyroscope_gyro_cosh
@@ -64,6 +66,7 @@
 #define gyro_enter_event Gyroscope_gyro_enter_event
 #define gyro_exp Gyroscope_gyro_exp
 #define gyro_expm1 Gyroscope_gyro_expm1
+#define gyro_find_events Gyroscope_gyro_find_events
 #define gyro_first_sample Gyroscope_gyro_first_sample
 #define gyro_free Gyroscope_gyro_free
 #define gyro_get Gyroscope_gyro_get
@@ -97,6 +100,7 @@
 #define gyro_no_equation Gyroscope_gyro_no_equation
 #define gyro_normal_pair Gyroscope_gyro_normal_pair
 #define gyro_normal_pairs Gyroscope_gyro_normal_pairs
+#define gyro_pass_events Gyroscope_gyro_pass_events
 #define gyro_peek Gyroscope_gyro_peek
 #define gyro_pink_design Gyroscope_gyro_pink_design
 #define gyro_pink_next Gyroscope_gyro_pink_next
