@@ -95,7 +95,7 @@ def committed_files(model: Model) -> dict[Path, str]:
     """What a checkout holds of generated text, by path: the C of all forms, of which some share layers, and the page of
     the FMUs with its tables."""
     folder = handwritten_folder()
-    files = {}
+    files: dict[Path, str] = {}
     for form in forms(model):
         for layer, texts in _generated_layers(form, model_token(form)).items():
             files |= {folder / layer / name: text for name, text in texts.items()}

@@ -79,9 +79,7 @@ ENVELOPE_INPUTS = (
 ENVELOPE_OUTPUTS = (
     *(
         replace(q, discrete=True)
-        for q in _pairs(
-            "output", "V", {"v_x": "x sensor voltage", "v_y": "y sensor voltage"}, 1.0, "", "electrical"
-        )
+        for q in _pairs("output", "V", {"v_x": "x sensor voltage", "v_y": "y sensor voltage"}, 1.0, "", "electrical")
     ),
     *_pairs(
         "output",

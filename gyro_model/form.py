@@ -1,4 +1,4 @@
-"""What every FMU of this package is described by: a name, a table of variables, and the layers of C that it is made of."""
+"""What every FMU of this package is described by: a name, a table of variables, the layers of C that it is made of."""
 
 from functools import cached_property
 from typing import ClassVar

@@ -40,8 +40,8 @@ enum {{
     GYRO_N_VARIABLES = {len(model.quantities)}
 }};
 
-/* The motion as a differential equation: continuous states, the voltages behind the amplifier's lag, what lags, what flows.
-   Variables beyond those above and `time` show the states that are no outputs, and all rates. */
+/* The motion as a differential equation: continuous states, the voltages behind the amplifier's lag, what lags, what
+   flows. Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {{
     GYRO_N_CONTINUOUS = {max(continuous, 1)},
     GYRO_FIRST_LOCAL = {first_local(model)}, /* value reference */

@@ -9,8 +9,8 @@ from xml.etree import ElementTree as ET
 from gyro_model import VERSION, icon
 from gyro_model.errors import InputError
 from gyro_model.experiments import FOLDER, manifest, packaged_experiments
-from gyro_model.generate_xml import text_of
 from gyro_model.form import Form
+from gyro_model.generate_xml import text_of
 from gyro_model.quantities import Quantity
 from gyro_model.units import DISPLAYED
 

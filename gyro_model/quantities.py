@@ -33,8 +33,8 @@ class Quantity:
     nominal device and the simulation), ``size`` (switches an effect on) or ``shape`` (of an effect; switches
     nothing). ``nominal`` is how large it typically is [unit]; 0: as large as ``start``. ``display`` is the unit in
     which a tool shows it, of ``gyro_model.units.DISPLAYED``; ``terminal`` groups inputs and outputs by what they
-    connect to. ``search``: how a search for the effect tries a shape; None: it leaves it as it is. ``discrete``: an input or output
-    that changes at instants.
+    connect to. ``search``: how a search for the effect tries a shape; None: it leaves it as it is. ``discrete``: an
+    input or output that changes at instants.
     """
 
     name: str
@@ -163,11 +163,21 @@ INPUTS = (
 
 OUTPUTS = (
     _output(
-        "v_x", "V", 0.0, "x sensor voltage, latched at the last sample instant", nominal=1.0, terminal="electrical",
+        "v_x",
+        "V",
+        0.0,
+        "x sensor voltage, latched at the last sample instant",
+        nominal=1.0,
+        terminal="electrical",
         discrete=True,
     ),
     _output(
-        "v_y", "V", 0.0, "y sensor voltage, latched at the last sample instant", nominal=1.0, terminal="electrical",
+        "v_y",
+        "V",
+        0.0,
+        "y sensor voltage, latched at the last sample instant",
+        nominal=1.0,
+        terminal="electrical",
         discrete=True,
     ),
     _output("x", "m", 0.0, "x displacement, for analysis", nominal=1e-6, display="µm", terminal="mechanical"),

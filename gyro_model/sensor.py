@@ -10,37 +10,36 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 from gyro_model.anatomy import Effect
 from gyro_model.form import Form
 from gyro_model.quantities import PARAMETERS, Quantity, Role
 
-BIAS_DEGREE: Final = 4
-SCALE_DEGREE: Final = 3
-"""Highest power of the temperature in bias and scale factor."""
+KNOTS: Final = 17
+"""Temperatures at which bias and scale factor are given, evenly from temperature_low to temperature_high."""
 SECTIONS: Final = 2
 """Of the filter, each of second order."""
 PLAYS: Final = 3
 """Play operators of the hysteresis."""
 
 
-def _q(role: Role, name: str, unit: str, start: float, text: str, low: float = -inf, high: float = inf, **more: object) -> Quantity:
-    return Quantity(name, unit, start, text, role, low, high, **more)  # type: ignore[arg-type]
+def _q(
+    role: Role, name: str, unit: str, start: float, text: str, low: float = -inf, high: float = inf, **more: Any
+) -> Quantity:
+    return Quantity(name, unit, start, text, role, low, high, **more)
 
 
-def _per_kelvin(name: str, unit: str, degree: int, text: str) -> tuple[Quantity, ...]:
-    """Coefficients of T - t_ref and its powers."""
-    kelvins = [f"K{power}" if power > 1 else "K" for power in range(1, degree + 1)]
-    units = [f"1/{k}" if unit == "1" else f"rad/(s.{k})" for k in kelvins]
+def _over_temperature(name: str, unit: str, text: str, **more: Any) -> tuple[Quantity, ...]:
+    """What ``name`` changes by at each knot."""
+    place = f"of {KNOTS - 1} parts of the way from temperature_low to temperature_high"
     return tuple(
-        _q("parameter", f"{name}_temperature_{power}", own, 0.0, f"{text} by power {power} of temperature less t_ref")
-        for power, own in enumerate(units, 1)
+        _q("parameter", f"{name}_temperature_{k}", unit, 0.0, f"{text} at {k} {place}", **more) for k in range(KNOTS)
     )
 
 
-_RATE = {"nominal": 1.0, "display": "deg/s", "terminal": "inertial"}
-_G = {"nominal": 10.0, "display": "g", "terminal": "inertial"}
+_RATE: Final[dict[str, Any]] = {"nominal": 1.0, "display": "deg/s", "terminal": "inertial"}
+_G: Final[dict[str, Any]] = {"nominal": 10.0, "display": "g", "terminal": "inertial"}
 INPUTS: Final = (
     _q("input", "omega_z", "rad/s", 0.0, "rate about the input axis", **_RATE),
     _q("input", "omega_x", "rad/s", 0.0, "rate about the x axis, across the input axis", **_RATE),
@@ -65,15 +64,15 @@ OUTPUTS: Final = (
 )  # fmt: skip
 _SHARED = {q.name: q for q in PARAMETERS}
 PARAMETER_TABLE: Final = (
-    _q("parameter", "scale_factor", "1", 1.0, "output over rate at t_ref and supply_ref", nominal=1.0),
-    *_per_kelvin("scale_factor", "1", SCALE_DEGREE, "change of the scale factor"),
+    _q("parameter", "scale_factor", "1", 1.0, "output over rate at supply_ref, but for its change with temperature", nominal=1.0),
+    *_over_temperature("scale_factor", "1", "change of the scale factor", nominal=1e-2),
     _q("parameter", "scale_factor_supply", "1/V", 0.0, "change of the scale factor with the supply"),
     _q("parameter", "nonlinearity_2", "s/rad", 0.0, "scale factor of positive rates rises by this times the rate"),
     _q("parameter", "nonlinearity_3", "s2/rad2", 0.0, "scale factor rises by this times the square of the rate"),
     _q("parameter", "misalignment_x", "1", 0.0, "share of omega_x that the input axis sees", nominal=1e-3),
     _q("parameter", "misalignment_y", "1", 0.0, "share of omega_y that the input axis sees", nominal=1e-3),
-    _q("parameter", "bias", "rad/s", 0.0, "output at rest at t_ref and supply_ref", nominal=1e-2, display="deg/s"),
-    *_per_kelvin("bias", "rad/s", BIAS_DEGREE, "change of the bias"),
+    _q("parameter", "bias", "rad/s", 0.0, "output at rest at supply_ref, but for its change with temperature", nominal=1e-2, display="deg/s"),
+    *_over_temperature("bias", "rad/s", "change of the bias", nominal=1e-2, display="deg/s"),
     _q("parameter", "bias_supply", "rad/(s.V)", 0.0, "change of the bias with the supply"),
     *(
         _q("parameter", f"acceleration_sensitivity_{axis}", "rad.s/m", 0.0, f"change of the bias with a_{axis}")
@@ -85,8 +84,6 @@ PARAMETER_TABLE: Final = (
         _q("parameter", f"thermal_hysteresis_width_{i}", "K", width, f"half width of play operator {i}", 1e-6)
         for i, width in enumerate((2.0, 6.0, 18.0), 1)
     ),
-    _q("parameter", "t_ref", "K", 298.15, "temperature at which bias and scale factor are as given", 0.0,
-       display="degC"),
     _q("parameter", "temperature_low", "K", 233.15, "below it bias and scale factor change no more", 0.0,
        display="degC"),
     _q("parameter", "temperature_high", "K", 358.15, "above it bias and scale factor change no more", 0.0,
@@ -127,13 +124,13 @@ class SensorModel(Form):
     NAME: ClassVar[str] = "GyroscopeSensor"
     DESCRIPTION: ClassVar[str] = "Rate gyroscope of one axis as its datasheet describes it, for system models"
     CONVENTIONS: ClassVar[tuple[str, ...]] = (
-        "The input axis is z. Inputs act as held from one communication point to the next; any step serves, from 0.1 ms "
-        "on and below, and no number depends on how time is divided into steps.",
+        "The input axis is z. Inputs act as held from one communication point to the next; any step serves, of 0.1 ms, "
+        "more or less, and no number depends on how time is divided into steps.",
         "rate_sampled is taken at multiples of sample_period, just before inputs change there, and stands until the "
         "next. data_ready is 1 for half a period from each on, so that it is 1 wherever a step ends at a sample.",
         "A turn-on is drawn from the seed: another seed, or another crossing of supply_low, is another turn-on.",
-        "The Allan deviation of the output at rest is N²/τ + (0.664 B)² + K²τ/3, squared, from some delays of the filter "
-        "on. Noise is drawn every internal_step and held.",
+        "The Allan deviation of the output at rest is N²/τ + (0.664 B)² + K²τ/3, squared, from some delays of the "
+        "filter on. Noise is drawn every internal_step and held.",
     )
     STEP_SIZE: ClassVar[str] = "1e-2"
     LAYERS: ClassVar[tuple[str, ...]] = ("co_simulation", "sensor")

@@ -13,8 +13,8 @@ STARTS = "resources/starts.txt"
 
 
 def write_sensor(parameters: Mapping[str, float], folder: Path, libraries: Fmus | None = None) -> Fmus:
-    """The FMUs ``fmi2/GyroscopeSensor.fmu`` and ``fmi3/GyroscopeSensor.fmu`` in ``folder`` that start with ``parameters``
-    [SI].
+    """The FMUs ``fmi2/GyroscopeSensor.fmu`` and ``fmi3/GyroscopeSensor.fmu`` in ``folder`` that start with
+    ``parameters`` [SI].
 
     libraries: FMUs of the sensor to take libraries and sources from; None: the package's, which are compiled where they
     are missing. Raises InputError for an unknown parameter, a value out of bounds, or where compiling fails.

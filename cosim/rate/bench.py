@@ -36,7 +36,8 @@ SURE: Final = 4.0
 
 class Plan(NamedTuple):
     """How much is measured. rest_records of rest_duration [s]; turn_ons of turn_on_duration [s]; repeats of every other
-    test; steps of the rate to either side; temperatures [°C]; plateau: time measured at each rate [s]."""
+    test; steps of the rate to either side; temperatures [°C]; plateau: time measured at each rate [s];
+    soak: time at each end of a cycle of the temperature [s], 0: no cycle."""
 
     rest_records: int
     rest_duration: float
@@ -46,10 +47,11 @@ class Plan(NamedTuple):
     steps: int
     temperatures: tuple[float, ...]
     plateau: float
+    soak: float
 
 
-WHOLE: Final = Plan(5, 2000.0, 10, 20.0, 3, 10, (-40.0, -20.0, 0.0, 25.0, 45.0, 65.0, 85.0), 4.0)
-QUICK: Final = Plan(3, 300.0, 5, 5.0, 2, 5, (-40.0, 25.0, 85.0), 1.0)
+WHOLE: Final = Plan(5, 2000.0, 10, 20.0, 3, 10, (-40.0, -20.0, 0.0, 25.0, 45.0, 65.0, 85.0), 4.0, 300.0)
+QUICK: Final = Plan(3, 300.0, 5, 5.0, 2, 5, (-40.0, 25.0, 85.0), 1.0, 0.0)
 
 
 class ColdRun(RateRun):
@@ -164,25 +166,27 @@ class Bench:
         duration: float,
         *,
         rate: Course | None = None,
-        temperature: float | None = None,
+        temperature: float | Course | None = None,
         seed: int | None = None,
         output_rate: float = 10.0,
         envelope: bool,
         held: Mapping[str, float] | None = None,
         wide: float = 1.0,
     ) -> ColdRun:
-        """A run of ``duration`` [s]; temperature [K]; wide: full scale is taken to be so many times what it is;
+        """A run of ``duration`` [s]; temperature, or its course [K]; wide: full scale is taken to be so many times what it is;
         held: further inputs by name, SI."""
         device, design = self.device, self.design
         if wide != 1.0:
             full = {"full_scale": wide * self.full_scale}
             device = replace(device, rate_mode={**device.rate_mode, **full})
             design = None if design is None else replace(design, rate_mode={**design.rate_mode, **full})
-        kelvin = temperature or self.reference_temperature
+        ambient = temperature or self.reference_temperature
+        if not isinstance(ambient, Course):
+            ambient = constant(ambient, f"{ambient:g} K")
         return ColdRun(
             device=device,
             rate=rate or constant(0.0, "at rest"),
-            temperature=constant(kelvin, f"{kelvin:g} K"),
+            temperature=ambient,
             closed=self.closed,
             duration=duration,
             seed=self.seed if seed is None else seed,

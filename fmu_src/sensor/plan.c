@@ -12,7 +12,7 @@ void gyro_drop(gyro_instance *g) { (void)g; }
 gyro_status gyro_check_device(gyro_instance *g)
 {
     const double low = g->value[GYRO_TEMPERATURE_LOW], high = g->value[GYRO_TEMPERATURE_HIGH];
-    return low <= high ? GYRO_OK : gyro_refuse(g, "temperature_low = %.9g K is above temperature_high = %.9g K: exchange them", low, high);
+    return low < high ? GYRO_OK : gyro_refuse(g, "temperature_low = %.9g K is not below temperature_high = %.9g K: give a range", low, high);
 }
 
 /* It has no effects that switch. */

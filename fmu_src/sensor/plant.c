@@ -7,34 +7,47 @@
 
 #include "gyro_math.h"
 
-static double limited(double value, double low, double high) { return value < low ? low : value > high ? high : value; }
+/* NaN becomes `low`. */
+static double limited(double value, double low, double high) { return value > low ? value < high ? value : high : low; }
 
-/* c_1 x + c_2 x² + ... of n coefficients at consecutive value references. */
-static double power_series(const double *coefficient, int n, double x)
+enum { KNOTS = GYRO_SCALE_FACTOR_SUPPLY - GYRO_SCALE_FACTOR_TEMPERATURE_0 };
+
+/* Where a temperature lies between two knots, and the weights there of the four around it: the cubic that meets the values of the two and the
+   slopes of their neighbours (Catmull and Rom), straight on beyond the ends of the table. */
+typedef struct {
+    int first; /* knot of weight[1] */
+    double weight[4];
+} gyro_place;
+
+static gyro_place place_of(const double p[GYRO_N_VARIABLES], double temperature)
 {
-    double sum = 0.0;
-    for (int k = n - 1; k >= 0; k--) {
-        sum = (sum + coefficient[k]) * x;
-    }
-    return sum;
+    const double low = p[GYRO_TEMPERATURE_LOW], high = p[GYRO_TEMPERATURE_HIGH];
+    const double x = (limited(temperature, low, high) - low) / (high - low) * (KNOTS - 1);
+    const int first = x < KNOTS - 2 ? (int)x : KNOTS - 2;
+    const double f = x - first, g = 1.0 - f;
+    return (gyro_place){first, {-0.5 * f * g * g, g * (1.0 + f * (1.0 - 1.5 * f)), f * (1.0 + g * (1.0 - 1.5 * g)), -0.5 * g * f * f}};
 }
 
-enum {
-    SCALE_DEGREE = GYRO_SCALE_FACTOR_SUPPLY - GYRO_SCALE_FACTOR_TEMPERATURE_1,
-    BIAS_DEGREE = GYRO_BIAS_SUPPLY - GYRO_BIAS_TEMPERATURE_1
-};
+/* The value there of a table [KNOTS]. */
+static double value_at(gyro_place place, const double *knot)
+{
+    const int i = place.first;
+    const double before = i > 0 ? knot[i - 1] : 2.0 * knot[0] - knot[1];
+    const double after = i + 2 < KNOTS ? knot[i + 2] : 2.0 * knot[KNOTS - 1] - knot[KNOTS - 2];
+    return place.weight[0] * before + place.weight[1] * knot[i] + place.weight[2] * knot[i + 1] + place.weight[3] * after;
+}
 
 /* The rate [rad/s] that the sensor takes for the true one, before its bandwidth. */
-static double measured(const double p[GYRO_N_VARIABLES], double dt, double dv)
+static double measured(const double p[GYRO_N_VARIABLES], gyro_place place, double dv)
 {
     const double rate = p[GYRO_OMEGA_Z] + p[GYRO_MISALIGNMENT_X] * p[GYRO_OMEGA_X] + p[GYRO_MISALIGNMENT_Y] * p[GYRO_OMEGA_Y];
-    const double scale = p[GYRO_SCALE_FACTOR] + power_series(&p[GYRO_SCALE_FACTOR_TEMPERATURE_1], SCALE_DEGREE, dt) + p[GYRO_SCALE_FACTOR_SUPPLY] * dv;
+    const double scale = p[GYRO_SCALE_FACTOR] + value_at(place, &p[GYRO_SCALE_FACTOR_TEMPERATURE_0]) + p[GYRO_SCALE_FACTOR_SUPPLY] * dv;
     return (scale + (p[GYRO_NONLINEARITY_2] + p[GYRO_NONLINEARITY_3] * rate) * rate) * rate;
 }
 
-static double bias(const double p[GYRO_N_VARIABLES], double dt, double dv)
+static double bias(const double p[GYRO_N_VARIABLES], gyro_place place, double dv)
 {
-    return p[GYRO_BIAS] + power_series(&p[GYRO_BIAS_TEMPERATURE_1], BIAS_DEGREE, dt) + p[GYRO_BIAS_SUPPLY] * dv +
+    return p[GYRO_BIAS] + value_at(place, &p[GYRO_BIAS_TEMPERATURE_0]) + p[GYRO_BIAS_SUPPLY] * dv +
            p[GYRO_ACCELERATION_SENSITIVITY_X] * p[GYRO_A_X] + p[GYRO_ACCELERATION_SENSITIVITY_Y] * p[GYRO_A_Y] +
            p[GYRO_ACCELERATION_SENSITIVITY_Z] * p[GYRO_A_Z];
 }
@@ -52,9 +65,9 @@ static double pushed(const gyro_memory *memory, const double p[GYRO_N_VARIABLES]
 void gyro_refresh(gyro_instance *g, const double p[GYRO_N_VARIABLES])
 {
     const gyro_memory *memory = &g->memory;
-    const double dt = limited(memory->temperature, p[GYRO_TEMPERATURE_LOW], p[GYRO_TEMPERATURE_HIGH]) - p[GYRO_T_REF];
+    const gyro_place place = place_of(p, memory->temperature);
     const double dv = p[GYRO_SUPPLY] - p[GYRO_SUPPLY_REF];
-    double input = measured(p, dt, dv) + bias(p, dt, dv) + memory->turn_on;
+    double input = measured(p, place, dv) + bias(p, place, dv) + memory->turn_on;
     if (p[GYRO_THERMAL_HYSTERESIS] != 0.0) {
         input += p[GYRO_THERMAL_HYSTERESIS] * pushed(memory, p);
     }

@@ -38,7 +38,7 @@ class Compiled:
         (folder / "harness.c").write_text(text, encoding="utf-8")
         for source in ("gyro_math.c", "gyro_trigonometry.c"):
             (folder / source).write_text((handwritten_folder() / source).read_text(encoding="utf-8"), encoding="utf-8")
-        include = ("-I", str(handwritten_folder()))
+        include = ("-I", str(handwritten_folder()), "-I", str(handwritten_folder() / "full"))
         compile_library(folder, ["harness.c", "gyro_math.c", "gyro_trigonometry.c"], folder / "math.so", include)
         self.library = ct.CDLL(str(folder / "math.so"))
 

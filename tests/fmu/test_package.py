@@ -16,10 +16,12 @@ from gyro_model import RELEASED, VERSION
 from gyro_model import build as building
 from gyro_model.build import build
 from gyro_model.envelope import envelope_model
+from gyro_model.form import Form
 from gyro_model.model import Model, load_model
+from gyro_model.sensor import SensorModel
 from gyro_model.units import MEASURED
 
-MODELS = {"full": load_model(), "envelope": envelope_model()}
+MODELS: dict[str, Form] = {"full": load_model(), "envelope": envelope_model(), "sensor": SensorModel()}
 SCHEMAS = Path(fmpy.__file__).parent / "schema"
 CASES = [(form, fmi) for form in MODELS for fmi in ("fmi2", "fmi3")]
 every_fmu = pytest.mark.parametrize(("form", "fmi"), CASES, ids=["-".join(case) for case in CASES])

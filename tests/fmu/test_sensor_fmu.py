@@ -23,14 +23,13 @@ from gyro_model.sensor_fmu import hash_of, starts_file, write_sensor
 BUSY = {
     "seed": 7,
     "scale_factor": 0.97,
-    "scale_factor_temperature_1": 1e-3,
+    **{f"scale_factor_temperature_{k}": 1e-2 * (k % 3) for k in range(17)},
     "nonlinearity_2": 1e-3,
     "nonlinearity_3": -1e-3,
     "misalignment_x": 0.02,
     "misalignment_y": -0.01,
     "bias": 0.1,
-    "bias_temperature_1": 1e-3,
-    "bias_temperature_4": 1e-8,
+    **{f"bias_temperature_{k}": 1e-2 * k for k in range(17)},
     "bias_supply": 1e-3,
     "acceleration_sensitivity_x": 1e-4,
     "acceleration_sensitivity_z": -2e-4,
@@ -204,50 +203,60 @@ def test_fmpy_runs_an_export_with_nothing_set(exported: Fmus) -> None:
         result = fmpy.simulate_fmu(str(path), stop_time=0.1, output_interval=1e-2)
         assert len(result) == 11
         assert result["temperature_structure"][-1] == 298.15
-        assert result["rate"][-1] == pytest.approx(BUSY["bias"], abs=0.3)
+        assert result["rate"][-1] == pytest.approx(0.1 + 0.08, abs=0.3)
         assert result["rate"][0] == 0.0  # it still starts
 
 
-def test_start_values_of_another_file_are_refused(exported: Fmus, tmp_path: Path) -> None:
-    for version, path in ((2, exported.fmi2), (3, exported.fmi3)):
-        fmu = Fmu(path, tmp_path / str(version))
-        file = fmu.folder / "resources" / "starts.txt"
-        good = file.read_bytes()
-        token = fmu.token.partition("+")[0]
+class Attempts:
+    """An export whose file of start values is another one."""
 
-        def attempt(text: bytes | None, announced: int, message: str, resources: str | None = None) -> None:
-            file.unlink(missing_ok=True)
-            if text is not None:
-                file.write_bytes(text)
-            log: list[tuple[int, str, str]] = []
-            made = fmu.instantiate(fmu.log_callback(log), f"{token}+{announced:016x}", resources=resources)
-            assert made is None
-            assert message in log[-1][2], log
+    def __init__(self, path: Path, folder: Path) -> None:
+        self.fmu = Fmu(path, folder)
+        self.file = self.fmu.folder / "resources" / "starts.txt"
+        self.good = self.file.read_bytes()
+        self.token = self.fmu.token.partition("+")[0]
 
-        def announced_attempt(text: bytes, message: str) -> None:
-            attempt(text, hash_of(text), message)
+    def refused(self, text: bytes | None, message: str, hashed: int | None = None, place: str | None = None) -> None:
+        """With ``text`` in the file (None: no file) and a hash in the token, its own by default."""
+        self.file.unlink(missing_ok=True)
+        if text is not None:
+            self.file.write_bytes(text)
+        announced = hash_of(text or b"") if hashed is None else hashed
+        self.refused_token(f"{self.token}+{announced:016x}", message, place)
 
-        attempt(good, hash_of(good) ^ 1, "is not the file")
-        attempt(good.replace(b"bias", b"bia5", 1), hash_of(good), "is not the file")
-        attempt(None, hash_of(good), "can't be read")
-        attempt(good, hash_of(good), "can't be read", str(tmp_path / "elsewhere"))
-        attempt(good, hash_of(good), "say where", "/" + 5000 * "x")
-        announced_attempt(40000 * b"x", "longer than")
-        announced_attempt(b"bias\n", "hexadecimal")
-        announced_attempt(b"bias 3ff\n", "hexadecimal")
-        announced_attempt(b"bias 3ff000000000000g\n", "hexadecimal")
-        announced_attempt(b"bias 7ff8000000000000\n", "bias = nan")
-        announced_attempt(b"lsb bff0000000000000\n", "lsb = -1")
-        announced_attempt(b"seed 3fe0000000000000\n", "seed = 0.5")
-        announced_attempt(b"rate 3ff0000000000000\n", "no input or parameter")
-        announced_attempt(b"\n", "no input or parameter")
-        announced_attempt(500 * b"x" + b" 3ff0000000000000", "no input or parameter")
-        announced_attempt(b"bias 3ff0000000000000\0", "is not the file")
-        file.write_bytes(good)
+    def refused_token(self, token: str, message: str, place: str | None = None) -> None:
         log: list[tuple[int, str, str]] = []
-        for wrong in (f"{token}+", f"{token}+12", f"{token}-{hash_of(good):016x}", f"{token}+{'g' * 16}", ""):
-            assert fmu.instantiate(fmu.log_callback(log), wrong) is None
-            assert "the token is" in log[-1][2]
+        assert self.fmu.instantiate(self.fmu.log_callback(log), token, resources=place) is None
+        assert message in log[-1][2], log
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_start_values_of_another_file_are_refused(exported: Fmus, version: int, tmp_path: Path) -> None:
+    export = Attempts(exported[version - 2], tmp_path / "fmu")
+    good, own = export.good, hash_of(export.good)
+    export.refused(good, "is not the file", own ^ 1)
+    export.refused(good.replace(b"bias", b"bia5", 1), "is not the file", own)
+    export.refused(None, "can't be read", own)
+    export.refused(good, "can't be read", place=str(tmp_path / "elsewhere"))
+    export.refused(good, "say where", place="/" + 5000 * "x")
+    for text, message in (
+        (40000 * b"x", "longer than"),
+        (b"bias\n", "hexadecimal"),
+        (b"bias 3ff\n", "hexadecimal"),
+        (b"bias 3ff000000000000g\n", "hexadecimal"),
+        (b"bias 7ff8000000000000\n", "bias = nan"),
+        (b"lsb bff0000000000000\n", "lsb = -1"),
+        (b"seed 3fe0000000000000\n", "seed = 0.5"),
+        (b"rate 3ff0000000000000\n", "no input or parameter"),
+        (b"\n", "no input or parameter"),
+        (500 * b"x" + b" 3ff0000000000000", "no input or parameter"),
+        (b"bias 3ff0000000000000\0", "is not the file"),
+    ):
+        export.refused(text, message)
+    export.file.write_bytes(good)
+    for wrong in ("+", "+12", f"-{own:016x}", f"+{'g' * 16}"):
+        export.refused_token(export.token + wrong, "the token is")
+    export.refused_token("", "the token is")
 
 
 def test_a_device_brings_no_start_values(fmus: dict[int, Fmu]) -> None:
@@ -260,7 +269,10 @@ def test_a_device_brings_no_start_values(fmus: dict[int, Fmu]) -> None:
 def test_the_file_of_starts_says_the_bits() -> None:
     text = starts_file(SensorModel().starting_at({"bias": 0.1, "seed": 3})).decode()
     rows = [line.split() for line in text.splitlines()]
-    assert [(name, struct.unpack(">d", bytes.fromhex(bits))[0]) for name, bits, _ in rows] == [("bias", 0.1), ("seed", 3)]
+    assert [(name, struct.unpack(">d", bytes.fromhex(bits))[0]) for name, bits, _ in rows] == [
+        ("bias", 0.1),
+        ("seed", 3),
+    ]
 
 
 def test_an_export_refuses_what_is_no_parameter(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""`python -m tests.fuzz`: runs the fuzzers of both FMUs in both standards for a time and prints what they tried.
+"""`python -m tests.fuzz`: runs the fuzzers of all FMUs in both standards for a time and prints what they tried.
 
 Each is clang's libFuzzer over tests/fuzz/fuzz.c with the FMU's C, under AddressSanitizer and
 UndefinedBehaviorSanitizer. An input that fails is kept as a file and replayed by `FOLDER/NAME/fuzz FILE`.
@@ -12,18 +12,17 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from gyro_model.build import c_files, write_sources
+from gyro_model.build import c_files, forms, write_sources
 from gyro_model.compiling import STRICT, fmi_headers
-from gyro_model.envelope import envelope_model
-from gyro_model.model import Model, load_model
+from gyro_model.form import Form
+from gyro_model.model import load_model
 
 SANITIZERS = "address,undefined,float-cast-overflow"
 
 
-def targets() -> dict[str, tuple[Model, str]]:
+def targets() -> dict[str, tuple[Form, str]]:
     """Model and standard by name."""
-    models = (load_model(), envelope_model())
-    return {f"{model.NAME}-{fmi}": (model, fmi) for model in models for fmi in ("fmi2", "fmi3")}
+    return {f"{model.NAME}-{fmi}": (model, fmi) for model in forms(load_model()) for fmi in ("fmi2", "fmi3")}
 
 
 def compile_target(name: str, folder: Path) -> Path:
@@ -75,7 +74,7 @@ def run_target(name: str, folder: Path, seconds: int, seed: int) -> tuple[str, i
 def main() -> int:
     """Prints a line a fuzzer; exit code 1 where one found something."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=int, default=300, help="time for each of the four [s]")
+    parser.add_argument("--seconds", type=int, default=300, help="time for each of them [s]")
     parser.add_argument("--jobs", type=int, default=2, help="fuzzers at a time")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--folder", type=Path, default=Path("results/fuzz"))

@@ -1,5 +1,5 @@
 """`python -m tests.fuzz.sanitize`: 64 instances in as many threads under ThreadSanitizer, and ten thousand lives under
-LeakSanitizer, of both FMUs (tests/fuzz/lives.c)."""
+LeakSanitizer, of all FMUs (tests/fuzz/lives.c)."""
 
 import argparse
 import subprocess
@@ -7,15 +7,15 @@ import sys
 import tempfile
 from pathlib import Path
 
-from gyro_model.build import c_files, write_sources
+from gyro_model.build import c_files, forms, write_sources
 from gyro_model.compiling import STRICT, fmi_headers
-from gyro_model.envelope import envelope_model
-from gyro_model.model import Model, load_model
+from gyro_model.form import Form
+from gyro_model.model import load_model
 
 MODES = {"thread": "threads", "address": "10000"}
 
 
-def run(model: Model, sanitizer: str, argument: str, folder: Path) -> subprocess.CompletedProcess[str]:
+def run(model: Form, sanitizer: str, argument: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """Compiles lives.c with the FMU's C under one sanitizer and runs it."""
     sources = folder / f"{model.NAME}-{sanitizer}"
     sources.mkdir()
@@ -33,7 +33,7 @@ def main() -> int:
     argparse.ArgumentParser(description=__doc__).parse_args()
     good = True
     with tempfile.TemporaryDirectory() as name:
-        for model in (load_model(), envelope_model()):
+        for model in forms(load_model()):
             for sanitizer, argument in MODES.items():
                 result = run(model, sanitizer, argument, Path(name))
                 good = good and result.returncode == 0

@@ -1,5 +1,6 @@
 """Generated files: the committed C is what the effect files give, the XML says what the table of quantities says."""
 
+import shutil
 from math import isfinite
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -23,11 +24,14 @@ def test_committed_files_are_up_to_date(path: Path, update: bool) -> None:
 
 
 def test_update_writes_only_what_changed(tmp_path, monkeypatch) -> None:
-    for path in build.handwritten_folder().glob("*.[ch]"):
-        (tmp_path / path.name).write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
+    shutil.copytree(
+        build.handwritten_folder(), tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("generated")
+    )
     monkeypatch.setattr(build, "handwritten_folder", lambda: tmp_path)
     names = sorted(path for path in build.committed_files(MODEL) if path.is_relative_to(tmp_path))
-    assert {path.parent.relative_to(tmp_path).as_posix() for path in names} == {"generated", "envelope/generated"}
+    assert {path.parent.relative_to(tmp_path).as_posix() for path in names} == {
+        f"{layer}/generated" for layer in ("device", "full", "envelope", "sensor")
+    }
     assert sorted(build.update_generated()) == names
     assert build.update_generated() == []
     names[0].write_text("stale", encoding="utf-8")

@@ -24,12 +24,14 @@ from gyro_model.compiling import STRICT, compile_library, fmi_headers
 from gyro_model.effect_points import MODEL, active_parameters
 from gyro_model.envelope import envelope_model
 from gyro_model.errors import InputError
+from gyro_model.form import Form
 from gyro_model.generate_envelope import refused_effects
 from gyro_model.model import Model
 from gyro_model.platforms import NAMES, PLATFORMS, WASM, chosen_platforms, own_platform, platform_of
+from gyro_model.sensor import SensorModel
 
 HERE = Path(__file__).parent
-FORMS = {"full": MODEL, "envelope": envelope_model()}
+FORMS: dict[str, Form] = {"full": MODEL, "envelope": envelope_model(), "sensor": SensorModel()}
 STEPS = 300
 AARCH64_ROOT = Path("/usr/aarch64-linux-gnu")
 
@@ -68,8 +70,17 @@ def awake(effect: Effect, model: Model) -> dict[str, float]:
     return {name: value for e in (*moved, effect) for name, value in active_parameters(e, rng, model).items()}
 
 
-def scenarios(model: Model) -> dict[str, dict[str, float]]:
+# Every part of the sensor.
+SENSOR = {
+    "structure_lag": 0.01, "thermal_hysteresis": 1e-2, "angle_random_walk": 1e-3, "bias_instability": 1e-3,
+    "rate_random_walk": 1e-3, "turn_on": 1e-2, "filter_lead_1": 1e-3, "bias_temperature_9": 1e-2, "lsb": 1e-4,
+}  # fmt: skip
+
+
+def scenarios(model: Form) -> dict[str, dict[str, float]]:
     """Parameters by name of what they switch on."""
+    if not isinstance(model, Model):
+        return {"nothing": {}, "everything": SENSOR}
     refused = refused_effects(model) if model.NAME == FORMS["envelope"].NAME else ()
     alone = {e.id: awake(e, model) for e in model.effects if not e.nominal and e not in refused}
     every = {name: value for parameters in alone.values() for name, value in parameters.items()}
@@ -89,7 +100,7 @@ def score(form: str) -> str:
     reference = {q.name: index for index, q in enumerate(model.quantities)}
     scales = {"N": 2e-7, "rad/s": 0.7, "K": 2.0, "m/s2": 3.0, "V": 1.0}
     inputs = [q for q in model.quantities if q.role == "input" and q.unit in scales]
-    outputs = [reference[q.name] for q in model.quantities if q.role == "output"]
+    outputs = [reference[q.name] for q in model.quantities if q.role == "output" and not q.integer]
     lines = [" ".join(map(str, (model_token(model), len(outputs), *outputs)))]
     for name, parameters in scenarios(model).items():
         words = [name, len(inputs), *(w for q in inputs for w in (reference[q.name], bits(scales[q.unit])))]

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{8ca7000e-1f4f-61b8-bd25-ddfc60e8aaf6}"
+#define GYRO_TOKEN "{fad00a53-59fb-cb7f-998c-33ee1bb3cf01}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -138,8 +138,8 @@ enum {
     GYRO_N_VARIABLES = 119
 };
 
-/* The motion as a differential equation: continuous states, the voltages behind the amplifier's lag, what lags, what flows.
-   Variables beyond those above and `time` show the states that are no outputs, and all rates. */
+/* The motion as a differential equation: continuous states, the voltages behind the amplifier's lag, what lags, what
+   flows. Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {
     GYRO_N_CONTINUOUS = 1,
     GYRO_FIRST_LOCAL = 120, /* value reference */

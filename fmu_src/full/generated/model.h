@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{578bcf72-fa2d-b5c3-e548-bbf8a1954995}"
+#define GYRO_TOKEN "{aa544468-fea8-ea02-91a5-2dfa9d1f9e2b}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -131,8 +131,8 @@ enum {
     GYRO_N_VARIABLES = 112
 };
 
-/* The motion as a differential equation: continuous states, the voltages behind the amplifier's lag, what lags, what flows.
-   Variables beyond those above and `time` show the states that are no outputs, and all rates. */
+/* The motion as a differential equation: continuous states, the voltages behind the amplifier's lag, what lags, what
+   flows. Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {
     GYRO_N_CONTINUOUS = 13,
     GYRO_FIRST_LOCAL = 113, /* value reference */

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{93a0d2f7-f0ac-4adb-f389-a4d6c3221d00}"
+#define GYRO_TOKEN "{48d9e0db-4d65-bc83-c6e7-5e24f0426fb6}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -28,61 +28,87 @@ enum {
     GYRO_RATE_SAMPLED = 10, /* [rad/s] output: rate at the latest sample instant, limited and rounded */
     GYRO_DATA_READY = 11, /* [1] output: 1 for half a sample period from each valid sample on */
     GYRO_TEMPERATURE_STRUCTURE = 12, /* [K] output: temperature of the structure */
-    GYRO_SCALE_FACTOR = 13, /* [1] parameter: output over rate at t_ref and supply_ref */
-    GYRO_SCALE_FACTOR_TEMPERATURE_1 = 14, /* [1/K] parameter: change of the scale factor by power 1 of temperature less t_ref */
-    GYRO_SCALE_FACTOR_TEMPERATURE_2 = 15, /* [1/K2] parameter: change of the scale factor by power 2 of temperature less t_ref */
-    GYRO_SCALE_FACTOR_TEMPERATURE_3 = 16, /* [1/K3] parameter: change of the scale factor by power 3 of temperature less t_ref */
-    GYRO_SCALE_FACTOR_SUPPLY = 17, /* [1/V] parameter: change of the scale factor with the supply */
-    GYRO_NONLINEARITY_2 = 18, /* [s/rad] parameter: scale factor of positive rates rises by this times the rate */
-    GYRO_NONLINEARITY_3 = 19, /* [s2/rad2] parameter: scale factor rises by this times the square of the rate */
-    GYRO_MISALIGNMENT_X = 20, /* [1] parameter: share of omega_x that the input axis sees */
-    GYRO_MISALIGNMENT_Y = 21, /* [1] parameter: share of omega_y that the input axis sees */
-    GYRO_BIAS = 22, /* [rad/s] parameter: output at rest at t_ref and supply_ref */
-    GYRO_BIAS_TEMPERATURE_1 = 23, /* [rad/(s.K)] parameter: change of the bias by power 1 of temperature less t_ref */
-    GYRO_BIAS_TEMPERATURE_2 = 24, /* [rad/(s.K2)] parameter: change of the bias by power 2 of temperature less t_ref */
-    GYRO_BIAS_TEMPERATURE_3 = 25, /* [rad/(s.K3)] parameter: change of the bias by power 3 of temperature less t_ref */
-    GYRO_BIAS_TEMPERATURE_4 = 26, /* [rad/(s.K4)] parameter: change of the bias by power 4 of temperature less t_ref */
-    GYRO_BIAS_SUPPLY = 27, /* [rad/(s.V)] parameter: change of the bias with the supply */
-    GYRO_ACCELERATION_SENSITIVITY_X = 28, /* [rad.s/m] parameter: change of the bias with a_x */
-    GYRO_ACCELERATION_SENSITIVITY_Y = 29, /* [rad.s/m] parameter: change of the bias with a_y */
-    GYRO_ACCELERATION_SENSITIVITY_Z = 30, /* [rad.s/m] parameter: change of the bias with a_z */
-    GYRO_THERMAL_HYSTERESIS = 31, /* [rad/s] parameter: bias after warming less that after cooling, half of it */
-    GYRO_THERMAL_HYSTERESIS_WIDTH_1 = 32, /* [K] parameter: half width of play operator 1 */
-    GYRO_THERMAL_HYSTERESIS_WIDTH_2 = 33, /* [K] parameter: half width of play operator 2 */
-    GYRO_THERMAL_HYSTERESIS_WIDTH_3 = 34, /* [K] parameter: half width of play operator 3 */
-    GYRO_T_REF = 35, /* [K] parameter: temperature at which bias and scale factor are as given */
-    GYRO_TEMPERATURE_LOW = 36, /* [K] parameter: below it bias and scale factor change no more */
-    GYRO_TEMPERATURE_HIGH = 37, /* [K] parameter: above it bias and scale factor change no more */
-    GYRO_STRUCTURE_LAG = 38, /* [s] parameter: time constant of the structure's temperature */
-    GYRO_SUPPLY_REF = 39, /* [V] parameter: supply at which bias and scale factor are as given */
-    GYRO_SUPPLY_LOW = 40, /* [V] parameter: the sensor is off below it, and turns on anew above it */
-    GYRO_START_UP_TIME = 41, /* [s] parameter: from turning on to the first valid output */
-    GYRO_FILTER_FREQUENCY_1 = 42, /* [Hz] parameter: natural frequency of section 1 */
-    GYRO_FILTER_DAMPING_1 = 43, /* [1] parameter: damping ratio of section 1 */
-    GYRO_FILTER_LEAD_1 = 44, /* [s] parameter: time constant of the zero of section 1 */
-    GYRO_FILTER_FREQUENCY_2 = 45, /* [Hz] parameter: natural frequency of section 2 */
-    GYRO_FILTER_DAMPING_2 = 46, /* [1] parameter: damping ratio of section 2 */
-    GYRO_FILTER_LEAD_2 = 47, /* [s] parameter: time constant of the zero of section 2 */
-    GYRO_ANGLE_RANDOM_WALK = 48, /* [rad/s0.5] parameter: N: white noise */
-    GYRO_BIAS_INSTABILITY = 49, /* [rad/s] parameter: B: flicker noise, flat Allan deviation 0.664 B */
-    GYRO_RATE_RANDOM_WALK = 50, /* [rad/s1.5] parameter: K: random walk of the rate */
-    GYRO_TURN_ON = 51, /* [rad/s] parameter: bias of a turn-on, rms */
-    GYRO_FULL_SCALE = 52, /* [rad/s] parameter: largest sample either way */
-    GYRO_LSB = 53, /* [rad/s] parameter: step of the samples; 0: they are not rounded */
-    GYRO_SELF_TEST_RATE = 54, /* [rad/s] parameter: by which the self-test pushes the output */
-    GYRO_INTERNAL_STEP = 55, /* [s] parameter: between draws of noise, which is held */
-    GYRO_SAMPLE_PERIOD = 56, /* [s] parameter: time between samples */
-    GYRO_SEED = 57, /* [1] parameter: seed of all noises */
-    GYRO_STEP_LIMIT = 58, /* [1] parameter: internal steps after which a step ends early; 0: none */
+    GYRO_SCALE_FACTOR = 13, /* [1] parameter: output over rate at supply_ref, but for its change with temperature */
+    GYRO_SCALE_FACTOR_TEMPERATURE_0 = 14, /* [1] parameter: change of the scale factor at 0 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_1 = 15, /* [1] parameter: change of the scale factor at 1 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_2 = 16, /* [1] parameter: change of the scale factor at 2 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_3 = 17, /* [1] parameter: change of the scale factor at 3 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_4 = 18, /* [1] parameter: change of the scale factor at 4 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_5 = 19, /* [1] parameter: change of the scale factor at 5 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_6 = 20, /* [1] parameter: change of the scale factor at 6 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_7 = 21, /* [1] parameter: change of the scale factor at 7 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_8 = 22, /* [1] parameter: change of the scale factor at 8 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_9 = 23, /* [1] parameter: change of the scale factor at 9 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_10 = 24, /* [1] parameter: change of the scale factor at 10 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_11 = 25, /* [1] parameter: change of the scale factor at 11 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_12 = 26, /* [1] parameter: change of the scale factor at 12 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_13 = 27, /* [1] parameter: change of the scale factor at 13 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_14 = 28, /* [1] parameter: change of the scale factor at 14 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_15 = 29, /* [1] parameter: change of the scale factor at 15 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_TEMPERATURE_16 = 30, /* [1] parameter: change of the scale factor at 16 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_SCALE_FACTOR_SUPPLY = 31, /* [1/V] parameter: change of the scale factor with the supply */
+    GYRO_NONLINEARITY_2 = 32, /* [s/rad] parameter: scale factor of positive rates rises by this times the rate */
+    GYRO_NONLINEARITY_3 = 33, /* [s2/rad2] parameter: scale factor rises by this times the square of the rate */
+    GYRO_MISALIGNMENT_X = 34, /* [1] parameter: share of omega_x that the input axis sees */
+    GYRO_MISALIGNMENT_Y = 35, /* [1] parameter: share of omega_y that the input axis sees */
+    GYRO_BIAS = 36, /* [rad/s] parameter: output at rest at supply_ref, but for its change with temperature */
+    GYRO_BIAS_TEMPERATURE_0 = 37, /* [rad/s] parameter: change of the bias at 0 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_1 = 38, /* [rad/s] parameter: change of the bias at 1 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_2 = 39, /* [rad/s] parameter: change of the bias at 2 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_3 = 40, /* [rad/s] parameter: change of the bias at 3 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_4 = 41, /* [rad/s] parameter: change of the bias at 4 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_5 = 42, /* [rad/s] parameter: change of the bias at 5 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_6 = 43, /* [rad/s] parameter: change of the bias at 6 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_7 = 44, /* [rad/s] parameter: change of the bias at 7 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_8 = 45, /* [rad/s] parameter: change of the bias at 8 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_9 = 46, /* [rad/s] parameter: change of the bias at 9 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_10 = 47, /* [rad/s] parameter: change of the bias at 10 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_11 = 48, /* [rad/s] parameter: change of the bias at 11 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_12 = 49, /* [rad/s] parameter: change of the bias at 12 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_13 = 50, /* [rad/s] parameter: change of the bias at 13 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_14 = 51, /* [rad/s] parameter: change of the bias at 14 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_15 = 52, /* [rad/s] parameter: change of the bias at 15 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_TEMPERATURE_16 = 53, /* [rad/s] parameter: change of the bias at 16 of 16 parts of the way from temperature_low to temperature_high */
+    GYRO_BIAS_SUPPLY = 54, /* [rad/(s.V)] parameter: change of the bias with the supply */
+    GYRO_ACCELERATION_SENSITIVITY_X = 55, /* [rad.s/m] parameter: change of the bias with a_x */
+    GYRO_ACCELERATION_SENSITIVITY_Y = 56, /* [rad.s/m] parameter: change of the bias with a_y */
+    GYRO_ACCELERATION_SENSITIVITY_Z = 57, /* [rad.s/m] parameter: change of the bias with a_z */
+    GYRO_THERMAL_HYSTERESIS = 58, /* [rad/s] parameter: bias after warming less that after cooling, half of it */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_1 = 59, /* [K] parameter: half width of play operator 1 */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_2 = 60, /* [K] parameter: half width of play operator 2 */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_3 = 61, /* [K] parameter: half width of play operator 3 */
+    GYRO_TEMPERATURE_LOW = 62, /* [K] parameter: below it bias and scale factor change no more */
+    GYRO_TEMPERATURE_HIGH = 63, /* [K] parameter: above it bias and scale factor change no more */
+    GYRO_STRUCTURE_LAG = 64, /* [s] parameter: time constant of the structure's temperature */
+    GYRO_SUPPLY_REF = 65, /* [V] parameter: supply at which bias and scale factor are as given */
+    GYRO_SUPPLY_LOW = 66, /* [V] parameter: the sensor is off below it, and turns on anew above it */
+    GYRO_START_UP_TIME = 67, /* [s] parameter: from turning on to the first valid output */
+    GYRO_FILTER_FREQUENCY_1 = 68, /* [Hz] parameter: natural frequency of section 1 */
+    GYRO_FILTER_DAMPING_1 = 69, /* [1] parameter: damping ratio of section 1 */
+    GYRO_FILTER_LEAD_1 = 70, /* [s] parameter: time constant of the zero of section 1 */
+    GYRO_FILTER_FREQUENCY_2 = 71, /* [Hz] parameter: natural frequency of section 2 */
+    GYRO_FILTER_DAMPING_2 = 72, /* [1] parameter: damping ratio of section 2 */
+    GYRO_FILTER_LEAD_2 = 73, /* [s] parameter: time constant of the zero of section 2 */
+    GYRO_ANGLE_RANDOM_WALK = 74, /* [rad/s0.5] parameter: N: white noise */
+    GYRO_BIAS_INSTABILITY = 75, /* [rad/s] parameter: B: flicker noise, flat Allan deviation 0.664 B */
+    GYRO_RATE_RANDOM_WALK = 76, /* [rad/s1.5] parameter: K: random walk of the rate */
+    GYRO_TURN_ON = 77, /* [rad/s] parameter: bias of a turn-on, rms */
+    GYRO_FULL_SCALE = 78, /* [rad/s] parameter: largest sample either way */
+    GYRO_LSB = 79, /* [rad/s] parameter: step of the samples; 0: they are not rounded */
+    GYRO_SELF_TEST_RATE = 80, /* [rad/s] parameter: by which the self-test pushes the output */
+    GYRO_INTERNAL_STEP = 81, /* [s] parameter: between draws of noise, which is held */
+    GYRO_SAMPLE_PERIOD = 82, /* [s] parameter: time between samples */
+    GYRO_SEED = 83, /* [1] parameter: seed of all noises */
+    GYRO_STEP_LIMIT = 84, /* [1] parameter: internal steps after which a step ends early; 0: none */
     GYRO_N_INPUTS = 9, /* which come first */
-    GYRO_N_VARIABLES = 59
+    GYRO_N_VARIABLES = 85
 };
 
-/* The motion as a differential equation: continuous states, the voltages behind the amplifier's lag, what lags, what flows.
-   Variables beyond those above and `time` show the states that are no outputs, and all rates. */
+/* The motion as a differential equation: continuous states, the voltages behind the amplifier's lag, what lags, what
+   flows. Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {
     GYRO_N_CONTINUOUS = 1,
-    GYRO_FIRST_LOCAL = 60, /* value reference */
+    GYRO_FIRST_LOCAL = 86, /* value reference */
     GYRO_N_LOCALS = 0
 };
 
