@@ -77,7 +77,7 @@ def followed(ambient: Floats, interval: float, lag: float) -> Floats:
 
 
 def pushed(temperature: Floats, widths: Sequence[float]) -> Floats:
-    """s of play operators of half ``widths`` [K], between -1 and 1; shape (n,)."""
+    """S of play operators of half ``widths`` [K], between -1 and 1; shape (n,)."""
     total = np.zeros(len(temperature))
     for width in widths:
         behind = temperature[0]

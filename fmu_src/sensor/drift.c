@@ -22,6 +22,7 @@ void gyro_plan_drift(gyro_drift_plan *plan, uint32_t seed, double angle_random_w
 {
     memset(plan, 0, sizeof *plan);
     plan->seed = seed;
+    plan->slow_at = -1;
     plan->white = angle_random_walk / sqrt(step);
     plan->flicker = FLAT * instability;
     plan->walk = rate_random_walk * sqrt(step);
@@ -48,6 +49,7 @@ static double flicker_number(gyro_drift_plan *plan, int i, int64_t index)
 void gyro_start_drift(gyro_drift_plan *plan, gyro_drift *drift)
 {
     memset(drift, 0, sizeof *drift);
+    plan->slow_at = -1;
     for (int i = 0; i < GYRO_FLICKERS && plan->flicker > 0.0; i++) {
         /* As if the noise had gone on for ever. */
         drift->flicker[i] = flicker_number(plan, i, 0);
@@ -70,14 +72,28 @@ void gyro_next_drift(gyro_drift_plan *plan, gyro_drift *drift, int64_t point)
     }
 }
 
+/* The sum of the processes that change at few points. */
+static double slow_flicker(gyro_drift_plan *plan, const gyro_drift *drift, int64_t point)
+{
+    const int64_t at = point >> 2 * GYRO_SLOW;
+    if (plan->slow_at != at) {
+        plan->slow_at = at;
+        plan->slow = 0.0;
+        for (int i = GYRO_SLOW; i < GYRO_FLICKERS; i++) {
+            plan->slow += drift->flicker[i];
+        }
+    }
+    return plan->slow;
+}
+
 double gyro_noise(gyro_drift_plan *plan, const gyro_drift *drift, int64_t point)
 {
     double noise = drift->walk;
     if (plan->white > 0.0) {
         noise += plan->white * number(&plan->of_white, plan->seed, WHITE, point);
     }
-    for (int i = 0; i < GYRO_FLICKERS && plan->flicker > 0.0; i++) {
-        noise += drift->flicker[i];
+    if (plan->flicker > 0.0) {
+        noise += drift->flicker[0] + drift->flicker[1] + slow_flicker(plan, drift, point);
     }
     return noise;
 }

@@ -12,7 +12,7 @@
 #pragma GCC visibility push(hidden)
 #endif
 
-enum { GYRO_FLICKERS = 14, GYRO_BLOCK = 32 };
+enum { GYRO_FLICKERS = 14, GYRO_SLOW = 2, GYRO_BLOCK = 32 };
 
 /* Standard normal numbers of one stream, a block of which is drawn at once. */
 typedef struct {
@@ -26,6 +26,8 @@ typedef struct {
     double white;   /* of a normal number, rad/s */
     double flicker; /* likewise, of each process */
     double walk;
+    double slow;     /* sum of the processes from GYRO_SLOW on of the points 4^GYRO_SLOW slow_at and after, rad/s; slow_at -1: none */
+    int64_t slow_at;
     gyro_numbers of_white;
     gyro_numbers of_walk;
     gyro_numbers of_flicker[GYRO_FLICKERS];

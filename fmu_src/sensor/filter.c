@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "gyro_math.h"
+#include "instance.h"
 
 enum { FILTER_ORDER = GYRO_ORDER, WITH_INPUT = GYRO_ORDER + 1, SERIES_TERMS = 14, SLOTS_PROBED = 4 };
 
@@ -71,8 +72,9 @@ static void exponentiate(matrix5 a)
     memcpy(a, sum, sizeof sum);
 }
 
-static void find_transition(const gyro_filter *filter, gyro_transition *over, int64_t ticks, double seconds)
+static void find_transition(const gyro_filter *filter, gyro_transition *over, int64_t ticks)
 {
+    const double seconds = (double)ticks / GYRO_TICKS_A_SECOND;
     const gyro_section *one = &filter->section[0], *two = &filter->section[1];
     const double h1 = one->frequency * seconds, h2 = two->frequency * seconds;
     matrix5 a = {
@@ -88,7 +90,7 @@ static void find_transition(const gyro_filter *filter, gyro_transition *over, in
     over->warm = filter->lag > 0.0 ? -gyro_expm1(-seconds / filter->lag) : 1.0;
 }
 
-const gyro_transition *gyro_transition_of(gyro_filter *filter, int64_t ticks, double seconds)
+const gyro_transition *gyro_transition_of(gyro_filter *filter, int64_t ticks)
 {
     const uint32_t first = (uint32_t)(((uint64_t)ticks * UINT64_C(0x9E3779B97F4A7C15)) >> 57);
     gyro_transition *found = NULL;
@@ -104,7 +106,7 @@ const gyro_transition *gyro_transition_of(gyro_filter *filter, int64_t ticks, do
         found = &filter->kept[(first + filter->turn++ % SLOTS_PROBED) % GYRO_KEPT];
     }
     if (found->ticks != ticks) {
-        find_transition(filter, found, ticks, seconds);
+        find_transition(filter, found, ticks);
     }
     return found;
 }

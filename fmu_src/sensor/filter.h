@@ -36,8 +36,8 @@ typedef struct {
     uint32_t turn; /* of those that a new one may displace, the next */
 } gyro_filter;
 
-/* The transition over `ticks` > 0, which are `seconds`; it is valid until the next call. */
-const gyro_transition *gyro_transition_of(gyro_filter *filter, int64_t ticks, double seconds);
+/* The transition over `ticks` > 0; it is valid until the next call. */
+const gyro_transition *gyro_transition_of(gyro_filter *filter, int64_t ticks);
 
 /* Moves the state, shape (GYRO_ORDER), under a held input. */
 void gyro_move_filter(const gyro_transition *over, double state[GYRO_ORDER], double input);

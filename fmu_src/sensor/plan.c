@@ -42,9 +42,14 @@ gyro_status gyro_prepare(gyro_instance *g)
         plan_filter(&g->plan.filter, p);
         gyro_plan_drift(&g->plan.drift, (uint32_t)p[GYRO_SEED], p[GYRO_ANGLE_RANDOM_WALK], p[GYRO_BIAS_INSTABILITY], p[GYRO_RATE_RANDOM_WALK],
                         p[GYRO_INTERNAL_STEP]);
+        g->plan.knots_a_kelvin = (GYRO_KNOTS - 1) / (p[GYRO_TEMPERATURE_HIGH] - p[GYRO_TEMPERATURE_LOW]);
+        for (int i = 0; i < GYRO_PLAYS; i++) {
+            g->plan.push[i] = p[GYRO_THERMAL_HYSTERESIS] / (GYRO_PLAYS * p[GYRO_THERMAL_HYSTERESIS_WIDTH_1 + i]);
+        }
         gyro_plan_cuts(g);
         /* Inputs may have been set that do not act yet. */
-        gyro_refresh(g, g->memory.clock.held);
+        gyro_find_input(g, g->memory.clock.held);
+        gyro_find_noise(g);
     }
     return status;
 }

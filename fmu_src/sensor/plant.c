@@ -10,8 +10,6 @@
 /* NaN becomes `low`. */
 static double limited(double value, double low, double high) { return value > low ? value < high ? value : high : low; }
 
-enum { KNOTS = GYRO_SCALE_FACTOR_SUPPLY - GYRO_SCALE_FACTOR_TEMPERATURE_0 };
-
 /* Where a temperature lies between two knots, and the weights there of the four around it: the cubic that meets the values of the two and the
    slopes of their neighbours (Catmull and Rom), straight on beyond the ends of the table. */
 typedef struct {
@@ -19,21 +17,21 @@ typedef struct {
     double weight[4];
 } gyro_place;
 
-static gyro_place place_of(const double p[GYRO_N_VARIABLES], double temperature)
+static gyro_place place_of(const gyro_instance *g, const double p[GYRO_N_VARIABLES])
 {
-    const double low = p[GYRO_TEMPERATURE_LOW], high = p[GYRO_TEMPERATURE_HIGH];
-    const double x = (limited(temperature, low, high) - low) / (high - low) * (KNOTS - 1);
-    const int first = x < KNOTS - 2 ? (int)x : KNOTS - 2;
-    const double f = x - first, g = 1.0 - f;
-    return (gyro_place){first, {-0.5 * f * g * g, g * (1.0 + f * (1.0 - 1.5 * f)), f * (1.0 + g * (1.0 - 1.5 * g)), -0.5 * g * f * f}};
+    const double low = p[GYRO_TEMPERATURE_LOW];
+    const double x = (limited(g->memory.temperature, low, p[GYRO_TEMPERATURE_HIGH]) - low) * g->plan.knots_a_kelvin;
+    const int first = x < GYRO_KNOTS - 2 ? (int)x : GYRO_KNOTS - 2;
+    const double f = x - first, r = 1.0 - f;
+    return (gyro_place){first, {-0.5 * f * r * r, r * (1.0 + f * (1.0 - 1.5 * f)), f * (1.0 + r * (1.0 - 1.5 * r)), -0.5 * r * f * f}};
 }
 
-/* The value there of a table [KNOTS]. */
+/* The value there of a table [GYRO_KNOTS]. */
 static double value_at(gyro_place place, const double *knot)
 {
     const int i = place.first;
     const double before = i > 0 ? knot[i - 1] : 2.0 * knot[0] - knot[1];
-    const double after = i + 2 < KNOTS ? knot[i + 2] : 2.0 * knot[KNOTS - 1] - knot[KNOTS - 2];
+    const double after = i + 2 < GYRO_KNOTS ? knot[i + 2] : 2.0 * knot[GYRO_KNOTS - 1] - knot[GYRO_KNOTS - 2];
     return place.weight[0] * before + place.weight[1] * knot[i] + place.weight[2] * knot[i + 1] + place.weight[3] * after;
 }
 
@@ -52,31 +50,28 @@ static double bias(const double p[GYRO_N_VARIABLES], gyro_place place, double dv
            p[GYRO_ACCELERATION_SENSITIVITY_Z] * p[GYRO_A_Z];
 }
 
-/* Between -1 and 1: how far the temperature has pushed the play operators. */
-static double pushed(const gyro_memory *memory, const double p[GYRO_N_VARIABLES])
+/* What the temperature leaves behind as it turns. */
+static double hysteresis(const gyro_instance *g)
 {
     double sum = 0.0;
     for (int i = 0; i < GYRO_PLAYS; i++) {
-        sum += (memory->temperature - memory->play[i]) / p[GYRO_THERMAL_HYSTERESIS_WIDTH_1 + i];
+        sum += g->plan.push[i] * (g->memory.temperature - g->memory.play[i]);
     }
-    return sum / GYRO_PLAYS;
+    return sum;
 }
 
-void gyro_refresh(gyro_instance *g, const double p[GYRO_N_VARIABLES])
+void gyro_find_input(gyro_instance *g, const double p[GYRO_N_VARIABLES])
 {
-    const gyro_memory *memory = &g->memory;
-    const gyro_place place = place_of(p, memory->temperature);
+    const gyro_place place = place_of(g, p);
     const double dv = p[GYRO_SUPPLY] - p[GYRO_SUPPLY_REF];
-    double input = measured(p, place, dv) + bias(p, place, dv) + memory->turn_on;
-    if (p[GYRO_THERMAL_HYSTERESIS] != 0.0) {
-        input += p[GYRO_THERMAL_HYSTERESIS] * pushed(memory, p);
-    }
+    double input = measured(p, place, dv) + bias(p, place, dv) + hysteresis(g) + g->memory.turn_on;
     if (p[GYRO_SELF_TEST] != 0.0) {
         input += p[GYRO_SELF_TEST_RATE];
     }
     g->view.input = input;
-    g->view.noise = gyro_noise(&g->plan.drift, &memory->drift, memory->clock.grid);
 }
+
+void gyro_find_noise(gyro_instance *g) { g->view.noise = gyro_noise(&g->plan.drift, &g->memory.drift, g->memory.clock.grid); }
 
 /* The structure has come to a temperature [K]; the play operators follow. */
 static void heat(gyro_memory *memory, const double p[GYRO_N_VARIABLES], double temperature)
@@ -90,8 +85,7 @@ static void heat(gyro_memory *memory, const double p[GYRO_N_VARIABLES], double t
 
 static const gyro_transition *transition_to(gyro_instance *g, gyro_instant to)
 {
-    const gyro_instant from = g->memory.clock.settled;
-    return gyro_transition_of(&g->plan.filter, to.tick - from.tick, gyro_between(from, to));
+    return gyro_transition_of(&g->plan.filter, to.tick - g->memory.clock.settled.tick);
 }
 
 static double warmed(const gyro_instance *g, const gyro_transition *over)
@@ -118,6 +112,7 @@ void gyro_move(gyro_instance *g, gyro_instant to)
 {
     gyro_memory *memory = &g->memory;
     const int64_t grid = memory->clock.grid;
+    const double temperature = memory->temperature;
     if (gyro_before(memory->clock.settled, to)) {
         const gyro_transition *over = transition_to(g, to);
         gyro_move_filter(over, memory->state, g->view.input + g->view.noise);
@@ -126,11 +121,14 @@ void gyro_move(gyro_instance *g, gyro_instant to)
     const int at = gyro_settle(g, to);
     if (memory->clock.grid != grid) {
         gyro_next_drift(&g->plan.drift, &memory->drift, memory->clock.grid);
+        gyro_find_noise(g);
     }
     if (at & GYRO_AT_SAMPLE) {
         take_sample(g);
     }
-    gyro_refresh(g, g->value);
+    if (memory->temperature != temperature) {
+        gyro_find_input(g, g->value);
+    }
 }
 
 gyro_instant gyro_next_own_cut(const gyro_instance *g)
@@ -165,7 +163,7 @@ static void begin(gyro_instance *g)
     memory->temperature = temperature;
     memory->ready = GYRO_NEVER;
     switch_power(g);
-    gyro_refresh(g, g->value);
+    gyro_find_input(g, g->value);
     gyro_rest_filter(memory->state, g->view.input);
 }
 
@@ -179,7 +177,7 @@ gyro_status gyro_take_inputs(gyro_instance *g)
         if (!(g->plan.filter.lag > 0.0)) {
             heat(&g->memory, g->value, g->value[GYRO_TEMPERATURE]);
         }
-        gyro_refresh(g, g->value);
+        gyro_find_input(g, g->value);
     }
     return GYRO_OK;
 }
@@ -215,6 +213,7 @@ void gyro_latch(gyro_instance *g) { (void)g; }
 void gyro_first_sample(gyro_instance *g)
 {
     gyro_start_drift(&g->plan.drift, &g->memory.drift);
+    gyro_find_noise(g);
     begin(g);
     take_sample(g);
     gyro_put_out(g);

@@ -13,13 +13,15 @@
 #pragma GCC visibility push(hidden)
 #endif
 
-enum { GYRO_PLAYS = 3 };
+enum { GYRO_PLAYS = 3, GYRO_KNOTS = GYRO_SCALE_FACTOR_SUPPLY - GYRO_SCALE_FACTOR_TEMPERATURE_0 };
 
 /* Follows from the parameters and stays during a run, but for the next instants of the cuts and what only spares computing. */
 typedef struct {
     gyro_cuts cuts;
     gyro_filter filter;
     gyro_drift_plan drift;
+    double knots_a_kelvin;          /* of the tables over temperature */
+    double push[GYRO_PLAYS];        /* of each play operator, rad/s a kelvin */
 } gyro_plan;
 
 /* Changes with time; with the values it is all that a snapshot holds. */
@@ -53,8 +55,9 @@ struct gyro_instance {
     char message[GYRO_MESSAGE_SIZE];
 };
 
-/* Brings the view to what is in memory, with the variables `value` as they act. */
-void gyro_refresh(gyro_instance *g, const double value[GYRO_N_VARIABLES]);
+/* Finds the parts of the view from what is in memory: the input, with the variables `value` as they act, and the noise. */
+void gyro_find_input(gyro_instance *g, const double value[GYRO_N_VARIABLES]);
+void gyro_find_noise(gyro_instance *g);
 
 #if defined(__GNUC__)
 #pragma GCC visibility pop

@@ -36,7 +36,7 @@ BUSY = {
     "thermal_hysteresis": 1e-2,
     "structure_lag": 0.05,
     "supply_low": 2.0,
-    "start_up_time": 0.0133,
+    "start_up_time": 3.3e-3,
     "filter_lead_1": 1e-3,
     "angle_random_walk": 1e-3,
     "bias_instability": 1e-3,
@@ -75,7 +75,7 @@ def inputs(k: int) -> dict[str, float]:
         "omega_x": 0.3 * (k % 3),
         "a_x": 9.8 * (k % 2),
         "temperature": 290.0 + 2.0 * (k % 7),
-        "supply": 1.0 if k % 11 == 5 else 3.3 + 0.1 * (k % 2),
+        "supply": 1.0 if k % 31 == 20 else 3.3 + 0.1 * (k % 2),
         "self_test": k % 4 == 3,
     }
 

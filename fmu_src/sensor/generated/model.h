@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{48d9e0db-4d65-bc83-c6e7-5e24f0426fb6}"
+#define GYRO_TOKEN "{442c4e9a-64ba-6789-972e-99734eeb4957}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -63,6 +63,8 @@
 #define gyro_expm1 GyroscopeSensor_gyro_expm1
 #define gyro_filtered GyroscopeSensor_gyro_filtered
 #define gyro_find_events GyroscopeSensor_gyro_find_events
+#define gyro_find_input GyroscopeSensor_gyro_find_input
+#define gyro_find_noise GyroscopeSensor_gyro_find_noise
 #define gyro_first_sample GyroscopeSensor_gyro_first_sample
 #define gyro_free GyroscopeSensor_gyro_free
 #define gyro_get GyroscopeSensor_gyro_get
@@ -105,7 +107,6 @@
 #define gyro_prepare GyroscopeSensor_gyro_prepare
 #define gyro_put_out GyroscopeSensor_gyro_put_out
 #define gyro_put_out_continuous GyroscopeSensor_gyro_put_out_continuous
-#define gyro_refresh GyroscopeSensor_gyro_refresh
 #define gyro_refuse GyroscopeSensor_gyro_refuse
 #define gyro_reset GyroscopeSensor_gyro_reset
 #define gyro_respond GyroscopeSensor_gyro_respond
