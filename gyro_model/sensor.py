@@ -7,21 +7,22 @@
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
 from typing import Any, ClassVar, Final
 
 from gyro_model.anatomy import Effect
+from gyro_model.effects.thermal_hysteresis import WIDTHS
 from gyro_model.form import Form
 from gyro_model.quantities import PARAMETERS, Quantity, Role
+
+__all__ = ["INPUTS", "KNOTS", "OUTPUTS", "PARAMETER_TABLE", "SECTIONS", "WIDTHS", "SensorModel"]
 
 KNOTS: Final = 17
 """Temperatures at which bias and scale factor are given, evenly from temperature_low to temperature_high."""
 SECTIONS: Final = 2
 """Of the filter, each of second order."""
-PLAYS: Final = 3
-"""Play operators of the hysteresis."""
 
 
 def _q(
@@ -64,14 +65,16 @@ OUTPUTS: Final = (
 )  # fmt: skip
 _SHARED = {q.name: q for q in PARAMETERS}
 PARAMETER_TABLE: Final = (
-    _q("parameter", "scale_factor", "1", 1.0, "output over rate at supply_ref, but for its change with temperature", nominal=1.0),
+    _q("parameter", "scale_factor", "1", 1.0, "output over rate at supply_ref, its change with temperature apart",
+       nominal=1.0),
     *_over_temperature("scale_factor", "1", "change of the scale factor", nominal=1e-2),
     _q("parameter", "scale_factor_supply", "1/V", 0.0, "change of the scale factor with the supply"),
     _q("parameter", "nonlinearity_2", "s/rad", 0.0, "scale factor of positive rates rises by this times the rate"),
     _q("parameter", "nonlinearity_3", "s2/rad2", 0.0, "scale factor rises by this times the square of the rate"),
     _q("parameter", "misalignment_x", "1", 0.0, "share of omega_x that the input axis sees", nominal=1e-3),
     _q("parameter", "misalignment_y", "1", 0.0, "share of omega_y that the input axis sees", nominal=1e-3),
-    _q("parameter", "bias", "rad/s", 0.0, "output at rest at supply_ref, but for its change with temperature", nominal=1e-2, display="deg/s"),
+    _q("parameter", "bias", "rad/s", 0.0, "output at rest at supply_ref, its change with temperature apart",
+       nominal=1e-2, display="deg/s"),
     *_over_temperature("bias", "rad/s", "change of the bias", nominal=1e-2, display="deg/s"),
     _q("parameter", "bias_supply", "rad/(s.V)", 0.0, "change of the bias with the supply"),
     *(
@@ -80,10 +83,7 @@ PARAMETER_TABLE: Final = (
     ),
     _q("parameter", "thermal_hysteresis", "rad/s", 0.0, "bias after warming less that after cooling, half of it",
        nominal=1e-4, display="deg/s"),
-    *(
-        _q("parameter", f"thermal_hysteresis_width_{i}", "K", width, f"half width of play operator {i}", 1e-6)
-        for i, width in enumerate((2.0, 6.0, 18.0), 1)
-    ),
+    *(replace(width, role="parameter") for width in WIDTHS),
     _q("parameter", "temperature_low", "K", 233.15, "below it bias and scale factor change no more", 0.0,
        display="degC"),
     _q("parameter", "temperature_high", "K", 358.15, "above it bias and scale factor change no more", 0.0,

@@ -12,29 +12,33 @@ from gyro_model.sensor import SensorModel
 STARTS = "resources/starts.txt"
 
 
-def write_sensor(parameters: Mapping[str, float], folder: Path, libraries: Fmus | None = None) -> Fmus:
+def write_sensor(parameters: Mapping[str, float], folder: Path) -> Fmus:
     """The FMUs ``fmi2/GyroscopeSensor.fmu`` and ``fmi3/GyroscopeSensor.fmu`` in ``folder`` that start with
-    ``parameters`` [SI].
+    ``parameters`` [SI]. Raises InputError as ``write_sensor_fmu`` does."""
+    written = Fmus(*(folder / fmi / f"{SensorModel.NAME}.fmu" for fmi in Fmus._fields))
+    for fmi, path in written._asdict().items():
+        write_sensor_fmu(parameters, fmi, path)
+    return written
 
-    libraries: FMUs of the sensor to take libraries and sources from; None: the package's, which are compiled where they
-    are missing. Raises InputError for an unknown parameter, a value out of bounds, or where compiling fails.
+
+def write_sensor_fmu(parameters: Mapping[str, float], fmi: str, path: Path) -> None:
+    """An FMU of ``fmi`` ("fmi2" or "fmi3") that starts with ``parameters`` [SI]: libraries and sources of the
+    package's, which is compiled where it is missing, and a description and start values of its own.
+
+    Raises InputError for an unknown parameter, a value out of bounds, or where compiling fails.
     """
     sensor = SensorModel().starting_at(parameters)
-    libraries = libraries or build(SensorModel())
-    written = Fmus(*(folder / fmi / f"{sensor.NAME}.fmu" for fmi in Fmus._fields))
     starts = starts_file(sensor)
     token = f"{model_token(SensorModel())}+{hash_of(starts):016x}"
-    for fmi, path in written._asdict().items():
-        with zipfile.ZipFile(getattr(libraries, fmi)) as archive:
-            files = {name: archive.read(name) for name in archive.namelist()}
-        if fmi == "fmi2":
-            sources = [name.removeprefix("sources/") for name in files if name.endswith(".c")]
-            description = generate_xml.fmi2(sensor, token, issue_date(), sorted(sources))
-        else:
-            description = generate_xml.fmi3(sensor, token, issue_date())
-        own = {"modelDescription.xml": description.encode(), STARTS: starts}
-        pack(files | generate_package.package_files(sensor, fmi) | own, path)
-    return written
+    with zipfile.ZipFile(getattr(build(SensorModel()), fmi)) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    if fmi == "fmi2":
+        sources = sorted(name.removeprefix("sources/") for name in files if name.endswith(".c"))
+        description = generate_xml.fmi2(sensor, token, issue_date(), sources)
+    else:
+        description = generate_xml.fmi3(sensor, token, issue_date())
+    own = {"modelDescription.xml": description.encode(), STARTS: starts}
+    pack(files | generate_package.package_files(sensor, fmi) | own, path)
 
 
 def starts_file(sensor: SensorModel) -> bytes:

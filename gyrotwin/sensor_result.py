@@ -6,6 +6,8 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gyro_model.build import Fmus
+from gyro_model.sensor import SensorModel
 from gyrotwin.numbers import significant
 from gyrotwin.results import Saved, Writer
 
@@ -15,11 +17,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SensorResult(Saved):
-    """A sensor in the formats of other programs; see `gyrotwin.export_sensor`."""
+    """A sensor in the formats of other programs, and as an FMU; see `gyrotwin.export_sensor`."""
 
     sensor: "Sensor"
     files: Mapping[str, str] = field(repr=False)
     """Text of each file by name."""
+    parameters: Mapping[str, float] = field(default_factory=dict, repr=False)
+    """Those of GyroscopeSensor.fmu, SI; empty where no FMU is asked for."""
 
     @property
     def summary(self) -> Mapping[str, Any]:
@@ -27,8 +31,18 @@ class SensorResult(Saved):
         return self.sensor._asdict()
 
     def writers(self) -> Mapping[str, Writer]:
-        """One file a format."""
-        return {name: _writer(text) for name, text in self.files.items()}
+        """One file a format; the FMUs in a folder for each standard."""
+        texts = {name: _writer(text) for name, text in self.files.items()}
+        standards = Fmus._fields if self.parameters else ()
+        return texts | {f"{fmi}/{SensorModel.NAME}.fmu": self._fmu_writer(fmi) for fmi in standards}
+
+    def _fmu_writer(self, fmi: str) -> Writer:
+        def write(path: Path) -> None:
+            from gyro_model.sensor_fmu import write_sensor_fmu
+
+            write_sensor_fmu(self.parameters, fmi, path)
+
+        return write
 
     def headline(self) -> Sequence[tuple[str, str]]:
         """Noise density and bias."""

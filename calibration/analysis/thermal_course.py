@@ -96,8 +96,8 @@ def thermal_course(
     widths: Sequence[float],
 ) -> ThermalCourse:
     """Of a record of ``ambient`` [K] and ``bias``, shapes (n,), and of ``settled`` temperatures [K] and biases, shapes
-    (m,), which weigh together as much as the record."""
-    weight = np.sqrt(len(bias) / len(settled[0]))
+    (m,), m = 0 where there are none, which weigh together as much as the record."""
+    weight = np.sqrt(len(bias) / max(len(settled[0]), 1))
     still = weight * np.column_stack([basis(settled[0], knots), np.zeros((len(settled[0]), 2))])
     data = np.concatenate([bias, weight * settled[1]])
 

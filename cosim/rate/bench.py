@@ -173,8 +173,8 @@ class Bench:
         held: Mapping[str, float] | None = None,
         wide: float = 1.0,
     ) -> ColdRun:
-        """A run of ``duration`` [s]; temperature, or its course [K]; wide: full scale is taken to be so many times what it is;
-        held: further inputs by name, SI."""
+        """A run of ``duration`` [s]; temperature, or its course [K]; wide: full scale is taken to be so many times what
+        it is; held: further inputs by name, SI."""
         device, design = self.device, self.design
         if wide != 1.0:
             full = {"full_scale": wide * self.full_scale}

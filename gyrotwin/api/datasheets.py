@@ -84,21 +84,24 @@ def export_sensor(
     formats: Sequence[str] = (),
     sample_rate: float = 100.0,
 ) -> "SensorResult":
-    """Give the sensor of a datasheet in the formats of other programs.
+    """Give the sensor of a datasheet in the formats of other programs, and as GyroscopeSensor.fmu.
+
+    The FMU (FMI 2.0 and 3.0) takes rate, acceleration, temperature and supply at any step and gives the rate, analogue
+    and sampled, with the errors that the datasheet has; it is compiled once, not for each sensor.
 
     Parameters
     ----------
     datasheet : str, Path, mapping or DatasheetResult
         A datasheet.json, its content, or the result itself; of rate mode.
     formats : sequence of str
-        Of kalibr, gnss_ins_sim, matlab, gazebo, px4; none: all.
+        Of fmu, kalibr, gnss_ins_sim, matlab, gazebo, px4; none: all.
     sample_rate : float
         At which the sensor is read there [Hz].
 
     Returns
     -------
     SensorResult
-        With ``sensor`` (SI), ``files`` by name, ``save(folder)``.
+        With ``sensor`` (SI), ``files`` by name, ``parameters`` of the FMU (SI), ``save(folder)``.
 
     Raises
     ------
@@ -106,7 +109,8 @@ def export_sensor(
         If the datasheet is none, is of whole-angle mode, lacks a figure, or a format is unknown.
 
     """
-    from calibration.sensor.format import files_of
+    from calibration.sensor.format import chosen, files_of
+    from calibration.sensor.model import sensor_parameters
     from calibration.sensor.numbers import sensor_of
     from gyrotwin.datasheet_result import DatasheetResult
     from gyrotwin.sensor_result import SensorResult
@@ -118,7 +122,9 @@ def export_sensor(
     else:
         content = _read(Path(datasheet))
     sensor = sensor_of(content)
-    return SensorResult(sensor, files_of(sensor, sample_rate, formats))
+    texts, fmu = chosen(formats)
+    files = files_of(sensor, sample_rate, texts)
+    return SensorResult(sensor, files, sensor_parameters(content, sample_rate) if fmu else {})
 
 
 def _read(path: Path) -> Any:

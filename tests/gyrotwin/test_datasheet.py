@@ -4,6 +4,8 @@ import html.parser
 import json
 from pathlib import Path
 
+import fmpy
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -108,9 +110,18 @@ def test_the_sensor_is_exported(sheet: gt.DatasheetResult, tmp_path: Path, capsy
     with pytest.raises(SystemExit) as end:
         main(["export", "sensor", str(tmp_path / "sheet" / "datasheet.json"), "--out", str(out)])
     assert end.value.code in (0, None)
-    written = sorted(path.name for path in out.iterdir())
-    assert written == sorted(Path(line).name for line in capsys.readouterr().out.splitlines())
-    assert gt.export_sensor(sheet).files == {path.name: path.read_text() for path in out.iterdir()}
+    written = sorted(path for path in out.rglob("*") if path.is_file())
+    assert written == sorted(map(Path, capsys.readouterr().out.split()))
+    result = gt.export_sensor(sheet)
+    assert result.files == {path.name: path.read_text() for path in out.iterdir() if path.is_file()}
+    assert gt.export_sensor(sheet, formats=["px4"]).parameters == {}
+    for fmi in ("fmi2", "fmi3"):
+        fmu = out / fmi / "GyroscopeSensor.fmu"
+        started = {v.name: v.start for v in fmpy.read_model_description(fmu).modelVariables}
+        assert {name: float(started[name]) for name in result.parameters} == result.parameters
+        # A quick datasheet knows 25 °C itself: at rest the output is its bias, within the noise of a mean over 2 s.
+        output = fmpy.simulate_fmu(str(fmu), stop_time=2.0, output_interval=1e-2)["rate"][20:]
+        assert np.degrees(output.mean()) == pytest.approx(sheet.figures["bias"].value, abs=0.01)
     (tmp_path / "sheet" / "datasheet.json").write_text("[1, 2")
     with pytest.raises(gt.InputError, match="gyrotwin datasheet DEVICE"):
         gt.export_sensor(tmp_path / "sheet" / "datasheet.json")

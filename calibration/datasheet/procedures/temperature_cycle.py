@@ -1,22 +1,20 @@
-"""Bias through a cycle of the ambient temperature: what hot and cold leave behind, and the course that says how late."""
-
-from math import degrees
+"""Bias through a cycle of the ambient temperature: how late it follows, and what hot and cold leave behind."""
 
 import numpy as np
 
+from calibration.analysis.thermal_course import thermal_course
 from calibration.datasheet.figure import Curve, Figure, Outcome
 from calibration.datasheet.procedure import RATE, Procedure
 from cosim.rate.bench import Bench
 from cosim.rate.courses import Course
 from cosim.rate.metrics import PER_HOUR
+from gyro_model.sensor import KNOTS, WIDTHS
 from gyro_model.units import ZERO_CELSIUS
 
 RAMP = 20.0
 """How fast the ambient temperature moves [K/min]: a change that the structure does not follow tells how late it is."""
 ROW = 5.0
 """Means of the output over so long [s]."""
-LAST = 20
-"""Rows at the end of a stay that are its value."""
 
 
 def measure(bench: Bench) -> Outcome:
@@ -39,25 +37,29 @@ def measure(bench: Bench) -> Outcome:
     rows = int(ROW)
     bias = one.rate[: len(one.rate) // rows * rows].reshape(-1, rows).mean(axis=1)
     t = ROW * (np.arange(len(bias)) + 0.5)
-    cooled, warmed = (bias[int(times[i] / ROW) - LAST : int(times[i] / ROW)] for i in (5, 9))
-    left = PER_HOUR * float(warmed.mean() - cooled.mean())
-    noise = PER_HOUR * float(np.sqrt(sum(part.var(ddof=1) / len(part) for part in (cooled, warmed))))
-    figure = Figure(
-        "bias_hysteresis",
-        "bias after cold less bias after heat",
-        left,
-        "°/h",
-        noise,
-        1,
-        note=f"at the reference temperature, {hold:g} s after it is reached, through {values[2] - ZERO_CELSIUS:g} and "
-        f"{values[6] - ZERO_CELSIUS:g} °C at {RAMP:g} °C/min; what walks and relaxes meanwhile is in it",
-    )
+    ambient = np.interp(t, times, values)
+    none = np.array([]), np.array([])
+    found = thermal_course(ambient, bias, ROW, none, np.linspace(low, high, KNOTS), [width.start for width in WIDTHS])
+    turned = f"{values[2] - ZERO_CELSIUS:g} and {values[6] - ZERO_CELSIUS:g} °C"
+    way = f"ambient temperature through {turned} at {RAMP:g} °C/min"
+    figures = [
+        Figure("bias_lag", "time constant of the bias behind the ambient temperature", found.lag, "s", note=way),
+        Figure(
+            "bias_hysteresis",
+            "bias after warming less that after cooling",
+            2 * PER_HOUR * found.hysteresis,
+            "°/h",
+            2 * PER_HOUR * found.hysteresis_error,
+            1,
+            note=f"by play operators; {PER_HOUR * found.residual:.3g} °/h rms are neither curve nor lag nor hysteresis",
+        ),
+    ]
     columns = {
         "t [s]": t,
-        "ambient [°C]": np.interp(t, times, values) - ZERO_CELSIUS,
-        "bias [°/s]": np.array([degrees(value) for value in bias]),
+        "ambient [°C]": ambient - ZERO_CELSIUS,
+        "bias [°/s]": np.degrees(bias),
     }
-    return Outcome([figure], [Curve("temperature_cycle", "Bias through a cycle of temperature", columns)])
+    return Outcome(figures, [Curve("temperature_cycle", "Bias through a cycle of temperature", columns)])
 
 
 PROCEDURE = Procedure("Operating temperature: cycle", "12.8", RATE, measure, 5)

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from calibration.sensor.format import files_of, format_names
+from calibration.sensor.format import chosen, files_of, format_names
 from calibration.sensor.numbers import Sensor, sensor_of
 from gyro_model.errors import InputError
 
@@ -78,7 +78,10 @@ def test_a_name_can_not_leave_its_comment() -> None:
 def test_every_format_gives_a_file(files: dict[str, str]) -> None:
     assert [name.partition("_")[2].rpartition(".")[0] for name in files] == format_names()
     with pytest.raises(InputError, match="kalibr"):
-        files_of(SENSOR, RATE, ["calibr"])
+        chosen(["calibr"])
+    assert chosen([]) == (format_names(), True)
+    assert chosen(["px4"]) == (["px4"], False)
+    assert chosen(["fmu"]) == ([], True)
     with pytest.raises(InputError, match="sample rate"):
         files_of(SENSOR, float("nan"))
 
