@@ -28,6 +28,7 @@ NAMES = (
     "compensation_memory",
     "diagnosis_speed",
     "silverbox",
+    "sensor",
 )
 """The benchmarks, one module each with ``run(options) -> Report``."""
 

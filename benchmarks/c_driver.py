@@ -12,9 +12,7 @@ from fmpy import extract, platform_tuple, read_model_description
 from numpy.typing import NDArray
 
 from cosim.fmu import OUTPUT_NAMES
-from gyro_model.build import model_token
 from gyro_model.compiling import compile_library
-from gyro_model.model import load_model
 
 Floats = NDArray[np.float64]
 
@@ -32,9 +30,11 @@ def compiled(source: str, folder: Path) -> ctypes.CDLL:
 
 
 class CPlants:
-    """The library of the FMI 3.0 FMU at ``path``, for any number of instances; a context manager."""
+    """The library of the FMI 3.0 FMU at ``path``, for any number of instances that give ``outputs``; a context
+    manager."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, outputs: Sequence[str] = OUTPUT_NAMES) -> None:
+        self.outputs = outputs
         self._folder = tempfile.TemporaryDirectory(prefix="gyrotwin-")
         folder = Path(self._folder.name)
         extract(path, folder)
@@ -43,10 +43,13 @@ class CPlants:
             for file in (folder / "binaries" / platform_tuple).iterdir()
             if file.suffix in (".so", ".dll", ".dylib")
         ]
-        self.references = {v.name: v.valueReference for v in read_model_description(folder).modelVariables}
+        description = read_model_description(folder)
+        self.references = {v.name: v.valueReference for v in description.modelVariables}
+        self.token = str(description.instantiationToken)
         self.functions = compiled("plant_driver.c", folder)
         self.functions.driver_open.restype = ctypes.c_void_p
         self.functions.driver_run.restype = ctypes.c_int64
+        self.functions.driver_means.restype = ctypes.c_int64
 
     def of(self, names: Sequence[str]) -> NDArray[np.uint32]:
         """The value references of variables by name."""
@@ -73,39 +76,46 @@ class CPlants:
 
 class CPlant:
     """One instance; a context manager. Called with the number of steps it gives the number done; ``outputs``: the
-    latest, in the order of OUTPUT_NAMES."""
+    latest, in the order of those asked for."""
 
     def __init__(
         self, plants: CPlants, parameters: Mapping[str, float], inputs: Mapping[str, Floats], step: float
     ) -> None:
-        self._functions, self._step, self._done = plants.functions, step, 0
-        self._inputs, self._outputs = plants.of(list(inputs)), plants.of(OUTPUT_NAMES)
+        self._functions, self._done = plants.functions, 0
+        self._inputs, self._outputs = plants.of(list(inputs)), plants.of(plants.outputs)
         self._table = np.ascontiguousarray(np.array(list(inputs.values())).T)
-        self.outputs = np.zeros(len(OUTPUT_NAMES))
-        values, references = np.array(list(parameters.values())), plants.of(list(parameters))
-        token = model_token(load_model()).encode()
+        self.outputs = np.zeros(len(plants.outputs))
+        real = {name: value for name, value in parameters.items() if name != "seed"}
+        values, references = np.array(list(real.values()), dtype=float), plants.of(list(real))
+        seeded = plants.references["seed"] if "seed" in parameters else 2**32 - 1
+        seed = ctypes.c_uint32(seeded), ctypes.c_int32(int(parameters.get("seed", 0)))
+        token = plants.token.encode()
         size = ctypes.c_size_t(len(values))
-        opened = self._functions.driver_open(plants.binary, token, at(references), at(values), size)
+        opened = self._functions.driver_open(plants.binary, token, at(references), at(values), size, *seed)
         if not opened:
             raise RuntimeError("the C driver could not start the plant")
         self._instance = ctypes.c_void_p(opened)
+        rows, width = ctypes.c_int64(len(self._table)), ctypes.c_size_t(len(self._inputs))
+        read = at(self._outputs), ctypes.c_size_t(len(self.outputs))
+        self._arguments = ctypes.c_double(step), at(self._inputs), at(self._table), rows, width, *read
 
     def __call__(self, count: int) -> int:
-        done = self._functions.driver_run(
-            self._instance,
-            ctypes.c_int64(self._done),
-            ctypes.c_int64(count),
-            ctypes.c_double(self._step),
-            at(self._inputs),
-            at(self._table),
-            ctypes.c_int64(len(self._table)),
-            ctypes.c_size_t(len(self._inputs)),
-            at(self._outputs),
-            at(self.outputs),
-            ctypes.c_size_t(len(self.outputs)),
-        )
+        first, total = ctypes.c_int64(self._done), ctypes.c_int64(count)
+        done = self._functions.driver_run(self._instance, first, total, *self._arguments, at(self.outputs))
         self._done += int(done)
         return int(done)
+
+    def means(self, rows: int, per_row: int) -> Floats:
+        """Means of each output over ``per_row`` steps, for so many ``rows``, shape (rows, outputs)."""
+        means = np.zeros((rows, len(self.outputs)))
+        first, count = ctypes.c_int64(self._done), ctypes.c_int64(rows)
+        done = self._functions.driver_means(
+            self._instance, first, count, ctypes.c_int64(per_row), *self._arguments, at(means)
+        )
+        if done != rows:
+            raise RuntimeError(f"the FMU stopped after {done} of {rows} rows")
+        self._done += rows * per_row
+        return means
 
     def __enter__(self) -> Self:
         return self

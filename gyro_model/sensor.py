@@ -68,17 +68,20 @@ PARAMETER_TABLE: Final = (
     _q("parameter", "scale_factor", "1", 1.0, "output over rate at supply_ref, its change with temperature apart",
        nominal=1.0),
     *_over_temperature("scale_factor", "1", "change of the scale factor", nominal=1e-2),
-    _q("parameter", "scale_factor_supply", "1/V", 0.0, "change of the scale factor with the supply"),
-    _q("parameter", "nonlinearity_2", "s/rad", 0.0, "scale factor of positive rates rises by this times the rate"),
-    _q("parameter", "nonlinearity_3", "s2/rad2", 0.0, "scale factor rises by this times the square of the rate"),
+    _q("parameter", "scale_factor_supply", "1/V", 0.0, "change of the scale factor with the supply", nominal=1e-3),
+    _q("parameter", "nonlinearity_2", "s/rad", 0.0, "scale factor of positive rates rises by this times the rate",
+       nominal=1e-3),
+    _q("parameter", "nonlinearity_3", "s2/rad2", 0.0, "scale factor rises by this times the square of the rate",
+       nominal=1e-3),
     _q("parameter", "misalignment_x", "1", 0.0, "share of omega_x that the input axis sees", nominal=1e-3),
     _q("parameter", "misalignment_y", "1", 0.0, "share of omega_y that the input axis sees", nominal=1e-3),
     _q("parameter", "bias", "rad/s", 0.0, "output at rest at supply_ref, its change with temperature apart",
        nominal=1e-2, display="deg/s"),
     *_over_temperature("bias", "rad/s", "change of the bias", nominal=1e-2, display="deg/s"),
-    _q("parameter", "bias_supply", "rad/(s.V)", 0.0, "change of the bias with the supply"),
+    _q("parameter", "bias_supply", "rad/(s.V)", 0.0, "change of the bias with the supply", nominal=1e-3),
     *(
-        _q("parameter", f"acceleration_sensitivity_{axis}", "rad.s/m", 0.0, f"change of the bias with a_{axis}")
+        _q("parameter", f"acceleration_sensitivity_{axis}", "rad.s/m", 0.0, f"change of the bias with a_{axis}",
+           nominal=1e-5)
         for axis in "xyz"
     ),
     _q("parameter", "thermal_hysteresis", "rad/s", 0.0, "bias after warming less that after cooling, half of it",
@@ -88,10 +91,12 @@ PARAMETER_TABLE: Final = (
        display="degC"),
     _q("parameter", "temperature_high", "K", 358.15, "above it bias and scale factor change no more", 0.0,
        display="degC"),
-    _q("parameter", "structure_lag", "s", 0.0, "time constant of the structure's temperature", 0.0),
+    _q("parameter", "structure_lag", "s", 0.0, "time constant of the structure's temperature", 0.0, nominal=100.0),
     _q("parameter", "supply_ref", "V", 3.3, "supply at which bias and scale factor are as given", 0.0),
-    _q("parameter", "supply_low", "V", 0.0, "the sensor is off below it, and turns on anew above it", 0.0),
-    _q("parameter", "start_up_time", "s", 0.0, "from turning on to the first valid output", 0.0, 1e4, display="ms"),
+    _q("parameter", "supply_low", "V", 0.0, "the sensor is off below it, and turns on anew above it", 0.0,
+       nominal=3.0),
+    _q("parameter", "start_up_time", "s", 0.0, "from turning on to the first valid output", 0.0, 1e4, nominal=0.1,
+       display="ms"),
     *(
         quantity
         for k in range(1, SECTIONS + 1)
@@ -108,7 +113,8 @@ PARAMETER_TABLE: Final = (
     _q("parameter", "rate_random_walk", "rad/s1.5", 0.0, "K: random walk of the rate", 0.0, nominal=1e-7),
     _q("parameter", "turn_on", "rad/s", 0.0, "bias of a turn-on, rms", 0.0, nominal=1e-5, display="deg/s"),
     _q("parameter", "full_scale", "rad/s", 8.7266463, "largest sample either way", 0.0, display="deg/s"),
-    _q("parameter", "lsb", "rad/s", 0.0, "step of the samples; 0: they are not rounded", 0.0, display="deg/s"),
+    _q("parameter", "lsb", "rad/s", 0.0, "step of the samples; 0: they are not rounded", 0.0, nominal=1e-4,
+       display="deg/s"),
     _q("parameter", "self_test_rate", "rad/s", 0.1, "by which the self-test pushes the output", display="deg/s"),
     _q("parameter", "internal_step", "s", 1e-3, "between draws of noise, which is held", 1e-5, 1.0, display="ms"),
     _q("parameter", "sample_period", "s", 1e-2, "time between samples", 1e-5, 10.0, display="ms"),

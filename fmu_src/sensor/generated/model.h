@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{442c4e9a-64ba-6789-972e-99734eeb4957}"
+#define GYRO_TOKEN "{d4c0336e-a474-d061-3619-3c03b2336c05}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -28,7 +28,7 @@ enum {
     GYRO_RATE_SAMPLED = 10, /* [rad/s] output: rate at the latest sample instant, limited and rounded */
     GYRO_DATA_READY = 11, /* [1] output: 1 for half a sample period from each valid sample on */
     GYRO_TEMPERATURE_STRUCTURE = 12, /* [K] output: temperature of the structure */
-    GYRO_SCALE_FACTOR = 13, /* [1] parameter: output over rate at supply_ref, but for its change with temperature */
+    GYRO_SCALE_FACTOR = 13, /* [1] parameter: output over rate at supply_ref, its change with temperature apart */
     GYRO_SCALE_FACTOR_TEMPERATURE_0 = 14, /* [1] parameter: change of the scale factor at 0 of 16 parts of the way from temperature_low to temperature_high */
     GYRO_SCALE_FACTOR_TEMPERATURE_1 = 15, /* [1] parameter: change of the scale factor at 1 of 16 parts of the way from temperature_low to temperature_high */
     GYRO_SCALE_FACTOR_TEMPERATURE_2 = 16, /* [1] parameter: change of the scale factor at 2 of 16 parts of the way from temperature_low to temperature_high */
@@ -51,7 +51,7 @@ enum {
     GYRO_NONLINEARITY_3 = 33, /* [s2/rad2] parameter: scale factor rises by this times the square of the rate */
     GYRO_MISALIGNMENT_X = 34, /* [1] parameter: share of omega_x that the input axis sees */
     GYRO_MISALIGNMENT_Y = 35, /* [1] parameter: share of omega_y that the input axis sees */
-    GYRO_BIAS = 36, /* [rad/s] parameter: output at rest at supply_ref, but for its change with temperature */
+    GYRO_BIAS = 36, /* [rad/s] parameter: output at rest at supply_ref, its change with temperature apart */
     GYRO_BIAS_TEMPERATURE_0 = 37, /* [rad/s] parameter: change of the bias at 0 of 16 parts of the way from temperature_low to temperature_high */
     GYRO_BIAS_TEMPERATURE_1 = 38, /* [rad/s] parameter: change of the bias at 1 of 16 parts of the way from temperature_low to temperature_high */
     GYRO_BIAS_TEMPERATURE_2 = 39, /* [rad/s] parameter: change of the bias at 2 of 16 parts of the way from temperature_low to temperature_high */
