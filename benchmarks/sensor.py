@@ -41,13 +41,15 @@ WITHIN, ERRORS = 0.1, 2.0
 
 
 class Profile(NamedTuple):
-    """rate [rad/s] and ambient temperature [K] against time, for ``duration`` [s]; rows: of so many seconds."""
+    """rate [rad/s] and ambient temperature [K] against time, for ``duration`` [s]; row: its length [s], of which both
+    give means; step: of the sensor [s]."""
 
     name: str
     rate: Course
     temperature: Course
     duration: float
     row: float
+    step: float
     envelope: bool
 
 
@@ -59,8 +61,8 @@ def profiles(full_scale: float, bandwidth: float) -> list[Profile]:
     fast = multisine(np.geomspace(0.07, 0.8, 23) * bandwidth, 0.6 * full_scale, 77)
     drift = Course(lambda t: 308.0 - 0.2 * t, np.inf, "cooling")
     return [
-        Profile("turns for 30 min, 10 to 52 to -8 °C, envelope", slow, warm, 1800.0, 1.0, True),
-        Profile("23 sines to 0.8 of the bandwidth, cooling, full FMU", fast, drift, 20.0, STEP, False),
+        Profile("turns for 30 min, 10 to 52 to -8 °C, envelope", slow, warm, 1800.0, 1.0, STEP, True),
+        Profile("23 sines to 0.8 of the bandwidth, cooling, full FMU", fast, drift, 20.0, 1e-3, 5e-5, False),
     ]
 
 
@@ -86,14 +88,14 @@ def followed(bench: Bench, sensor: Sensor, profile: Profile) -> tuple[Floats, Fl
         profile.duration, rate=profile.rate, temperature=profile.temperature, output_rate=1 / profile.row,
         envelope=profile.envelope, seed=5,
     )  # fmt: skip
-    rows, per_row = len(one.rate), round(profile.row / STEP)
+    rows, per_row = len(one.rate), round(profile.row / profile.step)
     count = rows * per_row
     inputs = {
-        "omega_z": profile.rate.held(0, count, STEP),
-        "temperature": profile.temperature.held(0, count, STEP),
+        "omega_z": profile.rate.held(0, count, profile.step),
+        "temperature": profile.temperature.held(0, count, profile.step),
     }
     quiet = dict.fromkeys(QUIET, 0.0)
-    return one.rate, sensor.means(inputs, rows, per_row, **quiet), one.true
+    return one.rate, sensor.means(inputs, rows, per_row, profile.step, **quiet), one.true
 
 
 def budget(content: Mapping[str, Any], largest: float) -> dict[str, float]:
