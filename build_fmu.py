@@ -1,5 +1,5 @@
-"""Builds the FMUs Gyroscope and GyroscopeEnvelope in dist/fmi2 and dist/fmi3; `--update` first writes the committed
-generated C anew."""
+"""Builds the FMUs Gyroscope, GyroscopeEnvelope and GyroscopeSensor in dist/fmi2 and dist/fmi3; `--update` first writes
+the committed generated C anew."""
 
 import sys
 

@@ -4,10 +4,13 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from gyro_model.envelope import envelope_model
+from gyro_model.form import Form
 from gyro_model.model import Model
 from gyro_model.quantities import Quantity
+from gyro_model.sensor import SensorModel
 
 BEGIN, END = "<!-- variables: written by build_fmu.py --update -->", "<!-- end of variables -->"
+SENSOR_BEGIN, SENSOR_END = "<!-- sensor: written by build_fmu.py --update -->", "<!-- end of sensor -->"
 ENVELOPE_BEGIN, ENVELOPE_END = "<!-- envelope: written by build_fmu.py --update -->", "<!-- end of envelope -->"
 
 
@@ -27,6 +30,15 @@ def variables(model: Model) -> str:
     return "\n".join(parts)
 
 
+def all_variables(form: Form) -> str:
+    """Markdown table of all variables of ``form``."""
+    rows = (
+        (f"`{q.name}`", q.role, q.unit, "" if q.role == "output" else f"{q.start:g}", q.description)
+        for q in form.quantities
+    )
+    return _table(("name", "is", "unit", "start", "what"), rows)
+
+
 def own_variables(form: Model, model: Model) -> str:
     """Markdown table of what ``form``, of the same device, has and ``model`` has not."""
     rows = (
@@ -40,7 +52,8 @@ def own_variables(form: Model, model: Model) -> str:
 def insert(text: str, model: Model) -> str:
     """``text`` with the tables between its markers written anew. Raises ValueError where it has no markers."""
     text = _between(text, BEGIN, variables(model), END)
-    return _between(text, ENVELOPE_BEGIN, own_variables(envelope_model(model), model), ENVELOPE_END)
+    text = _between(text, ENVELOPE_BEGIN, own_variables(envelope_model(model), model), ENVELOPE_END)
+    return _between(text, SENSOR_BEGIN, all_variables(SensorModel()), SENSOR_END)
 
 
 def _between(text: str, begin: str, written: str, end: str) -> str:

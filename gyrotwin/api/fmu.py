@@ -20,12 +20,13 @@ def build(
     force: bool = False,
     platforms: str | Sequence[str] = (),
 ) -> tuple[Path, ...]:
-    """Build the FMUs Gyroscope and GyroscopeEnvelope, FMI 2.0 and FMI 3.0.
+    """Build the FMUs Gyroscope, GyroscopeEnvelope and GyroscopeSensor, FMI 2.0 and FMI 3.0.
 
     Parameters
     ----------
     device : str, Path or Device
-        The FMUs start as this device where nobody sets a parameter; needs ``folder``.
+        The FMUs start as this device where nobody sets a parameter, but for the sensor, which knows no device; needs
+        ``folder``.
     effects : sequence of str or Path
         Folders of further effect files.
     folder : str or Path
@@ -39,7 +40,7 @@ def build(
     Returns
     -------
     tuple of Path
-        Gyroscope for FMI 2.0 and 3.0, then GyroscopeEnvelope.
+        Gyroscope for FMI 2.0 and 3.0, then GyroscopeEnvelope, then GyroscopeSensor.
 
     Raises
     ------
@@ -49,8 +50,8 @@ def build(
     Examples
     --------
     >>> import gyrotwin as gt
-    >>> [path.name for path in gt.build()]
-    ['Gyroscope.fmu', 'Gyroscope.fmu', 'GyroscopeEnvelope.fmu', 'GyroscopeEnvelope.fmu']
+    >>> [path.stem for path in gt.build()][::2]
+    ['Gyroscope', 'GyroscopeEnvelope', 'GyroscopeSensor']
 
     """
     from gyro_model.build import build_all

@@ -18,10 +18,10 @@ def build(
         Path | None, typer.Option(help="Also a system structure package (SSP) with the parameters of each device.")
     ] = None,
 ) -> None:
-    """Build the FMUs Gyroscope and GyroscopeEnvelope, FMI 2.0 and FMI 3.0, and print where they are."""
+    """Build Gyroscope, GyroscopeEnvelope and GyroscopeSensor for FMI 2.0 and FMI 3.0, and print where they are."""
     from gyrotwin import api
 
-    with said_if_slow(f"compiling four FMUs{', a minute or two at first' if platforms else ', some 10 s'}"):
+    with said_if_slow(f"compiling six FMUs{', a minute or two at first' if platforms else ', some 10 s'}"):
         paths = api.build(force=force, platforms=platforms)
     for path in paths:
         print(path)

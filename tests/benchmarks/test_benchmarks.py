@@ -13,6 +13,7 @@ from benchmarks import (
     mode_split,
     plant_call,
     plant_cost,
+    sensor,
     split_envelope,
     split_fmu,
     split_matching,
@@ -20,11 +21,13 @@ from benchmarks import (
     work_precision,
 )
 from benchmarks.__main__ import NAMES, command_of
+from benchmarks.c_driver import CPlants
 from benchmarks.closed_loop import compiled_loop, fmpy_loop
 from benchmarks.integrators import METHODS, Integrators
 from benchmarks.report import Options, Report, Row, Table, row, spread, write
 from gyro_model.build import build
 from gyro_model.device import load_device
+from gyro_model.sensor import SensorModel
 from gyrotwin.tasks.run import Request, prepare
 
 
@@ -148,3 +151,15 @@ def test_bias_takes_the_split_away_in_the_envelope_plant():
     # 0.17 √(0.5/1.5) = 0.1 Hz: five of that.
     assert abs(splits[0]) > 3
     assert np.all(np.abs(splits[8:]) < 0.5)
+
+
+def test_sensor_gives_rows():
+    with CPlants(build(SensorModel()).fmi3, ("rate",)) as plants:
+        found = sensor.Sensor(plants, {"angle_random_walk": 1e-3, "bias_instability": 0.0, "rate_random_walk": 0.0})
+        tau, variances = sensor.rest_variances(found, seeds=3, duration=12.0, row_length=1e-2)
+        own = sensor.deviation_of(variances)
+        assert sensor.compared("itself", tau, own, own).met == "yes"
+        assert sensor.compared("twice", tau, (3 * own[0], own[1]), own).met == "no"
+        speeds = sensor.speed_rows(plants, {}, repeats=1)
+    assert [line.limit for line in speeds] == [10_000.0, 500.0]
+    assert all(value > 0 for line in speeds for value in line.values.values())

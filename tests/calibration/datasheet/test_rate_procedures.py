@@ -191,3 +191,22 @@ def test_a_bench_turns_on_from_rest_whatever_the_device_file_lets_begin() -> Non
     found = figures(swinging, "turn_on")
     assert found["turn_on_lock"].holds
     assert found["turn_on_lock"].value > 2 * Q_X / (2 * pi * F_X) * 0.05
+
+
+def test_a_cycle_of_the_temperature_tells_lag_and_hysteresis() -> None:
+    # The bias of quadrature moves with damping; the ends are reached within a lag of half a minute.
+    own = device(kxy=1e-4, tcd=2e-3, dxy=1e-9, structure_lag=30.0, thermal_hysteresis=0.02, t_ref=298.15)
+    cycle = Bench(own, plan=PLAN._replace(soak=60.0))
+    procedure = procedures("rate-open")["temperature_cycle"]
+    outcome = procedure.measure(cycle)
+    found = {figure.id: figure for figure in outcome.figures}
+    assert found["bias_lag"].value == pytest.approx(30.0, rel=0.05)
+    hysteresis = found["bias_hysteresis"]
+    assert hysteresis.value is not None and hysteresis.error is not None
+    none = Bench(replace(own, parameters={**own.parameters, "thermal_hysteresis": 0.0}), plan=cycle.plan)
+    without = {figure.id: figure for figure in procedure.measure(none).figures}["bias_hysteresis"]
+    assert abs(hysteresis.value) > 5 * hysteresis.error
+    assert abs(without.value or 0.0) < 0.1 * abs(hysteresis.value)
+    [curve] = outcome.curves
+    assert len({len(values) for values in curve.columns.values()}) == 1
+    assert "--quick" in procedure.measure(Bench(own, plan=PLAN)).reason
