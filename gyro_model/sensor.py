@@ -107,6 +107,8 @@ PARAMETER_TABLE: Final = (
                nominal=1e-3, display="ms"),
         )
     ),
+    _q("parameter", "noise_lead", "s", 0.0, "time constant of the zero of section 1 for noise", -1e3, 1e3,
+       nominal=1e-3, display="ms"),
     _q("parameter", "angle_random_walk", "rad/s0.5", 0.0, "N: white noise", 0.0, nominal=1e-5),
     _q("parameter", "bias_instability", "rad/s", 0.0, "B: flicker noise, flat Allan deviation 0.664 B", 0.0,
        nominal=1e-6, display="deg/s"),

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, minimize_scalar
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -63,6 +63,20 @@ def fit_sections(frequency: Floats, gain: Complexes) -> tuple[tuple[Section, ...
     ]
     fits = [least_squares(residual, begin, bounds=(-bounds, bounds)) for begin in begins]
     best = sections(min(fits, key=lambda fit: float(fit.cost)).x)
-    # The slower section first, so that equal sensors have equal numbers.
-    ordered = tuple(sorted(best, key=lambda one: one.frequency))
+    # The one that resonates first: noise passes it in a way of its own.
+    ordered = tuple(sorted(best, key=lambda one: one.damping))
     return ordered, float(np.abs(transfer_of(ordered, frequency) - own).max())
+
+
+def fit_noise_lead(sections: tuple[Section, ...], frequency: Floats, density: Floats, row: float) -> float:
+    """The time constant [s] of the zero in place of the first section's by which noise has the spectral ``density`` at
+    ``frequency`` [Hz], shapes (n,), of means over rows of ``row`` [s], in any unit: its shape alone counts."""
+    boxcar = np.sinc(frequency * row) ** 2
+
+    def off(lead: float) -> float:
+        own = (sections[0]._replace(lead=lead), *sections[1:])
+        ratio = np.log(np.abs(transfer_of(own, frequency)) ** 2 * boxcar / density)
+        return float(np.var(ratio))
+
+    longest = 10 / (2 * np.pi * sections[0].frequency)
+    return float(minimize_scalar(off, bounds=(0.0, longest), method="bounded").x)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from calibration.analysis.thermal_course import curve_through, thermal_course
 from calibration.datasheet.procedures.temperature import SHARE
-from calibration.sensor.bandwidth import fit_sections
+from calibration.sensor.bandwidth import Section, fit_noise_lead, fit_sections
 from calibration.sensor.numbers import REMEDY, sensor_of
 from cosim.rate.metrics import PER_HOUR
 from gyro_model.errors import InputError
@@ -22,6 +22,10 @@ DRAWS: Final = 10.0
 """Noise is drawn so many times in a period of the bandwidth, at least."""
 SLOWEST_DRAW: Final = 1e-3
 """And at least so often [s]."""
+
+
+BEYOND: Final = 1.5
+"""The spectrum of the noise counts up to so many bandwidths."""
 
 
 class Curves(NamedTuple):
@@ -68,14 +72,25 @@ def sensor_parameters(content: Mapping[str, Any], sample_rate: float) -> dict[st
     bent = _nonlinearity(curves)
     # The scale factor over temperature is that at a part of full scale, with what the rate does to it there.
     excess = bent["nonlinearity_3"] * (SHARE * numbers.full_scale) ** 2
-    return found | _bandwidth(curves, frequency) | bent | _thermal(curves, excess)
+    return found | _bandwidth(curves, frequency, edge) | bent | _thermal(curves, excess)
 
 
-def _bandwidth(curves: Curves, frequency: Floats) -> dict[str, float]:
+def _bandwidth(curves: Curves, frequency: Floats, edge: float) -> dict[str, float]:
     phase = np.radians(curves.column("transfer", "phase [°]"))
     gain = np.asarray(curves.column("transfer", "gain [1]") * np.exp(1j * phase), dtype=complex)
     sections, _ = fit_sections(frequency, gain)
-    return {f"filter_{name}_{k}": value for k, one in enumerate(sections, 1) for name, value in one._asdict().items()}
+    found = {f"filter_{name}_{k}": value for k, one in enumerate(sections, 1) for name, value in one._asdict().items()}
+    return found | {"noise_lead": _noise_lead(curves, sections, edge)}
+
+
+def _noise_lead(curves: Curves, sections: tuple[Section, ...], edge: float) -> float:
+    """As the spectrum at rest has it up to some way beyond the bandwidth [Hz]; as the rate's where there is none."""
+    if "noise_spectrum" not in curves.content:
+        return sections[0].lead
+    frequency = curves.column("noise_spectrum", "frequency [Hz]")
+    density = np.radians(curves.column("noise_spectrum", "density [°/s/√Hz]")) ** 2
+    used = (frequency > 0) & (frequency <= BEYOND * edge) & (density > 0)
+    return fit_noise_lead(sections, frequency[used], density[used], 1 / (2 * frequency[-1]))
 
 
 def _nonlinearity(curves: Curves) -> dict[str, float]:

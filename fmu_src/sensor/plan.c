@@ -25,6 +25,7 @@ static void plan_filter(gyro_filter *filter, const double p[GYRO_N_VARIABLES])
     memset(filter, 0, sizeof *filter);
     filter->section[0] = (gyro_section){TWO_PI * p[GYRO_FILTER_FREQUENCY_1], p[GYRO_FILTER_DAMPING_1], p[GYRO_FILTER_LEAD_1]};
     filter->section[1] = (gyro_section){TWO_PI * p[GYRO_FILTER_FREQUENCY_2], p[GYRO_FILTER_DAMPING_2], p[GYRO_FILTER_LEAD_2]};
+    filter->noise_lead = p[GYRO_NOISE_LEAD];
     filter->lag = p[GYRO_STRUCTURE_LAG];
 }
 

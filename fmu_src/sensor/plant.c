@@ -115,7 +115,7 @@ void gyro_move(gyro_instance *g, gyro_instant to)
     const double temperature = memory->temperature;
     if (gyro_before(memory->clock.settled, to)) {
         const gyro_transition *over = transition_to(g, to);
-        gyro_move_filter(over, memory->state, g->view.input + g->view.noise);
+        gyro_move_filter(over, memory->state, g->view.input, g->view.noise);
         heat(memory, g->value, warmed(g, over));
     }
     const int at = gyro_settle(g, to);
@@ -200,7 +200,7 @@ void gyro_look_ahead(gyro_instance *g, gyro_instant to)
     double state[GYRO_ORDER];
     const gyro_transition *over = transition_to(g, to);
     memcpy(state, g->memory.state, sizeof state);
-    gyro_move_filter(over, state, g->view.input + g->view.noise);
+    gyro_move_filter(over, state, g->view.input, g->view.noise);
     put_out(g, to, state, warmed(g, over));
 }
 

@@ -38,6 +38,7 @@ BUSY = {
     "supply_low": 2.0,
     "start_up_time": 3.3e-3,
     "filter_lead_1": 1e-3,
+    "noise_lead": -2e-3,
     "angle_random_walk": 1e-3,
     "bias_instability": 1e-3,
     "rate_random_walk": 1e-3,

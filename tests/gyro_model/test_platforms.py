@@ -98,7 +98,7 @@ def score(form: str) -> str:
     """What play.c and play.mjs read."""
     model = FORMS[form]
     reference = {q.name: index for index, q in enumerate(model.quantities)}
-    scales = {"N": 2e-7, "rad/s": 0.7, "K": 2.0, "m/s2": 3.0, "V": 1.0}
+    scales = {"N": 2e-7, "rad/s": 0.7, "K": 2.0, "m/s2": 3.0, "V": 0.4}
     inputs = [q for q in model.quantities if q.role == "input" and q.unit in scales]
     outputs = [reference[q.name] for q in model.quantities if q.role == "output" and not q.integer]
     lines = [" ".join(map(str, (model_token(model), len(outputs), *outputs)))]

@@ -3,6 +3,7 @@
 from math import degrees, pi
 
 import numpy as np
+from scipy.signal import welch
 
 from calibration.analysis.allan import AngleAllan, Term, columns, rate_allan
 from calibration.datasheet.figure import Curve, Figure, Outcome
@@ -17,6 +18,14 @@ SEEN = 3.0
 """A term is seen where its square is this many standard errors above zero."""
 
 
+ROWS = 10
+"""Rows in a period of the output filter's bandwidth, at least."""
+LINES = 20
+"""Lines of the spectrum up to that bandwidth."""
+SPECTRUM = 2400.0
+"""Periods of the bandwidth in its record: 240 stretches, which know a density to 7 %."""
+
+
 def measure(bench: Bench) -> Outcome:
     """Of all long records at rest."""
     records, run = bench.rest, bench.typical
@@ -29,7 +38,19 @@ def measure(bench: Bench) -> Outcome:
         rule += f"; {', '.join(bench.other_noises)} add to it"
     how = "at least" if bench.other_noises else "equals"
     figures[1] = figures[1]._replace(expected=PER_ROOT_HOUR * walk, rule=rule, how=how)
-    return Outcome(figures, [curve(found)])
+    return Outcome(figures, [curve(found), spectrum(bench)])
+
+
+def spectrum(bench: Bench) -> Curve:
+    """Density of a record at rest, of means over its rows; one-sided frequencies, two-sided density, as N has it."""
+    run = bench.typical
+    bandwidth = run.settings.output_bandwidth
+    row = run.period * max(int(1 / (ROWS * bandwidth * run.period)), 1)
+    one = bench.record(SPECTRUM / bandwidth, output_rate=1 / row)
+    rate = one.rate[int(bench.settling / row) :]
+    frequency, density = welch(rate - rate.mean(), 1 / row, nperseg=min(LINES * ROWS, len(rate)))
+    columns = {"frequency [Hz]": frequency[1:], "density [°/s/√Hz]": np.degrees(np.sqrt(density[1:] / 2))}
+    return Curve("noise_spectrum", "Spectral density of the noise at rest", columns)
 
 
 def delay_of(run: RateRun) -> float:

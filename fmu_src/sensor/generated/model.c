@@ -85,6 +85,7 @@ const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {
     {"filter_frequency_2", GYRO_PARAMETER, GYRO_REAL, 100.0, 0.001, 1000000.0},
     {"filter_damping_2", GYRO_PARAMETER, GYRO_REAL, 0.8, 0.001, 1000.0},
     {"filter_lead_2", GYRO_PARAMETER, GYRO_REAL, 0.0, -1000.0, 1000.0},
+    {"noise_lead", GYRO_PARAMETER, GYRO_REAL, 0.0, -1000.0, 1000.0},
     {"angle_random_walk", GYRO_PARAMETER, GYRO_REAL, 0.0, 0.0, GYRO_UNBOUNDED},
     {"bias_instability", GYRO_PARAMETER, GYRO_REAL, 0.0, 0.0, GYRO_UNBOUNDED},
     {"rate_random_walk", GYRO_PARAMETER, GYRO_REAL, 0.0, 0.0, GYRO_UNBOUNDED},

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{d4c0336e-a474-d061-3619-3c03b2336c05}"
+#define GYRO_TOKEN "{c1a78ae9-ae49-6f9d-5ea3-d80bcc8c928c}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -89,26 +89,27 @@ enum {
     GYRO_FILTER_FREQUENCY_2 = 71, /* [Hz] parameter: natural frequency of section 2 */
     GYRO_FILTER_DAMPING_2 = 72, /* [1] parameter: damping ratio of section 2 */
     GYRO_FILTER_LEAD_2 = 73, /* [s] parameter: time constant of the zero of section 2 */
-    GYRO_ANGLE_RANDOM_WALK = 74, /* [rad/s0.5] parameter: N: white noise */
-    GYRO_BIAS_INSTABILITY = 75, /* [rad/s] parameter: B: flicker noise, flat Allan deviation 0.664 B */
-    GYRO_RATE_RANDOM_WALK = 76, /* [rad/s1.5] parameter: K: random walk of the rate */
-    GYRO_TURN_ON = 77, /* [rad/s] parameter: bias of a turn-on, rms */
-    GYRO_FULL_SCALE = 78, /* [rad/s] parameter: largest sample either way */
-    GYRO_LSB = 79, /* [rad/s] parameter: step of the samples; 0: they are not rounded */
-    GYRO_SELF_TEST_RATE = 80, /* [rad/s] parameter: by which the self-test pushes the output */
-    GYRO_INTERNAL_STEP = 81, /* [s] parameter: between draws of noise, which is held */
-    GYRO_SAMPLE_PERIOD = 82, /* [s] parameter: time between samples */
-    GYRO_SEED = 83, /* [1] parameter: seed of all noises */
-    GYRO_STEP_LIMIT = 84, /* [1] parameter: internal steps after which a step ends early; 0: none */
+    GYRO_NOISE_LEAD = 74, /* [s] parameter: time constant of the zero of section 1 for noise */
+    GYRO_ANGLE_RANDOM_WALK = 75, /* [rad/s0.5] parameter: N: white noise */
+    GYRO_BIAS_INSTABILITY = 76, /* [rad/s] parameter: B: flicker noise, flat Allan deviation 0.664 B */
+    GYRO_RATE_RANDOM_WALK = 77, /* [rad/s1.5] parameter: K: random walk of the rate */
+    GYRO_TURN_ON = 78, /* [rad/s] parameter: bias of a turn-on, rms */
+    GYRO_FULL_SCALE = 79, /* [rad/s] parameter: largest sample either way */
+    GYRO_LSB = 80, /* [rad/s] parameter: step of the samples; 0: they are not rounded */
+    GYRO_SELF_TEST_RATE = 81, /* [rad/s] parameter: by which the self-test pushes the output */
+    GYRO_INTERNAL_STEP = 82, /* [s] parameter: between draws of noise, which is held */
+    GYRO_SAMPLE_PERIOD = 83, /* [s] parameter: time between samples */
+    GYRO_SEED = 84, /* [1] parameter: seed of all noises */
+    GYRO_STEP_LIMIT = 85, /* [1] parameter: internal steps after which a step ends early; 0: none */
     GYRO_N_INPUTS = 9, /* which come first */
-    GYRO_N_VARIABLES = 85
+    GYRO_N_VARIABLES = 86
 };
 
 /* The motion as a differential equation: continuous states, the voltages behind the amplifier's lag, what lags, what
    flows. Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {
     GYRO_N_CONTINUOUS = 1,
-    GYRO_FIRST_LOCAL = 86, /* value reference */
+    GYRO_FIRST_LOCAL = 87, /* value reference */
     GYRO_N_LOCALS = 0
 };
 

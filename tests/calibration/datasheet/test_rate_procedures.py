@@ -195,7 +195,7 @@ def test_a_bench_turns_on_from_rest_whatever_the_device_file_lets_begin() -> Non
 
 def test_a_cycle_of_the_temperature_tells_lag_and_hysteresis() -> None:
     # The bias of quadrature moves with damping; the ends are reached within a lag of half a minute.
-    own = device(kxy=1e-4, tcd=2e-3, dxy=1e-9, structure_lag=30.0, thermal_hysteresis=0.02, t_ref=298.15)
+    own = device(kxy=1e-4, tcd=2e-3, dxy=1e-9, structure_lag=30.0, thermal_hysteresis=0.1, t_ref=298.15)
     cycle = Bench(own, plan=PLAN._replace(soak=60.0))
     procedure = procedures("rate-open")["temperature_cycle"]
     outcome = procedure.measure(cycle)

@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import cont2discrete
 
 from calibration.analysis.thermal_course import basis, curve_through, followed, pushed, thermal_course
-from calibration.sensor.bandwidth import Section, fit_sections, transfer_of
+from calibration.sensor.bandwidth import Section, fit_noise_lead, fit_sections, transfer_of
 from calibration.sensor.model import sensor_parameters
 from gyro_model.build import build
 from gyro_model.errors import InputError
@@ -284,3 +284,33 @@ def test_a_datasheet_without_its_curves_is_refused(spoil: Callable[[Any], Any], 
 def test_a_rate_of_samples_that_is_none_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="sample_period"):
         SensorModel().starting_at(sensor_parameters(datasheet(), 1e6))
+
+
+def test_noise_of_both_sides_of_a_resonance_adds_by_its_power() -> None:
+    # 1/D and its mirror image, half of each for a rate, half of each power for noise: a zero at √(Δ² + γ²).
+    split, decay = 2 * np.pi * 40.0, 2 * np.pi * 3.0
+    frequency = np.geomspace(1.0, 60.0, 80)
+    s = 2j * np.pi * frequency
+    sides = [abs((decay + sign * 1j * split) / (s + decay + sign * 1j * split)) ** 2 for sign in (1, -1)]
+    w = np.hypot(split, decay)
+    mode = Section(w / (2 * np.pi), decay / w, decay / w**2)
+    output = Section(200.0, 0.8, 0.0)
+    density = (sides[0] + sides[1]) / 2 * np.abs(transfer_of((output,), frequency)) ** 2
+    boxcar = np.sinc(frequency * 1e-3) ** 2
+    lead = fit_noise_lead((mode, output), frequency, 1e-9 * density * boxcar, 1e-3)
+    assert lead == pytest.approx(1 / w, rel=1e-3)
+
+
+def test_noise_passes_its_own_zero(simulated: Callable[..., Any]) -> None:
+    # White noise beyond a first-order section whose zero cancels its pole stays white; without it, it does not.
+    t = np.arange(4000) * 1e-3
+    flat = {"filter_frequency_1": 10.0, "filter_damping_1": 50.0, "angle_random_walk": 1e-3}
+    flat |= {name: value for name, value in FAST.items() if name.endswith("2")}
+    lead = 2 * 50.0 / (2 * np.pi * 10.0)
+    white = simulated(t, {**flat, "noise_lead": lead})["rate"][100:]
+    brown = simulated(t, flat)["rate"][100:]
+    deviation = 1e-3 / np.sqrt(1e-3)
+    # 3,900 values know their deviation to 1.1 %, their correlation to 1.6 %.
+    assert np.std(white) == pytest.approx(deviation, rel=0.05)
+    assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.06
+    assert np.corrcoef(brown[1:], brown[:-1])[0, 1] > 0.9
