@@ -110,7 +110,7 @@ def _row(figure: "Figure") -> dict[str, Any]:
     }
 
 
-LOGARITHMIC: Final = {"allan": (True, True), "transfer": (True, False)}
+LOGARITHMIC: Final = {"allan": (True, True), "noise_spectrum": (True, True), "transfer": (True, False)}
 """Axes of a curve, x and y, that are logarithmic."""
 
 

@@ -138,7 +138,13 @@ def test_values_show_two_digits_of_their_error(sheet: gt.DatasheetResult) -> Non
 
 def test_curves_are_drawn_by_their_units(sheet: gt.DatasheetResult) -> None:
     drawings = [draw(curve) for test in sheet.tests for curve in test.outcome.curves]
-    assert {drawing.id for drawing in drawings if drawing} == {"allan", "transfer", "temperature", "scale_factor"}
+    assert {drawing.id for drawing in drawings if drawing} == {
+        "allan",
+        "noise_spectrum",
+        "transfer",
+        "temperature",
+        "scale_factor",
+    }
     transfer = next(drawing for drawing in drawings if drawing and drawing.id == "transfer")
     assert [panel.y_title for panel in transfer.panels] == ["gain [1]", "phase [°]"]
     assert all(panel.x_log for panel in transfer.panels)

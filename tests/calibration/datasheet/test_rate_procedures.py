@@ -196,17 +196,14 @@ def test_a_bench_turns_on_from_rest_whatever_the_device_file_lets_begin() -> Non
 def test_a_cycle_of_the_temperature_tells_lag_and_hysteresis() -> None:
     # The bias of quadrature moves with damping; the ends are reached within a lag of half a minute.
     own = device(kxy=1e-4, tcd=2e-3, dxy=1e-9, structure_lag=30.0, thermal_hysteresis=0.1, t_ref=298.15)
-    cycle = Bench(own, plan=PLAN._replace(soak=60.0))
-    procedure = procedures("rate-open")["temperature_cycle"]
-    outcome = procedure.measure(cycle)
-    found = {figure.id: figure for figure in outcome.figures}
-    assert found["bias_lag"].value == pytest.approx(30.0, rel=0.05)
-    hysteresis = found["bias_hysteresis"]
-    assert hysteresis.value is not None and hysteresis.error is not None
-    none = Bench(replace(own, parameters={**own.parameters, "thermal_hysteresis": 0.0}), plan=cycle.plan)
-    without = {figure.id: figure for figure in procedure.measure(none).figures}["bias_hysteresis"]
-    assert abs(hysteresis.value) > 5 * hysteresis.error
-    assert abs(without.value or 0.0) < 0.1 * abs(hysteresis.value)
+    none = replace(own, parameters={**own.parameters, "thermal_hysteresis": 0.0})
+    plan, procedure = PLAN._replace(soak=60.0), procedures("rate-open")["temperature_cycle"]
+    outcome, plain = (procedure.measure(Bench(one, plan=plan)) for one in (own, none))
+    found, without = ({figure.id: figure.value or 0.0 for figure in one.figures} for one in (outcome, plain))
+    assert without["bias_lag"] == pytest.approx(30.0, rel=0.02)
+    # The effect scales damping and split, of which play operators beside a curve are the first order.
+    assert found["bias_lag"] == pytest.approx(30.0, rel=0.1)
+    assert abs(found["bias_hysteresis"]) > 5 * abs(without["bias_hysteresis"])
     [curve] = outcome.curves
     assert len({len(values) for values in curve.columns.values()}) == 1
     assert "--quick" in procedure.measure(Bench(own, plan=PLAN)).reason
