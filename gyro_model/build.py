@@ -23,6 +23,7 @@ from gyro_model import (
     generate_effects,
     generate_envelope,
     generate_package,
+    generate_series,
     generate_tangent,
     generate_xml,
 )
@@ -41,7 +42,10 @@ GENERATED = "generated"
 EFFECTS = f"{GENERATED}/effects.h"
 WRITERS: dict[str, dict[str, Callable[[Any], str]]] = {
     "device": {EFFECTS: generate_effects.effects},
-    "full": {f"{GENERATED}/tangent.h": generate_tangent.tangent},
+    "full": {
+        f"{GENERATED}/expansions.h": generate_series.expansions,
+        f"{GENERATED}/tangent.h": generate_tangent.tangent,
+    },
     "envelope": {f"{GENERATED}/envelope.h": generate_envelope.envelope},
 }
 """What is generated for a layer of C beside the tables of the FMU's variables, by its path in the sources."""

@@ -5,6 +5,7 @@ import re
 import textwrap
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 from itertools import combinations_with_replacement
 
 from sympy import Expr, Symbol, diff, sympify
@@ -144,7 +145,7 @@ def effects(model: Model) -> str:
         _remembering(model),
         _holds(model),
         _derivative(model),
-        _linear(model, place),
+        _propagated(model, place),
         _kick(model),
     ]
     parts += [_stage(model, *stage) for stage in _STAGES]
@@ -316,7 +317,7 @@ def _activity(model: Model) -> str:
     memory = _any_of(e for e in model.effects if e.memories)
     renewed = _any_of(e for e in model.effects if _is_renewed(e))
     acting = "".join(guarded(e, f"g->acting[g->n_acting++] = {effect_macro(e)};\n") for e in added_forces(model))
-    bent = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if not _is_linear(e, model)) or "0"
+    bent = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if not is_linear(e, model)) or "0"
     unsteady = "".join(f" && !g->active[{effect_macro(e)}]" for e in _unsteady(model))
     impulse = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.forces if e.impulse) or "0"
     rate = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.effects if _asks_rate(e)) or "0"
@@ -548,9 +549,16 @@ def is_curved(exprs: Iterable[Expr], signals: Sequence[Symbol]) -> bool:
     return any(diff(expr, *pair) != 0 for expr in exprs for pair in pairs)
 
 
-def _is_linear(effect: Force, model: Model) -> bool:
-    changing = symbols.t in effect.symbols or effect.states
-    return not changing and not is_curved(effect.force, model.state_symbols)
+def is_linear(effect: Force, model: Model) -> bool:
+    """Whether the force is affine in the motion, stays while nothing else does, and has no states of its own."""
+    return effect.id in _linear(model)
+
+
+@lru_cache(maxsize=8)
+def _linear(model: Model) -> frozenset[str]:
+    # Kept: second derivatives of some hundred forces take a second.
+    forces = (e for e in model.forces if not (symbols.t in e.symbols or e.states))
+    return frozenset(e.id for e in forces if not is_curved(e.force, model.state_symbols))
 
 
 def _is_steady(effect: Force, model: Model) -> bool:
@@ -564,7 +572,7 @@ def _is_steady(effect: Force, model: Model) -> bool:
 
 def _unsteady(model: Model) -> list[Effect]:
     """The linear forces whose slopes may change, and the laws that change a parameter of any slope."""
-    linear = [e for e in model.forces if _is_linear(e, model)]
+    linear = [e for e in model.forces if is_linear(e, model)]
     read = {symbol for e in linear for row in _slopes(e) for expr in row for symbol in expr.free_symbols}
     laws = [*(e for e in model.laws if read & set(e.changes)), *(e for e in follows_of(model) if read & set(e.follows))]
     return [*(e for e in linear if not _is_steady(e, model)), *laws]
@@ -599,8 +607,8 @@ def _still(effect: Force, place: Places) -> str:
     return f"{head}\n{{\n{place.declare(effect, rest)}{lines}}}\n" if lines else ""
 
 
-def _linear(model: Model, place: Places) -> str:
-    own = [e for e in model.forces if _is_linear(e, model) and not e.drawn]
+def _propagated(model: Model, place: Places) -> str:
+    own = [e for e in model.forces if is_linear(e, model) and not e.drawn]
     sloping, standing = [e for e in own if _slope(e, place)], [e for e in own if _still(e, place)]
     functions = "\n".join([_slope(e, place) for e in sloping] + [_still(e, place) for e in standing])
     return f"""{functions}

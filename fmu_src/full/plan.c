@@ -24,6 +24,7 @@ static void plan_effects(gyro_instance *g)
         gyro_pink_design(&g->plan.pink, g->value[GYRO_SAMPLE_PERIOD]);
     }
     g->plan.any_lag = (unsigned char)lag_acts(&g->view);
+    gyro_plan_series(g);
     g->plan.propagator.step = 0.0;
     if (g->view.steady) {
         /* Most steps go from one point of the finer of the two beats to the next. */

@@ -5,9 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "integrator.h"
-#include "linear.h"
 #include "noise.h"
+#include "taylor.h"
 
 /* No effect has acted. */
 static const unsigned char NONE[GYRO_N_EFFECTS] = {0};
@@ -307,11 +306,35 @@ void gyro_first_sample(gyro_instance *g)
     gyro_put_out(g);
 }
 
-/* The states of the view over h [s] from `settled`, and the voltage behind the lag where `lags`. */
-static void move_by(gyro_instance *g, double h, int lags)
+void gyro_plan_series(gyro_instance *g) { plan_series(&g->plan.series, &g->view); }
+
+/* The states of the view over h [s] from time t by series, and the voltage behind the lag where `lags`. */
+static void move_by_series(gyro_instance *g, const gyro_course *course, double t, double h, int lags)
 {
     gyro_view *view = &g->view;
-    const double t = gyro_time_of(g, g->memory.clock.settled);
+    const int n = view->any_state ? GYRO_N_STATES : GYRO_STATE_Y_DOT + 1;
+    gyro_passage at;
+    begin_passage(&at, &g->plan.series, course);
+    while (at.done < 1.0) {
+        const double begin = h * at.done;
+        gyro_end start;
+        if (lags) {
+            start = end_here(view);
+        }
+        advance_next(view, g->value, course, t, h, n, &at);
+        if (lags) {
+            move_lag(g, &start, t + begin, begin, h * at.done - begin);
+        }
+        if (lags && view->moving && at.done < 1.0) {
+            apply_laws_at(view, g->value, t, h, 0.5);
+        }
+    }
+}
+
+/* The same while the motion is linear, or by stages. */
+static void move_by_halves(gyro_instance *g, double t, double h, int lags)
+{
+    gyro_view *view = &g->view;
     const int tabulated = view->steady && gyro_holds(&g->plan.propagator, view, h);
     for (gyro_progress at = {0, GYRO_WHOLE}; at.done < GYRO_WHOLE;) {
         const double begin = h * at.done / GYRO_WHOLE;
@@ -330,6 +353,19 @@ static void move_by(gyro_instance *g, double h, int lags)
         if (lags) {
             move_lag(g, &start, t + begin, begin, h * at.done / GYRO_WHOLE - begin);
         }
+    }
+}
+
+/* The states of the view over h [s] from `settled`, and the voltage behind the lag where `lags`. */
+static void move_by(gyro_instance *g, double h, int lags)
+{
+    gyro_view *view = &g->view;
+    const double t = gyro_time_of(g, g->memory.clock.settled);
+    gyro_course course;
+    if (view->any_curved && g->plan.series.holds && find_course(view, g->value, t, h, &course)) {
+        move_by_series(g, &course, t, h, lags);
+    } else {
+        move_by_halves(g, t, h, lags);
     }
 }
 

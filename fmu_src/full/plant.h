@@ -11,6 +11,7 @@
 #include "lag.h"
 #include "pink.h"
 #include "propagator.h"
+#include "series.h"
 
 /* Also where an importer compiles the sources without -fvisibility=hidden, two FMUs in one process keep to their own. */
 #if defined(__GNUC__)
@@ -24,6 +25,7 @@ typedef struct {
     gyro_instant delay;  /* of the force, as if it came at the start */
     gyro_pink_plan pink; /* where any_draw */
     gyro_propagator propagator; /* of the steps between cuts of the grid, where steady */
+    gyro_series_plan series; /* of the forces that bend the motion */
     gyro_lag lag;        /* weights for the latest step and time constants; where any_lag */
     unsigned char any_delay;
     unsigned char any_lag;
@@ -82,6 +84,9 @@ void gyro_start_lag(gyro_instance *g);
 
 /* What effects remember at the time of the view, the force being that which acts, stands from now on. */
 void gyro_remember(gyro_instance *g);
+
+/* Finds which forces bend the motion, and room for their series. */
+void gyro_plan_series(gyro_instance *g);
 
 /* Draws the numbers of one effect for the latest sample. */
 void gyro_draw(gyro_instance *g, int effect);

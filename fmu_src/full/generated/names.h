@@ -106,6 +106,7 @@
 #define gyro_pink_next Gyroscope_gyro_pink_next
 #define gyro_pink_start Gyroscope_gyro_pink_start
 #define gyro_plan_cuts Gyroscope_gyro_plan_cuts
+#define gyro_plan_series Gyroscope_gyro_plan_series
 #define gyro_pow Gyroscope_gyro_pow
 #define gyro_power Gyroscope_gyro_power
 #define gyro_prepare Gyroscope_gyro_prepare

@@ -1,0 +1,377 @@
+/* The motion while forces bend it: its Taylor series in time, of so many terms that what is left out is below rounding. Where so many don't
+   do, near a singularity in the complex plane, the same terms hold for a shorter step, and the rest of the step follows from there.
+
+   Where a force has a corner (friction that turns round, a stop that is met) the step ends at the corner, found on the polynomial, so that
+   every series is of one branch. What has no series, or corners closer than a thousandth of a step, is left to the stages of integrator.h.
+
+   Where laws change parameters within the step, the linear forces change along a line, and what else depends on them is that of the middle of
+   the step: the error of that is a commutator, which turns with the motion and does not add up. */
+
+#ifndef GYRO_TAYLOR_H
+#define GYRO_TAYLOR_H
+
+#include <string.h>
+
+#include "generated/expansions.h"
+#include "integrator.h"
+#include "linear.h"
+
+/* Largest last term, over the size of a state; the one before may be GYRO_BEFORE_LAST times as large. */
+static const double GYRO_LAST_TERM = 3e-14, GYRO_BEFORE_LAST = 100.0;
+
+/* So many terms are not asked whether they are the last. The first that are not zero are the size of a state: near a singularity higher ones are
+   no measure. */
+enum { GYRO_SIZE_TERMS = 5 };
+
+/* What is zero beside the sum of a corner's terms. */
+static const double GYRO_CORNER_ZERO = 1e-13;
+
+/* Corners that one part of a step may be cut at before the stages take over. */
+enum { GYRO_MOST_TURNS = 2 * GYRO_SERIES_CORNERS };
+
+/* Corners met so soon after the last part that a step need not wait; then the stages take over there too. */
+enum { GYRO_MOST_CLOSE = 16 };
+
+/* Powers of time up to which laws change the linear forces. */
+enum { GYRO_COURSE_POWERS = 3 };
+
+/* What laws do in a step: the linear forces by powers of the time, in steps, and by what all else that a force reads changes. */
+typedef struct {
+    gyro_linear power[GYRO_COURSE_POWERS];
+    double read[GYRO_SERIES_READ];
+    int changes;
+} gyro_course;
+
+static inline void plan_series(gyro_series_plan *plan, const gyro_view *view)
+{
+    gyro_series_place end = {0, 0, 0};
+    memset(plan, 0, sizeof *plan);
+    plan->holds = 1;
+    for (int i = 0; i < view->n_acting; i++) {
+        const int effect = view->acting[i];
+        const gyro_series_size size = series_sizes[effect];
+        if (size.rows < 0) {
+            plan->holds = 0;
+        } else if (size.rows + size.constants + size.corners > 0) {
+            plan->effect[plan->n] = effect;
+            plan->place[plan->n++] = end;
+            end = (gyro_series_place){end.row + size.rows, end.constant + size.constants, end.corner + size.corners};
+        }
+    }
+    plan->corners = end.corner;
+    plan->holds = plan->holds && end.row <= GYRO_SERIES_ROWS;
+}
+
+/* a + f b */
+static inline gyro_linear sum_of_linear(const gyro_linear *a, double f, const gyro_linear *b)
+{
+    gyro_linear sum;
+    for (int axis = 0; axis < 2; axis++) {
+        sum.still[axis] = a->still[axis] + f * b->still[axis];
+        for (int i = 0; i < 4; i++) {
+            sum.slope[axis][i] = a->slope[axis][i] + f * b->slope[axis][i];
+        }
+    }
+    return sum;
+}
+
+/* The linear forces from the part `begin` of a step on, in units of what is left of it. */
+static inline void shift_course(const gyro_course *course, double begin, gyro_linear from[GYRO_COURSE_POWERS])
+{
+    static const gyro_linear none = {{{0.0}}, {0.0}};
+    const double rest = 1.0 - begin;
+    const gyro_linear *p = course->power;
+    const gyro_linear value = sum_of_linear(&p[1], begin, &p[2]), rate = sum_of_linear(&p[1], 2.0 * begin, &p[2]);
+    from[0] = sum_of_linear(&p[0], begin, &value);
+    from[1] = sum_of_linear(&none, rest, &rate);
+    from[2] = sum_of_linear(&none, rest * rest, &p[2]);
+}
+
+/* Coefficient k of the linear force of one axis, where it does not change. */
+static inline double linear_force(const gyro_linear *linear, const gyro_series *s, int axis, int k)
+{
+    const double *a = linear->slope[axis];
+    const double force = (a[0] * s->s[0][k] + a[1] * s->s[1][k]) + (a[2] * s->s[2][k] + a[3] * s->s[3][k]);
+    return k == 0 ? force + linear->still[axis] : force;
+}
+
+/* The coefficients k + 1 of n states. */
+static inline void expand_once(const gyro_view *g, gyro_series *s, const gyro_linear *from, int changes, int k, int n)
+{
+    const double h = s->step / (k + 1), to_speed = h * g->inverse_mass;
+    double force[2] = {linear_force(&from[0], s, 0, k), linear_force(&from[0], s, 1, k)}, rate[GYRO_N_STATES] = {0.0};
+    for (int j = 1; changes && j < GYRO_COURSE_POWERS && j <= k; j++) {
+        force[0] += linear_force(&from[j], s, 0, k - j);
+        force[1] += linear_force(&from[j], s, 1, k - j);
+    }
+    add_series(g, s, k, force, rate);
+    s->s[GYRO_STATE_X][k + 1] = h * s->s[GYRO_STATE_X_DOT][k];
+    s->s[GYRO_STATE_X_DOT][k + 1] = to_speed * force[0];
+    s->s[GYRO_STATE_Y][k + 1] = h * s->s[GYRO_STATE_Y_DOT][k];
+    s->s[GYRO_STATE_Y_DOT][k + 1] = to_speed * force[1];
+    for (int i = 4; i < n; i++) {
+        s->s[i][k + 1] = h * rate[i];
+    }
+}
+
+/* The part of the step for which a term of this power is the last that counts, being `left` times as large as that. */
+static inline double reach_of(double left, int power) { return left > 1.0 ? gyro_power(left, -1.0 / power) : 1.0; }
+
+/* The coefficients of the motion of n states from the view on, in units of the step of the series, n a constant at each call; `size` shape
+   (GYRO_N_STATES) grows to that of each state. Gives the last power; `reach` is the part of the step that it holds for. */
+static inline int expand(const gyro_view *g, gyro_series *s, const gyro_course *course, double begin, int n, double size[GYRO_N_STATES],
+                         double *reach)
+{
+    double weight[GYRO_N_STATES], left = INFINITY, before = INFINITY;
+    gyro_linear shifted[GYRO_COURSE_POWERS];
+    const gyro_linear *from = course->power;
+    int power = 0;
+    if (course->changes && begin > 0.0) {
+        shift_course(course, begin, shifted);
+        from = shifted;
+    }
+    for (int i = 0; i < n; i++) {
+        s->s[i][0] = g->s[i];
+    }
+    for (; power < GYRO_SIZE_TERMS; power++) {
+        expand_once(g, s, from, course->changes, power, n);
+    }
+    for (int i = 0; i < n; i++) {
+        const double *c = s->s[i];
+        size[i] = larger(size[i], fabs(c[0]) + fabs(c[1]));
+        for (int j = 2; j < GYRO_SIZE_TERMS && !(size[i] > 0.0); j++) {
+            size[i] = fabs(c[j]);
+        }
+        weight[i] = size[i] > 0.0 ? 1.0 / (GYRO_LAST_TERM * size[i]) : 1e300;
+    }
+    /* A sum, in which what is no number stays. */
+    while (power < GYRO_MOST_POWER && !(left <= 1.0 && before <= GYRO_BEFORE_LAST)) {
+        expand_once(g, s, from, course->changes, power++, n);
+        before = left;
+        left = 0.0;
+        for (int i = 0; i < n; i++) {
+            left += fabs(s->s[i][power]) * weight[i];
+        }
+    }
+    *reach = 1.0;
+    if (!(left <= 1.0 && before <= GYRO_BEFORE_LAST)) {
+        const double last = reach_of(left, power), former = reach_of(before / GYRO_BEFORE_LAST, power - 1);
+        *reach = gyro_finite(left + before) ? smaller(last, former) : 0.0;
+    }
+    return power;
+}
+
+/* The value of a polynomial of degree n at t, and its rate. */
+static inline double value_at(const double *c, int n, double t)
+{
+    double sum = c[n];
+    for (int j = n - 1; j >= 0; j--) {
+        sum = sum * t + c[j];
+    }
+    return sum;
+}
+
+static inline double rate_at(const double *c, int n, double t)
+{
+    double sum = n * c[n];
+    for (int j = n - 1; j > 0; j--) {
+        sum = sum * t + j * c[j];
+    }
+    return sum;
+}
+
+/* Where side c, above zero at 0, comes down to `zero` before `end`; 2 where it does not. Each step goes as far as the largest second
+   derivative lets it, so that no zero is passed by, and doubles the digits of the first. */
+static inline double first_zero(const double *c, int n, double side, double zero, double end)
+{
+    double bend = 0.0, t = 0.0, found = 2.0;
+    for (int j = n; j > 1; j--) {
+        bend = bend * end + j * (j - 1) * fabs(c[j]);
+    }
+    for (int i = 0; i < 64 && t < end && found > 1.0; i++) {
+        const double value = side * value_at(c, n, t), rate = n > 0 ? side * rate_at(c, n, t) : 0.0;
+        const double root = sqrt(rate * rate + 2.0 * bend * value);
+        if (value <= zero) {
+            found = t;
+        } else {
+            t += rate < 0.0 ? 2.0 * value / (root - rate) : bend > 0.0 ? (rate + root) / bend : end;
+        }
+    }
+    return found;
+}
+
+/* Whether the side of a corner is that to which the motion goes; else turns it. Where it is, shortens `reach` to the next corner and puts which in
+   `met`. */
+static inline int side_holds(gyro_series *s, int corner, int power, double *reach, int *met)
+{
+    const double *c = s->corner[corner];
+    const double side = s->side[corner];
+    double sum = 0.0;
+    int holds = 1, low = 0;
+    for (int j = power; j > 0; j--) {
+        sum = (sum + fabs(c[j])) * *reach;
+    }
+    if (side * c[0] <= sum && (sum > 0.0 || c[0] != 0.0)) {
+        /* At the corner, the first term that is not zero says where it goes; that zero is not the next one. */
+        low = fabs(c[0]) <= GYRO_CORNER_ZERO * sum;
+        while (low > 0 && low < power && c[low] == 0.0) {
+            low++;
+        }
+        holds = side * c[low] > 0.0;
+        if (holds) {
+            const double at = first_zero(c + low, power - low, side, GYRO_CORNER_ZERO * sum, *reach);
+            if (at < *reach) {
+                *reach = at;
+                *met = corner;
+            }
+        } else {
+            s->side[corner] = -side;
+        }
+    }
+    return holds;
+}
+
+/* The states at a part of the step of the series. */
+static inline void set_states(const gyro_series *s, int power, double part, int n, gyro_view *g)
+{
+    for (int i = 0; i < n; i++) {
+        const double *c = s->s[i];
+        g->s[i] = c[0] + part * value_at(c + 1, power - 1, part);
+    }
+}
+
+/* By what laws may bend the course of the linear forces off a line in a step, over the stiffness: what bends a parabola is less again. */
+static const double GYRO_COURSE_BEND = 1e-9;
+
+/* By what part they may change in a step what else a force reads: that which a series holds at the middle, and that which it follows along a
+   line. */
+static const double GYRO_READ_CHANGE[2] = {1e-7, 1e-4};
+
+/* The laws at the part `at` of a step h [s] from time t; `value` shape (GYRO_N_VARIABLES), as set. */
+static inline void apply_laws_at(gyro_view *g, const double *value, double t, double h, double at)
+{
+    g->t = t + at * h;
+    g->since = at * h;
+    apply_laws(g, value);
+}
+
+/* The parabola through start, middle and end of a step; gives whether it is nearly a line. */
+static inline int lay_course(gyro_course *course, const gyro_linear *start, const gyro_linear *middle, const gyro_linear *end, double inverse_mass)
+{
+    const double frequency = bound_of(course->power[0].slope, inverse_mass);
+    const gyro_linear bend = sum_of_linear(start, -1.0, middle), back = sum_of_linear(end, -1.0, middle), twice = sum_of_linear(&bend, 1.0, &back);
+    const gyro_linear whole = sum_of_linear(end, -1.0, start);
+    double most = 0.0;
+    course->power[0] = *start;
+    course->power[1] = sum_of_linear(&whole, -2.0, &twice);
+    course->power[2] = sum_of_linear(&twice, 1.0, &twice);
+    for (int axis = 0; axis < 2; axis++) {
+        const double *a = course->power[2].slope[axis];
+        most = larger(most, fabs(a[0]) + fabs(a[2]) + frequency * (fabs(a[1]) + fabs(a[3])));
+    }
+    return most * inverse_mass <= GYRO_COURSE_BEND * frequency * frequency;
+}
+
+/* Finds how the linear forces change in a step h [s] from time t, and leaves the laws of its middle; gives 0 where laws bend too much, and
+   leaves those of the start. */
+static inline int find_course(gyro_view *g, const double *value, double t, double h, gyro_course *course)
+{
+    int even = 1;
+    double *change = course->read;
+    memset(course, 0, sizeof *course);
+    course->power[0] = linear_of(g);
+    if (g->moving) {
+        const gyro_linear start = course->power[0];
+        double first[GYRO_SERIES_READ], last[GYRO_SERIES_READ];
+        read_by_series(g, first);
+        apply_laws_at(g, value, t, h, 1.0);
+        read_by_series(g, last);
+        const gyro_linear end = linear_of(g);
+        apply_laws_at(g, value, t, h, 0.5);
+        const gyro_linear middle = linear_of(g);
+        course->changes = 1;
+        even = lay_course(course, &start, &middle, &end, g->inverse_mass);
+        for (int i = 0; i < GYRO_SERIES_READ; i++) {
+            change[i] = last[i] - first[i];
+            even = even && fabs(change[i]) <= GYRO_READ_CHANGE[series_follows[i]] * fabs(first[i]);
+        }
+        if (!even) {
+            apply_laws_at(g, value, t, h, 0.0);
+        }
+    }
+    return even;
+}
+
+/* How far a step has come, and what its parts share. */
+typedef struct {
+    double done;               /* 1: all of it */
+    double size[GYRO_N_STATES]; /* of each state, SI */
+    int close;                  /* corners met within a part of GYRO_WHOLE */
+    int stages;                 /* parts of GYRO_WHOLE that are left to the stages where the next series does not do */
+    gyro_series series;
+} gyro_passage;
+
+static inline void begin_passage(gyro_passage *at, const gyro_series_plan *plan, const gyro_course *course)
+{
+    memcpy(at->series.change, course->read, sizeof at->series.change);
+    at->done = 0.0;
+    at->close = 0;
+    at->stages = 1;
+    at->series.plan = plan;
+    memset(at->size, 0, sizeof at->size);
+    memset(at->series.side, 0, sizeof at->series.side);
+}
+
+/* Moves n states of the view on as far as one series does; gives 0 where none does. */
+static inline int advance_by_series(gyro_view *g, const gyro_course *course, double h, int n, gyro_passage *at)
+{
+    gyro_series *s = &at->series;
+    double reach = 0.0;
+    int power = 0, met = -1, settled = 0;
+    s->step = h * (1.0 - at->done);
+    s->begin = at->done;
+    for (int turns = 0; !settled && turns <= GYRO_MOST_TURNS; turns++) {
+        power = n == GYRO_N_STATES ? expand(g, s, course, at->done, GYRO_N_STATES, at->size, &reach)
+                                   : expand(g, s, course, at->done, GYRO_STATE_Y_DOT + 1, at->size, &reach);
+        settled = 1;
+        met = -1;
+        for (int corner = 0; corner < s->plan->corners && reach > 0.0; corner++) {
+            settled = side_holds(s, corner, power - 1, &reach, &met) && settled;
+        }
+    }
+    /* Part of the rest of the step, and so of the whole. */
+    const double part = reach * (1.0 - at->done);
+    const int close = part * GYRO_WHOLE < 1.0 && reach < 1.0, moves = settled && (!close || (met >= 0 && at->close < GYRO_MOST_CLOSE));
+    if (moves) {
+        at->close += close;
+        set_states(s, power, reach, n, g);
+        at->done = reach < 1.0 ? at->done + part : 1.0;
+        if (met >= 0) {
+            s->side[met] = -s->side[met];
+        }
+    }
+    return moves;
+}
+
+/* Moves n states of the view on by the next part of the step h [s] from time t: by one series, or else by stages. */
+static inline void advance_next(gyro_view *g, const double *value, const gyro_course *course, double t, double h, int n, gyro_passage *at)
+{
+    g->t = t + at->done * h;
+    g->since = at->done * h;
+    if (advance_by_series(g, course, h, n, at)) {
+        at->stages = 1;
+    } else {
+        for (int i = 0; i < at->stages && at->done < 1.0; i++) {
+            const double left = 1.0 - at->done, part = left > 1.5 / GYRO_WHOLE ? 1.0 / GYRO_WHOLE : left;
+            integrate_part(g, value, t + at->done * h, at->done * h, part * h);
+            at->done = part < left ? at->done + part : 1.0;
+        }
+        if (g->moving) {
+            apply_laws_at(g, value, t, h, 0.5);
+        }
+        memset(at->series.side, 0, sizeof at->series.side);
+        at->stages *= 2;
+    }
+}
+
+#endif
