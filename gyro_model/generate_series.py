@@ -21,6 +21,9 @@ from gyro_model.generate_effects import Places, added_forces, is_linear
 from gyro_model.model import Model
 
 _SMOOTH: Final = ("exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh")
+_SATURATING: Final = {"tanh": "fabs({}) - 19.0", "exp": "-{} - 40.0"}
+"""By how much an argument may change and leave the function at its end within rounding of 1. There it says nothing of
+what comes beyond."""
 _CORNERED: Final = (Abs, Max, Min, Heaviside, sign)
 MOST_ROWS: Final = 256
 """Room for rows of coefficients; a model whose acting forces ask for more is integrated by stages."""
@@ -46,7 +49,7 @@ def expansions(model: Model) -> str:
     held = set().union(*(one.held for one in series.values()))
     follows = ", ".join("0" if symbol in held else "1" for symbol in read) or "1"
     copies = "".join(f"    read[{i}] = g->p[{macro(symbol.name)}];\n" for i, symbol in enumerate(read))
-    most = [max(1, sum(one.counts()[i] for one in series.values())) for i in range(3)]
+    most = [max(1, sum(one.counts()[i] for one in series.values())) for i in range(4)]
     return f"""{STAMP}
 #ifndef GYRO_EXPANSIONS_H
 #define GYRO_EXPANSIONS_H
@@ -59,6 +62,7 @@ enum {{
     GYRO_SERIES_ROWS = {min(most[0], MOST_ROWS)},
     GYRO_SERIES_CONSTANTS = {most[1]},
     GYRO_SERIES_CORNERS = {most[2]},
+    GYRO_SERIES_BOUNDS = {most[3]},
     GYRO_SERIES_READ = {max(1, len(read))}
 }};
 
@@ -70,6 +74,8 @@ typedef struct {{
     double w[GYRO_SERIES_ROWS][GYRO_TERMS];   /* rows of the effects */
     double c[GYRO_SERIES_CONSTANTS];          /* constants of the effects */
     const double *corner[GYRO_SERIES_CORNERS]; /* the row that changes its sign where a force has a corner */
+    const double *bounded[GYRO_SERIES_BOUNDS]; /* the row that may change only by `room`; NULL: none does */
+    double room[GYRO_SERIES_BOUNDS];
     double change[GYRO_SERIES_READ];          /* by what laws change what is read in the whole step [SI] */
     double begin;                             /* of the whole step has been done */
     double side[GYRO_SERIES_CORNERS];         /* its sign in this part of the step, 1 or -1; 0: not known yet */
@@ -80,6 +86,15 @@ static inline double following(const gyro_series *s, double c, double change, co
 {{
     const double now = (c + (s->begin - 0.5) * change) * a[k];
     return k == 0 ? now : now + (1.0 - s->begin) * change * a[k - 1];
+}}
+
+/* Lets a row change by `room`, or by as much as a function of it shows in the powers that there are. */
+static inline void bound_change(gyro_series *s, int bound, const double *row, double room, int k)
+{{
+    if (k == 0) {{
+        s->bounded[bound] = row;
+        s->room[bound] = larger(0.5 * GYRO_MOST_POWER, room);
+    }}
 }}
 
 /* The side on which the motion is of a corner, `row` changing its sign there. */
@@ -128,7 +143,7 @@ static inline void read_by_series(const gyro_view *g, double read[GYRO_SERIES_RE
 
 
 def _size(bends: bool) -> str:
-    return "{-1, 0, 0}" if bends else "{0, 0, 0}"
+    return "{-1, 0, 0, 0}" if bends else "{0, 0, 0, 0}"
 
 
 def has_series(effect: Force, model: Model) -> bool:
@@ -156,7 +171,7 @@ class _Series:
         self.constants: dict[Expr, str] = {}
         self.corners: dict[Expr, Symbol] = {}
         self.read: list[Expr] = []
-        self.n_rows = self.n_constants = self.terms = 0
+        self.n_rows = self.n_constants = self.n_bounds = self.terms = 0
         self.sizes = {q.symbol for q in effect.parameters if q.start == 0.0}
         for axis, expr in enumerate(effect.force):
             if expr != 0:
@@ -194,9 +209,9 @@ class _Series:
         self.rows |= states
         self.lines[first:] = [f"    if ({test}) {{", *own, "    }"]
 
-    def counts(self) -> tuple[int, int, int]:
-        """Rows, constants, corners."""
-        return self.n_rows, self.n_constants, len(self.corners)
+    def counts(self) -> tuple[int, int, int, int]:
+        """Rows, constants, corners, bounds."""
+        return self.n_rows, self.n_constants, len(self.corners), self.n_bounds
 
     def size(self) -> str:
         """The same as C."""
@@ -327,6 +342,10 @@ class _Series:
         [argument] = expr.args
         of = self._series(argument)
         at_first = self._at(argument, expr, of)
+        if type(expr).__name__ in _SATURATING:
+            self.n_bounds += 1
+            room = _SATURATING[type(expr).__name__].format(f"{of}[0]")
+            self.lines.append(f"    bound_change(s, at->bound + {self.n_bounds - 1}, {of}, {room}, k);")
         u = Symbol("u", real=True)
         slope = expr.func(u).diff(u).subs(u, argument)
         return self._row(expr, lambda row: f"k == 0 ? {at_first} : series_integral({of}, {self._series(slope)}, k)")

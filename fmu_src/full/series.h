@@ -15,18 +15,19 @@ typedef struct {
     int rows; /* of coefficients; -1: it has no series */
     int constants;
     int corners;
+    int bounds;
 } gyro_series_size;
 
 /* Where that is. */
 typedef struct {
-    int row, constant, corner;
+    int row, constant, corner, bound;
 } gyro_series_place;
 
 /* The forces that bend the motion. */
 typedef struct {
     int holds; /* 1: all of them have series */
     int n;     /* how many act */
-    int corners;
+    int corners, bounds;
     int effect[GYRO_N_EFFECTS];
     gyro_series_place place[GYRO_N_EFFECTS];
 } gyro_series_plan;

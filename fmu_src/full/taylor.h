@@ -10,6 +10,7 @@
 #ifndef GYRO_TAYLOR_H
 #define GYRO_TAYLOR_H
 
+#include <stddef.h>
 #include <string.h>
 
 #include "generated/expansions.h"
@@ -44,7 +45,7 @@ typedef struct {
 
 static inline void plan_series(gyro_series_plan *plan, const gyro_view *view)
 {
-    gyro_series_place end = {0, 0, 0};
+    gyro_series_place end = {0, 0, 0, 0};
     memset(plan, 0, sizeof *plan);
     plan->holds = 1;
     for (int i = 0; i < view->n_acting; i++) {
@@ -52,13 +53,14 @@ static inline void plan_series(gyro_series_plan *plan, const gyro_view *view)
         const gyro_series_size size = series_sizes[effect];
         if (size.rows < 0) {
             plan->holds = 0;
-        } else if (size.rows + size.constants + size.corners > 0) {
+        } else if (size.rows + size.constants + size.corners + size.bounds > 0) {
             plan->effect[plan->n] = effect;
             plan->place[plan->n++] = end;
-            end = (gyro_series_place){end.row + size.rows, end.constant + size.constants, end.corner + size.corners};
+            end = (gyro_series_place){end.row + size.rows, end.constant + size.constants, end.corner + size.corners, end.bound + size.bounds};
         }
     }
     plan->corners = end.corner;
+    plan->bounds = end.bound;
     plan->holds = plan->holds && end.row <= GYRO_SERIES_ROWS;
 }
 
@@ -133,6 +135,9 @@ static inline int expand(const gyro_view *g, gyro_series *s, const gyro_course *
     for (int i = 0; i < n; i++) {
         s->s[i][0] = g->s[i];
     }
+    for (int i = 0; i < s->plan->bounds; i++) {
+        s->bounded[i] = NULL;
+    }
     for (; power < GYRO_SIZE_TERMS; power++) {
         expand_once(g, s, from, course->changes, power, n);
     }
@@ -198,6 +203,18 @@ static inline double first_zero(const double *c, int n, double side, double zero
         }
     }
     return found;
+}
+
+/* The part of `reach` in which a row changes by no more than its room. A saturated function says nothing of where it turns over. */
+static inline double within_bound(const gyro_series *s, int bound, int power, double reach)
+{
+    const double *c = s->bounded[bound];
+    double sum = 0.0;
+    for (int j = power; c != NULL && j > 0; j--) {
+        sum = (sum + fabs(c[j])) * reach;
+    }
+    /* Without a constant the sum falls at least as fast as the reach. */
+    return c != NULL && sum > s->room[bound] ? reach * (s->room[bound] / sum) : reach;
 }
 
 /* Whether the side of a corner is that to which the motion goes; else turns it. Where it is, shortens `reach` to the next corner and puts which in
@@ -335,6 +352,9 @@ static inline int advance_by_series(gyro_view *g, const gyro_course *course, dou
                                    : expand(g, s, course, at->done, GYRO_STATE_Y_DOT + 1, at->size, &reach);
         settled = 1;
         met = -1;
+        for (int bound = 0; bound < s->plan->bounds; bound++) {
+            reach = within_bound(s, bound, power - 1, reach);
+        }
         for (int corner = 0; corner < s->plan->corners && reach > 0.0; corner++) {
             settled = side_holds(s, corner, power - 1, &reach, &met) && settled;
         }

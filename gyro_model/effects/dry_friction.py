@@ -4,8 +4,8 @@
 
 Coulomb friction f, smoothed over the speed v; ``stribeck`` is by how much breakaway exceeds it (S. Andersson, A.
 Söderberg, S. Björklund, Friction models for sliding dry, boundary and mixed lubricated contacts, Tribology
-International 40, 2007, the combined model without its viscous part). The integrator halves its steps where the force
-changes its sign, so that a small v costs time there and nothing else.
+International 40, 2007, the combined model without its viscous part). The integrator shortens its steps where the
+force changes its sign, so that a small v costs time there and nothing else.
 """
 
 from sympy import Expr, Symbol, exp, tanh

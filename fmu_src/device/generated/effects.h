@@ -311,8 +311,8 @@ static inline void effect_cubic_stiffness(const gyro_view *g, double force[2])
 
    Coulomb friction f, smoothed over the speed v; ``stribeck`` is by how much breakaway exceeds it (S. Andersson, A.
    Söderberg, S. Björklund, Friction models for sliding dry, boundary and mixed lubricated contacts, Tribology
-   International 40, 2007, the combined model without its viscous part). The integrator halves its steps where the force
-   changes its sign, so that a small v costs time there and nothing else. */
+   International 40, 2007, the combined model without its viscous part). The integrator shortens its steps where the
+   force changes its sign, so that a small v costs time there and nothing else. */
 static inline void effect_dry_friction(const gyro_view *g, double force[2])
 {
     const double friction_speed = g->p[GYRO_FRICTION_SPEED];

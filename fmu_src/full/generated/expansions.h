@@ -11,6 +11,7 @@ enum {
     GYRO_SERIES_ROWS = 90,
     GYRO_SERIES_CONSTANTS = 62,
     GYRO_SERIES_CORNERS = 8,
+    GYRO_SERIES_BOUNDS = 4,
     GYRO_SERIES_READ = 2
 };
 
@@ -22,6 +23,8 @@ typedef struct {
     double w[GYRO_SERIES_ROWS][GYRO_TERMS];   /* rows of the effects */
     double c[GYRO_SERIES_CONSTANTS];          /* constants of the effects */
     const double *corner[GYRO_SERIES_CORNERS]; /* the row that changes its sign where a force has a corner */
+    const double *bounded[GYRO_SERIES_BOUNDS]; /* the row that may change only by `room`; NULL: none does */
+    double room[GYRO_SERIES_BOUNDS];
     double change[GYRO_SERIES_READ];          /* by what laws change what is read in the whole step [SI] */
     double begin;                             /* of the whole step has been done */
     double side[GYRO_SERIES_CORNERS];         /* its sign in this part of the step, 1 or -1; 0: not known yet */
@@ -32,6 +35,15 @@ static inline double following(const gyro_series *s, double c, double change, co
 {
     const double now = (c + (s->begin - 0.5) * change) * a[k];
     return k == 0 ? now : now + (1.0 - s->begin) * change * a[k - 1];
+}
+
+/* Lets a row change by `room`, or by as much as a function of it shows in the powers that there are. */
+static inline void bound_change(gyro_series *s, int bound, const double *row, double room, int k)
+{
+    if (k == 0) {
+        s->bounded[bound] = row;
+        s->room[bound] = larger(0.5 * GYRO_MOST_POWER, room);
+    }
 }
 
 /* The side on which the motion is of a corner, `row` changing its sign there. */
@@ -46,57 +58,57 @@ static inline double side_of(gyro_series *s, int corner, const double *row, int 
 
 /* What each effect asks for; -1 rows: its force bends the motion and has no series. */
 static const gyro_series_size series_sizes[GYRO_N_EFFECTS] = {
-    {0, 0, 0}, /* coriolis */
-    {0, 0, 0}, /* damping */
-    {0, 0, 0}, /* ideal_pickoff */
-    {0, 0, 0}, /* suspension */
-    {0, 0, 0}, /* actuator_delay */
-    {0, 0, 0}, /* actuator_gain_mismatch */
-    {0, 0, 0}, /* actuator_misalignment */
-    {0, 0, 0}, /* actuator_nonlinearity */
-    {0, 0, 0}, /* adc_clipping */
-    {0, 0, 0}, /* adc_quantisation */
-    {0, 0, 0}, /* ageing */
-    {0, 0, 0}, /* amplifier_bandwidth */
-    {0, 0, 0}, /* amplifier_drift */
-    {0, 0, 0}, /* amplifier_offset */
-    {0, 0, 0}, /* angular_gain */
-    {0, 0, 0}, /* bias_walk */
-    {0, 0, 0}, /* comb_fringe */
-    {0, 0, 0}, /* constant_force */
-    {28, 24, 4}, /* contact_stop */
-    {4, 1, 0}, /* cross_cubic_stiffness */
-    {4, 2, 0}, /* cubic_stiffness */
-    {0, 0, 0}, /* damping_step */
-    {0, 0, 0}, /* dielectric_charging */
-    {0, 0, 0}, /* drive_feedthrough */
-    {18, 8, 0}, /* dry_friction */
-    {8, 4, 0}, /* electrostatic_softening */
-    {0, 0, 0}, /* flicker_noise */
-    {0, 0, 0}, /* frame_rotation */
-    {14, 9, 4}, /* hysteresis */
-    {0, 0, 0}, /* linear_acceleration */
-    {4, 2, 0}, /* nonlinear_damping */
-    {0, 0, 0}, /* parasitic_capacitance */
-    {0, 4, 0}, /* parasitic_mode */
-    {0, 0, 0}, /* pickoff_gain_mismatch */
-    {0, 0, 0}, /* pickoff_misalignment */
-    {0, 0, 0}, /* pickoff_mismatch */
-    {0, 0, 0}, /* pickoff_nonlinearity */
-    {0, 0, 0}, /* play */
-    {2, 2, 0}, /* quadratic_stiffness */
-    {0, 0, 0}, /* sampling_jitter */
-    {0, 0, 0}, /* sense_noise */
-    {8, 6, 0}, /* squeeze_film */
-    {0, 0, 0}, /* stress_relaxation */
-    {0, 0, 0}, /* thermal_damping */
-    {0, 0, 0}, /* thermal_force */
-    {0, 0, 0}, /* thermal_gain */
-    {0, 0, 0}, /* thermal_hysteresis */
-    {0, 0, 0}, /* thermal_lag */
-    {0, 0, 0}, /* thermal_phase */
-    {0, 0, 0}, /* thermal_stiffness */
-    {0, 0, 0}, /* turn_on_offset */
+    {0, 0, 0, 0}, /* coriolis */
+    {0, 0, 0, 0}, /* damping */
+    {0, 0, 0, 0}, /* ideal_pickoff */
+    {0, 0, 0, 0}, /* suspension */
+    {0, 0, 0, 0}, /* actuator_delay */
+    {0, 0, 0, 0}, /* actuator_gain_mismatch */
+    {0, 0, 0, 0}, /* actuator_misalignment */
+    {0, 0, 0, 0}, /* actuator_nonlinearity */
+    {0, 0, 0, 0}, /* adc_clipping */
+    {0, 0, 0, 0}, /* adc_quantisation */
+    {0, 0, 0, 0}, /* ageing */
+    {0, 0, 0, 0}, /* amplifier_bandwidth */
+    {0, 0, 0, 0}, /* amplifier_drift */
+    {0, 0, 0, 0}, /* amplifier_offset */
+    {0, 0, 0, 0}, /* angular_gain */
+    {0, 0, 0, 0}, /* bias_walk */
+    {0, 0, 0, 0}, /* comb_fringe */
+    {0, 0, 0, 0}, /* constant_force */
+    {28, 24, 4, 0}, /* contact_stop */
+    {4, 1, 0, 0}, /* cross_cubic_stiffness */
+    {4, 2, 0, 0}, /* cubic_stiffness */
+    {0, 0, 0, 0}, /* damping_step */
+    {0, 0, 0, 0}, /* dielectric_charging */
+    {0, 0, 0, 0}, /* drive_feedthrough */
+    {18, 8, 0, 4}, /* dry_friction */
+    {8, 4, 0, 0}, /* electrostatic_softening */
+    {0, 0, 0, 0}, /* flicker_noise */
+    {0, 0, 0, 0}, /* frame_rotation */
+    {14, 9, 4, 0}, /* hysteresis */
+    {0, 0, 0, 0}, /* linear_acceleration */
+    {4, 2, 0, 0}, /* nonlinear_damping */
+    {0, 0, 0, 0}, /* parasitic_capacitance */
+    {0, 4, 0, 0}, /* parasitic_mode */
+    {0, 0, 0, 0}, /* pickoff_gain_mismatch */
+    {0, 0, 0, 0}, /* pickoff_misalignment */
+    {0, 0, 0, 0}, /* pickoff_mismatch */
+    {0, 0, 0, 0}, /* pickoff_nonlinearity */
+    {0, 0, 0, 0}, /* play */
+    {2, 2, 0, 0}, /* quadratic_stiffness */
+    {0, 0, 0, 0}, /* sampling_jitter */
+    {0, 0, 0, 0}, /* sense_noise */
+    {8, 6, 0, 0}, /* squeeze_film */
+    {0, 0, 0, 0}, /* stress_relaxation */
+    {0, 0, 0, 0}, /* thermal_damping */
+    {0, 0, 0, 0}, /* thermal_force */
+    {0, 0, 0, 0}, /* thermal_gain */
+    {0, 0, 0, 0}, /* thermal_hysteresis */
+    {0, 0, 0, 0}, /* thermal_lag */
+    {0, 0, 0, 0}, /* thermal_phase */
+    {0, 0, 0, 0}, /* thermal_stiffness */
+    {0, 0, 0, 0}, /* turn_on_offset */
 };
 
 static inline void series_contact_stop(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
@@ -303,6 +315,7 @@ static inline void series_dry_friction(const gyro_view *g, gyro_series *s, const
             }
             w[2][k] = series_square(x_dot, k);
             w[1][k] = c[2] * w[2][k];
+            bound_change(s, at->bound + 0, w[1], -w[1][0] - 40.0, k);
             w[3][k] = k == 0 ? gyro_exp(w[1][0]) : series_integral(w[1], w[3], k);
             term_2 = c[1] * w[3][k];
         }
@@ -311,6 +324,7 @@ static inline void series_dry_friction(const gyro_view *g, gyro_series *s, const
             c[3] = 1.0/friction_speed;
         }
         w[4][k] = c[3] * x_dot[k];
+        bound_change(s, at->bound + 1, w[4], fabs(w[4][0]) - 19.0, k);
         w[5][k] = k == 0 ? gyro_tanh(w[4][0]) : series_integral(w[4], w[6], k);
         w[7][k] = series_square(w[5], k);
         w[6][k] = first_only(k, 1.0) - w[7][k];
@@ -333,6 +347,7 @@ static inline void series_dry_friction(const gyro_view *g, gyro_series *s, const
             }
             w[11][k] = series_square(y_dot, k);
             w[10][k] = c[6] * w[11][k];
+            bound_change(s, at->bound + 2, w[10], -w[10][0] - 40.0, k);
             w[12][k] = k == 0 ? gyro_exp(w[10][0]) : series_integral(w[10], w[12], k);
             term_4 = c[5] * w[12][k];
         }
@@ -341,6 +356,7 @@ static inline void series_dry_friction(const gyro_view *g, gyro_series *s, const
             c[7] = 1.0/friction_speed;
         }
         w[13][k] = c[7] * y_dot[k];
+        bound_change(s, at->bound + 3, w[13], fabs(w[13][0]) - 19.0, k);
         w[14][k] = k == 0 ? gyro_tanh(w[13][0]) : series_integral(w[13], w[15], k);
         w[16][k] = series_square(w[14], k);
         w[15][k] = first_only(k, 1.0) - w[16][k];
