@@ -170,7 +170,7 @@ class _Series:
         self.rows: dict[Expr, str] = {}
         self.constants: dict[Expr, str] = {}
         self.corners: dict[Expr, Symbol] = {}
-        self.read: list[Expr] = []
+        self.read: set[Symbol] = set()
         self.n_rows = self.n_constants = self.n_bounds = self.terms = 0
         self.sizes = {q.symbol for q in effect.parameters if q.start == 0.0}
         for axis, expr in enumerate(effect.force):
@@ -222,7 +222,7 @@ class _Series:
         states = [symbol for symbol in self.place.model.state_symbols if symbol in self.rows]
         place = f"static inline void series_{self.effect.id}(const gyro_view *g, gyro_series *s,"
         head = f"{place} const gyro_series_place *at, int k,\n{' ' * 20}double force[2], double *rate)"
-        text = self.place.declare(self.effect, [e for e in self.read if e.free_symbols])
+        text = self.place.declare(self.effect, self.read)
         text += "".join(f"    const double *{s.name} = s->s[{state_macro(s)}];\n" for s in states)
         text += "    double(*w)[GYRO_TERMS] = s->w + at->row;\n" if self.n_rows else ""
         text += "    double *c = s->c + at->constant;\n" if self.n_constants else ""
@@ -249,7 +249,7 @@ class _Series:
                 self.held |= expr.free_symbols & set(self.changing)
             self.constants[expr] = f"c[{self.n_constants}]"
             self.n_constants += 1
-            self.read.append(expr.subs({side: 1 for side in self.corners.values()}))
+            self.read |= expr.free_symbols - set(self.corners.values())
             self.lines.append(f"    {self.constants[expr]} = {c_expression(expr)};")
         return self.constants[expr]
 
@@ -301,7 +301,7 @@ class _Series:
         of = self._series(rest)
         own, change = self._constant(factor, following=True), f"c[{self.n_constants}]"
         self.n_constants += 1
-        self.read += list(slopes.values())
+        self.read |= set().union(*(slope.free_symbols for slope in slopes.values())) - set(self.corners.values())
         course = " + ".join(
             f"({c_expression(e)})*s->change[{self.changing.index(symbol)}]" for symbol, e in slopes.items()
         )
@@ -316,7 +316,6 @@ class _Series:
             self.rows[expr] = expr.name
             return expr.name
         if expr == symbols.t:
-            self.read.append(symbols.since)
             return self._row(expr, lambda row: "k == 0 ? g->t : first_only(k - 1, s->step)")
         if expr.is_Add or expr.as_independent(*self.moving, as_Add=False)[0] != 1:
             return self._row(expr, lambda row: self._sum(expr))
