@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{fad00a53-59fb-cb7f-998c-33ee1bb3cf01}"
+#define GYRO_TOKEN "{66608759-b3f5-8b78-2d3c-fadad5c166d2}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

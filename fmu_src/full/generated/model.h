@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{aa544468-fea8-ea02-91a5-2dfa9d1f9e2b}"
+#define GYRO_TOKEN "{16631c9f-528e-3556-100b-df4ed806b26f}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
