@@ -33,7 +33,7 @@ from gyro_model.build import model_token
 from gyro_model.errors import InputError
 from gyro_model.model import Model
 
-FORMAT: Final = 3
+FORMAT: Final = 4
 LARGEST: Final = 50_000_000
 """Bytes of a file that is read: ten times that of a search of 100 runs with six effects."""
 

@@ -10,6 +10,7 @@ from discrepancy.defect import defects, distortion_sizes, quantity_of
 from discrepancy.effect_file import UNITS, Term
 from discrepancy.formula import parse
 from discrepancy.library import SIGNALS, forms
+from discrepancy.openings import parts
 from discrepancy.record import MINIMUM_SAMPLES
 from gyro_model.errors import InputError
 from gyro_model.model import Model
@@ -72,6 +73,13 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
     power = _whole(1, HIGHEST_POWER)
     score = _Table({"statistic": _number(), "freedom": _whole(1, MOST), "share": _number(), "inflation": _number(0.0),
                     "amplitudes": _list_of(_number()), "deviations": _list_of(_number(infinite=True))})  # fmt: skip
+    openings = parts(dataset.fit)
+
+    def opening(value: Any, where: str) -> None:
+        _whole(1, openings[0])(value, where)
+        if value not in openings:
+            raise InputError(f"{where}: {value}: give one of {', '.join(map(str, openings))}")
+
     setting = _Table({"bandwidth": _number(0.0), "corner": _number(0.0)})
     fit = _Table({
         "pieces": _whole(1, max(1, longest // MINIMUM_SAMPLES)),
@@ -92,6 +100,8 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
         "accepted": _list_of(_row(candidate, _number())),
         "steps": _list_of(_row(_mapping(effects, score), _optional(_one_of(effects)))),
         "stages": _list_of(_row(_one_of({"nominal", "refit", *effects}), parameters)),
+        "shortest": opening,
+        "opening": opening,
         "probes": _list_of(_row(_one_of(settable), _one_of({"", *effects}), _number(), power, _number(0.0))),
     })(state, "state")  # fmt: skip
     for name in ("at", "refitted"):

@@ -24,8 +24,8 @@ SHORTEST: Final = 12.0
 """Periods of the lowest mode in the shortest piece, and 100 samples: four states a piece, eight shared parameters."""
 GROWTH: Final = 4
 """By which pieces grow: a frequency known to 1e-2 rad over one piece is known to 4e-2 over the next."""
-ROUNDS, LAST_ROUNDS = 8, 30
-"""Steps at a length that is not the last, and at the last."""
+FEW, ROUNDS, LAST_ROUNDS = 3, 8, 30
+"""Steps before a fit under another filter, at a length that is not the last, and at the last."""
 SLIP: Final = 2.0
 """By how much more a longer piece may be off than a shorter one and count as in step: a model that lacks something is
 off at any length."""
@@ -60,6 +60,12 @@ def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, 
     return best
 
 
+def nearly_settled(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
+    """As ``settled``, but near the minimum only, where whole runs stay in step."""
+    direct = whole.fit(whole.whitened(at), FEW)
+    return (whole, direct) if whole.off(direct) < ASTRAY else settled(whole, at)
+
+
 def started(fitter: Fitter, at: Fitted) -> Fitted:
     """``at`` on the runs of ``fitter``; where these are others, with initial states fitted to them first."""
     if [len(residual) for residual in at.residuals] == [len(record.t) for record in fitter.records]:
@@ -70,15 +76,15 @@ def started(fitter: Fitter, at: Fitted) -> Fitted:
 
 
 def grown(whole: Fitter, at: Fitted) -> Fitted:
-    """``at`` fitted over the beginnings of the runs, which grow: for an effect with states of its own, which no later
-    piece has free. Its resonance is found however far the coupling pulls it, since over a few periods it is broad."""
+    """``at`` over the beginnings of the runs, which grow, and near a fit of the whole: for a resonance with states of
+    its own, which no later piece has free. It is found however far the coupling pulls it, since over a few periods it
+    is broad."""
     now = at
-    for number in reversed(_numbers(whole, at)[1:]):
-        fitter = beginnings(whole, number)
-        now = fitter.fit(started(fitter, replace(now, whiten=fitter.plain(now.parameters))), ROUNDS)
-        whole.simulator.forget(fitter.records)
-    plain = replace(now, whiten=whole.plain(now.parameters))
-    now = whole.fit(started(whole, plain))
+    for number in reversed(_numbers(whole, at)):
+        fitter = beginnings(whole, number) if number > 1 else whole
+        begun = started(fitter, replace(now, whiten=fitter.plain(now.parameters)))
+        now = fitter.fit(begun, ROUNDS if number > 1 else FEW)
+        whole.simulator.forget(fitter.records if number > 1 else ())
     return whole.evaluated(replace(now, whiten=at.whiten))
 
 

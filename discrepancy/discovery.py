@@ -17,8 +17,8 @@ from discrepancy.refit import Fitter
 from gyro_model.anatomy import Effect
 from gyro_model.model import Model
 
-SCREENED: Final = 32_000
-"""Samples on which the library is scored, shared by the runs."""
+SCREENED, GLANCED = 32_000, 12_000
+"""Samples on which the library is scored, shared by the runs; and where only a term that takes much is asked for."""
 AGAIN: Final = 2
 """Terms found over pieces that are compared over the whole: those without needless parts."""
 ALIKE: Final = 3
@@ -47,8 +47,11 @@ class Discovery:
         return {name: str(term) for name, term in self.effect.terms().items() if name in ("force_x", "force_y")}
 
 
-def discover(fitter: Fitter, at: Fitted, folder: Path, progress: Progress | None = None) -> Discovery | None:
-    """The term that explains best what is left of ``at``; None where none is significant and material.
+def discover(
+    fitter: Fitter, at: Fitted, folder: Path, progress: Progress | None = None, least: float = 0.0
+) -> Discovery | None:
+    """The term that explains best what is left of ``at``; None where none is significant and material, or none takes
+    at least so much of the residual's square.
 
     New ones are written to ``folder``, which holds nothing but effect files, as ``discovered_1`` or the first numbers
     that the model does not have. Raises InputError where the FMU can't be built or the folder not written.
@@ -56,7 +59,7 @@ def discover(fitter: Fitter, at: Fitted, folder: Path, progress: Progress | None
     tell = progress or (lambda _: None)
     tell("search for a term that is in no file")
     with Terms(fitter, at) as terms:
-        short, before = terms.excerpt(fitter, at, SCREENED)
+        short, before = terms.excerpt(fitter, at, GLANCED if least else SCREENED)
         before, entries = _contest(terms, short, before)
     if not entries:
         return None
@@ -65,6 +68,8 @@ def discover(fitter: Fitter, at: Fitted, folder: Path, progress: Progress | None
     if not before.cost - best.fitted.cost > chi2.isf(fitter.criteria.term_chance, coefficients) * variance:
         return None
     share = 1 - best.fitted.cost / before.cost
+    if share < least:
+        return None
     tell(f"found {best.contestant.form.text}")
     # By price: a term that holds the best one as a special case fits it always, and is no other.
     alike = [e for e in entries[1:] if e.price(variance) < best.price(variance) + fitter.criteria.even][:ALIKE]

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 from threadpoolctl import threadpool_limits
 
@@ -28,6 +28,9 @@ from gyro_model.model import Model
 
 Progress = Callable[[str], None]
 
+TWICE: Final = 2.0
+"""Times the share that the best effect takes, that a term has to take to come before it."""
+
 
 class Wider(NamedTuple):
     """What a further search changes. wrong: names to give up; terms: one for what is left, or for what those names
@@ -43,9 +46,9 @@ class Further(Protocol):
 
     folder: Path
 
-    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], room: int) -> Wider | None:
+    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], room: int, least: float) -> Wider | None:
         """What it finds beside the effects ``named`` in the fit ``at``, where there is ``room`` for so many more, or in
-        their place; None where nothing is."""
+        their place; None where nothing is, or a new term takes less than ``least`` of the residual's square."""
 
 
 def diagnose(
@@ -100,17 +103,33 @@ def diagnose(
         if further is not None:
             for term in chain(*search.terms):
                 term.write(further.folder)
-        search.finish(max_effects)
-        while further and len(search.terms) < max_effects and not search.in_vain:
-            named = [a.id for a in search.accepted if not a.of_record]
-            ask = partial(further, search.fitter, search.at, named, max_effects - len(named))
+
+        def widened(against: Sequence[str], least: float) -> bool:
+            if further is None:
+                return False
+            room = max_effects - sum(not a.of_record for a in search.accepted)
+            ask = partial(further, search.fitter, search.at, against, room, least)
             wider = search.attempt("terms that are in no file", ask)
             if wider is None:
-                break
+                return False
             own = search.simulator
             wide = simulator(own.model, wider.terms) if wider.terms else own
-            if not search.attempt("refit with a new term", partial(search.widen, wide, wider.terms, wider.wrong)):
+            return bool(search.attempt("refit with a new term", partial(search.widen, wide, wider.terms, wider.wrong)))
+
+        def extended() -> None:
+            search.extend(max_effects, patient=further is not None)
+            while search.weak:
+                # It may be a part of what a term explains in full; names are questioned in the end.
+                if len(search.terms) < max_effects:
+                    widened((), TWICE * search.weak)
+                search.extend(max_effects, patient=True)
+
+        extended()
+        search.finish(max_effects)
+        while further and len(search.terms) < max_effects and not search.in_vain:
+            if not widened([a.id for a in search.accepted if not a.of_record], 0.0):
                 break
+            extended()
             search.finish(max_effects)
         search.question()
         found = assemble(search)

@@ -48,6 +48,9 @@ HOPE: Final = 10.0
 CREEP, CREEPING = 0.05, 5
 """A fit is given up after so many steps in a row that each brought less than this share of what was promised: along a
 bound, or far from a minimum, where a fit of shorter pieces goes on."""
+AS_PROMISED: Final = 0.05
+"""Of what a step promised, by which what it brought may be off where columns serve once more: those were then right to
+about as much, and what is left after the next step is the square of it."""
 NEARER, SLOW = 0.5, 4
 """A fit that has a goal is given up after so many steps in a row that each left more than this share of the way to
 it: near a minimum what is left falls by its square."""
@@ -177,13 +180,13 @@ class Fitter:
                 np.subtract(v, base, out=column)
         return result
 
-    def _derivatives(self, at: Fitted, run: int, found: Floats) -> None:
+    def _derivatives(self, at: Fitted, run: int, found: Floats, *, near: bool) -> None:
         """By each state of this run and each free parameter, a full ``step`` of it, put into ``found`` (p, n, axes)
-        [V]."""
+        [V]; ``near``: those of the last point serve."""
         here = {**at.parameters, **at.starts[run]}
         steps = self._state_steps(at, run) | {free.name: self._side(at, free) * free.step for free in at.free}
         kept = self._kept.get(run)
-        if kept is None or kept.at != here:
+        if kept is None or (kept.at != here and not near):
             kept = self._kept[run] = _Kept(here, {})
         new = [n for n, step in steps.items() if not 1 / ALIKE < kept.columns.get(n, (0.0,))[0] / step < ALIKE]
         made = self.columns(at, run, [{name: here[name] + steps[name]} for name in new])
@@ -209,22 +212,23 @@ class Fitter:
         speed = size * float(np.sqrt(at.parameters["kxx"] / at.parameters["m"]))
         return {name: speed if "dot" in name else size for name in self.state_names}
 
-    def with_grams(self, at: Fitted, extra: Sequence[Mapping[str, float]] = ()) -> Fitted:
-        """``at`` linearised, with columns in the order: free, ``extra`` probes (changed parameters), residual.
+    def with_grams(self, at: Fitted, extra: Sequence[Mapping[str, float]] = (), *, near: bool = False) -> Fitted:
+        """``at`` linearised, with columns in the order: free, ``extra`` probes (changed parameters), residual; the
+        model's own may be those of a point that is ``near``.
 
         Steps of ``free`` that have become too large or small for their difference quotients are set anew.
         """
-        runs = self.simulator.each(lambda run: self._linear(at, run, extra), range(len(self.records)))
+        runs = self.simulator.each(lambda run: self._linear(at, run, extra, near), range(len(self.records)))
         grams, fills = [g for run in runs for g in run.grams], [run.fill for run in runs]
         square = np.sum([run.square for run in runs], axis=0)
         return self._rescaled(replace(at, grams=np.array(grams), fill=tuple(fills)), square)
 
-    def _linear(self, at: Fitted, run: int, extra: Sequence[Mapping[str, float]]) -> "_Linear":
+    def _linear(self, at: Fitted, run: int, extra: Sequence[Mapping[str, float]], near: bool) -> "_Linear":
         states, (n, axes) = len(self.state_names), at.residuals[run].shape
         own = states + len(at.free)
         # One array, filtered in place: with some hundred columns it is most of the memory.
         columns = np.empty((own + len(extra) + 1, n, axes))
-        self._derivatives(at, run, columns[:own])
+        self._derivatives(at, run, columns[:own], near=near)
         self.columns(at, run, extra, columns[own:-1])
         columns[-1] = at.residuals[run]
         square = np.sum(columns[states:own] ** 2, axis=(1, 2))
@@ -265,19 +269,27 @@ class Fitter:
         """The minimum near ``at``, linearised there. ``left`` says how far it is from a minimum: above SETTLED the
         rounds were used up, no step helped, steps crept, the time was over, or none could reach the ``goal``, a cost
         below which alone the fit matters."""
-        damping, creeping, slow = 0.0, 0, 0
+        damping, creeping, slow, near = 0.0, 0, 0, False
         try:
             at = self.with_grams(at) if at.cost < np.inf else at
             for _ in range(rounds):
+                if near and at.left < SETTLED:
+                    at, near = self.with_grams(at), False
                 far = at.cost - HOPE * at.left * at.variance > goal
                 if creeping == CREEPING or slow == SLOW or at.left < SETTLED or at.grams is None or far:
                     break
                 moved, damping = self._lower(at, damping)
                 if moved is None:
-                    break
-                creeping = creeping + 1 if at.cost - moved.cost < CREEP * at.left * at.variance else 0
+                    if not near:
+                        break
+                    at, near = self.with_grams(at), False
+                    continue
+                gained = (at.cost - moved.cost) / (at.left * at.variance)
+                creeping = creeping + 1 if gained < CREEP else 0
                 slow = slow + 1 if moved.cost - goal > NEARER * (at.cost - goal) > 0 else 0
-                at = self.with_grams(moved)
+                near = abs(gained - 1) < AS_PROMISED
+                at = self.with_grams(moved, near=near)
+            at = self.with_grams(at) if near else at
         except OutOfTime:
             pass
         return at

@@ -13,13 +13,15 @@ from discrepancy import checkpoint as store
 from discrepancy.answer import Step
 from discrepancy.clock import OutOfTime
 from discrepancy.columns import Candidate, Library, finer, nameable
-from discrepancy.continuation import IN_STEP, beginnings, grown, settled, started
+from discrepancy.continuation import IN_STEP, LAST_ROUNDS, ROUNDS, beginnings, grown, nearly_settled, settled
 from discrepancy.criteria import Criteria
 from discrepancy.dataset import Dataset
 from discrepancy.defect import Blemish, Data, Defect, Found, Level, blemishes, effect_of
 from discrepancy.effect_file import Term
 from discrepancy.fitted import Fitted, Free
 from discrepancy.limits import clip_level, masked
+from discrepancy.locate import noise_level
+from discrepancy.openings import Opening, opened, parts
 from discrepancy.refit import DEFAULT, Fitter
 from discrepancy.scan import Scan, Scored, best_of, next_peaks, scanned, sure
 from discrepancy.score import Score, score
@@ -38,8 +40,8 @@ half the truth."""
 CLEAR: Final = 30.0
 """Times the gain that an effect needs to stay, from which no refit without it is tried: what is not linear in it does
 not make up for so much."""
-TRIED, LONG = 8_000, 4
-"""Samples on which a rival is tried before it is refitted over runs so many times longer."""
+WEAK: Final = 0.3
+"""Share of what is no noise in the residual, below which an effect may only imitate what is missing."""
 FINEST: Final = 70
 """Trials of a grid after which it is not refined further: resonances are then as sharp as Q = 640."""
 
@@ -47,6 +49,7 @@ BEGIN, NAME, QUESTION = 0.35, 0.8, 0.9
 """Shares of the time after which the nominal model is left as it is, nothing further is named, no name questioned."""
 
 Progress = Callable[[str], None]
+Settle = Callable[[Fitter, Fitted], tuple[Fitter, Fitted]]
 Result = TypeVar("Result")
 
 
@@ -74,6 +77,14 @@ class Accepted:
     def of_record(self) -> bool:
         """Whether it is a defect of the record, no effect of the device."""
         return isinstance(self.candidate.effect, Defect)
+
+
+class Refit(NamedTuple):
+    """A model with an effect that is on trial in it."""
+
+    at: Fitted
+    candidate: Candidate
+    score: Score
 
 
 class Dropped(NamedTuple):
@@ -110,6 +121,9 @@ class Search:
         self.undone: list[str] = []
         self.questioned = False
         self.full = False
+        self.weak = 0.0
+        self.waiting: list[Refit] = []
+        self.shortest = parts(dataset.fit)[0]
         self._take(dataset)
         noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
         self.nominal = {name: value for name, value in dataset.nominal.items() if name not in noise}
@@ -138,7 +152,13 @@ class Search:
     def _take(self, dataset: Dataset) -> None:
         self.dataset = dataset
         self.whole = Fitter(self.simulator, dataset.fit, criteria=self.criteria)
-        self.library = Library(self.whole)
+        self._open(1)
+
+    def _open(self, number: int) -> None:
+        """Looks for effects in the first of ``number`` parts of each run from now on."""
+        self.number = number
+        self.opening = self.whole if number == 1 else beginnings(self.whole, number)
+        self.library = Library(self.opening)
 
     def _mask_clipped(self) -> None:
         """Looks for clipped samples beside the present model, and takes them out of everything else."""
@@ -222,8 +242,10 @@ class Search:
         self._give_up(wrong)
         self.simulator = simulator
         self.terms.append(terms)
+        self.shortest = parts(self.dataset.fit)[0]
         self._take(self.dataset)
         self._settle(self.at)
+        self.weak, self.waiting = 0.0, []
         self._save()
         return True
 
@@ -239,8 +261,7 @@ class Search:
         return self.simulator.clock.late
 
     def finish(self, max_effects: int) -> None:
-        """Searches to the end from what was begun, or as far as the time goes."""
-        self._extend(max_effects)
+        """Questions all that was accepted, as far as the time goes."""
         if self.terms:
             # A term in no file may make a name needless: first each is held against the others.
             self._exchange()
@@ -249,13 +270,29 @@ class Search:
             self._delete()
             self._exchange()
 
-    def _extend(self, max_effects: int) -> None:
-        """Accepts effects until none is worth it."""
+    def extend(self, max_effects: int, *, patient: bool = False) -> None:
+        """Accepts effects until none is worth it, or, being ``patient``, until the best is ``weak``, called again from
+        the one after it: those that short openings of the runs show, then those that longer ones do, at last the
+        whole."""
         while True:
-            self.attempt("scores of all effects", self._scan)
             self.full = len(self.accepted) >= max_effects
-            if self.late or self.full or not self.attempt(self._waiting(), self._accept):
+            self.shortest = 1 if self.full else self.shortest
+            if self.shortest == 1 and self.number > 1:
+                self._settle_or_keep(self.at)
+            refused = bool(self.waiting)
+            if not refused:
+                self.attempt("scores of all effects", self._scan)
+            self.weak = 0.0
+            if self.late or self.full:
                 break
+            accepted = self.attempt(self._next(), partial(self._accept, patient=patient and not refused))
+            if self.weak:
+                return
+            if accepted is None or (not accepted and self.number == 1):
+                break
+            if not accepted:
+                self.shortest = max(n for n in parts(self.dataset.fit) if n < self.number)
+                continue
             if any(a.of_record for a in self.accepted[:-1]):
                 # Filters and delays differ by little, which shows only beside what else is missing.
                 self._exchange(only_record=True)
@@ -282,6 +319,8 @@ class Search:
             "accepted": [[store.candidate_state(a.candidate), a.share] for a in self.accepted],
             "steps": [store.step_state(step) for step in self.steps],
             "stages": self.stages,
+            "shortest": self.shortest,
+            "opening": self.number,
             "probes": store.probes_state(self.library.kept),
         }
         self.keep(state)
@@ -306,6 +345,8 @@ class Search:
         self.accepted = [Accepted(store.candidate_from(model, c), share, {}) for c, share in state["accepted"]]
         self.steps = [store.step_from(step) for step in state["steps"]]
         self.stages = [(name, dict(parameters)) for name, parameters in state["stages"]]
+        self.shortest = state["shortest"]
+        self._open(state["opening"])
         self.library.kept = store.probes_from(model, state["probes"])
 
     @property
@@ -321,16 +362,16 @@ class Search:
         return [Free(q.name, 1e-6 * abs(self.nominal[q.name] - q.start), q.low, q.high) for q in sizes
                 if self.nominal.get(q.name, q.start) != q.start]  # fmt: skip
 
-    def _settle(self, at: Fitted) -> None:
+    def _settle(self, at: Fitted, settle: Settle = settled) -> None:
         """Goes on with ``at``, fitted over as much of the runs as stays in step."""
-        self.fitter, self.at = settled(self.whole, at)
+        self.fitter, self.at = settle(self.whole, at)
 
-    def _settle_or_keep(self, at: Fitted) -> None:
+    def _settle_or_keep(self, at: Fitted, settle: Settle = settled) -> None:
         """The same; without the time for it with ``at`` as it is, which the present fitter has fitted."""
         self.at = at
-        self.attempt("fit over whole runs", partial(self._settle, at))
+        self.attempt("fit over whole runs", partial(self._settle, at, settle))
 
-    def _waiting(self) -> str:
+    def _next(self) -> str:
         """What a refit would try next."""
         ids = [c.effect.id for c, _ in self.significant()]
         return f"refit with {', '.join(ids[:RIVALS])}" if ids else "refit"
@@ -339,8 +380,12 @@ class Search:
         self.stages.append((name, dict(self.at.parameters)))
 
     def _scan(self) -> None:
-        """Scores every candidate at the present fit."""
-        self.scan = self._scanned(self.library.candidates(self.fitter, self.at, self.present))
+        """Scores every candidate at the present fit, on the shortest openings that may show one."""
+        number = self.shortest if self.fitter is self.whole else 1
+        if number != self.number:
+            self._open(number)
+        self.view = opened(self.opening, self.at) if number > 1 else Opening(self.fitter, self.at)
+        self.scan = self._scanned(self.library.candidates(*self.view, self.present))
         self.scored = self.scan.scores()
         best = best_of(self.scored, self.criteria)
         for candidate, result in best:
@@ -354,14 +399,14 @@ class Search:
                 sharper = max(more, key=lambda entry: entry[1].gain)[0]
 
     def _scanned(self, found: Sequence[Candidate]) -> Scan:
-        return scanned(self.fitter, self.at, [_neutral(entry) for entry in self.accepted], found)
+        return scanned(*self.view, [_neutral(entry) for entry in self.accepted], found)
 
     def significant(self) -> list[Scored]:
         """What is significant and material beside the present model, best first."""
         return [(c, s) for c, s in best_of(self.scored, self.criteria)
                 if sure(c, s, self.criteria) and s.share >= self.criteria.material]  # fmt: skip
 
-    def _accept(self) -> bool:
+    def _accept(self, *, patient: bool) -> bool:
         """Takes the best effect that is both significant and material into the model; False where there is none."""
         # What a further search could not tell from its term comes in only in its place.
         alike = {term.id for own in self.terms for term in own[1:]}
@@ -370,45 +415,92 @@ class Search:
             return False
         rivals = self._close(worth)
         self.progress("refit with " + ", ".join(dict.fromkeys(c.effect.id for c, _ in rivals)))
-        fits = [(self._refitted(c, s), c, s) for c, s in rivals]
+        view = self.view
+        begun = [Refit(self.with_effect(*view, c, s), c, s) for c, s in rivals]
+        fits = self.waiting or self._refitted(view, begun, also=self._grown)
+        self.waiting, best = [], self._best(view, fits)
+        if best and patient and self._weak(view, best):
+            self.weak, self.waiting = 1 - best.at.cost / view.at.cost, fits
+            return False
+        if best and view.fitter is not self.fitter:
+            view = Opening(self.fitter, self.at)
+            fits = self._refitted(view, self._near(fits, 4 * self.criteria.even), rounds=ROUNDS)
+            best = self._best(view, fits)
         # One that was cut short is no match for the others.
         self.simulator.clock.check()
-        prices = [at.cost + self._price(c, s.freedom) for at, c, s in fits]
-        # Where nothing tells two apart the electronics are more often at fault than a force on the mass.
-        tied = [fit for fit, price in zip(fits, prices, strict=True) if price < min(prices) + self.at.variance]
-        best, chosen, result = min(tied, key=lambda entry: isinstance(entry[1].effect, Force))
-        gain = self.at.cost - best.cost
-        needed = chi2.isf(self.criteria.effect_chance / chosen.trials, result.freedom)
-        if not gain > needed * result.inflation * best.variance:
+        if best is None:
             return False
+        candidate = best.candidate
         scores = {c.effect.id: s for c, s in best_of(self.scored, self.criteria)}
-        self.steps.append(Step(scores, chosen.effect.id))
-        share = 1 - best.cost / self.at.cost
-        if chosen.partner:
-            self.accepted.append(Accepted(chosen.partner, share, {}))
-        self.accepted.append(Accepted(chosen, share, {}))
-        self.progress(f"accepted {chosen.effect.id}")
-        self._settle_or_keep(best)
+        self.steps.append(Step(scores, candidate.effect.id))
+        share = 1 - best.at.cost / self.at.cost
+        if candidate.partner:
+            self.accepted.append(Accepted(candidate.partner, share, {}))
+        self.accepted.append(Accepted(candidate, share, {}))
+        self.progress(f"accepted {candidate.effect.id}")
+        self._settle_or_keep(best.at, nearly_settled if self.number > 1 else settled)
         return True
 
-    def _price(self, candidate: Candidate, sizes: int) -> float:
-        """What so many sizes have to earn [V²]; a defect of the record a little more, so that where it can't be told
-        from an effect the effect is named."""
-        more = self.criteria.even if isinstance(candidate.effect, Defect) else 0.0
-        return (self.criteria.simpler * sizes + more) * self.at.variance
+    def _refitted(
+        self,
+        view: Opening,
+        begun: Sequence[Refit],
+        *,
+        also: Callable[[Opening, Refit, float], list[Fitted]] | None = None,
+        rounds: int = LAST_ROUNDS,
+    ) -> list[Refit]:
+        """Each fitted, or one of what there is ``also``; one that can't come near the best so far, or be significant, is
+        left where that shows."""
+        fits: list[Refit] = []
+        for fit in begun:
+            enough = view.at.cost - self._needed(fit) * view.at.variance
+            goal = min((f.at.cost + 4 * self.criteria.even * f.at.variance for f in fits), default=enough)
+            ends = [view.of(fit.at, goal, rounds), *(also(view, fit, goal) if also else ())]
+            fits.append(fit._replace(at=min(ends, key=lambda at: at.cost)))
+        return fits
 
-    def _refitted(self, candidate: Candidate, result: Score) -> Fitted:
-        begun = self.with_effect(self.at, candidate, result)
-        fits = [self.fitter.fit(begun)]
-        if self.fitter is self.whole and isinstance(candidate.effect, Force) and candidate.effect.states:
-            fits.append(self.fitter.fit(grown(self.fitter, begun)))
-        return min(fits, key=lambda at: at.cost)
+    def _grown(self, view: Opening, fit: Refit, goal: float) -> list[Fitted]:
+        """A resonance fitted from where it is broad."""
+        resonant = any(q.search is not None and q.search.kind == "resonance" for q in fit.candidate.searched)
+        if self.fitter is not self.whole or not resonant:
+            return []
+        return [view.of(grown(view.fitter, fit.at), goal)]
+
+    def _best(self, view: Opening, fits: Sequence[Refit]) -> Refit | None:
+        """The best of ``fits``; None where it is not worth it."""
+        # Where nothing tells two apart the electronics are more often at fault than a force on the mass.
+        best = min(self._near(fits, 1.0), key=lambda fit: isinstance(fit.candidate.effect, Force))
+        return best if view.at.cost - best.at.cost > self._needed(best) * best.at.variance else None
+
+    def _needed(self, fit: Refit) -> float:
+        """What an effect has to take to be significant, as a chi-square."""
+        chance = self.criteria.effect_chance / fit.candidate.trials
+        return float(chi2.isf(chance, fit.score.freedom)) * fit.score.inflation
+
+    def _weak(self, view: Opening, best: Refit) -> bool:
+        """Whether the best is an effect of a file and takes little of what is no noise."""
+        if best.candidate.effect.id in {term.id for own in self.terms for term in own}:
+            return False
+        noise = noise_level(view.at.residuals, view.fitter.records, view.at.parameters)
+        return bool(view.at.cost - best.at.cost < WEAK * (view.at.cost - noise**2 * view.at.count))
+
+    def _near(self, fits: Sequence[Refit], chi_square: float) -> list[Refit]:
+        """Those whose cost and price are within so much of the best's."""
+        variance = min(fit.at.variance for fit in fits)
+        prices = [fit.at.cost / variance + self._price(fit.candidate, fit.score.freedom) for fit in fits]
+        return [fit for fit, price in zip(fits, prices, strict=True) if price < min(prices) + chi_square]
+
+    def _price(self, candidate: Candidate, sizes: int) -> float:
+        """What so many sizes have to earn, as a chi-square; a defect of the record a little more, so that where it
+        can't be told from an effect the effect is named."""
+        more = self.criteria.even if isinstance(candidate.effect, Defect) else 0.0
+        return self.criteria.simpler * sizes + more
 
     def _close(self, worth: list[Scored]) -> list[Scored]:
         """Those whose refit could be the best: all that the linear scores leave open."""
         even, simpler = self.criteria.even, self.criteria.simpler
         top = max(s.gain - simpler * s.freedom for _, s in worth)
-        linear = self.fitter.off(self.at) < IN_STEP
+        linear = self.view.fitter.off(self.view.at) < IN_STEP
 
         def near(entries: Sequence[Scored]) -> list[Scored]:
             least = [top - 4 * even * s.inflation - 0.1 * top if linear else RIVAL_SHARE * top for _, s in entries]
@@ -417,12 +509,12 @@ class Search:
         close = near(worth)[:RIVALS]
         return close + [peak for c, _ in close for peak in near(next_peaks(c, self.scored))[:1]]
 
-    def with_effect(self, at: Fitted, candidate: Candidate, result: Score) -> Fitted:
-        """``at`` with the effect switched on at the size that its score says, to be fitted."""
+    def with_effect(self, fitter: Fitter, at: Fitted, candidate: Candidate, result: Score) -> Fitted:
+        """``at``, a fit of ``fitter``, with the effect switched on at the size that its score says, to be fitted."""
         values = candidate.values(result.amplitudes, result.deviations)
-        free = (*at.free, *candidate.free(self.fitter.period))
+        free = (*at.free, *candidate.free(fitter.period))
         shapes = {**(candidate.partner.shapes if candidate.partner else {}), **candidate.shapes}
-        return self.fitter.evaluated(replace(at, parameters={**at.parameters, **shapes, **values}, free=free))
+        return fitter.evaluated(replace(at, parameters={**at.parameters, **shapes, **values}, free=free))
 
     def without_effect(self, at: Fitted, entry: Accepted) -> Fitted:
         """``at`` with the effect switched off, to be fitted."""
@@ -464,7 +556,7 @@ class Search:
         variance = self.at.variance
         fits = {entry.id: (self.at, entry.candidate), **self._refitted_instead(entry)}
         self.simulator.clock.check()
-        price = {i: at.cost + self._price(c, len(c.all_probes)) for i, (at, c) in fits.items()}
+        price = {i: at.cost + self._price(c, len(c.all_probes)) * variance for i, (at, c) in fits.items()}
         head = min(price, key=lambda i: price[i])
         # Of an effect and a defect of the record that are even the effect is named, whichever came first.
         owed = (
@@ -531,31 +623,26 @@ class Search:
         if not stand_ins:
             return {}
         goal, fits = self.at.cost + self.criteria.even * self.at.variance, {}
-        base, trial = self.without_effect(self.at, entry), self._trial()
+        base, number = self.without_effect(self.at, entry), parts(self.fitter.records)[0]
+        trial = opened(beginnings(self.fitter, number), self.at) if number > 1 else None
+        least = trial.at.cost + 4 * self.criteria.even * trial.at.variance if trial else np.inf
         for candidate, result in stand_ins:
-            begun = self.with_effect(base, candidate, result)
-            if trial and _lost(*trial, begun):
+            begun = self.with_effect(self.fitter, base, candidate, result)
+            if trial and trial.of(begun, least).cost > least:
                 continue
             self.progress(f"{candidate.effect.id} in place of {entry.id}")
             at = self.fitter.fit(begun, goal=goal)
             if at.cost < goal:
                 fits[candidate.effect.id] = at, candidate
         if trial:
-            self.simulator.forget(trial[0].records)
+            self.simulator.forget(trial.fitter.records)
         return fits
-
-    def _trial(self) -> tuple[Fitter, Fitted] | None:
-        """The present fit on the beginnings of the runs, where these are much longer."""
-        number = sum(len(r.t) for r in self.fitter.records) // TRIED
-        if number < LONG:
-            return None
-        fitter = beginnings(self.fitter, number)
-        return fitter, fitter.fit(fitter.evaluated(replace(started(fitter, self.at), whiten=self.at.whiten)))
 
     def _takes(self, entry: Accepted) -> Score:
         """What the present fit would lose without an effect, to first order, the other parameters taking up what they
         can."""
         if self.scan.at.parameters != self.at.parameters:
+            self.shortest = 1
             self._scan()
         linear = self.scan.at
         own = [i for i, f in enumerate(linear.free) if f.name in entry.names]
@@ -569,14 +656,6 @@ class Search:
         near = [(c, s) for c, s in self.scan.scores(others, self.accepted.index(entry))
                 if s.gain > least.gain - 4 * self.criteria.even * least.inflation - 0.1 * least.gain]  # fmt: skip
         return best_of(near, self.criteria)[:RIVALS]
-
-
-def _lost(fitter: Fitter, at: Fitted, begun: Fitted) -> bool:
-    """Whether ``begun``, a model of whole runs, can't come near the fit ``at`` of their beginnings."""
-    # A rival that is even over the whole may be behind on a part by what it is ahead on the rest: six deviations.
-    goal = at.cost + 4 * fitter.criteria.even * at.variance
-    rival = fitter.evaluated(replace(started(fitter, begun), whiten=at.whiten))
-    return fitter.fit(rival, goal=goal).cost > goal
 
 
 def _neutral(entry: Accepted) -> dict[str, float]:

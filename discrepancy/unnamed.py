@@ -23,16 +23,16 @@ class TermSearch:
     folder: Path
     progress: Callable[[str], None] = lambda _: None
 
-    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], room: int) -> Wider | None:
+    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], room: int, least: float = 0.0) -> Wider | None:
         """The term, or the wrong names alone where an effect of the model fits best in their place; None where there
-        is neither, or no ``room`` for a term but in the place of a wrong name. Raises InputError where the FMU can't be
-        built or the folder not written."""
+        is neither, the term takes less than ``least`` of the residual's square, or there is no ``room`` for one but in
+        the place of a wrong name. Raises InputError where the FMU can't be built or the folder not written."""
         against = rivals(fitter, at, named, self.progress)
         wrong = tuple(against.names)
         start = without(fitter, at, wrong) if wrong else at
         if not wrong and (room < 1 or not (against.beside or is_open(fitter, start))):
             return None
-        found = discover(fitter, start, self.folder, self.progress)
+        found = discover(fitter, start, self.folder, self.progress, least)
         if found is None:
             return None
         if found.known:

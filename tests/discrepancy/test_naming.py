@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from discrepancy import search
+from discrepancy import openings, search
 from discrepancy.checkpoint import digest, load, save
 from discrepancy.columns import is_gauge, nameable
 from discrepancy.dataset import Dataset, load_dataset
@@ -120,7 +120,7 @@ def test_step_between_the_points_of_the_first_grid() -> None:
 
 @pytest.mark.parametrize("tried", [10**9, 1000], ids=["whole runs", "beginnings first"])
 def test_small_delay_and_small_lag_are_not_told_apart(tried: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(search, "TRIED", tried)
+    monkeypatch.setattr(openings, "TRIED", tried)
     [found] = diagnose(made({"actuator_delay": 5e-9}), MODEL).effects
     assert {found.id, *found.either} == {"actuator_delay", "amplifier_bandwidth"}
 
@@ -130,7 +130,7 @@ def test_rivals_that_are_lost_in_the_beginning_are_not_refitted(monkeypatch: pyt
     data = made({"parasitic_coupling": 5.4, "parasitic_frequency": 4957.0, "parasitic_q": 2585.0})
 
     def rivals_refitted(tried: int) -> int:
-        monkeypatch.setattr(search, "TRIED", tried)
+        monkeypatch.setattr(openings, "TRIED", tried)
         steps: list[str] = []
         assert names(diagnose(data, MODEL, progress=steps.append)) == {"parasitic_mode"}
         return sum("in place of" in step for step in steps)
@@ -146,7 +146,7 @@ class Once:
     wider: Wider | None = None
     calls: list[list[str]] = field(default_factory=list)
 
-    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], room: int) -> Wider | None:
+    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], room: int, least: float) -> Wider | None:
         self.calls.append(list(named))
         return self.wider or Wider(wrong=tuple(named)) if len(self.calls) == 1 else None
 
