@@ -129,14 +129,20 @@ def is_gauge(effect: Effect) -> bool:
     return bool(ratios[0] == ratios[1] and ratios[0].free_symbols <= own)
 
 
-class Library:
-    """All candidates of a model, with probes that it keeps from one scan to the next."""
+Guesses = Mapping[tuple[str, str], tuple[Probe, float]]
+"""By a size's name and the id of the partner beside which it acts: a probe and the change [V rms] it is for."""
 
-    def __init__(self, fitter: Fitter) -> None:
+
+class Library:
+    """All candidates of a model, with probes that it keeps from one scan to the next; ``guesses``: those of other
+    runs."""
+
+    def __init__(self, fitter: Fitter, guesses: Guesses | None = None) -> None:
         self.model, self.records = fitter.simulator.model, fitter.records
         self.period = fitter.period
         self.grids = Grids(self.records, fitter.period)
         self.kept: dict[tuple[str, str], tuple[Probe, float]] = {}
+        self.guesses = guesses or {}
         self._silent: dict[str, frozenset[str]] = {}
 
     def candidates(self, fitter: Fitter, at: Fitted, present: Sequence[str]) -> list[Candidate]:
@@ -175,7 +181,8 @@ class Library:
         probes = []
         for q in effect.sizes:
             key = q.name, partner.effect.id if partner else ""
-            probe = self._known(key, scale.target) or scale.probe(q, grid.middle, base)
+            guess = self._scaled(self.guesses, key, scale.target)
+            probe = self._scaled(self.kept, key, scale.target) or scale.probe(q, grid.middle, base, guess)
             if probe:
                 self.kept[key] = probe, scale.target
                 probes.append(probe)
@@ -183,11 +190,12 @@ class Library:
         points = [Candidate(effect, own, s, grid.moved, trials, spacing=grid.spacing) for s in grid.values]
         return points if probes else []
 
-    def _known(self, key: tuple[str, str], target: float) -> Probe | None:
+    @staticmethod
+    def _scaled(found: Guesses, key: tuple[str, str], target: float) -> Probe | None:
         """The probe that was found before, for a change of ``target``: a smaller gap asks for a smaller one."""
-        if key not in self.kept:
+        if key not in found:
             return None
-        probe, before = self.kept[key]
+        probe, before = found[key]
         room = abs((probe.quantity.high if probe.step > 0 else probe.quantity.low) - probe.quantity.start)
         step = min(abs(probe.step) * (target / before) ** (1 / probe.power), room)
         return replace(probe, step=float(np.copysign(step, probe.step)))
@@ -230,10 +238,14 @@ class _Scale:
             for r, start, e in zip(self.fitter.records, at.starts, at.residuals, strict=True)
         ]
 
-    def probe(self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float]) -> Probe | None:
-        """A probe of ``q``; None where nothing changes. base: changes beside which it acts."""
+    def probe(
+        self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float], guess: Probe | None = None
+    ) -> Probe | None:
+        """A probe of ``q``, near a ``guess``; None where nothing changes. base: changes beside which it acts."""
         sign = -1.0 if q.high <= q.start else 1.0
         room = abs((q.high if sign > 0 else q.low) - q.start)
+        if guess is not None:
+            return self._searched(guess, shapes, base, self.whole, room)
         first = Probe(q, sign * min(self._natural(q), 0.5 * room), 0)
         roughly = self._searched(first, shapes, base, self.head, room)
         if roughly is None and self.steady:

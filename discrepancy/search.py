@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from discrepancy import checkpoint as store
 from discrepancy.answer import Step
 from discrepancy.clock import OutOfTime
-from discrepancy.columns import Candidate, Library, finer, nameable
+from discrepancy.columns import Candidate, Guesses, Library, finer, nameable
 from discrepancy.continuation import IN_STEP, LAST_ROUNDS, ROUNDS, beginnings, grown, nearly_settled, settled
 from discrepancy.criteria import Criteria
 from discrepancy.dataset import Dataset
@@ -154,11 +154,11 @@ class Search:
         self.whole = Fitter(self.simulator, dataset.fit, criteria=self.criteria)
         self._open(1)
 
-    def _open(self, number: int) -> None:
-        """Looks for effects in the first of ``number`` parts of each run from now on."""
+    def _open(self, number: int, guesses: Guesses | None = None) -> None:
+        """Looks for effects in the first of ``number`` parts of each run from now on, with probes near ``guesses``."""
         self.number = number
         self.opening = self.whole if number == 1 else beginnings(self.whole, number)
-        self.library = Library(self.opening)
+        self.library = Library(self.opening, guesses)
 
     def _mask_clipped(self) -> None:
         """Looks for clipped samples beside the present model, and takes them out of everything else."""
@@ -383,7 +383,7 @@ class Search:
         """Scores every candidate at the present fit, on the shortest openings that may show one."""
         number = self.shortest if self.fitter is self.whole else 1
         if number != self.number:
-            self._open(number)
+            self._open(number, self.library.kept)
         self.view = opened(self.opening, self.at) if number > 1 else Opening(self.fitter, self.at)
         self.scan = self._scanned(self.library.candidates(*self.view, self.present))
         self.scored = self.scan.scores()
@@ -449,8 +449,8 @@ class Search:
         also: Callable[[Opening, Refit, float], list[Fitted]] | None = None,
         rounds: int = LAST_ROUNDS,
     ) -> list[Refit]:
-        """Each fitted, or one of what there is ``also``; one that can't come near the best so far, or be significant, is
-        left where that shows."""
+        """Each fitted, or one of what there is ``also``; one that can't come near the best so far, or be significant,
+        is left where that shows."""
         fits: list[Refit] = []
         for fit in begun:
             enough = view.at.cost - self._needed(fit) * view.at.variance
