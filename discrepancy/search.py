@@ -123,7 +123,7 @@ class Search:
         self.full = False
         self.weak = 0.0
         self.waiting: list[Refit] = []
-        self.shortest = parts(dataset.fit)[0]
+        self.shortest, self.number = parts(dataset.fit)[0], 1
         self._take(dataset)
         noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
         self.nominal = {name: value for name, value in dataset.nominal.items() if name not in noise}
@@ -152,7 +152,7 @@ class Search:
     def _take(self, dataset: Dataset) -> None:
         self.dataset = dataset
         self.whole = Fitter(self.simulator, dataset.fit, criteria=self.criteria)
-        self._open(1)
+        self._open(self.number)
 
     def _open(self, number: int, guesses: Guesses | None = None) -> None:
         """Looks for effects in the first of ``number`` parts of each run from now on, with probes near ``guesses``."""
@@ -182,7 +182,7 @@ class Search:
             found = blemish.find(self.dataset.fit, self.at.residuals, self.criteria)
             if found is None:
                 continue
-            before, unlikely = (self.dataset, self.whole, self.library, self.fitter, self.at), self._unlikely()
+            before, unlikely = copy(vars(self)), self._unlikely()
             self._take_blemish(blemish, found.data)
             self._settle(self.at)
             # Worth a line of the report, and beyond what its numbers take away by chance.
@@ -191,7 +191,7 @@ class Search:
                 self.progress(f"record: {blemish.id} taken out")
                 self.found.append((blemish, found))
             else:
-                self.dataset, self.whole, self.library, self.fitter, self.at = before
+                vars(self).update(before)
 
     def _unlikely(self) -> float:
         """Twice the negative log likelihood of the residuals, a sample: innovations alone do not tell two fits apart
