@@ -469,8 +469,9 @@ class Search:
     def _best(self, view: Opening, fits: Sequence[Refit]) -> Refit | None:
         """The best of ``fits``; None where it is not worth it."""
         # Where nothing tells two apart the electronics are more often at fault than a force on the mass.
-        best = min(self._near(fits, 1.0), key=lambda fit: isinstance(fit.candidate.effect, Force))
-        return best if view.at.cost - best.at.cost > self._needed(best) * best.at.variance else None
+        best = min(self._near(fits, 1.0), key=lambda fit: isinstance(fit.candidate.effect, Force), default=None)
+        worth = best is not None and view.at.cost - best.at.cost > self._needed(best) * best.at.variance
+        return best if worth else None
 
     def _needed(self, fit: Refit) -> float:
         """What an effect has to take to be significant, as a chi-square."""
@@ -485,8 +486,9 @@ class Search:
         return bool(view.at.cost - best.at.cost < WEAK * (view.at.cost - noise**2 * view.at.count))
 
     def _near(self, fits: Sequence[Refit], chi_square: float) -> list[Refit]:
-        """Those whose cost and price are within so much of the best's."""
-        variance = min(fit.at.variance for fit in fits)
+        """Those whose cost and price are within so much of the best's; none where no motion stays within bounds."""
+        fits = [fit for fit in fits if np.isfinite(fit.at.cost)]
+        variance = min((fit.at.variance for fit in fits), default=1.0)
         prices = [fit.at.cost / variance + self._price(fit.candidate, fit.score.freedom) for fit in fits]
         return [fit for fit, price in zip(fits, prices, strict=True) if price < min(prices) + chi_square]
 
