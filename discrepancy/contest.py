@@ -186,14 +186,14 @@ class Terms:
             entry = less
         return entry
 
-    def refitted(self, fitter: Fitter, at: Fitted, contestant: Contestant) -> Entry:
-        """``at`` with the term in it."""
+    def refitted(self, fitter: Fitter, at: Fitted, contestant: Contestant, goal: float = math.inf) -> Entry:
+        """``at`` with the term in it, as far as it comes near ``goal``, a cost."""
         candidate = contestant.candidate
         sizes = zip(candidate.probes, contestant.amplitudes, strict=True)
         values = {p.quantity.name: p.value(a) for p, a in sizes}
         free = (*at.free, *candidate.free(fitter.period))
         begun = replace(at, parameters={**at.parameters, **values}, free=free)
-        return Entry(contestant, fitter.fit(fitter.evaluated(begun)))
+        return Entry(contestant, fitter.fit(fitter.evaluated(begun), goal=goal))
 
     def contest(self, fitter: Fitter, at: Fitted) -> list[Entry]:
         """The best terms refitted, lowest price first."""

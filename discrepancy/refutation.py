@@ -67,18 +67,24 @@ def _in_place(terms: Terms, fitter: Fitter, full: Fitted, group: Sequence[str], 
     close = [c for c in standing.contestants if c.id not in group and c.score.gain > (1 - NEARLY) * standing.gain]
     if not close:
         return None
-    less = without(fitter, full, group)
-    best = ranked([terms.refitted(fitter, less, c) for c in close[:CLOSEST]])[0]
+    # The rest is fitted with the term in it: without either, the motion may be far from the measured one.
+    less = _switched_off(fitter, full, group)
+    price = (len(full.free) - len(less.free)) * float(np.log(full.count))
+    goal = full.cost + price * full.variance
+    best = ranked([terms.refitted(fitter, less, c, goal) for c in close[:CLOSEST]])[0]
     variance = best.fitted.variance
-    fitted = len(full.free) - len(less.free)
-    if best.price(variance) + fitter.criteria.even < full.cost / variance + fitted * float(np.log(full.count)):
+    if best.price(variance) + fitter.criteria.even < full.cost / variance + price:
         return best.contestant.form.text
     return None
 
 
 def without(fitter: Fitter, at: Fitted, ids: Sequence[str]) -> Fitted:
     """``at`` refitted with the effects ``ids`` switched off."""
+    return fitter.fit(_switched_off(fitter, at, ids))
+
+
+def _switched_off(fitter: Fitter, at: Fitted, ids: Sequence[str]) -> Fitted:
     own = [q for effect in ids for q in fitter.simulator.model.effect(effect).parameters]
     off, names = {q.name: q.start for q in own if q.role == "size"}, {q.name for q in own}
     free = tuple(f for f in at.free if f.name not in names)
-    return fitter.fit(fitter.evaluated(replace(at, parameters={**at.parameters, **off}, free=free)))
+    return fitter.evaluated(replace(at, parameters={**at.parameters, **off}, free=free))

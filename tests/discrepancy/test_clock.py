@@ -55,7 +55,7 @@ def test_a_simulation_after_the_end_is_refused() -> None:
 def test_what_was_not_done_is_said_and_no_verdict_claims_it(
     method: str, said: str, hidden: dict[str, float], verdict: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def ends(self: Search, *_: object) -> None:
+    def ends(self: Search, *_: object, **__: object) -> None:
         self.refused.add("half done")
         raise OutOfTime
 
