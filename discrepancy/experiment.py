@@ -16,6 +16,7 @@ import numpy as np
 from scipy.stats import norm
 
 from discrepancy.algebra import inverse_scaled
+from discrepancy.defect import effect_of, quantity_of
 from discrepancy.fitted import Fitted, Free
 from discrepancy.menu import Proposal, menu
 from discrepancy.record import Floats, Record
@@ -99,7 +100,8 @@ class _Rival:
     ) -> None:
         self.simulator, self.values, self.noise = simulator, dict(values), noise
         fitter = Fitter(simulator, records)
-        nominal = fitter.begin({n: values[n] for n in values if simulator.model.parameter(n).role == "parameter"})
+        own = {n: values[n] for n in values if quantity_of(simulator.model, n).role == "parameter"}
+        nominal = fitter.begin(own)
         self.free = (*nominal.free, *self._sizes(name))
         self.plain = fitter.plain(values)
         begun = fitter.evaluated(Fitted(self.values, fitter.at_rest, (), self.plain, ()))
@@ -109,9 +111,9 @@ class _Rival:
 
     def _sizes(self, name: str) -> list[Free]:
         """Sizes that are not neutral, of the rival and of any effect beside it."""
-        effect = self.simulator.model.effect(name)
-        sizes = [q for q in self.simulator.model.quantities if q.role == "size" and q.name in self.values
-                 and self.values[q.name] != q.start]  # fmt: skip
+        effect = effect_of(self.simulator.model, name)
+        known = (quantity_of(self.simulator.model, n) for n in self.values)
+        sizes = [q for q in known if q.role == "size" and self.values[q.name] != q.start]
         if not any(q in effect.sizes for q in sizes):
             raise InputError(
                 f"rival {name}: none of its sizes is fitted; give {', '.join(q.name for q in effect.sizes)}"

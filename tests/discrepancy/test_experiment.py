@@ -143,6 +143,15 @@ def test_bad_input(simulator: Simulator) -> None:
         next_experiment(simulator, records, {**one, "nonlinear_damping": TRUE}, NOISE)
 
 
+def test_a_rival_may_be_a_defect_of_the_record(simulator: Simulator) -> None:
+    """A delay of the force, or a filter of the voltage, whose size is no parameter of the device."""
+    records = runs(simulator, {"actuator_delay": 2e-8}, {})
+    sets = {"actuator_delay": {**TRUE, "actuator_delay": 2e-8}, "voltage_filter": {**TRUE, "voltage_filter": 2e-8}}
+    found = next_experiment(simulator, records, sets, NOISE)
+    assert "actuator_delay from voltage_filter" in found.text
+    assert np.array_equal(simulator.run(found.record, sets["actuator_delay"]), found.record.v)
+
+
 def test_is_for_reuse(simulator: Simulator) -> None:
     """The record proposed is simulated as any other."""
     records = runs(simulator, {}, {})
