@@ -10,7 +10,7 @@ import io
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -157,13 +157,16 @@ def _experiment(one: ET.Element, read: Reader) -> Experiment:
 
 def _csv(columns: Mapping[str, Floats]) -> bytes:
     rows = [",".join(f'"{name}"' for name in columns)]
-    rows += [",".join(repr(float(value)) for value in row) for row in zip(*columns.values(), strict=True)]
+    rows += [",".join(repr(value.item()) for value in row) for row in zip(*columns.values(), strict=True)]
     return ("\n".join(rows) + "\n").encode()
 
 
 def _columns(data: bytes) -> dict[str, Floats]:
     names, *rows = csv.reader(io.StringIO(data.decode()))
-    return dict(zip(names, np.array(rows, dtype=float).T, strict=True))
+    columns = dict(zip(names, np.array(rows).T, strict=True))
+    # Whole numbers are written without a point.
+    whole = {name for name, column in columns.items() if all(cell.lstrip("-").isdigit() for cell in column)}
+    return {name: column.astype(np.int64 if name in whole else np.float64) for name, column in columns.items()}
 
 
 def xml_bytes(root: ET.Element) -> bytes:
@@ -229,31 +232,55 @@ def _replay(experiment: Experiment, description: object, folder: str) -> dict[st
     from fmpy.simulation import instantiate_fmu
 
     fmu = instantiate_fmu(folder, description, fmi_type="CoSimulation")
-    old = description.fmiVersion.startswith("2")  # type: ignore[attr-defined]
-    references = {v.name: v.valueReference for v in description.modelVariables}  # type: ignore[attr-defined]
-    set_real, set_whole = (fmu.setReal, fmu.setInteger) if old else (fmu.setFloat64, fmu.setInt32)
-    get = fmu.getReal if old else fmu.getFloat64
-    unknown = [n for n in (*experiment.parameters, *experiment.inputs, *experiment.outputs) if n not in references]
     try:
+        known = {v.name for v in description.modelVariables}  # type: ignore[attr-defined]
+        unknown = [n for n in (*experiment.parameters, *experiment.inputs, *experiment.outputs) if n not in known]
         if unknown:
             raise InputError(f"experiment {experiment.name}: the FMU has no variable {', '.join(unknown)}")
-        for name, value in experiment.parameters.items():
-            (set_whole if isinstance(value, int) else set_real)([references[name]], [value])
-        inputs, outputs = ([references[n] for n in names] for names in (experiment.inputs, experiment.outputs))
-        held = np.array(list(experiment.inputs.values())).T
-        set_real(inputs, held[0].tolist())
-        if old:
-            fmu.setupExperiment(startTime=float(experiment.time[0]))
+        access = _Access(fmu, description)
+        access.set(experiment.parameters)
+        start = float(experiment.time[0])
+        held = [dict(zip(experiment.inputs, row, strict=True)) for row in zip(*experiment.inputs.values(), strict=True)]
+        access.set(held[0])
+        if access.old:
+            fmu.setupExperiment(startTime=start)
             fmu.enterInitializationMode()
         else:
-            fmu.enterInitializationMode(startTime=float(experiment.time[0]))
+            fmu.enterInitializationMode(startTime=start)
         fmu.exitInitializationMode()
-        rows = [get(outputs)]
+        rows = [access.get(experiment.outputs)]
         for k, (begin, end) in enumerate(zip(experiment.time[:-1], experiment.time[1:], strict=True)):
-            set_real(inputs, held[k].tolist())
+            access.set(held[k])
             fmu.doStep(float(begin), float(end - begin))
-            rows.append(get(outputs))
+            rows.append(access.get(experiment.outputs))
         fmu.terminate()
     finally:
         fmu.freeInstance()
     return dict(zip(experiment.outputs, np.array(rows).T, strict=True))
+
+
+class _Access:
+    """Sets and gets variables of an instance by name, whole numbers through the functions for those."""
+
+    def __init__(self, fmu: Any, description: Any) -> None:
+        self.old = description.fmiVersion.startswith("2")
+        self.references = {v.name: v.valueReference for v in description.modelVariables}
+        self.whole = {v.name for v in description.modelVariables if v.type in ("Integer", "Int32")}
+        self.set_whole, self.get_whole = (
+            (fmu.setInteger, fmu.getInteger) if self.old else (fmu.setInt32, fmu.getInt32)
+        )
+        self.set_real, self.get_real = (fmu.setReal, fmu.getReal) if self.old else (fmu.setFloat64, fmu.getFloat64)
+
+    def set(self, values: Mapping[str, float]) -> None:
+        """Values in SI."""
+        whole = {name: int(value) for name, value in values.items() if name in self.whole}
+        reals = {name: float(value) for name, value in values.items() if name not in self.whole}
+        for some, setter in ((whole, self.set_whole), (reals, self.set_real)):
+            if some:
+                setter([self.references[name] for name in some], list(some.values()))
+
+    def get(self, names: Iterable[str]) -> list[float]:
+        """Values in SI."""
+        return [
+            (self.get_whole if name in self.whole else self.get_real)([self.references[name]])[0] for name in names
+        ]

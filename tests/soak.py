@@ -21,16 +21,20 @@ import numpy as np
 from gyro_model.build import build
 from gyro_model.effect_points import active_parameters
 from gyro_model.envelope import envelope_model
+from gyro_model.form import Form
 from gyro_model.generate_envelope import refused_effects
 from gyro_model.model import Model, load_model
+from gyro_model.sensor import PARAMETER_TABLE, SensorModel
 from tests.fmu.fmu_importer import ERROR, OK, Fmu, Instance
 
-FORMS = {"full": load_model(), "envelope": envelope_model()}
+FORMS: dict[str, Form] = {"full": load_model(), "envelope": envelope_model(), "sensor": SensorModel()}
 TICK = 1e-12
 """What the FMU counts time in [s]: lengths of steps are whole numbers of it, so that their sums are exact."""
 
 # Sizes of random inputs by unit; a temperature keeps near its start.
 _INPUT_SCALE = {"N": 1e-6, "rad/s": 5.0, "m/s2": 10.0, "V": 1.0, "K": 5.0, "Hz": 0.1}
+# What a sensor may have, by quantity; the others are drawn apart.
+_SENSOR = [q for q in PARAMETER_TABLE if q.nominal and not q.name.startswith(("structure", "supply", "start_up"))]
 
 
 class SoakError(AssertionError):
@@ -40,12 +44,13 @@ class SoakError(AssertionError):
 class Soak:
     """The two instances of one device, and the calls made so far."""
 
-    def __init__(self, fmu: Fmu, model: Model, rng: random.Random) -> None:
+    def __init__(self, fmu: Fmu, model: Form, rng: random.Random) -> None:
         self.fmu, self.model, self.rng = fmu, model, rng
         self.calls = self.checks = self.devices = self.diverged = 0
         self.digest = hashlib.sha256()
-        self.inputs = [q for q in model.quantities if q.role == "input" and q.unit in _INPUT_SCALE]
-        self.outputs = [q.name for q in model.quantities if q.role == "output"]
+        self.inputs = [q for q in model.quantities if q.role == "input" and (q.integer or q.unit in _INPUT_SCALE)]
+        self.outputs = [q.name for q in model.quantities if q.role == "output" and not q.integer]
+        self.flags = [q.name for q in model.quantities if q.role == "output" and q.integer]
         self.busy, self.plain = Instance(fmu), Instance(fmu)
         self.saved: list[ct.c_void_p] = []
         self.begin()
@@ -59,21 +64,43 @@ class Soak:
             instance.__exit__()
 
     def device(self) -> dict[str, float]:
-        """Parameters of some effects, up to where they count."""
-        refused = refused_effects(self.model) if self.model is FORMS["envelope"] else ()
-        effects = [e for e in self.model.effects if not e.nominal and e.limits and e not in refused]
-        some = self.rng.sample(effects, self.rng.choice((0, 1, 2, 4, 8, 16)))
+        """Parameters of some effects, up to where they count, or of a sensor; steps and samples of odd lengths."""
         known = {q.name: q for q in self.model.quantities if q.role != "output"}
         values: dict[str, float] = {"seed": self.rng.randrange(1000)}
-        for effect in some:
-            numbers = np.random.default_rng(self.rng.randrange(1 << 30))
-            values |= {name: v for name, v in active_parameters(effect, numbers, self.model).items() if name in known}
+        if isinstance(self.model, Model):
+            values |= {name: v for name, v in self.effects(self.model).items() if name in known}
+        else:
+            values |= self.sensor()
         if "x_start" in known:
             values |= {"x_start": self.rng.uniform(0, 1e-6), "y_dot_start": self.rng.uniform(0, 1e-2)}
-        start = self.model.start(known["internal_step"])
-        values["internal_step"] = start * self.rng.choice((1.0, 1.0, 0.2, 0.371, 0.74))
-        values["sample_period"] = 5e-6 * self.rng.choice((1.0, 1.0, 4.0, 1 / 3, 1.7))
+        for name in ("internal_step", "sample_period"):
+            values[name] = self.model.start(known[name]) * self.rng.choice((1.0, 1.0, 0.2, 0.371, 0.74, 1 / 3, 1.7))
         return values
+
+    def effects(self, model: Model) -> dict[str, float]:
+        """Sizes and shapes of some effects."""
+        refused = refused_effects(model) if model is FORMS["envelope"] else ()
+        effects = [e for e in model.effects if not e.nominal and e.limits and e not in refused]
+        values: dict[str, float] = {}
+        for effect in self.rng.sample(effects, self.rng.choice((0, 1, 2, 4, 8, 16))):
+            numbers = np.random.default_rng(self.rng.randrange(1 << 30))
+            values |= active_parameters(effect, numbers, model)
+        return values
+
+    def sensor(self) -> dict[str, float]:
+        """Parameters of a sensor; the supply (3.3 V ± 1 V) switches some off."""
+        rng = self.rng
+        low = rng.uniform(230.0, 300.0)
+        values = {q.name: q.typical * rng.uniform(0.0, 3.0) for q in rng.sample(_SENSOR, rng.randrange(len(_SENSOR)))}
+        for k in (1, 2):
+            values |= {f"filter_frequency_{k}": 10.0 ** rng.uniform(0.0, 3.5), f"filter_damping_{k}": rng.uniform(0.2, 3.0)}
+        values |= {"temperature_low": low, "temperature_high": low + 10.0 ** rng.uniform(-1.0, 2.0)}
+        values |= {"supply_low": rng.choice((0.0, 3.0)), "start_up_time": rng.choice((0.0, rng.uniform(0.0, 0.02)))}
+        return values | {"structure_lag": rng.choice((0.0, 10.0 ** rng.uniform(-3.0, 2.0)))}
+
+    def outputs_of(self, instance: Instance) -> list[float]:
+        """All outputs, whatever their type."""
+        return [*instance.get(*self.outputs), *(instance.get(*self.flags) if self.flags else [])]
 
     def begin(self) -> None:
         """A new device for both."""
@@ -102,9 +129,10 @@ class Soak:
             then = self.start + (self.now - self.behind) * TICK
             self.expect(self.plain.step(then, self.behind * TICK) == OK, "the plain instance does not step")
             self.behind = 0
-        busy, plain = (struct.pack(f"<{len(self.outputs)}d", *i.get(*self.outputs)) for i in (self.busy, self.plain))
+        values = self.outputs_of(self.busy)
+        busy, plain = (struct.pack(f"<{len(v)}d", *v) for v in (values, self.outputs_of(self.plain)))
         self.expect(busy == plain, "outputs differ")
-        self.expect(all(map(math.isfinite, self.busy.get(*self.outputs))), "an output is not finite")
+        self.expect(all(map(math.isfinite, values)), "an output is not finite")
         self.digest.update(busy)
 
     # What a soak does, one call or a few each.
@@ -135,29 +163,31 @@ class Soak:
         """New inputs for both."""
         self.check()
         for quantity in self.rng.sample(self.inputs, self.rng.randint(1, 2)):
-            scale = _INPUT_SCALE[quantity.unit]
-            value = self.model.start(quantity) + scale * self.rng.uniform(-1.0, 1.0)
+            if quantity.integer:
+                value = float(self.rng.randint(int(quantity.low), int(quantity.high)))
+            else:
+                value = self.model.start(quantity) + _INPUT_SCALE[quantity.unit] * self.rng.uniform(-1.0, 1.0)
             for instance in (self.busy, self.plain):
                 self.expect(instance.try_set(quantity.name, value) == OK, f"{quantity.name} can't be set")
 
     def refused(self) -> None:
         """A wrong call: it says why and changes nothing."""
         busy, rng = self.busy, self.rng
-        before, said = busy.get(*self.outputs), len(busy.log)
-        name = rng.choice(self.inputs).name
+        before, said = self.outputs_of(busy), len(busy.log)
+        name = rng.choice([q for q in self.inputs if not q.integer]).name
         wrong: list[Callable[[], int]] = [
             lambda: busy.step(self.time(), rng.choice((0.0, -1e-6, math.nan, math.inf, 1e9))),
             lambda: busy.step(self.time() + rng.choice((1e-3, -1e-3)) * (1.0 + self.now * TICK), 1e-6),
             lambda: busy.try_set(name, rng.choice((math.nan, math.inf))),
             lambda: busy.try_set(rng.choice(self.outputs), 1.0),
-            lambda: busy.try_set("m", 1e-6),
+            lambda: busy.try_set("internal_step", 1e-4),
             lambda: busy.call("ExitInitializationMode"),
             lambda: busy.set_up(),
             lambda: busy.deserialize(rng.randbytes(rng.randrange(200)))[0],
         ]
         status = rng.choice(wrong)()
         self.expect(status == ERROR and len(busy.log) > said and bool(busy.message), f"status {status} of a wrong call")
-        self.expect(busy.get(*self.outputs) == before, "a refused call changed an output")
+        self.expect(self.outputs_of(busy) == before, "a refused call changed an output")
 
     def save_and_go_on_elsewhere(self) -> None:
         """The state as bytes into a new instance, which goes on instead of the old one."""
@@ -177,7 +207,7 @@ class Soak:
         """Saves, runs on, comes back."""
         handle = self.busy.save()
         time = self.time()
-        self.busy.try_set(self.rng.choice(self.inputs).name, 1e-7)
+        self.busy.try_set(self.rng.choice(self.inputs).name, self.rng.choice((1e-7, 1.0)))
         for _ in range(self.rng.randint(1, 4)):
             length = self.reference * self.rng.random() + TICK
             if self.busy.step(time, length) != OK:
@@ -230,7 +260,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--calls", type=int, default=10_000)
     parser.add_argument("--fmi", type=int, choices=(2, 3), help="one standard; both otherwise")
-    parser.add_argument("--form", choices=tuple(FORMS), help="one form; both otherwise")
+    parser.add_argument("--form", choices=tuple(FORMS), help="one form; all otherwise")
     options = parser.parse_args()
     for version in (options.fmi,) if options.fmi else (2, 3):
         for form in (options.form,) if options.form else FORMS:

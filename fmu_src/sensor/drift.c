@@ -16,7 +16,7 @@ static const uint32_t WHITE = 0x812243c1u, FLICKER = 0x9335c713u, WALK = 0x66217
 static const double POLE = 0.2, FIRST = 1.1;
 
 /* √(2 ln 2/π): the Allan deviation of flicker noise over B (IEEE Std 952, annex C); that of the processes at variance 1 is 1. */
-static const double FLAT = 0.6642835;
+static const double FLAT = 0.6642824702679600;
 
 void gyro_plan_drift(gyro_drift_plan *plan, uint32_t seed, double angle_random_walk, double instability, double rate_random_walk, double step)
 {

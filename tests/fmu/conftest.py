@@ -1,11 +1,14 @@
-"""Both FMUs, built once a session, loaded and ready."""
+"""All FMUs, built once a session, loaded and ready."""
 
 from collections.abc import Iterator
 
 import pytest
 from fmu_importer import Fmu, Instance
 
-from gyro_model.build import build
+from gyro_model.build import build, forms
+from gyro_model.model import load_model
+
+FORMS = {form.NAME: form for form in forms(load_model())}
 
 
 @pytest.fixture(scope="session")
@@ -19,6 +22,25 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Fmu]:
 def fmu(request: pytest.FixtureRequest, fmus: dict[int, Fmu]) -> Fmu:
     """Each FMU in turn."""
     return fmus[request.param]
+
+
+@pytest.fixture(scope="session")
+def loaded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[int, Fmu]]:
+    """The FMUs of every form, by its name and version."""
+    return {
+        name: {
+            fmu.version: fmu
+            for fmu in (Fmu(path, tmp_path_factory.mktemp(fmi)) for fmi, path in build(form)._asdict().items())
+        }
+        for name, form in FORMS.items()
+    }
+
+
+@pytest.fixture(params=[(name, version) for name in FORMS for version in (2, 3)], ids=lambda p: f"{p[0]}-fmi{p[1]}")
+def any_fmu(request: pytest.FixtureRequest, loaded: dict[str, dict[int, Fmu]]) -> Fmu:
+    """Each FMU of every form in turn."""
+    name, version = request.param
+    return loaded[name][version]
 
 
 @pytest.fixture

@@ -13,9 +13,12 @@ from gyro_model.build import build
 from gyro_model.envelope import envelope_model
 from gyro_model.errors import InputError
 from gyro_model.experiments import EXPERIMENTS, FOLDER, read_experiments, verify
+from gyro_model.form import Form
 from gyro_model.model import load_model
+from gyro_model.sensor import SensorModel
 
-MODELS = {"full": load_model(), "envelope": envelope_model()}
+MODELS: dict[str, Form] = {"full": load_model(), "envelope": envelope_model(), "sensor": SensorModel()}
+COUNTS = {"full": 7, "envelope": 2, "sensor": 3}
 CASES = [(form, fmi) for form in MODELS for fmi in ("fmi2", "fmi3")]
 every_fmu = pytest.mark.parametrize(("form", "fmi"), CASES, ids=["-".join(case) for case in CASES])
 LS = "{http://fmi-standard.org/fmi-ls-manifest}"
@@ -28,7 +31,7 @@ def path_of(form: str, fmi: str) -> Path:
 @every_fmu
 def test_an_fmu_meets_what_it_brings(form: str, fmi: str) -> None:
     residuals = verify(path_of(form, fmi))
-    assert len({r.experiment for r in residuals}) == (7 if form == "full" else 2)
+    assert len({r.experiment for r in residuals}) == COUNTS[form]
     assert [r for r in residuals if not r.met] == []
     assert all(r.allowed.reason for r in residuals)
 

@@ -15,6 +15,7 @@ from test_saved_state import AT_CORE, CORE_HEADER, mended
 
 from gyro_model.build import Fmus, build, forms
 from gyro_model.errors import InputError
+from gyro_model.experiments import verify
 from gyro_model.model import load_model
 from gyro_model.sensor import SensorModel
 from gyro_model.sensor_fmu import hash_of, starts_file, write_sensor
@@ -197,6 +198,13 @@ def test_an_export_starts_as_its_gyroscope(
         own.start()
         told.start(**BUSY)
         assert run(own, 0, 60) == run(told, 0, 60)
+
+
+def test_an_export_meets_the_reference_traces(exported: Fmus) -> None:
+    for path in exported:
+        residuals = verify(path)
+        assert len({r.experiment for r in residuals}) == 3
+        assert [r for r in residuals if not r.met] == []
 
 
 def test_fmpy_runs_an_export_with_nothing_set(exported: Fmus) -> None:

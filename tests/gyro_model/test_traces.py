@@ -11,7 +11,10 @@ from trace_files import (
     ENVELOPE_CASES,
     FOLDER,
     FULL,
+    SENSOR,
+    SENSOR_CASES,
     make_envelope,
+    make_sensor,
     parameters_of,
     read,
     simulated,
@@ -23,12 +26,13 @@ from gyro_model.experiments import Experiment
 Residual = Callable[[str, float, float], None]
 
 every_trace = pytest.mark.parametrize("name", CASES)
+every_sensor = pytest.mark.parametrize("name", SENSOR_CASES)
 every_envelope = pytest.mark.parametrize("name", ENVELOPE_CASES)
 
 
 @pytest.fixture(scope="session", autouse=True)
 def rewritten(update: bool) -> None:
-    for form in (FULL, ENVELOPE) if update else ():
+    for form in (FULL, ENVELOPE, SENSOR) if update else ():
         write(form)
 
 
@@ -47,6 +51,12 @@ def test_reference_gives_the_trace(name: str, residual: Residual) -> None:
 @every_envelope
 def test_roots_give_the_trace(name: str, residual: Residual) -> None:
     compare(make_envelope(name).outputs, read(ENVELOPE)[name], residual)
+
+
+@every_sensor
+def test_transfer_functions_give_the_trace(name: str, residual: Residual) -> None:
+    # Whether the FMU gives it is replayed where all FMUs are (tests/fmu/test_reference_traces.py).
+    compare(make_sensor(name).outputs, read(SENSOR)[name], residual)
 
 
 @every_trace
@@ -76,6 +86,6 @@ def test_the_files_say_how_they_are_made(name: str) -> None:
 
 
 def test_no_trace_is_left_over() -> None:
-    for form, cases in ((FULL, CASES), (ENVELOPE, ENVELOPE_CASES)):
+    for form, cases in ((FULL, CASES), (ENVELOPE, ENVELOPE_CASES), (SENSOR, SENSOR_CASES)):
         names = {f"{case}{end}" for case in cases for end in (".ssv", "_in.csv", "_ref.csv")} | {"experiments.exp"}
         assert {path.name for path in (FOLDER / form).iterdir()} == names

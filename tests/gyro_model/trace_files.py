@@ -1,7 +1,7 @@
 """The traces in tests/traces: what each shows and how it is made, without the C. ``pytest --update`` writes them anew.
 
 Those of the full FMU come from the reference simulation (DOP853 at 1e-12) and the noise oracle; those of the envelope
-form from the roots of the linear device.
+form from the roots of the linear device; those of the sensor from sensor_traces.
 """
 
 from collections.abc import Mapping
@@ -12,6 +12,9 @@ from pathlib import Path
 import numpy as np
 from gyro_runner import OUTPUTS, Floats
 from philox_oracle import drawn
+from sensor_traces import CASES as SENSOR_CASES
+from sensor_traces import NAME as SENSOR
+from sensor_traces import make_sensor
 
 from gyro_model.device import Device
 from gyro_model.envelope import DEVICE, DRIVE_AMPLITUDE, RESONANCE
@@ -149,6 +152,8 @@ def written(form: str) -> dict[str, bytes]:
     """The files of the traces of the FMU of that name, made anew."""
     if form == FULL:
         return experiment_files("Reference traces of the gyroscope", [make(name) for name in CASES])
+    if form == SENSOR:
+        return experiment_files("Reference traces of the sensor", [make_sensor(name) for name in SENSOR_CASES])
     made = [make_envelope(name) for name in ENVELOPE_CASES]
     return experiment_files("Reference traces of the gyroscope as envelopes", made)
 
