@@ -266,9 +266,7 @@ class _Access:
         self.old = description.fmiVersion.startswith("2")
         self.references = {v.name: v.valueReference for v in description.modelVariables}
         self.whole = {v.name for v in description.modelVariables if v.type in ("Integer", "Int32")}
-        self.set_whole, self.get_whole = (
-            (fmu.setInteger, fmu.getInteger) if self.old else (fmu.setInt32, fmu.getInt32)
-        )
+        self.set_whole, self.get_whole = (fmu.setInteger, fmu.getInteger) if self.old else (fmu.setInt32, fmu.getInt32)
         self.set_real, self.get_real = (fmu.setReal, fmu.getReal) if self.old else (fmu.setFloat64, fmu.getFloat64)
 
     def set(self, values: Mapping[str, float]) -> None:
@@ -281,6 +279,4 @@ class _Access:
 
     def get(self, names: Iterable[str]) -> list[float]:
         """Values in SI."""
-        return [
-            (self.get_whole if name in self.whole else self.get_real)([self.references[name]])[0] for name in names
-        ]
+        return [(self.get_whole if name in self.whole else self.get_real)([self.references[name]])[0] for name in names]

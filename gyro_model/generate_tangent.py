@@ -3,6 +3,7 @@ from the symbolic derivatives of their formulae. Noise is held."""
 
 import textwrap
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
 from sympy import DiracDelta, Expr, Heaviside, Piecewise, Symbol, sympify
 
@@ -21,16 +22,6 @@ from gyro_model.generate_effects import Places, added_forces, as_set, called, fo
 from gyro_model.model import Model, chain
 
 _SIGNALS = {"u": (symbols.u_x, symbols.u_y), "q": (symbols.q_x, symbols.q_y), "v": (symbols.v_x, symbols.v_y)}
-_STILL = {
-    symbols.t,
-    symbols.since,
-    symbols.after,
-    *symbols.NORMAL,
-    *symbols.PINK,
-    *symbols.CHANGES,
-    symbols.v_x_rate,
-    symbols.v_y_rate,
-}
 
 
 def tangent(model: Model) -> str:
@@ -83,9 +74,18 @@ def _moves(symbol: Symbol, model: Model, remembered: str = "remembered_now") -> 
     for array, pair in _SIGNALS.items():
         if symbol in pair:
             return f"d->{array}[{pair.index(symbol)}]"
-    if symbol in _STILL:
-        return ""
-    return f"d->s[{state_macro(symbol)}]" if symbol in model.state_symbols else f"d->p[{macro(symbol.name)}]"
+    if symbol in model.state_symbols:
+        return f"d->s[{state_macro(symbol)}]"
+    return f"d->p[{macro(symbol.name)}]" if symbol.name in _moving_values(model) else ""
+
+
+@lru_cache(maxsize=8)
+def _moving_values(model: Model) -> frozenset[str]:
+    """The variables that move with inputs and states: the inputs, what lags behind them, what laws make."""
+    made = {target.name for law in model.laws for target in law.changes}
+    follow = {target.name for effect in follows_of(model) for target in effect.follows}
+    inputs = {q.name for q in model.quantities if q.role == "input"}
+    return frozenset(inputs | made | follow | {target.name for target in symbols.SET_BY})
 
 
 def _along(expr: Expr, model: Model) -> Expr:

@@ -93,7 +93,8 @@ class Soak:
         low = rng.uniform(230.0, 300.0)
         values = {q.name: q.typical * rng.uniform(0.0, 3.0) for q in rng.sample(_SENSOR, rng.randrange(len(_SENSOR)))}
         for k in (1, 2):
-            values |= {f"filter_frequency_{k}": 10.0 ** rng.uniform(0.0, 3.5), f"filter_damping_{k}": rng.uniform(0.2, 3.0)}
+            values[f"filter_frequency_{k}"] = 10.0 ** rng.uniform(0.0, 3.5)
+            values[f"filter_damping_{k}"] = rng.uniform(0.2, 3.0)
         values |= {"temperature_low": low, "temperature_high": low + 10.0 ** rng.uniform(-1.0, 2.0)}
         values |= {"supply_low": rng.choice((0.0, 3.0)), "start_up_time": rng.choice((0.0, rng.uniform(0.0, 0.02)))}
         return values | {"structure_lag": rng.choice((0.0, 10.0 ** rng.uniform(-3.0, 2.0)))}

@@ -31,6 +31,16 @@ BUSY = {
 REMEMBERING = {"play": 3e-7, "thermal_hysteresis": 0.1, "relaxation": 1e-4, "relaxation_time": 1e-3, "turn_on": 0.01}
 DEVICES = {"plain": {}, "busy": BUSY, "delay": BUSY | {"actuator_delay": 1e-5}, "no lag": BUSY | {"structure_lag": 0.0}}
 DEVICES |= {"remembering": BUSY | REMEMBERING}
+# Forces with corners, away from them: within the stops and beyond, soft ones and hard ones, slow and fast.
+BENT = {
+    **{"stop_stiffness": 30.0, "stop_gap": 6e-7, "stop_damping": 1e-5, "comb_fringe": 2e4, "k22": 5e12},
+    **{"friction_x": 2e-7, "friction_y": 1e-7, "friction_speed": 0.02, "stribeck": 0.3, "stribeck_speed": 0.05},
+    **{"hysteresis_x": 3e-7, "hysteresis_y": 2e-7, "hysteresis_n": 1.5, "hysteresis_length": 5e-7},
+    **{"squeeze_x": 1e-6, "squeeze_y": 2e-6, "squeeze_gap": 8e-6, "ageing": 0.1, "ageing_time": 1e-5},
+    **{"bias_walk": 0.1, "damping_step_factor": 2.0, "damping_step_time": 1.0, "k2_y": 1e6, "d2_y": 1e5},
+}
+HARD = {"stop_stiffness": 400.0, "stop_gap": 2e-7, "force_x": 1e-7, "tcp": 1e-3, "amplifier_time_constant": 1e-6}
+DEVICES |= {"bent": BENT, "bent and busy": BUSY | BENT, "hard": HARD | {"play": 5e-6, "thermal_hysteresis": 0.1}}
 OUTPUTS = ("x", "y", "x_dot", "y_dot", "temperature_structure", "temperature_circuit")
 SIZES = {"u_x": 1e-6, "u_y": 1e-6, "omega_z": 10.0, "temperature": 10.0, "a_x": 10.0, "a_y": 10.0, "v_bias": 3.0}
 _UNIT_SIZES = {"1": 0.5, "m": 1e-6, "m/s": 0.02, "V": 1.0, "K": 10.0}

@@ -268,6 +268,32 @@ def test_start_values_of_another_file_are_refused(exported: Fmus, version: int, 
     export.refused_token("", "the token is")
 
 
+def test_resources_are_found_however_they_are_named(exported: Fmus, tmp_path: Path) -> None:
+    # As paths, and as the URIs of RFC 8089, with what is no encoding taken as it stands.
+    for path, places in (
+        (exported.fmi3, ["{path}", "{path}/"]),
+        (exported.fmi2, ["file:{path}", "file://{path}/", "file://localhost{path}", "FILE_AS_PATH", "{encoded}"]),
+    ):
+        fmu = Fmu(path, tmp_path / f"100%zz {path.parent.name}")
+        folder = (fmu.folder / "resources").as_posix()
+        upper = "".join(c if c in "/:" or c.isalnum() else "".join(f"%{b:02X}" for b in c.encode()) for c in folder)
+        for place in places:
+            text = place.format(path=folder, encoded=f"file://{upper}").replace("FILE_AS_PATH", folder)
+            log: list[tuple[int, str, str]] = []
+            address = fmu.instantiate(fmu.log_callback(log), fmu.token, resources=text)
+            assert address is not None, (text, log)
+            fmu.function("FreeInstance")(ct.c_void_p(address))
+
+
+def test_an_export_without_its_resources_is_refused(exported: Fmus, tmp_path: Path) -> None:
+    fmu, log = Fmu(exported.fmi3, tmp_path), list[tuple[int, str, str]]()
+    make = fmu.function("InstantiateCoSimulation")
+    make.restype = ct.c_void_p
+    options = (False, False, ct.c_bool(False), ct.c_bool(False), None, ct.c_size_t(0), None)
+    assert make(b"gyro", fmu.token.encode(), None, *options, fmu.log_callback(log), None) is None
+    assert "resources" in log[-1][2]
+
+
 def test_a_device_brings_no_start_values(fmus: dict[int, Fmu]) -> None:
     log: list[tuple[int, str, str]] = []
     fmu = fmus[3]

@@ -18,7 +18,7 @@ static const unsigned outputs[] = {GYRO_N_INPUTS, GYRO_N_INPUTS + 1};
 static const struct {
     const char *name;
     double value; /* SI */
-} busy[] = {{"sense_noise", 1e-3},       {"actuator_delay", 7e-6}, {"k3_x", 1e9},          {"hysteresis_x", 1e-8},
+} busy[] = {{"sense_noise", 1e-3},       {"actuator_delay", 7e-6}, {"k3_x", 1e9},          {"structure_lag", 1e-3},
             {"angle_random_walk", 1e-4}, {"bias_instability", 1e-5}, {"rate_random_walk", 1e-5}, {"turn_on", 1e-3}};
 
 static void make_busy(fmi3Instance c)

@@ -198,7 +198,8 @@ def simulated(p: Mapping[str, float], t: Floats, inputs: Mapping[str, Floats]) -
         row, rest = divmod(point, per_row)
         if rest == 0:
             valid = time >= sensor.ready - 1e-12
-            rows.append((rate if valid else 0.0, sample, int(fresh and 2 * since * STEP < p["sample_period"] - 1e-9), sensor.temperature))
+            ready = int(fresh and 2 * since * STEP < p["sample_period"] - 1e-9)
+            rows.append((rate if valid else 0.0, sample, ready, sensor.temperature))
             sensor.inputs = starts | {name: float(column[row]) for name, column in inputs.items()}
             sensor.switch(time)
         if point:
@@ -216,7 +217,8 @@ def simulated(p: Mapping[str, float], t: Floats, inputs: Mapping[str, Floats]) -
 
 def parameters_of(name: str) -> dict[str, float]:
     """All that a sensor has, written out, and what the case changes."""
-    nominal = {q.name: int(q.start) if q.integer else q.start for q in SensorModel().quantities if q.role == "parameter"}
+    own = [q for q in SensorModel().quantities if q.role == "parameter"]
+    nominal = {q.name: int(q.start) if q.integer else q.start for q in own}
     return {**nominal, **CASES[name]}
 
 

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{16631c9f-528e-3556-100b-df4ed806b26f}"
+#define GYRO_TOKEN "{88f4937b-925c-a618-1898-cffd2dc6802c}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

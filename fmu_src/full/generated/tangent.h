@@ -32,27 +32,11 @@ static inline void tangent_recall_play(const gyro_view *g, gyro_tangent *d)
     const double play_y = g->remembered[GYRO_MEMORY_PLAY_Y];
     const double u_x = g->u[0];
     const double u_y = g->u[1];
-    const double d_play = d->p[GYRO_PLAY];
     const double d_play_x = d->remembered[GYRO_MEMORY_PLAY_X];
     const double d_play_y = d->remembered[GYRO_MEMORY_PLAY_Y];
     const double d_u_x = d->u[0];
     const double d_u_y = d->u[1];
-    d->remembered_now[GYRO_MEMORY_PLAY_X] = d_play*(((play - u_x + smaller(play_x, play + u_x) > 0) ? (
-   1
-)
-: (
-   0
-))*((play - play_x + u_x < 0) ? (
-   1
-)
-: (
-   0
-)) - ((play - u_x + smaller(play_x, play + u_x) < 0) ? (
-   1
-)
-: (
-   0
-))) + d_play_x*((play - play_x + u_x > 0) ? (
+    d->remembered_now[GYRO_MEMORY_PLAY_X] = d_play_x*((play - play_x + u_x > 0) ? (
    1
 )
 : (
@@ -78,22 +62,7 @@ static inline void tangent_recall_play(const gyro_view *g, gyro_tangent *d)
 : (
    0
 )));
-    d->remembered_now[GYRO_MEMORY_PLAY_Y] = d_play*(((play - u_y + smaller(play_y, play + u_y) > 0) ? (
-   1
-)
-: (
-   0
-))*((play - play_y + u_y < 0) ? (
-   1
-)
-: (
-   0
-)) - ((play - u_y + smaller(play_y, play + u_y) < 0) ? (
-   1
-)
-: (
-   0
-))) + d_play_y*((play - play_y + u_y > 0) ? (
+    d->remembered_now[GYRO_MEMORY_PLAY_Y] = d_play_y*((play - play_y + u_y > 0) ? (
    1
 )
 : (
@@ -125,29 +94,19 @@ static inline void tangent_recall_stress_relaxation(const gyro_view *g, gyro_tan
 {
     (void)g;
     const double relaxation_time = g->p[GYRO_RELAXATION_TIME];
-    const double relaxing_temperature = g->remembered[GYRO_MEMORY_RELAXING_TEMPERATURE];
     const double since = g->since;
-    const double t_ref = g->p[GYRO_T_REF];
-    const double temperature = g->p[GYRO_TEMPERATURE];
-    const double d_relaxation_time = d->p[GYRO_RELAXATION_TIME];
     const double d_relaxing_temperature = d->remembered[GYRO_MEMORY_RELAXING_TEMPERATURE];
-    const double d_t_ref = d->p[GYRO_T_REF];
     const double d_temperature = d->p[GYRO_TEMPERATURE];
-    d->remembered_now[GYRO_MEMORY_RELAXING_TEMPERATURE] = (d_relaxation_time == 0.0 ? 0.0 : -d_relaxation_time*since*(-relaxing_temperature - t_ref + temperature)*gyro_exp(-since/relaxation_time)/(relaxation_time*relaxation_time)) + (d_relaxing_temperature == 0.0 ? 0.0 : d_relaxing_temperature*gyro_exp(-since/relaxation_time)) + d_t_ref*(-1 + gyro_exp(-since/relaxation_time)) + d_temperature*(1 - gyro_exp(-since/relaxation_time));
+    d->remembered_now[GYRO_MEMORY_RELAXING_TEMPERATURE] = (d_relaxing_temperature == 0.0 ? 0.0 : d_relaxing_temperature*gyro_exp(-since/relaxation_time)) + d_temperature*(1 - gyro_exp(-since/relaxation_time));
 }
 
 static inline void tangent_flow_stress_relaxation(const gyro_view *g, const gyro_tangent *d, double *rate)
 {
     (void)g;
     const double relaxation_time = g->p[GYRO_RELAXATION_TIME];
-    const double relaxing_temperature = g->remembered[GYRO_MEMORY_RELAXING_TEMPERATURE];
-    const double t_ref = g->p[GYRO_T_REF];
-    const double temperature = g->p[GYRO_TEMPERATURE];
-    const double d_relaxation_time = d->p[GYRO_RELAXATION_TIME];
     const double d_relaxing_temperature = d->remembered[GYRO_MEMORY_RELAXING_TEMPERATURE];
-    const double d_t_ref = d->p[GYRO_T_REF];
     const double d_temperature = d->p[GYRO_TEMPERATURE];
-    rate[GYRO_MEMORY_RELAXING_TEMPERATURE] = -d_relaxation_time*(-relaxing_temperature - t_ref + temperature)/(relaxation_time*relaxation_time) - d_relaxing_temperature/relaxation_time - d_t_ref/relaxation_time + d_temperature/relaxation_time;
+    rate[GYRO_MEMORY_RELAXING_TEMPERATURE] = -d_relaxing_temperature/relaxation_time + d_temperature/relaxation_time;
 }
 
 static inline void tangent_recall_thermal_hysteresis(const gyro_view *g, gyro_tangent *d)
@@ -161,9 +120,6 @@ static inline void tangent_recall_thermal_hysteresis(const gyro_view *g, gyro_ta
     const double thermal_play_2 = g->remembered[GYRO_MEMORY_THERMAL_PLAY_2];
     const double thermal_play_3 = g->remembered[GYRO_MEMORY_THERMAL_PLAY_3];
     const double d_temperature_structure = d->p[GYRO_TEMPERATURE_STRUCTURE];
-    const double d_thermal_hysteresis_width_1 = d->p[GYRO_THERMAL_HYSTERESIS_WIDTH_1];
-    const double d_thermal_hysteresis_width_2 = d->p[GYRO_THERMAL_HYSTERESIS_WIDTH_2];
-    const double d_thermal_hysteresis_width_3 = d->p[GYRO_THERMAL_HYSTERESIS_WIDTH_3];
     const double d_thermal_play_1 = d->remembered[GYRO_MEMORY_THERMAL_PLAY_1];
     const double d_thermal_play_2 = d->remembered[GYRO_MEMORY_THERMAL_PLAY_2];
     const double d_thermal_play_3 = d->remembered[GYRO_MEMORY_THERMAL_PLAY_3];
@@ -178,21 +134,6 @@ static inline void tangent_recall_thermal_hysteresis(const gyro_view *g, gyro_ta
 : (
    0
 )) + ((-temperature_structure + thermal_hysteresis_width_1 + smaller(thermal_play_1, temperature_structure + thermal_hysteresis_width_1) < 0) ? (
-   1
-)
-: (
-   0
-))) + d_thermal_hysteresis_width_1*(((-temperature_structure + thermal_hysteresis_width_1 + smaller(thermal_play_1, temperature_structure + thermal_hysteresis_width_1) > 0) ? (
-   1
-)
-: (
-   0
-))*((temperature_structure + thermal_hysteresis_width_1 - thermal_play_1 < 0) ? (
-   1
-)
-: (
-   0
-)) - ((-temperature_structure + thermal_hysteresis_width_1 + smaller(thermal_play_1, temperature_structure + thermal_hysteresis_width_1) < 0) ? (
    1
 )
 : (
@@ -223,21 +164,6 @@ static inline void tangent_recall_thermal_hysteresis(const gyro_view *g, gyro_ta
 )
 : (
    0
-))) + d_thermal_hysteresis_width_2*(((-temperature_structure + thermal_hysteresis_width_2 + smaller(thermal_play_2, temperature_structure + thermal_hysteresis_width_2) > 0) ? (
-   1
-)
-: (
-   0
-))*((temperature_structure + thermal_hysteresis_width_2 - thermal_play_2 < 0) ? (
-   1
-)
-: (
-   0
-)) - ((-temperature_structure + thermal_hysteresis_width_2 + smaller(thermal_play_2, temperature_structure + thermal_hysteresis_width_2) < 0) ? (
-   1
-)
-: (
-   0
 ))) + d_thermal_play_2*((-temperature_structure + thermal_hysteresis_width_2 + smaller(thermal_play_2, temperature_structure + thermal_hysteresis_width_2) > 0) ? (
    1
 )
@@ -260,21 +186,6 @@ static inline void tangent_recall_thermal_hysteresis(const gyro_view *g, gyro_ta
 : (
    0
 )) + ((-temperature_structure + thermal_hysteresis_width_3 + smaller(thermal_play_3, temperature_structure + thermal_hysteresis_width_3) < 0) ? (
-   1
-)
-: (
-   0
-))) + d_thermal_hysteresis_width_3*(((-temperature_structure + thermal_hysteresis_width_3 + smaller(thermal_play_3, temperature_structure + thermal_hysteresis_width_3) > 0) ? (
-   1
-)
-: (
-   0
-))*((temperature_structure + thermal_hysteresis_width_3 - thermal_play_3 < 0) ? (
-   1
-)
-: (
-   0
-)) - ((-temperature_structure + thermal_hysteresis_width_3 + smaller(thermal_play_3, temperature_structure + thermal_hysteresis_width_3) < 0) ? (
    1
 )
 : (
@@ -304,28 +215,19 @@ static inline void tangent_damping_step(const gyro_view *g, const gyro_tangent *
     (void)g, (void)d;
     const double after = g->after[GYRO_EFFECT_DAMPING_STEP];
     const double damping_step_factor = g->p[GYRO_DAMPING_STEP_FACTOR];
-    const double dxx = g->p[GYRO_DXX];
-    const double dxy = g->p[GYRO_DXY];
-    const double dyy = g->p[GYRO_DYY];
-    const double d_damping_step_factor = d->p[GYRO_DAMPING_STEP_FACTOR];
     const double d_dxx = d->p[GYRO_DXX];
     const double d_dxy = d->p[GYRO_DXY];
     const double d_dyy = d->p[GYRO_DYY];
-    out[0] = after*d_damping_step_factor*dxx + d_dxx*(after*(damping_step_factor - 1) + 1);
-    out[1] = after*d_damping_step_factor*dyy + d_dyy*(after*(damping_step_factor - 1) + 1);
-    out[2] = after*d_damping_step_factor*dxy + d_dxy*(after*(damping_step_factor - 1) + 1);
+    out[0] = d_dxx*(after*(damping_step_factor - 1) + 1);
+    out[1] = d_dyy*(after*(damping_step_factor - 1) + 1);
+    out[2] = d_dxy*(after*(damping_step_factor - 1) + 1);
 }
 
 static inline void tangent_dielectric_charging(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
-    const double charging_time = g->p[GYRO_CHARGING_TIME];
-    const double charging_voltage = g->p[GYRO_CHARGING_VOLTAGE];
-    const double t = g->t;
-    const double d_charging_time = d->p[GYRO_CHARGING_TIME];
-    const double d_charging_voltage = d->p[GYRO_CHARGING_VOLTAGE];
     const double d_v_bias = d->p[GYRO_V_BIAS];
-    out[0] = d_charging_voltage*(1 - gyro_exp(-t/charging_time)) + d_v_bias + (charging_voltage == 0.0 ? 0.0 : -charging_voltage*d_charging_time*t*gyro_exp(-t/charging_time)/(charging_time*charging_time));
+    out[0] = d_v_bias;
 }
 
 static inline void tangent_stress_relaxation(const gyro_view *g, const gyro_tangent *d, double *out)
@@ -339,11 +241,10 @@ static inline void tangent_stress_relaxation(const gyro_view *g, const gyro_tang
     const double d_kxx = d->p[GYRO_KXX];
     const double d_kxy = d->p[GYRO_KXY];
     const double d_kyy = d->p[GYRO_KYY];
-    const double d_relaxation = d->p[GYRO_RELAXATION];
     const double d_relaxing_temperature = d->remembered_now[GYRO_MEMORY_RELAXING_TEMPERATURE];
-    out[0] = d_kxx*(relaxation*relaxing_temperature + 1) + d_relaxation*kxx*relaxing_temperature + d_relaxing_temperature*kxx*relaxation;
-    out[1] = d_kyy*(relaxation*relaxing_temperature + 1) + d_relaxation*kyy*relaxing_temperature + d_relaxing_temperature*kyy*relaxation;
-    out[2] = d_kxy*(relaxation*relaxing_temperature + 1) + d_relaxation*kxy*relaxing_temperature + d_relaxing_temperature*kxy*relaxation;
+    out[0] = d_kxx*(relaxation*relaxing_temperature + 1) + d_relaxing_temperature*kxx*relaxation;
+    out[1] = d_kyy*(relaxation*relaxing_temperature + 1) + d_relaxing_temperature*kyy*relaxation;
+    out[2] = d_kxy*(relaxation*relaxing_temperature + 1) + d_relaxing_temperature*kxy*relaxation;
 }
 
 static inline void tangent_thermal_damping(const gyro_view *g, const gyro_tangent *d, double *out)
@@ -358,12 +259,10 @@ static inline void tangent_thermal_damping(const gyro_view *g, const gyro_tangen
     const double d_dxx = d->p[GYRO_DXX];
     const double d_dxy = d->p[GYRO_DXY];
     const double d_dyy = d->p[GYRO_DYY];
-    const double d_t_ref = d->p[GYRO_T_REF];
-    const double d_tcd = d->p[GYRO_TCD];
     const double d_temperature_structure = d->p[GYRO_TEMPERATURE_STRUCTURE];
-    out[0] = d_dxx*(tcd*(-t_ref + temperature_structure) + 1) - d_t_ref*dxx*tcd + d_tcd*dxx*(-t_ref + temperature_structure) + d_temperature_structure*dxx*tcd;
-    out[1] = d_dyy*(tcd*(-t_ref + temperature_structure) + 1) - d_t_ref*dyy*tcd + d_tcd*dyy*(-t_ref + temperature_structure) + d_temperature_structure*dyy*tcd;
-    out[2] = d_dxy*(tcd*(-t_ref + temperature_structure) + 1) - d_t_ref*dxy*tcd + d_tcd*dxy*(-t_ref + temperature_structure) + d_temperature_structure*dxy*tcd;
+    out[0] = d_dxx*(tcd*(-t_ref + temperature_structure) + 1) + d_temperature_structure*dxx*tcd;
+    out[1] = d_dyy*(tcd*(-t_ref + temperature_structure) + 1) + d_temperature_structure*dyy*tcd;
+    out[2] = d_dxy*(tcd*(-t_ref + temperature_structure) + 1) + d_temperature_structure*dxy*tcd;
 }
 
 static inline void tangent_thermal_gain(const gyro_view *g, const gyro_tangent *d, double *out)
@@ -376,11 +275,9 @@ static inline void tangent_thermal_gain(const gyro_view *g, const gyro_tangent *
     const double temperature_circuit = g->p[GYRO_TEMPERATURE_CIRCUIT];
     const double d_sense_gain_x = d->p[GYRO_SENSE_GAIN_X];
     const double d_sense_gain_y = d->p[GYRO_SENSE_GAIN_Y];
-    const double d_t_ref = d->p[GYRO_T_REF];
-    const double d_tcg = d->p[GYRO_TCG];
     const double d_temperature_circuit = d->p[GYRO_TEMPERATURE_CIRCUIT];
-    out[0] = d_sense_gain_x*(tcg*(-t_ref + temperature_circuit) + 1) - d_t_ref*sense_gain_x*tcg + d_tcg*sense_gain_x*(-t_ref + temperature_circuit) + d_temperature_circuit*sense_gain_x*tcg;
-    out[1] = d_sense_gain_y*(tcg*(-t_ref + temperature_circuit) + 1) - d_t_ref*sense_gain_y*tcg + d_tcg*sense_gain_y*(-t_ref + temperature_circuit) + d_temperature_circuit*sense_gain_y*tcg;
+    out[0] = d_sense_gain_x*(tcg*(-t_ref + temperature_circuit) + 1) + d_temperature_circuit*sense_gain_x*tcg;
+    out[1] = d_sense_gain_y*(tcg*(-t_ref + temperature_circuit) + 1) + d_temperature_circuit*sense_gain_y*tcg;
 }
 
 static inline void tangent_thermal_phase(const gyro_view *g, const gyro_tangent *d, double *out)
@@ -391,20 +288,8 @@ static inline void tangent_thermal_phase(const gyro_view *g, const gyro_tangent 
     const double tcp = g->p[GYRO_TCP];
     const double temperature_circuit = g->p[GYRO_TEMPERATURE_CIRCUIT];
     const double d_amplifier_time_constant = d->p[GYRO_AMPLIFIER_TIME_CONSTANT];
-    const double d_t_ref = d->p[GYRO_T_REF];
-    const double d_tcp = d->p[GYRO_TCP];
     const double d_temperature_circuit = d->p[GYRO_TEMPERATURE_CIRCUIT];
     out[0] = d_amplifier_time_constant*((amplifier_time_constant + tcp*(-t_ref + temperature_circuit) > 0) ? (
-   1
-)
-: (
-   0
-)) - d_t_ref*tcp*((amplifier_time_constant + tcp*(-t_ref + temperature_circuit) > 0) ? (
-   1
-)
-: (
-   0
-)) + d_tcp*(-t_ref + temperature_circuit)*((amplifier_time_constant + tcp*(-t_ref + temperature_circuit) > 0) ? (
    1
 )
 : (
@@ -430,13 +315,10 @@ static inline void tangent_thermal_stiffness(const gyro_view *g, const gyro_tang
     const double d_kxx = d->p[GYRO_KXX];
     const double d_kxy = d->p[GYRO_KXY];
     const double d_kyy = d->p[GYRO_KYY];
-    const double d_t_ref = d->p[GYRO_T_REF];
-    const double d_tck = d->p[GYRO_TCK];
-    const double d_tck_split = d->p[GYRO_TCK_SPLIT];
     const double d_temperature_structure = d->p[GYRO_TEMPERATURE_STRUCTURE];
-    out[0] = d_kxx*(tck*(-t_ref + temperature_structure) + 1) - d_t_ref*kxx*tck + d_tck*kxx*(-t_ref + temperature_structure) + d_temperature_structure*kxx*tck;
-    out[1] = d_kxy*(tck*(-t_ref + temperature_structure) + 1) - d_t_ref*kxy*tck + d_tck*kxy*(-t_ref + temperature_structure) + d_temperature_structure*kxy*tck;
-    out[2] = d_kyy*((-t_ref + temperature_structure)*(tck + tck_split) + 1) + d_t_ref*kyy*(-tck - tck_split) + d_tck*kyy*(-t_ref + temperature_structure) + d_tck_split*kyy*(-t_ref + temperature_structure) + d_temperature_structure*kyy*(tck + tck_split);
+    out[0] = d_kxx*(tck*(-t_ref + temperature_structure) + 1) + d_temperature_structure*kxx*tck;
+    out[1] = d_kxy*(tck*(-t_ref + temperature_structure) + 1) + d_temperature_structure*kxy*tck;
+    out[2] = d_kyy*((-t_ref + temperature_structure)*(tck + tck_split) + 1) + d_temperature_structure*kyy*(tck + tck_split);
 }
 
 static inline void tangent_thermal_hysteresis(const gyro_view *g, const gyro_tangent *d, double *out)
@@ -461,17 +343,13 @@ static inline void tangent_thermal_hysteresis(const gyro_view *g, const gyro_tan
     const double d_kxx = d->p[GYRO_KXX];
     const double d_kyy = d->p[GYRO_KYY];
     const double d_temperature_structure = d->p[GYRO_TEMPERATURE_STRUCTURE];
-    const double d_thermal_hysteresis = d->p[GYRO_THERMAL_HYSTERESIS];
-    const double d_thermal_hysteresis_width_1 = d->p[GYRO_THERMAL_HYSTERESIS_WIDTH_1];
-    const double d_thermal_hysteresis_width_2 = d->p[GYRO_THERMAL_HYSTERESIS_WIDTH_2];
-    const double d_thermal_hysteresis_width_3 = d->p[GYRO_THERMAL_HYSTERESIS_WIDTH_3];
     const double d_thermal_play_1 = d->remembered_now[GYRO_MEMORY_THERMAL_PLAY_1];
     const double d_thermal_play_2 = d->remembered_now[GYRO_MEMORY_THERMAL_PLAY_2];
     const double d_thermal_play_3 = d->remembered_now[GYRO_MEMORY_THERMAL_PLAY_3];
-    out[0] = -d_kxx*thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + d_kyy*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1) + d_temperature_structure*thermal_hysteresis*(-kxx + kyy)*((1.0/3.0)/thermal_hysteresis_width_3 + (1.0/3.0)/thermal_hysteresis_width_2 + (1.0/3.0)/thermal_hysteresis_width_1) + d_thermal_hysteresis*(-kxx + kyy)*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_1*thermal_hysteresis*(-kxx + kyy)*(temperature_structure - thermal_play_1)/(thermal_hysteresis_width_1*thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_2*thermal_hysteresis*(-kxx + kyy)*(temperature_structure - thermal_play_2)/(thermal_hysteresis_width_2*thermal_hysteresis_width_2) - 1.0/3.0*d_thermal_hysteresis_width_3*thermal_hysteresis*(-kxx + kyy)*(temperature_structure - thermal_play_3)/(thermal_hysteresis_width_3*thermal_hysteresis_width_3) - 1.0/3.0*d_thermal_play_1*thermal_hysteresis*(-kxx + kyy)/thermal_hysteresis_width_1 - 1.0/3.0*d_thermal_play_2*thermal_hysteresis*(-kxx + kyy)/thermal_hysteresis_width_2 - 1.0/3.0*d_thermal_play_3*thermal_hysteresis*(-kxx + kyy)/thermal_hysteresis_width_3;
-    out[1] = d_dxx*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1) + d_temperature_structure*dxx*thermal_hysteresis*((1.0/3.0)/thermal_hysteresis_width_3 + (1.0/3.0)/thermal_hysteresis_width_2 + (1.0/3.0)/thermal_hysteresis_width_1) + d_thermal_hysteresis*dxx*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_1*dxx*thermal_hysteresis*(temperature_structure - thermal_play_1)/(thermal_hysteresis_width_1*thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_2*dxx*thermal_hysteresis*(temperature_structure - thermal_play_2)/(thermal_hysteresis_width_2*thermal_hysteresis_width_2) - 1.0/3.0*d_thermal_hysteresis_width_3*dxx*thermal_hysteresis*(temperature_structure - thermal_play_3)/(thermal_hysteresis_width_3*thermal_hysteresis_width_3) - 1.0/3.0*d_thermal_play_1*dxx*thermal_hysteresis/thermal_hysteresis_width_1 - 1.0/3.0*d_thermal_play_2*dxx*thermal_hysteresis/thermal_hysteresis_width_2 - 1.0/3.0*d_thermal_play_3*dxx*thermal_hysteresis/thermal_hysteresis_width_3;
-    out[2] = d_dyy*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1) + d_temperature_structure*dyy*thermal_hysteresis*((1.0/3.0)/thermal_hysteresis_width_3 + (1.0/3.0)/thermal_hysteresis_width_2 + (1.0/3.0)/thermal_hysteresis_width_1) + d_thermal_hysteresis*dyy*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_1*dyy*thermal_hysteresis*(temperature_structure - thermal_play_1)/(thermal_hysteresis_width_1*thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_2*dyy*thermal_hysteresis*(temperature_structure - thermal_play_2)/(thermal_hysteresis_width_2*thermal_hysteresis_width_2) - 1.0/3.0*d_thermal_hysteresis_width_3*dyy*thermal_hysteresis*(temperature_structure - thermal_play_3)/(thermal_hysteresis_width_3*thermal_hysteresis_width_3) - 1.0/3.0*d_thermal_play_1*dyy*thermal_hysteresis/thermal_hysteresis_width_1 - 1.0/3.0*d_thermal_play_2*dyy*thermal_hysteresis/thermal_hysteresis_width_2 - 1.0/3.0*d_thermal_play_3*dyy*thermal_hysteresis/thermal_hysteresis_width_3;
-    out[3] = d_dxy*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1) + d_temperature_structure*dxy*thermal_hysteresis*((1.0/3.0)/thermal_hysteresis_width_3 + (1.0/3.0)/thermal_hysteresis_width_2 + (1.0/3.0)/thermal_hysteresis_width_1) + d_thermal_hysteresis*dxy*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_1*dxy*thermal_hysteresis*(temperature_structure - thermal_play_1)/(thermal_hysteresis_width_1*thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_hysteresis_width_2*dxy*thermal_hysteresis*(temperature_structure - thermal_play_2)/(thermal_hysteresis_width_2*thermal_hysteresis_width_2) - 1.0/3.0*d_thermal_hysteresis_width_3*dxy*thermal_hysteresis*(temperature_structure - thermal_play_3)/(thermal_hysteresis_width_3*thermal_hysteresis_width_3) - 1.0/3.0*d_thermal_play_1*dxy*thermal_hysteresis/thermal_hysteresis_width_1 - 1.0/3.0*d_thermal_play_2*dxy*thermal_hysteresis/thermal_hysteresis_width_2 - 1.0/3.0*d_thermal_play_3*dxy*thermal_hysteresis/thermal_hysteresis_width_3;
+    out[0] = -d_kxx*thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + d_kyy*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1) + d_temperature_structure*thermal_hysteresis*(-kxx + kyy)*((1.0/3.0)/thermal_hysteresis_width_3 + (1.0/3.0)/thermal_hysteresis_width_2 + (1.0/3.0)/thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_play_1*thermal_hysteresis*(-kxx + kyy)/thermal_hysteresis_width_1 - 1.0/3.0*d_thermal_play_2*thermal_hysteresis*(-kxx + kyy)/thermal_hysteresis_width_2 - 1.0/3.0*d_thermal_play_3*thermal_hysteresis*(-kxx + kyy)/thermal_hysteresis_width_3;
+    out[1] = d_dxx*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1) + d_temperature_structure*dxx*thermal_hysteresis*((1.0/3.0)/thermal_hysteresis_width_3 + (1.0/3.0)/thermal_hysteresis_width_2 + (1.0/3.0)/thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_play_1*dxx*thermal_hysteresis/thermal_hysteresis_width_1 - 1.0/3.0*d_thermal_play_2*dxx*thermal_hysteresis/thermal_hysteresis_width_2 - 1.0/3.0*d_thermal_play_3*dxx*thermal_hysteresis/thermal_hysteresis_width_3;
+    out[2] = d_dyy*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1) + d_temperature_structure*dyy*thermal_hysteresis*((1.0/3.0)/thermal_hysteresis_width_3 + (1.0/3.0)/thermal_hysteresis_width_2 + (1.0/3.0)/thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_play_1*dyy*thermal_hysteresis/thermal_hysteresis_width_1 - 1.0/3.0*d_thermal_play_2*dyy*thermal_hysteresis/thermal_hysteresis_width_2 - 1.0/3.0*d_thermal_play_3*dyy*thermal_hysteresis/thermal_hysteresis_width_3;
+    out[3] = d_dxy*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1) + d_temperature_structure*dxy*thermal_hysteresis*((1.0/3.0)/thermal_hysteresis_width_3 + (1.0/3.0)/thermal_hysteresis_width_2 + (1.0/3.0)/thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_play_1*dxy*thermal_hysteresis/thermal_hysteresis_width_1 - 1.0/3.0*d_thermal_play_2*dxy*thermal_hysteresis/thermal_hysteresis_width_2 - 1.0/3.0*d_thermal_play_3*dxy*thermal_hysteresis/thermal_hysteresis_width_3;
 }
 
 static inline void tangent_ageing(const gyro_view *g, const gyro_tangent *d, double *out)
@@ -482,12 +360,10 @@ static inline void tangent_ageing(const gyro_view *g, const gyro_tangent *d, dou
     const double dxx = g->p[GYRO_DXX];
     const double dyy = g->p[GYRO_DYY];
     const double t = g->t;
-    const double d_ageing = d->p[GYRO_AGEING];
-    const double d_ageing_time = d->p[GYRO_AGEING_TIME];
     const double d_dxx = d->p[GYRO_DXX];
     const double d_dxy = d->p[GYRO_DXY];
     const double d_dyy = d->p[GYRO_DYY];
-    out[0] = (ageing == 0.0 ? 0.0 : (1.0/2.0)*ageing*d_dxx*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)/dxx) + (ageing == 0.0 ? 0.0 : (1.0/2.0)*ageing*d_dyy*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)/dyy) - ageing*d_ageing_time*t*sqrt(dxx*dyy)/((ageing_time*ageing_time)*(1 + t/ageing_time)) + (d_ageing == 0.0 ? 0.0 : d_ageing*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)) + d_dxy;
+    out[0] = (ageing == 0.0 ? 0.0 : (1.0/2.0)*ageing*d_dxx*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)/dxx) + (ageing == 0.0 ? 0.0 : (1.0/2.0)*ageing*d_dyy*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)/dyy) + d_dxy;
 }
 
 static inline void tangent_bias_walk(const gyro_view *g, const gyro_tangent *d, double *out)
@@ -497,12 +373,11 @@ static inline void tangent_bias_walk(const gyro_view *g, const gyro_tangent *d, 
     const double bias_walked = g->remembered_now[GYRO_MEMORY_BIAS_WALKED];
     const double dxx = g->p[GYRO_DXX];
     const double dyy = g->p[GYRO_DYY];
-    const double d_bias_walk = d->p[GYRO_BIAS_WALK];
     const double d_bias_walked = d->remembered_now[GYRO_MEMORY_BIAS_WALKED];
     const double d_dxx = d->p[GYRO_DXX];
     const double d_dxy = d->p[GYRO_DXY];
     const double d_dyy = d->p[GYRO_DYY];
-    out[0] = (1.0/2.0)*bias_walk*bias_walked*d_dxx*sqrt(dxx*dyy)/dxx + (1.0/2.0)*bias_walk*bias_walked*d_dyy*sqrt(dxx*dyy)/dyy + bias_walk*d_bias_walked*sqrt(dxx*dyy) + bias_walked*d_bias_walk*sqrt(dxx*dyy) + d_dxy;
+    out[0] = (1.0/2.0)*bias_walk*bias_walked*d_dxx*sqrt(dxx*dyy)/dxx + (1.0/2.0)*bias_walk*bias_walked*d_dyy*sqrt(dxx*dyy)/dyy + bias_walk*d_bias_walked*sqrt(dxx*dyy) + d_dxy;
 }
 
 static inline void tangent_turn_on_offset(const gyro_view *g, const gyro_tangent *d, double *out)
@@ -515,9 +390,8 @@ static inline void tangent_turn_on_offset(const gyro_view *g, const gyro_tangent
     const double d_dxx = d->p[GYRO_DXX];
     const double d_dxy = d->p[GYRO_DXY];
     const double d_dyy = d->p[GYRO_DYY];
-    const double d_turn_on = d->p[GYRO_TURN_ON];
     const double d_turn_on_drawn = d->remembered_now[GYRO_MEMORY_TURN_ON_DRAWN];
-    out[0] = (1.0/2.0)*d_dxx*turn_on*turn_on_drawn*sqrt(dxx*dyy)/dxx + d_dxy + (1.0/2.0)*d_dyy*turn_on*turn_on_drawn*sqrt(dxx*dyy)/dyy + d_turn_on*turn_on_drawn*sqrt(dxx*dyy) + d_turn_on_drawn*turn_on*sqrt(dxx*dyy);
+    out[0] = (1.0/2.0)*d_dxx*turn_on*turn_on_drawn*sqrt(dxx*dyy)/dxx + d_dxy + (1.0/2.0)*d_dyy*turn_on*turn_on_drawn*sqrt(dxx*dyy)/dyy + d_turn_on_drawn*turn_on*sqrt(dxx*dyy);
 }
 
 static inline void tangent_coriolis(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
@@ -527,12 +401,11 @@ static inline void tangent_coriolis(const gyro_view *g, const gyro_tangent *d, d
     const double omega_z = g->p[GYRO_OMEGA_Z];
     const double x_dot = g->s[GYRO_STATE_X_DOT];
     const double y_dot = g->s[GYRO_STATE_Y_DOT];
-    const double d_m = d->p[GYRO_M];
     const double d_omega_z = d->p[GYRO_OMEGA_Z];
     const double d_x_dot = d->s[GYRO_STATE_X_DOT];
     const double d_y_dot = d->s[GYRO_STATE_Y_DOT];
-    force[0] += 2*d_m*omega_z*y_dot + 2*d_omega_z*m*y_dot + 2*d_y_dot*m*omega_z;
-    force[1] += -2*d_m*omega_z*x_dot - 2*d_omega_z*m*x_dot - 2*d_x_dot*m*omega_z;
+    force[0] += 2*d_omega_z*m*y_dot + 2*d_y_dot*m*omega_z;
+    force[1] += -2*d_omega_z*m*x_dot - 2*d_x_dot*m*omega_z;
 }
 
 static inline void tangent_damping(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
@@ -577,13 +450,11 @@ static inline void tangent_angular_gain(const gyro_view *g, const gyro_tangent *
     const double omega_z = g->p[GYRO_OMEGA_Z];
     const double x_dot = g->s[GYRO_STATE_X_DOT];
     const double y_dot = g->s[GYRO_STATE_Y_DOT];
-    const double d_angular_gain = d->p[GYRO_ANGULAR_GAIN];
-    const double d_m = d->p[GYRO_M];
     const double d_omega_z = d->p[GYRO_OMEGA_Z];
     const double d_x_dot = d->s[GYRO_STATE_X_DOT];
     const double d_y_dot = d->s[GYRO_STATE_Y_DOT];
-    force[0] += 2*d_angular_gain*m*omega_z*y_dot + d_m*omega_z*y_dot*(2*angular_gain - 2) + d_omega_z*m*y_dot*(2*angular_gain - 2) + d_y_dot*m*omega_z*(2*angular_gain - 2);
-    force[1] += -2*d_angular_gain*m*omega_z*x_dot + d_m*omega_z*x_dot*(2 - 2*angular_gain) + d_omega_z*m*x_dot*(2 - 2*angular_gain) + d_x_dot*m*omega_z*(2 - 2*angular_gain);
+    force[0] += d_omega_z*m*y_dot*(2*angular_gain - 2) + d_y_dot*m*omega_z*(2*angular_gain - 2);
+    force[1] += d_omega_z*m*x_dot*(2 - 2*angular_gain) + d_x_dot*m*omega_z*(2 - 2*angular_gain);
 }
 
 static inline void tangent_comb_fringe(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
@@ -594,22 +465,17 @@ static inline void tangent_comb_fringe(const gyro_view *g, const gyro_tangent *d
     const double u_y = g->u[1];
     const double x = g->s[GYRO_STATE_X];
     const double y = g->s[GYRO_STATE_Y];
-    const double d_comb_fringe = d->p[GYRO_COMB_FRINGE];
     const double d_u_x = d->u[0];
     const double d_u_y = d->u[1];
     const double d_x = d->s[GYRO_STATE_X];
     const double d_y = d->s[GYRO_STATE_Y];
-    force[0] += comb_fringe*d_u_x*x + comb_fringe*d_x*u_x + d_comb_fringe*u_x*x;
-    force[1] += comb_fringe*d_u_y*y + comb_fringe*d_y*u_y + d_comb_fringe*u_y*y;
+    force[0] += comb_fringe*d_u_x*x + comb_fringe*d_x*u_x;
+    force[1] += comb_fringe*d_u_y*y + comb_fringe*d_y*u_y;
 }
 
 static inline void tangent_constant_force(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
-    const double d_force_x = d->p[GYRO_FORCE_X];
-    const double d_force_y = d->p[GYRO_FORCE_Y];
-    force[0] += d_force_x;
-    force[1] += d_force_y;
 }
 
 static inline void tangent_contact_stop(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
@@ -624,9 +490,6 @@ static inline void tangent_contact_stop(const gyro_view *g, const gyro_tangent *
     const double y = g->s[GYRO_STATE_Y];
     const double y_dot = g->s[GYRO_STATE_Y_DOT];
     const double d_kxx = d->p[GYRO_KXX];
-    const double d_stop_damping = d->p[GYRO_STOP_DAMPING];
-    const double d_stop_gap = d->p[GYRO_STOP_GAP];
-    const double d_stop_stiffness = d->p[GYRO_STOP_STIFFNESS];
     const double d_x = d->s[GYRO_STATE_X];
     const double d_x_dot = d->s[GYRO_STATE_X_DOT];
     const double d_y = d->s[GYRO_STATE_Y];
@@ -636,87 +499,7 @@ static inline void tangent_contact_stop(const gyro_view *g, const gyro_tangent *
 )
 : (
    0
-))/((((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))))*(kxx*kxx)) - d_stop_damping*x_dot*((3.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) + d_stop_gap*(-stop_damping*x_dot*(-1.0/1024.0*stop_gap - 2*(x - larger(-stop_gap, smaller(stop_gap, x)))*(-2*((stop_gap + smaller(stop_gap, x) > 0) ? (
-   1
-)
-: (
-   0
-))*((stop_gap - x < 0) ? (
-   1
-)
-: (
-   0
-)) + 2*((stop_gap + smaller(stop_gap, x) < 0) ? (
-   1
-)
-: (
-   0
-))))*((3.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) - stop_damping*x_dot*((3.0/2048.0)*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(-2*((stop_gap + smaller(stop_gap, x) > 0) ? (
-   1
-)
-: (
-   0
-))*((stop_gap - x < 0) ? (
-   1
-)
-: (
-   0
-)) + 2*((stop_gap + smaller(stop_gap, x) < 0) ? (
-   1
-)
-: (
-   0
-))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) - stop_damping*x_dot*((3.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(-2*((stop_gap + smaller(stop_gap, x) > 0) ? (
-   1
-)
-: (
-   0
-))*((stop_gap - x < 0) ? (
-   1
-)
-: (
-   0
-)) + 2*((stop_gap + smaller(stop_gap, x) < 0) ? (
-   1
-)
-: (
-   0
-)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) - stop_stiffness*(-1.0/2048.0*stop_gap - (x - larger(-stop_gap, smaller(stop_gap, x)))*(-2*((stop_gap + smaller(stop_gap, x) > 0) ? (
-   1
-)
-: (
-   0
-))*((stop_gap - x < 0) ? (
-   1
-)
-: (
-   0
-)) + 2*((stop_gap + smaller(stop_gap, x) < 0) ? (
-   1
-)
-: (
-   0
-))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))/(((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) - stop_stiffness*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(-3*((stop_gap + smaller(stop_gap, x) > 0) ? (
-   1
-)
-: (
-   0
-))*((stop_gap - x < 0) ? (
-   1
-)
-: (
-   0
-)) + 3*((stop_gap + smaller(stop_gap, x) < 0) ? (
-   1
-)
-: (
-   0
-)))/((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))) + d_stop_stiffness*(-(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))/((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))) - stop_damping*x_dot*((3.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))*((stop_stiffness/kxx < 1) ? (
-   1
-)
-: (
-   0
-))/((((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))))*kxx)) + d_x*(-stop_damping*x_dot*((3.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(-2*((stop_gap - x > 0) ? (
+))/((((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*((1.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x)))))*(kxx*kxx)) + d_x*(-stop_damping*x_dot*((3.0/4096.0)*stop_gap*stop_gap + (x - larger(-stop_gap, smaller(stop_gap, x)))*(x - larger(-stop_gap, smaller(stop_gap, x))))*(x - larger(-stop_gap, smaller(stop_gap, x)))*(-2*((stop_gap - x > 0) ? (
    1
 )
 : (
@@ -772,87 +555,7 @@ static inline void tangent_contact_stop(const gyro_view *g, const gyro_tangent *
 )
 : (
    0
-))/((((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))))*(kxx*kxx)) - d_stop_damping*y_dot*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) + d_stop_gap*(-stop_damping*y_dot*(-1.0/1024.0*stop_gap - 2*(y - larger(-stop_gap, smaller(stop_gap, y)))*(-2*((stop_gap + smaller(stop_gap, y) > 0) ? (
-   1
-)
-: (
-   0
-))*((stop_gap - y < 0) ? (
-   1
-)
-: (
-   0
-)) + 2*((stop_gap + smaller(stop_gap, y) < 0) ? (
-   1
-)
-: (
-   0
-))))*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) - stop_damping*y_dot*((3.0/2048.0)*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(-2*((stop_gap + smaller(stop_gap, y) > 0) ? (
-   1
-)
-: (
-   0
-))*((stop_gap - y < 0) ? (
-   1
-)
-: (
-   0
-)) + 2*((stop_gap + smaller(stop_gap, y) < 0) ? (
-   1
-)
-: (
-   0
-))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) - stop_damping*y_dot*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(-2*((stop_gap + smaller(stop_gap, y) > 0) ? (
-   1
-)
-: (
-   0
-))*((stop_gap - y < 0) ? (
-   1
-)
-: (
-   0
-)) + 2*((stop_gap + smaller(stop_gap, y) < 0) ? (
-   1
-)
-: (
-   0
-)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) - stop_stiffness*(-1.0/2048.0*stop_gap - (y - larger(-stop_gap, smaller(stop_gap, y)))*(-2*((stop_gap + smaller(stop_gap, y) > 0) ? (
-   1
-)
-: (
-   0
-))*((stop_gap - y < 0) ? (
-   1
-)
-: (
-   0
-)) + 2*((stop_gap + smaller(stop_gap, y) < 0) ? (
-   1
-)
-: (
-   0
-))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) - stop_stiffness*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(-3*((stop_gap + smaller(stop_gap, y) > 0) ? (
-   1
-)
-: (
-   0
-))*((stop_gap - y < 0) ? (
-   1
-)
-: (
-   0
-)) + 3*((stop_gap + smaller(stop_gap, y) < 0) ? (
-   1
-)
-: (
-   0
-)))/((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))) + d_stop_stiffness*(-(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))/((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))) - stop_damping*y_dot*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*((stop_stiffness/kxx < 1) ? (
-   1
-)
-: (
-   0
-))/((((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))))*kxx)) + d_y*(-stop_damping*y_dot*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(-2*((stop_gap - y > 0) ? (
+))/((((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))))*(kxx*kxx)) + d_y*(-stop_damping*y_dot*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(-2*((stop_gap - y > 0) ? (
    1
 )
 : (
@@ -911,11 +614,10 @@ static inline void tangent_cross_cubic_stiffness(const gyro_view *g, const gyro_
     const double k22 = g->p[GYRO_K22];
     const double x = g->s[GYRO_STATE_X];
     const double y = g->s[GYRO_STATE_Y];
-    const double d_k22 = d->p[GYRO_K22];
     const double d_x = d->s[GYRO_STATE_X];
     const double d_y = d->s[GYRO_STATE_Y];
-    force[0] += -d_k22*x*y*y - d_x*k22*y*y - 2*d_y*k22*x*y;
-    force[1] += -d_k22*x*x*y - 2*d_x*k22*x*y - d_y*k22*x*x;
+    force[0] += -d_x*k22*y*y - 2*d_y*k22*x*y;
+    force[1] += -2*d_x*k22*x*y - d_y*k22*x*x;
 }
 
 static inline void tangent_cubic_stiffness(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
@@ -925,12 +627,10 @@ static inline void tangent_cubic_stiffness(const gyro_view *g, const gyro_tangen
     const double k3_y = g->p[GYRO_K3_Y];
     const double x = g->s[GYRO_STATE_X];
     const double y = g->s[GYRO_STATE_Y];
-    const double d_k3_x = d->p[GYRO_K3_X];
-    const double d_k3_y = d->p[GYRO_K3_Y];
     const double d_x = d->s[GYRO_STATE_X];
     const double d_y = d->s[GYRO_STATE_Y];
-    force[0] += -d_k3_x*x*x*x - 3*d_x*k3_x*x*x;
-    force[1] += -d_k3_y*y*y*y - 3*d_y*k3_y*y*y;
+    force[0] += -3*d_x*k3_x*x*x;
+    force[1] += -3*d_y*k3_y*y*y;
 }
 
 static inline void tangent_dry_friction(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
@@ -943,15 +643,10 @@ static inline void tangent_dry_friction(const gyro_view *g, const gyro_tangent *
     const double stribeck_speed = g->p[GYRO_STRIBECK_SPEED];
     const double x_dot = g->s[GYRO_STATE_X_DOT];
     const double y_dot = g->s[GYRO_STATE_Y_DOT];
-    const double d_friction_speed = d->p[GYRO_FRICTION_SPEED];
-    const double d_friction_x = d->p[GYRO_FRICTION_X];
-    const double d_friction_y = d->p[GYRO_FRICTION_Y];
-    const double d_stribeck = d->p[GYRO_STRIBECK];
-    const double d_stribeck_speed = d->p[GYRO_STRIBECK_SPEED];
     const double d_x_dot = d->s[GYRO_STATE_X_DOT];
     const double d_y_dot = d->s[GYRO_STATE_Y_DOT];
-    force[0] += d_friction_speed*friction_x*x_dot*(1 - gyro_tanh(x_dot/friction_speed)*gyro_tanh(x_dot/friction_speed))*((stribeck == 0.0 ? 0.0 : stribeck*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed))) + 1)/(friction_speed*friction_speed) + (d_friction_x == 0.0 ? 0.0 : -d_friction_x*((stribeck == 0.0 ? 0.0 : stribeck*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed))) + 1)*gyro_tanh(x_dot/friction_speed)) + (d_stribeck == 0.0 ? 0.0 : -d_stribeck*friction_x*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(x_dot/friction_speed)) + (d_stribeck_speed == 0.0 ? 0.0 : -2*d_stribeck_speed*friction_x*stribeck*x_dot*x_dot*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(x_dot/friction_speed)/(stribeck_speed*stribeck_speed*stribeck_speed)) + d_x_dot*((friction_x == 0.0 ? 0.0 : 2*friction_x*stribeck*x_dot*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(x_dot/friction_speed)/(stribeck_speed*stribeck_speed)) - friction_x*(1 - gyro_tanh(x_dot/friction_speed)*gyro_tanh(x_dot/friction_speed))*((stribeck == 0.0 ? 0.0 : stribeck*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed))) + 1)/friction_speed);
-    force[1] += d_friction_speed*friction_y*y_dot*(1 - gyro_tanh(y_dot/friction_speed)*gyro_tanh(y_dot/friction_speed))*((stribeck == 0.0 ? 0.0 : stribeck*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed))) + 1)/(friction_speed*friction_speed) + (d_friction_y == 0.0 ? 0.0 : -d_friction_y*((stribeck == 0.0 ? 0.0 : stribeck*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed))) + 1)*gyro_tanh(y_dot/friction_speed)) + (d_stribeck == 0.0 ? 0.0 : -d_stribeck*friction_y*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(y_dot/friction_speed)) + (d_stribeck_speed == 0.0 ? 0.0 : -2*d_stribeck_speed*friction_y*stribeck*y_dot*y_dot*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(y_dot/friction_speed)/(stribeck_speed*stribeck_speed*stribeck_speed)) + d_y_dot*((friction_y == 0.0 ? 0.0 : 2*friction_y*stribeck*y_dot*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(y_dot/friction_speed)/(stribeck_speed*stribeck_speed)) - friction_y*(1 - gyro_tanh(y_dot/friction_speed)*gyro_tanh(y_dot/friction_speed))*((stribeck == 0.0 ? 0.0 : stribeck*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed))) + 1)/friction_speed);
+    force[0] += d_x_dot*((friction_x == 0.0 ? 0.0 : 2*friction_x*stribeck*x_dot*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(x_dot/friction_speed)/(stribeck_speed*stribeck_speed)) - friction_x*(1 - gyro_tanh(x_dot/friction_speed)*gyro_tanh(x_dot/friction_speed))*((stribeck == 0.0 ? 0.0 : stribeck*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed))) + 1)/friction_speed);
+    force[1] += d_y_dot*((friction_y == 0.0 ? 0.0 : 2*friction_y*stribeck*y_dot*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(y_dot/friction_speed)/(stribeck_speed*stribeck_speed)) - friction_y*(1 - gyro_tanh(y_dot/friction_speed)*gyro_tanh(y_dot/friction_speed))*((stribeck == 0.0 ? 0.0 : stribeck*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed))) + 1)/friction_speed);
 }
 
 static inline void tangent_electrostatic_softening(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
@@ -962,13 +657,11 @@ static inline void tangent_electrostatic_softening(const gyro_view *g, const gyr
     const double v_bias = g->p[GYRO_V_BIAS];
     const double x = g->s[GYRO_STATE_X];
     const double y = g->s[GYRO_STATE_Y];
-    const double d_electrode_gap = d->p[GYRO_ELECTRODE_GAP];
-    const double d_softening = d->p[GYRO_SOFTENING];
     const double d_v_bias = d->p[GYRO_V_BIAS];
     const double d_x = d->s[GYRO_STATE_X];
     const double d_y = d->s[GYRO_STATE_Y];
-    force[0] += -4*d_electrode_gap*softening*v_bias*v_bias*x*x*x/(((1 - x*x/(electrode_gap*electrode_gap))*(1 - x*x/(electrode_gap*electrode_gap))*(1 - x*x/(electrode_gap*electrode_gap)))*(electrode_gap*electrode_gap*electrode_gap)) + d_softening*v_bias*v_bias*x/((1 - x*x/(electrode_gap*electrode_gap))*(1 - x*x/(electrode_gap*electrode_gap))) + 2*d_v_bias*softening*v_bias*x/((1 - x*x/(electrode_gap*electrode_gap))*(1 - x*x/(electrode_gap*electrode_gap))) + d_x*(softening*v_bias*v_bias/((1 - x*x/(electrode_gap*electrode_gap))*(1 - x*x/(electrode_gap*electrode_gap))) + 4*softening*v_bias*v_bias*x*x/(((1 - x*x/(electrode_gap*electrode_gap))*(1 - x*x/(electrode_gap*electrode_gap))*(1 - x*x/(electrode_gap*electrode_gap)))*(electrode_gap*electrode_gap)));
-    force[1] += -4*d_electrode_gap*softening*v_bias*v_bias*y*y*y/(((1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap)))*(electrode_gap*electrode_gap*electrode_gap)) + d_softening*v_bias*v_bias*y/((1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap))) + 2*d_v_bias*softening*v_bias*y/((1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap))) + d_y*(softening*v_bias*v_bias/((1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap))) + 4*softening*v_bias*v_bias*y*y/(((1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap)))*(electrode_gap*electrode_gap)));
+    force[0] += 2*d_v_bias*softening*v_bias*x/((1 - x*x/(electrode_gap*electrode_gap))*(1 - x*x/(electrode_gap*electrode_gap))) + d_x*(softening*v_bias*v_bias/((1 - x*x/(electrode_gap*electrode_gap))*(1 - x*x/(electrode_gap*electrode_gap))) + 4*softening*v_bias*v_bias*x*x/(((1 - x*x/(electrode_gap*electrode_gap))*(1 - x*x/(electrode_gap*electrode_gap))*(1 - x*x/(electrode_gap*electrode_gap)))*(electrode_gap*electrode_gap)));
+    force[1] += 2*d_v_bias*softening*v_bias*y/((1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap))) + d_y*(softening*v_bias*v_bias/((1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap))) + 4*softening*v_bias*v_bias*y*y/(((1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap)))*(electrode_gap*electrode_gap)));
 }
 
 static inline void tangent_frame_rotation(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
@@ -979,13 +672,11 @@ static inline void tangent_frame_rotation(const gyro_view *g, const gyro_tangent
     const double omega_z = g->p[GYRO_OMEGA_Z];
     const double x = g->s[GYRO_STATE_X];
     const double y = g->s[GYRO_STATE_Y];
-    const double d_frame_rotation = d->p[GYRO_FRAME_ROTATION];
-    const double d_m = d->p[GYRO_M];
     const double d_omega_z = d->p[GYRO_OMEGA_Z];
     const double d_x = d->s[GYRO_STATE_X];
     const double d_y = d->s[GYRO_STATE_Y];
-    force[0] += d_frame_rotation*m*omega_z*omega_z*x + d_m*frame_rotation*omega_z*omega_z*x + 2*d_omega_z*frame_rotation*m*omega_z*x + d_x*frame_rotation*m*omega_z*omega_z;
-    force[1] += d_frame_rotation*m*omega_z*omega_z*y + d_m*frame_rotation*omega_z*omega_z*y + 2*d_omega_z*frame_rotation*m*omega_z*y + d_y*frame_rotation*m*omega_z*omega_z;
+    force[0] += 2*d_omega_z*frame_rotation*m*omega_z*x + d_x*frame_rotation*m*omega_z*omega_z;
+    force[1] += 2*d_omega_z*frame_rotation*m*omega_z*y + d_y*frame_rotation*m*omega_z*omega_z;
 }
 
 static inline void tangent_hysteresis(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
@@ -1001,37 +692,26 @@ static inline void tangent_hysteresis(const gyro_view *g, const gyro_tangent *d,
     const double hysteresis_z_y = g->s[GYRO_STATE_HYSTERESIS_Z_Y];
     const double x_dot = g->s[GYRO_STATE_X_DOT];
     const double y_dot = g->s[GYRO_STATE_Y_DOT];
-    const double d_hysteresis_beta = d->p[GYRO_HYSTERESIS_BETA];
-    const double d_hysteresis_gamma = d->p[GYRO_HYSTERESIS_GAMMA];
-    const double d_hysteresis_length = d->p[GYRO_HYSTERESIS_LENGTH];
-    const double d_hysteresis_n = d->p[GYRO_HYSTERESIS_N];
-    const double d_hysteresis_x = d->p[GYRO_HYSTERESIS_X];
-    const double d_hysteresis_y = d->p[GYRO_HYSTERESIS_Y];
     const double d_hysteresis_z_x = d->s[GYRO_STATE_HYSTERESIS_Z_X];
     const double d_hysteresis_z_y = d->s[GYRO_STATE_HYSTERESIS_Z_Y];
     const double d_x_dot = d->s[GYRO_STATE_X_DOT];
     const double d_y_dot = d->s[GYRO_STATE_Y_DOT];
-    force[0] += -d_hysteresis_x*hysteresis_z_x - d_hysteresis_z_x*hysteresis_x;
-    force[1] += -d_hysteresis_y*hysteresis_z_y - d_hysteresis_z_y*hysteresis_y;
-    rate[GYRO_STATE_HYSTERESIS_Z_X] = -d_hysteresis_beta*hysteresis_z_x*gyro_power(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_fabs(x_dot)/hysteresis_length - d_hysteresis_gamma*x_dot*gyro_power(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_fabs(hysteresis_z_x)/hysteresis_length - d_hysteresis_length*(x_dot - gyro_power(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*hysteresis_z_x*gyro_fabs(x_dot) + hysteresis_gamma*x_dot*gyro_fabs(hysteresis_z_x)))/(hysteresis_length*hysteresis_length) + (d_hysteresis_n == 0.0 ? 0.0 : -1.0/2.0*d_hysteresis_n*gyro_power(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*hysteresis_z_x*gyro_fabs(x_dot) + hysteresis_gamma*x_dot*gyro_fabs(hysteresis_z_x))*gyro_log(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308)/hysteresis_length) + d_hysteresis_z_x*(-2*hysteresis_z_x*((1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_power(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*hysteresis_z_x*gyro_fabs(x_dot) + hysteresis_gamma*x_dot*gyro_fabs(hysteresis_z_x))/(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308) - gyro_power(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*gyro_fabs(x_dot) + hysteresis_gamma*x_dot*(((hysteresis_z_x) > 0) - ((hysteresis_z_x) < 0))))/hysteresis_length + d_x_dot*(-gyro_power(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*hysteresis_z_x*(((x_dot) > 0) - ((x_dot) < 0)) + hysteresis_gamma*gyro_fabs(hysteresis_z_x)) + 1)/hysteresis_length;
-    rate[GYRO_STATE_HYSTERESIS_Z_Y] = -d_hysteresis_beta*hysteresis_z_y*gyro_power(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_fabs(y_dot)/hysteresis_length - d_hysteresis_gamma*y_dot*gyro_power(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_fabs(hysteresis_z_y)/hysteresis_length - d_hysteresis_length*(y_dot - gyro_power(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*hysteresis_z_y*gyro_fabs(y_dot) + hysteresis_gamma*y_dot*gyro_fabs(hysteresis_z_y)))/(hysteresis_length*hysteresis_length) + (d_hysteresis_n == 0.0 ? 0.0 : -1.0/2.0*d_hysteresis_n*gyro_power(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*hysteresis_z_y*gyro_fabs(y_dot) + hysteresis_gamma*y_dot*gyro_fabs(hysteresis_z_y))*gyro_log(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308)/hysteresis_length) + d_hysteresis_z_y*(-2*hysteresis_z_y*((1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_power(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*hysteresis_z_y*gyro_fabs(y_dot) + hysteresis_gamma*y_dot*gyro_fabs(hysteresis_z_y))/(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308) - gyro_power(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*gyro_fabs(y_dot) + hysteresis_gamma*y_dot*(((hysteresis_z_y) > 0) - ((hysteresis_z_y) < 0))))/hysteresis_length + d_y_dot*(-gyro_power(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*hysteresis_z_y*(((y_dot) > 0) - ((y_dot) < 0)) + hysteresis_gamma*gyro_fabs(hysteresis_z_y)) + 1)/hysteresis_length;
+    force[0] += -d_hysteresis_z_x*hysteresis_x;
+    force[1] += -d_hysteresis_z_y*hysteresis_y;
+    rate[GYRO_STATE_HYSTERESIS_Z_X] = d_hysteresis_z_x*(-2*hysteresis_z_x*((1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_power(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*hysteresis_z_x*gyro_fabs(x_dot) + hysteresis_gamma*x_dot*gyro_fabs(hysteresis_z_x))/(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308) - gyro_power(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*gyro_fabs(x_dot) + hysteresis_gamma*x_dot*(((hysteresis_z_x) > 0) - ((hysteresis_z_x) < 0))))/hysteresis_length + d_x_dot*(-gyro_power(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*hysteresis_z_x*(((x_dot) > 0) - ((x_dot) < 0)) + hysteresis_gamma*gyro_fabs(hysteresis_z_x)) + 1)/hysteresis_length;
+    rate[GYRO_STATE_HYSTERESIS_Z_Y] = d_hysteresis_z_y*(-2*hysteresis_z_y*((1.0/2.0)*hysteresis_n - 1.0/2.0)*gyro_power(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*hysteresis_z_y*gyro_fabs(y_dot) + hysteresis_gamma*y_dot*gyro_fabs(hysteresis_z_y))/(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308) - gyro_power(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*gyro_fabs(y_dot) + hysteresis_gamma*y_dot*(((hysteresis_z_y) > 0) - ((hysteresis_z_y) < 0))))/hysteresis_length + d_y_dot*(-gyro_power(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*hysteresis_z_y*(((y_dot) > 0) - ((y_dot) < 0)) + hysteresis_gamma*gyro_fabs(hysteresis_z_y)) + 1)/hysteresis_length;
 }
 
 static inline void tangent_linear_acceleration(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
-    const double a_x = g->p[GYRO_A_X];
-    const double a_y = g->p[GYRO_A_Y];
     const double acceleration_gain_x = g->p[GYRO_ACCELERATION_GAIN_X];
     const double acceleration_gain_y = g->p[GYRO_ACCELERATION_GAIN_Y];
     const double m = g->p[GYRO_M];
     const double d_a_x = d->p[GYRO_A_X];
     const double d_a_y = d->p[GYRO_A_Y];
-    const double d_acceleration_gain_x = d->p[GYRO_ACCELERATION_GAIN_X];
-    const double d_acceleration_gain_y = d->p[GYRO_ACCELERATION_GAIN_Y];
-    const double d_m = d->p[GYRO_M];
-    force[0] += a_x*acceleration_gain_x*d_m + a_x*d_acceleration_gain_x*m + acceleration_gain_x*d_a_x*m;
-    force[1] += a_y*acceleration_gain_y*d_m + a_y*d_acceleration_gain_y*m + acceleration_gain_y*d_a_y*m;
+    force[0] += acceleration_gain_x*d_a_x*m;
+    force[1] += acceleration_gain_y*d_a_y*m;
 }
 
 static inline void tangent_nonlinear_damping(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
@@ -1043,36 +723,27 @@ static inline void tangent_nonlinear_damping(const gyro_view *g, const gyro_tang
     const double x_dot = g->s[GYRO_STATE_X_DOT];
     const double y = g->s[GYRO_STATE_Y];
     const double y_dot = g->s[GYRO_STATE_Y_DOT];
-    const double d_d2_x = d->p[GYRO_D2_X];
-    const double d_d2_y = d->p[GYRO_D2_Y];
     const double d_x = d->s[GYRO_STATE_X];
     const double d_x_dot = d->s[GYRO_STATE_X_DOT];
     const double d_y = d->s[GYRO_STATE_Y];
     const double d_y_dot = d->s[GYRO_STATE_Y_DOT];
-    force[0] += -2*d2_x*d_x*x*x_dot - d2_x*d_x_dot*x*x - d_d2_x*x*x*x_dot;
-    force[1] += -2*d2_y*d_y*y*y_dot - d2_y*d_y_dot*y*y - d_d2_y*y*y*y_dot;
+    force[0] += -2*d2_x*d_x*x*x_dot - d2_x*d_x_dot*x*x;
+    force[1] += -2*d2_y*d_y*y*y_dot - d2_y*d_y_dot*y*y;
 }
 
 static inline void tangent_parasitic_mode(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double m = g->p[GYRO_M];
-    const double parasitic = g->s[GYRO_STATE_PARASITIC];
     const double parasitic_coupling = g->p[GYRO_PARASITIC_COUPLING];
-    const double parasitic_dot = g->s[GYRO_STATE_PARASITIC_DOT];
     const double parasitic_frequency = g->p[GYRO_PARASITIC_FREQUENCY];
     const double parasitic_q = g->p[GYRO_PARASITIC_Q];
-    const double x = g->s[GYRO_STATE_X];
-    const double d_m = d->p[GYRO_M];
     const double d_parasitic = d->s[GYRO_STATE_PARASITIC];
-    const double d_parasitic_coupling = d->p[GYRO_PARASITIC_COUPLING];
     const double d_parasitic_dot = d->s[GYRO_STATE_PARASITIC_DOT];
-    const double d_parasitic_frequency = d->p[GYRO_PARASITIC_FREQUENCY];
-    const double d_parasitic_q = d->p[GYRO_PARASITIC_Q];
     const double d_x = d->s[GYRO_STATE_X];
-    force[0] += -d_parasitic*parasitic_coupling - d_parasitic_coupling*parasitic;
+    force[0] += -d_parasitic*parasitic_coupling;
     rate[GYRO_STATE_PARASITIC] = d_parasitic_dot;
-    rate[GYRO_STATE_PARASITIC_DOT] = d_m*parasitic_coupling*x/(m*m) - 4*3.141592653589793*3.141592653589793*d_parasitic*parasitic_frequency*parasitic_frequency - d_parasitic_coupling*x/m - 2*3.141592653589793*d_parasitic_dot*parasitic_frequency/parasitic_q + d_parasitic_frequency*(-8*3.141592653589793*3.141592653589793*parasitic*parasitic_frequency - 2*3.141592653589793*parasitic_dot/parasitic_q) + 2*3.141592653589793*d_parasitic_q*parasitic_dot*parasitic_frequency/(parasitic_q*parasitic_q) - d_x*parasitic_coupling/m;
+    rate[GYRO_STATE_PARASITIC_DOT] = -4*3.141592653589793*3.141592653589793*d_parasitic*parasitic_frequency*parasitic_frequency - 2*3.141592653589793*d_parasitic_dot*parasitic_frequency/parasitic_q - d_x*parasitic_coupling/m;
 }
 
 static inline void tangent_quadratic_stiffness(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
@@ -1082,12 +753,10 @@ static inline void tangent_quadratic_stiffness(const gyro_view *g, const gyro_ta
     const double k2_y = g->p[GYRO_K2_Y];
     const double x = g->s[GYRO_STATE_X];
     const double y = g->s[GYRO_STATE_Y];
-    const double d_k2_x = d->p[GYRO_K2_X];
-    const double d_k2_y = d->p[GYRO_K2_Y];
     const double d_x = d->s[GYRO_STATE_X];
     const double d_y = d->s[GYRO_STATE_Y];
-    force[0] += -d_k2_x*x*x - 2*d_x*k2_x*x;
-    force[1] += -d_k2_y*y*y - 2*d_y*k2_y*y;
+    force[0] += -2*d_x*k2_x*x;
+    force[1] += -2*d_y*k2_y*y;
 }
 
 static inline void tangent_squeeze_film(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
@@ -1100,15 +769,12 @@ static inline void tangent_squeeze_film(const gyro_view *g, const gyro_tangent *
     const double x_dot = g->s[GYRO_STATE_X_DOT];
     const double y = g->s[GYRO_STATE_Y];
     const double y_dot = g->s[GYRO_STATE_Y_DOT];
-    const double d_squeeze_gap = d->p[GYRO_SQUEEZE_GAP];
-    const double d_squeeze_x = d->p[GYRO_SQUEEZE_X];
-    const double d_squeeze_y = d->p[GYRO_SQUEEZE_Y];
     const double d_x = d->s[GYRO_STATE_X];
     const double d_x_dot = d->s[GYRO_STATE_X_DOT];
     const double d_y = d->s[GYRO_STATE_Y];
     const double d_y_dot = d->s[GYRO_STATE_Y_DOT];
-    force[0] += 3*d_squeeze_gap*squeeze_x*x*x*x_dot/(((1 - x*x/(squeeze_gap*squeeze_gap))*(1 - x*x/(squeeze_gap*squeeze_gap))*sqrt(1 - x*x/(squeeze_gap*squeeze_gap)))*(squeeze_gap*squeeze_gap*squeeze_gap)) - d_squeeze_x*x_dot/((1 - x*x/(squeeze_gap*squeeze_gap))*sqrt(1 - x*x/(squeeze_gap*squeeze_gap))) - 3*d_x*squeeze_x*x*x_dot/(((1 - x*x/(squeeze_gap*squeeze_gap))*(1 - x*x/(squeeze_gap*squeeze_gap))*sqrt(1 - x*x/(squeeze_gap*squeeze_gap)))*(squeeze_gap*squeeze_gap)) - d_x_dot*squeeze_x/((1 - x*x/(squeeze_gap*squeeze_gap))*sqrt(1 - x*x/(squeeze_gap*squeeze_gap)));
-    force[1] += 3*d_squeeze_gap*squeeze_y*y*y*y_dot/(((1 - y*y/(squeeze_gap*squeeze_gap))*(1 - y*y/(squeeze_gap*squeeze_gap))*sqrt(1 - y*y/(squeeze_gap*squeeze_gap)))*(squeeze_gap*squeeze_gap*squeeze_gap)) - d_squeeze_y*y_dot/((1 - y*y/(squeeze_gap*squeeze_gap))*sqrt(1 - y*y/(squeeze_gap*squeeze_gap))) - 3*d_y*squeeze_y*y*y_dot/(((1 - y*y/(squeeze_gap*squeeze_gap))*(1 - y*y/(squeeze_gap*squeeze_gap))*sqrt(1 - y*y/(squeeze_gap*squeeze_gap)))*(squeeze_gap*squeeze_gap)) - d_y_dot*squeeze_y/((1 - y*y/(squeeze_gap*squeeze_gap))*sqrt(1 - y*y/(squeeze_gap*squeeze_gap)));
+    force[0] += -3*d_x*squeeze_x*x*x_dot/(((1 - x*x/(squeeze_gap*squeeze_gap))*(1 - x*x/(squeeze_gap*squeeze_gap))*sqrt(1 - x*x/(squeeze_gap*squeeze_gap)))*(squeeze_gap*squeeze_gap)) - d_x_dot*squeeze_x/((1 - x*x/(squeeze_gap*squeeze_gap))*sqrt(1 - x*x/(squeeze_gap*squeeze_gap)));
+    force[1] += -3*d_y*squeeze_y*y*y_dot/(((1 - y*y/(squeeze_gap*squeeze_gap))*(1 - y*y/(squeeze_gap*squeeze_gap))*sqrt(1 - y*y/(squeeze_gap*squeeze_gap)))*(squeeze_gap*squeeze_gap)) - d_y_dot*squeeze_y/((1 - y*y/(squeeze_gap*squeeze_gap))*sqrt(1 - y*y/(squeeze_gap*squeeze_gap)));
 }
 
 static inline void tangent_ideal_pickoff(const gyro_view *g, const gyro_tangent *d, double *out)
@@ -1130,25 +796,20 @@ static inline void tangent_actuator_gain_mismatch(const gyro_view *g, const gyro
 {
     (void)g, (void)d;
     const double actuator_gain_mismatch = g->p[GYRO_ACTUATOR_GAIN_MISMATCH];
-    const double u_y = g->u[1];
-    const double d_actuator_gain_mismatch = d->p[GYRO_ACTUATOR_GAIN_MISMATCH];
     const double d_u_x = d->u[0];
     const double d_u_y = d->u[1];
     out[0] = d_u_x;
-    out[1] = d_actuator_gain_mismatch*u_y + d_u_y*(actuator_gain_mismatch + 1);
+    out[1] = d_u_y*(actuator_gain_mismatch + 1);
 }
 
 static inline void tangent_actuator_misalignment(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double actuator_misalignment = g->p[GYRO_ACTUATOR_MISALIGNMENT];
-    const double u_x = g->u[0];
-    const double u_y = g->u[1];
-    const double d_actuator_misalignment = d->p[GYRO_ACTUATOR_MISALIGNMENT];
     const double d_u_x = d->u[0];
     const double d_u_y = d->u[1];
-    out[0] = actuator_misalignment*d_u_y + d_actuator_misalignment*u_y + d_u_x;
-    out[1] = actuator_misalignment*d_u_x + d_actuator_misalignment*u_x + d_u_y;
+    out[0] = actuator_misalignment*d_u_y + d_u_x;
+    out[1] = actuator_misalignment*d_u_x + d_u_y;
 }
 
 static inline void tangent_actuator_nonlinearity(const gyro_view *g, const gyro_tangent *d, double *out)
@@ -1158,87 +819,70 @@ static inline void tangent_actuator_nonlinearity(const gyro_view *g, const gyro_
     const double actuator_a3 = g->p[GYRO_ACTUATOR_A3];
     const double u_x = g->u[0];
     const double u_y = g->u[1];
-    const double d_actuator_a2 = d->p[GYRO_ACTUATOR_A2];
-    const double d_actuator_a3 = d->p[GYRO_ACTUATOR_A3];
     const double d_u_x = d->u[0];
     const double d_u_y = d->u[1];
-    out[0] = d_actuator_a2*u_x*u_x + d_actuator_a3*u_x*u_x*u_x + d_u_x*(2*actuator_a2*u_x + 3*actuator_a3*u_x*u_x + 1);
-    out[1] = d_actuator_a2*u_y*u_y + d_actuator_a3*u_y*u_y*u_y + d_u_y*(2*actuator_a2*u_y + 3*actuator_a3*u_y*u_y + 1);
+    out[0] = d_u_x*(2*actuator_a2*u_x + 3*actuator_a3*u_x*u_x + 1);
+    out[1] = d_u_y*(2*actuator_a2*u_y + 3*actuator_a3*u_y*u_y + 1);
 }
 
 static inline void tangent_amplifier_drift(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
-    const double t = g->t;
-    const double d_offset_drift = d->p[GYRO_OFFSET_DRIFT];
     const double d_v_x = d->v[0];
     const double d_v_y = d->v[1];
-    out[0] = d_offset_drift*t + d_v_x;
-    out[1] = d_offset_drift*t + d_v_y;
+    out[0] = d_v_x;
+    out[1] = d_v_y;
 }
 
 static inline void tangent_amplifier_offset(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
-    const double d_offset_x = d->p[GYRO_OFFSET_X];
-    const double d_offset_y = d->p[GYRO_OFFSET_Y];
     const double d_v_x = d->v[0];
     const double d_v_y = d->v[1];
-    out[0] = d_offset_x + d_v_x;
-    out[1] = d_offset_y + d_v_y;
+    out[0] = d_v_x;
+    out[1] = d_v_y;
 }
 
 static inline void tangent_drive_feedthrough(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double feedthrough = g->p[GYRO_FEEDTHROUGH];
-    const double u_x = g->u[0];
-    const double u_y = g->u[1];
-    const double d_feedthrough = d->p[GYRO_FEEDTHROUGH];
     const double d_u_x = d->u[0];
     const double d_u_y = d->u[1];
     const double d_v_x = d->v[0];
     const double d_v_y = d->v[1];
-    out[0] = d_feedthrough*u_x + d_u_x*feedthrough + d_v_x;
-    out[1] = d_feedthrough*u_y + d_u_y*feedthrough + d_v_y;
+    out[0] = d_u_x*feedthrough + d_v_x;
+    out[1] = d_u_y*feedthrough + d_v_y;
 }
 
 static inline void tangent_parasitic_capacitance(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double parasitic_ratio = g->p[GYRO_PARASITIC_RATIO];
-    const double v_x = g->v[0];
-    const double v_y = g->v[1];
-    const double d_parasitic_ratio = d->p[GYRO_PARASITIC_RATIO];
     const double d_v_x = d->v[0];
     const double d_v_y = d->v[1];
-    out[0] = -d_parasitic_ratio*v_x/((parasitic_ratio + 1)*(parasitic_ratio + 1)) + d_v_x/(parasitic_ratio + 1);
-    out[1] = -d_parasitic_ratio*v_y/((parasitic_ratio + 1)*(parasitic_ratio + 1)) + d_v_y/(parasitic_ratio + 1);
+    out[0] = d_v_x/(parasitic_ratio + 1);
+    out[1] = d_v_y/(parasitic_ratio + 1);
 }
 
 static inline void tangent_pickoff_gain_mismatch(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double pickoff_gain_mismatch = g->p[GYRO_PICKOFF_GAIN_MISMATCH];
-    const double v_y = g->v[1];
-    const double d_pickoff_gain_mismatch = d->p[GYRO_PICKOFF_GAIN_MISMATCH];
     const double d_v_x = d->v[0];
     const double d_v_y = d->v[1];
     out[0] = d_v_x;
-    out[1] = d_pickoff_gain_mismatch*v_y + d_v_y*(pickoff_gain_mismatch + 1);
+    out[1] = d_v_y*(pickoff_gain_mismatch + 1);
 }
 
 static inline void tangent_pickoff_misalignment(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double pickoff_misalignment = g->p[GYRO_PICKOFF_MISALIGNMENT];
-    const double q_x = g->q[0];
-    const double q_y = g->q[1];
-    const double d_pickoff_misalignment = d->p[GYRO_PICKOFF_MISALIGNMENT];
     const double d_q_x = d->q[0];
     const double d_q_y = d->q[1];
-    out[0] = d_pickoff_misalignment*q_y + d_q_x + d_q_y*pickoff_misalignment;
-    out[1] = d_pickoff_misalignment*q_x + d_q_x*pickoff_misalignment + d_q_y;
+    out[0] = d_q_x + d_q_y*pickoff_misalignment;
+    out[1] = d_q_x*pickoff_misalignment + d_q_y;
 }
 
 static inline void tangent_pickoff_mismatch(const gyro_view *g, const gyro_tangent *d, double *out)
@@ -1248,12 +892,10 @@ static inline void tangent_pickoff_mismatch(const gyro_view *g, const gyro_tange
     const double pickoff_mismatch = g->p[GYRO_PICKOFF_MISMATCH];
     const double q_x = g->q[0];
     const double q_y = g->q[1];
-    const double d_pickoff_inverse_gap = d->p[GYRO_PICKOFF_INVERSE_GAP];
-    const double d_pickoff_mismatch = d->p[GYRO_PICKOFF_MISMATCH];
     const double d_q_x = d->q[0];
     const double d_q_y = d->q[1];
-    out[0] = d_pickoff_inverse_gap*(2*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_mismatch*q_x*q_x*q_x*q_x/((-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)) + pickoff_mismatch*q_x*q_x/(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)) + d_pickoff_mismatch*pickoff_inverse_gap*q_x*q_x/(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1) + d_q_x*(2*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_mismatch*q_x*q_x*q_x/((-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)) + 2*pickoff_inverse_gap*pickoff_mismatch*q_x/(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1) + 1);
-    out[1] = d_pickoff_inverse_gap*(2*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_mismatch*q_y*q_y*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + pickoff_mismatch*q_y*q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + d_pickoff_mismatch*pickoff_inverse_gap*q_y*q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1) + d_q_y*(2*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_mismatch*q_y*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + 2*pickoff_inverse_gap*pickoff_mismatch*q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1) + 1);
+    out[0] = d_q_x*(2*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_mismatch*q_x*q_x*q_x/((-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)) + 2*pickoff_inverse_gap*pickoff_mismatch*q_x/(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1) + 1);
+    out[1] = d_q_y*(2*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_mismatch*q_y*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + 2*pickoff_inverse_gap*pickoff_mismatch*q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1) + 1);
 }
 
 static inline void tangent_pickoff_nonlinearity(const gyro_view *g, const gyro_tangent *d, double *out)
@@ -1262,11 +904,10 @@ static inline void tangent_pickoff_nonlinearity(const gyro_view *g, const gyro_t
     const double pickoff_inverse_gap = g->p[GYRO_PICKOFF_INVERSE_GAP];
     const double q_x = g->q[0];
     const double q_y = g->q[1];
-    const double d_pickoff_inverse_gap = d->p[GYRO_PICKOFF_INVERSE_GAP];
     const double d_q_x = d->q[0];
     const double d_q_y = d->q[1];
-    out[0] = 2*d_pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x*q_x/((-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)) + d_q_x*(2*pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x/((-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)) + 1.0/(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1));
-    out[1] = 2*d_pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + d_q_y*(2*pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + 1.0/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1));
+    out[0] = d_q_x*(2*pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x/((-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1)) + 1.0/(-pickoff_inverse_gap*pickoff_inverse_gap*q_x*q_x + 1));
+    out[1] = d_q_y*(2*pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + 1.0/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1));
 }
 
 static inline void tangent_play(const gyro_view *g, const gyro_tangent *d, double *out)

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{5153e6c3-1896-b752-54f8-28d8680eb917}"
+#define GYRO_TOKEN "{029a13ca-9593-098b-3454-f3e9a3ccb275}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
