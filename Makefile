@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 JOBS ?= 2
 
-.PHONY: run build test check bench pages picture docs update fuzz soak clean
+.PHONY: run build test check bench pages picture docs update fuzz coverage soak clean
 
 run: $(VENV)/.installed
 	$(BIN)/gyrotwin run constant --out results/constant
@@ -28,6 +28,10 @@ FUZZ_SECONDS ?= 300
 fuzz: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) --jobs $(JOBS)
 	$(BIN)/python -m tests.fuzz.sanitize
+
+# Needs gcov, which comes with gcc.
+coverage: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.fuzz.coverage --missed
 
 soak: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.soak

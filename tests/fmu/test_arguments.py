@@ -76,6 +76,41 @@ def test_steps_with_nowhere_to_put_results_are_refused(any_fmu: Fmu) -> None:
         assert one.step(0.0, 1e-6) == OK
 
 
+def test_events_with_nowhere_to_put_results(fmu: Fmu) -> None:
+    with Exchange(fmu) as gyro:
+        gyro.start()
+        if fmu.version == 3:
+            for missing in range(6):
+                results = [*map(ct.byref, [ct.c_bool() for _ in range(5)]), ct.byref(ct.c_double())]
+                results[missing] = None
+                assert gyro.call("UpdateDiscreteStates", *results) == ERROR
+                assert "NULL" in gyro.message
+        gyro.update()
+        assert gyro.call("EnterContinuousTimeMode") == OK
+        flags = [(ct.c_bool if fmu.version == 3 else ct.c_int)(True) for _ in range(2)]
+        for given in ((None, None), (ct.byref(flags[0]), None), tuple(map(ct.byref, flags))):
+            assert gyro.call("CompletedIntegratorStep", 1, *given) == OK
+        assert not any(flag.value for flag in flags)
+        if fmu.version == 3:
+            for name, wanted in (("ContinuousStates", len(gyro.states)), ("EventIndicators", 0)):
+                count = ct.c_size_t(99)
+                assert gyro.call(f"GetNumberOf{name}", ct.byref(count)) == OK
+                assert count.value == wanted
+
+
+def test_status_of_a_step_by_kind(fmus: dict[int, Fmu]) -> None:
+    with Instance(fmus[2]) as gyro:
+        gyro.start()
+        assert gyro.step(0.0, 1e-5) == OK
+        place = ct.c_double()
+        for name, good in (("GetStatus", 0), ("GetRealStatus", 2), ("GetBooleanStatus", 3)):
+            for kind in range(4):
+                assert gyro.call(name, kind, ct.byref(place)) == (OK if kind == good else ERROR), (name, kind)
+            assert gyro.call(name, good, None) == ERROR
+        for name in ("GetIntegerStatus", "GetStringStatus"):
+            assert gyro.call(name, 0, ct.byref(place)) == ERROR
+
+
 def test_instances_without_a_token_or_a_name(any_fmu: Fmu) -> None:
     log: list[tuple[int, str, str]] = []
     callback = any_fmu.log_callback(log)

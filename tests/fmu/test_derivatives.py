@@ -40,6 +40,8 @@ BENT = {
     **{"bias_walk": 0.1, "damping_step_factor": 2.0, "damping_step_time": 1.0, "k2_y": 1e6, "d2_y": 1e5},
 }
 HARD = {"stop_stiffness": 400.0, "stop_gap": 2e-7, "force_x": 1e-7, "tcp": 1e-3, "amplifier_time_constant": 1e-6}
+REVERSED = {"x_start": -2e-6, "y_start": 3e-6, "x_dot_start": -0.08, "y_dot_start": 0.06, "circuit_lag": 0.0}
+DEVICES |= {"bent and reversed": BENT | REVERSED, "hard and reversed": HARD | REVERSED | {"tcp": -1e-3}}
 DEVICES |= {"bent": BENT, "bent and busy": BUSY | BENT, "hard": HARD | {"play": 5e-6, "thermal_hysteresis": 0.1}}
 OUTPUTS = ("x", "y", "x_dot", "y_dot", "temperature_structure", "temperature_circuit")
 SIZES = {"u_x": 1e-6, "u_y": 1e-6, "omega_z": 10.0, "temperature": 10.0, "a_x": 10.0, "a_y": 10.0, "v_bias": 3.0}
@@ -183,6 +185,20 @@ def test_derivatives_in_co_simulation(fmu: Fmu) -> None:
             assert other.step(0.0, 1.23e-5) == OK and other.step(1.23e-5, 1e-5) == OK
             assert gyro.get("x", "v_x") == other.get("x", "v_x"), "a look leaves no trace"
         assert first[0] != gyro.get("der(x_dot)")[0]
+
+
+@pytest.mark.parametrize("missing", range(4))
+def test_derivatives_without_an_array_are_refused(fmu: Fmu, missing: int) -> None:
+    with exchange(fmu, {}) as gyro:
+        n = ct.c_size_t(1)
+        rate, state = (ct.c_uint32(gyro.fmu.variables[name].valueReference) for name in ("der(x)", "x_dot"))
+        arrays = [ct.byref(rate), ct.byref(state), (ct.c_double * 1)(1.0), (ct.c_double * 1)()]
+        arrays[missing] = None
+        counts = (n,) if fmu.version == 3 else ()
+        arguments = (arrays[0], n, arrays[1], n, arrays[2], *counts, arrays[3], *counts)
+        for name in ("Directional", "Adjoint")[: fmu.version - 1]:
+            assert gyro.call(f"Get{name}Derivative", *arguments) == ERROR
+            assert "1 seeds" in gyro.message
 
 
 def test_what_has_no_derivative(fmu: Fmu) -> None:

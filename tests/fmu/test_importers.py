@@ -1,19 +1,53 @@
-"""Other importers than FMPy get the same bits. They come with `pip install -e ".[importers]"`; ecos needs libtbb.so.12
-of the system besides."""
+"""Other importers than FMPy get the same bits. They come with `pip install -e ".[importers]"`."""
 
+import ctypes
+import sys
+from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 
 import pytest
-from fmu_importer import NOISY, OK, Exchange, Fmu, Instance
+import test_envelope_fmu
+import test_sensor_fmu
+from fmu_importer import NOISY, OK, OUTPUTS, Exchange, Fmu, Instance
 
-STEPS, STEP = 400, 1e-5
-# Inputs stay as they start: some importers connect inputs to other FMUs only.
-START = {**NOISY, "u_x": 2e-6, "omega_z": 3.0, "temperature": 320.0}
-OUTPUTS = ["v_x", "v_y", "x", "y", "x_dot", "y_dot"]
+STEPS = 400
+
+
+class Case(NamedTuple):
+    """What an FMU starts with, what is read, how long a step is [s]. Inputs stay as they start: some importers connect
+    inputs to other FMUs only."""
+
+    start: dict[str, float]
+    outputs: list[str]
+    step: float
+
+
+CASES = {
+    "Gyroscope": Case({**NOISY, "u_x": 2e-6, "omega_z": 3.0, "temperature": 320.0}, list(OUTPUTS), 1e-5),
+    "GyroscopeEnvelope": Case(
+        {**test_envelope_fmu.BUSY, "u_x_i": 2e-6, "omega_z": 3.0, "temperature": 320.0},
+        list(test_envelope_fmu.OUTPUTS),
+        1e-3,
+    ),
+    "GyroscopeSensor": Case(
+        {**test_sensor_fmu.BUSY, "omega_z": 0.3, "a_x": 9.8, "temperature": 320.0, "self_test": 1},
+        list(test_sensor_fmu.OUTPUTS),
+        1e-3,
+    ),
+}
+
+
+def case_of(fmu: Fmu) -> Case:
+    return CASES[fmu.description.modelName]
 
 
 def importer(name: str) -> ModuleType:
     """The package of that name; the test is skipped where it is missing, or a library that it needs."""
+    threads = Path(sys.prefix) / "lib" / "libtbb.so.12"
+    if threads.is_file():
+        # Of the package tbb: ecos asks the system for it.
+        ctypes.CDLL(str(threads), mode=ctypes.RTLD_GLOBAL)
     try:
         return pytest.importorskip(name, reason=f"needs {name}: pip install -e '.[importers]'")
     except OSError as error:
@@ -21,32 +55,36 @@ def importer(name: str) -> ModuleType:
 
 
 def wanted(fmu: Fmu) -> list[list[float]]:
+    start, outputs, step = case_of(fmu)
     with Instance(fmu) as gyro:
-        gyro.start(**START)
-        rows = [gyro.get(*OUTPUTS)]
+        gyro.start(**start)
+        rows = [gyro.get(*outputs)]
         for k in range(STEPS):
-            assert gyro.step(k * STEP, STEP) == OK
-            rows.append(gyro.get(*OUTPUTS))
+            assert gyro.step(k * step, step) == OK
+            rows.append(gyro.get(*outputs))
     return rows
 
 
 def split(fmu: Fmu) -> tuple[list[int], list[float], list[int], list[int]]:
     """Start values as references and values: reals, then integers."""
-    reals = {n: v for n, v in START.items() if fmu.variables[n].type in ("Real", "Float64")}
-    whole = {n: int(v) for n, v in START.items() if n not in reals}
-    vr = {n: fmu.variables[n].valueReference for n in START}
+    start = case_of(fmu).start
+    reals = {n: v for n, v in start.items() if fmu.variables[n].type in ("Real", "Float64")}
+    whole = {n: int(v) for n, v in start.items() if n not in reals}
+    vr = {n: fmu.variables[n].valueReference for n in start}
     return [vr[n] for n in reals], list(map(float, reals.values())), [vr[n] for n in whole], list(whole.values())
 
 
-def test_fmuloader(fmu: Fmu) -> None:
+def test_fmuloader(any_fmu: Fmu) -> None:
     importer("fmuloader")
+    fmu, name = any_fmu, any_fmu.description.modelName
+    _, names, step = case_of(fmu)
     from fmuloader.fmi2 import Fmi2Slave, Fmi2Type
     from fmuloader.fmi3 import Fmi3Slave
 
     reals, values, whole, numbers = split(fmu)
-    outputs = [fmu.variables[n].valueReference for n in OUTPUTS]
+    outputs = [fmu.variables[n].valueReference for n in names]
     if fmu.version == 2:
-        slave = Fmi2Slave(str(fmu.path), model_identifier="Gyroscope")
+        slave = Fmi2Slave(str(fmu.path), model_identifier=name)
         slave.instantiate("gyro", Fmi2Type.CO_SIMULATION, guid=fmu.token)
         slave.set_real(reals, values)
         slave.set_integer(whole, numbers)
@@ -54,7 +92,7 @@ def test_fmuloader(fmu: Fmu) -> None:
         slave.enter_initialization_mode()
         get = slave.get_real
     else:
-        slave = Fmi3Slave(str(fmu.path), model_identifier="Gyroscope")
+        slave = Fmi3Slave(str(fmu.path), model_identifier=name)
         slave.instantiate_co_simulation("gyro", instantiation_token=fmu.token)
         slave.set_float64(reals, values)
         slave.set_int32(whole, numbers)
@@ -63,7 +101,7 @@ def test_fmuloader(fmu: Fmu) -> None:
     slave.exit_initialization_mode()
     rows = [list(get(outputs))]
     for k in range(STEPS):
-        slave.do_step(k * STEP, STEP)
+        slave.do_step(k * step, step)
         rows.append(list(get(outputs)))
     slave.terminate()
     slave.free_instance()
@@ -86,7 +124,7 @@ def test_fmuloader_exchanges_the_model(fmus: dict[int, Fmu]) -> None:
     slave.enter_continuous_time_mode()
     n = slave.get_number_of_continuous_states()
     with Exchange(fmu) as gyro:
-        gyro.start(**START)
+        gyro.start(**case_of(fmu).start)
         assert gyro.update()[1] == event
         assert gyro.call("EnterContinuousTimeMode") == OK
         assert n == len(gyro.states)
@@ -95,17 +133,19 @@ def test_fmuloader_exchanges_the_model(fmus: dict[int, Fmu]) -> None:
     slave.free_instance()
 
 
-def test_libcosimpy(fmus: dict[int, Fmu]) -> None:
+@pytest.mark.parametrize("form", CASES)
+def test_libcosimpy(form: str, loaded: dict[str, dict[int, Fmu]]) -> None:
     importer("libcosimpy")
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimObserver import CosimObserver
     from libcosimpy.CosimSlave import CosimLocalSlave
 
-    fmu = fmus[2]
-    execution = CosimExecution.from_step_size(step_size=int(STEP * 1e9))
+    fmu = loaded[form][2]
+    start, names, step = case_of(fmu)
+    execution = CosimExecution.from_step_size(step_size=int(step * 1e9))
     slave = CosimLocalSlave(fmu_path=str(fmu.path), instance_name="gyro")
     index = execution.add_local_slave(local_slave=slave)
-    for name, value in START.items():
+    for name, value in start.items():
         vr = fmu.variables[name].valueReference
         if fmu.variables[name].type == "Real":
             execution.real_initial_value(slave_index=index, variable_reference=vr, value=float(value))
@@ -113,7 +153,7 @@ def test_libcosimpy(fmus: dict[int, Fmu]) -> None:
             execution.integer_initial_value(slave_index=index, variable_reference=vr, value=int(value))
     observer = CosimObserver.create_last_value()
     execution.add_observer(observer=observer)
-    outputs = [fmu.variables[n].valueReference for n in OUTPUTS]
+    outputs = [fmu.variables[n].valueReference for n in names]
     rows = []
     for _ in range(STEPS):
         execution.step()
@@ -121,17 +161,18 @@ def test_libcosimpy(fmus: dict[int, Fmu]) -> None:
     assert rows == wanted(fmu)[1:]
 
 
-def test_ecos(fmu: Fmu) -> None:
+def test_ecos(any_fmu: Fmu) -> None:
+    fmu, (start, names, step) = any_fmu, case_of(any_fmu)
     ecospy = importer("ecospy")
     structure = ecospy.EcosSimulationStructure()
     structure.add_model("gyro", str(fmu.path))
-    real = {n: fmu.variables[n].type in ("Real", "Float64") for n in START}
-    structure.add_parameter_set("start", {f"gyro::{n}": float(v) if real[n] else int(v) for n, v in START.items()})
+    real = {n: fmu.variables[n].type in ("Real", "Float64") for n in start}
+    structure.add_parameter_set("start", {f"gyro::{n}": float(v) if real[n] else int(v) for n, v in start.items()})
     rows = []
-    with ecospy.EcosSimulation(structure=structure, step_size=STEP) as simulation:
+    with ecospy.EcosSimulation(structure=structure, step_size=step) as simulation:
         simulation.init(parameter_set="start")
         for _ in range(STEPS):
             simulation.step()
-            rows.append([simulation.get_real(f"gyro::{n}") for n in OUTPUTS])
+            rows.append([simulation.get_real(f"gyro::{n}") for n in names])
         simulation.terminate()
     assert rows == wanted(fmu)[1:]
