@@ -68,6 +68,12 @@ class AngleUnit(Protocol):
         """The filter that the angle passes, if any."""
         ...
 
+    @property
+    def zero(self) -> float:
+        """Where the pattern stood when the angle was valid first, less what it had been turned by [rad]; NaN
+        before."""
+        ...
+
     def process(self, block: Block) -> tuple[Floats, Floats]:
         """Return angle [rad], unwrapped, NaN before convergence, and quality, each shape (n,).
 
@@ -77,12 +83,23 @@ class AngleUnit(Protocol):
         ...
 
 
+class _PatternUnit:
+    """What units that follow a pattern have in common."""
+
+    _pattern: "Pattern"
+
+    @property
+    def zero(self) -> float:
+        """See AngleUnit."""
+        return self._pattern.zero
+
+
 RETUNE: Final = 1e-3
 """Unit A designs its filter anew when the oscillation is this far from its centre, relative: it reads edges of the rate
 0.01 deg wrong for each 0.1 % off (measured: 0.24 deg at 2.5 %)."""
 
 
-class UnitA:
+class UnitA(_PatternUnit):
     """Band-pass on the four states, then phi (TW 201137310, eqs. 8-9).
 
     The filter is designed for the nominal device. From convergence on it follows the oscillation that the observer
@@ -117,7 +134,7 @@ class UnitA:
         return states
 
 
-class UnitB:
+class UnitB(_PatternUnit):
     """Phi of the unfiltered states, then low-pass on angle and quality (TW 201137310, eqs. 10-11)."""
 
     name = "B"
@@ -137,7 +154,7 @@ class UnitB:
         return self._pattern.angle(phi, block), np.clip(quality, 0.0, 1.0)
 
 
-class UnitC:
+class UnitC(_PatternUnit):
     """Subtract the forced response to the two tones, then phi; no filter."""
 
     name = "C"
@@ -170,14 +187,14 @@ def make_units(sample_rate: float, frequency_hz: float, shape: Shape = "lag_free
 class Pattern:
     """Follows the orientation phi of an orbit over blocks, and sets the angle's zero.
 
-    low_pass: passes phi and quality, if given.
+    low_pass: passes phi and quality, if given. zero: phi less what was turned, where the angle was valid first [rad].
     """
 
     def __init__(self, low_pass: Filter | None = None) -> None:
         self._sos = None if low_pass is None else low_pass.sos
         self._memory: Floats | None = None
         self._last = np.nan
-        self._zero = np.nan
+        self.zero = np.nan
 
     def phi(self, states: Floats, omega_squared: Floats, near: Floats | None = None) -> tuple[Floats, Floats]:
         """Return phi [rad], unwrapped, and quality, shape (n,), of x, x', y, y', shape (4, n).
@@ -206,13 +223,13 @@ class Pattern:
     def angle(self, phi: Floats, block: Block) -> Floats:
         """Return theta [rad] of `phi`: zero at the first converged sample, NaN before."""
         first = 0
-        if np.isnan(self._zero):
+        if np.isnan(self.zero):
             if not block.converged.any():
                 return np.full_like(phi, np.nan)
             first = int(block.converged.argmax())
-            self._zero = float(phi[first] - block.turned[first])
+            self.zero = float(phi[first] - block.turned[first])
         # This order of the difference makes the first converged angle +0.0.
-        angle = (self._zero - (phi - block.turned)) / block.lambda_
+        angle = (self.zero - (phi - block.turned)) / block.lambda_
         angle[:first] = np.nan
         return angle
 

@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.angle_record import AngleRecord, angle_record
 from cosim.design import DEFAULT_AMPLITUDE, Design, chosen_design
-from cosim.layout import PARAMETER_NAMES
 from cosim.master import simulate
 from cosim.rate.settings import settings_of
 from cosim.registry import find_controller, find_observer
@@ -37,21 +37,6 @@ class AnglePlan(NamedTuple):
 
 WHOLE: Final = AnglePlan(3, 20.0, 12.0, 3.0, 5, 1.5)
 QUICK: Final = AnglePlan(2, 4.0, 4.0, 3.0, 2, 0.5)
-
-
-class AngleRecord(NamedTuple):
-    """A record from the first valid angle on: t [s]; angle and true angle [rad], unwrapped; true rate [rad/s]; pattern:
-    where the pattern stands from there on [rad]; shapes (n,). valid_at: from power on [s], None where the angle never
-    was valid; reason: why not; estimates: of the seven parameters at the end."""
-
-    t: Floats
-    angle: Floats
-    true: Floats
-    rate: Floats
-    pattern: Floats
-    valid_at: float | None
-    reason: str
-    estimates: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -98,16 +83,7 @@ class AngleBench:
         run = self.run(scenario, self.seed if seed is None else seed)
         result = simulate(run)
         self.advance(duration)
-        trace = result.trace
-        valid = trace["converged"].to_numpy() & np.isfinite(trace["angle"].to_numpy())
-        first = int(np.argmax(valid)) if valid.any() else len(valid)
-        names = ("t", "angle", "angle_true", "omega_true")
-        t, angle, true, held = (trace[name].to_numpy()[first:] for name in names)
-        # The pattern stays behind as the package turns; the angle is the pattern's over the gain that the loop knows.
-        pattern = -run.design.all_values["angular_gain"] * angle
-        estimates = {name: float(trace[f"est_{name}"][-1]) for name in PARAMETER_NAMES}
-        valid_at = result.converged_at if valid.any() else None
-        return AngleRecord(t, angle, true, held, pattern, valid_at, result.validity.reason, estimates)
+        return angle_record(run, result)
 
     @cached_property
     def rest(self) -> list[AngleRecord]:

@@ -191,6 +191,7 @@ class Recorder:
             "angle_true": angle_true,
             "angle": angle[kept],
             "angle_quality": quality[kept],
+            "turned": control[:, CONTROL_NAMES.index("turned")],
             "converged": np.full(len(t), self._verdict.valid),
             "drift_sigma": np.full(len(t), self._verdict.drift_sigma),
             "angle_sigma": np.full(len(t), np.hypot(self._angle_deviation, self._verdict.bend_sigma)),

@@ -7,7 +7,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from gyrotwin.numbers import degrees, microseconds, milliseconds, relative, significant
+from gyrotwin.numbers import degrees, microseconds, milliseconds, relative, significant, with_error
 
 
 def results(summary: Mapping[str, Any]) -> RenderableType:
@@ -15,7 +15,7 @@ def results(summary: Mapping[str, Any]) -> RenderableType:
     parts: list[RenderableType] = [_headline(summary), _validity(summary), _parameters(summary)]
     if summary["effects"]:
         parts.append(_effects(summary))
-    return Group(*parts, _angles(summary))
+    return Group(*parts, _angles(summary), *map(_characteristic, summary["characteristics"].values()))
 
 
 def _headline(summary: Mapping[str, Any]) -> Text:
@@ -88,4 +88,18 @@ def _angles(summary: Mapping[str, Any]) -> Table:
             microseconds(values["lag_s"]),
             style="bold" if chosen else None,
         )
+    return table
+
+
+def _characteristic(found: Mapping[str, Any]) -> RenderableType:
+    """What a run of its kind shows, or why not."""
+    if found["not_done"]:
+        return Text(f"{found['title']}: not done: {found['not_done']}")
+    table = Table(title=found["title"], title_justify="left")
+    table.add_column("figure")
+    table.add_column("value ± standard error", justify="right")
+    table.add_column("unit")
+    table.add_column("remark")
+    for figure in found["figures"].values():
+        table.add_row(figure["name"], with_error(figure["value"], figure["error"]), figure["unit"], figure["note"])
     return table

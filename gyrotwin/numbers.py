@@ -20,6 +20,19 @@ def uncertain(value: float, low: float, high: float) -> str:
     return f"{shown} ± {half:.2g}"
 
 
+def with_error(value: float | None, error: float | None) -> str:
+    """Return `value` ± standard error, with so many digits that the error shows two."""
+    if value is None:
+        return MISSING
+    if error is None or not (isfinite(error) and error > 0):
+        return significant(value, 5)
+    digits = 2 + (floor(log10(abs(value))) - floor(log10(error)) if value else 0)
+    if digits < 1:
+        return f"{significant(value, 2)} ± {error:.2g}"
+    shown = f"{value:#.{min(max(digits, 2), 10)}g}".rstrip(".")
+    return f"{shown} ± {error:.2g}"
+
+
 def hertz(value: float) -> str:
     """Return a frequency [Hz] in Hz, or in kHz from 10 kHz on."""
     return f"{value / 1e3:.4g} kHz" if value >= 1e4 else f"{value:.0f} Hz" if value >= 100 else f"{value:.3g} Hz"

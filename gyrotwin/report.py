@@ -11,9 +11,11 @@ import jinja2
 import polars as pl
 from markupsafe import Markup
 
+from calibration.datasheet.figure import Curve
 from cosim.angle_filters import Filter
 from cosim.metrics import Bounds
 from gyrotwin import figures, numbers
+from gyrotwin.curve_figures import draw
 
 SI_UNITS: Final = {"k": "N/m", "d": "N·s/m", "m": "kg"}
 """By first letter of the parameter."""
@@ -92,7 +94,13 @@ def run_figures(
     if bounds is not None:
         shown.append(figures.bound_figure(trace, bounds, scenario))
     shown.append(figures.filter_figure(filters))
-    return shown
+    return drawings(summary) + shown
+
+
+def drawings(summary: Mapping[str, Any]) -> list[figures.Figure]:
+    """The curves of what the run shows by its kind."""
+    curves = [Curve(**curve) for found in summary["characteristics"].values() for curve in found["curves"]]
+    return [drawing for curve in curves if (drawing := draw(curve)) is not None]
 
 
 def template(name: str) -> jinja2.Template:
@@ -107,7 +115,16 @@ def template(name: str) -> jinja2.Template:
     )
     script = (resources.files("gyrotwin") / "assets" / "plotly-basic.min.js").read_text(encoding="utf-8")
     environment.globals["plotly"] = Markup(script)
-    for filter_name in ("significant", "relative", "milliseconds", "microseconds", "degrees", "uncertain", "hertz"):
+    for filter_name in (
+        "significant",
+        "relative",
+        "milliseconds",
+        "microseconds",
+        "degrees",
+        "uncertain",
+        "hertz",
+        "with_error",
+    ):
         environment.filters[filter_name] = getattr(numbers, filter_name)
     return environment.get_template(name)
 

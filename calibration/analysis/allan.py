@@ -43,7 +43,7 @@ class AngleAllan(NamedTuple):
 
     Fitted terms: angle_noise Q [rad]; angle_random_walk N [rad/sqrt(s)]; instability B [rad/s]; rate_random_walk K
     [rad/s/sqrt(s)]; rate_ramp R [rad/s²]. bias_instability [rad/s], at bias_instability_tau [s]: read off the bottom,
-    None where the deviation still falls at the end.
+    None where the deviation still falls at the end; lowest: the least deviation over 0.664, with its standard error.
     """
 
     tau: Floats
@@ -57,6 +57,7 @@ class AngleAllan(NamedTuple):
     rate_ramp: Term
     bias_instability: float | None
     bias_instability_tau: float | None
+    lowest: Term
 
 
 def angle_allan(angle: Floats, interval: float) -> AngleAllan:
@@ -104,9 +105,11 @@ def rate_allan(rates: Floats, interval: float, shortest: float = 0.0) -> AngleAl
     tail = (1 - CONFIDENCE) / 2
     low, high = (deviation * np.sqrt(freedom / chi2.ppf(share, freedom)) for share in (1 - tail, tail))
     # Of a deviation, half the relative error of the variance, sqrt(2/freedom).
-    lowest, lowest_tau = bottom(tau, deviation, float(deviation[-1] / np.sqrt(2 * freedom[-1])))
+    error = deviation / np.sqrt(2 * freedom)
+    seen = bottom(tau, deviation, float(error[-1]))
+    lowest = Term(float(deviation.min() / FLAT), float(error[deviation.argmin()] / FLAT))
     q, n, b, k, r = map(_term, *fit(freedom))
-    return AngleAllan(tau, deviation, low, high, q, n, b, k, r, lowest, lowest_tau)
+    return AngleAllan(tau, deviation, low, high, q, n, b, k, r, *seen, lowest)
 
 
 def columns(tau: Floats) -> Floats:

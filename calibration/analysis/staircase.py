@@ -58,18 +58,14 @@ def plateaus(t: Floats, angle: Floats, rate: Floats, settling: float) -> Plateau
     """The plateaus of ``rate`` [rad/s], held from each row to the next, with the slope of ``angle`` [rad] on each.
 
     t [s], rising; shapes (n,). Rows within ``settling`` [s] after a change are left out, and plateaus with too few
-    rows or a row without a number. The standard error is from the scatter of the slopes of PARTS parts: right for a
-    random walk of the angle, too large for white noise on it.
+    rows or a row without a number.
     """
     changes = np.flatnonzero(np.diff(rate) != 0) + 1
     found = []
     for begin, end in zip([0, *changes.tolist()], [*changes.tolist(), len(t)], strict=True):
         rows = slice(begin + int(np.searchsorted(t[begin:end] - t[begin], settling)), end)
         if rows.stop - rows.start >= ROWS and np.isfinite(angle[rows]).all():
-            parts = zip(np.array_split(t[rows], PARTS), np.array_split(angle[rows], PARTS), strict=True)
-            slopes = np.array([_slope(*part) for part in parts])
-            error = float(slopes.std(ddof=1)) / PARTS**0.5
-            found.append((t[begin], rate[begin], _slope(t[rows], angle[rows]), error))
+            found.append((t[begin], rate[begin], *slope_with_error(t[rows], angle[rows])))
     if not found:
         raise InputError(
             f"no plateau of the rate has {ROWS} rows more than {settling:g} s after its begin: give longer plateaus"
@@ -118,6 +114,19 @@ def _threshold(size: Floats, seen: NDArray[np.bool_]) -> float | None:
     missed = size[(size > 0) & ~seen].max(initial=0.0)
     above = size[size > missed]
     return float(above.min()) if len(above) else None
+
+
+def slope_with_error(t: Floats, values: Floats) -> tuple[float, float]:
+    """Slope of ``values`` [rad] over ``t`` [s], shapes (n,), n >= ROWS, and its standard error by the scatter of the
+    slopes of PARTS parts: right for a random walk of the angle, too large for white noise on it.
+
+    Raises InputError for fewer rows.
+    """
+    if len(t) < ROWS:
+        raise InputError(f"{len(t)} rows: a slope and its error need {ROWS}")
+    parts = zip(np.array_split(t, PARTS), np.array_split(values, PARTS), strict=True)
+    slopes = np.array([_slope(*part) for part in parts])
+    return _slope(t, values), float(slopes.std(ddof=1)) / PARTS**0.5
 
 
 def _slope(t: Floats, values: Floats) -> float:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from math import isfinite, radians
 from typing import Any, Final, NamedTuple
 
-from calibration.datasheet.procedures.noise import SEEN
+from calibration.datasheet.allan_figures import SEEN
 from cosim.rate.metrics import PER_HOUR
 from gyro_model.errors import InputError
 from gyro_model.units import STANDARD_GRAVITY

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from cosim.observers.record import settings_array
+from cosim.observers.record import limited_settings_array, settings_array
 
 INIT_SIGNATURE: Final = "void(f8[::1], f8[::1], f8)"
 STEP_SIGNATURE: Final = "void(f8[::1], f8[::1], f8, f8[::1], f8[::1], f8[::1])"
@@ -44,11 +44,17 @@ class Controller(NamedTuple):
 
 
 class CoreController(NamedTuple):
-    """The loop's own controller, in C (cosim/core/foucault.c)."""
+    """The loop's own controller, in C (cosim/core/foucault.c). limits: of settings; check: what they must be
+    together, InputError where they are not."""
 
     name: str
     settings: Mapping[str, float]
+    limits: Mapping[str, tuple[float, float]]
+    check: Callable[[Mapping[str, float]], None]
 
     def settings_array(self, **changes: float) -> npt.NDArray[np.float64]:
-        """Return the settings in their order, with `changes` made. Raises InputError for an unknown name."""
-        return settings_array(self.name, self.settings, changes)
+        """Return the settings in their order, with `changes` made. Raises InputError for an unknown name, and for
+        values that can't be."""
+        values = limited_settings_array(self.name, self.settings, changes, self.limits)
+        self.check({**self.settings, **changes})
+        return values

@@ -11,6 +11,7 @@
 #define MARGIN 3e-4    /* between the motion that is taken as before the step and that [s] */
 #define SETTLED 1e-3   /* after which the rate is known again [s] */
 #define SPAN 1e-3      /* over which the rate is averaged before and after, and the pattern after [s] */
+#define UNEVEN 1e-3    /* change of the electronic turn that spoils a fit [rad/s] */
 #define LOOKED 2e-4    /* of the samples after the step has shown that tell its time [s] */
 
 static int64_t fewer(int64_t a, int64_t b) { return a < b ? a : b; }
@@ -58,10 +59,22 @@ static double turned_in(edge *e, const double *estimate, double at, double befor
     return remainder(to - from + (turn * (at - (double)first) + turn_after * ((double)last - at)) * e->period, PI);
 }
 
+/* Whether the controller turns the pattern evenly, or not at all, over the samples that a review looks at. */
+static int turns_evenly(const edge *e, int64_t begin)
+{
+    const int64_t middle = (begin + e->count) / 2;
+    const double before = sample_at(e, middle)->turned - sample_at(e, begin)->turned;
+    const double after = sample_at(e, e->count - 1)->turned - sample_at(e, middle)->turned;
+    return fabs(before / (double)(middle - begin) - after / (double)(e->count - 1 - middle)) < UNEVEN * e->period;
+}
+
 /* Finds when the step was, and takes out what it turned the pattern by. */
 static void review(edge *e, const double *estimate, filter *f)
 {
     const int64_t span = samples_in(e, SPAN), first = e->seen - samples_in(e, LATEST + MARGIN);
+    if (!turns_evenly(e, first - fewer(samples_in(e, FITTED), first - e->reviewed))) {
+        return;
+    }
     const double before = mean_rate(e, first - span, first), after = mean_rate(e, e->count - span, e->count);
     const double at = step_time(f, e->seen - samples_in(e, LATEST), e->seen, e->seen + samples_in(e, LOOKED), after);
     if (at >= 0.0) {

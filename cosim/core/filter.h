@@ -80,6 +80,7 @@ typedef struct {
     double unseen_eta[NP][NP]; /* what they span, in units of W, orthonormal */
     int shown[NP]; /* blocks in a row that showed something of them */
     int unseen_count;
+    double told; /* deviation of the pattern's turning that the last whole start left, but for what it has not seen [rad/s] */
     int lost;               /* whether a whole start has found no device */
     double effort; /* samples that may still be filtered again */
     double fit; /* mean squared innovation at the last fit of a growing block */

@@ -264,6 +264,7 @@ void fit_end(filter *f)
         } else {
             f->lost = !(f->fit < LOST);
             fit_fold(f, L);
+            (void)unseen_turning(f, &f->told);
         }
     } else {
         const int64_t recent = 2 * (int64_t)f->settings.settle;
@@ -272,7 +273,9 @@ void fit_end(filter *f)
         const int shows = unseen_shows(f);
         find_constants(f, 0, L);
         fit_fold(f, L);
-        if (shows && f->effort > FOR_WHOLE * f->settings.start) {
+        /* Another start forgets what has been learnt since the last one. */
+        double rest;
+        if (shows && unseen_turning(f, &rest) > f->told && f->effort > FOR_WHOLE * f->settings.start) {
             restart_to_look(f);
         }
     }

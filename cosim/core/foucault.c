@@ -104,14 +104,20 @@ static void form(foucault *c, const double *estimate)
     /* The gain without a rate of turn and its slope: the rate changes faster than the signal is formed. */
     const double probe = 1e-3 * sqrt(omega_squared);
     double turning[NS * NS], turning_a[16];
-    held_loop with_rate;
+    held_loop with_rate, with_own_rate;
     known_rate_by_state(&c->k, rest, none, probe, turning);
     corner(turning, turning_a);
     /* The pattern shall turn as the device itself turns it. */
     c->coupling = rate_coupling(c->a, turning, probe);
     hold_form(&with_rate, turning_a, b, rate, omega_squared, c->coupling * probe, c->period, compensate);
     hold_form(&c->loop, a, b, rate, omega_squared, 0.0, c->period, compensate);
+    double turned_rate[8];
+    memcpy(turned_rate, rate, sizeof turned_rate);
+    turned_rate[3] += 2.0 * mass * probe; /* a Coriolis force of the controller's own: x' and y' on the other axis */
+    turned_rate[5] -= 2.0 * mass * probe;
+    hold_form(&with_own_rate, a, b, turned_rate, omega_squared, probe, c->period, compensate);
     for (int i = 0; i < 8; i++) {
+        c->by_own_rate[i] = (with_own_rate.gain[i] - c->loop.gain[i]) / probe;
         c->by_omega[i] = (with_rate.gain[i] - c->loop.gain[i]) / probe;
     }
     known_late(&c->k, rest, none, 0.0, late);
@@ -199,6 +205,18 @@ static void invert(const foucault *c, const double *s, const double wanted[2], d
         u[0] += (J[3] * e[0] - J[1] * e[1]) / det;
         u[1] += (J[0] * e[1] - J[2] * e[0]) / det;
     }
+}
+
+/* Rate of the electronic turn that exchanges the modes. The pattern rests, turns by a right angle, rests, turns back, rests, turns the other way,
+   rests, turns back: what is wrong of the turn cancels, and so does, over resting and turning, a bias that goes with twice the pattern's angle. */
+static double reversal_rate(const foucault *c)
+{
+    if (c->reversal_every == 0 || c->count % c->reversal_every < c->reversal_every - c->reversal_takes) {
+        return 0.0;
+    }
+    const int64_t turn = c->count / c->reversal_every % 4;
+    const double rate = 0.5 * PI / ((double)c->reversal_takes * c->period);
+    return turn == 0 || turn == 3 ? rate : -rate;
 }
 
 /* The tones alone: until the device is known nothing of it is cancelled. */
@@ -307,11 +325,16 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
         feedback[0] += across * (y + half * y_dot);
         feedback[1] -= across * (x + half * x_dot);
     }
-    if (set->carousel_rate != 0.0) {
-        /* A Coriolis force of our own turns the pattern as a rate of turn would. */
-        feedback[0] += 2.0 * mass * set->carousel_rate * y_dot;
-        feedback[1] -= 2.0 * mass * set->carousel_rate * x_dot;
-        c->carousel -= set->carousel_rate * c->period;
+    const double own_rate = set->carousel_rate + reversal_rate(c);
+    if (own_rate != 0.0) {
+        /* As a rate of turn would, but no tone. */
+        const double free[4] = {x, x_dot, y, y_dot};
+        for (int i = 0; i < 2; i++) {
+            for (int j = 0; j < 4; j++) {
+                feedback[i] += own_rate * c->by_own_rate[4 * i + j] * free[j];
+            }
+        }
+        c->turned -= own_rate * c->period;
     }
     double middle[NS], beyond[2];
     memcpy(middle, s, sizeof middle);
@@ -344,7 +367,7 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     memcpy(out->forced, forced, sizeof forced);
     memcpy(out->near, near, sizeof near);
     out->omega_squared = omega_squared;
-    out->turned = c->carousel;
+    out->turned = c->turned;
     c->count++;
 }
 
@@ -354,5 +377,11 @@ void foucault_start(foucault *c, const foucault_settings *settings, const double
     c->settings = *settings;
     memcpy(c->k.c, known_values, NC * sizeof *known_values);
     c->period = period;
+    if (settings->reversal_period > 0.0) {
+        c->reversal_every = (int64_t)(settings->reversal_period / period + 0.5);
+        c->reversal_takes = (int64_t)(0.5 * PI / (settings->reversal_rate * period) + 0.5);
+        c->reversal_takes = c->reversal_takes < 1 ? 1 : c->reversal_takes;
+        c->reversal_every = c->reversal_every < c->reversal_takes ? c->reversal_takes : c->reversal_every;
+    }
     place_tones(c, settings->first_frequency);
 }

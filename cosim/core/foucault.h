@@ -31,6 +31,7 @@ typedef struct {
     known k;
     held_loop loop;
     double by_omega[8];        /* change of the gain with the rate */
+    double by_own_rate[8];     /* and with that at which the controller turns the pattern */
     double coupling;           /* Coriolis coupling relative to that of a point mass [1] */
     way rest, step, half;      /* over the delay's part of a period, a period, half of one */
     double a[NS * NS];         /* rate by state at rest, without a rate of turn */
@@ -47,7 +48,8 @@ typedef struct {
     int64_t count;
     double period;
     double energy, momentum, smoothed; /* of the pattern, per mass [m2/s2], [m2/s]; whether they have begun */
-    double carousel;           /* angle by which the pattern has been turned electronically [rad] */
+    double turned;             /* angle by which the pattern has been turned electronically [rad] */
+    int64_t reversal_every, reversal_takes; /* samples from one reversal of the modes to the next, and of the turn */
     int formed;
 } foucault;
 

@@ -2,7 +2,10 @@
 are written."""
 
 from collections.abc import Mapping
+from math import pi
 from typing import Final
+
+from gyro_model.errors import InputError
 
 FILTER: Final = {
     "omega_walk_min": 0.3,
@@ -56,6 +59,8 @@ FOUCAULT: Final = {
     "quadrature_rate": 50.0,
     "loop_smoothing": 2e-3,
     "carousel_rate": 0.0,
+    "reversal_period": 0.0,
+    "reversal_rate": 20.0,
     "force_limit": 20.0,
     "hold_compensation": 1.0,
     "coriolis_compensation": 1.0,
@@ -68,9 +73,23 @@ is worth a new U_n at a tenth of the period; turn_limit: an error of the damping
 than this counts as none [rad/s] (half of what 1 % of the reference device's dxy does); trust: stiffness and mass are
 cancelled once their standard deviation is below this share; energy_loop: 1 holds the energy at that of `amplitude`,
 at energy_rate [1/s]; quadrature_loop: 1 keeps the orbit straight, at quadrature_rate [1/s]; loop_smoothing: time
-constant of what both act on [s]; carousel_rate: turns the pattern electronically [rad/s]; force_limit: largest
-feedback over k times amplitude; hold_compensation, coriolis_compensation: 0 leaves them out; first_frequency: of the
-oscillator by the nominal mass [Hz]."""
+constant of what both act on [s]; carousel_rate: turns the pattern electronically [rad/s]; reversal_period: time from
+one reversal of the modes to the next, none where zero [s]; reversal_rate: at which the pattern then turns by a right
+angle [rad/s]; force_limit: largest feedback over k times amplitude; hold_compensation, coriolis_compensation: 0 leaves
+them out; first_frequency: of the oscillator by the nominal mass [Hz]."""
+
+FOUCAULT_LIMITS: Final = {"reversal_period": (0.0, 1e5), "reversal_rate": (1e-3, 1e3)}
+
+
+def check_reversal(settings: Mapping[str, float]) -> None:
+    """Raises InputError where a reversal takes longer than the time to the next."""
+    period, rate = settings["reversal_period"], settings["reversal_rate"]
+    if 0 < period < 0.5 * pi / rate:
+        raise InputError(
+            f"foucault: setting reversal_period = {period:g} s is shorter than a right angle takes at reversal_rate = "
+            f"{rate:g} rad/s: give {0.5 * pi / rate:.3g} s or more, or a higher rate"
+        )
+
 
 STRUCTURES: Final = {"filter_settings": FILTER, "foucault_settings": FOUCAULT}
 

@@ -1,6 +1,7 @@
 #include "unseen.h"
 
 #include "block.h"
+#include "drift.h"
 
 #define LEFT 0.1       /* share of the variance along a direction that a start must leave for it to count */
 #define CANCELLED 3e-5 /* of large terms that cancel; rounding, and constants that move by their deviation, leave up to 1.2e-5, a rate that begins to
@@ -227,4 +228,16 @@ void unseen_columns(const filter *f, double columns[NP][NP])
             }
         }
     }
+}
+
+double unseen_turning(const filter *f, double *rest)
+{
+    double all[NP][NP], part[NP][NP], total, turning, bending;
+    const double stiffness = f->k.p[0] / f->k.p[INVERSE_MASS];
+    memcpy(all, f->W, sizeof all);
+    unseen_columns(f, part);
+    drift_deviation(&f->k, all, stiffness, &total, &bending);
+    drift_deviation(&f->k, part, stiffness, &turning, &bending);
+    *rest = sqrt(larger(total * total - turning * turning, 0.0));
+    return turning;
 }

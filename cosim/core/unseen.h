@@ -20,6 +20,9 @@ void unseen_leave_out(const filter *f, double x[NP]);
    show less, but more than large terms that cancel. */
 int unseen_shows(filter *f);
 
+/* Standard deviation of the pattern's turning [rad/s] that comes of them; `rest`: that which comes of all else. */
+double unseen_turning(const filter *f, double *rest);
+
 /* Their columns of W, one after another, the others zero. */
 void unseen_columns(const filter *f, double columns[NP][NP]);
 

@@ -58,12 +58,22 @@ class CoreObserver(NamedTuple):
     def settings_array(self, **changes: float) -> npt.NDArray[np.float64]:
         """Return the settings in their order, with `changes` made. Raises InputError for an unknown name, and for a
         value beyond what the memory of the C is made for."""
-        values = settings_array(self.name, self.settings, changes)
-        for name, (low, high) in self.limits.items():
-            value = changes.get(name, low)
-            if not low <= value <= high:
-                raise InputError(f"{self.name}: setting {name} = {value:g}: give {low:g} to {high:g}")
-        return values
+        return limited_settings_array(self.name, self.settings, changes, self.limits)
+
+
+def limited_settings_array(
+    owner: str,
+    defaults: Mapping[str, float],
+    changes: Mapping[str, float],
+    limits: Mapping[str, tuple[float, float]],
+) -> npt.NDArray[np.float64]:
+    """As ``settings_array``; raises InputError for a value beyond ``limits`` too."""
+    values = settings_array(owner, defaults, changes)
+    for name, (low, high) in limits.items():
+        value = changes.get(name, low)
+        if not low <= value <= high:
+            raise InputError(f"{owner}: setting {name} = {value:g}: give {low:g} to {high:g}")
+    return values
 
 
 def settings_array(owner: str, defaults: Mapping[str, float], changes: Mapping[str, float]) -> npt.NDArray[np.float64]:

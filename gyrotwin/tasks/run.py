@@ -5,8 +5,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from calibration.characteristics.kind import characteristics, course
 from cosim.angle import UNIT_NAMES
 from cosim.angle_filters import Filter, band_pass, low_pass
+from cosim.angle_record import angle_record
 from cosim.design import DEFAULT, Design, chosen_design, load_design
 from cosim.master import Progress, simulate
 from cosim.metrics import summarise
@@ -168,7 +170,7 @@ def filters_of(run: Run, result: Result) -> list[Filter]:
 
 def summary_of(run: Run, result: Result) -> dict[str, Any]:
     """The content of summary.json."""
-    return summarise(
+    summary = summarise(
         result.trace,
         scenario=run.scenario.name,
         seed=run.seed,
@@ -190,6 +192,23 @@ def summary_of(run: Run, result: Result) -> dict[str, Any]:
             "effects": ", ".join(_acting(run.device)) or None,
         },
     )
+    return summary | {"characteristics": _characteristics(run, result)}
+
+
+def _characteristics(run: Run, result: Result) -> dict[str, Any]:
+    """What the run shows by what its rate does, by kind of run: see calibration.characteristics."""
+    t, rate, turned = (result.trace[name].to_numpy() for name in ("t", "omega_true", "turned"))
+    through = course(t, rate, turned, run.design.all_values["angular_gain"])
+    found = characteristics(angle_record(run, result), through)
+    return {
+        name: {
+            "title": title,
+            "not_done": outcome.reason,
+            "figures": {figure.id: figure.as_json() for figure in outcome.figures},
+            "curves": [curve.as_json() for curve in outcome.curves],
+        }
+        for name, (title, outcome) in found.items()
+    }
 
 
 def _extra(run: Run, result: Result) -> dict[str, float]:

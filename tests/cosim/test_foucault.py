@@ -168,13 +168,58 @@ def test_quadrature_loop_straightens_the_orbit_without_turning_it():
     assert abs(angle(states[-1])[0]) < 0.1
 
 
-def test_carousel_turns_the_pattern_and_says_by_how_much():
+def straightened(states, outputs, drop=0.5):
+    """Rate at which the pattern turns beyond what the controller says [rad/s]; the beginning, where the orbit becomes
+    that of a turning frame, left out."""
+    turned = np.unwrap(np.deg2rad([angle(state)[0] for state in states]), period=np.pi) - outputs[:, TURNED]
+    kept = slice(int(drop * len(turned)), None)
+    return np.polyfit(np.arange(len(turned))[kept] * PERIOD, turned[kept], 1)[0]
+
+
+def test_carousel_turns_the_pattern_and_says_by_how_much(residual):
     states, outputs = run(8000, [1e-6, 0, 0, 0], carousel_rate=20.0, **SILENT)
     turned = np.degrees(outputs[-1, TURNED])
     # 40 ms of 20 rad/s, 45.8 deg, the way a rate of turn would turn it; counted at each sample, one of them to come.
     assert turned == pytest.approx(-np.degrees(20.0 * 8000 * PERIOD), rel=1e-9)
-    # The added Coriolis force acts half a hold late and shrunk: (omega T)^2/24 of it, and 0.1 deg of ripple at 6 kHz.
+    # 0.1 deg of ripple at 6 kHz.
     assert angle(states[-1])[0] == pytest.approx(turned, abs=0.2)
+    # The gains hold to first order in the rate, (rate/omega)^2 = 1e-6, and over 20 ms the ripple leaves 2e-4 rad/s in a
+    # slope. A force of the velocity at the sample, half a hold late, was short by 0.042 rad/s.
+    residual("turning that is not told [rad/s]", abs(straightened(states, outputs)), 1e-3)
+
+
+def test_carousel_without_compensation_of_the_hold_still_turns():
+    states, _ = run(4000, [1e-6, 0, 0, 0], carousel_rate=20.0, hold_compensation=0.0, **SILENT)
+    # 22.9 deg in 20 ms; the hold that is left in takes (omega T)^2/6 of it and bends the rest.
+    assert angle(states[-1])[0] == pytest.approx(-22.9, abs=1.5)
+
+
+REVERSAL = {"reversal_period": 0.01, "reversal_rate": 400.0}
+
+
+def test_reversal_exchanges_the_modes_and_comes_back():
+    states, outputs = run(8000, [1e-6, 0, 0, 0], **REVERSAL, **SILENT)
+    ends = np.degrees(outputs[[1999, 3999, 5999, 7999], TURNED])
+    # The other way round from the third on, so that errors of the turn and what twice the pattern's angle does cancel.
+    np.testing.assert_allclose(ends, [-90.0, 0.0, 90.0, 0.0], atol=1e-9)
+    # It rests for 10 ms less the 3.9 ms that a right angle takes at 400 rad/s.
+    assert outputs[1213, TURNED] == 0.0 > outputs[1216, TURNED]
+    found = [angle(state)[0] for state in states[[1990, 3990, 5990, 7990]]]
+    # Just before the end of a turn, 1.1 deg short of it; 2 deg: the ellipse that 400 rad/s make, 2 Omega/omega.
+    assert abs(found[0]) == pytest.approx(90.0, abs=3.5)
+    assert found[1] == pytest.approx(0.0, abs=3.5)
+    assert abs(found[2]) == pytest.approx(90.0, abs=3.5)
+    assert found[3] == pytest.approx(0.0, abs=3.5)
+
+
+def test_reversal_that_takes_longer_than_its_period_is_refused():
+    from gyro_model.errors import InputError
+
+    with pytest.raises(InputError, match=r"give 0\.0785 s or more, or a higher rate"):
+        CONTROLLER.settings_array(reversal_period=0.05)
+    with pytest.raises(InputError, match="reversal_period = -1"):
+        CONTROLLER.settings_array(reversal_period=-1.0)
+    CONTROLLER.settings_array(reversal_period=0.08)
 
 
 DELAY = 7.3e-6

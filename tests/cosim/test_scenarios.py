@@ -147,14 +147,17 @@ def test_rest_and_spin():
 
 def test_staircase_goes_through_both_full_scales_in_plateaus_of_a_second():
     chosen = load_scenario("staircase")
-    held = chosen.omega_z(0, 37_000, 1e-3).reshape(37, 1000)
+    wave = chosen.omega_z(0, 1000, 1e-3).reshape(20, 50)
+    np.testing.assert_array_equal(wave, np.tile([[5.0], [-5.0]], (10, 50)))
+    held = chosen.omega_z(1000, 37_000, 1e-3).reshape(37, 1000)
     assert (held == held[:, :1]).all()
     levels = held[:, 0]
     assert levels[0] == levels[18] == levels[36] == 0.0
     np.testing.assert_array_equal(levels[18:], -levels[:19])
     np.testing.assert_array_equal(levels[:19], levels[18::-1])
     assert levels.max() == 5.0
-    np.testing.assert_array_equal(chosen.edges_until(chosen.duration), np.arange(1.0, 37.0))
+    edges = chosen.edges_until(chosen.duration)
+    np.testing.assert_array_equal(edges[edges > 1.0], np.arange(2.0, 38.0))
 
 
 def test_the_rate_alone_is_the_first_column():

@@ -58,7 +58,42 @@ def made_up_run(name="constant", converged_at=0.08):
         real_time_factor=1.5,
         run={"device": "<b>reference</b>", "description": "a </script> in a text"},
     )
-    return summary, trace, bounds
+    return summary | {"characteristics": {}}, trace, bounds
+
+
+CHARACTERISTICS = {
+    "spin": {"title": "Spin", "not_done": "pattern <i>turned</i> by 1 rad", "figures": {}, "curves": []},
+    "rest": {
+        "title": "Rest",
+        "not_done": "",
+        "figures": {
+            "angle_random_walk": {
+                "name": "angle random walk",
+                "value": 0.0123,
+                "error": 4e-4,
+                "unit": "°/√h",
+                "note": "",
+            }
+        },
+        "curves": [
+            {"id": "allan", "name": "Allan", "columns": {"tau [s]": [1.0, 2.0], "deviation [°/h]": [3.0, None]}}
+        ],
+    },
+}
+
+
+def test_what_a_run_of_its_kind_shows_is_in_terminal_and_report(tmp_path):
+    summary, trace, bounds = made_up_run()
+    summary["characteristics"] = CHARACTERISTICS
+    out = io.StringIO()
+    Console(file=out, width=120).print(results(summary))
+    assert "0.01230 ± 0.0004" in out.getvalue()
+    assert "not done: pattern <i>turned</i> by 1 rad" in out.getvalue()
+    render(summary, trace, bounds, filters(), tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "0.01230 ± 0.0004" in text
+    assert "<i>turned</i>" not in text
+    assert Page(text).panels["allan"] == 1
 
 
 def filters():

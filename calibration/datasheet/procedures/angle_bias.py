@@ -4,8 +4,8 @@ from math import degrees
 
 import numpy as np
 
-from calibration.analysis.spin import spin
-from calibration.datasheet.figure import Curve, Figure, Outcome, mean, spread
+from calibration.characteristics.kinds.spin import outcome
+from calibration.datasheet.figure import Figure, Outcome, mean, spread
 from calibration.datasheet.procedure import WHOLE_ANGLE, Procedure
 from cosim.angle_bench import AngleBench, spinning
 from cosim.rate.metrics import PER_HOUR
@@ -42,30 +42,8 @@ def measure(bench: AngleBench) -> Outcome:
     ]
     if one.valid_at is None:
         return Outcome(figures, reason=f"spin: no valid angle: {one.reason}")
-    found = spin(one.t, one.angle - one.true, one.pattern)
-    for harmonic in found.harmonics:
-        size = float(np.hypot(harmonic.cosine_error, harmonic.sine_error))
-        figures.append(
-            Figure(
-                f"bias_harmonic_{harmonic.order}",
-                f"bias over the pattern's angle, harmonic {harmonic.order}",
-                degrees(harmonic.amplitude),
-                "°/s",
-                degrees(size),
-                1,
-                note=f"spin at {plan.spin_rate:g} rad/s",
-            )
-        )
-    curve = Curve(
-        "spin",
-        "Bias over the pattern's angle",
-        {
-            "pattern [°]": np.degrees(found.pattern),
-            "bias [°/s]": np.degrees(found.rate_error),
-            "bias error [°/s]": np.degrees(found.spread),
-        },
-    )
-    return Outcome(figures, [curve])
+    found = outcome(one, f"spin at {plan.spin_rate:g} rad/s")
+    return Outcome([*figures, *found.figures], found.curves)
 
 
 PROCEDURE = Procedure("Drift rate: bias", "12.11", WHOLE_ANGLE, measure, 4)

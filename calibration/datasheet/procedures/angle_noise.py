@@ -3,9 +3,9 @@
 import numpy as np
 
 from calibration.analysis.allan import rate_allan
+from calibration.datasheet.allan_figures import curve, terms
 from calibration.datasheet.figure import Outcome
 from calibration.datasheet.procedure import WHOLE_ANGLE, Procedure
-from calibration.datasheet.procedures.noise import curve, terms
 from cosim.angle_bench import ROWS, AngleBench
 
 

@@ -1,22 +1,19 @@
 """Allan analysis of the output at rest: the five terms of IEEE Std 952, annex C, with intervals."""
 
-from math import degrees, pi
+from math import pi
 
 import numpy as np
 from scipy.signal import welch
 
-from calibration.analysis.allan import AngleAllan, Term, columns, rate_allan
-from calibration.datasheet.figure import Curve, Figure, Outcome
+from calibration.analysis.allan import rate_allan
+from calibration.datasheet.allan_figures import curve, terms
+from calibration.datasheet.figure import Curve, Outcome
 from calibration.datasheet.procedure import RATE, Procedure
-from cosim.rate.allan import FLAT, MEMORIES, noise_limits
+from cosim.rate.allan import MEMORIES, noise_limits
 from cosim.rate.bench import Bench
 from cosim.rate.filters import delay
-from cosim.rate.metrics import PER_HOUR, PER_ROOT_HOUR
+from cosim.rate.metrics import PER_ROOT_HOUR
 from cosim.rate.run import RateRun
-
-SEEN = 3.0
-"""A term is seen where its square is this many standard errors above zero."""
-
 
 ROWS = 10
 """Rows in a period of the output filter's bandwidth, at least."""
@@ -57,55 +54,6 @@ def delay_of(run: RateRun) -> float:
     """How much the output filter, and a closed sense loop, delay slow rates [s]."""
     loop = 1 / (2 * pi * run.settings.sense_bandwidth) if run.closed else 0.0
     return delay(run.settings.output_bandwidth) + loop
-
-
-def terms(found: AngleAllan, records: int) -> list[Figure]:
-    """The terms as figures, angle random walk second."""
-    named = (
-        ("quantisation", "quantisation (white angle noise)", found.angle_noise, degrees(1) * 3600, "″"),
-        ("angle_random_walk", "angle random walk", found.angle_random_walk, PER_ROOT_HOUR, "°/√h"),
-        ("flicker", "flicker term B", found.instability, PER_HOUR, "°/h"),
-        ("rate_random_walk", "rate random walk", found.rate_random_walk, PER_HOUR * 60, "°/h/√h"),
-        ("rate_ramp", "rate ramp", found.rate_ramp, PER_HOUR * 3600, "°/h²"),
-    )
-    figures = [
-        Figure(name, title, scale * term.value, unit, scale * term.error, records, note=_note(term))
-        for name, title, term, scale, unit in named
-    ]
-    lowest = PER_HOUR * float(found.deviation.min()) / FLAT
-    seen = found.bias_instability
-    figures.append(
-        Figure(
-            "bias_instability",
-            "in-run bias instability",
-            lowest if seen is None else PER_HOUR * seen,
-            "°/h",
-            None,
-            records,
-            note=f"bottom of the Allan deviation over 0.664, at {found.bias_instability_tau:.3g} s"
-            if seen is not None
-            else f"at most: the deviation still falls at {found.tau[-1]:.3g} s",
-        )
-    )
-    return figures
-
-
-def curve(found: AngleAllan) -> Curve:
-    """Deviation, its 95 % interval and the sum of the fitted terms."""
-    fitted = (found.angle_noise, found.angle_random_walk, found.instability, found.rate_random_walk, found.rate_ramp)
-    squares = np.array([term.value**2 for term in fitted])
-    parts = {"deviation": found.deviation, "low": found.low, "high": found.high}
-    fit = np.sqrt(columns(found.tau) @ squares)
-    return Curve(
-        "allan",
-        "Allan deviation at rest",
-        {"tau [s]": found.tau, **{f"{n} [°/h]": PER_HOUR * v for n, v in parts.items()}, "fit [°/h]": PER_HOUR * fit},
-    )
-
-
-def _note(term: Term) -> str:
-    # The square is what is fitted: c² over its error is half of c over its own.
-    return "" if term.value > 2 * SEEN * term.error else "not seen: the standard error says what would have been"
 
 
 PROCEDURE = Procedure("Drift rate: random part", "12.11", RATE, measure, 20)

@@ -66,9 +66,9 @@ def test_threshold_is_the_smallest_rate_above_all_that_are_not_seen() -> None:
 
 
 def record(noise: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The packaged staircase at 1 kHz: an angle 20 ppm too large that follows each change within 50 ms."""
+    """The plateaus of the packaged staircase at 1 kHz: an angle 20 ppm too large that follows within 50 ms."""
     chosen = load_scenario("staircase")
-    rate = chosen.omega_z(0, 37_000, 1e-3)
+    rate = chosen.omega_z(1000, 37_000, 1e-3)
     t = np.arange(37_000) * 1e-3
     output = np.empty_like(rate)
     state = 0.0

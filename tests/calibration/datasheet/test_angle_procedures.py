@@ -1,5 +1,6 @@
 """Figures in whole-angle mode, and devices whose angle never is valid."""
 
+import numpy as np
 import pytest
 
 from calibration.datasheet.procedure import procedures
@@ -42,4 +43,6 @@ def test_where_the_pattern_stands_is_what_the_loop_can_know() -> None:
     device = load_device("reference").with_parameters({"angular_gain": 0.8})
     record = AngleBench(device, plan=PLAN).record(0.2)
     assert len(record.angle) > 0
-    assert (record.pattern == -record.angle).all()
+    # It begins on x, where the noise of a sample, 20 pm in 1 um, turns it by 2e-5 rad and more.
+    assert abs(record.pattern[0]) < 0.1
+    np.testing.assert_allclose(record.pattern - record.pattern[0], -record.angle, rtol=0, atol=1e-12)
