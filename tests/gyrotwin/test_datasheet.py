@@ -14,7 +14,9 @@ from calibration.datasheet.procedure import procedures
 from cosim.rate import bench as rate_bench
 from gyrotwin.cli import main
 from gyrotwin.commands import datasheet as command
-from gyrotwin.datasheet_report import draw, expected_of, value_of
+from gyrotwin.curve_figures import draw
+from gyrotwin.datasheet_report import expected_of
+from gyrotwin.numbers import with_error
 
 SHORT = rate_bench.QUICK._replace(rest_records=2, rest_duration=40.0, turn_ons=3, turn_on_duration=2.0)
 
@@ -130,10 +132,10 @@ def test_the_sensor_is_exported(sheet: gt.DatasheetResult, tmp_path: Path, capsy
 
 def test_values_show_two_digits_of_their_error(sheet: gt.DatasheetResult) -> None:
     figure = sheet.figures["bias"]._replace(value=1.23456, error=0.0123, expected=1.2, how="at least")
-    assert value_of(figure) == "1.235 ± 0.012"
+    assert with_error(figure.value, figure.error) == "1.235 ± 0.012"
     assert expected_of(figure) == "≥ 1.2"
-    assert value_of(figure._replace(value=None)) == "–"
-    assert value_of(figure._replace(value=0.001, error=20.0)) == "0.001 ± 20"
+    assert with_error(None, figure.error) == "–"
+    assert with_error(0.001, 20.0) == "0.001 ± 20"
 
 
 def test_curves_are_drawn_by_their_units(sheet: gt.DatasheetResult) -> None:
