@@ -1,6 +1,6 @@
 /* FMI 3.0: every function of fmi3Functions.h, over fmi_common.h.
 
-   What this FMU lacks (clocks, structural parameters, scheduled execution) is an error with a message, as modelDescription.xml announces. */
+   What this FMU lacks (input clocks, structural parameters, scheduled execution) is an error with a message, as modelDescription.xml announces. */
 
 #include <fmi3Functions.h>
 
@@ -11,7 +11,7 @@
 
 #define NO_SCHEDULE "this FMU has no model partitions to schedule (ScheduledExecution is absent)"
 #define NO_CONFIGURATION "this FMU has no structural parameters, so no configuration mode"
-#define NO_CLOCKS "this FMU has no clocks"
+#define NO_INTERVALS "this FMU has no clock with an interval, and none that an importer sets"
 #define NO_DEPENDENCIES "this FMU gives no dependencies at run time; they are in modelDescription.xml"
 #define NO_DERIVATIVES "this FMU gives no derivatives of outputs by time"
 
@@ -60,8 +60,9 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
                                           fmi3Boolean visible, fmi3Boolean loggingOn, fmi3InstanceEnvironment instanceEnvironment,
                                           fmi3LogMessageCallback logMessage)
 {
+    const char *none = GYRO_N_CLOCKS > 0 ? "an FMU with clocks is for co-simulation only" : NULL;
     (void)visible;
-    return instantiate(__func__, MODEL_EXCHANGE, NULL, instanceName, instantiationToken, resourcePath, loggingOn, instanceEnvironment, logMessage, fmi3False,
+    return instantiate(__func__, MODEL_EXCHANGE, none, instanceName, instantiationToken, resourcePath, loggingOn, instanceEnvironment, logMessage, fmi3False,
                        NULL);
 }
 
@@ -134,6 +135,11 @@ fmi3Status fmi3SetInt32(fmi3Instance instance, const fmi3ValueReference valueRef
     return (fmi3Status)fmi_set(instance, __func__, GYRO_INTEGER, valueReferences, nValueReferences, values, nValues);
 }
 
+static fmi3Status absent(fmi3Instance instance, const char *call, const char *why)
+{
+    return (fmi3Status)(instance == NULL ? FMI_ERROR : fmi_fail(instance, call, "%s", why));
+}
+
 /* fmi3GetT and fmi3SetT of a type T that no variable has. */
 #define NO_VARIABLE_OF(T)                                                                                            \
     fmi3Status fmi3Get##T(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences, \
@@ -176,15 +182,14 @@ fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference valueRe
 
 fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences, fmi3Clock values[])
 {
-    (void)values;
-    return (fmi3Status)fmi_no_such_type(instance, __func__, valueReferences, nValueReferences);
+    return (fmi3Status)fmi_get_clocks(instance, __func__, valueReferences, nValueReferences, values);
 }
 
 fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                         const fmi3Clock values[])
 {
-    (void)values;
-    return (fmi3Status)fmi_no_such_type(instance, __func__, valueReferences, nValueReferences);
+    (void)valueReferences, (void)nValueReferences, (void)values;
+    return absent(instance, __func__, NO_INTERVALS);
 }
 
 fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *FMUState) { return (fmi3Status)fmi_save(instance, __func__, FMUState); }
@@ -231,11 +236,6 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
         *lastSuccessfulTime = gyro_time(f->core);
     }
     return (fmi3Status)status;
-}
-
-static fmi3Status absent(fmi3Instance instance, const char *call, const char *why)
-{
-    return (fmi3Status)(instance == NULL ? FMI_ERROR : fmi_fail(instance, call, "%s", why));
 }
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance)
@@ -285,62 +285,62 @@ fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReferenc
                                   fmi3Float64 intervals[], fmi3IntervalQualifier qualifiers[])
 {
     (void)valueReferences, (void)nValueReferences, (void)intervals, (void)qualifiers;
-    return absent(instance, __func__, NO_CLOCKS);
+    return absent(instance, __func__, NO_INTERVALS);
 }
 
 fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                    fmi3UInt64 counters[], fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[])
 {
     (void)valueReferences, (void)nValueReferences, (void)counters, (void)resolutions, (void)qualifiers;
-    return absent(instance, __func__, NO_CLOCKS);
+    return absent(instance, __func__, NO_INTERVALS);
 }
 
 fmi3Status fmi3GetShiftDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                fmi3Float64 shifts[])
 {
     (void)valueReferences, (void)nValueReferences, (void)shifts;
-    return absent(instance, __func__, NO_CLOCKS);
+    return absent(instance, __func__, NO_INTERVALS);
 }
 
 fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                 fmi3UInt64 counters[], fmi3UInt64 resolutions[])
 {
     (void)valueReferences, (void)nValueReferences, (void)counters, (void)resolutions;
-    return absent(instance, __func__, NO_CLOCKS);
+    return absent(instance, __func__, NO_INTERVALS);
 }
 
 fmi3Status fmi3SetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                   const fmi3Float64 intervals[])
 {
     (void)valueReferences, (void)nValueReferences, (void)intervals;
-    return absent(instance, __func__, NO_CLOCKS);
+    return absent(instance, __func__, NO_INTERVALS);
 }
 
 fmi3Status fmi3SetIntervalFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                    const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
 {
     (void)valueReferences, (void)nValueReferences, (void)counters, (void)resolutions;
-    return absent(instance, __func__, NO_CLOCKS);
+    return absent(instance, __func__, NO_INTERVALS);
 }
 
 fmi3Status fmi3SetShiftDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                const fmi3Float64 shifts[])
 {
     (void)valueReferences, (void)nValueReferences, (void)shifts;
-    return absent(instance, __func__, NO_CLOCKS);
+    return absent(instance, __func__, NO_INTERVALS);
 }
 
 fmi3Status fmi3SetShiftFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                                 const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
 {
     (void)valueReferences, (void)nValueReferences, (void)counters, (void)resolutions;
-    return absent(instance, __func__, NO_CLOCKS);
+    return absent(instance, __func__, NO_INTERVALS);
 }
 
 fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clockReference, fmi3Float64 activationTime)
 {
     (void)clockReference, (void)activationTime;
-    return absent(instance, __func__, NO_CLOCKS);
+    return absent(instance, __func__, NO_INTERVALS);
 }
 
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference valueReference, size_t *nDependencies)

@@ -67,6 +67,7 @@ static void begin_life(fmi_instance *f)
 {
     f->state = INSTANTIATED;
     f->last_step = FMI_OK;
+    f->ticking = 0;
     f->start_time = 0.0;
     f->stop_time = INFINITY;
     f->latest_time = INFINITY;
@@ -175,6 +176,7 @@ fmi_status fmi_exit_initialization(fmi_instance *f, const char *call)
     if (status == FMI_OK) {
         fmi_find_latest_time(f);
         f->state = f->purpose == CO_SIMULATION ? STEPPING : EVENT;
+        f->ticking = 1; /* the start is a sample */
         gyro_hold_samples(f->core, f->purpose == CO_SIMULATION_WITH_EVENTS);
         fmi_report(f, call, "initialized");
     }
@@ -374,6 +376,7 @@ fmi_status fmi_step(fmi_instance *f, const char *call, double from, double step)
             const int to_sample = f->purpose == CO_SIMULATION_WITH_EVENTS && f->may_end_early;
             const gyro_status moved = gyro_advance(f->core, from, step, to_sample, f->watch != NULL ? watch : NULL, f);
             f->sampled = gyro_samples(f->core) != samples;
+            f->ticking |= f->sampled;
             if (moved == GYRO_ERROR) {
                 status = fail_with_core_message(f, call);
             } else if (moved == GYRO_EARLY) {

@@ -83,6 +83,7 @@ struct fmi_instance {
     fmi_callback update;    /* the importer's function for it */
     int may_end_early;      /* 1: the importer takes a step that ends early */
     int sampled;            /* 1: the latest step came to a sample */
+    int ticking;            /* 1: a sample has been taken whose event is not over: output clocks are active in event mode */
     int has_starts;         /* 1: the FMU brings start values of its own */
     double start[GYRO_N_VARIABLES]; /* which are these, SI */
     char name[];            /* the importer's name of the instance */
@@ -153,6 +154,9 @@ fmi_status fmi_leave_event_mode(fmi_instance *f, const char *call, unsigned mode
 
 /* What is due in event mode is done; *jumped: 1 where continuous states have; *next: time of the next event, s. */
 fmi_status fmi_update(fmi_instance *f, const char *call, int *jumped, double *next);
+
+/* Output clocks: value[i] is 1 where the clock vr[i] is active. */
+fmi_status fmi_get_clocks(fmi_instance *f, const char *call, const uint32_t vr[], size_t n, _Bool value[]);
 
 /* FMI_ERROR where the instance is not of model exchange, or not in an allowed state. */
 fmi_status fmi_allow_exchange(const fmi_instance *f, const char *call, unsigned allowed);

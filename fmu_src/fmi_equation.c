@@ -36,6 +36,8 @@ fmi_status fmi_enter_event_mode(fmi_instance *f, const char *call)
         status = fmi_fail(f, call, "the instance is made without event mode; pass eventModeUsed = true");
     } else if (status == FMI_OK && f->purpose == MODEL_EXCHANGE) {
         status = relay(f, call, gyro_enter_event(f->core));
+    } else if (status == FMI_OK) {
+        gyro_latch(f->core);
     }
     if (status == FMI_OK) {
         f->state = EVENT;
@@ -61,9 +63,26 @@ fmi_status fmi_update(fmi_instance *f, const char *call, int *jumped, double *ne
     if (status == FMI_OK && f->purpose == MODEL_EXCHANGE) {
         status = relay(f, call, gyro_update(f->core, jumped, next));
     } else if (status == FMI_OK) {
-        gyro_latch(f->core);
+        f->ticking = 0;
         *jumped = 0;
         *next = gyro_next_sample(f->core);
+    }
+    return status;
+}
+
+fmi_status fmi_get_clocks(fmi_instance *f, const char *call, const uint32_t vr[], size_t n, _Bool value[])
+{
+    fmi_status status = fmi_allow(f, call, CAN_GET_OUTPUT);
+    if (status == FMI_OK && n > 0 && (vr == NULL || value == NULL)) {
+        status = fmi_fail(f, call, "%s is NULL; pass an array of %lu", vr == NULL ? "the value references" : "the values", (unsigned long)n);
+    }
+    for (size_t i = 0; i < n && status == FMI_OK; i++) {
+        if (vr[i] < GYRO_FIRST_CLOCK || vr[i] - GYRO_FIRST_CLOCK >= GYRO_N_CLOCKS) {
+            status = fmi_fail(f, call, "the variable %lu is no clock; this FMU has %d", (unsigned long)vr[i], (int)GYRO_N_CLOCKS);
+        }
+    }
+    for (size_t i = 0; i < n && status == FMI_OK; i++) {
+        value[i] = f->state == EVENT && f->ticking;
     }
     return status;
 }

@@ -3,7 +3,7 @@
    byte  0  magic, 8 characters, the last one counts the layouts
    byte  8  length of everything, bytes
    byte 16  checksum of all that follows, begun with the model's token: a state of another model does not pass
-   byte 24  life-cycle state, and 256 times what the instance was made for
+   byte 24  life-cycle state, then what the instance was made for, then 1 where a sample's event is not over, a byte each
    byte 32  start time, s (the bits of a double)
    byte 40  stop time, s
    byte 48  gyro_save
@@ -79,12 +79,12 @@ static fmi_status fail_null(const fmi_instance *f, const char *call, const char 
 /* A header that fmi_save can have written: a checksum can be made to fit anything. */
 static fmi_status check_header(const fmi_instance *f, const char *call, const unsigned char bytes[])
 {
-    const uint64_t state = get_u64(bytes + AT_STATE) % 256, purpose = get_u64(bytes + AT_STATE) / 256;
+    const uint64_t state = bytes[AT_STATE], purpose = get_u64(bytes + AT_STATE) / 256 % 256, ticking = get_u64(bytes + AT_STATE) / 65536;
     const unsigned modes = purpose == CO_SIMULATION ? STEPPING : purpose == MODEL_EXCHANGE ? EVENT | CONTINUOUS : STEPPING | EVENT;
     const double start = get_f64(bytes + AT_START), stop = get_f64(bytes + AT_STOP);
     fmi_status status = FMI_OK;
     const unsigned possible = INSTANTIATED | INITIALIZATION | TERMINATED | modes;
-    if (purpose > CO_SIMULATION_WITH_EVENTS || (state & possible) == 0 || (state & (state - 1)) != 0) {
+    if (purpose > CO_SIMULATION_WITH_EVENTS || ticking > 1 || (state & possible) == 0 || (state & (state - 1)) != 0) {
         status = fmi_fail(f, call, "the saved state has the life-cycle state %llu, which is none; pass bytes that this FMU wrote",
                           (unsigned long long)state);
     } else if (!gyro_finite(start) || !(stop >= start)) {
@@ -121,7 +121,7 @@ fmi_status fmi_save(fmi_instance *f, const char *call, void **saved)
         unsigned char *bytes = block->bytes;
         memcpy(bytes, magic, sizeof magic);
         put_u64(bytes + AT_LENGTH, block->size);
-        put_u64(bytes + AT_STATE, f->state + 256u * (uint64_t)f->purpose);
+        put_u64(bytes + AT_STATE, f->state + 256u * (uint64_t)f->purpose + 65536u * (uint64_t)(f->ticking != 0));
         put_f64(bytes + AT_START, f->start_time);
         put_f64(bytes + AT_STOP, f->stop_time);
         gyro_save(f->core, bytes + AT_CORE);
@@ -137,17 +137,18 @@ fmi_status fmi_restore(fmi_instance *f, const char *call, const void *saved)
     if (status == FMI_OK && block == NULL) {
         status = fail_null(f, call, "the state");
     }
-    if (status == FMI_OK && get_u64(block->bytes + AT_STATE) / 256 != f->purpose) {
+    if (status == FMI_OK && block->bytes[AT_STATE + 1] != f->purpose) {
         status = fmi_fail(f, call, "the state is of an instance made for another purpose (model exchange, co-simulation, or that with events)");
     }
     if (status == FMI_OK) {
-        const int started = (get_u64(block->bytes + AT_STATE) & (RUNNING | TERMINATED)) != 0;
+        const int started = (block->bytes[AT_STATE] & (RUNNING | TERMINATED)) != 0;
         if (gyro_load(f->core, block->bytes + AT_CORE, block->size - AT_CORE, started) != GYRO_OK) {
             status = fmi_fail(f, call, "%s", gyro_message(f->core));
         }
     }
     if (status == FMI_OK) {
-        f->state = (unsigned)(get_u64(block->bytes + AT_STATE) % 256);
+        f->state = block->bytes[AT_STATE];
+        f->ticking = block->bytes[AT_STATE + 2];
         f->last_step = FMI_OK;
         f->start_time = get_f64(block->bytes + AT_START);
         f->stop_time = get_f64(block->bytes + AT_STOP);

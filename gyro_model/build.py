@@ -27,6 +27,7 @@ from gyro_model import (
     generate_tangent,
     generate_xml,
 )
+from gyro_model.clocked import clocked_model
 from gyro_model.compiling import WHOLE, compile_for, compile_library, write_whole
 from gyro_model.envelope import envelope_model
 from gyro_model.errors import InputError
@@ -52,7 +53,7 @@ WRITERS: dict[str, dict[str, Callable[[Any], str]]] = {
 
 
 class Fmus(NamedTuple):
-    """Paths of the two FMUs of a model."""
+    """Paths of the two FMUs of a form that both standards have."""
 
     fmi2: Path
     fmi3: Path
@@ -107,8 +108,8 @@ def committed_files(model: Model) -> dict[Path, str]:
 
 
 def forms(model: Model) -> tuple[Form, ...]:
-    """All FMUs of ``model``: as it is, as envelopes, and what a datasheet says of a gyroscope."""
-    return (model, envelope_model(model), SensorModel())
+    """All forms of ``model``: as it is, as envelopes, what a datasheet says of a gyroscope, and with a clock."""
+    return (model, envelope_model(model), SensorModel(), clocked_model(model))
 
 
 def model_token(model: Form) -> str:
@@ -124,12 +125,9 @@ def model_token(model: Form) -> str:
 @lru_cache(maxsize=8)
 def _generated_text(model: Form) -> bytes:
     """All that is generated for a model. Kept: printing some hundred effects takes a second, at each load of an FMU."""
-    texts = [
-        *_generated_files(model, "").values(),
-        generate_xml.fmi2(model, "", "", ()),
-        generate_xml.fmi3(model, "", ""),
-    ]
-    files = [generate_package.package_files(model, fmi) for fmi in Fmus._fields]
+    describe = {"fmi2": lambda: generate_xml.fmi2(model, "", "", ()), "fmi3": lambda: generate_xml.fmi3(model, "", "")}
+    texts = [*_generated_files(model, "").values(), *(describe[fmi]() for fmi in model.STANDARDS)]
+    files = [generate_package.package_files(model, fmi) for fmi in model.STANDARDS]
     return "".join(texts).encode() + b"".join(data for package in files for data in package.values())
 
 
@@ -144,24 +142,30 @@ def default_folder(model: Form) -> Path:
 def build(
     model: Form | None = None, folder: Path | None = None, *, force: bool = False, platforms: Sequence[str] = ()
 ) -> Fmus:
-    """Builds the FMUs of ``model``, ``fmi2/NAME.fmu`` and ``fmi3/NAME.fmu`` in ``folder``, unless those there already
-    are of this model and hold the libraries asked for.
+    """Builds the FMUs of a ``model`` that both standards have. Raises InputError as ``build_form`` does."""
+    return Fmus(**build_form(model or load_model(), folder, force=force, platforms=platforms))
+
+
+def build_form(
+    model: Form, folder: Path | None = None, *, force: bool = False, platforms: Sequence[str] = ()
+) -> dict[str, Path]:
+    """Builds the FMUs of ``model`` by standard, ``fmi2/NAME.fmu`` and ``fmi3/NAME.fmu`` in ``folder``, unless those
+    there already are of this model and hold the libraries asked for.
 
     platforms: names from ``gyro_model.platforms``, compiled by zig; none: this machine's, by its own compiler. With
     wasm32 among them ``wasm32/NAME.wasm`` holds the functions of FMI 3.0. Raises InputError where there is no compiler
     or it fails.
     """
-    model = model or load_model()
     folder = folder or default_folder(model)
     token = model_token(model)
-    fmus = Fmus(*(folder / name / f"{model.NAME}.fmu" for name in Fmus._fields))
+    fmus = {fmi: folder / fmi / f"{model.NAME}.fmu" for fmi in model.STANDARDS}
     wanted = tuple(name for name in platforms if name != WASM.fmi3) if platforms else (own_platform(),)
-    stale = [fmi for fmi, path in zip(Fmus._fields, fmus, strict=True) if force or not _fits(path, token, wanted, fmi)]
+    stale = [fmi for fmi, path in fmus.items() if force or not _fits(path, token, wanted, fmi)]
     if stale or WASM.fmi3 in platforms:
         with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
             write_sources(model, Path(name))
             for fmi in stale:
-                _build_one(model, token, fmi, getattr(fmus, fmi), Path(name), wanted if platforms else ())
+                _build_one(model, token, fmi, fmus[fmi], Path(name), wanted if platforms else ())
             if WASM.fmi3 in platforms:
                 _compile_module(Path(name), _module_path(model, folder))
     return fmus
@@ -201,9 +205,10 @@ def _compile_module(sources: Path, path: Path) -> None:
 def build_all(
     model: Model | None = None, folder: Path | None = None, *, force: bool = False, platforms: Sequence[str] = ()
 ) -> tuple[Path, ...]:
-    """The FMUs of all forms of ``model``. Raises InputError as ``build`` does."""
+    """The FMUs of all forms of ``model``. Raises InputError as ``build_form`` does."""
     every = forms(model or load_model())
-    return tuple(path for form in every for path in build(form, folder, force=force, platforms=platforms))
+    built = (build_form(form, folder, force=force, platforms=platforms) for form in every)
+    return tuple(path for fmus in built for path in fmus.values())
 
 
 def token_of(path: Path) -> str | None:

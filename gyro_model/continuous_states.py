@@ -63,6 +63,11 @@ def first_local(model: Form) -> int:
     return len(model.quantities) + 1
 
 
+def first_clock(model: Form) -> int:
+    """The first value reference of a clock, beyond all other variables."""
+    return first_local(model) + len(hidden_states(model)) + len(continuous_states(model))
+
+
 def hidden_states(model: Form) -> tuple[ContinuousState, ...]:
     """The states that are no outputs."""
     return tuple(state for state in continuous_states(model) if state.reference >= first_local(model))

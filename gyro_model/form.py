@@ -1,11 +1,19 @@
 """What every FMU of this package is described by: a name, a table of variables, the layers of C that it is made of."""
 
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from gyro_model.anatomy import Effect
 from gyro_model.errors import InputError, nearest
 from gyro_model.quantities import Quantity
+
+
+class OutputClock(NamedTuple):
+    """A triggered clock of FMI 3.0 that the FMU lets tick; the outputs ``clocked`` change when it does."""
+
+    name: str
+    description: str
+    clocked: tuple[str, ...]
 
 
 class Form:
@@ -23,6 +31,10 @@ class Form:
     for it alone."""
     EQUATION: ClassVar[bool] = False
     """Whether it shows its differential equation: model exchange, derivatives, events."""
+    STANDARDS: ClassVar[tuple[str, ...]] = ("fmi2", "fmi3")
+    """The standards that there are FMUs for."""
+    CLOCKS: ClassVar[tuple[OutputClock, ...]] = ()
+    """What has clocks is for co-simulation alone."""
 
     effects: tuple[Effect, ...]
     starts: tuple[tuple[str, float], ...]

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable
 
 from gyro_model.c_printing import STAMP, c_double, macro
-from gyro_model.continuous_states import continuous_states, first_local, hidden_states
+from gyro_model.continuous_states import continuous_states, first_clock, first_local, hidden_states
 from gyro_model.form import Form
 
 _KINDS = {"input": "GYRO_INPUT", "output": "GYRO_OUTPUT"}
@@ -47,6 +47,9 @@ enum {{
     GYRO_FIRST_LOCAL = {first_local(model)}, /* value reference */
     GYRO_N_LOCALS = {len(hidden_states(model)) + continuous}
 }};
+
+/* Output clocks, which tick at samples; value references beyond all other variables. */
+enum {{ GYRO_FIRST_CLOCK = {first_clock(model)}, GYRO_N_CLOCKS = {len(model.CLOCKS)} }};
 
 typedef enum {{
     GYRO_INPUT,

@@ -5,7 +5,7 @@ from math import isfinite
 from xml.etree import ElementTree as ET
 
 from gyro_model import VERSION
-from gyro_model.continuous_states import continuous_states, hidden_states
+from gyro_model.continuous_states import continuous_states, first_clock, hidden_states
 from gyro_model.form import Form
 from gyro_model.quantities import Quantity
 from gyro_model.units import DISPLAYED, dimension, rate_unit
@@ -75,6 +75,7 @@ def fmi3(model: Form, token: str, date: str) -> str:
     common = {"modelIdentifier": model.NAME, "canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
     if states:
         common |= {"providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true"}
+    if states and not model.CLOCKS:
         ET.SubElement(root, "ModelExchange", common, needsCompletedIntegratorStep="false")
     ET.SubElement(
         root,
@@ -93,14 +94,18 @@ def fmi3(model: Form, token: str, date: str) -> str:
     for reference, quantity in enumerate(model.quantities):
         tag = "Int32" if quantity.integer else "Float64"
         typed = _typed(quantity, model) | reinit.get(reference, {})
-        ET.SubElement(variables, tag, {**_common(quantity, reference, model), **typed})
+        ET.SubElement(variables, tag, {**_common(quantity, reference, model), **typed, **_clocks_of(quantity, model)})
     ET.SubElement(variables, "Float64", _time(model), unit="s")
     for names, typed in _locals(model):
         ET.SubElement(variables, "Float64", {**names, **typed})
+    clocks = [first_clock(model) + i for i in range(len(model.CLOCKS))]
+    for reference, clock in zip(clocks, model.CLOCKS, strict=True):
+        names = {"name": clock.name, "valueReference": str(reference), "description": clock.description}
+        ET.SubElement(variables, "Clock", names, causality="output", variability="discrete", intervalVariability="triggered")
     structure = ET.SubElement(root, "ModelStructure")
     rates = [state.rate_reference for state in states]
     groups = {
-        "Output": _outputs(model),
+        "Output": [*_outputs(model), *clocks],
         "ContinuousStateDerivative": rates,
         "InitialUnknown": _initial_unknowns(model),
     }
@@ -110,6 +115,11 @@ def fmi3(model: Form, token: str, date: str) -> str:
             if group != "InitialUnknown" and (known := _dependencies(model, reference)) is not None:
                 unknown.set("dependencies", " ".join(map(str, known)))
     return text_of(root)
+
+
+def _clocks_of(quantity: Quantity, model: Form) -> dict[str, str]:
+    own = [str(first_clock(model) + i) for i, clock in enumerate(model.CLOCKS) if quantity.name in clock.clocked]
+    return {"clocks": " ".join(own)} if own else {}
 
 
 def _time(model: Form) -> dict[str, str]:
@@ -136,13 +146,17 @@ def _locals(model: Form) -> list[tuple[dict[str, str], dict[str, str]]]:
 def _initial_unknowns(model: Form) -> list[int]:
     states = continuous_states(model)
     hidden = [state.reference for state in hidden_states(model)]
-    return [*_outputs(model), *hidden, *(state.rate_reference for state in states)]
+    clocked = {name for clock in model.CLOCKS for name in clock.clocked}
+    outputs = [reference for reference in _outputs(model) if model.quantities[reference].name not in clocked]
+    return [*outputs, *hidden, *(state.rate_reference for state in states)]
 
 
 def _dependencies(model: Form, reference: int) -> list[int] | None:
     """What an output or rate depends on; None: on all inputs and states. A sample depends on nothing between events,
     and the outputs of a co-simulation are those of the last communication point: no loop through it is algebraic."""
     states = continuous_states(model)
+    if reference >= first_clock(model):
+        return []
     if not states or reference < len(model.quantities):
         name = model.quantities[reference].name
         own = [state.reference for state in states if state.reference == reference]

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 from fmu_importer import Fmu, Instance
 
-from gyro_model.build import build, forms
+from gyro_model.build import build, build_form, forms
 from gyro_model.model import load_model
 
 FORMS = {form.NAME: form for form in forms(load_model())}
@@ -30,13 +30,16 @@ def loaded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[int, Fmu]
     return {
         name: {
             fmu.version: fmu
-            for fmu in (Fmu(path, tmp_path_factory.mktemp(fmi)) for fmi, path in build(form)._asdict().items())
+            for fmu in (Fmu(path, tmp_path_factory.mktemp(fmi)) for fmi, path in build_form(form).items())
         }
         for name, form in FORMS.items()
     }
 
 
-@pytest.fixture(params=[(name, version) for name in FORMS for version in (2, 3)], ids=lambda p: f"{p[0]}-fmi{p[1]}")
+ALL = [(name, int(fmi[3:])) for name, form in FORMS.items() for fmi in form.STANDARDS]
+
+
+@pytest.fixture(params=ALL, ids=[f"{name}-fmi{version}" for name, version in ALL])
 def any_fmu(request: pytest.FixtureRequest, loaded: dict[str, dict[int, Fmu]]) -> Fmu:
     """Each FMU of every form in turn."""
     name, version = request.param

@@ -96,7 +96,7 @@ def everything(sensor: Instance) -> list[float]:
 
 
 def test_it_is_one_of_the_forms_and_has_no_effects() -> None:
-    assert [form.NAME for form in forms(load_model())] == ["Gyroscope", "GyroscopeEnvelope", "GyroscopeSensor"]
+    assert SensorModel.NAME in [form.NAME for form in forms(load_model())]
     assert SensorModel().effects == ()
 
 

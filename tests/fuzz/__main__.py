@@ -22,7 +22,7 @@ SANITIZERS = "address,undefined,float-cast-overflow"
 
 def targets() -> dict[str, tuple[Form, str]]:
     """Model and standard by name."""
-    return {f"{model.NAME}-{fmi}": (model, fmi) for model in forms(load_model()) for fmi in ("fmi2", "fmi3")}
+    return {f"{model.NAME}-{fmi}": (model, fmi) for model in forms(load_model()) for fmi in model.STANDARDS}
 
 
 def compile_target(name: str, folder: Path) -> Path:

@@ -194,7 +194,7 @@ static void others(instance c, unsigned which, const unsigned *vr)
     case 1: fmi3GetBoolean(c, vr, 1, &truth, 1); break;
     case 2: fmi3GetString(c, vr, 1, &text, 1); break;
     case 3: fmi3GetFloat32(c, vr, 1, &single, 1); break;
-    case 4: fmi3GetNumberOfVariableDependencies(c, *vr, &n); break;
+    case 4: fmi3GetNumberOfVariableDependencies(c, *vr, &n); fmi3GetClock(c, vr, 1, &truth); break;
     case 5: fmi3GetFloat64(c, vr, 1, x, 2); break;
     case 6: fmi3EnterConfigurationMode(c); break;
     default: fmi3SetDebugLogging(c, false, 0, NULL); break;

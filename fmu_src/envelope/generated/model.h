@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{66608759-b3f5-8b78-2d3c-fadad5c166d2}"
+#define GYRO_TOKEN "{a40476a8-af7b-8e55-7bba-048bc244d888}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -145,6 +145,9 @@ enum {
     GYRO_FIRST_LOCAL = 120, /* value reference */
     GYRO_N_LOCALS = 0
 };
+
+/* Output clocks, which tick at samples; value references beyond all other variables. */
+enum { GYRO_FIRST_CLOCK = 120, GYRO_N_CLOCKS = 0 };
 
 typedef enum {
     GYRO_INPUT,

@@ -21,6 +21,7 @@
 #define fmi_free GyroscopeEnvelope_fmi_free
 #define fmi_free_saved GyroscopeEnvelope_fmi_free_saved
 #define fmi_get GyroscopeEnvelope_fmi_get
+#define fmi_get_clocks GyroscopeEnvelope_fmi_get_clocks
 #define fmi_get_nominals GyroscopeEnvelope_fmi_get_nominals
 #define fmi_get_rates GyroscopeEnvelope_fmi_get_rates
 #define fmi_get_states GyroscopeEnvelope_fmi_get_states

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{88f4937b-925c-a618-1898-cffd2dc6802c}"
+#define GYRO_TOKEN "{30857ee1-f8a5-569c-2671-50f04dd487bd}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -138,6 +138,9 @@ enum {
     GYRO_FIRST_LOCAL = 113, /* value reference */
     GYRO_N_LOCALS = 22
 };
+
+/* Output clocks, which tick at samples; value references beyond all other variables. */
+enum { GYRO_FIRST_CLOCK = 135, GYRO_N_CLOCKS = 0 };
 
 typedef enum {
     GYRO_INPUT,

@@ -21,6 +21,7 @@
 #define fmi_free Gyroscope_fmi_free
 #define fmi_free_saved Gyroscope_fmi_free_saved
 #define fmi_get Gyroscope_fmi_get
+#define fmi_get_clocks Gyroscope_fmi_get_clocks
 #define fmi_get_nominals Gyroscope_fmi_get_nominals
 #define fmi_get_rates Gyroscope_fmi_get_rates
 #define fmi_get_states Gyroscope_fmi_get_states

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{029a13ca-9593-098b-3454-f3e9a3ccb275}"
+#define GYRO_TOKEN "{c1737678-6e8e-4e67-abc3-88ed3a640a49}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -112,6 +112,9 @@ enum {
     GYRO_FIRST_LOCAL = 87, /* value reference */
     GYRO_N_LOCALS = 0
 };
+
+/* Output clocks, which tick at samples; value references beyond all other variables. */
+enum { GYRO_FIRST_CLOCK = 87, GYRO_N_CLOCKS = 0 };
 
 typedef enum {
     GYRO_INPUT,

@@ -21,6 +21,7 @@
 #define fmi_free GyroscopeSensor_fmi_free
 #define fmi_free_saved GyroscopeSensor_fmi_free_saved
 #define fmi_get GyroscopeSensor_fmi_get
+#define fmi_get_clocks GyroscopeSensor_fmi_get_clocks
 #define fmi_get_nominals GyroscopeSensor_fmi_get_nominals
 #define fmi_get_rates GyroscopeSensor_fmi_get_rates
 #define fmi_get_states GyroscopeSensor_fmi_get_states
