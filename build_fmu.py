@@ -1,5 +1,4 @@
-"""Builds the FMUs Gyroscope, GyroscopeEnvelope and GyroscopeSensor in dist/fmi2 and dist/fmi3; `--update` first writes
-the committed generated C anew."""
+"""Builds the FMUs of all forms in dist/fmi2 and dist/fmi3; `--update` first writes the committed generated C anew."""
 
 import sys
 

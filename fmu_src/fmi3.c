@@ -188,8 +188,8 @@ fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference valueRef
 fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                         const fmi3Clock values[])
 {
-    (void)valueReferences, (void)nValueReferences, (void)values;
-    return absent(instance, __func__, NO_INTERVALS);
+    (void)valueReferences, (void)values;
+    return nValueReferences == 0 && instance != NULL ? fmi3OK : absent(instance, __func__, NO_INTERVALS);
 }
 
 fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *FMUState) { return (fmi3Status)fmi_save(instance, __func__, FMUState); }

@@ -354,6 +354,24 @@ fmi_status fmi_no_such_type(const fmi_instance *f, const char *call, const uint3
     return status;
 }
 
+fmi_status fmi_get_clocks(fmi_instance *f, const char *call, const uint32_t vr[], size_t n, _Bool value[])
+{
+    fmi_status status = check_arrays(f, call, vr, n, value, n);
+    status = status == FMI_OK ? fmi_allow(f, call, CAN_GET_OUTPUT) : status;
+    for (size_t i = 0; i < n && status == FMI_OK; i++) {
+        const int64_t clock = (int64_t)vr[i] - GYRO_FIRST_CLOCK;
+        if (clock < 0) {
+            status = fmi_fail(f, call, "%s is %s, not a clock", name_of(vr[i]), type_names[type_of(vr[i])]);
+        } else if (clock >= GYRO_N_CLOCKS) {
+            status = fmi_fail(f, call, "no variable has the value reference %lu", (unsigned long)vr[i]);
+        }
+    }
+    for (size_t i = 0; i < n && status == FMI_OK; i++) {
+        value[i] = f->state == EVENT && f->ticking;
+    }
+    return status;
+}
+
 static double watch(void *watcher)
 {
     fmi_instance *f = watcher;

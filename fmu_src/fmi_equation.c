@@ -70,23 +70,6 @@ fmi_status fmi_update(fmi_instance *f, const char *call, int *jumped, double *ne
     return status;
 }
 
-fmi_status fmi_get_clocks(fmi_instance *f, const char *call, const uint32_t vr[], size_t n, _Bool value[])
-{
-    fmi_status status = fmi_allow(f, call, CAN_GET_OUTPUT);
-    if (status == FMI_OK && n > 0 && (vr == NULL || value == NULL)) {
-        status = fmi_fail(f, call, "%s is NULL; pass an array of %lu", vr == NULL ? "the value references" : "the values", (unsigned long)n);
-    }
-    for (size_t i = 0; i < n && status == FMI_OK; i++) {
-        if (vr[i] < GYRO_FIRST_CLOCK || vr[i] - GYRO_FIRST_CLOCK >= GYRO_N_CLOCKS) {
-            status = fmi_fail(f, call, "the variable %lu is no clock; this FMU has %d", (unsigned long)vr[i], (int)GYRO_N_CLOCKS);
-        }
-    }
-    for (size_t i = 0; i < n && status == FMI_OK; i++) {
-        value[i] = f->state == EVENT && f->ticking;
-    }
-    return status;
-}
-
 fmi_status fmi_set_time(fmi_instance *f, const char *call, double time)
 {
     fmi_status status = fmi_allow_exchange(f, call, CAN_SET_TIME);

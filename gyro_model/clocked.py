@@ -20,6 +20,7 @@ class ClockedModel(Model):
         "early. Without event mode v_x, v_y are latched, as in Gyroscope.",
     )
     LAYERS: ClassVar[tuple[str, ...]] = ("device", "full", "clocked")
+    TRACES: ClassVar[str] = Model.NAME
     STANDARDS: ClassVar[tuple[str, ...]] = ("fmi3",)
     CLOCKS: ClassVar[tuple[OutputClock, ...]] = (
         OutputClock("sample_clock", "ticks when v_x and v_y are sampled", ("v_x", "v_y")),
@@ -27,5 +28,6 @@ class ClockedModel(Model):
 
 
 def clocked_model(full: Model | None = None) -> ClockedModel:
-    """The form with a clock of ``full``, by default of the packaged model."""
-    return ClockedModel((full or load_model()).effects)
+    """The form with a clock of ``full``, by default of the packaged model; it starts as that does."""
+    full = full or load_model()
+    return ClockedModel(full.effects, full.starts)

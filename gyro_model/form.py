@@ -35,6 +35,8 @@ class Form:
     """The standards that there are FMUs for."""
     CLOCKS: ClassVar[tuple[OutputClock, ...]] = ()
     """What has clocks is for co-simulation alone."""
+    TRACES: ClassVar[str] = ""
+    """The form whose reference traces it meets too, by its name; "": it has its own."""
 
     effects: tuple[Effect, ...]
     starts: tuple[tuple[str, float], ...]

@@ -28,7 +28,7 @@ def package_files(model: Form, fmi: str) -> dict[str, bytes]:
         "documentation/index.html": documentation(model).encode(),
         "documentation/licenses/license.txt": _licence().read_bytes(),
     }
-    traces = {} if model.starts else packaged_experiments(model.NAME)
+    traces = {} if model.starts else packaged_experiments(model.TRACES or model.NAME)
     if traces:
         files |= {f"{FOLDER}/{name}": data for name, data in traces.items()}
         files[f"{FOLDER}/fmi-ls-manifest.xml"] = manifest()

@@ -101,13 +101,14 @@ def fmi3(model: Form, token: str, date: str) -> str:
     clocks = [first_clock(model) + i for i in range(len(model.CLOCKS))]
     for reference, clock in zip(clocks, model.CLOCKS, strict=True):
         names = {"name": clock.name, "valueReference": str(reference), "description": clock.description}
-        ET.SubElement(variables, "Clock", names, causality="output", variability="discrete", intervalVariability="triggered")
+        ticks = {"causality": "output", "variability": "discrete", "intervalVariability": "triggered"}
+        ET.SubElement(variables, "Clock", names | ticks)
     structure = ET.SubElement(root, "ModelStructure")
     rates = [state.rate_reference for state in states]
     groups = {
         "Output": [*_outputs(model), *clocks],
         "ContinuousStateDerivative": rates,
-        "InitialUnknown": _initial_unknowns(model),
+        "InitialUnknown": [*_initial_unknowns(model), *clocks],
     }
     for group, references in groups.items():
         for reference in references:

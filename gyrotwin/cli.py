@@ -63,7 +63,7 @@ COMMANDS: Final = {
     "device": _Entry("gyrotwin.commands.device:device_app", "Device files."),
     "build": _Entry(
         "gyrotwin.commands.build:build",
-        "Build Gyroscope, GyroscopeEnvelope and GyroscopeSensor for FMI 2.0 and FMI 3.0, and print where they are.",
+        "Build the FMUs Gyroscope, GyroscopeEnvelope, GyroscopeSensor and GyroscopeClocked, and print where they are.",
     ),
     "verify": _Entry(
         "gyrotwin.commands.verify:verify",

@@ -30,6 +30,7 @@ def test_installed_package_works_from_an_empty_folder(tmp_path: Path) -> None:
     )
     paths = [Path(line) for line in built.stdout.split()]
     assert [path.name for path in paths] == [
-        f"{name}.fmu" for name in ("Gyroscope", "GyroscopeEnvelope", "GyroscopeSensor") for _ in (2, 3)
+        *(f"{name}.fmu" for name in ("Gyroscope", "GyroscopeEnvelope", "GyroscopeSensor") for _ in (2, 3)),
+        "GyroscopeClocked.fmu",
     ]
     assert all(path.is_file() and ROOT not in path.parents for path in paths)

@@ -20,7 +20,7 @@ def build(
     force: bool = False,
     platforms: str | Sequence[str] = (),
 ) -> tuple[Path, ...]:
-    """Build the FMUs Gyroscope, GyroscopeEnvelope and GyroscopeSensor, FMI 2.0 and FMI 3.0.
+    """Build the FMUs Gyroscope, GyroscopeEnvelope, GyroscopeSensor, FMI 2.0 and 3.0, and GyroscopeClocked, FMI 3.0.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def build(
     Returns
     -------
     tuple of Path
-        Gyroscope for FMI 2.0 and 3.0, then GyroscopeEnvelope, then GyroscopeSensor.
+        Gyroscope for FMI 2.0 and 3.0, then GyroscopeEnvelope, then GyroscopeSensor, then GyroscopeClocked.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def build(
     --------
     >>> import gyrotwin as gt
     >>> [path.stem for path in gt.build()][::2]
-    ['Gyroscope', 'GyroscopeEnvelope', 'GyroscopeSensor']
+    ['Gyroscope', 'GyroscopeEnvelope', 'GyroscopeSensor', 'GyroscopeClocked']
 
     """
     from gyro_model.build import build_all

@@ -18,10 +18,10 @@ def build(
         Path | None, typer.Option(help="Also a system structure package (SSP) with the parameters of each device.")
     ] = None,
 ) -> None:
-    """Build Gyroscope, GyroscopeEnvelope and GyroscopeSensor for FMI 2.0 and FMI 3.0, and print where they are."""
+    """Build the FMUs Gyroscope, GyroscopeEnvelope, GyroscopeSensor and GyroscopeClocked, and print where they are."""
     from gyrotwin import api
 
-    with said_if_slow(f"compiling six FMUs{', a minute or two at first' if platforms else ', some 10 s'}"):
+    with said_if_slow(f"compiling seven FMUs{', a minute or two at first' if platforms else ', some 10 s'}"):
         paths = api.build(force=force, platforms=platforms)
     for path in paths:
         print(path)

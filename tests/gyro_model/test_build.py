@@ -55,6 +55,7 @@ ALLOWED = {
 FILES = {"fopen", "fread", "fclose", "ferror", "strcspn"}
 
 NAMES = ("Gyroscope", "GyroscopeEnvelope", "GyroscopeSensor")
+PATHS = [*(f"{fmi}/{name}.fmu" for name in NAMES for fmi in Fmus._fields), "fmi3/GyroscopeClocked.fmu"]
 FORMS = {"full": MODEL, "envelope": envelope_model(), "sensor": SensorModel()}
 
 posix = pytest.mark.skipif(shutil.which("nm") is None or sys.platform != "linux", reason="needs nm on Linux")
@@ -119,7 +120,7 @@ def test_what_is_no_fmu_of_this_model_is_built_anew(tmp_path: Path, monkeypatch:
 def test_all_forms_are_built_side_by_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(building, "_build_one", lambda *_: None)
     paths = [path.relative_to(tmp_path).as_posix() for path in build_all(folder=tmp_path)]
-    assert paths == [f"{fmi}/{name}.fmu" for name in NAMES for fmi in ("fmi2", "fmi3")]
+    assert paths == PATHS
 
 
 def test_each_form_has_a_token_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

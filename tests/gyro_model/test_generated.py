@@ -30,7 +30,7 @@ def test_update_writes_only_what_changed(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(build, "handwritten_folder", lambda: tmp_path)
     names = sorted(path for path in build.committed_files(MODEL) if path.is_relative_to(tmp_path))
     assert {path.parent.relative_to(tmp_path).as_posix() for path in names} == {
-        f"{layer}/generated" for layer in ("device", "full", "envelope", "sensor")
+        f"{layer}/generated" for layer in ("device", "full", "envelope", "sensor", "clocked")
     }
     assert sorted(build.update_generated()) == names
     assert build.update_generated() == []

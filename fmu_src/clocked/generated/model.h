@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{8f55602a-3470-d07e-ef71-9122e9f52de4}"
+#define GYRO_TOKEN "{d5cc42fa-3d50-5d2d-d78f-4f17ac307a89}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

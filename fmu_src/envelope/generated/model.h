@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{a40476a8-af7b-8e55-7bba-048bc244d888}"
+#define GYRO_TOKEN "{869af143-6de3-c3ed-2261-871fdb92172c}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

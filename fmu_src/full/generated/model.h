@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{30857ee1-f8a5-569c-2671-50f04dd487bd}"
+#define GYRO_TOKEN "{ce61b55d-43bb-f712-075c-6927007f97c6}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

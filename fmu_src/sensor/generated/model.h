@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{c1737678-6e8e-4e67-abc3-88ed3a640a49}"
+#define GYRO_TOKEN "{407e0ef7-c104-b658-8f05-e197dcd413c4}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
