@@ -357,7 +357,6 @@ fmi_status fmi_no_such_type(const fmi_instance *f, const char *call, const uint3
 fmi_status fmi_get_clocks(fmi_instance *f, const char *call, const uint32_t vr[], size_t n, _Bool value[])
 {
     fmi_status status = check_arrays(f, call, vr, n, value, n);
-    status = status == FMI_OK ? fmi_allow(f, call, CAN_GET_OUTPUT) : status;
     for (size_t i = 0; i < n && status == FMI_OK; i++) {
         const int64_t clock = (int64_t)vr[i] - GYRO_FIRST_CLOCK;
         if (clock < 0) {
@@ -366,6 +365,7 @@ fmi_status fmi_get_clocks(fmi_instance *f, const char *call, const uint32_t vr[]
             status = fmi_fail(f, call, "no variable has the value reference %lu", (unsigned long)vr[i]);
         }
     }
+    status = status == FMI_OK ? fmi_allow(f, call, CAN_GET_OUTPUT) : status;
     for (size_t i = 0; i < n && status == FMI_OK; i++) {
         value[i] = f->state == EVENT && f->ticking;
     }

@@ -4,7 +4,7 @@ Sample k is taken just before the force changes to u_k, which is held until the 
 when it is due.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -199,13 +199,36 @@ class _Simulation:
                 moving += [(v[i] - s[n + i]) / lag if lag > 0 else 0.0 for i in (0, 1)]
             return moving
 
-        result = solve_ivp(rate, (begin, end), state, method="DOP853", rtol=TOLERANCE, atol=self.negligible)
-        after = np.asarray(result.y[:, -1])
+        names = (*self.names, *(("v_x", "v_y") if self.lagging else ()))
+        after = _solved(rate, begin, end, state, self.negligible, names)
         if self.lagging and self.lag(end, after[:n], STILL, *context)[0] <= 0:
             # No lag: the voltage is there at once.
             after[n:] = self.voltage(end, after[:n], STILL, *context)
         self.memory = list(self.now(end, after[:n], STILL, *context))
         return after
+
+
+def _solved(
+    rate: Callable[[float, Floats], Any],
+    begin: float,
+    end: float,
+    state: Floats,
+    negligible: float | Floats,
+    names: Sequence[str],
+) -> Floats:
+    """The state at ``end``. Raises InputError where the integration does not come there, with the state that changes
+    fastest there relative to itself."""
+    result = solve_ivp(rate, (begin, end), state, method="DOP853", rtol=TOLERANCE, atol=negligible)
+    reached = np.asarray(result.y[:, -1])
+    if not result.success or not np.all(np.isfinite(reached)):
+        with np.errstate(all="ignore"):
+            haste = np.abs(np.asarray(rate(result.t[-1], reached), dtype=float)) / (np.abs(reached) + negligible)
+        worst = int(np.argmax(np.where(np.isfinite(haste), haste, np.inf)))
+        raise InputError(
+            f"reference from {begin:.9g} s to {end:.9g} s: DOP853 stopped at {result.t[-1]:.9g} s with {names[worst]} = "
+            f"{reached[worst]:.6g}, which changes fastest ({result.message}); check the sizes of effects on it"
+        )
+    return reached
 
 
 def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Mapping[str, Floats]) -> Floats:
@@ -240,6 +263,6 @@ def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Map
             moving = simulation.rate(time, own, STILL, *context)
             return np.concatenate((moving, (jacobian @ derivative + forcing).ravel()))
 
-        result = solve_ivp(rate, (t[k], t[k + 1]), rows[-1], method="DOP853", rtol=TOLERANCE, atol=1e-24)
-        rows.append(result.y[:, -1])
+        labels = (*simulation.names, *(f"d{state}/d{name}" for state in simulation.names for name in names))
+        rows.append(_solved(rate, t[k], t[k + 1], rows[-1], 1e-24, labels))
     return np.array(rows)[:, n:].reshape(len(t), n, len(names))

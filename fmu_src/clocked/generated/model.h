@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{d5cc42fa-3d50-5d2d-d78f-4f17ac307a89}"
+#define GYRO_TOKEN "{ae9ec836-f0fd-48fc-02b9-282ddf292dd7}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

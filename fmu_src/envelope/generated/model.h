@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{869af143-6de3-c3ed-2261-871fdb92172c}"
+#define GYRO_TOKEN "{df73f1ad-275e-4522-8fd7-18989194d6c2}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

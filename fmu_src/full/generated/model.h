@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{ce61b55d-43bb-f712-075c-6927007f97c6}"
+#define GYRO_TOKEN "{bbf67670-5a56-6673-dca6-8d9f18d3a532}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{407e0ef7-c104-b658-8f05-e197dcd413c4}"
+#define GYRO_TOKEN "{245b935f-acd7-81f5-7909-97abcefcea74}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
