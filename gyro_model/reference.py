@@ -225,8 +225,8 @@ def _solved(
             haste = np.abs(np.asarray(rate(result.t[-1], reached), dtype=float)) / (np.abs(reached) + negligible)
         worst = int(np.argmax(np.where(np.isfinite(haste), haste, np.inf)))
         raise InputError(
-            f"reference from {begin:.9g} s to {end:.9g} s: DOP853 stopped at {result.t[-1]:.9g} s with {names[worst]} = "
-            f"{reached[worst]:.6g}, which changes fastest ({result.message}); check the sizes of effects on it"
+            f"reference from {begin:.9g} s to {end:.9g} s: DOP853 stopped at {result.t[-1]:.9g} s with {names[worst]} "
+            f"= {reached[worst]:.6g}, which changes fastest ({result.message}); check the sizes of effects on it"
         )
     return reached
 
