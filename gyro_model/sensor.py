@@ -1,7 +1,9 @@
 """The gyroscope as a datasheet knows it: rate in, rate out, with the errors of its output, for system models.
 
-    u = s(T, V, Ω) (Ω_z + μ_x Ω_x + μ_y Ω_y) + b(T, V, a) + h(T) + turn-on + white + flicker + walk + self-test
+    u = s(T, V, Ω) (Ω_z + μ_x Ω_x + μ_y Ω_y) + b(T, V, a) + turn-on + white + flicker + walk + self-test
     analogue output = F u,  sample = the same, limited to ± full scale and rounded to whole steps
+
+s and b have hysteresis: they follow where the temperature came from, by the play operators of thermal hysteresis.
 
 ``fmu_src/sensor`` says how each is computed; ``calibration.sensor.model`` finds the numbers of a datasheet.
 """
@@ -86,6 +88,8 @@ PARAMETER_TABLE: Final = (
     ),
     _q("parameter", "thermal_hysteresis", "rad/s", 0.0, "bias after warming less that after cooling, half of it",
        nominal=1e-4, display="deg/s"),
+    _q("parameter", "scale_factor_hysteresis", "1", 0.0,
+       "scale factor after warming less that after cooling, half of it", nominal=1e-3),
     *(replace(width, role="parameter") for width in WIDTHS),
     _q("parameter", "temperature_low", "K", 233.15, "below it bias and scale factor change no more", 0.0,
        display="degC"),

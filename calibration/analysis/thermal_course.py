@@ -28,14 +28,12 @@ SMOOTH: Final = 1e-3
 
 
 class ThermalCourse(NamedTuple):
-    """lag τ [s]; hysteresis h with its standard error, and the curve at the knots, in the unit of the bias; residual:
-    rms, in the same."""
+    """lag τ [s]; hysteresis h and the curve at the knots, in the unit of the bias. No errors: what is left is the
+    model's, and not white; ``returns.side`` measures hysteresis with its error."""
 
     lag: float
     hysteresis: float
-    hysteresis_error: float
     curve: Floats
-    residual: float
 
 
 def basis(temperature: Floats, knots: Floats) -> Floats:
@@ -101,28 +99,26 @@ def thermal_course(
     still = weight * np.column_stack([basis(settled[0], knots), np.zeros((len(settled[0]), 2))])
     data = np.concatenate([bias, weight * settled[1]])
 
-    def solved(lag: float) -> tuple[Floats, Floats, float]:
+    def solved(lag: float) -> tuple[Floats, float]:
         temperature = followed(ambient, interval, lag)
         record = np.column_stack([basis(temperature, knots), pushed(temperature, widths), np.ones(len(temperature))])
         return _solved(np.vstack([record, still]), data, 2)
 
     tried = np.geomspace(SHORTEST, LONGEST, 30)
-    best = int(np.argmin([solved(lag)[2] for lag in tried]))
+    best = int(np.argmin([solved(lag)[1] for lag in tried]))
     edges = np.log([tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)]])
-    found = minimize_scalar(lambda e: solved(float(np.exp(e)))[2], bounds=edges, method="bounded")
+    found = minimize_scalar(lambda e: solved(float(np.exp(e)))[1], bounds=edges, method="bounded")
     lag = float(np.exp(found.x))
-    values, errors, residual = solved(lag)
+    values, _ = solved(lag)
     n = len(knots)
-    return ThermalCourse(lag, float(values[n]), float(errors[n]), values[:n], residual)
+    return ThermalCourse(lag, float(values[n]), values[:n])
 
 
-def _solved(design: Floats, data: Floats, others: int) -> tuple[Floats, Floats, float]:
-    """Values, standard errors, residual rms; of the unknowns all but the last ``others`` are knots."""
+def _solved(design: Floats, data: Floats, others: int) -> tuple[Floats, float]:
+    """Values and the residual's rms; of the unknowns all but the last ``others`` are knots."""
     unknowns = design.shape[1]
     bend = np.diff(np.eye(unknowns - others), n=2, axis=0)
     smooth = SMOOTH * np.column_stack([bend, np.zeros((len(bend), others))])
     every = np.vstack([design, smooth])
     values = np.linalg.lstsq(every, np.concatenate([data, np.zeros(len(smooth))]), rcond=None)[0]
-    residual = float(np.sqrt(np.mean((data - design @ values) ** 2)))
-    errors = residual * np.sqrt(np.diag(np.linalg.pinv(every.T @ every)))
-    return values, errors, residual
+    return values, float(np.sqrt(np.mean((data - design @ values) ** 2)))

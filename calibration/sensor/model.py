@@ -7,6 +7,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.analysis.staircase import PPM
 from calibration.analysis.thermal_course import curve_through, thermal_course
 from calibration.datasheet.procedures.temperature import SHARE
 from calibration.sensor.bandwidth import Section, fit_noise_lead, fit_sections
@@ -72,6 +73,8 @@ def sensor_parameters(content: Mapping[str, Any], sample_rate: float) -> dict[st
     bent = _nonlinearity(curves)
     # The scale factor over temperature is that at a part of full scale, with what the rate does to it there.
     excess = bent["nonlinearity_3"] * (SHARE * numbers.full_scale) ** 2
+    left = figures.get("scale_factor_hysteresis", {}).get("value")
+    found["scale_factor_hysteresis"] = (left or 0.0) / PPM / 2
     return found | _bandwidth(curves, frequency, edge) | bent | _thermal(curves, excess)
 
 

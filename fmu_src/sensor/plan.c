@@ -45,7 +45,7 @@ gyro_status gyro_prepare(gyro_instance *g)
                         p[GYRO_INTERNAL_STEP]);
         g->plan.knots_a_kelvin = (GYRO_KNOTS - 1) / (p[GYRO_TEMPERATURE_HIGH] - p[GYRO_TEMPERATURE_LOW]);
         for (int i = 0; i < GYRO_PLAYS; i++) {
-            g->plan.push[i] = p[GYRO_THERMAL_HYSTERESIS] / (GYRO_PLAYS * p[GYRO_THERMAL_HYSTERESIS_WIDTH_1 + i]);
+            g->plan.push[i] = 1.0 / (GYRO_PLAYS * p[GYRO_THERMAL_HYSTERESIS_WIDTH_1 + i]);
         }
         gyro_plan_cuts(g);
         /* Inputs may have been set that do not act yet. */

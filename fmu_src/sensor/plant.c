@@ -35,23 +35,24 @@ static double value_at(gyro_place place, const double *knot)
     return place.weight[0] * before + place.weight[1] * knot[i] + place.weight[2] * knot[i + 1] + place.weight[3] * after;
 }
 
-/* The rate [rad/s] that the sensor takes for the true one, before its bandwidth. */
-static double measured(const double p[GYRO_N_VARIABLES], gyro_place place, double dv)
+/* The rate [rad/s] that the sensor takes for the true one, before its bandwidth; `side` in -1 ... 1 is where the temperature came from. */
+static double measured(const double p[GYRO_N_VARIABLES], gyro_place place, double dv, double side)
 {
     const double rate = p[GYRO_OMEGA_Z] + p[GYRO_MISALIGNMENT_X] * p[GYRO_OMEGA_X] + p[GYRO_MISALIGNMENT_Y] * p[GYRO_OMEGA_Y];
-    const double scale = p[GYRO_SCALE_FACTOR] + value_at(place, &p[GYRO_SCALE_FACTOR_TEMPERATURE_0]) + p[GYRO_SCALE_FACTOR_SUPPLY] * dv;
+    const double scale = p[GYRO_SCALE_FACTOR] + value_at(place, &p[GYRO_SCALE_FACTOR_TEMPERATURE_0]) + p[GYRO_SCALE_FACTOR_SUPPLY] * dv +
+                         p[GYRO_SCALE_FACTOR_HYSTERESIS] * side;
     return (scale + (p[GYRO_NONLINEARITY_2] + p[GYRO_NONLINEARITY_3] * rate) * rate) * rate;
 }
 
-static double bias(const double p[GYRO_N_VARIABLES], gyro_place place, double dv)
+static double bias(const double p[GYRO_N_VARIABLES], gyro_place place, double dv, double side)
 {
-    return p[GYRO_BIAS] + value_at(place, &p[GYRO_BIAS_TEMPERATURE_0]) + p[GYRO_BIAS_SUPPLY] * dv +
+    return p[GYRO_BIAS] + value_at(place, &p[GYRO_BIAS_TEMPERATURE_0]) + p[GYRO_BIAS_SUPPLY] * dv + p[GYRO_THERMAL_HYSTERESIS] * side +
            p[GYRO_ACCELERATION_SENSITIVITY_X] * p[GYRO_A_X] + p[GYRO_ACCELERATION_SENSITIVITY_Y] * p[GYRO_A_Y] +
            p[GYRO_ACCELERATION_SENSITIVITY_Z] * p[GYRO_A_Z];
 }
 
-/* What the temperature leaves behind as it turns. */
-static double hysteresis(const gyro_instance *g)
+/* 1 far along on the way up, -1 on the way down: the mean of the play operators. */
+static double side_of(const gyro_instance *g)
 {
     double sum = 0.0;
     for (int i = 0; i < GYRO_PLAYS; i++) {
@@ -64,7 +65,8 @@ void gyro_find_input(gyro_instance *g, const double p[GYRO_N_VARIABLES])
 {
     const gyro_place place = place_of(g, p);
     const double dv = p[GYRO_SUPPLY] - p[GYRO_SUPPLY_REF];
-    double input = measured(p, place, dv) + bias(p, place, dv) + hysteresis(g) + g->memory.turn_on;
+    const double side = side_of(g);
+    double input = measured(p, place, dv, side) + bias(p, place, dv, side) + g->memory.turn_on;
     if (p[GYRO_SELF_TEST] != 0.0) {
         input += p[GYRO_SELF_TEST_RATE];
     }

@@ -21,7 +21,7 @@ typedef struct {
     gyro_filter filter;
     gyro_drift_plan drift;
     double knots_a_kelvin;          /* of the tables over temperature */
-    double push[GYRO_PLAYS];        /* of each play operator, rad/s a kelvin */
+    double push[GYRO_PLAYS];        /* of each play operator, 1/K */
 } gyro_plan;
 
 /* Changes with time; with the values it is all that a snapshot holds. */

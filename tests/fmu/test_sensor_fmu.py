@@ -35,6 +35,7 @@ BUSY = {
     "acceleration_sensitivity_x": 1e-4,
     "acceleration_sensitivity_z": -2e-4,
     "thermal_hysteresis": 1e-2,
+    "scale_factor_hysteresis": 1e-2,
     "structure_lag": 0.05,
     "supply_low": 2.0,
     "start_up_time": 3.3e-3,

@@ -70,6 +70,7 @@ const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {
     {"acceleration_sensitivity_y", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"acceleration_sensitivity_z", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"thermal_hysteresis", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
+    {"scale_factor_hysteresis", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"thermal_hysteresis_width_1", GYRO_PARAMETER, GYRO_REAL, 2.0, 1e-06, GYRO_UNBOUNDED},
     {"thermal_hysteresis_width_2", GYRO_PARAMETER, GYRO_REAL, 6.0, 1e-06, GYRO_UNBOUNDED},
     {"thermal_hysteresis_width_3", GYRO_PARAMETER, GYRO_REAL, 18.0, 1e-06, GYRO_UNBOUNDED},

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{245b935f-acd7-81f5-7909-97abcefcea74}"
+#define GYRO_TOKEN "{74607e25-79f4-6a8a-c5b7-1a276028fcf0}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -74,47 +74,48 @@ enum {
     GYRO_ACCELERATION_SENSITIVITY_Y = 56, /* [rad.s/m] parameter: change of the bias with a_y */
     GYRO_ACCELERATION_SENSITIVITY_Z = 57, /* [rad.s/m] parameter: change of the bias with a_z */
     GYRO_THERMAL_HYSTERESIS = 58, /* [rad/s] parameter: bias after warming less that after cooling, half of it */
-    GYRO_THERMAL_HYSTERESIS_WIDTH_1 = 59, /* [K] parameter: half width of play operator 1 */
-    GYRO_THERMAL_HYSTERESIS_WIDTH_2 = 60, /* [K] parameter: half width of play operator 2 */
-    GYRO_THERMAL_HYSTERESIS_WIDTH_3 = 61, /* [K] parameter: half width of play operator 3 */
-    GYRO_TEMPERATURE_LOW = 62, /* [K] parameter: below it bias and scale factor change no more */
-    GYRO_TEMPERATURE_HIGH = 63, /* [K] parameter: above it bias and scale factor change no more */
-    GYRO_STRUCTURE_LAG = 64, /* [s] parameter: time constant of the structure's temperature */
-    GYRO_SUPPLY_REF = 65, /* [V] parameter: supply at which bias and scale factor are as given */
-    GYRO_SUPPLY_LOW = 66, /* [V] parameter: the sensor is off below it, and turns on anew above it */
-    GYRO_START_UP_TIME = 67, /* [s] parameter: from turning on to the first valid output */
-    GYRO_FILTER_FREQUENCY_1 = 68, /* [Hz] parameter: natural frequency of section 1 */
-    GYRO_FILTER_DAMPING_1 = 69, /* [1] parameter: damping ratio of section 1 */
-    GYRO_FILTER_LEAD_1 = 70, /* [s] parameter: time constant of the zero of section 1 */
-    GYRO_FILTER_FREQUENCY_2 = 71, /* [Hz] parameter: natural frequency of section 2 */
-    GYRO_FILTER_DAMPING_2 = 72, /* [1] parameter: damping ratio of section 2 */
-    GYRO_FILTER_LEAD_2 = 73, /* [s] parameter: time constant of the zero of section 2 */
-    GYRO_NOISE_LEAD = 74, /* [s] parameter: time constant of the zero of section 1 for noise */
-    GYRO_ANGLE_RANDOM_WALK = 75, /* [rad/s0.5] parameter: N: white noise */
-    GYRO_BIAS_INSTABILITY = 76, /* [rad/s] parameter: B: flicker noise, flat Allan deviation 0.664 B */
-    GYRO_RATE_RANDOM_WALK = 77, /* [rad/s1.5] parameter: K: random walk of the rate */
-    GYRO_TURN_ON = 78, /* [rad/s] parameter: bias of a turn-on, rms */
-    GYRO_FULL_SCALE = 79, /* [rad/s] parameter: largest sample either way */
-    GYRO_LSB = 80, /* [rad/s] parameter: step of the samples; 0: they are not rounded */
-    GYRO_SELF_TEST_RATE = 81, /* [rad/s] parameter: by which the self-test pushes the output */
-    GYRO_INTERNAL_STEP = 82, /* [s] parameter: between draws of noise, which is held */
-    GYRO_SAMPLE_PERIOD = 83, /* [s] parameter: time between samples */
-    GYRO_SEED = 84, /* [1] parameter: seed of all noises */
-    GYRO_STEP_LIMIT = 85, /* [1] parameter: internal steps after which a step ends early; 0: none */
+    GYRO_SCALE_FACTOR_HYSTERESIS = 59, /* [1] parameter: scale factor after warming less that after cooling, half of it */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_1 = 60, /* [K] parameter: half width of play operator 1 */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_2 = 61, /* [K] parameter: half width of play operator 2 */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_3 = 62, /* [K] parameter: half width of play operator 3 */
+    GYRO_TEMPERATURE_LOW = 63, /* [K] parameter: below it bias and scale factor change no more */
+    GYRO_TEMPERATURE_HIGH = 64, /* [K] parameter: above it bias and scale factor change no more */
+    GYRO_STRUCTURE_LAG = 65, /* [s] parameter: time constant of the structure's temperature */
+    GYRO_SUPPLY_REF = 66, /* [V] parameter: supply at which bias and scale factor are as given */
+    GYRO_SUPPLY_LOW = 67, /* [V] parameter: the sensor is off below it, and turns on anew above it */
+    GYRO_START_UP_TIME = 68, /* [s] parameter: from turning on to the first valid output */
+    GYRO_FILTER_FREQUENCY_1 = 69, /* [Hz] parameter: natural frequency of section 1 */
+    GYRO_FILTER_DAMPING_1 = 70, /* [1] parameter: damping ratio of section 1 */
+    GYRO_FILTER_LEAD_1 = 71, /* [s] parameter: time constant of the zero of section 1 */
+    GYRO_FILTER_FREQUENCY_2 = 72, /* [Hz] parameter: natural frequency of section 2 */
+    GYRO_FILTER_DAMPING_2 = 73, /* [1] parameter: damping ratio of section 2 */
+    GYRO_FILTER_LEAD_2 = 74, /* [s] parameter: time constant of the zero of section 2 */
+    GYRO_NOISE_LEAD = 75, /* [s] parameter: time constant of the zero of section 1 for noise */
+    GYRO_ANGLE_RANDOM_WALK = 76, /* [rad/s0.5] parameter: N: white noise */
+    GYRO_BIAS_INSTABILITY = 77, /* [rad/s] parameter: B: flicker noise, flat Allan deviation 0.664 B */
+    GYRO_RATE_RANDOM_WALK = 78, /* [rad/s1.5] parameter: K: random walk of the rate */
+    GYRO_TURN_ON = 79, /* [rad/s] parameter: bias of a turn-on, rms */
+    GYRO_FULL_SCALE = 80, /* [rad/s] parameter: largest sample either way */
+    GYRO_LSB = 81, /* [rad/s] parameter: step of the samples; 0: they are not rounded */
+    GYRO_SELF_TEST_RATE = 82, /* [rad/s] parameter: by which the self-test pushes the output */
+    GYRO_INTERNAL_STEP = 83, /* [s] parameter: between draws of noise, which is held */
+    GYRO_SAMPLE_PERIOD = 84, /* [s] parameter: time between samples */
+    GYRO_SEED = 85, /* [1] parameter: seed of all noises */
+    GYRO_STEP_LIMIT = 86, /* [1] parameter: internal steps after which a step ends early; 0: none */
     GYRO_N_INPUTS = 9, /* which come first */
-    GYRO_N_VARIABLES = 86
+    GYRO_N_VARIABLES = 87
 };
 
 /* The motion as a differential equation: continuous states, the voltages behind the amplifier's lag, what lags, what
    flows. Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {
     GYRO_N_CONTINUOUS = 1,
-    GYRO_FIRST_LOCAL = 87, /* value reference */
+    GYRO_FIRST_LOCAL = 88, /* value reference */
     GYRO_N_LOCALS = 0
 };
 
 /* Output clocks, which tick at samples; value references beyond all other variables. */
-enum { GYRO_FIRST_CLOCK = 87, GYRO_N_CLOCKS = 0 };
+enum { GYRO_FIRST_CLOCK = 88, GYRO_N_CLOCKS = 0 };
 
 typedef enum {
     GYRO_INPUT,

@@ -79,17 +79,19 @@ def test_temperature_lag_curve_and_hysteresis(simulated: Callable[..., Any]) -> 
     curve = rng.uniform(-0.1, 0.1, KNOTS)
     parameters = {
         **FAST, "temperature_low": knots[0], "temperature_high": knots[-1], "thermal_hysteresis": 0.05, "bias": 0.2,
-        "structure_lag": 40.0, "internal_step": 0.1, **{f"bias_temperature_{k}": v for k, v in enumerate(curve)},
+        "structure_lag": 40.0, "internal_step": 0.1, "scale_factor_hysteresis": 0.1,
+        **{f"bias_temperature_{k}": v for k, v in enumerate(curve)},
     }  # fmt: skip
     t = np.arange(0.0, 400.0)
     ambient = 300 + 60 * np.sin(t / 30) + 10 * np.sin(t / 7)
-    found = simulated(t, parameters, temperature=ambient)
+    found = simulated(t, parameters, temperature=ambient, omega_z=np.full(len(t), 0.3))
     # The FMU holds the ambient temperature over a row.
     structure = np.concatenate([ambient[:1], np.zeros(len(t) - 1)])
     for k in range(1, len(t)):
         structure[k] = structure[k - 1] + (ambient[k - 1] - structure[k - 1]) * (1 - np.exp(-1 / 40.0))
     assert found["temperature_structure"] == pytest.approx(structure, abs=1e-9)
-    expected = 0.2 + basis(structure, knots) @ curve + 0.05 * pushed(structure, [w.start for w in WIDTHS])
+    side = pushed(structure, [w.start for w in WIDTHS])
+    expected = 0.3 * (1 + 0.1 * side) + 0.2 + basis(structure, knots) @ curve + 0.05 * side
     # The output is of the temperature one internal step ago: 0.1 s of some K/s and 0.1 rad/s a knot of 6 K.
     assert np.abs(found["rate"] - expected).max() < 0.01
     assert np.std(found["rate"] - expected) < 0.02 * np.std(expected)
@@ -202,7 +204,7 @@ def test_lag_and_hysteresis_of_a_known_course_come_back() -> None:
     knots = np.linspace(233.0, 358.0, KNOTS)
     found = thermal_course(ambient, bias, 5.0, (still, 0.3 * np.sin(still / 15)), knots, widths)
     assert found.lag == pytest.approx(150.0, rel=0.02)
-    assert found.hysteresis == pytest.approx(0.02, abs=3 * found.hysteresis_error + 1e-3)
+    assert found.hysteresis == pytest.approx(0.02, abs=1e-3)
     assert basis(temperature, knots) @ found.curve == pytest.approx(0.3 * np.sin(temperature / 15), abs=0.01)
 
 
@@ -226,7 +228,7 @@ def datasheet() -> dict[str, Any]:
         "angle_random_walk": (0.1, 0.001), "rate_random_walk": (2.0, 0.1), "flicker": (1.0, 0.01), "bias": (2.0, 0.01),
         "bias_repeatability": (5.0, 1.0), "scale_factor": (0.99, 1e-4), "full_scale": (300.0, None),
         "bias_slope": (-10.0, 0.1), "scale_factor_slope": (300.0, 1.0), "bandwidth": (30.0, 0.1),
-        "turn_on_output": (0.05, 0.001), "acceleration_x": (0.1, 0.01),
+        "turn_on_output": (0.05, 0.001), "acceleration_x": (0.1, 0.01), "scale_factor_hysteresis": (-3000.0, 2.0),
     }  # fmt: skip
     figures = [{"id": name, "value": v, "error": e, "expected": None} for name, (v, e) in values.items()]
     next(f for f in figures if f["id"] == "bias_repeatability")["expected"] = 3.0
@@ -248,6 +250,7 @@ def test_parameters_are_those_of_the_datasheet() -> None:
     SensorModel().starting_at(found)
     assert found["sample_period"] == 1 / 200
     assert found["start_up_time"] == 0.05
+    assert found["scale_factor_hysteresis"] == pytest.approx(-1.5e-3)  # half of it
     assert found["turn_on"] == pytest.approx(np.radians(4.0) / 3600)  # √(5² - 3²)
     assert found["acceleration_sensitivity_x"] == pytest.approx(np.radians(0.1) / 9.80665)
     # 100 ppm of full scale at full scale, by the cube.
