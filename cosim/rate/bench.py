@@ -13,7 +13,7 @@ from cosim.rate import loop
 from cosim.rate.courses import Course, constant
 from cosim.rate.master import LoopedPlant, simulate
 from cosim.rate.run import RateRun
-from cosim.rate.steady_state import COVERED, Output, output_at
+from cosim.rate.steady_state import Output, covers, output_at
 from gyro_model.anatomy import Follow
 from gyro_model.device import Device
 
@@ -147,11 +147,13 @@ class Bench:
     @cached_property
     def left_out(self) -> tuple[str, ...]:
         """Effects that act on the settled output and of which the harmonic balance does not know."""
-        known = (*COVERED, *(("actuator_delay",) if self.design is None else ()))
+        known = ("actuator_delay",) if self.design is None else ()
         return tuple(
             effect.id
             for effect in self.device.model.effects
-            if not (effect.nominal or effect.noise or isinstance(effect, Follow) or effect.id in known)
+            if not (
+                effect.nominal or effect.noise or isinstance(effect, Follow) or covers(effect) or effect.id in known
+            )
             and self.device.acts(effect)
         )
 

@@ -8,32 +8,22 @@ of motion (TW 201137310, eq. 1) become
     C_xy = kxy + iω dxy - 2iλmωΩ,   C_yx = kxy + iω dxy + 2iλmωΩ
 
 Signs and phases are those of x: a positive real envelope is in phase with x, the velocity leads it by 90 degrees, and
-so does the drive force at resonance. Covered: the effects of ``COVERED``; whatever else acts is left out.
+so does the drive force at resonance. ``covers`` says of which effects this knows; whatever else acts is left
+out. x swings, y is small: of a cubic spring only k3_x.
 """
 
+from functools import cache
 from math import pi, sqrt
 from typing import Final, NamedTuple
 
 from scipy.optimize import brentq
 
+from gyro_model.anatomy import Effect, Law
 from gyro_model.device import Device
 from gyro_model.errors import InputError
 from gyro_model.evaluate import evaluate
+from gyro_model.symbols import after, since, t
 
-COVERED: Final = (
-    "cubic_stiffness",
-    "angular_gain",
-    "thermal_stiffness",
-    "thermal_damping",
-    "thermal_gain",
-    "thermal_phase",
-    "parasitic_mode",
-    "actuator_misalignment",
-    "actuator_gain_mismatch",
-    "pickoff_gain_mismatch",
-    "amplifier_bandwidth",
-)
-"""Effects that the harmonic balance knows; x swings, y is small, so of cubic_stiffness only k3_x."""
 SEARCH: Final = 0.02
 """The drive frequency is looked for within this of the x mode, relative; a parasitic mode pulls it by less."""
 RATE_STEP: Final = 1e-3
@@ -65,12 +55,44 @@ class Settled(NamedTuple):
     sense: complex
 
 
+class _Watched(dict[str, float]):
+    """Parameters that note which of them are read."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.read: set[str] = set()
+
+    def __missing__(self, name: str) -> float:
+        self.read.add(name)
+        return 0.5
+
+
+@cache
+def parameters_read() -> frozenset[str]:
+    """Names of the parameters that the equations have in them."""
+    watched = _Watched()
+    for closed in (False, True):
+        _force(watched, Drive(1.0, 1.0 + 0.0j, closed), 0.0, 1.0)
+    return frozenset(watched.read)
+
+
+def covers(effect: Effect) -> bool:
+    """Whether the equations know an effect: of a law, that it is settled where its temperatures are and changes only
+    what they read; of any other, that they read a parameter of its own."""
+    if effect.noise:
+        return False
+    if not isinstance(effect, Law):
+        return any(parameter.name in parameters_read() for parameter in effect.parameters)
+    moving = {t, after, since} & {symbol for expr in effect.terms().values() for symbol in expr.free_symbols}
+    return not (moving or effect.memories) and {target.name for target in effect.changes} <= parameters_read()
+
+
 def parameters_at(device: Device, temperature: float) -> dict[str, float]:
     """The FMU parameters that hold once structure and circuit are at ``temperature`` [K]."""
     values = device.all_parameters
     values |= {"temperature_structure": temperature, "temperature_circuit": temperature}
     for law in device.model.laws:
-        if device.acts(law) and law.id in COVERED:
+        if device.acts(law) and covers(law):
             values |= {name: float(value) for name, value in evaluate(law, values).items()}
     return values
 

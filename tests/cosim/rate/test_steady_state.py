@@ -1,16 +1,23 @@
 """The settled rate mode against hand formulas, and the packaged device against Liu et al. 2014."""
 
+from dataclasses import replace
 from math import pi, sqrt
 
 import numpy as np
 import pytest
+from sympy import Expr, Symbol
 
 from benchmarks.rate_device import solve
 from cosim.rate.courses import ZERO_CELSIUS
 from cosim.rate.settings import settings_of
-from cosim.rate.steady_state import RATE_STEP, calibrate, output_at, parameters_at, settle
+from cosim.rate.steady_state import RATE_STEP, calibrate, covers, output_at, parameters_at, settle
+from gyro_model.anatomy import Law
 from gyro_model.device import Device, load_device
+from gyro_model.effects.thermal_stiffness import EFFECT as THERMAL_STIFFNESS
 from gyro_model.errors import InputError
+from gyro_model.model import load_model
+from gyro_model.quantities import size
+from gyro_model.symbols import kxx, t, temperature_structure, v_bias
 
 M, W_X, W_Y, Q_X, Q_Y, GAIN, AMPLITUDE = 2e-8, 2 * pi * 5000, 2 * pi * 5050, 5000.0, 600.0, 1e6, 4e-6
 RANGE = np.array([-20.0, 0.0, 20.0, 40.0, 60.0])
@@ -149,3 +156,21 @@ def test_packaged_device_is_of_its_class() -> None:
     assert 100 < np.rad2deg(p["kxy"] / (2 * p["m"] * w)) < 500
     assert 40 < (sqrt(p["kyy"] / p["m"]) - w) / 2 / pi < 60
     assert abs(p["dxy"]) < 0.01 * p["dyy"]
+
+
+def test_the_balance_knows_the_effects_that_its_equations_read() -> None:
+    known = {effect.id for effect in load_model().effects if covers(effect) and not effect.nominal}
+    laws = {"thermal_stiffness", "thermal_damping", "thermal_gain", "thermal_phase"}
+    chain = {"actuator_misalignment", "actuator_gain_mismatch", "pickoff_gain_mismatch", "amplifier_bandwidth"}
+    assert known == laws | chain | {"cubic_stiffness", "angular_gain", "parasitic_mode"}
+
+
+def test_a_law_of_ones_own_is_known_where_it_settles() -> None:
+    rise = size("rise", "1/K", "rise of the drive stiffness")
+
+    def law(target: Symbol, expr: Expr) -> Law:
+        return replace(THERMAL_STIFFNESS, id="own", parameters=(rise,), changes={target: expr})
+
+    assert covers(law(kxx, kxx * (1 + rise.symbol * temperature_structure)))
+    assert not covers(law(kxx, kxx * (1 + rise.symbol * t)))  # never settles
+    assert not covers(law(v_bias, v_bias * (1 + rise.symbol)))  # no equation reads it
