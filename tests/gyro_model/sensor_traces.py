@@ -33,7 +33,7 @@ CASES: Mapping[str, dict[str, float]] = {
     },
     "temperature": {
         **_FILTER, "temperature_low": 280.0, "temperature_high": 325.0, "structure_lag": 0.2,
-        "thermal_hysteresis": 0.02,
+        "thermal_hysteresis": 0.02, "scale_factor_hysteresis": -0.015,
         **{f"bias_temperature_{k}": round(0.03 * ((3 * k) % 7 - 3), 3) for k in range(KNOTS)},
         **{f"scale_factor_temperature_{k}": round(0.01 * ((5 * k) % 11 - 4), 3) for k in range(KNOTS)},
     },
@@ -171,9 +171,10 @@ class _Sensor:
         scale += p["nonlinearity_2"] * rate + p["nonlinearity_3"] * rate**2
         bias = p["bias"] + self.curves["bias"](t) + p["bias_supply"] * dv
         bias += sum(p[f"acceleration_sensitivity_{a}"] * i[f"a_{a}"] for a in "xyz")
-        behind = ((self.temperature - z) / w for z, w in zip(self.play, self.widths, strict=True))
-        hysteresis = p["thermal_hysteresis"] / 3 * sum(behind)
-        return float(scale * rate + bias + hysteresis + self.turn_on + i["self_test"] * p["self_test_rate"])
+        side = sum((self.temperature - z) / w for z, w in zip(self.play, self.widths, strict=True)) / 3
+        scale += p["scale_factor_hysteresis"] * side
+        bias += p["thermal_hysteresis"] * side
+        return float(scale * rate + bias + self.turn_on + i["self_test"] * p["self_test_rate"])
 
 
 def simulated(p: Mapping[str, float], t: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
