@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{74607e25-79f4-6a8a-c5b7-1a276028fcf0}"
+#define GYRO_TOKEN "{a1da3d6f-ae5d-98a6-af5c-295762a5264e}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
