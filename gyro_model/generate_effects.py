@@ -1,89 +1,39 @@
-"""Writes ``effects.h``: one C function an effect, then the stages that call those that are active. Formulae are
+"""Writes ``effects.h``: the functions of every effect, then the stages that call those that are active. Formulae are
 printed as they stand in the effect files, one function each, nothing shared between them."""
 
 import re
 import textwrap
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
-from functools import lru_cache
-from itertools import combinations_with_replacement
+from collections.abc import Iterable, Sequence
 
-from sympy import Expr, Symbol, diff, sympify
+from sympy import Symbol
 
 from gyro_model import symbols
-from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map, Memory
+from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Lag, Law, Map
 from gyro_model.c_printing import (
     STAMP,
     c_double,
-    c_expression,
     effect_macro,
     lagging_macro,
     macro,
     memory_macro,
     state_macro,
 )
+from gyro_model.effect_functions import (
+    Places,
+    added_forces,
+    called,
+    follow_function,
+    follows_of,
+    force_call,
+    force_function,
+    guarded,
+    law_function,
+    map_functions,
+    memory_functions,
+)
+from gyro_model.linear_forces import is_linear, linear_parts, unsteady
 from gyro_model.model import Model, chain
-
-
-def _comment(text: str) -> str:
-    lines = text.strip().splitlines()
-    body = "\n".join(f"   {line}".rstrip() for line in lines[1:])
-    return f"/* {lines[0]}" + (f"\n{body}" if body else "") + " */\n"
-
-
-def _rate_of(symbol: Symbol) -> Symbol:
-    return Symbol(f"{symbol.name}_rate", real=True)
-
-
-_SIGNALS = {
-    symbol: f"{array}[{axis}]"
-    for array, pair in {
-        "u": (symbols.u_x, symbols.u_y),
-        "q": (symbols.q_x, symbols.q_y),
-        "v": (symbols.v_x, symbols.v_y),
-        "q_rate": (_rate_of(symbols.q_x), _rate_of(symbols.q_y)),
-        "v_rate": (symbols.v_x_rate, symbols.v_y_rate),
-    }.items()
-    for axis, symbol in enumerate(pair)
-}
-
-
-class Places:
-    """Where an effect's symbols live in ``gyro_view``, as declarations of local constants."""
-
-    def __init__(self, model: Model) -> None:
-        self.model = model
-        self.state_rates = {_rate_of(state): state for state in model.state_symbols}
-        self.units = {s.symbol: s.unit for s in model.states} | dict(
-            zip(symbols.STATES, ("m", "m/s", "m", "m/s"), strict=True)
-        )
-
-    def declare(self, effect: Effect, exprs: Iterable[Expr], remembered: str = "remembered_now") -> str:
-        """``remembered``: where what effects remember is taken from."""
-        used = sorted(set().union(*(expr.free_symbols for expr in exprs)), key=lambda symbol: symbol.name)
-        return "".join(f"    const double {s.name} = {self._place(s, effect, remembered)};\n" for s in used)
-
-    def _place(self, symbol: Symbol, effect: Effect, remembered: str) -> str:
-        if symbol in {memory.symbol for memory in effect.memories}:
-            return f"g->{remembered}[{memory_macro(symbol)}]"
-        if symbol == symbols.since:
-            return "g->since"
-        if symbol in _SIGNALS:
-            return f"g->{_SIGNALS[symbol]}"
-        if symbol in self.state_rates:
-            return f"g->s_rate[{state_macro(self.state_rates[symbol])}]"
-        if symbol in self.units:
-            return f"g->s[{state_macro(symbol)}]"
-        if symbol in symbols.CHANGES:
-            return f"g->change[{macro(symbols.CHANGES[symbol].name)}]"
-        if symbol == symbols.t:
-            return "g->t"
-        if symbol == symbols.after:
-            return f"g->after[{effect_macro(effect)}]"
-        for numbers in (symbols.NORMAL, symbols.PINK):
-            if symbol in numbers:
-                return f"g->drawn[{effect_macro(effect)}][{numbers.index(symbol)}]"
-        return f"g->p[{macro(symbol.name)}]"
 
 
 def indexes(model: Model) -> str:
@@ -131,11 +81,11 @@ def effects(model: Model) -> str:
     """``effects.h``: every effect's function, then the stages that call those that are active."""
     place = Places(model)
     parts = [_PROLOGUE.replace("INDEXES", indexes(model))]
-    parts += [_force(e, place) for e in model.forces]
-    parts += [_memories(e, place) for e in model.effects if e.memories]
-    parts += [_follow(e) for e in follows_of(model)]
-    parts += [_law(e, place) for e in model.laws]
-    parts += [_map(e, place) for e in model.effects if isinstance(e, Map)]
+    parts += [force_function(e, place) for e in model.forces]
+    parts += [memory_functions(e, place) for e in model.effects if e.memories]
+    parts += [follow_function(e) for e in follows_of(model)]
+    parts += [law_function(e, place) for e in model.laws]
+    parts += [map_functions(e, place) for e in model.effects if isinstance(e, Map)]
     parts += [
         _activity(model),
         _begin(model),
@@ -145,7 +95,7 @@ def effects(model: Model) -> str:
         _remembering(model),
         _holds(model),
         _derivative(model),
-        _propagated(model, place),
+        linear_parts(model, place),
         _kick(model),
     ]
     parts += [_stage(model, *stage) for stage in _STAGES]
@@ -216,96 +166,6 @@ static inline void follow(gyro_view *g, int vr, int index, double lag)
 """
 
 
-def _function(effect: Effect, arguments: str, body: str) -> str:
-    head = f"static inline void effect_{effect.id}({arguments})\n"
-    return f"{_comment(effect.doc)}{head}{{\n{body}}}\n"
-
-
-def _force(effect: Force, place: Places) -> str:
-    terms = effect.terms()
-    body = place.declare(effect, (expr for name, expr in terms.items() if not name.startswith("impulse")))
-    body += _added("force", terms)
-    for state in effect.states:
-        body += f"    rate[{state_macro(state.symbol)}] = {c_expression(state.rate)};\n"
-    rate = ", double *rate" if effect.states else ""
-    function = _function(effect, f"const gyro_view *g, double force[2]{rate}", body)
-    if effect.impulse:
-        declared = place.declare(effect, (terms["impulse_x"], terms["impulse_y"]))
-        head = f"static inline void impulse_{effect.id}(const gyro_view *g, double impulse[2])"
-        function += f"\n{head}\n{{\n{declared}{_added('impulse', terms)}}}\n"
-    return function
-
-
-def _added(what: str, terms: Mapping[str, Expr]) -> str:
-    pair = (terms[f"{what}_x"], terms[f"{what}_y"])
-    return "".join(f"    {what}[{axis}] += {c_expression(expr)};\n" for axis, expr in enumerate(pair) if expr != 0)
-
-
-def _memories(effect: Effect, place: Places) -> str:
-    """What the effect remembers as it begins, within a step, after a sample, and its rate where it flows."""
-    of = effect.memories
-    parts = [_remember("begin", effect, place, "remembered", [(m, m.start) for m in of])]
-    parts += [
-        _remember("recall", effect, place, "remembered_now", [(m, m.symbol if m.now is None else m.now) for m in of])
-    ]
-    renewed = [(m, m.sample) for m in of if m.sample is not None]
-    parts += [_remember("renew", effect, place, "remembered", renewed)] if renewed else []
-    flowing = [m for m in of if m.flows]
-    if flowing:
-        lines = "".join(f"    rate[{memory_macro(m.symbol)}] = {c_expression(m.rate)};\n" for m in flowing)
-        head = f"static inline void flow_{effect.id}(const gyro_view *g, double rate[GYRO_N_FLOWING])"
-        parts += [f"{head}\n{{\n{place.declare(effect, [m.rate for m in flowing], 'remembered')}{lines}}}\n"]
-    return "\n".join(parts)
-
-
-def _remember(what: str, effect: Effect, place: Places, to: str, made: Sequence[tuple[Memory, Expr]]) -> str:
-    exprs = [sympify(expr) for _, expr in made]
-    lines = "".join(
-        f"    g->{to}[{memory_macro(m.symbol)}] = {c_expression(expr)};\n"
-        for (m, _), expr in zip(made, exprs, strict=True)
-    )
-    head = f"static inline void {what}_{effect.id}(gyro_view *g)"
-    return f"{head}\n{{\n{place.declare(effect, exprs, 'remembered')}{lines}}}\n"
-
-
-def called(effect: Effect, call: str) -> str:
-    """``call`` of a function of ``effect``, with what it remembers recalled before."""
-    return f"recall_{effect.id}(g);\n{call}" if effect.memories else call
-
-
-def _follow(effect: Follow) -> str:
-    lines = "".join(
-        f"    follow(g, {macro(target.name)}, {lagging_macro(target)}, g->p[{macro(constant.name)}]);\n"
-        for target, constant in effect.follows.items()
-    )
-    return _function(effect, "gyro_view *g", lines)
-
-
-def _law(effect: Law, place: Places) -> str:
-    lines = "".join(f"    g->p[{macro(name)}] = {c_expression(expr)};\n" for name, expr in effect.made().items())
-    return _function(effect, "gyro_view *g", place.declare(effect, effect.made().values()) + lines)
-
-
-def _map(effect: Map, place: Places) -> str:
-    lines = "".join(f"    out[{axis}] = {c_expression(expr)};\n" for axis, expr in enumerate(effect.made().values()))
-    declared = place.declare(effect, effect.made().values())
-    function = _function(effect, "const gyro_view *g, double out[2]", declared + lines)
-    return function + ("\n" + _map_rate(effect, place) if effect.stage in ("pickoff", "amplifier") else "")
-
-
-def _map_rate(effect: Map, place: Places) -> str:
-    """The time derivative of a map's output, inputs and parameters held: the chain rule on what moves."""
-    moving = (*SLOTS[effect.slot].enters, *place.model.state_symbols)
-    rates = [
-        sum((expr.diff(symbol) * _rate_of(symbol) for symbol in moving), expr.diff(symbols.t))
-        for expr in effect.made().values()
-    ]
-    lines = "".join(f"    out[{axis}] = {c_expression(expr)};\n" for axis, expr in enumerate(rates))
-    unused = "" if any(rate.free_symbols for rate in rates) else "    (void)g;\n"
-    head = f"static inline void rate_{effect.id}(const gyro_view *g, double out[2])"
-    return f"{head}\n{{\n{place.declare(effect, rates)}{unused}{lines}}}\n"
-
-
 def _activity(model: Model) -> str:
     lines = []
     for effect in model.effects:
@@ -318,7 +178,7 @@ def _activity(model: Model) -> str:
     renewed = _any_of(e for e in model.effects if _is_renewed(e))
     acting = "".join(guarded(e, f"g->acting[g->n_acting++] = {effect_macro(e)};\n") for e in added_forces(model))
     bent = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if not is_linear(e, model)) or "0"
-    unsteady = "".join(f" && !g->active[{effect_macro(e)}]" for e in _unsteady(model))
+    changing = "".join(f" && !g->active[{effect_macro(e)}]" for e in unsteady(model))
     impulse = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.forces if e.impulse) or "0"
     rate = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.effects if _asks_rate(e)) or "0"
     return (
@@ -328,7 +188,7 @@ def _activity(model: Model) -> str:
         + f"    g->any_law = {law};\n    g->any_impulse = {impulse};\n"
         + f"    g->any_rate = {rate};\n    g->any_state = {state};\n    g->any_curved = {bent};\n"
         + f"    g->any_memory = {memory};\n    g->any_renewed = {renewed};\n"
-        + f"    g->steady = !g->any_curved{unsteady};\n    g->n_acting = 0;\n"
+        + f"    g->steady = !g->any_curved{changing};\n    g->n_acting = 0;\n"
         + textwrap.indent(acting, "    ")
         + "}\n"
     )
@@ -505,11 +365,6 @@ def as_set(target: Symbol) -> str:
     return f"g->p[{macro(target.name)}] = value[{macro(symbols.SET_BY.get(target, target).name)}];\n"
 
 
-def follows_of(model: Model) -> list[Follow]:
-    """The effects that make a quantity lag."""
-    return [e for e in model.effects if isinstance(e, Follow)]
-
-
 def _derivative(model: Model) -> str:
     nominal = "".join(f"    {force_call(e)}" for e in model.forces if e.nominal)
     others = "".join(f"case {effect_macro(e)}:\n    {force_call(e)}    break;\n" for e in added_forces(model))
@@ -542,109 +397,6 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
 """
 
 
-def is_curved(exprs: Iterable[Expr], signals: Sequence[Symbol]) -> bool:
-    """Whether some expression is not affine in ``signals``."""
-    pairs = tuple(combinations_with_replacement(signals, 2))
-    # A derivative that is zero in disguise only has its effect followed the longer way, which is as right.
-    return any(diff(expr, *pair) != 0 for expr in exprs for pair in pairs)
-
-
-def is_linear(effect: Force, model: Model) -> bool:
-    """Whether the force is affine in the motion, stays while nothing else does, and has no states of its own."""
-    return effect.id in _linear(model)
-
-
-@lru_cache(maxsize=8)
-def _linear(model: Model) -> frozenset[str]:
-    # Kept: second derivatives of some hundred forces take a second.
-    forces = (e for e in model.forces if not (symbols.t in e.symbols or e.states))
-    return frozenset(e.id for e in forces if not is_curved(e.force, model.state_symbols))
-
-
-def _is_steady(effect: Force, model: Model) -> bool:
-    """Whether the slopes of a linear force stay while parameters do, but for the rate, in which they are quadratic."""
-    moving = {q.symbol for q in model.quantities if q.role == "input"} | set(model.followed) | set(symbols.SET_BY)
-    moving |= {symbols.u_x, symbols.u_y}
-    slopes = [expr for row in _slopes(effect) for expr in row]
-    read = set().union(*(expr.free_symbols for expr in slopes))
-    return not read & (moving - {symbols.omega_z}) and all(diff(expr, symbols.omega_z, 3) == 0 for expr in slopes)
-
-
-def _unsteady(model: Model) -> list[Effect]:
-    """The linear forces whose slopes may change, and the laws that change a parameter of any slope."""
-    linear = [e for e in model.forces if is_linear(e, model)]
-    read = {symbol for e in linear for row in _slopes(e) for expr in row for symbol in expr.free_symbols}
-    laws = [*(e for e in model.laws if read & set(e.changes)), *(e for e in follows_of(model) if read & set(e.follows))]
-    return [*(e for e in linear if not _is_steady(e, model)), *laws]
-
-
-def _slopes(effect: Force) -> list[list[Expr]]:
-    return [[force.diff(state) for state in symbols.STATES] for force in effect.force]
-
-
-def _at_rest(effect: Force) -> list[Expr]:
-    return [force.subs(dict.fromkeys(symbols.STATES, 0)) for force in effect.force]
-
-
-def _slope(effect: Force, place: Places) -> str:
-    """The derivatives of a linear force."""
-    slopes = _slopes(effect)
-    lines = "".join(
-        f"    slope[{axis}][{state_macro(state)}] += {c_expression(expr)};\n"
-        for axis in (0, 1)
-        for state, expr in zip(symbols.STATES, slopes[axis], strict=True)
-        if expr != 0
-    )
-    head = f"static inline void slope_{effect.id}(const gyro_view *g, double slope[2][4])"
-    return f"{head}\n{{\n{place.declare(effect, (*slopes[0], *slopes[1]))}{lines}}}\n" if lines else ""
-
-
-def _still(effect: Force, place: Places) -> str:
-    """What is left of a linear force at rest."""
-    rest = _at_rest(effect)
-    lines = "".join(f"    still[{axis}] += {c_expression(expr)};\n" for axis, expr in enumerate(rest) if expr != 0)
-    head = f"static inline void still_{effect.id}(const gyro_view *g, double still[2])"
-    return f"{head}\n{{\n{place.declare(effect, rest)}{lines}}}\n" if lines else ""
-
-
-def _propagated(model: Model, place: Places) -> str:
-    own = [e for e in model.forces if is_linear(e, model) and not e.drawn]
-    sloping, standing = [e for e in own if _slope(e, place)], [e for e in own if _still(e, place)]
-    functions = "\n".join([_slope(e, place) for e in sloping] + [_still(e, place) for e in standing])
-    return f"""{functions}
-/* Where any_curved is 0 the force is slope (x, x', y, y') + still [N]; slope [N/m, N.s/m], shape (2, 4). */
-static inline void find_slopes(const gyro_view *g, double slope[2][4])
-{{
-    for (int axis = 0; axis < 2; axis++) {{
-        slope[axis][0] = slope[axis][1] = slope[axis][2] = slope[axis][3] = 0.0;
-    }}
-{_called(sloping, "slope")}}}
-
-static inline void find_still(const gyro_view *g, double still[2])
-{{
-    for (int axis = 0; axis < 2; axis++) {{
-        still[axis] = g->u[axis] + g->held[axis];
-    }}
-{_called(standing, "still")}}}
-"""
-
-
-def _called(forces: Sequence[Force], what: str) -> str:
-    """The calls of ``what``_ID(g, ``what``): of the nominal forces, then of those that act."""
-    nominal = "".join(f"    {what}_{e.id}(g, {what});\n" for e in forces if e.nominal)
-    others = "".join(
-        f"case {effect_macro(e)}:\n    {what}_{e.id}(g, {what});\n    break;\n" for e in forces if not e.nominal
-    )
-    loop = f"""    for (int i = 0; i < g->n_acting; i++) {{
-        switch (g->acting[i]) {{
-{textwrap.indent(others, "        ")}        default:
-            break;
-        }}
-    }}
-"""
-    return nominal + (loop if others else "")
-
-
 def _kick(model: Model) -> str:
     pushed = "".join(guarded(e, f"impulse_{e.id}(g, impulse);\n") for e in model.forces if e.impulse)
     return (
@@ -656,18 +408,8 @@ def _kick(model: Model) -> str:
     )
 
 
-def force_call(effect: Force) -> str:
-    """The call that adds the force of ``effect``."""
-    return f"effect_{effect.id}(g, force{', rate' if effect.states else ''});\n"
-
-
 def _asks_rate(effect: Effect) -> bool:
     return bool({symbols.v_x_rate, symbols.v_y_rate} & effect.symbols)
-
-
-def added_forces(model: Model) -> list[Force]:
-    """The forces that are neither of the nominal device nor drawn and held."""
-    return [e for e in model.forces if not e.nominal and not e.drawn]
 
 
 _STAGES = (
@@ -721,8 +463,3 @@ def slot_lines(slot: str, members: Sequence[Map], of: str) -> str:
         lines += guarded(effect, add)
     lines += f"g->{leaves}[0] = sum[0];\ng->{leaves}[1] = sum[1];\n"
     return "    {\n" + textwrap.indent(lines, "        ") + "    }\n"
-
-
-def guarded(effect: Effect, lines: str) -> str:
-    """``lines`` where ``effect`` is active."""
-    return f"if (g->active[{effect_macro(effect)}]) {{\n{textwrap.indent(lines, '    ')}}}\n"

@@ -10,7 +10,9 @@ from collections.abc import Sequence
 from gyro_model import symbols
 from gyro_model.anatomy import SLOTS, Effect, Force, Map, Q, U, V
 from gyro_model.c_printing import STAMP, effect_macro, state_macro
-from gyro_model.generate_effects import added_forces, force_call, guarded, is_curved, slot_lines
+from gyro_model.effect_functions import added_forces, force_call, guarded
+from gyro_model.generate_effects import slot_lines
+from gyro_model.linear_forces import is_curved
 from gyro_model.model import Model
 
 _NAMES = tuple(SLOTS)

@@ -17,7 +17,8 @@ from sympy.core.function import Application
 from gyro_model import symbols
 from gyro_model.anatomy import Force
 from gyro_model.c_printing import STAMP, c_expression, effect_macro, macro, state_macro
-from gyro_model.generate_effects import Places, added_forces, is_linear
+from gyro_model.effect_functions import Places, added_forces
+from gyro_model.linear_forces import is_linear
 from gyro_model.model import Model
 
 _SMOOTH: Final = ("exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh")

@@ -18,7 +18,8 @@ from gyro_model.c_printing import (
     memory_macro,
     state_macro,
 )
-from gyro_model.generate_effects import Places, added_forces, as_set, called, follows_of, guarded
+from gyro_model.effect_functions import Places, added_forces, called, follows_of, guarded
+from gyro_model.generate_effects import as_set
 from gyro_model.model import Model, chain
 
 _SIGNALS = {"u": (symbols.u_x, symbols.u_y), "q": (symbols.q_x, symbols.q_y), "v": (symbols.v_x, symbols.v_y)}
