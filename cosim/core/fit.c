@@ -20,6 +20,7 @@
 #define FORGOTTEN 1e-3 /* below which forgetting is none [1/s] */
 #define LEARNED 1e-9   /* share of what is known of a constant that a block must add to say whether it moves */
 #define LOST 1e4     /* mean squared innovation of a whole start that has found nothing */
+#define FARTHEST 10.0 /* standard deviations of the design that an effect may be away from it */
 #define WATCHED 0.005 /* over which innovations are averaged [s] */
 #define FIRST 16     /* samples of the first block at its first fit */
 
@@ -246,6 +247,17 @@ void fit_fold(filter *f, double L[NP][NP])
     fit_begin(f);
 }
 
+/* Whether a constant of the electronics is where the design can't mean it: samples of a pickoff at its end lead there, and what no sample shows
+   keeps it there. */
+static int is_another_device(const filter *f)
+{
+    int far = 0;
+    for (int i = 6; i < INVERSE_MASS; i++) {
+        far |= fabs(f->k.p[i] - f->first_p[i]) > FARTHEST * f->prior[i];
+    }
+    return far;
+}
+
 void fit_end(filter *f)
 {
     double L[NP][NP];
@@ -262,7 +274,7 @@ void fit_end(filter *f)
             watch(f);
             plan_block(f);
         } else {
-            f->lost = !(f->fit < LOST);
+            f->lost = !(f->fit < LOST) || is_another_device(f);
             fit_fold(f, L);
             (void)unseen_turning(f, &f->told);
         }

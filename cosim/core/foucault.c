@@ -5,6 +5,8 @@
 #define CROSS 0.1 /* a cross term may be zero: it counts as no smaller than this part of its geometric mean */
 #define WAIT 16  /* samples between two looks at an unknown device */
 #define LOST 5.0 /* times `trust`: uncertainty of the mass at which the device counts as lost */
+#define ONSET 5e-3 /* in which the second pair of tones comes up again [s]: at once, it would make the pattern larger by as much as its own motion */
+#define ROOM 1.5 /* times the energy that is held: above, the second pair waits for the energy loop */
 #define NEWTON 3  /* steps in which the actuators are inverted; their curve is weak */
 
 static double tone_amplitude(const foucault_settings *s, int i) { return i < 2 ? s->tone_amplitude : s->tone2_amplitude; }
@@ -219,12 +221,21 @@ static double reversal_rate(const foucault *c)
     return turn == 0 || turn == 3 ? rate : -rate;
 }
 
+/* Nothing of the device is cancelled until it is found again. The second pair of tones, near the loop's own frequency, rests meanwhile: it may
+   meet a mode of the device, and drive it to where the pickoff shows nothing more. */
+static void lose(foucault *c)
+{
+    c->near_share = c->formed ? 0.0 : c->near_share;
+    c->smoothed = 0.0;
+    c->formed = 0;
+}
+
 /* The tones alone: until the device is known nothing of it is cancelled. */
 static void wait_with_tones(foucault *c, double t, foucault_output *out)
 {
     memset(out, 0, sizeof *out);
     for (int i = 0; i < TONES; i++) {
-        out->u[i % 2] += tone_amplitude(&c->settings, i) * sin(2.0 * PI * c->frequency[i] * t);
+        out->u[i % 2] += (i < 2 ? 1.0 : c->near_share) * tone_amplitude(&c->settings, i) * sin(2.0 * PI * c->frequency[i] * t);
     }
     const double omega = 2.0 * PI * c->settings.first_frequency;
     out->omega_squared = omega * omega;
@@ -248,8 +259,7 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     if (due && is_known(c, estimate, deviation)) {
         form(c, estimate);
     } else if (due && !(deviation[ESTIMATE_M] < LOST * set->trust * estimate[ESTIMATE_M])) {
-        /* The observer has lost the device: nothing of it is cancelled until it is found again. */
-        c->formed = 0;
+        lose(c);
     }
     if (!c->formed) {
         wait_with_tones(c, t, out);
@@ -273,8 +283,12 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     /* The tones now, for the angle, and when the command acts. */
     double forced[4] = {0.0, 0.0, 0.0, 0.0}, near[4] = {0.0, 0.0, 0.0, 0.0}, ahead[4] = {0.0, 0.0, 0.0, 0.0}, added[2] = {0.0, 0.0};
     const double half = set->hold_compensation != 0.0 ? 0.5 * c->period : 0.0;
+    const double wanted_energy = omega_squared * set->amplitude * set->amplitude;
+    if (set->energy_loop == 0.0 || (c->smoothed > 0.0 && c->energy < ROOM * wanted_energy)) {
+        c->near_share = smaller(c->near_share + c->period / ONSET, 1.0);
+    }
     for (int i = 0; i < TONES; i++) {
-        const double amplitude = tone_amplitude(set, i);
+        const double share = i < 2 ? 1.0 : c->near_share, amplitude = share * tone_amplitude(set, i);
         if (amplitude == 0.0) {
             continue;
         }
@@ -284,10 +298,10 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
         const double sine = sin(w * t), cosine = cos(w * t), sine_d = sin(w * late), cosine_d = cos(w * late);
         const double sine_late = sine * cosine_d - cosine * sine_d, cosine_late = cosine * cosine_d + sine * sine_d;
         for (int j = 0; j < 4; j++) {
-            const double response = c->phasor_now[i][2 * j] * sine_late + c->phasor_now[i][2 * j + 1] * cosine_late;
+            const double response = share * (c->phasor_now[i][2 * j] * sine_late + c->phasor_now[i][2 * j + 1] * cosine_late);
             forced[j] += response;
             near[j] += i < 2 ? 0.0 : response;
-            ahead[j] += c->phasor[i][2 * j] * sine + c->phasor[i][2 * j + 1] * cosine;
+            ahead[j] += share * (c->phasor[i][2 * j] * sine + c->phasor[i][2 * j + 1] * cosine);
         }
         /* The tones are taken at mid-hold, so that the held staircase has their true phase. */
         added[i % 2] += amplitude * (sine * cos(w * half) + cosine * sin(w * half));
@@ -313,8 +327,7 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     c->energy += share * (energy - c->energy);
     c->momentum += share * (momentum - c->momentum);
     if (set->energy_loop != 0.0) {
-        const double wanted = omega_squared * set->amplitude * set->amplitude;
-        const double push = set->energy_rate * mass * smaller(larger(1.0 - c->energy / wanted, -1.0), 1.0);
+        const double push = set->energy_rate * mass * smaller(larger(1.0 - c->energy / wanted_energy, -1.0), 1.0);
         feedback[0] += push * x_dot;
         feedback[1] += push * y_dot;
     }
@@ -361,7 +374,7 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     if (!isfinite(out->u[0]) || !isfinite(out->u[1])) {
         /* An estimate that is no number: the device is left alone until there is one. */
         out->u[0] = out->u[1] = 0.0;
-        c->formed = 0;
+        lose(c);
     }
     memcpy(c->u[c->count & (PAST - 1)], out->u, sizeof out->u);
     memcpy(out->forced, forced, sizeof forced);
@@ -383,5 +396,6 @@ void foucault_start(foucault *c, const foucault_settings *settings, const double
         c->reversal_takes = c->reversal_takes < 1 ? 1 : c->reversal_takes;
         c->reversal_every = c->reversal_every < c->reversal_takes ? c->reversal_takes : c->reversal_every;
     }
+    c->near_share = 1.0;
     place_tones(c, settings->first_frequency);
 }

@@ -41,6 +41,7 @@ typedef struct {
     double phasor[TONES][8];   /* responses to the tones where a command begins to act */
     double phasor_now[TONES][8]; /* and at the sample before the next one does, in the same phase */
     double frequency[TONES];   /* of the tones [Hz] */
+    double near_share;         /* of the second pair's amplitude */
     double in_use[7];          /* the seven constants in the gains */
     double formed_with[NP], formed_in[IN]; /* all constants and inputs in them */
     int64_t formed_at;         /* sample at which they were formed */

@@ -284,3 +284,13 @@ def test_an_offset_that_wanders_is_forgotten_alone(tmp_path: Path) -> None:
     # Pink noise counts as white of its density at the resonance, here a third more variance: 1.15. Were all constants
     # forgotten with the offset, ten times a second, it would be far more.
     assert deviations[1] <= 1.3 * deviations[0]
+
+
+@pytest.mark.parametrize("seed", [12, 151])
+def test_a_device_that_was_driven_to_the_end_of_its_converter_is_found_again(seed) -> None:
+    # Tones near a mode of a device that is not known yet drive it to the 2.5 V at which its converter ends. What was
+    # then found lay 60 deviations of the design away, and the tones kept it there, for 11 s with seed 12.
+    _, result = simulated("rest", device="reference_as_built", design="lab", seed=seed, duration=0.7)
+    assert result.trace["v_x"].abs().max() == pytest.approx(2.5, abs=1e-3)
+    assert result.validity.now
+    assert result.converged_at < 0.55
