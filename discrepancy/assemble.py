@@ -1,6 +1,6 @@
 """What a finished search says: parameters with intervals, noise, misfit on held-out runs, what would have been seen."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -8,8 +8,9 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from discrepancy.answer import Diagnosis, Finding, Stage, Value, Verdict
+from discrepancy.colour import gain
 from discrepancy.columns import Candidate, nameable
-from discrepancy.defect import Defect, distortion_sizes, effect_of, quantity_of
+from discrepancy.defect import Defect, distortion_sizes, disturbances, effect_of, quantity_of
 from discrepancy.experiment import next_experiment
 from discrepancy.limits import SAME
 from discrepancy.locate import located
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 CLIP: Final = "sampled clip"
 """The slot of the effect that such samples show."""
+SCALED, ONE_FACTOR = 5e-3, 0.05
+"""Mass and stiffness off nominal by more than a mass is known to, and all by one factor, to this share of it: three
+values of 2 % each agree so by chance once in a thousand times."""
 POWER: Final = 0.95
 WIDTH: Final = float(norm.ppf(0.975))
 
@@ -37,7 +41,8 @@ def assemble(search: "Search") -> Diagnosis:
     """The answer of ``search``. Opens the held-out runs."""
     search.progress("held-out runs")
     _clean_held_out(search)
-    noise = noise_of(search.at.residuals, search.fitter.records, search.at.parameters)
+    setting = search.at.whiten.setting
+    noise = noise_of(search.at.residuals, search.fitter.records, search.at.parameters, setting.colour)
     clipped = _clipping(search)
     parameters = {**search.at.parameters, **{k: v.value for f in clipped for k, v in f.parameters.items()}}
     stages = _stages(search, parameters, [f.id for f in clipped])
@@ -51,8 +56,9 @@ def assemble(search: "Search") -> Diagnosis:
     runs = search.dataset.fit
     whole = refitted.residuals if len(refitted.residuals) == len(runs) else \
         [start_fitted(search.simulator, run, refitted.parameters)[0] for run in runs]  # fmt: skip
-    places = located(whole, runs, refitted.parameters, search.at.whiten.setting.corner)
-    noises, absurd = sane(_noises(search, noise), search)
+    places = located(whole, runs, refitted.parameters, setting)
+    known = _disturbances(search)
+    noises, absurd = sane(_noises(search, noise, known), search)
     clock = search.simulator.clock
     clock.until = search.criteria.time_limit
     worse = worse_without(search, stages, gaps)
@@ -70,8 +76,8 @@ def assemble(search: "Search") -> Diagnosis:
         verdict, effects, _immaterial(search), noises, gaps, places, _detectable(search),
         {name: value for name, value in device.items() if name not in distortion_sizes()},
         {name: value for name, value in parameters.items() if name not in distortion_sizes()},
-        rivals, tuple(search.steps), stages, removed, doubts, rest.share, _record(search, device), search.criteria,
-        model=search.simulator.model,
+        rivals, tuple(search.steps), stages, removed, doubts, rest.share, (*_record(search, device), *known),
+        search.criteria, model=search.simulator.model,
     )  # fmt: skip
 
 
@@ -104,6 +110,22 @@ def _record(search: "Search", device: Mapping[str, Value]) -> tuple[Finding, ...
     return (*fitted, *taken)
 
 
+def _disturbances(search: "Search") -> tuple[Finding, ...]:
+    """What the likelihood of the final fit knows of the record beside its samples."""
+    found = []
+    for own in disturbances():
+        levels = own.find(search.at, search.fitter.records, search.criteria)
+        if levels is not None:
+            found.append(Finding(own.id, (), {q.name: Value(*levels[q.name], q.unit) for q in own.parameters}))
+    return tuple(found)
+
+
+def _total(search: "Search", white: float) -> float:
+    """Rms of a noise [V] whose white part is known."""
+    colour = search.at.whiten.setting.colour
+    return white * gain(colour) ** 0.5 if colour else white
+
+
 def _device(search: "Search") -> dict[str, Value]:
     """Every fitted parameter with its interval, within what its fit could reach."""
     result = {}
@@ -133,7 +155,7 @@ def _experiment(search: "Search", entry: "Accepted", noise: Noise | None) -> str
     if not entry.rivals or search.undone:
         return ""
     search.progress(f"experiment to tell {entry.id} from {', '.join(entry.rivals)}")
-    level = noise.rms if noise else float(np.sqrt(search.at.variance))
+    level = _total(search, noise.rms) if noise else float(np.sqrt(search.at.variance))
     sets = {entry.id: search.at.parameters, **entry.rivals}
     return next_experiment(search.simulator, search.dataset.fit, sets, level).text
 
@@ -179,8 +201,9 @@ def _misfit(search: "Search", stages: tuple[Stage, ...]) -> dict[str, Any]:
     # A floor without a model goes before one from the residual's density.
     general = repeated_noise(search.dataset.records)
     for name, own in {"": runs, **{run.name: (run,) for run in runs}}.items():
-        noise = noise_of([last.residuals[run.name] for run in own], own, last.parameters)
-        level = repeated_noise(own) or general or (noise.rms if noise else None)
+        colour = search.at.whiten.setting.colour
+        noise = noise_of([last.residuals[run.name] for run in own], own, last.parameters, colour)
+        level = repeated_noise(own) or general or (_total(search, noise.rms) if noise else None)
         rms = float(np.sqrt(np.mean(np.concatenate([run.v[run.valid].ravel() for run in own]) ** 2)))
         table[name] = {
             **{key: gap[name] for key, gap in gaps.items()},
@@ -245,6 +268,7 @@ def _doubts(search: "Search", rest: "Remainder") -> tuple[str, ...]:
         instead = [name for name in entry.rivals if _of_record(search, name)]
         if instead and not entry.of_record:
             found.append(f"{entry.id} may also be the record's: {', '.join(instead)} fits as well in its place")
+    found += _scaled(search)
     if rest.above or rest.significant:
         found.append(
             f"{rest.share:.2g} of the refit's residual power is left: {rest.ratio:.3g} times the noise on held-out runs"
@@ -269,6 +293,18 @@ def _doubts(search: "Search", rest: "Remainder") -> tuple[str, ...]:
     return tuple(found)
 
 
+def _scaled(search: "Search") -> list[str]:
+    """That the force may be other than recorded, where mass and stiffness all came out off by one factor."""
+    names = [name for name in ("m", "kxx", "kyy") if name in search.dataset.nominal and name in search.at.parameters]
+    logs = np.log([search.dataset.nominal[name] / search.at.parameters[name] for name in names])
+    mean = float(np.mean(logs))
+    if len(names) < 2 or abs(mean) < SCALED or float(np.abs(logs - mean).max()) > ONE_FACTOR * abs(mean):
+        return []
+    off = f"{', '.join(names)} all came out {np.expm1(-mean):+.2%} off nominal"
+    return [f"{off}: as if the record's force_scale were {np.expm1(mean):+.2%}, which no sample tells from a sensor's "
+            "gain that is off, or from nominal values that are"]  # fmt: skip
+
+
 def _detectable(search: "Search") -> dict[str, dict[str, float]]:
     """The size of each effect that this data would show with 95 % power at the threshold used."""
     sizes: dict[str, dict[str, float]] = {}
@@ -286,8 +322,9 @@ def _detectable(search: "Search") -> dict[str, dict[str, float]]:
     return sizes
 
 
-def _noises(search: "Search", white: Noise | None) -> dict[str, Value]:
-    """Those that the model has a name for, each with its unit."""
+def _noises(search: "Search", white: Noise | None, known: Sequence[Finding]) -> dict[str, Value]:
+    """Those that the model has a name for, each with its unit, but for what is the record's."""
     names = {q.name: q.unit for e in search.simulator.model.effects if e.noise for q in e.sizes}
     found = all_noises(search.at, search.fitter.records, white)
-    return {n: Value(x.value, x.low, x.high, names[n]) for n, x in found.items() if n in names}
+    own = {noise for d in disturbances() if d.id in {k.id for k in known} for noise in d.instead}
+    return {n: Value(x.value, x.low, x.high, names[n]) for n, x in found.items() if n in names and n not in own}

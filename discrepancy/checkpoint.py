@@ -114,7 +114,8 @@ def fit_from(whole: Fitter, state: Mapping[str, Any]) -> tuple[Fitter, Fitted]:
     # A resumed search has nothing kept, and the one that goes on is to find the same.
     fitter.forget()
     parameters = state["parameters"]
-    whiten = fitter.whitener(parameters, Setting(**state["setting"]))
+    setting = Setting(**{**state["setting"], "colour": tuple(state["setting"]["colour"])})
+    whiten = fitter.whitener(parameters, setting)
     free = tuple(Free(**entry) for entry in state["free"])
     at = fitter.evaluated(Fitted(parameters, tuple(state["starts"]), free, whiten, ()))
     if not isclose(_square(at), state["square"], rel_tol=REPEATS):

@@ -5,6 +5,7 @@ from collections.abc import Callable, Collection, Mapping
 from math import isfinite, isnan
 from typing import Any, Final
 
+from discrepancy.colour import ORDERS
 from discrepancy.dataset import Dataset
 from discrepancy.defect import defects, distortion_sizes, quantity_of
 from discrepancy.effect_file import UNITS, Term
@@ -80,7 +81,7 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
         if value not in openings:
             raise InputError(f"{where}: {value}: give one of {', '.join(map(str, openings))}")
 
-    setting = _Table({"bandwidth": _number(0.0), "corner": _number(0.0)})
+    setting = _Table({"bandwidth": _number(0.0), "corner": _number(0.0), "colour": _list_of(_number(), max(ORDERS))})
     fit = _Table({
         "pieces": _whole(1, max(1, longest // MINIMUM_SAMPLES)),
         "parameters": parameters,

@@ -10,7 +10,7 @@ nothing alone, but reads or feeds another, is tried together with that one.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from sympy import sympify
@@ -20,7 +20,7 @@ from discrepancy.fitted import Fitted, Free
 from discrepancy.grids import FINER, Grids, around, free_shape
 from discrepancy.record import Floats, Record
 from discrepancy.refit import Fitter
-from gyro_model.anatomy import SLOTS, Effect, Law, Map
+from gyro_model.anatomy import SLOTS, Effect, Force, Law, Map
 from gyro_model.model import Model
 from gyro_model.quantities import Quantity
 from gyro_model.units import dimension
@@ -151,7 +151,10 @@ class Library:
         found: list[Candidate] = []
         silent: list[Effect | Defect] = []
         own_axes = self.records[0].axes
-        tried: list[Effect | Defect] = [*nameable(self.model), *(d for d in distortions() if d.axes <= own_axes)]
+        tried: list[Effect | Defect] = [
+            *nameable(self.model),
+            *(d for d in distortions() if d.axes <= own_axes and not d.gauge),
+        ]
         for effect in tried:
             if effect.id not in present:
                 # What changes nothing may do so only once something else is in.
@@ -199,6 +202,27 @@ class Library:
         room = abs((probe.quantity.high if probe.step > 0 else probe.quantity.low) - probe.quantity.start)
         step = min(abs(probe.step) * (target / before) ** (1 / probe.power), room)
         return replace(probe, step=float(np.copysign(step, probe.step)))
+
+
+class Fading(NamedTuple):
+    """A part of a force that may vanish: with its ``size``, one of the shapes, at 0 the ``shapes`` say nothing."""
+
+    size: Quantity
+    shapes: tuple[Quantity, ...]
+
+
+def fading(candidate: Candidate) -> Fading | None:
+    """The part of the effect that may vanish, None where it has none."""
+    effect = candidate.effect
+    if not isinstance(effect, Force):
+        return None
+    for q in candidate.searched:
+        if q.low == q.start == 0.0:
+            left = set().union(*(term.subs(q.symbol, 0).free_symbols for term in effect.force))
+            silent = tuple(s for s in candidate.searched if s is not q and s.symbol not in left)
+            if silent:
+                return Fading(q, silent)
+    return None
 
 
 def finer(candidate: Candidate) -> list[Candidate]:

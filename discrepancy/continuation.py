@@ -93,7 +93,7 @@ def whitened(fitter: Fitter, at: Fitted) -> Fitted:
     for _ in range(3):
         setting = at.whiten.setting
         again = fitter.whitened(at)
-        if again.whiten.setting == setting:
+        if setting.like(again.whiten.setting):
             break
         at = fitter.fit(again)
     return at

@@ -53,6 +53,9 @@ class Criteria:
     jitter: float = 0.05
     """Of a sample period: sampling instants that scatter more are no noise of a clock. A crystal's are below 1e-4, a
     software timer's some per cent."""
+    timer: float = 0.005
+    """Of a sample period: time stamps that scatter more, from sample to sample, are the record's, not the noise of a
+    converter's clock, which is below 2e-3 at the worst."""
     coloured: float = 30.0
     """Flicker over white noise, in mean square over a run, above which it is no noise of an amplifier but something
     that wanders."""
@@ -86,8 +89,8 @@ BOUNDS: Final[Mapping[str, Bounds]] = {
     "effect_chance": (1e-15, 0.1), "term_chance": (1e-15, 0.1), "clip_chance": (1e-15, 0.1), "material": (0.0, 0.5),
     "even": (0.0, 1e15), "simpler": (0.0, 100.0), "unseen": (0.0, 20.0), "left": (0.0, 1.0),
     "open_white": (1.0, 100.0), "open_coloured": (1.0, 100.0), "noise_chance": (1e-15, 0.1), "worse": (1.0, 10.0),
-    "thermal": (1.0, 1e6), "jitter": (1e-6, 1.0), "coloured": (0.1, 1e6), "prior_none": (0.0, 0.5),
-    "time_limit": (1.0, 1e6)}  # fmt: skip
+    "thermal": (1.0, 1e6), "jitter": (1e-6, 1.0), "timer": (1e-6, 1.0), "coloured": (0.1, 1e6),
+    "prior_none": (0.0, 0.5), "time_limit": (1.0, 1e6)}  # fmt: skip
 """What each may be."""
 
 

@@ -1,10 +1,11 @@
 """Defects of a record: what the measurement did to force and voltage, beside what the device is.
 
-One file each in ``defects/``, found by a scan of that folder. Two kinds:
+One file each in ``defects/``, found by a scan of that folder. Three kinds:
 
 - ``Distortion`` has size parameters that are neutral by default, and changes the force before the model sees it or the
   voltage after. It is scored, refitted and questioned as an effect is, by the same columns.
 - ``Blemish`` is found in the residuals of a fit and taken out of the record, run by run.
+- ``Disturbance`` has nothing to take out: it scatters the samples, as the likelihood of the fit knows.
 """
 
 import importlib
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import ClassVar, Final, NamedTuple
 
 from discrepancy.criteria import Criteria
+from discrepancy.fitted import Fitted
 from discrepancy.record import Floats, Record
 from gyro_model.anatomy import Effect
 from gyro_model.errors import InputError
@@ -78,12 +80,15 @@ class Defect:
 @dataclass(frozen=True, kw_only=True)
 class Distortion(Defect):
     """force: what acted, (n, axes) [N], of what the record says, on steps of ``step`` [s]; voltage: what was recorded,
-    (n, axes) [V], of what the sensor gave, which may reach ``beyond`` samples further; both get the sizes by name."""
+    (n, axes) [V], of what the sensor gave, which may reach ``beyond`` samples further; both get the sizes by
+    name. split: whether it acts within a step; gauge: whether no sample tells it from another mass, stiffness and
+    damping, so that it is never named."""
 
     force: Callable[[Floats, float, Mapping[str, float]], Floats] | None = None
     voltage: Callable[[Floats, Timing, Mapping[str, float]], Floats] | None = None
     beyond: Callable[[int, Timing, Mapping[str, float]], int] | None = None
     split: bool = False
+    gauge: bool = False
 
     def acts(self, parameters: Mapping[str, float]) -> bool:
         """Whether a size is not neutral."""
@@ -99,6 +104,15 @@ class Blemish(Defect):
     without: Callable[[Record, Data], Record]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Disturbance(Defect):
+    """find: its parameters by the final fit, None where it is not there; instead: noises of the device that are not
+    said beside it, since it is what shows as such."""
+
+    find: Callable[[Fitted, Sequence[Record], Criteria], Mapping[str, Level] | None]
+    instead: tuple[str, ...] = ()
+
+
 @cache
 def defects() -> tuple[Defect, ...]:
     """All defects, by id. Raises InputError for a file that defines none."""
@@ -106,7 +120,9 @@ def defects() -> tuple[Defect, ...]:
     for path in sorted(FOLDER.glob("[a-z]*.py")):
         defect = getattr(importlib.import_module(f"discrepancy.defects.{path.stem}"), "DEFECT", None)
         if not isinstance(defect, Defect) or defect.id != path.stem:
-            raise InputError(f"defect file {path}: assign a Distortion or a Blemish with id {path.stem!r} to DEFECT")
+            raise InputError(
+                f"defect file {path}: assign a Distortion, a Blemish or a Disturbance with id {path.stem!r} to DEFECT"
+            )
         found.append(defect)
     return tuple(found)
 
@@ -121,6 +137,12 @@ def distortions() -> tuple[Distortion, ...]:
 def blemishes() -> tuple[Blemish, ...]:
     """Those that are found in residuals."""
     return tuple(d for d in defects() if isinstance(d, Blemish))
+
+
+@cache
+def disturbances() -> tuple[Disturbance, ...]:
+    """Those that scatter the samples."""
+    return tuple(d for d in defects() if isinstance(d, Disturbance))
 
 
 @cache

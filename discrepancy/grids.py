@@ -19,6 +19,9 @@ STRIDE: Final = 3.0
 infinity."""
 FARTHEST: Final = 100.0
 """Times the ends of its grid, beyond which a refit does not follow a shape."""
+ABOUT, WIDER = 5.0, 7
+"""Of a grid for a part of an effect that may vanish: how far it reaches about its usual point, and its points; 1.7 from
+one to the next."""
 MOST: Final = 40
 """Points of an effect with several grids: beyond, the last grids keep to their middle."""
 
@@ -56,6 +59,13 @@ class Grids:
         spacing = self.duration / instants[0].points if instants else 0.0
         # An event at the start changes the whole run, a later one less of it.
         return Points(values, tuple(searched), spacing, values[0 if instants else len(values) // 4])
+
+    @staticmethod
+    def wider(shapes: Sequence[Quantity], middle: Mapping[str, float]) -> list[dict[str, float]]:
+        """Points of ``shapes`` over a decade about a point ``middle`` of their grids."""
+        factors = np.geomspace(1 / ABOUT, ABOUT, WIDER)
+        axes = [np.clip(middle[q.name] * factors, q.low, q.high).tolist() for q in shapes]
+        return [dict(zip((q.name for q in shapes), point, strict=True)) for point in product(*axes)]
 
     def _values(self, q: Quantity, at: Fitted) -> Floats:
         grid = q.search

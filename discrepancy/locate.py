@@ -12,18 +12,19 @@ through the Kalman filter that makes both together white, so that thermal motion
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from discrepancy.colour import predicted_out
 from discrepancy.conditions import Split, association, operating_conditions, split
 from discrepancy.linear_fit import mode_frequencies
 from discrepancy.noise import noise_of
 from discrepancy.record import Floats, Record
-from discrepancy.whitening import Setting, Whitener, whitener
+from discrepancy.whitening import Setting, Whitener, lifted, whitener
 from gyro_model.symbols import BOLTZMANN
 
 FALSE_DISCOVERIES: Final = 0.01
@@ -45,6 +46,7 @@ HELD: Final = 0.75
 FASTEST: Final = 0.1
 """Tracking bandwidth of the filter times the sample period at most."""
 AMBIENT: Final = 298.15
+NO_MEMORY: Final = Setting()
 
 Bools = NDArray[np.bool_]
 
@@ -74,15 +76,18 @@ class _Cells(NamedTuple):
 
 
 def located(
-    residuals: Sequence[Floats], records: Sequence[Record], parameters: Mapping[str, float], corner: float = 0.0
+    residuals: Sequence[Floats],
+    records: Sequence[Record],
+    parameters: Mapping[str, float],
+    noise: Setting = NO_MEMORY,
 ) -> tuple[Place, ...]:
     """Where ``residuals`` (one (n, axes) a run) [V] of the model with ``parameters`` exceed the noise, largest share
-    first; false discoveries at most 1 %. corner: of flicker noise [Hz], 0 for none."""
-    level = noise_level(residuals, records, parameters)
+    first; false discoveries at most 1 %. noise: its flicker and colour; a motion that it tracks is no noise here."""
+    level = noise_level(residuals, records, parameters, noise.colour)
     if level == 0:
         return ()
     edges = bands(records, parameters)
-    cells = [_cells(r, record, parameters, level, corner, edges) for r, record in zip(residuals, records, strict=True)]
+    cells = [_cells(r, record, parameters, level, noise, edges) for r, record in zip(residuals, records, strict=True)]
     found = _discoveries(np.concatenate([c.chance.ravel() for c in cells]))
     marks = [part.reshape(c.chance.shape) for c, part in
              zip(cells, np.split(found, np.cumsum([c.chance.size for c in cells])[:-1]), strict=True)]  # fmt: skip
@@ -148,14 +153,20 @@ def drive_tones(records: Sequence[Record], most: int = 4) -> list[float]:
     return sorted(found)
 
 
-def noise_level(residuals: Sequence[Floats], records: Sequence[Record], parameters: Mapping[str, float]) -> float:
+def noise_level(
+    residuals: Sequence[Floats],
+    records: Sequence[Record],
+    parameters: Mapping[str, float],
+    colour: Sequence[float] = (),
+) -> float:
     """Deviation of the white noise a sample [V]: far above the modes, or the lower quartile of sixteen bands where the
-    sample rate leaves no room there."""
-    noise = noise_of(residuals, records, parameters)
+    sample rate leaves no room there. colour: of an autoregression, whose innovations are then the white noise."""
+    noise = noise_of(residuals, records, parameters, colour)
     if noise is not None:
         return noise.rms
     means: list[float] = []
-    for residual in residuals:
+    for given, record in zip(residuals, records, strict=True):
+        residual = predicted_out(given[None], record.valid, colour)[0] if colour else given
         window = np.hanning(len(residual))[:, None]
         power = np.abs(np.fft.rfft(residual * window, axis=0)) ** 2 / np.sum(window**2)
         means += [float(np.mean(part)) for part in np.array_split(power, 16)]
@@ -167,7 +178,7 @@ def _block_time(record: Record, lowest: float) -> float:
     return max(len(record.t) / record.sample_rate / BLOCKS, PERIODS / lowest)
 
 
-def _whitener(record: Record, p: Mapping[str, float], level: float, corner: float) -> Whitener:
+def _whitener(record: Record, p: Mapping[str, float], level: float, noise: Setting) -> Whitener:
     """The filter that makes thermal motion and white noise of ``level`` [V] together white: the force of density 4 k T
     d moves the tracked amplitude as ``whitening.whitener`` says of a bandwidth b."""
     w = 2 * np.pi * mode_frequencies(p, record.axes)[-1]
@@ -175,8 +186,8 @@ def _whitener(record: Record, p: Mapping[str, float], level: float, corner: floa
     d, gain = max(p["dxx"], p.get("dyy", 0.0)), abs(p["sense_gain_x"])
     period = 1 / record.sample_rate
     square = float(BOLTZMANN) * temperature * d * gain**2 / (2 * p["m"] ** 2 * w**2 * period * level**2)
-    thermal = min(float(np.sqrt(square)), FASTEST / period)
-    return whitener(p, record.axes, period, Setting(thermal, corner), len(record.t))
+    thermal = min(float(np.sqrt(square / lifted(noise, w * period))), FASTEST / period)
+    return whitener(p, record.axes, period, replace(noise, bandwidth=thermal), len(record.t))
 
 
 def _cells(
@@ -184,10 +195,10 @@ def _cells(
     record: Record,
     p: Mapping[str, float],
     level: float,
-    corner: float,
+    noise: Setting,
     edges: Sequence[tuple[float, float]],
 ) -> _Cells:
-    filtered = _whitener(record, p, level, corner)(residual[None], record.valid)[0]
+    filtered = _whitener(record, p, level, noise)(residual[None], record.valid)[0]
     usable = np.where(record.valid[:, None], residual, 0.0)
     shortest = _block_time(record, mode_frequencies(p, record.axes)[0]) * record.sample_rate
     # A hair more than whole, which rounding may leave.

@@ -13,10 +13,11 @@ import numpy as np
 from scipy.optimize import brentq, minimize, minimize_scalar
 from scipy.stats import chi2
 
+from discrepancy.colour import predicted_out
 from discrepancy.fitted import Fitted
 from discrepancy.linear_fit import mode_frequencies
 from discrepancy.record import Floats, Record
-from discrepancy.whitening import Setting, misfit_under, top_rate
+from discrepancy.whitening import Setting, lifted, misfit_under, top_rate
 
 SURE: Final = 30.0
 """Chi-square by which a noise beside the white one has to show: one in 2e7 by chance."""
@@ -49,13 +50,19 @@ class Noise:
     lsb: float
 
 
-def noise_of(residuals: Sequence[Floats], records: Sequence[Record], parameters: Mapping[str, float]) -> Noise | None:
+def noise_of(
+    residuals: Sequence[Floats],
+    records: Sequence[Record],
+    parameters: Mapping[str, float],
+    colour: Sequence[float] = (),
+) -> Noise | None:
     """From the residual's density above five times the highest mode and below 0.45 of the rate; None without such a
-    band."""
+    band. colour: of an autoregression, whose innovations are then the white noise."""
     rate = records[0].sample_rate
     low, high = 5 * mode_frequencies(parameters, records[0].axes)[-1], 0.45 * rate
     square, count = 0.0, 0
-    for residual, record in zip(residuals, records, strict=True):
+    for given, record in zip(residuals, records, strict=True):
+        residual = predicted_out(given[None], record.valid, colour)[0] if colour else given
         n = len(residual)
         window = np.hanning(n)[:, None] * record.valid[:, None]
         power = np.abs(np.fft.rfft(residual * window, axis=0)) ** 2 / np.sum(window**2)
@@ -101,7 +108,7 @@ def _white(at: Fitted, records: Sequence[Record], white: Noise, clock: Level | N
     """The white noise of the sensor: what rounding, a jittering clock and flicker leave of all that is white."""
     setting, valid = at.whiten.setting, [r.valid for r in records]
     rms = white.rms
-    if setting.corner:
+    if setting.corner or setting.colour:
         rms = float(np.sqrt(misfit_under(at.parameters, 1 / records[0].sample_rate, setting, at.residuals, valid)[1]))
     slope = float(np.mean([np.mean(np.gradient(r.v, 1 / r.sample_rate, axis=0) ** 2) for r in records]))
     taken = white.lsb**2 / 12 + (clock.value**2 * slope if clock else 0.0)
@@ -116,8 +123,9 @@ def _white(at: Fitted, records: Sequence[Record], white: Noise, clock: Level | N
 def flicker(at: Fitted, records: Sequence[Record]) -> Level | None:
     """Size a [V/√Hz at 1 Hz] of a one-sided density a²/f, by the filter that whitens the residual."""
     setting, period = at.whiten.setting, 1 / records[0].sample_rate
+    lift = lifted(setting, 0.0)
     return _tuned(at, records, setting.corner, lambda corner: replace(setting, corner=corner),
-                  lambda corner, variance: float(np.sqrt(2 * variance * period * corner)))  # fmt: skip
+                  lambda corner, variance: float(np.sqrt(lift * 2 * variance * period * corner)))  # fmt: skip
 
 
 def jitter(at: Fitted, records: Sequence[Record]) -> Level | None:
@@ -151,6 +159,7 @@ def thermal(at: Fitted, records: Sequence[Record]) -> Level | None:
     kelvin = float(np.mean([np.mean(r.conditions.get("temperature", p.get("t_ref", 298.15))) for r in records]))
     # The filter's drift of the velocity, 4 b² T² r w² d/mean(d G²), is 2 kB T_K d T/m² times the square of the size.
     unit = np.sqrt(2 * period * top_rate(p, axes) / (BOLTZMANN * kelvin * np.mean(seen))) * p["m"]
+    unit *= lifted(setting, float(np.sqrt(top_rate(p, axes))) * period) ** 0.5
     return _tuned(at, records, setting.bandwidth, lambda bandwidth: replace(setting, bandwidth=bandwidth),
                   lambda bandwidth, variance: float(unit * np.sqrt(variance) * bandwidth))  # fmt: skip
 

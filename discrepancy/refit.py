@@ -13,6 +13,7 @@ import numpy as np
 
 from discrepancy.algebra import inverse_scaled
 from discrepancy.clock import OutOfTime
+from discrepancy.colour import autoregression
 from discrepancy.criteria import Criteria
 from discrepancy.fitted import Fitted, Free, bare
 from discrepancy.linear_fit import WeakForm, weak_form
@@ -43,6 +44,9 @@ it."""
 FAINT: Final = 2e-3
 """Residual over signal below which it may be a flicker of the sensor: above, a model is wrong, and a filter for flicker
 would take an offset for a part of it."""
+CLOSE: Final = 0.05
+"""The same below which noise is seen alone where the motion has nothing: above, what is simulated and what is left are
+alike at too many frequencies."""
 HOPE: Final = 10.0
 """Times what the next step promises, that all steps together may bring."""
 CREEP, CREEPING = 0.05, 5
@@ -148,9 +152,10 @@ class Fitter:
 
     def whitened(self, at: Fitted) -> Fitted:
         """``at`` with the whitening that its residuals ask for."""
-        faint = self.off(at) < FAINT
-        valid = [r.valid for r in self.records]
-        found = likeliest(at.parameters, self.period, at.residuals, valid, self.simulator.each, flicker=faint)
+        off, valid = self.off(at), [r.valid for r in self.records]
+        colour = autoregression([r.v for r in self.records], at.residuals, valid) if off < CLOSE else ()
+        found = likeliest(at.parameters, self.period, at.residuals, valid, self.simulator.each, flicker=off < FAINT,
+                          colour=colour)  # fmt: skip
         return self._costed(replace(at, whiten=found))
 
     def off(self, at: Fitted) -> float:

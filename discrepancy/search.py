@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from discrepancy import checkpoint as store
 from discrepancy.answer import Step
 from discrepancy.clock import OutOfTime
-from discrepancy.columns import Candidate, Guesses, Library, finer, nameable
+from discrepancy.columns import Candidate, Fading, Guesses, Library, Probe, fading, finer, nameable
 from discrepancy.continuation import IN_STEP, LAST_ROUNDS, ROUNDS, beginnings, grown, nearly_settled, settled
 from discrepancy.criteria import Criteria
 from discrepancy.dataset import Dataset
@@ -42,6 +42,8 @@ CLEAR: Final = 30.0
 not make up for so much."""
 WEAK: Final = 0.3
 """Share of what is no noise in the residual, below which an effect may only imitate what is missing."""
+PART: Final = 1e-2
+"""Of its usual size, by which a part of an effect that may vanish is probed: so little that its square is no matter."""
 FINEST: Final = 70
 """Trials of a grid after which it is not refined further: resonances are then as sharp as Q = 640."""
 
@@ -417,7 +419,7 @@ class Search:
         self.progress("refit with " + ", ".join(dict.fromkeys(c.effect.id for c, _ in rivals)))
         view = self.view
         begun = [Refit(self.with_effect(*view, c, s), c, s) for c, s in rivals]
-        fits = self.waiting or self._refitted(view, begun, also=self._grown)
+        fits = self.waiting or self._refitted(view, begun, also=self._otherwise)
         self.waiting, best = [], self._best(view, fits)
         if best and patient and self._weak(view, best):
             self.weak, self.waiting = 1 - best.at.cost / view.at.cost, fits
@@ -459,12 +461,35 @@ class Search:
             fits.append(fit._replace(at=min(ends, key=lambda at: at.cost)))
         return fits
 
-    def _grown(self, view: Opening, fit: Refit, goal: float) -> list[Fitted]:
-        """A resonance fitted from where it is broad."""
+    def _otherwise(self, view: Opening, fit: Refit, goal: float) -> list[Fitted]:
+        """Fits that begin elsewhere, where one of all parameters at once may end in a wrong minimum: of a resonance
+        from where it is broad, of a force with a part that may vanish from where it has."""
+        part = fading(fit.candidate)
+        if part is not None:
+            return self._in_stages(view, fit, goal, part)
         resonant = any(q.search is not None and q.search.kind == "resonance" for q in fit.candidate.searched)
         if self.fitter is not self.whole or not resonant:
             return []
         return [view.of(grown(view.fitter, fit.at), goal)]
+
+    def _in_stages(self, view: Opening, fit: Refit, goal: float, part: Fading) -> list[Fitted]:
+        """The effect without a part of it, then that part where it shows most beside."""
+        candidate, held = fit.candidate, {part.size.name, *(q.name for q in part.shapes)}
+        less = replace(candidate, shapes={**candidate.shapes, part.size.name: 0.0},
+                       searched=tuple(q for q in candidate.searched if q.name not in held))  # fmt: skip
+        plain = view.of(self.with_effect(view.fitter, view.at, less, fit.score))
+        points = self.library.grids.wider(part.shapes, candidate.shapes)
+        probe = Probe(part.size, part.size.typical * PART, 1)
+        found = [Candidate(candidate.effect, (probe,), point, part.shapes, len(points)) for point in points]
+        scan = scanned(view.fitter, plain, [], found)
+        # A damping that stands in for what is missing has gone to its bound: it can take nothing up.
+        stuck = {f.name for f in plain.free if plain.parameters[f.name] in (f.low, f.high)}
+        stuck |= {"dxy"} if stuck & {"dxx", "dyy"} else set()
+        scored = scan.scores([i for i, f in enumerate(plain.free) if f.name not in stuck])
+        best = max(scored, key=lambda entry: entry[1].gain, default=None)
+        if best is None or best[1].gain < self.criteria.simpler * (1 + len(part.shapes)):
+            return [plain]
+        return [plain, view.of(self.with_effect(view.fitter, plain, best[0], best[1]), goal)]
 
     def _best(self, view: Opening, fits: Sequence[Refit]) -> Refit | None:
         """The best of ``fits``; None where it is not worth it."""

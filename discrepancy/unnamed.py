@@ -43,4 +43,4 @@ class TermSearch:
 def is_open(fitter: Fitter, at: Fitted) -> bool:
     """Whether the fit leaves anything but noise. A tracked motion is not taken out: what is missing shakes the mass as
     well."""
-    return bool(located(at.residuals, fitter.records, at.parameters, at.whiten.setting.corner))
+    return bool(located(at.residuals, fitter.records, at.parameters, at.whiten.setting))

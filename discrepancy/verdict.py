@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from discrepancy.answer import Finding, Stage, Value
+from discrepancy.colour import gain
 from discrepancy.locate import noise_level
 from discrepancy.measures import misfits, start_fitted
 from discrepancy.repeats import repeated_noise
@@ -55,8 +56,8 @@ def sane(noises: Mapping[str, Value], search: "Search") -> tuple[dict[str, Value
     return {name: value for name, value in noises.items() if name not in absurd}, absurd
 
 
-def _memory(search: "Search", without: Mapping[str, float]) -> float:
-    """Power of noises with a memory over that of the white noise, those set to 0 ``without`` left out."""
+def _memory(search: "Search", without: Mapping[str, Any]) -> float:
+    """Power of flicker and motion over that of the noise beside, those set to 0 ``without`` left out."""
     at, run = search.at, search.dataset.held_out[0]
     setting = replace(at.whiten.setting, **without)
     return coloured_power(at.parameters, run.axes, 1 / run.sample_rate, setting, len(run.t))
@@ -70,7 +71,9 @@ def remainder(
     rms = float(np.sqrt(np.mean(np.concatenate([run.v[run.valid].ravel() for run in runs]) ** 2)))
     floor = gaps["noise_floor"]
     if floor is None:
-        floor = noise_level([last.residuals[run.name] for run in runs], runs, last.parameters) / rms
+        colour = search.at.whiten.setting.colour
+        floor = noise_level([last.residuals[run.name] for run in runs], runs, last.parameters, colour) / rms
+        floor *= gain(colour) ** 0.5 if colour else 1.0
     parts = {"bandwidth": "thermal_force", "corner": "flicker_noise"}
     without = {part: 0.0 for part, name in parts.items() if name in absurd}
     memory = _memory(search, without)

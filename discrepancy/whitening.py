@@ -3,7 +3,8 @@
 Thermal force, and any force that a model lacks, shake the modes, so a residual of the output is correlated over the
 decay of a mode (longer than many records); flicker noise is correlated over any time. A test for white residuals finds
 effects in both that are not there. A Kalman filter takes the correlation out: the linear model with a white force of
-unknown strength, and flicker as a sum of first-order lags. Columns go through the same filter, so the fit that follows
+unknown strength, and flicker as a sum of first-order lags; before it an autoregression takes out the colour of what is
+not white without them (``colour.py``). Columns go through the same filter, so the fit that follows
 is generalised least squares (T. Kailath, IEEE Trans. Automatic Control 13, 1968).
 """
 
@@ -15,6 +16,7 @@ import numpy as np
 from numba import njit
 from scipy.linalg import block_diag, expm
 
+from discrepancy.colour import gain, predicted_out, response
 from discrepancy.record import Bools, Floats
 
 MEMORIES: Final = (0.0, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0)
@@ -39,6 +41,8 @@ LEARNT: Final = 16_000
 """Samples from which a gain stays at the latest: that of the slowest lag falls as one over their number."""
 CHOSEN: Final = 16_000
 """Samples of each run by which a setting is chosen."""
+ALIKE: Final = 0.03
+"""By which numbers of two autoregressions may differ and filter alike: three deviations of one from 10,000 samples."""
 STEADY: Final = 1e-10
 """Relative change of a gain from which it stays."""
 
@@ -48,21 +52,29 @@ Each = Callable[[Callable[["Setting"], float], Sequence["Setting"]], Iterable[fl
 
 @dataclass(frozen=True)
 class Setting:
-    """bandwidth [1/s] with which a motion is tracked; corner [Hz] where flicker equals the white noise; 0: none."""
+    """bandwidth [1/s] with which a motion is tracked; corner [Hz] where flicker equals the white noise; 0: none.
+    colour: numbers of an autoregression that makes the rest white; bandwidth and corner are those beside what it
+    leaves."""
 
     bandwidth: float = 0.0
     corner: float = 0.0
+    colour: tuple[float, ...] = ()
+
+    def like(self, other: "Setting") -> bool:
+        """Whether ``other`` is the same, but for what its colour scatters by."""
+        same = (self.bandwidth, self.corner, len(self.colour)) == (other.bandwidth, other.corner, len(other.colour))
+        return same and np.allclose(self.colour, other.colour, rtol=0.0, atol=ALIKE)
 
     @property
     def parts(self) -> int:
-        """How many noises with a memory it has."""
+        """How many noises with a memory the Kalman filter takes out."""
         return (self.bandwidth > 0) + (self.corner > 0)
 
 
 @dataclass(frozen=True)
 class Whitener:
-    """The filter of a setting: with error = v - seen s, the innovation of sample k is roots[k] error, and s goes to
-    transition (s + gains[k] error).
+    """The filter of a setting: with error = w - seen s, the innovation of sample k is roots[k] error, and s goes to
+    transition (s + gains[k] error); w is what the autoregression does not predict of v.
 
     transition (s, s), seen (axes, s), gains (k, s, axes), roots (k, axes, axes), the last of them from there on.
     """
@@ -76,8 +88,12 @@ class Whitener:
     def __call__(self, v: Floats, valid: Bools, out: Floats | None = None) -> Floats:
         """Innovations of v (columns, n, axes) [V], zero where a sample is not valid (n,); same shape and unit, ``v``
         itself where they are the same. They may be put into ``out``, which may be ``v``."""
-        if self.setting.parts == 0:
+        if self.setting.colour:
+            v = out = predicted_out(v, valid, self.setting.colour, out)
+        elif self.setting.parts == 0:
             return v if valid.all() else np.asarray(v * valid[:, None])
+        if self.setting.parts == 0:
+            return v
         out = np.empty_like(v) if out is None else out
         _filter(self.transition, self.seen, self.gains, self.roots, np.ascontiguousarray(v), valid, out)
         return out
@@ -137,12 +153,12 @@ def _motion(p: Mapping[str, float], axes: int, period: float, bandwidth: float) 
 
 
 def coloured_power(p: Mapping[str, float], axes: int, period: float, setting: Setting, length: int) -> float:
-    """Mean square over ``length`` samples of what noises with a memory add to the voltage, over that of the white
-    noise."""
+    """Mean square over ``length`` samples of what flicker and motion add to the voltage, over that of the white or
+    coloured noise beside."""
     total = 0.0
     if setting.corner:
         _, _, start, seen = _flicker(1, period, setting.corner, length)
-        total += float((seen @ start @ seen.T)[0, 0])
+        total += float((seen @ start @ seen.T)[0, 0]) * lifted(setting, 0.0)
     if setting.bandwidth:
         # In so many steps the growth of the motion's variance is followed well enough for its mean.
         stride = max(length // 500, 1)
@@ -151,8 +167,13 @@ def coloured_power(p: Mapping[str, float], axes: int, period: float, setting: Se
         for _ in range(length // stride):
             covariance = transition @ (covariance + stride * drift) @ transition.T
             squares.append(float(np.mean(np.diag(seen @ covariance @ seen.T))))
-        total += float(np.mean(squares))
-    return total
+        total += float(np.mean(squares)) * lifted(setting, float(np.sqrt(top_rate(p, axes))) * period)
+    return total / (gain(setting.colour) if setting.colour else 1.0)
+
+
+def lifted(setting: Setting, turn: float) -> float:
+    """Power of a slow noise at ``turn`` [rad a sample] in the voltage, over that behind the autoregression."""
+    return float(1 / np.abs(response(setting.colour, np.array([turn]))[0]) ** 2) if setting.colour else 1.0
 
 
 def top_rate(p: Mapping[str, float], axes: int) -> float:
@@ -206,9 +227,11 @@ def likeliest(
     each: Each = map,
     *,
     flicker: bool = True,
+    colour: tuple[float, ...] = (),
 ) -> Whitener:
     """The filter under which ``residuals`` (one (n, axes) a run) [V] are likeliest, their noise level free; without
-    ``flicker`` only a motion is taken out. each: a ``map``, which may work in parallel."""
+    ``flicker`` only a motion is taken out. each: a ``map``, which may work in parallel; colour: an autoregression that
+    is taken where it earns as much as a noise has to."""
     samples = max(len(r) for r in residuals)
     length = samples * period
     residuals, valid = [r[:CHOSEN] for r in residuals], [u[:CHOSEN] for u in valid]
@@ -223,13 +246,20 @@ def likeliest(
             min(found, best([replace(found[1], **{part: f * value}) for f in BETWEEN]), key=_cost) if value else found
         )
 
-    bandwidths = [memory / length for memory in MEMORIES]
-    found = finer(best([Setting(bandwidth=b) for b in bandwidths]), "bandwidth")
-    if flicker and _rises(residuals, valid):
-        corners = LOWEST_CORNER / length * CORNER_RATIO ** np.arange(np.log(samples) / np.log(CORNER_RATIO) + 2)
-        wandering = finer(best([Setting(corner=float(corner)) for corner in corners]), "corner")
-        both = finer(best([replace(wandering[1], bandwidth=b) for b in bandwidths]), "bandwidth")
-        found = min(found, wandering, both, key=_cost)
+    def under(colour: tuple[float, ...]) -> tuple[float, Setting]:
+        bandwidths = [memory / length for memory in MEMORIES]
+        found = finer(best([Setting(b, 0.0, colour) for b in bandwidths]), "bandwidth")
+        if flicker and _rises(residuals, valid):
+            corners = LOWEST_CORNER / length * CORNER_RATIO ** np.arange(np.log(samples) / np.log(CORNER_RATIO) + 2)
+            wandering = finer(best([Setting(0.0, float(corner), colour) for corner in corners]), "corner")
+            both = finer(best([replace(wandering[1], bandwidth=b) for b in bandwidths]), "bandwidth")
+            found = min(found, wandering, both, key=_cost)
+        return found
+
+    found = under(())
+    if colour:
+        cost, setting = under(colour)
+        found = min(found, (cost + EARNED, setting), key=_cost)
     return whitener(p, residuals[0].shape[1], period, found[1], samples)
 
 

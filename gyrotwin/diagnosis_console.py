@@ -52,7 +52,7 @@ def verdict(report: Mapping[str, Any]) -> str:
 def _defect(defect: Mapping[str, Any]) -> str:
     values = ", ".join(f"{name} = {_value(p)} {p['unit']}" for name, p in defect["parameters"].items())
     instead = f" (or {', '.join(defect['either'])})" if defect["either"] else ""
-    return f"{defect['id']}{instead}, {values}, fitted and taken out"
+    return f"{defect['id']}{instead}, {values}, taken into account"
 
 
 def _effects(effects: Sequence[Mapping[str, Any]]) -> Table:

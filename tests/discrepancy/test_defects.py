@@ -5,12 +5,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import butter, freqs
+from scipy.signal import butter, freqs, lfilter
 
 from discrepancy.criteria import Criteria
-from discrepancy.defect import Blemish, Defect, Distortion, Timing, blemishes, defects, distortions
+from discrepancy.defect import (
+    Blemish,
+    Defect,
+    Distortion,
+    Disturbance,
+    Timing,
+    blemishes,
+    defects,
+    distortions,
+    disturbances,
+)
+from discrepancy.fitted import Fitted
 from discrepancy.record import Floats, Record, make_record
 from discrepancy.simulate import Simulator
+from discrepancy.whitening import Setting, whitener
 from gyro_model.model import load_model
 
 RATE, N, F = 2e5, 16_000, 3000.0
@@ -24,7 +36,7 @@ every = pytest.mark.parametrize("defect", defects(), ids=lambda d: d.id)
 @every
 def test_contract(defect: Defect) -> None:
     model = {q.name for q in load_model().quantities}
-    assert isinstance(defect, Distortion | Blemish)
+    assert isinstance(defect, Distortion | Blemish | Disturbance)
     assert not {q.name for q in defect.parameters} & model
     assert all(q.role == "size" and q.start == 0 for q in defect.parameters)
     assert any(year in defect.source for year in map(str, range(1900, 2027)))
@@ -34,7 +46,7 @@ def test_ids_are_distinct_from_effects() -> None:
     ids = [d.id for d in defects()]
     assert len(set(ids)) == len(ids)
     assert not set(ids) & {e.id for e in load_model().effects}
-    assert len(distortions()) + len(blemishes()) == len(ids)
+    assert len(distortions()) + len(blemishes()) + len(disturbances()) == len(ids)
 
 
 def distortion(name: str) -> Distortion:
@@ -101,6 +113,12 @@ def test_force_saturation_cuts() -> None:
     found = own.force(SINE, 1 / RATE, {"force_saturation": 2.0})
     assert np.abs(found).max() == 0.5
     assert np.array_equal(found[np.abs(SINE) < 0.5], SINE[np.abs(SINE) < 0.5])
+
+
+def test_force_scale_scales() -> None:
+    own = distortion("force_scale")
+    assert own.force is not None and own.gauge
+    np.testing.assert_allclose(own.force(SINE, 1 / RATE, {"force_scale": 0.05}), 1.05 * SINE, rtol=1e-15)
 
 
 def records(changes: Sequence[Floats], smooth: float = 0.0) -> tuple[list[Record], list[Floats]]:
@@ -215,3 +233,45 @@ def test_what_the_simulator_does_with_a_distortion() -> None:
         # A piece of a run reads the clock of the whole.
         skewed = simulator.run(run, {**p, "clock_skew": 1e-4})
         assert np.abs(skewed - plain)[-500:].max() > 5 * np.abs(skewed - plain)[:500].max()
+
+
+P = {"m": 1.8e-7, "kxx": 63.955, "kyy": 95.92, "kxy": 12.779, "dxx": 1.8e-6, "dyy": 1.8e-6, "dxy": 3.6e-7,
+     "sense_gain_x": 1e6, "sense_gain_y": 1e6}  # fmt: skip
+
+
+def fitted(changes: Sequence[Floats], colour: tuple[float, ...] = ()) -> tuple[Fitted, list[Record]]:
+    """A fit that leaves white noise and these changes."""
+    runs, residuals = records(changes)
+    whiten = whitener(P, 2, 1 / RATE, Setting(colour=colour), N)
+    return Fitted(P, (), (), whiten, tuple(residuals), cost=1.0, count=2 * N * len(runs)), runs
+
+
+def disturbance(name: str) -> Disturbance:
+    return next(d for d in disturbances() if d.id == name)
+
+
+@pytest.mark.parametrize("kind", ["none", "converter", "timer", "smooth"])
+def test_jitter_of_time_stamps(kind: str) -> None:
+    rng = np.random.default_rng(6)
+    slope = W * np.column_stack((np.cos(W * T), -np.sin(W * T))) * (0.2 + (T / T[-1])[:, None])
+    late = {"none": 0.0, "converter": 5e-9, "timer": 1e-7, "smooth": 1e-7}[kind]
+    delays = [rng.standard_normal((N, 1)) if kind != "smooth" else np.sin(W / 7 * T)[:, None] for _ in range(2)]
+    at, runs = fitted([late * slope * delay for delay in delays])
+    runs = [replace(r, v=SINE * (0.2 + (T / T[-1])[:, None]) + e) for r, e in zip(runs, at.residuals, strict=True)]
+    levels = disturbance("timestamp_jitter").find(at, runs, Criteria())
+    assert (levels is not None) == (kind == "timer")
+    if levels:
+        level = levels["timestamp_jitter"]
+        # The interval once more on either side: two deviations leave one in twenty out.
+        assert abs(level.value - late) < level.high - level.low
+
+
+def test_coloured_noise_by_its_rms() -> None:
+    rng = np.random.default_rng(8)
+    red = [lfilter([1.0], [1.0, -0.8], 1e-3 * rng.standard_normal((N, 2)), axis=0) for _ in range(2)]
+    at, runs = fitted(red, (0.8,))
+    levels = disturbance("coloured_noise").find(at, runs, Criteria())
+    assert levels is not None
+    level = levels["coloured_noise"]
+    assert abs(level.value - 1e-3 / 0.6) < level.high - level.low
+    assert disturbance("coloured_noise").find(fitted(red)[0], runs, Criteria()) is None
