@@ -6,6 +6,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import sympy
 
+from benchmarks.blind.difficulties import UNSEEN
+
 DISCOVERED: Final = "discovered_"
 ALIKE: Final = 0.95
 """Correlation from which a formula counts as the true one, both without what the nominal terms imitate."""
@@ -42,10 +44,11 @@ def grade(result: Mapping[str, Any]) -> Grade | None:
     truth, named = tuple(label["effects"]), tuple(f["id"] for f in findings)
     verdict = "error" if "error" in answer else str(answer["verdict"])
     exact = verdict != "error" and sorted(named) == sorted(truth)
+    record = {f["id"] for f in answer.get("record", [])}
     misfit, floor = answer.get("misfit", {}), label["floor"]
     return Grade(
         id=result["id"], kind=label["kind"], level=str(label["level"]), truth=truth, named=named, verdict=verdict,
-        right=_right(label, verdict, findings), exact=exact, covered=dict(_covered(label, findings)),
+        right=_right(label, verdict, findings, record), exact=exact, covered=dict(_covered(label, findings)),
         ratio=_over(misfit.get("final"), floor), refit_ratio=_over(misfit.get("refit"), floor),
         multiple=min(label.get("multiple", {"": 0.0}).values()), formula=_formula(label, findings),
         cpu_s=float(result["cpu_s"]),
@@ -60,7 +63,7 @@ def _meant(finding: Mapping[str, Any]) -> set[str]:
     return {finding["id"], *finding["either"]}
 
 
-def _right(label: Mapping[str, Any], verdict: str, findings: list[Mapping[str, Any]]) -> bool:
+def _right(label: Mapping[str, Any], verdict: str, findings: list[Mapping[str, Any]], record: set[str]) -> bool:
     if verdict == "error":
         return False
     kind, truth = label["kind"], list(label["effects"])
@@ -73,6 +76,8 @@ def _right(label: Mapping[str, Any], verdict: str, findings: list[Mapping[str, A
         if label["level"] == "before":
             return len(findings) == 1 and both <= _meant(findings[0])
         return len(findings) == 1 and findings[0]["id"] == truth[0] and label["rival"] not in findings[0]["either"]
+    if kind == "difficulty" and not {*label["record"]} <= record | UNSEEN:
+        return False
     return len(findings) == len(truth) and _matched(truth, findings)
 
 

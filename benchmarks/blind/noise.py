@@ -5,11 +5,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from benchmarks.blind.difficulties import WHITE, Difficulty
 from benchmarks.blind.physics import Floats, Plant, Run, clipped, simulate
 
 BOLTZMANN: Final = 1.380649e-23
-WHITE: Final = 2e-5
-"""V rms a sample: 20 pm at 1e6 V/m."""
 
 
 class Noise(NamedTuple):
@@ -22,17 +21,26 @@ class Noise(NamedTuple):
     thermal: bool = False
 
 
-def measured(rng: np.random.Generator, plant: Plant, run: Run, noise: Noise) -> Floats:
+def measured(
+    rng: np.random.Generator, plant: Plant, run: Run, noise: Noise, difficulty: Difficulty | None = None
+) -> Floats:
     """What the lab records of ``run``, (n, 2) [V]: noises, then the converter's limits, then its steps."""
     if noise.thermal:
         run = run._replace(u=run.u + thermal_force(rng, plant, run))
-    v = simulate(plant, run).v
+    v = clean(plant, run, difficulty)
     slope = np.gradient(v, 1 / run.rate, axis=0)
     v = v + noise.white * rng.standard_normal(v.shape) + noise.jitter * slope * rng.standard_normal(v.shape)
     if noise.flicker:
         v = v + np.stack([flicker(rng, len(v), run.rate, noise.flicker) for _ in range(2)], axis=1)
+    if difficulty and difficulty.marks:
+        v = difficulty.marks(rng, v, run)
     v = clipped(v, plant)
     return np.round(v / noise.lsb) * noise.lsb if noise.lsb else v
+
+
+def clean(plant: Plant, run: Run, difficulty: Difficulty | None = None) -> Floats:
+    """The voltage of ``run`` before noise, (n, 2) [V]."""
+    return difficulty.acts(plant, run) if difficulty and difficulty.acts else simulate(plant, run).v
 
 
 def thermal_force(rng: np.random.Generator, plant: Plant, run: Run) -> Floats:

@@ -4,14 +4,16 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Final, NamedTuple
 
+from benchmarks.blind.difficulties import CONFUSED, DIFFICULTIES
 from benchmarks.blind.effects import EFFECTS, MORE
 from benchmarks.blind.inseparable import SITUATIONS, make_inseparable
 from benchmarks.blind.terms import TERMS
 from benchmarks.blind.trial import NULLS, Trial, make_effects, make_null, make_unknown, rng_of
 from gyro_model.errors import InputError, nearest
 
-KINDS: Final = ("null", "single", "pair", "triple", "unknown", "inseparable")
+KINDS: Final = ("null", "single", "pair", "triple", "unknown", "inseparable", "difficulty")
 NULL_COUNT, PAIRS, TRIPLES, SEEDS = 400, 60, 30, 3
+DIFFICULT_NULLS, DIFFICULT = 352, 200
 LEVELS: Final = (3.0, 10.0, 100.0)
 MULTIPLES: Final = (10.0, 30.0)
 """Of the detectable sizes, of the effects in pairs and triples."""
@@ -39,6 +41,7 @@ def entries(kinds: tuple[str, ...], block: str) -> Iterator[Entry]:
         "triple": partial(several, count=3),
         "unknown": unknowns,
         "inseparable": inseparables,
+        "difficulty": difficulties,
     }
     for kind in kinds:
         if kind not in makers:
@@ -47,11 +50,13 @@ def entries(kinds: tuple[str, ...], block: str) -> Iterator[Entry]:
 
 
 def nulls(block: str) -> Iterator[Entry]:
-    """NULL_COUNT sets without anything hidden, the kinds in turn."""
-    for number in range(NULL_COUNT):
-        kind = NULLS[number % len(NULLS)]
-        name = f"null-{kind}-{number // len(NULLS):02}"
-        yield Entry("null", name, partial(make_null, name, kind, block))
+    """NULL_COUNT sets without anything hidden, the kinds in turn, then DIFFICULT_NULLS with a difficulty of the
+    record."""
+    for kinds, count in ((NULLS, NULL_COUNT), (tuple(DIFFICULTIES), DIFFICULT_NULLS)):
+        for number in range(count):
+            kind = kinds[number % len(kinds)]
+            name = f"null-{kind}-{number // len(kinds):02}"
+            yield Entry("null", name, partial(make_null, name, kind, block))
 
 
 def singles(block: str) -> Iterator[Entry]:
@@ -85,6 +90,20 @@ def _several(name: str, count: int, block: str) -> Trial:
             continue
         return Trial(name, made.nominal, made.runs, made.measured, {**made.label, "id": name})
     raise RuntimeError(f"trial {name}: no set of {count} effects in {DRAWS} draws is separable")
+
+
+def difficulties(block: str) -> Iterator[Entry]:
+    """An effect and a difficulty of the record, both hidden: every effect in turn, with another difficulty each time
+    round."""
+    usual = [effect.id for effect in (*EFFECTS, *MORE) if not effect.partner]
+    names = list(DIFFICULTIES)
+    for number in range(DIFFICULT):
+        effect, turn = usual[number % len(usual)], number + number // len(usual)
+        free = [names[(turn + i) % len(names)] for i in range(len(names))]
+        difficulty = next(d for d in free if effect not in CONFUSED.get(d, ()))
+        name = f"difficulty-{number:03}-{effect}-{difficulty}"
+        make = partial(make_effects, name, [effect], LEVELS[1], block, difficulty=difficulty)
+        yield Entry("difficulty", name, make)
 
 
 def unknowns(block: str) -> Iterator[Entry]:

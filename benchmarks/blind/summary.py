@@ -72,6 +72,8 @@ def targets(grades: Sequence[Grade]) -> list[Row]:
         rate("single effect at ≥ 10×: exact name or correct either", (g.right for g in large), limit=0.97,
              at_least=True),
         rate("pairs and triples at ≥ 10×: exact set", (g.right for g in several), limit=0.9, at_least=True),
+        rate("effect and difficulty of the record: both named", (g.right for g in _kind(grades, "difficulty")),
+             limit=0.95, at_least=True),
         rate("95 % intervals that cover", (c for g in named for c in g.covered.values()), limit=0.9, at_least=True,
              note="and at most 0.99"),
         rate("final misfit ≤ 1.2 of the noise floor", (_within(g.ratio) for g in scored), limit=0.95, at_least=True,

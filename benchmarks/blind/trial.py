@@ -9,9 +9,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from benchmarks.blind.detect import DEVIATIONS, Projector
+from benchmarks.blind.difficulties import DIFFICULTIES, Difficulty
 from benchmarks.blind.effects import BY_ID, EFFECTS, Effect, Scale, direction, no_shape, units
 from benchmarks.blind.experiment import TOLERANCE, Device, Plan, draw_device, draw_runs
-from benchmarks.blind.noise import Noise, measured, sigma
+from benchmarks.blind.noise import Noise, clean, measured, sigma
 from benchmarks.blind.physics import Floats, Plant, Run, clipped, simulate
 from benchmarks.blind.terms import TERMS, extra_force
 
@@ -69,7 +70,7 @@ def scale_of(device: Device, runs: Sequence[Run]) -> Scale:
 
 
 def make_null(name: str, kind: str, block: str = "tune") -> Trial:
-    """Nothing hidden; kind: of NULLS."""
+    """Nothing hidden; kind: of NULLS, or a difficulty of the record."""
     rng = rng_of(block, name)
     device = draw_device(rng, badly=kind == "badly")
     host = tuple(h for h in ("temperature", "v_bias", "omega_z", "acceleration") if rng.random() < 0.3)
@@ -81,7 +82,9 @@ def make_null(name: str, kind: str, block: str = "tune") -> Trial:
         "flicker": Noise(flicker=10 ** rng.uniform(-5, -4)),
         "jitter": Noise(jitter=10 ** rng.uniform(-9, -8)),
     }.get(kind, Noise())
-    return finished(rng, name, device, device.true, runs, noise, {"kind": "null", "level": kind, "effects": []})
+    difficulty = DIFFICULTIES[kind](rng, device, runs) if kind in DIFFICULTIES else None
+    label = {"kind": "null", "level": kind, "effects": []}
+    return finished(rng, name, device, device.true, runs, noise, label, difficulty)
 
 
 def make_effects(
@@ -91,11 +94,12 @@ def make_effects(
     block: str = "tune",
     *,
     partner_known: bool = True,
+    difficulty: str = "",
 ) -> Trial:
     """The effects ``ids`` at ``multiple`` of their detectable sizes (a range: drawn from it), each in the host
     experiment that all need together. partner_known: what an effect needs to act stands in [nominal], else it is
-    hidden too. Draws again, up to 30 times, until the effects can be told from one another. Raises KeyError for an
-    unknown id, RuntimeError where no draw will do."""
+    hidden too. difficulty: of the record, by its id. Draws again, up to 30 times, until the effects can be told from
+    one another. Raises KeyError for an unknown id, RuntimeError where no draw will do."""
     rng = rng_of(block, name)
     effects = [BY_ID[i] for i in ids]
     host = tuple(dict.fromkeys(h for effect in effects for h in effect.host))
@@ -109,7 +113,8 @@ def make_effects(
         plant = _placed(start, hidden, scale)
         if not _stable(plant, runs, scale):
             continue
-        return _with_effects(rng, name, device, start, plant, runs, hidden, partner_known, scale)
+        return _with_effects(rng, name, device, start, plant, runs, hidden, partner_known, scale,
+                             DIFFICULTIES[difficulty](rng, device, runs) if difficulty else None)  # fmt: skip
     raise RuntimeError(f"trial {name}: no draw in 30 has {', '.join(ids)} visible and separable")
 
 
@@ -180,7 +185,7 @@ def _stable(plant: Plant, runs: Sequence[Run], scale: Scale) -> bool:
 
 def _with_effects(
     rng: np.random.Generator, name: str, device: Device, start: Plant, plant: Plant, runs: list[Run],
-    hidden: Sequence[Hidden], partner_known: bool, scale: Scale,
+    hidden: Sequence[Hidden], partner_known: bool, scale: Scale, difficulty: Difficulty | None,
 ) -> Trial:  # fmt: skip
     true: dict[str, float] = {}
     known: dict[str, float] = {}
@@ -200,7 +205,7 @@ def _with_effects(
             elif partner not in ids:
                 true |= value
                 ids.append(partner)
-    kind = {1: "single", 2: "pair", 3: "triple"}[len(hidden)]
+    kind = "difficulty" if difficulty else {1: "single", 2: "pair", 3: "triple"}[len(hidden)]
     label = {
         "kind": kind,
         "level": "",
@@ -213,7 +218,7 @@ def _with_effects(
         "known_partner": known,
     }
     nominal = device._replace(nominal=device.nominal | known)
-    return finished(rng, name, nominal, plant, runs, Noise(), label)
+    return finished(rng, name, nominal, plant, runs, Noise(), label, difficulty)
 
 
 def make_unknown(name: str, number: int, block: str = "tune", multiple: float = 10.0) -> Trial:
@@ -286,14 +291,16 @@ def finished(
     runs: list[Run],
     noise: Noise,
     label: dict[str, Any],
+    difficulty: Difficulty | None = None,
 ) -> Trial:
     """The data of ``plant``, and the label completed by what is the same for every kind."""
-    voltages = [measured(rng, plant, run, noise) for run in runs]
-    clean = clipped(simulate(plant, runs[-1]).v, plant)
+    voltages = [measured(rng, plant, run, noise, difficulty) for run in runs]
+    quiet = clipped(clean(plant, runs[-1], difficulty), plant)
     first = max(int(SETTLE[0] * runs[-1].rate), SETTLE[1])
     noisy = voltages[-1]
-    floor = float(np.sqrt(np.mean((noisy - clean)[first:] ** 2) / np.mean(noisy[first:] ** 2)))
+    floor = float(np.sqrt(np.mean((noisy - quiet)[first:] ** 2) / np.mean(noisy[first:] ** 2)))
     more = {
+        "record": {difficulty.id: difficulty.value} if difficulty else {},
         "noise": noise._asdict(),
         "floor": floor,
         "true": {n: getattr(plant, n) for n in TOLERANCE},

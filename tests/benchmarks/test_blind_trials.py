@@ -29,7 +29,8 @@ from benchmarks.blind.terms import TERMS, extra_force
 from benchmarks.blind.trial import make_effects, make_null, make_unknown, rng_of, scale_of
 
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "blind"
-GENERATOR = ("terms", "physics", "effects", "experiment", "noise", "detect", "trial", "inseparable", "store")
+GENERATOR = ("terms", "physics", "effects", "experiment", "noise", "detect", "trial", "inseparable", "store",
+             "difficulties")  # fmt: skip
 """What makes data; the tool, its caller and the tables may know the project."""
 RATE = 200_000.0
 
@@ -291,8 +292,8 @@ def test_the_same_name_gives_the_same_data_and_blocks_differ() -> None:
 def test_plan_has_what_was_promised() -> None:
     chosen = list(entries(KINDS, "report"))
     count = {kind: sum(entry.kind == kind for entry in chosen) for kind in KINDS}
-    assert count == {"null": 400, "single": 9 * len(BY_ID), "pair": 60, "triple": 30, "unknown": 20,
-                     "inseparable": 20}  # fmt: skip
+    assert count == {"null": 752, "single": 9 * len(BY_ID), "pair": 60, "triple": 30, "unknown": 20,
+                     "inseparable": 20, "difficulty": 200}  # fmt: skip
     assert len({entry.name for entry in chosen}) == len(chosen)
 
 
