@@ -4,7 +4,7 @@ Each check is one function with its rule; ``check`` runs them in the order in wh
 Held-out runs are checked as far as that needs no model: nothing is ever fitted to them.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -20,6 +20,7 @@ from discrepancy.linear_fit import (
     mode_frequencies,
     weak_form,
 )
+from discrepancy.modes import Mode, further_modes
 from discrepancy.record import Record
 from gyro_model.errors import InputError
 
@@ -73,7 +74,8 @@ class Finding(NamedTuple):
 
 def check(dataset: Dataset) -> list[Finding]:
     """What the reader should know about ``dataset``. Raises InputError, one line, where it must not be fitted."""
-    findings = [Finding("assumed", "", note) for note in dataset.notes]
+    beside = list(modes(dataset.fit))
+    findings = [*beside, *(Finding("assumed", "", note) for note in dataset.notes)]
     for record in dataset.records:
         try:
             findings += record_findings(record, dataset.nominal)
@@ -83,8 +85,24 @@ def check(dataset: Dataset) -> list[Finding]:
         try:
             findings += list(wiring(record, dataset.nominal))
         except InputError as error:
-            raise InputError(f"run {record.name}: {error}") from None
+            more = "".join(f"; {finding}" for finding in beside)
+            raise InputError(f"run {record.name}: {error}{more}") from None
     return findings + list(excitation(dataset))
+
+
+def modes(records: Sequence[Record]) -> Iterator[Finding]:
+    """Says where the runs show more modes than the model has, one an axis."""
+    own, more = further_modes(records)
+    if more:
+        yield Finding(
+            "modes", "",
+            f"more modes than the model has: {_at(more)} beside {_at(own)}; parasitic_mode can stand for one on x: "
+            "limit force and record to the band of the modes you want, or expect what the others do to be left",
+        )  # fmt: skip
+
+
+def _at(found: Sequence[Mode]) -> str:
+    return ", ".join(f"{mode.frequency:.4g} Hz (Q {mode.quality:.2g})" for mode in found)
 
 
 def record_findings(record: Record, nominal: Mapping[str, float]) -> list[Finding]:
