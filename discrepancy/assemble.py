@@ -10,7 +10,7 @@ from scipy.stats import chi2, norm
 from discrepancy.answer import Diagnosis, Finding, Stage, Value, Verdict
 from discrepancy.colour import gain
 from discrepancy.columns import Candidate, nameable
-from discrepancy.defect import Defect, distortion_sizes, disturbances, effect_of, quantity_of
+from discrepancy.defect import Defect, distortion_names, disturbances, effect_of, quantity_of
 from discrepancy.experiment import next_experiment
 from discrepancy.limits import SAME
 from discrepancy.locate import located
@@ -74,8 +74,8 @@ def assemble(search: "Search") -> Diagnosis:
     rivals = {entry.id: entry.rivals for entry in search.accepted if entry.rivals and not entry.of_record}
     return Diagnosis(
         verdict, effects, _immaterial(search), noises, gaps, places, _detectable(search),
-        {name: value for name, value in device.items() if name not in distortion_sizes()},
-        {name: value for name, value in parameters.items() if name not in distortion_sizes()},
+        {name: value for name, value in device.items() if name not in distortion_names()},
+        {name: value for name, value in parameters.items() if name not in distortion_names()},
         rivals, tuple(search.steps), stages, removed, doubts, rest.share, (*_record(search, device), *known),
         search.criteria, model=search.simulator.model,
     )  # fmt: skip
@@ -98,9 +98,10 @@ def _clean_held_out(search: "Search") -> None:
 def _record(search: "Search", device: Mapping[str, Value]) -> tuple[Finding, ...]:
     """The defects of the record, as fitted or as found."""
     fitted = [
-        Finding(a.id, tuple(a.rivals), {q.name: device[q.name] for q in a.candidate.effect.parameters}, {}, a.share)
-        for a in search.accepted if a.of_record
-    ]  # fmt: skip
+        Finding(a.id, tuple(a.rivals), _values(search, a.candidate.effect, device), {}, a.share)
+        for a in search.accepted
+        if a.of_record
+    ]
     # The first time a blemish is found it is whole; what a better model shows of it later is a rest.
     first = {blemish.id: (blemish, found) for blemish, found in reversed(search.found)}
     taken = [
@@ -108,6 +109,14 @@ def _record(search: "Search", device: Mapping[str, Value]) -> tuple[Finding, ...
         for name, (blemish, found) in first.items()
     ]
     return (*fitted, *taken)
+
+
+def _values(search: "Search", effect: Effect | Defect, device: Mapping[str, Value]) -> dict[str, Value]:
+    """The parameters of an effect; a whole number is tried, not fitted, and has no interval."""
+    now = search.at.parameters
+    return {
+        q.name: device.get(q.name) or Value(now[q.name], now[q.name], now[q.name], q.unit) for q in effect.parameters
+    }
 
 
 def _disturbances(search: "Search") -> tuple[Finding, ...]:

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from discrepancy.colour import ORDERS
 from discrepancy.dataset import Dataset
-from discrepancy.defect import defects, distortion_sizes, quantity_of
+from discrepancy.defect import defects, distortion_names, quantity_of
 from discrepancy.effect_file import UNITS, Term
 from discrepancy.formula import parse
 from discrepancy.library import SIGNALS, forms
@@ -18,7 +18,7 @@ from gyro_model.model import Model
 
 MOST: Final = 1000
 """Entries of a list that has no length of its own: steps, stages, free parameters, terms."""
-HIGHEST_POWER: Final = 4
+HIGHEST_POWER: Final = 8
 """By which a voltage may change with a probe."""
 MOST_TRIALS: Final = 1_000_000
 """Points of one effect's grid."""
@@ -54,7 +54,7 @@ def term_from(state: Any, axes: int) -> Term:
 def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
     """Raises InputError, naming the entry, unless ``state`` is one that a search of ``dataset`` by ``model`` may have
     written."""
-    settable = {q.name for q in model.quantities if q.role not in ("input", "output")} | distortion_sizes()
+    settable = {q.name for q in model.quantities if q.role not in ("input", "output")} | distortion_names()
     effects = {e.id for e in model.effects} | {d.id for d in defects()}
     longest = max(len(r.t) for r in dataset.fit)
     parameters = _parameters(model)

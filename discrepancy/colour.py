@@ -5,6 +5,7 @@ elsewhere.
 An autoregression is fitted to the density there (G. U. Yule, Phil. Trans. Royal Society A 226, 1927; likelihood: P.
 Whittle, Arkiv för Matematik 2, 1953), the bands of the motion being filled by its own prediction, again and again, as
 an expectation-maximisation does (A. P. Dempster, N. M. Laird, D. B. Rubin, J. Royal Statistical Society B 39, 1977).
+Where the residual is stronger while the device moves more it is no noise: a model that lacks something leaves that.
 """
 
 from collections.abc import Sequence
@@ -14,6 +15,7 @@ import numpy as np
 from numba import njit
 from scipy.linalg import solve_toeplitz
 from scipy.ndimage import median_filter
+from scipy.stats import spearmanr
 
 from discrepancy.record import Bools, Floats
 
@@ -34,6 +36,10 @@ ROUNDS: Final = 12
 EARNED: Final = 60.0
 """Twice the log likelihood that an autoregression must earn, and 12 for each number of it: far beyond chance."""
 PRICE: Final = 12.0
+PARTS: Final = 24
+"""Of a run, in which its residual may follow its motion."""
+FOLLOWS: Final = 1e-3
+"""Probability by chance of a rank correlation from which it does."""
 MATERIAL: Final = 0.05
 """Share of the noise's power that it must predict."""
 SCATTER: Final = 35 / 18 * 2.08
@@ -46,7 +52,7 @@ def autoregression(
     """Numbers a of e_k = Σ a_i e_k-i + white that predict the noise in ``residuals`` (one (n, axes) a run) [V] of
     ``voltages``, the same for all channels; empty where the noise is white or is nowhere seen alone."""
     cells = min(CELLS, min(len(r) for r in residuals) // 16)
-    if cells < FEWEST:
+    if cells < FEWEST or _follows(voltages, residuals, valid):
         return ()
     axes = residuals[0].shape[1]
     power, count = np.zeros((cells, axes)), np.zeros((cells, axes))
@@ -100,6 +106,16 @@ def predicted_out(v: Floats, valid: Bools, numbers: Sequence[float], out: Floats
     out = np.empty_like(v) if out is None else out
     _predicted_out(np.ascontiguousarray(v), valid, np.asarray(numbers, np.float64), out)
     return out
+
+
+def _follows(voltages: Sequence[Floats], residuals: Sequence[Floats], valid: Sequence[Bools]) -> bool:
+    """Whether the residual is stronger where the motion is."""
+    moved, left = [], []
+    for v, residual, usable in zip(voltages, residuals, valid, strict=True):
+        for part in np.array_split(np.flatnonzero(usable), PARTS):
+            moved.append(float(np.mean(np.var((v - residual)[part], axis=0))))
+            left.append(float(np.mean(np.var(residual[part], axis=0))))
+    return bool(spearmanr(moved, left, alternative="greater").pvalue < FOLLOWS)
 
 
 def _densities(v: Floats, cells: int) -> tuple[Floats, Floats]:

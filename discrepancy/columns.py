@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from sympy import sympify
 
-from discrepancy.defect import Defect, distortions
+from discrepancy.defect import Defect, Distortion, distortions
 from discrepancy.fitted import Fitted, Free
 from discrepancy.grids import FINER, Grids, around, free_shape
 from discrepancy.record import Floats, Record
@@ -27,6 +27,10 @@ from gyro_model.units import dimension
 
 NEVER: Final = 1e100
 """A neutral value beyond this is a limit that is never reached: no small step leaves it."""
+STEEP: Final = 8
+"""Power by which a change is taken to grow about a level, where none below it changes anything."""
+LEVELLED: Final = 1e-3
+"""Of a level, for a difference quotient."""
 FARTHEST: Final = 1e6
 """Times the first guess, at which a probe is no size of anything: what changes nothing there never does."""
 ATTEMPTS: Final = 8
@@ -58,7 +62,8 @@ class Probe:
 
     def free(self) -> Free:
         """The parameter for a refit."""
-        return Free(self.quantity.name, abs(self.step), self.quantity.low, self.quantity.high)
+        step = abs(self.step) * (LEVELLED if self.power == STEEP else 1.0)
+        return Free(self.quantity.name, step, self.quantity.low, self.quantity.high)
 
 
 @dataclass(frozen=True)
@@ -179,6 +184,11 @@ class Library:
     def _of(
         self, effect: Effect | Defect, scale: "_Scale", at: Fitted, partner: Candidate | None = None
     ) -> list[Candidate]:
+        if isinstance(effect, Distortion) and effect.levels:
+            levels = effect.levels(self.records)
+            return [
+                Candidate(effect, (Probe(effect.sizes[0], level, STEEP),), {}, trials=len(levels)) for level in levels
+            ]
         grid = self.grids.of([q for q in effect.parameters if q.role == "shape"], at)
         base = {k: v for change in partner.changes() for k, v in change.items()} if partner else {}
         probes = []

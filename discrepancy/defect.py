@@ -82,11 +82,13 @@ class Distortion(Defect):
     """force: what acted, (n, axes) [N], of what the record says, on steps of ``step`` [s]; voltage: what was recorded,
     (n, axes) [V], of what the sensor gave, which may reach ``beyond`` samples further; both get the sizes by
     name. split: whether it acts within a step; gauge: whether no sample tells it from another mass, stiffness and
-    damping, so that it is never named."""
+    damping, so that it is never named. levels: of these
+    runs, sizes at which its first parameter is tried, where a small one changes nothing."""
 
     force: Callable[[Floats, float, Mapping[str, float]], Floats] | None = None
     voltage: Callable[[Floats, Timing, Mapping[str, float]], Floats] | None = None
     beyond: Callable[[int, Timing, Mapping[str, float]], int] | None = None
+    levels: Callable[[Sequence[Record]], Sequence[float]] | None = None
     split: bool = False
     gauge: bool = False
 
@@ -146,7 +148,7 @@ def disturbances() -> tuple[Disturbance, ...]:
 
 
 @cache
-def distortion_sizes() -> frozenset[str]:
+def distortion_names() -> frozenset[str]:
     """Names of the parameters that are no device's."""
     return frozenset(q.name for d in distortions() for q in d.parameters)
 

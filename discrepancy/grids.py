@@ -58,7 +58,8 @@ class Grids:
         instants = [q.search for q in searched if q.search is not None and q.search.kind == "instant"]
         spacing = self.duration / instants[0].points if instants else 0.0
         # An event at the start changes the whole run, a later one less of it.
-        return Points(values, tuple(searched), spacing, values[0 if instants else len(values) // 4])
+        moved = tuple(q for q in searched if not q.integer)
+        return Points(values, moved, spacing, values[0 if instants else len(values) // 4])
 
     @staticmethod
     def wider(shapes: Sequence[Quantity], middle: Mapping[str, float]) -> list[dict[str, float]]:
@@ -77,7 +78,8 @@ class Grids:
             return np.geomspace(grid.low * top, min(grid.high * top, 0.4 / self.period), grid.points)
         if grid.kind == "quality":
             return np.array([grid.low])
-        return np.clip(np.geomspace(grid.low, grid.high, grid.points) * self._scale(q, grid.of, at), q.low, q.high)
+        values = np.clip(np.geomspace(grid.low, grid.high, grid.points) * self._scale(q, grid.of, at), q.low, q.high)
+        return np.unique(np.round(values)) if q.integer else values
 
     def _scale(self, q: Quantity, of: str, at: Fitted) -> float:
         if of in ("itself", "1"):

@@ -47,6 +47,8 @@ would take an offset for a part of it."""
 CLOSE: Final = 0.05
 """The same below which noise is seen alone where the motion has nothing: above, what is simulated and what is left are
 alike at too many frequencies."""
+FAR: Final = 1e6
+"""Times the signal from which a motion has left all bounds: no step of a quotient is so large."""
 HOPE: Final = 10.0
 """Times what the next step promises, that all steps together may bring."""
 CREEP, CREEPING = 0.05, 5
@@ -179,7 +181,7 @@ class Fitter:
         jobs = [job for changes in probes for job in self._jobs(at, changes, run)]
         result = np.empty((len(probes), *base.shape)) if found is None else found
         for column, v in zip(result, self.simulator.try_all(jobs), strict=True):
-            if v is None:
+            if v is None or np.abs(v).max() > FAR * self.signal:
                 column[:] = 0
             else:
                 np.subtract(v, base, out=column)

@@ -119,6 +119,14 @@ def next_peaks(best: Candidate, scored: Sequence[Scored]) -> list[Scored]:
     return sorted(peaks, key=lambda e: -e[1].gain)[1:]
 
 
+def other_forms(best: Candidate, scored: Sequence[Scored]) -> list[Scored]:
+    """Of an effect with whole numbers among its shapes, the points with others than those of ``best``: to first order
+    they may be alike."""
+    whole = [q.name for q in best.effect.parameters if q.role == "shape" and q.integer]
+    return [e for e in scored if e[0].effect.id == best.effect.id and e[0].partner == best.partner
+            and any(e[0].shapes.get(name) != best.shapes.get(name) for name in whole)]  # fmt: skip
+
+
 def sure(candidate: Candidate, result: Score, criteria: Criteria) -> bool:
     """Whether an effect is significant, the points of its grid counted as tests."""
     return result.probability * candidate.trials < criteria.effect_chance

@@ -23,7 +23,7 @@ from discrepancy.limits import clip_level, masked
 from discrepancy.locate import noise_level
 from discrepancy.openings import Opening, opened, parts
 from discrepancy.refit import DEFAULT, Fitter
-from discrepancy.scan import Scan, Scored, best_of, next_peaks, scanned, sure
+from discrepancy.scan import Scan, Scored, best_of, next_peaks, other_forms, scanned, sure
 from discrepancy.score import Score, score
 from discrepancy.score import without as less
 from discrepancy.simulate import Simulator
@@ -534,7 +534,8 @@ class Search:
             return [(c, s) for (c, s), low in zip(entries, least, strict=True) if s.gain - simpler * s.freedom >= low]
 
         close = near(worth)[:RIVALS]
-        return close + [peak for c, _ in close for peak in near(next_peaks(c, self.scored))[:1]]
+        peaks = [peak for c, _ in close for peak in near(next_peaks(c, self.scored))[:1]]
+        return [*close, *peaks, *(form for c, _ in close for form in near(other_forms(c, self.scored)))]
 
     def with_effect(self, fitter: Fitter, at: Fitted, candidate: Candidate, result: Score) -> Fitted:
         """``at``, a fit of ``fitter``, with the effect switched on at the size that its score says, to be fitted."""
@@ -649,7 +650,8 @@ class Search:
         stand_ins = self._stand_ins(entry)
         if not stand_ins:
             return {}
-        goal, fits = self.at.cost + self.criteria.even * self.at.variance, {}
+        goal = self.at.cost + self.criteria.even * self.at.variance
+        fits: dict[str, tuple[Fitted, Candidate]] = {}
         base, number = self.without_effect(self.at, entry), parts(self.fitter.records)[0]
         trial = opened(beginnings(self.fitter, number), self.at) if number > 1 else None
         least = trial.at.cost + 4 * self.criteria.even * trial.at.variance if trial else np.inf
@@ -659,7 +661,7 @@ class Search:
                 continue
             self.progress(f"{candidate.effect.id} in place of {entry.id}")
             at = self.fitter.fit(begun, goal=goal)
-            if at.cost < goal:
+            if at.cost < min(goal, fits[candidate.effect.id][0].cost if candidate.effect.id in fits else np.inf):
                 fits[candidate.effect.id] = at, candidate
         if trial:
             self.simulator.forget(trial.fitter.records)
@@ -682,7 +684,8 @@ class Search:
         others = [i for i, f in enumerate(self.scan.at.free) if f.name not in entry.names]
         near = [(c, s) for c, s in self.scan.scores(others, self.accepted.index(entry))
                 if s.gain > least.gain - 4 * self.criteria.even * least.inflation - 0.1 * least.gain]  # fmt: skip
-        return best_of(near, self.criteria)[:RIVALS]
+        best = best_of(near, self.criteria)[:RIVALS]
+        return [*best, *(form for c, _ in best for form in other_forms(c, near))]
 
 
 def _neutral(entry: Accepted) -> dict[str, float]:

@@ -16,7 +16,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from cosim.exchange import exchange
 from cosim.fmu import HANDLE_SIZE, Plant
 from discrepancy.clock import Clock
-from discrepancy.defect import Timing, distortion_sizes, distortions
+from discrepancy.defect import Timing, distortion_names, distortions
 from discrepancy.record import CONDITIONS, Floats, Record
 from gyro_model.anatomy import Delay, Lag
 from gyro_model.build import build
@@ -201,10 +201,10 @@ class Simulator:
     def _on(self, bench: _Bench, record: Record, parameters: Mapping[str, float]) -> Floats:
         late = any(parameters.get(q.name, q.start) != q.start for q in self._late)
         acting = [d for d in distortions() if d.acts(parameters)]
-        sizes = {q.name: parameters[q.name] for d in acting for q in d.sizes}
-        parameters = {name: value for name, value in parameters.items() if name not in distortion_sizes()}
+        sizes = {q.name: parameters.get(q.name, q.start) for d in acting for q in d.parameters}
+        parameters = {name: value for name, value in parameters.items() if name not in distortion_names()}
         timing = Timing(self._first(record), 1 / record.sample_rate)
-        forced = tuple((q.name, sizes[q.name]) for d in acting if d.force for q in d.sizes)
+        forced = tuple((q.name, sizes[q.name]) for d in acting if d.force for q in d.parameters)
         late |= any(d.split for d in acting)
         values, names, step = self._inputs(record, SPLIT if late else 1, forced)
         stride = len(values) // len(record.t)

@@ -117,10 +117,12 @@ def shape(
     nominal: float = 0.0,
     display: str = "",
     search: Grid | None = Grid.around,
+    integer: bool = False,
 ) -> Quantity:
     """A parameter that shapes its effect and has a usable default; it switches nothing. ``search``: how a search for
-    the effect tries it, by default a decade to either side of its typical value."""
-    more = {"nominal": nominal, "display": display, "search": search}
+    the effect tries it, by default a decade to either side of its typical value; a whole number (``integer``) stays as
+    it was tried."""
+    more = {"nominal": nominal, "display": display, "search": search, "integer": integer}
     return Quantity(name, unit, start, description, "shape", low, high, **more)  # type: ignore[arg-type]
 
 
