@@ -43,14 +43,10 @@ def find(records: Sequence[Record], residuals: Sequence[Floats], criteria: Crite
         return None
     best: tuple[float, float, list[int]] = (0.0, 0.0, [])
     for centre in FREQUENCIES:
-        if max(_on_lines(r, centre) for r in records) > DRIVE:
-            continue
-        driven = {n for r in records for n in _driven(r, centre)}
-        gains = [0.0 if n + 1 in driven else g for n, g in enumerate(_gains(records, residuals, centre))]
+        gains, runs = _gains(records, residuals, centre)
         # Two degrees a line, channel and run.
-        count = 2 * sum(r.axes for r in records)
-        needed = chi2.isf(criteria.noise_chance / (2 * HARMONICS), count)
-        sure = [n + 1 for n, gain in enumerate(gains) if gain > needed]
+        needed = chi2.isf(criteria.noise_chance / (2 * HARMONICS), 2 * records[0].axes * runs)
+        sure = [n + 1 for n, gain in enumerate(gains) if gain > needed[n]]
         if sure and sum(gains) > best[0]:
             best = sum(gains), centre, sure
     _, centre, sure = best
@@ -117,23 +113,32 @@ def _driven(record: Record, f0: float) -> list[int]:
     return found
 
 
-def _gains(records: Sequence[Record], residuals: Sequence[Floats], f0: float) -> list[float]:
-    """Of each harmonic, what its lines stand out by, as a chi-square by the bins around."""
-    gains = np.zeros(HARMONICS)
+def _gains(records: Sequence[Record], residuals: Sequence[Floats], f0: float) -> tuple[Floats, Floats]:
+    """Of each harmonic, what its lines stand out by, as a chi-square by the bins around, and in how many runs it is
+    looked for: those whose force has no line there."""
+    gains, runs = np.zeros(HARMONICS), np.zeros(HARMONICS)
     for record, residual in zip(records, residuals, strict=True):
         usable = np.where(record.valid[:, None], residual - residual[record.valid].mean(axis=0), 0.0)
         power = np.abs(np.fft.rfft(usable * np.hanning(len(usable))[:, None], axis=0)) ** 2
         spacing = record.sample_rate / len(usable)
-        for n in _below(record):
+        driven = _below(record) if _on_lines(record, f0) > DRIVE else _driven(record, f0)
+        for n in (n for n in _below(record) if n not in driven):
+            runs[n - 1] += 1
             k = round(n * f0 / spacing)
             around = [i for i in range(max(k - AROUND, 1), k + AROUND + 1) if abs(i - k) > 2 and i < len(power)]
             if len(around) >= AROUND // 2:
-                beside = [i for i in (*range(k - 5, k - 2), *range(k + 3, k + 6)) if 0 < i < len(power)]
+                beside = [i for i in _beside(k, f0 / spacing) if 0 < i < len(power)]
                 alone = power[k] > ALONE * power[beside].max(axis=0)
                 # The median of an exponential distribution is ln 2 of its mean, which is two degrees.
                 level = np.median(power[around], axis=0) / np.log(2)
                 gains[n - 1] += float(np.sum(alone * 2 * power[k] / np.maximum(level, 1e-300)))
-    return gains.tolist()
+    return gains, np.maximum(runs, 1)
+
+
+def _beside(k: int, distance: float) -> list[int]:
+    """Bins beside a line that no other one is in, lines being so many bins apart; in a short record those between."""
+    far = [i for i in (*range(k - 5, k - 2), *range(k + 3, k + 6)) if abs(i - distance * round(i / distance)) > 1.5]
+    return far or [k - 2, k + 2]
 
 
 def _lines(record: Record, residual: Floats, f0: float, harmonics: Sequence[int]) -> Data:

@@ -281,3 +281,27 @@ def test_coloured_noise_by_its_rms() -> None:
     level = levels["coloured_noise"]
     assert abs(level.value - 1e-3 / 0.6) < level.high - level.low
     assert disturbance("coloured_noise").find(fitted(red)[0], runs, Criteria()) is None
+
+
+def test_mains_of_short_runs_are_found_though_one_is_driven_there() -> None:
+    rng = np.random.default_rng(8)
+    rate, n = 200_000.0, 16_000
+    t = np.arange(n) / rate
+    runs, residuals = [], []
+    for driven in (False, True, False):
+        # Levels that change at random, a millisecond each, have much of their power about the lines.
+        u = np.repeat(rng.standard_normal((80, 2)), 200, axis=0) if driven else rng.standard_normal((n, 2))
+        phases = rng.uniform(0, 6, 3)
+        hum = sum(
+            a * np.sin(2 * np.pi * f * t + p)
+            for a, f, p in zip((5, 4, 3), (50.02, 100.04, 150.06), phases, strict=True)
+        )
+        residual = NOISE * (rng.standard_normal((n, 2)) + np.asarray(hum)[:, None])
+        runs.append(make_record(f"run-{len(runs)}", t, u, residual, sample_rate=rate))
+        residuals.append(residual)
+    found = blemish("mains").find(runs, residuals, Criteria())
+    assert found is not None
+    assert found.levels["mains"].low < 5 * NOISE < found.levels["mains"].high
+    for run, lines in zip(runs, found.data, strict=True):
+        # Five samples of a thousand parts each: what is left is the noise.
+        assert blemish("mains").without(run, lines).v.std() == pytest.approx(NOISE, rel=0.02)
