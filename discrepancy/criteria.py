@@ -65,7 +65,7 @@ class Criteria:
     time_limit: float = 110.0
     """Seconds after which a diagnosis ends with what it knows, and says what it has not tried: as they pass on cores
     that do nothing else, so that no load of the machine changes an answer (``Clock``). 120 are bearable; the last part,
-    which is not cut short, and the FMUs that are built took 31 s more on an electronic oscillator."""
+    which is not cut short, and the FMUs that are built took 57 s more on an electronic oscillator."""
 
     def __post_init__(self) -> None:
         for name, (low, high) in BOUNDS.items():
