@@ -83,14 +83,18 @@ def assemble(search: "Search") -> Diagnosis:
 
 def _clean_held_out(search: "Search") -> None:
     """Takes out of the held-out runs the blemishes that the runs to fit had, by their own residuals."""
-    for blemish, _ in search.found:
+    for blemish, known in search.found:
         runs = search.dataset.held_out
         residuals = [start_fitted(search.simulator, run, search.at.parameters)[0] for run in runs]
         if not all(np.isfinite(residual).all() for residual in residuals):
             return
-        found = blemish.find(runs, residuals, search.criteria)
-        if found is not None:
-            cleaned = {run.name: blemish.without(run, own) for run, own in zip(runs, found.data, strict=True) if own}
+        if blemish.again is not None:
+            data = [blemish.again(known, run, residual) for run, residual in zip(runs, residuals, strict=True)]
+        else:
+            found = blemish.find(runs, residuals, search.criteria)
+            data = [*found.data] if found is not None else []
+        if data:
+            cleaned = {run.name: blemish.without(run, own) for run, own in zip(runs, data, strict=True) if own}
             records = tuple(cleaned.get(record.name, record) for record in search.dataset.records)
             search.dataset = replace(search.dataset, records=records)
 

@@ -80,7 +80,13 @@ def without(record: Record, data: Data) -> Record:
     return replace(record, v=v)
 
 
-def _waves(record: Record, f0: float, harmonics: Sequence[int]) -> Floats:
+def again(found: Found, record: Record, residual: Floats) -> Data:
+    """The lines of another run, at the frequencies that were found."""
+    lines = np.array(next(data for data in found.data if data)).reshape(-1, 2 * record.axes + 1)
+    return _lines(record, residual, 1.0, lines[:, 0].tolist())
+
+
+def _waves(record: Record, f0: float, harmonics: Sequence[float]) -> Floats:
     phase = 2 * np.pi * f0 * (record.t - record.t[0])[:, None] * np.array(harmonics)
     return np.hstack((np.cos(phase), np.sin(phase)))
 
@@ -141,7 +147,7 @@ def _beside(k: int, distance: float) -> list[int]:
     return far or [k - 2, k + 2]
 
 
-def _lines(record: Record, residual: Floats, f0: float, harmonics: Sequence[int]) -> Data:
+def _lines(record: Record, residual: Floats, f0: float, harmonics: Sequence[float]) -> Data:
     waves = _waves(record, f0, harmonics)[record.valid]
     # A mean belongs to an offset, not to a line.
     waves = np.column_stack((waves, np.ones(len(waves))))
@@ -166,4 +172,5 @@ DEFECT = Blemish(
     source="S. M. Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993, example 4.2",
     find=find,
     without=without,
+    again=again,
 )

@@ -305,3 +305,12 @@ def test_mains_of_short_runs_are_found_though_one_is_driven_there() -> None:
     for run, lines in zip(runs, found.data, strict=True):
         # Five samples of a thousand parts each: what is left is the noise.
         assert blemish("mains").without(run, lines).v.std() == pytest.approx(NOISE, rel=0.02)
+    # A run at whose force nobody has looked, by what the others say.
+    phases = rng.uniform(0, 6, 3)
+    hum = sum(
+        a * np.sin(2 * np.pi * f * t + p) for a, f, p in zip((5, 4, 3), (50.02, 100.04, 150.06), phases, strict=True)
+    )
+    other = make_record("other", t, runs[1].u, NOISE * (rng.standard_normal((n, 2)) + np.asarray(hum)[:, None]))
+    again = blemish("mains").again
+    assert again is not None
+    assert blemish("mains").without(other, again(found, other, other.v)).v.std() == pytest.approx(NOISE, rel=0.02)
