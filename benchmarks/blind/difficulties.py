@@ -22,11 +22,13 @@ PAD: Final = 8
 
 class Difficulty(NamedTuple):
     """id: of the tool's answer; value: its size, as the label has it; acts: the clean voltage of a run by a plant whose
-    force or clock is not as recorded; marks: what is done to the voltage after noise, with numbers of its own."""
+    force or clock is not as recorded; louder: how much stronger the noise at the modes is than the sensor's; marks:
+    what is done to the voltage after noise, with numbers of its own."""
 
     id: str
     value: float
     acts: Callable[[Plant, Run], Floats] | None = None
+    louder: float = 1.0
     marks: Callable[[np.random.Generator, Floats, Run], Floats] | None = None
 
 
@@ -132,7 +134,9 @@ def _timestamp_jitter(rng: np.random.Generator, device: Device, runs: list[Run])
         k = np.arange(len(v)) + scatter * np.random.default_rng([seed, len(v)]).standard_normal(len(v))
         return _at(v, np.clip(k, 0, len(v) - 1))
 
-    return Difficulty("timestamp_jitter", scatter / runs[0].rate, acts)
+    slope = [np.mean(np.diff(simulate(device.true, run).v, axis=0) ** 2) for run in runs]
+    louder = math.sqrt(1 + scatter**2 * float(np.mean(slope)) / WHITE**2)
+    return Difficulty("timestamp_jitter", scatter / runs[0].rate, acts, louder)
 
 
 def _coloured_noise(rng: np.random.Generator, device: Device, runs: list[Run]) -> Difficulty:
@@ -142,7 +146,9 @@ def _coloured_noise(rng: np.random.Generator, device: Device, runs: list[Run]) -
         white = draw.standard_normal((len(v) + 1000, 2))
         return v + rms * math.sqrt(1 - pole**2) * lfilter([1.0], [1.0, -pole], white, axis=0)[1000:]
 
-    return Difficulty("coloured_noise", float(rms), marks=marks)
+    # A first-order noise is strongest at low frequency, where the modes are.
+    louder = math.sqrt(1 + (rms / WHITE) ** 2 * (1 + pole) / (1 - pole))
+    return Difficulty("coloured_noise", float(rms), louder=louder, marks=marks)
 
 
 def _outliers(rng: np.random.Generator, device: Device, runs: list[Run]) -> Difficulty:

@@ -106,15 +106,15 @@ def make_effects(
     for _ in range(30):
         device = draw_device(rng)
         runs = draw_runs(rng, device, Plan(host))
-        drawn = _drawn(rng, device, runs, effects, multiple)
+        trouble = DIFFICULTIES[difficulty](rng, device, runs) if difficulty else None
+        drawn = _drawn(rng, device, runs, effects, multiple, trouble.louder if trouble else 1.0)
         if drawn is None:
             continue
         start, hidden, scale = drawn
         plant = _placed(start, hidden, scale)
         if not _stable(plant, runs, scale):
             continue
-        return _with_effects(rng, name, device, start, plant, runs, hidden, partner_known, scale,
-                             DIFFICULTIES[difficulty](rng, device, runs) if difficulty else None)  # fmt: skip
+        return _with_effects(rng, name, device, start, plant, runs, hidden, partner_known, scale, trouble)
     raise RuntimeError(f"trial {name}: no draw in 30 has {', '.join(ids)} visible and separable")
 
 
@@ -124,8 +124,10 @@ def _drawn(
     runs: list[Run],
     effects: Sequence[Effect],
     multiple: float | tuple[float, float],
+    louder: float,
 ) -> tuple[Plant, list[Hidden], Scale] | None:
-    """The device with shapes and partners in, and the sizes; None where an effect does not show apart from others."""
+    """The device with shapes and partners in, and the sizes, beside a noise that is so much ``louder`` than the
+    sensor's; None where an effect does not show apart from others."""
     scale, start = scale_of(device, runs), device.true
     for effect in effects:
         start = start._replace(**effect.shape(rng, start, scale))
@@ -140,7 +142,7 @@ def _drawn(
     def place(effect: Effect, aim: tuple[float, ...], size: float) -> Plant:
         return effect.placed(start, size, aim, scale)
 
-    found = [max(projector.detectable(lambda s, e=e, a=a: place(e, a, s), e.cap(start, scale), partners),  # type: ignore[misc]
+    found = [max(louder * projector.detectable(lambda s, e=e, a=a: place(e, a, s), e.cap(start, scale), partners),  # type: ignore[misc]
                  e.least(scale)) for e, a in zip(effects, aims, strict=True)]  # fmt: skip
     if not all(math.isfinite(f) for f in found):
         return None
