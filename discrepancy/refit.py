@@ -280,9 +280,10 @@ class Fitter:
         try:
             at = self.with_grams(at) if at.cost < np.inf else at
             for _ in range(rounds):
-                if near and at.left < SETTLED:
+                if near and (at.left < SETTLED or self._far(at, goal)):
+                    # Old columns show no end and no hope.
                     at, near = self.with_grams(at), False
-                far = at.cost - HOPE * at.left * at.variance > goal
+                far = self._far(at, goal)
                 if creeping == CREEPING or slow == SLOW or at.left < SETTLED or at.grams is None or far:
                     break
                 moved, damping = self._lower(at, damping)
@@ -300,6 +301,10 @@ class Fitter:
         except OutOfTime:
             pass
         return at
+
+    @staticmethod
+    def _far(at: Fitted, goal: float) -> bool:
+        return at.cost - HOPE * at.left * at.variance > goal
 
     def _lower(self, at: Fitted, damping: float) -> tuple[Fitted | None, float]:
         """A step that lowers the cost, None where none does, and the damping for the next one."""
