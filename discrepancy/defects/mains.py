@@ -41,20 +41,20 @@ def find(records: Sequence[Record], residuals: Sequence[Floats], criteria: Crite
     """The frequency whose harmonics stand out of the residuals most, and its lines."""
     if any(len(r.t) / r.sample_rate * min(FREQUENCIES) < PERIODS for r in records):
         return None
-    best: tuple[float, float, list[int]] = (0.0, 0.0, [])
+    best: tuple[float, float, list[int]] = (np.inf, 0.0, [])
     for centre in FREQUENCIES:
         gains, runs = _gains(records, residuals, centre)
         # Two degrees a line, channel and run.
         needed = chi2.isf(criteria.noise_chance / (2 * HARMONICS), 2 * records[0].axes * runs)
         sure = [n + 1 for n, gain in enumerate(gains) if gain > needed[n]]
-        if sure and sum(gains) > best[0]:
-            best = sum(gains), centre, sure
-    _, centre, sure = best
+        if sure:
+            # In a short record the lines of both grids are in the same bins: that which leaves less is it.
+            grid = np.linspace(centre - TOLERANCE, centre + TOLERANCE, 41)
+            left = [sum(_rest(r, e, f, sure) for r, e in zip(records, residuals, strict=True)) for f in grid]
+            best = min(best, (min(left), float(grid[int(np.argmin(left))]), sure))
+    _, f0, sure = best
     if not sure:
         return None
-    grid = np.linspace(centre - TOLERANCE, centre + TOLERANCE, 41)
-    left = [sum(_rest(r, e, f, sure) for r, e in zip(records, residuals, strict=True)) for f in grid]
-    f0 = float(grid[int(np.argmin(left))])
     data = tuple(_lines(r, e, f0, sure) for r, e in zip(records, residuals, strict=True))
     strongest, deviation = 0.0, 0.0
     for own, record, residual in zip(data, records, residuals, strict=True):
