@@ -6,6 +6,7 @@ from math import isfinite, isnan
 from typing import Any, Final
 
 from discrepancy.colour import ORDERS
+from discrepancy.columns import STEEP
 from discrepancy.dataset import Dataset
 from discrepancy.defect import defects, distortion_names, quantity_of
 from discrepancy.effect_file import UNITS, Term
@@ -18,8 +19,6 @@ from gyro_model.model import Model
 
 MOST: Final = 1000
 """Entries of a list that has no length of its own: steps, stages, free parameters, terms."""
-HIGHEST_POWER: Final = 8
-"""By which a voltage may change with a probe."""
 MOST_TRIALS: Final = 1_000_000
 """Points of one effect's grid."""
 
@@ -71,7 +70,7 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
             raise InputError(f"{where}: a partner has none of its own")
         candidate(value, where)
 
-    power = _whole(1, HIGHEST_POWER)
+    power = _whole(1, STEEP)
     score = _Table({"statistic": _number(), "freedom": _whole(1, MOST), "share": _number(), "inflation": _number(0.0),
                     "amplitudes": _list_of(_number()), "deviations": _list_of(_number(infinite=True))})  # fmt: skip
     openings = parts(dataset.fit)

@@ -30,16 +30,18 @@ FEWEST: Final = 4 * max(ORDERS)
 AROUND: Final = 9
 """Bands over whose median the residual's power is taken for that."""
 ENOUGH: Final = 0.5
-"""Share of the bands that must be noise alone."""
+"""Share of the bands that must be noise alone: of fewer an autoregression would be extrapolated into the motion, where
+it took an oscillator's nonlinear damping for noise."""
 ROUNDS: Final = 12
-"""Of filling: each halves at least what the bands of the motion, less than 0.7 of all, are wrong by."""
+"""Of filling: each halves at least what the bands of the motion, at most half of all, are wrong by."""
 EARNED: Final = 60.0
 """Twice the log likelihood that an autoregression must earn, and 12 for each number of it: far beyond chance."""
 PRICE: Final = 12.0
 PARTS: Final = 24
 """Of a run, in which its residual may follow its motion."""
 FOLLOWS: Final = 1e-3
-"""Probability by chance of a rank correlation from which it does."""
+"""Probability by chance of a rank correlation from which it does: a noise that is taken for a misfit once in a thousand
+records stays white until more is named."""
 MATERIAL: Final = 0.05
 """Share of the noise's power that it must predict."""
 SCATTER: Final = 35 / 18 * 2.08

@@ -28,7 +28,7 @@ from gyro_model.units import dimension
 NEVER: Final = 1e100
 """A neutral value beyond this is a limit that is never reached: no small step leaves it."""
 STEEP: Final = 8
-"""Power by which a change is taken to grow about a level, where none below it changes anything."""
+"""Power by which a change is taken to grow about a level, where none below it changes anything; the highest of all."""
 LEVELLED: Final = 1e-3
 """Of a level, for a difference quotient."""
 FARTHEST: Final = 1e6

@@ -18,8 +18,10 @@ Floats = NDArray[np.float64]
 FOLDER: Final = Path(__file__).parent / "kinds"
 MOST: Final = 0.5
 """A stretch of constant rate is what a run is about if it lasts for this share of it."""
-SHORTEST: Final = 0.2
-"""A rate that stands still for less than this [s] is no plateau: the loop is followed by 0.1 s after each step."""
+SETTLING: Final = 0.1
+"""After a step of the rate the loop is followed by this time [s]: fifty of its slowest."""
+SHORTEST: Final = 2 * SETTLING
+"""A rate that stands still for less than this [s] is no plateau."""
 
 
 class Stretch(NamedTuple):

@@ -5,6 +5,7 @@ example 4.2.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -69,8 +70,6 @@ def find(records: Sequence[Record], residuals: Sequence[Floats], criteria: Crite
 
 def without(record: Record, data: Data) -> Record:
     """The run without the lines: each has its frequency [Hz], and cosine and sine [V] of each channel."""
-    from dataclasses import replace
-
     lines = np.array(data).reshape(-1, 2 * record.axes + 1)
     v = record.v.copy()
     for f, *parts in lines:

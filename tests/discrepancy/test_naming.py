@@ -280,3 +280,30 @@ def test_mains_are_taken_out_though_a_filter_for_flicker_leaves_little_of_them()
     assert blemish.id == "mains"
     # Noise of 2e-5 V over 14,000 samples leaves an amplitude to 2.4e-7 V, what the fit takes of it aside.
     assert found.levels["mains"].value == pytest.approx(1e-4, rel=0.02)
+
+
+def accepted_first(hidden: dict[str, float]) -> tuple[str, dict[str, float]]:
+    """What a search of data with ``hidden`` accepts first, and the parameters that it then has."""
+    with Simulator(MODEL) as simulator:
+        begun = search.Search(simulator, made(hidden), lambda _: None)
+        begun.begin()
+        begun._scan()
+        begun._accept(patient=False)
+    return begun.accepted[0].id, dict(begun.at.parameters)
+
+
+def test_a_force_that_saturates_deeply_is_found() -> None:
+    peak = max(float(np.abs(r.u).max()) for r in made({}).fit)
+    name, at = accepted_first({"force_saturation": 1 / (0.55 * peak)})
+    assert name == "force_saturation"
+    # The noise leaves 1e-4 of a limit that half of the peaks reach.
+    assert at["force_saturation"] == pytest.approx(1 / (0.55 * peak), rel=1e-3)
+
+
+@pytest.mark.parametrize("order", [2.0, 4.0])
+def test_a_filter_of_the_force_is_found_with_its_order(order: float) -> None:
+    # A delay, a lag and filters of other orders are alike to first order, and the first are fitted before it. One of
+    # first order is no other than the amplifier's lag, which is then named.
+    name, at = accepted_first({"force_filter": 4e-6, "force_filter_order": order})
+    assert (name, at.get("force_filter_order")) == ("force_filter", order)
+    assert at["force_filter"] == pytest.approx(4e-6, rel=1e-3)

@@ -6,13 +6,11 @@ import numpy as np
 
 from calibration.analysis.allan import angle_allan
 from calibration.analysis.staircase import slope_with_error
-from calibration.characteristics.kind import Course, Kind, longest_valid
+from calibration.characteristics.kind import SETTLING, Course, Kind, longest_valid
 from calibration.datasheet.allan_figures import curve, terms
 from calibration.datasheet.figure import Figure, Outcome
 from cosim.angle_record import AngleRecord
 
-SETTLING = 0.1
-"""Left out after a step of the rate [s]."""
 ROWS = 1000.0
 """Rows a second that the Allan deviation is made of [Hz]: shorter times show the noise of a sample alone."""
 

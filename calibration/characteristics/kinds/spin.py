@@ -5,12 +5,9 @@ from math import degrees, hypot
 import numpy as np
 
 from calibration.analysis.spin import ROUND, spin
-from calibration.characteristics.kind import Course, Kind, longest_valid
+from calibration.characteristics.kind import SETTLING, Course, Kind, longest_valid
 from calibration.datasheet.figure import Curve, Figure, Outcome
 from cosim.angle_record import AngleRecord
-
-SETTLING = 0.1
-"""Left out after a step of the rate [s]."""
 
 
 def outcome(one: AngleRecord, note: str) -> Outcome:

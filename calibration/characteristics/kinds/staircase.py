@@ -5,12 +5,10 @@ from math import degrees
 import numpy as np
 
 from calibration.analysis.staircase import PPM, RESPONSE, plateaus, staircase
-from calibration.characteristics.kind import SHORTEST, Course, Kind
+from calibration.characteristics.kind import SETTLING, Course, Kind
 from calibration.datasheet.figure import Curve, Figure, Outcome
 from cosim.angle_record import AngleRecord
 
-SETTLING = SHORTEST / 2
-"""After a step of the rate the loop is followed by this time [s]: fifty of its slowest."""
 RATES = 3
 """A line and what it leaves need so many rates."""
 
