@@ -19,7 +19,7 @@ def outcome(one: AngleRecord, note: str) -> Outcome:
         degrees(found.mean),
         "°/s",
         degrees(found.mean_error),
-        note=f"{note}; {found.rounds:.3g} rounds",
+        note=f"{note}; {found.rounds:.3g} rounds of 180°",
     )
     harmonics = [
         Figure(
