@@ -71,7 +71,8 @@ def parameter_metrics(trace: pl.DataFrame, bounds: Bounds | None) -> Summary:
         over_bound = None
         if bounds is not None:
             last = np.searchsorted(t, bounds.t[-1], side="right") - 1
-            over_bound = number(abs(error[last]) / bounds.relative_at(t[last : last + 1])[0, index])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                over_bound = number(abs(error[last]) / bounds.relative_at(t[last : last + 1])[0, index])
         result[name] = {
             "true": number(true[-1]),
             "estimate": number(estimate[-1]),

@@ -69,10 +69,11 @@ class Diagnosis:
     improved model with its interval; parameters: all its values.
 
     rivals: by finding, the parameters of the model with each other effect of its ``either`` in its place; removed: by
-    effect, what taking it out changes in the output of each held-out run, (n, axes) [V]; steps: how it was found;
-    doubts: what the reader should know about the fit, one line each; left: share of the refit's residual power that is
-    left, noise taken off; record: defects of the measurement; criteria: the thresholds used; model: with every effect
-    named.
+    effect, what taking it out changes in the output of each held-out run, (n, axes) [V]; absent: by effect that is not
+    named and its parameters, the size that a linear fit beside the final model finds, whatever its bounds; steps: how
+    it was found; doubts: what the reader should know about the fit, one line each; left: share of the refit's residual
+    power that is left, noise taken off; record: defects of the measurement; criteria: the thresholds used; model: with
+    every effect named.
     """
 
     verdict: Verdict
@@ -88,6 +89,7 @@ class Diagnosis:
     steps: tuple[Step, ...] = field(repr=False, default=())
     stages: tuple[Stage, ...] = field(repr=False, default=())
     removed: Mapping[str, Mapping[str, Floats]] = field(repr=False, default_factory=dict)
+    absent: Mapping[str, Mapping[str, Value]] = field(repr=False, default_factory=dict)
     doubts: tuple[str, ...] = ()
     left: float = 0.0
     record: tuple[Finding, ...] = ()

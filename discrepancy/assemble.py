@@ -76,8 +76,8 @@ def assemble(search: "Search") -> Diagnosis:
         verdict, effects, _immaterial(search), noises, gaps, places, _detectable(search),
         {name: value for name, value in device.items() if name not in distortion_names()},
         {name: value for name, value in parameters.items() if name not in distortion_names()},
-        rivals, tuple(search.steps), stages, removed, doubts, rest.share, (*_record(search, device), *known),
-        search.criteria, model=search.simulator.model,
+        rivals, tuple(search.steps), stages, removed, _absent(search), doubts, rest.share,
+        (*_record(search, device), *known), search.criteria, model=search.simulator.model,
     )  # fmt: skip
 
 
@@ -332,6 +332,20 @@ def _detectable(search: "Search") -> dict[str, dict[str, float]]:
                 own = sizes.setdefault(candidate.effect.id, {})
                 value = abs(p.value(reach * d) - p.quantity.start)
                 own[p.quantity.name] = min(own.get(p.quantity.name, np.inf), value)
+    return sizes
+
+
+def _absent(search: "Search") -> dict[str, dict[str, Value]]:
+    """The linear estimate of every size that acts in proportion, of effects without a search over shapes: with one,
+    the best of many points is no fair estimate."""
+    sizes: dict[str, dict[str, Value]] = {}
+    for candidate, result in best_of(search.scored, search.criteria):
+        alone = candidate.partner is None and candidate.trials == 1 and not isinstance(candidate.effect, Defect)
+        for p, a, d in zip(candidate.probes, result.amplitudes, result.deviations, strict=False):
+            if alone and p.power == 1 and np.isfinite(d) and candidate.effect.id not in search.present:
+                value, reach = p.quantity.start + p.step * a, WIDTH * abs(p.step) * d
+                own = sizes.setdefault(candidate.effect.id, {})
+                own[p.quantity.name] = Value(value, value - reach, value + reach, p.quantity.unit)
     return sizes
 
 

@@ -28,7 +28,7 @@ from gyro_model import (
     generate_xml,
 )
 from gyro_model.clocked import clocked_model
-from gyro_model.compiling import WHOLE, compile_for, compile_library, write_whole
+from gyro_model.compiling import WHOLE, check_zig, compile_for, compile_library, write_whole
 from gyro_model.envelope import envelope_model
 from gyro_model.errors import InputError
 from gyro_model.form import Form
@@ -181,6 +181,7 @@ def build_module(model: Form | None = None, folder: Path | None = None) -> Path:
     path = _module_path(model, folder or default_folder(model))
     # The token stands in the module: what it compares an importer's with.
     if not path.is_file() or model_token(model).encode() not in path.read_bytes():
+        check_zig(WASM)
         LOGGER.info("compiling the %s module for web browsers, once for this model, some 10 s ...", model.NAME)
         with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
             write_sources(model, Path(name))

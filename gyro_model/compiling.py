@@ -62,8 +62,7 @@ def write_whole(sources: Path, files: Sequence[str]) -> str:
 def compile_for(platform: Platform, sources: Path, files: Sequence[str], library: Path) -> None:
     """The same for any platform that zig knows, and without the C library's mathematics. Raises InputError where the
     package ziglang is missing."""
-    if not importlib.util.find_spec("ziglang"):
-        raise InputError(f"platform {platform.fmi3!r}: to compile for it takes zig; `pip install gyrotwin[zig]`")
+    check_zig(platform)
     kind = _KINDS.get(platform.suffix, ("-shared", "-fPIC"))
     with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
         # Elsewhere first: beside a library for Windows zig leaves other files. Stripped of names and dates, so that
@@ -71,6 +70,12 @@ def compile_for(platform: Platform, sources: Path, files: Sequence[str], library
         made = Path(name) / library.name
         _compile([*_ZIG, *FLAGS, "-target", platform.target, "-s", *kind], sources, files, made)
         shutil.copy(made, library)
+
+
+def check_zig(platform: Platform) -> None:
+    """Raises InputError where the package ziglang, which compiles for ``platform``, is missing."""
+    if not importlib.util.find_spec("ziglang"):
+        raise InputError(f"platform {platform.fmi3!r}: to compile for it takes zig; `pip install gyrotwin[zig]`")
 
 
 def _compile(

@@ -340,7 +340,8 @@ def _along(xx: float, yy: float, xy: float, angle: float) -> float:
 
 def _rotated(values: list[float], angle: float) -> tuple[float, float, float]:
     along, across, c, s = *values, cos(angle), sin(angle)
-    return along * c * c + across * s * s, along * s * s + across * c * c, (along - across) * c * s
+    # Adding zero turns a cross term of -0.0 into 0.0.
+    return along * c * c + across * s * s, along * s * s + across * c * c, (along - across) * c * s + 0.0
 
 
 def _digits(value: float) -> str:

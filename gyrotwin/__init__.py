@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         compensate,
         datasheet,
         diagnose,
+        diagnose_each,
         effects,
         export_sensor,
         load_dataset,
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     )
     from gyrotwin.comparison import compare
     from gyrotwin.datasheet_result import DatasheetResult
+    from gyrotwin.fleet_result import FleetResult
     from gyrotwin.match_result import MatchResult
     from gyrotwin.playing.page import PlayResult
     from gyrotwin.results import CompensationResult, DiagnosisResult, RateResult, RunResult, SplitResult
@@ -52,6 +54,7 @@ _HOMES: Final = {
     "DatasheetResult": "gyrotwin.datasheet_result",
     "Design": "cosim.design",
     "Device": "gyro_model.device",
+    "FleetResult": "gyrotwin.fleet_result",
     "InputError": "gyro_model.errors",
     "MatchResult": "gyrotwin.match_result",
     "PlayResult": "gyrotwin.playing.page",
@@ -62,8 +65,18 @@ _HOMES: Final = {
     "sweep": "gyrotwin.tasks.sweep",
     **dict.fromkeys(
         (
-            *("build", "compensate", "datasheet", "diagnose", "effects", "export_sensor", "load_dataset"),
-            *("load_design", "load_device", "match", "play", "rate", "run", "simulate_dataset", "split"),
+            *("build", "compensate", "datasheet", "diagnose", "diagnose_each", "effects", "export_sensor"),
+            *(
+                "load_dataset",
+                "load_design",
+                "load_device",
+                "match",
+                "play",
+                "rate",
+                "run",
+                "simulate_dataset",
+                "split",
+            ),
             "verify",
         ),
         "gyrotwin.api",
@@ -80,6 +93,7 @@ __all__ = [
     "Design",
     "Device",
     "DiagnosisResult",
+    "FleetResult",
     "InputError",
     "MatchResult",
     "PlayResult",
@@ -94,6 +108,7 @@ __all__ = [
     "compensate",
     "datasheet",
     "diagnose",
+    "diagnose_each",
     "effects",
     "export_sensor",
     "load_dataset",

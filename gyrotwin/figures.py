@@ -38,12 +38,13 @@ PARAMETER_UNITS: Final = {"k": ("N/m", 1.0), "d": ("µN·s/m", 1e6), "m": ("µg"
 
 @dataclass(frozen=True)
 class Line:
-    """A line: x, y lists of numbers (None: gap); role: how it is drawn."""
+    """A line: x, y lists of numbers (None: gap); role: how it is drawn; text: a word for each point, or none."""
 
     name: str
     role: str
-    x: list[float | None]
-    y: list[float | None]
+    x: Sequence[float | None]
+    y: Sequence[float | None]
+    text: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -152,7 +153,8 @@ def bound_figure(trace: pl.DataFrame, bounds: Bounds, scenario: str) -> Figure:
     lines = []
     for index, name in enumerate(PARAMETER_NAMES):
         middle, error = rms_in_bins(t, relative_error(trace, name), log)
-        ratio = error / bounds.relative_at(middle)[:, index]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = error / bounds.relative_at(middle)[:, index]
         lines.append(line(name, name, middle, ratio))
     lines.append(line("bound", "limit", t[[1, -1]], np.ones(2)))
     panel = Panel("t [s]", "rms error / bound", lines, x_log=log, y_log=True, wide=True)
@@ -267,7 +269,9 @@ def angle_error(trace: pl.DataFrame, unit: str, converged_at: float | None) -> F
 
 def relative_error(trace: pl.DataFrame, name: str) -> Floats:
     """Return estimate/true - 1 of one parameter, shape (n,)."""
-    ratio: Floats = trace[f"est_{name}"].to_numpy() / trace[f"true_{name}"].to_numpy()
+    # A cross term may be zero; its relative error is then no number, and no point is drawn.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio: Floats = trace[f"est_{name}"].to_numpy() / trace[f"true_{name}"].to_numpy()
     return ratio - 1
 
 

@@ -1,8 +1,10 @@
 """How numbers of a result are written, in the terminal and in the report."""
 
+import re
 from math import floor, isfinite, log10
 
 MISSING = "–"
+_POWERS = str.maketrans("23456789", "²³⁴⁵⁶⁷⁸⁹")
 
 
 def significant(value: float | None, digits: int = 3) -> str:
@@ -31,6 +33,12 @@ def with_error(value: float | None, error: float | None) -> str:
         return f"{significant(value, 2)} ± {error:.2g}"
     shown = f"{value:#.{min(max(digits, 2), 10)}g}".rstrip(".")
     return f"{shown} ± {error:.2g}"
+
+
+def unit(text: str) -> str:
+    """Return a unit such as N.s/m3 or 1/s0.5 as it is printed: N·s/m³, 1/√s."""
+    rooted = re.sub(r"([A-Za-z]+)0\.5", r"√\1", text)
+    return re.sub(r"(?<=[A-Za-z])[2-9]", lambda power: power[0].translate(_POWERS), rooted).replace(".", "·")
 
 
 def hertz(value: float) -> str:

@@ -18,6 +18,7 @@ OWN: Final = (
     *("summary.json", "trace.parquet", "sense.parquet", "track.csv", "report.html", "report.json", "compensation.*"),
     *("design.toml", "device.toml", "fmi2.fmu", "fmi3.fmu", "effects", "search.checkpoint", "plan.toml", "rows*"),
     *("sweep.json", "datasheet.json", "match.json", "sensor_*", "fmi2", "fmi3", "play.html", ".writing-*"),
+    *("fleet.json", "devices", "row.json"),
 )
 """Names that commands write, as patterns; whatever else lies in a folder is the user's."""
 SHOWN: Final = 3

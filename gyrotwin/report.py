@@ -123,6 +123,7 @@ def template(name: str) -> jinja2.Template:
         "degrees",
         "uncertain",
         "hertz",
+        "unit",
         "with_error",
     ):
         environment.filters[filter_name] = getattr(numbers, filter_name)

@@ -73,10 +73,13 @@ def dialect_of(text: str) -> Dialect:
             continue
         table = [k for k, row in enumerate(rows) if len(row) == width and shares[k] >= NUMBERS / 2]
         share = sum(shares[k] for k in table) / max(sum(1 for row in rows if row != [""]), 1)
-        # Of two that read as many numbers, the one that makes more columns of them.
-        worth = share + 1e-3 * min(width, 50)
-        if table and worth > best + 1e-9:
-            best, found = worth, _headed(rows, table[0], width, separator, decimal)
+        if not table:
+            continue
+        own = _headed(rows, table[0], width, separator, decimal)
+        # Of two that read as many numbers, the one that makes more columns of them, then the one that has headings.
+        worth = share + 1e-3 * min(width, 50) + 5e-4 * bool(own.headings)
+        if worth > best + 1e-9:
+            best, found = worth, own
     return found
 
 

@@ -1,6 +1,6 @@
 """The functions of the package; each command is a thin skin over the one of its name."""
 
-from gyrotwin.api.datasets import MOST_EFFECTS, diagnose, load_dataset, simulate_dataset
+from gyrotwin.api.datasets import MOST_EFFECTS, diagnose, diagnose_each, load_dataset, simulate_dataset
 from gyrotwin.api.datasheets import datasheet, export_sensor
 from gyrotwin.api.files import DeviceSource, effects, load_design, load_device
 from gyrotwin.api.fmu import build, verify
@@ -16,6 +16,7 @@ __all__ = [
     "compensate",
     "datasheet",
     "diagnose",
+    "diagnose_each",
     "effects",
     "export_sensor",
     "load_dataset",

@@ -10,6 +10,7 @@ from gyrotwin.api.files import DeviceSource, load_device
 
 if TYPE_CHECKING:
     from discrepancy.dataset import Dataset
+    from gyrotwin.fleet_result import FleetResult
     from gyrotwin.results import DiagnosisResult
 
 Steps = Callable[[str], None]
@@ -158,3 +159,59 @@ def diagnose(
     warnings = [*notes, *map(str, check(data))]
     kept = None if checkpoint is None else Path(checkpoint)
     return find(request, data, data.model, progress or (lambda line: None), kept, warnings)
+
+
+def diagnose_each(
+    folder: str | Path,
+    out: str | Path,
+    *,
+    device: str | Path | None = None,
+    effects: Sequence[str | Path] = (),
+    max_effects: int = MOST_EFFECTS,
+    jobs: int | None = None,
+    seed: int = 0,
+    force: bool = False,
+    progress: Steps | None = None,
+) -> "FleetResult":
+    """Diagnose the data sets of many devices, and find what they have in common and which do not belong.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Holds a folder with ``dataset.toml`` for each device, and where something is known of them besides, as their
+        position on a wafer, ``devices.csv``: names in the first column, numbers in the others.
+    out : str or Path
+        Folder for fleet.json, report.html and the results of each device. Devices that were finished there before,
+        from the same data with the same options, are not diagnosed again.
+    device : str or Path
+        Nominal values that replace those of the data sets.
+    effects : sequence of str or Path
+        Folders of further effect files.
+    max_effects : int
+        Name at most so many a device.
+    jobs : int
+        Simulations at a time; None: one a core.
+    seed : int
+        Seed of whatever the searches draw.
+    force : bool
+        Write even into a folder that holds other files.
+    progress : callable
+        Called with one line of text a step.
+
+    Returns
+    -------
+    FleetResult
+        With ``fleet``, ``devices`` (one row each), ``outliers``, ``summary``.
+
+    Raises
+    ------
+    InputError
+        If there is no data set, or an argument is wrong. A data set that can't be diagnosed is a row with its error.
+
+    """
+    from gyrotwin.tasks import fleet
+    from gyrotwin.tasks.diagnose import Request
+
+    nominal = None if device is None else str(device)
+    request = Request(Path(folder), Path(out), nominal, tuple(map(Path, effects)), max_effects, jobs, seed)
+    return fleet.find(Path(folder), request, progress, force=force)

@@ -32,6 +32,8 @@ def compare(
         table.add_column(heading, justify="right" if heading else "left")
     for row in found.rows:
         numbers = [*row.numbers, *(row.difference(k) for k in range(1, len(found.names)))]
-        table.add_row(f"{row.name} [dim]{row.unit}[/]", *map(comparison.shown, numbers))
+        table.add_row(
+            row.name if row.unit == "1" else f"{row.name} [dim]{row.unit}[/]", *map(comparison.shown, numbers)
+        )
     console.print(table)
     console.print(f"report: {out / 'report.html'}", soft_wrap=True, highlight=False)

@@ -24,6 +24,7 @@ from gyrotwin.results import DiagnosisResult, Writer, write_json
 
 if TYPE_CHECKING:
     from discrepancy.answer import Diagnosis
+    from discrepancy.criteria import Criteria
     from discrepancy.dataset import Dataset
 
 CHECKPOINT: Final = "search.checkpoint"
@@ -45,7 +46,12 @@ class Request(NamedTuple):
 
 
 def diagnose(
-    dataset: Annotated[Path, typer.Argument(help="Folder with dataset.toml; `gyrotwin dataset init` writes one.")],
+    dataset: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="Folder with dataset.toml; `gyrotwin dataset init` writes one.")
+    ],
+    each: Annotated[
+        bool, typer.Option("--each", help="FOLDER holds a data set of each of many devices: diagnose all, compare.")
+    ] = False,
     device: Annotated[
         str | None,
         typer.Option(metavar="NAME|FILE", help="Nominal values: this device's replace those of the data set."),
@@ -65,6 +71,11 @@ def diagnose(
     """Find what a model lacks to explain measured data, and write the improved model."""
     folder = out or Path("results") / _name(dataset)
     request = Request(dataset, folder, device, tuple(effects or ()), max_effects, jobs, seed, criteria)
+    if each:
+        from gyrotwin.tasks import fleet
+
+        fleet.execute(dataset, request, console, force=force)
+        return
     execute(request, console, force=force)
 
 
@@ -78,10 +89,10 @@ def execute(request: Request, out: Console, *, force: bool = False) -> dict[str,
     from gyrotwin.diagnosis_console import results
     from gyrotwin.output import check_writable
 
-    _check(request)
+    check_request(request)
     check_writable(request.out, force=force)
     model = load_model(*request.effects)
-    data, notes = _dataset(request, model)
+    data, notes = load_nominal(request, model)
     warnings = [*notes, *map(str, check(data))]
     for warning in warnings:
         out.print(f"warning: {warning}", style="yellow", soft_wrap=True, highlight=False, markup=False)
@@ -105,7 +116,6 @@ def find(
 ) -> DiagnosisResult:
     """Diagnoses ``data`` as ``request`` asks; nothing is written but ``checkpoint``."""
     from discrepancy import naming
-    from discrepancy.criteria import Criteria, load_criteria
     from discrepancy.unnamed import TermSearch
 
     with tempfile.TemporaryDirectory(prefix="gyrotwin-") as folder:
@@ -119,7 +129,7 @@ def find(
             progress=progress,
             checkpoint=checkpoint,
             further=TermSearch(terms, progress),
-            criteria=load_criteria(request.criteria) if request.criteria else Criteria(),
+            criteria=criteria_of(request),
         )
         given = [path for folder in (*request.effects, terms) for path in sorted(folder.glob("*.py"))]
         texts = {f"effects/{path.name}": path.read_bytes() for path in given}
@@ -127,7 +137,15 @@ def find(
     return DiagnosisResult(data, device, found, texts, tuple(warnings))
 
 
-def _check(request: Request) -> None:
+def criteria_of(request: Request) -> "Criteria":
+    """The thresholds as asked for."""
+    from discrepancy.criteria import Criteria, load_criteria
+
+    return load_criteria(request.criteria) if request.criteria else Criteria()
+
+
+def check_request(request: Request) -> None:
+    """Raises InputError for options that nothing can be done with."""
     if request.max_effects < 0:
         raise InputError(f"--max-effects {request.max_effects}: give 0 or more")
     if request.jobs is not None and request.jobs < 1:
@@ -143,7 +161,7 @@ def _name(dataset: Path) -> str:
     return whole.parent.name if whole.suffix == ".toml" else whole.name
 
 
-def _dataset(request: Request, model: Model) -> tuple["Dataset", list[str]]:
+def load_nominal(request: Request, model: Model) -> tuple["Dataset", list[str]]:
     """The data set as asked for, with what to say about its nominal values."""
     from discrepancy.dataset import load_dataset
 
@@ -182,7 +200,7 @@ def _kept_search(request: Request, out: Console) -> Iterator[tuple[Path, Callabl
     except OSError as error:
         raise InputError(f"output folder {request.out}: {error.strerror}; name another with --out") from None
     try:
-        with _steps_shown(out) as progress:
+        with steps_shown(out) as progress:
             if checkpoint.is_file():
                 progress(f"going on from {checkpoint}")
             yield checkpoint, progress
@@ -196,7 +214,7 @@ def _kept_search(request: Request, out: Console) -> Iterator[tuple[Path, Callabl
 
 
 @contextmanager
-def _steps_shown(out: Console) -> Iterator[Any]:
+def steps_shown(out: Console) -> Iterator[Any]:
     """Shows the step at work with the time since the start; steps done stay as lines."""
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
     with Progress(*columns, console=out, transient=True) as bar:

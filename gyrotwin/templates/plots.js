@@ -10,6 +10,7 @@ const STYLE = {
   dyy: {color: "#d97706", width: 1.4}, dxy: {color: "#c02b6f", width: 1.4},
   m: {color: "#7c3aed", width: 1.4},
   before: {color: "#c2571b", width: 1.4}, after: {color: "#1f5fbf", width: 1.5}, run: {color: "#1b2430", width: 2},
+  dot: {color: "#1f5fbf", width: 6, dots: true}, bad: {color: "#c81e1e", width: 8, dots: true},
   "effect-0": {color: "#15803d", width: 1.3}, "effect-1": {color: "#7c3aed", width: 1.3},
   "effect-2": {color: "#c02b6f", width: 1.3}, "effect-3": {color: "#0e8fa8", width: 1.3},
 };
@@ -56,7 +57,7 @@ function layout(panel) {
     Object.assign(x, {tickformat: "~s", dtick: decades > 3.5 ? 1 : "D2"});
   }
   return {
-    xaxis: x, yaxis: y, shapes, showlegend: false, hovermode: panel.z || panel.names ? "closest" : "x unified",
+    xaxis: x, yaxis: y, shapes, showlegend: false, hovermode: panel.z || panel.names || panel.lines?.some(line => line.text.length) ? "closest" : "x unified",
     margin: {l: 8, r: 12, t: panel.title ? 26 : 10, b: 8}, dragmode: touch ? false : "zoom",
     title: panel.title ? {text: panel.title, font: {size: 13}, x: 0.5, y: 0.98, yanchor: "top"} : undefined,
     font: {family: getComputedStyle(document.body).fontFamily, size: 12, color: css("--ink")},
@@ -136,14 +137,16 @@ function traces(panel) {
 
 function lines(panel) {
   return panel.lines.map(line => ({
-    type: "scatter", mode: "lines", name: line.name, x: line.x, y: line.y, line: STYLE[line.role],
-    connectgaps: false, hovertemplate: "%{y:.4g}",
+    type: "scatter", mode: STYLE[line.role].dots ? "markers" : "lines", name: line.name, x: line.x, y: line.y,
+    line: STYLE[line.role], marker: {color: STYLE[line.role].color, size: STYLE[line.role].width}, text: line.text,
+    connectgaps: false, hovertemplate: line.text.length ? "%{text}: %{y:.4g}<extra></extra>" : "%{y:.4g}",
+    hoverinfo: panel.lines.some(other => other.text.length) && !line.text.length ? "skip" : undefined,
   }));
 }
 
 // Lines that are black on white are white on black.
 function adapt() {
-  const own = {run: "--ink", limit: "--soft", estimate: "--accent"};
+  const own = {run: "--ink", limit: "--soft", estimate: "--accent", dot: "--accent"};
   for (const [role, name] of Object.entries(own)) STYLE[role].color = css(name);
 }
 
@@ -165,6 +168,7 @@ function draw() {
     const style = STYLE[mark.dataset.role], stroke = mark.firstElementChild;
     stroke.setAttribute("stroke", style.color);
     stroke.setAttribute("stroke-width", Math.max(2, style.width));
+    if (style.dots) { stroke.setAttribute("stroke-linecap", "round"); stroke.setAttribute("x1", 12); stroke.setAttribute("x2", 12); }
     if (style.dash) stroke.setAttribute("stroke-dasharray", "5 3");
   }
 }

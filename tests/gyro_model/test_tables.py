@@ -134,3 +134,12 @@ def test_conversions_by_hand(value: float, unit: str, si: str, expected: float) 
 def test_an_si_unit_is_itself_and_has_a_dimension(si: str) -> None:
     assert conversion(si, si) == (1.0, 0.0)
     dimension(si)
+
+
+@pytest.mark.parametrize("text", ["die;x [mm]\na-1;0,5\na-2;1,5\n", "die,x [mm]\na-1,0.5\na-2,1.5\n"])
+def test_of_two_separators_that_read_as_many_numbers_the_one_with_headings(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "devices.csv"
+    path.write_text(text)
+    read = read_table(path)
+    assert read.headings == ["die", "x [mm]"]
+    np.testing.assert_array_equal(read.numbers("x [mm]"), [0.5, 1.5])
