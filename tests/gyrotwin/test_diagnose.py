@@ -259,7 +259,7 @@ def test_the_page_is_whole_and_needs_no_network(answer: SimpleNamespace, page: P
 def test_the_page_shows_everything(answer: SimpleNamespace, page: Page) -> None:
     sections = {"effects", "misfit", "map", "located", "scores", "spectra", "parameters", "noise", "detectable"}
     assert sections <= page.ids
-    for text in ("The model lacks cubic_stiffness", "F_x = -k3_x·x^3", "the last, run-2.parquet, is held out", "N/m3"):
+    for text in ("The model lacks cubic_stiffness", "F_x = -k3_x·x^3", "the last, run-2.parquet, is held out", "N/m³"):
         assert text in page.text, text
     data = json.loads(page.scripts[1], parse_constant=pytest.fail)
     assert {name: len(panels) for name, panels in data.items()} == {"misfit": 1, "map": 4, "scores": 1, "spectra": 2}
@@ -326,7 +326,7 @@ def test_nominal_may_name_a_parameter_of_a_further_effect(
     (tmp_path / "mine" / "quintic.py").write_text(QUINTIC)
     model = load_model(tmp_path / "mine")
     data = written(tmp_path / "data", runs, nominal={**TRUE, "k5": 1e18})
-    dataset, _ = diagnose._dataset(diagnose.Request(data, tmp_path / "out"), model)
+    dataset, _ = diagnose.load_nominal(diagnose.Request(data, tmp_path / "out"), model)
     assert dataset.nominal["k5"] == 1e18
     with Simulator(model, jobs=1) as simulator:
         search = naming.Search(simulator, dataset, lambda _: None)
@@ -344,7 +344,7 @@ def test_nominal_may_name_a_parameter_of_a_further_effect(
 def test_a_device_replaces_the_nominal_values(runs: Tables, tmp_path: Path) -> None:
     data = written(tmp_path / "data", runs, nominal={"sense_gain_x": 1e6, "sense_gain_y": 1e6, "kxx": 60.0})
     request = diagnose.Request(data, tmp_path / "out", device="reference")
-    dataset, notes = diagnose._dataset(request, MODEL)
+    dataset, notes = diagnose.load_nominal(request, MODEL)
     assert dataset.nominal["kxx"] == TRUE["kxx"]
     # The reference device has noise; a fit simulates without.
     assert "sense_noise" not in dataset.nominal
