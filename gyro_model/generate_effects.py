@@ -274,8 +274,9 @@ def _events(model: Model) -> str:
 
 
 def _laws(model: Model) -> str:
-    targets = {target for law in model.laws for target in law.changes} | set(model.followed)
-    lines = "".join(as_set(target) for target in sorted(targets, key=str))
+    targets = sorted({target for law in model.laws for target in law.changes} | set(model.followed), key=str)
+    lines = "".join(map(as_set, targets))
+    places = "".join(f"    {macro(target.name)},\n" for target in targets) or "    0, /* none */\n"
     lines += "".join(guarded(e, called(e, f"effect_{e.id}(g);\n")) for e in (*follows_of(model), *model.laws))
     made = "".join(f"    {as_set(symbol)}" for symbol in symbols.SET_BY)
     start = "".join(textwrap.indent(_lag_starts(e), "    ") for e in follows_of(model))
@@ -287,6 +288,9 @@ def _laws(model: Model) -> str:
         "/* What lags starts at its value as set. */\n"
         "static inline void start_lagging(gyro_view *g, const double value[GYRO_N_VARIABLES])\n"
         f"{{\n{start}}}\n\n"
+        "/* What laws change. */\n"
+        f"enum {{ GYRO_N_LAW_TARGETS = {max(1, len(targets))} }};\n"
+        f"static const int law_targets[GYRO_N_LAW_TARGETS] = {{\n{places}}};\n\n"
         "/* Parameter laws: from the values as set, at the time and events of the view. */\n"
         "static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES])\n"
         f"{{\n{textwrap.indent(lines, '    ')}}}\n\n"
@@ -311,8 +315,9 @@ def _moving(effect: Follow | Law) -> str:
 
 
 def _remembering(model: Model) -> str:
-    targets = {target for law in model.laws for target in law.changes} | set(model.followed)
-    lines = "".join(as_set(target) for target in sorted(targets, key=str))
+    targets = sorted({target for law in model.laws for target in law.changes} | set(model.followed), key=str)
+    lines = "".join(map(as_set, targets))
+    places = "".join(f"    {macro(target.name)},\n" for target in targets) or "    0, /* none */\n"
     lines += "".join(guarded(e, f"effect_{e.id}(g);\n") for e in follows_of(model))
     for law in model.laws:
         lines += guarded(law, _begun(law) + called(law, f"effect_{law.id}(g);\n"))

@@ -132,40 +132,57 @@ static double quintic(const gyro_end *a, const gyro_end *b, int place, int speed
     return d * d * d * from_a + c * c * c * from_b;
 }
 
+/* What enters the lag at its nodes in a part of a step. */
+typedef struct {
+    double v[2][GYRO_LAG_NODES];  /* V */
+    double tau[GYRO_LAG_NODES];   /* time constant, s */
+} gyro_entering;
+
+/* Of a node, the states and laws of the view being those of it. */
+static void enter_lag(gyro_view *view, int node, gyro_entering *entering)
+{
+    pick_off(view);
+    entering->tau[node] = lag_time_constant(view);
+    entering->v[0][node] = view->v[0];
+    entering->v[1][node] = view->v[1];
+}
+
+static void pass_part(gyro_instance *g, const gyro_entering *entering, double h)
+{
+    gyro_weigh_lag(&g->plan.lag, h, entering->tau);
+    for (int axis = 0; axis < 2; axis++) {
+        g->memory.lagged[axis] = gyro_lagged(&g->plan.lag, g->memory.lagged[axis], entering->v[axis]);
+    }
+}
+
 /* The amplifier's lag from time t by h [s], which is `from` [s] into the step, the force being that of the view; states, laws and time of the
-   view end at the end. */
-static void move_lag(gyro_instance *g, const gyro_end *start, double t, double from, double h)
+   view end at the end. `start` shape (GYRO_N_STATES): the states at t. */
+static void move_lag(gyro_instance *g, const double start[GYRO_N_STATES], double t, double from, double h)
 {
     gyro_view *view = &g->view;
     const gyro_end end = end_here(view);
-    double v[2][GYRO_LAG_NODES], tau[GYRO_LAG_NODES];
+    gyro_entering entering;
+    memcpy(view->s, start, sizeof view->s);
+    const gyro_end first = end_here(view);
     for (int node = 0; node < GYRO_LAG_NODES; node++) {
         const double c = gyro_lag_nodes[node];
-        if (node == 0) {
-            memcpy(view->s, start->s, sizeof view->s);
-        } else if (node == GYRO_LAG_NODES - 1) {
+        if (node == GYRO_LAG_NODES - 1) {
             memcpy(view->s, end.s, sizeof view->s);
-        } else {
+        } else if (node > 0) {
             for (int i = 0; i < GYRO_N_STATES; i++) {
-                view->s[i] = cubic(start->s[i], start->rate[i], end.s[i], end.rate[i], h, c);
+                view->s[i] = cubic(first.s[i], first.rate[i], end.s[i], end.rate[i], h, c);
             }
-            view->s[GYRO_STATE_X] = quintic(start, &end, GYRO_STATE_X, GYRO_STATE_X_DOT, h, c);
-            view->s[GYRO_STATE_Y] = quintic(start, &end, GYRO_STATE_Y, GYRO_STATE_Y_DOT, h, c);
+            view->s[GYRO_STATE_X] = quintic(&first, &end, GYRO_STATE_X, GYRO_STATE_X_DOT, h, c);
+            view->s[GYRO_STATE_Y] = quintic(&first, &end, GYRO_STATE_Y, GYRO_STATE_Y_DOT, h, c);
         }
         view->t = t + c * h;
         view->since = from + c * h;
         if (view->moving) {
             apply_laws(view, g->value);
         }
-        pick_off(view);
-        tau[node] = lag_time_constant(view);
-        v[0][node] = view->v[0];
-        v[1][node] = view->v[1];
+        enter_lag(view, node, &entering);
     }
-    gyro_weigh_lag(&g->plan.lag, h, tau);
-    for (int axis = 0; axis < 2; axis++) {
-        g->memory.lagged[axis] = gyro_lagged(&g->plan.lag, g->memory.lagged[axis], v[axis]);
-    }
+    pass_part(g, &entering, h);
 }
 
 /* The voltage and its rate behind the lag, by the lag's own equation: tau v' = v_in - v. */
@@ -308,6 +325,26 @@ void gyro_first_sample(gyro_instance *g)
 
 void gyro_plan_series(gyro_instance *g) { plan_series(&g->plan.series, &g->view); }
 
+/* The lag over the part of a step h [s] from time t that the latest series has gone, from `begin` of the step on. */
+static void move_lag_along(gyro_instance *g, const gyro_course *course, const gyro_passage *at, double t, double h, int n, double begin)
+{
+    gyro_view *view = &g->view;
+    gyro_entering entering;
+    for (int node = 0; node < GYRO_LAG_NODES; node++) {
+        const double c = gyro_lag_nodes[node], part = begin + c * (at->done - begin);
+        set_states(&at->series, at->power, c * at->reach, n, view);
+        view->t = t + part * h;
+        view->since = part * h;
+        if (view->moving && course->smooth) {
+            set_changed(view, course, part);
+        } else if (view->moving) {
+            apply_laws(view, g->value);
+        }
+        enter_lag(view, node, &entering);
+    }
+    pass_part(g, &entering, h * at->done - h * begin);
+}
+
 /* The states of the view over h [s] from time t by series, and the voltage behind the lag where `lags`. */
 static void move_by_series(gyro_instance *g, const gyro_course *course, double t, double h, int lags)
 {
@@ -316,14 +353,14 @@ static void move_by_series(gyro_instance *g, const gyro_course *course, double t
     gyro_passage at;
     begin_passage(&at, &g->plan.series, course);
     while (at.done < 1.0) {
-        const double begin = h * at.done;
-        gyro_end start;
-        if (lags) {
-            start = end_here(view);
-        }
+        const double begin = at.done;
+        double start[GYRO_N_STATES];
+        memcpy(start, view->s, sizeof start);
         advance_next(view, g->value, course, t, h, n, &at);
-        if (lags) {
-            move_lag(g, &start, t + begin, begin, h * at.done - begin);
+        if (lags && at.power > 0) {
+            move_lag_along(g, course, &at, t, h, n, begin);
+        } else if (lags) {
+            move_lag(g, start, t + h * begin, h * begin, h * at.done - h * begin);
         }
         if (lags && view->moving && at.done < 1.0) {
             apply_laws_at(view, g->value, t, h, 0.5);
@@ -338,10 +375,8 @@ static void move_by_halves(gyro_instance *g, double t, double h, int lags)
     const int tabulated = view->steady && gyro_holds(&g->plan.propagator, view, h);
     for (gyro_progress at = {0, GYRO_WHOLE}; at.done < GYRO_WHOLE;) {
         const double begin = h * at.done / GYRO_WHOLE;
-        gyro_end start;
-        if (lags) {
-            start = end_here(view);
-        }
+        double start[GYRO_N_STATES];
+        memcpy(start, view->s, sizeof start);
         if (tabulated) {
             gyro_apply(&g->plan.propagator, view);
             at.done = GYRO_WHOLE;
@@ -351,7 +386,7 @@ static void move_by_halves(gyro_instance *g, double t, double h, int lags)
             integrate_next(view, g->value, t, h, &at);
         }
         if (lags) {
-            move_lag(g, &start, t + begin, begin, h * at.done / GYRO_WHOLE - begin);
+            move_lag(g, start, t + begin, begin, h * at.done / GYRO_WHOLE - begin);
         }
     }
 }

@@ -36,11 +36,14 @@ enum { GYRO_MOST_CLOSE = 16 };
 /* Powers of time up to which laws change the linear forces. */
 enum { GYRO_COURSE_POWERS = 3 };
 
-/* What laws do in a step: the linear forces by powers of the time, in steps, and by what all else that a force reads changes. */
+/* What laws do in a step: the linear forces by powers of the time, in steps; by what all else that a force reads changes; and each thing that
+   laws change, by powers of the time from the middle. */
 typedef struct {
     gyro_linear power[GYRO_COURSE_POWERS];
     double read[GYRO_SERIES_READ];
+    double changed[GYRO_N_LAW_TARGETS][GYRO_COURSE_POWERS];
     int changes;
+    int smooth; /* 1: `changed` holds for all of them */
 } gyro_course;
 
 static inline void plan_series(gyro_series_plan *plan, const gyro_view *view)
@@ -264,6 +267,9 @@ static const double GYRO_COURSE_BEND = 1e-9;
    line. */
 static const double GYRO_READ_CHANGE[2] = {1e-7, 1e-4};
 
+/* By what part they may bend what they change in a step off a line, so that a parabola does: it is off by less than a thirtieth of that. */
+static const double GYRO_CHANGED_BEND = 1e-9;
+
 /* The laws at the part `at` of a step h [s] from time t; `value` shape (GYRO_N_VARIABLES), as set. */
 static inline void apply_laws_at(gyro_view *g, const double *value, double t, double h, double at)
 {
@@ -289,6 +295,37 @@ static inline int lay_course(gyro_course *course, const gyro_linear *start, cons
     return most * inverse_mass <= GYRO_COURSE_BEND * frequency * frequency;
 }
 
+/* Parabolas through what laws change, by start, middle and end of a step, the last in the view; gives whether they follow the laws. */
+static inline int lay_changed(gyro_course *course, double value[3][GYRO_N_LAW_TARGETS])
+{
+    int smooth = 1;
+    for (int i = 0; i < GYRO_N_LAW_TARGETS; i++) {
+        const double start = value[0][i], middle = value[1][i], end = value[2][i], bend = (start - middle) + (end - middle);
+        course->changed[i][0] = middle;
+        course->changed[i][1] = end - start;
+        course->changed[i][2] = 2.0 * bend;
+        smooth = smooth && fabs(bend) <= GYRO_CHANGED_BEND * fabs(middle);
+    }
+    return smooth;
+}
+
+static inline void read_changed(const gyro_view *g, double value[GYRO_N_LAW_TARGETS])
+{
+    for (int i = 0; i < GYRO_N_LAW_TARGETS; i++) {
+        value[i] = g->p[law_targets[i]];
+    }
+}
+
+/* What laws change, at the part `at` of a smooth course. */
+static inline void set_changed(gyro_view *g, const gyro_course *course, double at)
+{
+    const double c = at - 0.5;
+    for (int i = 0; i < GYRO_N_LAW_TARGETS; i++) {
+        const double *p = course->changed[i];
+        g->p[law_targets[i]] = p[0] + c * (p[1] + c * p[2]);
+    }
+}
+
 /* Finds how the linear forces change in a step h [s] from time t, and leaves the laws of its middle; gives 0 where laws bend too much, and
    leaves those of the start. */
 static inline int find_course(gyro_view *g, const double *value, double t, double h, gyro_course *course)
@@ -299,14 +336,18 @@ static inline int find_course(gyro_view *g, const double *value, double t, doubl
     course->power[0] = linear_of(g);
     if (g->moving) {
         const gyro_linear start = course->power[0];
-        double first[GYRO_SERIES_READ], last[GYRO_SERIES_READ];
+        double first[GYRO_SERIES_READ], last[GYRO_SERIES_READ], changed[3][GYRO_N_LAW_TARGETS];
         read_by_series(g, first);
+        read_changed(g, changed[0]);
         apply_laws_at(g, value, t, h, 1.0);
         read_by_series(g, last);
+        read_changed(g, changed[2]);
         const gyro_linear end = linear_of(g);
         apply_laws_at(g, value, t, h, 0.5);
+        read_changed(g, changed[1]);
         const gyro_linear middle = linear_of(g);
         course->changes = 1;
+        course->smooth = lay_changed(course, changed);
         even = lay_course(course, &start, &middle, &end, g->inverse_mass);
         for (int i = 0; i < GYRO_SERIES_READ; i++) {
             change[i] = last[i] - first[i];
@@ -325,6 +366,8 @@ typedef struct {
     double size[GYRO_N_STATES]; /* of each state, SI */
     int close;                  /* corners met within a part of GYRO_WHOLE */
     int stages;                 /* parts of GYRO_WHOLE that are left to the stages where the next series does not do */
+    int power;                  /* the last of the latest series; 0: the latest part was left to the stages */
+    double reach;               /* of what was left, the part that it has gone */
     gyro_series series;
 } gyro_passage;
 
@@ -364,6 +407,8 @@ static inline int advance_by_series(gyro_view *g, const gyro_course *course, dou
     const int close = part * GYRO_WHOLE < 1.0 && reach < 1.0, moves = settled && (!close || (met >= 0 && at->close < GYRO_MOST_CLOSE));
     if (moves) {
         at->close += close;
+        at->power = power;
+        at->reach = reach;
         set_states(s, power, reach, n, g);
         at->done = reach < 1.0 ? at->done + part : 1.0;
         if (met >= 0) {
@@ -381,6 +426,7 @@ static inline void advance_next(gyro_view *g, const double *value, const gyro_co
     if (advance_by_series(g, course, h, n, at)) {
         at->stages = 1;
     } else {
+        at->power = 0;
         for (int i = 0; i < at->stages && at->done < 1.0; i++) {
             const double left = 1.0 - at->done, part = left > 1.5 / GYRO_WHOLE ? 1.0 / GYRO_WHOLE : left;
             integrate_part(g, value, t + at->done * h, at->done * h, part * h);

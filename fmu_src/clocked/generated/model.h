@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{ae9ec836-f0fd-48fc-02b9-282ddf292dd7}"
+#define GYRO_TOKEN "{5858fd64-a539-e8d5-01a7-bab690c169d5}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

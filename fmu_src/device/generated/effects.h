@@ -1521,6 +1521,23 @@ static inline void start_lagging(gyro_view *g, const double value[GYRO_N_VARIABL
     g->lagging[GYRO_LAGGING_TEMPERATURE_CIRCUIT] = value[GYRO_TEMPERATURE];
 }
 
+/* What laws change. */
+enum { GYRO_N_LAW_TARGETS = 12 };
+static const int law_targets[GYRO_N_LAW_TARGETS] = {
+    GYRO_AMPLIFIER_TIME_CONSTANT,
+    GYRO_DXX,
+    GYRO_DXY,
+    GYRO_DYY,
+    GYRO_KXX,
+    GYRO_KXY,
+    GYRO_KYY,
+    GYRO_SENSE_GAIN_X,
+    GYRO_SENSE_GAIN_Y,
+    GYRO_TEMPERATURE_CIRCUIT,
+    GYRO_TEMPERATURE_STRUCTURE,
+    GYRO_V_BIAS,
+};
+
 /* Parameter laws: from the values as set, at the time and events of the view. */
 static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES])
 {

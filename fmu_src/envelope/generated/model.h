@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{df73f1ad-275e-4522-8fd7-18989194d6c2}"
+#define GYRO_TOKEN "{fd1bbd27-c23b-fe9d-3e8f-197e0f87b9b6}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{bbf67670-5a56-6673-dca6-8d9f18d3a532}"
+#define GYRO_TOKEN "{f10ecf57-93fa-2d96-0065-21f0c4579668}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
