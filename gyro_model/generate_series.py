@@ -1,6 +1,9 @@
 """Writes ``expansions.h``: of each force that bends the motion the coefficients of its Taylor series in time, from
 those of the states, one function an effect.
 
+What acts on both axes alike, x and y exchanged, is expanded for both at once, as pairs; ``x`` is then the pair (x, y) and
+``y`` the pair (y, x). What does not is expanded axis by axis, and both of a pair are the same.
+
 A product of series is the Cauchy product of their coefficients, and powers, exponentials and the like follow from their
 differential equations (A. Griewank, A. Walther, Evaluating Derivatives, 2nd edition 2008, section 13.2, tables 13.1 and
 13.2). |a| is s a with the sign s of a, which a step keeps: where it changes, the step ends (``taylor.h``). A
@@ -15,7 +18,7 @@ from sympy import Abs, Expr, Heaviside, Max, Min, Symbol, preorder_traversal, si
 from sympy.core.function import Application
 
 from gyro_model import symbols
-from gyro_model.anatomy import Force
+from gyro_model.anatomy import Force, State
 from gyro_model.c_printing import STAMP, c_expression, effect_macro, macro, state_macro
 from gyro_model.effect_functions import Places, added_forces
 from gyro_model.linear_forces import is_linear
@@ -51,6 +54,12 @@ def expansions(model: Model) -> str:
     follows = ", ".join("0" if symbol in held else "1" for symbol in read) or "1"
     copies = "".join(f"    read[{i}] = g->p[{macro(symbol.name)}];\n" for i, symbol in enumerate(read))
     most = [max(1, sum(one.counts()[i] for one in series.values())) for i in range(4)]
+    pairs = sorted({pair for one in series.values() for pair in one.pairs}, key=str) or [(symbols.x, symbols.y)]
+    names = "".join(f"    {_pair_macro(pair)},\n" for pair in pairs)
+    made = "".join(
+        f"    s->of[{_pair_macro((a, b))}][k] = pair_of(s->s[k][{state_macro(a)}], s->s[k][{state_macro(b)}]);\n"
+        for a, b in pairs
+    )
     return f"""{STAMP}
 #ifndef GYRO_EXPANSIONS_H
 #define GYRO_EXPANSIONS_H
@@ -67,45 +76,63 @@ enum {{
     GYRO_SERIES_READ = {max(1, len(read))}
 }};
 
+/* States by pairs. */
+enum {{
+{names}    GYRO_SERIES_PAIRS
+}};
+
+/* One of a pair of series. */
+typedef struct {{
+    const gyro_pair *row;
+    int lane;
+}} gyro_lane;
+
 /* Taylor series of the motion from one instant on, in units of the step. */
 typedef struct {{
     const gyro_series_plan *plan;
-    double step;                              /* s */
-    double s[GYRO_N_STATES][GYRO_TERMS];      /* states [SI] */
-    double w[GYRO_SERIES_ROWS][GYRO_TERMS];   /* rows of the effects */
-    double c[GYRO_SERIES_CONSTANTS];          /* constants of the effects */
-    const double *corner[GYRO_SERIES_CORNERS]; /* the row that changes its sign where a force has a corner */
-    const double *bounded[GYRO_SERIES_BOUNDS]; /* the row that may change only by `room`; NULL: none does */
+    double step;                                /* s */
+    double s[GYRO_TERMS][GYRO_N_STATES];        /* states [SI] */
+    gyro_pair of[GYRO_SERIES_PAIRS][GYRO_TERMS]; /* the same by pairs */
+    gyro_pair w[GYRO_SERIES_ROWS][GYRO_TERMS];  /* rows of the effects */
+    gyro_pair c[GYRO_SERIES_CONSTANTS];         /* constants of the effects */
+    gyro_lane corner[GYRO_SERIES_CORNERS];      /* what changes its sign where a force has a corner */
+    gyro_lane bounded[GYRO_SERIES_BOUNDS];      /* what may change only by `room`; no row: nothing does */
     double room[GYRO_SERIES_BOUNDS];
-    double change[GYRO_SERIES_READ];          /* by what laws change what is read in the whole step [SI] */
-    double begin;                             /* of the whole step has been done */
-    double side[GYRO_SERIES_CORNERS];         /* its sign in this part of the step, 1 or -1; 0: not known yet */
+    double change[GYRO_SERIES_READ];            /* by what laws change what is read in the whole step [SI] */
+    double begin;                               /* of the whole step has been done */
+    double side[GYRO_SERIES_CORNERS];           /* its sign in this part of the step, 1 or -1; 0: not known yet */
 }} gyro_series;
 
+/* The k-th coefficients of the states by pairs. */
+static inline void pair_states(gyro_series *s, int k)
+{{
+{made}}}
+
 /* c a where c changes by `change` in the whole step and is as given in its middle. */
-static inline double following(const gyro_series *s, double c, double change, const double *a, int k)
+static inline gyro_pair following(const gyro_series *s, gyro_pair c, gyro_pair change, const gyro_pair *a, int k)
 {{
-    const double now = (c + (s->begin - 0.5) * change) * a[k];
-    return k == 0 ? now : now + (1.0 - s->begin) * change * a[k - 1];
+    const gyro_pair now = pair_product(pair_sum(c, pair_scaled(s->begin - 0.5, change)), a[k]);
+    return k == 0 ? now : pair_sum(now, pair_product(pair_scaled(1.0 - s->begin, change), a[k - 1]));
 }}
 
-/* Lets a row change by `room`, or by as much as a function of it shows in the powers that there are. */
-static inline void bound_change(gyro_series *s, int bound, const double *row, double room, int k)
+/* Lets a lane of a row change by `room`, or by as much as a function of it shows in the powers that there are. */
+static inline void bound_change(gyro_series *s, int bound, const gyro_pair *row, int lane, double room)
 {{
-    if (k == 0) {{
-        s->bounded[bound] = row;
-        s->room[bound] = larger(0.5 * GYRO_MOST_POWER, room);
-    }}
+    s->bounded[bound].row = row;
+    s->bounded[bound].lane = lane;
+    s->room[bound] = larger(0.5 * GYRO_MOST_POWER, room);
 }}
 
-/* The side on which the motion is of a corner, `row` changing its sign there. */
-static inline double side_of(gyro_series *s, int corner, const double *row, int k)
+/* The sides on which the motion is of so many corners, the lanes of `row` changing their signs there. */
+static inline const double *sides_of(gyro_series *s, int corner, const gyro_pair *row, int lanes, int k)
 {{
-    if (k == 0) {{
-        s->corner[corner] = row;
-        s->side[corner] = s->side[corner] != 0.0 ? s->side[corner] : row[0] < 0.0 ? -1.0 : 1.0;
+    for (int lane = 0; k == 0 && lane < lanes; lane++) {{
+        double *side = &s->side[corner + lane];
+        s->corner[corner + lane].row = row;
+        s->corner[corner + lane].lane = lane;
+        *side = *side != 0.0 ? *side : lane_of(row[0], lane) < 0.0 ? -1.0 : 1.0;
     }}
-    return s->side[corner];
+    return &s->side[corner];
 }}
 
 /* What each effect asks for; -1 rows: its force bends the motion and has no series. */
@@ -115,7 +142,7 @@ static const gyro_series_size series_sizes[GYRO_N_EFFECTS] = {{
 {functions}
 /* The k-th coefficients of the forces that bend the motion, added to `force` [N], and of the rates of their own states,
    put in `rate` [SI/s]. */
-static inline void add_series(const gyro_view *g, gyro_series *s, int k, double force[2], double rate[GYRO_N_STATES])
+static inline void add_series(const gyro_view *g, gyro_series *s, int k, gyro_pair *force, double rate[GYRO_N_STATES])
 {{
     (void)g;
     (void)k;
@@ -143,6 +170,23 @@ static inline void read_by_series(const gyro_view *g, double read[GYRO_SERIES_RE
 """
 
 
+def _pair_macro(pair: tuple[Symbol, Symbol]) -> str:
+    return "GYRO_PAIR_" + "_AND_".join(symbol.name.upper() for symbol in pair)
+
+
+def _exchange(effect: Force) -> dict[Symbol, Symbol]:
+    """What takes the force of x to that of y and back; nothing where those are not the same."""
+    own = {symbol.name: symbol for symbol in effect.symbols}
+    there = {symbol: own.get(f"{name[:-2]}_y", symbol) for name, symbol in own.items() if name.endswith("_x")}
+    there |= {symbols.x: symbols.y, symbols.x_dot: symbols.y_dot}
+    exchange = there | {b: a for a, b in there.items()}
+    rates = {state.symbol: sympify(state.rate) for state in effect.states}
+    same = sympify(effect.force[0]).xreplace(exchange) == effect.force[1] and all(
+        rates.get(exchange.get(symbol)) == rate.xreplace(exchange) for symbol, rate in rates.items()
+    )
+    return exchange if same else {}
+
+
 def _size(bends: bool) -> str:
     return "{-1, 0, 0, 0}" if bends else "{0, 0, 0, 0}"
 
@@ -160,8 +204,9 @@ def has_series(effect: Force, model: Model) -> bool:
 
 
 class _Series:
-    """The lines of one effect's function. A row holds the coefficients of one expression that changes with the motion;
-    what does not change is a constant, found with coefficient 0."""
+    """The lines of one effect's function. A row holds the coefficients of one expression that changes with the motion,
+    and of that for the other axis where those go together; what does not change is a constant, found with coefficient
+    0."""
 
     def __init__(self, effect: Force, place: Places, changing: Sequence[Symbol]) -> None:
         self.effect, self.place, self.changing = effect, place, changing
@@ -174,31 +219,60 @@ class _Series:
         self.read: set[Symbol] = set()
         self.n_rows = self.n_constants = self.n_bounds = self.terms = 0
         self.sizes = {q.symbol for q in effect.parameters if q.start == 0.0}
-        for axis, expr in enumerate(effect.force):
+        self.exchange = _exchange(effect)
+        self.lanes = 2 if self.exchange else 1
+        self.pairs: set[tuple[Symbol, Symbol]] = set()
+        for axis, expr in enumerate(effect.force[: 1 if self.exchange else 2]):
             if expr != 0:
                 self._force(axis, self._smooth(sympify(expr)))
-        self.lines += [f"    rate[{state_macro(state.symbol)}] = {self._sum(state.rate)};" for state in effect.states]
+        for state in effect.states:
+            self._rate(state)
+
+    def _rate(self, state: State) -> None:
+        """The rate of a state, and of that which goes with it, once for both."""
+        both = [state.symbol, self.exchange.get(state.symbol, state.symbol)]
+        if both == sorted(both, key=str):
+            name = f"rate_of_{state.symbol.name}"
+            self.lines.append(f"    const gyro_pair {name} = {self._sum(state.rate)};")
+            self.lines += [
+                f"    rate[{state_macro(symbol)}] = lane_of({name}, {lane});"
+                for lane, symbol in enumerate(both[: self.lanes])
+            ]
 
     def _force(self, axis: int, expr: Expr) -> None:
         """The force of one axis: nothing where no corner lets it act."""
         sides = sorted(expr.free_symbols & set(self.corners.values()), key=str)
         idle = [
-            chosen
+            dict(zip(sides, chosen, strict=True))
             for chosen in product((1, -1), repeat=len(sides))
             if sides and expr.subs(dict(zip(sides, chosen, strict=True))) == 0
         ]
-        tests = (
-            " && ".join(f"{s} {'>' if c > 0 else '<'} 0.0" for s, c in zip(sides, chosen, strict=True))
+        acts = [
+            "(" + " || ".join(f"{self._lane(s, lane)} {'<' if c > 0 else '>'} 0.0" for s, c in chosen.items()) + ")"
+            for lane in range(self.lanes)
             for chosen in idle
-        )
-        test = " || ".join(f"({one})" for one in tests)
+        ]
+        acting = [" && ".join(acts[lane * len(idle) :][: len(idle)]) for lane in range(self.lanes)]
+        test = " || ".join(acting if len(idle) < 2 else [f"({one})" for one in acting]) if idle else ""
         if test:
             self._where(
-                f"!({test})" if len(idle) > 1 else f"!{test}",
-                lambda: self.lines.append(f"    force[{axis}] += {self._sum(expr)};"),
+                test.removeprefix("(").removesuffix(")") if len(acts) == 1 else test, lambda: self._add(axis, expr)
             )
         else:
-            self.lines.append(f"    force[{axis}] += {self._sum(expr)};")
+            self._add(axis, expr)
+
+    def _add(self, axis: int, expr: Expr) -> None:
+        text = self._sum(expr) if self.exchange else f"on_axis({axis}, {self._sum(expr)})"
+        self.lines.append(f"    *force = pair_sum(*force, {text});")
+
+    def _lane(self, expr: Expr, lane: int) -> Expr:
+        """``expr`` as it is for one of the pair."""
+        return expr.xreplace(self.exchange) if lane else expr
+
+    def _pair(self, expr: Expr, text: Callable[[Expr], str] = c_expression) -> str:
+        """What does not move, as a pair."""
+        first, last = (text(self._lane(expr, lane)) for lane in (0, self.lanes - 1))
+        return f"both({first})" if first == last else f"pair_of({first}, {last})"
 
     def _where(self, test: str, add: Callable[[], None]) -> None:
         """The lines that ``add`` adds, under a test. What they make is not there for others."""
@@ -212,7 +286,7 @@ class _Series:
 
     def counts(self) -> tuple[int, int, int, int]:
         """Rows, constants, corners, bounds."""
-        return self.n_rows, self.n_constants, len(self.corners), self.n_bounds
+        return self.n_rows, self.n_constants, self.lanes * len(self.corners), self.n_bounds
 
     def size(self) -> str:
         """The same as C."""
@@ -222,18 +296,22 @@ class _Series:
         """The C function."""
         states = [symbol for symbol in self.place.model.state_symbols if symbol in self.rows]
         place = f"static inline void series_{self.effect.id}(const gyro_view *g, gyro_series *s,"
-        head = f"{place} const gyro_series_place *at, int k,\n{' ' * 20}double force[2], double *rate)"
+        head = f"{place} const gyro_series_place *at, int k,\n{' ' * 20}gyro_pair *force, double *rate)"
         text = self.place.declare(self.effect, self.read)
-        text += "".join(f"    const double *{s.name} = s->s[{state_macro(s)}];\n" for s in states)
-        text += "    double(*w)[GYRO_TERMS] = s->w + at->row;\n" if self.n_rows else ""
-        text += "    double *c = s->c + at->constant;\n" if self.n_constants else ""
+        text += "".join(f"    const gyro_pair *{s.name} = s->of[{_pair_macro(self._states(s))}];\n" for s in states)
+        text += "    gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;\n" if self.n_rows else ""
+        text += "    gyro_pair *c = s->c + at->constant;\n" if self.n_constants else ""
         text += "    (void)g;\n    (void)at;\n    (void)k;\n    (void)rate;\n"
         return f"{head}\n{{\n{text}{self._grouped()}}}\n"
 
+    def _states(self, symbol: Symbol) -> tuple[Symbol, Symbol]:
+        """The pair that stands for a state."""
+        return symbol, self.exchange.get(symbol, symbol)
+
     def _grouped(self) -> str:
-        # Constants in a row under one test.
+        # What is found with coefficient 0 only, where it stands in a row, under one test.
         text = []
-        for constant, lines in groupby(self.lines, key=lambda line: line.lstrip().startswith("c[")):
+        for constant, lines in groupby(self.lines, key=lambda line: line.lstrip().startswith(("c[", "bound_change("))):
             own = list(lines)
             indent = " " * (len(own[0]) - len(own[0].lstrip()))
             text += [f"{indent}if (k == 0) {{", *(f"    {line}" for line in own), f"{indent}}}"] if constant else own
@@ -244,15 +322,19 @@ class _Series:
 
     def _constant(self, expr: Expr, *, following: bool = False) -> str:
         if expr.is_Integer:
-            return c_expression(sympify(float(expr)))
+            return f"both({c_expression(sympify(float(expr)))})"
         if expr not in self.constants:
             if not following:
                 self.held |= expr.free_symbols & set(self.changing)
             self.constants[expr] = f"c[{self.n_constants}]"
             self.n_constants += 1
-            self.read |= expr.free_symbols - set(self.corners.values())
-            self.lines.append(f"    {self.constants[expr]} = {c_expression(expr)};")
+            self._reads(expr.free_symbols)
+            self.lines.append(f"    {self.constants[expr]} = {self._pair(expr)};")
         return self.constants[expr]
+
+    def _reads(self, of: set[Symbol]) -> None:
+        own = of - set(self.corners.values())
+        self.read |= own | {self.exchange.get(symbol, symbol) for symbol in own}
 
     def _row(self, expr: Expr, line: Callable[[str], str]) -> str:
         """A row for ``expr``; ``line`` gives its coefficient k, of lower ones of its own at most."""
@@ -269,45 +351,54 @@ class _Series:
 
     def _sum(self, expr: Expr) -> str:
         """Coefficient k of a sum of multiples of rows."""
-        terms = []
+        text = ""
         for term in self._smooth(sympify(expr)).expand(deep=False, mul=False).as_ordered_terms():
             factor, rest = term.as_independent(*self.moving, as_Add=False)
             if rest == 1:
-                terms.append(f"first_only(k, {self._constant(factor)})")
+                one = f"first_only(k, {self._constant(factor)})"
+            elif factor == -1:
+                one = f"{self._series(rest)}[k]"
+                text = text and f"pair_difference({text}, {one})"
+                one = "" if text else f"pair_negative({one})"
             else:
-                terms.append(self._term(factor, rest))
-        return " + ".join(terms).replace("+ -", "- ") or "0.0"
+                one = self._term(factor, rest)
+            text = f"pair_sum({text}, {one})" if text and one else text or one
+        return text or "both(0.0)"
 
     def _term(self, factor: Expr, rest: Expr) -> str:
         """Coefficient k of a multiple of a row."""
-        if factor == 1 or factor == -1:
-            return f"{'-' if factor == -1 else ''}{self._series(rest)}[k]"
+        if factor == 1:
+            return f"{self._series(rest)}[k]"
         if factor.free_symbols & set(self.changing):
             return self._following(factor, rest)
         constant = self._constant(factor)
         if not (factor.free_symbols & self.sizes) or rest in self.rows or rest in self.place.model.state_symbols:
-            return f"{constant} * {self._series(rest)}[k]"
+            return f"pair_product({constant}, {self._series(rest)}[k])"
         # A size or shape at zero, as most are, spares the rows.
         self.terms += 1
         name = f"term_{self.terms}"
-        self.lines.append(f"    double {name} = 0.0;")
+        self.lines.append(f"    gyro_pair {name} = both(0.0);")
         self._where(
-            f"{constant} != 0.0", lambda: self.lines.append(f"    {name} = {constant} * {self._series(rest)}[k];")
+            f"!is_zero({constant})",
+            lambda: self.lines.append(f"    {name} = pair_product({constant}, {self._series(rest)}[k]);"),
         )
         return name
 
     def _following(self, factor: Expr, rest: Expr) -> str:
         """The same where laws change the factor within a step."""
-        slopes = {symbol: factor.diff(symbol) for symbol in sorted(factor.free_symbols & set(self.changing), key=str)}
         of = self._series(rest)
         own, change = self._constant(factor, following=True), f"c[{self.n_constants}]"
         self.n_constants += 1
-        self.read |= set().union(*(slope.free_symbols for slope in slopes.values())) - set(self.corners.values())
-        course = " + ".join(
-            f"({c_expression(e)})*s->change[{self.changing.index(symbol)}]" for symbol, e in slopes.items()
-        )
-        self.lines.append(f"    {change} = {course};")
+        self.lines.append(f"    {change} = {self._pair(factor, self._change)};")
         return f"following(s, {own}, {change}, {of}, k)"
+
+    def _change(self, factor: Expr) -> str:
+        """By what laws change a factor within a step, in C."""
+        slopes = {symbol: factor.diff(symbol) for symbol in sorted(factor.free_symbols & set(self.changing), key=str)}
+        self.read |= set().union(*(slope.free_symbols for slope in slopes.values())) - set(self.corners.values())
+        return " + ".join(
+            f"({c_expression(slope)})*s->change[{self.changing.index(symbol)}]" for symbol, slope in slopes.items()
+        )
 
     def _series(self, expr: Expr) -> str:
         """The row of an expression without corners."""
@@ -315,9 +406,10 @@ class _Series:
             return self.rows[expr]
         if expr in self.place.model.state_symbols:
             self.rows[expr] = expr.name
+            self.pairs.add(self._states(expr))
             return expr.name
         if expr == symbols.t:
-            return self._row(expr, lambda row: "k == 0 ? g->t : first_only(k - 1, s->step)")
+            return self._row(expr, lambda row: "k == 0 ? both(g->t) : first_only(k - 1, both(s->step))")
         if expr.is_Add or expr.as_independent(*self.moving, as_Add=False)[0] != 1:
             return self._row(expr, lambda row: self._sum(expr))
         if expr.is_Mul:
@@ -343,9 +435,10 @@ class _Series:
         of = self._series(argument)
         at_first = self._at(argument, expr, of)
         if type(expr).__name__ in _SATURATING:
-            self.n_bounds += 1
-            room = _SATURATING[type(expr).__name__].format(f"{of}[0]")
-            self.lines.append(f"    bound_change(s, at->bound + {self.n_bounds - 1}, {of}, {room}, k);")
+            for lane in range(self.lanes):
+                room = _SATURATING[type(expr).__name__].format(f"lane_of({of}[0], {lane})")
+                self.lines.append(f"    bound_change(s, at->bound + {self.n_bounds}, {of}, {lane}, {room});")
+                self.n_bounds += 1
         u = Symbol("u", real=True)
         slope = expr.func(u).diff(u).subs(u, argument)
         return self._row(expr, lambda row: f"k == 0 ? {at_first} : series_integral({of}, {self._series(slope)}, k)")
@@ -356,8 +449,12 @@ class _Series:
         exponent = Symbol("exponent", real=True)
         symbolic = expr.is_Pow and not expr.exp.is_Number
         text = c_expression(value**exponent if symbolic else expr.func(value, *expr.args[1:]))
-        text = text.replace("value", f"{row}[0]")
-        return text.replace("exponent", self._constant(expr.exp)) if symbolic else text
+        to = self._constant(expr.exp) if symbolic else ""
+        first, last = (
+            text.replace("value", f"lane_of({row}[0], {lane})").replace("exponent", f"lane_of({to}, {lane})")
+            for lane in (0, self.lanes - 1)
+        )
+        return f"both({first})" if first == last else f"pair_of({first}, {last})"
 
     def _smooth(self, expr: Expr) -> Expr:
         """``expr`` with its corners as signs that a step keeps."""
@@ -380,10 +477,11 @@ class _Series:
 
     def _side(self, expr: Expr) -> Symbol:
         if expr not in self.corners:
-            side = Symbol(f"side_{len(self.corners)}", real=True)
+            name, place = f"side_{len(self.corners)}", self.lanes * len(self.corners)
             row = self._series(expr)
+            side, other = (Symbol(f"{name}[{lane}]", real=True) for lane in (0, 1))
             self.corners[expr] = side
-            self.lines.append(
-                f"    const double {side.name} = side_of(s, at->corner + {len(self.corners) - 1}, {row}, k);"
-            )
+            if self.exchange:
+                self.exchange[side] = other
+            self.lines.append(f"    const double *{name} = sides_of(s, at->corner + {place}, {row}, {self.lanes}, k);")
         return self.corners[expr]

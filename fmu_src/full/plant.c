@@ -156,24 +156,24 @@ static void pass_part(gyro_instance *g, const gyro_entering *entering, double h)
 }
 
 /* The amplifier's lag from time t by h [s], which is `from` [s] into the step, the force being that of the view; states, laws and time of the
-   view end at the end. `start` shape (GYRO_N_STATES): the states at t. */
-static void move_lag(gyro_instance *g, const double start[GYRO_N_STATES], double t, double from, double h)
+   view end at the end. */
+static void move_lag(gyro_instance *g, const gyro_end *start, double t, double from, double h)
 {
     gyro_view *view = &g->view;
     const gyro_end end = end_here(view);
     gyro_entering entering;
-    memcpy(view->s, start, sizeof view->s);
-    const gyro_end first = end_here(view);
     for (int node = 0; node < GYRO_LAG_NODES; node++) {
         const double c = gyro_lag_nodes[node];
-        if (node == GYRO_LAG_NODES - 1) {
+        if (node == 0) {
+            memcpy(view->s, start->s, sizeof view->s);
+        } else if (node == GYRO_LAG_NODES - 1) {
             memcpy(view->s, end.s, sizeof view->s);
-        } else if (node > 0) {
+        } else {
             for (int i = 0; i < GYRO_N_STATES; i++) {
-                view->s[i] = cubic(first.s[i], first.rate[i], end.s[i], end.rate[i], h, c);
+                view->s[i] = cubic(start->s[i], start->rate[i], end.s[i], end.rate[i], h, c);
             }
-            view->s[GYRO_STATE_X] = quintic(&first, &end, GYRO_STATE_X, GYRO_STATE_X_DOT, h, c);
-            view->s[GYRO_STATE_Y] = quintic(&first, &end, GYRO_STATE_Y, GYRO_STATE_Y_DOT, h, c);
+            view->s[GYRO_STATE_X] = quintic(start, &end, GYRO_STATE_X, GYRO_STATE_X_DOT, h, c);
+            view->s[GYRO_STATE_Y] = quintic(start, &end, GYRO_STATE_Y, GYRO_STATE_Y_DOT, h, c);
         }
         view->t = t + c * h;
         view->since = from + c * h;
@@ -354,13 +354,18 @@ static void move_by_series(gyro_instance *g, const gyro_course *course, double t
     begin_passage(&at, &g->plan.series, course);
     while (at.done < 1.0) {
         const double begin = at.done;
-        double start[GYRO_N_STATES];
-        memcpy(start, view->s, sizeof start);
+        double before[GYRO_N_STATES];
+        memcpy(before, view->s, sizeof before);
         advance_next(view, g->value, course, t, h, n, &at);
         if (lags && at.power > 0) {
             move_lag_along(g, course, &at, t, h, n, begin);
         } else if (lags) {
-            move_lag(g, start, t + h * begin, h * begin, h * at.done - h * begin);
+            double after[GYRO_N_STATES];
+            memcpy(after, view->s, sizeof after);
+            memcpy(view->s, before, sizeof before);
+            const gyro_end start = end_here(view);
+            memcpy(view->s, after, sizeof after);
+            move_lag(g, &start, t + h * begin, h * begin, h * at.done - h * begin);
         }
         if (lags && view->moving && at.done < 1.0) {
             apply_laws_at(view, g->value, t, h, 0.5);
@@ -375,8 +380,10 @@ static void move_by_halves(gyro_instance *g, double t, double h, int lags)
     const int tabulated = view->steady && gyro_holds(&g->plan.propagator, view, h);
     for (gyro_progress at = {0, GYRO_WHOLE}; at.done < GYRO_WHOLE;) {
         const double begin = h * at.done / GYRO_WHOLE;
-        double start[GYRO_N_STATES];
-        memcpy(start, view->s, sizeof start);
+        gyro_end start;
+        if (lags) {
+            start = end_here(view);
+        }
         if (tabulated) {
             gyro_apply(&g->plan.propagator, view);
             at.done = GYRO_WHOLE;
@@ -386,7 +393,7 @@ static void move_by_halves(gyro_instance *g, double t, double h, int lags)
             integrate_next(view, g->value, t, h, &at);
         }
         if (lags) {
-            move_lag(g, start, t + begin, begin, h * at.done / GYRO_WHOLE - begin);
+            move_lag(g, &start, t + begin, begin, h * at.done / GYRO_WHOLE - begin);
         }
     }
 }

@@ -5,6 +5,7 @@
 #define GYRO_SERIES_H
 
 #include "generated/model.h"
+#include "pair.h"
 
 /* Powers 0 .. GYRO_MOST_POWER. About half the decimal digits asked for, in natural logarithms, is cheapest near a singularity (A. Jorba,
    M. Zou, A software package for the numerical integration of ODEs by means of high-order Taylor methods, Experimental Mathematics 14, 2005). */
@@ -33,61 +34,74 @@ typedef struct {
 } gyro_series_plan;
 
 /* Of a constant. */
-static inline double first_only(int k, double c) { return k == 0 ? c : 0.0; }
+static inline gyro_pair first_only(int k, gyro_pair c) { return k == 0 ? c : both(0.0); }
 
 /* Sums run over what is known before and take in the newest coefficients last, so that a processor need not wait for those. */
 
 /* Of a b. */
-static inline double series_product(const double *a, const double *b, int k)
+static inline gyro_pair series_product(const gyro_pair *a, const gyro_pair *b, int k)
 {
-    double even = 0.0, odd = 0.0;
+    gyro_pair even = both(0.0), odd = both(0.0);
     int j = 1;
     for (; j + 1 < k; j += 2) {
-        odd += a[j] * b[k - j];
-        even += a[j + 1] * b[k - j - 1];
+        odd = pair_sum(odd, pair_product(a[j], b[k - j]));
+        even = pair_sum(even, pair_product(a[j + 1], b[k - j - 1]));
     }
-    odd += j < k ? a[j] * b[k - j] : 0.0;
-    return (even + odd) + (k > 0 ? a[0] * b[k] + a[k] * b[0] : a[0] * b[0]);
+    if (j < k) {
+        odd = pair_sum(odd, pair_product(a[j], b[k - j]));
+    }
+    const gyro_pair last = pair_product(a[0], b[k]);
+    return pair_sum(pair_sum(even, odd), k > 0 ? pair_sum(last, pair_product(a[k], b[0])) : last);
 }
 
 /* Of a^2. */
-static inline double series_square(const double *a, int k)
+static inline gyro_pair series_square(const gyro_pair *a, int k)
 {
-    double sum = 0.0;
+    gyro_pair sum = both(0.0);
     for (int j = 1; 2 * j < k; j++) {
-        sum += a[j] * a[k - j];
+        sum = pair_sum(sum, pair_product(a[j], a[k - j]));
     }
-    sum = k % 2 == 0 && k > 0 ? 2.0 * sum + a[k / 2] * a[k / 2] : 2.0 * sum;
-    return sum + (k > 0 ? 2.0 * a[0] * a[k] : a[0] * a[0]);
+    sum = pair_sum(sum, sum);
+    if (k % 2 == 0 && k > 0) {
+        sum = pair_sum(sum, pair_product(a[k / 2], a[k / 2]));
+    }
+    return pair_sum(sum, pair_product(k > 0 ? pair_sum(a[0], a[0]) : a[0], a[k]));
 }
 
 /* Of p = a^e, k > 0: a p' = e a' p. */
-static inline double series_power(const double *a, const double *p, double e, int k)
+static inline gyro_pair series_power(const gyro_pair *a, const gyro_pair *p, gyro_pair e, int k)
 {
-    const double per = 1.0 / (k * a[0]);
-    double even = 0.0, odd = 0.0;
+    /* A constant is one; else what has no power series, as a root of zero, gives no number. */
+    if (is_zero(e)) {
+        return both(0.0);
+    }
+    const gyro_pair per = pair_ratio(both(1.0), pair_scaled(k, a[0])), step = pair_sum(e, both(1.0));
+    gyro_pair even = both(0.0), odd = both(0.0);
     int j = 1;
     for (; j + 1 < k; j += 2) {
-        odd += ((e + 1.0) * j - k) * (a[j] * p[k - j]);
-        even += ((e + 1.0) * (j + 1) - k) * (a[j + 1] * p[k - j - 1]);
+        odd = pair_sum(odd, pair_product(pair_difference(pair_scaled(j, step), both(k)), pair_product(a[j], p[k - j])));
+        even = pair_sum(even, pair_product(pair_difference(pair_scaled(j + 1, step), both(k)), pair_product(a[j + 1], p[k - j - 1])));
     }
-    odd += j < k ? ((e + 1.0) * j - k) * (a[j] * p[k - j]) : 0.0;
-    /* What has no power series, as a root of zero, gives no number; a constant is one. */
-    return e == 0.0 ? 0.0 : ((even + odd) + e * k * (a[k] * p[0])) * per;
+    if (j < k) {
+        odd = pair_sum(odd, pair_product(pair_difference(pair_scaled(j, step), both(k)), pair_product(a[j], p[k - j])));
+    }
+    return pair_product(pair_sum(pair_sum(even, odd), pair_product(pair_scaled(k, e), pair_product(a[k], p[0]))), per);
 }
 
 /* Of y, k > 0, where y' = a' f. */
-static inline double series_integral(const double *a, const double *f, int k)
+static inline gyro_pair series_integral(const gyro_pair *a, const gyro_pair *f, int k)
 {
     const double per = 1.0 / k;
-    double even = 0.0, odd = 0.0;
+    gyro_pair even = both(0.0), odd = both(0.0);
     int j = 1;
     for (; j + 1 < k; j += 2) {
-        odd += j * (a[j] * f[k - j]);
-        even += (j + 1) * (a[j + 1] * f[k - j - 1]);
+        odd = pair_sum(odd, pair_scaled(j, pair_product(a[j], f[k - j])));
+        even = pair_sum(even, pair_scaled(j + 1, pair_product(a[j + 1], f[k - j - 1])));
     }
-    odd += j < k ? j * (a[j] * f[k - j]) : 0.0;
-    return ((even + odd) + k * (a[k] * f[0])) * per;
+    if (j < k) {
+        odd = pair_sum(odd, pair_scaled(j, pair_product(a[j], f[k - j])));
+    }
+    return pair_scaled(per, pair_sum(pair_sum(even, odd), pair_scaled(k, pair_product(a[k], f[0]))));
 }
 
 #endif

@@ -96,7 +96,8 @@ static inline void shift_course(const gyro_course *course, double begin, gyro_li
 static inline double linear_force(const gyro_linear *linear, const gyro_series *s, int axis, int k)
 {
     const double *a = linear->slope[axis];
-    const double force = (a[0] * s->s[0][k] + a[1] * s->s[1][k]) + (a[2] * s->s[2][k] + a[3] * s->s[3][k]);
+    const double *c = s->s[k];
+    const double force = (a[0] * c[0] + a[1] * c[1]) + (a[2] * c[2] + a[3] * c[3]);
     return k == 0 ? force + linear->still[axis] : force;
 }
 
@@ -104,18 +105,19 @@ static inline double linear_force(const gyro_linear *linear, const gyro_series *
 static inline void expand_once(const gyro_view *g, gyro_series *s, const gyro_linear *from, int changes, int k, int n)
 {
     const double h = s->step / (k + 1), to_speed = h * g->inverse_mass;
-    double force[2] = {linear_force(&from[0], s, 0, k), linear_force(&from[0], s, 1, k)}, rate[GYRO_N_STATES] = {0.0};
+    gyro_pair force = pair_of(linear_force(&from[0], s, 0, k), linear_force(&from[0], s, 1, k));
+    double rate[GYRO_N_STATES] = {0.0};
     for (int j = 1; changes && j < GYRO_COURSE_POWERS && j <= k; j++) {
-        force[0] += linear_force(&from[j], s, 0, k - j);
-        force[1] += linear_force(&from[j], s, 1, k - j);
+        force = pair_sum(force, pair_of(linear_force(&from[j], s, 0, k - j), linear_force(&from[j], s, 1, k - j)));
     }
-    add_series(g, s, k, force, rate);
-    s->s[GYRO_STATE_X][k + 1] = h * s->s[GYRO_STATE_X_DOT][k];
-    s->s[GYRO_STATE_X_DOT][k + 1] = to_speed * force[0];
-    s->s[GYRO_STATE_Y][k + 1] = h * s->s[GYRO_STATE_Y_DOT][k];
-    s->s[GYRO_STATE_Y_DOT][k + 1] = to_speed * force[1];
+    pair_states(s, k);
+    add_series(g, s, k, &force, rate);
+    s->s[k + 1][GYRO_STATE_X] = h * s->s[k][GYRO_STATE_X_DOT];
+    s->s[k + 1][GYRO_STATE_X_DOT] = to_speed * lane_of(force, 0);
+    s->s[k + 1][GYRO_STATE_Y] = h * s->s[k][GYRO_STATE_Y_DOT];
+    s->s[k + 1][GYRO_STATE_Y_DOT] = to_speed * lane_of(force, 1);
     for (int i = 4; i < n; i++) {
-        s->s[i][k + 1] = h * rate[i];
+        s->s[k + 1][i] = h * rate[i];
     }
 }
 
@@ -136,19 +138,18 @@ static inline int expand(const gyro_view *g, gyro_series *s, const gyro_course *
         from = shifted;
     }
     for (int i = 0; i < n; i++) {
-        s->s[i][0] = g->s[i];
+        s->s[0][i] = g->s[i];
     }
     for (int i = 0; i < s->plan->bounds; i++) {
-        s->bounded[i] = NULL;
+        s->bounded[i].row = NULL;
     }
     for (; power < GYRO_SIZE_TERMS; power++) {
         expand_once(g, s, from, course->changes, power, n);
     }
     for (int i = 0; i < n; i++) {
-        const double *c = s->s[i];
-        size[i] = larger(size[i], fabs(c[0]) + fabs(c[1]));
+        size[i] = larger(size[i], fabs(s->s[0][i]) + fabs(s->s[1][i]));
         for (int j = 2; j < GYRO_SIZE_TERMS && !(size[i] > 0.0); j++) {
-            size[i] = fabs(c[j]);
+            size[i] = fabs(s->s[j][i]);
         }
         weight[i] = size[i] > 0.0 ? 1.0 / (GYRO_LAST_TERM * size[i]) : 1e300;
     }
@@ -158,7 +159,7 @@ static inline int expand(const gyro_view *g, gyro_series *s, const gyro_course *
         before = left;
         left = 0.0;
         for (int i = 0; i < n; i++) {
-            left += fabs(s->s[i][power]) * weight[i];
+            left += fabs(s->s[power][i]) * weight[i];
         }
     }
     *reach = 1.0;
@@ -211,25 +212,26 @@ static inline double first_zero(const double *c, int n, double side, double zero
 /* The part of `reach` in which a row changes by no more than its room. A saturated function says nothing of where it turns over. */
 static inline double within_bound(const gyro_series *s, int bound, int power, double reach)
 {
-    const double *c = s->bounded[bound];
+    const gyro_lane *c = &s->bounded[bound];
     double sum = 0.0;
-    for (int j = power; c != NULL && j > 0; j--) {
-        sum = (sum + fabs(c[j])) * reach;
+    for (int j = power; c->row != NULL && j > 0; j--) {
+        sum = (sum + fabs(lane_of(c->row[j], c->lane))) * reach;
     }
     /* Without a constant the sum falls at least as fast as the reach. */
-    return c != NULL && sum > s->room[bound] ? reach * (s->room[bound] / sum) : reach;
+    return c->row != NULL && sum > s->room[bound] ? reach * (s->room[bound] / sum) : reach;
 }
 
 /* Whether the side of a corner is that to which the motion goes; else turns it. Where it is, shortens `reach` to the next corner and puts which in
    `met`. */
 static inline int side_holds(gyro_series *s, int corner, int power, double *reach, int *met)
 {
-    const double *c = s->corner[corner];
+    const gyro_lane *of = &s->corner[corner];
     const double side = s->side[corner];
-    double sum = 0.0;
+    double sum = 0.0, c[GYRO_TERMS];
     int holds = 1, low = 0;
-    for (int j = power; j > 0; j--) {
-        sum = (sum + fabs(c[j])) * *reach;
+    for (int j = power; j >= 0; j--) {
+        c[j] = lane_of(of->row[j], of->lane);
+        sum = j > 0 ? (sum + fabs(c[j])) * *reach : sum;
     }
     if (side * c[0] <= sum && (sum > 0.0 || c[0] != 0.0)) {
         /* At the corner, the first term that is not zero says where it goes; that zero is not the next one. */
@@ -254,9 +256,17 @@ static inline int side_holds(gyro_series *s, int corner, int power, double *reac
 /* The states at a part of the step of the series. */
 static inline void set_states(const gyro_series *s, int power, double part, int n, gyro_view *g)
 {
+    double sum[GYRO_N_STATES];
     for (int i = 0; i < n; i++) {
-        const double *c = s->s[i];
-        g->s[i] = c[0] + part * value_at(c + 1, power - 1, part);
+        sum[i] = s->s[power][i];
+    }
+    for (int j = power - 1; j > 0; j--) {
+        for (int i = 0; i < n; i++) {
+            sum[i] = sum[i] * part + s->s[j][i];
+        }
+    }
+    for (int i = 0; i < n; i++) {
+        g->s[i] = s->s[0][i] + part * sum[i];
     }
 }
 

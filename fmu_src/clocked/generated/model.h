@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{5858fd64-a539-e8d5-01a7-bab690c169d5}"
+#define GYRO_TOKEN "{6843e52d-be30-d154-c6e6-f60d8970385c}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

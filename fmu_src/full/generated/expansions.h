@@ -8,52 +8,84 @@
 
 /* Room for what all forces of the model ask for together. */
 enum {
-    GYRO_SERIES_ROWS = 90,
-    GYRO_SERIES_CONSTANTS = 62,
+    GYRO_SERIES_ROWS = 45,
+    GYRO_SERIES_CONSTANTS = 37,
     GYRO_SERIES_CORNERS = 8,
     GYRO_SERIES_BOUNDS = 4,
     GYRO_SERIES_READ = 2
 };
 
+/* States by pairs. */
+enum {
+    GYRO_PAIR_HYSTERESIS_Z_X_AND_HYSTERESIS_Z_Y,
+    GYRO_PAIR_PARASITIC_AND_PARASITIC,
+    GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT,
+    GYRO_PAIR_X_AND_X,
+    GYRO_PAIR_X_AND_Y,
+    GYRO_PAIR_X_DOT_AND_Y_DOT,
+    GYRO_PAIR_Y_AND_X,
+    GYRO_SERIES_PAIRS
+};
+
+/* One of a pair of series. */
+typedef struct {
+    const gyro_pair *row;
+    int lane;
+} gyro_lane;
+
 /* Taylor series of the motion from one instant on, in units of the step. */
 typedef struct {
     const gyro_series_plan *plan;
-    double step;                              /* s */
-    double s[GYRO_N_STATES][GYRO_TERMS];      /* states [SI] */
-    double w[GYRO_SERIES_ROWS][GYRO_TERMS];   /* rows of the effects */
-    double c[GYRO_SERIES_CONSTANTS];          /* constants of the effects */
-    const double *corner[GYRO_SERIES_CORNERS]; /* the row that changes its sign where a force has a corner */
-    const double *bounded[GYRO_SERIES_BOUNDS]; /* the row that may change only by `room`; NULL: none does */
+    double step;                                /* s */
+    double s[GYRO_TERMS][GYRO_N_STATES];        /* states [SI] */
+    gyro_pair of[GYRO_SERIES_PAIRS][GYRO_TERMS]; /* the same by pairs */
+    gyro_pair w[GYRO_SERIES_ROWS][GYRO_TERMS];  /* rows of the effects */
+    gyro_pair c[GYRO_SERIES_CONSTANTS];         /* constants of the effects */
+    gyro_lane corner[GYRO_SERIES_CORNERS];      /* what changes its sign where a force has a corner */
+    gyro_lane bounded[GYRO_SERIES_BOUNDS];      /* what may change only by `room`; no row: nothing does */
     double room[GYRO_SERIES_BOUNDS];
-    double change[GYRO_SERIES_READ];          /* by what laws change what is read in the whole step [SI] */
-    double begin;                             /* of the whole step has been done */
-    double side[GYRO_SERIES_CORNERS];         /* its sign in this part of the step, 1 or -1; 0: not known yet */
+    double change[GYRO_SERIES_READ];            /* by what laws change what is read in the whole step [SI] */
+    double begin;                               /* of the whole step has been done */
+    double side[GYRO_SERIES_CORNERS];           /* its sign in this part of the step, 1 or -1; 0: not known yet */
 } gyro_series;
 
+/* The k-th coefficients of the states by pairs. */
+static inline void pair_states(gyro_series *s, int k)
+{
+    s->of[GYRO_PAIR_HYSTERESIS_Z_X_AND_HYSTERESIS_Z_Y][k] = pair_of(s->s[k][GYRO_STATE_HYSTERESIS_Z_X], s->s[k][GYRO_STATE_HYSTERESIS_Z_Y]);
+    s->of[GYRO_PAIR_PARASITIC_AND_PARASITIC][k] = pair_of(s->s[k][GYRO_STATE_PARASITIC], s->s[k][GYRO_STATE_PARASITIC]);
+    s->of[GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT][k] = pair_of(s->s[k][GYRO_STATE_PARASITIC_DOT], s->s[k][GYRO_STATE_PARASITIC_DOT]);
+    s->of[GYRO_PAIR_X_AND_X][k] = pair_of(s->s[k][GYRO_STATE_X], s->s[k][GYRO_STATE_X]);
+    s->of[GYRO_PAIR_X_AND_Y][k] = pair_of(s->s[k][GYRO_STATE_X], s->s[k][GYRO_STATE_Y]);
+    s->of[GYRO_PAIR_X_DOT_AND_Y_DOT][k] = pair_of(s->s[k][GYRO_STATE_X_DOT], s->s[k][GYRO_STATE_Y_DOT]);
+    s->of[GYRO_PAIR_Y_AND_X][k] = pair_of(s->s[k][GYRO_STATE_Y], s->s[k][GYRO_STATE_X]);
+}
+
 /* c a where c changes by `change` in the whole step and is as given in its middle. */
-static inline double following(const gyro_series *s, double c, double change, const double *a, int k)
+static inline gyro_pair following(const gyro_series *s, gyro_pair c, gyro_pair change, const gyro_pair *a, int k)
 {
-    const double now = (c + (s->begin - 0.5) * change) * a[k];
-    return k == 0 ? now : now + (1.0 - s->begin) * change * a[k - 1];
+    const gyro_pair now = pair_product(pair_sum(c, pair_scaled(s->begin - 0.5, change)), a[k]);
+    return k == 0 ? now : pair_sum(now, pair_product(pair_scaled(1.0 - s->begin, change), a[k - 1]));
 }
 
-/* Lets a row change by `room`, or by as much as a function of it shows in the powers that there are. */
-static inline void bound_change(gyro_series *s, int bound, const double *row, double room, int k)
+/* Lets a lane of a row change by `room`, or by as much as a function of it shows in the powers that there are. */
+static inline void bound_change(gyro_series *s, int bound, const gyro_pair *row, int lane, double room)
 {
-    if (k == 0) {
-        s->bounded[bound] = row;
-        s->room[bound] = larger(0.5 * GYRO_MOST_POWER, room);
-    }
+    s->bounded[bound].row = row;
+    s->bounded[bound].lane = lane;
+    s->room[bound] = larger(0.5 * GYRO_MOST_POWER, room);
 }
 
-/* The side on which the motion is of a corner, `row` changing its sign there. */
-static inline double side_of(gyro_series *s, int corner, const double *row, int k)
+/* The sides on which the motion is of so many corners, the lanes of `row` changing their signs there. */
+static inline const double *sides_of(gyro_series *s, int corner, const gyro_pair *row, int lanes, int k)
 {
-    if (k == 0) {
-        s->corner[corner] = row;
-        s->side[corner] = s->side[corner] != 0.0 ? s->side[corner] : row[0] < 0.0 ? -1.0 : 1.0;
+    for (int lane = 0; k == 0 && lane < lanes; lane++) {
+        double *side = &s->side[corner + lane];
+        s->corner[corner + lane].row = row;
+        s->corner[corner + lane].lane = lane;
+        *side = *side != 0.0 ? *side : lane_of(row[0], lane) < 0.0 ? -1.0 : 1.0;
     }
-    return s->side[corner];
+    return &s->side[corner];
 }
 
 /* What each effect asks for; -1 rows: its force bends the motion and has no series. */
@@ -76,19 +108,19 @@ static const gyro_series_size series_sizes[GYRO_N_EFFECTS] = {
     {0, 0, 0, 0}, /* bias_walk */
     {0, 0, 0, 0}, /* comb_fringe */
     {0, 0, 0, 0}, /* constant_force */
-    {28, 24, 4, 0}, /* contact_stop */
-    {4, 1, 0, 0}, /* cross_cubic_stiffness */
-    {4, 2, 0, 0}, /* cubic_stiffness */
+    {14, 13, 4, 0}, /* contact_stop */
+    {2, 1, 0, 0}, /* cross_cubic_stiffness */
+    {2, 1, 0, 0}, /* cubic_stiffness */
     {0, 0, 0, 0}, /* damping_step */
     {0, 0, 0, 0}, /* dielectric_charging */
     {0, 0, 0, 0}, /* drive_feedthrough */
-    {18, 8, 0, 4}, /* dry_friction */
-    {8, 4, 0, 0}, /* electrostatic_softening */
+    {9, 4, 0, 4}, /* dry_friction */
+    {4, 3, 0, 0}, /* electrostatic_softening */
     {0, 0, 0, 0}, /* flicker_noise */
     {0, 0, 0, 0}, /* frame_rotation */
-    {14, 9, 4, 0}, /* hysteresis */
+    {7, 6, 4, 0}, /* hysteresis */
     {0, 0, 0, 0}, /* linear_acceleration */
-    {4, 2, 0, 0}, /* nonlinear_damping */
+    {2, 1, 0, 0}, /* nonlinear_damping */
     {0, 0, 0, 0}, /* parasitic_capacitance */
     {0, 4, 0, 0}, /* parasitic_mode */
     {0, 0, 0, 0}, /* pickoff_gain_mismatch */
@@ -96,10 +128,10 @@ static const gyro_series_size series_sizes[GYRO_N_EFFECTS] = {
     {0, 0, 0, 0}, /* pickoff_mismatch */
     {0, 0, 0, 0}, /* pickoff_nonlinearity */
     {0, 0, 0, 0}, /* play */
-    {2, 2, 0, 0}, /* quadratic_stiffness */
+    {1, 1, 0, 0}, /* quadratic_stiffness */
     {0, 0, 0, 0}, /* sampling_jitter */
     {0, 0, 0, 0}, /* sense_noise */
-    {8, 6, 0, 0}, /* squeeze_film */
+    {4, 3, 0, 0}, /* squeeze_film */
     {0, 0, 0, 0}, /* stress_relaxation */
     {0, 0, 0, 0}, /* thermal_damping */
     {0, 0, 0, 0}, /* thermal_force */
@@ -112,298 +144,200 @@ static const gyro_series_size series_sizes[GYRO_N_EFFECTS] = {
 };
 
 static inline void series_contact_stop(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    double force[2], double *rate)
+                    gyro_pair *force, double *rate)
 {
     const double kxx = g->p[GYRO_KXX];
     const double stop_damping = g->p[GYRO_STOP_DAMPING];
     const double stop_gap = g->p[GYRO_STOP_GAP];
     const double stop_stiffness = g->p[GYRO_STOP_STIFFNESS];
-    const double *x = s->s[GYRO_STATE_X];
-    const double *x_dot = s->s[GYRO_STATE_X_DOT];
-    const double *y = s->s[GYRO_STATE_Y];
-    const double *y_dot = s->s[GYRO_STATE_Y_DOT];
-    double(*w)[GYRO_TERMS] = s->w + at->row;
-    double *c = s->c + at->constant;
+    const gyro_pair *x = s->of[GYRO_PAIR_X_AND_Y];
+    const gyro_pair *x_dot = s->of[GYRO_PAIR_X_DOT_AND_Y_DOT];
+    gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;
+    gyro_pair *c = s->c + at->constant;
     (void)g;
     (void)at;
     (void)k;
     (void)rate;
     if (k == 0) {
-        c[0] = stop_gap;
+        c[0] = both(stop_gap);
     }
-    w[0][k] = first_only(k, c[0]) - x[k];
-    const double side_0 = side_of(s, at->corner + 0, w[0], k);
+    w[0][k] = pair_difference(first_only(k, c[0]), x[k]);
+    const double *side_0 = sides_of(s, at->corner + 0, w[0], 2, k);
     if (k == 0) {
-        c[1] = -stop_gap*(1.0/2.0 - 1.0/2.0*side_0);
-        c[2] = -stop_gap;
-        c[3] = -1.0/2.0*side_0 - 1.0/2.0;
+        c[1] = pair_of(-stop_gap*(1.0/2.0 - 1.0/2.0*side_0[0]), -stop_gap*(1.0/2.0 - 1.0/2.0*side_0[1]));
+        c[2] = both(-stop_gap);
+        c[3] = pair_of(-1.0/2.0*side_0[0] - 1.0/2.0, -1.0/2.0*side_0[1] - 1.0/2.0);
     }
-    w[1][k] = first_only(k, c[1]) + first_only(k, c[2]) + c[3] * x[k];
-    const double side_1 = side_of(s, at->corner + 1, w[1], k);
-    if (!(side_0 > 0.0 && side_1 < 0.0)) {
+    w[1][k] = pair_sum(pair_sum(first_only(k, c[1]), first_only(k, c[2])), pair_product(c[3], x[k]));
+    const double *side_1 = sides_of(s, at->corner + 2, w[1], 2, k);
+    if ((side_0[0] < 0.0 || side_1[0] > 0.0) || (side_0[1] < 0.0 || side_1[1] > 0.0)) {
         if (k == 0) {
-            c[4] = (1.0/4096.0)*stop_gap*stop_gap;
-            c[5] = stop_gap*((1.0/2.0)*side_1 + 1.0/2.0);
-            c[6] = (1.0/2.0)*side_1 - 1.0/2.0;
-            c[7] = stop_gap*(1.0/2.0 - 1.0/2.0*side_0);
-            c[8] = (1.0/2.0)*side_0 + 1.0/2.0;
+            c[4] = both((1.0/4096.0)*stop_gap*stop_gap);
+            c[5] = pair_of(stop_gap*((1.0/2.0)*side_1[0] + 1.0/2.0), stop_gap*((1.0/2.0)*side_1[1] + 1.0/2.0));
+            c[6] = pair_of((1.0/2.0)*side_1[0] - 1.0/2.0, (1.0/2.0)*side_1[1] - 1.0/2.0);
+            c[7] = pair_of(stop_gap*(1.0/2.0 - 1.0/2.0*side_0[0]), stop_gap*(1.0/2.0 - 1.0/2.0*side_0[1]));
+            c[8] = pair_of((1.0/2.0)*side_0[0] + 1.0/2.0, (1.0/2.0)*side_0[1] + 1.0/2.0);
         }
-        w[4][k] = first_only(k, c[7]) + c[8] * x[k];
-        w[3][k] = first_only(k, c[5]) + x[k] + c[6] * w[4][k];
+        w[4][k] = pair_sum(first_only(k, c[7]), pair_product(c[8], x[k]));
+        w[3][k] = pair_sum(pair_sum(first_only(k, c[5]), x[k]), pair_product(c[6], w[4][k]));
         w[5][k] = series_square(w[3], k);
-        w[2][k] = first_only(k, c[4]) + w[5][k];
-        w[6][k] = k == 0 ? 1.0/(w[2][0]*w[2][0]) : series_power(w[2], w[6], -2.0, k);
+        w[2][k] = pair_sum(first_only(k, c[4]), w[5][k]);
+        w[6][k] = k == 0 ? pair_of(1.0/(lane_of(w[2][0], 0)*lane_of(w[2][0], 0)), 1.0/(lane_of(w[2][0], 1)*lane_of(w[2][0], 1))) : series_power(w[2], w[6], both(-2.0), k);
         w[7][k] = series_product(x_dot, w[6], k);
         w[8][k] = series_product(w[7], w[5], k);
         if (k == 0) {
-            c[9] = (3.0/4096.0)*stop_gap*stop_gap;
+            c[9] = both((3.0/4096.0)*stop_gap*stop_gap);
         }
-        w[9][k] = first_only(k, c[9]) + w[5][k];
+        w[9][k] = pair_sum(first_only(k, c[9]), w[5][k]);
         w[10][k] = series_product(w[8], w[9], k);
         if (k == 0) {
-            c[10] = -stop_damping*smaller(1, stop_stiffness/kxx);
-            c[11] = (stop_damping*stop_stiffness*unit_step(1 - stop_stiffness/kxx)/(kxx*kxx))*s->change[0];
-            c[12] = -stop_stiffness;
+            c[10] = both(-stop_damping*smaller(1, stop_stiffness/kxx));
+            c[11] = both((stop_damping*stop_stiffness*unit_step(1 - stop_stiffness/kxx)/(kxx*kxx))*s->change[0]);
+            c[12] = both(-stop_stiffness);
         }
-        double term_1 = 0.0;
-        if (c[12] != 0.0) {
-            w[11][k] = k == 0 ? 1.0/w[2][0] : series_power(w[2], w[11], -1.0, k);
+        gyro_pair term_1 = both(0.0);
+        if (!is_zero(c[12])) {
+            w[11][k] = k == 0 ? pair_of(1.0/lane_of(w[2][0], 0), 1.0/lane_of(w[2][0], 1)) : series_power(w[2], w[11], both(-1.0), k);
             w[12][k] = series_product(w[5], w[3], k);
             w[13][k] = series_product(w[11], w[12], k);
-            term_1 = c[12] * w[13][k];
+            term_1 = pair_product(c[12], w[13][k]);
         }
-        force[0] += following(s, c[10], c[11], w[10], k) + term_1;
-    }
-    w[14][k] = first_only(k, c[0]) - y[k];
-    const double side_2 = side_of(s, at->corner + 2, w[14], k);
-    if (k == 0) {
-        c[13] = -stop_gap*(1.0/2.0 - 1.0/2.0*side_2);
-        c[14] = -1.0/2.0*side_2 - 1.0/2.0;
-    }
-    w[15][k] = first_only(k, c[13]) + first_only(k, c[2]) + c[14] * y[k];
-    const double side_3 = side_of(s, at->corner + 3, w[15], k);
-    if (!(side_2 > 0.0 && side_3 < 0.0)) {
-        if (k == 0) {
-            c[15] = (1.0/4096.0)*stop_gap*stop_gap;
-            c[16] = stop_gap*((1.0/2.0)*side_3 + 1.0/2.0);
-            c[17] = (1.0/2.0)*side_3 - 1.0/2.0;
-            c[18] = stop_gap*(1.0/2.0 - 1.0/2.0*side_2);
-            c[19] = (1.0/2.0)*side_2 + 1.0/2.0;
-        }
-        w[18][k] = first_only(k, c[18]) + c[19] * y[k];
-        w[17][k] = first_only(k, c[16]) + y[k] + c[17] * w[18][k];
-        w[19][k] = series_square(w[17], k);
-        w[16][k] = first_only(k, c[15]) + w[19][k];
-        w[20][k] = k == 0 ? 1.0/(w[16][0]*w[16][0]) : series_power(w[16], w[20], -2.0, k);
-        w[21][k] = series_product(y_dot, w[20], k);
-        w[22][k] = series_product(w[21], w[19], k);
-        if (k == 0) {
-            c[20] = (3.0/4096.0)*stop_gap*stop_gap;
-        }
-        w[23][k] = first_only(k, c[20]) + w[19][k];
-        w[24][k] = series_product(w[22], w[23], k);
-        if (k == 0) {
-            c[21] = -stop_damping*smaller(1, stop_stiffness/kxx);
-            c[22] = (stop_damping*stop_stiffness*unit_step(1 - stop_stiffness/kxx)/(kxx*kxx))*s->change[0];
-            c[23] = -stop_stiffness;
-        }
-        double term_2 = 0.0;
-        if (c[23] != 0.0) {
-            w[25][k] = k == 0 ? 1.0/w[16][0] : series_power(w[16], w[25], -1.0, k);
-            w[26][k] = series_product(w[19], w[17], k);
-            w[27][k] = series_product(w[25], w[26], k);
-            term_2 = c[23] * w[27][k];
-        }
-        force[1] += following(s, c[21], c[22], w[24], k) + term_2;
+        *force = pair_sum(*force, pair_sum(following(s, c[10], c[11], w[10], k), term_1));
     }
 }
 
 static inline void series_cross_cubic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    double force[2], double *rate)
+                    gyro_pair *force, double *rate)
 {
     const double k22 = g->p[GYRO_K22];
-    const double *x = s->s[GYRO_STATE_X];
-    const double *y = s->s[GYRO_STATE_Y];
-    double(*w)[GYRO_TERMS] = s->w + at->row;
-    double *c = s->c + at->constant;
+    const gyro_pair *x = s->of[GYRO_PAIR_X_AND_Y];
+    const gyro_pair *y = s->of[GYRO_PAIR_Y_AND_X];
+    gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;
+    gyro_pair *c = s->c + at->constant;
     (void)g;
     (void)at;
     (void)k;
     (void)rate;
     if (k == 0) {
-        c[0] = -k22;
+        c[0] = both(-k22);
     }
-    double term_1 = 0.0;
-    if (c[0] != 0.0) {
+    gyro_pair term_1 = both(0.0);
+    if (!is_zero(c[0])) {
         w[0][k] = series_square(y, k);
         w[1][k] = series_product(x, w[0], k);
-        term_1 = c[0] * w[1][k];
+        term_1 = pair_product(c[0], w[1][k]);
     }
-    force[0] += term_1;
-    double term_2 = 0.0;
-    if (c[0] != 0.0) {
-        w[2][k] = series_square(x, k);
-        w[3][k] = series_product(y, w[2], k);
-        term_2 = c[0] * w[3][k];
-    }
-    force[1] += term_2;
+    *force = pair_sum(*force, term_1);
 }
 
 static inline void series_cubic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    double force[2], double *rate)
+                    gyro_pair *force, double *rate)
 {
     const double k3_x = g->p[GYRO_K3_X];
     const double k3_y = g->p[GYRO_K3_Y];
-    const double *x = s->s[GYRO_STATE_X];
-    const double *y = s->s[GYRO_STATE_Y];
-    double(*w)[GYRO_TERMS] = s->w + at->row;
-    double *c = s->c + at->constant;
+    const gyro_pair *x = s->of[GYRO_PAIR_X_AND_Y];
+    gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;
+    gyro_pair *c = s->c + at->constant;
     (void)g;
     (void)at;
     (void)k;
     (void)rate;
     if (k == 0) {
-        c[0] = -k3_x;
+        c[0] = pair_of(-k3_x, -k3_y);
     }
-    double term_1 = 0.0;
-    if (c[0] != 0.0) {
+    gyro_pair term_1 = both(0.0);
+    if (!is_zero(c[0])) {
         w[0][k] = series_square(x, k);
         w[1][k] = series_product(w[0], x, k);
-        term_1 = c[0] * w[1][k];
+        term_1 = pair_product(c[0], w[1][k]);
     }
-    force[0] += term_1;
-    if (k == 0) {
-        c[1] = -k3_y;
-    }
-    double term_2 = 0.0;
-    if (c[1] != 0.0) {
-        w[2][k] = series_square(y, k);
-        w[3][k] = series_product(w[2], y, k);
-        term_2 = c[1] * w[3][k];
-    }
-    force[1] += term_2;
+    *force = pair_sum(*force, term_1);
 }
 
 static inline void series_dry_friction(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    double force[2], double *rate)
+                    gyro_pair *force, double *rate)
 {
     const double friction_speed = g->p[GYRO_FRICTION_SPEED];
     const double friction_x = g->p[GYRO_FRICTION_X];
     const double friction_y = g->p[GYRO_FRICTION_Y];
     const double stribeck = g->p[GYRO_STRIBECK];
     const double stribeck_speed = g->p[GYRO_STRIBECK_SPEED];
-    const double *x_dot = s->s[GYRO_STATE_X_DOT];
-    const double *y_dot = s->s[GYRO_STATE_Y_DOT];
-    double(*w)[GYRO_TERMS] = s->w + at->row;
-    double *c = s->c + at->constant;
+    const gyro_pair *x_dot = s->of[GYRO_PAIR_X_DOT_AND_Y_DOT];
+    gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;
+    gyro_pair *c = s->c + at->constant;
     (void)g;
     (void)at;
     (void)k;
     (void)rate;
     if (k == 0) {
-        c[0] = -friction_x;
+        c[0] = pair_of(-friction_x, -friction_y);
     }
-    double term_1 = 0.0;
-    if (c[0] != 0.0) {
+    gyro_pair term_1 = both(0.0);
+    if (!is_zero(c[0])) {
         if (k == 0) {
-            c[1] = stribeck;
+            c[1] = both(stribeck);
         }
-        double term_2 = 0.0;
-        if (c[1] != 0.0) {
+        gyro_pair term_2 = both(0.0);
+        if (!is_zero(c[1])) {
             if (k == 0) {
-                c[2] = -1/(stribeck_speed*stribeck_speed);
+                c[2] = both(-1/(stribeck_speed*stribeck_speed));
             }
             w[2][k] = series_square(x_dot, k);
-            w[1][k] = c[2] * w[2][k];
-            bound_change(s, at->bound + 0, w[1], -w[1][0] - 40.0, k);
-            w[3][k] = k == 0 ? gyro_exp(w[1][0]) : series_integral(w[1], w[3], k);
-            term_2 = c[1] * w[3][k];
-        }
-        w[0][k] = term_2 + first_only(k, 1.0);
-        if (k == 0) {
-            c[3] = 1.0/friction_speed;
-        }
-        w[4][k] = c[3] * x_dot[k];
-        bound_change(s, at->bound + 1, w[4], fabs(w[4][0]) - 19.0, k);
-        w[5][k] = k == 0 ? gyro_tanh(w[4][0]) : series_integral(w[4], w[6], k);
-        w[7][k] = series_square(w[5], k);
-        w[6][k] = first_only(k, 1.0) - w[7][k];
-        w[8][k] = series_product(w[0], w[5], k);
-        term_1 = c[0] * w[8][k];
-    }
-    force[0] += term_1;
-    if (k == 0) {
-        c[4] = -friction_y;
-    }
-    double term_3 = 0.0;
-    if (c[4] != 0.0) {
-        if (k == 0) {
-            c[5] = stribeck;
-        }
-        double term_4 = 0.0;
-        if (c[5] != 0.0) {
+            w[1][k] = pair_product(c[2], w[2][k]);
             if (k == 0) {
-                c[6] = -1/(stribeck_speed*stribeck_speed);
+                bound_change(s, at->bound + 0, w[1], 0, -lane_of(w[1][0], 0) - 40.0);
+                bound_change(s, at->bound + 1, w[1], 1, -lane_of(w[1][0], 1) - 40.0);
             }
-            w[11][k] = series_square(y_dot, k);
-            w[10][k] = c[6] * w[11][k];
-            bound_change(s, at->bound + 2, w[10], -w[10][0] - 40.0, k);
-            w[12][k] = k == 0 ? gyro_exp(w[10][0]) : series_integral(w[10], w[12], k);
-            term_4 = c[5] * w[12][k];
+            w[3][k] = k == 0 ? pair_of(gyro_exp(lane_of(w[1][0], 0)), gyro_exp(lane_of(w[1][0], 1))) : series_integral(w[1], w[3], k);
+            term_2 = pair_product(c[1], w[3][k]);
         }
-        w[9][k] = term_4 + first_only(k, 1.0);
+        w[0][k] = pair_sum(term_2, first_only(k, both(1.0)));
         if (k == 0) {
-            c[7] = 1.0/friction_speed;
+            c[3] = both(1.0/friction_speed);
         }
-        w[13][k] = c[7] * y_dot[k];
-        bound_change(s, at->bound + 3, w[13], fabs(w[13][0]) - 19.0, k);
-        w[14][k] = k == 0 ? gyro_tanh(w[13][0]) : series_integral(w[13], w[15], k);
-        w[16][k] = series_square(w[14], k);
-        w[15][k] = first_only(k, 1.0) - w[16][k];
-        w[17][k] = series_product(w[9], w[14], k);
-        term_3 = c[4] * w[17][k];
+        w[4][k] = pair_product(c[3], x_dot[k]);
+        if (k == 0) {
+            bound_change(s, at->bound + 2, w[4], 0, fabs(lane_of(w[4][0], 0)) - 19.0);
+            bound_change(s, at->bound + 3, w[4], 1, fabs(lane_of(w[4][0], 1)) - 19.0);
+        }
+        w[5][k] = k == 0 ? pair_of(gyro_tanh(lane_of(w[4][0], 0)), gyro_tanh(lane_of(w[4][0], 1))) : series_integral(w[4], w[6], k);
+        w[7][k] = series_square(w[5], k);
+        w[6][k] = pair_difference(first_only(k, both(1.0)), w[7][k]);
+        w[8][k] = series_product(w[0], w[5], k);
+        term_1 = pair_product(c[0], w[8][k]);
     }
-    force[1] += term_3;
+    *force = pair_sum(*force, term_1);
 }
 
 static inline void series_electrostatic_softening(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    double force[2], double *rate)
+                    gyro_pair *force, double *rate)
 {
     const double electrode_gap = g->p[GYRO_ELECTRODE_GAP];
     const double softening = g->p[GYRO_SOFTENING];
     const double v_bias = g->p[GYRO_V_BIAS];
-    const double *x = s->s[GYRO_STATE_X];
-    const double *y = s->s[GYRO_STATE_Y];
-    double(*w)[GYRO_TERMS] = s->w + at->row;
-    double *c = s->c + at->constant;
+    const gyro_pair *x = s->of[GYRO_PAIR_X_AND_Y];
+    gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;
+    gyro_pair *c = s->c + at->constant;
     (void)g;
     (void)at;
     (void)k;
     (void)rate;
     if (k == 0) {
-        c[0] = -1/(electrode_gap*electrode_gap);
+        c[0] = both(-1/(electrode_gap*electrode_gap));
     }
     w[1][k] = series_square(x, k);
-    w[0][k] = first_only(k, 1.0) + c[0] * w[1][k];
-    w[2][k] = k == 0 ? 1.0/(w[0][0]*w[0][0]) : series_power(w[0], w[2], -2.0, k);
+    w[0][k] = pair_sum(first_only(k, both(1.0)), pair_product(c[0], w[1][k]));
+    w[2][k] = k == 0 ? pair_of(1.0/(lane_of(w[0][0], 0)*lane_of(w[0][0], 0)), 1.0/(lane_of(w[0][0], 1)*lane_of(w[0][0], 1))) : series_power(w[0], w[2], both(-2.0), k);
     w[3][k] = series_product(x, w[2], k);
     if (k == 0) {
-        c[1] = softening*v_bias*v_bias;
-        c[2] = (2*softening*v_bias)*s->change[1];
+        c[1] = both(softening*v_bias*v_bias);
+        c[2] = both((2*softening*v_bias)*s->change[1]);
     }
-    force[0] += following(s, c[1], c[2], w[3], k);
-    w[5][k] = series_square(y, k);
-    w[4][k] = first_only(k, 1.0) + c[0] * w[5][k];
-    w[6][k] = k == 0 ? 1.0/(w[4][0]*w[4][0]) : series_power(w[4], w[6], -2.0, k);
-    w[7][k] = series_product(y, w[6], k);
-    if (k == 0) {
-        c[3] = (2*softening*v_bias)*s->change[1];
-    }
-    force[1] += following(s, c[1], c[3], w[7], k);
+    *force = pair_sum(*force, following(s, c[1], c[2], w[3], k));
 }
 
 static inline void series_hysteresis(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    double force[2], double *rate)
+                    gyro_pair *force, double *rate)
 {
     const double hysteresis_beta = g->p[GYRO_HYSTERESIS_BETA];
     const double hysteresis_gamma = g->p[GYRO_HYSTERESIS_GAMMA];
@@ -411,222 +345,162 @@ static inline void series_hysteresis(const gyro_view *g, gyro_series *s, const g
     const double hysteresis_n = g->p[GYRO_HYSTERESIS_N];
     const double hysteresis_x = g->p[GYRO_HYSTERESIS_X];
     const double hysteresis_y = g->p[GYRO_HYSTERESIS_Y];
-    const double *x_dot = s->s[GYRO_STATE_X_DOT];
-    const double *y_dot = s->s[GYRO_STATE_Y_DOT];
-    const double *hysteresis_z_x = s->s[GYRO_STATE_HYSTERESIS_Z_X];
-    const double *hysteresis_z_y = s->s[GYRO_STATE_HYSTERESIS_Z_Y];
-    double(*w)[GYRO_TERMS] = s->w + at->row;
-    double *c = s->c + at->constant;
+    const gyro_pair *x_dot = s->of[GYRO_PAIR_X_DOT_AND_Y_DOT];
+    const gyro_pair *hysteresis_z_x = s->of[GYRO_PAIR_HYSTERESIS_Z_X_AND_HYSTERESIS_Z_Y];
+    gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;
+    gyro_pair *c = s->c + at->constant;
     (void)g;
     (void)at;
     (void)k;
     (void)rate;
     if (k == 0) {
-        c[0] = -hysteresis_x;
+        c[0] = pair_of(-hysteresis_x, -hysteresis_y);
     }
-    force[0] += c[0] * hysteresis_z_x[k];
+    *force = pair_sum(*force, pair_product(c[0], hysteresis_z_x[k]));
+    const double *side_0 = sides_of(s, at->corner + 0, x_dot, 2, k);
+    const double *side_1 = sides_of(s, at->corner + 2, hysteresis_z_x, 2, k);
     if (k == 0) {
-        c[1] = -hysteresis_y;
-    }
-    force[1] += c[1] * hysteresis_z_y[k];
-    const double side_0 = side_of(s, at->corner + 0, x_dot, k);
-    const double side_1 = side_of(s, at->corner + 1, hysteresis_z_x, k);
-    if (k == 0) {
-        c[2] = 1.0/hysteresis_length;
+        c[1] = both(1.0/hysteresis_length);
     }
     w[2][k] = series_square(hysteresis_z_x, k);
     if (k == 0) {
-        c[3] = 2.2250738585072014e-308;
+        c[2] = both(2.2250738585072014e-308);
     }
-    w[1][k] = w[2][k] + first_only(k, c[3]);
+    w[1][k] = pair_sum(w[2][k], first_only(k, c[2]));
     if (k == 0) {
-        c[4] = (1.0/2.0)*hysteresis_n - 1.0/2.0;
+        c[3] = both((1.0/2.0)*hysteresis_n - 1.0/2.0);
     }
-    w[3][k] = k == 0 ? gyro_power(w[1][0], c[4]) : series_power(w[1], w[3], c[4], k);
+    w[3][k] = k == 0 ? pair_of(gyro_power(lane_of(w[1][0], 0), lane_of(c[3], 0)), gyro_power(lane_of(w[1][0], 1), lane_of(c[3], 1))) : series_power(w[1], w[3], c[3], k);
     if (k == 0) {
-        c[5] = hysteresis_beta*side_0;
+        c[4] = pair_of(hysteresis_beta*side_0[0], hysteresis_beta*side_0[1]);
     }
     w[5][k] = series_product(hysteresis_z_x, x_dot, k);
     if (k == 0) {
-        c[6] = hysteresis_gamma*side_1;
+        c[5] = pair_of(hysteresis_gamma*side_1[0], hysteresis_gamma*side_1[1]);
     }
-    w[4][k] = c[5] * w[5][k] + c[6] * w[5][k];
+    w[4][k] = pair_sum(pair_product(c[4], w[5][k]), pair_product(c[5], w[5][k]));
     w[6][k] = series_product(w[3], w[4], k);
-    w[0][k] = x_dot[k] - w[6][k];
-    const double side_2 = side_of(s, at->corner + 2, y_dot, k);
-    const double side_3 = side_of(s, at->corner + 3, hysteresis_z_y, k);
-    w[9][k] = series_square(hysteresis_z_y, k);
-    w[8][k] = w[9][k] + first_only(k, c[3]);
-    w[10][k] = k == 0 ? gyro_power(w[8][0], c[4]) : series_power(w[8], w[10], c[4], k);
-    if (k == 0) {
-        c[7] = hysteresis_beta*side_2;
-    }
-    w[12][k] = series_product(hysteresis_z_y, y_dot, k);
-    if (k == 0) {
-        c[8] = hysteresis_gamma*side_3;
-    }
-    w[11][k] = c[7] * w[12][k] + c[8] * w[12][k];
-    w[13][k] = series_product(w[10], w[11], k);
-    w[7][k] = y_dot[k] - w[13][k];
-    rate[GYRO_STATE_HYSTERESIS_Z_X] = c[2] * w[0][k];
-    rate[GYRO_STATE_HYSTERESIS_Z_Y] = c[2] * w[7][k];
+    w[0][k] = pair_difference(x_dot[k], w[6][k]);
+    const gyro_pair rate_of_hysteresis_z_x = pair_product(c[1], w[0][k]);
+    rate[GYRO_STATE_HYSTERESIS_Z_X] = lane_of(rate_of_hysteresis_z_x, 0);
+    rate[GYRO_STATE_HYSTERESIS_Z_Y] = lane_of(rate_of_hysteresis_z_x, 1);
 }
 
 static inline void series_nonlinear_damping(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    double force[2], double *rate)
+                    gyro_pair *force, double *rate)
 {
     const double d2_x = g->p[GYRO_D2_X];
     const double d2_y = g->p[GYRO_D2_Y];
-    const double *x = s->s[GYRO_STATE_X];
-    const double *x_dot = s->s[GYRO_STATE_X_DOT];
-    const double *y = s->s[GYRO_STATE_Y];
-    const double *y_dot = s->s[GYRO_STATE_Y_DOT];
-    double(*w)[GYRO_TERMS] = s->w + at->row;
-    double *c = s->c + at->constant;
+    const gyro_pair *x = s->of[GYRO_PAIR_X_AND_Y];
+    const gyro_pair *x_dot = s->of[GYRO_PAIR_X_DOT_AND_Y_DOT];
+    gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;
+    gyro_pair *c = s->c + at->constant;
     (void)g;
     (void)at;
     (void)k;
     (void)rate;
     if (k == 0) {
-        c[0] = -d2_x;
+        c[0] = pair_of(-d2_x, -d2_y);
     }
-    double term_1 = 0.0;
-    if (c[0] != 0.0) {
+    gyro_pair term_1 = both(0.0);
+    if (!is_zero(c[0])) {
         w[0][k] = series_square(x, k);
         w[1][k] = series_product(x_dot, w[0], k);
-        term_1 = c[0] * w[1][k];
+        term_1 = pair_product(c[0], w[1][k]);
     }
-    force[0] += term_1;
-    if (k == 0) {
-        c[1] = -d2_y;
-    }
-    double term_2 = 0.0;
-    if (c[1] != 0.0) {
-        w[2][k] = series_square(y, k);
-        w[3][k] = series_product(y_dot, w[2], k);
-        term_2 = c[1] * w[3][k];
-    }
-    force[1] += term_2;
+    *force = pair_sum(*force, term_1);
 }
 
 static inline void series_parasitic_mode(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    double force[2], double *rate)
+                    gyro_pair *force, double *rate)
 {
     const double m = g->p[GYRO_M];
     const double parasitic_coupling = g->p[GYRO_PARASITIC_COUPLING];
     const double parasitic_frequency = g->p[GYRO_PARASITIC_FREQUENCY];
     const double parasitic_q = g->p[GYRO_PARASITIC_Q];
-    const double *x = s->s[GYRO_STATE_X];
-    const double *parasitic = s->s[GYRO_STATE_PARASITIC];
-    const double *parasitic_dot = s->s[GYRO_STATE_PARASITIC_DOT];
-    double *c = s->c + at->constant;
+    const gyro_pair *x = s->of[GYRO_PAIR_X_AND_X];
+    const gyro_pair *parasitic = s->of[GYRO_PAIR_PARASITIC_AND_PARASITIC];
+    const gyro_pair *parasitic_dot = s->of[GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT];
+    gyro_pair *c = s->c + at->constant;
     (void)g;
     (void)at;
     (void)k;
     (void)rate;
     if (k == 0) {
-        c[0] = -parasitic_coupling;
+        c[0] = both(-parasitic_coupling);
     }
-    force[0] += c[0] * parasitic[k];
+    *force = pair_sum(*force, on_axis(0, pair_product(c[0], parasitic[k])));
+    const gyro_pair rate_of_parasitic = parasitic_dot[k];
+    rate[GYRO_STATE_PARASITIC] = lane_of(rate_of_parasitic, 0);
     if (k == 0) {
-        c[1] = -4*3.141592653589793*3.141592653589793*parasitic_frequency*parasitic_frequency;
-        c[2] = -2*3.141592653589793*parasitic_frequency/parasitic_q;
-        c[3] = -parasitic_coupling/m;
+        c[1] = both(-4*3.141592653589793*3.141592653589793*parasitic_frequency*parasitic_frequency);
+        c[2] = both(-2*3.141592653589793*parasitic_frequency/parasitic_q);
+        c[3] = both(-parasitic_coupling/m);
     }
-    rate[GYRO_STATE_PARASITIC] = parasitic_dot[k];
-    rate[GYRO_STATE_PARASITIC_DOT] = c[1] * parasitic[k] + c[2] * parasitic_dot[k] + c[3] * x[k];
+    const gyro_pair rate_of_parasitic_dot = pair_sum(pair_sum(pair_product(c[1], parasitic[k]), pair_product(c[2], parasitic_dot[k])), pair_product(c[3], x[k]));
+    rate[GYRO_STATE_PARASITIC_DOT] = lane_of(rate_of_parasitic_dot, 0);
 }
 
 static inline void series_quadratic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    double force[2], double *rate)
+                    gyro_pair *force, double *rate)
 {
     const double k2_x = g->p[GYRO_K2_X];
     const double k2_y = g->p[GYRO_K2_Y];
-    const double *x = s->s[GYRO_STATE_X];
-    const double *y = s->s[GYRO_STATE_Y];
-    double(*w)[GYRO_TERMS] = s->w + at->row;
-    double *c = s->c + at->constant;
+    const gyro_pair *x = s->of[GYRO_PAIR_X_AND_Y];
+    gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;
+    gyro_pair *c = s->c + at->constant;
     (void)g;
     (void)at;
     (void)k;
     (void)rate;
     if (k == 0) {
-        c[0] = -k2_x;
+        c[0] = pair_of(-k2_x, -k2_y);
     }
-    double term_1 = 0.0;
-    if (c[0] != 0.0) {
+    gyro_pair term_1 = both(0.0);
+    if (!is_zero(c[0])) {
         w[0][k] = series_square(x, k);
-        term_1 = c[0] * w[0][k];
+        term_1 = pair_product(c[0], w[0][k]);
     }
-    force[0] += term_1;
-    if (k == 0) {
-        c[1] = -k2_y;
-    }
-    double term_2 = 0.0;
-    if (c[1] != 0.0) {
-        w[1][k] = series_square(y, k);
-        term_2 = c[1] * w[1][k];
-    }
-    force[1] += term_2;
+    *force = pair_sum(*force, term_1);
 }
 
 static inline void series_squeeze_film(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    double force[2], double *rate)
+                    gyro_pair *force, double *rate)
 {
     const double squeeze_gap = g->p[GYRO_SQUEEZE_GAP];
     const double squeeze_x = g->p[GYRO_SQUEEZE_X];
     const double squeeze_y = g->p[GYRO_SQUEEZE_Y];
-    const double *x = s->s[GYRO_STATE_X];
-    const double *x_dot = s->s[GYRO_STATE_X_DOT];
-    const double *y = s->s[GYRO_STATE_Y];
-    const double *y_dot = s->s[GYRO_STATE_Y_DOT];
-    double(*w)[GYRO_TERMS] = s->w + at->row;
-    double *c = s->c + at->constant;
+    const gyro_pair *x = s->of[GYRO_PAIR_X_AND_Y];
+    const gyro_pair *x_dot = s->of[GYRO_PAIR_X_DOT_AND_Y_DOT];
+    gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;
+    gyro_pair *c = s->c + at->constant;
     (void)g;
     (void)at;
     (void)k;
     (void)rate;
     if (k == 0) {
-        c[0] = -squeeze_x;
+        c[0] = pair_of(-squeeze_x, -squeeze_y);
     }
-    double term_1 = 0.0;
-    if (c[0] != 0.0) {
+    gyro_pair term_1 = both(0.0);
+    if (!is_zero(c[0])) {
         if (k == 0) {
-            c[1] = -1/(squeeze_gap*squeeze_gap);
+            c[1] = both(-1/(squeeze_gap*squeeze_gap));
         }
         w[1][k] = series_square(x, k);
-        w[0][k] = first_only(k, 1.0) + c[1] * w[1][k];
+        w[0][k] = pair_sum(first_only(k, both(1.0)), pair_product(c[1], w[1][k]));
         if (k == 0) {
-            c[2] = -3.0/2.0;
+            c[2] = both(-3.0/2.0);
         }
-        w[2][k] = k == 0 ? 1.0/(w[0][0]*sqrt(w[0][0])) : series_power(w[0], w[2], c[2], k);
+        w[2][k] = k == 0 ? pair_of(1.0/(lane_of(w[0][0], 0)*sqrt(lane_of(w[0][0], 0))), 1.0/(lane_of(w[0][0], 1)*sqrt(lane_of(w[0][0], 1)))) : series_power(w[0], w[2], c[2], k);
         w[3][k] = series_product(x_dot, w[2], k);
-        term_1 = c[0] * w[3][k];
+        term_1 = pair_product(c[0], w[3][k]);
     }
-    force[0] += term_1;
-    if (k == 0) {
-        c[3] = -squeeze_y;
-    }
-    double term_2 = 0.0;
-    if (c[3] != 0.0) {
-        if (k == 0) {
-            c[4] = -1/(squeeze_gap*squeeze_gap);
-        }
-        w[5][k] = series_square(y, k);
-        w[4][k] = first_only(k, 1.0) + c[4] * w[5][k];
-        if (k == 0) {
-            c[5] = -3.0/2.0;
-        }
-        w[6][k] = k == 0 ? 1.0/(w[4][0]*sqrt(w[4][0])) : series_power(w[4], w[6], c[5], k);
-        w[7][k] = series_product(y_dot, w[6], k);
-        term_2 = c[3] * w[7][k];
-    }
-    force[1] += term_2;
+    *force = pair_sum(*force, term_1);
 }
 
 /* The k-th coefficients of the forces that bend the motion, added to `force` [N], and of the rates of their own states,
    put in `rate` [SI/s]. */
-static inline void add_series(const gyro_view *g, gyro_series *s, int k, double force[2], double rate[GYRO_N_STATES])
+static inline void add_series(const gyro_view *g, gyro_series *s, int k, gyro_pair *force, double rate[GYRO_N_STATES])
 {
     (void)g;
     (void)k;

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{f10ecf57-93fa-2d96-0065-21f0c4579668}"
+#define GYRO_TOKEN "{dbae0a31-9dff-97f2-999b-ec92696d4f99}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
