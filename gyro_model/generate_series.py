@@ -222,6 +222,7 @@ class _Series:
         self.exchange = _exchange(effect)
         self.lanes = 2 if self.exchange else 1
         self.pairs: set[tuple[Symbol, Symbol]] = set()
+        self.positive: set[Expr] = set()
         for axis, expr in enumerate(effect.force[: 1 if self.exchange else 2]):
             if expr != 0:
                 self._force(axis, self._smooth(sympify(expr)))
@@ -352,8 +353,10 @@ class _Series:
     def _sum(self, expr: Expr) -> str:
         """Coefficient k of a sum of multiples of rows."""
         text = ""
-        for term in self._smooth(sympify(expr)).expand(deep=False, mul=False).as_ordered_terms():
-            factor, rest = term.as_independent(*self.moving, as_Add=False)
+        terms = self._smooth(sympify(expr)).expand(deep=False, mul=False).as_ordered_terms()
+        factors = [term.as_independent(*self.moving, as_Add=False) for term in terms]
+        # What may be spared comes last: it may use what the others make, but not they what it makes.
+        for factor, rest in sorted(factors, key=lambda pair: bool(pair[0].free_symbols & self.sizes)):
             if rest == 1:
                 one = f"first_only(k, {self._constant(factor)})"
             elif factor == -1:
@@ -445,13 +448,16 @@ class _Series:
 
     def _at(self, argument: Expr, expr: Expr, row: str) -> str:
         """``expr`` as C, its argument being the first of a row."""
-        value = Symbol("value", real=True, positive=argument.is_positive)
+        positive = argument.is_positive or argument in self.positive
+        value = Symbol("value", real=True, positive=positive)
         exponent = Symbol("exponent", real=True)
         symbolic = expr.is_Pow and not expr.exp.is_Number
         text = c_expression(value**exponent if symbolic else expr.func(value, *expr.args[1:]))
         to = self._constant(expr.exp) if symbolic else ""
+        # At a corner that makes it so, rounding may have left it on the other side.
+        at = f"fabs(lane_of({row}[0], {{}}))" if argument in self.positive else f"lane_of({row}[0], {{}})"
         first, last = (
-            text.replace("value", f"lane_of({row}[0], {lane})").replace("exponent", f"lane_of({to}, {lane})")
+            text.replace("value", at.format(lane)).replace("exponent", f"lane_of({to}, {lane})")
             for lane in (0, self.lanes - 1)
         )
         return f"both({first})" if first == last else f"pair_of({first}, {last})"
@@ -461,6 +467,7 @@ class _Series:
         if not (self._moves(expr) and expr.has(*_CORNERED)):
             return expr
         args = [self._smooth(arg) for arg in expr.args]
+        self.positive |= {arg for arg, own in zip(args, expr.args, strict=True) if own.is_positive and arg != own}
         if isinstance(expr, Abs):
             return self._side(args[0]) * args[0] if self._moves(args[0]) else expr.func(*args)
         if isinstance(expr, (Max, Min)):

@@ -14,19 +14,29 @@ enum { N = GYRO_LAG_NODES };
 /* 0, 1 and the zeros of P_5' on [0, 1]: 1/2 -+ sqrt((7 +- 2 sqrt 7)/21)/2. */
 const double gyro_lag_nodes[N] = {0.0, 0.11747233803526765, 0.35738424175967748, 0.64261575824032252, 0.88252766196473235, 1.0};
 
-/* The coefficients of the polynomial of degree N - 1 that is 1 at node i and 0 at the others, lowest power first. */
-static void lagrange(const double node[N], int i, double coefficient[N])
+/* The integrals from 0 to each later node of the polynomials of degree N - 1 that are 1 at one node and 0 at the others. */
+static const double to_node[N - 1][N] = {
+    {0.04567980513375504, 0.08186781700897067, -0.014874605789089836, 0.00762767611825096, -0.004471780440573709, 0.0016434260039545343},
+    {0.02590838538787982, 0.21384080863282573, 0.13396073565086083, -0.024004074733154874, 0.011807696377659695, -0.004129309556393747},
+    {0.03746264288972708, 0.17742978177126378, 0.30143326325089803, 0.14346845286688234, -0.02460333048390223, 0.007424947945453511},
+    {0.0316899073293788, 0.1937092585894972, 0.26980151239949224, 0.292303794306833, 0.10736966113995282, -0.012346471800421706},
+    {0.03333333333333333, 0.1892374781489235, 0.2774291885177432, 0.2774291885177432, 0.1892374781489235, 0.03333333333333333}};
+
+/* The weights w of the nodes that are right for each power of x below N, sum w_i x_i^j = I_j, put in place of I: the Vandermonde system by
+   A. Björck, V. Pereyra, Solution of Vandermonde systems of equations, Mathematics of Computation 24, 1970. */
+static void weigh_nodes(const double node[N], double weight[N])
 {
-    memset(coefficient, 0, N * sizeof *coefficient);
-    coefficient[0] = 1.0;
-    for (int j = 0, degree = 0; j < N; j++) {
-        if (j != i) {
-            const double scale = 1.0 / (node[i] - node[j]);
-            degree++;
-            for (int k = degree; k > 0; k--) {
-                coefficient[k] = (coefficient[k - 1] - node[j] * coefficient[k]) * scale;
-            }
-            coefficient[0] *= -node[j] * scale;
+    for (int k = 0; k < N - 1; k++) {
+        for (int i = N - 1; i > k; i--) {
+            weight[i] -= node[k] * weight[i - 1];
+        }
+    }
+    for (int k = N - 2; k >= 0; k--) {
+        for (int i = k + 1; i < N; i++) {
+            weight[i] /= node[i] - node[i - k - 1];
+        }
+        for (int i = k; i < N - 1; i++) {
+            weight[i] -= weight[i + 1];
         }
     }
 }
@@ -80,17 +90,14 @@ static void integrals(double z, double integral[N])
 /* The nodes in parts of Z, from time constants that move: 1/tau is taken as a polynomial in time. Gives Z; 0 where it is not that smooth. */
 static double moving_nodes(double step, const double tau[N], double node[N])
 {
-    double z[N] = {0.0};
+    double rate[N], z[N] = {0.0};
     int rising = 1;
     for (int i = 0; i < N; i++) {
-        double coefficient[N];
-        lagrange(gyro_lag_nodes, i, coefficient);
-        for (int at = 1; at < N; at++) {
-            double sum = 0.0;
-            for (int k = N - 1; k >= 0; k--) {
-                sum = (sum + coefficient[k] / (k + 1)) * gyro_lag_nodes[at];
-            }
-            z[at] += sum * step / tau[i];
+        rate[i] = step / tau[i];
+    }
+    for (int at = 1; at < N; at++) {
+        for (int i = 0; i < N; i++) {
+            z[at] += to_node[at - 1][i] * rate[i];
         }
     }
     for (int at = 1; at < N; at++) {
@@ -120,15 +127,8 @@ static void find_weights(gyro_lag_weights *lag, double step, const double tau[N]
     }
     memset(lag->weight, 0, sizeof lag->weight);
     if (tau[N - 1] > 0.0) {
-        double integral[N];
-        integrals(z, integral);
-        for (int i = 0; i < N; i++) {
-            double coefficient[N];
-            lagrange(node, i, coefficient);
-            for (int k = 0; k < N; k++) {
-                lag->weight[i] += coefficient[k] * integral[k];
-            }
-        }
+        integrals(z, lag->weight);
+        weigh_nodes(node, lag->weight);
     }
 }
 

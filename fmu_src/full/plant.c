@@ -325,14 +325,24 @@ void gyro_first_sample(gyro_instance *g)
 
 void gyro_plan_series(gyro_instance *g) { plan_series(&g->plan.series, &g->view); }
 
-/* The lag over the part of a step h [s] from time t that the latest series has gone, from `begin` of the step on. */
-static void move_lag_along(gyro_instance *g, const gyro_course *course, const gyro_passage *at, double t, double h, int n, double begin)
+/* The lag over the part of a step h [s] from time t that the latest series has gone, from `begin` of the step on; states and laws of the view
+   end at the end. `start` shape (GYRO_N_STATES): the states at `begin`. */
+static void move_lag_along(gyro_instance *g, const gyro_course *course, const gyro_passage *at, double t, double h, int n, double begin,
+                           const double start[GYRO_N_STATES])
 {
     gyro_view *view = &g->view;
     gyro_entering entering;
+    double end[GYRO_N_STATES];
+    memcpy(end, view->s, sizeof end);
     for (int node = 0; node < GYRO_LAG_NODES; node++) {
         const double c = gyro_lag_nodes[node], part = begin + c * (at->done - begin);
-        set_states(&at->series, at->power, c * at->reach, n, view);
+        if (node == 0) {
+            memcpy(view->s, start, sizeof view->s);
+        } else if (node == GYRO_LAG_NODES - 1) {
+            memcpy(view->s, end, sizeof view->s);
+        } else {
+            set_states(&at->series, at->power, c * at->reach, n, view);
+        }
         view->t = t + part * h;
         view->since = part * h;
         if (view->moving && course->smooth) {
@@ -358,7 +368,7 @@ static void move_by_series(gyro_instance *g, const gyro_course *course, double t
         memcpy(before, view->s, sizeof before);
         advance_next(view, g->value, course, t, h, n, &at);
         if (lags && at.power > 0) {
-            move_lag_along(g, course, &at, t, h, n, begin);
+            move_lag_along(g, course, &at, t, h, n, begin, before);
         } else if (lags) {
             double after[GYRO_N_STATES];
             memcpy(after, view->s, sizeof after);
@@ -367,7 +377,9 @@ static void move_by_series(gyro_instance *g, const gyro_course *course, double t
             memcpy(view->s, after, sizeof after);
             move_lag(g, &start, t + h * begin, h * begin, h * at.done - h * begin);
         }
-        if (lags && view->moving && at.done < 1.0) {
+        if (lags && view->moving && at.done < 1.0 && course->smooth) {
+            set_changed(view, course, 0.5);
+        } else if (lags && view->moving && at.done < 1.0) {
             apply_laws_at(view, g->value, t, h, 0.5);
         }
     }

@@ -20,6 +20,9 @@
 /* Largest last term, over the size of a state; the one before may be GYRO_BEFORE_LAST times as large. */
 static const double GYRO_LAST_TERM = 3e-14, GYRO_BEFORE_LAST = 100.0;
 
+/* The same of a state that an effect brings, over that: what it does to the motion within the step is in the terms of the motion. */
+static const double GYRO_OWN_LAST_TERM = 30.0;
+
 /* So many terms are not asked whether they are the last. The first that are not zero are the size of a state: near a singularity higher ones are
    no measure. */
 enum { GYRO_SIZE_TERMS = 5 };
@@ -92,23 +95,39 @@ static inline void shift_course(const gyro_course *course, double begin, gyro_li
     from[2] = sum_of_linear(&none, rest * rest, &p[2]);
 }
 
-/* Coefficient k of the linear force of one axis, where it does not change. */
-static inline double linear_force(const gyro_linear *linear, const gyro_series *s, int axis, int k)
+/* The linear force of both axes: slope (x, x', y, y') + still. */
+typedef struct {
+    gyro_pair slope[4], still;
+} gyro_linear_pair;
+
+static inline gyro_linear_pair pairs_of(const gyro_linear *linear)
 {
-    const double *a = linear->slope[axis];
+    gyro_linear_pair pairs;
+    pairs.still = pair_of(linear->still[0], linear->still[1]);
+    for (int i = 0; i < 4; i++) {
+        pairs.slope[i] = pair_of(linear->slope[0][i], linear->slope[1][i]);
+    }
+    return pairs;
+}
+
+/* Coefficient k of the linear force, where it does not change. */
+static inline gyro_pair linear_force(const gyro_linear_pair *linear, const gyro_series *s, int k)
+{
+    const gyro_pair *a = linear->slope;
     const double *c = s->s[k];
-    const double force = (a[0] * c[0] + a[1] * c[1]) + (a[2] * c[2] + a[3] * c[3]);
-    return k == 0 ? force + linear->still[axis] : force;
+    const gyro_pair of_x = pair_sum(pair_scaled(c[0], a[0]), pair_scaled(c[1], a[1]));
+    const gyro_pair of_y = pair_sum(pair_scaled(c[2], a[2]), pair_scaled(c[3], a[3]));
+    return k == 0 ? pair_sum(pair_sum(of_x, of_y), linear->still) : pair_sum(of_x, of_y);
 }
 
 /* The coefficients k + 1 of n states. */
-static inline void expand_once(const gyro_view *g, gyro_series *s, const gyro_linear *from, int changes, int k, int n)
+static inline void expand_once(const gyro_view *g, gyro_series *s, const gyro_linear_pair *from, int powers, int k, int n)
 {
     const double h = s->step / (k + 1), to_speed = h * g->inverse_mass;
-    gyro_pair force = pair_of(linear_force(&from[0], s, 0, k), linear_force(&from[0], s, 1, k));
+    gyro_pair force = linear_force(&from[0], s, k);
     double rate[GYRO_N_STATES] = {0.0};
-    for (int j = 1; changes && j < GYRO_COURSE_POWERS && j <= k; j++) {
-        force = pair_sum(force, pair_of(linear_force(&from[j], s, 0, k - j), linear_force(&from[j], s, 1, k - j)));
+    for (int j = 1; j < powers && j <= k; j++) {
+        force = pair_sum(force, linear_force(&from[j], s, k - j));
     }
     pair_states(s, k);
     add_series(g, s, k, &force, rate);
@@ -130,12 +149,15 @@ static inline int expand(const gyro_view *g, gyro_series *s, const gyro_course *
                          double *reach)
 {
     double weight[GYRO_N_STATES], left = INFINITY, before = INFINITY;
+    const int powers = course->changes ? GYRO_COURSE_POWERS : 1;
     gyro_linear shifted[GYRO_COURSE_POWERS];
-    const gyro_linear *from = course->power;
+    gyro_linear_pair from[GYRO_COURSE_POWERS];
     int power = 0;
     if (course->changes && begin > 0.0) {
         shift_course(course, begin, shifted);
-        from = shifted;
+    }
+    for (int j = 0; j < powers; j++) {
+        from[j] = pairs_of(course->changes && begin > 0.0 ? &shifted[j] : &course->power[j]);
     }
     for (int i = 0; i < n; i++) {
         s->s[0][i] = g->s[i];
@@ -144,18 +166,19 @@ static inline int expand(const gyro_view *g, gyro_series *s, const gyro_course *
         s->bounded[i].row = NULL;
     }
     for (; power < GYRO_SIZE_TERMS; power++) {
-        expand_once(g, s, from, course->changes, power, n);
+        expand_once(g, s, from, powers, power, n);
     }
     for (int i = 0; i < n; i++) {
         size[i] = larger(size[i], fabs(s->s[0][i]) + fabs(s->s[1][i]));
         for (int j = 2; j < GYRO_SIZE_TERMS && !(size[i] > 0.0); j++) {
             size[i] = fabs(s->s[j][i]);
         }
-        weight[i] = size[i] > 0.0 ? 1.0 / (GYRO_LAST_TERM * size[i]) : 1e300;
+        const double last = i > GYRO_STATE_Y_DOT ? GYRO_OWN_LAST_TERM * GYRO_LAST_TERM : GYRO_LAST_TERM;
+        weight[i] = size[i] > 0.0 ? 1.0 / (last * size[i]) : 1e300;
     }
     /* A sum, in which what is no number stays. */
     while (power < GYRO_MOST_POWER && !(left <= 1.0 && before <= GYRO_BEFORE_LAST)) {
-        expand_once(g, s, from, course->changes, power++, n);
+        expand_once(g, s, from, powers, power++, n);
         before = left;
         left = 0.0;
         for (int i = 0; i < n; i++) {

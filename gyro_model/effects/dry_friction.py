@@ -45,7 +45,9 @@ f_x, f_y = FRICTION_X.symbol, FRICTION_Y.symbol
 
 
 def _course(speed: Symbol) -> Expr:
-    return tanh(speed / SPEED.symbol) * (1 + STRIBECK.symbol * exp(-((speed / STRIBECK_SPEED.symbol) ** 2)))
+    # Not as a product, so that what no device but a few has costs nothing.
+    course = tanh(speed / SPEED.symbol)
+    return course + STRIBECK.symbol * exp(-((speed / STRIBECK_SPEED.symbol) ** 2)) * course
 
 
 EFFECT = Force(

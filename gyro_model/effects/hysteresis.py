@@ -30,7 +30,7 @@ TINY = 2.2250738585072014e-308
 
 def _power(z: Symbol, exponent: Expr) -> Expr:
     """|z|^exponent."""
-    return (z**2 + TINY) ** (exponent / 2)
+    return (Abs(z) + TINY) ** exponent
 
 
 def _bend(z: Symbol, speed: Symbol) -> Expr:

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{6843e52d-be30-d154-c6e6-f60d8970385c}"
+#define GYRO_TOKEN "{68ddea9b-70b5-e2e0-2c11-2aa03ca3d09b}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

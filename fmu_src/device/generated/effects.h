@@ -322,8 +322,8 @@ static inline void effect_dry_friction(const gyro_view *g, double force[2])
     const double stribeck_speed = g->p[GYRO_STRIBECK_SPEED];
     const double x_dot = g->s[GYRO_STATE_X_DOT];
     const double y_dot = g->s[GYRO_STATE_Y_DOT];
-    force[0] += (friction_x == 0.0 ? 0.0 : -friction_x*((stribeck == 0.0 ? 0.0 : stribeck*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed))) + 1)*gyro_tanh(x_dot/friction_speed));
-    force[1] += (friction_y == 0.0 ? 0.0 : -friction_y*((stribeck == 0.0 ? 0.0 : stribeck*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed))) + 1)*gyro_tanh(y_dot/friction_speed));
+    force[0] += -friction_x*((stribeck == 0.0 ? 0.0 : stribeck*gyro_exp(-x_dot*x_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(x_dot/friction_speed)) + gyro_tanh(x_dot/friction_speed));
+    force[1] += -friction_y*((stribeck == 0.0 ? 0.0 : stribeck*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(y_dot/friction_speed)) + gyro_tanh(y_dot/friction_speed));
 }
 
 /* Parallel-plate electrodes at a bias voltage pull the mass away from the centre.
@@ -392,8 +392,8 @@ static inline void effect_hysteresis(const gyro_view *g, double force[2], double
     const double y_dot = g->s[GYRO_STATE_Y_DOT];
     force[0] += -hysteresis_x*hysteresis_z_x;
     force[1] += -hysteresis_y*hysteresis_z_y;
-    rate[GYRO_STATE_HYSTERESIS_Z_X] = (x_dot - gyro_power(hysteresis_z_x*hysteresis_z_x + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*hysteresis_z_x*gyro_fabs(x_dot) + hysteresis_gamma*x_dot*gyro_fabs(hysteresis_z_x)))/hysteresis_length;
-    rate[GYRO_STATE_HYSTERESIS_Z_Y] = (y_dot - gyro_power(hysteresis_z_y*hysteresis_z_y + 2.2250738585072014e-308, (1.0/2.0)*hysteresis_n - 1.0/2.0)*(hysteresis_beta*hysteresis_z_y*gyro_fabs(y_dot) + hysteresis_gamma*y_dot*gyro_fabs(hysteresis_z_y)))/hysteresis_length;
+    rate[GYRO_STATE_HYSTERESIS_Z_X] = (x_dot - (hysteresis_beta*hysteresis_z_x*gyro_fabs(x_dot) + hysteresis_gamma*x_dot*gyro_fabs(hysteresis_z_x))*gyro_power(gyro_fabs(hysteresis_z_x) + 2.2250738585072014e-308, hysteresis_n - 1))/hysteresis_length;
+    rate[GYRO_STATE_HYSTERESIS_Z_Y] = (y_dot - (hysteresis_beta*hysteresis_z_y*gyro_fabs(y_dot) + hysteresis_gamma*y_dot*gyro_fabs(hysteresis_z_y))*gyro_power(gyro_fabs(hysteresis_z_y) + 2.2250738585072014e-308, hysteresis_n - 1))/hysteresis_length;
 }
 
 /* The package accelerates, and the mass lags behind.

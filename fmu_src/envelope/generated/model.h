@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{fd1bbd27-c23b-fe9d-3e8f-197e0f87b9b6}"
+#define GYRO_TOKEN "{c3296b7a-787a-c38a-f056-9d2c240e8b70}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

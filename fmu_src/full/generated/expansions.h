@@ -8,8 +8,8 @@
 
 /* Room for what all forces of the model ask for together. */
 enum {
-    GYRO_SERIES_ROWS = 45,
-    GYRO_SERIES_CONSTANTS = 37,
+    GYRO_SERIES_ROWS = 44,
+    GYRO_SERIES_CONSTANTS = 38,
     GYRO_SERIES_CORNERS = 8,
     GYRO_SERIES_BOUNDS = 4,
     GYRO_SERIES_READ = 2
@@ -118,7 +118,7 @@ static const gyro_series_size series_sizes[GYRO_N_EFFECTS] = {
     {4, 3, 0, 0}, /* electrostatic_softening */
     {0, 0, 0, 0}, /* flicker_noise */
     {0, 0, 0, 0}, /* frame_rotation */
-    {7, 6, 4, 0}, /* hysteresis */
+    {6, 7, 4, 0}, /* hysteresis */
     {0, 0, 0, 0}, /* linear_acceleration */
     {2, 1, 0, 0}, /* nonlinear_damping */
     {0, 0, 0, 0}, /* parasitic_capacitance */
@@ -275,36 +275,36 @@ static inline void series_dry_friction(const gyro_view *g, gyro_series *s, const
     gyro_pair term_1 = both(0.0);
     if (!is_zero(c[0])) {
         if (k == 0) {
-            c[1] = both(stribeck);
+            c[1] = both(1.0/friction_speed);
+        }
+        w[1][k] = pair_product(c[1], x_dot[k]);
+        if (k == 0) {
+            bound_change(s, at->bound + 0, w[1], 0, fabs(lane_of(w[1][0], 0)) - 19.0);
+            bound_change(s, at->bound + 1, w[1], 1, fabs(lane_of(w[1][0], 1)) - 19.0);
+        }
+        w[2][k] = k == 0 ? pair_of(gyro_tanh(lane_of(w[1][0], 0)), gyro_tanh(lane_of(w[1][0], 1))) : series_integral(w[1], w[3], k);
+        w[4][k] = series_square(w[2], k);
+        w[3][k] = pair_difference(first_only(k, both(1.0)), w[4][k]);
+        if (k == 0) {
+            c[2] = both(stribeck);
         }
         gyro_pair term_2 = both(0.0);
-        if (!is_zero(c[1])) {
+        if (!is_zero(c[2])) {
             if (k == 0) {
-                c[2] = both(-1/(stribeck_speed*stribeck_speed));
+                c[3] = both(-1/(stribeck_speed*stribeck_speed));
             }
-            w[2][k] = series_square(x_dot, k);
-            w[1][k] = pair_product(c[2], w[2][k]);
+            w[6][k] = series_square(x_dot, k);
+            w[5][k] = pair_product(c[3], w[6][k]);
             if (k == 0) {
-                bound_change(s, at->bound + 0, w[1], 0, -lane_of(w[1][0], 0) - 40.0);
-                bound_change(s, at->bound + 1, w[1], 1, -lane_of(w[1][0], 1) - 40.0);
+                bound_change(s, at->bound + 2, w[5], 0, -lane_of(w[5][0], 0) - 40.0);
+                bound_change(s, at->bound + 3, w[5], 1, -lane_of(w[5][0], 1) - 40.0);
             }
-            w[3][k] = k == 0 ? pair_of(gyro_exp(lane_of(w[1][0], 0)), gyro_exp(lane_of(w[1][0], 1))) : series_integral(w[1], w[3], k);
-            term_2 = pair_product(c[1], w[3][k]);
+            w[7][k] = k == 0 ? pair_of(gyro_exp(lane_of(w[5][0], 0)), gyro_exp(lane_of(w[5][0], 1))) : series_integral(w[5], w[7], k);
+            w[8][k] = series_product(w[7], w[2], k);
+            term_2 = pair_product(c[2], w[8][k]);
         }
-        w[0][k] = pair_sum(term_2, first_only(k, both(1.0)));
-        if (k == 0) {
-            c[3] = both(1.0/friction_speed);
-        }
-        w[4][k] = pair_product(c[3], x_dot[k]);
-        if (k == 0) {
-            bound_change(s, at->bound + 2, w[4], 0, fabs(lane_of(w[4][0], 0)) - 19.0);
-            bound_change(s, at->bound + 3, w[4], 1, fabs(lane_of(w[4][0], 1)) - 19.0);
-        }
-        w[5][k] = k == 0 ? pair_of(gyro_tanh(lane_of(w[4][0], 0)), gyro_tanh(lane_of(w[4][0], 1))) : series_integral(w[4], w[6], k);
-        w[7][k] = series_square(w[5], k);
-        w[6][k] = pair_difference(first_only(k, both(1.0)), w[7][k]);
-        w[8][k] = series_product(w[0], w[5], k);
-        term_1 = pair_product(c[0], w[8][k]);
+        w[0][k] = pair_sum(w[2][k], term_2);
+        term_1 = pair_product(c[0], w[0][k]);
     }
     *force = pair_sum(*force, term_1);
 }
@@ -357,30 +357,28 @@ static inline void series_hysteresis(const gyro_view *g, gyro_series *s, const g
         c[0] = pair_of(-hysteresis_x, -hysteresis_y);
     }
     *force = pair_sum(*force, pair_product(c[0], hysteresis_z_x[k]));
-    const double *side_0 = sides_of(s, at->corner + 0, x_dot, 2, k);
-    const double *side_1 = sides_of(s, at->corner + 2, hysteresis_z_x, 2, k);
+    const double *side_0 = sides_of(s, at->corner + 0, hysteresis_z_x, 2, k);
+    const double *side_1 = sides_of(s, at->corner + 2, x_dot, 2, k);
     if (k == 0) {
         c[1] = both(1.0/hysteresis_length);
+        c[2] = pair_of(side_0[0], side_0[1]);
+        c[3] = both(2.2250738585072014e-308);
     }
-    w[2][k] = series_square(hysteresis_z_x, k);
+    w[1][k] = pair_sum(pair_product(c[2], hysteresis_z_x[k]), first_only(k, c[3]));
     if (k == 0) {
-        c[2] = both(2.2250738585072014e-308);
+        c[4] = both(hysteresis_n - 1);
     }
-    w[1][k] = pair_sum(w[2][k], first_only(k, c[2]));
+    w[2][k] = k == 0 ? pair_of(gyro_power(fabs(lane_of(w[1][0], 0)), lane_of(c[4], 0)), gyro_power(fabs(lane_of(w[1][0], 1)), lane_of(c[4], 1))) : series_power(w[1], w[2], c[4], k);
     if (k == 0) {
-        c[3] = both((1.0/2.0)*hysteresis_n - 1.0/2.0);
+        c[5] = pair_of(hysteresis_beta*side_1[0], hysteresis_beta*side_1[1]);
     }
-    w[3][k] = k == 0 ? pair_of(gyro_power(lane_of(w[1][0], 0), lane_of(c[3], 0)), gyro_power(lane_of(w[1][0], 1), lane_of(c[3], 1))) : series_power(w[1], w[3], c[3], k);
+    w[4][k] = series_product(hysteresis_z_x, x_dot, k);
     if (k == 0) {
-        c[4] = pair_of(hysteresis_beta*side_0[0], hysteresis_beta*side_0[1]);
+        c[6] = pair_of(hysteresis_gamma*side_0[0], hysteresis_gamma*side_0[1]);
     }
-    w[5][k] = series_product(hysteresis_z_x, x_dot, k);
-    if (k == 0) {
-        c[5] = pair_of(hysteresis_gamma*side_1[0], hysteresis_gamma*side_1[1]);
-    }
-    w[4][k] = pair_sum(pair_product(c[4], w[5][k]), pair_product(c[5], w[5][k]));
-    w[6][k] = series_product(w[3], w[4], k);
-    w[0][k] = pair_difference(x_dot[k], w[6][k]);
+    w[3][k] = pair_sum(pair_product(c[5], w[4][k]), pair_product(c[6], w[4][k]));
+    w[5][k] = series_product(w[2], w[3], k);
+    w[0][k] = pair_difference(x_dot[k], w[5][k]);
     const gyro_pair rate_of_hysteresis_z_x = pair_product(c[1], w[0][k]);
     rate[GYRO_STATE_HYSTERESIS_Z_X] = lane_of(rate_of_hysteresis_z_x, 0);
     rate[GYRO_STATE_HYSTERESIS_Z_Y] = lane_of(rate_of_hysteresis_z_x, 1);

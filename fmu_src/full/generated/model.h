@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{dbae0a31-9dff-97f2-999b-ec92696d4f99}"
+#define GYRO_TOKEN "{ad706715-51a8-7f29-fbf1-48869c636540}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
