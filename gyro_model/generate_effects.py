@@ -315,9 +315,8 @@ def _moving(effect: Follow | Law) -> str:
 
 
 def _remembering(model: Model) -> str:
-    targets = sorted({target for law in model.laws for target in law.changes} | set(model.followed), key=str)
-    lines = "".join(map(as_set, targets))
-    places = "".join(f"    {macro(target.name)},\n" for target in targets) or "    0, /* none */\n"
+    targets = {target for law in model.laws for target in law.changes} | set(model.followed)
+    lines = "".join(as_set(target) for target in sorted(targets, key=str))
     lines += "".join(guarded(e, f"effect_{e.id}(g);\n") for e in follows_of(model))
     for law in model.laws:
         lines += guarded(law, _begun(law) + called(law, f"effect_{law.id}(g);\n"))

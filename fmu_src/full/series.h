@@ -17,6 +17,7 @@ typedef struct {
     int constants;
     int corners;
     int bounds;
+    unsigned shared; /* which of the shared rows, a bit each */
 } gyro_series_size;
 
 /* Where that is. */
@@ -29,6 +30,7 @@ typedef struct {
     int holds; /* 1: all of them have series */
     int n;     /* how many act */
     int corners, bounds;
+    unsigned shared;
     int effect[GYRO_N_EFFECTS];
     gyro_series_place place[GYRO_N_EFFECTS];
 } gyro_series_plan;
@@ -41,67 +43,61 @@ static inline gyro_pair first_only(int k, gyro_pair c) { return k == 0 ? c : bot
 /* Of a b. */
 static inline gyro_pair series_product(const gyro_pair *a, const gyro_pair *b, int k)
 {
+    const gyro_pair *back = b + k;
     gyro_pair even = both(0.0), odd = both(0.0);
     int j = 1;
     for (; j + 1 < k; j += 2) {
-        odd = pair_sum(odd, pair_product(a[j], b[k - j]));
-        even = pair_sum(even, pair_product(a[j + 1], b[k - j - 1]));
+        odd = pair_sum(odd, pair_product(a[j], back[-j]));
+        even = pair_sum(even, pair_product(a[j + 1], back[-j - 1]));
     }
     if (j < k) {
-        odd = pair_sum(odd, pair_product(a[j], b[k - j]));
+        odd = pair_sum(odd, pair_product(a[j], back[-j]));
     }
-    const gyro_pair last = pair_product(a[0], b[k]);
+    const gyro_pair last = pair_product(a[0], back[0]);
     return pair_sum(pair_sum(even, odd), k > 0 ? pair_sum(last, pair_product(a[k], b[0])) : last);
 }
 
 /* Of a^2. */
 static inline gyro_pair series_square(const gyro_pair *a, int k)
 {
+    const gyro_pair *back = a + k;
     gyro_pair sum = both(0.0);
     for (int j = 1; 2 * j < k; j++) {
-        sum = pair_sum(sum, pair_product(a[j], a[k - j]));
+        sum = pair_sum(sum, pair_product(a[j], back[-j]));
     }
     sum = pair_sum(sum, sum);
     if (k % 2 == 0 && k > 0) {
         sum = pair_sum(sum, pair_product(a[k / 2], a[k / 2]));
     }
-    return pair_sum(sum, pair_product(k > 0 ? pair_sum(a[0], a[0]) : a[0], a[k]));
+    return pair_sum(sum, pair_product(k > 0 ? pair_sum(a[0], a[0]) : a[0], back[0]));
 }
 
 /* Of p = a^e, k > 0: a p' = e a' p. */
 static inline gyro_pair series_power(const gyro_pair *a, const gyro_pair *p, gyro_pair e, int k)
 {
+    const gyro_pair *back = p + k, step = pair_sum(e, both(1.0));
+    gyro_pair sum = both(0.0), weight = both(-k);
     /* A constant is one; else what has no power series, as a root of zero, gives no number. */
     if (is_zero(e)) {
-        return both(0.0);
+        return sum;
     }
-    const gyro_pair per = pair_ratio(both(1.0), pair_scaled(k, a[0])), step = pair_sum(e, both(1.0));
-    gyro_pair even = both(0.0), odd = both(0.0);
-    int j = 1;
-    for (; j + 1 < k; j += 2) {
-        odd = pair_sum(odd, pair_product(pair_difference(pair_scaled(j, step), both(k)), pair_product(a[j], p[k - j])));
-        even = pair_sum(even, pair_product(pair_difference(pair_scaled(j + 1, step), both(k)), pair_product(a[j + 1], p[k - j - 1])));
+    for (int j = 1; j < k; j++) {
+        weight = pair_sum(weight, step);
+        sum = pair_sum(sum, pair_product(weight, pair_product(a[j], back[-j])));
     }
-    if (j < k) {
-        odd = pair_sum(odd, pair_product(pair_difference(pair_scaled(j, step), both(k)), pair_product(a[j], p[k - j])));
-    }
-    return pair_product(pair_sum(pair_sum(even, odd), pair_product(pair_scaled(k, e), pair_product(a[k], p[0]))), per);
+    sum = pair_sum(sum, pair_product(pair_scaled(k, e), pair_product(a[k], p[0])));
+    return pair_product(sum, pair_ratio(both(1.0), pair_scaled(k, a[0])));
 }
 
 /* Of y, k > 0, where y' = a' f. */
 static inline gyro_pair series_integral(const gyro_pair *a, const gyro_pair *f, int k)
 {
-    const double per = 1.0 / k;
-    gyro_pair even = both(0.0), odd = both(0.0);
-    int j = 1;
-    for (; j + 1 < k; j += 2) {
-        odd = pair_sum(odd, pair_scaled(j, pair_product(a[j], f[k - j])));
-        even = pair_sum(even, pair_scaled(j + 1, pair_product(a[j + 1], f[k - j - 1])));
+    const gyro_pair *back = f + k;
+    gyro_pair sum = both(0.0);
+    for (int j = 1; j < k; j++) {
+        sum = pair_sum(sum, pair_scaled(j, pair_product(a[j], back[-j])));
     }
-    if (j < k) {
-        odd = pair_sum(odd, pair_scaled(j, pair_product(a[j], f[k - j])));
-    }
-    return pair_scaled(per, pair_sum(pair_sum(even, odd), pair_scaled(k, pair_product(a[k], f[0]))));
+    return pair_scaled(1.0 / k, pair_sum(sum, pair_scaled(k, pair_product(a[k], f[0]))));
 }
 
 #endif

@@ -61,6 +61,7 @@ static inline void plan_series(gyro_series_plan *plan, const gyro_view *view)
             plan->holds = 0;
         } else if (size.rows + size.constants + size.corners + size.bounds > 0) {
             plan->effect[plan->n] = effect;
+            plan->shared |= size.shared;
             plan->place[plan->n++] = end;
             end = (gyro_series_place){end.row + size.rows, end.constant + size.constants, end.corner + size.corners, end.bound + size.bounds};
         }
@@ -165,7 +166,8 @@ static inline int expand(const gyro_view *g, gyro_series *s, const gyro_course *
     for (int i = 0; i < s->plan->bounds; i++) {
         s->bounded[i].row = NULL;
     }
-    for (; power < GYRO_SIZE_TERMS; power++) {
+    expand_once(g, s, from, powers, 0, n);
+    for (power = 1; power < GYRO_SIZE_TERMS; power++) {
         expand_once(g, s, from, powers, power, n);
     }
     for (int i = 0; i < n; i++) {

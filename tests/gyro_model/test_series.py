@@ -1,6 +1,7 @@
 """The Taylor series of forces that bend the motion, against DOP853: where they converge badly, at their corners, for
 every function that an effect may call, and where there is none."""
 
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,8 +10,10 @@ import pytest
 from gyro_runner import Floats, Runner
 
 from gyro_model.build import build
+from gyro_model.compiling import find_compiler
 from gyro_model.device import Device
-from gyro_model.generate_series import expansions, has_series
+from gyro_model.effect_series import has_series
+from gyro_model.generate_series import expansions
 from gyro_model.model import Model, load_model
 from gyro_model.reference import simulate
 
@@ -190,6 +193,27 @@ def test_a_force_that_jumps(tmp_path: Path, residual: Residual) -> None:
     amplitude = start - (2 * half + 1) * force / k
     x = (-1.0) ** half * (amplitude * np.cos(phase - half * np.pi) + force / k)
     residual("x", np.max(np.abs(fmu["x"] - x)) / start, SERIES)
+
+
+def test_pairs_without_vectors_give_the_same_bits(
+    plant: Runner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", shlex.join([*find_compiler(), "-DGYRO_NO_VECTORS"]))
+    scalar = Runner(build(folder=tmp_path, force=True).fmi3, tmp_path / "fmu")
+    parameters = START | {name: value for case in CASES.values() for name, value in case.items()}
+    inputs = driven()
+    fmu, other = plant.run(parameters, T, inputs), scalar.run(parameters, T, inputs)
+    for name, values in fmu.items():
+        assert values.tobytes() == other[name].tobytes(), name
+
+
+def test_one_function_for_both_axes_where_they_are_alike() -> None:
+    text = expansions(load_model())
+    cubic, mode = (
+        text[text.index(f"void series_{name}(") :].split("\n}\n")[0] for name in ("cubic_stiffness", "parasitic_mode")
+    )
+    assert "pair_of(-k3_x, -k3_y)" in cubic and "on_axis" not in cubic
+    assert "on_axis(0, " in mode
 
 
 def test_what_has_a_series(own: Model) -> None:

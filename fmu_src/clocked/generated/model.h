@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{68ddea9b-70b5-e2e0-2c11-2aa03ca3d09b}"
+#define GYRO_TOKEN "{6bc9db23-e096-fa74-1b47-e22f5ce56fcd}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -8,14 +8,15 @@
 
 /* Room for what all forces of the model ask for together. */
 enum {
-    GYRO_SERIES_ROWS = 44,
+    GYRO_SERIES_ROWS = 39,
     GYRO_SERIES_CONSTANTS = 38,
     GYRO_SERIES_CORNERS = 8,
     GYRO_SERIES_BOUNDS = 4,
     GYRO_SERIES_READ = 2
 };
 
-/* States by pairs. */
+/* States by pairs. In an effect that is the same for both axes `x` stands for (x, y) and `y` for (y, x), elsewhere each
+   for two of itself. */
 enum {
     GYRO_PAIR_HYSTERESIS_Z_X_AND_HYSTERESIS_Z_Y,
     GYRO_PAIR_PARASITIC_AND_PARASITIC,
@@ -27,6 +28,12 @@ enum {
     GYRO_SERIES_PAIRS
 };
 
+/* What effects share. */
+enum {
+    GYRO_SHARED_X_SQUARED,
+    GYRO_SERIES_SHARED
+};
+
 /* One of a pair of series. */
 typedef struct {
     const gyro_pair *row;
@@ -36,17 +43,18 @@ typedef struct {
 /* Taylor series of the motion from one instant on, in units of the step. */
 typedef struct {
     const gyro_series_plan *plan;
-    double step;                                /* s */
-    double s[GYRO_TERMS][GYRO_N_STATES];        /* states [SI] */
+    double step;                                 /* s */
+    double s[GYRO_TERMS][GYRO_N_STATES];         /* states [SI] */
     gyro_pair of[GYRO_SERIES_PAIRS][GYRO_TERMS]; /* the same by pairs */
-    gyro_pair w[GYRO_SERIES_ROWS][GYRO_TERMS];  /* rows of the effects */
-    gyro_pair c[GYRO_SERIES_CONSTANTS];         /* constants of the effects */
-    gyro_lane corner[GYRO_SERIES_CORNERS];      /* what changes its sign where a force has a corner */
-    gyro_lane bounded[GYRO_SERIES_BOUNDS];      /* what may change only by `room`; no row: nothing does */
+    gyro_pair shared[GYRO_SERIES_SHARED + 1][GYRO_TERMS];
+    gyro_pair w[GYRO_SERIES_ROWS][GYRO_TERMS];   /* rows of the effects */
+    gyro_pair c[GYRO_SERIES_CONSTANTS];          /* constants of the effects */
+    gyro_lane corner[GYRO_SERIES_CORNERS];       /* what changes its sign where a force has a corner */
+    gyro_lane bounded[GYRO_SERIES_BOUNDS];       /* what may change only by `room`; no row: nothing does */
     double room[GYRO_SERIES_BOUNDS];
-    double change[GYRO_SERIES_READ];            /* by what laws change what is read in the whole step [SI] */
-    double begin;                               /* of the whole step has been done */
-    double side[GYRO_SERIES_CORNERS];           /* its sign in this part of the step, 1 or -1; 0: not known yet */
+    double change[GYRO_SERIES_READ];             /* by what laws change what is read in the whole step [SI] */
+    double begin;                                /* of the whole step has been done */
+    double side[GYRO_SERIES_CORNERS];            /* its sign in this part of the step, 1 or -1; 0: not known yet */
 } gyro_series;
 
 /* The k-th coefficients of the states by pairs. */
@@ -90,57 +98,57 @@ static inline const double *sides_of(gyro_series *s, int corner, const gyro_pair
 
 /* What each effect asks for; -1 rows: its force bends the motion and has no series. */
 static const gyro_series_size series_sizes[GYRO_N_EFFECTS] = {
-    {0, 0, 0, 0}, /* coriolis */
-    {0, 0, 0, 0}, /* damping */
-    {0, 0, 0, 0}, /* ideal_pickoff */
-    {0, 0, 0, 0}, /* suspension */
-    {0, 0, 0, 0}, /* actuator_delay */
-    {0, 0, 0, 0}, /* actuator_gain_mismatch */
-    {0, 0, 0, 0}, /* actuator_misalignment */
-    {0, 0, 0, 0}, /* actuator_nonlinearity */
-    {0, 0, 0, 0}, /* adc_clipping */
-    {0, 0, 0, 0}, /* adc_quantisation */
-    {0, 0, 0, 0}, /* ageing */
-    {0, 0, 0, 0}, /* amplifier_bandwidth */
-    {0, 0, 0, 0}, /* amplifier_drift */
-    {0, 0, 0, 0}, /* amplifier_offset */
-    {0, 0, 0, 0}, /* angular_gain */
-    {0, 0, 0, 0}, /* bias_walk */
-    {0, 0, 0, 0}, /* comb_fringe */
-    {0, 0, 0, 0}, /* constant_force */
-    {14, 13, 4, 0}, /* contact_stop */
-    {2, 1, 0, 0}, /* cross_cubic_stiffness */
-    {2, 1, 0, 0}, /* cubic_stiffness */
-    {0, 0, 0, 0}, /* damping_step */
-    {0, 0, 0, 0}, /* dielectric_charging */
-    {0, 0, 0, 0}, /* drive_feedthrough */
-    {9, 4, 0, 4}, /* dry_friction */
-    {4, 3, 0, 0}, /* electrostatic_softening */
-    {0, 0, 0, 0}, /* flicker_noise */
-    {0, 0, 0, 0}, /* frame_rotation */
-    {6, 7, 4, 0}, /* hysteresis */
-    {0, 0, 0, 0}, /* linear_acceleration */
-    {2, 1, 0, 0}, /* nonlinear_damping */
-    {0, 0, 0, 0}, /* parasitic_capacitance */
-    {0, 4, 0, 0}, /* parasitic_mode */
-    {0, 0, 0, 0}, /* pickoff_gain_mismatch */
-    {0, 0, 0, 0}, /* pickoff_misalignment */
-    {0, 0, 0, 0}, /* pickoff_mismatch */
-    {0, 0, 0, 0}, /* pickoff_nonlinearity */
-    {0, 0, 0, 0}, /* play */
-    {1, 1, 0, 0}, /* quadratic_stiffness */
-    {0, 0, 0, 0}, /* sampling_jitter */
-    {0, 0, 0, 0}, /* sense_noise */
-    {4, 3, 0, 0}, /* squeeze_film */
-    {0, 0, 0, 0}, /* stress_relaxation */
-    {0, 0, 0, 0}, /* thermal_damping */
-    {0, 0, 0, 0}, /* thermal_force */
-    {0, 0, 0, 0}, /* thermal_gain */
-    {0, 0, 0, 0}, /* thermal_hysteresis */
-    {0, 0, 0, 0}, /* thermal_lag */
-    {0, 0, 0, 0}, /* thermal_phase */
-    {0, 0, 0, 0}, /* thermal_stiffness */
-    {0, 0, 0, 0}, /* turn_on_offset */
+    {0, 0, 0, 0, 0}, /* coriolis */
+    {0, 0, 0, 0, 0}, /* damping */
+    {0, 0, 0, 0, 0}, /* ideal_pickoff */
+    {0, 0, 0, 0, 0}, /* suspension */
+    {0, 0, 0, 0, 0}, /* actuator_delay */
+    {0, 0, 0, 0, 0}, /* actuator_gain_mismatch */
+    {0, 0, 0, 0, 0}, /* actuator_misalignment */
+    {0, 0, 0, 0, 0}, /* actuator_nonlinearity */
+    {0, 0, 0, 0, 0}, /* adc_clipping */
+    {0, 0, 0, 0, 0}, /* adc_quantisation */
+    {0, 0, 0, 0, 0}, /* ageing */
+    {0, 0, 0, 0, 0}, /* amplifier_bandwidth */
+    {0, 0, 0, 0, 0}, /* amplifier_drift */
+    {0, 0, 0, 0, 0}, /* amplifier_offset */
+    {0, 0, 0, 0, 0}, /* angular_gain */
+    {0, 0, 0, 0, 0}, /* bias_walk */
+    {0, 0, 0, 0, 0}, /* comb_fringe */
+    {0, 0, 0, 0, 0}, /* constant_force */
+    {14, 13, 4, 0, 0}, /* contact_stop */
+    {2, 1, 0, 0, 0}, /* cross_cubic_stiffness */
+    {1, 1, 0, 0, 1}, /* cubic_stiffness */
+    {0, 0, 0, 0, 0}, /* damping_step */
+    {0, 0, 0, 0, 0}, /* dielectric_charging */
+    {0, 0, 0, 0, 0}, /* drive_feedthrough */
+    {9, 4, 0, 4, 0}, /* dry_friction */
+    {3, 3, 0, 0, 1}, /* electrostatic_softening */
+    {0, 0, 0, 0, 0}, /* flicker_noise */
+    {0, 0, 0, 0, 0}, /* frame_rotation */
+    {6, 7, 4, 0, 0}, /* hysteresis */
+    {0, 0, 0, 0, 0}, /* linear_acceleration */
+    {1, 1, 0, 0, 1}, /* nonlinear_damping */
+    {0, 0, 0, 0, 0}, /* parasitic_capacitance */
+    {0, 4, 0, 0, 0}, /* parasitic_mode */
+    {0, 0, 0, 0, 0}, /* pickoff_gain_mismatch */
+    {0, 0, 0, 0, 0}, /* pickoff_misalignment */
+    {0, 0, 0, 0, 0}, /* pickoff_mismatch */
+    {0, 0, 0, 0, 0}, /* pickoff_nonlinearity */
+    {0, 0, 0, 0, 0}, /* play */
+    {0, 1, 0, 0, 1}, /* quadratic_stiffness */
+    {0, 0, 0, 0, 0}, /* sampling_jitter */
+    {0, 0, 0, 0, 0}, /* sense_noise */
+    {3, 3, 0, 0, 1}, /* squeeze_film */
+    {0, 0, 0, 0, 0}, /* stress_relaxation */
+    {0, 0, 0, 0, 0}, /* thermal_damping */
+    {0, 0, 0, 0, 0}, /* thermal_force */
+    {0, 0, 0, 0, 0}, /* thermal_gain */
+    {0, 0, 0, 0, 0}, /* thermal_hysteresis */
+    {0, 0, 0, 0, 0}, /* thermal_lag */
+    {0, 0, 0, 0, 0}, /* thermal_phase */
+    {0, 0, 0, 0, 0}, /* thermal_stiffness */
+    {0, 0, 0, 0, 0}, /* turn_on_offset */
 };
 
 static inline void series_contact_stop(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
@@ -236,6 +244,7 @@ static inline void series_cubic_stiffness(const gyro_view *g, gyro_series *s, co
     const double k3_x = g->p[GYRO_K3_X];
     const double k3_y = g->p[GYRO_K3_Y];
     const gyro_pair *x = s->of[GYRO_PAIR_X_AND_Y];
+    const gyro_pair *x_squared = s->shared[GYRO_SHARED_X_SQUARED];
     gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;
     gyro_pair *c = s->c + at->constant;
     (void)g;
@@ -247,9 +256,8 @@ static inline void series_cubic_stiffness(const gyro_view *g, gyro_series *s, co
     }
     gyro_pair term_1 = both(0.0);
     if (!is_zero(c[0])) {
-        w[0][k] = series_square(x, k);
-        w[1][k] = series_product(w[0], x, k);
-        term_1 = pair_product(c[0], w[1][k]);
+        w[0][k] = series_product(x_squared, x, k);
+        term_1 = pair_product(c[0], w[0][k]);
     }
     *force = pair_sum(*force, term_1);
 }
@@ -316,6 +324,7 @@ static inline void series_electrostatic_softening(const gyro_view *g, gyro_serie
     const double softening = g->p[GYRO_SOFTENING];
     const double v_bias = g->p[GYRO_V_BIAS];
     const gyro_pair *x = s->of[GYRO_PAIR_X_AND_Y];
+    const gyro_pair *x_squared = s->shared[GYRO_SHARED_X_SQUARED];
     gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;
     gyro_pair *c = s->c + at->constant;
     (void)g;
@@ -325,15 +334,14 @@ static inline void series_electrostatic_softening(const gyro_view *g, gyro_serie
     if (k == 0) {
         c[0] = both(-1/(electrode_gap*electrode_gap));
     }
-    w[1][k] = series_square(x, k);
-    w[0][k] = pair_sum(first_only(k, both(1.0)), pair_product(c[0], w[1][k]));
-    w[2][k] = k == 0 ? pair_of(1.0/(lane_of(w[0][0], 0)*lane_of(w[0][0], 0)), 1.0/(lane_of(w[0][0], 1)*lane_of(w[0][0], 1))) : series_power(w[0], w[2], both(-2.0), k);
-    w[3][k] = series_product(x, w[2], k);
+    w[0][k] = pair_sum(first_only(k, both(1.0)), pair_product(c[0], x_squared[k]));
+    w[1][k] = k == 0 ? pair_of(1.0/(lane_of(w[0][0], 0)*lane_of(w[0][0], 0)), 1.0/(lane_of(w[0][0], 1)*lane_of(w[0][0], 1))) : series_power(w[0], w[1], both(-2.0), k);
+    w[2][k] = series_product(x, w[1], k);
     if (k == 0) {
         c[1] = both(softening*v_bias*v_bias);
         c[2] = both((2*softening*v_bias)*s->change[1]);
     }
-    *force = pair_sum(*force, following(s, c[1], c[2], w[3], k));
+    *force = pair_sum(*force, following(s, c[1], c[2], w[2], k));
 }
 
 static inline void series_hysteresis(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
@@ -389,8 +397,8 @@ static inline void series_nonlinear_damping(const gyro_view *g, gyro_series *s, 
 {
     const double d2_x = g->p[GYRO_D2_X];
     const double d2_y = g->p[GYRO_D2_Y];
-    const gyro_pair *x = s->of[GYRO_PAIR_X_AND_Y];
     const gyro_pair *x_dot = s->of[GYRO_PAIR_X_DOT_AND_Y_DOT];
+    const gyro_pair *x_squared = s->shared[GYRO_SHARED_X_SQUARED];
     gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;
     gyro_pair *c = s->c + at->constant;
     (void)g;
@@ -402,9 +410,8 @@ static inline void series_nonlinear_damping(const gyro_view *g, gyro_series *s, 
     }
     gyro_pair term_1 = both(0.0);
     if (!is_zero(c[0])) {
-        w[0][k] = series_square(x, k);
-        w[1][k] = series_product(x_dot, w[0], k);
-        term_1 = pair_product(c[0], w[1][k]);
+        w[0][k] = series_product(x_dot, x_squared, k);
+        term_1 = pair_product(c[0], w[0][k]);
     }
     *force = pair_sum(*force, term_1);
 }
@@ -444,8 +451,7 @@ static inline void series_quadratic_stiffness(const gyro_view *g, gyro_series *s
 {
     const double k2_x = g->p[GYRO_K2_X];
     const double k2_y = g->p[GYRO_K2_Y];
-    const gyro_pair *x = s->of[GYRO_PAIR_X_AND_Y];
-    gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;
+    const gyro_pair *x_squared = s->shared[GYRO_SHARED_X_SQUARED];
     gyro_pair *c = s->c + at->constant;
     (void)g;
     (void)at;
@@ -456,8 +462,7 @@ static inline void series_quadratic_stiffness(const gyro_view *g, gyro_series *s
     }
     gyro_pair term_1 = both(0.0);
     if (!is_zero(c[0])) {
-        w[0][k] = series_square(x, k);
-        term_1 = pair_product(c[0], w[0][k]);
+        term_1 = pair_product(c[0], x_squared[k]);
     }
     *force = pair_sum(*force, term_1);
 }
@@ -468,8 +473,8 @@ static inline void series_squeeze_film(const gyro_view *g, gyro_series *s, const
     const double squeeze_gap = g->p[GYRO_SQUEEZE_GAP];
     const double squeeze_x = g->p[GYRO_SQUEEZE_X];
     const double squeeze_y = g->p[GYRO_SQUEEZE_Y];
-    const gyro_pair *x = s->of[GYRO_PAIR_X_AND_Y];
     const gyro_pair *x_dot = s->of[GYRO_PAIR_X_DOT_AND_Y_DOT];
+    const gyro_pair *x_squared = s->shared[GYRO_SHARED_X_SQUARED];
     gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;
     gyro_pair *c = s->c + at->constant;
     (void)g;
@@ -484,14 +489,13 @@ static inline void series_squeeze_film(const gyro_view *g, gyro_series *s, const
         if (k == 0) {
             c[1] = both(-1/(squeeze_gap*squeeze_gap));
         }
-        w[1][k] = series_square(x, k);
-        w[0][k] = pair_sum(first_only(k, both(1.0)), pair_product(c[1], w[1][k]));
+        w[0][k] = pair_sum(first_only(k, both(1.0)), pair_product(c[1], x_squared[k]));
         if (k == 0) {
             c[2] = both(-3.0/2.0);
         }
-        w[2][k] = k == 0 ? pair_of(1.0/(lane_of(w[0][0], 0)*sqrt(lane_of(w[0][0], 0))), 1.0/(lane_of(w[0][0], 1)*sqrt(lane_of(w[0][0], 1)))) : series_power(w[0], w[2], c[2], k);
-        w[3][k] = series_product(x_dot, w[2], k);
-        term_1 = pair_product(c[0], w[3][k]);
+        w[1][k] = k == 0 ? pair_of(1.0/(lane_of(w[0][0], 0)*sqrt(lane_of(w[0][0], 0))), 1.0/(lane_of(w[0][0], 1)*sqrt(lane_of(w[0][0], 1)))) : series_power(w[0], w[1], c[2], k);
+        w[2][k] = series_product(x_dot, w[1], k);
+        term_1 = pair_product(c[0], w[2][k]);
     }
     *force = pair_sum(*force, term_1);
 }
@@ -504,6 +508,10 @@ static inline void add_series(const gyro_view *g, gyro_series *s, int k, gyro_pa
     (void)k;
     (void)force;
     (void)rate;
+    if (s->plan->shared & 1u << GYRO_SHARED_X_SQUARED) {
+        const gyro_pair *of = s->of[GYRO_PAIR_X_AND_Y];
+        s->shared[GYRO_SHARED_X_SQUARED][k] = series_square(of, k);
+    }
     for (int i = 0; i < s->plan->n; i++) {
         switch (s->plan->effect[i]) {
         case GYRO_EFFECT_CONTACT_STOP:

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{ad706715-51a8-7f29-fbf1-48869c636540}"
+#define GYRO_TOKEN "{76aaa25d-bc69-a890-2fcb-f16d434e1bba}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
