@@ -5,13 +5,12 @@ from pathlib import Path
 import pytest
 
 from tests import soak as soaking
-from tests.soak import FORMS, SoakError, soak
+from tests.soak import KINDS, SoakError, soak
 
 CALLS = 1500
 
 
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize(("version", "form"), KINDS)
 @pytest.mark.parametrize("seed", [11, 12])
 def test_random_calls_change_no_bit(seed: int, version: int, form: str, tmp_path: Path) -> None:
     said = soak(seed, CALLS, version, form, tmp_path)
