@@ -252,7 +252,7 @@ static inline int side_holds(gyro_series *s, int corner, int power, double *reac
 {
     const gyro_lane *of = &s->corner[corner];
     const double side = s->side[corner];
-    double sum = 0.0, c[GYRO_TERMS];
+    double sum = 0.0, c[GYRO_TERMS] = {0.0};
     int holds = 1, low = 0;
     for (int j = power; j >= 0; j--) {
         c[j] = lane_of(of->row[j], of->lane);
@@ -302,7 +302,8 @@ static const double GYRO_COURSE_BEND = 1e-9;
    line. */
 static const double GYRO_READ_CHANGE[2] = {1e-7, 1e-4};
 
-/* By what part they may bend what they change in a step off a line, so that a parabola does: it is off by less than a thirtieth of that. */
+/* By what part they may bend what they change in a step off a line, so that a parabola does: it is off by less than a thirtieth of that, and where
+   it has a kink by no more. */
 static const double GYRO_CHANGED_BEND = 1e-9;
 
 /* The laws at the part `at` of a step h [s] from time t; `value` shape (GYRO_N_VARIABLES), as set. */

@@ -222,4 +222,4 @@ def test_what_has_a_series(own: Model) -> None:
     assert not has_series(forces["angle"], own)
     text = expansions(own)
     assert "void series_many(" in text and "series_angle" not in text
-    assert "{-1, 0, 0, 0}, /* angle */" in text
+    assert "{-1, 0, 0, 0, 0}, /* angle */" in text

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{6bc9db23-e096-fa74-1b47-e22f5ce56fcd}"
+#define GYRO_TOKEN "{ca1da717-e056-3622-bff3-a427ad9eb85f}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

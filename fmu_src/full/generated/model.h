@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{76aaa25d-bc69-a890-2fcb-f16d434e1bba}"
+#define GYRO_TOKEN "{dde9404c-bb80-0e59-3757-9208e0edf674}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
