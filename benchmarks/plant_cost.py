@@ -2,23 +2,26 @@
 same 5 us; with nothing on, with each effect alone and with all of them.
 
 Rate and forces are new at every call, also for the yardstick (rk4_yardstick.c). Both are timed in processor time, in
-turns, so that a busy moment meets both.
+turns, so that a busy moment meets both. And what the parts cost that no method spares, from which follows how often a
+step could ask for the rates and still meet its target.
 """
 
 import ctypes
+import shutil
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.c_driver import CPlants, at, compiled
 from benchmarks.report import Options, Report, Row, Table, load, row
-from gyro_model.build import build
+from gyro_model.build import build, c_files, model_token, write_sources
+from gyro_model.compiling import compile_library, write_whole
 from gyro_model.device import load_device
 from gyro_model.effect_points import MODEL, active_parameters
 
@@ -94,6 +97,58 @@ class Yardstick:
         return count
 
 
+class Parts(NamedTuple):
+    """Times [ns] of the rates of all states, of all laws, of the random numbers of a sample; each once."""
+
+    rates: float
+    laws: float
+    numbers: float
+
+
+def measure_parts(
+    chosen: Mapping[str, Mapping[str, float]], calls: int = CALLS, repeats: int = REPEATS
+) -> dict[str, Parts]:
+    """The least of ``repeats``, each the mean of ``calls``, by case."""
+    device = {**load_device("reference").parameters, "sense_noise": 0.0, **START}
+    least = {}
+    with ExitStack() as stack:
+        plants = stack.enter_context(CPlants(build().fmi3))
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="gyrotwin-")))
+        write_sources(MODEL, folder)
+        write_whole(folder, c_files(folder, "fmi3"))
+        shutil.copy(Path(__file__).with_name("parts_cost.c"), folder)
+        compile_library(folder, ["parts_cost.c"], folder / "parts.bin")
+        run = ctypes.CDLL(str(folder / "parts.bin")).parts_time
+        token, spent = model_token(MODEL).encode(), np.zeros(3)
+        for name, parameters in chosen.items():
+            values = {**device, "internal_step": STEP, "sample_period": STEP, **parameters}
+            references, reals = plants.of(list(values)), np.array(list(values.values()), dtype=float)
+            times = []
+            for _ in range(repeats):
+                size, count = ctypes.c_size_t(len(reals)), ctypes.c_int64(calls)
+                if not run(token, at(references), at(reals), size, count, at(spent)):
+                    raise RuntimeError("the plant did not start")
+                times.append(spent.copy())
+            least[name] = Parts(*map(float, np.min(times, axis=0)))
+    return least
+
+
+def part_rows(times: Mapping[str, Sequence[tuple[float, float]]], parts: Mapping[str, Parts]) -> list[Row]:
+    """A row a case: the parts, and how often its target leaves time for the rates."""
+    rows = []
+    call = min(spent for spent, _ in times[NOTHING])
+    for name, part in parts.items():
+        limit = LIMITS.get(name, ALONE) * min(plain for _, plain in times[name])
+        left = (limit - call - part.numbers - part.laws) / part.rates
+        values = {
+            **part._asdict(),
+            "what the target leaves": limit - call - part.numbers - part.laws,
+            "rates in that": left,
+        }
+        rows.append(row(name, "ns", values))
+    return rows
+
+
 def _time(run: Callable[[int], int], calls: int) -> float:
     began = time.process_time_ns()
     if run(calls) != calls:
@@ -123,12 +178,19 @@ def cost_rows(times: Mapping[str, Sequence[tuple[float, float]]]) -> list[Row]:
 def run(options: Options) -> Report:
     """All cases, in this one process."""
     before = load()
-    table = Table("set, step of 5 µs, get, over RK4 in 1 µs steps in C", cost_rows(measure(cases())))
+    times = measure(cases())
+    table = Table("set, step of 5 µs, get, over RK4 in 1 µs steps in C", cost_rows(times))
+    dear = {name: cases()[name] for name in ("dry_friction", "hysteresis", EVERY)}
+    parts = Table("what no method spares", part_rows(times, measure_parts(dear)))
     notes = [
         f"{REPEATS} repeats of {CALLS} calls each, in turns with as many of the yardstick, in processor time; each "
         "repeat begins a new instance in the same state.",
         "Sizes of effects are half way from neutral to the limit case that their file states, or a little more.",
+        "What no method spares: the rates of all states, all laws and the random numbers of a sample, each once. Of a "
+        "target is left what the call of a plant with nothing on, once the laws and the numbers don't take; the last "
+        "column says how many times the rates go into that, for all of the step. DOP853, of order 8, asks 12 times for "
+        "each part of a step, and with all effects on a delayed force cuts each step into two.",
         "Before: " + before,
         "After: " + load(),
     ]
-    return Report("plant_cost", "Cost of the plant beside a plain C program", [table], notes)
+    return Report("plant_cost", "Cost of the plant beside a plain C program", [table, parts], notes)

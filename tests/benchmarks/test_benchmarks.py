@@ -74,6 +74,18 @@ def test_plant_call_gives_rows():
     assert all(value for line in rows for value in line.values.values())
 
 
+def test_plant_cost_says_what_no_method_spares():
+    chosen = {name: plant_cost.cases()[name] for name in (plant_cost.NOTHING, "hysteresis", plant_cost.EVERY)}
+    times = {name: [(100.0, 100.0)] for name in chosen}
+    parts = plant_cost.measure_parts(chosen, calls=2000, repeats=3)
+    # Two powers; the laws and noises of all effects.
+    assert parts["hysteresis"].rates > 2.0 * parts[plant_cost.NOTHING].rates > 0.0
+    assert parts[plant_cost.EVERY].numbers > 5.0 * parts["hysteresis"].numbers
+    [first, *_] = plant_cost.part_rows(times, parts)
+    left = 0.6 * 100.0 - 100.0 - parts[plant_cost.NOTHING].laws - parts[plant_cost.NOTHING].numbers
+    assert first.values["rates in that"] == pytest.approx(left / parts[plant_cost.NOTHING].rates)
+
+
 def test_plant_cost_gives_rows_and_the_dearest():
     chosen = {name: plant_cost.cases()[name] for name in (plant_cost.NOTHING, "hysteresis", "cubic_stiffness")}
     rows = plant_cost.cost_rows(plant_cost.measure(chosen, calls=100, repeats=2))
