@@ -234,13 +234,16 @@ static inline double first_zero(const double *c, int n, double side, double zero
     return found;
 }
 
+/* Coefficient j. A lane that a compiler knows is read where it lies. */
+static inline double coefficient(const gyro_lane *of, int j) { return of->lane == 0 ? lane_of(of->row[j], 0) : lane_of(of->row[j], 1); }
+
 /* The part of `reach` in which a row changes by no more than its room. A saturated function says nothing of where it turns over. */
 static inline double within_bound(const gyro_series *s, int bound, int power, double reach)
 {
     const gyro_lane *c = &s->bounded[bound];
     double sum = 0.0;
     for (int j = power; c->row != NULL && j > 0; j--) {
-        sum = (sum + fabs(lane_of(c->row[j], c->lane))) * reach;
+        sum = (sum + fabs(coefficient(c, j))) * reach;
     }
     /* Without a constant the sum falls at least as fast as the reach. */
     return c->row != NULL && sum > s->room[bound] ? reach * (s->room[bound] / sum) : reach;
@@ -251,14 +254,17 @@ static inline double within_bound(const gyro_series *s, int bound, int power, do
 static inline int side_holds(gyro_series *s, int corner, int power, double *reach, int *met)
 {
     const gyro_lane *of = &s->corner[corner];
-    const double side = s->side[corner];
-    double sum = 0.0, c[GYRO_TERMS] = {0.0};
+    const double side = s->side[corner], first = coefficient(of, 0);
+    double sum = 0.0;
     int holds = 1, low = 0;
-    for (int j = power; j >= 0; j--) {
-        c[j] = lane_of(of->row[j], of->lane);
-        sum = j > 0 ? (sum + fabs(c[j])) * *reach : sum;
+    for (int j = power; j > 0; j--) {
+        sum = (sum + fabs(coefficient(of, j))) * *reach;
     }
-    if (side * c[0] <= sum && (sum > 0.0 || c[0] != 0.0)) {
+    if (side * first <= sum && (sum > 0.0 || first != 0.0)) {
+        double c[GYRO_TERMS] = {0.0};
+        for (int j = 0; j <= power; j++) {
+            c[j] = coefficient(of, j);
+        }
         /* At the corner, the first term that is not zero says where it goes; that zero is not the next one. */
         low = fabs(c[0]) <= GYRO_CORNER_ZERO * sum;
         while (low > 0 && low < power && c[low] == 0.0) {

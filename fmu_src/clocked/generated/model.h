@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{ca1da717-e056-3622-bff3-a427ad9eb85f}"
+#define GYRO_TOKEN "{dda62934-7a3c-eb36-1b47-bfce0a50a2cf}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{dde9404c-bb80-0e59-3757-9208e0edf674}"
+#define GYRO_TOKEN "{228e2698-06ec-542d-017c-5dcba78267ad}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
