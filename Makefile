@@ -4,7 +4,10 @@ VENV := .venv
 BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 JOBS ?= 2
 
-.PHONY: run build test check bench pages picture docs update fuzz coverage soak clean
+.PHONY: play run build test check bench pages picture docs release update fuzz coverage soak clean
+
+play: $(VENV)/.installed-play
+	$(BIN)/gyrotwin play
 
 run: $(VENV)/.installed
 	$(BIN)/gyrotwin run constant --out results/constant
@@ -45,6 +48,10 @@ $(VENV)/.installed: pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
 	touch $@
 
+$(VENV)/.installed-play: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[zig]'
+	touch $@
+
 $(VENV)/.installed-dev: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
 	touch $@
@@ -61,3 +68,11 @@ picture: $(VENV)/.installed-dev
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs]'
 	$(BIN)/python -m mkdocs build --strict --site-dir build/site
+
+# Wheel and source with docs/ and tests, each with its SHA-256.
+release: $(VENV)/.installed-dev
+	rm -rf build/release
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check hatchling
+	$(BIN)/python -m hatchling build -d build/release
+	$(BIN)/python -c 'import hashlib, pathlib; f = sorted(pathlib.Path("build/release").iterdir()); pathlib.Path("build/release/SHA256SUMS").write_text("".join(f"{hashlib.sha256(p.read_bytes()).hexdigest()}  {p.name}\n" for p in f))'
+	cat build/release/SHA256SUMS
