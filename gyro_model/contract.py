@@ -3,16 +3,21 @@
 Like scikit-learn's ``check_estimator``: the same checks run over the packaged effects in the tests of this package.
 """
 
+import contextlib
+import hashlib
+import importlib.util
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Final
 
 import numpy as np
-from sympy import Expr, Heaviside, simplify
+import platformdirs
+from sympy import Expr, Heaviside, Symbol, simplify
 
 from gyro_model import symbols
-from gyro_model.anatomy import Effect, Force
+from gyro_model.anatomy import Effect, Force, Law, Map
 from gyro_model.effect_points import (
     at_limit,
     dimension_of_term,
@@ -36,10 +41,50 @@ CONSTANT_UNITS: Final = {"BOLTZMANN": "J/K"}
 """Numbers with a dimension that gyro_model.symbols offers, by name."""
 
 
-def check_effect(effect: Effect, model: Model) -> None:
-    """Runs every check over ``effect``, which is part of ``model``. Raises InputError with the first reason."""
+def check_effect(effect: Effect, model: Model, file: Path | None = None) -> None:
+    """Runs every check over ``effect``, which is part of ``model``. Raises InputError with the first reason.
+
+    file: where it is defined, read once more to see which of its numbers are constants with a dimension.
+    """
     for check in CHECKS:
-        check(effect, model)
+        if check is dimensions and file is not None:
+            dimensions(effect, model, terms_with_constants(file))
+        else:
+            check(effect, model)
+
+
+def check_files(folders: Sequence[Path], model: Model) -> None:
+    """Runs every check over the effects in ``folders``, which are part of ``model``; what has passed is kept in the
+    user's cache, by the digest of the files and of this code. Raises InputError with the first reason."""
+    files = [path for folder in folders for path in sorted(folder.glob("*.py")) if path.stem != "__init__"]
+    code = hashlib.sha256(b"".join(path.read_bytes() for path in (*sorted(Path(__file__).parent.glob("*.py")), *files)))
+    passed = Path(platformdirs.user_cache_dir("gyrotwin")) / "checked" / code.hexdigest()
+    if passed.is_file():
+        return
+    for path in files:
+        check_effect(model.effect(path.stem), model, path)
+    # Without a cache they are checked again.
+    with contextlib.suppress(OSError):
+        passed.parent.mkdir(parents=True, exist_ok=True)
+        passed.touch()
+
+
+def terms_with_constants(file: Path) -> Mapping[str, Expr]:
+    """The terms of the effect in ``file`` with the constants of CONSTANT_UNITS as symbols, so that they can be
+    rescaled."""
+    numbers = {name: getattr(symbols, name) for name in CONSTANT_UNITS}
+    spec = importlib.util.spec_from_file_location(f"_rescaled_{file.stem}", file)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    try:
+        for name in numbers:
+            setattr(symbols, name, Symbol(name, positive=True))
+        spec.loader.exec_module(module)
+    finally:
+        for name, number in numbers.items():
+            setattr(symbols, name, number)
+    terms: Mapping[str, Expr] = module.EFFECT.terms()
+    return terms
 
 
 def documentation(effect: Effect, model: Model) -> None:
@@ -130,6 +175,30 @@ def dimensions(effect: Effect, model: Model, terms: Mapping[str, Expr] | None = 
                 _fail(effect, f"{name} = {expr}: wrong dimension; check the units of its parameters")
 
 
+def noise(effect: Effect, model: Model) -> None:
+    """What draws numbers, or rounds, says that it is noise; a random force has no energy of its own."""
+    draws = bool({*symbols.NORMAL, *symbols.PINK} & effect.symbols)
+    rounds = isinstance(effect, Map) and effect.slot == "sampled round"
+    if effect.noise != (draws or rounds):
+        _fail(effect, f"noise = {effect.noise}: give {not effect.noise}, by what its terms draw")
+    if isinstance(effect, Force) and draws and effect.energy is not None:
+        _fail(effect, "a random force exchanges energy with the outside: state no energy")
+
+
+def passive(effect: Effect, model: Model) -> None:
+    """A law that changes damping leaves a passive device passive."""
+    if not isinstance(effect, Law):
+        return
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        point = random_point(effect, rng, model)
+        new = point | {name: float(value) for name, value in evaluate(effect, point).items()}
+        damped = {"dxx", "dyy", "dxy"} <= set(new) and point["dxy"] ** 2 <= point["dxx"] * point["dyy"]
+        # Rounding of four products at the border itself.
+        if damped and not new["dxy"] ** 2 <= new["dxx"] * new["dyy"] * (1 + 4 * EPS):
+            _fail(effect, "dxy^2 exceeds dxx dyy: the damping would be a motor in some direction")
+
+
 def _factor(of: Dimension, scale: Mapping[str, float]) -> float:
     return math.prod(scale[base] ** float(getattr(of, base)) for base in scale)
 
@@ -181,5 +250,5 @@ def _fail(effect: Effect, reason: str) -> None:
 
 
 CHECKS: Final[tuple[Callable[[Effect, Model], None], ...]] = (
-    documentation, limit_cases, neutral_size, memory, dimensions, energy,
+    documentation, limit_cases, neutral_size, memory, dimensions, energy, noise, passive,
 )  # fmt: skip

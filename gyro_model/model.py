@@ -218,6 +218,21 @@ def _load_effect(path: Path) -> Effect:
 def load_model(*folders: Path) -> Model:
     """The model of the packaged effects and those in further ``folders``, each file ``<id>.py`` with its ``EFFECT``.
 
+    Raises InputError as ``read_model`` does, and where an effect in ``folders`` does not pass the checks of
+    ``gyro_model.contract``.
+    """
+    model = read_model(*folders)
+    if folders:
+        from gyro_model.contract import check_files
+
+        check_files(folders, model)
+    return model
+
+
+@cache
+def read_model(*folders: Path) -> Model:
+    """The same without the checks, for effects that are not finished.
+
     Raises InputError where a folder is missing, a file is no effect, or effects contradict one another.
     """
     for folder in folders:

@@ -135,11 +135,24 @@ def _root(
     """A MEMS vibratory gyroscope as an FMU, and the loop that measures its angle."""
 
 
+def _say_usage(error: Any) -> None:
+    """One line for a mistyped command line; the help where there were no arguments at all."""
+    context = getattr(error, "ctx", None)
+    if type(error).__name__ == "NoArgsIsHelpError":
+        # With rich the help was printed when the error was made.
+        print(error.format_message(), end="")
+        return
+    where = context.command_path if context is not None else "gyrotwin"
+    said = " ".join(error.format_message().split()).rstrip(".")
+    print(f"gyrotwin: {said}; `{where} --help` lists what there is", file=sys.stderr)
+
+
 def main(arguments: Sequence[str] | None = None) -> Any:
     """Entry point: one line and exit code 2 for wrong input, 130 for Ctrl-C."""
     signal.signal(signal.SIGINT, interrupt)
     try:
-        return app(args=arguments, prog_name="gyrotwin")
+        ended = app(args=arguments, prog_name="gyrotwin", standalone_mode=False)
+        sys.exit(ended if isinstance(ended, int) else 0)
     except InputError as error:
         shown()
         print(f"gyrotwin: {error}", file=sys.stderr)
@@ -151,6 +164,16 @@ def main(arguments: Sequence[str] | None = None) -> Any:
     except Interrupted as stop:
         print(f"gyrotwin: interrupted; {stop.left}", file=sys.stderr)
         sys.exit(130)
+    except Exception as error:
+        # typer's own classes, or click's, by typer's version.
+        if type(error).__name__ == "Abort":
+            print("gyrotwin: aborted; nothing written", file=sys.stderr)
+            sys.exit(1)
+        if not hasattr(error, "format_message"):
+            raise
+        shown()
+        _say_usage(error)
+        sys.exit(2)
     finally:
         shown()
         signal.signal(signal.SIGINT, signal.default_int_handler)

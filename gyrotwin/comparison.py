@@ -200,7 +200,7 @@ def _finished(folder: Path) -> dict[str, float]:
     path = folder / "summary.json"
     try:
         return _figures(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         raise InputError(f"result folder {folder}: no readable summary.json; name a folder that a run wrote") from None
 
 

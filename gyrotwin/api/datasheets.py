@@ -130,7 +130,7 @@ def export_sensor(
 def _read(path: Path) -> Any:
     try:
         return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(
             f"datasheet {path}: {error}; give the datasheet.json that `gyrotwin datasheet DEVICE` wrote"
         ) from None

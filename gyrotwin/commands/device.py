@@ -32,6 +32,8 @@ def new(
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
 ) -> None:
     """Write a device file from what a designer knows; says what it assumes of the rest."""
+    if out is None and Path(name).name != name:
+        raise InputError(f"--name {name}: is a path; name the device here and its file with --out")
     path = out or Path(f"{name}.toml")
     if path.exists() and not force:
         raise InputError(f"device file {path}: exists; name another with --out or replace it with --force")

@@ -84,7 +84,7 @@ def _claim(folder: Path, plan: Plan) -> None:
     state = folder / STATE
     try:
         there = json.loads(state.read_text(encoding="utf-8")).get("plan") if state.is_file() else None
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         there = "unreadable"
     if there not in (None, plan.digest()):
         raise InputError(f"output folder {folder}: holds the rows of another plan; name another with --out")

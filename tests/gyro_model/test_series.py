@@ -14,7 +14,7 @@ from gyro_model.compiling import find_compiler
 from gyro_model.device import Device
 from gyro_model.effect_series import has_series
 from gyro_model.generate_series import expansions
-from gyro_model.model import Model, load_model
+from gyro_model.model import Model, load_model, read_model
 from gyro_model.reference import simulate
 
 Residual = Callable[[str, float, float], None]
@@ -145,7 +145,7 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> Model:
     folder: Path = tmp_path_factory.mktemp("effects")
     for name, text in {"many": SMOOTH, "corners": CORNERED, "angle": WITHOUT}.items():
         (folder / f"{name}.py").write_text(text, encoding="utf-8")
-    return load_model(folder)
+    return read_model(folder)
 
 
 @pytest.mark.parametrize("parameters", [{"many_size": 2e-6}, {"corner_size": 2e-6}, {"angle_size": 2e-6},
@@ -185,7 +185,7 @@ def test_a_force_that_jumps(tmp_path: Path, residual: Residual) -> None:
     # Every half period is a cosine about another point of rest, by 2 F/k smaller than the one before.
     m, k, force, start = 1.8e-7, 64.0, 1.7e-6, 1e-6
     (tmp_path / "jumps.py").write_text(JUMPS, encoding="utf-8")
-    runner = Runner(build(load_model(tmp_path)).fmi3, tmp_path / "fmu")
+    runner = Runner(build(read_model(tmp_path)).fmi3, tmp_path / "fmu")
     still = {"kxy": 0.0, "dxx": 0.0, "dyy": 0.0, "dxy": 0.0, "x_start": start, "y_start": 0.0}
     fmu = runner.run(still | {"m": m, "kxx": k, "jump_size": force}, T)
     phase = np.sqrt(k / m) * T

@@ -263,3 +263,40 @@ def test_help_explains_every_option(command: list[str], tmp_path: Path) -> None:
     options = [line for line in result.stdout.splitlines() if line.strip(" │").startswith("--")]
     # An explained option has words after its name, type and default.
     assert [line for line in options if len(line.split()) < 4] == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [(["run", "constant", "--sede", "7"], "--sede"), (["run"], "scenario"),
+     (["run", "constant", "--seed", "x"], "--seed"),
+     (["device", "nw"], "new"), (["diagnose", "--each"], "FOLDER")],
+)  # fmt: skip
+def test_a_mistyped_command_line_is_one_line(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 2
+    [line] = capsys.readouterr().err.splitlines()
+    assert line.startswith("gyrotwin: ")
+    assert said in line
+
+
+def test_without_arguments_the_help_is_shown_once(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main([])
+    assert capsys.readouterr().out.count("Usage:") == 1
+
+
+def test_a_device_s_name_is_no_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "here"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    known = ["--frequency", "3000", "--split", "30", "--q", "2000", "--mass", "1e-7"]
+    with pytest.raises(SystemExit) as ended:
+        main(["device", "new", *known, "--name", "../up"])
+    assert ended.value.code == 2
+    assert "--out" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.rglob("*")] == ["here"]
