@@ -22,14 +22,15 @@ from discrepancy.refutation import rivals
 from discrepancy.simulate import Simulator
 from gyro_model import symbols
 from gyro_model.anatomy import Force
+from gyro_model.contract import check_effect
 from gyro_model.device import load_device
 from gyro_model.errors import InputError
-from gyro_model.model import Model, load_model
+from gyro_model.model import Model, load_model, read_model
 from gyro_model.units import Dimension, dimension
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "gyro_model"))
-import test_effects as contract
 from effect_library import EffectLibrary
+from test_effects import test_documents_itself as documents_itself
 
 from gyro_model.effect_points import condition, evaluate, random_point
 
@@ -104,7 +105,7 @@ def test_finds_the_formula(term: str, simulator: Simulator, tmp_path: Path) -> N
     unit, on_x, on_y, true = TERMS[term]
     (tmp_path / "lab").mkdir()
     (tmp_path / "lab" / "hidden.py").write_text(HIDDEN.format(unit=unit, x=on_x, y=on_y), encoding="utf-8")
-    records = runs(load_model(tmp_path / "lab"), {"hidden_size": true})
+    records = runs(read_model(tmp_path / "lab"), {"hidden_size": true})
     found = discover(*refitted(simulator, records), tmp_path / "found")
     assert found is not None
     assert found.effect.id == "discovered_1"
@@ -117,7 +118,7 @@ def test_finds_the_formula(term: str, simulator: Simulator, tmp_path: Path) -> N
 def test_terms_that_fit_alike_are_written_too(simulator: Simulator, tmp_path: Path) -> None:
     unit, on_x, on_y, true = TERMS["quintic"]
     (tmp_path / "hidden.py").write_text(HIDDEN.format(unit=unit, x=on_x, y=on_y), encoding="utf-8")
-    records = runs(load_model(tmp_path), {"hidden_size": true})
+    records = runs(read_model(tmp_path), {"hidden_size": true})
     fitter, at = refitted(simulator, records)
     # As if nothing could be told from anything.
     fitter.criteria = Criteria(even=1e12)
@@ -140,7 +141,7 @@ def test_finds_it_over_pieces_where_the_whole_is_out_of_step(
     monkeypatch.setattr(discovery, "settled", halves)
     unit, on_x, on_y, true = TERMS["gap"]
     (tmp_path / "hidden.py").write_text(HIDDEN.format(unit=unit, x=on_x, y=on_y), encoding="utf-8")
-    records = runs(load_model(tmp_path), {"hidden_size": true})
+    records = runs(read_model(tmp_path), {"hidden_size": true})
     found = discover(*refitted(simulator, records), tmp_path / "found")
     assert found is not None
     assert same_term(found.forces["force_x"], on_x), found.forces
@@ -162,7 +163,7 @@ def _bare(force: Expr) -> Expr:
 
 def hold_as_effects(found: Discovery, folder: Path) -> None:
     """The files load: the term's, and those of the new ones that it can't be told from."""
-    model = load_model(folder)
+    model = read_model(folder)
     assert model.effect("discovered_1") == found.effect
     assert {f"{term.id}.py" for term in found.terms} == {path.name for path in folder.iterdir()}
     assert {e.id for e in model.effects} == {e.id for e in MODEL.effects} | {"discovered_1", *found.either}
@@ -190,7 +191,7 @@ def test_known_terms() -> None:
 def test_a_wrong_name_is_refuted(simulator: Simulator, tmp_path: Path) -> None:
     unit, on_x, on_y, true = TERMS["quintic"]
     (tmp_path / "hidden.py").write_text(HIDDEN.format(unit=unit, x=on_x, y=on_y), encoding="utf-8")
-    fitter, at = refitted(simulator, runs(load_model(tmp_path), {"hidden_size": true}))
+    fitter, at = refitted(simulator, runs(read_model(tmp_path), {"hidden_size": true}))
     at = with_effect(fitter, at, Free("k3_x", 1e4), Free("k3_y", 1e4))
     found = rivals(fitter, at, ["cubic_stiffness"])
     assert found.refuted
@@ -229,11 +230,8 @@ def test_files_fulfil_the_contract_of_effects(library: tuple[Model, EffectLibrar
     rng = np.random.default_rng(1)
     for effect in (e for e in model.effects if e.id.startswith("discovered_")):
         assert isinstance(effect, Force)
-        contract.test_documents_itself(effect)
-        contract.test_limit_cases(effect)
-        contract.test_neutral_size_leaves_everything_as_it_is(effect)
-        if effect.energy is not None:
-            contract.test_energy(effect)
+        documents_itself(effect)
+        check_effect(effect, model)
         for _ in range(20):
             point = random_point(effect, rng, model)
             wanted, scale = evaluate(effect, point), condition(effect, point)

@@ -23,7 +23,7 @@ from discrepancy.refit import Fitter
 from discrepancy.simulate import Simulator
 from gyro_model import symbols
 from gyro_model.device import load_device
-from gyro_model.model import EFFECTS_FOLDER, Model, load_model
+from gyro_model.model import EFFECTS_FOLDER, Model, load_model, read_model
 
 EXAMPLES = Path(__file__).parents[2].parent / "shared" / "examples"
 RATE = 200_000.0
@@ -175,7 +175,7 @@ def quintic_set(folder: Path) -> Dataset:
     """A set of a device with x⁵ and y⁵."""
     (folder / "lab").mkdir()
     quintic(folder / "lab")
-    return made(QUINTIC, model=load_model(folder / "lab"), samples=SHORT)
+    return made(QUINTIC, model=read_model(folder / "lab"), samples=SHORT)
 
 
 def test_effect_that_a_further_search_adds_takes_the_place_of_a_wrong_name(tmp_path: Path) -> None:

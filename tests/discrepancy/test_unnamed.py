@@ -12,7 +12,7 @@ from discrepancy.naming import Wider, diagnose
 from discrepancy.refit import Fitter
 from discrepancy.simulate import Simulator
 from discrepancy.unnamed import TermSearch
-from gyro_model.model import Model, load_model
+from gyro_model.model import Model, load_model, read_model
 
 CUBIC = (Free("k3_x", 1e5), Free("k3_y", 1e5))
 
@@ -22,7 +22,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Model:
     """A model with x⁵ in a file."""
     folder = tmp_path_factory.mktemp("lab")
     quintic(folder, "hardening")
-    return load_model(folder)
+    return read_model(folder)
 
 
 @pytest.fixture(scope="module")
