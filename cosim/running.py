@@ -4,6 +4,8 @@ A part of one's own, compiled with numba, is bridged to the same C interface.
 """
 
 import ctypes
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any, Final
@@ -16,6 +18,7 @@ from cosim.core.library import HEALTH_NAMES, Library, library, pointer
 from cosim.design import Design
 from cosim.layout import ESTIMATE_SIZE, KXX, OMEGA_Z, PARAMETER_NAMES, M
 from cosim.observers.record import NOISE_RMS, SENSE_GAIN_X, SENSE_GAIN_Y, SENSOR_SIZE, CoreObserver, Observer
+from gyro_model.errors import InputError
 
 Floats = NDArray[np.float64]
 
@@ -172,6 +175,15 @@ def _plain_observer(
     return Part(lib.address("core_plain_step").value or 0, memory, (inner,))
 
 
+@contextmanager
+def _blamed(kind: str, name: str) -> Iterator[None]:
+    """Turns what a user's own part raises, when it begins or in a step of its own, into an InputError."""
+    try:
+        yield
+    except Exception as error:
+        raise InputError(f"{kind} {name}: {type(error).__name__}: {error}") from error
+
+
 def _bridged_observer(observer: Observer, design: Design, period: float, settings: dict[str, float]) -> Part:
     """Memory: settings, the observer's own memory, its estimate, its deviation."""
     from numba import carray, cfunc, types
@@ -186,7 +198,11 @@ def _bridged_observer(observer: Observer, design: Design, period: float, setting
     # A converter that rounds adds lsb^2/12.
     sensor[NOISE_RMS] = max(float(np.hypot(all_values["sense_noise"], all_values["adc_lsb"] / np.sqrt(12))), floor)
     start, deviation = (np.concatenate((part, np.zeros(OWN_SIZE - len(part)))) for part in first_estimates(design))
-    observer.init(memory[count : count + size], values, start, deviation, sensor, period)
+    with _blamed("observer", observer.name):
+        observer.init(memory[count : count + size], values, start, deviation, sensor, period)
+        own, estimate, error = memory[count : count + size].copy(), np.zeros(OWN_SIZE), np.zeros(OWN_SIZE)
+        # In the loop an exception of compiled code would only be printed.
+        observer.step(own, values, 0.0, 0.0, 0.0, 0.0, estimate, error)
     step, total, first, second = observer.step, len(memory), count + size, count + size + OWN_SIZE
     real = types.CPointer(types.float64)
 
@@ -208,7 +224,10 @@ def _bridged_controller(controller: Controller, period: float, settings: dict[st
     values = controller.settings_array(**settings)
     count, size = len(values), controller.memory_size
     memory = np.concatenate((values, np.zeros(size + 2 * OWN_SIZE + OUTPUT_SIZE)))
-    controller.init(memory[count : count + size], values, period)
+    with _blamed("controller", controller.name):
+        controller.init(memory[count : count + size], values, period)
+        own, output = memory[count : count + size].copy(), np.zeros(OUTPUT_SIZE)
+        controller.step(own, values, 0.0, np.ones(OWN_SIZE), np.zeros(OWN_SIZE), output)
     step, total, first = controller.step, len(memory), count + size
     second, third = first + OWN_SIZE, first + 2 * OWN_SIZE
     real = types.CPointer(types.float64)

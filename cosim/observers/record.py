@@ -25,10 +25,10 @@ class Observer(NamedTuple):
     """An observer of one's own; `init` and `step` are compiled with numba with INIT_SIGNATURE and STEP_SIGNATURE.
 
     init(memory, settings, start, start_deviation, sensor, period): `start` and `start_deviation`
-        are first estimates and their standard deviations in the order of cosim.layout.
+        begin with first estimates and their standard deviations in the order of cosim.layout; zeros follow.
     step(memory, settings, u_x, u_y, v_x, v_y, estimate, deviation): at t_k; u is the force [N]
         held over [t_{k-1}, t_k) (ignored at k = 0), v is sample k [V]. Writes the estimate and its
-        standard deviation at t_k and allocates nothing.
+        standard deviation at t_k, in the same order, and allocates nothing.
 
     What the design knows beyond springs and dampers (delay, actuators, pickoff, amplifier) is taken out of u and v
     before the observer sees them.

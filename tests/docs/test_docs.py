@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gyro_model.errors import InputError
 from gyrotwin import contract
 from gyrotwin.sweeping.plan import load_plan
 
@@ -21,6 +22,19 @@ def blocks(page: Path, language: str) -> list[str]:
 def test_the_effect_of_the_how_to_passes_the_contract(tmp_path: Path) -> None:
     (tmp_path / "own_spring.py").write_text(blocks(DOCS / "howto" / "effect.md", "python")[0])
     assert contract.check(tmp_path) == [f"effect own_spring: {len(contract.CHECKS)} checks passed"]
+
+
+def test_the_observer_of_the_how_to_passes_the_contract(tmp_path: Path) -> None:
+    text = blocks(DOCS / "howto" / "observer.md", "python")[0]
+    mine = tmp_path / "mine.py"
+    mine.write_text(text)
+    assert contract.check(mine) == ["observer mine: built, compiled and run for 20 ms"]
+    # A mistake in it is said in one line, where it begins and where it steps.
+    for old, new in (("start[:12]", "start"), ("estimate[:12] =", "estimate[:] =")):
+        assert old in text
+        mine.write_text(text.replace(old, new))
+        with pytest.raises(InputError, match="observer fixed: ValueError"):
+            contract.check(mine)
 
 
 @pytest.mark.parametrize("page", ["guides/designer.md", "howto/sweep.md"])

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import gyrotwin as gt
-from benchmarks.pages import FLAGS, browser
+from benchmarks.pages import FLAGS, browser, simulated_fleet
 
 ROOT = Path(__file__).parents[2]
 AXE = ROOT / "node_modules" / "axe-core" / "axe.min.js"
@@ -45,6 +45,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "run": runs[0],
         "rate": rate.save(folder / "rate"),
         "compare": gt.compare(*runs).save(folder / "compare"),
+        "fleet": simulated_fleet().save(folder / "fleet"),
     }
     return {name: where / "report.html" for name, where in saved.items()}
 
@@ -69,7 +70,7 @@ def look(page: Path, *flags: str, script: str = "") -> tuple[dict, list[str]]:
 
 
 @needs_browser
-@pytest.mark.parametrize("name", ["run", "rate", "compare"])
+@pytest.mark.parametrize("name", ["run", "rate", "compare", "fleet"])
 @pytest.mark.parametrize(
     "flags",
     [("--window-size=1200,900",), ("--window-size=1200,900", "--blink-settings=preferredColorScheme=0"),
@@ -88,7 +89,7 @@ def test_a_page_is_drawn_without_an_error_and_within_its_columns(
     assert found["width"] <= found["window"]
 
 
-@pytest.mark.parametrize("name", ["run", "rate", "compare"])
+@pytest.mark.parametrize("name", ["run", "rate", "compare", "fleet"])
 def test_a_page_is_small_and_asks_no_network(pages: dict[str, Path], name: str) -> None:
     text = pages[name].read_text()
     assert len(text.encode()) < LARGEST_PAGE
@@ -99,7 +100,7 @@ def test_a_page_is_small_and_asks_no_network(pages: dict[str, Path], name: str) 
 
 @needs_browser
 @pytest.mark.skipif(not AXE.is_file(), reason="needs axe-core: npm install")
-@pytest.mark.parametrize("name", ["run", "rate", "compare"])
+@pytest.mark.parametrize("name", ["run", "rate", "compare", "fleet"])
 @pytest.mark.parametrize("flags", [(), ("--blink-settings=preferredColorScheme=0",)], ids=["light", "dark"])
 def test_axe_finds_no_serious_fault(pages: dict[str, Path], name: str, flags: tuple[str, ...]) -> None:
     found, _ = look(pages[name], *flags, script=f"<script>{AXE.read_text()}</script>")
