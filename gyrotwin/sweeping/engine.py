@@ -29,10 +29,9 @@ def cluster(workers: int | None, scheduler: str | None) -> Iterator[Any]:
 
     Raises InputError where Dask is missing, nobody answers, or workers have another version of this package.
     """
-    try:
-        from distributed import Client, LocalCluster
-    except ImportError:
-        raise InputError('sweep: needs Dask; install it by `pip install "gyrotwin[sweep]"`') from None
+    check_dask()
+    from distributed import Client, LocalCluster
+
     logging.getLogger("distributed").setLevel(logging.ERROR)
     local = None
     if scheduler is None:
@@ -62,6 +61,14 @@ def _check_versions(client: Any) -> None:
 
 def _version() -> str:
     return __version__
+
+
+def check_dask() -> None:
+    """Raises InputError where Dask is missing."""
+    try:
+        import distributed  # noqa: F401
+    except ImportError:
+        raise InputError('sweep: needs Dask; install it by `pip install "gyrotwin[sweep]"`') from None
 
 
 def sweep(client: Any, job: Job, points: Sequence[Point], folder: Path, progress: Progress | None = None) -> None:

@@ -9,7 +9,7 @@ from gyro_model.errors import InputError
 from gyrotwin.output import check_writable, publish
 from gyrotwin.results import write_json
 from gyrotwin.sweeping import rows
-from gyrotwin.sweeping.engine import BATCH_SECONDS, Progress, cluster
+from gyrotwin.sweeping.engine import BATCH_SECONDS, Progress, check_dask, cluster
 from gyrotwin.sweeping.engine import sweep as work_off
 from gyrotwin.sweeping.plan import Plan, load_plan
 from gyrotwin.sweeping.result import SweepResult
@@ -107,6 +107,7 @@ def replay(plan: str | Path | Plan, number: int) -> Done:
 
 def simulate_scale(plan: str | Path | Plan) -> Scale:
     """What 10,000 points of the plan would cost on more cores, from the measured time of its first ones."""
+    check_dask()
     chosen = load_plan(plan)
     # The first call loads and compiles what later ones find.
     done = work(job_of(chosen), chosen.points()[: TRIED + 1])

@@ -1,9 +1,13 @@
 """Points of a plan: grids, lists, distributions, correlation; and what is refused."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from gyro_model.errors import InputError
+from gyrotwin.cli import main
 from gyrotwin.sweeping.plan import load_plan
 
 NORMAL = {"distribution": "norm", "loc": 1.0, "scale": 0.1}
@@ -60,3 +64,18 @@ def test_a_plan_is_named_by_its_content() -> None:
 def test_what_is_wrong_is_said(change: dict, said: str) -> None:
     with pytest.raises(InputError, match=said):
         load_plan({"task": "run", "parameters": {"a": NORMAL, "b": NORMAL}, **change}).points()
+
+
+@pytest.mark.parametrize("option", ["--simulate-scale", "--workers=1"])
+def test_without_dask_the_extra_is_named(
+    option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "task.py").write_text("def half(a):\n    return a / 2\n")
+    plan = tmp_path / "plan.toml"
+    plan.write_text('format = 1\ntask = "task.py:half"\n[parameters.a]\ngrid = [1.0, 2.0]\n')
+    with pytest.raises(SystemExit) as ended:
+        main(["sweep", str(plan), option])
+    assert ended.value.code == 2
+    assert "gyrotwin[sweep]" in capsys.readouterr().err
