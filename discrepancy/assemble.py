@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from discrepancy.answer import Diagnosis, Finding, Stage, Value, Verdict
+from discrepancy.checks import modes
 from discrepancy.colour import gain
 from discrepancy.columns import Candidate, nameable
 from discrepancy.defect import Defect, distortion_names, disturbances, effect_of, quantity_of
@@ -282,6 +283,8 @@ def _doubts(search: "Search", rest: "Remainder") -> tuple[str, ...]:
         if instead and not entry.of_record:
             found.append(f"{entry.id} may also be the record's: {', '.join(instead)} fits as well in its place")
     found += _scaled(search)
+    if rest.significant:
+        found += [str(finding) for finding in modes(search.measured.fit)]
     if rest.above or rest.significant:
         found.append(
             f"{rest.share:.2g} of the refit's residual power is left: {rest.ratio:.3g} times the noise on held-out runs"

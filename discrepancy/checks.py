@@ -96,8 +96,8 @@ def modes(records: Sequence[Record]) -> Iterator[Finding]:
     if more:
         yield Finding(
             "modes", "",
-            f"more modes than the model has: {_at(more)} beside {_at(own)}; parasitic_mode can stand for one on x: "
-            "limit force and record to the band of the modes you want, or expect what the others do to be left",
+            f"more modes than the model has: {_at(more)} beside {_at(own)}; they are looked for as parasitic modes on "
+            "each axis; what else they do is left, or limit force and record to the band of the modes you want",
         )  # fmt: skip
 
 

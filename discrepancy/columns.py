@@ -9,7 +9,7 @@ nothing alone, but reads or feeds another, is tried together with that one.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -71,7 +71,7 @@ class Candidate:
     """An effect with its probes at one choice of shape parameters; ``searched`` are those that the refit may move.
 
     trials: grid points of the search that it belongs to. partner: an effect without which it changes nothing. spacing:
-    of the grid [s], where that is one of instants.
+    of the grid [s], where that is one of instants; ends: of the grid of each shape, where it has one.
     """
 
     effect: Effect | Defect
@@ -81,6 +81,7 @@ class Candidate:
     trials: int = 1
     partner: "Candidate | None" = None
     spacing: float = 0.0
+    ends: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def all_probes(self) -> tuple[Probe, ...]:
@@ -109,9 +110,19 @@ class Candidate:
             own = {p: a / share if share else a for p, a in own.items()}
         return values | {p.quantity.name: p.value(a) for p, a in own.items()}
 
+    def renamed(self, effect: Effect | Defect, names: Mapping[str, str]) -> "Candidate":
+        """The same of another effect of its kind, whose parameters have other ``names``."""
+        own = {q.name: q for q in effect.parameters}
+        probes = tuple(replace(p, quantity=own[names[p.quantity.name]]) for p in self.probes)
+        shapes = {names[name]: value for name, value in self.shapes.items()}
+        return replace(self, effect=effect, probes=probes, shapes=shapes,
+                       searched=tuple(own[names[q.name]] for q in self.searched),
+                       ends={names[name]: ends for name, ends in self.ends.items()})  # fmt: skip
+
     def free(self, period: float) -> tuple[Free, ...]:
         """The parameters for a refit."""
-        shapes = [free_shape(q, self.shapes[q.name], period) for q in self.searched]
+        shapes = [free_shape(q, value, period, self.ends.get(q.name, (value, value)))
+                  for q, value in ((q, self.shapes[q.name]) for q in self.searched)]  # fmt: skip
         before = self.partner.free(period) if self.partner else ()
         return (*before, *(p.free() for p in self.probes), *shapes)
 
@@ -200,7 +211,7 @@ class Library:
                 self.kept[key] = probe, scale.target
                 probes.append(probe)
         own, trials = tuple(probes), len(grid.values)
-        points = [Candidate(effect, own, s, grid.moved, trials, spacing=grid.spacing) for s in grid.values]
+        points = [Candidate(effect, own, s, grid.moved, trials, None, grid.spacing, grid.ends) for s in grid.values]
         return points if probes else []
 
     @staticmethod
@@ -219,6 +230,11 @@ class Fading(NamedTuple):
 
     size: Quantity
     shapes: tuple[Quantity, ...]
+
+    @property
+    def names(self) -> set[str]:
+        """All its parameters."""
+        return {self.size.name, *(q.name for q in self.shapes)}
 
 
 def fading(candidate: Candidate) -> Fading | None:

@@ -21,7 +21,9 @@ ASTRAY: Final = 0.3
 """Residual over signal from which a fit of whole runs may have ended a turn off; below, what is left is what the model
 lacks."""
 SHORTEST: Final = 12.0
-"""Periods of the lowest mode in the shortest piece, and 100 samples: four states a piece, eight shared parameters."""
+"""Periods of the lowest mode in the shortest piece: four states a piece, eight shared parameters."""
+FEWEST, MOST = 100, 64
+"""Samples of a piece, and pieces of a run of few periods: of a mass that hardly any spring holds."""
 GROWTH: Final = 4
 """By which pieces grow: a frequency known to 1e-2 rad over one piece is known to 4e-2 over the next."""
 FEW, ROUNDS, LAST_ROUNDS = 3, 8, 30
@@ -38,7 +40,7 @@ def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, 
     # Under the filter of an earlier, larger gap a fit would predict a sample ahead and not care where the motion goes.
     at = replace(at, whiten=whole.plain(at.parameters))
     direct = whitened(whole, whole.fit(started(whole, at)))
-    if whole.off(direct) < enough:
+    if whole.off(direct) < min(enough, _astray(whole, direct)):
         return whole, direct
     best = whole, direct
     now: Fitted | None = None
@@ -63,7 +65,7 @@ def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, 
 def nearly_settled(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
     """As ``settled``, but near the minimum only, where whole runs stay in step."""
     direct = whole.fit(whole.whitened(at), FEW)
-    return (whole, direct) if whole.off(direct) < ASTRAY else settled(whole, at)
+    return (whole, direct) if whole.off(direct) < _astray(whole, direct) else settled(whole, at)
 
 
 def started(fitter: Fitter, at: Fitted) -> Fitted:
@@ -115,10 +117,24 @@ def beginnings(whole: Fitter, number: int) -> Fitter:
 
 def _numbers(whole: Fitter, at: Fitted) -> list[int]:
     """Into how many pieces the runs are cut, fewest first."""
-    period = whole.records[0].sample_rate / float(mode_frequencies(at.parameters, whole.axes)[0])
-    least = max(SHORTEST * period, 100.0)
     length = min(len(record.t) for record in whole.records)
-    return [GROWTH**i for i in range(12) if length >= GROWTH**i * least] or [1]
+    least = length / MOST if _hardly_held(whole, at) else SHORTEST * _period(whole, at)
+    return [GROWTH**i for i in range(12) if length >= GROWTH**i * max(least, FEWEST)] or [1]
+
+
+def _period(whole: Fitter, at: Fitted) -> float:
+    """Samples in a period of the lowest mode."""
+    return whole.records[0].sample_rate / float(mode_frequencies(at.parameters, whole.axes)[0])
+
+
+def _hardly_held(whole: Fitter, at: Fitted) -> bool:
+    """Whether runs have so few periods that what a model lacks adds up over them."""
+    return min(len(record.t) for record in whole.records) < GROWTH * SHORTEST * _period(whole, at)
+
+
+def _astray(whole: Fitter, at: Fitted) -> float:
+    """Residual over signal from which a fit of whole runs is questioned."""
+    return IN_STEP if _hardly_held(whole, at) else ASTRAY
 
 
 def _rounds(number: int) -> int:

@@ -17,7 +17,7 @@ FINER: Final = 4.0
 STRIDE: Final = 3.0
 """By which a positive shape changes at most in one step of a refit: one that shows nowhere yet would leave for
 infinity."""
-FARTHEST: Final = 100.0
+FARTHEST: Final = 1000.0
 """Times the ends of its grid, beyond which a refit does not follow a shape."""
 ABOUT, WIDER = 5.0, 7
 """Of a grid for a part of an effect that may vanish: how far it reaches about its usual point, and its points; 1.7 from
@@ -29,12 +29,14 @@ MOST: Final = 40
 @dataclass(frozen=True)
 class Points:
     """The grid of an effect: ``values`` of its shapes at each point, ``moved`` those that a refit moves, ``spacing`` of
-    instants [s], 0 where there are none; ``middle`` a point at which most of the effect shows."""
+    instants [s], 0 where there are none; ``middle`` a point at which most of the effect shows; ``ends`` of each
+    shape."""
 
     values: tuple[Mapping[str, float], ...]
     moved: tuple[Quantity, ...]
     spacing: float
     middle: Mapping[str, float]
+    ends: Mapping[str, tuple[float, float]]
 
 
 class Grids:
@@ -50,8 +52,10 @@ class Grids:
         """The grid over all of ``shapes`` that are searched."""
         searched = [q for q in shapes if q.search is not None]
         axes: list[Floats] = []
+        ends: dict[str, tuple[float, float]] = {}
         for q in searched:
             own, so_far = self._values(q, at), int(np.prod([len(a) for a in axes]))
+            ends[q.name] = float(own.min()), float(own.max())
             axes.append(own if len(own) * so_far <= MOST else own[len(own) // 2 : len(own) // 2 + 1])
         names = [q.name for q in searched]
         values = tuple(dict(zip(names, map(float, point), strict=True)) for point in product(*axes))
@@ -59,7 +63,7 @@ class Grids:
         spacing = self.duration / instants[0].points if instants else 0.0
         # An event at the start changes the whole run, a later one less of it.
         moved = tuple(q for q in searched if not q.integer)
-        return Points(values, moved, spacing, values[0 if instants else len(values) // 4])
+        return Points(values, moved, spacing, values[0 if instants else len(values) // 4], ends)
 
     @staticmethod
     def wider(shapes: Sequence[Quantity], middle: Mapping[str, float]) -> list[dict[str, float]]:
@@ -112,18 +116,16 @@ class Grids:
         return max((float(np.ptp(r.conditions[of])) for r in self.records if of in r.conditions), default=0.0)
 
 
-def free_shape(q: Quantity, value: float, period: float) -> Free:
-    """A searched shape that stands at ``value``, for a refit."""
-    grid = q.search
-    assert grid is not None
-    if grid.kind == "instant":
+def free_shape(q: Quantity, value: float, period: float, ends: tuple[float, float]) -> Free:
+    """A searched shape that stands at ``value``, for a refit; ``ends`` of its grid."""
+    assert q.search is not None
+    if q.search.kind == "instant":
         # An instant may go anywhere.
         return Free(q.name, period, max(q.low, 0.0), q.high)
     if q.low == 0.0:
         # One that may vanish is moved as a size is.
         return Free(q.name, 1e-3 * value, 0.0, q.high)
-    reach = FARTHEST * grid.high / grid.low
-    return Free(q.name, 1e-3 * value, max(q.low, value / reach), min(q.high, value * reach), STRIDE)
+    return Free(q.name, 1e-3 * value, max(q.low, ends[0] / FARTHEST), min(q.high, ends[1] * FARTHEST), STRIDE)
 
 
 def around(values: Mapping[str, float], moved: Sequence[Quantity], spacing: float) -> list[dict[str, float]]:

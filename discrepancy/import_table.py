@@ -4,13 +4,14 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
+from scipy.interpolate import make_interp_spline
 
 from discrepancy.dataset import FILE, FORMAT
 from discrepancy.record import MINIMUM_SAMPLES, MOST_MISSING, Floats, measured_rate
@@ -39,10 +40,15 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
 
 LONGEST_HOLE: Final = 20
 """Rows missing at once that are masked; a longer hole, over which the force is not known, cuts the run."""
+LEFT_OUT: Final = 7
+"""Every such row is left out to see how well a rule fills it from those beside: further apart than a spline reaches."""
 FRAGMENT: Final = 0.05
 """Share of the longest run below which what a hole leaves is no run of its own, and of all rows to be held out."""
 HELD_OUT: Final = 0.2
 """Share of a single run that is cut off its end and held out."""
+
+Rule = Callable[[Floats, Floats, Floats], Floats]
+"""Values at rows from those that are given at others."""
 
 _HEADING: Final = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 
@@ -228,12 +234,40 @@ def _filled(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple
     if not 0 < counts.sum() <= MOST_MISSING * len(t):
         return columns, said
     place = np.repeat(np.arange(len(step)) + 1, counts)
-    filled = {column: np.insert(values, place, np.nan if column in ("v_x", "v_y") else values[place - 1])
-              for column, values in columns.items()}  # fmt: skip
     known = np.insert(np.ones(len(t), np.bool_), place, False)
-    k = np.arange(len(known))
-    filled["t"] = np.interp(k, k[known], t)
+    k = np.arange(len(known), dtype=np.float64)
+    filled = {column: np.insert(values, place, np.nan) if column in ("v_x", "v_y") else _between(k, known, values)
+              for column, values in columns.items()}  # fmt: skip
     return filled, [*said, f"{path.name}: {len(place)} missing rows are put in with v masked"]
+
+
+def _between(k: Floats, known: np.ndarray, values: Floats) -> Floats:
+    """A column at rows ``k`` of which some are ``known``, by the rule that gives known rows best from those beside."""
+    whole = np.isfinite(values)
+    if whole.sum() < MINIMUM_SAMPLES:
+        return np.insert(values, np.flatnonzero(~known) - np.arange((~known).sum()), np.nan)
+    at, given = k[known][whole], values[whole]
+    left_out = np.zeros(len(at), np.bool_)
+    left_out[LEFT_OUT:-LEFT_OUT:LEFT_OUT] = True
+
+    def error(rule: Rule) -> float:
+        return float(np.sum((rule(at[~left_out], given[~left_out], at[left_out]) - given[left_out]) ** 2))
+
+    between = min((_held, _straight, _smooth), key=error)(at, given, k)
+    between[known] = values
+    return between
+
+
+def _held(at: Floats, given: Floats, k: Floats) -> Floats:
+    return given[np.maximum(np.searchsorted(at, k, side="right") - 1, 0)]
+
+
+def _straight(at: Floats, given: Floats, k: Floats) -> Floats:
+    return np.interp(k, at, given)
+
+
+def _smooth(at: Floats, given: Floats, k: Floats) -> Floats:
+    return np.asarray(make_interp_spline(at, given, k=5)(np.clip(k, at[0], at[-1])))
 
 
 def _long_gaps(columns: Mapping[str, Floats]) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from scipy.signal import welch
 
-from discrepancy.linear_fit import WeakForm, equations, weak_form
+from discrepancy.linear_fit import PERIODS, WeakForm, equations, weak_form
 from discrepancy.record import Floats, Record
 
 WINDOWS: Final = 8
@@ -22,6 +22,10 @@ ROUNDS: Final = 3
 """Of the fit, whose weights follow the values found."""
 BADLY: Final = 0.7
 """Share of the force that is left, from which there is no linear model to start from."""
+PARTS: Final = 4
+"""Of a run without a mode, for its windows."""
+LEAST: Final = 0.01
+"""Periods of a run over which a spring is one."""
 QUALITY: Final = 1e5
 """Highest quality factor that is believed: a damping that comes out lower, or negative, is set to it."""
 
@@ -31,23 +35,44 @@ def linear_start(records: Sequence[Record], gains: Sequence[float] = (1.0, 1.0))
     runs."""
     axes = records[0].axes
     driven = any(record.u.any() for record in records)
-    peaks = [2 * np.pi * _peak(records, axis, driven) for axis in range(axes)]
-    values = {"m": 1.0, "kxx": peaks[0] ** 2, "dxx": peaks[0] / 100, "sense_gain_x": gains[0]}
-    if axes == 2:
-        values |= {"kyy": peaks[1] ** 2, "dyy": peaks[1] / 100, "kxy": 0.0, "dxy": 0.0, "sense_gain_y": gains[1]}
+    values = _values([_peak(records, axis, driven) for axis in range(axes)], gains)
     for _ in range(ROUNDS):
-        forms = [form for form in (weak_form(record, values) for record in records) if form is not None]
-        if not forms:
-            return None
-        arrays = zip(*((f.force, f.q, f.velocity, f.acceleration, f.turning) for f in forms), strict=True)
-        found = _solved(WeakForm(*(np.concatenate(parts, axis=1) for parts in arrays)), values, driven)
-        if found is None:
-            return None
-        values |= found
+        found = _solved(records, values, driven)
+        if found is None or any(found[k] <= 0 for k in ("kxx", "kyy") if k in found):
+            return _hardly_held(records, gains) if driven else None
+        values |= _passive(found, values)
     return values
 
 
-def _solved(form: WeakForm, values: Mapping[str, float], driven: bool) -> dict[str, float] | None:
+def _hardly_held(records: Sequence[Record], gains: Sequence[float]) -> dict[str, float] | None:
+    """The same of masses that hardly any spring holds, so that no mode is seen: windows are then a part of a run."""
+    duration = min(len(record.t) / record.sample_rate for record in records)
+    values = _values([PARTS * PERIODS / duration] * records[0].axes, gains)
+    found = _solved(records, values, driven=True)
+    if found is None:
+        return None
+    # A spring that turns the motion by no more than a hundredth of a period over a run is none.
+    least = found["m"] * (2 * np.pi * LEAST / duration) ** 2
+    found |= {k: max(found[k], least) for k in ("kxx", "kyy") if k in found}
+    return values | _passive(found, values)
+
+
+def _values(peaks: Sequence[float], gains: Sequence[float]) -> dict[str, float]:
+    """A mass of 1 kg with modes at ``peaks`` [Hz]."""
+    w = [2 * np.pi * peak for peak in peaks]
+    values = {"m": 1.0, "kxx": w[0] ** 2, "dxx": w[0] / 100, "sense_gain_x": gains[0]}
+    if len(w) == 2:
+        values |= {"kyy": w[1] ** 2, "dyy": w[1] / 100, "kxy": 0.0, "dxy": 0.0, "sense_gain_y": gains[1]}
+    return values
+
+
+def _solved(records: Sequence[Record], values: Mapping[str, float], driven: bool) -> dict[str, float] | None:
+    """m, k, d by the weak form in windows as for ``values``; None where they explain too little."""
+    forms = [form for form in (weak_form(record, values) for record in records) if form is not None]
+    if not forms:
+        return None
+    arrays = zip(*((f.force, f.q, f.velocity, f.acceleration, f.turning) for f in forms), strict=True)
+    form = WeakForm(*(np.concatenate(parts, axis=1) for parts in arrays))
     one = len(form.force) == 1
     names: tuple[str, ...] = ("m", "kxx", "dxx") if one else ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
     columns, target = equations(form, values, names)
@@ -65,9 +90,12 @@ def _solved(form: WeakForm, values: Mapping[str, float], driven: bool) -> dict[s
     solution = np.linalg.lstsq(a / size, b, rcond=None)[0]
     left = float(np.sum((b - a / size @ solution) ** 2) / np.sum(b**2))
     found = dict(zip(names, (solution / size).tolist(), strict=True))
-    m = found.get("m", values["m"])
-    if left > BADLY or m <= 0 or any(found[k] <= 0 for k in ("kxx", "kyy") if k in found):
-        return None
+    return found if left <= BADLY and found.get("m", values["m"]) > 0 else None
+
+
+def _passive(found: dict[str, float], values: Mapping[str, float]) -> dict[str, float]:
+    """What was found, dampings of a passive device beside it."""
+    m, one = found.get("m", values["m"]), "kyy" not in found
     for axis in "xy"[: 1 if one else 2]:
         least = float(np.sqrt(found[f"k{axis}{axis}"] * m)) / QUALITY
         found[f"d{axis}{axis}"] = max(found[f"d{axis}{axis}"], least)

@@ -107,7 +107,7 @@ def _apart(a: Mode, b: Mode) -> bool:
 def _in_band(records: Sequence[Record]) -> _Runs:
     """The runs without what is above the modes, at a rate that is enough for them."""
     rate = records[0].sample_rate
-    top = ABOVE * max(_top(record) for record in records)
+    top = ABOVE * max(band_of(record) for record in records)
     number = max(1, int(rate / (RATE * top)))
     pairs = []
     for record in (r for r in records if r.sample_rate == rate):
@@ -124,7 +124,7 @@ def _or_one(scale: Floats) -> Floats:
     return np.where(scale > 0, scale, 1.0)
 
 
-def _top(record: Record) -> float:
+def band_of(record: Record) -> float:
     """The frequency [Hz] below which almost all of the voltage's power is."""
     power = np.abs(np.fft.rfft((record.v - record.v.mean(axis=0)) * np.hanning(len(record.v))[:, None], axis=0)) ** 2
     share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -20,6 +20,7 @@ from discrepancy.criteria import Criteria
 from discrepancy.dataset import Dataset
 from discrepancy.effect_file import Term, joined
 from discrepancy.fitted import Fitted
+from discrepancy.more_modes import copies, with_copies, without_unused
 from discrepancy.refit import DEFAULT, Fitter
 from discrepancy.search import Search
 from discrepancy.simulate import Simulator
@@ -80,6 +81,8 @@ def diagnose(
             return stack.enter_context(Simulator(joined(model, [term.effect for term in terms]), jobs, clock))
 
         clock = Clock(jobs or os.cpu_count() or 1)
+        more = copies(model, dataset.fit)
+        model = with_copies(model, more)
         settings = {"max_effects": max_effects, "seed": seed, "further": further is not None, **asdict(criteria)}
         key = store.digest(dataset, model, settings) if checkpoint else ""
         tell = progress or (lambda _: None)
@@ -87,6 +90,7 @@ def diagnose(
         def begun(state: Mapping[str, Any] | None) -> Search:
             terms = state["terms"] if state else []
             search = Search(simulator(model, chain(*terms)), dataset, tell, terms, criteria)
+            search.copies = more
             if checkpoint is not None:
                 search.keep = lambda state: store.save(checkpoint, key, state)
             search.begin(state)
@@ -133,6 +137,11 @@ def diagnose(
             search.finish(max_effects)
         search.question()
         found = assemble(search)
+        used = {a.id for a in search.accepted} & more.keys()
+        if further is not None:
+            for name in used:
+                more[name].write(further.folder)
+        found = replace(found, model=without_unused(found.model, more, used))
     if checkpoint is not None:
         checkpoint.unlink(missing_ok=True)
     return found

@@ -16,6 +16,7 @@ from scipy.stats import chi2
 from discrepancy.colour import predicted_out
 from discrepancy.fitted import Fitted
 from discrepancy.linear_fit import mode_frequencies
+from discrepancy.modes import band_of
 from discrepancy.record import Floats, Record
 from discrepancy.whitening import Setting, lifted, misfit_under, top_rate
 
@@ -27,6 +28,8 @@ NEIGHBOUR: Final = float(np.log(4.0))
 """The filter's settings are tried a factor of 3 or 4 apart."""
 ASIDE: Final = 0.15
 """Step of a logarithm from which the curvature of the likelihood is taken."""
+FEW: Final = 10.0
+"""Periods of a run below which a mode does not say where the motion is."""
 BOLTZMANN: Final = 1.380649e-23
 
 
@@ -56,10 +59,14 @@ def noise_of(
     parameters: Mapping[str, float],
     colour: Sequence[float] = (),
 ) -> Noise | None:
-    """From the residual's density above five times the highest mode and below 0.45 of the rate; None without such a
-    band. colour: of an autoregression, whose innovations are then the white noise."""
+    """From the residual's density above five times the highest mode, or, where hardly a spring makes one, the top of
+    the motion, and below 0.45 of the rate; None without such a band. colour: of an autoregression, whose innovations
+    are then the white noise."""
     rate = records[0].sample_rate
-    low, high = 5 * mode_frequencies(parameters, records[0].axes)[-1], 0.45 * rate
+    highest = float(mode_frequencies(parameters, records[0].axes)[-1])
+    if highest * max(len(r.t) for r in records) < FEW * rate:
+        highest = max(band_of(record) for record in records)
+    low, high = 5 * highest, 0.45 * rate
     square, count = 0.0, 0
     for given, record in zip(residuals, records, strict=True):
         residual = predicted_out(given[None], record.valid, colour)[0] if colour else given

@@ -60,6 +60,10 @@ about as much, and what is left after the next step is the square of it."""
 NEARER, SLOW = 0.5, 4
 """A fit that has a goal is given up after so many steps in a row that each left more than this share of the way to
 it: near a minimum what is left falls by its square."""
+PATIENT: Final = 5
+HELD: Final = 1e-2
+SHORTER: Final = (0.3, 0.1, 0.03, 0.01)
+"""Dampings after which shares of a step, the states' too, are tried, and the damping of that step."""
 ALIKE: Final = 3.0
 """By which a difference quotient's step may be off and its column, scaled, still serve."""
 SETTLED: Final = 0.02
@@ -308,11 +312,17 @@ class Fitter:
 
     def _lower(self, at: Fitted, damping: float) -> tuple[Fitted | None, float]:
         """A step that lowers the cost, None where none does, and the damping for the next one."""
-        for _ in range(10):
+        for attempt in range(10):
             moved = self.evaluated(self._moved(at, damping))
             if moved.cost < at.cost:
                 return moved, damping / 10 if damping > 1e-6 else 0.0
             damping = max(1e-5, 10 * damping)
+            if attempt == PATIENT:
+                # No damping holds the states, of which a force at rest is far from linear.
+                for share in SHORTER:
+                    moved = self.evaluated(self._moved(at, HELD, share))
+                    if moved.cost < at.cost:
+                        return moved, HELD
         return None, damping
 
     def _step(self, at: Fitted, damping: float) -> Floats:
@@ -337,17 +347,19 @@ class Fitter:
                 return step
             held |= stopped
 
-    def _moved(self, at: Fitted, damping: float) -> Fitted:
-        step = self._step(at, damping)
+    def _moved(self, at: Fitted, damping: float, share: float = 1.0) -> Fitted:
+        """A ``share`` of the way to the minimum of what is linear at ``at``."""
+        step = share * self._step(at, damping)
         parameters = dict(at.parameters)
         for free, change in zip(at.free, step, strict=True):
-            parameters[free.name] = float(parameters[free.name] + free.step * change)
+            # A step to a bound may miss it by a rounding.
+            parameters[free.name] = float(np.clip(parameters[free.name] + free.step * change, free.low, free.high))
         parameters = passive(parameters, self.axes)
         # What passivity took back counts for the states as well.
         step = np.array([(parameters[f.name] - at.parameters[f.name]) / f.step for f in at.free])
         starts = []
         for run, start in enumerate(at.starts):
-            change = at.fill[run][:, -1] - at.fill[run][:, : at.known] @ step
+            change = share * at.fill[run][:, -1] - at.fill[run][:, : at.known] @ step
             sizes = self._state_steps(at, run)
             starts.append({name: start[name] + sizes[name] * float(c) for name, c in zip(start, change, strict=True)})
         return bare(replace(at, parameters=parameters, starts=tuple(starts)))

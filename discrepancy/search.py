@@ -21,6 +21,7 @@ from discrepancy.effect_file import Term
 from discrepancy.fitted import Fitted, Free
 from discrepancy.limits import clip_level, masked
 from discrepancy.locate import noise_level
+from discrepancy.more_modes import Copy
 from discrepancy.openings import Opening, opened, parts
 from discrepancy.refit import DEFAULT, Fitter
 from discrepancy.scan import Scan, Scored, best_of, next_peaks, other_forms, scanned, sure
@@ -100,7 +101,7 @@ class Dropped(NamedTuple):
 
 class Search:
     """The state of a search: what is accepted, and the model fitted with it (``at``, over the runs of ``fitter``);
-    ``terms``: by further search, what it added to the model."""
+    ``terms``: by further search, what it added to the model; ``copies``: effects that wait for others."""
 
     def __init__(
         self,
@@ -116,6 +117,7 @@ class Search:
         self.fitter: Fitter
         self.keep: Callable[[Mapping[str, Any]], None] | None = None
         self.refitted_state: Mapping[str, Any] | None = None
+        self.copies: Mapping[str, Copy] = {}
         self.clip: float | None = None
         self.measured = dataset
         self.found: list[tuple[Blemish, Found]] = []
@@ -264,6 +266,8 @@ class Search:
 
     def finish(self, max_effects: int) -> None:
         """Questions all that was accepted, as far as the time goes."""
+        for place in range(len(self.accepted)):
+            self.attempt(f"refit without a part of {self.accepted[place].id}", partial(self._fade, place))
         if self.terms:
             # A term in no file may make a name needless: first each is held against the others.
             self._exchange()
@@ -353,10 +357,13 @@ class Search:
 
     @property
     def present(self) -> list[str]:
-        """Effects that are not to be scored: accepted, believed by the lab to be there, or given up."""
+        """Effects that are not to be scored: accepted, believed by the lab to be there, given up, or to come after
+        another."""
         believed = [e.id for e in nameable(self.simulator.model)
                     if any(self.nominal.get(q.name, q.start) != q.start for q in e.sizes)]  # fmt: skip
-        return [*believed, *(a.id for a in self.accepted), *self.refused]
+        accepted = [a.id for a in self.accepted]
+        waiting = [name for name, copy in self.copies.items() if copy.after and copy.after not in accepted]
+        return [*believed, *accepted, *self.refused, *waiting]
 
     def _believed(self) -> list[Free]:
         """Sizes of effects that the nominal model has: fitted with it."""
@@ -458,8 +465,15 @@ class Search:
             enough = view.at.cost - self._needed(fit) * view.at.variance
             goal = min((f.at.cost + 4 * self.criteria.even * f.at.variance for f in fits), default=enough)
             ends = [view.of(fit.at, goal, rounds), *(also(view, fit, goal) if also else ())]
-            fits.append(fit._replace(at=min(ends, key=lambda at: at.cost)))
+            fits.append(fit._replace(at=self._simplest(ends, fit.score.inflation)))
         return fits
+
+    def _simplest(self, ends: Sequence[Fitted], inflation: float) -> Fitted:
+        """The best of fits of one effect; a part of it that may vanish has to earn its parameters, where chance brings
+        ``inflation`` times what it brings of white noise."""
+        best = min(ends, key=lambda at: at.cost)
+        price = self.criteria.simpler * inflation * best.variance
+        return min(ends, key=lambda at: at.cost + price * len(at.free)) if best.cost < np.inf else best
 
     def _otherwise(self, view: Opening, fit: Refit, goal: float) -> list[Fitted]:
         """Fits that begin elsewhere, where one of all parameters at once may end in a wrong minimum: of a resonance
@@ -474,10 +488,8 @@ class Search:
 
     def _in_stages(self, view: Opening, fit: Refit, goal: float, part: Fading) -> list[Fitted]:
         """The effect without a part of it, then that part where it shows most beside."""
-        candidate, held = fit.candidate, {part.size.name, *(q.name for q in part.shapes)}
-        less = replace(candidate, shapes={**candidate.shapes, part.size.name: 0.0},
-                       searched=tuple(q for q in candidate.searched if q.name not in held))  # fmt: skip
-        plain = view.of(self.with_effect(view.fitter, view.at, less, fit.score))
+        candidate = fit.candidate
+        plain = view.of(self.with_effect(view.fitter, view.at, _without_part(candidate, part), fit.score))
         points = self.library.grids.wider(part.shapes, candidate.shapes)
         probe = Probe(part.size, part.size.typical * PART, 1)
         found = [Candidate(candidate.effect, (probe,), point, part.shapes, len(points)) for point in points]
@@ -550,6 +562,19 @@ class Search:
         rest = {name: value for name, value in at.parameters.items() if name not in entry.names}
         return self.fitter.evaluated(replace(at, parameters=rest, free=free))
 
+    def _fade(self, place: int) -> None:
+        """Takes out of an effect the part that may vanish, where its interval holds that it has."""
+        entry = self.accepted[place]
+        part = fading(entry.candidate)
+        deviation = self.fitter.deviations(self.at).get(part.size.name, 0.0) if part else 0.0
+        if part is None or self.at.parameters[part.size.name] >= 1.96 * deviation:
+            return
+        candidate = _without_part(entry.candidate, part)
+        free = tuple(f for f in self.at.free if f.name not in part.names)
+        begun = replace(self.at, parameters={**self.at.parameters, part.size.name: 0.0}, free=free)
+        self._settle(self.fitter.evaluated(begun), nearly_settled)
+        self.accepted[place] = replace(entry, candidate=candidate)
+
     def _delete(self) -> None:
         """Backward deletion: without each effect that the others have made needless."""
         for entry in list(self.accepted):
@@ -569,6 +594,21 @@ class Search:
             self.progress(f"deleted {entry.id}")
             self.accepted.remove(entry)
             self._settle(fitted)
+            self._first_of_its_kind(entry)
+
+    def _first_of_its_kind(self, gone: Accepted) -> None:
+        """Where ``gone`` was the first of two of a kind, the other has its name."""
+        for place, entry in enumerate(self.accepted):
+            copy = self.copies.get(entry.id)
+            if copy and copy.further and copy.after == gone.id:
+                own = zip(entry.candidate.effect.parameters, gone.candidate.effect.parameters, strict=True)
+                names = {mine.name: first.name for mine, first in own}
+                p = {name: value for name, value in self.at.parameters.items() if name not in names.values()}
+                free = tuple(replace(f, name=names.get(f.name, f.name)) for f in self.at.free)
+                moved = replace(self.at, parameters={names.get(n, n): v for n, v in p.items()}, free=free)
+                self.fitter.forget()
+                self.at = self.fitter.evaluated(moved)
+                self.accepted[place] = replace(entry, candidate=entry.candidate.renamed(gone.candidate.effect, names))
 
     def _exchange(self, *, only_record: bool = False) -> None:
         """With all in: could another effect stand in the place of each? One that fits better takes it, one that fits as
@@ -612,6 +652,7 @@ class Search:
             self.dropped.append(failing)
             self.accepted.remove(entry)
             self._settle(self.without_effect(self.at, entry))
+            self._first_of_its_kind(entry)
         self.simulator.clock.check()
         self.questioned = True
 
@@ -682,11 +723,18 @@ class Search:
         """Effects that explain what ``entry`` does nearly as well, by their columns at the present fit."""
         least = self._takes(entry)
         others = [i for i, f in enumerate(self.scan.at.free) if f.name not in entry.names]
+        further = {name for name, copy in self.copies.items() if copy.further and copy.after == entry.id}
         near = [(c, s) for c, s in self.scan.scores(others, self.accepted.index(entry))
-                if s.gain > least.gain - 4 * self.criteria.even * least.inflation - 0.1 * least.gain]  # fmt: skip
+                if s.gain > least.gain - 4 * self.criteria.even * least.inflation - 0.1 * least.gain
+                and c.effect.id not in further]  # fmt: skip
         best = best_of(near, self.criteria)[:RIVALS]
         return [*best, *(form for c, _ in best for form in other_forms(c, near))]
 
 
 def _neutral(entry: Accepted) -> dict[str, float]:
     return {p.quantity.name: p.quantity.start for p in entry.candidate.probes}
+
+
+def _without_part(candidate: Candidate, part: Fading) -> Candidate:
+    searched = tuple(q for q in candidate.searched if q.name not in part.names)
+    return replace(candidate, shapes={**candidate.shapes, part.size.name: 0.0}, searched=searched)

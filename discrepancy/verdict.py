@@ -11,7 +11,7 @@ import numpy as np
 from discrepancy.answer import Finding, Stage, Value
 from discrepancy.colour import gain
 from discrepancy.locate import noise_level
-from discrepancy.measures import misfits, start_fitted
+from discrepancy.measures import misfits, start_fitted, start_known
 from discrepancy.repeats import repeated_noise
 from discrepancy.whitening import coloured_power
 
@@ -83,11 +83,19 @@ def remainder(
     noise, final, refit = floor * (1 + memory) ** 0.5, gaps["final"], gaps["refit"]
     if not np.isfinite(final):
         return Remainder(1.0, float("inf"), True, True)
+    limit = limits.open_coloured if memory > 0 else limits.open_white
+    if final > limit * noise:
+        final = min(final, _with_start_known(search, last))
     share = float(np.clip((final**2 - noise**2) / max(refit**2, 1e-300), 0.0, 1.0))
     ratio = final / max(noise, 1e-300)
-    limit = limits.open_coloured if memory > 0 else limits.open_white
     significant = (ratio > limit and share > limits.left) or search.fitter is not search.whole
     return Remainder(share, float(ratio), ratio > limit, bool(significant))
+
+
+def _with_start_known(search: "Search", last: Stage) -> float:
+    """The misfit of a stage on held-out runs whose initial states are fitted to all of them."""
+    runs = search.dataset.held_out
+    return misfits(runs, {run.name: start_known(search.simulator, run, last.parameters) for run in runs})[""]
 
 
 def worse_without(search: "Search", stages: tuple[Stage, ...], gaps: Mapping[str, Any]) -> dict[str, str]:

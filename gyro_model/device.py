@@ -50,7 +50,7 @@ of the laboratory; narrower than where the arithmetic overflows or the motion is
 @dataclass(frozen=True)
 class Device:
     """A device: ``parameters`` by FMU name in SI, ``intervals`` likewise as (low, high), ``controller`` as in
-    CONTROLLER_UNITS, ``rate_mode`` as in RATE_MODE_UNITS.
+    CONTROLLER_UNITS, ``rate_mode`` as in RATE_MODE_UNITS; ``fitted``: to a record, of whatever mechanism that is.
 
     Raises InputError where a name is unknown, a value is out of bounds, or stiffness or damping is not that of a
     passive device.
@@ -62,6 +62,7 @@ class Device:
     controller: Mapping[str, float] = field(default_factory=dict)
     model: Model = field(default_factory=load_model, repr=False, compare=False)
     rate_mode: Mapping[str, float] = field(default_factory=dict)
+    fitted: bool = False
 
     def __post_init__(self) -> None:
         for name, value in self.parameters.items():
@@ -71,7 +72,8 @@ class Device:
         _check_table("controller", self.controller, CONTROLLER_UNITS)
         _check_table("rate_mode", self.rate_mode, RATE_MODE_UNITS)
         check_passive(self.all_parameters)
-        _check_describable(self.all_parameters)
+        if not self.fitted:
+            _check_describable(self.all_parameters)
 
     @property
     def all_parameters(self) -> dict[str, float]:

@@ -268,7 +268,7 @@ def improved_device(name: str, data: "Dataset", model: Model, found: "Diagnosis"
     if data.axes == 1:
         parameters = both_axes(parameters)
     intervals = {n: (float(v.low), float(v.high)) for n, v in known.items() if math.isfinite(v.high - v.low)}
-    return Device(name, {n: float(value) for n, value in parameters.items()}, intervals, {}, model)
+    return Device(name, {n: float(v) for n, v in parameters.items()}, intervals, model=model, fitted=True)
 
 
 def improved_model(data: "Dataset", model: Model, device: Device) -> Model:

@@ -83,9 +83,9 @@ def test_many_grids_do_not_multiply_without_end(swing):
 
 
 def test_a_shape_that_may_vanish_moves_like_a_size_and_others_in_strides():
-    vanishing = free_shape(searched(Grid.around, low=0.0), 0.3, 1 / RATE)
+    vanishing = free_shape(searched(Grid.around, low=0.0), 0.3, 1 / RATE, (0.3, 0.3))
     assert vanishing.bounded(0.3, -1.0) == 0.0
-    staying = free_shape(searched(Grid.around), 0.3, 1 / RATE)
+    staying = free_shape(searched(Grid.around), 0.3, 1 / RATE, (0.1, 1.0))
     assert staying.bounded(0.3, -1.0) == pytest.approx(0.1)
     assert staying.low > 0.0
 

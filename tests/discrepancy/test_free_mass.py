@@ -1,0 +1,83 @@
+"""A mass that no spring holds, with dry friction, moved by a position controller: its own simulation, in fine steps."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from discrepancy.dataset import Dataset, load_dataset
+from discrepancy.linear_start import linear_start
+from discrepancy.naming import diagnose
+from discrepancy.record import Record, make_record
+from gyro_model.model import load_model
+
+RATE, SAMPLES, FINE = 1000.0, 8000, 10
+MASS, VISCOUS, COULOMB, CONSTANT = 95.0, 200.0, 20.0, 3.0
+NOISE = 5e-6
+
+
+def _moves(rng: np.random.Generator) -> np.ndarray:
+    """Positions [m] from point to point, with rests between."""
+    wanted, place, k = np.zeros(SAMPLES), 0.0, 100
+    while k < SAMPLES - 1500:
+        new, length = float(rng.uniform(0, 0.25)), int(rng.uniform(500, 1400))
+        s = np.linspace(0, 1, length)
+        wanted[k : k + length] = place + (new - place) * (10 * s**3 - 15 * s**4 + 6 * s**5)
+        wanted[k + length :] = new
+        place, k = new, k + length + int(rng.uniform(50, 200))
+    return wanted
+
+
+def _record(number: int) -> Record:
+    rng = np.random.default_rng(number)
+    wanted, x, v = _moves(rng), 0.0, 0.0
+    seen, u = np.empty(SAMPLES), np.empty(SAMPLES)
+    for k in range(SAMPLES):
+        seen[k] = x
+        u[k] = MASS * (900 * (wanted[k] - x) - 60 * (x - seen[k - 1]) * RATE * (k > 0))
+        for _ in range(FINE):
+            f = u[k] + CONSTANT - VISCOUS * v
+            if v == 0 and abs(f) <= COULOMB:
+                continue
+            after = v + (f - COULOMB * np.sign(v or f)) / MASS / RATE / FINE
+            # Where it would turn it stops: friction holds it until the force exceeds that.
+            after = 0.0 if v * after < 0 else after
+            x, v = x + 0.5 * (v + after) / RATE / FINE, after
+    seen += NOISE * rng.standard_normal(SAMPLES)
+    role = "held-out" if number == 1 else "fit"
+    return make_record(f"{number}", np.arange(SAMPLES) / RATE, u[:, None], seen[:, None], sample_rate=RATE, role=role)
+
+
+@pytest.fixture(scope="module")
+def runs() -> tuple[Record, Record]:
+    return _record(0), _record(1)
+
+
+def test_its_mass_is_found_without_a_mode(runs: tuple[Record, Record]) -> None:
+    found = linear_start(runs[:1])
+    assert found is not None
+    # Friction, a sixth of the force, is left out.
+    assert found["m"] == pytest.approx(MASS, rel=0.2)
+    assert 0 < found["kxx"] < 1e-3 * found["m"] * (2 * np.pi) ** 2
+
+
+def test_friction_and_a_constant_force_are_named(runs: tuple[Record, Record]) -> None:
+    nominal = linear_start(runs[:1])
+    assert nominal is not None
+    found = diagnose(Dataset(Path(), nominal, runs), load_model(), jobs=1)
+    by_id = {finding.id: finding.parameters for finding in found.effects}
+    assert set(by_id) == {"dry_friction", "constant_force"}
+    # In steps of 0.1 ms the simulation here stops up to one step late: 1e-4 of a move.
+    assert by_id["dry_friction"]["friction_x"].value == pytest.approx(COULOMB, rel=2e-3)
+    assert by_id["constant_force"]["force_x"].value == pytest.approx(CONSTANT, rel=1e-2)
+    assert found.misfit["final"] < 1e-2 * found.misfit["refit"]
+
+
+def test_a_folder_without_nominal_values_is_taken(tmp_path: Path, runs: tuple[Record, Record]) -> None:
+    lines = ["format = 1", "[nominal]"]
+    for run in runs:
+        table = np.column_stack((run.t, run.u, run.v))
+        np.savetxt(tmp_path / f"{run.name}.csv", table, delimiter=",", header="t,u_x,v_x", comments="")
+        lines += ["[[run]]", f'file = "{run.name}.csv"', f"sample_rate = {RATE}"]
+    (tmp_path / "dataset.toml").write_text("\n".join(lines), encoding="utf-8")
+    assert "is empty" in " ".join(load_dataset(tmp_path).notes)
