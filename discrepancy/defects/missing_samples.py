@@ -1,18 +1,22 @@
 """Samples of the voltage that were lost or doubled while the count of time went on: from there on v is early or late.
 
-To first order v_k = v(t_k + n T) differs by n (v_k+1 - v_k) from some k on; the k that explains most is a change point
-(E. S. Page, Biometrika 41, 1954).
+Where little noise is on it, the record shows it by itself: an autoregression with the force as its input predicts each
+sample, and fails where some are lost (outliers in time series: A. J. Fox, J. Royal Statistical Society B 34, 1972);
+their number is that which makes the prediction right again. Where noise hides that, a fit shows it: to first order
+v_k = v(t_k + n T) differs by n (v_k+1 - v_k) from some k on; the k that explains most is a change point (E. S. Page,
+Biometrika 41, 1954).
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from discrepancy.criteria import Criteria
 from discrepancy.defect import Blemish, Data, Found, Level
-from discrepancy.record import Floats, Record
+from discrepancy.record import Bools, Floats, Record
 from gyro_model.quantities import size
 
 SHARE: Final = 0.3
@@ -24,18 +28,53 @@ MOST: Final = 50
 BLIND: Final = 2
 """Samples masked on both sides of a jump."""
 
+ORDER: Final = 12
+"""Of the autoregression: two modes, their noise and a filter."""
+ROWS, ROUNDS = 3000, 3
+"""Samples from which it is taken, and how often those that it predicts badly are left out."""
+NORMAL, FAR = 6.0, 12.0
+"""Robust deviations above which a sample is left out of it, and from which some may be lost there: far beyond what
+rounding and clipping give."""
+PLACES: Final = 20
+"""Of a run that are looked at, where the prediction fails most."""
+AROUND: Final = 40
+"""Samples to both sides by which a number is judged."""
+MENDED, AS_BESIDE = 0.02, 10.0
+"""Share of the square of what is not predicted there, and times that of the samples beside, above which a number
+explains nothing."""
+
+CLEARLY: Final = 3.0
+"""Times as much that any other number must leave: a knock is bridged by several."""
+
 COUNT = size("missing_samples", "1", "samples lost (negative: doubled) in all runs")
 
 
+class _Prediction(NamedTuple):
+    """Of a run: numbers (2 ORDER axes, axes) for the last samples of v and u; deviation (axes,) [V] of what they do not
+    tell; far (n,) in deviations, 0 where a sample or one before it is not valid."""
+
+    numbers: Floats
+    deviation: Floats
+    far: Floats
+
+
 def find(records: Sequence[Record], residuals: Sequence[Floats], criteria: Criteria) -> Found | None:
-    """The largest jump of each run."""
-    data = tuple(_jump(record, residual) for record, residual in zip(records, residuals, strict=True))
-    total = float(sum(own[1] for own in data if own))
+    """The jumps that runs show by themselves, or, where none does, the largest in each run's residual."""
+    data = tuple(map(_jumps, records))
+    if not any(data):
+        data = tuple(_jump(record, residual) for record, residual in zip(records, residuals, strict=True))
+    total = float(sum(sum(own[1::2]) for own in data))
     return Found(data, {"missing_samples": Level(total, total, total)}) if any(data) else None
 
 
+def again(found: Found, record: Record, residual: Floats) -> Data:
+    """The jumps of another run."""
+    return _jumps(record) or _jump(record, residual)
+
+
 def without(record: Record, data: Data) -> Record:
-    """The run with v put back by the samples lost, what is unknown masked; data: sample and number of each jump."""
+    """The run with v put back by the samples lost, what is unknown masked; data: sample and number of each jump, the
+    last first."""
     v, valid = record.v.copy(), record.valid.copy()
     for k, n in zip(map(int, data[::2]), map(int, data[1::2]), strict=True):
         moved, count = np.arange(k, len(v)) - n, len(v)
@@ -47,7 +86,99 @@ def without(record: Record, data: Data) -> Record:
     return replace(record, v=v, valid=valid)
 
 
+def _jumps(record: Record) -> Data:
+    """All of a run, the last first, by its own prediction."""
+    if len(record.t) < 10 * AROUND:
+        return ()
+    told = _predicted(record)
+    if told is None:
+        return ()
+    places: list[int] = []
+    for k in np.flatnonzero(told.far > FAR):
+        # One loss is seen as long as samples before it are used.
+        if not places or k - places[-1] > ORDER:
+            places.append(int(k))
+    inner = [k for k in places if 2 * AROUND < k < len(record.t) - 2 * AROUND]
+    worst = sorted(inner, key=lambda k: told.far[k : k + ORDER].max())[-PLACES:]
+    found = [(k, n) for k in sorted(worst) if (n := _number(record, told, k))]
+    return tuple(float(value) for pair in reversed(found) for value in pair)
+
+
+def _predicted(record: Record) -> _Prediction | None:
+    """The autoregression, None where there is nothing to predict from."""
+    signals, n = np.hstack((record.v, record.u)), len(record.t)
+    past = sliding_window_view(signals, ORDER, axis=0)[:-1].reshape(n - ORDER, -1)
+    now = record.v[ORDER:]
+    usable = sliding_window_view(record.valid, ORDER + 1).all(axis=1)
+    scale = np.sqrt(np.mean(past**2, axis=0))
+    scale[scale == 0] = 1.0
+    rows = np.flatnonzero(usable)
+    if len(rows) < 10 * past.shape[1]:
+        return None
+    few = rows[:: max(len(rows) // ROWS, 1)]
+    kept = np.ones(len(few), np.bool_)
+    for _ in range(ROUNDS):
+        numbers = np.linalg.lstsq(past[few][kept] / scale, now[few][kept], rcond=1e-13)[0]
+        error = now[few] - past[few] / scale @ numbers
+        # The median of a normal deviation's size.
+        deviation = np.median(np.abs(error), axis=0) / 0.6745
+        if not (deviation > 0).all():
+            return None
+        kept = (np.abs(error) < NORMAL * deviation).all(axis=1)
+        if kept.sum() < 5 * past.shape[1]:
+            return None
+    far = np.zeros(n)
+    error = now - past / scale @ numbers
+    far[ORDER:] = np.where(usable, np.max(np.abs(error) / deviation, axis=1), 0.0)
+    return _Prediction(numbers / scale[:, None], deviation, far)
+
+
+def _number(record: Record, told: _Prediction, k: int) -> int:
+    """How many samples were lost before ``k``, negative: doubled; 0 where none of up to ORDER explains what happens:
+    more the prediction does not bridge."""
+    begin, end = k - AROUND - ORDER, k + AROUND
+    v, u = record.v[begin : end + ORDER], record.u[begin : end + ORDER]
+    if len(v) < end + ORDER - begin or not record.valid[begin : end + ORDER].all():
+        return 0
+    place, length = k - begin, end - begin
+    beside = float(np.mean(np.delete(told.far[k - AROUND : end], slice(AROUND, AROUND + ORDER + 1)) ** 2))
+    none = np.zeros(length, np.bool_)
+    limit = min(MENDED * _unexplained(v[:length], u[:length], none, told), AS_BESIDE * beside)
+    left = {}
+    for n in (0, *(n for count in range(1, ORDER + 1) for n in (count, -count))):
+        kept = v[place - min(n, 0) :][: length - place]
+        moved = np.vstack((v[:place], np.zeros((max(n, 0), v.shape[1])), kept))
+        # Of none it may be the one sample that is off.
+        unknown = np.zeros(len(moved), np.bool_)
+        if n >= 0:
+            unknown[place : place + max(n, 1)] = True
+        left[n] = _unexplained(moved, u[: len(moved)], unknown, told)
+    first, second, *_ = sorted(left, key=lambda n: left[n])
+    return first if left[first] < min(limit, left[second] / CLEARLY) else 0
+
+
+def _unexplained(v: Floats, u: Floats, unknown: Bools, told: _Prediction) -> float:
+    """Mean square, in deviations, of what is not predicted of v with its ``unknown`` samples chosen for the least."""
+    axes, rows = v.shape[1], len(v) - ORDER
+    past = sliding_window_view(np.hstack((v, u)), ORDER, axis=0)[:-1].reshape(rows, -1)
+    rest = ((v[ORDER:] - past @ told.numbers) / told.deviation).ravel()
+    places = np.flatnonzero(unknown)
+    if len(places) == 0:
+        return float(np.mean(rest**2))
+    # What one sample changes: itself, and the predictions of those that follow.
+    made = np.zeros((len(places), axes, rows + ORDER + 1, axes))
+    for axis in range(axes):
+        follow = -told.numbers[axis * ORDER : (axis + 1) * ORDER][::-1]
+        change = np.vstack((np.eye(axes)[axis], follow)) / told.deviation
+        for own, k in zip(made[:, axis], places, strict=True):
+            own[k - ORDER : k + 1] = change
+    columns = made[:, :, :rows].reshape(len(places) * axes, -1).T
+    rest = rest - columns @ np.linalg.lstsq(columns, rest, rcond=None)[0]
+    return float(np.sum(rest**2) / max(len(rest) - columns.shape[1], 1))
+
+
 def _jump(record: Record, residual: Floats) -> Data:
+    """The largest that the residual shows."""
     slope = np.gradient(record.v - residual, axis=0)
     usable = record.valid[:, None]
     # From the end: what each k would explain of all that comes after.
@@ -71,7 +202,8 @@ DEFECT = Blemish(
     id="missing_samples",
     parameters=(COUNT,),
     signature="from an instant on the residual is the voltage's slope, for a whole number of samples",
-    source="E. S. Page, Biometrika 41, 1954",
+    source="A. J. Fox, J. Royal Statistical Society B 34, 1972; E. S. Page, Biometrika 41, 1954",
     find=find,
     without=without,
+    again=again,
 )

@@ -314,3 +314,51 @@ def test_mains_of_short_runs_are_found_though_one_is_driven_there() -> None:
     again = blemish("mains").again
     assert again is not None
     assert blemish("mains").without(other, again(found, other, other.v)).v.std() == pytest.approx(NOISE, rel=0.02)
+
+
+def _vibrating(seed: int = 0, samples: int = 6000) -> Record:
+    """A mode at a sixtieth of the sample rate under a noise of many tones, 1e-4 of it as noise on the voltage."""
+    rng = np.random.default_rng(seed)
+    k = np.arange(samples)
+    f, phase = rng.uniform(0.005, 0.03, 40), rng.uniform(0, 2 * np.pi, 40)
+    u = np.sin(2 * np.pi * f * k[:, None] + phase).sum(axis=1)
+    a = 2 * 0.999 * np.cos(2 * np.pi / 60), -(0.999**2)
+    v = lfilter([0, 1.0], [1, -a[0], -a[1]], u)
+    v = v / np.std(v) + 1e-4 * rng.standard_normal(samples)
+    return make_record("run", k / RATE, u[:, None], v[:, None], sample_rate=RATE)
+
+
+@pytest.mark.parametrize(
+    "lost", [{1500: 1}, {900: 1, 4100: 1}, {2000: 7, 3000: -2, 5000: 1}, {1000: -1, 1100: 1}, {2500: 11}]
+)
+def test_each_loss_shows_in_the_record_itself(lost: dict[int, int]) -> None:
+    whole = _vibrating()
+    source = np.arange(len(whole.t) + 100)
+    for k, n in sorted(lost.items(), reverse=True):
+        # From the last on: places are those of the record as it is.
+        source = np.delete(source, np.arange(k, k + n)) if n > 0 else np.insert(source, k, source[k + n : k])
+    source = source[source < len(whole.t)][: len(whole.t)]
+    v = np.vstack((whole.v[source], np.repeat(whole.v[-1:], len(whole.t) - len(source), axis=0)))
+    late = replace(whole, v=v)
+    found = blemish("missing_samples").find([late], [np.zeros_like(v)], Criteria())
+    assert found is not None
+    assert found.levels["missing_samples"].value == sum(lost.values())
+    clean = blemish("missing_samples").without(late, found.data[0])
+    inner = clean.valid & (np.arange(len(whole.t)) < len(whole.t) - 100)
+    # Where the motion turns a loss shows a sample late; such a sample is off by less than a hundredth of the motion.
+    assert np.abs(clean.v - whole.v)[inner].max() < 1e-2
+    assert np.mean(np.abs(clean.v - whole.v)[inner] > 0) < 1e-3
+    assert clean.valid.mean() > 0.95
+
+
+@pytest.mark.parametrize("kind", ["clean", "outliers", "clipped", "bent"])
+def test_no_loss_is_seen_where_none_is(kind: str) -> None:
+    whole = _vibrating(1)
+    v = whole.v.copy()
+    if kind == "outliers":
+        v[::500] += 0.5
+    if kind == "clipped":
+        v = np.clip(v, -1.5, 1.5)
+    if kind == "bent":
+        v = v + 0.05 * v**3
+    assert blemish("missing_samples").find([replace(whole, v=v)], [np.zeros_like(v)], Criteria()) is None
