@@ -42,6 +42,8 @@ class Criteria:
     were above, whose noise was known."""
     open_coloured: float = 1.5
     """The same where noise has a memory: its mean square over a run scatters by as much as a third."""
+    far_above: float = 5.0
+    """The same from which something is left however small a share that is: a louder run shows what it is of."""
     noise_chance: float = 1e-8
     """Probability by chance at which innovations count as not white, by the largest of their spectral lines."""
     worse: float = 1.02
@@ -88,8 +90,8 @@ class Criteria:
 BOUNDS: Final[Mapping[str, Bounds]] = {
     "effect_chance": (1e-15, 0.1), "term_chance": (1e-15, 0.1), "clip_chance": (1e-15, 0.1), "material": (0.0, 0.5),
     "even": (0.0, 1e15), "simpler": (0.0, 100.0), "unseen": (0.0, 20.0), "left": (0.0, 1.0),
-    "open_white": (1.0, 100.0), "open_coloured": (1.0, 100.0), "noise_chance": (1e-15, 0.1), "worse": (1.0, 10.0),
-    "thermal": (1.0, 1e6), "jitter": (1e-6, 1.0), "timer": (1e-6, 1.0), "coloured": (0.1, 1e6),
+    "open_white": (1.0, 100.0), "open_coloured": (1.0, 100.0), "far_above": (1.0, 1e6), "noise_chance": (1e-15, 0.1),
+    "worse": (1.0, 10.0), "thermal": (1.0, 1e6), "jitter": (1e-6, 1.0), "timer": (1e-6, 1.0), "coloured": (0.1, 1e6),
     "prior_none": (0.0, 0.5), "time_limit": (1.0, 1e6)}  # fmt: skip
 """What each may be."""
 

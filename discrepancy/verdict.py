@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 ROUNDS: Final = 8
 """Steps of a fit without an effect: enough to see whether held-out runs are better without it."""
 
+LOUDER: Final = 3.0
+"""Times the noise of the runs to fit, and the motion's ratio, that held-out runs may have: sensors differ by as much
+over their range."""
+
 
 class Remainder(NamedTuple):
     """What the final model leaves of the held-out runs: share of the refit's residual power, noise taken off; ratio of
@@ -74,6 +78,7 @@ def remainder(
         colour = search.at.whiten.setting.colour
         floor = noise_level([last.residuals[run.name] for run in runs], runs, last.parameters, colour) / rms
         floor *= gain(colour) ** 0.5 if colour else 1.0
+    floor = min(floor, _at_most(search) / min(rms, search.fitter.signal))
     parts = {"bandwidth": "thermal_force", "corner": "flicker_noise"}
     without = {part: 0.0 for part, name in parts.items() if name in absurd}
     memory = _memory(search, without)
@@ -88,8 +93,18 @@ def remainder(
         final = min(final, _with_start_known(search, last))
     share = float(np.clip((final**2 - noise**2) / max(refit**2, 1e-300), 0.0, 1.0))
     ratio = final / max(noise, 1e-300)
-    significant = (ratio > limit and share > limits.left) or search.fitter is not search.whole
+    enough = share > limits.left or ratio > limits.far_above
+    significant = (ratio > limit and enough) or search.fitter is not search.whole
     return Remainder(share, float(ratio), ratio > limit, bool(significant))
+
+
+def _at_most(search: "Search") -> float:
+    """The most that noise [V rms] may be of runs as loud as those to fit: a model that lacks something which shows in
+    louder ones alone leaves that over all frequencies, where it looks like noise."""
+    at, fitter = search.at, search.fitter
+    colour = at.whiten.setting.colour
+    level = noise_level(at.residuals, fitter.records, at.parameters, colour) * (gain(colour) ** 0.5 if colour else 1.0)
+    return LOUDER * max(level, repeated_noise(search.dataset.records) or 0.0)
 
 
 def _with_start_known(search: "Search", last: Stage) -> float:
