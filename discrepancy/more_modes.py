@@ -14,7 +14,7 @@ from discrepancy.record import Record
 from gyro_model.anatomy import Effect, Force
 from gyro_model.copies import copied
 from gyro_model.errors import InputError
-from gyro_model.model import Model
+from gyro_model.model import EFFECTS_FOLDER, Model
 
 MOST: Final = 2
 """Resonances on an axis beside its own mode: with two axes six modes in all."""
@@ -61,17 +61,18 @@ class Copy:
 
 
 def copies(model: Model, records: tuple[Record, ...]) -> Mapping[str, Copy]:
-    """Copies of the resonant forces of ``model``, by id: for the modes that ``records`` show beside one an axis from
-    the first, others for when the force itself is in the model."""
+    """Copies of the packaged resonant forces of ``model`` that it does not have yet, by id: for the modes that
+    ``records`` show beside one an axis from the first, others for when the force itself is in the model."""
     seen = len(further_modes(records)[1])
     turns = (False, True) if records[0].axes == 2 else (False,)
-    found = {}
+    own, found = {e.id for e in model.effects}, {}
     for effect in (e for e in model.effects if isinstance(e, Force) and _resonates(e)):
         for turned in turns:
             before = "" if turned and seen else effect.id
             for place in range(1 if turned else 2, MOST + 1):
                 suffix = ("_y" if turned else "") + (f"_{place}" if place > 1 else "")
-                found[effect.id + suffix] = Copy(effect, suffix, turned, before, place > 1)
+                if effect.id + suffix not in own:
+                    found[effect.id + suffix] = Copy(effect, suffix, turned, before, place > 1)
                 before = effect.id + suffix
     return found
 
@@ -87,4 +88,5 @@ def without_unused(model: Model, added: Mapping[str, Copy], used: set[str]) -> M
 
 
 def _resonates(effect: Effect) -> bool:
-    return any(q.search is not None and q.search.kind == "resonance" for q in effect.parameters)
+    packaged = (EFFECTS_FOLDER / f"{effect.id}.py").is_file()
+    return packaged and any(q.search is not None and q.search.kind == "resonance" for q in effect.parameters)

@@ -78,3 +78,9 @@ def test_a_copy_waits_for_its_turn() -> None:
         "parasitic_mode_y": "",
         "parasitic_mode_y_2": "parasitic_mode_y",
     }
+
+
+def test_a_model_that_has_a_copy_gets_no_other_of_its_name(tmp_path: Path) -> None:
+    records = _dataset().records[:1]
+    copies(load_model(), records)["parasitic_mode_y"].write(tmp_path)
+    assert set(copies(load_model(tmp_path), records)) == {"parasitic_mode_2", "parasitic_mode_y_2"}
