@@ -3,11 +3,12 @@
 A copy acts on the other axis, or is a second one of its kind, which gets its turn when the one before is in the model.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+from discrepancy.answer import Diagnosis
 from discrepancy.effect_file import joined
 from discrepancy.modes import further_modes
 from discrepancy.record import Record
@@ -82,9 +83,18 @@ def with_copies(model: Model, added: Mapping[str, Copy]) -> Model:
     return joined(model, [copy.effect for copy in added.values()])
 
 
-def without_unused(model: Model, added: Mapping[str, Copy], used: set[str]) -> Model:
-    """The model without the copies that are not ``used``."""
-    return Model(tuple(e for e in model.effects if e.id in used or e.id not in added), model.starts)
+def named(found: Diagnosis, added: Mapping[str, Copy]) -> set[str]:
+    """The copies that the answer speaks of."""
+    findings = (*found.effects, *found.immaterial, *found.record)
+    return added.keys() & {name for f in findings for name in (f.id, *f.either)}
+
+
+def without(found: Diagnosis, unused: Collection[str]) -> Diagnosis:
+    """The answer, and its model, without copies that stood ready in vain."""
+    model = Model(tuple(e for e in found.model.effects if e.id not in unused), found.model.starts)
+    detectable = {name: sizes for name, sizes in found.detectable.items() if name not in unused}
+    absent = {name: sizes for name, sizes in found.absent.items() if name not in unused}
+    return replace(found, model=model, detectable=detectable, absent=absent)
 
 
 def _resonates(effect: Effect) -> bool:

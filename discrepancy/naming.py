@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -20,7 +20,7 @@ from discrepancy.criteria import Criteria
 from discrepancy.dataset import Dataset
 from discrepancy.effect_file import Term, joined
 from discrepancy.fitted import Fitted
-from discrepancy.more_modes import copies, with_copies, without_unused
+from discrepancy.more_modes import copies, named, with_copies, without
 from discrepancy.refit import DEFAULT, Fitter
 from discrepancy.search import Search
 from discrepancy.simulate import Simulator
@@ -137,11 +137,11 @@ def diagnose(
             search.finish(max_effects)
         search.question()
         found = assemble(search)
-        used = {a.id for a in search.accepted} & more.keys()
+        used = named(found, more)
         if further is not None:
             for name in used:
                 more[name].write(further.folder)
-        found = replace(found, model=without_unused(found.model, more, used))
+        found = without(found, more.keys() - used)
     if checkpoint is not None:
         checkpoint.unlink(missing_ok=True)
     return found
