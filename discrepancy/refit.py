@@ -63,7 +63,8 @@ it: near a minimum what is left falls by its square."""
 PATIENT: Final = 5
 HELD: Final = 1e-2
 SHORTER: Final = (0.3, 0.1, 0.03, 0.01)
-"""Dampings after which shares of a step, the states' too, are tried, and the damping of that step."""
+"""Where so many larger dampings have not helped either, shares of a step of damping HELD are tried: they hold the
+initial states too, which no damping does."""
 ALIKE: Final = 3.0
 """By which a difference quotient's step may be off and its column, scaled, still serve."""
 SETTLED: Final = 0.02
@@ -318,7 +319,7 @@ class Fitter:
                 return moved, damping / 10 if damping > 1e-6 else 0.0
             damping = max(1e-5, 10 * damping)
             if attempt == PATIENT:
-                # No damping holds the states, of which a force at rest is far from linear.
+                # A force at rest is far from linear in the states.
                 for share in SHORTER:
                     moved = self.evaluated(self._moved(at, HELD, share))
                     if moved.cost < at.cost:
