@@ -26,6 +26,7 @@ NAMES = (
     "rate_mode",
     "compensation",
     "compensation_memory",
+    "compensation_as_built",
     "diagnosis_speed",
     "silverbox",
     "sensor",

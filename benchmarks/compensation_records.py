@@ -17,10 +17,10 @@ from scipy.signal import lfilter
 from calibration.compensation.record import CIRCUIT, FREQUENCY, STRUCTURE, Blocks, TemperatureTest, make_blocks
 from cosim.rate.courses import ZERO_CELSIUS, Course, rate_step
 from cosim.rate.master import simulate
-from cosim.rate.run import RateRun
+from cosim.rate.run import ENVELOPE_PERIOD, RateRun
 from cosim.rate.steady_state import calibrate, output_at
 from cosim.rate.temperature_sensor import BoardSensor, Bridge
-from gyro_model.device import load_device
+from gyro_model.device import Device, load_device
 
 Floats = NDArray[np.float64]
 
@@ -77,11 +77,14 @@ RAMP_TEST: Final = profile(-20, (-20, 5, 10), (60, 5, 20), (-20, 5, 20))
 """±5 °C/min, faster than any in RAMP_FIT."""
 
 
-def fmu_record(course: Profile, seed: int, closed: bool = False) -> pl.DataFrame:
-    """A record of the packaged device rate-mode on the envelope FMU under rate steps."""
+def fmu_record(
+    course: Profile, seed: int, closed: bool = False, device: Device | None = None, period: float = ENVELOPE_PERIOD
+) -> pl.DataFrame:
+    """A record of ``device``, by default the packaged rate-mode, on the envelope FMU in steps of ``period`` [s], under
+    rate steps."""
     run = RateRun(
-        load_device("rate-mode"), rate_step(TURN, TURN_PERIOD), course.course("profile"), closed,
-        float(np.floor(course.t[-1])), seed=seed, envelope=True, output_rate=ROWS_A_SECOND,
+        device or load_device("rate-mode"), rate_step(TURN, TURN_PERIOD), course.course("profile"), closed,
+        float(np.floor(course.t[-1])), seed=seed, envelope=True, output_rate=ROWS_A_SECOND, envelope_period=period,
     )  # fmt: skip
     return simulate(run).record
 

@@ -1,5 +1,6 @@
 """A temperature test from a table: one that `gyrotwin rate` wrote, or a lab's own with its columns named."""
 
+import re
 from collections.abc import Mapping, Sequence
 from math import radians
 from pathlib import Path
@@ -13,31 +14,33 @@ from cosim.rate.courses import ZERO_CELSIUS
 from discrepancy.import_table import read_lab_table
 from discrepancy.table import numbers
 from gyro_model.errors import InputError, nearest
+from gyro_model.tables import misread, stated_unit
+from gyro_model.units import conversion
 
 Floats = NDArray[np.float64]
 KELVIN: Final = (1.0, -ZERO_CELSIUS)
-COLDEST: Final = -120.0
-HOTTEST: Final = 250.0
-"""Temperatures beyond these [°C] are taken for a wrong unit: high-temperature parts are rated to 225 °C."""
+UNIT_TEXTS: Final = {"degC": "°C", "K": "K"}
 
 
 class Column(NamedTuple):
-    """A column of the record: what it is in the test, and by unit (factor, offset) to what the test holds."""
+    """A column of the record: what it is in the test, by unit (factor, offset) to what the test holds, and its SI unit,
+    in whose units a heading may say what it is in."""
 
     quantity: str
     units: Mapping[str, tuple[float, float]]
     default: str
+    si: str
 
 
 RATE: Final = {"rad/s": (1.0, 0.0), "deg/s": (radians(1), 0.0), "counts": (1.0, 0.0)}
 CELSIUS: Final = {"K": KELVIN, "degC": (1.0, 0.0)}
 COLUMNS: Final[Mapping[str, Column]] = {
-    "t": Column("t", {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "us": (1e-6, 0.0)}, "s"),
-    "rate": Column("rate", RATE, "rad/s"),
-    "rate_true": Column("rate_true", RATE, "rad/s"),
-    "sensor_structure": Column(STRUCTURE, CELSIUS, "K"),
-    "sensor_circuit": Column(CIRCUIT, CELSIUS, "K"),
-    "drive_frequency": Column(FREQUENCY, {"Hz": (1.0, 0.0), "kHz": (1e3, 0.0)}, "Hz"),
+    "t": Column("t", {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "us": (1e-6, 0.0)}, "s", "s"),
+    "rate": Column("rate", RATE, "rad/s", "rad/s"),
+    "rate_true": Column("rate_true", RATE, "rad/s", "rad/s"),
+    "sensor_structure": Column(STRUCTURE, CELSIUS, "K", "K"),
+    "sensor_circuit": Column(CIRCUIT, CELSIUS, "K", "K"),
+    "drive_frequency": Column(FREQUENCY, {"Hz": (1.0, 0.0), "kHz": (1e3, 0.0)}, "Hz", "Hz"),
 }
 """The columns of trace.parquet that a compensation uses."""
 
@@ -51,6 +54,7 @@ def read_test(path: Path, maps: Sequence[str] = (), scales: Sequence[str] = ()) 
     headings, units = _pairs("--map", maps), _pairs("--scale", scales)
     table = read_lab_table(path)
     given = {heading.strip(): heading for heading in table.columns}
+    given |= {bare: heading for heading in table.columns if (bare := _bare(heading)) not in given}
     found = {}
     for name, column in COLUMNS.items():
         heading = headings.get(name, name)
@@ -65,7 +69,7 @@ def read_test(path: Path, maps: Sequence[str] = (), scales: Sequence[str] = ()) 
                     f"(there are {', '.join(given)})"
                 )
             continue
-        factor, offset = _factor(name, column, units.get(name))
+        factor, offset = _factor(name, column, units.get(name), given[heading])
         try:
             found[column.quantity] = factor * numbers(table, given[heading]) + offset
         except InputError as error:
@@ -83,15 +87,13 @@ def read_test(path: Path, maps: Sequence[str] = (), scales: Sequence[str] = ()) 
 
 def _check_celsius(what: str, name: str, values: Floats) -> None:
     """Raises InputError where a temperature [°C] is none that electronics work at: most often another unit."""
-    low, high = float(values.min()), float(values.max())
-    if low >= COLDEST and high <= HOTTEST:
+    doubt = misread(values + ZERO_CELSIUS)
+    if doubt is None:
         return
     remedy = f"give a --scale {name}=FACTOR,OFFSET to K"
-    if low + ZERO_CELSIUS >= COLDEST and high + ZERO_CELSIUS <= HOTTEST:
-        remedy = f"are they in °C? Then give --scale {name}=degC"
-    elif low - ZERO_CELSIUS >= COLDEST and high - ZERO_CELSIUS <= HOTTEST:
-        remedy = f"are they in K? Then give --scale {name}=K"
-    raise InputError(f"{what} reads as {low:.4g} to {high:.4g} °C, at which no gyroscope is tested: {remedy}")
+    if doubt.likely is not None:
+        remedy = f"are they in {UNIT_TEXTS[doubt.likely]}? Then give --scale {name}={doubt.likely}"
+    raise InputError(f"{what} {doubt.text}: {remedy}")
 
 
 def _pairs(option: str, texts: Sequence[str]) -> dict[str, str]:
@@ -106,8 +108,24 @@ def _pairs(option: str, texts: Sequence[str]) -> dict[str, str]:
     return pairs
 
 
-def _factor(name: str, column: Column, text: str | None) -> tuple[float, float]:
-    """Factor and offset from what the table holds to what the test holds."""
+def _bare(heading: str) -> str:
+    """A heading without a unit in brackets."""
+    return re.split(r"[\[(]", heading, maxsplit=1)[0].strip()
+
+
+def _factor(name: str, column: Column, text: str | None, heading: str) -> tuple[float, float]:
+    """Factor and offset from what the table holds to what the test holds: by ``text``, else by the unit in the heading,
+    else in the column's default. Raises InputError where ``text`` and heading differ."""
+    stated = stated_unit(heading, column.si)
+    to_factor, to_offset = column.units[column.default]
+    if stated is not None:
+        # To the default unit, which is SI.
+        own = conversion(stated, column.si)
+        told = (to_factor * own.factor, to_factor * own.offset + to_offset)
+        if text is not None and text in column.units and not np.allclose(column.units[text], told, rtol=1e-12):
+            raise InputError(f"--scale {name}={text}: the heading {heading!r} says {stated}: leave --scale out")
+        if text is None:
+            return told
     if text is None:
         return column.units[column.default]
     if text in column.units:
@@ -119,5 +137,4 @@ def _factor(name: str, column: Column, text: str | None) -> tuple[float, float]:
             f"--scale {name}={text}: give {', '.join(column.units)}, or FACTOR,OFFSET to {column.default}"
             f"{nearest(text, column.units)}"
         ) from None
-    to_factor, to_offset = column.units[column.default]
     return to_factor * factor, to_factor * offset + to_offset

@@ -2,24 +2,28 @@
 and predicted. Nothing else is looked at.
 
 The score is the rms of what remains of rate and scale factor at the blocks left out, each over its noise, so that both
-count in what can be known of them. Of a whole cycle the mean is left out: no method tells the turn-on of the next, and
-one that is luckier with it is no better.
+count in what can be known of them. Of a whole cycle neither the mean nor a walk counts (``wander.py``): no method tells
+the turn-on or the walk of the next, and one that is luckier with them is no better.
 """
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import NDArray
 
 from calibration.compensation.cycles import INNER_PARTS, MEMORY, HoldOut, hold_outs, memory_of
 from calibration.compensation.methods import methods
 from calibration.compensation.methods.method import Asked, Candidate, Fit
 from calibration.compensation.model import Applied
-from calibration.compensation.points import bias_points, scale_points
+from calibration.compensation.points import Points, bias_points, scale_points
 from calibration.compensation.record import Blocks, Floats
+from calibration.compensation.wander import walk_of, whitened
 from gyro_model.errors import InputError, nearest
 
-BEST = "best"
+BEST: Final = "best"
+CURVE: Final = 12
+"""Degree of the curve over temperature beside which a walk is seen: a bend each 7 °C of -20 .. 60."""
 
 
 class Choice(NamedTuple):
@@ -53,13 +57,14 @@ def choose(blocks: Blocks, asked: Asked, among: list[Candidate] | None = None) -
     among = candidates(blocks, asked) if among is None else among
     blocks = blocks.with_inputs(inputs_of_all(among))
     folds = hold_outs(blocks, MEMORY * memory_of(blocks), INNER_PARTS)
+    walk = _walk(blocks)
     best: dict[str, Candidate] = {}
     tried = []
     refusal: InputError | None = None
     for candidate in among:
         try:
             candidate.fit(blocks)
-            held_out, bias_error = score(blocks, folds, candidate.fit)
+            held_out, bias_error = score(blocks, folds, candidate.fit, walk)
         except InputError as error:
             refusal = refusal or error
             continue
@@ -72,9 +77,9 @@ def choose(blocks: Blocks, asked: Asked, among: list[Candidate] | None = None) -
     return Choice(sorted(best.values(), key=lambda candidate: candidate.held_out), tried)
 
 
-def score(blocks: Blocks, folds: list[HoldOut], fit: Fit) -> tuple[float, float]:
+def score(blocks: Blocks, folds: list[HoldOut], fit: Fit, walk: float) -> tuple[float, float]:
     """The rms of residual over noise at blocks left out in turn, those apart that lie beyond what the others cover, and
-    the rms of what remains of the bias [unit]; infinite where no fold can be fitted."""
+    the rms of what remains of the bias [unit]; infinite where no fold can be fitted. walk: of the bias [unit²/s]."""
     total, count = 0.0, 0
     left: list[Floats] = []
     for fold in folds:
@@ -85,26 +90,30 @@ def score(blocks: Blocks, folds: list[HoldOut], fit: Fit) -> tuple[float, float]
         except InputError:
             return np.inf, np.inf
         inside: NDArray[np.bool_] = fold.left_out & ~applied.outside
-        for residual in _residuals(blocks, applied):
-            chosen = residual[inside & np.isfinite(residual)]
-            if fold.whole and len(chosen):
-                chosen = chosen - chosen.mean()
-            total, count = total + float(chosen @ chosen), count + len(chosen)
-        rest = inside & blocks.at_rest
-        left.append(blocks.rate[rest] / applied.scale[rest] - applied.bias[rest])
-    bias = np.concatenate(left)
+        bias, scale = _residuals(blocks, applied, inside)
+        for remains, wander in ((bias, walk), (scale, 0.0)):
+            values = remains.value[:, None]
+            white = whitened(remains, wander, values)[:, 0] if fold.whole else remains.value / remains.noise
+            total, count = total + float(white @ white), count + len(white)
+        left.append(bias.value)
+    found = np.concatenate(left)
     if not count:
         return np.inf, np.inf
-    return float(np.sqrt(total / count)), float(np.sqrt(np.mean(bias**2))) if len(bias) else np.inf
+    return float(np.sqrt(total / count)), float(np.sqrt(np.mean(found**2))) if len(found) else np.inf
 
 
-def _residuals(blocks: Blocks, applied: Applied) -> tuple[Floats, Floats]:
-    """What remains of bias and of scale factor over their noise, shape (n,) each; NaN where a block shows none."""
-    rest = bias_points(blocks, applied.scale)
-    bias, scale = np.full((2, len(blocks)), np.nan)
-    bias[blocks.at_rest] = (rest.value - applied.bias[blocks.at_rest]) / rest.noise
-    found = scale_points(blocks)
-    if len(found.value):
-        where = np.searchsorted(blocks.t, found.blocks.t)
-        scale[where] = (found.value / applied.scale[where] - 1) / found.noise
-    return bias, scale
+def _residuals(blocks: Blocks, applied: Applied, inside: NDArray[np.bool_]) -> tuple[Points, Points]:
+    """What remains of bias and of scale factor at the blocks ``inside``, shape (n,)."""
+    rest, found = bias_points(blocks, applied.scale), scale_points(blocks)
+    bias = rest._replace(value=rest.value - applied.bias[blocks.at_rest])
+    where = np.searchsorted(blocks.t, found.blocks.t)
+    scale = found._replace(value=found.value / applied.scale[where] - 1)
+    return bias.part(inside[blocks.at_rest]), scale.part(inside[where])
+
+
+def _walk(blocks: Blocks) -> float:
+    """Walk of the bias [unit²/s], beside a curve over temperature and all inputs."""
+    points = bias_points(blocks)
+    lead = points.blocks.temperature
+    curve = chebvander(2 * (lead - lead.min()) / max(float(np.ptp(lead)), 1e-12) - 1, CURVE)[:, 1:]
+    return walk_of(points, np.concatenate([curve, np.stack(list(points.blocks.inputs.values()), axis=1)], axis=1))

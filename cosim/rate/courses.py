@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-import polars as pl
 from numpy.typing import NDArray
 
 from cosim.rate_profile import RateProfile
 from gyro_model import units
 from gyro_model.errors import InputError, nearest
+from gyro_model.tables import Table, misread, read_table, stated_unit
 
 Floats = NDArray[np.float64]
 
@@ -21,8 +21,9 @@ HOTTEST: Final = 600.0
 """Temperatures beyond these [K] are taken for a wrong unit."""
 STEP_PATTERN: Final = (0, 1, 0, -1)
 """A rate step: rest, +R, rest, -R, each for a quarter of the period."""
-UNITS: Final = {"temperature_deg_c": ZERO_CELSIUS, "temperature": 0.0}
-"""Columns of a temperature profile [°C, K], and what to add to get K."""
+TIME: Final = "t"
+TEMPERATURES: Final = {"temperature_deg_c": "degC", "temperature": "K"}
+"""Headings of a temperature profile that name no unit, and what it is."""
 LARGEST_JUMP: Final = 1.0
 """A temperature may change by this much from one row of the record to the next [K]: 0.15 Hz of a 5 kHz resonance,
 which no phase loop in use loses; a jump would ring through every row that follows."""
@@ -103,64 +104,43 @@ def temperature_ramp(start: float, stop: float, ramp: float) -> Course:
 
 
 def temperature_table(path: Path) -> Course:
-    """A temperature profile from a CSV file with columns t [s] and temperature_deg_c [°C] or temperature [K], straight
-    lines between the rows.
+    """A temperature profile from a table of any kind, straight lines between the rows.
 
-    Raises InputError for a file that can't be read, unknown columns, fewer than two rows, values that are no numbers,
-    time that does not increase, and a first time that is not 0.
+    Time: the column t, else the first, in the unit of its heading, else s. Temperature: the column whose heading names
+    a unit, such as T [°C] or T_degC; temperature_deg_c is in °C, temperature in K. Others are left aside.
+
+    Raises InputError for a file that can't be read, no such column or more than one, fewer than two rows, values that
+    are no numbers, time that does not increase, a first time that is not 0, and temperatures that are in another unit.
     """
-    table = _read(path)
-    t, temperature = _columns(table, path)
-    if len(t) < 2:
-        raise InputError(f"temperature profile {path}: {len(t)} rows; give two or more")
-    if not (np.isfinite(t).all() and np.isfinite(temperature).all()):
-        row = int(np.argmin(np.isfinite(t) & np.isfinite(temperature)))
-        raise InputError(f"temperature profile {path}: row {row + 1} holds no number: mend or remove it")
+    if not path.is_file():
+        raise InputError(f"temperature profile {path}: no such file; give a table or START,STOP,RAMP in °C, °C/min")
+    table = read_table(path)
+    heading = _temperature_heading(table)
+    time = TIME if TIME in table.headings else table.headings[0]
+    if time == heading:
+        raise InputError(f"temperature profile {path}: no column of times: give one named {TIME}, or let it be first")
+    if len(table) < 2:
+        raise InputError(f"temperature profile {path}: {len(table)} rows; give two or more")
+    t, temperature = table.times(time), table.quantity(heading, "K", TEMPERATURES.get(heading))
     if t[0] != 0:
         raise InputError(f"temperature profile {path}: begins at t = {t[0]:g} s; let it begin at 0")
-    if not (np.diff(t) > 0).all():
-        row = int(np.argmax(np.diff(t) <= 0)) + 1
-        raise InputError(
-            f"temperature profile {path}: t does not increase at row {row + 1} ({t[row - 1]:g} then {t[row]:g} s): "
-            "sort the rows and remove repeated ones"
-        )
-    fits = (temperature > COLDEST) & (temperature < HOTTEST)
-    if not fits.all():
-        row = int(np.argmin(fits))
-        raise InputError(
-            f"temperature profile {path}: {temperature[row] - ZERO_CELSIUS:g} °C in row {row + 1}: "
-            "give temperatures from -173 to 326 °C; is the unit that of the column's name?"
-        )
+    doubt = misread(temperature)
+    if doubt is not None:
+        remedy = f"name the unit in the heading, such as temperature [{doubt.likely or 'degC'}]"
+        raise InputError(f"temperature profile {path}: column {heading!r} {doubt.text}; {remedy}")
     return Course(lambda s: np.interp(s, t, temperature), float(t[-1]), f"profile {path.name}")
 
 
-def _read(path: Path) -> pl.DataFrame:
-    if not path.is_file():
-        raise InputError(f"temperature profile {path}: no such file; give a CSV file or START,STOP,RAMP in °C, °C/min")
-    try:
-        return pl.read_csv(path, infer_schema_length=None)
-    except (pl.exceptions.PolarsError, OSError, UnicodeDecodeError) as error:
-        raise InputError(f"temperature profile {path}: no CSV table: {str(error).splitlines()[0]}") from None
-
-
-def _columns(table: pl.DataFrame, path: Path) -> tuple[Floats, Floats]:
-    known = ("t", *UNITS)
-    for name in table.columns:
-        if name not in known:
-            raise InputError(
-                f"temperature profile {path}: column {name!r} is unknown{nearest(name, known)}; "
-                "give t [s] and temperature_deg_c [°C] or temperature [K]"
-            )
-    given = [name for name in UNITS if name in table.columns]
-    if "t" not in table.columns or len(given) != 1:
-        raise InputError(
-            f"temperature profile {path}: has {', '.join(table.columns)}; "
-            "give t [s] and one of temperature_deg_c [°C], temperature [K]"
-        )
-    t, temperature = (
-        table[name].cast(pl.Float64, strict=False).fill_null(np.nan).to_numpy() for name in ("t", given[0])
+def _temperature_heading(table: Table) -> str:
+    found = [h for h in table.headings if h in TEMPERATURES or stated_unit(h, "K") is not None]
+    if len(found) == 1:
+        return found[0]
+    near = next((near for h in table.headings if (near := nearest(h, TEMPERATURES))), "")
+    some = f"more than one temperature ({', '.join(found)}): leave one" if found else f"no temperature{near}"
+    raise InputError(
+        f"temperature profile {table.name} has {some} (columns: {', '.join(table.headings)}); "
+        "give t [s] and one of temperature_deg_c [°C], temperature [K], or a heading with its unit, such as T [°C]"
     )
-    return t, temperature + UNITS[given[0]]
 
 
 def check_jumps(temperature: Course, duration: float, interval: float) -> None:

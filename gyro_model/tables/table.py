@@ -89,11 +89,16 @@ class Table:
 
 
 def stated_unit(heading: str, si: str) -> str | None:
-    """The unit in a heading, of those of ``si``: in brackets at its end; one such as deg/s may stand free."""
+    """The unit in a heading, of those of ``si``: in brackets at its end, or one of two letters and more behind an
+    underscore, as in t_ms; one such as deg/s may stand free."""
     known = MEASURED.get(si, {})
     match = _IN_BRACKETS.search(heading)
     if match is not None and match[1] in known:
         return match[1]
+    _, underscore, end = heading.strip().rpartition("_")
+    # A single letter is more often a name: T_C of a circuit.
+    if underscore and len(end) > 1 and end in known:
+        return end
     free = [unit for unit in known if "/" in unit and unit in heading]
     # m/s2 before m/s, were there one: the longest is meant.
     return max(free, key=len, default=None)

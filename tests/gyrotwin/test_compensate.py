@@ -9,7 +9,9 @@ import polars as pl
 import pytest
 
 from benchmarks.compensation_records import profile, quasi_static
+from gyro_model.errors import InputError
 from gyrotwin.cli import main
+from gyrotwin.compensate_record import read_test
 
 WARMUP = Path(__file__).parents[2].parent / "shared" / "data" / "warmup" / "Tempdata01-02-14.csv.gz"
 WARMUP_COLUMNS = [
@@ -134,6 +136,24 @@ def test_wrong_input_is_one_line(
     records: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[object, ...], text: str
 ) -> None:
     assert text in refused(capsys, tmp_path, records / "cycle.parquet", *arguments)
+
+
+def test_units_stand_in_the_headings(records: Path, tmp_path: Path) -> None:
+    table = pl.read_parquet(records / "cycle.parquet").head(200)
+    own = table.select(
+        (1e3 * pl.col("t")).alias("t [ms]"), pl.col("rate").degrees().alias("rate (deg/s)"), "rate_true",
+        (pl.col("sensor_structure") - 273.15).alias("sensor_structure [°C]"), (pl.col("sensor_circuit") - 273.15)
+        .alias("board_degC"),
+    )  # fmt: skip
+    own.write_csv(tmp_path / "lab.csv", separator=";", decimal_comma=True)
+    table.write_parquet(tmp_path / "si.parquet")
+    found = read_test(tmp_path / "lab.csv", ("sensor_circuit=board_degC",))
+    wanted = read_test(tmp_path / "si.parquet")
+    for one, other in ((found.t, wanted.t), (found.rate, wanted.rate), *zip(found.signals.values(),
+                       [wanted.signals[name] for name in found.signals], strict=True)):  # fmt: skip
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+    with pytest.raises(InputError, match=r"--scale t=s: the heading 't \[ms\]' says ms: leave --scale out"):
+        read_test(tmp_path / "lab.csv", ("sensor_circuit=board_degC",), ("t=s",))
 
 
 def test_missing_columns_are_named(records: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,8 +4,8 @@
 
 s is a penalised cubic spline of the leading temperature T (Eilers and Marx 1996), m_j are slopes, lags, plays and the
 distance of the other sensor (``derived.py``), c_j are straight lines in T: the bias of a device is a product of what
-the temperature moves. A constant of each cycle's own is fitted beside and left out: what a turn-on adds must not be
-booked on a slow lag. Scale factor alike.
+the temperature moves. What a turn-on adds and a walk that is read off the record are noise to the fit
+(``wander.py``): neither must be booked on a slow lag. Scale factor alike.
 """
 
 from collections.abc import Iterator
@@ -30,7 +30,8 @@ from calibration.compensation.model import (
     inputs_of,
 )
 from calibration.compensation.points import Points, bias_points, scale_points
-from calibration.compensation.record import CIRCUIT, FREQUENCY, RATE_OF, STRUCTURE, Blocks
+from calibration.compensation.record import CIRCUIT, FREQUENCY, RATE_OF, STRUCTURE, Blocks, Floats
+from calibration.compensation.wander import walk_of, whitened
 from gyro_model.errors import InputError
 
 LAGS: Final = (100.0, 300.0, 1000.0, 3000.0)
@@ -43,8 +44,6 @@ PENALTIES: Final = (1e-6, 1e-3)
 """Of second differences of the spline, as in ``spline.py``."""
 RIDGES: Final = (1e-5, 1e-3)
 """Of the weights of the memory, in units of the mean square of a column."""
-FREE: Final = 1e-4
-"""Ridge of the constants of cycles: free but for their mean, which is the spline's."""
 SMALLEST: Final = 1e-9
 
 
@@ -74,7 +73,6 @@ def fit(
 def _fit(points: Points, inputs: tuple[Input, ...], penalty: float, ridge: float, bends: bool) -> Varying:
     x = inputs_of(points.blocks, [i.name for i in inputs])
     lead = inputs[0]
-    middle = float(points.value.mean())
     step = (lead.high - lead.low) / INTERVALS
     knots = lead.low + step * np.arange(-DEGREE, INTERVALS + DEGREE + 1, dtype=np.float64)
     inside = np.clip(x[:, 0], lead.low, np.nextafter(lead.high, lead.low))
@@ -85,28 +83,36 @@ def _fit(points: Points, inputs: tuple[Input, ...], penalty: float, ridge: float
     spans = np.array([0.5 * (i.high - i.low) for i in inputs])
     memory = ((x - centres) / spans)[:, 1:]
     parts = (memory[:, :, None] * lines[:, None, :]).reshape(len(x), -1)
-    numbers = np.unique(points.blocks.cycle)
-    own = (points.blocks.cycle[:, None] == numbers).astype(float) if len(numbers) > 1 else np.zeros((len(x), 0))
-    design = np.concatenate([spline, parts, own], axis=1)
-    gram = design.T @ design
-    width, count = spline.shape[1], parts.shape[1]
-    row = np.diff(np.eye(width), 2, axis=0)
-    gram[:width, :width] += penalty * len(x) * float(np.mean(spline**2)) * row.T @ row
-    least = np.concatenate([np.full(width, SMALLEST), np.full(count, ridge), np.full(own.shape[1], FREE)])
-    weight = np.concatenate([np.full(width, np.mean(spline**2)), np.maximum(np.mean(parts**2, axis=0), SMALLEST),
-                             np.full(own.shape[1], 1.0)])  # fmt: skip
-    gram += np.diag(len(x) * least * weight)
-    weights = np.linalg.solve(gram, design.T @ (points.value - middle))
+    width, design = spline.shape[1], np.concatenate([spline, parts], axis=1)
+    weights = _weights(points, design, width, penalty, ridge)
     poly = PPoly.from_spline(BSpline(knots, weights[:width], DEGREE))
     base = poly.c[::-1, DEGREE : DEGREE + INTERVALS].T.copy()
-    base[:, 0] += middle
+    base[:, 0] += float(np.mean(points.value - design @ weights))
     terms = [Piecewise(poly.x[DEGREE : DEGREE + INTERVALS + 1], base)]
     edges = np.array([lead.low, lead.high])
-    for weight_of, span in zip(weights[width : width + count].reshape(len(inputs) - 1, -1), spans[1:], strict=True):
+    for weight_of, span in zip(weights[width:].reshape(len(inputs) - 1, -1), spans[1:], strict=True):
         slope = weight_of[1] if bends else 0.0
         line = np.array([[weight_of[0] - slope, 2 * slope / (lead.high - lead.low)]]) / span
         terms.append(Piecewise(edges, line))
     return Varying(tuple(terms), centres)
+
+
+def _weights(points: Points, design: Floats, width: int, penalty: float, ridge: float) -> Floats:
+    """Weights of the columns of ``design``, shape (n, k), of which the first ``width`` are the spline's, up to a
+    constant."""
+    walk = walk_of(points, design)
+    white = whitened(points, walk, np.concatenate([design, points.value[:, None]], axis=1))
+    columns, values = white[:, :-1], white[:, -1]
+    gram = columns.T @ columns
+    size = np.diag(gram).copy()
+    spline = float(np.mean(size[:width]))
+    row = np.diff(np.eye(width), 2, axis=0)
+    gram[:width, :width] += penalty * spline * row.T @ row
+    # What hardly moves is not to be divided by.
+    own = ridge * np.maximum(size[width:], SMALLEST * spline)
+    gram += np.diag(np.concatenate([np.full(width, SMALLEST * spline), own]))
+    weights: Floats = np.linalg.solve(gram, columns.T @ values)
+    return weights
 
 
 def _shape(names: tuple[str, ...], penalty: float, ridge: float, bends: bool) -> str:

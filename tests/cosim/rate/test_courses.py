@@ -35,18 +35,36 @@ def test_table_in_either_unit(tmp_path: Path, column: str, shift: float) -> None
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "t [min];Chamber [°C];Humidity\n0,0;20,5;40\n2,0;21,5;41\n",
+        "t_ms,T_degC\n0,20.5\n120000,21.5\n",
+        "T (K)\tt\n293.65\t0\n294.65\t120\n",
+    ],
+)
+def test_units_stand_in_the_headings(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "chamber.txt"
+    path.write_text(text, encoding="utf-8")
+    course = temperature_table(path)
+    assert course.length == pytest.approx(120.0)
+    np.testing.assert_allclose(course.values(np.array([60.0])), 21 + ZERO_CELSIUS)
+
+
+@pytest.mark.parametrize(
     ("text", "says"),
     [
         ("t,temperature_deg_c\n0,20\n5,21\n5,22\n", "does not increase at row 3"),
         ("t,temperature_deg_c\n0,20\n9,21\n5,22\n", "does not increase at row 3"),
-        ("t,temperature_degc\n0,20\n5,21\n", "'temperature_degc' is unknown; did you mean 'temperature_deg_c'"),
-        ("t,temperature,humidity\n0,290\n5,291\n", "'humidity' is unknown"),
+        ("t,temperature_degc\n0,20\n5,21\n", "no temperature; did you mean 'temperature_deg_c'"),
+        ("t,temperature,board [K]\n0,290,291\n5,291,292\n", "more than one temperature .temperature, board"),
+        ("temperature [K],t [s]\n290,0\n291,5\n", "no column of times"),
         ("t\n0\n5\n", "give t .* and one of"),
         ("t,temperature_deg_c\n0,20\n", "1 rows; give two or more"),
-        ("t,temperature_deg_c\n0,20\n5,warm\n", "row 2 holds no number"),
+        ("t,temperature_deg_c\n0,20\n5,warm\n", "'warm' in row 2, not a finite number"),
         ("t,temperature_deg_c\n3,20\n5,21\n", "begins at t = 3 s"),
-        ("t,temperature\n0,20\n5,21\n", "is the unit that of the column's name"),
-        ("", "no CSV table"),
+        ("t,temperature\n0,20\n5,21\n", r"name the unit in the heading, such as temperature .degC."),
+        ("t,temperature_deg_c\n0,298\n5,299\n", r"name the unit in the heading, such as temperature .K."),
+        ("", "no table with a header line"),
     ],
 )
 def test_wrong_tables_are_refused(tmp_path: Path, text: str, says: str) -> None:
@@ -58,7 +76,7 @@ def test_wrong_tables_are_refused(tmp_path: Path, text: str, says: str) -> None:
 
 
 def test_missing_table_says_what_else_to_give(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such file; give a CSV file or START,STOP,RAMP"):
+    with pytest.raises(InputError, match="no such file; give a table or START,STOP,RAMP"):
         temperature_table(tmp_path / "none.csv")
 
 
