@@ -1,7 +1,8 @@
 """A bias that wanders: a random walk beside the white noise of the blocks, an offset of its own in every cycle.
 
 Least squares that takes both for white books the walk on whatever input moves as slowly. Here the values of a cycle are
-taken as differences, of which the offset drops out, and these are made white: their covariance has two diagonals,
+taken as differences, of which the offset drops out, and these are made white: their covariance has two diagonals
+(docs/theory/compensation.md, eq. 4),
 
     <(d_k)²> = σ_k² + σ_{k+1}² + q (t_{k+1} - t_k),  <d_k d_{k+1}> = -σ_{k+1}²
 

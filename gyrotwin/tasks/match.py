@@ -58,7 +58,7 @@ def match(
         str | None,
         typer.Option(
             metavar="T | START,STOP,RAMP | FILE",
-            help="Ambient: °C, a ramp in °C, °C, °C/min, or a CSV file with t [s] and temperature_deg_c; default: 25.",
+            help="Ambient: °C, a ramp in °C, °C, °C/min, or a table with t and temperature_deg_c; default: 25.",
         ),
     ] = None,
     rate_step: Annotated[float | None, typer.Option(help="Rest, +R, rest, -R again and again, deg/s.")] = None,

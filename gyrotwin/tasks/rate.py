@@ -75,7 +75,7 @@ def rate(
         str | None,
         typer.Option(
             metavar="T | START,STOP,RAMP | FILE",
-            help="Ambient: °C, a ramp in °C, °C, °C/min, or a CSV file with t [s] and temperature_deg_c; default: 25.",
+            help="Ambient: °C, a ramp in °C, °C, °C/min, or a table with t and temperature_deg_c; default: 25.",
         ),
     ] = None,
     scenario: Annotated[

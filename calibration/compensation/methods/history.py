@@ -111,8 +111,7 @@ def _weights(points: Points, design: Floats, width: int, penalty: float, ridge: 
     # What hardly moves is not to be divided by.
     own = ridge * np.maximum(size[width:], SMALLEST * spline)
     gram += np.diag(np.concatenate([np.full(width, SMALLEST * spline), own]))
-    weights: Floats = np.linalg.solve(gram, columns.T @ values)
-    return weights
+    return np.asarray(np.linalg.solve(gram, columns.T @ values), dtype=np.float64)
 
 
 def _shape(names: tuple[str, ...], penalty: float, ridge: float, bends: bool) -> str:
