@@ -8,6 +8,7 @@ blocks of the other cycles, or a sum of splines fitted on them: whichever leaves
 """
 
 from collections.abc import Iterator
+from functools import partial
 from itertools import combinations
 from typing import Final, NamedTuple
 
@@ -24,6 +25,8 @@ REPEATS: Final = 0.02
 """Cycles repeat where their temperatures differ by less than this, rms, of the range."""
 SHIFT: Final = 0.1
 """They are laid upon each other by a shift of at most this share of their length."""
+GAP: Final = 5.0
+"""Times the usual distance of two blocks at rest: nothing is read off between."""
 NEIGHBOURS: Final = (6, 10, 16, 32, 64)
 """Blocks of which a local plane is made: the number that leaves least counts."""
 SMOOTH: Final = 1e-4
@@ -49,14 +52,24 @@ class Floors(NamedTuple):
     history: Floor | str
 
 
-def floors(cycles: list[Blocks]) -> Floors:
-    """Of cycles of one device, the one held out among them."""
-    rests = [cycle.part(cycle.at_rest) for cycle in cycles]
-    rests = [rest for rest in rests if len(rest) >= NEIGHBOURS[0]]
+def floors(cycles: list[Blocks], compensated: list[Blocks] | None = None, *, remembers: bool = True) -> Floors:
+    """Of cycles of one device, the one held out among them.
+
+    compensated: the same after a compensation. It is a function of the inputs' history, so that the floor stays, but
+    cycles that repeat only nearly, or have a gap, differ by less; the same holds of the present inputs unless it
+    ``remembers``.
+    """
+    rests = _at_rest(cycles)
     if len(rests) < 2:
         reason = "needs repeated cycles: record two or more, better three (±50 %)"
         return Floors(reason, reason)
-    return Floors(_present(rests), _history(rests))
+    after = rests if compensated is None else _at_rest(compensated)
+    return Floors(_present(rests if remembers else after), _history(after))
+
+
+def _at_rest(cycles: list[Blocks]) -> list[Blocks]:
+    rests = [cycle.part(cycle.at_rest) for cycle in cycles]
+    return [rest for rest in rests if len(rest) >= NEIGHBOURS[0]]
 
 
 def _pooled(cycles: list[Blocks], left: list[Floats]) -> Floor:
@@ -74,7 +87,7 @@ def _history(cycles: list[Blocks]) -> Floor | str:
     if worst > REPEATS * span:
         return f"needs cycles with the same course of temperature: these differ by {worst:.3g} rms"
     times = [cycle.t - cycle.t[0] - shift for cycle, (shift, _) in zip(cycles, shifts, strict=True)]
-    curves = [CubicSpline(t, cycle.rate, extrapolate=False) for t, cycle in zip(times, cycles, strict=True)]
+    curves = [partial(_between, CubicSpline(t, cycle.rate)) for t, cycle in zip(times, cycles, strict=True)]
     left, kept = [], []
     for k, (t, cycle) in enumerate(zip(times, cycles, strict=True)):
         others = np.stack([curve(t) for j, curve in enumerate(curves) if j != k])
@@ -83,6 +96,14 @@ def _history(cycles: list[Blocks]) -> Floor | str:
         kept.append(cycle.part(inside))
         left.append(values[inside])
     return _pooled(kept, left)
+
+
+def _between(curve: CubicSpline, at: Floats) -> Floats:
+    """The curve at times, shape (n,); NaN beyond its ends and in its gaps."""
+    steps = np.diff(curve.x)
+    last = np.clip(np.searchsorted(curve.x, at) - 1, 0, len(steps) - 1)
+    outside = (at < curve.x[0]) | (at > curve.x[-1]) | (steps[last] > GAP * np.median(steps))
+    return np.where(outside, np.nan, curve(at))
 
 
 def _shift(first: Blocks, other: Blocks) -> tuple[float, float]:

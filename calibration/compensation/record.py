@@ -23,6 +23,8 @@ RATE_OF: Final = "_rate"
 """Ending of a signal's time derivative."""
 FEWEST: Final = 8
 """Blocks that a record must give: fewer can be neither fitted nor held out."""
+ROWS: Final = 3
+"""Rows of a block at least: its noise is their scatter about a line."""
 FULL: Final = 0.5
 """A block counts that has this share of the rows of the usual one: the derivative of a shorter one is mostly noise."""
 RESTS: Final = 0.05 / 60
@@ -159,6 +161,13 @@ def make_blocks(test: TemperatureTest, sampling_time: float, settling: float) ->
         raise InputError(
             f"{test.name}: {int(full.sum())} blocks of {sampling_time:g} s over {np.ptp(test.t):.4g} s: "
             f"{FEWEST + 1} are needed; give a longer record or a shorter --sampling-time"
+        )
+
+    if np.median(counts[full]) < ROWS:
+        step = float(np.median(np.diff(test.t)))
+        raise InputError(
+            f"{test.name}: rows come every {step:.3g} s: a block of {sampling_time:g} s holds fewer than {ROWS}, and "
+            f"shows no noise. Is t in ms or min? Else give a --sampling-time of {ROWS * step:.3g} s or more"
         )
 
     def mean(values: Floats) -> Floats:

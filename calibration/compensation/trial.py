@@ -1,9 +1,11 @@
 """A compensation fitted on some cycles and tested on one that nothing of it has seen."""
 
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 from calibration.compensation.choose import Choice, candidates, choose, inputs_of_all
 from calibration.compensation.cycles import MEMORY, by_cycle, count, covered, last_cycle, memory_of
+from calibration.compensation.derived import derived
 from calibration.compensation.floors import Floors, floors
 from calibration.compensation.measures import Result, judge
 from calibration.compensation.methods.method import Asked
@@ -61,10 +63,14 @@ def trial(blocks: Blocks, test: Blocks | None, asked: Asked, outside: str) -> Tr
         results = judge(fitted, compensation, "clamp"), judge(tested, compensation, outside)
         judged.append(Judged(compensation, candidate.held_out, *results))
     whole = blocks if test is None else joined([blocks, test.with_inputs(names)])
-    applied = judged[0].compensation.at(whole, "clamp")
+    chosen = judged[0].compensation
+    applied = chosen.at(whole, "clamp")
     left = bias_points(whole, applied.scale).value - applied.bias[whole.at_rest]
-    causes = name_residual(whole, judged[0].compensation, left)
-    return Trial(judged, tested, text, untested, choice, floors(by_cycle(whole)), causes)
+    causes = name_residual(whole, chosen, left)
+    compensated = replace(whole, rate=whole.rate / applied.scale - applied.bias)
+    remembers = any(derived(i.name).kind for i in chosen.inputs)
+    least = floors(by_cycle(whole), by_cycle(compensated), remembers=remembers)
+    return Trial(judged, tested, text, untested, choice, least, causes)
 
 
 def _held_out(blocks: Blocks, test: Blocks | None) -> tuple[Blocks, Blocks, str, bool]:

@@ -54,6 +54,16 @@ def test_other_courses_give_no_floor_of_history() -> None:
     assert isinstance(floors([blocks(course(), 1)]).present, str)
 
 
+def test_a_gap_and_courses_that_nearly_repeat_raise_no_floor() -> None:
+    first, second = (blocks(course(((top, 2.0), (-15.0, 2.0))), seed) for seed, top in ((1, 55.0), (2, 54.0)))
+    second = second.part((second.t < 3000) | (second.t > 3500))
+    found = trial(joined([first, second]), None, Asked("spline"), "clamp")
+    for floor in found.floors:
+        assert isinstance(floor, Floor)
+        # Of the raw rates, half a degree apart at 1e-4 rad/s/°C, it would be ten times as much.
+        assert floor.rms < 2 * max(BLOCK_NOISE, found.judged[0].held_out.rms)
+
+
 def test_a_method_that_remembers_meets_hysteresis_on_ramps_it_has_not_seen() -> None:
     sizes = {"play": 4e-5, "slow": 2e-5}
     other = ((55.0, 4.0), (-15.0, 1.0))
