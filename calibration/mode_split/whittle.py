@@ -80,8 +80,10 @@ def free_parameters(hump: bool, q_known: bool, clean_line: bool) -> tuple[int, .
 
 
 def maximise(likelihood: Likelihood, start: SplitModel, free: tuple[int, ...]) -> Fit:
-    """The nearest maximum, by Fisher scoring with Levenberg's damping."""
+    """The nearest maximum, by Fisher scoring with Levenberg's damping; -inf where ``start`` has no likelihood."""
     model, value, damping = start, likelihood.value(start), 1e-3
+    if not np.isfinite(value):
+        return Fit(start, -np.inf, np.zeros(len(start.vector)), free)
     places = np.array(free)
     for _ in range(ITERATIONS):
         slope, matrix = likelihood.step(model)
@@ -129,6 +131,9 @@ def _end(likelihood: Likelihood, fit: Fit, parameter: int, side: float) -> float
     distance = np.sqrt(2 * QUANTILE_95) * unit
     for _ in range(4):
         [fallen] = profile(likelihood, fit, np.array([best + side * distance]), parameter)
+        # So far off, or so narrow, that the model is no number: nothing bounds the parameter.
+        if not np.isfinite(fallen):
+            return side * np.inf
         # The fall of a finite record may level off: then the distance runs away, and that is said.
         distance *= np.sqrt(QUANTILE_95 / max(fallen, 0.1 * QUANTILE_95))
         if not distance < 30 * unit:

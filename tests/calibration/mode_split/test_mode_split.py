@@ -32,6 +32,8 @@ from calibration.mode_split import (
 from calibration.mode_split import record as record_module
 from calibration.mode_split.model import response, spectrum_bound
 from calibration.mode_split.search import detectable, find_hump
+from calibration.mode_split.spectrum import Groups
+from calibration.mode_split.whittle import Fit, Likelihood, profile_interval
 from gyro_model.errors import InputError
 from gyro_model.symbols import BOLTZMANN
 
@@ -167,6 +169,14 @@ def test_decimated_complex_record_and_known_q():
     assert abs(split.f_y - NARROW.f_y) < 4 * split.deviation
     assert split.q == NARROW.q
     assert split.f_x == pytest.approx(3000.0, abs=1e-3)
+
+
+def test_a_place_that_the_data_do_not_bound_has_no_interval() -> None:
+    f = np.linspace(2990.0, 3050.0, 121)
+    groups = Groups(f, MODEL.density(f), np.ones_like(f))
+    likelihood = Likelihood(groups, MODEL.vector, 1.0)
+    fit = Fit(MODEL, likelihood.value(MODEL), np.full(6, np.inf), (0, 1, 2))
+    assert profile_interval(likelihood, fit) == (-np.inf, np.inf)
 
 
 def test_nothing_is_said_where_there_is_no_hump():
