@@ -65,7 +65,7 @@ def drift_between_edges(result: Result, run: Run, span: tuple[float, float] = SP
 
 def predicted(result: Result, span: tuple[float, float] = SPAN) -> float:
     """The loop's own standard deviation of its drift [deg/s]: rms over ``span`` [s]; infinite where it had none."""
-    t, sigma = result.trace["t"].to_numpy(), result.trace["drift_sigma"].to_numpy()
+    t, sigma = result.trace["t"].to_numpy(), result.trace["drift_sigma_now"].to_numpy()
     inside = (t >= span[0]) & (t < span[1])
     return float(np.rad2deg(np.sqrt(np.mean(np.square(sigma[inside]))))) if inside.any() else np.inf
 

@@ -81,11 +81,13 @@ def _measured(design: str, seed: int, run: Run, loop: SteppedLoop) -> Outcome:
         held = run.scenario.inputs(first, size, run.period)
         estimate, control, plant = loop.parts(rows)
         growing.extend(Motion(plant[:, 2:], control[:, :2], held[:, 0], held[:, 1:], run.period))
-        angles.append(_angle(unit, run, first, estimate, control).reshape(-1, every).mean(axis=1))
+        angle = _angle(unit, run, first, estimate, control)
+        angles.append(angle.reshape(-1, every).mean(axis=1))
+        phi = unit.zero - run.design.all_values["angular_gain"] * float(angle[-1])
         last = rows[-1]
         measured = np.array([*held[-1, 1:], held[-1, 1], held[-1, 1]])
         t = (first + size - 1) * run.period
-        verdict = monitor.judge(t, last[: loop.size].copy(), last[loop.size : 2 * loop.size].copy(), measured)
+        verdict = monitor.judge(t, last[: loop.size].copy(), last[loop.size : 2 * loop.size].copy(), measured, phi)
         bounds.append(growing.deviations()[2])
         sigmas.append(verdict.drift_sigma)
         flags.append(verdict.valid)

@@ -201,7 +201,7 @@ class Pattern:
 
         near: an angle that tells which of the values phi + n pi to take; else the last one does.
         """
-        raw, quality = _orientation(states, omega_squared)
+        raw, quality = orientation(states, omega_squared)
         if near is not None:
             phi = raw + np.pi * np.rint((near - raw) / np.pi)
         else:
@@ -249,7 +249,7 @@ def sine_lag(t: Floats, angle: Floats, angle_true: Floats, frequency_hz: float =
     return float(-np.angle(measured / true) / (2 * np.pi * frequency_hz))
 
 
-def _orientation(states: Floats, omega_squared: Floats) -> tuple[Floats, Floats]:
+def orientation(states: Floats, omega_squared: Floats) -> tuple[Floats, Floats]:
     """Phi within +-pi/2 [rad] and quality, shape (n,), of x, x', y, y', shape (4, n)."""
     x, x_dot, y, y_dot = states
     # Estimates of an observer that has lost the device may be of any size; what comes of them is no number, and no

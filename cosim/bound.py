@@ -17,7 +17,7 @@ from cosim.core.library import HEALTH_NAMES, Library, library, pointer
 from cosim.core.settings import FILTER
 from cosim.design import Design
 from cosim.layout import PARAMETER_NAMES
-from cosim.running import start_filter
+from cosim.running import filter_drift, start_filter
 
 Array = npt.NDArray[np.float64]
 
@@ -121,10 +121,8 @@ def _deviations(lib: Library, design: Design, memory: Array) -> tuple[Array, flo
     to_values = _to_values(p, design)
     rate = lib.sizes["NS"]
     omega = np.sqrt(own[rate, rate] + np.sum((slopes[rate] @ root) ** 2))
-    turning, bending, unseen = ctypes.c_double(), ctypes.c_double(), ctypes.c_double()
-    stiffness = ctypes.c_double(design.stiffness)
-    lib.call.core_filter_drift(pointer(memory), stiffness, *map(ctypes.byref, (turning, bending, unseen)))
-    return np.sqrt(np.sum((to_values @ root) ** 2, axis=1)), float(omega), turning.value
+    drift = filter_drift(lib, memory, design.stiffness, 0.0)
+    return np.sqrt(np.sum((to_values @ root) ** 2, axis=1)), float(omega), drift["turning"]
 
 
 def _to_values(p: Array, design: Design) -> Array:

@@ -4,20 +4,19 @@ Valid is the angle while the seven constants are steady and sure, the innovation
 filter takes them for, and the pattern's turning that the uncertainty of all unknowns allows is within a limit. Where
 that stops, the flag is withdrawn and says why."""
 
-import ctypes
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import isfinite, sqrt
+from math import sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.core.library import Library, pointer
+from cosim.core.library import Library
 from cosim.design import Design
 from cosim.layout import KXX, PARAMETER_NAMES, M
 from cosim.observers.record import CoreObserver, Observer
-from cosim.running import Part, filter_health, known_values, plain_health
+from cosim.running import Part, estimate_drift, filter_drift, filter_health, known_values, plain_health
 
 Floats = NDArray[np.float64]
 
@@ -45,12 +44,13 @@ DOUBTS: Final = 2
 
 
 class Verdict(NamedTuple):
-    """valid now; reason why not (else empty); predicted standard deviations: of the angle's drift [rad/s] and of its
-    reading [rad]."""
+    """valid now; reason why not (else empty); predicted standard deviations: of the angle's drift at the pattern's
+    worst angle and where it stands [rad/s], and of its reading [rad]."""
 
     valid: bool
     reason: str
     drift_sigma: float
+    drift_sigma_now: float
     bend_sigma: float
 
 
@@ -70,15 +70,17 @@ class Monitor:
     _doubts: int = 0
     _previous: list[tuple[float, Floats]] = field(default_factory=list)
 
-    def judge(self, t: float, estimate: Floats, deviation: Floats, inputs: Floats) -> Verdict:
-        """The verdict at ``t`` [s] on the last estimates of a block and their deviations, with the measured inputs."""
-        turning, bending, unseen = self._drift(estimate, deviation, inputs)
-        reason = self._doubt(t, estimate, deviation, turning, unseen)
+    def judge(self, t: float, estimate: Floats, deviation: Floats, inputs: Floats, phi: float) -> Verdict:
+        """The verdict at ``t`` [s] on the last estimates of a block and their deviations, with the measured inputs and
+        the angle of the pattern [rad]."""
+        drift = self._drift(estimate, deviation, inputs, phi)
+        sigmas = drift["turning"], drift["turning_now"], drift["bending"]
+        reason = self._doubt(t, estimate, deviation, drift["turning"], drift["unseen"])
         self._previous.append((t, estimate[KXX : M + 1].copy()))
         self._doubts = self._doubts + 1 if reason else 0
         if self.valid and 0 < self._doubts < DOUBTS and reason.startswith(INNOVATIONS):
             # A jump of the rate shows in the innovations for a moment.
-            return Verdict(True, "", turning, bending)
+            return Verdict(True, "", *sigmas)
         if reason:
             self._good_since = None
             if self.valid:
@@ -90,7 +92,7 @@ class Monitor:
                 reason = "not yet: all has been well for too short a time"
             else:
                 self.valid = True
-        return Verdict(self.valid, reason, turning, bending)
+        return Verdict(self.valid, reason, *sigmas)
 
     def _doubt(self, t: float, estimate: Floats, deviation: Floats, turning: float, unseen: float) -> str:
         set_ = self.settings
@@ -155,20 +157,16 @@ class Monitor:
         tolerance[3:6] = np.maximum(tolerance[3:6], turning_mass * np.array([4.0, 4.0, 2.0]))
         return tolerance
 
-    def _drift(self, estimate: Floats, deviation: Floats, inputs: Floats) -> tuple[float, float, float]:
-        """Standard deviations of the turning [rad/s] and the bending [rad]; of the turning that part which no sample
-        shows while the device goes on as it does."""
-        turning, bending, unseen = ctypes.c_double(), ctypes.c_double(), ctypes.c_double()
-        stiffness = ctypes.c_double(self.design.stiffness)
-        out = (ctypes.byref(turning), ctypes.byref(bending))
+    def _drift(self, estimate: Floats, deviation: Floats, inputs: Floats, phi: float) -> dict[str, float]:
+        """Standard deviations by DRIFT_NAMES, of the angle; infinite where they are no numbers."""
+        stiffness = self.design.stiffness
         if isinstance(self.observer, CoreObserver):
-            self.lib.call.core_filter_drift(pointer(self.part.memory), stiffness, *out, ctypes.byref(unseen))
+            found = filter_drift(self.lib, self.part.memory, stiffness, phi)
         else:
             known = known_values(self.design.without_estimates(), self.lib, self.period)
-            arrays = (known, np.ascontiguousarray(estimate), np.ascontiguousarray(deviation), inputs)
-            self.lib.call.core_estimate_drift(*map(pointer, arrays), stiffness, *out)
-        if not (isfinite(turning.value) and isfinite(bending.value)):
-            return float("inf"), float("inf"), 0.0
+            found = estimate_drift(self.lib, known, estimate, deviation, inputs, stiffness, phi)
+        if not np.isfinite(list(found.values())).all():
+            return dict.fromkeys(found, float("inf")) | {"unseen": 0.0}
         # The angle is read as the pattern's over the angular gain.
         gain = max(abs(self.design.all_values["angular_gain"]), 1e-300)
-        return turning.value / gain, bending.value / gain, unseen.value / gain
+        return {name: value / gain for name, value in found.items()}

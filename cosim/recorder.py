@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from cosim.angle import UNIT_NAMES, AngleUnit, Block, make_units
+from cosim.angle import UNIT_NAMES, AngleUnit, Block, make_units, orientation
 from cosim.bound import Bound, Motion, at_the_truth, bound
 from cosim.core.library import CONTROL_NAMES, Library
 from cosim.layout import KXX, OMEGA_Z, PARAMETER_NAMES, STATE_NAMES
@@ -75,7 +75,7 @@ class Recorder:
         self._trace = Trace(-(-run.samples // self.every))
         self._start: list[pl.DataFrame] = []
         self._motion: list[tuple[Floats, ...]] = []
-        self._verdict = Verdict(False, "the run has only begun", np.inf, np.inf)
+        self._verdict = Verdict(False, "the run has only begun", np.inf, np.inf, np.inf)
         self._valid_samples = self._samples = 0
         self._angle_deviation = 0.0
         self._turned = 0.0
@@ -93,7 +93,7 @@ class Recorder:
         estimate, control, plant = self._parts(rows)
         converged = np.full(len(rows), self._verdict.valid)
         omega_z = held[:, 0]
-        angles = self._angles(t, estimate, control, converged)
+        angles, phi = self._angles(t, estimate, control, converged)
         true_states = plant[:, -len(STATE_NAMES) :]
         if first * run.period < START_DURATION:
             count = round(START_DURATION * run.sample_rate)
@@ -106,7 +106,7 @@ class Recorder:
             self._trace.add(self._columns(t[kept], rows[kept], held[kept], angle_true[kept], angles, kept))
         self._samples += len(rows)
         self._valid_samples += int(converged.sum())
-        self._judge(t[-1], rows[-1], held[-1])
+        self._judge(t[-1], rows[-1], held[-1], phi)
 
     def stop(self, t: float, complaint: str) -> None:
         """The plant could not go on at ``t`` [s]."""
@@ -138,16 +138,17 @@ class Recorder:
             rows[:, 2 * count + len(CONTROL_NAMES) :],
         )
 
-    def _judge(self, t: float, row: Floats, held: Floats) -> None:
+    def _judge(self, t: float, row: Floats, held: Floats, phi: float) -> None:
         count = len(self.names)
         measured = np.array([*held[1:], held[1], held[1]])
         was = self._verdict.valid
-        self._verdict = self.monitor.judge(float(t), row[:count].copy(), row[count : 2 * count].copy(), measured)
+        estimate, deviation = row[:count].copy(), row[count : 2 * count].copy()
+        self._verdict = self.monitor.judge(float(t), estimate, deviation, measured, phi)
         if self._verdict.valid and not was and self.converged_at is None:
             # The flag holds from the next sample on.
             self.converged_at = float(t) + self.run.period
-        if self.converged_at is not None and np.isfinite(self._verdict.drift_sigma):
-            self._angle_deviation += self._verdict.drift_sigma * (
+        if self.converged_at is not None and np.isfinite(self._verdict.drift_sigma_now):
+            self._angle_deviation += self._verdict.drift_sigma_now * (
                 t + self.run.period - max(self._judged_at, self.converged_at)
             )
         self._judged_at = float(t) + self.run.period
@@ -162,14 +163,16 @@ class Recorder:
 
     def _angles(
         self, t: Floats, estimate: Floats, control: Floats, converged: NDArray[np.bool_]
-    ) -> dict[str, tuple[Floats, Floats]]:
+    ) -> tuple[dict[str, tuple[Floats, Floats]], float]:
+        """Angle [rad] and quality of each unit, and where the pattern stands in the end [rad]."""
         x, x_dot, y, y_dot = np.ascontiguousarray(estimate[:, : len(STATE_NAMES)].T)
         forced = np.ascontiguousarray(control[:, 2:6].T)
         omega_squared = np.ascontiguousarray(control[:, CONTROL_NAMES.index("omega_squared")])
         turned = np.ascontiguousarray(control[:, CONTROL_NAMES.index("turned")])
         near = np.ascontiguousarray(control[:, CONTROL_NAMES.index("near_x") :].T)
         block = Block(t, x, x_dot, y, y_dot, forced, near, omega_squared, converged, self.angular_gain, turned)
-        return {name: unit.process(block) for name, unit in self.units.items()}
+        phi, _ = orientation((block.states() - block.forced)[:, -1:], block.omega_squared[-1:])
+        return {name: unit.process(block) for name, unit in self.units.items()}, float(phi[0])
 
     def _columns(
         self,
@@ -194,6 +197,7 @@ class Recorder:
             "turned": control[:, CONTROL_NAMES.index("turned")],
             "converged": np.full(len(t), self._verdict.valid),
             "drift_sigma": np.full(len(t), self._verdict.drift_sigma),
+            "drift_sigma_now": np.full(len(t), self._verdict.drift_sigma_now),
             "angle_sigma": np.full(len(t), np.hypot(self._angle_deviation, self._verdict.bend_sigma)),
             "v_x": plant[:, 0],
             "v_y": plant[:, 1],

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.controllers.record import OUTPUT_SIZE, Controller, CoreController
-from cosim.core.library import HEALTH_NAMES, Library, library, pointer
+from cosim.core.library import DRIFT_NAMES, HEALTH_NAMES, Library, library, pointer
 from cosim.design import Design
 from cosim.layout import ESTIMATE_SIZE, KXX, OMEGA_Z, PARAMETER_NAMES, M
 from cosim.observers.record import NOISE_RMS, SENSE_GAIN_X, SENSE_GAIN_Y, SENSOR_SIZE, CoreObserver, Observer
@@ -134,6 +134,24 @@ def filter_health(lib: Library, part: Part) -> dict[str, float]:
     p, root, health = np.zeros(count), np.zeros((count, count)), np.zeros(len(HEALTH_NAMES))
     lib.call.core_filter_found(pointer(part.memory), pointer(p), pointer(root), pointer(health))
     return dict(zip(HEALTH_NAMES, health.tolist(), strict=True))
+
+
+def filter_drift(lib: Library, memory: Floats, stiffness: float, phi: float) -> dict[str, float]:
+    """How sure the filter is of the pattern, by DRIFT_NAMES: stiffness [N/m] of the oscillator, phi [rad] where the
+    pattern stands."""
+    sizes = np.zeros(len(DRIFT_NAMES))
+    lib.call.core_filter_drift(pointer(memory), ctypes.c_double(stiffness), ctypes.c_double(phi), pointer(sizes))
+    return dict(zip(DRIFT_NAMES, sizes.tolist(), strict=True))
+
+
+def estimate_drift(
+    lib: Library, known: Floats, estimate: Floats, deviation: Floats, inputs: Floats, stiffness: float, phi: float
+) -> dict[str, float]:
+    """The same for estimates with independent deviations, of a device with the values ``known``."""
+    sizes = np.zeros(len(DRIFT_NAMES))
+    arrays = map(pointer, map(np.ascontiguousarray, (known, estimate, deviation, inputs)))
+    lib.call.core_estimate_drift(*arrays, ctypes.c_double(stiffness), ctypes.c_double(phi), pointer(sizes))
+    return dict(zip(DRIFT_NAMES, sizes.tolist(), strict=True))
 
 
 def plain_health(lib: Library, part: Part) -> dict[str, float]:

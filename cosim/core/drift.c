@@ -84,24 +84,28 @@ void drift_of(const known *k, const known *taken, double stiffness, double rate[
     across(read, bend);
 }
 
-/* Largest of v' C v for v = (1, cos a, sin a), C the sum of squares of `columns`. */
+/* Root of v' C v for v = (1, cos a, sin a), C the sum of squares of `columns`. */
+static double size_at(double columns[NP][3], double a)
+{
+    double total = 0.0;
+    for (int j = 0; j < NP; j++) {
+        const double value = columns[j][0] + cos(a) * columns[j][1] + sin(a) * columns[j][2];
+        total += value * value;
+    }
+    return sqrt(total);
+}
+
 static double largest(double columns[NP][3])
 {
     enum { STEPS = 48 };
     double most = 0.0;
     for (int n = 0; n < STEPS; n++) {
-        const double a = 6.283185307179586 * n / STEPS;
-        double total = 0.0;
-        for (int j = 0; j < NP; j++) {
-            const double value = columns[j][0] + cos(a) * columns[j][1] + sin(a) * columns[j][2];
-            total += value * value;
-        }
-        most = larger(most, total);
+        most = larger(most, size_at(columns, 6.283185307179586 * n / STEPS));
     }
-    return sqrt(most);
+    return most;
 }
 
-void drift_deviation(const known *k, double W[NP][NP], double stiffness, double *turning, double *bending)
+drift_sizes drift_deviation(const known *k, double W[NP][NP], double stiffness, double phi)
 {
     double rates[NP][3], bends[NP][3];
     for (int j = 0; j < NP; j++) {
@@ -119,6 +123,6 @@ void drift_deviation(const known *k, double W[NP][NP], double stiffness, double 
             bends[j][c] = 0.5 * (bend[0][c] - bend[1][c]);
         }
     }
-    *turning = largest(rates);
-    *bending = largest(bends);
+    const drift_sizes found = {largest(rates), size_at(rates, 2.0 * phi), largest(bends)};
+    return found;
 }

@@ -9,8 +9,13 @@
    turns by rate[0] + rate[1] cos 2 phi + rate[2] sin 2 phi [rad/s], and is read wrong by bend[...] likewise [rad]. */
 void drift_of(const known *k, const known *taken, double stiffness, double rate[3], double bend[3]);
 
-/* Largest standard deviation over the pattern's angle of what drift_of gives, for the covariance W W' of p: of the turning [rad/s] and of the
-   bending [rad]. */
-void drift_deviation(const known *k, double W[NP][NP], double stiffness, double *turning, double *bending);
+/* Standard deviations of what drift_of gives: of the turning at the pattern's worst angle and where it stands [rad/s], of the bending at its worst
+   [rad]. */
+typedef struct {
+    double turning, turning_now, bending;
+} drift_sizes;
+
+/* These for the covariance W W' of p and a pattern that stands at phi [rad]. */
+drift_sizes drift_deviation(const known *k, double W[NP][NP], double stiffness, double phi);
 
 #endif

@@ -46,6 +46,10 @@ some milliseconds, less what known pink noise makes of both; time of the last re
 lately; random walk of the rate [rad/s per sqrt(s)]; share of the innovation's variance that the constants explain;
 fastest forgetting [1/s]; what pink noise makes of the product of neighbours, in the mean."""
 
+DRIFT_NAMES: Final = ("turning", "turning_now", "bending", "unseen")
+"""Standard deviations that come of unknown constants: of the pattern's turning at its worst angle and where it stands
+[rad/s], of the bending [rad], and of the turning at the worst angle by what no sample shows [rad/s]."""
+
 
 class Library:
     """The library of a structure; ``sizes`` as in KnownModel.sizes, ``call`` its C functions."""

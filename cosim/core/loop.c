@@ -11,6 +11,7 @@
 #endif
 #define FIT_TRUSTED 20.0 /* mean squared innovation of a start whose constants may be used */
 #define HEALTH_SIZE 10
+#define DRIFT_SIZE 4
 #define FMI_WORST_USABLE 1 /* OK or warning */
 
 /* An observer of the model that the loop knows. */
@@ -118,24 +119,29 @@ EXPORT void core_filter_found(const void *memory, double *p, double *W, double *
     memcpy(health, values, sizeof values);
 }
 
-/* Standard deviations of the turning [rad/s] and of the bending [rad] of the pattern that come of what is not known of p; of the turning that part
-   which comes of what no sample shows. */
-EXPORT void core_filter_drift(const void *memory, double stiffness, double *turning, double *bending, double *unseen)
+static void write_drift(drift_sizes found, double sizes[DRIFT_SIZE])
+{
+    const double values[DRIFT_SIZE] = {found.turning, found.turning_now, found.bending, 0.0};
+    memcpy(sizes, values, sizeof values);
+}
+
+/* Standard deviations of the pattern, which stands at phi [rad], that come of what is not known of p: sizes [DRIFT_SIZE], the turning at the worst
+   angle and at phi [rad/s], the bending [rad], and of the turning at the worst angle that part which comes of what no sample shows [rad/s]. */
+EXPORT void core_filter_drift(const void *memory, double stiffness, double phi, double sizes[DRIFT_SIZE])
 {
     const filter *f = memory;
-    double W[NP][NP], unseen_bending = 0.0;
+    double W[NP][NP];
     memcpy(W, f->W_now, sizeof W);
-    drift_deviation(&f->k, W, stiffness, turning, bending);
-    *unseen = 0.0;
+    write_drift(drift_deviation(&f->k, W, stiffness, phi), sizes);
     if (f->unseen_count > 0) {
         unseen_columns(f, W);
-        drift_deviation(&f->k, W, stiffness, unseen, &unseen_bending);
+        sizes[3] = drift_deviation(&f->k, W, stiffness, phi).turning;
     }
 }
 
 /* The same for estimates [ESTIMATE_SIZE] with independent deviations, of a device with `known_values`. */
 EXPORT void core_estimate_drift(const double *known_values, const double *estimate, const double *deviation, const double *in, double stiffness,
-                                double *turning, double *bending)
+                                double phi, double sizes[DRIFT_SIZE])
 {
     known k, near;
     double W[NP][NP], moved[NP];
@@ -154,7 +160,7 @@ EXPORT void core_estimate_drift(const double *known_values, const double *estima
             W[i][j] = near.p[i] - k.p[i];
         }
     }
-    drift_deviation(&k, W, stiffness, turning, bending);
+    write_drift(drift_deviation(&k, W, stiffness, phi), sizes);
 }
 
 /* What the device as it is turns by where the loop takes it for `taken` (values [NP], SI): rate [3] and bend [3] as in drift.h. */

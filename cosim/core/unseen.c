@@ -232,12 +232,11 @@ void unseen_columns(const filter *f, double columns[NP][NP])
 
 double unseen_turning(const filter *f, double *rest)
 {
-    double all[NP][NP], part[NP][NP], total, turning, bending;
+    double all[NP][NP], part[NP][NP];
     const double stiffness = f->k.p[0] / f->k.p[INVERSE_MASS];
     memcpy(all, f->W, sizeof all);
     unseen_columns(f, part);
-    drift_deviation(&f->k, all, stiffness, &total, &bending);
-    drift_deviation(&f->k, part, stiffness, &turning, &bending);
+    const double total = drift_deviation(&f->k, all, stiffness, 0.0).turning, turning = drift_deviation(&f->k, part, stiffness, 0.0).turning;
     *rest = sqrt(larger(total * total - turning * turning, 0.0));
     return turning;
 }
