@@ -65,19 +65,6 @@ static void corner(const double *a, double *out)
     }
 }
 
-static void form_way(way *w, const double *a, const double *turning, const double *b, double duration, double probe)
-{
-    w->duration = duration;
-    transition_over(a, b, 4, duration, w->phi, w->gamma);
-    transition_over(turning, b, 4, duration, w->phi_by_omega, w->gamma_by_omega);
-    for (int i = 0; i < 16; i++) {
-        w->phi_by_omega[i] = (w->phi_by_omega[i] - w->phi[i]) / probe;
-    }
-    for (int i = 0; i < 8; i++) {
-        w->gamma_by_omega[i] = (w->gamma_by_omega[i] - w->gamma[i]) / probe;
-    }
-}
-
 /* Forms the control signal from the current estimates. */
 static void form(foucault *c, const double *estimate)
 {
@@ -125,9 +112,9 @@ static void form(foucault *c, const double *estimate)
     known_late(&c->k, rest, none, 0.0, late);
     c->delay = HAS_DELAY ? smaller(larger(late[0], 0.0), 0.5 * PAST * c->period) : 0.0;
     c->delay_samples = (int64_t)(c->delay / c->period);
-    form_way(&c->rest, a, turning_a, b, c->delay - (double)c->delay_samples * c->period, probe);
-    form_way(&c->step, a, turning_a, b, c->period, probe);
-    form_way(&c->half, a, turning_a, b, 0.5 * c->period, probe);
+    motion_form_piece(&c->rest, &c->k, 0.0, c->delay - (double)c->delay_samples * c->period);
+    motion_form_piece(&c->step, &c->k, 0.0, c->period);
+    motion_form_piece(&c->half, &c->k, 0.0, 0.5 * c->period);
     const double angle = 0.5 * c->period * sqrt(omega_squared);
     c->boost = compensate ? angle / sin(angle) : 1.0;
     if (!c->formed) {
@@ -146,33 +133,12 @@ static void form(foucault *c, const double *estimate)
     c->formed = 1;
 }
 
-/* What the linear part leaves out, over a time h. */
-static void bend_by(const foucault *c, double omega_z, double h, double *s)
+/* Moves the state `s` [NS] through a piece under the force f [N]. */
+static void move(const foucault *c, const piece *part, double omega_z, const double f[2], double *s)
 {
-    const double none[2] = {0.0, 0.0};
-    double bend[NS];
-    known_bend(&c->k, s, none, omega_z, bend);
-    for (int i = 0; i < 4; i++) {
-        s[i] += h * bend[i];
-    }
-}
-
-/* Moves the four states of `s` [NS] along `w` under the force f [N]: half of the bend before, half behind what is linear. */
-static void move(const foucault *c, const way *w, double omega_z, const double f[2], double *s)
-{
-    double next[4];
-    bend_by(c, omega_z, 0.5 * w->duration, s);
-    for (int i = 0; i < 4; i++) {
-        next[i] = 0.0;
-        for (int j = 0; j < 2; j++) {
-            next[i] += (w->gamma[2 * i + j] + omega_z * w->gamma_by_omega[2 * i + j]) * f[j];
-        }
-        for (int j = 0; j < 4; j++) {
-            next[i] += (w->phi[4 * i + j] + omega_z * w->phi_by_omega[4 * i + j]) * s[j];
-        }
-    }
-    memcpy(s, next, sizeof next);
-    bend_by(c, omega_z, 0.5 * w->duration, s);
+    passage way;
+    motion_move(part, &c->k, omega_z, omega_z, f, s, &way);
+    memcpy(s, way.s[NODES - 1], sizeof way.s[NODES - 1]);
 }
 
 static void force_of(const foucault *c, int64_t sample, const double *s, double f[2])

@@ -20,12 +20,6 @@
 #define ESTIMATE_M 11
 #define ESTIMATE_SIZE (12 + NP - 7 + NS - 4)
 
-/* What the four states of the plane do over a duration: moved by phi, by a held force through gamma; and the change of both with the rate. */
-typedef struct {
-    double duration; /* [s] */
-    double phi[16], phi_by_omega[16], gamma[8], gamma_by_omega[8];
-} way;
-
 typedef struct {
     foucault_settings settings;
     known k;
@@ -33,7 +27,7 @@ typedef struct {
     double by_omega[8];        /* change of the gain with the rate */
     double by_own_rate[8];     /* and with that at which the controller turns the pattern */
     double coupling;           /* Coriolis coupling relative to that of a point mass [1] */
-    way rest, step, half;      /* over the delay's part of a period, a period, half of one */
+    piece rest, step, half;    /* the motion at rest over the delay's part of a period, a period, half of one */
     double a[NS * NS];         /* rate by state at rest, without a rate of turn */
     int64_t delay_samples;
     double delay;              /* [s] */

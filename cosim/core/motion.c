@@ -119,17 +119,27 @@ static void form_lag(lagging *l, double tau, double duration)
     }
 }
 
-/* Forms the motion with the delay and lag given [s]. */
-static void form_motion(motion *m, const known *k, double omega_z, double period, double delay, double lag)
+void motion_form_piece(piece *part, const known *k, double omega_z, double duration)
 {
     /* Of a rate of turn; the transition is linear in it to (probe period)^2 = 1e-11. */
     const double probe = 1.0;
     const double rest[NS] = {0}, none[2] = {0.0, 0.0};
-    double a[NS * NS], turning[NS * NS];
-    m->period = period;
-    m->omega_z = omega_z;
+    double a[NS * NS], turning[NS * NS], b[NS * 2];
     known_rate_by_state(k, rest, none, omega_z, a);
     known_rate_by_state(k, rest, none, omega_z + probe, turning);
+    known_rate_by_force(k, rest, none, omega_z, b);
+    part->duration = duration;
+    form(&part->whole, a, turning, b, duration, probe);
+    form(&part->near, a, turning, b, NEAR * duration, probe);
+    form(&part->far, a, turning, b, (1.0 - NEAR) * duration, probe);
+}
+
+/* Forms the motion with the delay and lag given [s]. */
+static void form_motion(motion *m, const known *k, double omega_z, double period, double delay, double lag)
+{
+    const double rest[NS] = {0}, none[2] = {0.0, 0.0};
+    m->period = period;
+    m->omega_z = omega_z;
     known_rate_by_force(k, rest, none, omega_z, m->b);
     m->lag = lag;
     m->delay_samples = delay > 0.0 && delay < 1e-2 ? (int64_t)(delay / period) : 0;
@@ -139,9 +149,7 @@ static void form_motion(motion *m, const known *k, double omega_z, double period
     for (int i = 0; i < 2; i++) {
         piece *part = &m->pieces[i];
         if (part->duration > 0.0) {
-            form(&part->whole, a, turning, m->b, part->duration, probe);
-            form(&part->near, a, turning, m->b, NEAR * part->duration, probe);
-            form(&part->far, a, turning, m->b, (1.0 - NEAR) * part->duration, probe);
+            motion_form_piece(part, k, omega_z, part->duration);
             if (HAS_LAG) {
                 form_lag(&part->lag, m->lag, part->duration);
             }
@@ -190,9 +198,9 @@ static void reach(const double *phi, const double *gamma, const double *start, c
     add_moved(phi, start, 1.0, s);
 }
 
-void motion_move(const motion *m, const piece *part, const known *k, double omega_z, const double force[2], const double *start, passage *way)
+void motion_move(const piece *part, const known *k, double turn, double omega_z, const double force[2], const double *start, passage *way)
 {
-    const double turn = omega_z - m->omega_z, h = part->duration;
+    const double h = part->duration;
     double near_force[NS * 2], far_force[NS * 2];
     turn_transition(&part->whole, turn, way->whole, way->force);
     turn_transition(&part->near, turn, way->near, near_force);

@@ -61,7 +61,10 @@ void motion_form(motion *m, const known *k, double omega_z, double period);
 /* The same as if the force were held over the whole period and nothing lagged. */
 void motion_form_held(motion *m, const known *k, double omega_z, double period);
 
-/* Moves the state `start` [NS] through a piece under `force` [N]. */
-void motion_move(const motion *m, const piece *part, const known *k, double omega_z, const double force[2], const double *start, passage *way);
+/* Forms a piece of that duration [s], above zero, for `k` at the rate `omega_z`; nothing lags. */
+void motion_form_piece(piece *part, const known *k, double omega_z, double duration);
+
+/* Moves the state `start` [NS] through a piece under `force` [N]; `turn`: what `omega_z` is beyond the rate at which the piece was formed. */
+void motion_move(const piece *part, const known *k, double turn, double omega_z, const double force[2], const double *start, passage *way);
 
 #endif

@@ -73,7 +73,7 @@ static void watch(plain *o, const double force[2], const double v[2], const doub
     known_noise(&o->k, estimate, none, 0.0, noise);
     memset(s, 0, sizeof s);
     memcpy(s, estimate, 4 * sizeof *s);
-    motion_move(&o->held, &o->held.pieces[1], &o->k, estimate[4], force, s, &way);
+    motion_move(&o->held.pieces[1], &o->k, estimate[4] - o->held.omega_z, estimate[4], force, s, &way);
     double total = 0.0;
     for (int a = 0; a < 2; a++) {
         const double gain = C[NS * a + 2 * a], e = v[a] - gain * way.s[NODES - 1][2 * a];

@@ -221,7 +221,7 @@ static void move_through(const frame *w, const piece *part, const acting *force,
     const double omega_z = w->z[OMEGA], mass = 1.0 / w->k->p[INVERSE_MASS];
     double from[NS][NP];
     slopes d;
-    motion_move(w->m, part, w->k, omega_z, force->f, w->z, way);
+    motion_move(part, w->k, omega_z - w->m->omega_z, omega_z, force->f, w->z, way);
     find_slopes(w->k, part->duration, way, omega_z, &d);
     memcpy(from, w->Y, sizeof from);
     memset(F, 0, NZ * sizeof *F);
