@@ -204,6 +204,7 @@ def summarise(
         },
         "predicted": {
             "drift_sigma_deg_per_s": number(np.rad2deg(trace["drift_sigma"][-1])),
+            "drift_sigma_now_deg_per_s": number(np.rad2deg(trace["drift_sigma_now"][-1])),
             "angle_sigma_deg": number(np.rad2deg(trace["angle_sigma"][-1])),
             "drift_bound_deg_per_s": None if bounds is None else number(np.rad2deg(bounds.drift[-1])),
         },

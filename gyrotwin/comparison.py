@@ -23,7 +23,7 @@ FIGURES: Final = {
     "angle.max_deg": ("angle error, largest", "°"),
     "angle.drift_deg_per_s": ("angle drift", "°/s"),
     "omega.rms_error": ("rate error, rms", "rad/s"),
-    "predicted.drift_sigma_deg_per_s": ("drift predicted by the loop, 1 σ", "°/s"),
+    "predicted.drift_sigma_now_deg_per_s": ("drift predicted by the loop, 1 σ", "°/s"),
     "valid.share": ("share of the run with a valid angle", "1"),
     "bias_deg_s": ("bias", "°/s"),
     "scale_factor": ("scale factor", "1"),

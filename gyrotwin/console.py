@@ -41,7 +41,8 @@ def _validity(summary: Mapping[str, Any]) -> Text:
     text.append(f"; valid in {100 * valid['share']:.1f} % of the run")
     for entry in valid["withdrawn"]:
         text.append(f"\nwithdrawn at {milliseconds(entry['t'])}: {entry['reason']}")
-    text.append(f"\npredicted drift ±{degrees(predicted['drift_sigma_deg_per_s'], '°/s')}")
+    text.append(f"\npredicted drift ±{degrees(predicted['drift_sigma_now_deg_per_s'], '°/s')}")
+    text.append(f", at the pattern's worst angle ±{degrees(predicted['drift_sigma_deg_per_s'], '°/s')}")
     text.append(f", angle ±{degrees(predicted['angle_sigma_deg'])} (1 σ)")
     return text
 

@@ -164,7 +164,7 @@ class RunResult(Saved):
             ("angle valid at the end", "yes" if s["valid"]["now"] else f"no: {s['valid']['reason']}"),
             ("angle error, rms", degrees(s["angle"]["rms_deg"])),
             ("rate error, rms", f"{significant(s['omega']['rms_error'])} rad/s"),
-            ("predicted drift, 1 σ", degrees(s["predicted"]["drift_sigma_deg_per_s"], "°/s")),
+            ("predicted drift, 1 σ", degrees(s["predicted"]["drift_sigma_now_deg_per_s"], "°/s")),
         ]
 
 

@@ -7,7 +7,7 @@ from gyrotwin.schemas.record import NUMBER_OR_NULL, TEXT, Json, Schema, array, m
 
 _ANGLE = ("rms_deg", "max_deg", "raw_rms_deg", "raw_max_deg", "drift_deg_per_s", "lag_s")
 _PARAMETER = ("true", "estimate", "relative_error", "within_1_percent_at", "over_bound")
-_PREDICTED = ("drift_sigma_deg_per_s", "angle_sigma_deg", "drift_bound_deg_per_s")
+_PREDICTED = ("drift_sigma_deg_per_s", "drift_sigma_now_deg_per_s", "angle_sigma_deg", "drift_bound_deg_per_s")
 
 
 def _numbers(names: tuple[str, ...]) -> Json:

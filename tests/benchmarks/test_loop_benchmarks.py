@@ -22,6 +22,7 @@ def result_of(error_deg, valid=None, sigma_deg=0.1):
         "angle_true": np.zeros_like(T),
         "converged": np.ones_like(T, dtype=bool) if valid is None else valid,
         "drift_sigma": np.deg2rad(np.full_like(T, sigma_deg)),
+        "drift_sigma_now": np.deg2rad(np.full_like(T, sigma_deg)),
     }
     return SimpleNamespace(trace=pl.DataFrame(columns), bounds=None)
 

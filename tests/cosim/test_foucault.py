@@ -6,10 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 from plant import PERIOD, REFERENCE, TONES, K, begin, device_with, sampled, told
+from runs import drift, simulated
 
 from cosim.controllers.foucault import CONTROLLER
 from cosim.core.library import CONTROL_NAMES
-from cosim.layout import OMEGA_Z, X, Y
+from cosim.layout import OMEGA_Z, PARAMETER_NAMES, X, Y
+from gyro_model.device import write_device
 
 FORCED = CONTROL_NAMES.index("forced_x")
 OMEGA_SQUARED = CONTROL_NAMES.index("omega_squared")
@@ -329,3 +331,19 @@ def test_a_delay_does_not_change_the_scale_of_the_angle():
     slope = np.polyfit(np.arange(8000) * PERIOD, turned, 1)[0]
     # Where only the velocities are turned on the way, 0.1 (omega delay)^2 of the angle is missing: 0.2 %.
     assert slope == pytest.approx(-np.degrees(omega_z), rel=1e-4)
+
+
+def test_hard_springs_of_a_split_device_do_not_turn_the_pattern(tmp_path, residual):
+    # 25 samples a period, a delay beyond one of them, springs that are 3e-4 harder at 1 um. Predicted in halves and
+    # held as at mid-hold, what bends the motion turned the pattern by 0.031 deg/s.
+    device = device_with(kxy=6.0, k3_x=2e10, k3_y=1e10, actuator_delay=15e-6, sense_noise=2e-8)
+    write_device(device, tmp_path / "device.toml")
+    told = {"k3_x": 2e10, "k3_y": 1e10, "actuator_delay": 15e-6}
+    seven = {name: device.parameters[name] for name in PARAMETER_NAMES}
+    lines = ["format = 1", 'name = "told"', "[parameters]", *(f"{n} = {v!r}" for n, v in (seven | told).items())]
+    lines += ["[intervals]", *(f"{n} = [{v * (1 - 1e-5)!r}, {v * (1 + 1e-5)!r}]" for n, v in seven.items())]
+    (tmp_path / "design.toml").write_text("\n".join([*lines, "[controller]", "tone2_deflection = 0.4e-6"]) + "\n")
+    files = {"device": str(tmp_path / "device.toml"), "design": str(tmp_path / "design.toml")}
+    _, result = simulated("rest", sample_rate=75e3, duration=0.5, **files)
+    assert result.validity.now
+    residual("drift [deg/s]", abs(drift(result, 0.2)), 0.005)  # 6 standard deviations of what is not known

@@ -37,7 +37,8 @@ def trace(error=0.0, count=20_000, converged_from=2000):
     theta_valid = np.where(converged, theta - theta[min(converged_from, count - 1)], np.nan)
     columns = {"t": t, "omega_true": omega, "est_omega_z": omega + 0.1, "angle_true": theta_valid}
     columns |= {f"angle_{unit}": theta_valid + 0.01 for unit in "ABC"}
-    columns |= {"drift_sigma": np.full(count, np.deg2rad(0.2)), "angle_sigma": np.full(count, np.deg2rad(0.05))}
+    columns |= {"drift_sigma": np.full(count, np.deg2rad(0.2)), "drift_sigma_now": np.full(count, np.deg2rad(0.1))}
+    columns |= {"angle_sigma": np.full(count, np.deg2rad(0.05))}
     for name, value in TRUE.items():
         columns[f"true_{name}"] = np.full(count, value)
         columns[f"est_{name}"] = value * (1 + error) * np.ones(count)
@@ -207,6 +208,7 @@ def test_summary_is_strict_json_with_the_agreed_names():
     assert found["effects"] == {"k3_x": {"true": 2e9, "estimate": 1.9e9}}
     # Degrees to radians and back: two roundings.
     assert found["predicted"]["drift_sigma_deg_per_s"] == pytest.approx(0.2, rel=1e-15)
+    assert found["predicted"]["drift_sigma_now_deg_per_s"] == pytest.approx(0.1, rel=1e-15)
     assert found["predicted"]["angle_sigma_deg"] == pytest.approx(0.05, rel=1e-15)
     assert found["predicted"]["drift_bound_deg_per_s"] is None
     assert list(found["parameters"]) == list(PARAMETER_NAMES)
@@ -216,7 +218,9 @@ def test_summary_is_strict_json_with_the_agreed_names():
 
 
 def test_summary_of_a_run_that_never_converged():
-    table = trace(np.nan, converged_from=10**9).with_columns(drift_sigma=pl.lit(np.inf), angle_sigma=pl.lit(np.inf))
+    table = trace(np.nan, converged_from=10**9).with_columns(
+        drift_sigma=pl.lit(np.inf), drift_sigma_now=pl.lit(np.inf), angle_sigma=pl.lit(np.inf)
+    )
     found = summarise(
         table,
         scenario="motion",
