@@ -173,7 +173,7 @@ def _rate(run: Run, result: Result) -> dict[str, float]:
     error = (result.trace["est_omega_z"] - result.trace["omega_true"]).to_numpy()[since]
     # The error is taken as held from one kept sample to the next.
     turned = np.concatenate(([0.0], np.cumsum(error[:-1] * np.diff(t[since]))))
-    turned -= reference_mean(t[since], turned, result.converged_at)
+    turned -= reference_mean(t[since], turned, result.converged_at, edges)
     return values | {
         "integrated_rms": float(np.rad2deg(np.sqrt(np.mean(turned**2)))),
         "fastest": float(np.rad2deg(np.abs(result.trace["omega_true"].to_numpy()).max())),

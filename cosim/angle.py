@@ -93,17 +93,33 @@ class _PatternUnit:
         """See AngleUnit."""
         return self._pattern.zero
 
+    def _follows(self, block: Block) -> NDArray[np.bool_]:
+        """Whether a filter follows the oscillation, shape (n,): until the angle is valid first, so that what a change
+        stirs up is over by then, and while it is."""
+        return block.converged | np.isnan(self.zero)
+
 
 RETUNE: Final = 1e-3
-"""Unit A designs its filter anew when the oscillation is this far from its centre, relative: it reads edges of the rate
-0.01 deg wrong for each 0.1 % off (measured: 0.24 deg at 2.5 %)."""
+"""A unit designs its filter anew when the oscillation is this far from what it was designed for, relative: unit A reads
+edges of the rate 0.01 deg wrong for each 0.1 % off (measured: 0.24 deg at 2.5 %)."""
+
+
+HIGHEST: Final = 0.4
+"""Share of the sample rate up to which a filter follows: the upper edge of unit A is at 1.18 times the oscillation.
+What is found above comes of an observer that has lost the device."""
+
+
+def _away(frequency_hz: Floats, designed_hz: float, sample_rate: float) -> NDArray[np.bool_]:
+    """Whether a filter is far from the oscillation, shape (n,)."""
+    away: NDArray[np.bool_] = np.abs(frequency_hz / designed_hz - 1) > RETUNE
+    return away & (frequency_hz > 0) & (frequency_hz < HIGHEST * sample_rate)
 
 
 class UnitA(_PatternUnit):
     """Band-pass on the four states, then phi (TW 201137310, eqs. 8-9).
 
-    The filter is designed for the nominal device. From convergence on it follows the oscillation that the observer
-    found, sqrt(k/m)/2pi, which sensors of unknown gain move by as much as they move m.
+    The filter is designed for the nominal device and follows the oscillation that the observer found, sqrt(k/m)/2pi,
+    which sensors of unknown gain move by as much as they move m.
     """
 
     name = "A"
@@ -119,12 +135,11 @@ class UnitA(_PatternUnit):
         return self._pattern.angle(phi, block), quality
 
     def _filtered(self, block: Block) -> Floats:
-        states = block.filterable()
+        states, follows = block.filterable(), self._follows(block)
         frequency_hz = np.sqrt(block.omega_squared) / (2 * np.pi)
         begin = 0
         while begin < len(frequency_hz):
-            away = np.abs(frequency_hz[begin:] / self.filter.centre_hz - 1) > RETUNE
-            away &= block.converged[begin:]
+            away = _away(frequency_hz[begin:], self.filter.centre_hz, self.filter.sample_rate) & follows[begin:]
             if away[0]:
                 self.filter = band_pass(self.filter.sample_rate, float(frequency_hz[begin]), self.filter.shape)
                 continue
@@ -135,13 +150,20 @@ class UnitA(_PatternUnit):
 
 
 class UnitB(_PatternUnit):
-    """Phi of the unfiltered states, then low-pass on angle and quality (TW 201137310, eqs. 10-11)."""
+    """Phi of the unfiltered states, then low-pass on angle and quality (TW 201137310, eqs. 10-11).
+
+    The filter is designed for the nominal device, `frequency_hz`, and follows the oscillation that the observer found:
+    one that is a third too slow reads edges of the rate 1.8 times as wrong.
+    """
 
     name = "B"
 
-    def __init__(self, design: Filter) -> None:
+    def __init__(self, design: Filter, frequency_hz: float) -> None:
         self.filter = design
-        self._pattern = Pattern(design)
+        self._designed_hz = frequency_hz
+        self._memory: Floats | None = None
+        self._last = np.zeros(2)
+        self._pattern = Pattern()
         self._near = Pattern()
 
     def process(self, block: Block) -> tuple[Floats, Floats]:
@@ -149,9 +171,37 @@ class UnitB(_PatternUnit):
         # Of the values phi + n pi the one nearest the pattern without the tones is taken. From sample to sample a half
         # turn would be counted whenever the tones outgrow the pattern for a moment, and never taken back.
         near, _ = self._near.phi(block.states() - block.forced, block.omega_squared)
-        phi, quality = self._pattern.phi(block.filterable(), block.omega_squared, near)
+        signals = np.stack(self._pattern.phi(block.filterable(), block.omega_squared, near))
+        phi, quality = self._filtered(signals, np.sqrt(block.omega_squared) / (2 * np.pi), self._follows(block))
         # The lag-free low-pass overshoots; quality is a ratio.
         return self._pattern.angle(phi, block), np.clip(quality, 0.0, 1.0)
+
+    def _filtered(self, signals: Floats, frequency_hz: Floats, follows: NDArray[np.bool_]) -> Floats:
+        """Angle and quality, shape (2, n), passed by the filter, which goes on from where it is when it changes."""
+        begin, count = 0, len(frequency_hz)
+        if self._memory is None and count:
+            # As if the first sample had been there for ever: no step from zero.
+            self._last = signals[:, 0]
+            self._memory = self._rest()
+        while begin < count:
+            away = _away(frequency_hz[begin:], self._designed_hz, self.filter.sample_rate) & follows[begin:]
+            if away[0]:
+                self._designed_hz = float(frequency_hz[begin])
+                self.filter = low_pass(self.filter.sample_rate, self._designed_hz, self.filter.shape)
+                self._memory = self._rest()
+                continue
+            end = begin + int(away.argmax()) if away.any() else count
+            signals[:, begin:end], self._memory = signal.sosfilt(
+                self.filter.sos, signals[:, begin:end], zi=self._memory
+            )
+            self._last = signals[:, end - 1].copy()
+            begin = end
+        return signals
+
+    def _rest(self) -> Floats:
+        """The filter's memory where both have long been as they are, shape (sections, 2, 2)."""
+        rest: Floats = signal.sosfilt_zi(self.filter.sos)[:, None, :] * self._last[None, :, None]
+        return rest
 
 
 class UnitC(_PatternUnit):
@@ -179,7 +229,7 @@ def make_units(sample_rate: float, frequency_hz: float, shape: Shape = "lag_free
     """
     return {
         "A": UnitA(band_pass(sample_rate, frequency_hz, shape)),
-        "B": UnitB(low_pass(sample_rate, frequency_hz, shape)),
+        "B": UnitB(low_pass(sample_rate, frequency_hz, shape), frequency_hz),
         "C": UnitC(),
     }
 
@@ -187,12 +237,10 @@ def make_units(sample_rate: float, frequency_hz: float, shape: Shape = "lag_free
 class Pattern:
     """Follows the orientation phi of an orbit over blocks, and sets the angle's zero.
 
-    low_pass: passes phi and quality, if given. zero: phi less what was turned, where the angle was valid first [rad].
+    zero: phi less what was turned, where the angle was valid first [rad].
     """
 
-    def __init__(self, low_pass: Filter | None = None) -> None:
-        self._sos = None if low_pass is None else low_pass.sos
-        self._memory: Floats | None = None
+    def __init__(self) -> None:
         self._last = np.nan
         self.zero = np.nan
 
@@ -209,16 +257,7 @@ class Pattern:
             phi = np.unwrap(np.concatenate((before, raw)), period=np.pi)[1:]
         if len(phi):
             self._last = float(phi[-1])
-        return (phi, quality) if self._sos is None else self._passed(phi, quality)
-
-    def _passed(self, phi: Floats, quality: Floats) -> tuple[Floats, Floats]:
-        signals = np.stack((phi, quality))
-        if self._memory is None and len(phi):
-            # The filter begins as if the first sample had been there for ever: no step from zero.
-            self._memory = signal.sosfilt_zi(self._sos)[:, None, :] * signals[None, :, :1]
-        if len(phi):
-            signals, self._memory = signal.sosfilt(self._sos, signals, zi=self._memory)
-        return signals[0], signals[1]
+        return phi, quality
 
     def angle(self, phi: Floats, block: Block) -> Floats:
         """Return theta [rad] of `phi`: zero at the first converged sample, NaN before."""

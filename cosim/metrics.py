@@ -23,7 +23,13 @@ WITHIN: Final = 0.01
 SETTLING: Final = 0.02
 """The rate error counts from this long after an edge of the rate [s]."""
 REFERENCE: Final = 0.01
-"""The angle error is taken less its mean over this long after convergence [s]."""
+"""The angle error is taken less its mean over this long after convergence [s], without what a filter makes of edges of
+the rate: the time until SETTLING after one, where there is any other."""
+ANGLE_NAMES: Final = (
+    *("rms_deg", "max_deg", "reference_deg", "raw_rms_deg", "raw_max_deg"),
+    *("drift_deg_per_s", "lag_s"),
+)
+"""Numbers of an angle unit, see `angle_metrics`."""
 LAG_WINDOW: Final = 0.1
 """The lag is taken from what the rate does within this time [s]."""
 LAG_NEEDS: Final = 0.1
@@ -104,27 +110,30 @@ def angle_metrics(
     converged_at: float | None,
     edges: Floats,
 ) -> Summary:
-    """Return {rms_deg, max_deg, raw_rms_deg, raw_max_deg, drift_deg_per_s, lag_s} from convergence to the end.
+    """Return {rms_deg, max_deg, reference_deg, raw_rms_deg, raw_max_deg, drift_deg_per_s, lag_s} from convergence to
+    the end.
 
-    angle, angle_true [rad], omega: true rate [rad/s], shapes (n,). The error is taken less its
-    mean over the first 10 ms after convergence, the raw one as it is; drift is the slope of its straight-line fit. The
-    lag is `run_lag` without the 20 ms after each of `edges` [s]: what a filter does to an edge
-    counts as error, not as lag.
+    angle, angle_true [rad], omega: true rate [rad/s], shapes (n,). The error is taken less its mean just after
+    convergence, reference_deg (`reference_mean`), the raw one as it is; drift is the slope of its straight-line fit.
+    The lag is `run_lag` without the 20 ms after each of `edges` [s]: what a filter does to an edge counts as error, not
+    as lag.
     """
     error = angle - angle_true
     valid = np.isfinite(error)
     if converged_at is not None:
         valid &= t >= converged_at
     if converged_at is None or np.count_nonzero(valid) < 2:
-        return dict.fromkeys(("rms_deg", "max_deg", "raw_rms_deg", "raw_max_deg", "drift_deg_per_s", "lag_s"))
+        return dict.fromkeys(ANGLE_NAMES)
     t, error, omega = t[valid], error[valid], omega[valid]
     settled = _settled(t, edges)
     lag = run_lag(t[settled], error[settled], omega[settled])
     raw = np.rad2deg(error)
-    error = np.rad2deg(error - reference_mean(t, error, converged_at))
+    reference = float(np.rad2deg(reference_mean(t, error, converged_at, edges)))
+    error = raw - reference
     return {
         "rms_deg": _rms(error),
         "max_deg": number(np.abs(error).max()),
+        "reference_deg": number(reference),
         "raw_rms_deg": _rms(raw),
         "raw_max_deg": number(np.abs(raw).max()),
         "drift_deg_per_s": number(np.polyfit(t - t.mean(), error, 1)[0]),
@@ -132,10 +141,14 @@ def angle_metrics(
     }
 
 
-def reference_mean(t: Floats, error: Floats, converged_at: float) -> float:
-    """Mean of `error` over the first 10 ms after convergence, without its gaps; 0 if empty."""
-    first = error[(t >= converged_at) & (t < converged_at + REFERENCE) & np.isfinite(error)]
-    return float(first.mean()) if first.size else 0.0
+def reference_mean(t: Floats, error: Floats, converged_at: float, edges: Floats) -> float:
+    """Mean of `error`, without its gaps, over the first 10 ms after convergence, as far as they are at least 20 ms
+    after the last of `edges` [s], shape (n,); over all 10 ms if none are; 0 if empty."""
+    inside = (t >= converged_at) & (t < converged_at + REFERENCE) & np.isfinite(error)
+    first, settled = error[inside], _settled(t[inside], edges)
+    if not first.size:
+        return 0.0
+    return float(first[settled].mean() if settled.any() else first.mean())
 
 
 def run_lag(t: Floats, error: Floats, omega: Floats) -> float | None:

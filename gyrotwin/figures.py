@@ -4,7 +4,7 @@ A figure redraws one of patent TW 201137310, or shows what the patent leaves out
 panel into a Plotly plot; colours and dashes follow the role of a line.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any, Final
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cosim.angle import UNIT_NAMES
 from cosim.angle_filters import Filter
 from cosim.layout import PARAMETER_NAMES
-from cosim.metrics import SETTLING, WITHIN, Bounds, reference_mean
+from cosim.metrics import SETTLING, WITHIN, Bounds
 
 Floats = NDArray[np.float64]
 
@@ -170,7 +170,7 @@ def bound_figure(trace: pl.DataFrame, bounds: Bounds, scenario: str) -> Figure:
     )
 
 
-def angle_figure(trace: pl.DataFrame, unit: str, converged_at: float | None, scenario: str) -> Figure:
+def angle_figure(trace: pl.DataFrame, unit: str, reference_deg: float | None, scenario: str) -> Figure:
     """Redraw figure 7 (or 10): the angle of the chosen unit against the truth."""
     t = trace["t"].to_numpy()
     true, angle = np.rad2deg(trace["angle_true"].to_numpy()), np.rad2deg(trace["angle"].to_numpy())
@@ -196,7 +196,7 @@ def angle_figure(trace: pl.DataFrame, unit: str, converged_at: float | None, sce
             Panel(
                 "t [s]",
                 "error [°]",
-                [line("error", "error", *envelope(t, angle_error(trace, unit, converged_at)))],
+                [line("error", "error", *envelope(t, angle_error(trace, unit, reference_deg)))],
             ),
             Panel(
                 "t [s]",
@@ -208,12 +208,12 @@ def angle_figure(trace: pl.DataFrame, unit: str, converged_at: float | None, sce
     )
 
 
-def units_figure(trace: pl.DataFrame, converged_at: float | None) -> Figure:
-    """Angle errors of the three units, each less its mean after convergence."""
+def units_figure(trace: pl.DataFrame, reference_deg: Mapping[str, float | None]) -> Figure:
+    """Angle errors of the three units, each less its mean after convergence, `reference_deg` by its name."""
     t = trace["t"].to_numpy()
     lines = []
     for name in UNIT_NAMES:
-        error = angle_error(trace, name, converged_at)
+        error = angle_error(trace, name, reference_deg[name])
         lines.append(line(f"unit {name}", f"unit-{name}", *envelope(t, error)))
     return Figure(
         "units",
@@ -258,13 +258,10 @@ def _source(scenario: str, first: str, second: str) -> str:
     return drawn.get(scenario, f"as {first} of patent TW 201137310, for another motion")
 
 
-def angle_error(trace: pl.DataFrame, unit: str, converged_at: float | None) -> Floats:
-    """Return the angle error of a unit [deg], less its mean just after convergence, shape (n,)."""
-    t = trace["t"].to_numpy()
+def angle_error(trace: pl.DataFrame, unit: str, reference_deg: float | None) -> Floats:
+    """Return the angle error of a unit [deg], less `reference_deg`, its mean just after convergence, shape (n,)."""
     error: Floats = np.rad2deg((trace[f"angle_{unit}"] - trace["angle_true"]).to_numpy())
-    if converged_at is None:
-        return error
-    return error - reference_mean(t, error, converged_at)
+    return error - (reference_deg or 0.0)
 
 
 def relative_error(trace: pl.DataFrame, name: str) -> Floats:

@@ -83,10 +83,10 @@ def run_figures(
     rest = trace[common].gather_every(max(len(trace) // LONGEST, 1))
     whole = pl.concat([start[common], rest.filter(pl.col("t") > start["t"][-1])])
     scenario = summary["scenario"]
-    converged_at = summary["converged_at"]
+    references = {name: unit["reference_deg"] for name, unit in summary["angle_units"].items()}
     shown = [
-        figures.angle_figure(trace, summary["angle"]["unit"], converged_at, scenario),
-        figures.units_figure(trace, converged_at),
+        figures.angle_figure(trace, summary["angle"]["unit"], references[summary["angle"]["unit"]], scenario),
+        figures.units_figure(trace, references),
         figures.states_figure(start),
         figures.parameters_figure(whole, scenario),
         figures.relative_error_figure(whole, scenario),

@@ -3,9 +3,9 @@
 from calibration.datasheet.figure import EXPECTATIONS
 from cosim.angle import UNIT_NAMES
 from cosim.layout import PARAMETER_NAMES
+from cosim.metrics import ANGLE_NAMES
 from gyrotwin.schemas.record import NUMBER_OR_NULL, TEXT, Json, Schema, array, mapping, table
 
-_ANGLE = ("rms_deg", "max_deg", "raw_rms_deg", "raw_max_deg", "drift_deg_per_s", "lag_s")
 _PARAMETER = ("true", "estimate", "relative_error", "within_1_percent_at", "over_bound")
 _PREDICTED = ("drift_sigma_deg_per_s", "drift_sigma_now_deg_per_s", "angle_sigma_deg", "drift_bound_deg_per_s")
 
@@ -43,8 +43,8 @@ def _build() -> Json:
         "reason": TEXT,
         "stopped": TEXT,
     }
-    angle = _numbers(_ANGLE)
-    chosen = table({"unit": {"enum": list(UNIT_NAMES)}} | angle["properties"], ("unit", *_ANGLE))
+    angle = _numbers(ANGLE_NAMES)
+    chosen = table({"unit": {"enum": list(UNIT_NAMES)}} | angle["properties"], ("unit", *ANGLE_NAMES))
     return table(
         {
             "scenario": TEXT,

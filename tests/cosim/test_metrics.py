@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from cosim.angle import sine_lag
 from cosim.layout import PARAMETER_NAMES
 from cosim.metrics import (
+    ANGLE_NAMES,
     Bounds,
     angle_metrics,
     omega_metrics,
@@ -114,8 +115,17 @@ def test_angle_numbers_by_hand():
 def test_nothing_without_convergence():
     t = np.arange(100) * PERIOD
     found = angle_metrics(t, np.full(100, np.nan), t, t, None, NO_EDGES)
-    names = ("rms_deg", "max_deg", "raw_rms_deg", "raw_max_deg", "drift_deg_per_s", "lag_s")
-    assert found == dict.fromkeys(names)
+    assert found == dict.fromkeys(ANGLE_NAMES)
+
+
+def test_reference_leaves_out_what_follows_an_edge():
+    t = np.arange(2_000) * PERIOD
+    edge = 0.04
+    error = np.deg2rad(np.where((t >= edge) & (t < edge + 0.01), 1.0, 0.2))
+    # Valid 5 ms before the edge, the 10 ms would be half of each; valid with it, there is nothing else.
+    for begin, expected in ((edge - 0.005, 0.2), (edge, 1.0)):
+        found = angle_metrics(t, error, np.zeros_like(t), np.zeros_like(t), begin, np.array([edge]))
+        assert found["reference_deg"] == pytest.approx(expected)
 
 
 @settings(deadline=None)

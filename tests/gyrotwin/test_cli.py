@@ -56,7 +56,7 @@ def test_summary_holds_every_promised_number(run_folder: Path) -> None:
     assert set(summary["parameters"]) == {"kxx", "kyy", "kxy", "dxx", "dyy", "dxy", "m"}
     for values in summary["parameters"].values():
         assert set(values) == {"true", "estimate", "relative_error", "within_1_percent_at", "over_bound"}
-    angle_keys = {"rms_deg", "max_deg", "raw_rms_deg", "raw_max_deg", "drift_deg_per_s", "lag_s"}
+    angle_keys = {"rms_deg", "max_deg", "reference_deg", "raw_rms_deg", "raw_max_deg", "drift_deg_per_s", "lag_s"}
     assert set(summary["angle"]) == {"unit", *angle_keys}
     assert set(summary["angle_units"]) == {"A", "B", "C"}
     assert all(set(values) == angle_keys for values in summary["angle_units"].values())

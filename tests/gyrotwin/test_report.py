@@ -37,7 +37,11 @@ def made_up_run(name="constant", converged_at=0.08):
     columns = {"t": t, "omega_true": omega, "est_omega_z": omega, "angle_true": theta}
     columns |= {"angle": theta + ripple, "angle_quality": np.ones(count), "converged": valid}
     columns |= {f"angle_{unit}": theta + ripple for unit in "ABC"}
-    columns |= {"drift_sigma": np.full(count, 2e-3), "drift_sigma_now": np.full(count, 1e-3), "angle_sigma": np.full(count, 1e-3)}
+    columns |= {
+        "drift_sigma": np.full(count, 2e-3),
+        "drift_sigma_now": np.full(count, 1e-3),
+        "angle_sigma": np.full(count, 1e-3),
+    }
     columns |= {f"{kind}_{s}": np.cos(2e4 * t) for s in STATE_NAMES for kind in ("est", "true")}
     for parameter in PARAMETER_NAMES:
         columns[f"true_{parameter}"] = np.full(count, 2.0)
