@@ -114,11 +114,9 @@ static void form(foucault *c, const double *estimate)
     c->delay_samples = (int64_t)(c->delay / c->period);
     motion_form_piece(&c->rest, &c->k, 0.0, c->delay - (double)c->delay_samples * c->period);
     motion_form_piece(&c->step, &c->k, 0.0, c->period);
-    if (compensate) {
-        hold_form_force(&c->loop, a, b, omega_squared, c->period, &c->held);
-    } else {
-        c->held = (held_force){{1.0, 0.0, 0.0, 1.0}, {0.0}};
-    }
+    motion_form_piece(&c->half, &c->k, 0.0, 0.5 * c->period);
+    const double angle = 0.5 * c->period * sqrt(omega_squared);
+    c->boost = compensate ? angle / sin(angle) : 1.0;
     if (!c->formed) {
         /* Once: a tone that moved with each estimate would be no tone. */
         place_tones(c, sqrt(omega_squared) / (2.0 * PI));
@@ -148,8 +146,8 @@ static void force_of(const foucault *c, int64_t sample, const double *s, double 
     known_actuate(&c->k, s, c->u[(sample > 0 ? sample : 0) & (PAST - 1)], 0.0, f);
 }
 
-/* The force that would cancel what springs, dampers and the rate of turn don't say at `s` [NS] [N]. */
-static void rest_at(const foucault *c, const double *s, double omega_z, double mass, double f[2])
+/* The force that cancels what springs, dampers and the rate of turn don't say at `s` [NS] [N]. */
+static void cancel_rest(const foucault *c, const double *s, double omega_z, double mass, double f[2])
 {
     const double none[2] = {0.0, 0.0};
     double bend[NS];
@@ -160,26 +158,6 @@ static void rest_at(const foucault *c, const double *s, double omega_z, double m
             bend[row] += c->a[NS * row + j] * s[j];
         }
         f[i] = -mass * bend[row];
-    }
-}
-
-/* Adds to `out` the held force that cancels it over a period that begins at `s` [NS] under the force `held` [N]. */
-static void cancel_rest(const foucault *c, const double *s, double omega_z, double mass, const double held[2], double out[2])
-{
-    /* At the nodes, +-1/2 and +-1/sqrt 20 of the period from its middle: the value there by the cubic through all, the slope by those inside. */
-    const double inside = sqrt(0.05), value_inside = 0.125 / (0.25 - 0.05), value_outside = 0.5 - value_inside;
-    passage way;
-    double f[NODES][2];
-    motion_move(&c->step, &c->k, omega_z, omega_z, held, s, &way);
-    for (int n = 0; n < NODES; n++) {
-        rest_at(c, way.s[n], omega_z, mass, f[n]);
-    }
-    for (int j = 0; j < 2; j++) {
-        const double now = value_inside * (f[1][j] + f[2][j]) + value_outside * (f[0][j] + f[3][j]);
-        const double slope = (f[2][j] - f[1][j]) / (2.0 * inside * c->period);
-        for (int i = 0; i < 2; i++) {
-            out[i] += c->held.now[2 * i + j] * now + c->held.slope[2 * i + j] * slope;
-        }
     }
 }
 
@@ -337,11 +315,13 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
         }
         c->turned -= own_rate * c->period;
     }
-    const double tones[2] = {c->loop.mix[0] * added[0] + c->loop.mix[1] * added[1], c->loop.mix[2] * added[0] + c->loop.mix[3] * added[1]};
-    if (BENT || NS > 4) {
-        const double linear[2] = {feedback[0] + tones[0], feedback[1] + tones[1]};
-        cancel_rest(c, s, omega_z, mass, linear, feedback);
-    }
+    double middle[NS], beyond[2];
+    memcpy(middle, s, sizeof middle);
+    memset(f, 0, sizeof f);
+    move(c, &c->half, omega_z, feedback, middle);
+    cancel_rest(c, middle, omega_z, mass, beyond);
+    feedback[0] += c->boost * beyond[0];
+    feedback[1] += c->boost * beyond[1];
 
     /* Wrong first estimates must not drive the device away. */
     const double limit = set->force_limit * set->k * set->amplitude, size = sqrt(feedback[0] * feedback[0] + feedback[1] * feedback[1]);
@@ -349,7 +329,8 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
         feedback[0] *= limit / size;
         feedback[1] *= limit / size;
     }
-    const double wanted[2] = {feedback[0] + tones[0], feedback[1] + tones[1]};
+    const double wanted[2] = {feedback[0] + c->loop.mix[0] * added[0] + c->loop.mix[1] * added[1],
+                              feedback[1] + c->loop.mix[2] * added[0] + c->loop.mix[3] * added[1]};
     invert(c, s, wanted, out->u);
     const double command = sqrt(out->u[0] * out->u[0] + out->u[1] * out->u[1]);
     if (command > 1.5 * limit) {

@@ -27,11 +27,11 @@ typedef struct {
     double by_omega[8];        /* change of the gain with the rate */
     double by_own_rate[8];     /* and with that at which the controller turns the pattern */
     double coupling;           /* Coriolis coupling relative to that of a point mass [1] */
-    piece rest, step;          /* the motion at rest over the delay's part of a period, and a period */
+    piece rest, step, half;    /* the motion at rest over the delay's part of a period, a period, half of one */
     double a[NS * NS];         /* rate by state at rest, without a rate of turn */
     int64_t delay_samples;
     double delay;              /* [s] */
-    held_force held;           /* of what bends the motion */
+    double boost;
     double phasor[TONES][8];   /* responses to the tones where a command begins to act */
     double phasor_now[TONES][8]; /* and at the sample before the next one does, in the same phase */
     double frequency[TONES];   /* of the tones [Hz] */

@@ -99,59 +99,6 @@ void hold_form(held_loop *h, const double *a, const double *b, const double *rat
     }
 }
 
-/* Left eigenvectors of the slow motion: l, and by way of the counter-rotating motion its conjugate, to first order. */
-static void slow_motion(const held_loop *h, double omega, double period, double complex left[2][4])
-{
-    const double complex own[2] = {0.5, -0.5 * I / omega};
-    memset(left, 0, 8 * sizeof **left);
-    for (int a = 0; a < 2; a++) {
-        for (int j = 0; j < 2; j++) {
-            left[a][2 * a + j] += own[j];
-            for (int c = 0; c < 2; c++) {
-                left[a][2 * c + j] += mode(h, omega, a, c, 1) / (2.0 * I * sin(omega * period)) * conj(own[j]);
-            }
-        }
-    }
-}
-
-/* Adds weight times left phi b, what a force over the time that phi stands for later does to the slow motion. */
-static void add_push(double complex left[2][4], const double *phi, const double *b, double complex weight, double complex out[2][2])
-{
-    for (int a = 0; a < 2; a++) {
-        for (int c = 0; c < 2; c++) {
-            for (int i = 0; i < 4; i++) {
-                for (int j = 0; j < 4; j++) {
-                    out[a][c] += weight * left[a][i] * phi[4 * i + j] * b[2 * j + c];
-                }
-            }
-        }
-    }
-}
-
-void hold_form_force(const held_loop *h, const double *a, const double *b, double omega_squared, double period, held_force *held)
-{
-    /* Gauss and Legendre's rule of 3 points: its error is (omega T)^6/2e6 of the force. */
-    static const double node[3] = {0.1127016653792583, 0.5, 0.8872983346207417}, weight[3] = {5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0};
-    const double omega = sqrt(omega_squared);
-    double complex left[2][4], always[2][2] = {{0.0}}, once[2][2] = {{0.0}};
-    double phi[16], gamma[8];
-    slow_motion(h, omega, period, left);
-    for (int n = 0; n < 3; n++) {
-        transition_over(a, b, 4, (1.0 - node[n]) * period, phi, gamma);
-        add_push(left, phi, b, weight[n] * period * cexp(I * omega * (node[n] - 0.5) * period), always);
-        add_push(left, phi, b, weight[n] * period, once);
-    }
-    const double complex det = once[0][0] * once[1][1] - once[0][1] * once[1][0];
-    for (int i = 0; i < 2; i++) {
-        for (int j = 0; j < 2; j++) {
-            const double complex inverse[2] = {(i == 0 ? once[1][1] : -once[1][0]) / det, (i == 0 ? -once[0][1] : once[0][0]) / det};
-            const double complex share = inverse[0] * always[0][j] + inverse[1] * always[1][j];
-            held->now[2 * i + j] = creal(share);
-            held->slope[2 * i + j] = cimag(share) / omega;
-        }
-    }
-}
-
 /* Solves the 8 x 8 system a[:, :8] z = a[:, 8] in place (Gauss-Jordan, row pivots). */
 static void eliminate(double a[8][9])
 {

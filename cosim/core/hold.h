@@ -16,18 +16,10 @@ typedef struct {
     double mix[4];    /* 2 x 2: force on what is added to the feedback, at mid-hold */
 } held_loop;
 
-/* The held force that does to the loop's slow motion what a force f exp(i omega t) does, which acts all the time: now f + slope f', both at mid-hold. */
-typedef struct {
-    double now[4], slope[4]; /* 2 x 2 */
-} held_force;
-
 /* Forms the loop for the plant a [16], b [8] with feedback `rate` [2 x 4] = [K - k, D] by axis, towards the stiffness per mass
    `omega_squared`; the pattern shall turn by -omega_z. Without `compensate` a plain hold. */
 void hold_form(held_loop *h, const double *a, const double *b, const double *rate, double omega_squared, double omega_z, double period,
                int compensate);
-
-/* Forms that force for the loop `h` of the plant a [16], b [8], without a rate of turn. */
-void hold_form_force(const held_loop *h, const double *a, const double *b, double omega_squared, double period, held_force *held);
 
 /* Writes the steady response of the loop to amplitude sin(2 pi frequency (t + lead)) added along `axis` into phasor [8]: state i is
    phasor[2i] sin + phasor[2i + 1] cos of 2 pi frequency t. */
