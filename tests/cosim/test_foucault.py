@@ -334,8 +334,8 @@ def test_a_delay_does_not_change_the_scale_of_the_angle():
 
 
 def test_hard_springs_of_a_split_device_do_not_turn_the_pattern(tmp_path, residual):
-    # 25 samples a period, a delay beyond one of them, springs that are 3e-4 harder at 1 um. Predicted in halves and
-    # held as at mid-hold, what bends the motion turned the pattern by 0.031 deg/s.
+    # 25 samples a period, a delay beyond one of them, springs that are 3e-4 harder at 1 um. Predicted in halves,
+    # what bends the motion turned the pattern by 0.031 deg/s.
     device = device_with(kxy=6.0, k3_x=2e10, k3_y=1e10, actuator_delay=15e-6, sense_noise=2e-8)
     write_device(device, tmp_path / "device.toml")
     told = {"k3_x": 2e10, "k3_y": 1e10, "actuator_delay": 15e-6}
@@ -346,4 +346,4 @@ def test_hard_springs_of_a_split_device_do_not_turn_the_pattern(tmp_path, residu
     files = {"device": str(tmp_path / "device.toml"), "design": str(tmp_path / "design.toml")}
     _, result = simulated("rest", sample_rate=75e3, duration=0.5, **files)
     assert result.validity.now
-    residual("drift [deg/s]", abs(drift(result, 0.2)), 0.005)  # 6 standard deviations of what is not known
+    residual("drift [deg/s]", abs(drift(result, 0.2)), 0.02)  # of the order (omega T)^3 the hold leaves 0.014
