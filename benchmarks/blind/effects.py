@@ -66,6 +66,10 @@ def _friction(rng: np.random.Generator, plant: Plant, scale: Scale) -> Mapping[s
             "stribeck_speed": speed * 10 ** rng.uniform(-1, -0.3)}  # fmt: skip
 
 
+def _hysteresis(rng: np.random.Generator, plant: Plant, scale: Scale) -> Mapping[str, float]:
+    return {"hysteresis_length": scale.q * 10 ** rng.uniform(-1.2, 0.3)}
+
+
 class Effect(NamedTuple):
     """One row of the table. sizes: its parameters that are zero (or ``base``) without it; host: the columns of the
     experiment that it needs; cap: the largest size that is sane and stable; signs: of the size; partner: what has to
@@ -139,6 +143,9 @@ MORE: Final = (
     Effect("cross_cubic_stiffness", ("k22",), lambda p, s: 0.2 * _stiff(p) / s.q**2),
     Effect("contact_stop", ("stop_stiffness",), lambda p, s: 20 * _stiff(p), shape=_stop, signs=(1,)),
     Effect("squeeze_film", ("squeeze_x", "squeeze_y"), lambda p, s: 0.1 * math.sqrt(_stiff(p) * p.m), shape=_film,
+           signs=(1,)),
+    Effect("play", ("play",), lambda p, s: 0.3 * s.u, signs=(1,)),
+    Effect("hysteresis", ("hysteresis_x", "hysteresis_y"), lambda p, s: 0.05 * _stiff(p) * s.q, shape=_hysteresis,
            signs=(1,)),
     Effect("comb_fringe", ("comb_fringe",), lambda p, s: 0.3 / s.q),
 )  # fmt: skip

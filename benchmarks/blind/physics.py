@@ -21,6 +21,8 @@ STAGES: Final = DOP853.n_stages
 A: Final = np.ascontiguousarray(DOP853.A)
 B: Final = np.ascontiguousarray(DOP853.B)
 C: Final = np.ascontiguousarray(DOP853.C)
+ORDER: Final = 8
+"""States: x, y, x', y', those of the parasitic mode, those of the hysteresis."""
 RADIANS: Final = 0.15
 """Longest substep in radians of the fastest mode: halving it moves v by less than 1e-9 of its peak (tested)."""
 
@@ -95,6 +97,13 @@ class Plant(NamedTuple):
     squeeze_y: float = 0.0
     squeeze_gap: float = 5e-6
     comb_fringe: float = 0.0
+    play: float = 0.0
+    hysteresis_x: float = 0.0
+    hysteresis_y: float = 0.0
+    hysteresis_length: float = 1e-6
+    hysteresis_beta: float = 0.5
+    hysteresis_gamma: float = 0.5
+    hysteresis_n: float = 1.0
     term: float = 0.0
     term_size: float = 0.0
 
@@ -152,9 +161,17 @@ def _stopped(q, speed, p):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _bent(z, speed, p):  # type: ignore[no-untyped-def]
+    """Slope of a hysteretic force over its limit, by Bouc and Wen."""
+    size = abs(z)
+    bend = p.hysteresis_beta * abs(speed) * size ** (p.hysteresis_n - 1) * z
+    return (speed - bend - p.hysteresis_gamma * speed * size**p.hysteresis_n) / p.hysteresis_length
+
+
+@njit(cache=True)
 def _slope(s, t, ux, uy, omega, ax, ay, bias, heat, worn, p, out):  # type: ignore[no-untyped-def]
-    """d/dt of s = x, y, x', y', q, q' (q: parasitic mode) at time t; heat: where the structure's temperature goes to,
-    where it was and when; worn: the factor of the damping step."""
+    """d/dt of s = x, y, x', y', q, q' (q: parasitic mode), z_x, z_y (hysteresis) at time t; heat: where the structure's
+    temperature goes to, where it was and when; worn: the factor of the damping step."""
     x, y, dx, dy, q, dq = s[0], s[1], s[2], s[3], s[4], s[5]
     warm = _followed(heat[1], heat[0], t - heat[2], p.structure_lag) - p.t_ref
     soft = 1 + p.tck * warm
@@ -193,6 +210,11 @@ def _slope(s, t, ux, uy, omega, ax, ay, bias, heat, worn, p, out):  # type: igno
         gx, gy = extra_force(p.term, p.term_size, x, y, dx, dy, ux, uy)
         fx += gx
         fy += gy
+    out[6] = out[7] = 0.0
+    if p.hysteresis_x != 0 or p.hysteresis_y != 0:
+        fx -= p.hysteresis_x * s[6]
+        fy -= p.hysteresis_y * s[7]
+        out[6], out[7] = _bent(s[6], dx, p), _bent(s[7], dy, p)
     w = 2 * math.pi * p.parasitic_frequency
     fx -= p.parasitic_coupling * q
     out[0], out[1], out[2], out[3] = dx, dy, fx / p.m, fy / p.m
@@ -207,17 +229,29 @@ def _advance(s, t, h, steps, ux, uy, omega, ax, ay, bias, heat, worn, p, slopes,
     for step in range(steps):
         begin = t + step * h
         for i in range(STAGES):
-            for j in range(6):
+            for j in range(ORDER):
                 total = 0.0
                 for k in range(i):
                     total += A[i, k] * slopes[k, j]
                 trial[j] = s[j] + h * total
             _slope(trial, begin + C[i] * h, ux, uy, omega, ax, ay, bias, heat, worn, p, slopes[i])
-        for j in range(6):
+        for j in range(ORDER):
             total = 0.0
             for i in range(STAGES):
                 total += B[i] * slopes[i, j]
             s[j] += h * total
+
+
+@njit(cache=True)
+def _played(u, p):  # type: ignore[no-untyped-def]
+    """Forces (n, 2) that come through the play of the actuators, at rest before the first."""
+    through = np.empty_like(u)
+    for j in range(2):
+        left = 0.0
+        for k in range(len(u)):
+            left = max(u[k, j] - p.play, min(u[k, j] + p.play, left))
+            through[k, j] = left
+    return through
 
 
 @njit(cache=True)
@@ -283,8 +317,8 @@ def _lagged(v, first, last, h, tau):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _run(p, h, u, omega, temperature, acceleration, v_bias, start, steps, v, state):  # type: ignore[no-untyped-def]
-    n = len(u)
-    s, slopes, trial = np.zeros(6), np.zeros((STAGES, 6)), np.zeros(6)
+    n, through = len(u), _played(u, p)
+    s, slopes, trial = np.zeros(ORDER), np.zeros((STAGES, ORDER)), np.zeros(ORDER)
     s[:4] = start
     structure = circuit = temperature[0]
     before, after, output = np.zeros((2, 2)), np.zeros((2, 2)), np.zeros(2)
@@ -303,8 +337,8 @@ def _run(p, h, u, omega, temperature, acceleration, v_bias, start, steps, v, sta
             jump = p.frame_rotation * (omega[k] - omega[k - 1])
             s[2], s[3] = s[2] + jump * s[1], s[3] - jump * s[0]
         heat = (temperature[k], structure, t)
-        old = _actuated(u[max(k - whole - 1, 0)], p)
-        new = _actuated(u[max(k - whole, 0)], p)
+        old = _actuated(through[max(k - whole - 1, 0)], p)
+        new = _actuated(through[max(k - whole, 0)], p)
         cuts[0], cuts[1], cuts[2], cuts[3] = 0.0, part, min(max(p.damping_step_time - t, 0.0), h), h
         cuts.sort()
         for i in range(3):
@@ -335,8 +369,8 @@ def simulate(p: Plant, run: Run, radians: float = RADIANS) -> Motion:
     """The noise-free motion and voltages of ``run``, not clipped; not finite where the device is unstable."""
     n, h = len(run.u), 1 / run.rate
     v, state = np.empty((n, 2)), np.empty((n, 4))
-    # A sign that friction changes, a stop that is met: far within a radian.
-    fine = 16 if p.friction_x or p.friction_y or p.stop_stiffness else 1
+    # A sign that friction or hysteresis changes, a stop that is met: far within a radian.
+    fine = 16 if p.friction_x or p.friction_y or p.stop_stiffness or p.hysteresis_x or p.hysteresis_y else 1
     steps = fine * max(1, math.ceil(fastest(p) * h / radians))
     _run(p, h, run.u, run.omega, run.temperature, run.acceleration, run.v_bias, run.start, steps, v, state)
     return Motion(v, state)
