@@ -16,10 +16,10 @@ from typing import Final, NamedTuple
 
 from benchmarks.report import Options, Report, Row, Table, load
 from discrepancy.criteria import Criteria
-from discrepancy.dataset import load_dataset
-from discrepancy.naming import diagnose
+from discrepancy.data.dataset import load_dataset
+from discrepancy.diagnose import diagnose
+from discrepancy.discover.term_search import TermSearch
 from discrepancy.trial_runs import write_trial
-from discrepancy.unnamed import TermSearch
 from gyro_model.device import load_device
 from gyro_model.model import load_model
 

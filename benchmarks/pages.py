@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 import gyrotwin as gt
-from discrepancy.fleet import Estimate, Row, fleet
+from discrepancy.tell.fleet import Estimate, Row, fleet
 from gyrotwin.fleet_result import FleetResult
 
 BROWSERS: Final = ("chromium", "chromium-browser", "google-chrome")

@@ -13,10 +13,10 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.report import NONE, Options, Report, Row, Table, load, row
-from discrepancy.dataset import Dataset, load_dataset
-from discrepancy.measures import start_fitted
-from discrepancy.record import Floats
-from discrepancy.simulate import Simulator
+from discrepancy.data.dataset import Dataset, load_dataset
+from discrepancy.data.record import Floats
+from discrepancy.fit.measures import start_fitted
+from discrepancy.fit.simulate import Simulator
 from gyro_model.build import build
 from gyro_model.device import load_device
 from gyro_model.errors import InputError

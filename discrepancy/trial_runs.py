@@ -8,9 +8,9 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from discrepancy.linear_fit import mode_frequencies
-from discrepancy.record import Floats, Record, make_record
-from discrepancy.simulate import Simulator
+from discrepancy.data.linear_fit import mode_frequencies
+from discrepancy.data.record import Floats, Record, make_record
+from discrepancy.fit.simulate import Simulator
 from gyro_model.device import Device
 from gyro_model.errors import InputError
 

@@ -16,7 +16,7 @@ from gyro_model import VERSION as __version__
 
 if TYPE_CHECKING:
     from cosim.design import Design
-    from discrepancy.dataset import Dataset
+    from discrepancy.data.dataset import Dataset
     from gyro_model.device import Device
     from gyro_model.errors import InputError
     from gyrotwin.api import (
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from gyrotwin.tasks.sweep import sweep
 
 _HOMES: Final = {
-    "Dataset": "discrepancy.dataset",
+    "Dataset": "discrepancy.data.dataset",
     "DatasheetResult": "gyrotwin.datasheet_result",
     "Design": "cosim.design",
     "Device": "gyro_model.device",

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from calibration.compensation.record import CIRCUIT, FREQUENCY, STRUCTURE, TemperatureTest
 from cosim.rate.courses import ZERO_CELSIUS
-from discrepancy.import_table import read_lab_table
-from discrepancy.table import numbers
+from discrepancy.data.import_table import read_lab_table
+from discrepancy.data.table import numbers
 from gyro_model.errors import InputError, nearest
 from gyro_model.tables import misread, stated_unit
 from gyro_model.units import conversion

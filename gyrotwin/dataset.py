@@ -12,7 +12,7 @@ from gyro_model.device import load_device
 from gyro_model.errors import InputError, nearest
 
 if TYPE_CHECKING:
-    from discrepancy.import_table import Request
+    from discrepancy.data.import_table import Request
 
 dataset_app = typer.Typer(no_args_is_help=True, help="Data sets of measured runs.")
 
@@ -47,8 +47,8 @@ def init(
     force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
 ) -> None:
     r"""Write a data set from a lab's own tables: columns and units are guessed by headings such as `rate \[deg/s]`."""
-    from discrepancy.import_table import Request, write_dataset
-    from discrepancy.record import Hold
+    from discrepancy.data.import_table import Request, write_dataset
+    from discrepancy.data.record import Hold
 
     if hold not in get_args(Hold):
         raise InputError(f"--hold {hold}: use {', '.join(get_args(Hold))}{nearest(hold, get_args(Hold))}")
@@ -113,7 +113,7 @@ def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
 
 def _asked(request: "Request") -> "Request":
     """The request with what the first table does not tell, asked on the terminal."""
-    from discrepancy.import_table import guess_sources, missing_columns, read_lab_table
+    from discrepancy.data.import_table import guess_sources, missing_columns, read_lab_table
 
     headings = read_lab_table(request.files[0]).columns
     while missing := missing_columns(guess_sources(headings, request), request.sample_rate):

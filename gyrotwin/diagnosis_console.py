@@ -7,7 +7,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from discrepancy.answer import Diagnosis
+from discrepancy.tell.answer import Diagnosis
 from gyrotwin.numbers import significant, uncertain
 
 PARTLY: Final = "partly explained"

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from discrepancy.answer import Diagnosis, Step
-from discrepancy.dataset import Dataset
-from discrepancy.linear_fit import mode_frequencies
-from discrepancy.record import Record
+from discrepancy.data.dataset import Dataset
+from discrepancy.data.linear_fit import mode_frequencies
+from discrepancy.data.record import Record
+from discrepancy.name.score import Step
+from discrepancy.tell.answer import Diagnosis
 from gyrotwin.diagnosis_console import stage_label
 from gyrotwin.figures import Figure, Line, Panel, line
 

@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from discrepancy.answer import Diagnosis
-from discrepancy.assemble import forces
-from discrepancy.dataset import Dataset
-from discrepancy.defect import effect_of
+from discrepancy.data.dataset import Dataset
+from discrepancy.fit.defect import effect_of
+from discrepancy.tell.answer import Diagnosis
+from discrepancy.tell.assemble import forces
 from gyro_model.errors import InputError
 from gyro_model.model import Model
 from gyrotwin import diagnosis_figures as figures

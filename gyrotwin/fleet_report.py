@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from discrepancy.fleet import Spread
+from discrepancy.tell.fleet import Spread
 from gyrotwin.figures import Figure, Line, Panel
 from gyrotwin.fleet_result import FleetResult
 from gyrotwin.numbers import significant, unit

@@ -10,7 +10,7 @@ from gyrotwin.results import Saved, Writer, write_json
 if TYPE_CHECKING:
     import polars as pl
 
-    from discrepancy.fleet import Fleet
+    from discrepancy.tell.fleet import Fleet
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from cosim.rate.run import RateRun
     from cosim.recorder import Result as RawRunResult
     from cosim.run import Run
-    from discrepancy.answer import Diagnosis, Finding
-    from discrepancy.dataset import Dataset
+    from discrepancy.data.dataset import Dataset
+    from discrepancy.tell.answer import Diagnosis, Finding
     from gyro_model.device import Device
     from gyrotwin.figures import Figure
 

@@ -8,9 +8,9 @@ import numpy as np
 import polars as pl
 
 from calibration.mode_split import VoltageRecord
-from discrepancy.import_table import Request, guess_sources, read_lab_table
-from discrepancy.record import Floats, check_time, measured_rate
-from discrepancy.table import numbers
+from discrepancy.data.import_table import Request, guess_sources, read_lab_table
+from discrepancy.data.record import Floats, check_time, measured_rate
+from discrepancy.data.table import numbers
 from gyro_model.errors import InputError, nearest
 
 VOLTAGES: Final = ("v_y", "v", "voltage", "sense", "signal", "u")

@@ -4,9 +4,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from discrepancy.dataset import load_dataset
-from discrepancy.naming import diagnose
-from discrepancy.unnamed import TermSearch
+from discrepancy.data.dataset import load_dataset
+from discrepancy.diagnose import diagnose
+from discrepancy.discover.term_search import TermSearch
 from gyro_model.model import load_model
 
 

@@ -1,1 +1,1 @@
-"""Defects of a record, one file each: see ``discrepancy/defect.py``."""
+"""Defects of a record, one file each: see ``discrepancy/fit/defect.py``."""

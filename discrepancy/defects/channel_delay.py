@@ -8,8 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from discrepancy.defect import Distortion, Timing
-from discrepancy.record import Floats
+from discrepancy.data.record import Floats
+from discrepancy.fit.defect import Distortion, Timing
 from gyro_model.quantities import size
 
 DELAY = size("channel_delay", "s", "delay of the y channel after the x channel", low=-1e-4, high=1e-4)

@@ -9,8 +9,8 @@ from math import ceil
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from discrepancy.defect import Distortion, Timing
-from discrepancy.record import Floats
+from discrepancy.data.record import Floats
+from discrepancy.fit.defect import Distortion, Timing
 from gyro_model.quantities import size
 
 SKEW = size("clock_skew", "1", "relative lag of the voltage's sampling clock", low=-1e-3, high=1e-3)

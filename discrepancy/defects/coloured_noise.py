@@ -1,7 +1,7 @@
 """The noise of a channel is not white: it went through a filter or comes from one, and each sample says something of
 the next.
 
-An autoregression, as ``discrepancy/colour.py`` finds it: G. E. P. Box, G. M. Jenkins, G. C. Reinsel, Time Series
+An autoregression, as ``discrepancy/fit/colour.py`` finds it: G. E. P. Box, G. M. Jenkins, G. C. Reinsel, Time Series
 Analysis, 2008, section 3.2.
 """
 
@@ -11,12 +11,12 @@ from typing import Final
 import numpy as np
 from scipy.linalg import toeplitz
 
-from discrepancy.colour import SCATTER, gain, response
 from discrepancy.criteria import Criteria
-from discrepancy.defect import Disturbance, Level
-from discrepancy.fitted import Fitted
-from discrepancy.record import Floats, Record
-from discrepancy.whitening import misfit_under
+from discrepancy.data.record import Floats, Record
+from discrepancy.fit.colour import SCATTER, gain, response
+from discrepancy.fit.defect import Disturbance, Level
+from discrepancy.fit.fitted import Fitted
+from discrepancy.fit.whitening import misfit_under
 from gyro_model.quantities import size
 
 ALONE: Final = 0.5

@@ -5,9 +5,9 @@ A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 2010, section 4
 
 from collections.abc import Mapping
 
-from discrepancy.defect import Distortion
-from discrepancy.low_pass import held, order
-from discrepancy.record import Floats
+from discrepancy.data.record import Floats
+from discrepancy.fit.defect import Distortion
+from discrepancy.fit.low_pass import held, order
 from gyro_model.quantities import size
 
 TIME = size("force_filter", "s", "1/(2 pi f_c) of the force's low-pass filter", low=0.0, high=1e-3)

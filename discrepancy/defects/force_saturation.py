@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from discrepancy.defect import Distortion
-from discrepancy.record import Floats, Record
+from discrepancy.data.record import Floats, Record
+from discrepancy.fit.defect import Distortion
 from gyro_model.quantities import size
 
 SHARES: Final = (0.97, 0.93, 0.87, 0.8, 0.72, 0.64, 0.56, 0.48, 0.4)

@@ -6,8 +6,8 @@ where m and k all come out off nominal by one factor that is said as a doubt.
 
 from collections.abc import Mapping
 
-from discrepancy.defect import Distortion
-from discrepancy.record import Floats
+from discrepancy.data.record import Floats
+from discrepancy.fit.defect import Distortion
 from gyro_model.quantities import size
 
 SCALE = size("force_scale", "1", "relative error of the recorded force", low=-0.9)

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from discrepancy.criteria import Criteria
-from discrepancy.defect import Blemish, Data, Found, Level
-from discrepancy.record import Floats, Record
+from discrepancy.data.record import Floats, Record
+from discrepancy.fit.defect import Blemish, Data, Found, Level
 from gyro_model.quantities import size
 
 FREQUENCIES: Final = (50.0, 60.0)

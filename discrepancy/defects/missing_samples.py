@@ -15,8 +15,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from discrepancy.criteria import Criteria
-from discrepancy.defect import Blemish, Data, Found, Level
-from discrepancy.record import Bools, Floats, Record
+from discrepancy.data.record import Bools, Floats, Record
+from discrepancy.fit.defect import Blemish, Data, Found, Level
 from gyro_model.quantities import size
 
 SHARE: Final = 0.3

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.ndimage import percentile_filter
 
 from discrepancy.criteria import Criteria
-from discrepancy.defect import Blemish, Data, Found, Level
-from discrepancy.record import Floats, Record
+from discrepancy.data.record import Floats, Record
+from discrepancy.fit.defect import Blemish, Data, Found, Level
 from gyro_model.quantities import size
 
 FAR: Final = 9.0

@@ -11,10 +11,10 @@ from typing import Final
 import numpy as np
 
 from discrepancy.criteria import Criteria
-from discrepancy.defect import Disturbance, Level
-from discrepancy.fitted import Fitted
-from discrepancy.noise import jitter
-from discrepancy.record import Floats, Record
+from discrepancy.data.record import Floats, Record
+from discrepancy.fit.defect import Disturbance, Level
+from discrepancy.fit.fitted import Fitted
+from discrepancy.fit.noise import jitter
 from gyro_model.quantities import size
 
 LAGS: Final = 5

@@ -5,9 +5,9 @@ A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 2010, section 4
 
 from collections.abc import Mapping
 
-from discrepancy.defect import Distortion, Timing
-from discrepancy.low_pass import order, sampled
-from discrepancy.record import Floats
+from discrepancy.data.record import Floats
+from discrepancy.fit.defect import Distortion, Timing
+from discrepancy.fit.low_pass import order, sampled
 from gyro_model.quantities import size
 
 TIME = size("voltage_filter", "s", "1/(2 pi f_c) of the voltage's low-pass filter", low=0.0, high=1e-3)

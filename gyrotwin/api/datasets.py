@@ -9,7 +9,7 @@ from gyro_model.model import load_model
 from gyrotwin.api.files import DeviceSource, load_device
 
 if TYPE_CHECKING:
-    from discrepancy.dataset import Dataset
+    from discrepancy.data.dataset import Dataset
     from gyrotwin.fleet_result import FleetResult
     from gyrotwin.results import DiagnosisResult
 
@@ -45,7 +45,7 @@ def load_dataset(
         If there is no data set, or it is wrong.
 
     """
-    from discrepancy.dataset import load_dataset as load
+    from discrepancy.data.dataset import load_dataset as load
 
     given = dict(load_device(device, effects=effects).parameters) if device is not None else {}
     return load(Path(folder), given, load_model(*map(Path, effects)))
@@ -93,7 +93,7 @@ def simulate_dataset(
     (2, 1)
 
     """
-    from discrepancy.dataset import load_dataset as load
+    from discrepancy.data.dataset import load_dataset as load
     from discrepancy.trial_runs import write_trial
 
     write_trial(load_device(device), dict(hidden or {}), Path(folder), runs=runs, samples=samples, seed=seed)
@@ -143,8 +143,8 @@ def diagnose(
         If an argument or the data are wrong.
 
     """
-    from discrepancy.checks import check
-    from discrepancy.dataset import Dataset
+    from discrepancy.data.checks import check
+    from discrepancy.data.dataset import Dataset
     from gyrotwin.tasks.diagnose import Request, find, with_nominal
 
     folders = tuple(map(Path, effects))

@@ -5,8 +5,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from discrepancy.record import Floats, Record
-from discrepancy.simulate import Simulator
+from discrepancy.data.record import Floats, Record
+from discrepancy.fit.simulate import Simulator
 from discrepancy.trial_runs import RUNS, Tones, blank_run, draw_run
 from gyro_model.device import Device
 from gyrotwin.playing.sliders import Slider

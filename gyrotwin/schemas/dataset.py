@@ -2,8 +2,8 @@
 
 from typing import get_args
 
-from discrepancy.dataset import FORMAT
-from discrepancy.record import Hold, Role
+from discrepancy.data.dataset import FORMAT
+from discrepancy.data.record import Hold, Role
 from gyrotwin.schemas.device import settable
 from gyrotwin.schemas.record import NUMBER, TEXT, Json, Schema, array, table
 

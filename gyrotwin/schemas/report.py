@@ -2,8 +2,8 @@
 
 from typing import get_args
 
-from discrepancy.answer import Verdict
-from discrepancy.defect import defects
+from discrepancy.fit.defect import defects
+from discrepancy.tell.answer import Verdict
 from gyrotwin.schemas.criteria import thresholds
 from gyrotwin.schemas.record import NUMBER, NUMBER_OR_NULL, TEXT, Json, Schema, array, mapping, table
 

@@ -23,9 +23,9 @@ from gyrotwin.interrupt import Interrupted
 from gyrotwin.results import DiagnosisResult, Writer, write_json
 
 if TYPE_CHECKING:
-    from discrepancy.answer import Diagnosis
     from discrepancy.criteria import Criteria
-    from discrepancy.dataset import Dataset
+    from discrepancy.data.dataset import Dataset
+    from discrepancy.tell.answer import Diagnosis
 
 CHECKPOINT: Final = "search.checkpoint"
 
@@ -85,7 +85,7 @@ def execute(request: Request, out: Console, *, force: bool = False) -> dict[str,
 
     Raises InputError for anything wrong in the request or in the data. An interrupted search leaves its checkpoint.
     """
-    from discrepancy.checks import check
+    from discrepancy.data.checks import check
     from gyrotwin.diagnosis_console import results
     from gyrotwin.output import check_writable
 
@@ -115,8 +115,8 @@ def find(
     warnings: Sequence[str] = (),
 ) -> DiagnosisResult:
     """Diagnoses ``data`` as ``request`` asks; nothing is written but ``checkpoint``."""
-    from discrepancy import naming
-    from discrepancy.unnamed import TermSearch
+    from discrepancy import diagnose as naming
+    from discrepancy.discover.term_search import TermSearch
 
     with tempfile.TemporaryDirectory(prefix="gyrotwin-") as folder:
         terms = Path(folder)
@@ -163,7 +163,7 @@ def _name(dataset: Path) -> str:
 
 def load_nominal(request: Request, model: Model) -> tuple["Dataset", list[str]]:
     """The data set as asked for, with what to say about its nominal values."""
-    from discrepancy.dataset import load_dataset
+    from discrepancy.data.dataset import load_dataset
 
     given = load_device(request.device, model).parameters if request.device else {}
     data = load_dataset(request.dataset, _without_noise(given, model), model)
@@ -176,7 +176,7 @@ def with_nominal(data: "Dataset", given: Mapping[str, float], device: str) -> tu
     ``given``, the parameters of the ``device`` that was asked for, replace [nominal]. Noise is switched off: it is
     found, not assumed.
     """
-    from discrepancy.dataset import Y_ONLY
+    from discrepancy.data.dataset import Y_ONLY
 
     nominal = _without_noise(data.nominal, data.model)
     used = {n: v for n, v in _without_noise(given, data.model).items() if data.axes == 2 or n not in Y_ONLY}
@@ -261,7 +261,7 @@ def _write_bytes(text: bytes, path: Path) -> None:
 
 def improved_device(name: str, data: "Dataset", model: Model, found: "Diagnosis") -> Device:
     """The device that the data shows: nominal values, what was fitted, effects, noise, with intervals."""
-    from discrepancy.simulate import both_axes
+    from discrepancy.fit.simulate import both_axes
 
     known = {**found.device, **{n: value for n, value in found.noise.items() if value.value > 0}}
     parameters = {**found.parameters, **{n: value.value for n, value in known.items()}}
@@ -274,7 +274,7 @@ def improved_device(name: str, data: "Dataset", model: Model, found: "Diagnosis"
 def improved_model(data: "Dataset", model: Model, device: Device) -> Model:
     """The model whose FMU is the improved device where nobody sets a parameter; noise off, as in the fit, and the clock
     of the data."""
-    from discrepancy.simulate import steps_a_sample
+    from discrepancy.fit.simulate import steps_a_sample
 
     noise = {q.name for effect in model.effects if effect.noise for q in effect.sizes}
     first = data.fit[0]

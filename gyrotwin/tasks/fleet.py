@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from discrepancy.fleet import Estimate, Row, fleet, row_of
+from discrepancy.tell.fleet import Estimate, Row, fleet, row_of
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
 from gyro_model.tables import read_table
@@ -74,8 +74,8 @@ def _columns(folder: Path, names: Sequence[str]) -> dict[str, dict[str, float]]:
 
 def _row(folder: Path, name: str, request: one.Request, said: str, tell: Progress) -> Row:
     """What the device shows; found before, or now."""
-    from discrepancy.checkpoint import digest
-    from discrepancy.checks import check
+    from discrepancy.data.checks import check
+    from discrepancy.name.checkpoint import digest
 
     own = replace_request(request, folder / name, request.out / DEVICES / name)
     model = load_model(*own.effects)

@@ -4,12 +4,12 @@ import subprocess
 import sys
 
 import pytest
-from test_naming import MODEL, SHORT, made, names
+from hidden_sets import MODEL, SHORT, made, names
 
 from discrepancy.clock import Clock, OutOfTime
-from discrepancy.naming import diagnose
-from discrepancy.search import Search
-from discrepancy.simulate import Simulator
+from discrepancy.diagnose import diagnose
+from discrepancy.fit.simulate import Simulator
+from discrepancy.name.search import Search
 
 CUBIC = {"k3_x": 2e9, "k3_y": 2e9}
 

@@ -6,9 +6,9 @@ import pytest
 from benchmarks.blind.difficulties import DIFFICULTIES
 from benchmarks.blind.experiment import Plan, draw_device, draw_runs
 from benchmarks.blind.noise import clean
-from discrepancy.defect import distortions
-from discrepancy.record import make_record
-from discrepancy.simulate import Simulator
+from discrepancy.data.record import make_record
+from discrepancy.fit.defect import distortions
+from discrepancy.fit.simulate import Simulator
 from gyro_model.model import load_model
 
 NOMINAL = ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy", "sense_gain_x", "sense_gain_y")

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from discrepancy.dataset import Dataset, load_dataset
-from discrepancy.linear_start import linear_start
-from discrepancy.naming import diagnose
-from discrepancy.record import Record, make_record
+from discrepancy.data.dataset import Dataset, load_dataset
+from discrepancy.data.linear_start import linear_start
+from discrepancy.data.record import Record, make_record
+from discrepancy.diagnose import diagnose
 from gyro_model.model import load_model
 
 RATE, SAMPLES, FINE = 1000.0, 8000, 10

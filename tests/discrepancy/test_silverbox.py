@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from discrepancy.dataset import Dataset, load_dataset
-from discrepancy.naming import diagnose
-from discrepancy.record import Record, Role
+from discrepancy.data.dataset import Dataset, load_dataset
+from discrepancy.data.record import Record, Role
+from discrepancy.diagnose import diagnose
 from gyro_model.model import load_model
 
 SET = Path(__file__).parents[2].parent / "shared" / "examples" / "silverbox"

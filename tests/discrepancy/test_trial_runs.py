@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from discrepancy.checks import check
-from discrepancy.dataset import load_dataset
+from discrepancy.data.checks import check
+from discrepancy.data.dataset import load_dataset
 from discrepancy.trial_runs import SPREAD, write_trial
 from gyro_model.device import load_device
 from gyro_model.errors import InputError

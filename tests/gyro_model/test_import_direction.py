@@ -1,4 +1,5 @@
-"""Imports run one way: gyro_model <- cosim <- (discrepancy, calibration) <- gyrotwin."""
+"""Imports run one way: gyro_model <- cosim <- (discrepancy, calibration) <- gyrotwin, and from room to room within
+discrepancy: data <- fit <- defects <- terms <- name <- discover <- tell."""
 
 import ast
 from pathlib import Path
@@ -32,3 +33,16 @@ def test_a_file_imports_only_its_own_package_and_those_below(path: Path) -> None
     floor = next(k for k, packages in enumerate(FLOORS) if package in packages)
     below = {name for packages in FLOORS[:floor] for name in packages}
     assert imported(path) & set(ALL) <= {package} | below
+
+
+ROOMS = ("data", "fit", "defects", "terms", "name", "discover", "tell")
+ROOM_FILES = [path for room in ROOMS for path in sorted((ROOT / "discrepancy" / room).rglob("*.py"))]
+
+
+@pytest.mark.parametrize("path", ROOM_FILES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_a_room_of_the_diagnosis_imports_only_from_rooms_before(path: Path) -> None:
+    own = ROOMS.index(path.relative_to(ROOT / "discrepancy").parts[0])
+    tree = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    modules = [node.module for node in tree if isinstance(node, ast.ImportFrom) and node.module]
+    seen = {module.split(".")[1] for module in modules if module.startswith("discrepancy.")}
+    assert not seen & {*ROOMS[own + 1 :], "diagnose"}

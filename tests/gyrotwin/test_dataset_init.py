@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 import typer
 
-from discrepancy.dataset import load_dataset
+from discrepancy.data.dataset import load_dataset
 from gyro_model.device import load_device
 from gyro_model.errors import InputError
 from gyrotwin.dataset import dataset_app

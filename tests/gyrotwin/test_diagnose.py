@@ -25,11 +25,11 @@ from fmpy.fmi3 import FMU3Slave
 from rich.console import Console
 
 import gyrotwin as gt
-from discrepancy import naming
-from discrepancy.answer import Diagnosis, Value
-from discrepancy.dataset import Dataset, load_dataset
-from discrepancy.record import make_record
-from discrepancy.simulate import Simulator
+from discrepancy import diagnose as naming
+from discrepancy.data.dataset import Dataset, load_dataset
+from discrepancy.data.record import make_record
+from discrepancy.fit.simulate import Simulator
+from discrepancy.tell.answer import Diagnosis, Value
 from gyro_model.build import Fmus, token_of
 from gyro_model.device import load_device, write_device
 from gyro_model.model import load_model

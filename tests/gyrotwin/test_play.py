@@ -18,7 +18,7 @@ import pytest
 import gyrotwin as gt
 from benchmarks.pages import browser
 from benchmarks.tab import Tab
-from discrepancy.simulate import Simulator
+from discrepancy.fit.simulate import Simulator
 from gyro_model.build import build_module
 from gyro_model.model import load_model
 from gyrotwin.playing.hidden import LEAST, MOST, experiment_of, known_parameters

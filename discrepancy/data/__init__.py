@@ -1,0 +1,1 @@
+"""What was measured: records, their data set, tables of a laboratory, and what they show without a model."""

@@ -1,0 +1,18 @@
+"""Least squares from gram matrices whose columns have any size."""
+
+import numpy as np
+
+from discrepancy.data.record import Floats
+
+DEAD = 1e-13
+"""Of the largest eigenvalue of a gram with unit diagonal: below lies what rounding leaves of a direction."""
+
+
+def inverse_scaled(matrix: Floats, damping: float = 0.0) -> Floats:
+    """The inverse of a gram matrix; dead columns and directions get zero. damping: added to the unit diagonal."""
+    size = np.sqrt(np.diag(matrix))
+    size = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    kept = values > DEAD * values[-1] if len(values) else np.zeros(0, np.bool_)
+    inverse = (vectors[:, kept] / (values[kept] + damping)) @ vectors[:, kept].T
+    return np.asarray(inverse / np.outer(size, size))

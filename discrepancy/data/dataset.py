@@ -1,0 +1,236 @@
+"""A data set on disk: a folder with ``dataset.toml`` and one table a run (docs/theory/records.md)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import inf
+from pathlib import Path
+from typing import Any, Final, NamedTuple, get_args
+
+import numpy as np
+
+from discrepancy.data.linear_start import linear_start
+from discrepancy.data.record import Floats, Hold, Record, Role, make_record
+from discrepancy.data.table import SUFFIXES, read_columns
+from gyro_model.device import check_passive
+from gyro_model.errors import InputError, nearest
+from gyro_model.model import Model, load_model
+from gyro_model.toml_text import read_toml_file
+
+__all__ = ["Dataset", "Record", "load_dataset", "make_record"]
+
+FORMAT: Final = 1
+FILE: Final = "dataset.toml"
+RUN_KEYS: Final = ("file", "sample_rate", "role", "hold")
+
+NEEDED: Final = {1: ("m", "kxx", "dxx", "sense_gain_x"),
+                 2: ("m", "kxx", "kyy", "dxx", "dyy", "sense_gain_x", "sense_gain_y")}  # fmt: skip
+"""Nominal values without which a record of so many axes can't be compared with a model."""
+CROSS: Final = ("kxy", "dxy")
+"""Zero where the lab names none: it believes its axes aligned."""
+Y_ONLY: Final = ("kyy", "kxy", "dyy", "dxy", "sense_gain_y", "y_start", "y_dot_start")
+"""Parameters that drop out of a one-axis record."""
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """What a lab measured and believes. nominal: by FMU parameter name, SI, complete for the axes measured; notes:
+    what was assumed, for the reader; model: whose parameters ``nominal`` may name.
+
+    Raises InputError where runs differ in axes, none is left to fit, or a nominal value is missing or impossible.
+    """
+
+    folder: Path
+    nominal: Mapping[str, float]
+    records: tuple[Record, ...]
+    notes: tuple[str, ...] = ()
+    model: Model = field(default_factory=load_model, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if not self.records:
+            raise InputError("no run: add a [[run]] with file and sample_rate")
+        for record in self.records:
+            if record.axes != self.axes:
+                first = self.records[0].name
+                raise InputError(
+                    f"run {record.name} has {record.axes} axes and {first} has {self.axes}: "
+                    "make a data set of each kind"
+                )
+        if not self.fit:
+            raise InputError("no run to fit: every run is held out; add one, or cut the last into two files")
+        self._check_nominal()
+
+    @property
+    def axes(self) -> int:
+        """1 (x alone) or 2."""
+        return self.records[0].axes
+
+    @property
+    def fit(self) -> tuple[Record, ...]:
+        """The runs that a fit may use."""
+        return tuple(record for record in self.records if record.role == "fit")
+
+    @property
+    def held_out(self) -> tuple[Record, ...]:
+        """The runs that no fit or choice sees."""
+        return tuple(record for record in self.records if record.role == "held-out")
+
+    def _check_nominal(self) -> None:
+        model = self.model
+        for name in NEEDED[self.axes]:
+            if name not in self.nominal:
+                unit = model.parameter(name).unit
+                raise InputError(f"[nominal] lacks {name} [{unit}]: add it, or name the device that has it")
+        for name, value in self.nominal.items():
+            model.parameter(name).check(value)
+        for name in ("kxx", "kyy", "sense_gain_x", "sense_gain_y"):
+            if self.nominal.get(name) == 0:
+                raise InputError(f"nominal {name} = 0: give what the lab believes, in {model.parameter(name).unit}")
+        if self.axes == 2:
+            check_passive(self.nominal)
+
+
+def load_dataset(path: Path, device: Mapping[str, float] | None = None, model: Model | None = None) -> Dataset:
+    """Reads the data set in the folder ``path`` (or its dataset.toml). ``device``: parameters that stand where
+    [nominal] names none; ``model``: whose parameters it may name, by default the packaged effects'. Raises InputError,
+    one line with the remedy, for anything wrong in it."""
+    file = path / FILE if path.is_dir() else path
+    if not file.is_file():
+        raise InputError(f"data set {path}: there is no {FILE}; `gyrotwin dataset init` writes one")
+    try:
+        content = read_toml_file(file)
+        return _dataset(file.parent, content, dict(device or {}), model or load_model())
+    except InputError as error:
+        raise InputError(f"data set {file}: {error}") from None
+
+
+def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float], model: Model) -> Dataset:
+    _refuse_unknown(content, ("format", "nominal", "run"), "key")
+    if content.get("format") != FORMAT or isinstance(content["format"], bool):
+        raise InputError(f"format = {content.get('format')!r}: this program reads format = {FORMAT}")
+    nominal, runs = content.get("nominal", {}), content.get("run", [])
+    if not isinstance(nominal, dict):
+        raise InputError(f"nominal = {nominal!r}: make it a table [nominal]")
+    for name, value in nominal.items():
+        model.parameter(name).check(value)
+    if not (isinstance(runs, list) and all(isinstance(run, dict) for run in runs)):
+        raise InputError("run is no list of tables: write [[run]] with double brackets")
+    entries, notes = _with_roles([_entry(number, run) for number, run in enumerate(runs, 1)])
+    read = [_read_run(folder, entry) for entry in entries]
+    records = tuple(record for record, _ in read)
+    axes = records[0].axes if records else 2
+    believed, found = _believed(device | nominal, records)
+    complete, more = _completed(believed, axes)
+    more = [*found, *more]
+    return Dataset(folder, complete, records, (*notes, *more, *(note for _, note in read if note)), model)
+
+
+class _Entry(NamedTuple):
+    """One [[run]] as written."""
+
+    file: str
+    sample_rate: float
+    role: str
+    hold: str
+
+
+def _entry(number: int, run: Mapping[str, Any]) -> _Entry:
+    """A [[run]], its keys and types checked; a wrong word is found before any table, which may be large, is read."""
+    where = f"[[run]] {number}"
+    _refuse_unknown(run, RUN_KEYS, f"{where}: key")
+    file, rate = run.get("file"), run.get("sample_rate")
+    if not isinstance(file, str):
+        raise InputError(f'{where}: file = {file!r}: add file = "run.csv"')
+    if "\0" in file or Path(file).is_absolute() or ".." in Path(file).parts:
+        raise InputError(f"{where}: file = {file!r}: lies outside the data set's folder; copy it in and give its name")
+    if isinstance(rate, bool) or not isinstance(rate, (int, float)) or not 0 < rate < inf:
+        raise InputError(f"{where} ({file}): sample_rate = {rate!r}: add sample_rate = ... in Hz")
+    if not file.lower().endswith(SUFFIXES):
+        raise InputError(f"{where}: file = {file!r}: name one that ends in {', '.join(SUFFIXES)}")
+    choices = {"role": get_args(Role), "hold": get_args(Hold)}
+    for key, valid in choices.items():
+        value = run.get(key, valid[0])
+        if value not in valid:
+            raise InputError(f"{where} ({file}): {key} = {value!r}: use {', '.join(valid)}{nearest(str(value), valid)}")
+    return _Entry(file, float(rate), run.get("role", "fit"), run.get("hold", "zero"))
+
+
+def _with_roles(entries: list[_Entry]) -> tuple[list[_Entry], list[str]]:
+    """The runs with the last held out where none is named; and the note that says so."""
+    files = [entry.file for entry in entries]
+    for file in files:
+        if files.count(file) > 1:
+            raise InputError(f"run {file} is listed twice: a run held out must not be fitted; remove one")
+    if not entries or any(entry.role == "held-out" for entry in entries):
+        return entries, []
+    if len(entries) == 1:
+        raise InputError(
+            f"no run to fit: the only run, {files[0]}, is the one held out; add a run, or cut it into two files "
+            "(`gyrotwin dataset init` does)"
+        )
+    note = f"no run is named held-out: the last, {files[-1]}, is held out"
+    return [*entries[:-1], entries[-1]._replace(role="held-out")], [note]
+
+
+def _read_run(folder: Path, entry: _Entry) -> tuple[Record, str]:
+    """The record of one [[run]], and a note on columns left aside."""
+    try:
+        columns, ignored = read_columns(folder / entry.file)
+    except InputError as error:
+        raise InputError(f"run {entry.file}: {error}") from None
+    t, u, v = (_taken(columns, kind) for kind in "tuv")
+    record = make_record(
+        entry.file, t[:, 0], u, v, sample_rate=entry.sample_rate, role=entry.role, hold=entry.hold, conditions=columns
+    )
+    return record, f"run {entry.file}: columns {', '.join(ignored)} are not used" if ignored else ""
+
+
+def _taken(columns: dict[str, Floats], kind: str) -> Floats:
+    """The columns t, or u_x and u_y, or v_x and v_y, taken out, shape (n, 1 or 2)."""
+    names = [name for name in (kind, f"{kind}_x", f"{kind}_y") if name in columns]
+    return np.stack([columns.pop(name) for name in names], axis=1)
+
+
+def _believed(nominal: dict[str, float], records: tuple[Record, ...]) -> tuple[dict[str, float], list[str]]:
+    """The nominal values; where no more than gains is given, or all but gains, those of the record's own response
+    beside, and a note that says so."""
+    fit = [record for record in records if record.role == "fit"]
+    if not fit:
+        return nominal, []
+    needed, gains = NEEDED[fit[0].axes], [f"sense_gain_{axis}" for axis in "xy"[: fit[0].axes]]
+    given, driven = {name for name in needed if name in nominal}, bool(fit[0].u.any())
+    known = [nominal[name] for name in gains if name in given]
+    if given and given - set(gains) and (known or not driven or "m" not in given):
+        return nominal, []
+    gain = known[0] if known else 1.0
+    found = linear_start(fit, [nominal.get(name, gain) for name in gains])
+    if found is None:
+        return nominal, []
+    said = ""
+    if "m" in given:
+        # In a sensor of another gain, all of mass, stiffness and damping are larger by it.
+        gain = nominal["m"] / found["m"]
+        found = {name: value if name in gains else gain * value for name, value in found.items()}
+        found |= dict.fromkeys(gains, gain)
+        said = f"the gain of the sensors is taken as {gain:.4g} V/m, of which the response is that of the mass given"
+    elif not known:
+        said = "the gain of the sensors is taken as 1 V/m"
+    said += "" if driven else "; the mass is taken as 1 kg"
+    values = ", ".join(f"{name} = {found[name]:.4g}" for name in needed if name not in given and name not in gains)
+    from_record = f"from the record's own response {values} (SI)" if values else ""
+    parts = "; ".join(part for part in (from_record, said.removeprefix("; ")) if part)
+    return found | nominal, [f"[nominal] is {'short' if given else 'empty'}: {parts}"]
+
+
+def _completed(nominal: dict[str, float], axes: int) -> tuple[dict[str, float], list[str]]:
+    """The nominal values for these axes, and a note on what was assumed."""
+    if axes == 1:
+        return {name: value for name, value in nominal.items() if name not in Y_ONLY}, []
+    absent = [name for name in CROSS if name not in nominal]
+    note = f"nominal {' and '.join(absent)} not given: taken as 0"
+    return nominal | dict.fromkeys(absent, 0.0), [note] if absent else []
+
+
+def _refuse_unknown(table: Mapping[str, Any], known: tuple[str, ...], what: str) -> None:
+    for key in table:
+        if key not in known:
+            raise InputError(f"{what} {key!r} is unknown{nearest(key, known)}; there are {', '.join(known)}")

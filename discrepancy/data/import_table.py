@@ -1,0 +1,399 @@
+"""A lab's own tables become a data set: columns mapped and scaled to SI, runs cut where a hole is, one held out."""
+
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+from scipy.interpolate import make_interp_spline
+
+from discrepancy.data.dataset import FILE, FORMAT
+from discrepancy.data.record import MINIMUM_SAMPLES, MOST_MISSING, Floats, measured_rate
+from discrepancy.data.table import COLUMNS, numbers, read_table
+from gyro_model.errors import InputError, nearest
+from gyro_model.model import load_model
+from gyro_model.tables import SUFFIXES as LAB_SUFFIXES
+from gyro_model.units import MEASURED
+
+SI: Final = {"t": "s", "u_x": "N", "u_y": "N", "v_x": "V", "v_y": "V", "omega_z": "rad/s", "temperature": "K",
+             "a_x": "m/s2", "a_y": "m/s2", "v_bias": "V"}  # fmt: skip
+
+ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
+    "t": ("t", "time", "zeit", "timestamp"),
+    "u_x": ("u_x", "ux", "fx", "f_x", "force_x", "drive_x", "u1", "u", "force", "input", "v1"),
+    "u_y": ("u_y", "uy", "fy", "f_y", "force_y", "drive_y", "u2"),
+    "v_x": ("v_x", "vx", "sense_x", "out_x", "y1", "output", "v2"),
+    "v_y": ("v_y", "vy", "sense_y", "out_y", "y2"),
+    "omega_z": ("omega_z", "omega", "wz", "rate", "rate_z", "gyro_z"),
+    "temperature": ("temperature", "temp", "t_amb"),
+    "a_x": ("a_x", "ax", "acc_x", "accel_x"),
+    "a_y": ("a_y", "ay", "acc_y", "accel_y"),
+    "v_bias": ("v_bias", "vbias", "bias", "v_dc"),
+}
+"""Headings, without unit and case, that are taken for a column; V1 in and V2 out as in the Silverbox record."""
+
+LONGEST_HOLE: Final = 20
+"""Rows missing at once that are masked; a longer hole, over which the force is not known, cuts the run."""
+LEFT_OUT: Final = 7
+"""Every such row is left out to see how well a rule fills it from those beside: further apart than a spline reaches."""
+FRAGMENT: Final = 0.05
+"""Share of the longest run below which what a hole leaves is no run of its own, and of all rows to be held out."""
+HELD_OUT: Final = 0.2
+"""Share of a single run that is cut off its end and held out."""
+
+Rule = Callable[[Floats, Floats, Floats], Floats]
+"""Values at rows from those that are given at others."""
+
+_HEADING: Final = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
+
+
+class Source(NamedTuple):
+    """Where a column comes from: the heading in the lab's table, and SI = factor * value + offset, in ``unit``: that of
+    the column, or m where a sensor's voltage is given as the displacement that it stands for."""
+
+    heading: str
+    factor: float
+    offset: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked for. maps: column to heading; scales: column to a number or a unit; sample_rate [Hz] where the
+    tables have no time; hold as in dataset.toml; nominal by FMU name; held_out: one of ``files``."""
+
+    files: tuple[Path, ...]
+    out: Path
+    maps: Mapping[str, str] = field(default_factory=dict)
+    scales: Mapping[str, str] = field(default_factory=dict)
+    sample_rate: float | None = None
+    hold: str = "zero"
+    nominal: Mapping[str, float] = field(default_factory=dict)
+    held_out: Path | None = None
+    force: bool = False
+
+
+class Piece(NamedTuple):
+    """One run to be written: columns (n,) in SI; metres: those of v that hold a displacement."""
+
+    name: str
+    source: Path
+    columns: Mapping[str, Floats]
+    metres: tuple[str, ...] = ()
+
+
+def read_lab_table(path: Path) -> pl.DataFrame:
+    """A lab's table in any dialect; columns without heading and without content are left out. Raises InputError where
+    it can't be read."""
+    if not path.name.lower().endswith(LAB_SUFFIXES):
+        raise InputError(f"{path}: can't tell its kind; give a table that ends in {', '.join(LAB_SUFFIXES)}")
+    table = read_table(path)
+    return table.select([name for name in table.columns if table[name].null_count() < len(table)])
+
+
+def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source]:
+    """The source of every column that is mapped by hand or has a heading that tells it. Raises InputError for a heading
+    or a column that does not exist, two headings for one column, and a unit that does not fit."""
+    for option, given in (("--map", request.maps), ("--scale", request.scales)):
+        for column in given:
+            if column not in COLUMNS:
+                raise InputError(f"{option} {column}: no such column{nearest(column, COLUMNS)}")
+    sources: dict[str, Source] = {}
+    for column in COLUMNS:
+        heading = request.maps.get(column)
+        if heading is None:
+            taken = set(request.maps.values())
+            fitting = [h for h in headings if h not in taken and _bare(h) in ALIASES[column]]
+            # The column's own name goes before its other names.
+            fitting = [h for h in fitting if _bare(h) == column] or fitting
+            if len(fitting) > 1:
+                raise InputError(f"{column} may be {' or '.join(map(repr, fitting))}: choose by --map {column}=HEADING")
+            if not fitting:
+                continue
+            heading = fitting[0]
+        elif heading not in headings:
+            raise InputError(
+                f"--map {column}={heading!r}: no such heading{nearest(heading, headings)} ({_all(headings)})"
+            )
+        sources[column] = Source(heading, *_scale(column, heading, request.scales.get(column)))
+    return sources
+
+
+def missing_columns(sources: Mapping[str, Source], sample_rate: float | None) -> list[str]:
+    """What must still be named: u_x and v_x, both of y if one is there, and t unless the sample rate is given."""
+    needed = ["u_x", "v_x"] if sample_rate else ["t", "u_x", "v_x"]
+    if "u_y" in sources or "v_y" in sources:
+        needed += ["u_y", "v_y"]
+    return [column for column in needed if column not in sources]
+
+
+def write_dataset(request: Request) -> tuple[Path, list[str]]:
+    """Writes the data set: everything beside, then moved in place. Gives the path of its dataset.toml and what was
+    decided, in lines. Raises InputError where anything is missing, and where files exist and force is not set."""
+    pieces: list[Piece] = []
+    said: list[str] = []
+    for path in request.files:
+        found, lines = _pieces(path, request)
+        pieces += found
+        said += lines
+    _refuse_twins([piece.name for piece in pieces])
+    pieces, held_out, line = _held_out(pieces, request)
+    rates = {piece.name: measured_rate(piece.columns["t"]) for piece in pieces}
+    text = _toml(pieces, rates, held_out, request)
+    targets = [request.out / FILE, *(request.out / piece.name for piece in pieces)]
+    existing = [target for target in targets if target.exists()]
+    if existing and not request.force:
+        raise InputError(f"{existing[0]} exists: name another folder with --out, or replace it with --force")
+    _write(request.out, pieces, text)
+    return request.out / FILE, [*dict.fromkeys(said), line]
+
+
+def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
+    """The runs in one table, cut at holes, and what was decided."""
+    table = read_lab_table(path)
+    sources = guess_sources(table.columns, request)
+    for column in missing_columns(sources, request.sample_rate):
+        rate = ", or --sample-rate HZ" if column == "t" else ""
+        raise InputError(
+            f"{path}: which heading is {column}? Give --map {column}=HEADING{rate} ({_all(table.columns)})"
+        )
+    said = [
+        f"{column} = {source.heading!r}" + (f" * {source.factor:g}" if source.factor != 1 else "")
+        + (f" + {source.offset:g}" if source.offset else "") + f" [{source.unit}]"
+        + (f": a sensor of 1 V/m, sense_gain_{column[-1]} = 1" if source.unit == "m" else "")
+        for column, source in sources.items()
+    ]  # fmt: skip
+    unused = [name for name in table.columns if name not in {source.heading for source in sources.values()}]
+    if unused:
+        said.append(f"not used: {', '.join(map(repr, unused))}; --map COLUMN=HEADING takes one in")
+    columns = {column: source.factor * _numbers(table, source.heading, path) + source.offset
+               for column, source in sources.items()}  # fmt: skip
+    if "t" not in columns:
+        columns = {"t": np.arange(len(table)) / float(request.sample_rate or 1.0)} | columns
+    pieces, said = _cut(path, columns, said)
+    metres = tuple(column for column, source in sources.items() if source.unit == "m")
+    return [piece._replace(metres=metres) for piece in pieces], said
+
+
+def _numbers(table: pl.DataFrame, heading: str, path: Path) -> Floats:
+    try:
+        return numbers(table, heading)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _cut(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[list[Piece], list[str]]:
+    """The runs between holes of t and rows that hold no number; those too short are left out, and it is said."""
+    columns, said = _filled(path, columns, said)
+    t = columns["t"]
+    # A sample of v that is missing is masked later; anything else that is missing ends a run.
+    needed = [values for column, values in columns.items() if not column.startswith("v_") or column == "v_bias"]
+    whole = np.all([np.isfinite(values) for values in needed], axis=0)
+    whole &= ~_long_gaps(columns)
+    rows = np.flatnonzero(whole)
+    if len(rows) < MINIMUM_SAMPLES:
+        raise InputError(f"{path}: {len(rows)} rows hold numbers in every column; a run needs {MINIMUM_SAMPLES}")
+    step = np.diff(t[rows])
+    if not (step > 0).all():
+        raise InputError(
+            f"{path}: time does not increase after {t[rows][int(np.argmax(step <= 0))]:.9g} s: sort the rows"
+        )
+    borders = np.flatnonzero(step > 1.5 * np.median(step)) + 1
+    parts = np.split(rows, borders)
+    least = max(MINIMUM_SAMPLES, FRAGMENT * max(map(len, parts)))
+    parts = [part for part in parts if len(part) >= least]
+    if not parts:
+        raise InputError(f"{path}: holes leave no stretch of {MINIMUM_SAMPLES} rows")
+    stem = path.name
+    for suffix in sorted(LAB_SUFFIXES, key=len, reverse=True):
+        stem = stem.removesuffix(suffix)
+    names = [f"{stem}.parquet"] if len(parts) == 1 else [f"{stem}-{i}.parquet" for i in range(1, len(parts) + 1)]
+    lost = len(t) - sum(map(len, parts))
+    if len(borders) or lost:
+        cut = f"cut into {len(parts)} runs at holes of its time; " if len(parts) > 1 else ""
+        said = [*said, f"{path.name}: {cut}{lost} of {len(t)} rows left out"]
+    pieces = [Piece(n, path, {c: v[part] for c, v in columns.items()}) for n, part in zip(names, parts, strict=True)]
+    return pieces, said
+
+
+def _filled(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[Mapping[str, Floats], list[str]]:
+    """The columns with rows put in where a few are missing from the time: v is missing there, the rest goes on."""
+    t = columns["t"]
+    step = np.diff(t)
+    if not (np.isfinite(t).all() and (step > 0).all() and len(t) > 2):
+        return columns, said
+    period = float(np.median(step))
+    counts = np.maximum(np.rint(step / period).astype(int) - 1, 0)
+    counts[counts > LONGEST_HOLE] = 0
+    if not 0 < counts.sum() <= MOST_MISSING * len(t):
+        return columns, said
+    place = np.repeat(np.arange(len(step)) + 1, counts)
+    known = np.insert(np.ones(len(t), np.bool_), place, False)
+    k = np.arange(len(known), dtype=np.float64)
+    filled = {column: np.insert(values, place, np.nan) if column in ("v_x", "v_y") else _between(k, known, values)
+              for column, values in columns.items()}  # fmt: skip
+    return filled, [*said, f"{path.name}: {len(place)} missing rows are put in with v masked"]
+
+
+def _between(k: Floats, known: np.ndarray, values: Floats) -> Floats:
+    """A column at rows ``k`` of which some are ``known``, by the rule that gives known rows best from those beside."""
+    whole = np.isfinite(values)
+    if whole.sum() < MINIMUM_SAMPLES:
+        return np.insert(values, np.flatnonzero(~known) - np.arange((~known).sum()), np.nan)
+    at, given = k[known][whole], values[whole]
+    left_out = np.zeros(len(at), np.bool_)
+    left_out[LEFT_OUT:-LEFT_OUT:LEFT_OUT] = True
+
+    def error(rule: Rule) -> float:
+        return float(np.sum((rule(at[~left_out], given[~left_out], at[left_out]) - given[left_out]) ** 2))
+
+    between = min((_held, _straight, _smooth), key=error)(at, given, k)
+    between[known] = values
+    return between
+
+
+def _held(at: Floats, given: Floats, k: Floats) -> Floats:
+    return given[np.maximum(np.searchsorted(at, k, side="right") - 1, 0)]
+
+
+def _straight(at: Floats, given: Floats, k: Floats) -> Floats:
+    return np.interp(k, at, given)
+
+
+def _smooth(at: Floats, given: Floats, k: Floats) -> Floats:
+    return np.asarray(make_interp_spline(at, given, k=5)(np.clip(k, at[0], at[-1])))
+
+
+def _long_gaps(columns: Mapping[str, Floats]) -> np.ndarray:
+    """Rows in stretches without v that are too long to mask."""
+    gaps = ~np.all([np.isfinite(columns[c]) for c in ("v_x", "v_y") if c in columns], axis=0)
+    if gaps.mean() > MOST_MISSING:
+        return np.asarray(gaps)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], gaps.astype(int), [0]))))
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        if end - begin <= LONGEST_HOLE:
+            gaps[begin:end] = False
+    return np.asarray(gaps)
+
+
+def _held_out(pieces: list[Piece], request: Request) -> tuple[list[Piece], set[str], str]:
+    """The runs, the names of those held out, and the line that says so; a single run is cut in two."""
+    if request.held_out is not None:
+        chosen = {piece.name for piece in pieces if piece.source == request.held_out}
+        if not chosen:
+            raise InputError(f"--held-out {request.held_out}: is none of the files given ({_all(request.files)})")
+        if len(chosen) == len(pieces):
+            raise InputError(f"--held-out {request.held_out}: leaves no run to fit; give a further file")
+        return pieces, chosen, f"held out: {', '.join(sorted(chosen))}"
+    if len(pieces) > 1:
+        # The last that is long enough to judge by.
+        total = sum(len(piece.columns["t"]) for piece in pieces)
+        long = [piece for piece in pieces if len(piece.columns["t"]) >= FRAGMENT * total] or pieces
+        last = "the last" if long[-1] is pieces[-1] else "the last that is long enough"
+        return pieces, {long[-1].name}, f"held out: {long[-1].name}, {last}"
+    [single] = pieces
+    n = len(single.columns["t"])
+    border = round((1 - HELD_OUT) * n)
+    if n - border < MINIMUM_SAMPLES:
+        raise InputError(f"{single.source}: {n} rows are too few to hold out a fifth; give a second file")
+    stem = single.name.removesuffix(".parquet")
+    parts = [single._replace(name=f"{stem}-{word}.parquet", columns={c: v[rows] for c, v in single.columns.items()})
+             for word, rows in (("fit", slice(None, border)), ("held-out", slice(border, None)))]  # fmt: skip
+    return parts, {parts[1].name}, f"held out: the last fifth of the only run, {parts[1].name}"
+
+
+def _toml(pieces: list[Piece], rates: Mapping[str, float], held_out: set[str], request: Request) -> str:
+    lines = [f"format = {FORMAT}", "", "[nominal]"]
+    model = load_model()
+    gains = {f"sense_gain_{column[-1]}": 1.0 for column in _metres(pieces)}
+    nominal = {**request.nominal, **gains}
+    lines += [f"{name} = {float(value)!r} # {model.parameter(name).unit}" for name, value in nominal.items()]
+    if not request.nominal:
+        lines += ["# What you believe of the device, SI; or name the device by --nominal.",
+                  "# m = 1.8e-7", "# kxx = 63.955", "# dxx = 1.8e-6", "# sense_gain_x = 1e6"]  # fmt: skip
+    for piece in pieces:
+        rate = request.sample_rate or float(f"{rates[piece.name]:.6g}")
+        lines += ["", "[[run]]", f'file = "{piece.name}"', f"sample_rate = {float(rate)!r}"]
+        lines += ['role = "held-out"'] if piece.name in held_out else []
+        lines += [f'hold = "{request.hold}"'] if request.hold != "zero" else []
+    return "\n".join(lines) + "\n"
+
+
+def _metres(pieces: Sequence[Piece]) -> tuple[str, ...]:
+    """The columns of v that hold a displacement. Raises InputError where runs differ."""
+    for piece in pieces:
+        if piece.metres != pieces[0].metres:
+            raise InputError(
+                f"{piece.source} and {pieces[0].source}: one has v in m, the other in V: "
+                "name one unit by --scale, or make a data set of each"
+            )
+    return pieces[0].metres
+
+
+def _write(folder: Path, pieces: list[Piece], text: str) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        beside = Path(tempfile.mkdtemp(prefix=".dataset-", dir=folder))
+    except OSError as error:
+        raise InputError(f"--out {folder}: can't be written: {error.strerror}") from None
+    try:
+        for piece in pieces:
+            table = pl.DataFrame({c: piece.columns[c] for c in COLUMNS if c in piece.columns})
+            table.fill_nan(None).write_parquet(beside / piece.name)
+        (beside / FILE).write_text(text, encoding="utf-8")
+        # dataset.toml last: where it stands, its tables do.
+        for name in [*(piece.name for piece in pieces), FILE]:
+            os.replace(beside / name, folder / name)
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def _bare(heading: str) -> str:
+    """A heading without unit: lower case, with _ for space and dash."""
+    match = _HEADING.fullmatch(heading)
+    return re.sub(r"[\s\-]+", "_", (match[1] if match else heading).strip().lower())
+
+
+def _scale(column: str, heading: str, given: str | None) -> tuple[float, float, str]:
+    """(factor, offset, unit) by --scale, else by the unit in the heading, else SI."""
+    choices = (SI[column], "m") if column in ("v_x", "v_y") else (SI[column],)
+    units = {name: (*factors, si) for si in choices for name, factors in MEASURED[si].items()}
+    if given is not None:
+        if given in units:
+            return units[given]
+        try:
+            factor = float(given)
+        except ValueError:
+            factor = 0.0
+        if factor == 0 or not np.isfinite(factor):
+            raise InputError(f"--scale {column}={given}: give a number or one of {', '.join(units)}")
+        return factor, 0.0, SI[column]
+    match = _HEADING.fullmatch(heading)
+    unit = match[2] if match else None
+    if not unit:
+        return 1.0, 0.0, SI[column]
+    if unit not in units:
+        raise InputError(
+            f"{column} = {heading!r}: {unit!r} is no unit of it; "
+            f"give --scale {column}=NUMBER or one of {', '.join(units)}"
+        )
+    return units[unit]
+
+
+def _refuse_twins(names: list[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"two files would both become {name}: rename one")
+
+
+def _all(names: Sequence[object]) -> str:
+    return "there are " + ", ".join(repr(str(name)) for name in names)
+
+
+__all__ = ["Request", "guess_sources", "missing_columns", "read_lab_table", "write_dataset"]

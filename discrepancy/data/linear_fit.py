@@ -1,0 +1,245 @@
+"""The nominal linear model fitted to one run as given, and with channels swapped, turned or scaled.
+
+The equations of motion are multiplied by windowed harmonics and integrated by parts, so that no derivative of a
+measured signal is taken and m, k, d enter linearly (docs/theory/records.md, eq. 3); windows are as long as 25
+periods of the lowest mode.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from discrepancy.data.record import Floats, Record
+
+Complexes = NDArray[np.complex128]
+
+PERIODS: Final = 25
+"""Of the lowest mode in a window: it resolves 8 % of a mode's frequency with the three bins of a main lobe."""
+BAND: Final = 1.5
+"""Highest frequency, over the highest mode: above, the sensor's noise counts (m w² grows) and the response says
+little."""
+STIFFNESS_ROOM: Final = 0.5
+"""m, k may differ from nominal by this, relative: the widest first guess that the loop is made for."""
+DAMPING_ROOM: Final = 10.0
+"""d may differ by this factor: Q is the least known of all before a measurement, and says nothing about sign or
+unit."""
+
+
+def mode_frequencies(nominal: Mapping[str, float], axes: int) -> Floats:
+    """Frequencies [Hz] of the undamped modes, rising, shape (axes,)."""
+    stiffness = np.array([[nominal["kxx"]]])
+    if axes == 2:
+        stiffness = np.array([[nominal["kxx"], nominal["kxy"]], [nominal["kxy"], nominal["kyy"]]])
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(stiffness), 0) / nominal["m"]) / (2 * np.pi)
+
+
+@dataclass(frozen=True)
+class WeakForm:
+    """Windowed harmonics of a run: force (axes, rows) [N], and of q, q', q'' likewise; ``turning`` is 2 w q' with the
+    window's mean rate w (0 where the run has none). Rows are weighted so that a resonance does not lose to the rest."""
+
+    force: Complexes
+    q: Complexes
+    velocity: Complexes
+    acceleration: Complexes
+    turning: Complexes
+
+
+def weak_form(record: Record, nominal: Mapping[str, float]) -> WeakForm | None:
+    """The weak form of a run, windows with clipped samples out; None where not one window is left."""
+    modes = mode_frequencies(nominal, record.axes)
+    n = int(PERIODS * record.sample_rate / modes[0])
+    if n < 2 * PERIODS or n > len(record.t):
+        return None
+    starts = np.arange(0, len(record.t) - n + 1, max(n // 2, 1))
+    whole = sliding_window_view(record.valid, n)[starts].all(axis=1)
+    starts = starts[whole]
+    if len(starts) == 0:
+        return None
+    gains = [nominal["sense_gain_x"], nominal.get("sense_gain_y", 1.0)][: record.axes]
+    bins = np.arange(int(BAND * modes[-1] * n / record.sample_rate) + 1)
+    bins = bins[bins < n // 2]
+    w = 2 * np.pi * bins * record.sample_rate / n
+    window = _Window(n, record.sample_rate, bins)
+    force = window.harmonics(record.u, starts, 0) * _hold(record.hold, w / record.sample_rate)
+    q, slope, curve = (window.harmonics(record.v / gains, starts, order) for order in (0, 1, 2))
+    velocity = -(slope - 1j * w * q)
+    acceleration = curve - 2j * w * slope - w**2 * q
+    omega = record.conditions.get("omega_z")
+    mean_rate = np.zeros(len(starts)) if omega is None else sliding_window_view(omega, n)[starts].mean(axis=1)
+    turning = 2 * mean_rate[:, None] * velocity
+    # As an error of the output, q = force/(k - m w²), but with the room that the nominal frequency has.
+    k = nominal["kxx"]
+    weight = 1 / (np.abs(k - nominal["m"] * w**2) + 0.1 * k)
+    arrays = (force, q, velocity, acceleration, turning)
+    return WeakForm(*((weight * values).reshape(record.axes, -1) for values in arrays))
+
+
+def _hold(hold: str, phase: Floats) -> Complexes:
+    """What a hold does to a harmonic that turns by ``phase`` [rad] a sample."""
+    box = np.sinc(phase / (2 * np.pi))
+    if hold == "zero":
+        return box * np.exp(-0.5j * phase)
+    return (box**2 if hold == "first" else np.ones_like(box)).astype(np.complex128)
+
+
+class _Window:
+    """The window sin⁶ over n samples and its two derivatives; harmonics at whole ``bins`` of its length."""
+
+    def __init__(self, n: int, sample_rate: float, bins: NDArray[np.int_]) -> None:
+        a = np.pi * (np.arange(n) + 0.5) / n
+        rate = np.pi * sample_rate / n
+        s, c = np.sin(a), np.cos(a)
+        self.shapes = (s**6, 6 * rate * s**5 * c, rate**2 * (30 * s**4 * c**2 - 6 * s**6))
+        self.n, self.bins = n, bins
+
+    def harmonics(self, signal: Floats, starts: NDArray[np.int_], order: int) -> Complexes:
+        """Of signal (samples, axes) in each window, under the derivative ``order`` of it: (axes, windows, bins)."""
+        pieces = sliding_window_view(signal, self.n, axis=0)[starts]  # (windows, axes, n)
+        return np.fft.rfft(pieces * self.shapes[order], axis=2)[:, :, self.bins].transpose(1, 0, 2) / self.n
+
+
+@dataclass(frozen=True)
+class Arrangement:
+    """Which measured channel stands for which: ``swapped`` v_x and v_y; signs (axes,) of v."""
+
+    swapped: bool
+    signs: tuple[int, ...]
+
+    def apply(self, form: WeakForm, factors: Sequence[float] = (1.0, 1.0)) -> WeakForm:
+        """The run as it would be with this arrangement, and then v of each axis times ``factors``."""
+        order = slice(None, None, -1) if self.swapped else slice(None)
+        sign = (np.array(self.signs) * factors[: len(self.signs)])[:, None]
+        moved = [sign * values[order] for values in (form.q, form.velocity, form.acceleration, form.turning)]
+        return WeakForm(form.force, *moved)
+
+    @property
+    def text(self) -> str:
+        """What it changes, in words."""
+        words = ["v_x and v_y (or u_x and u_y) look swapped"] if self.swapped else []
+        turned = [axis for axis, sign in zip("xy", self.signs, strict=False) if sign < 0]
+        words += [f"v_{axis} (or u_{axis}) looks to have the wrong sign" for axis in turned]
+        return " and ".join(words)
+
+
+def arrangements(axes: int) -> list[Arrangement]:
+    """All of them, as given first. Turned or swapped forces are the same but for names: turning u_x and swapping u
+    is turning v and swapping v and naming the axes anew."""
+    if axes == 1:
+        return [Arrangement(False, (1,)), Arrangement(False, (-1,))]
+    signs = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
+    return [Arrangement(swapped, pair) for swapped in (False, True) for pair in signs]
+
+
+@dataclass(frozen=True)
+class LinearFit:
+    """values: m, k, d by name (SI); unexplained: the share of the force's power that the model leaves."""
+
+    values: Mapping[str, float]
+    unexplained: float
+
+
+def fit(form: WeakForm, nominal: Mapping[str, float]) -> LinearFit:
+    """m, k, d within their room about nominal that explain the force best; k_xy, d_xy within the room of the mean."""
+    one = len(form.force) == 1
+    names: tuple[str, ...] = ("m", "kxx", "dxx") if one else ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
+    columns, target = equations(form, nominal, names)
+    if not form.force.any():
+        # Nothing says how heavy it is: the mass is a gauge, and what it does stands for the force.
+        columns, target, names = columns[:, 1:], target - nominal["m"] * columns[:, 0], names[1:]
+    scale = np.array([parameter_scale(nominal, name) for name in names])
+    low, high = np.array([_room(name, nominal) for name in names]).T
+    rows = _real(np.column_stack((columns * scale, target)))
+    # The triangle of a QR holds all that the many rows say; the search under bounds then takes 8 of them.
+    triangle = np.asarray(np.linalg.qr(rows, mode="r")) / np.linalg.norm(rows[:, -1])
+    result = lsq_linear(triangle[:, :-1], triangle[:, -1], bounds=(low, high))
+    values = dict(zip(names, (result.x * scale).tolist(), strict=True))
+    return LinearFit(values, float(2 * result.cost))
+
+
+def parameter_scale(nominal: Mapping[str, float], name: str) -> float:
+    """What a relative size of a parameter refers to: its nominal value, for k_xy, d_xy (which may be 0) the geometric
+    mean of the two that they couple."""
+    if name in ("kxy", "dxy"):
+        return float(np.sqrt(nominal[name[0] + "xx"] * nominal[name[0] + "yy"]))
+    return nominal[name]
+
+
+def _room(name: str, nominal: Mapping[str, float]) -> tuple[float, float]:
+    if name == "dxy":
+        return -DAMPING_ROOM, DAMPING_ROOM
+    if name.startswith("d"):
+        return 0.0, DAMPING_ROOM
+    if name == "kxy":
+        centre = nominal["kxy"] / parameter_scale(nominal, "kxy")
+        return centre - STIFFNESS_ROOM, centre + STIFFNESS_ROOM
+    return 1 - STIFFNESS_ROOM, 1 + STIFFNESS_ROOM
+
+
+def equations(form: WeakForm, nominal: Mapping[str, float], names: tuple[str, ...]) -> tuple[Complexes, Complexes]:
+    """Columns (axes*rows, parameters) and target (axes*rows) of the equations of motion (docs/theory/plant.md, eq. 1),
+    Coriolis at the nominal mass."""
+    q, velocity, zero = form.q, form.velocity, np.zeros_like(form.q[0])
+    if len(q) == 1:
+        return np.stack([form.acceleration[0], q[0], velocity[0]], axis=1), form.force[0]
+    by_name = {
+        "m": (form.acceleration[0], form.acceleration[1]),
+        "kxx": (q[0], zero),
+        "kyy": (zero, q[1]),
+        "kxy": (q[1], q[0]),
+        "dxx": (velocity[0], zero),
+        "dyy": (zero, velocity[1]),
+        "dxy": (velocity[1], velocity[0]),
+    }
+    columns = np.stack([np.concatenate(by_name[name]) for name in names], axis=1)
+    coriolis = nominal["m"] * np.concatenate((form.turning[1], -form.turning[0]))
+    return columns, np.concatenate((form.force[0], form.force[1])).astype(np.complex128) + coriolis
+
+
+def axis_scales(form: WeakForm, nominal: Mapping[str, float]) -> list[float | None]:
+    """For each axis, by how much m and k of its own equation come out larger than nominal (the geometric mean of the
+    two, signed by the stiffness), unbounded; None where the axis is not driven or the two disagree by over 3 times."""
+    scales: list[float | None] = []
+    for i in range(len(form.force)):
+        own = np.concatenate(([form.acceleration[i], form.q[i]], form.velocity, np.delete(form.q, i, axis=0)))
+        force = _real(form.force[i])
+        a = _real(own.T)
+        size = np.linalg.norm(a, axis=0)
+        if not force.any() or not size.all():
+            scales.append(None)
+            continue
+        mass, stiffness = (np.linalg.lstsq(a / size, force, rcond=None)[0] / size)[:2]
+        m, k = mass / nominal["m"], stiffness / nominal["kxx" if i == 0 else "kyy"]
+        # A common factor is a unit; two different ones are something else.
+        agree = m * k > 0 and 1 / 3 < m / k < 3
+        scales.append(float(np.sign(k) * np.sqrt(m * k)) if agree else None)
+    return scales
+
+
+def coriolis_gain(form: WeakForm, nominal: Mapping[str, float]) -> tuple[float, float] | None:
+    """The factor on the Coriolis force that the run shows (1 by theory) and its standard deviation; None without
+    rate."""
+    if len(form.force) == 1 or not form.turning.any():
+        return None
+    names = ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
+    columns, target = equations(form, nominal, names)
+    coriolis = nominal["m"] * np.concatenate((form.turning[1], -form.turning[0]))
+    # Rates far too large must not hide in the target: the column stands alone.
+    a, b = _real(np.column_stack((columns, -coriolis))), _real(target - coriolis)
+    size = np.linalg.norm(a, axis=0)
+    solution, residual, rank, _ = np.linalg.lstsq(a / size, b, rcond=None)
+    if rank < len(size) or residual.size == 0:
+        return None
+    inverse = np.linalg.inv((a / size).T @ (a / size))
+    # Half-overlapping windows and three bins a lobe: about a fifth of the rows are independent.
+    deviation = np.sqrt(5 * residual[0] / len(b) * inverse[-1, -1]) / size[-1]
+    return float(solution[-1] / size[-1]), float(deviation)
+
+
+def _real(values: Complexes) -> Floats:
+    return np.concatenate((values.real, values.imag))

@@ -1,0 +1,119 @@
+"""Nominal values from nothing but the record: where the lab believes nothing, its own response says m, k and d.
+
+The peaks of the response give the modes, and least squares of the weak form about them the rest (``linear_fit.py``).
+The gain of the sensors is a gauge: m, k and d are those of the gain that is given. Without a force the mass is a gauge
+too, held at 1 kg.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from scipy.signal import welch
+
+from discrepancy.data.linear_fit import PERIODS, WeakForm, equations, weak_form
+from discrepancy.data.record import Floats, Record
+
+WINDOWS: Final = 8
+"""Of a run, for its spectra."""
+LOWEST: Final = 4
+"""Bins below which a peak is an offset or a drift."""
+ROUNDS: Final = 3
+"""Of the fit, whose weights follow the values found."""
+BADLY: Final = 0.7
+"""Share of the force that is left, from which there is no linear model to start from."""
+PARTS: Final = 4
+"""Of a run without a mode, for its windows."""
+LEAST: Final = 0.01
+"""Periods of a run over which a spring is one."""
+QUALITY: Final = 1e5
+"""Highest quality factor that is believed: a damping that comes out lower, or negative, is set to it."""
+
+
+def linear_start(records: Sequence[Record], gains: Sequence[float] = (1.0, 1.0)) -> dict[str, float] | None:
+    """Nominal values by FMU name, SI, for sensors of so many ``gains`` [V/m]; None where no linear model explains the
+    runs."""
+    axes = records[0].axes
+    driven = any(record.u.any() for record in records)
+    values = _values([_peak(records, axis, driven) for axis in range(axes)], gains)
+    for _ in range(ROUNDS):
+        found = _solved(records, values, driven)
+        if found is None or any(found[k] <= 0 for k in ("kxx", "kyy") if k in found):
+            return _hardly_held(records, gains) if driven else None
+        values |= _passive(found, values)
+    return values
+
+
+def _hardly_held(records: Sequence[Record], gains: Sequence[float]) -> dict[str, float] | None:
+    """The same of masses that hardly any spring holds, so that no mode is seen: windows are then a part of a run."""
+    duration = min(len(record.t) / record.sample_rate for record in records)
+    values = _values([PARTS * PERIODS / duration] * records[0].axes, gains)
+    found = _solved(records, values, driven=True)
+    if found is None:
+        return None
+    # A spring that turns the motion by no more than a hundredth of a period over a run is none.
+    least = found["m"] * (2 * np.pi * LEAST / duration) ** 2
+    found |= {k: max(found[k], least) for k in ("kxx", "kyy") if k in found}
+    return values | _passive(found, values)
+
+
+def _values(peaks: Sequence[float], gains: Sequence[float]) -> dict[str, float]:
+    """A mass of 1 kg with modes at ``peaks`` [Hz]."""
+    w = [2 * np.pi * peak for peak in peaks]
+    values = {"m": 1.0, "kxx": w[0] ** 2, "dxx": w[0] / 100, "sense_gain_x": gains[0]}
+    if len(w) == 2:
+        values |= {"kyy": w[1] ** 2, "dyy": w[1] / 100, "kxy": 0.0, "dxy": 0.0, "sense_gain_y": gains[1]}
+    return values
+
+
+def _solved(records: Sequence[Record], values: Mapping[str, float], driven: bool) -> dict[str, float] | None:
+    """m, k, d by the weak form in windows as for ``values``; None where they explain too little."""
+    forms = [form for form in (weak_form(record, values) for record in records) if form is not None]
+    if not forms:
+        return None
+    arrays = zip(*((f.force, f.q, f.velocity, f.acceleration, f.turning) for f in forms), strict=True)
+    form = WeakForm(*(np.concatenate(parts, axis=1) for parts in arrays))
+    one = len(form.force) == 1
+    names: tuple[str, ...] = ("m", "kxx", "dxx") if one else ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
+    columns, target = equations(form, values, names)
+    if not one:
+        # Coriolis force is in proportion to the mass, which is sought.
+        turning = np.concatenate((form.turning[1], -form.turning[0]))
+        columns[:, 0] -= turning
+        target = target - values["m"] * turning
+    if not driven:
+        columns, target, names = columns[:, 1:], target - values["m"] * columns[:, 0], names[1:]
+    a, b = np.vstack((columns.real, columns.imag)), np.concatenate((target.real, target.imag))
+    size = np.linalg.norm(a, axis=0)
+    if not (size > 0).all() or not np.isfinite(a).all():
+        return None
+    solution = np.linalg.lstsq(a / size, b, rcond=None)[0]
+    left = float(np.sum((b - a / size @ solution) ** 2) / np.sum(b**2))
+    found = dict(zip(names, (solution / size).tolist(), strict=True))
+    return found if left <= BADLY and found.get("m", values["m"]) > 0 else None
+
+
+def _passive(found: dict[str, float], values: Mapping[str, float]) -> dict[str, float]:
+    """What was found, dampings of a passive device beside it."""
+    m, one = found.get("m", values["m"]), "kyy" not in found
+    for axis in "xy"[: 1 if one else 2]:
+        least = float(np.sqrt(found[f"k{axis}{axis}"] * m)) / QUALITY
+        found[f"d{axis}{axis}"] = max(found[f"d{axis}{axis}"], least)
+    if not one:
+        for kind in "kd":
+            room = 0.9 * float(np.sqrt(found[f"{kind}xx"] * found[f"{kind}yy"]))
+            found[f"{kind}xy"] = float(np.clip(found[f"{kind}xy"], -room, room))
+    return found
+
+
+def _peak(records: Sequence[Record], axis: int, driven: bool) -> float:
+    """The frequency [Hz] at which a channel answers most to the force, or, without one, is strongest."""
+    ratios: list[Floats] = []
+    length = min(len(record.t) for record in records) // WINDOWS
+    for record in records:
+        f, out = welch(record.v[:, axis] - record.v[:, axis].mean(), record.sample_rate, nperseg=length)
+        power = sum(welch(u, record.sample_rate, nperseg=length)[1] for u in record.u.T) if driven else np.ones_like(f)
+        # Where nothing drives there is no answer to speak of.
+        ratios.append(out / np.maximum(power, 1e-3 * power.max()))
+    mean = np.mean(ratios, axis=0)[LOWEST:]
+    return float(f[LOWEST:][int(np.argmax(mean))])

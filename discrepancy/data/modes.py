@@ -1,0 +1,181 @@
+"""How many modes a record shows in its band, and where: a linear model of as many states as the record asks for.
+
+Poles come from the observability of the response, which a subspace method finds without a start value (M. Verhaegen,
+Automatica 30, 1994: the past of force and voltage as instruments). The response is then linear in the residues, and a
+mode counts for what of the voltage is not explained without it.
+"""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import decimate, lfilter
+from threadpoolctl import threadpool_limits
+
+from discrepancy.data.record import Floats, Record
+
+Complexes = NDArray[np.complex128]
+
+MOST: Final = 6
+"""Further modes that are looked for."""
+INSTANTS: Final = 8_000
+"""From which the observability is taken: the noise of a pole falls with their root."""
+SAMPLES: Final = 20_000
+"""At most, of each run."""
+ROWS: Final = 40
+"""Samples of the future: two periods of a mode at a fourth of the top of the band."""
+POWER: Final = 1e-3
+"""Share of the voltage's power above the top of the band."""
+ABOVE: Final = 1.3
+"""Top of what is looked at, over that; beyond it filters take all away."""
+RATE: Final = 2.6
+"""Sample rate over the top of what is looked at."""
+TAPS: Final = 20
+"""Of the filter before samples are left out, to each side, over how many are."""
+BROAD: Final = 5.0
+"""Quality factor below which a pole is no mode: no peak stands out of a response so broad."""
+APART: Final = 0.02
+"""Relative distance from another mode below which a pole stands for that one's change: stiffness that is not linear
+moves a peak, and two poles imitate that."""
+LEAST: Final = 2e-6
+"""Share of the voltage's power, 0.14 % of its rms, that a model with one mode an axis leaves at least where a further
+one matters; filters and decimation leave a tenth of that."""
+ENOUGH: Final = 0.3
+"""Share of what a model with one mode an axis leaves, below which further modes bring it."""
+TWICE: Final = 2.0
+"""Times what all leave, that is left without one that counts."""
+
+
+class Mode(NamedTuple):
+    """frequency [Hz] and quality factor."""
+
+    frequency: float
+    quality: float
+
+
+class _Runs(NamedTuple):
+    """forces and voltages: of each run in the band, (n, axes), without unit; step [s]."""
+
+    pairs: list[tuple[Floats, Floats]]
+    step: float
+
+
+def further_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
+    """The modes of a linear model with one an axis, and those that the runs show beside them, by frequency; the second
+    empty where a linear model gains nothing by more."""
+    runs = _in_band(records)
+    axes = records[0].axes
+    if not runs.pairs:
+        return [], []
+    # Threads cost thin matrices more than they bring, many times where cores are shared.
+    with threadpool_limits(1, "blas"):
+        return _counted(runs, axes)
+
+
+def _counted(runs: _Runs, axes: int) -> tuple[list[Mode], list[Mode]]:
+    own, *more = _poles(runs, [2 * (axes + extra) for extra in range(MOST + 1)])
+    least = _left(runs, own)
+    if least < LEAST:
+        return _modes(own, runs.step), []
+    best: tuple[float, Complexes] = (ENOUGH * least, own)
+    for poles in more:
+        best = min(best, (_left(runs, poles), poles), key=lambda found: found[0])
+    left, poles = best
+    first = _modes(own, runs.step)
+    apart = [p for p in poles if (m := _mode(p, runs.step)) and all(_apart(m, other) for other in first)]
+    needed = [p for p in apart if _left(runs, poles[poles != p]) > TWICE * left]
+    return first, _modes(np.array(needed), runs.step)
+
+
+def _modes(poles: Complexes, step: float) -> list[Mode]:
+    return sorted(mode for p in poles if (mode := _mode(p, step)))
+
+
+def _mode(pole: complex, step: float) -> Mode | None:
+    """The mode of one of a pair of poles; None of the other, where there is no peak, and beyond the band."""
+    rate = complex(np.log(pole)) / step
+    if pole.imag <= 0 or abs(rate) * step > 2 * np.pi / RATE or not 0 < -2 * BROAD * rate.real < abs(rate):
+        return None
+    return Mode(abs(rate) / (2 * np.pi), abs(rate) / (-2 * rate.real))
+
+
+def _apart(a: Mode, b: Mode) -> bool:
+    return abs(a.frequency / b.frequency - 1) > APART
+
+
+def _in_band(records: Sequence[Record]) -> _Runs:
+    """The runs without what is above the modes, at a rate that is enough for them."""
+    rate = records[0].sample_rate
+    top = ABOVE * max(band_of(record) for record in records)
+    number = max(1, int(rate / (RATE * top)))
+    pairs = []
+    for record in (r for r in records if r.sample_rate == rate):
+        # What is held until the next sample acts half a step later.
+        late = 0.5 * (record.u + np.vstack((record.u[:1], record.u[:-1]))) if record.hold == "zero" else record.u
+        u, v = (_fewer(a, number)[:SAMPLES] for a in (late, record.v))
+        if len(u) > 4 * ROWS and u.any():
+            pairs.append((u, v - v.mean(axis=0)))
+    scales = [np.sqrt(np.mean([np.mean(a**2, axis=0) for a in side], axis=0)) for side in zip(*pairs, strict=True)]
+    return _Runs([(u / _or_one(scales[0]), v / _or_one(scales[1])) for u, v in pairs], number / rate)
+
+
+def _or_one(scale: Floats) -> Floats:
+    return np.where(scale > 0, scale, 1.0)
+
+
+def band_of(record: Record) -> float:
+    """The frequency [Hz] below which almost all of the voltage's power is."""
+    power = np.abs(np.fft.rfft((record.v - record.v.mean(axis=0)) * np.hanning(len(record.v))[:, None], axis=0)) ** 2
+    share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
+    last = int((share < 1 - POWER).sum(axis=0).max())
+    return max(last, 1) * record.sample_rate / len(record.v)
+
+
+def _fewer(signal: Floats, number: int) -> Floats:
+    """Every so many-th sample, what it can't hold filtered out, without the ends that the filter does not know."""
+    if number == 1:
+        return signal
+    taps = TAPS * number
+    if len(signal) <= 3 * taps:
+        return signal[:0]
+    return np.asarray(decimate(signal, number, taps, "fir", axis=0)[TAPS:-TAPS])
+
+
+def _poles(runs: _Runs, orders: Sequence[int]) -> list[Complexes]:
+    """The poles of models of so many states."""
+    instants = sum(len(u) - 2 * ROWS for u, _ in runs.pairs)
+    stride, rows = max(1, instants // INSTANTS), []
+    for u, v in runs.pairs:
+        window = np.arange(0, len(u) - 2 * ROWS + 1, stride)[:, None] + np.arange(2 * ROWS)
+        past, future = window[:, :ROWS], window[:, ROWS:]
+        rows.append(np.hstack([a.reshape(len(window), -1) for a in (u[future], u[past], v[past], v[future])]))
+    axes = runs.pairs[0][1].shape[1]
+    triangle = np.asarray(np.linalg.qr(np.vstack(rows), mode="r"))
+    known, told = ROWS * axes, 3 * ROWS * axes
+    vectors, sizes, _ = np.linalg.svd(triangle[known:told, told:].T, full_matrices=False)
+    found = []
+    for order in orders:
+        seen = vectors[:, :order] * np.sqrt(sizes[:order])
+        later = np.linalg.lstsq(seen[:-axes], seen[axes:], rcond=None)[0]
+        poles = np.linalg.eigvals(later)
+        # One that grows is none of a device at rest; its mirror image has the same peak.
+        found.append(np.where(np.abs(poles) > 1, 1 / np.conj(poles), poles))
+    return found
+
+
+def _left(runs: _Runs, poles: Complexes) -> float:
+    """The share of the voltage's power that a model of these poles leaves, its residues and starts by least squares."""
+    upper = [p for p in poles if p.imag >= 0]
+    columns, targets = [], []
+    for u, v in runs.pairs:
+        own = [lfilter([0.0, 1.0], [1.0, -p], a) for p in upper for a in u.T]
+        free = np.array([p ** np.arange(len(u)) for p in upper])
+        start = np.linalg.qr(np.vstack((free.real, free.imag, np.ones(len(u)))).T)[0]
+        made = np.vstack((np.real(own), np.imag(own), u.T)).T
+        columns.append(made - start @ (start.T @ made))
+        targets.append(v - start @ (start.T @ v))
+    made, target = np.vstack(columns), np.vstack(targets)
+    made = made / _or_one(np.linalg.norm(made, axis=0))
+    error = target - made @ np.linalg.lstsq(made, target, rcond=1e-12)[0]
+    return float(np.mean(error**2) / np.mean(np.vstack([v for _, v in runs.pairs]) ** 2))

@@ -1,0 +1,167 @@
+"""One measured run as arrays: what every later step of a diagnosis works on."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from discrepancy.data.clipping import flat_tops
+from gyro_model.errors import InputError, nearest
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Role = Literal["fit", "held-out"]
+Hold = Literal["zero", "first", "band-limited"]
+
+CONDITIONS: Final = ("omega_z", "temperature", "a_x", "a_y", "v_bias")
+"""Inputs beside the forces, as the FMU names them; a record may hold any of them."""
+
+MINIMUM_SAMPLES: Final = 100
+"""The first 50 samples give the initial state (docs/theory/records.md, eq. 2); as many must be left to be scored."""
+
+MOST_MISSING: Final = 0.2
+"""Share of the samples of v that may be missing: beyond, windows between them get rare."""
+
+RATE_TOLERANCE: Final = 1e-3
+"""Relative. A crystal is good to 1e-4 and a time column printed with a few digits to less over a whole record; 1e-3
+would already shift k/m by 2e-3."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """One run. Sample k of ``v`` is taken at t_k, just before the force changes to u_k.
+
+    name: the file's; sample_rate [Hz]; t (n,) [s]; u (n, axes) [N]; v (n, axes) [V]; conditions by FMU name, each (n,),
+    SI; valid (n,): False where a sample is clipped. ``hold`` says how u runs between samples. Built by
+    ``make_record``, or raises InputError where the arrays make no record.
+    """
+
+    name: str
+    role: Role
+    hold: Hold
+    sample_rate: float
+    t: Floats
+    u: Floats
+    v: Floats
+    conditions: Mapping[str, Floats]
+    valid: Bools
+
+    def __post_init__(self) -> None:
+        try:
+            _check_choice("role", self.role, get_args(Role))
+            _check_choice("hold", self.hold, get_args(Hold))
+            self._check_shapes()
+            self._check_numbers()
+            check_time(self.t, self.sample_rate)
+        except InputError as error:
+            raise InputError(f"run {self.name}: {error}") from None
+
+    @property
+    def axes(self) -> int:
+        """1 (x alone) or 2."""
+        return int(self.v.shape[1])
+
+    @property
+    def channels(self) -> dict[str, Floats]:
+        """Every column but t by its name, each (n,)."""
+        pairs = {f"{kind}_{axis}": values[:, i] for kind, values in (("u", self.u), ("v", self.v))
+                 for i, axis in enumerate("xy"[: self.axes])}  # fmt: skip
+        return pairs | dict(self.conditions)
+
+    def _check_shapes(self) -> None:
+        n = len(self.t)
+        if n < MINIMUM_SAMPLES:
+            raise InputError(f"{n} samples: a run needs at least {MINIMUM_SAMPLES}, 50 of which give its initial state")
+        if self.u.shape != self.v.shape or self.v.shape not in ((n, 1), (n, 2)):
+            raise InputError(f"t has shape ({n},), u {self.u.shape}, v {self.v.shape}: give (n,), (n, axes), (n, axes)")
+        for name, values in self.conditions.items():
+            if name not in CONDITIONS:
+                raise InputError(f"condition {name!r} is unknown{nearest(name, CONDITIONS)}")
+            if values.shape != (n,):
+                raise InputError(f"{name} has shape {values.shape}: give ({n},)")
+        if self.valid.shape != (n,):
+            raise InputError(f"valid has shape {self.valid.shape}: give ({n},)")
+
+    def _check_numbers(self) -> None:
+        for name, values in {"t": self.t, **self.channels}.items():
+            finite = np.isfinite(values)
+            if not finite.all():
+                row = int(np.argmin(finite))
+                raise InputError(
+                    f"column {name} holds no finite number in data row {row + 1} ({len(finite) - int(finite.sum())} "
+                    "such rows): cut the run there into two files, or mend the rows"
+                )
+        if not (self.u.any() or self.v.any()):
+            raise InputError("u and v are zero throughout: the run holds no motion; leave it out")
+
+
+def make_record(
+    name: str,
+    t: ArrayLike,
+    u: ArrayLike,
+    v: ArrayLike,
+    *,
+    sample_rate: float | None = None,
+    role: str = "fit",
+    hold: str = "zero",
+    conditions: Mapping[str, ArrayLike] | None = None,
+) -> Record:
+    """A record from arrays: t (n,) [s], u [N] and v [V] (n,) or (n, axes), conditions (n,).
+
+    sample_rate: by default what t says. Clipped samples are found and masked, and so are those without a number in v,
+    up to MOST_MISSING of them. Raises InputError as ``Record`` does.
+    """
+    time = np.ascontiguousarray(t, dtype=np.float64)
+    force, voltage = (_columns(values) for values in (u, v))
+    given = {key: np.ascontiguousarray(values, dtype=np.float64) for key, values in (conditions or {}).items()}
+    rate = measured_rate(time) if sample_rate is None and len(time) > 1 else sample_rate
+    gaps: Bools = np.logical_not(np.isfinite(voltage).all(axis=1))
+    masked = 0 < gaps.sum() <= MOST_MISSING * len(gaps)
+    if masked:
+        k = np.arange(len(gaps))
+        voltage = np.column_stack([np.interp(k, k[~gaps], column[~gaps]) for column in voltage.T])
+    valid: Bools = np.logical_not(flat_tops(voltage).any(axis=1) | (gaps & masked))
+    return Record(name, role, hold, rate, time, force, voltage, given, valid)  # type: ignore[arg-type]
+
+
+def measured_rate(t: Floats) -> float:
+    """The samples a second [Hz] that t (n,) [s] says, holes aside: steps beyond 1.5 medians are none."""
+    step = np.diff(t)
+    return 1 / float(np.mean(step[step < 1.5 * np.median(step)]))
+
+
+def check_time(t: Floats, sample_rate: float) -> None:
+    """Raises InputError unless t (n,) [s] increases at ``sample_rate`` [Hz]."""
+    step = np.diff(t)
+    if not (step > 0).all():
+        row = int(np.argmax(step <= 0)) + 1
+        raise InputError(
+            f"t does not increase in data row {row + 1} ({t[row - 1]:.9g} s, then {t[row]:.9g} s): "
+            "sort the rows and remove repeated ones, or give t with more digits"
+        )
+    if isinstance(sample_rate, bool) or not isinstance(sample_rate, (int, float)) or not 0 < sample_rate < np.inf:
+        raise InputError(f"sample_rate = {sample_rate!r}: give a positive number in Hz")
+    rate = measured_rate(t)
+    if abs(rate / sample_rate - 1) > RATE_TOLERANCE:
+        raise InputError(f"sample_rate = {sample_rate:g} Hz, but t steps at {rate:.6g} Hz{_guess(rate / sample_rate)}")
+
+
+def _guess(ratio: float) -> str:
+    """What a wrong rate is likely to come from; ``ratio`` is the rate by t over the rate stated."""
+    units = {1e-3: "ms", 1e-6: "µs", 1e-9: "ns"}
+    for factor, unit in units.items():
+        if abs(ratio / factor - 1) < 0.01:
+            return f": t looks as if it were in {unit}; give it in s"
+    return ": correct sample_rate, or t (in s)"
+
+
+def _columns(values: ArrayLike) -> Floats:
+    array = np.asarray(values, dtype=np.float64)
+    return np.ascontiguousarray(array[:, None] if array.ndim == 1 else array)
+
+
+def _check_choice(key: str, value: object, valid: tuple[str, ...]) -> None:
+    if value not in valid:
+        raise InputError(f"{key} = {value!r}: use one of {', '.join(valid)}{nearest(str(value), valid)}")

@@ -1,0 +1,142 @@
+"""Fits that do not end in a wrong minimum: the runs are cut into pieces, whose length grows.
+
+Over a long run a simulation with wrong parameters gets out of step with the motion, and its error has minima at every
+turn. Pieces with initial states of their own are too short for that; what they give starts the next longer ones
+(multiple shooting: H. G. Bock, in Modelling of Chemical Reaction Systems, Springer 1981; here without conditions of
+continuity, which nothing needs in the end, when a piece is a run).
+"""
+
+from dataclasses import replace
+from typing import Final
+
+from discrepancy.clock import OutOfTime
+from discrepancy.data.linear_fit import mode_frequencies
+from discrepancy.fit.fitted import Fitted
+from discrepancy.fit.refit import BLOCKS, Fitter
+
+IN_STEP: Final = 0.02
+"""Residual over signal below which a simulation is in step with the motion: an error of phase of 0.02 rad, where what
+is linear in it is right to 1e-2."""
+ASTRAY: Final = 0.3
+"""Residual over signal from which a fit of whole runs may have ended a turn off; below, what is left is what the model
+lacks."""
+SHORTEST: Final = 12.0
+"""Periods of the lowest mode in the shortest piece: four states a piece, eight shared parameters."""
+FEWEST, MOST = 100, 64
+"""Samples of a piece, and pieces of a run of few periods: of a mass that hardly any spring holds."""
+GROWTH: Final = 4
+"""By which pieces grow: a frequency known to 1e-2 rad over one piece is known to 4e-2 over the next."""
+FEW, ROUNDS, LAST_ROUNDS = 3, 8, 30
+"""Steps before a fit under another filter, at a length that is not the last, and at the last."""
+SLIP: Final = 2.0
+"""By how much more a longer piece may be off than a shorter one and count as in step: a model that lacks something is
+off at any length."""
+
+
+def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, Fitted]:
+    """``at`` fitted and whitened: over the whole runs, or, where no such fit stays in step, over the longest pieces
+    that do, with the fitter of those pieces. ``at`` may come from pieces or from the whole; enough: residual over
+    signal below which a fit of the whole is not questioned. Raises OutOfTime where there was no time for any."""
+    # Under the filter of an earlier, larger gap a fit would predict a sample ahead and not care where the motion goes.
+    at = replace(at, whiten=whole.plain(at.parameters))
+    direct = whitened(whole, whole.fit(started(whole, at)))
+    if whole.off(direct) < min(enough, _astray(whole, direct)):
+        return whole, direct
+    best = whole, direct
+    now: Fitted | None = None
+    for number in reversed(_numbers(whole, at)):
+        fitter = cut(whole, number)
+        before = now
+        try:
+            now = whitened(fitter, fitter.fit(started(fitter, before or at), _rounds(number)))
+        except OutOfTime:
+            break
+        if before is None or fitter.off(now) < max(IN_STEP, SLIP * best[0].off(best[1])):
+            best = fitter, now
+        else:
+            break
+    if best[0] is whole or whole.off(direct) < max(IN_STEP, SLIP * best[0].off(best[1])):
+        # In step as it was; the better of two minima.
+        ends = [direct, *([now] if best[0] is whole and now is not None else [])]
+        return whole, min(ends, key=lambda end: end.variance)
+    return best
+
+
+def nearly_settled(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
+    """As ``settled``, but near the minimum only, where whole runs stay in step."""
+    direct = whole.fit(whole.whitened(at), FEW)
+    return (whole, direct) if whole.off(direct) < _astray(whole, direct) else settled(whole, at)
+
+
+def started(fitter: Fitter, at: Fitted) -> Fitted:
+    """``at`` on the runs of ``fitter``; where these are others, with initial states fitted to them first."""
+    if [len(residual) for residual in at.residuals] == [len(record.t) for record in fitter.records]:
+        return fitter.evaluated(at)
+    free = at.free
+    plain = fitter.evaluated(replace(at, starts=fitter.at_rest, free=(), whiten=fitter.plain(at.parameters)))
+    return replace(fitter.fit(plain, 3), free=free, grams=None, fill=(), left=float("inf"))
+
+
+def grown(whole: Fitter, at: Fitted) -> Fitted:
+    """``at`` over the beginnings of the runs, which grow, and near a fit of the whole: for a resonance with states of
+    its own, which no later piece has free. It is found however far the coupling pulls it, since over a few periods it
+    is broad."""
+    now = at
+    for number in reversed(_numbers(whole, at)):
+        fitter = beginnings(whole, number) if number > 1 else whole
+        begun = started(fitter, replace(now, whiten=fitter.plain(now.parameters)))
+        now = fitter.fit(begun, ROUNDS if number > 1 else FEW)
+        whole.simulator.forget(fitter.records if number > 1 else ())
+    return whole.evaluated(replace(now, whiten=at.whiten))
+
+
+def whitened(fitter: Fitter, at: Fitted) -> Fitted:
+    """``at`` fitted under the whitening that its own residuals ask for."""
+    for _ in range(3):
+        setting = at.whiten.setting
+        again = fitter.whitened(at)
+        if setting.like(again.whiten.setting):
+            break
+        at = fitter.fit(again)
+    return at
+
+
+def cut(whole: Fitter, number: int) -> Fitter:
+    """A fitter of the runs of ``whole``, each in ``number`` pieces."""
+    if number == 1:
+        return whole
+    pieces = [piece for record in whole.records for piece in whole.simulator.cut(record, number)]
+    return Fitter(whole.simulator, pieces, max(1, BLOCKS // number), whole.criteria)
+
+
+def beginnings(whole: Fitter, number: int) -> Fitter:
+    """A fitter of the first of ``number`` pieces of each run: where every state begins as in the whole."""
+    records = [whole.simulator.part(r, 0, len(r.t) // number) for r in whole.records]
+    return Fitter(whole.simulator, records, max(1, BLOCKS // number), whole.criteria)
+
+
+def _numbers(whole: Fitter, at: Fitted) -> list[int]:
+    """Into how many pieces the runs are cut, fewest first."""
+    length = min(len(record.t) for record in whole.records)
+    least = length / MOST if _hardly_held(whole, at) else SHORTEST * _period(whole, at)
+    return [GROWTH**i for i in range(12) if length >= GROWTH**i * max(least, FEWEST)] or [1]
+
+
+def _period(whole: Fitter, at: Fitted) -> float:
+    """Samples in a period of the lowest mode."""
+    return whole.records[0].sample_rate / float(mode_frequencies(at.parameters, whole.axes)[0])
+
+
+def _hardly_held(whole: Fitter, at: Fitted) -> bool:
+    """Whether runs have so few periods that what a model lacks adds up over them."""
+    return min(len(record.t) for record in whole.records) < GROWTH * SHORTEST * _period(whole, at)
+
+
+def _astray(whole: Fitter, at: Fitted) -> float:
+    """Residual over signal from which a fit of whole runs is questioned."""
+    return IN_STEP if _hardly_held(whole, at) else ASTRAY
+
+
+def _rounds(number: int) -> int:
+    """How many steps a fit to so many pieces may take."""
+    return ROUNDS if number > 1 else LAST_ROUNDS

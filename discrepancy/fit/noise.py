@@ -1,0 +1,222 @@
+"""Noises of a measured device, each by what sets it apart, with 95 % intervals.
+
+White noise shows between the modes and half the sample rate, flicker below the modes, a jittering clock where the
+voltage changes fast, thermal force as a motion that nothing drives, the converter's step in the values themselves.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Final
+
+import numpy as np
+from scipy.optimize import brentq, minimize, minimize_scalar
+from scipy.stats import chi2
+
+from discrepancy.data.linear_fit import mode_frequencies
+from discrepancy.data.modes import band_of
+from discrepancy.data.record import Floats, Record
+from discrepancy.fit.colour import predicted_out
+from discrepancy.fit.fitted import Fitted
+from discrepancy.fit.whitening import Setting, lifted, misfit_under, top_rate
+
+SURE: Final = 30.0
+"""Chi-square by which a noise beside the white one has to show: one in 2e7 by chance."""
+WITHIN: Final = float(chi2.ppf(0.95, 1))
+"""Rise of twice the negative log likelihood at the ends of a 95 % interval."""
+NEIGHBOUR: Final = float(np.log(4.0))
+"""The filter's settings are tried a factor of 3 or 4 apart."""
+ASIDE: Final = 0.15
+"""Step of a logarithm from which the curvature of the likelihood is taken."""
+FEW: Final = 10.0
+"""Periods of a run below which a mode does not say where the motion is."""
+BOLTZMANN: Final = 1.380649e-23
+
+
+@dataclass(frozen=True)
+class Level:
+    """Size of a noise with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Noise:
+    """All that is white, rounding included, rms a sample [V], with its 95 % interval; lsb: step of the converter [V]
+    or 0."""
+
+    rms: float
+    low: float
+    high: float
+    lsb: float
+
+
+def noise_of(
+    residuals: Sequence[Floats],
+    records: Sequence[Record],
+    parameters: Mapping[str, float],
+    colour: Sequence[float] = (),
+) -> Noise | None:
+    """From the residual's density above five times the highest mode, or, where hardly a spring makes one, the top of
+    the motion, and below 0.45 of the rate; None without such a band. colour: of an autoregression, whose innovations
+    are then the white noise."""
+    rate = records[0].sample_rate
+    highest = float(mode_frequencies(parameters, records[0].axes)[-1])
+    if highest * max(len(r.t) for r in records) < FEW * rate:
+        highest = max(band_of(record) for record in records)
+    low, high = 5 * highest, 0.45 * rate
+    square, count = 0.0, 0
+    for given, record in zip(residuals, records, strict=True):
+        residual = predicted_out(given[None], record.valid, colour)[0] if colour else given
+        n = len(residual)
+        window = np.hanning(n)[:, None] * record.valid[:, None]
+        power = np.abs(np.fft.rfft(residual * window, axis=0)) ** 2 / np.sum(window**2)
+        f = np.fft.rfftfreq(n, 1 / rate)
+        inside = power[(f > low) & (f < high)]
+        square, count = square + float(inside.sum()), count + inside.size
+    if count < 20:
+        return None
+    # Two degrees a bin; neighbours under a Hann window share half of what they hold.
+    bounds = chi2.ppf([0.975, 0.025], count) / count
+    mean = square / count
+    ends = float(np.sqrt(mean / bounds[0])), float(np.sqrt(mean / bounds[1]))
+    return Noise(float(np.sqrt(mean)), *ends, lsb=converter_step(records))
+
+
+def converter_step(records: Sequence[Record]) -> float:
+    """The step [V] of which every sample is a whole multiple, 0 where there is none."""
+    v = np.concatenate([r.v.ravel() for r in records])
+    gaps = np.diff(np.unique(v))
+    gaps = gaps[gaps > 1e-9 * np.abs(v).max()]
+    if len(gaps) < 10:
+        return 0.0
+    step = float(gaps.min())
+    whole = v / step
+    # Printed digits leave gaps of one unit too; they count as the converter's where no finer one is seen.
+    return step if np.abs(whole - np.rint(whole)).max() < 0.01 else 0.0
+
+
+def noises(at: Fitted, records: Sequence[Record], white: Noise | None) -> dict[str, Level]:
+    """Every noise that shows beside the final model, by its parameter's name."""
+    found: dict[str, Level | None] = {
+        "thermal_force": thermal(at, records),
+        "sampling_jitter": jitter(at, records),
+        "flicker_noise": flicker(at, records),
+    }
+    if white is not None:
+        found["sense_noise"] = _white(at, records, white, found["sampling_jitter"])
+        found["adc_lsb"] = Level(white.lsb, white.lsb, white.lsb) if white.lsb else None
+    return {name: level for name, level in found.items() if level is not None}
+
+
+def _white(at: Fitted, records: Sequence[Record], white: Noise, clock: Level | None) -> Level:
+    """The white noise of the sensor: what rounding, a jittering clock and flicker leave of all that is white."""
+    setting, valid = at.whiten.setting, [r.valid for r in records]
+    rms = white.rms
+    if setting.corner or setting.colour:
+        rms = float(np.sqrt(misfit_under(at.parameters, 1 / records[0].sample_rate, setting, at.residuals, valid)[1]))
+    slope = float(np.mean([np.mean(np.gradient(r.v, 1 / r.sample_rate, axis=0) ** 2) for r in records]))
+    taken = white.lsb**2 / 12 + (clock.value**2 * slope if clock else 0.0)
+    unsure = clock.value * (clock.high - clock.low) * slope if clock else 0.0
+    spread = [(white.low / white.rms) ** 2, 1.0, (white.high / white.rms) ** 2]
+    low, value, high = (
+        np.sqrt(max(rms**2 * s - taken + d, 0.0)) for s, d in zip(spread, (-unsure, 0, unsure), strict=True)
+    )
+    return Level(float(value), float(low), float(high))
+
+
+def flicker(at: Fitted, records: Sequence[Record]) -> Level | None:
+    """Size a [V/√Hz at 1 Hz] of a one-sided density a²/f, by the filter that whitens the residual."""
+    setting, period = at.whiten.setting, 1 / records[0].sample_rate
+    lift = lifted(setting, 0.0)
+    return _tuned(at, records, setting.corner, lambda corner: replace(setting, corner=corner),
+                  lambda corner, variance: float(np.sqrt(lift * 2 * variance * period * corner)))  # fmt: skip
+
+
+def jitter(at: Fitted, records: Sequence[Record]) -> Level | None:
+    """Deviation [s] of the sampling instants: innovations whose variance grows with the square of v'."""
+    slopes, errors = [], []
+    for residual, record in zip(at.residuals, records, strict=True):
+        slope = np.gradient(record.v, 1 / record.sample_rate, axis=0)
+        # White noise of v makes a slope of its own; two of four neighbours' mean is far below that of the motion.
+        slopes.append(slope[record.valid].ravel() ** 2)
+        errors.append(at.whiten(residual[None], record.valid)[0][record.valid].ravel() ** 2)
+    slope, error = np.concatenate(slopes), np.concatenate(errors)
+    unit = float(error.mean() / slope.mean())
+
+    def cost(a: float) -> float:
+        # The white part is whatever fits best beside it.
+        def beside(log_white: float) -> float:
+            variance = np.exp(log_white) + a**2 * slope
+            return float(np.sum(np.log(variance) + error / variance))
+
+        top = float(np.log(error.mean()))
+        return float(minimize_scalar(beside, bounds=(top - 8, top + 1), method="bounded", options={"xatol": 1e-4}).fun)
+
+    return _likeliest(cost, float(np.sqrt(unit)))
+
+
+def thermal(at: Fitted, records: Sequence[Record]) -> Level | None:
+    """Size of the thermal force (1: physical), by the filter that whitens the residual."""
+    setting, period, p = at.whiten.setting, 1 / records[0].sample_rate, at.parameters
+    axes = records[0].axes
+    seen = [p[f"sense_gain_{axis}"] ** 2 * p[f"d{axis}{axis}"] for axis in "xy"[:axes]]
+    kelvin = float(np.mean([np.mean(r.conditions.get("temperature", p.get("t_ref", 298.15))) for r in records]))
+    # The filter's drift of the velocity, 4 b² T² r w² d/mean(d G²), is 2 kB T_K d T/m² times the square of the size.
+    unit = np.sqrt(2 * period * top_rate(p, axes) / (BOLTZMANN * kelvin * np.mean(seen))) * p["m"]
+    unit *= lifted(setting, float(np.sqrt(top_rate(p, axes))) * period) ** 0.5
+    return _tuned(at, records, setting.bandwidth, lambda bandwidth: replace(setting, bandwidth=bandwidth),
+                  lambda bandwidth, variance: float(unit * np.sqrt(variance) * bandwidth))  # fmt: skip
+
+
+def _tuned(
+    at: Fitted,
+    records: Sequence[Record],
+    guess: float,
+    setting: Callable[[float], Setting],
+    size: Callable[[float, float], float],
+) -> Level | None:
+    """The likeliest size of a noise that the filter takes out. guess: the part of the filter that makes it, None where
+    that is off; setting: the filter with another such part; size: from the part and the variance of the white noise."""
+    if guess == 0:
+        return None
+    valid, period = [r.valid for r in records], 1 / records[0].sample_rate
+
+    @cache
+    def under(log: float) -> tuple[float, float]:
+        return misfit_under(at.parameters, period, setting(float(np.exp(log))), at.residuals, valid)
+
+    middle = float(np.log(guess))
+    room = (middle - NEIGHBOUR, middle + NEIGHBOUR)
+    best = float(minimize_scalar(lambda x: under(float(x))[0], bounds=room, method="bounded",
+                                 options={"xatol": 0.02}).x)  # fmt: skip
+    sides = (best - ASIDE, best + ASIDE)
+    curvature = max(sum(under(x)[0] - under(best)[0] for x in sides), 1e-3) / ASIDE**2
+    low, value, high = (size(float(np.exp(x)), under(x)[1]) for x in (sides[0], best, sides[1]))
+    # Part and level are not known apart: along the likeliest level of each part the size may hardly change, while for a
+    # given part count samples leave it sure to one over the root of twice their number.
+    slope, count = float(np.log(high / low)) / (2 * ASIDE), sum(int(u.sum()) for u in valid) * records[0].axes
+    width = float(np.sqrt(2 * WITHIN * (slope**2 / curvature + 0.25 / count)))
+    return Level(value, value * float(np.exp(-width)), value * float(np.exp(width)))
+
+
+def _likeliest(cost: Callable[[float], float], guess: float) -> Level | None:
+    """The size at the minimum of ``cost`` (twice the negative log likelihood) over decades about ``guess``; None where
+    it is not SURE against none."""
+    grid = guess * np.geomspace(1e-3, 1e3, 25)
+    values = [cost(float(a)) for a in grid]
+    best = int(np.argmin(values))
+    if cost(0.0) - values[best] < SURE or best in (0, len(grid) - 1):
+        return None
+    found = minimize(lambda x: cost(float(np.exp(x[0]))), [np.log(grid[best])], method="Nelder-Mead",
+                     options={"xatol": 1e-4, "fatol": 1e-3})  # fmt: skip
+    size, least = float(np.exp(found.x[0])), float(found.fun)
+
+    def rise(a: float) -> float:
+        return cost(a) - least - WITHIN
+
+    low = float(brentq(rise, size / 100, size, rtol=1e-4)) if rise(size / 100) > 0 else 0.0
+    high = float(brentq(rise, size, size * 100, rtol=1e-4)) if rise(size * 100) > 0 else np.inf
+    return Level(size, low, high)

@@ -1,0 +1,44 @@
+"""The openings of runs: what is plain to see in a part of long runs need not be searched for in the whole.
+
+Each run's first part is one of its own: initial states and what an effect remembers begin as in the whole.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+from discrepancy.data.record import Record
+from discrepancy.fit.continuation import LAST_ROUNDS
+from discrepancy.fit.fitted import Fitted
+from discrepancy.fit.refit import Fitter
+
+TRIED: Final = 8_000
+"""Samples of the shortest openings, all together."""
+LONG: Final = 4
+"""By which runs must be longer than their openings, and these than the next shorter ones."""
+
+
+class Opening(NamedTuple):
+    """The openings of runs, or all of them, and the model fitted to these."""
+
+    fitter: Fitter
+    at: Fitted
+
+    def of(self, begun: Fitted, goal: float = float("inf"), rounds: int = LAST_ROUNDS) -> Fitted:
+        """``begun``, a model of these runs or of longer or shorter ones, fitted to these, as far as it comes near
+        ``goal``."""
+        return self.fitter.fit(self.fitter.evaluated(replace(begun, whiten=self.at.whiten)), rounds, goal)
+
+
+def parts(records: Sequence[Record]) -> list[int]:
+    """Into how many parts runs are cut for each opening, the shortest first; the last is 1, the whole."""
+    number, found = sum(len(r.t) for r in records) // TRIED, []
+    while number >= LONG:
+        found.append(number)
+        number //= LONG
+    return [*found, 1]
+
+
+def opened(fitter: Fitter, at: Fitted) -> Opening:
+    """``at``, a fit of the whole runs, fitted to their openings, which are the runs of ``fitter``."""
+    return Opening(fitter, fitter.fit(fitter.evaluated(at)))

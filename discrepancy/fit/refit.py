@@ -1,0 +1,422 @@
+"""Fits parameters and initial states by full simulation: output error with innovations, Levenberg-Marquardt.
+
+Initial states belong to one run each and are taken out of every linear problem by projection, run by run, so that its
+size does not grow with the number of runs (G. H. Golub, V. Pereyra, SIAM J. Numerical Analysis 10, 1973).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from discrepancy.clock import OutOfTime
+from discrepancy.criteria import Criteria
+from discrepancy.data.algebra import inverse_scaled
+from discrepancy.data.linear_fit import WeakForm, weak_form
+from discrepancy.data.linear_fit import fit as fit_weak_form
+from discrepancy.data.record import Floats, Record
+from discrepancy.fit.colour import autoregression
+from discrepancy.fit.fitted import Fitted, Free, bare
+from discrepancy.fit.simulate import Job, Simulator
+from discrepancy.fit.whitening import Setting, Whitener, likeliest, whitener
+from gyro_model.errors import InputError
+
+BLOCKS: Final = 24
+"""Blocks of a run for block statistics: enough for a variance from few runs, each many periods long."""
+DEFAULT: Final = Criteria()
+STATES: Final = ("x_start", "x_dot_start", "y_start", "y_dot_start")
+SMALL, SMALLEST = 0.1, 1e-9
+"""What a difference quotient may change the voltage by: over the noise, and over the signal (rounding of a run leaves
+1e-13 of it). Errors of second order are then 1e-6 of a column and less, which matters where 1 - 1e-6 of it lies along
+other parameters."""
+DEAD: Final = 1e-15
+"""Of the signal: below lies no change but rounding."""
+UNSEEN: Final = 1e-10
+"""Square of a column over that of the largest, below which a parameter shows nowhere: steps are set so that all are
+alike to a factor of 1e3 after the noise filter; what a step of rounding leaves is 1e-7 of one and less."""
+LINEAR: Final = 1e-5
+"""The same over the signal where the residual is far above the noise."""
+PASSIVE: Final = 0.999
+"""Of the largest cross damping or stiffness that a passive device has: a search that reaches the bound goes on along
+it."""
+FAINT: Final = 2e-3
+"""Residual over signal below which it may be a flicker of the sensor: above, a model is wrong, and a filter for flicker
+would take an offset for a part of it."""
+CLOSE: Final = 0.05
+"""The same below which noise is seen alone where the motion has nothing: above, what is simulated and what is left are
+alike at too many frequencies."""
+FAR: Final = 1e6
+"""Times the signal from which a motion has left all bounds: no step of a quotient is so large."""
+HOPE: Final = 10.0
+"""Times what the next step promises, that all steps together may bring."""
+CREEP, CREEPING = 0.05, 5
+"""A fit is given up after so many steps in a row that each brought less than this share of what was promised: along a
+bound, or far from a minimum, where a fit of shorter pieces goes on."""
+AS_PROMISED: Final = 0.05
+"""Of what a step promised, by which what it brought may be off where columns serve once more: those were then right to
+about as much, and what is left after the next step is the square of it."""
+NEARER, SLOW = 0.5, 4
+"""A fit that has a goal is given up after so many steps in a row that each left more than this share of the way to
+it: near a minimum what is left falls by its square."""
+PATIENT: Final = 5
+HELD: Final = 1e-2
+SHORTER: Final = (0.3, 0.1, 0.03, 0.01)
+"""Where so many larger dampings have not helped either, shares of a step of damping HELD are tried: they hold the
+initial states too, which no damping does."""
+ALIKE: Final = 3.0
+"""By which a difference quotient's step may be off and its column, scaled, still serve."""
+SETTLED: Final = 0.02
+"""A fit has ended when a further step would take less than this many variances of an innovation from the cost: an
+error of 0.14 standard deviations of one parameter at most."""
+
+
+class _Linear(NamedTuple):
+    """Of a run: grams (p, p) of each block without the states, the states' share of each column (states, p), and the
+    square of what each free parameter changes [V²]."""
+
+    grams: list[Floats]
+    fill: Floats
+    square: Floats
+
+
+class _Kept(NamedTuple):
+    """Of a run, where it was linearised last: all parameters, and by name the step and what it changes, (n, axes)
+    [V]."""
+
+    at: Mapping[str, float]
+    columns: dict[str, tuple[float, Floats]]
+
+
+class Fitter:
+    """Fits the runs ``records`` with one simulator. What it found by difference quotients it keeps until a fit has
+    moved on."""
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        records: Sequence[Record],
+        blocks: int = BLOCKS,
+        criteria: Criteria = DEFAULT,
+    ) -> None:
+        self.simulator, self.records, self.blocks, self.criteria = simulator, tuple(records), blocks, criteria
+        self.axes = self.records[0].axes
+        self.period = 1 / self.records[0].sample_rate
+        self.state_names = STATES[: 2 * self.axes]
+        self.signal = float(np.sqrt(np.mean([np.mean(r.v**2) for r in self.records])))
+        self._kept: dict[int, _Kept] = {}
+
+    def begin(self, nominal: Mapping[str, float], more: Sequence[Free] = ()) -> Fitted:
+        """The start of a fit: m, k, d by the weak form, which has no other minimum, at rest. ``more``: parameters to
+        fit beside them."""
+        forms = [form for form in (weak_form(record, nominal) for record in self.records) if form is not None]
+        parameters = dict(nominal)
+        if forms:
+            joined = WeakForm(*(np.concatenate(arrays, axis=1) for arrays in zip(*map(_arrays, forms), strict=True)))
+            parameters |= _damped(fit_weak_form(joined, nominal).values, nominal)
+        one = self.axes == 1
+        names: tuple[str, ...] = ("m", "kxx", "dxx") if one else ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
+        if not any(r.u.any() for r in self.records):
+            # A free decay is the same for every mass: it is held, as the gauge of all forces.
+            names = names[1:]
+        free = (*(_nominal(name, parameters) for name in names), *more)
+        return self.whitened(self.evaluated(Fitted(parameters, self.at_rest, free, self.plain(parameters), ())))
+
+    def plain(self, parameters: Mapping[str, float]) -> Whitener:
+        """No whitening."""
+        return self.whitener(parameters, Setting())
+
+    def whitener(self, parameters: Mapping[str, float], setting: Setting) -> Whitener:
+        """The filter of a setting for these runs."""
+        return whitener(parameters, self.axes, self.period, setting, max(len(r.t) for r in self.records))
+
+    @property
+    def at_rest(self) -> tuple[Mapping[str, float], ...]:
+        """Initial states of zero for every run."""
+        return tuple(dict.fromkeys(self.state_names, 0.0) for _ in self.records)
+
+    def evaluated(self, at: Fitted) -> Fitted:
+        """``at`` with residuals and cost of its parameters."""
+        try:
+            simulated = self.simulator.run_all(self._jobs(at, {}))
+        except InputError:
+            # Parameters that the FMU refuses: no better than a motion out of bounds.
+            return replace(at, residuals=tuple(np.full_like(r.v, np.nan) for r in self.records), cost=np.inf, count=1)
+        residuals = tuple(r.v - v for r, v in zip(self.records, simulated, strict=True))
+        return self._costed(replace(at, residuals=residuals))
+
+    def _costed(self, at: Fitted) -> Fitted:
+        cost, count = 0.0, 0
+        for record, residual in zip(self.records, at.residuals, strict=True):
+            if not np.isfinite(residual).all():
+                return bare(replace(at, cost=np.inf, count=1))
+            # A motion near all bounds has a cost of infinity.
+            with np.errstate(over="ignore"):
+                cost += float(np.sum(at.whiten(residual[None], record.valid) ** 2))
+            count += int(record.valid.sum()) * self.axes
+        return bare(replace(at, cost=cost, count=count))
+
+    def whitened(self, at: Fitted) -> Fitted:
+        """``at`` with the whitening that its residuals ask for."""
+        off, valid = self.off(at), [r.valid for r in self.records]
+        colour = autoregression([r.v for r in self.records], at.residuals, valid) if off < CLOSE else ()
+        found = likeliest(at.parameters, self.period, at.residuals, valid, self.simulator.each, flicker=off < FAINT,
+                          colour=colour)  # fmt: skip
+        return self._costed(replace(at, whiten=found))
+
+    def off(self, at: Fitted) -> float:
+        """The residual over the signal, rms."""
+        error = sum(float(np.sum(e[r.valid] ** 2)) for e, r in zip(at.residuals, self.records, strict=True))
+        return float(np.sqrt(error / sum(float(np.sum(r.v[r.valid] ** 2)) for r in self.records)))
+
+    def target(self, at: Fitted) -> float:
+        """The change of the voltage [V rms] that a difference quotient should make."""
+        return max(min(SMALL * at.variance**0.5, LINEAR * self.signal), SMALLEST * self.signal)
+
+    def _jobs(self, at: Fitted, changes: Mapping[str, float], only: int | None = None) -> list[Job]:
+        chosen = range(len(self.records)) if only is None else (only,)
+        return [(self.records[i], {**at.parameters, **at.starts[i], **changes}) for i in chosen]
+
+    def columns(self, at: Fitted, run: int, probes: Sequence[Mapping[str, float]], found: Floats | None = None
+                ) -> Floats:  # fmt: skip
+        """What each set of changed parameters adds to the simulated voltage of a run: (probes, n, axes) [V], put into
+        ``found`` where it is given; zero where the FMU refuses one or the motion leaves all bounds."""
+        base = self.records[run].v - at.residuals[run]
+        jobs = [job for changes in probes for job in self._jobs(at, changes, run)]
+        result = np.empty((len(probes), *base.shape)) if found is None else found
+        for column, v in zip(result, self.simulator.try_all(jobs), strict=True):
+            if v is None or np.abs(v).max() > FAR * self.signal:
+                column[:] = 0
+            else:
+                np.subtract(v, base, out=column)
+        return result
+
+    def _derivatives(self, at: Fitted, run: int, found: Floats, *, near: bool) -> None:
+        """By each state of this run and each free parameter, a full ``step`` of it, put into ``found`` (p, n, axes)
+        [V]; ``near``: those of the last point serve."""
+        here = {**at.parameters, **at.starts[run]}
+        steps = self._state_steps(at, run) | {free.name: self._side(at, free) * free.step for free in at.free}
+        kept = self._kept.get(run)
+        if kept is None or (kept.at != here and not near):
+            kept = self._kept[run] = _Kept(here, {})
+        new = [n for n, step in steps.items() if not 1 / ALIKE < kept.columns.get(n, (0.0,))[0] / step < ALIKE]
+        made = self.columns(at, run, [{name: here[name] + steps[name]} for name in new])
+        kept.columns.update({name: (steps[name], column) for name, column in zip(new, made, strict=True)})
+        sizes = self._state_steps(at, run) | {free.name: free.step for free in at.free}
+        for column, (name, size) in zip(found, sizes.items(), strict=True):
+            step, quotient = kept.columns[name]
+            np.multiply(quotient, size / step, out=column)
+
+    def forget(self) -> None:
+        """Lets go of what it keeps."""
+        self._kept.clear()
+
+    @staticmethod
+    def _side(at: Fitted, free: Free) -> float:
+        """Up, but where a bound or passivity is in the way."""
+        p = at.parameters
+        cross = free.name in ("kxy", "dxy") and p[free.name] > 0
+        return -1.0 if cross or p[free.name] + free.step > free.high else 1.0
+
+    def _state_steps(self, at: Fitted, run: int) -> dict[str, float]:
+        size = LINEAR * self.signal / at.parameters["sense_gain_x"]
+        speed = size * float(np.sqrt(at.parameters["kxx"] / at.parameters["m"]))
+        return {name: speed if "dot" in name else size for name in self.state_names}
+
+    def with_grams(self, at: Fitted, extra: Sequence[Mapping[str, float]] = (), *, near: bool = False) -> Fitted:
+        """``at`` linearised, with columns in the order: free, ``extra`` probes (changed parameters), residual; the
+        model's own may be those of a point that is ``near``.
+
+        Steps of ``free`` that have become too large or small for their difference quotients are set anew.
+        """
+        runs = self.simulator.each(lambda run: self._linear(at, run, extra, near), range(len(self.records)))
+        grams, fills = [g for run in runs for g in run.grams], [run.fill for run in runs]
+        square = np.sum([run.square for run in runs], axis=0)
+        return self._rescaled(replace(at, grams=np.array(grams), fill=tuple(fills)), square)
+
+    def _linear(self, at: Fitted, run: int, extra: Sequence[Mapping[str, float]], near: bool) -> "_Linear":
+        states, (n, axes) = len(self.state_names), at.residuals[run].shape
+        own = states + len(at.free)
+        # One array, filtered in place: with some hundred columns it is most of the memory.
+        columns = np.empty((own + len(extra) + 1, n, axes))
+        self._derivatives(at, run, columns[:own], near=near)
+        self.columns(at, run, extra, columns[own:-1])
+        columns[-1] = at.residuals[run]
+        square = np.sum(columns[states:own] ** 2, axis=(1, 2))
+        flat = at.whiten(columns, self.records[run].valid, columns).reshape(len(columns), -1)
+        edges = np.linspace(0, n, self.blocks + 1).astype(int) * axes
+        grams = [flat[:, begin:end] @ flat[:, begin:end].T for begin, end in pairwise(edges)]
+        total = np.sum(grams, axis=0)
+        fill = inverse_scaled(total[:states, :states]) @ total[:states, states:]
+        # Each column without what the states do of it.
+        lift = np.hstack((-fill.T, np.eye(len(columns) - states)))
+        return _Linear([lift @ gram @ lift.T for gram in grams], fill, square)
+
+    def _rescaled(self, at: Fitted, square: Floats) -> Fitted:
+        """``at`` with steps that change the voltage by ``target``; square: what the present ones do, summed [V²]."""
+        assert at.grams is not None
+        size = np.sqrt(square / sum(r.v.size for r in self.records))
+        # What changes nothing keeps its step.
+        factor = np.where(size > DEAD * self.signal, self.target(at) / np.maximum(size, DEAD * self.signal), 1.0)
+        full = np.ones(at.grams.shape[1])
+        full[: at.known] = factor
+        free = tuple(replace(f, step=f.step * s) for f, s in zip(at.free, factor, strict=True))
+        grams = at.grams * full[:, None] * full
+        scaled = replace(at, free=free, grams=grams, fill=tuple(fill * full for fill in at.fill))
+        step = self._step(scaled, 0.0)
+        total = grams.sum(axis=0)
+        own = np.array([*range(at.known), -1])
+        ahead = np.append(step, -1.0)
+        gain = float(total[-1, -1] - ahead @ total[np.ix_(own, own)] @ ahead)
+        states = self._state_gain(scaled)
+        return replace(scaled, left=max(gain + states, 0.0) / max(at.variance, 1e-300))
+
+    @staticmethod
+    def _state_gain(at: Fitted) -> float:
+        assert at.grams is not None
+        return at.cost - float(at.grams[:, -1, -1].sum())
+
+    def fit(self, at: Fitted, rounds: int = 30, goal: float = np.inf) -> Fitted:
+        """The minimum near ``at``, linearised there. ``left`` says how far it is from a minimum: above SETTLED the
+        rounds were used up, no step helped, steps crept, the time was over, or none could reach the ``goal``, a cost
+        below which alone the fit matters."""
+        damping, creeping, slow, near = 0.0, 0, 0, False
+        try:
+            at = self.with_grams(at) if at.cost < np.inf else at
+            for _ in range(rounds):
+                if near and (at.left < SETTLED or self._far(at, goal)):
+                    # Old columns show no end and no hope.
+                    at, near = self.with_grams(at), False
+                far = self._far(at, goal)
+                if creeping == CREEPING or slow == SLOW or at.left < SETTLED or at.grams is None or far:
+                    break
+                moved, damping = self._lower(at, damping)
+                if moved is None:
+                    if not near:
+                        break
+                    at, near = self.with_grams(at), False
+                    continue
+                gained = (at.cost - moved.cost) / (at.left * at.variance)
+                creeping = creeping + 1 if gained < CREEP else 0
+                slow = slow + 1 if moved.cost - goal > NEARER * (at.cost - goal) > 0 else 0
+                near = abs(gained - 1) < AS_PROMISED
+                at = self.with_grams(moved, near=near)
+            at = self.with_grams(at) if near else at
+        except OutOfTime:
+            pass
+        return at
+
+    @staticmethod
+    def _far(at: Fitted, goal: float) -> bool:
+        return at.cost - HOPE * at.left * at.variance > goal
+
+    def _lower(self, at: Fitted, damping: float) -> tuple[Fitted | None, float]:
+        """A step that lowers the cost, None where none does, and the damping for the next one."""
+        for attempt in range(10):
+            moved = self.evaluated(self._moved(at, damping))
+            if moved.cost < at.cost:
+                return moved, damping / 10 if damping > 1e-6 else 0.0
+            damping = max(1e-5, 10 * damping)
+            if attempt == PATIENT:
+                # A force at rest is far from linear in the states.
+                for share in SHORTER:
+                    moved = self.evaluated(self._moved(at, HELD, share))
+                    if moved.cost < at.cost:
+                        return moved, HELD
+        return None, damping
+
+    def _step(self, at: Fitted, damping: float) -> Floats:
+        """Changes of the free parameters in their steps; one that a bound stops stays, and the others are solved
+        again."""
+        assert at.grams is not None
+        total = at.grams.sum(axis=0)
+        step = np.zeros(at.known)
+        held: set[int] = set()
+        while True:
+            own = [i for i in range(at.known) if i not in held]
+            right = total[own, -1] - total[np.ix_(own, sorted(held))] @ step[sorted(held)]
+            step[own] = inverse_scaled(total[np.ix_(own, own)], damping) @ right
+            stopped = set()
+            for i in own:
+                free, value = at.free[i], at.parameters[at.free[i].name]
+                bounded = free.bounded(value, value + free.step * step[i])
+                if bounded != value + free.step * step[i]:
+                    step[i] = (bounded - value) / free.step
+                    stopped.add(i)
+            if not stopped:
+                return step
+            held |= stopped
+
+    def _moved(self, at: Fitted, damping: float, share: float = 1.0) -> Fitted:
+        """A ``share`` of the way to the minimum of what is linear at ``at``."""
+        step = share * self._step(at, damping)
+        parameters = dict(at.parameters)
+        for free, change in zip(at.free, step, strict=True):
+            # A step to a bound may miss it by a rounding.
+            parameters[free.name] = float(np.clip(parameters[free.name] + free.step * change, free.low, free.high))
+        parameters = passive(parameters, self.axes)
+        # What passivity took back counts for the states as well.
+        step = np.array([(parameters[f.name] - at.parameters[f.name]) / f.step for f in at.free])
+        starts = []
+        for run, start in enumerate(at.starts):
+            change = share * at.fill[run][:, -1] - at.fill[run][:, : at.known] @ step
+            sizes = self._state_steps(at, run)
+            starts.append({name: start[name] + sizes[name] * float(c) for name, c in zip(start, change, strict=True)})
+        return bare(replace(at, parameters=parameters, starts=tuple(starts)))
+
+    def covariance(self, at: Fitted) -> Floats:
+        """Covariance of the free parameters: that by white innovations, widened in each direction where block
+        statistics say more."""
+        linear = at if at.grams is not None else self.with_grams(at)
+        assert linear.grams is not None
+        own = np.s_[: linear.known]
+        inverse = inverse_scaled(linear.grams[:, own, own].sum(axis=0))
+        scores = linear.grams[:, own, -1]
+        blocks = inverse @ (scores.T @ scores) @ inverse
+        white = inverse * linear.variance
+        size = np.sqrt(np.maximum(np.diag(blocks) / np.maximum(np.diag(white), 1e-300), 1.0))
+        step = np.array([free.step for free in linear.free]) * size
+        return np.asarray(white * np.outer(step, step))
+
+    def deviations(self, at: Fitted) -> dict[str, float]:
+        """Standard deviation of each free parameter; infinite where its step, which should change the voltage as much
+        as that of the others, changes nothing."""
+        linear = at if at.grams is not None else self.with_grams(at)
+        assert linear.grams is not None
+        square = np.diag(linear.grams.sum(axis=0))[: linear.known]
+        size = np.sqrt(np.diag(self.covariance(linear)))
+        size = np.where(square > UNSEEN * np.max(square, initial=0.0), size, np.inf)
+        return {free.name: float(value) for free, value in zip(at.free, size, strict=True)}
+
+
+def _arrays(form: WeakForm) -> tuple[Floats, ...]:
+    return form.force, form.q, form.velocity, form.acceleration, form.turning  # type: ignore[return-value]
+
+
+def passive(p: Mapping[str, float], axes: int) -> dict[str, float]:
+    """``p`` with the cross damping and stiffness of a passive device."""
+    result = dict(p)
+    if axes == 2:
+        for kind in "kd":
+            room = PASSIVE * float(np.sqrt(max(p[kind + "xx"] * p[kind + "yy"], 0.0)))
+            result[kind + "xy"] = float(np.clip(p[kind + "xy"], -room, room))
+    return result
+
+
+def _damped(values: Mapping[str, float], nominal: Mapping[str, float]) -> dict[str, float]:
+    """Damping well inside what a passive device has, so that a search can leave from there in every direction."""
+    d = {name: max(values[name], 0.2 * nominal[name]) for name in values if name in ("dxx", "dyy")}
+    if "dxy" in values:
+        room = 0.5 * float(np.sqrt(d["dxx"] * d["dyy"]))
+        d["dxy"] = float(np.clip(values["dxy"], -room, room))
+    return {**values, **d}
+
+
+def _nominal(name: str, parameters: Mapping[str, float]) -> Free:
+    """With a step by which a mode of Q = 2000 turns by 1e-3: the first linearisation sets it anew."""
+    if name == "m":
+        return Free(name, 1e-6 * parameters["m"], low=1e-3 * parameters["m"])
+    kind = name[0]
+    low = -np.inf if name[1:] == "xy" else 1e-6 * parameters[name]
+    return Free(name, (1e-6 if kind == "k" else 1e-3) * parameters[kind + "xx"], low)

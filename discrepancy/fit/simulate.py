@@ -1,0 +1,283 @@
+"""Simulates measured runs with the FMU, many at a time: one instance a thread, the loop over samples compiled."""
+
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from math import ceil
+from queue import SimpleQueue
+from types import TracebackType
+from typing import Final, Self, TypeVar
+
+import numpy as np
+from numba import njit
+from scipy.fft import irfft, next_fast_len, rfft
+
+from cosim.exchange import exchange
+from cosim.fmu import HANDLE_SIZE, Plant
+from discrepancy.clock import Clock
+from discrepancy.data.record import CONDITIONS, Floats, Record
+from discrepancy.fit.defect import Timing, distortion_names, distortions
+from gyro_model.anatomy import Delay, Lag
+from gyro_model.build import build
+from gyro_model.errors import InputError
+from gyro_model.model import Model
+
+OVERSAMPLING: Final = 3
+"""Steps a sample where u runs between samples. What their hold shrinks is made up for (``between``); images of a force
+at f come back at f from about 3/T, f/(3/T - f) as strong and weaker by the square of that ratio in the motion: 1e-3 of
+what a force at a third of the rate does, 2e-5 of the Silverbox' output."""
+SPLIT: Final = 4
+"""Times as many steps where a delay or a lag acts: what one of a part of a step does is then right to 2e-4 at a
+fortieth of the sample rate, where a lag and a delay are told apart by less than the steps of a sample would err."""
+LONGEST: Final = 1e-3
+"""Longest step [s] that the FMU takes."""
+MARGIN: Final = 256
+"""Samples by which a record is continued at both ends before it is interpolated band-limited."""
+INPUTS: Final = ("u_x", "u_y", *CONDITIONS)
+OUTPUTS: Final = ("v_x", "v_y")
+MIRRORED: Final = {"kyy": "kxx", "dyy": "dxx", "sense_gain_y": "sense_gain_x"}
+
+Job = tuple[Record, Mapping[str, float]]
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+_Distorted = tuple[tuple[str, float], ...]
+_Driven = tuple[Floats, tuple[str, ...], float]
+"""Inputs of each step (steps, inputs), their names, and the step [s]."""
+
+
+@njit(cache=True, nogil=True)
+def _run(handle, inputs, values, outputs, start, step, stride, v):  # type: ignore[no-untyped-def]
+    """Steps through values (steps, inputs) and puts v (samples, 2); gives the sample it failed at, or len(v)."""
+    flags = np.zeros(HANDLE_SIZE)
+    for k in range(len(v) - 1):
+        for i in range(stride):
+            n = k * stride + i
+            if exchange(handle, inputs, values[n], outputs, v[k + 1], flags, start + n * step, step) > 0:
+                return k
+    return len(v)
+
+
+class _Bench(Plant):
+    """A plant that starts anew without loading the FMU again."""
+
+    def restart(self, parameters: Mapping[str, float], start: float) -> None:
+        self._fmu.reset()
+        try:
+            for name, value in parameters.items():
+                self._set(name, value)
+            self._fmu.enterInitializationMode(startTime=start)
+            self._fmu.exitInitializationMode()
+        except InputError:
+            raise
+        except Exception as error:  # fmpy raises Exception itself
+            raise InputError(self.complaint() or str(error)) from None
+
+
+class Simulator:
+    """Runs of a model under measured inputs; a context manager. ``jobs``: threads, by default one a core; clock: of the
+    diagnosis that they are for."""
+
+    def __init__(self, model: Model, jobs: int | None = None, clock: Clock | None = None) -> None:
+        """Builds the FMU where that has not been done. Raises InputError as ``build`` does."""
+        path = build(model).fmi3
+        self.model = model
+        count = jobs or os.cpu_count() or 1
+        self.clock = clock or Clock(count)
+        self._benches: SimpleQueue[_Bench] = SimpleQueue()
+        self._all = [_Bench(path, {}, model) for _ in range(count)]
+        for bench in self._all:
+            self._benches.put(bench)
+        self._pool, self._callers = ThreadPoolExecutor(count), ThreadPoolExecutor(count)
+        held = [e for e in model.effects if isinstance(e, Delay | Lag)]
+        self._late = [q for e in held for switch in (e, *model.wakers(e)) for q in switch.sizes]
+        self._driven: dict[tuple[int, int], tuple[Record, _Driven]] = {}
+        self._distorted: dict[tuple[int, int], tuple[_Distorted, _Driven]] = {}
+        self._parts: dict[int, tuple[Record, Record, slice]] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._callers.shutdown(cancel_futures=True)
+        self._pool.shutdown(cancel_futures=True)
+        for bench in self._all:
+            bench.close()
+
+    def like(self, model: Model) -> "Simulator":
+        """One of another model, with as many threads and the same clock."""
+        return Simulator(model, len(self._all), self.clock)
+
+    def run(self, record: Record, parameters: Mapping[str, float]) -> Floats:
+        """The voltage [V] (n, axes) that the model gives under the record's inputs, noise off.
+
+        parameters: by FMU name, SI, initial state included. Raises InputError where the FMU refuses one; NaN from the
+        sample on at which the motion left all bounds. Raises OutOfTime where the clock says so.
+        """
+        self.clock.check()
+        bench = self._benches.get()
+        try:
+            return self._on(bench, record, parameters)
+        finally:
+            self._benches.put(bench)
+
+    def run_all(self, jobs: Sequence[Job]) -> list[Floats]:
+        """``run`` of each job, in parallel."""
+
+        def one(job: Job) -> Floats:
+            return self.run(*job)
+
+        return list(self._pool.map(self.clock.shared(one), jobs))
+
+    def try_all(self, jobs: Sequence[Job]) -> list[Floats | None]:
+        """``run`` of each job, in parallel; None where the FMU refuses its parameters or the motion leaves all
+        bounds."""
+
+        def attempt(job: Job) -> Floats | None:
+            try:
+                v = self.run(*job)
+            except InputError:
+                return None
+            return v if np.isfinite(v).all() else None
+
+        return list(self._pool.map(self.clock.shared(attempt), jobs))
+
+    def each(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+        """``function`` of each item, in parallel; it may simulate, which runs on threads of its own."""
+        return list(self._callers.map(self.clock.shared(function), items))
+
+    def cut(self, record: Record, number: int) -> tuple[Record, ...]:
+        """``record`` in ``number`` records of equal length, each under the force that it has in the whole."""
+        rows = np.array_split(np.arange(len(record.t)), number)
+        return tuple(self.part(record, int(own[0]), int(own[-1]) + 1) for own in rows)
+
+    def part(self, record: Record, begin: int, end: int) -> Record:
+        """Samples ``begin`` to ``end`` of ``record``, under the force that they have in the whole."""
+        own = slice(begin, end)
+        held = {name: column[own] for name, column in record.conditions.items()}
+        part = replace(record, t=record.t[own], u=record.u[own], v=record.v[own], conditions=held,
+                       valid=record.valid[own])  # fmt: skip
+        self._parts[id(part)] = part, record, own
+        return part
+
+    def _inputs(self, record: Record, split: int, distorted: "_Distorted" = ()) -> _Driven:
+        """What drives each step of a record, ``split`` times as many as usual; kept, since a record is simulated many
+        times. distorted: sizes of what changes the force on its way."""
+        if distorted and id(record) not in self._parts:
+            last = self._distorted.get((id(record), split))
+            if last is None or last[0] != distorted:
+                last = distorted, _distorted(self._inputs(record, split), record.axes, dict(distorted))
+                self._distorted[id(record), split] = last
+            return last[1]
+        if distorted:
+            return self._made(record, split, distorted)
+        kept = self._driven.get((id(record), split))
+        if kept is None:
+            kept = self._driven[id(record), split] = record, self._made(record, split)
+        return kept[1]
+
+    def _made(self, record: Record, split: int, distorted: "_Distorted" = ()) -> _Driven:
+        if id(record) not in self._parts:
+            return _driven(record, split)
+        _, whole, own = self._parts[id(record)]
+        values, names, step = self._inputs(whole, split, distorted)
+        stride = len(values) // len(whole.t)
+        return values[own.start * stride : own.stop * stride], names, step
+
+    def _first(self, record: Record) -> int:
+        """Which sample of its run a record begins with."""
+        return self._parts[id(record)][2].start if id(record) in self._parts else 0
+
+    def forget(self, records: Sequence[Record]) -> None:
+        """Frees what is kept of records that will not be simulated again."""
+        for record in records:
+            self._parts.pop(id(record), None)
+            for split in (1, SPLIT):
+                self._driven.pop((id(record), split), None)
+                self._distorted.pop((id(record), split), None)
+
+    def _on(self, bench: _Bench, record: Record, parameters: Mapping[str, float]) -> Floats:
+        late = any(parameters.get(q.name, q.start) != q.start for q in self._late)
+        acting = [d for d in distortions() if d.acts(parameters)]
+        sizes = {q.name: parameters.get(q.name, q.start) for d in acting for q in d.parameters}
+        parameters = {name: value for name, value in parameters.items() if name not in distortion_names()}
+        timing = Timing(self._first(record), 1 / record.sample_rate)
+        forced = tuple((q.name, sizes[q.name]) for d in acting if d.force for q in d.parameters)
+        late |= any(d.split for d in acting)
+        values, names, step = self._inputs(record, SPLIT if late else 1, forced)
+        stride = len(values) // len(record.t)
+        beyond = max((d.beyond(len(record.t), timing, sizes) for d in acting if d.beyond), default=0)
+        values = np.concatenate((values, np.repeat(values[-1:], beyond * stride, axis=0))) if beyond else values
+        whole = both_axes(parameters) if record.axes == 1 else parameters
+        first = dict(zip(names, values[0].tolist(), strict=True))
+        clock = {"internal_step": step, "sample_period": step * stride}
+        start = float(record.t[0])
+        bench.restart({**whole, **clock, **first}, start)
+        v = np.full((len(record.t) + beyond, 2), np.nan)
+        v[0] = bench.get(OUTPUTS)
+        references = bench.value_references(names)
+        done = _run(bench.handle, references, values, bench.value_references(OUTPUTS), start, step, stride, v)
+        v[done + 1 :] = np.nan
+        v = v[:, : record.axes]
+        for distortion in acting:
+            if distortion.voltage and np.isfinite(v).all():
+                v = distortion.voltage(v, timing, sizes)
+        return np.ascontiguousarray(v[: len(record.t)])
+
+
+def _distorted(driven: _Driven, axes: int, sizes: Mapping[str, float]) -> _Driven:
+    values, names, step = driven
+    u = values[:, :axes]
+    for distortion in distortions():
+        if distortion.force and distortion.acts(sizes):
+            u = distortion.force(u, step, sizes)
+    return np.ascontiguousarray(np.column_stack((u, values[:, axes:]))), names, step
+
+
+def both_axes(parameters: Mapping[str, float]) -> dict[str, float]:
+    """``parameters`` of a one-axis record for an FMU, which has two: y, of which nothing is known, is like x, so that a
+    step that is short enough for x is so for y, and uncoupled."""
+    return {**parameters, **{own: parameters[other] for own, other in MIRRORED.items()}, "kxy": 0.0, "dxy": 0.0}
+
+
+def steps_a_sample(record: Record) -> int:
+    """Internal steps of the FMU in a sample period of ``record``."""
+    least = 1 if record.hold == "zero" else OVERSAMPLING
+    return max(least, ceil(1 / (record.sample_rate * LONGEST)))
+
+
+def _driven(record: Record, split: int) -> _Driven:
+    stride = split * steps_a_sample(record)
+    u = between(record.u, record.hold, stride)
+    columns = [u[:, i] for i in range(record.axes)]
+    columns += [np.repeat(values, stride) for values in record.conditions.values()]
+    names = (*INPUTS[: record.axes], *record.conditions)
+    return np.ascontiguousarray(np.column_stack(columns)), names, 1 / (record.sample_rate * stride)
+
+
+def between(u: Floats, hold: str, stride: int) -> Floats:
+    """Steps (n*stride, axes) that stand for u (n, axes) with so many a sample period: held over each, they drive what
+    is slow against a step as u does, whose frequencies a hold would shrink by sinc."""
+    n = len(u)
+    if hold == "zero":
+        return np.repeat(u, stride, axis=0)
+    if hold == "first":
+        at, longer = (np.arange(n * stride) + 0.5) / stride, np.concatenate((u, 2 * u[-1:] - u[-2:-1]))
+        middle = np.column_stack([np.interp(at, np.arange(n + 1), column) for column in longer.T])
+        # Between two knots the middle is the mean as well; mean and hold shrink by sinc(f h)^2 = 1 - (pi f h)^2/3, by
+        # h^2/12 times the second derivative.
+        middle[1:-1] -= np.diff(middle, 2, axis=0) / 12
+        return middle
+    # Continued by its point reflection, which keeps value and slope, so that the ends do not ring.
+    margin = min(MARGIN, n - 1)
+    longer = np.concatenate((2 * u[0] - u[margin:0:-1], u, 2 * u[-1] - u[-2 : -margin - 2 : -1]))
+    size = next_fast_len(len(longer), real=True)
+    longer = np.concatenate((longer, np.linspace(longer[-1], longer[0], size - len(longer) + 2)[1:-1]))
+    spectrum = rfft(longer, axis=0)
+    turns = np.arange(len(spectrum)) / (size * stride)
+    held = spectrum * (np.exp(1j * np.pi * turns) / np.sinc(turns))[:, None]
+    fine = irfft(np.concatenate((held, np.zeros((size * stride // 2 + 1 - len(held), u.shape[1])))),
+                 size * stride, axis=0) * stride  # fmt: skip
+    return np.ascontiguousarray(fine[margin * stride : (margin + n) * stride])

@@ -1,0 +1,184 @@
+"""The state of a search on disk, so that an interrupted one resumes where it was and gives the same answer.
+
+The file is data: every entry is checked against ``checkpoint_schema.py`` before anything is made of it, and terms that
+were found are formulas in a grammar of their own (``formula.py``). Its key is the hash of data, model, options and
+code, so that it resumes on any machine and with nothing else.
+"""
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import cache
+from math import isclose
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from discrepancy.data.dataset import Dataset
+from discrepancy.fit.continuation import cut
+from discrepancy.fit.defect import effect_of, quantity_of
+from discrepancy.fit.fitted import Fitted, Free
+from discrepancy.fit.refit import Fitter
+from discrepancy.fit.whitening import Setting
+from discrepancy.name.checkpoint_schema import checked, term_from, term_state
+from discrepancy.name.columns import Candidate, Probe
+from discrepancy.name.score import Score, Step
+from discrepancy.terms.effect_file import Term, joined
+from gyro_model.build import model_token
+from gyro_model.errors import InputError
+from gyro_model.model import Model
+
+FORMAT: Final = 4
+LARGEST: Final = 50_000_000
+"""Bytes of a file that is read: ten times that of a search of 100 runs with six effects."""
+
+REPEATS: Final = 1e-6
+"""Relative difference of a sum of squares worked out again: on another machine's mathematical library the simulation
+differs by rounding."""
+
+
+def digest(dataset: Dataset, model: Model, settings: Mapping[str, Any]) -> str:
+    """Names a search: data, nominal values, model, settings and the code that searches."""
+    code = hashlib.sha256((model_token(model) + _code()).encode())
+    code.update(json.dumps([dict(sorted(dataset.nominal.items())), dict(settings)], sort_keys=True).encode())
+    for record in dataset.records:
+        code.update(f"{record.name} {record.role} {record.hold} {record.sample_rate}".encode())
+        for name, values in sorted({"t": record.t, **record.channels}.items()):
+            # Little endian, whatever the machine.
+            code.update(name.encode() + values.astype("<f8").tobytes())
+    return code.hexdigest()
+
+
+@cache
+def _code() -> str:
+    """Digest of the searching package's files."""
+    code = hashlib.sha256()
+    folder = Path(__file__).parents[1]
+    for path in sorted(folder.rglob("*.py")):
+        code.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
+    return code.hexdigest()
+
+
+def save(path: Path, key: str, state: Mapping[str, Any]) -> None:
+    """Writes ``state`` (plain Python) under the search's ``key``; an older file is replaced whole."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # A name that nobody can have laid a link under.
+    handle, beside = tempfile.mkstemp(prefix=path.name, suffix=".part", dir=path.parent)
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        json.dump({"format": FORMAT, "key": key, "state": state}, file)
+    os.replace(beside, path)
+
+
+def load(path: Path | None, key: str, dataset: Dataset, model: Model) -> dict[str, Any] | None:
+    """The state kept for the search ``key``, every entry checked, ``terms`` as ``Term``; None where there is none, or
+    that of another search, which then starts anew. Raises InputError for a file that no search has written."""
+    if path is None or not path.is_file():
+        return None
+    try:
+        if path.stat().st_size > LARGEST:
+            raise InputError(f"it has {path.stat().st_size} bytes, over {LARGEST}")
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"it is no JSON ({type(error).__name__})") from None
+    if not isinstance(content, dict) or (content.get("format"), content.get("key")) != (FORMAT, key):
+        return None
+    state = content.get("state")
+    if not isinstance(state, dict) or not isinstance(state.get("terms"), list):
+        raise InputError("state: give a table with a list of terms")
+    terms = terms_from(state["terms"], dataset.axes)
+    checked(state, joined(model, [term.effect for own in terms for term in own]), dataset)
+    return {**state, "terms": terms}
+
+
+def fit_state(whole: Fitter, fitter: Fitter, at: Fitted) -> dict[str, Any]:
+    """What ``fit_from`` needs to make ``at`` again, bit by bit."""
+    return {
+        "pieces": len(fitter.records) // len(whole.records),
+        "parameters": dict(at.parameters),
+        "starts": [dict(start) for start in at.starts],
+        "free": [asdict(free) for free in at.free],
+        "setting": asdict(at.whiten.setting),
+        "square": _square(at),
+    }
+
+
+def fit_from(whole: Fitter, state: Mapping[str, Any]) -> tuple[Fitter, Fitted]:
+    """The fitter and the fit of ``fit_state``, linearised. Raises InputError where it does not leave what the state
+    says."""
+    fitter = cut(whole, state["pieces"])
+    # A resumed search has nothing kept, and the one that goes on is to find the same.
+    fitter.forget()
+    parameters = state["parameters"]
+    setting = Setting(**{**state["setting"], "colour": tuple(state["setting"]["colour"])})
+    whiten = fitter.whitener(parameters, setting)
+    free = tuple(Free(**entry) for entry in state["free"])
+    at = fitter.evaluated(Fitted(parameters, tuple(state["starts"]), free, whiten, ()))
+    if not isclose(_square(at), state["square"], rel_tol=REPEATS):
+        raise InputError(f"its fit leaves {_square(at):.6g} V², not {state['square']:.6g} as it says")
+    return fitter, fitter.with_grams(at)
+
+
+def _square(at: Fitted) -> float:
+    """Sum of squares of the residuals [V²]."""
+    with np.errstate(over="ignore"):
+        return float(sum(np.sum(residual**2) for residual in at.residuals))
+
+
+def terms_state(terms: Sequence[Sequence[Term]]) -> list[list[dict[str, Any]]]:
+    """What ``terms_from`` needs: of each further search, its terms as formulas."""
+    return [[term_state(term) for term in own] for own in terms]
+
+
+def terms_from(state: Sequence[Any], axes: int) -> list[tuple[Term, ...]]:
+    """The terms of ``terms_state``. Raises InputError for a formula that the library of terms does not have."""
+    found = []
+    for own in state:
+        if not isinstance(own, list):
+            raise InputError("terms: give a list of lists")
+        found.append(tuple(term_from(entry, axes) for entry in own))
+    return found
+
+
+def candidate_state(candidate: Candidate) -> dict[str, Any]:
+    """What ``candidate_from`` needs."""
+    return {
+        "effect": candidate.effect.id,
+        "probes": [[p.quantity.name, p.step, p.power] for p in candidate.probes],
+        "shapes": dict(candidate.shapes),
+        "searched": [q.name for q in candidate.searched],
+        "trials": candidate.trials,
+        "partner": candidate_state(candidate.partner) if candidate.partner else None,
+    }
+
+
+def candidate_from(model: Model, state: Mapping[str, Any]) -> Candidate:
+    """The candidate of ``candidate_state``."""
+    probes = tuple(Probe(quantity_of(model, name), step, power) for name, step, power in state["probes"])
+    partner = candidate_from(model, state["partner"]) if state["partner"] else None
+    searched = tuple(model.parameter(name) for name in state["searched"])
+    return Candidate(effect_of(model, state["effect"]), probes, state["shapes"], searched, state["trials"], partner)
+
+
+def step_state(step: Step) -> list[Any]:
+    """What ``step_from`` needs."""
+    return [{name: asdict(score) for name, score in step.scores.items()}, step.accepted]
+
+
+def step_from(state: list[Any]) -> Step:
+    """The step of ``step_state``."""
+    return Step({name: Score(**score) for name, score in state[0].items()}, state[1])
+
+
+def probes_state(kept: Mapping[tuple[str, str], tuple[Probe, float]]) -> list[list[Any]]:
+    """What ``probes_from`` needs."""
+    return [[*key, probe.step, probe.power, target] for key, (probe, target) in kept.items()]
+
+
+def probes_from(model: Model, state: list[list[Any]]) -> dict[tuple[str, str], tuple[Probe, float]]:
+    """The probes of ``probes_state``."""
+    return {(name, beside): (Probe(quantity_of(model, name), step, power), target)
+            for name, beside, step, power, target in state}  # fmt: skip

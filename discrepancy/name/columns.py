@@ -1,0 +1,355 @@
+"""What each effect would add to the simulated voltage, found from the effect files alone: columns of the test.
+
+A column is the change that the FMU shows when a size parameter leaves neutral by a probe, chosen so that the change is
+small beside the residual's noise. So every stage (law, force with states, map, delay, lag) has its column without a
+rule of its own, and an effect file that a user adds is scored as it stands. Sizes that act by a power (1/g by its
+square) show it in how the change grows. Shape parameters are searched on the grids that their
+effect files give: each grid point is a column, and each counts as a trial. An effect that changes
+nothing alone, but reads or feeds another, is tried together with that one.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+from sympy import sympify
+
+from discrepancy.data.record import Floats, Record
+from discrepancy.fit.defect import Defect, Distortion, distortions
+from discrepancy.fit.fitted import Fitted, Free
+from discrepancy.fit.refit import Fitter
+from discrepancy.name.grids import FINER, Grids, around, free_shape
+from gyro_model.anatomy import SLOTS, Effect, Force, Law, Map
+from gyro_model.model import Model
+from gyro_model.quantities import Quantity
+from gyro_model.units import dimension
+
+NEVER: Final = 1e100
+"""A neutral value beyond this is a limit that is never reached: no small step leaves it."""
+STEEP: Final = 8
+"""Power by which a change is taken to grow about a level, where none below it changes anything; the highest of all."""
+LEVELLED: Final = 1e-3
+"""Of a level, for a difference quotient."""
+FARTHEST: Final = 1e6
+"""Times the first guess, at which a probe is no size of anything: what changes nothing there never does."""
+ATTEMPTS: Final = 8
+"""Tries at a probe of the right size."""
+HEAD: Final = 2000
+"""Samples at the start of each run on which a probe is tried first."""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A size parameter away from neutral by ``step`` [its unit]; the voltage changes as its ``power``."""
+
+    quantity: Quantity
+    step: float
+    power: int
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether the column can act with one sign only."""
+        return (
+            self.power % 2 == 0 or self.quantity.low >= self.quantity.start or self.quantity.high <= self.quantity.start
+        )
+
+    def value(self, amplitude: float) -> float:
+        """The parameter whose column is ``amplitude`` times that of the probe."""
+        size = self.step * abs(amplitude) ** (1 / self.power)
+        signed = size if self.power % 2 == 0 or amplitude > 0 else -size
+        return float(np.clip(self.quantity.start + signed, self.quantity.low, self.quantity.high))
+
+    def free(self) -> Free:
+        """The parameter for a refit."""
+        step = abs(self.step) * (LEVELLED if self.power == STEEP else 1.0)
+        return Free(self.quantity.name, step, self.quantity.low, self.quantity.high)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect with its probes at one choice of shape parameters; ``searched`` are those that the refit may move.
+
+    trials: grid points of the search that it belongs to. partner: an effect without which it changes nothing. spacing:
+    of the grid [s], where that is one of instants; ends: of the grid of each shape, where it has one.
+    """
+
+    effect: Effect | Defect
+    probes: tuple[Probe, ...]
+    shapes: Mapping[str, float]
+    searched: tuple[Quantity, ...] = ()
+    trials: int = 1
+    partner: "Candidate | None" = None
+    spacing: float = 0.0
+    ends: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def all_probes(self) -> tuple[Probe, ...]:
+        """The partner's probes, then its own: a column each."""
+        return (*(self.partner.probes if self.partner else ()), *self.probes)
+
+    def changes(self) -> list[dict[str, float]]:
+        """The changed parameters of each column; a column of its own has the partner's changes too."""
+        before = self.partner.changes() if self.partner else []
+        joint = {name: value for change in before for name, value in change.items()}
+        own = [{**joint, **self.shapes, p.quantity.name: p.quantity.start + p.step} for p in self.probes]
+        return [*before, *own]
+
+    def values(self, amplitudes: Sequence[float], deviations: Sequence[float]) -> dict[str, float]:
+        """The size parameters of these column amplitudes (with standard deviations)."""
+        split = len(self.all_probes) - len(self.probes)
+        own = dict(zip(self.probes, amplitudes[split:], strict=True))
+        values = {}
+        for probe, amplitude, deviation in zip(self.all_probes[:split], amplitudes, deviations, strict=False):
+            # Columns of its own hold the partner's; a product is shared so that both keep a size.
+            total = amplitude + sum(own.values())
+            least = deviation if np.isfinite(deviation) else 1.0
+            kept = max(total, least) if probe.one_sided else (total or least)
+            values[probe.quantity.name] = probe.value(kept)
+            share = (values[probe.quantity.name] - probe.quantity.start) / probe.step
+            own = {p: a / share if share else a for p, a in own.items()}
+        return values | {p.quantity.name: p.value(a) for p, a in own.items()}
+
+    def renamed(self, effect: Effect | Defect, names: Mapping[str, str]) -> "Candidate":
+        """The same of another effect of its kind, whose parameters have other ``names``."""
+        own = {q.name: q for q in effect.parameters}
+        probes = tuple(replace(p, quantity=own[names[p.quantity.name]]) for p in self.probes)
+        shapes = {names[name]: value for name, value in self.shapes.items()}
+        return replace(self, effect=effect, probes=probes, shapes=shapes,
+                       searched=tuple(own[names[q.name]] for q in self.searched),
+                       ends={names[name]: ends for name, ends in self.ends.items()})  # fmt: skip
+
+    def free(self, period: float) -> tuple[Free, ...]:
+        """The parameters for a refit."""
+        shapes = [free_shape(q, value, period, self.ends.get(q.name, (value, value)))
+                  for q, value in ((q, self.shapes[q.name]) for q in self.searched)]  # fmt: skip
+        before = self.partner.free(period) if self.partner else ()
+        return (*before, *(p.free() for p in self.probes), *shapes)
+
+
+def nameable(model: Model, *, limits: bool = False) -> tuple[Effect, ...]:
+    """The effects that a diagnosis may name: neither the device itself nor noise nor gauge; those that small steps
+    show, or ``limits``."""
+    effects = (e for e in model.effects if not (e.nominal or e.noise or is_gauge(e)))
+    return tuple(e for e in effects if limits != all(abs(q.start) < NEVER for q in e.sizes))
+
+
+def is_gauge(effect: Effect) -> bool:
+    """Whether an effect scales both voltages alike, whatever they are: no sample tells it from another mass, stiffness
+    and damping (docs/theory/plant.md, eq. 4)."""
+    if not isinstance(effect, Map):
+        return False
+    enters = SLOTS[effect.slot].enters
+    ratios = [sympify(left) / entered for left, entered in zip(effect.output, enters, strict=True)]
+    own = {q.symbol for q in effect.parameters}
+    return bool(ratios[0] == ratios[1] and ratios[0].free_symbols <= own)
+
+
+Guesses = Mapping[tuple[str, str], tuple[Probe, float]]
+"""By a size's name and the id of the partner beside which it acts: a probe and the change [V rms] it is for."""
+
+
+class Library:
+    """All candidates of a model, with probes that it keeps from one scan to the next; ``guesses``: those of other
+    runs."""
+
+    def __init__(self, fitter: Fitter, guesses: Guesses | None = None) -> None:
+        self.model, self.records = fitter.simulator.model, fitter.records
+        self.period = fitter.period
+        self.grids = Grids(self.records, fitter.period)
+        self.kept: dict[tuple[str, str], tuple[Probe, float]] = {}
+        self.guesses = guesses or {}
+        self._silent: dict[str, frozenset[str]] = {}
+
+    def candidates(self, fitter: Fitter, at: Fitted, present: Sequence[str]) -> list[Candidate]:
+        """Every effect beside those ``present`` that changes the voltage of these runs, at each point of its grid."""
+        scale = _Scale(fitter, at)
+        found: list[Candidate] = []
+        silent: list[Effect | Defect] = []
+        own_axes = self.records[0].axes
+        tried: list[Effect | Defect] = [
+            *nameable(self.model),
+            *(d for d in distortions() if d.axes <= own_axes and not d.gauge),
+        ]
+        for effect in tried:
+            if effect.id not in present:
+                # What changes nothing may do so only once something else is in.
+                known = self._silent.get(effect.id) == frozenset(present)
+                own = [] if known else self._of(effect, scale, at)
+                found += own
+                if not own:
+                    silent.append(effect)
+                    self._silent[effect.id] = frozenset(present)
+        for effect in silent:
+            still: set[str] = set()
+            for partner in list(found):
+                if isinstance(effect, Defect) or isinstance(partner.effect, Defect):
+                    continue
+                if partner.partner is None and partner.effect.id not in still and _linked(effect, partner.effect):
+                    own = self._of(effect, scale, at, partner)
+                    found += [replace(c, partner=partner) for c in own]
+                    # What is silent beside an event at the start is so beside a later one.
+                    still |= set() if own else {partner.effect.id}
+        return found
+
+    def _of(
+        self, effect: Effect | Defect, scale: "_Scale", at: Fitted, partner: Candidate | None = None
+    ) -> list[Candidate]:
+        if isinstance(effect, Distortion) and effect.levels:
+            levels = effect.levels(self.records)
+            return [
+                Candidate(effect, (Probe(effect.sizes[0], level, STEEP),), {}, trials=len(levels)) for level in levels
+            ]
+        grid = self.grids.of([q for q in effect.parameters if q.role == "shape"], at)
+        base = {k: v for change in partner.changes() for k, v in change.items()} if partner else {}
+        probes = []
+        for q in effect.sizes:
+            key = q.name, partner.effect.id if partner else ""
+            guess = self._scaled(self.guesses, key, scale.target)
+            probe = self._scaled(self.kept, key, scale.target) or scale.probe(q, grid.middle, base, guess)
+            if probe:
+                self.kept[key] = probe, scale.target
+                probes.append(probe)
+        own, trials = tuple(probes), len(grid.values)
+        points = [Candidate(effect, own, s, grid.moved, trials, None, grid.spacing, grid.ends) for s in grid.values]
+        return points if probes else []
+
+    @staticmethod
+    def _scaled(found: Guesses, key: tuple[str, str], target: float) -> Probe | None:
+        """The probe that was found before, for a change of ``target``: a smaller gap asks for a smaller one."""
+        if key not in found:
+            return None
+        probe, before = found[key]
+        room = abs((probe.quantity.high if probe.step > 0 else probe.quantity.low) - probe.quantity.start)
+        step = min(abs(probe.step) * (target / before) ** (1 / probe.power), room)
+        return replace(probe, step=float(np.copysign(step, probe.step)))
+
+
+class Fading(NamedTuple):
+    """A part of a force that may vanish: with its ``size``, one of the shapes, at 0 the ``shapes`` say nothing."""
+
+    size: Quantity
+    shapes: tuple[Quantity, ...]
+
+    @property
+    def names(self) -> set[str]:
+        """All its parameters."""
+        return {self.size.name, *(q.name for q in self.shapes)}
+
+
+def fading(candidate: Candidate) -> Fading | None:
+    """The part of the effect that may vanish, None where it has none."""
+    effect = candidate.effect
+    if not isinstance(effect, Force):
+        return None
+    for q in candidate.searched:
+        if q.low == q.start == 0.0:
+            left = set().union(*(term.subs(q.symbol, 0).free_symbols for term in effect.force))
+            silent = tuple(s for s in candidate.searched if s is not q and s.symbol not in left)
+            if silent:
+                return Fading(q, silent)
+    return None
+
+
+def finer(candidate: Candidate) -> list[Candidate]:
+    """Grid points about that of ``candidate``, FINER times closer, where its grid is one of resonances or instants;
+    else none."""
+    points = around(candidate.shapes, candidate.searched, candidate.spacing)
+    closer, trials = candidate.spacing / FINER, candidate.trials + len(points)
+    return [replace(candidate, shapes=shapes, trials=trials, spacing=closer) for shapes in points]
+
+
+def _linked(effect: Effect, partner: Effect) -> bool:
+    """Whether ``effect`` reads a size of ``partner``, or changes what that one reads."""
+    reads = {s.name for s in effect.symbols} - {q.name for q in effect.parameters}
+    writes = {s.name for s in effect.changes} if isinstance(effect, Law) else set()
+    return bool(reads & {q.name for q in partner.sizes} or writes & {s.name for s in partner.symbols})
+
+
+class _Scale:
+    """Finds probes that change the voltage of the runs by as much as a difference quotient should."""
+
+    def __init__(self, fitter: Fitter, at: Fitted) -> None:
+        self.fitter, self.target = fitter, fitter.target(at)
+        p = at.parameters
+        w, volt = float(np.sqrt(p["kxx"] / p["m"])), fitter.signal
+        length = volt / p["sense_gain_x"]
+        # Natural units of kg, m, s, A, K, 1: a probe's first guess is 1e-4 of them.
+        self.natural = np.array([p["m"], length, 1 / w, p["m"] * length**2 * w**3 / volt, 1.0, 1.0])
+        self.whole = self._trials(at, max(len(r.t) for r in fitter.records))
+        self.head = self._trials(at, HEAD)
+        self.steady = all(np.ptp(c) == 0 for r in fitter.records for c in r.conditions.values())
+
+    def _trials(self, at: Fitted, samples: int) -> list["_Trial"]:
+        """The fit on the first samples of each run."""
+        simulator = self.fitter.simulator
+        return [
+            _Trial(simulator.part(r, 0, min(samples, len(r.t))), {**at.parameters, **start}, (r.v - e)[:samples])
+            for r, start, e in zip(self.fitter.records, at.starts, at.residuals, strict=True)
+        ]
+
+    def probe(
+        self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float], guess: Probe | None = None
+    ) -> Probe | None:
+        """A probe of ``q``, near a ``guess``; None where nothing changes. base: changes beside which it acts."""
+        sign = -1.0 if q.high <= q.start else 1.0
+        room = abs((q.high if sign > 0 else q.low) - q.start)
+        if guess is not None:
+            return self._searched(guess, shapes, base, self.whole, room)
+        first = Probe(q, sign * min(self._natural(q), 0.5 * room), 0)
+        roughly = self._searched(first, shapes, base, self.head, room)
+        if roughly is None and self.steady:
+            return None
+        return self._searched(roughly or first, shapes, base, self.whole, room)
+
+    def _searched(self, first: Probe, shapes: Mapping[str, float], base: Mapping[str, float], trials: list["_Trial"],
+                  room: float) -> Probe | None:  # fmt: skip
+        """The probe from ``first``, whose power is 0 where it is not known."""
+        q, step, power = first.quantity, abs(first.step), first.power
+        farthest = min(room, FARTHEST * self._natural(q))
+        sign = np.sign(first.step)
+        for _ in range(ATTEMPTS):
+            change = self._change(q, shapes, base, sign * step, trials)
+            if 0.3 < change / self.target < 3 and power:
+                return Probe(q, sign * min(step, room), power)
+            if change < 1e-6 * self.target and step >= farthest:
+                return None
+            if change < 1e-6 * self.target or not np.isfinite(change):
+                step = farthest if change < self.target else 1e-3 * step
+                continue
+            if not power:
+                larger = self._change(q, shapes, base, sign * 2 * step, trials)
+                power = int(np.clip(round(np.log2(larger / change)), 1, 4)) if 0 < larger < np.inf else 1
+            step *= float((self.target / change) ** (1 / power))
+        change = self._change(q, shapes, base, sign * min(step, room), trials)
+        return Probe(q, sign * min(step, room), power or 1) if 0 < change < np.inf else None
+
+    def _natural(self, q: Quantity) -> float:
+        exponents = [float(e) for e in dimension(q.unit).exponents]
+        return 1e-4 * float(np.prod(self.natural**exponents))
+
+    def _change(self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float], step: float,
+                trials: list["_Trial"]) -> float:  # fmt: skip
+        """What the step changes, rms over all runs [V]; inf where the FMU refuses it."""
+        value = float(np.clip(q.start + step, q.low, q.high))
+        simulate = self.fitter.simulator.try_all
+        runs = simulate([(t.record, {**t.parameters, **base, **shapes, q.name: value}) for t in trials])
+        beside = [t.v for t in trials]
+        if base:
+            found = simulate([(t.record, {**t.parameters, **base}) for t in trials])
+            beside = [v if v is not None else b for v, b in zip(found, beside, strict=True)]
+        square = 0.0
+        for v, b in zip(runs, beside, strict=True):
+            if v is None:
+                return float("inf")
+            square += float(np.sum((v - b) ** 2))
+        return float(np.sqrt(square / sum(v.size for v in beside)))
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """A piece of a run: its parameters and the voltage (n, axes) [V] that they give."""
+
+    record: Record
+    parameters: dict[str, float]
+    v: Floats

@@ -1,0 +1,87 @@
+"""A model with more resonances than its effect files have: copies of a resonant force stand ready.
+
+A copy acts on the other axis, or is a second one of its kind, which gets its turn when the one before is in the model.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from discrepancy.data.modes import further_modes
+from discrepancy.data.record import Record
+from discrepancy.terms.effect_file import joined
+from gyro_model.anatomy import Effect, Force
+from gyro_model.copies import copied
+from gyro_model.errors import InputError
+from gyro_model.model import EFFECTS_FOLDER, Model
+
+MOST: Final = 2
+"""Resonances on an axis beside its own mode: with two axes six modes in all."""
+
+_TEXT: Final = '''"""{title}"""
+
+from gyro_model.copies import copied
+from gyro_model.effects import {original}
+
+EFFECT = copied({original}.EFFECT, "{suffix}"{turned})
+'''
+
+
+@dataclass(frozen=True)
+class Copy:
+    """A copy of the force ``original``; after: the id of the force that comes before it, "" where none does; further:
+    whether it is a further one on the same axis, so that it can't stand in that one's place."""
+
+    original: Force
+    suffix: str
+    turned: bool
+    after: str
+    further: bool
+
+    @property
+    def effect(self) -> Force:
+        """As an effect of a model."""
+        return copied(self.original, self.suffix, turned=self.turned)
+
+    def write(self, folder: Path) -> Path:
+        """Writes the effect file, and its folder where there is none. Raises InputError where that can't be."""
+        path = folder / f"{self.original.id}{self.suffix}.py"
+        title = f"{self.original.doc.splitlines()[0].rstrip('.')}: " + (
+            "x and y exchanged." if self.turned else "a further one."
+        )
+        text = _TEXT.format(title=title, original=self.original.id, suffix=self.suffix,
+                            turned=", turned=True" if self.turned else "")  # fmt: skip
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"effect file {path}: can't be written ({error}); choose another folder") from None
+        return path
+
+
+def copies(model: Model, records: tuple[Record, ...]) -> Mapping[str, Copy]:
+    """Copies of the packaged resonant forces of ``model`` that it does not have yet, by id: for the modes that
+    ``records`` show beside one an axis from the first, others for when the force itself is in the model."""
+    seen = len(further_modes(records)[1])
+    turns = (False, True) if records[0].axes == 2 else (False,)
+    own, found = {e.id for e in model.effects}, {}
+    for effect in (e for e in model.effects if isinstance(e, Force) and _resonates(e)):
+        for turned in turns:
+            before = "" if turned and seen else effect.id
+            for place in range(1 if turned else 2, MOST + 1):
+                suffix = ("_y" if turned else "") + (f"_{place}" if place > 1 else "")
+                if effect.id + suffix not in own:
+                    found[effect.id + suffix] = Copy(effect, suffix, turned, before, place > 1)
+                before = effect.id + suffix
+    return found
+
+
+def with_copies(model: Model, added: Mapping[str, Copy]) -> Model:
+    """The model with them."""
+    return joined(model, [copy.effect for copy in added.values()])
+
+
+def _resonates(effect: Effect) -> bool:
+    packaged = (EFFECTS_FOLDER / f"{effect.id}.py").is_file()
+    return packaged and any(q.search is not None and q.search.kind == "resonance" for q in effect.parameters)

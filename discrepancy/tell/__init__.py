@@ -1,0 +1,1 @@
+"""The answer: what it may claim, what would tell rivals apart, many devices together."""

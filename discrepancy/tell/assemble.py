@@ -1,0 +1,360 @@
+"""What a finished search says: parameters with intervals, noise, misfit on held-out runs, what would have been seen."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from scipy.stats import chi2, norm
+
+from discrepancy.data.checks import modes
+from discrepancy.data.record import Floats
+from discrepancy.data.repeats import repeated_noise
+from discrepancy.fit.colour import gain
+from discrepancy.fit.defect import Defect, distortion_names, disturbances, effect_of, quantity_of
+from discrepancy.fit.limits import SAME
+from discrepancy.fit.locate import located
+from discrepancy.fit.measures import misfits, start_fitted
+from discrepancy.fit.noise import Noise, converter_step, noise_of
+from discrepancy.fit.noise import noises as all_noises
+from discrepancy.fit.refit import SETTLED
+from discrepancy.name.columns import Candidate, nameable
+from discrepancy.name.scan import best_of, sure
+from discrepancy.name.score import Score
+from discrepancy.tell.answer import Diagnosis, Finding, Stage, Value, Verdict
+from discrepancy.tell.experiment import next_experiment
+from discrepancy.tell.verdict import Remainder, probability, remainder, sane, worse_without
+from gyro_model.anatomy import Effect, Force, Map
+
+if TYPE_CHECKING:
+    from discrepancy.name.search import Accepted, Dropped, Search
+
+CLIP: Final = "sampled clip"
+"""The slot of the effect that such samples show."""
+SCALED, ONE_FACTOR = 5e-3, 0.05
+"""Mass and stiffness off nominal by more than a mass is known to, and all by one factor, to this share of it: three
+values of 2 % each agree so by chance once in a thousand times."""
+POWER: Final = 0.95
+WIDTH: Final = float(norm.ppf(0.975))
+
+
+def assemble(search: "Search") -> Diagnosis:
+    """The answer of ``search``. Opens the held-out runs."""
+    search.progress("held-out runs")
+    _clean_held_out(search)
+    setting = search.at.whiten.setting
+    noise = noise_of(search.at.residuals, search.fitter.records, search.at.parameters, setting.colour)
+    clipped = _clipping(search)
+    parameters = {**search.at.parameters, **{k: v.value for f in clipped for k, v in f.parameters.items()}}
+    stages = _stages(search, parameters, [f.id for f in clipped])
+    device = _device(search)
+    named = [_finding(search, entry, device, noise) for entry in search.accepted if not entry.of_record]
+    effects = (*named, *clipped)
+    removed = _removed(search, effects, parameters)
+    effects = tuple(sorted(effects, key=lambda finding: -_size(removed[finding.id])))
+    gaps = _misfit(search, stages)
+    refitted = search.refitted
+    runs = search.dataset.fit
+    whole = refitted.residuals if len(refitted.residuals) == len(runs) else \
+        [start_fitted(search.simulator, run, refitted.parameters)[0] for run in runs]  # fmt: skip
+    places = located(whole, runs, refitted.parameters, setting)
+    known = _disturbances(search)
+    noises, absurd = sane(_noises(search, noise, known), search)
+    clock = search.simulator.clock
+    clock.until = search.criteria.time_limit
+    worse = worse_without(search, stages, gaps)
+    clock.until = float("inf")
+    rest = remainder(search, stages, gaps, absurd)
+    doubts = (*absurd.values(), *worse.values(), *_doubts(search, rest))
+    verdict: Verdict = "missing effects" if effects else "nothing missing"
+    # What was not tested is not said: neither that a name stands nor that nothing is missing.
+    untested = bool(search.undone) if effects else not search.scored
+    if rest.significant or untested or (effects and worse):
+        verdict = "partly explained" if effects else "unexplained"
+    effects = tuple(replace(f, probability=probability(search, f, rest, f.id in worse)) for f in effects)
+    rivals = {entry.id: entry.rivals for entry in search.accepted if entry.rivals and not entry.of_record}
+    return Diagnosis(
+        verdict, effects, _immaterial(search), noises, gaps, places, _detectable(search),
+        {name: value for name, value in device.items() if name not in distortion_names()},
+        {name: value for name, value in parameters.items() if name not in distortion_names()},
+        rivals, tuple(search.steps), stages, removed, _absent(search), doubts, rest.share,
+        (*_record(search, device), *known), search.criteria, model=search.simulator.model,
+    )  # fmt: skip
+
+
+def _clean_held_out(search: "Search") -> None:
+    """Takes out of the held-out runs the blemishes that the runs to fit had, by their own residuals."""
+    for blemish, known in search.found:
+        runs = search.dataset.held_out
+        residuals = [start_fitted(search.simulator, run, search.at.parameters)[0] for run in runs]
+        if not all(np.isfinite(residual).all() for residual in residuals):
+            return
+        if blemish.again is not None:
+            data = [blemish.again(known, run, residual) for run, residual in zip(runs, residuals, strict=True)]
+        else:
+            found = blemish.find(runs, residuals, search.criteria)
+            data = [*found.data] if found is not None else []
+        if data:
+            cleaned = {run.name: blemish.without(run, own) for run, own in zip(runs, data, strict=True) if own}
+            records = tuple(cleaned.get(record.name, record) for record in search.dataset.records)
+            search.dataset = replace(search.dataset, records=records)
+
+
+def _record(search: "Search", device: Mapping[str, Value]) -> tuple[Finding, ...]:
+    """The defects of the record, as fitted or as found."""
+    fitted = [
+        Finding(a.id, tuple(a.rivals), _values(search, a.candidate.effect, device), {}, a.share)
+        for a in search.accepted
+        if a.of_record
+    ]
+    # The first time a blemish is found it is whole; what a better model shows of it later is a rest.
+    first = {blemish.id: (blemish, found) for blemish, found in reversed(search.found)}
+    taken = [
+        Finding(name, (), {q.name: Value(*found.levels[q.name], q.unit) for q in blemish.parameters})
+        for name, (blemish, found) in first.items()
+    ]
+    return (*fitted, *taken)
+
+
+def _values(search: "Search", effect: Effect | Defect, device: Mapping[str, Value]) -> dict[str, Value]:
+    """The parameters of an effect; a whole number is tried, not fitted, and has no interval."""
+    now = search.at.parameters
+    return {
+        q.name: device.get(q.name) or Value(now[q.name], now[q.name], now[q.name], q.unit) for q in effect.parameters
+    }
+
+
+def _disturbances(search: "Search") -> tuple[Finding, ...]:
+    """What the likelihood of the final fit knows of the record beside its samples."""
+    found = []
+    for own in disturbances():
+        levels = own.find(search.at, search.fitter.records, search.criteria)
+        if levels is not None:
+            found.append(Finding(own.id, (), {q.name: Value(*levels[q.name], q.unit) for q in own.parameters}))
+    return tuple(found)
+
+
+def _total(search: "Search", white: float) -> float:
+    """Rms of a noise [V] whose white part is known."""
+    colour = search.at.whiten.setting.colour
+    return white * gain(colour) ** 0.5 if colour else white
+
+
+def _device(search: "Search") -> dict[str, Value]:
+    """Every fitted parameter with its interval, within what its fit could reach."""
+    result = {}
+    reach = {free.name: free for free in search.at.free}
+    for name, deviation in search.fitter.deviations(search.at).items():
+        value, quantity = search.at.parameters[name], quantity_of(search.simulator.model, name)
+        bounds = max(quantity.low, reach[name].low), min(quantity.high, reach[name].high)
+        low, high = (float(np.clip(value + side * WIDTH * deviation, *bounds)) for side in (-1, 1))
+        result[name] = Value(value, low, high, quantity.unit)
+    return result
+
+
+def _finding(search: "Search", entry: "Accepted", device: Mapping[str, Value], noise: Noise | None) -> Finding:
+    effect = entry.candidate.effect
+    values = {q.name: device[q.name] for q in effect.parameters if q.name in device}
+    experiment = _experiment(search, entry, noise)
+    return Finding(effect.id, tuple(entry.rivals), values, forces(effect), entry.share, experiment)
+
+
+def _of_record(search: "Search", name: str) -> bool:
+    """Whether an id is that of a defect of the record."""
+    return isinstance(effect_of(search.simulator.model, name), Defect)
+
+
+def _experiment(search: "Search", entry: "Accepted", noise: Noise | None) -> str:
+    """What would tell an effect from its rivals."""
+    if not entry.rivals or search.undone:
+        return ""
+    search.progress(f"experiment to tell {entry.id} from {', '.join(entry.rivals)}")
+    level = _total(search, noise.rms) if noise else float(np.sqrt(search.at.variance))
+    sets = {entry.id: search.at.parameters, **entry.rivals}
+    return next_experiment(search.simulator, search.dataset.fit, sets, level).text
+
+
+def forces(effect: Effect | Defect) -> dict[str, str]:
+    """The terms of an effect that is a force, as sympy text by ``force_x``, ``force_y``; else none."""
+    if not isinstance(effect, Force):
+        return {}
+    return {f"force_{axis}": str(term) for axis, term in zip("xy", effect.force, strict=True)}
+
+
+def _clipping(search: "Search") -> list[Finding]:
+    """The clip, if there is one: its level is exact but for the converter's step."""
+    clips = [e for e in nameable(search.simulator.model, limits=True) if isinstance(e, Map) and e.slot == CLIP]
+    if search.clip is None or not clips:
+        return []
+    (quantity,) = clips[0].sizes
+    room = max(0.5 * converter_step(search.dataset.records), SAME * search.clip)
+    value = Value(search.clip, search.clip - room, search.clip + room, quantity.unit)
+    return [Finding(clips[0].id, (), {quantity.name: value})]
+
+
+def _stages(search: "Search", final: Mapping[str, float], last: list[str]) -> tuple[Stage, ...]:
+    """Every stage of the model on the held-out runs; the last one has the final parameters."""
+    kept = {"nominal", "refit", *(a.id for a in search.accepted)}
+    named = [(name, p) for name, p in search.stages if name in kept]
+    named = (
+        [*named[:-1], (named[-1][0], dict(final))] if not last else [*named, *((name, dict(final)) for name in last)]
+    )
+    stages = []
+    for name, parameters in named:
+        residuals = {r.name: start_fitted(search.simulator, r, parameters) for r in search.dataset.held_out}
+        stages.append(Stage(name, parameters, misfits(search.dataset.held_out, residuals),
+                            {run: residual for run, (residual, _) in residuals.items()}))  # fmt: skip
+    return tuple(stages)
+
+
+def _misfit(search: "Search", stages: tuple[Stage, ...]) -> dict[str, Any]:
+    """The four numbers of each held-out run and of all; the floor by its own noise, which may grow with the motion."""
+    runs, last = search.dataset.held_out, stages[-1]
+    gaps = {"nominal": stages[0].misfit, "refit": stages[1].misfit, "final": last.misfit}
+    table = {}
+    # A floor without a model goes before one from the residual's density.
+    general = repeated_noise(search.dataset.records)
+    for name, own in {"": runs, **{run.name: (run,) for run in runs}}.items():
+        colour = search.at.whiten.setting.colour
+        noise = noise_of([last.residuals[run.name] for run in own], own, last.parameters, colour)
+        level = repeated_noise(own) or general or (_total(search, noise.rms) if noise else None)
+        rms = float(np.sqrt(np.mean(np.concatenate([run.v[run.valid].ravel() for run in own]) ** 2)))
+        table[name] = {
+            **{key: gap[name] for key, gap in gaps.items()},
+            "noise_floor": level / rms if level else None,
+        }
+    return {**table.pop(""), "runs": table}
+
+
+def _removed(
+    search: "Search", effects: tuple[Finding, ...], final: Mapping[str, float]
+) -> dict[str, dict[str, Floats]]:
+    """What taking each effect out of the final model changes in the output of the held-out runs."""
+    result: dict[str, dict[str, Floats]] = {}
+    for record in search.dataset.held_out:
+        full, _ = start_fitted(search.simulator, record, final)
+        for finding in effects:
+            effect = search.simulator.model.effect(finding.id)
+            less = {**final, **{q.name: q.start for q in effect.sizes}}
+            changed, _ = start_fitted(search.simulator, record, less)
+            result.setdefault(finding.id, {})[record.name] = full - changed
+    return result
+
+
+def _size(changes: Mapping[str, Floats]) -> float:
+    """Rms of changes of several runs [V]; infinite where the motion leaves all bounds."""
+    rms = np.sqrt(np.mean(np.concatenate([change.ravel() for change in changes.values()]) ** 2))
+    return float(np.nan_to_num(rms, nan=np.inf))
+
+
+def _immaterial(search: "Search") -> tuple[Finding, ...]:
+    """Effects that are significant beside the final model but not worth a parameter, and those taken out again."""
+    slight = [_slight(c, s) for c, s in best_of(search.scored, search.criteria)
+              if sure(c, s, search.criteria) and s.share < search.criteria.material
+              and c.effect.id not in search.present and not isinstance(c.effect, Defect)]  # fmt: skip
+    dropped = [_dropped(entry) for entry in search.dropped if not isinstance(entry.candidate.effect, Defect)]
+    return (*(f for f in slight if f.id not in {d.id for d in dropped}), *dropped)
+
+
+def _dropped(entry: "Dropped") -> Finding:
+    effect, values = entry.candidate.effect, {}
+    for q in effect.sizes:
+        if q.name in entry.sizes:
+            value, deviation = entry.sizes[q.name]
+            low, high = (float(np.clip(value + side * WIDTH * deviation, q.low, q.high)) for side in (-1, 1))
+            values[q.name] = Value(value, low, high, q.unit)
+    return Finding(effect.id, (), values, forces(effect), entry.share)
+
+
+def _slight(candidate: Candidate, result: Score) -> Finding:
+    values = {}
+    for p, a, d in zip(candidate.all_probes, result.amplitudes, result.deviations, strict=True):
+        if np.isfinite(d):
+            ends = sorted((p.value(a - WIDTH * d), p.value(a + WIDTH * d)))
+            values[p.quantity.name] = Value(p.value(a), ends[0], ends[1], p.quantity.unit)
+    return Finding(candidate.effect.id, (), values, forces(candidate.effect), result.share)
+
+
+def _doubts(search: "Search", rest: "Remainder") -> tuple[str, ...]:
+    """What is wrong with the fit itself, and what it leaves open."""
+    found = []
+    for entry in search.accepted:
+        instead = [name for name in entry.rivals if _of_record(search, name)]
+        if instead and not entry.of_record:
+            found.append(f"{entry.id} may also be the record's: {', '.join(instead)} fits as well in its place")
+    found += _scaled(search)
+    if rest.significant:
+        found += [str(finding) for finding in modes(search.measured.fit)]
+    if rest.above or rest.significant:
+        found.append(
+            f"{rest.share:.2g} of the refit's residual power is left: {rest.ratio:.3g} times the noise on held-out runs"
+        )
+    if search.undone:
+        limit, not_done = search.criteria.time_limit, "; ".join(dict.fromkeys(search.undone))
+        found.append(f"stopped within the {limit:g} s of time_limit, not done: {not_done}; --criteria FILE allows more")
+    if search.full:
+        more = [(c.effect.id, s.share) for c, s in search.significant() if c.effect.id not in search.present]
+        others = f"; {more[0][0]} would take a further {more[0][1]:.1%} of the residual's square" if more else ""
+        found.append(f"the search ended because --max-effects allows no more{others}")
+    if search.fitter is not search.whole:
+        number = len(search.fitter.records) // len(search.whole.records)
+        found.append(f"no model stays in step with a whole run: the fit is one of pieces, {number} a run")
+    if search.at.left > 10 * SETTLED:
+        found.append(f"the fit stopped short of a minimum: a further step would gain {search.at.left:.2g} variances")
+    for free in search.at.free:
+        value = search.at.parameters[free.name]
+        # At zero a part of an effect is not there, as friction of the other axis: nothing is wrong with that.
+        if value in (free.low, free.high) and value != 0.0:
+            found.append(f"{free.name} = {value:.6g} stands at the bound of what it can be")
+    return tuple(found)
+
+
+def _scaled(search: "Search") -> list[str]:
+    """That the force may be other than recorded, where mass and stiffness all came out off by one factor."""
+    names = [name for name in ("m", "kxx", "kyy") if name in search.dataset.nominal and name in search.at.parameters]
+    logs = np.log([search.dataset.nominal[name] / search.at.parameters[name] for name in names])
+    mean = float(np.mean(logs))
+    if len(names) < 2 or abs(mean) < SCALED or float(np.abs(logs - mean).max()) > ONE_FACTOR * abs(mean):
+        return []
+    off = f"{', '.join(names)} all came out {np.expm1(-mean):+.2%} off nominal"
+    return [f"{off}: as if the record's force_scale were {np.expm1(mean):+.2%}, which no sample tells from a sensor's "
+            "gain that is off, or from nominal values that are"]  # fmt: skip
+
+
+def _detectable(search: "Search") -> dict[str, dict[str, float]]:
+    """The size of each effect that this data would show with 95 % power at the threshold used."""
+    sizes: dict[str, dict[str, float]] = {}
+    for candidate, result in search.scored:
+        if candidate.partner or isinstance(candidate.effect, Defect):
+            continue
+        reach = np.sqrt(chi2.isf(search.criteria.effect_chance / candidate.trials, max(result.freedom, 1))) + norm.ppf(
+            POWER
+        )
+        for p, d in zip(candidate.probes, result.deviations, strict=False):
+            if np.isfinite(d):
+                own = sizes.setdefault(candidate.effect.id, {})
+                value = abs(p.value(reach * d) - p.quantity.start)
+                own[p.quantity.name] = min(own.get(p.quantity.name, np.inf), value)
+    return sizes
+
+
+def _absent(search: "Search") -> dict[str, dict[str, Value]]:
+    """The linear estimate of every size that acts in proportion, of effects without a search over shapes: with one,
+    the best of many points is no fair estimate."""
+    sizes: dict[str, dict[str, Value]] = {}
+    for candidate, result in best_of(search.scored, search.criteria):
+        alone = candidate.partner is None and candidate.trials == 1 and not isinstance(candidate.effect, Defect)
+        for p, a, d in zip(candidate.probes, result.amplitudes, result.deviations, strict=False):
+            if alone and p.power == 1 and np.isfinite(d) and candidate.effect.id not in search.present:
+                value, reach = p.quantity.start + p.step * a, WIDTH * abs(p.step) * d
+                own = sizes.setdefault(candidate.effect.id, {})
+                own[p.quantity.name] = Value(value, value - reach, value + reach, p.quantity.unit)
+    return sizes
+
+
+def _noises(search: "Search", white: Noise | None, known: Sequence[Finding]) -> dict[str, Value]:
+    """Those that the model has a name for, each with its unit, but for what is the record's."""
+    names = {q.name: q.unit for e in search.simulator.model.effects if e.noise for q in e.sizes}
+    found = all_noises(search.at, search.fitter.records, white)
+    own = {noise for d in disturbances() if d.id in {k.id for k in known} for noise in d.instead}
+    return {n: Value(x.value, x.low, x.high, names[n]) for n, x in found.items() if n in names and n not in own}

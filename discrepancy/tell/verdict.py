@@ -1,0 +1,150 @@
+"""What a finished search may claim: what is left beside noise, which names are in doubt, how probable each is."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+
+from discrepancy.data.repeats import repeated_noise
+from discrepancy.fit.colour import gain
+from discrepancy.fit.locate import noise_level
+from discrepancy.fit.measures import misfits, start_fitted, start_known
+from discrepancy.fit.whitening import coloured_power
+from discrepancy.tell.answer import Finding, Stage, Value
+
+if TYPE_CHECKING:
+    from discrepancy.name.search import Accepted, Search
+
+ROUNDS: Final = 8
+"""Steps of a fit without an effect: enough to see whether held-out runs are better without it."""
+
+LOUDER: Final = 3.0
+"""Times the noise of the runs to fit, in proportion to the motion where that is larger, that is still believed to be
+noise of held-out runs. Chosen, not measured: one clipped run showed 36 times."""
+
+
+class Remainder(NamedTuple):
+    """What the final model leaves of the held-out runs: share of the refit's residual power, noise taken off; ratio of
+    the final misfit to that of the noise; above: whether that is more than noise; significant: whether it is also
+    enough to say that something is left."""
+
+    share: float
+    ratio: float
+    above: bool
+    significant: bool
+
+
+def sane(noises: Mapping[str, Value], search: "Search") -> tuple[dict[str, Value], dict[str, str]]:
+    """The noises that can be such, and of the others, by name, what they are not."""
+    limits, absurd = search.criteria, {}
+    thermal, clock = noises.get("thermal_force"), noises.get("sampling_jitter")
+    rate = search.dataset.fit[0].sample_rate
+    if thermal and thermal.low > limits.thermal:
+        absurd["thermal_force"] = (
+            f"the residual is not thermal noise: it shakes the mass {thermal.value:.2g} times as strongly; "
+            "look for a force that acts on the device and is not in the record"
+        )
+    if clock and clock.low * rate > limits.jitter:
+        absurd["sampling_jitter"] = (
+            f"the residual is no jitter of a clock: {clock.value:.2g} s are {clock.value * rate:.2g} sample periods"
+        )
+    memory = _memory(search, {"bandwidth": 0.0})
+    if memory > limits.coloured:
+        absurd["flicker_noise"] = (
+            f"the residual is no flicker noise: its slow part has {memory:.2g} times the power of the white one; "
+            "look for a drift, a temperature or a supply that wanders"
+        )
+    return {name: value for name, value in noises.items() if name not in absurd}, absurd
+
+
+def _memory(search: "Search", without: Mapping[str, Any]) -> float:
+    """Power of flicker and motion over that of the noise beside, those set to 0 ``without`` left out."""
+    at, run = search.at, search.dataset.held_out[0]
+    setting = replace(at.whiten.setting, **without)
+    return coloured_power(at.parameters, run.axes, 1 / run.sample_rate, setting, len(run.t))
+
+
+def remainder(
+    search: "Search", stages: tuple[Stage, ...], gaps: Mapping[str, Any], absurd: Mapping[str, str]
+) -> Remainder:
+    """What the final model leaves. Noise is what is white, and what has a memory where it can be noise at all."""
+    runs, last, limits = search.dataset.held_out, stages[-1], search.criteria
+    rms = float(np.sqrt(np.mean(np.concatenate([run.v[run.valid].ravel() for run in runs]) ** 2)))
+    floor = gaps["noise_floor"]
+    if floor is None:
+        colour = search.at.whiten.setting.colour
+        floor = noise_level([last.residuals[run.name] for run in runs], runs, last.parameters, colour) / rms
+        floor *= gain(colour) ** 0.5 if colour else 1.0
+    floor = min(floor, _at_most(search) / min(rms, search.fitter.signal))
+    parts = {"bandwidth": "thermal_force", "corner": "flicker_noise"}
+    without = {part: 0.0 for part, name in parts.items() if name in absurd}
+    memory = _memory(search, without)
+    if repeated_noise(search.dataset.records) is not None:
+        # What repetitions leave has the noises with a memory in it.
+        floor /= (1 + memory) ** 0.5
+    noise, final, refit = floor * (1 + memory) ** 0.5, gaps["final"], gaps["refit"]
+    if not np.isfinite(final):
+        return Remainder(1.0, float("inf"), True, True)
+    limit = limits.open_coloured if memory > 0 else limits.open_white
+    if final > limit * noise:
+        final = min(final, _with_start_known(search, last))
+    share = float(np.clip((final**2 - noise**2) / max(refit**2, 1e-300), 0.0, 1.0))
+    ratio = final / max(noise, 1e-300)
+    enough = share > limits.left or ratio > limits.far_above
+    significant = (ratio > limit and enough) or search.fitter is not search.whole
+    return Remainder(share, float(ratio), ratio > limit, bool(significant))
+
+
+def _at_most(search: "Search") -> float:
+    """The most that noise [V rms] may be of runs as loud as those to fit: a model that lacks something which shows in
+    louder ones alone leaves that over all frequencies, where it looks like noise."""
+    at, fitter = search.at, search.fitter
+    colour = at.whiten.setting.colour
+    level = noise_level(at.residuals, fitter.records, at.parameters, colour) * (gain(colour) ** 0.5 if colour else 1.0)
+    return LOUDER * max(level, repeated_noise(search.dataset.records) or 0.0)
+
+
+def _with_start_known(search: "Search", last: Stage) -> float:
+    """The misfit of a stage on held-out runs whose initial states are fitted to all of them."""
+    runs = search.dataset.held_out
+    return misfits(runs, {run.name: start_known(search.simulator, run, last.parameters) for run in runs})[""]
+
+
+def worse_without(search: "Search", stages: tuple[Stage, ...], gaps: Mapping[str, Any]) -> dict[str, str]:
+    """Of the effects named, those that make held-out runs worse, and by how much; each is refitted without."""
+    limit, worse = search.criteria.worse, {}
+    final = gaps["final"]
+    steps = {b.name: b.misfit[""] > limit * a.misfit[""] for a, b in pairwise(stages)}
+    for entry in search.accepted:
+        if entry.of_record or not (steps.get(entry.id) or final > limit * gaps["refit"]):
+            continue
+        search.progress(f"held-out runs without {entry.id}")
+        beside = search.attempt(f"held-out runs without {entry.id}", partial(_misfit_without, search, entry))
+        if beside is not None and not final <= limit * beside:
+            both = f"misfit {beside:.3g} without it, {final:.3g} with it"
+            worse[entry.id] = f"{entry.id} makes the held-out runs worse: {both}"
+    return worse
+
+
+def _misfit_without(search: "Search", entry: "Accepted") -> float:
+    """On the held-out runs, of the model refitted without an effect. Raises OutOfTime."""
+    less = search.fitter.fit(search.without_effect(search.at, entry), ROUNDS).parameters
+    runs = search.dataset.held_out
+    return misfits(runs, {run.name: start_fitted(search.simulator, run, less) for run in runs})[""]
+
+
+def probability(search: "Search", finding: Finding, rest: Remainder, worse: bool) -> float:
+    """Of a name against its rivals, each weighed by the likelihood of its refit, and against none of them.
+
+    What is left when all is named may be what the name only imitates, and a name that unseen data do not bear out is
+    likely wrong: both take from it.
+    """
+    behind = next((a.behind for a in search.accepted if a.id == finding.id), {})
+    weights = [float(np.exp(-0.5 * max(chi_square, 0.0))) for chi_square in behind.values()]
+    found = (1 - search.criteria.prior_none) / (1 + sum(weights))
+    if rest.significant:
+        found *= 1 - max(rest.share, 0.5)
+    return 0.2 * found if worse else found

@@ -1,0 +1,1 @@
+"""Makes ``hidden_sets`` importable from the tests below this folder."""

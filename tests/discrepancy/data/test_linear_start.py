@@ -1,0 +1,60 @@
+"""Nominal values from the record's own response: those of the device that made it, for whatever gain is given."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hidden_sets import MODEL, TRUE, made
+
+from discrepancy.data.dataset import Dataset, _believed
+from discrepancy.data.linear_start import linear_start
+from discrepancy.data.record import Record
+from gyro_model.errors import InputError
+
+NAMES = ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
+
+
+@pytest.fixture(scope="module")
+def runs() -> tuple[Record, ...]:
+    return made({}, samples=4000).records
+
+
+def test_with_the_gain_it_is_the_device(runs: tuple[Record, ...]) -> None:
+    found = linear_start(runs[:2], (TRUE["sense_gain_x"], TRUE["sense_gain_y"]))
+    assert found is not None
+    # 80 periods in noise of 2e-5 of the signal: a start, from which a fit of whole runs stays in step.
+    for name in NAMES:
+        assert found[name] == pytest.approx(TRUE[name], rel=0.1 if name[0] == "d" else 0.003)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ((), "taken as 1 V/m"),
+        (("sense_gain_x", "sense_gain_y"), "from the record's own response"),
+        (("m",), "of the mass given"),
+        (("m", "kxx", "kyy", "dxx", "dyy"), "of the mass given"),
+    ],
+)
+def test_what_is_not_given_comes_from_the_record(given: tuple[str, ...], said: str, runs: tuple[Record, ...]) -> None:
+    nominal, [note] = _believed({name: TRUE[name] for name in given}, runs)
+    assert said in note
+    scale = 1.0 if given else 1e-6
+    for name in ("m", "kxx", "kyy"):
+        assert nominal[name] == pytest.approx(scale * TRUE[name], rel=0.003)
+    assert nominal["sense_gain_x"] == pytest.approx(scale * TRUE["sense_gain_x"], rel=0.003)
+
+
+def test_other_values_alone_are_not_completed(runs: tuple[Record, ...]) -> None:
+    given = {"kxx": TRUE["kxx"], "sense_gain_x": 1e6}
+    assert _believed(given, runs) == (given, [])
+    with pytest.raises(InputError, match="lacks m"):
+        Dataset(Path(), given, runs, model=MODEL)
+
+
+def test_without_a_linear_answer_there_is_no_start() -> None:
+    rng = np.random.default_rng(1)
+    [run] = made({}, samples=4000).records[:1]
+    # Noise that the force has no part in.
+    object.__setattr__(run, "v", rng.standard_normal(run.v.shape))
+    assert linear_start([run]) is None

@@ -1,0 +1,114 @@
+"""A search through openings of the runs: it simulates less, and comes to the same end."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from hidden_sets import MODEL, RATE, made, names
+from hypothesis import given
+from hypothesis import strategies as st
+
+from discrepancy.data.record import Floats, Record
+from discrepancy.diagnose import diagnose
+from discrepancy.fit import openings
+from discrepancy.fit.fitted import Fitted
+from discrepancy.fit.openings import LONG, TRIED, parts
+from discrepancy.fit.refit import Fitter
+from discrepancy.fit.simulate import Simulator
+from discrepancy.name import search
+from discrepancy.name.further import Wider
+from discrepancy.tell.answer import Diagnosis
+
+WHOLE, SHORT = 10**9, 1_000
+"""Samples of the shortest openings: no run is so long, and a sixteenth of a set's."""
+
+
+@given(runs=st.lists(st.integers(100, 400_000), min_size=1, max_size=5))
+def test_parts_end_with_the_whole_and_openings_are_no_shorter_than_worth_it(runs: list[int]) -> None:
+    @dataclass
+    class Run:
+        t: range
+
+    numbers = parts([Run(range(n)) for n in runs])  # type: ignore[misc]
+    assert numbers[-1] == 1
+    assert all(long * LONG <= short for short, long in pairwise(numbers))
+    assert sum(runs) / numbers[0] >= min(TRIED, sum(runs))
+
+
+def test_two_effects_are_found_with_less_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
+    data = made({"k3_x": 2e9, "k3_y": 2e9, "feedthrough": 8.0}, samples=16_000)
+    simulated = 0
+    plain = Simulator.run
+
+    def counted(self: Simulator, record: Record, parameters: Mapping[str, float]) -> Floats:
+        nonlocal simulated
+        simulated += len(record.t)
+        return plain(self, record, parameters)
+
+    monkeypatch.setattr(Simulator, "run", counted)
+    samples = {}
+    for tried in (WHOLE, 4 * SHORT):
+        simulated = 0
+        monkeypatch.setattr(openings, "TRIED", tried)
+        assert names(diagnose(data, MODEL)) == {"cubic_stiffness", "drive_feedthrough"}
+        samples[tried] = simulated
+    # The start, the last scan, which is one of three, and fits of the accepted effects are over whole runs.
+    assert samples[4 * SHORT] < 0.9 * samples[WHOLE]
+
+
+def test_what_shows_after_the_openings_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(openings, "TRIED", SHORT)
+    late = 0.6 * 8000 / RATE
+    data = made({"k3_x": 2e9, "k3_y": 2e9, "damping_step_factor": 1.3, "damping_step_time": late})
+    found = diagnose(data, MODEL)
+    assert names(found) == {"cubic_stiffness", "damping_step"}
+    [step] = [f for f in found.effects if f.id == "damping_step"]
+    assert step.parameters["damping_step_time"].value == pytest.approx(late, rel=0.02)
+
+
+def test_interrupted_search_resumes_in_its_opening(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(openings, "TRIED", SHORT)
+    data, file = made({"k3_x": 2e9, "k3_y": 2e9, "feedthrough": 8.0}), tmp_path / "search.json"
+    whole = diagnose(data, MODEL, checkpoint=file)
+
+    def interrupt(line: str) -> None:
+        if line.startswith("accepted") and json.loads(file.read_text())["state"]["opening"] > 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        diagnose(data, MODEL, progress=interrupt, checkpoint=file)
+    assert diagnose(data, MODEL, checkpoint=file).report() == whole.report()
+
+
+@dataclass
+class Asked:
+    """A further search that finds nothing, and remembers what it was asked."""
+
+    folder: Path
+    least: list[float] = field(default_factory=list)
+
+    def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], room: int, least: float) -> Wider | None:
+        assert bool(least) != bool(named), "names are questioned in the end, not before one more is accepted"
+        self.least.append(least)
+        return None
+
+
+def asked(folder: Path) -> tuple[Diagnosis, list[float]]:
+    further = Asked(folder)
+    return diagnose(made({"k3_x": 2e9, "k3_y": 2e9, "feedthrough": 8.0}), MODEL, further=further), further.least
+
+
+def test_before_a_weak_name_a_term_that_takes_more_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain, before = asked(tmp_path)
+    # Each of the two takes most of what is missing when its turn comes.
+    assert before == [0.0]
+    monkeypatch.setattr(search, "WEAK", 2.0)
+    found, least = asked(tmp_path)
+    assert names(found) == names(plain) == {"cubic_stiffness", "drive_feedthrough"}
+    assert len(least) == 3
+    assert min(least[:2]) > 0 == least[2]

@@ -1,0 +1,101 @@
+"""The simulation of records: how the force runs between samples, against exact responses of the linear oscillator."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.signal import lsim
+
+from discrepancy.data.record import Record, make_record
+from discrepancy.fit.simulate import Simulator
+from gyro_model.model import load_model
+
+OSCILLATOR = {"m": 5e-6, "kxx": 1.0, "dxx": 2.5e-4, "sense_gain_x": 1.0}
+"""71 Hz, Q = 9."""
+PERIOD = 1 / 610.35
+"""Longer than the longest step of the FMU: nine samples in a period of the mode."""
+SETTLED = 400
+"""Samples after which the start has decayed to exp(-25 x 0.66) = 1e-7."""
+
+
+@pytest.fixture(scope="module")
+def simulator() -> Iterator[Simulator]:
+    with Simulator(load_model(), jobs=1) as made:
+        yield made
+
+
+def record(hold: str, frequency: float) -> Record:
+    t = np.arange(2000) * PERIOD
+    u = 0.02 * np.sin(2 * np.pi * frequency * t)
+    return make_record("run", t, u, u, sample_rate=1 / PERIOD, hold=hold)
+
+
+def exact(run: Record, interp: bool) -> np.ndarray:
+    """The oscillator from rest under a force that is held (or linear) between samples, by matrix exponentials."""
+    p = OSCILLATOR
+    return np.asarray(lsim(([1], [p["m"], p["dxx"], p["kxx"]]), run.u[:, 0], run.t, interp=interp)[1])
+
+
+@pytest.mark.parametrize("frequency", [40.0, 70.0, 200.0])
+def test_force_held_over_a_long_period(simulator: Simulator, frequency: float) -> None:
+    run = record("zero", frequency)
+    v = simulator.run(run, OSCILLATOR)[:, 0]
+    # Order 8 at steps of half a period, w h = 0.36: (w h)^9/9! = 3e-10 a step, over the 26 steps of a decay.
+    assert np.abs(v - exact(run, False)).max() < 1e-8 * np.abs(v).max()
+
+
+@pytest.mark.parametrize(("frequency", "relative"), [(40.0, 1e-4), (70.0, 1e-4), (200.0, 2e-2)])
+def test_force_linear_between_samples(simulator: Simulator, frequency: float, relative: float) -> None:
+    run = record("first", frequency)
+    v = simulator.run(run, OSCILLATOR)[SETTLED:, 0]
+    # What is left is of fourth order: (pi f h)^4 = 3e-5 at the mode, 1e-2 at 200 Hz, for steps h of a third; a plain
+    # hold of the middle would be off by (pi f h)^2/3 = 5e-3 at the mode.
+    assert np.abs(v - exact(run, True)[SETTLED:]).max() < relative * np.abs(v).max()
+
+
+@pytest.mark.parametrize(("frequency", "relative"), [(40.0, 2e-5), (70.0, 1e-5), (200.0, 2e-3)])
+def test_force_band_limited(simulator: Simulator, frequency: float, relative: float) -> None:
+    run, w = record("band-limited", frequency), 2 * np.pi * frequency
+    # The ends of a record do not say how the force ran beyond them.
+    inside = slice(SETTLED, -SETTLED)
+    v = simulator.run(run, OSCILLATOR)[inside, 0]
+    p = OSCILLATOR
+    response = 1 / (p["kxx"] - p["m"] * w**2 + 1j * w * p["dxx"])
+    true = 0.02 * np.imag(response * np.exp(1j * w * run.t[inside]))
+    # Only images at 3/T - f are left, f/(3/T - f) as strong, and weaker in the motion by (f0/(3/T - f))^2 over the
+    # response at f: 2e-5 at 40 Hz, 6e-5/Q at the mode, 2e-3 at 200 Hz.
+    assert np.abs(v - true).max() < relative * np.abs(true).max()
+
+
+FAST = {"m": 1e-7, "kxx": 100.0, "dxx": 2e-6, "sense_gain_x": 1.0}
+"""5 kHz, Q = 1600."""
+
+
+def stepped(u: np.ndarray, period: float, delay: float, lag: float) -> np.ndarray:
+    """``FAST`` from rest under a held force that switches ``delay`` after each sample, seen through a ``lag``, by
+    matrix exponentials of (x, x', lagged x)."""
+    p, seen = FAST, 1 / lag if lag else 0.0
+    rate = np.array([[0, 1, 0], [-p["kxx"] / p["m"], -p["dxx"] / p["m"], 0], [seen, 0, -seen]])
+    whole = np.block([[rate, np.array([[0], [1 / p["m"]], [0]])], [np.zeros((1, 4))]])
+    before, after = expm(whole * delay), expm(whole * (period - delay))
+    state, past, x = np.zeros(3), u[0], np.zeros(len(u))
+    for k, force in enumerate(u):
+        x[k] = state[2 if lag else 0]
+        state = (after @ np.append((before @ np.append(state, past))[:3], force))[:3]
+        past = force
+    return x
+
+
+@pytest.mark.parametrize(
+    ("name", "size"), [("actuator_delay", 1e-8), ("actuator_delay", 1.3e-6), ("amplifier_time_constant", 1e-7)]
+)
+def test_delay_and_lag_of_a_part_of_a_step(simulator: Simulator, name: str, size: float) -> None:
+    period, t = 5e-6, np.arange(3000) * 5e-6
+    u = 1e-6 * np.sin(2 * np.pi * np.outer(t, [3.1e3, 4.9e3, 5.2e3, 6.4e3]) + np.arange(4)).sum(axis=1)
+    run = make_record("run", t, u, u, sample_rate=1 / period)
+    plain, late = (simulator.run(run, p)[:, 0] for p in (FAST, FAST | {name: size}))
+    delay, lag = (size, 0.0) if name == "actuator_delay" else (0.0, size)
+    true = stepped(u, period, delay, lag) - stepped(u, period, 0.0, 0.0)
+    # (w h)^2/12 = 2e-4 at 6.4 kHz for steps h of a quarter, some times that beside the mode; a plain mean: w h/2 = 0.1.
+    assert np.std(late - plain - true) < 8e-4 * np.std(true)
