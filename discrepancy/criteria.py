@@ -31,7 +31,7 @@ class Criteria:
     even: float = 9.0
     """Chi-square by which a rival may fit worse and still count as not told apart: three standard deviations."""
     simpler: float = 12.0
-    """Chi-square that a further size parameter must bring."""
+    """Chi-square that a further parameter must bring."""
     unseen: float = 3.0
     """Standard deviations by which data that a fit did not see must improve with an effect for it to be named: one
     needless effect in 700 gets as far, after it has passed ``effect_chance``."""

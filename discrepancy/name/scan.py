@@ -99,13 +99,19 @@ def signed_score(grams: Floats, known: Sequence[int], columns: Sequence[int], ca
 
 
 def best_of(scored: Sequence[Scored], criteria: Criteria) -> list[Scored]:
-    """Of each effect the best point of its grid, largest gain first."""
-    best: dict[str, Scored] = {}
+    """Of each effect the best point of its grid, largest gain first. Of points within chance of the best it is the one
+    that the model imitates least: far along a ridge, as where a film's gap is so wide that it is a linear damper, a
+    size has no meaning, and no fit begins there."""
+    points: dict[str, list[Scored]] = {}
     for candidate, result in scored:
-        before = best.get(candidate.effect.id)
-        if before is None or result.gain > before[1].gain:
-            best[candidate.effect.id] = (candidate, result)
-    return sorted(best.values(), key=lambda entry: criteria.simpler * entry[1].freedom - entry[1].gain)
+        points.setdefault(candidate.effect.id, []).append((candidate, result))
+    best = [_surest(own) for own in points.values()]
+    return sorted(best, key=lambda entry: criteria.simpler * entry[1].freedom - entry[1].gain)
+
+
+def _surest(points: Sequence[Scored]) -> Scored:
+    top = max(points, key=lambda entry: entry[1].gain)[1]
+    return max((p for p in points if p[1].gain >= top.gain - top.inflation), key=lambda entry: entry[1].apart)
 
 
 def next_peaks(best: Candidate, scored: Sequence[Scored]) -> list[Scored]:

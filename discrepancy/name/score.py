@@ -19,7 +19,8 @@ accuracy of difference quotients (a common gain is one)."""
 class Score:
     """Of one effect: statistic (chi-square with ``freedom``), share of the residual's square that it takes away,
     amplitudes in units of its probes with their standard deviations, ``inflation`` of the variance by blocks over that
-    by white innovations."""
+    by white innovations, and how far its columns stand ``apart`` from the known ones: the least share of a column's
+    square that is left beside them."""
 
     statistic: float
     freedom: int
@@ -27,6 +28,7 @@ class Score:
     amplitudes: tuple[float, ...]
     deviations: tuple[float, ...]
     inflation: float
+    apart: float
 
     @property
     def probability(self) -> float:
@@ -39,7 +41,7 @@ class Score:
         return self.statistic * self.inflation
 
 
-NOTHING: Final = Score(0.0, 1, 0.0, (), (), 1.0)
+NOTHING: Final = Score(0.0, 1, 0.0, (), (), 1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,10 @@ def score(grams: Floats, known: int | Sequence[int], columns: Sequence[int], cou
     amplitudes[usable] = best
     deviations[usable] = np.sqrt(np.diag(inverse) * variance * inflation)
     share = gain / max(left[-1, -1], 1e-300)
-    return Score(gain / (variance * inflation), len(usable), share, tuple(amplitudes), tuple(deviations), inflation)
+    apart = min(float(left[i, i] / square[i]) for i in usable)
+    return Score(
+        gain / (variance * inflation), len(usable), share, tuple(amplitudes), tuple(deviations), inflation, apart
+    )
 
 
 def without(grams: Floats, removal: int) -> Floats:

@@ -529,10 +529,10 @@ class Search:
         return [fit for fit, price in zip(fits, prices, strict=True) if price < min(prices) + chi_square]
 
     def _price(self, candidate: Candidate, sizes: int) -> float:
-        """What so many sizes have to earn, as a chi-square; a defect of the record a little more, so that where it
-        can't be told from an effect the effect is named."""
+        """What so many sizes and the shapes that are fitted with them have to earn, as a chi-square; a defect of the
+        record a little more, so that where it can't be told from an effect the effect is named."""
         more = self.criteria.even if isinstance(candidate.effect, Defect) else 0.0
-        return self.criteria.simpler * sizes + more
+        return self.criteria.simpler * (sizes + len(candidate.searched)) + more
 
     def _close(self, worth: list[Scored]) -> list[Scored]:
         """Those whose refit could be the best: all that the linear scores leave open."""

@@ -4,7 +4,9 @@ At the final fit the model is linear in what a part of the data can move. So the
 other blocks, with the effect and without it, and the blocks left out are predicted with both (M. Stone, J. Royal
 Statistical Society B 36, 1974). The gain of each block has a mean and a scatter, and their ratio counts. So it is with
 the logarithm by which a block's square falls: where a few blocks hold most of the motion, their gains alone would
-scatter too much to say that every block is better. The clearer of the two decides.
+scatter too much to say that every block is better. And it is set against what noise alone makes of the same two
+predictions: an effect that few blocks show, a stop that is met now and then, is as sure as its size there, though most
+blocks gain nothing. The clearest of the three decides.
 
 Whole runs are left out, and pieces of all runs. Where one run alone is loud, the others know too little of a nonlinear
 effect to predict it, while its own pieces do. So pieces count as well, unless runs contradict: what only imitates
@@ -21,7 +23,6 @@ from discrepancy.data.algebra import inverse_scaled
 from discrepancy.data.record import Floats
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter
-from discrepancy.name.score import without
 
 Ints = NDArray[np.intp]
 
@@ -35,45 +36,67 @@ deviations."""
 def unseen_gains(
     fitter: Fitter, at: Fitted, effects: Sequence[tuple[Collection[str], Mapping[str, float]]]
 ) -> list[float]:
-    """By effect (its parameters' names, and the values that switch it off), the mean gain on blocks left out over the
-    standard deviation of that mean; of the square or of its logarithm, of runs or of their pieces."""
+    """By effect (its parameters' names, and the values that switch it off), the gain on blocks left out over its
+    standard deviation, of runs or of their pieces."""
     linear = fitter.with_grams(at, [off for _, off in effects])
     assert linear.grams is not None
     runs, gains = len(fitter.records), []
     for number, (names, _) in enumerate(effects):
         rest = [i for i, free in enumerate(linear.free) if free.name not in names]
-        less = Linear(without(linear.grams, linear.known + number), rest)
-        gains.append(unseen_gain(less, Linear(linear.grams, range(linear.known)), at.variance, runs))
+        less, more = Linear(rest, linear.known + number), Linear(range(linear.known))
+        gains.append(unseen_gain(linear.grams, less, more, at.variance, runs))
     return gains
 
 
 class Linear(NamedTuple):
-    """A model near its fit. grams (blocks, p, p): of columns, the residual last, in the order of the runs; columns:
-    those of what is free."""
+    """A model near a fit, of columns whose products are known, the residual last. columns: those of what is free; out:
+    the one that takes an effect out, None where all are in."""
 
-    grams: Floats
     columns: Sequence[int]
+    out: int | None = None
 
 
-def unseen_gain(less: Linear, more: Linear, variance: float, runs: int) -> float:
-    """The gain of a model with one effect ``more``, over its deviation; variance: of an innovation [V²]."""
-    blocks = len(more.grams)
-    each = np.array_split(np.arange(blocks), runs)
+def unseen_gain(grams: Floats, less: Linear, more: Linear, variance: float, runs: int) -> float:
+    """The gain of a model with one effect ``more``, over its deviation. grams (blocks, p, p), in the order of the runs;
+    variance: of an innovation [V²]."""
+    each = np.array_split(np.arange(len(grams)), runs)
     pieces = [np.concatenate([np.array_split(run, PIECES)[i] for run in each]) for i in range(PIECES)]
-    worse, better = _losses(less, pieces), _losses(more, pieces)
-    by_pieces = _clearest(worse.square, better.square)
+    by_pieces = _gain(grams, less, more, variance, pieces)
     if runs == 1:
-        return by_pieces
-    worse, better = _losses(less, each), _losses(more, each)
-    by_runs = _clearest(worse.square, better.square)
-    unsure = variance * (better.spread - worse.spread)
-    contradicted = float(np.sum(worse.square - better.square)) < -CONTRADICTS * unsure
-    return by_runs if contradicted else max(by_runs, by_pieces)
+        return by_pieces.clearest
+    by_runs = _gain(grams, less, more, variance, each)
+    contradicted = by_runs.total < -CONTRADICTS * by_runs.unsure
+    return by_runs.steady if contradicted else max(by_runs.clearest, by_pieces.clearest)
 
 
-def _clearest(worse: Floats, better: Floats) -> float:
+class _Gain(NamedTuple):
+    """total: by how much the squares fall [V²]; unsure: what the deviations of the effect's parameters add to them;
+    steady: the mean fall over its deviation from block to block; above_noise: over what noise alone makes of the same
+    predictions."""
+
+    total: float
+    unsure: float
+    steady: float
+    above_noise: float
+
+    @property
+    def clearest(self) -> float:
+        return max(self.steady, self.above_noise)
+
+
+def _gain(grams: Floats, less: Linear, more: Linear, variance: float, folds: Sequence[Ints]) -> _Gain:
+    """Of blocks that are predicted from those that are not in their fold."""
+    without, within = _predicted(grams, less, folds), _predicted(grams, more, folds)
+    worse, better = (np.einsum("bi,bij,bj->b", p.steps, grams, p.steps) for p in (without, within))
+    change = within.steps - without.steps
+    size = np.einsum("bi,bij,bj->b", change, grams, change)
+    cross = np.einsum("bi,bij,bj->b", change, grams, within.steps)
+    # The cross products are what noise scatters; where they scatter more from block to block, it is no white noise.
+    scatter = max(float(np.sum(cross**2)), variance * float(np.sum(size)), 1e-300)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return max(_deviations(worse - better), _deviations(np.log(worse / better)))
+        steady = max(_deviations(worse - better), _deviations(np.log(worse / better)))
+    total = float(np.sum(worse - better))
+    return _Gain(total, variance * (within.spread - without.spread), steady, total / (2 * scatter**0.5))
 
 
 def _deviations(gain: Floats) -> float:
@@ -83,23 +106,27 @@ def _deviations(gain: Floats) -> float:
     return float(gain.mean()) / max(float(np.std(gain, ddof=1)) / len(gain) ** 0.5, 1e-300)
 
 
-class _Losses(NamedTuple):
-    """square: of each block, what parameters from others leave [V²]; spread: what their deviations add to all squares,
-    in variances of an innovation."""
+class _Predicted(NamedTuple):
+    """steps (blocks, p): what of each column makes the residual of a block; spread: what the deviations of parameters
+    add to all squares, in variances of an innovation."""
 
-    square: Floats
+    steps: Floats
     spread: float
 
 
-def _losses(model: Linear, folds: Sequence[Ints]) -> _Losses:
-    """Every block predicted from those that are not in its fold."""
-    own = [*model.columns, model.grams.shape[1] - 1]
-    chosen = model.grams[:, own][:, :, own]
-    total, square, spread = chosen.sum(axis=0), np.empty(len(chosen)), 0.0
+def _predicted(grams: Floats, model: Linear, folds: Sequence[Ints]) -> _Predicted:
+    """Every block from those that are not in its fold."""
+    own, last = list(model.columns), grams.shape[1] - 1
+    residual = np.zeros(last + 1)
+    residual[last] = 1.0
+    if model.out is not None:
+        residual[model.out] = -1.0
+    total, steps, spread = grams.sum(axis=0), np.empty(grams.shape[:2]), 0.0
     for fold in folds:
-        out = chosen[fold].sum(axis=0)
-        inverse = inverse_scaled((total - out)[:-1, :-1])
-        step = np.append(-inverse @ (total - out)[:-1, -1], 1.0)
-        square[fold] = np.einsum("i,bij,j->b", step, chosen[fold], step)
-        spread += float(np.sum(inverse * out[:-1, :-1]))
-    return _Losses(square, spread)
+        out = grams[fold].sum(axis=0)
+        known = total - out
+        inverse = inverse_scaled(known[np.ix_(own, own)])
+        steps[fold] = residual
+        steps[fold[:, None], own] -= inverse @ (known[own] @ residual)
+        spread += float(np.sum(inverse * out[np.ix_(own, own)]))
+    return _Predicted(steps, spread)
