@@ -165,7 +165,10 @@ def candidate_from(model: Model, state: Mapping[str, Any]) -> Candidate:
 
 def step_state(step: Step) -> list[Any]:
     """What ``step_from`` needs."""
-    return [{name: asdict(score) for name, score in step.scores.items()}, step.accepted]
+    scores = {name: asdict(score) for name, score in step.scores.items()}
+    for score in scores.values():
+        del score["moves"]
+    return [scores, step.accepted]
 
 
 def step_from(state: list[Any]) -> Step:

@@ -72,7 +72,8 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
 
     power = _whole(1, STEEP)
     score = _Table({"statistic": _number(), "freedom": _whole(1, MOST), "share": _number(), "inflation": _number(0.0),
-                    "apart": _number(0.0), "amplitudes": _list_of(_number()), "deviations": _list_of(_number(infinite=True))})  # fmt: skip
+                    "apart": _number(0.0), "amplitudes": _list_of(_number()),
+                    "deviations": _list_of(_number(infinite=True))})  # fmt: skip
     openings = parts(dataset.fit)
 
     def opening(value: Any, where: str) -> None:

@@ -11,7 +11,7 @@ from discrepancy.data.record import Floats
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter
 from discrepancy.name.columns import Candidate
-from discrepancy.name.score import Score, score, without
+from discrepancy.name.score import Score, score, taken_up, without
 
 HELD, FEWEST = 50_000_000, 8
 """Bytes of columns of a run that a scan holds at a time, and columns at least: beyond, it goes in batches."""
@@ -41,15 +41,19 @@ class Scan:
 
     def scores(self, known: Sequence[int] | None = None, removal: int | None = None) -> list[Scored]:
         """Of every candidate beside the ``known`` columns, by default all of the model's own."""
-        beside, scored = range(self.at.known) if known is None else known, []
+        beside, scored = list(range(self.at.known) if known is None else known), []
         for at, found in self.batches:
             grams, place = self.grams(at, removal), at.known + self.removals
+            total = grams.sum(axis=0)
             for candidate in found:
                 columns = range(place, place + len(candidate.all_probes))
                 place += len(columns)
                 result = signed_score(grams, beside, columns, candidate, at.count)
                 if result is not None:
-                    scored.append((candidate, result))
+                    steps = taken_up(total, beside, columns, result.amplitudes) if result.amplitudes else ()
+                    own = [at.free[i] for i in beside]
+                    moves = {free.name: float(s) * free.step for free, s in zip(own, steps, strict=False)}
+                    scored.append((candidate, replace(result, moves=moves)))
         return scored
 
 

@@ -1,7 +1,7 @@
 """Scores of columns against a residual: Lagrange multiplier tests whose variance comes from blocks."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -20,7 +20,7 @@ class Score:
     """Of one effect: statistic (chi-square with ``freedom``), share of the residual's square that it takes away,
     amplitudes in units of its probes with their standard deviations, ``inflation`` of the variance by blocks over that
     by white innovations, and how far its columns stand ``apart`` from the known ones: the least share of a column's
-    square that is left beside them."""
+    square that is left beside them; moves: by how much other parameters go with it, by name [SI]."""
 
     statistic: float
     freedom: int
@@ -29,6 +29,7 @@ class Score:
     deviations: tuple[float, ...]
     inflation: float
     apart: float
+    moves: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def probability(self) -> float:
@@ -86,6 +87,12 @@ def score(grams: Floats, known: int | Sequence[int], columns: Sequence[int], cou
     return Score(
         gain / (variance * inflation), len(usable), share, tuple(amplitudes), tuple(deviations), inflation, apart
     )
+
+
+def taken_up(total: Floats, known: Sequence[int], columns: Sequence[int], amplitudes: Sequence[float]) -> Floats:
+    """How far the ``known`` columns go with ``amplitudes`` of others, in their steps; total (p, p): the grams' sum."""
+    rest = total[known, -1] - total[np.ix_(known, columns)] @ np.asarray(amplitudes)
+    return np.asarray(inverse_scaled(total[np.ix_(known, known)]) @ rest)
 
 
 def without(grams: Floats, removal: int) -> Floats:

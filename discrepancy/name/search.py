@@ -525,14 +525,20 @@ class Search:
         """Those whose cost and price are within so much of the best's; none where no motion stays within bounds."""
         fits = [fit for fit in fits if np.isfinite(fit.at.cost)]
         variance = min((fit.at.variance for fit in fits), default=1.0)
-        prices = [fit.at.cost / variance + self._price(fit.candidate, fit.score.freedom) for fit in fits]
+        prices = [fit.at.cost / variance + self._price(fit.candidate, fit.score.freedom) + self._shaped(fit.candidate)
+                  for fit in fits]  # fmt: skip
         return [fit for fit, price in zip(fits, prices, strict=True) if price < min(prices) + chi_square]
 
     def _price(self, candidate: Candidate, sizes: int) -> float:
-        """What so many sizes and the shapes that are fitted with them have to earn, as a chi-square; a defect of the
-        record a little more, so that where it can't be told from an effect the effect is named."""
+        """What so many sizes have to earn, as a chi-square; a defect of the record a little more, so that where it
+        can't be told from an effect the effect is named."""
         more = self.criteria.even if isinstance(candidate.effect, Defect) else 0.0
-        return self.criteria.simpler * (sizes + len(candidate.searched)) + more
+        return self.criteria.simpler * sizes + more
+
+    def _shaped(self, candidate: Candidate) -> float:
+        """The same of the shapes that are fitted with them: of two names that are even the plainer stands first. How
+        probable each is does not hang on it: a shape that data hardly show is as free as none."""
+        return self.criteria.simpler * len(candidate.searched)
 
     def _close(self, worth: list[Scored]) -> list[Scored]:
         """Those whose refit could be the best: all that the linear scores leave open."""
@@ -549,11 +555,15 @@ class Search:
         return [*close, *peaks, *(form for c, _ in close for form in near(other_forms(c, self.scored)))]
 
     def with_effect(self, fitter: Fitter, at: Fitted, candidate: Candidate, result: Score) -> Fitted:
-        """``at``, a fit of ``fitter``, with the effect switched on at the size that its score says, to be fitted."""
+        """``at``, a fit of ``fitter``, with the effect switched on at the size that its score says, to be fitted. What
+        takes up a part of it goes with it, where that is nearer: a film damps beside a damper that is as much less."""
         values = candidate.values(result.amplitudes, result.deviations)
         free = (*at.free, *candidate.free(fitter.period))
         shapes = {**(candidate.partner.shapes if candidate.partner else {}), **candidate.shapes}
-        return fitter.evaluated(replace(at, parameters={**at.parameters, **shapes, **values}, free=free))
+        own = {**at.parameters, **shapes, **values}
+        moved = {f.name: f.bounded(own[f.name], own[f.name] + result.moves.get(f.name, 0.0)) for f in at.free}
+        begun = [fitter.evaluated(replace(at, parameters=p, free=free)) for p in ({**own, **moved}, own)]
+        return min(begun, key=lambda fitted: fitted.cost)
 
     def without_effect(self, at: Fitted, entry: Accepted) -> Fitted:
         """``at`` with the effect switched off, to be fitted."""
@@ -624,12 +634,13 @@ class Search:
         fits = {entry.id: (self.at, entry.candidate), **self._refitted_instead(entry)}
         self.simulator.clock.check()
         price = {i: at.cost + self._price(c, len(c.all_probes)) * variance for i, (at, c) in fits.items()}
-        head = min(price, key=lambda i: price[i])
+        plain = {i: price[i] + self._shaped(c) * variance for i, (_, c) in fits.items()}
+        head = min(plain, key=lambda i: plain[i])
         # Of an effect and a defect of the record that are even the effect is named, whichever came first.
         owed = (
             0.0 if entry.of_record and not isinstance(fits[head][1].effect, Defect) else self.criteria.even * variance
         )
-        if price[head] > price[entry.id] - owed:
+        if plain[head] > plain[entry.id] - owed:
             head = entry.id
         self.at, candidate = fits.pop(head)
         close = self.at.cost + self.criteria.even * variance
