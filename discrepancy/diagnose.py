@@ -29,6 +29,8 @@ from gyro_model.model import Model
 
 Progress = Callable[[str], None]
 
+AGAIN: Final = 3
+"""Times at most that effects are looked for anew beside names that questions have changed."""
 TWICE: Final = 2.0
 """Times the share that the best effect takes, that a term has to take to come before it."""
 
@@ -109,14 +111,24 @@ def diagnose(
                     widened((), TWICE * search.weak)
                 search.extend(max_effects, patient=True)
 
-        extended()
-        search.finish(max_effects)
+        def settled() -> None:
+            # What came in first may have hidden what is seen once its place is taken or it is gone.
+            for _ in range(AGAIN):
+                extended()
+                before = search.names
+                search.finish(max_effects)
+                if search.names == before:
+                    break
+
+        settled()
         while further and len(search.terms) < max_effects and not search.in_vain:
             if not widened([a.id for a in search.accepted if not a.of_record], 0.0):
                 break
-            extended()
-            search.finish(max_effects)
-        search.question()
+            settled()
+        for _ in range(AGAIN):
+            if not search.question():
+                break
+            settled()
         found = assemble(search)
         used = more.keys() & found.spoken_of
         if further is not None:

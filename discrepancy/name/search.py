@@ -417,8 +417,8 @@ class Search:
     def _accept(self, *, patient: bool) -> bool:
         """Takes the best effect that is both significant and material into the model; False where there is none."""
         # What a further search could not tell from its term comes in only in its place.
-        alike = {term.id for own in self.terms for term in own[1:]}
-        worth = [(c, s) for c, s in self.significant() if c.effect.id not in alike]
+        out = {term.id for own in self.terms for term in own[1:]} | {d.candidate.effect.id for d in self.dropped}
+        worth = [(c, s) for c, s in self.significant() if c.effect.id not in out]
         if not worth:
             return False
         rivals = self._close(worth)
@@ -648,12 +648,20 @@ class Search:
         behind = {i: (price[i] - price[head]) / variance for i in fits}
         self.accepted[place] = Accepted(candidate, entry.share, even, behind)
 
-    def question(self) -> None:
+    @property
+    def names(self) -> set[str]:
+        """Ids of what is in the model."""
+        return {entry.id for entry in self.accepted}
+
+    def question(self) -> bool:
         """Takes out every effect that data which its fit did not see do not support, or whose interval holds neutral:
-        the weakest first, the rest refitted. After it all the time that is left is the answer's."""
+        the weakest first, the rest refitted. Whether something is to be looked for in its place, for which there is
+        time."""
+        before = self.names
         self._until(QUESTION)
         self.attempt("names held against data that no fit saw", self._question)
-        self.simulator.clock.until = float("inf")
+        self._until(NAME)
+        return self.names < before and not self.late
 
     def _question(self) -> None:
         while failing := self._failing():

@@ -41,6 +41,8 @@ WIDTH: Final = float(norm.ppf(0.975))
 def assemble(search: "Search") -> Diagnosis:
     """The answer of ``search``. Opens the held-out runs."""
     search.progress("held-out runs")
+    clock = search.simulator.clock
+    clock.until = float("inf")
     _clean_held_out(search)
     setting = search.at.whiten.setting
     noise = noise_of(search.at.residuals, search.fitter.records, search.at.parameters, setting.colour)
@@ -60,7 +62,6 @@ def assemble(search: "Search") -> Diagnosis:
     places = located(whole, runs, refitted.parameters, setting)
     known = _disturbances(search)
     noises, absurd = sane(_noises(search, noise, known), search)
-    clock = search.simulator.clock
     clock.until = search.criteria.time_limit
     worse = worse_without(search, stages, gaps)
     clock.until = float("inf")
@@ -68,7 +69,8 @@ def assemble(search: "Search") -> Diagnosis:
     doubts = (*absurd.values(), *worse.values(), *_doubts(search, rest))
     verdict: Verdict = "missing effects" if effects else "nothing missing"
     # What was not tested is not said: neither that a name stands nor that nothing is missing.
-    untested = bool(search.undone) if effects else not search.scored
+    much = bool(effects) or rest.share > search.criteria.left
+    untested = not search.scored or (bool(search.undone) and much)
     if rest.significant or untested or (effects and worse):
         verdict = "partly explained" if effects else "unexplained"
     effects = tuple(replace(f, probability=probability(search, f, rest, f.id in worse)) for f in effects)
