@@ -206,4 +206,5 @@ DEFECT = Blemish(
     find=find,
     without=without,
     again=again,
+    counted=True,
 )

@@ -73,4 +73,5 @@ DEFECT = Blemish(
     source="F. R. Hampel, Journal of the American Statistical Association 69, 1974",
     find=find,
     without=without,
+    counted=True,
 )

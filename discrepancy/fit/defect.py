@@ -100,11 +100,13 @@ class Distortion(Defect):
 @dataclass(frozen=True, kw_only=True)
 class Blemish(Defect):
     """find: the blemish in runs by the residuals (n, axes) [V] of a fit, None where there is none; without: a run
-    without what its data say; again: the data of another run, by what was found, where it need not be found there."""
+    without what its data say; again: the data of another run, by what was found, where it need not be found there;
+    counted: whether what a better model shows of it later adds to what was found."""
 
     find: Callable[[Sequence[Record], Sequence[Floats], Criteria], Found | None]
     without: Callable[[Record, Data], Record]
     again: Callable[[Found, Record, Floats], Data] | None = None
+    counted: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

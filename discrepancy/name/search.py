@@ -42,6 +42,8 @@ CLEAR: Final = 30.0
 not make up for so much."""
 WEAK: Final = 0.3
 """Share of what is no noise in the residual, below which an effect may only imitate what is missing."""
+CLEANED: Final = 3
+"""Looks at most for blemishes, one after the other."""
 PART: Final = 1e-2
 """Of its usual size, by which a part of an effect that may vanish is probed: so little that its square is no matter."""
 FINEST: Final = 70
@@ -177,24 +179,28 @@ class Search:
         self._take(replace(self.dataset, records=tuple(masked(record, level) for record in self.dataset.records)))
 
     def _clean(self) -> None:
-        """Looks for blemishes of the record beside the present model, and takes those out that the fit is better
-        without."""
-        if self.fitter is not self.whole:
-            return
-        for blemish in blemishes():
-            found = blemish.find(self.dataset.fit, self.at.residuals, self.criteria)
-            if found is None:
-                continue
-            before, unlikely = copy(vars(self)), self._unlikely()
-            self._take_blemish(blemish, found.data)
-            self._settle(self.at)
-            # Worth a line of the report, and beyond what its numbers take away by chance.
-            sure = (2 * sum(map(len, found.data)) + EARNED) / self.at.count
-            if self._unlikely() < unlikely - max(self.criteria.material, sure):
-                self.progress(f"record: {blemish.id} taken out")
-                self.found.append((blemish, found))
-            else:
-                vars(self).update(before)
+        """Takes blemishes of the record out that the fit is better without. A large one hides others, so that each
+        that is gone asks for another look."""
+        for _ in range(CLEANED):
+            if self.fitter is not self.whole or not any([self._cleaned(blemish) for blemish in blemishes()]):
+                return
+
+    def _cleaned(self, blemish: Blemish) -> bool:
+        """Whether one was found beside the present model and taken out."""
+        found = blemish.find(self.dataset.fit, self.at.residuals, self.criteria)
+        if found is None:
+            return False
+        before, unlikely = copy(vars(self)), self._unlikely()
+        self._take_blemish(blemish, found.data)
+        self._settle(self.at)
+        # Worth a line of the report, and beyond what its numbers take away by chance.
+        sure = (2 * sum(map(len, found.data)) + EARNED) / self.at.count
+        if self._unlikely() >= unlikely - max(self.criteria.material, sure):
+            vars(self).update(before)
+            return False
+        self.progress(f"record: {blemish.id} taken out")
+        self.found.append((blemish, found))
+        return True
 
     def _unlikely(self) -> float:
         """Twice the negative log likelihood of the residuals, a sample: innovations alone do not tell two fits apart

@@ -109,13 +109,18 @@ def _record(search: "Search", device: Mapping[str, Value]) -> tuple[Finding, ...
         for a in search.accepted
         if a.of_record
     ]
-    # The first time a blemish is found it is whole; what a better model shows of it later is a rest.
-    first = {blemish.id: (blemish, found) for blemish, found in reversed(search.found)}
-    taken = [
-        Finding(name, (), {q.name: Value(*found.levels[q.name], q.unit) for q in blemish.parameters})
-        for name, (blemish, found) in first.items()
-    ]
-    return (*fitted, *taken)
+    taken: dict[str, dict[str, Value]] = {}
+    for blemish, found in search.found:
+        values = {q.name: Value(*found.levels[q.name], q.unit) for q in blemish.parameters}
+        before = taken.setdefault(blemish.id, values)
+        # The first time a level is found it is whole; what a better model shows of it later is a rest.
+        if before is not values and blemish.counted:
+            taken[blemish.id] = {name: _sum(before[name], value) for name, value in values.items()}
+    return (*fitted, *(Finding(name, (), values) for name, values in taken.items()))
+
+
+def _sum(first: Value, second: Value) -> Value:
+    return Value(first.value + second.value, first.low + second.low, first.high + second.high, first.unit)
 
 
 def _values(search: "Search", effect: Effect | Defect, device: Mapping[str, Value]) -> dict[str, Value]:
