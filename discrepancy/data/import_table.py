@@ -38,10 +38,14 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Headings, without unit and case, that are taken for a column; V1 in and V2 out as in the Silverbox record."""
 
+FORCES: Final = ("u_x", "u_y")
+
 LONGEST_HOLE: Final = 20
 """Rows missing at once that are masked; a longer hole, over which the force is not known, cuts the run."""
 LEFT_OUT: Final = 7
 """Every such row is left out to see how well a rule fills it from those beside: further apart than a spline reaches."""
+NO_FORCE: Final = "none"
+"""In the place of a heading: no force acted, as in a free decay, or on the axis that is only sensed."""
 FRAGMENT: Final = 0.05
 """Share of the longest run below which what a hole leaves is no run of its own, and of all rows to be held out."""
 HELD_OUT: Final = 0.2
@@ -54,8 +58,9 @@ _HEADING: Final = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 
 
 class Source(NamedTuple):
-    """Where a column comes from: the heading in the lab's table, and SI = factor * value + offset, in ``unit``: that of
-    the column, or m where a sensor's voltage is given as the displacement that it stands for."""
+    """Where a column comes from: the heading in the lab's table, empty for a force that did not act, and
+    SI = factor * value + offset, in ``unit``: that of the column, or m where a sensor's voltage is given as the
+    displacement that it stands for."""
 
     heading: str
     factor: float
@@ -117,6 +122,9 @@ def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source
             if not fitting:
                 continue
             heading = fitting[0]
+        elif heading == NO_FORCE and heading not in headings and column in FORCES:
+            sources[column] = Source("", 0.0, 0.0, SI[column])
+            continue
         elif heading not in headings:
             raise InputError(
                 f"--map {column}={heading!r}: no such heading{nearest(heading, headings)} ({_all(headings)})"
@@ -159,11 +167,13 @@ def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
     table = read_lab_table(path)
     sources = guess_sources(table.columns, request)
     for column in missing_columns(sources, request.sample_rate):
-        rate = ", or --sample-rate HZ" if column == "t" else ""
+        other = ", or --sample-rate HZ" if column == "t" else ""
+        other = f", or --map {column}={NO_FORCE} if no force acted" if column in FORCES else other
         raise InputError(
-            f"{path}: which heading is {column}? Give --map {column}=HEADING{rate} ({_all(table.columns)})"
+            f"{path}: which heading is {column}? Give --map {column}=HEADING{other} ({_all(table.columns)})"
         )
     said = [
+        f"{column} = 0: no force acted" if not source.heading else
         f"{column} = {source.heading!r}" + (f" * {source.factor:g}" if source.factor != 1 else "")
         + (f" + {source.offset:g}" if source.offset else "") + f" [{source.unit}]"
         + (f": a sensor of 1 V/m, sense_gain_{column[-1]} = 1" if source.unit == "m" else "")
@@ -173,7 +183,7 @@ def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
     if unused:
         said.append(f"not used: {', '.join(map(repr, unused))}; --map COLUMN=HEADING takes one in")
     columns = {column: source.factor * _numbers(table, source.heading, path) + source.offset
-               for column, source in sources.items()}  # fmt: skip
+               if source.heading else np.zeros(len(table)) for column, source in sources.items()}  # fmt: skip
     if "t" not in columns:
         columns = {"t": np.arange(len(table)) / float(request.sample_rate or 1.0)} | columns
     pieces, said = _cut(path, columns, said)

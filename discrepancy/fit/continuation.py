@@ -48,7 +48,10 @@ def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, 
         fitter = cut(whole, number)
         before = now
         try:
-            now = whitened(fitter, fitter.fit(started(fitter, before or at), _rounds(number)))
+            now = fitter.fit(started(fitter, before or at), _rounds(number))
+            # Of pieces that are not in step the innovations are for scores only: a fit to them would predict a sample
+            # ahead.
+            now = fitter.whitened(now) if number > 1 and fitter.off(now) > IN_STEP else whitened(fitter, now)
         except OutOfTime:
             break
         if before is None or fitter.off(now) < max(IN_STEP, SLIP * best[0].off(best[1])):
@@ -72,9 +75,22 @@ def started(fitter: Fitter, at: Fitted) -> Fitted:
     """``at`` on the runs of ``fitter``; where these are others, with initial states fitted to them first."""
     if [len(residual) for residual in at.residuals] == [len(record.t) for record in fitter.records]:
         return fitter.evaluated(at)
-    free = at.free
-    plain = fitter.evaluated(replace(at, starts=fitter.at_rest, free=(), whiten=fitter.plain(at.parameters)))
-    return replace(fitter.fit(plain, 3), free=free, grams=None, fill=(), left=float("inf"))
+    return replace(with_starts(fitter, at, FEW), free=at.free, grams=None, fill=(), left=float("inf"))
+
+
+def with_starts(fitter: Fitter, at: Fitted, rounds: int) -> Fitted:
+    """The parameters of ``at``, held, with initial states fitted to the runs of ``fitter``: from rest, or, where that
+    ends astray, to beginnings that grow, since a frequency that depends on the amplitude is far off at rest."""
+    rest = replace(at, starts=fitter.at_rest, free=(), whiten=fitter.plain(at.parameters))
+    found = fitter.fit(fitter.evaluated(rest), rounds)
+    if fitter.off(found) < ASTRAY:
+        return found
+    now = rest
+    for number in reversed(_numbers(fitter, at)):
+        part = beginnings(fitter, number) if number > 1 else fitter
+        now = part.fit(part.evaluated(now), rounds)
+        fitter.simulator.forget(part.records if number > 1 else ())
+    return min((found, now), key=lambda end: end.cost)
 
 
 def grown(whole: Fitter, at: Fitted) -> Fitted:
@@ -119,7 +135,8 @@ def _numbers(whole: Fitter, at: Fitted) -> list[int]:
     """Into how many pieces the runs are cut, fewest first."""
     length = min(len(record.t) for record in whole.records)
     least = length / MOST if _hardly_held(whole, at) else SHORTEST * _period(whole, at)
-    return [GROWTH**i for i in range(12) if length >= GROWTH**i * max(least, FEWEST)] or [1]
+    most = max(int(length / max(least, FEWEST)), 1)
+    return sorted({max(most // GROWTH**i, 1) for i in range(12)})
 
 
 def _period(whole: Fitter, at: Fitted) -> float:

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from discrepancy.data.record import MINIMUM_SAMPLES, Floats, Record
+from discrepancy.fit.continuation import with_starts
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
@@ -43,8 +44,8 @@ def _unscored(record: Record) -> int:
 def _start(simulator: Simulator, record: Record, parameters: Mapping[str, float]) -> Mapping[str, float]:
     """The initial state that fits a record best."""
     fitter = Fitter(simulator, [record])
-    begun = fitter.evaluated(Fitted(dict(parameters), fitter.at_rest, (), fitter.plain(parameters), ()))
-    return fitter.fit(begun, START_ROUNDS).starts[0]
+    at = Fitted(dict(parameters), fitter.at_rest, (), fitter.plain(parameters), ())
+    return with_starts(fitter, at, START_ROUNDS).starts[0]
 
 
 def misfits(records: Sequence[Record], residuals: Mapping[str, tuple[Floats, int]]) -> dict[str, float]:

@@ -595,6 +595,9 @@ class Search:
         for entry in list(self.accepted):
             if len(self.accepted) < 2 or self.late:
                 break
+            # It may have got the name of one that went.
+            if entry not in self.accepted:
+                continue
             self.attempt(f"refit without {entry.id}", partial(self._delete_needless, entry))
 
     def _delete_needless(self, entry: Accepted) -> None:

@@ -240,3 +240,26 @@ def test_runs_in_volts_and_in_metres_are_no_one_set(tmp_path: Path) -> None:
     files = [lab_table(tmp_path), lab_table(tmp_path, "two.csv", **moved)]
     with pytest.raises(InputError, match="make a data set of each"):
         init(*files, "--out", tmp_path / "set")
+
+
+def test_a_free_decay_has_no_force_if_one_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pl.DataFrame({"t": T, "v_x": WAVE, "monitor": WAVE}).write_csv(tmp_path / "ring.csv")
+    with pytest.raises(InputError, match=r"which heading is u_x\? .* --map u_x=none if no force acted"):
+        init(tmp_path / "ring.csv", "--out", tmp_path / "set")
+    init(tmp_path / "ring.csv", "--out", tmp_path / "set", "--map", "u_x=none", "--nominal", "reference")
+    assert "u_x = 0: no force acted" in capsys.readouterr().out
+    assert not load_dataset(tmp_path / "set").records[0].u.any()
+
+
+def test_one_axis_may_be_driven_and_both_sensed(tmp_path: Path) -> None:
+    table = lab_table(tmp_path, **{"F_y [uN]": None})
+    init(table, "--out", tmp_path / "set", "--map", "u_y=none", "--nominal", "reference")
+    [record] = load_dataset(tmp_path / "set").fit
+    assert record.u[:, 0].any()
+    assert not record.u[:, 1].any()
+
+
+def test_none_is_a_heading_where_there_is_one(tmp_path: Path) -> None:
+    pl.DataFrame({"t": T, "v_x": WAVE, "none": WAVE}).write_csv(tmp_path / "drive.csv")
+    init(tmp_path / "drive.csv", "--out", tmp_path / "set", "--map", "u_x=none", "--nominal", "reference")
+    assert load_dataset(tmp_path / "set").records[0].u.any()

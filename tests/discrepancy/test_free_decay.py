@@ -1,0 +1,52 @@
+"""A strongly nonlinear resonator that rings freely, by a simulation of its own: over its first record a linear model
+is out of step by half a hundred turns."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from discrepancy.data.dataset import Dataset
+from discrepancy.data.linear_start import linear_start
+from discrepancy.data.record import Record, make_record
+from discrepancy.diagnose import diagnose
+from gyro_model.model import load_model
+
+RATE, SAMPLES, FREQUENCY, Q = 100e3, 24_000, 5000.0, 1000.0
+STIFFENING, AMPLITUDE, NOISE = 0.05, 0.4, 1e-4
+"""k3 A²/k of the first turn; its voltage [V], and noise over it."""
+
+
+@pytest.fixture(scope="module")
+def runs() -> tuple[Record, ...]:
+    rng, w = np.random.default_rng(2), 2 * np.pi * FREQUENCY
+    t = np.arange(SAMPLES) / RATE
+
+    def slope(_: float, s: np.ndarray) -> np.ndarray:
+        return np.array([s[1], -w / Q * s[1] - w**2 * (s[0] + STIFFENING * s[0] ** 3)])
+
+    # The phase, some 7,500 rad, to 1e-5.
+    x = solve_ivp(slope, (0, t[-1]), [1.0, 0.0], t_eval=t, method="DOP853", rtol=1e-10, atol=1e-13).y[0]
+    v = AMPLITUDE * (x + NOISE * rng.standard_normal(SAMPLES))
+    parts = (("ring", "fit", slice(0, 16_000)), ("tail", "held-out", slice(16_000, None)))
+    return tuple(
+        make_record(
+            name, t[own] - t[own][0], np.zeros((len(t[own]), 1)), v[own, None], sample_rate=RATE, role=role, hold="zero"
+        )
+        for name, role, own in parts
+    )
+
+
+def test_a_cubic_stiffness_is_found_and_stays_in_step(runs: tuple[Record, ...]) -> None:
+    nominal = linear_start(runs[:1])
+    assert nominal is not None
+    found = diagnose(Dataset(Path(), nominal, runs), load_model(), jobs=1)
+    [finding] = found.effects
+    assert (found.verdict, finding.id) == ("missing effects", "cubic_stiffness")
+    assert not any("in step" in doubt for doubt in found.doubts)
+    # The mass is 1 kg, which no sample knows, and the sensor has 1 V/m.
+    true = nominal["m"] * STIFFENING * (2 * np.pi * FREQUENCY / AMPLITUDE) ** 2
+    value = finding.parameters["k3_x"]
+    # Four deviations instead of the two of the interval; its width is 1e-5 of the value.
+    assert abs(value.value - true) < value.high - value.low < 1e-4 * true
