@@ -25,4 +25,5 @@ DEFECT = Distortion(
     signature="a delay of the voltage, and less of it and of its noise at high frequencies",
     source="A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 2010, section 4.8.1",
     voltage=voltage,
+    within=True,
 )

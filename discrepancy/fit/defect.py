@@ -81,7 +81,8 @@ class Defect:
 class Distortion(Defect):
     """force: what acted, (n, axes) [N], of what the record says, on steps of ``step`` [s]; voltage: what was recorded,
     (n, axes) [V], of what the sensor gave, which may reach ``beyond`` samples further; both get the sizes by
-    name. split: whether it acts within a step; gauge: whether no sample tells it from another mass, stiffness and
+    name. split: whether it acts within a step; within: whether it acts on the voltage before it is sampled, which it
+    gets between samples too; gauge: whether no sample tells it from another mass, stiffness and
     damping, so that it is never named. levels: of some runs, sizes at which its first parameter is tried, where a small
     one changes nothing."""
 
@@ -90,6 +91,7 @@ class Distortion(Defect):
     beyond: Callable[[int, Timing, Mapping[str, float]], int] | None = None
     levels: Callable[[Sequence[Record]], Sequence[float]] | None = None
     split: bool = False
+    within: bool = False
     gauge: bool = False
 
     def acts(self, parameters: Mapping[str, float]) -> bool:

@@ -17,7 +17,7 @@ from cosim.exchange import exchange
 from cosim.fmu import HANDLE_SIZE, Plant
 from discrepancy.clock import Clock
 from discrepancy.data.record import CONDITIONS, Floats, Record
-from discrepancy.fit.defect import Timing, distortion_names, distortions
+from discrepancy.fit.defect import Distortion, Timing, distortion_names, distortions
 from gyro_model.anatomy import Delay, Lag
 from gyro_model.build import build
 from gyro_model.errors import InputError
@@ -205,26 +205,36 @@ class Simulator:
         parameters = {name: value for name, value in parameters.items() if name not in distortion_names()}
         timing = Timing(self._first(record), 1 / record.sample_rate)
         forced = tuple((q.name, sizes[q.name]) for d in acting if d.force for q in d.parameters)
-        late |= any(d.split for d in acting)
+        fine = any(d.within for d in acting)
+        late |= fine or any(d.split for d in acting)
         values, names, step = self._inputs(record, SPLIT if late else 1, forced)
         stride = len(values) // len(record.t)
         beyond = max((d.beyond(len(record.t), timing, sizes) for d in acting if d.beyond), default=0)
         values = np.concatenate((values, np.repeat(values[-1:], beyond * stride, axis=0))) if beyond else values
         whole = both_axes(parameters) if record.axes == 1 else parameters
         first = dict(zip(names, values[0].tolist(), strict=True))
-        clock = {"internal_step": step, "sample_period": step * stride}
+        # A held force bends the motion anew at each sample: no curve through the samples knows what is between.
+        each = 1 if fine else stride
+        clock = {"internal_step": step, "sample_period": step * each}
         start = float(record.t[0])
         bench.restart({**whole, **clock, **first}, start)
-        v = np.full((len(record.t) + beyond, 2), np.nan)
+        v = np.full(((len(record.t) + beyond) * (stride // each), 2), np.nan)
         v[0] = bench.get(OUTPUTS)
         references = bench.value_references(names)
-        done = _run(bench.handle, references, values, bench.value_references(OUTPUTS), start, step, stride, v)
+        done = _run(bench.handle, references, values, bench.value_references(OUTPUTS), start, step, each, v)
         v[done + 1 :] = np.nan
         v = v[:, : record.axes]
-        for distortion in acting:
-            if distortion.voltage and np.isfinite(v).all():
-                v = distortion.voltage(v, timing, sizes)
+        if fine:
+            v = _voltage(v, [d for d in acting if d.within], Timing(timing.first * stride, step), sizes)[::stride]
+        v = _voltage(v, [d for d in acting if not d.within], timing, sizes)
         return np.ascontiguousarray(v[: len(record.t)])
+
+
+def _voltage(v: Floats, acting: Sequence[Distortion], timing: Timing, sizes: Mapping[str, float]) -> Floats:
+    for distortion in acting:
+        if distortion.voltage and np.isfinite(v).all():
+            v = distortion.voltage(v, timing, sizes)
+    return v
 
 
 def _distorted(driven: _Driven, axes: int, sizes: Mapping[str, float]) -> _Driven:

@@ -29,14 +29,14 @@ from discrepancy.name.score import Score, Step, score
 from discrepancy.name.score import without as less
 from discrepancy.name.unseen import unseen_gains
 from discrepancy.terms.effect_file import Term
-from gyro_model.anatomy import Force
+from gyro_model.anatomy import Delay, Force, Lag
 from gyro_model.errors import InputError
 
 RIVALS: Final = 6
 """At most so many effects are refitted before one is named."""
 RIVAL_SHARE: Final = 0.5
-"""Of the best one's linear gain, that a rival must have where the simulation is not close: there, linear scores tell
-half the truth."""
+"""A rival is refitted, where the simulation is not close, if it takes at least this part of the best one's share of the
+residual: there, linear scores tell half the truth."""
 CLEAR: Final = 30.0
 """Times the gain that an effect needs to stay, from which no refit without it is tried: what is not linear in it does
 not make up for so much."""
@@ -81,6 +81,11 @@ class Accepted:
     def of_record(self) -> bool:
         """Whether it is a defect of the record, no effect of the device."""
         return isinstance(self.candidate.effect, Defect)
+
+    @property
+    def on_the_way(self) -> bool:
+        """Whether it acts on the way of force or voltage: a defect of the record, a delay or a lag."""
+        return isinstance(self.candidate.effect, Defect | Delay | Lag)
 
 
 class Refit(NamedTuple):
@@ -304,9 +309,9 @@ class Search:
             if not accepted:
                 self.shortest = max(n for n in parts(self.dataset.fit) if n < self.number)
                 continue
-            if any(a.of_record for a in self.accepted[:-1]):
+            if any(a.on_the_way for a in self.accepted[:-1]):
                 # Filters and delays differ by little, which shows only beside what else is missing.
-                self._exchange(only_record=True)
+                self._exchange(on_the_way=True)
             self._stage(self.accepted[-1].id)
             self.attempt("defects of single samples", self._tidy)
             self._save()
@@ -550,10 +555,13 @@ class Search:
         """Those whose refit could be the best: all that the linear scores leave open."""
         even, simpler = self.criteria.even, self.criteria.simpler
         top = max(s.gain - simpler * s.freedom for _, s in worth)
+        share = max(s.share for _, s in worth)
         linear = self.view.fitter.off(self.view.at) < IN_STEP
 
         def near(entries: Sequence[Scored]) -> list[Scored]:
-            least = [top - 4 * even * s.inflation - 0.1 * top if linear else RIVAL_SHARE * top for _, s in entries]
+            if not linear:
+                return [(c, s) for c, s in entries if s.share >= RIVAL_SHARE * share]
+            least = [top - 4 * even * s.inflation - 0.1 * top for _, s in entries]
             return [(c, s) for (c, s), low in zip(entries, least, strict=True) if s.gain - simpler * s.freedom >= low]
 
         close = near(worth)[:RIVALS]
@@ -628,13 +636,13 @@ class Search:
                 self.at = self.fitter.evaluated(moved)
                 self.accepted[place] = replace(entry, candidate=entry.candidate.renamed(gone.candidate.effect, names))
 
-    def _exchange(self, *, only_record: bool = False) -> None:
+    def _exchange(self, *, on_the_way: bool = False) -> None:
         """With all in: could another effect stand in the place of each? One that fits better takes it, one that fits as
         well is its ``either``."""
         for place, entry in enumerate(self.accepted):
             if any(a.candidate.partner and a.candidate.partner.effect.id == entry.id for a in self.accepted):
                 continue
-            if only_record and not entry.of_record:
+            if on_the_way and not entry.on_the_way:
                 continue
             self.attempt(f"rivals of {entry.id}", partial(self._exchange_one, place, entry))
 
