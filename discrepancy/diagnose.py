@@ -12,7 +12,7 @@ from typing import Any, Final
 from threadpoolctl import threadpool_limits
 
 from discrepancy import MOST_EFFECTS
-from discrepancy.clock import Clock
+from discrepancy.clock import Clock, OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
 from discrepancy.fit.refit import DEFAULT
@@ -120,11 +120,20 @@ def diagnose(
                 if search.names == before:
                     break
 
+        def replaced() -> bool:
+            before = search.fitter.off(search.at)
+            if not widened([a.id for a in search.accepted if not a.of_record], 0.0):
+                return False
+            settled()
+            # A name is not given up for one that there was no time to take in.
+            if search.late and search.fitter.off(search.at) > before:
+                raise OutOfTime
+            return True
+
         settled()
         while further and len(search.terms) < max_effects and not search.in_vain:
-            if not widened([a.id for a in search.accepted if not a.of_record], 0.0):
+            if not search.attempt("another term in the place of a name", replaced):
                 break
-            settled()
         for _ in range(AGAIN):
             if not search.question():
                 break
