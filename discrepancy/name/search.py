@@ -633,7 +633,7 @@ class Search:
                 free = tuple(replace(f, name=names.get(f.name, f.name)) for f in self.at.free)
                 moved = replace(self.at, parameters={names.get(n, n): v for n, v in p.items()}, free=free)
                 self.fitter.forget()
-                self.at = self.fitter.evaluated(moved)
+                self.at = replace(self.fitter.evaluated(moved), left=self.at.left)
                 self.accepted[place] = replace(entry, candidate=entry.candidate.renamed(gone.candidate.effect, names))
 
     def _exchange(self, *, on_the_way: bool = False) -> None:
