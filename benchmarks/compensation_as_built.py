@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from benchmarks.compensation_records import Profile, blocks_of, fmu_record, profile, soaks
+from benchmarks.compensation_records import Profile, blocks_of, fmu_record, lot_shares, profile, soaks
 from benchmarks.report import Options, Report, Row, Table, row
 from calibration.compensation.choose import choose
 from calibration.compensation.measures import Change, change, judge, spread_over_temperature
@@ -111,13 +111,7 @@ def lot_rows(found: Sequence[Sequence[tuple[float, float]]]) -> list[Row]:
     rows = []
     for method, both in zip(METHODS, np.moveaxis(np.array(found), 1, 0), strict=True):
         factor, possible = both.T
-        share = factor / possible
-        values = {
-            "factor": float(np.median(factor)),
-            "possible": float(np.median(possible)),
-            "share": float(np.median(share)),
-            "worst share": float(share.min()),
-        }
+        values = lot_shares(factor, possible)
         limit = REACH if method == METHODS[0] else None
         rows.append(row(f"{method}, bias", "×", values, limit=limit, at_least=True, judged=("share",)))
     return rows

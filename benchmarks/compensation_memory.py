@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from benchmarks.compensation_records import lot_shares
 from benchmarks.cycle_records import Cycle, course, cycle
 from benchmarks.report import Options, Report, Row, Table, row
 from calibration.compensation.measures import change, spread_over_temperature
@@ -32,13 +33,7 @@ def run(options: Options) -> Report:
     for k, method in enumerate(METHODS):
         factor, possible, rms, rms_possible = found[:, k].T
         for what, reached, could in (("per °C", factor, possible), ("rms, offset included", rms, rms_possible)):
-            share = reached / could
-            values = {
-                "factor": float(np.median(reached)),
-                "possible": float(np.median(could)),
-                "share": float(np.median(share)),
-                "worst share": float(share.min()),
-            }
+            values = lot_shares(reached, could)
             limit = 0.8 if method == "history" and what == "per °C" else None
             rows.append(row(f"{method}, bias {what}", "×", values, limit=limit, at_least=True, judged=("share",)))
     table = Table(f"{devices} devices: held out is another record, with other ramps", rows)

@@ -141,3 +141,14 @@ def blocks_of(record: pl.DataFrame, name: str = "record", sampling_time: float =
     signals[FREQUENCY] = record["drive_frequency"].to_numpy()
     t, rate, true = (record[column].to_numpy() for column in ("t", "rate", "rate_true"))
     return make_blocks(TemperatureTest(t, rate, true, signals, name=name), sampling_time, SETTLING)
+
+
+def lot_shares(factor: Floats, possible: Floats) -> dict[str, float]:
+    """Of a lot: factors reached and possible, (devices,), and their ratio, a device at a time, with its worst."""
+    share = factor / possible
+    return {
+        "factor": float(np.median(factor)),
+        "possible": float(np.median(possible)),
+        "share": float(np.median(share)),
+        "worst share": float(share.min()),
+    }

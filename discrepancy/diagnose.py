@@ -134,9 +134,10 @@ def diagnose(
         while further and len(search.terms) < max_effects and not search.in_vain:
             if not search.attempt("another term in the place of a name", replaced):
                 break
-        for _ in range(AGAIN):
-            if not search.question():
-                break
+        again = AGAIN
+        # What comes in after a question is questioned as well.
+        while search.question() and again:
+            again -= 1
             settled()
         found = assemble(search)
         used = more.keys() & found.spoken_of

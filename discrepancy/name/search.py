@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from scipy.stats import chi2
@@ -22,6 +22,7 @@ from discrepancy.fit.refit import DEFAULT, Fitter
 from discrepancy.fit.simulate import Simulator
 from discrepancy.fit.whitening import EARNED
 from discrepancy.name import checkpoint as store
+from discrepancy.name.accepted import Accepted, Dropped, Refit
 from discrepancy.name.columns import Candidate, Fading, Guesses, Library, Probe, fading, finer, nameable
 from discrepancy.name.more_modes import Copy
 from discrepancy.name.scan import Scan, Scored, best_of, next_peaks, other_forms, scanned, sure
@@ -29,7 +30,7 @@ from discrepancy.name.score import Score, Step, score
 from discrepancy.name.score import without as less
 from discrepancy.name.unseen import unseen_gains
 from discrepancy.terms.effect_file import Term
-from gyro_model.anatomy import Delay, Force, Lag
+from gyro_model.anatomy import Force
 from gyro_model.errors import InputError
 
 RIVALS: Final = 6
@@ -57,54 +58,6 @@ Settle = Callable[[Fitter, Fitted], tuple[Fitter, Fitted]]
 Result = TypeVar("Result")
 
 
-@dataclass(frozen=True)
-class Accepted:
-    """An effect in the model: how it was probed, the share of the residual's square it took, and rivals (parameters by
-    id) that fit as well; behind: by how much each rival that was refitted fits worse, as a chi-square."""
-
-    candidate: Candidate
-    share: float
-    rivals: dict[str, dict[str, float]]
-    behind: dict[str, float] = field(default_factory=dict)
-
-    @property
-    def id(self) -> str:
-        """The effect's."""
-        return self.candidate.effect.id
-
-    @property
-    def names(self) -> set[str]:
-        """Its parameters."""
-        return {q.name for q in self.candidate.effect.parameters}
-
-    @property
-    def of_record(self) -> bool:
-        """Whether it is a defect of the record, no effect of the device."""
-        return isinstance(self.candidate.effect, Defect)
-
-    @property
-    def on_the_way(self) -> bool:
-        """Whether it acts on the way of force or voltage: a defect of the record, a delay or a lag."""
-        return isinstance(self.candidate.effect, Defect | Delay | Lag)
-
-
-class Refit(NamedTuple):
-    """A model with an effect that is on trial in it."""
-
-    at: Fitted
-    candidate: Candidate
-    score: Score
-
-
-class Dropped(NamedTuple):
-    """An effect that was accepted and then taken out: why, and its sizes with their deviations."""
-
-    candidate: Candidate
-    reason: str
-    sizes: Mapping[str, tuple[float, float]]
-    share: float
-
-
 class Search:
     """The state of a search: what is accepted, and the model fitted with it (``at``, over the runs of ``fitter``);
     ``terms``: by further search, what it added to the model; ``copies``: effects that wait for others."""
@@ -129,7 +82,6 @@ class Search:
         self.found: list[tuple[Blemish, Found]] = []
         self.dropped: list[Dropped] = []
         self.undone: list[str] = []
-        self.questioned = False
         self.full = False
         self.weak = 0.0
         self.waiting: list[Refit] = []
@@ -576,8 +528,10 @@ class Search:
         shapes = {**(candidate.partner.shapes if candidate.partner else {}), **candidate.shapes}
         own = {**at.parameters, **shapes, **values}
         moved = {f.name: f.bounded(own[f.name], own[f.name] + result.moves.get(f.name, 0.0)) for f in at.free}
-        begun = [fitter.evaluated(replace(at, parameters=p, free=free)) for p in ({**own, **moved}, own)]
-        return min(begun, key=lambda fitted: fitted.cost)
+        begun = fitter.evaluated(replace(at, parameters={**own, **moved}, free=free))
+        if begun.cost <= at.cost:
+            return begun
+        return min(begun, fitter.evaluated(replace(at, parameters=own, free=free)), key=lambda fitted: fitted.cost)
 
     def without_effect(self, at: Fitted, entry: Accepted) -> Fitted:
         """``at`` with the effect switched off, to be fitted."""
@@ -689,7 +643,6 @@ class Search:
             self._settle(self.without_effect(self.at, entry))
             self._first_of_its_kind(entry)
         self.simulator.clock.check()
-        self.questioned = True
 
     def _failing(self) -> Dropped | None:
         partners = {a.candidate.partner.effect.id for a in self.accepted if a.candidate.partner}

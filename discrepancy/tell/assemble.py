@@ -27,7 +27,8 @@ from discrepancy.tell.verdict import Remainder, probability, remainder, sane, wo
 from gyro_model.anatomy import Effect, Force, Map
 
 if TYPE_CHECKING:
-    from discrepancy.name.search import Accepted, Dropped, Search
+    from discrepancy.name.accepted import Accepted, Dropped
+    from discrepancy.name.search import Search
 
 CLIP: Final = "sampled clip"
 """The slot of the effect that such samples show."""

@@ -16,7 +16,8 @@ from discrepancy.fit.whitening import coloured_power
 from discrepancy.tell.answer import Finding, Stage, Value
 
 if TYPE_CHECKING:
-    from discrepancy.name.search import Accepted, Search
+    from discrepancy.name.accepted import Accepted
+    from discrepancy.name.search import Search
 
 ROUNDS: Final = 8
 """Steps of a fit without an effect: enough to see whether held-out runs are better without it."""

@@ -4,9 +4,10 @@ import pytest
 from hidden_sets import MODEL, made
 
 from discrepancy.fit.simulate import Simulator
+from discrepancy.name.accepted import Refit
 from discrepancy.name.columns import Candidate, fading
 from discrepancy.name.grids import ABOUT, WIDER, Grids
-from discrepancy.name.search import Refit, Search
+from discrepancy.name.search import Search
 
 
 def whole(name: str) -> Candidate:

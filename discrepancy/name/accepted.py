@@ -1,0 +1,59 @@
+"""What a search holds: effects on trial, in the model, and taken out of it again."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from discrepancy.fit.defect import Defect
+from discrepancy.fit.fitted import Fitted
+from discrepancy.name.columns import Candidate
+from discrepancy.name.score import Score
+from gyro_model.anatomy import Delay, Lag
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """An effect in the model: how it was probed, the share of the residual's square it took, and rivals (parameters by
+    id) that fit as well; behind: by how much each rival that was refitted fits worse, as a chi-square."""
+
+    candidate: Candidate
+    share: float
+    rivals: dict[str, dict[str, float]]
+    behind: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def id(self) -> str:
+        """The effect's."""
+        return self.candidate.effect.id
+
+    @property
+    def names(self) -> set[str]:
+        """Its parameters."""
+        return {q.name for q in self.candidate.effect.parameters}
+
+    @property
+    def of_record(self) -> bool:
+        """Whether it is a defect of the record, no effect of the device."""
+        return isinstance(self.candidate.effect, Defect)
+
+    @property
+    def on_the_way(self) -> bool:
+        """Whether it acts on the way of force or voltage: a defect of the record, a delay or a lag."""
+        return isinstance(self.candidate.effect, Defect | Delay | Lag)
+
+
+class Refit(NamedTuple):
+    """A model with an effect that is on trial in it."""
+
+    at: Fitted
+    candidate: Candidate
+    score: Score
+
+
+class Dropped(NamedTuple):
+    """An effect that was accepted and then taken out: why, and its sizes with their deviations."""
+
+    candidate: Candidate
+    reason: str
+    sizes: Mapping[str, tuple[float, float]]
+    share: float
