@@ -30,6 +30,7 @@ NAMES = (
     "diagnosis_speed",
     "silverbox",
     "sensor",
+    "published",
 )
 """The benchmarks, one module each with ``run(options) -> Report``."""
 

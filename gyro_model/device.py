@@ -36,15 +36,15 @@ RATE_MODE_UNITS = {
 TONE_RATIO_X, TONE_RATIO_Y, TONE_DEFLECTION = 0.15, 1 / 6, 0.5e-6
 
 PLAUSIBLE = {
-    "frequency": (1.0, 1e6, " Hz"),
+    "frequency": (1.0, 1e7, " Hz"),
     "q": (1.0, 1e10, ""),
     "q_upper": (1.0, 1e10, ""),
     "mass": (1e-18, 1e3, " kg"),
     "gain": (1e-6, 1e15, " V/m"),
     "gap": (1e-9, 1e-2, " m"),
 }
-"""Range and unit of what a designer states. Wider than any vibratory gyroscope, from a nanoresonator to a demonstrator
-of the laboratory; narrower than where the arithmetic overflows or the motion is no vibration."""
+"""Range and unit of what a designer states. Wider than any vibratory gyroscope, from a disk at some MHz to a
+demonstrator of the laboratory; narrower than where the arithmetic overflows or the motion is no vibration."""
 
 
 @dataclass(frozen=True)

@@ -3,16 +3,17 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import degrees
+from math import ceil, degrees
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.rate import loop
+from cosim.rate.allan import MEMORIES
 from cosim.rate.courses import Course, constant
 from cosim.rate.master import LoopedPlant, simulate
-from cosim.rate.run import RateRun
+from cosim.rate.run import SAMPLES, RateRun
 from cosim.rate.steady_state import Output, covers, output_at
 from gyro_model.anatomy import Follow
 from gyro_model.device import Device
@@ -23,6 +24,12 @@ FULL_AT_MOST: Final = 30.0
 """Records at rest last this long at most where envelope and full FMU disagree [s]: some 15 s of computing."""
 SETTLES: Final = 5.0
 """A device that settles later than this is only run on the envelope FMU [s]."""
+CONVERTER: Final = 200e3
+"""The converter samples at this rate [Hz], or at the multiple of it that a faster drive needs."""
+FULL_SAMPLES: Final = 5
+"""The full FMU is run up to this multiple: a second of the simulation then costs a second or two."""
+LONG: Final = 100.0
+"""Records at rest last so many times the shortest delay of an Allan deviation: two decades of it."""
 AGREE: Final = 1e-3
 """Envelope and full FMU agree where bias over full scale and scale factor differ by less than this, or by less than the
 noise."""
@@ -122,10 +129,15 @@ class Bench:
         """Time after which a step of the rate is no longer seen [s]."""
         return self.typical.settling
 
+    @cached_property
+    def sample_rate(self) -> float:
+        """Of the converter [Hz]."""
+        return CONVERTER * max(ceil(SAMPLES * max(self.device.frequencies) / CONVERTER), 1)
+
     @property
     def can_run_full(self) -> bool:
-        """Whether the device settles soon enough for the full FMU."""
-        return self.settling <= SETTLES
+        """Whether the device is slow enough for the full FMU, and settles soon enough."""
+        return self.settling <= SETTLES and self.sample_rate <= FULL_SAMPLES * CONVERTER
 
     def stays(self, measured: float) -> float:
         """How long a plateau stays so that ``measured`` [s] of it are settled: whole rows at 10, 20, 50 and 100 Hz."""
@@ -192,6 +204,7 @@ class Bench:
             closed=self.closed,
             duration=duration,
             seed=self.seed if seed is None else seed,
+            sample_rate=self.sample_rate,
             output_rate=output_rate,
             envelope=envelope,
             design=design,
@@ -228,7 +241,7 @@ class Bench:
 
     @cached_property
     def agreement(self) -> Agreement | None:
-        """Envelope and full FMU side by side; None where the device settles too slowly for the full one."""
+        """Envelope and full FMU side by side; None where the device settles too slowly or swings too fast for that."""
         if not self.can_run_full:
             return None
         stays = self.stays(1.0)
@@ -262,7 +275,8 @@ class Bench:
     @cached_property
     def rest(self) -> list[Record]:
         """Long records at rest, one a seed."""
-        duration = self.plan.rest_duration if self.envelope else min(self.plan.rest_duration, FULL_AT_MOST)
+        duration = max(self.plan.rest_duration, LONG * MEMORIES * self.typical.delay)
+        duration = duration if self.envelope else min(duration, FULL_AT_MOST)
         return [self.record(duration, seed=seed) for seed in self.seeds(self.plan.rest_records)]
 
     @cached_property

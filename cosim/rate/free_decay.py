@@ -23,6 +23,8 @@ PER_SPLIT: Final = 8.0
 LONGEST_STEP: Final = 1e-3
 """Step at most [s]: that of the loops."""
 MOST_SAMPLES: Final = 20_000
+FEWEST_SAMPLES: Final = 400
+"""Three pieces of the pencil's window, twice over: a mode that decays within milliseconds is sampled more often."""
 OUTPUTS: Final = ("v_x_i", "v_x_q", "v_y_i", "v_y_q")
 
 
@@ -41,22 +43,24 @@ class LinearMode(NamedTuple):
     q: float
 
 
-def free_decay(device: Device, amplitude: float, seed: int, carrier: float) -> Decay:
+def free_decay(device: Device, amplitude: float, seed: int, carrier: float, sample_rate: float) -> Decay:
     """Both axes are let go at ``amplitude`` [m], and followed for two time constants of the slower one, on the
-    envelope FMU around ``carrier`` [Hz], at which it takes what a parasitic mode does. Raises InputError where the
-    plant can't go on."""
+    envelope FMU around ``carrier`` [Hz], at which it takes what a parasitic mode does; the noise of the pickoff is
+    that of samples at ``sample_rate`` [Hz]. Raises InputError where the plant can't go on."""
     p = device.all_parameters
     low, high = device.frequencies
     taus = [q / (pi * f) for q, f in zip(device.quality_factors, (low, high), strict=True) if np.isfinite(q)]
-    interval = min(LONGEST_STEP, 1 / (PER_SPLIT * max(high - low, 1e-9)))
-    rows = int(min(2 * max(taus, default=1.0) / interval, MOST_SAMPLES))
+    slowest = 2 * max(taus, default=1.0)
+    longest = min(1 / (PER_SPLIT * max(high - low, 1e-9)), slowest / FEWEST_SAMPLES)
+    interval = min(LONGEST_STEP, longest)
+    rows = int(min(slowest / interval, MOST_SAMPLES))
     # Slow decays are sampled as seldom as the split allows.
-    interval = min(max(interval, 2 * max(taus, default=1.0) / MOST_SAMPLES), 1 / (PER_SPLIT * max(high - low, 1e-9)))
+    interval = min(max(interval, slowest / MOST_SAMPLES), longest)
     no_force = dict.fromkeys(("u_x_i", "u_x_q", "u_y_i", "u_y_q"), 0.0)
     start = {"x_start": amplitude, "y_start": amplitude, "x_dot_start": 0.0, "y_dot_start": 0.0}
     parameters = {
         **device.parameters,
-        **plant_parameters(device, 5e-6, seed),
+        **plant_parameters(device, 1 / sample_rate, seed),
         "kxx": p["kxx"],
         "m": p["m"],
         **start,

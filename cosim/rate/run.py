@@ -26,6 +26,8 @@ ENVELOPE_PERIOD: Final = 1e-3
 """Step of the slow loops on the envelope [s]: a twentieth of a period of the split, a fiftieth of the phase loop's."""
 LONGEST_SETTLING: Final = 60.0
 """The full FMU is not run up for longer than this [s]: some 20 s of computing."""
+SAMPLES: Final = 8
+"""Samples in a period of the drive, at least."""
 SETTLED: Final = 12.0
 """Time constants until settled: e^-12 = 6e-6 of a start or step is left."""
 
@@ -60,8 +62,8 @@ class RateRun:
     def __post_init__(self) -> None:
         if not 1 <= self.output_rate <= 1e4:
             raise InputError(f"output rate {self.output_rate:g} Hz: give one from 1 to 1e4 Hz")
-        if not 1e3 <= self.sample_rate <= 1e7:
-            raise InputError(f"sample rate {self.sample_rate:g} Hz: give one from 1e3 to 1e7 Hz")
+        if not 1e3 <= self.sample_rate <= 1e8:
+            raise InputError(f"sample rate {self.sample_rate:g} Hz: give one from 1e3 to 1e8 Hz")
         if not self.duration < 1e6 or self.rows < 1:
             raise InputError(f"duration {self.duration:g} s: give one from {1 / self.output_rate:g} to 1e6 s")
         if self.settings.demodulator_bandwidth > 0.25 * self.nominal.calibration.frequency:
@@ -69,9 +71,9 @@ class RateRun:
                 f"rate_mode demodulator_bandwidth = {self.settings.demodulator_bandwidth:g} Hz: give less than a "
                 f"quarter of the drive frequency, {self.nominal.calibration.frequency:.6g} Hz"
             )
-        if self.sample_rate < 8 * self.nominal.calibration.frequency:
+        if self.sample_rate < SAMPLES * self.nominal.calibration.frequency:
             raise InputError(
-                f"sample rate {self.sample_rate:g} Hz: give eight times the drive frequency of "
+                f"sample rate {self.sample_rate:g} Hz: give {SAMPLES} times the drive frequency of "
                 f"{self.nominal.calibration.frequency:.6g} Hz or more"
             )
         if self.duration > self.rate.length + 1e-9:
@@ -157,6 +159,14 @@ class RateRun:
         closed = 1 / (2 * pi * self.settings.sense_bandwidth) if self.closed else 0.0
         filters = delay(self.settings.output_bandwidth) + delay(self.settings.demodulator_bandwidth)
         return SETTLED * max(loops, sense, closed, filters)
+
+    @property
+    def delay(self) -> float:
+        """How much the output filter and the sense axis delay slow rates [s]: a closed loop by its bandwidth, an open
+        one by γ/(Δ² + γ²), the slope of its phase at rest (transfer.py)."""
+        pole = self.nominal.pole
+        axis = 1 / (2 * pi * self.settings.sense_bandwidth) if self.closed else -pole.real / max(abs(pole) ** 2, 1e-18)
+        return delay(self.settings.output_bandwidth) + axis
 
     def blocks(self) -> Blocks:
         """The blocks of the loops."""

@@ -89,7 +89,7 @@ def _plant(bench: Any) -> dict[str, Any]:
         return {"long_tests": "full", "note": "whole-angle mode runs on the full FMU"}
     found = bench.agreement
     if found is None:
-        note = "the device settles too slowly for the full FMU: nothing was compared"
+        note = "the device settles too slowly or swings too fast for the full FMU: nothing was compared"
         return {"long_tests": "envelope", "note": note}
     note = "envelope less full FMU: bias over full scale, scale factor, each with its standard error"
     return {

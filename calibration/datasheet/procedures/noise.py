@@ -1,7 +1,5 @@
 """Allan analysis of the output at rest: the five terms of IEEE Std 952, annex C, with intervals."""
 
-from math import pi
-
 import numpy as np
 from scipy.signal import welch
 
@@ -11,9 +9,7 @@ from calibration.datasheet.figure import Curve, Outcome
 from calibration.datasheet.procedure import RATE, Procedure
 from cosim.rate.allan import MEMORIES, noise_limits
 from cosim.rate.bench import Bench
-from cosim.rate.filters import delay
 from cosim.rate.metrics import PER_ROOT_HOUR
-from cosim.rate.run import RateRun
 
 ROWS = 10
 """Rows in a period of the output filter's bandwidth, at least."""
@@ -26,7 +22,7 @@ SPECTRUM = 2400.0
 def measure(bench: Bench) -> Outcome:
     """Of all long records at rest."""
     records, run = bench.rest, bench.typical
-    shortest = MEMORIES * delay_of(run)
+    shortest = MEMORIES * run.delay
     found = rate_allan(np.stack([one.rate for one in records]), records[0].interval, shortest)
     walk = noise_limits(run.nominal, bench.reference_temperature, 1 / run.sample_rate).total
     figures = terms(found, len(records))
@@ -43,17 +39,11 @@ def spectrum(bench: Bench) -> Curve:
     run = bench.typical
     bandwidth = run.settings.output_bandwidth
     row = run.period * max(int(1 / (ROWS * bandwidth * run.period)), 1)
-    one = bench.record(SPECTRUM / bandwidth, output_rate=1 / row)
+    one = bench.record(SPECTRUM / bandwidth + bench.settling, output_rate=1 / row)
     rate = one.rate[int(bench.settling / row) :]
     frequency, density = welch(rate - rate.mean(), 1 / row, nperseg=min(LINES * ROWS, len(rate)))
     columns = {"frequency [Hz]": frequency[1:], "density [°/s/√Hz]": np.degrees(np.sqrt(density[1:] / 2))}
     return Curve("noise_spectrum", "Spectral density of the noise at rest", columns)
-
-
-def delay_of(run: RateRun) -> float:
-    """How much the output filter, and a closed sense loop, delay slow rates [s]."""
-    loop = 1 / (2 * pi * run.settings.sense_bandwidth) if run.closed else 0.0
-    return delay(run.settings.output_bandwidth) + loop
 
 
 PROCEDURE = Procedure("Drift rate: random part", "12.11", RATE, measure, 20)

@@ -38,7 +38,7 @@ def measure(bench: Bench) -> Outcome:
     least = log(LARGEST_FORCE / (LARGEST_FORCE - 1 + LOCKED_AMPLITUDE)) / known.decay
     lock, lock_error = mean(locks)
     ready, ready_error = mean(times)
-    note = "on the envelope FMU: the device settles too slowly for the full one" if envelope else ""
+    note = "on the envelope FMU: the device settles too slowly or swings too fast for the full one" if envelope else ""
     band = f"output stays within {degrees(BAND * bench.full_scale):.3g} °/s, 1 % of full scale"
     return Outcome(
         [

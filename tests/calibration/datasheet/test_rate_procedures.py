@@ -169,6 +169,28 @@ def test_modes_of_packaged_devices_are_those_of_their_matrices() -> None:
     assert (low.q, high.q) == pytest.approx(packaged.quality_factors, rel=1e-2)
 
 
+def matched(q: float) -> Device:
+    """Both modes at F_X with a quality factor of ``q``."""
+    w = 2 * pi * F_X
+    return device(kyy=MASS * w**2, dxx=MASS * w / q, dyy=MASS * w / q, thermal_force=1.0)
+
+
+def test_matched_modes_show_one_line() -> None:
+    # Decays within 4 ms, which steps of 1 ms would not follow.
+    found = figures(Bench(matched(50.0), plan=PLAN), "modes")
+    assert found["mode_frequency_lower"].value == pytest.approx(F_X, rel=1e-4)
+    assert found["quality_factor_lower"].value == pytest.approx(50.0, rel=2e-3)
+    assert found["mode_split"].value is None
+    assert "match" in found["mode_split"].note
+
+
+def test_angle_random_walk_of_a_mode_that_is_slower_than_the_output_filter() -> None:
+    # The mode is 0.2 Hz wide: within 40 delays of the filter it has not yet forgotten its noise.
+    slow = Bench(matched(1e4), plan=PLAN)
+    assert slow.typical.delay == pytest.approx(1e4 / (pi * F_X), rel=1e-2)
+    assert figures(slow, "noise")["angle_random_walk"].holds
+
+
 def test_the_formula_of_the_open_loop_is_one_at_rest(bench: Bench) -> None:
     gain = expected_transfer(bench.device, bench.typical, np.array([1e-6, 1.0]))
     assert gain[0] == pytest.approx(1.0, abs=1e-6)

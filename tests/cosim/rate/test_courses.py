@@ -114,7 +114,7 @@ def run(**changes: object) -> RateRun:
         ),
         ({"duration": 0.0}, "duration 0 s"),
         ({"duration": np.nan}, "duration nan s"),
-        ({"sample_rate": 3e4}, "eight times the drive frequency"),
+        ({"sample_rate": 3e4}, "8 times the drive frequency"),
         ({"output_rate": 0.1}, "output rate 0.1 Hz"),
         ({"device": load_device("whole_angle")}, "settles in .* give --plant envelope"),
         ({"rate": courses.Course(lambda t: 0 * t, 5.0, "measured")}, "lasts 5 s; shorten"),
