@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from gyro_model.errors import InputError
-from gyro_model.tables import read_table
+from gyro_model.tables import read_table, stated_unit
 from gyro_model.units import conversion
 
 Floats = NDArray[np.float64]
@@ -66,18 +66,20 @@ class RateProfile(NamedTuple):
             )
 
 
-def read_profile(path: Path, column: str, unit: str, time_column: str | None = None) -> RateProfile:
-    """Read a rate [`unit`] and its time from a .csv, .csv.gz or .parquet file.
+def read_profile(path: Path, column: str, unit: str | None = None, time_column: str | None = None) -> RateProfile:
+    """Read a rate and its time from a .csv, .csv.gz or .parquet file.
 
-    The first column is the time [s] unless `time_column` names another. Raises InputError for a file
-    that can't be read, a missing column, a wrong unit, a value that is no finite number, time that
-    does not increase, and fewer than four rows.
+    The rate is in `unit`; None: in that of its heading. The first column is the time [s] unless `time_column` names
+    another. Raises InputError for a file that can't be read, a missing column, no unit or a wrong one, a value that is
+    no finite number, time that does not increase, and fewer than four rows.
     """
     try:
-        conversion(unit, "rad/s")
+        conversion(unit or "rad/s", "rad/s")
     except InputError as error:
         raise InputError(f"rate {error}") from None
     table = read_table(path)
+    if unit is None and column in table.headings and stated_unit(column, "rad/s") is None:
+        raise InputError(f"{path}: column {column!r} names no unit: give --rate-unit deg/s or rad/s")
     rate = table.quantity(column, "rad/s", unit)
     if len(table) < MINIMUM_ROWS:
         raise InputError(f"{path} is too short: {len(table)} rows, and a smooth rate needs {MINIMUM_ROWS} or more")

@@ -31,7 +31,7 @@ def run(
     trace_rate: float | None = None,
     rate_profile: str | Path | None = None,
     rate_column: str | None = None,
-    rate_unit: str = "deg/s",
+    rate_unit: str | None = None,
     rate_start: float = 0.0,
     sensing_defects: bool = False,
     effects: Sequence[str | Path] = (),
@@ -62,7 +62,8 @@ def run(
     trace_rate : float
         Rows of the trace a second [Hz]; None: 20,000, fewer in long runs.
     rate_profile, rate_column, rate_unit, rate_start
-        A measured rate for the scenario ``motion``: CSV file, its column, ``"deg/s"`` or ``"rad/s"``, start [s].
+        A measured rate for the scenario ``motion``: CSV file, its column, ``"deg/s"`` or ``"rad/s"``
+        (None: as its heading says), start [s].
     sensing_defects : bool
         Set offset, drift, gap, mismatches and parasitic in the pickoff.
     effects : sequence of str or Path
@@ -129,7 +130,7 @@ def rate(
     parameters: Mapping[str, float] | None = None,
     rate_profile: str | Path | None = None,
     rate_column: str | None = None,
-    rate_unit: str = "deg/s",
+    rate_unit: str | None = None,
     rate_step: float | None = None,
     rate_period: float = 8.0,
     temperature: float | tuple[float, float, float] | str | Path | None = None,
@@ -155,7 +156,7 @@ def rate(
     parameters : mapping of str to float
         Parameters of the device to change, SI, and settings ``rate_mode.NAME``.
     rate_profile, rate_column, rate_unit
-        A measured rate: CSV file, its column, ``"deg/s"`` or ``"rad/s"``.
+        A measured rate: CSV file, its column, ``"deg/s"`` or ``"rad/s"`` (None: as its heading says).
     rate_step, rate_period : float
         Rest, +R, rest, -R again and again [deg/s], one round in so many seconds.
     temperature : float, tuple or path

@@ -38,7 +38,9 @@ def run(
     rate_column: Annotated[
         str | None, typer.Option(help="Its column with the rate; the first column is time in s.")
     ] = None,
-    rate_unit: Annotated[str, typer.Option(help="Unit of that column: deg/s or rad/s.")] = "deg/s",
+    rate_unit: Annotated[
+        str | None, typer.Option(help="Unit of that column, deg/s or rad/s; default: its heading's.")
+    ] = None,
     rate_start: Annotated[float, typer.Option(help="Begin this many seconds into the profile.")] = 0.0,
     observer: Annotated[str, typer.Option(help="ekf, lyapunov, or a Python file that defines OBSERVER.")] = "ekf",
     controller: Annotated[str, typer.Option(help="foucault, or a Python file that defines CONTROLLER.")] = "foucault",

@@ -38,7 +38,7 @@ class Request(NamedTuple):
     settings: tuple[str, ...] = ()
     rate_profile: Path | None = None
     rate_column: str | None = None
-    rate_unit: str = "deg/s"
+    rate_unit: str | None = None
     rate_step: float | None = None
     rate_period: float = STEP_PERIOD
     temperature: str | None = None
@@ -68,7 +68,9 @@ def rate(
     rate_column: Annotated[
         str | None, typer.Option(help="Its column with the rate; the first column is time in s.")
     ] = None,
-    rate_unit: Annotated[str, typer.Option(help="Unit of that column: deg/s or rad/s.")] = "deg/s",
+    rate_unit: Annotated[
+        str | None, typer.Option(help="Unit of that column, deg/s or rad/s; default: its heading's.")
+    ] = None,
     rate_step: Annotated[float | None, typer.Option(help="Rest, +R, rest, -R again and again, deg/s.")] = None,
     rate_period: Annotated[float, typer.Option(help="Seconds of one such round.")] = STEP_PERIOD,
     temperature: Annotated[

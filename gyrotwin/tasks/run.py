@@ -52,7 +52,7 @@ class Request(NamedTuple):
     settings: tuple[str, ...] = ()
     rate_profile: Path | None = None
     rate_column: str | None = None
-    rate_unit: str = "deg/s"
+    rate_unit: str | None = None
     rate_start: float = 0.0
     observer: str = "ekf"
     controller: str = "foucault"

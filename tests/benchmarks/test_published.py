@@ -1,4 +1,4 @@
-"""Devices made from published data: their files give what they were derived from; the benchmark compares as it claims."""
+"""Devices made from published data: files give what they were derived from; the benchmark compares as it claims."""
 
 from math import degrees
 

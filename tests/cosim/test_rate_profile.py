@@ -56,6 +56,17 @@ def test_degrees_and_gzip(table, tmp_path):
     np.testing.assert_allclose(in_degrees, np.deg2rad(in_radians), atol=1e-10)
 
 
+def test_the_unit_is_that_of_the_heading_and_is_never_guessed(table, tmp_path):
+    named = tmp_path / "named.csv"
+    named.write_text(table.read_text(encoding="utf-8").replace("rate_z", "rate_z [rad/s]"), encoding="utf-8")
+    stated = read_profile(named, "rate_z [rad/s]").held(0.0, 0, 100, PERIOD)
+    np.testing.assert_array_equal(stated, read_profile(table, "rate_z", "rad/s").held(0.0, 0, 100, PERIOD))
+    with pytest.raises(InputError, match="names no unit: give --rate-unit deg/s or rad/s"):
+        read_profile(table, "rate_z")
+    with pytest.raises(InputError, match="is in rad/s by its heading, not in deg/s"):
+        read_profile(named, "rate_z [rad/s]", "deg/s")
+
+
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 90_000), st.integers(1, 5000))
 def test_blocks_change_no_bit(first, count):

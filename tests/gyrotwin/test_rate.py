@@ -120,7 +120,7 @@ def test_a_profile_beyond_the_bandwidth_is_said_and_gives_no_scale_factor(
     t = np.arange(0, 6, 1e-3)
     swept = 20 * np.sin(2 * np.pi * (2 * t + 0.5 * (167 - 2) / 6 * t**2))
     pl.DataFrame({"t": t, "omega_z": swept}).write_csv(tmp_path / "swept.csv")
-    profile = ("--rate-profile", tmp_path / "swept.csv", "--rate-column", "omega_z")
+    profile = ("--rate-profile", tmp_path / "swept.csv", "--rate-column", "omega_z", "--rate-unit", "deg/s")
     with pytest.raises(SystemExit) as end:
         main(["rate", "--plant", "envelope", *map(str, profile), "--out", str(tmp_path / "out")])
     assert end.value.code in (0, None)

@@ -37,7 +37,7 @@ def refused(capsys: pytest.CaptureFixture[str], out: Path, *arguments: object) -
 @pytest.fixture(scope="module")
 def moved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("moved") / "rate"
-    motion = ("--rate-profile", MOTION, "--rate-column", "omega_z")
+    motion = ("--rate-profile", MOTION, "--rate-column", "omega_z", "--rate-unit", "deg/s")
     gyrotwin("rate", "--plant", "envelope", *motion, "--sense-record", 1000, "--out", out)
     return out
 

@@ -53,4 +53,4 @@ def test_a_parameter_that_the_device_has_not_is_named(path: Path) -> None:
 def test_a_profile_belongs_to_motion(path: Path) -> None:
     profile = Path(__file__).parents[2] / "cosim" / "profiles" / "hand_motion.csv"
     with pytest.raises(InputError, match="run 'motion' with it"):
-        prepare(Request(str(path), rate_profile=profile, rate_column="omega_z"))
+        prepare(Request(str(path), rate_profile=profile, rate_column="omega_z", rate_unit="deg/s"))
