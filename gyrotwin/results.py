@@ -243,12 +243,13 @@ class SplitResult(Saved):
         return self.files
 
     def headline(self) -> Sequence[tuple[str, str]]:
-        """The split, or its ends."""
+        """The split, or its ends, and what to know of it."""
         found = {key: self.summary[key] for key in ("split", "first", "last") if key in self.summary}
-        return [
+        ends = [
             (f"split{'' if key == 'split' else ', ' + key}", f"{v['value']:.4f} Hz ({v['low']:.4f} .. {v['high']:.4f})")
             for key, v in found.items()
         ]
+        return [*ends, *(("warning", text) for text in self.summary["warnings"])]
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import polars as pl
 from rich.table import Table
 
 from calibration.mode_split import Question, Track, VoltageRecord, follow_split
+from calibration.mode_split.checks import unchecked
 from calibration.mode_split.estimate import NORMAL_95
 from gyro_model.errors import InputError
 from gyrotwin.figures import Figure, Panel, line
@@ -25,6 +26,7 @@ def follow(record: VoltageRecord, question: Question, block: float, name: str) -
     found = follow_split(record, question, block)
     table = frame(found)
     summary = summarise(found, table, record, name, question.q is not None)
+    summary["warnings"] = unchecked(question.mass, question.sense_gain)
     files: dict[str, Writer] = {
         "summary.json": write_json(summary),
         "track.csv": table.write_csv,

@@ -79,6 +79,17 @@ def thermal_ratio(model: SplitModel, mass: float, gain: float, temperature: floa
     return float(power / (gain**2 * float(BOLTZMANN) * temperature / (mass * (2 * np.pi * model.f_y) ** 2)))
 
 
+def unchecked(mass: float | None, gain: float | None) -> list[str]:
+    """What a user must know of a hump whose power could not be held against kT; nothing where both are given."""
+    missing = [option for option, value in (("--mass", mass), ("--sense-gain", gain)) if value is None]
+    if not missing:
+        return []
+    return [
+        "the power of the hump is not checked against kT: any resonance near the drive, such as a mode of the package "
+        f"that is shaken, would be read as the sense mode; give {' and '.join(missing)}"
+    ]
+
+
 def check_thermal(ratio: float) -> None:
     """Raises InputError for a hump that is not thermal."""
     if not 1 / THERMAL <= ratio <= THERMAL:

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from calibration.mode_split.checks import check_thermal, thermal_ratio
 from calibration.mode_split.estimate import NothingFoundError, Question, check_length
 from calibration.mode_split.record import Envelope, VoltageRecord, envelope, find_line
 from calibration.mode_split.tracking import SplitTracker, Tracked, block_split, track
@@ -36,7 +37,7 @@ def follow_split(record: VoltageRecord, question: Question, block: float) -> Tra
     """The split of a record through time, by blocks of ``block`` [s].
 
     Raises InputError where the record holds fewer than FEWEST_BLOCKS or a block can't resolve the line width, saying
-    how long each must be, and NothingFoundError where no block shows a hump.
+    how long each must be, and where the humps are not thermal, and NothingFoundError where no block shows a hump.
     """
     if not (np.isfinite(block) and block > 0):
         raise InputError(f"--track {block:g}: give the length of a block in s")
@@ -56,6 +57,10 @@ def follow_split(record: VoltageRecord, question: Question, block: float) -> Tra
     first = list(track(part, replace(known, q=q), block, loosest))
     if not first:
         raise _nothing(block)
+    if question.mass is not None and question.sense_gain is not None:
+        mass, gain, kelvin = question.mass, question.sense_gain, question.temperature
+        found = [thermal_ratio(step.block.model, mass, gain, kelvin) for step in first if step.block is not None]
+        check_thermal(float(np.median(found)))
     wander = likely_wander(first, block, half_width, loosest)
     return Track(_filtered(first, block, half_width, wander)[0], int(part.duration / block), block, q, wander)
 

@@ -40,10 +40,12 @@ class Likelihood:
     spread: float
 
     def value(self, model: SplitModel) -> float:
-        """Log-likelihood less the prior's penalty."""
-        density = model.density(self.groups.f)
-        fit = -float(self.groups.count @ (np.log(density) + self.groups.power / density)) / self.spread
-        return fit - 0.5 * float(self._off(model) @ self._off(model))
+        """Log-likelihood less the prior's penalty; -inf where parameters are so far off that the model is no number."""
+        with np.errstate(all="ignore"):
+            density = model.density(self.groups.f)
+            fit = -float(self.groups.count @ (np.log(density) + self.groups.power / density)) / self.spread
+            value = fit - 0.5 * float(self._off(model) @ self._off(model))
+        return value if np.isfinite(value) else -np.inf
 
     def step(self, model: SplitModel) -> tuple[Floats, Floats]:
         """Gradient (6,) and Fisher information (6, 6), prior included."""

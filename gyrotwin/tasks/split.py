@@ -91,13 +91,15 @@ def split(
     found = find(request)
     found.save(folder, force=force)
     console.print(found.shown)
+    for text in found.summary["warnings"]:
+        console.print(f"warning: {text}", style="yellow", soft_wrap=True, highlight=False, markup=False)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
 
 
 def find(request: Request) -> "SplitResult":
     """The split, or its track, that ``request`` asks for. Raises InputError, with a remedy, for whatever is wrong."""
     from calibration.mode_split import Question, find_split
-    from calibration.mode_split.checks import thermal_ratio
+    from calibration.mode_split.checks import thermal_ratio, unchecked
     from gyrotwin.results import SplitResult, Writer, write_json
     from gyrotwin.split_record import read_record
     from gyrotwin.split_report import render_split
@@ -115,6 +117,7 @@ def find(request: Request) -> "SplitResult":
     if question.mass is not None and question.sense_gain is not None:
         level = thermal_ratio(analysis.split.model, question.mass, question.sense_gain, question.temperature)
         summary["power_over_thermal"] = level
+    summary["warnings"] = unchecked(question.mass, question.sense_gain)
     files: dict[str, Writer] = {
         "summary.json": write_json(summary),
         "report.html": partial(render_split, summary, analysis),
@@ -163,9 +166,8 @@ def results(summary: dict[str, Any]) -> Table:
     q = summary["q"]
     table.add_row("Q", f"{q['value']:.4g}", "given" if q["given"] else f"{q['low']:.4g} .. {q['high']:.4g}")
     table.add_row("hump over the floor", f"{summary['hump_over_floor_db']:.1f} dB", "")
-    level = summary.get("power_over_thermal")
-    told = "not checked: give --mass and --sense-gain" if level is None else f"{level:.3g}"
-    table.add_row("hump's power over kT's", told, "")
+    if (level := summary.get("power_over_thermal")) is not None:
+        table.add_row("hump's power over kT's", f"{level:.3g}", "")
     table.add_row("standard deviation", f"{summary['deviation']:.3g} Hz", "")
     table.add_row("Cramér–Rao bound", f"{summary['bound']:.3g} Hz", "")
     for key, text in (("as_printed", "cross-correlation, as printed"), ("line_removed", "the same, line removed")):

@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+import gyrotwin as gt
 from benchmarks.split_records import SenseAxis, make_envelope, make_record
 from gyrotwin.cli import main
 
@@ -59,6 +60,19 @@ def test_the_answer_has_an_interval_that_holds_the_truth(folder: Path) -> None:
     assert 1.0 <= summary["deviation"] / summary["bound"] < 1.25
     assert summary["q"]["low"] < 500 < summary["q"]["high"]
     assert summary["f_x"] == pytest.approx(3000.0, abs=1e-3)
+
+
+def test_a_hump_that_was_not_held_against_kt_is_said_everywhere(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    [text] = json.loads((folder / "out" / "summary.json").read_text())["warnings"]
+    assert "not checked against kT" in text
+    assert f"Warning: {text}" in (folder / "out" / "report.html").read_text(encoding="utf-8")
+    capsys.readouterr()
+    split(folder / "record.parquet", "--track", "2", "--q", "500", "--out", tmp_path / "track")
+    assert f"warning: {text}" in capsys.readouterr().out
+    assert f"Warning: {text}" in (tmp_path / "track" / "report.html").read_text(encoding="utf-8")
+    assert ("warning", text) in gt.split(folder / "record.parquet").headline()
 
 
 def test_numbers_of_the_correlation_have_intervals_too(folder: Path) -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.split_records import SenseAxis, make_record
 from calibration.mode_split import Question, VoltageRecord, find_split
-from calibration.mode_split.checks import thermal_ratio
+from calibration.mode_split.checks import thermal_ratio, unchecked
 from calibration.mode_split.model import SplitModel
 from gyro_model.errors import InputError
 
@@ -76,3 +76,11 @@ def test_the_level_of_thermal_noise() -> None:
 def test_a_hump_that_is_not_thermal_is_refused() -> None:
     with pytest.raises(InputError, match="not thermal"):
         find_split(record(), Question(mass=1e-3, sense_gain=1.0))
+
+
+def test_what_was_not_given_to_hold_the_hump_against_kt_is_named() -> None:
+    assert unchecked(2e-8, 1e6) == []
+    [text] = unchecked(None, None)
+    assert "not checked against kT" in text
+    assert text.endswith("give --mass and --sense-gain")
+    assert unchecked(2e-8, None)[0].endswith("give --sense-gain")

@@ -111,6 +111,12 @@ def test_track_finds_q_and_how_much_the_split_wanders(slope):
     assert track.steps[-1].deviation < 0.8 * track.steps[-1].block.deviation
 
 
+def test_a_track_of_humps_that_are_not_thermal_is_refused():
+    record, _ = drifting(0.0, 12, 12)
+    with pytest.raises(InputError, match="not thermal"):
+        follow_split(record, Question(mass=1e-3, sense_gain=1.0), 30.0)
+
+
 def test_likely_wander_is_that_of_the_walk():
     rng, block, wander, noise = np.random.default_rng(13), 10.0, 3e-4, 0.1
     at = np.zeros(2)
