@@ -54,7 +54,7 @@ WRONG = {
     "a folder that can't be made": (["dataset", "simulate", "/proc/trial"], "/proc/trial"),
     "a missing folder": ([*NEW, "--out", "nowhere/a.toml"], "nowhere/a.toml"),
     "an absurd rate": (["rate", "--rate-step", "1e300", "--duration", "1"], "deg/s"),
-    "absurd frequency": ([*NEW, "--frequency", "3e9"], "1 to 1e+06 Hz"),
+    "absurd frequency": ([*NEW, "--frequency", "3e9"], "1 to 1e+07 Hz"),
     "absurd Q": ([*NEW, "--q", "0.1"], "1 to 1e+10"),
     "absurd mass": ([*NEW, "--mass", "1e30"], "1e-18 to 1000 kg"),
     "a gain that overflows": ([*NEW, "--gain", "1e300"], "V/m"),
