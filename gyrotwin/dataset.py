@@ -71,7 +71,11 @@ def init(
     for line in [*said, f"wrote {path}"]:
         console.print(line, soft_wrap=True, highlight=False, markup=False)
     if not parameters:
-        console.print("fill in [nominal], or name the device by --nominal", highlight=False, markup=False)
+        console.print(
+            "[nominal] is left to the record; fill in what you believe, or name the device by --nominal",
+            highlight=False,
+            markup=False,
+        )
 
 
 @dataset_app.command()

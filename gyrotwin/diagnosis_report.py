@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from discrepancy.data.dataset import Dataset
-from discrepancy.fit.defect import effect_of
+from discrepancy.fit.defect import effect_of, quantity_of
 from discrepancy.tell.answer import Diagnosis
 from discrepancy.tell.assemble import forces
 from gyro_model.errors import InputError
@@ -112,8 +112,9 @@ def _parameters(data: Dataset, model: Model, found: Diagnosis) -> list[dict[str,
     for name, value in last.items():
         own = found.device.get(name)
         text = uncertain(own.value, own.low, own.high) if own else f"{significant(value, 5)} (held)"
-        sized = model.parameter(name).role in ("size", "shape") and name not in data.nominal
-        rows.append({"name": name, "unit": model.parameter(name).unit, "nominal": first.get(name),
+        quantity = quantity_of(model, name)
+        sized = quantity.role in ("size", "shape") and name not in data.nominal
+        rows.append({"name": name, "unit": quantity.unit, "nominal": first.get(name),
                      "refit": None if sized and name not in refit else refit.get(name), "text": text})  # fmt: skip
     return rows
 
@@ -122,7 +123,7 @@ def _detectable(model: Model, sizes: Mapping[str, Mapping[str, float | None]]) -
     rows = []
     for effect, own in sorted(sizes.items()):
         for name, size in own.items():
-            rows.append({"effect": effect, "parameter": name, "size": size, "unit": model.parameter(name).unit})
+            rows.append({"effect": effect, "parameter": name, "size": size, "unit": quantity_of(model, name).unit})
     return rows
 
 

@@ -1,6 +1,6 @@
 """A data set on disk: a folder with ``dataset.toml`` and one table a run (docs/theory/records.md)."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple, get_args
 
 import numpy as np
 
-from discrepancy.data.linear_start import linear_start
+from discrepancy.data.linear_start import linear_start, sensor_gains
 from discrepancy.data.record import Floats, Hold, Record, Role, make_record
 from discrepancy.data.table import SUFFIXES, read_columns
 from gyro_model.device import check_passive
@@ -34,7 +34,8 @@ Y_ONLY: Final = ("kyy", "kxy", "dyy", "dxy", "sense_gain_y", "y_start", "y_dot_s
 @dataclass(frozen=True)
 class Dataset:
     """What a lab measured and believes. nominal: by FMU parameter name, SI, complete for the axes measured; notes:
-    what was assumed, for the reader; model: whose parameters ``nominal`` may name.
+    what was assumed, for the reader; model: whose parameters ``nominal`` may name; unknown: names of gains that no one
+    states, to be fitted beside mass, stiffness and damping.
 
     Raises InputError where runs differ in axes, none is left to fit, or a nominal value is missing or impossible.
     """
@@ -44,6 +45,7 @@ class Dataset:
     records: tuple[Record, ...]
     notes: tuple[str, ...] = ()
     model: Model = field(default_factory=load_model, repr=False, compare=False)
+    unknown: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.records:
@@ -121,7 +123,9 @@ def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float],
     believed, found = _believed(device | nominal, records)
     complete, more = _completed(believed, axes)
     more = [*found, *more]
-    return Dataset(folder, complete, records, (*notes, *more, *(note for _, note in read if note)), model)
+    stated = device | nominal
+    unknown = _unknown_gains(stated, records) if axes == 2 and "m" in complete else ()
+    return Dataset(folder, complete, records, (*notes, *more, *(note for _, note in read if note)), model, unknown)
 
 
 class _Entry(NamedTuple):
@@ -201,24 +205,39 @@ def _believed(nominal: dict[str, float], records: tuple[Record, ...]) -> tuple[d
     known = [nominal[name] for name in gains if name in given]
     if given and given - set(gains) and (known or not driven or "m" not in given):
         return nominal, []
-    gain = known[0] if known else 1.0
-    found = linear_start(fit, [nominal.get(name, gain) for name in gains])
+    assumed = [known[0]] * len(gains) if known else sensor_gains(fit)
+    found = linear_start(fit, [nominal.get(name, gain) for name, gain in zip(gains, assumed, strict=True)])
     if found is None:
-        return nominal, []
+        absent = ", ".join(name for name in needed if name not in given)
+        raise InputError(f"[nominal] lacks {absent}, and no linear model of the runs gives them: is v the answer to u? "
+                         "Fill them in, or name the device that has them")  # fmt: skip
     said = ""
     if "m" in given:
         # In a sensor of another gain, all of mass, stiffness and damping are larger by it.
         gain = nominal["m"] / found["m"]
-        found = {name: value if name in gains else gain * value for name, value in found.items()}
-        found |= dict.fromkeys(gains, gain)
-        said = f"the gain of the sensors is taken as {gain:.4g} V/m, of which the response is that of the mass given"
+        found = {name: gain * value for name, value in found.items()}
+        said = f"{_gains_text(found, gains)}, of which the response is that of the mass given"
     elif not known:
-        said = "the gain of the sensors is taken as 1 V/m"
+        said = _gains_text(found, gains)
     said += "" if driven else "; the mass is taken as 1 kg"
     values = ", ".join(f"{name} = {found[name]:.4g}" for name in needed if name not in given and name not in gains)
     from_record = f"from the record's own response {values} (SI)" if values else ""
     parts = "; ".join(part for part in (from_record, said.removeprefix("; ")) if part)
     return found | nominal, [f"[nominal] is {'short' if given else 'empty'}: {parts}"]
+
+
+def _unknown_gains(stated: Mapping[str, float], records: Sequence[Record]) -> tuple[str, ...]:
+    """Gains of two sensors that are not stated: both axes move one mass, which fixes their ratio under a force; where
+    neither is stated, that of x is the unit of length."""
+    absent = [name for name in ("sense_gain_x", "sense_gain_y") if name not in stated]
+    return tuple(absent[-1:]) if any(record.u.any() for record in records) else ()
+
+
+def _gains_text(found: Mapping[str, float], names: Sequence[str]) -> str:
+    values = [found[name] for name in names]
+    each = [values[0]] if len(set(values)) == 1 else values
+    turned = ": it is connected the other way round, as the phase of the response shows" if min(values) < 0 else ""
+    return f"the gain of the sensors is taken as {' and '.join(f'{value:.4g}' for value in each)} V/m{turned}"
 
 
 def _completed(nominal: dict[str, float], axes: int) -> tuple[dict[str, float], list[str]]:

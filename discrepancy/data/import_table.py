@@ -325,7 +325,7 @@ def _toml(pieces: list[Piece], rates: Mapping[str, float], held_out: set[str], r
     nominal = {**request.nominal, **gains}
     lines += [f"{name} = {float(value)!r} # {model.parameter(name).unit}" for name, value in nominal.items()]
     if not request.nominal:
-        lines += ["# What you believe of the device, SI; or name the device by --nominal.",
+        lines += ["# What you believe of the device, SI; what is not here comes from the record's own response.",
                   "# m = 1.8e-7", "# kxx = 63.955", "# dxx = 1.8e-6", "# sense_gain_x = 1e6"]  # fmt: skip
     for piece in pieces:
         rate = request.sample_rate or float(f"{rates[piece.name]:.6g}")

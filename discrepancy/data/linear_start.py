@@ -1,8 +1,8 @@
 """Nominal values from nothing but the record: where the lab believes nothing, its own response says m, k and d.
 
 The peaks of the response give the modes, and least squares of the weak form about them the rest (``linear_fit.py``).
-The gain of the sensors is a gauge: m, k and d are those of the gain that is given. Without a force the mass is a gauge
-too, held at 1 kg.
+The gain of the sensors is a gauge: m, k and d are those of the gain that is given, and where none is, a sensor has
+1 V/m, or -1 V/m where it is connected the other way round. Without a force the mass is a gauge too, held at 1 kg.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,11 +26,13 @@ PARTS: Final = 4
 """Of a run without a mode, for its windows."""
 LEAST: Final = 0.01
 """Periods of a run over which a spring is one."""
+ALIKE: Final = 1.5
+"""Ratio of two sensors' gains up to which an unlike mass on the two axes is left to the effects that say so."""
 QUALITY: Final = 1e5
 """Highest quality factor that is believed: a damping that comes out lower, or negative, is set to it."""
 
 
-def linear_start(records: Sequence[Record], gains: Sequence[float] = (1.0, 1.0)) -> dict[str, float] | None:
+def linear_start(records: Sequence[Record], gains: Sequence[float]) -> dict[str, float] | None:
     """Nominal values by FMU name, SI, for sensors of so many ``gains`` [V/m]; None where no linear model explains the
     runs."""
     axes = records[0].axes
@@ -42,6 +44,30 @@ def linear_start(records: Sequence[Record], gains: Sequence[float] = (1.0, 1.0))
             return _hardly_held(records, gains) if driven else None
         values |= _passive(found, values)
     return values
+
+
+def sensor_gains(records: Sequence[Record]) -> list[float]:
+    """Gains [V/m] that nobody knows: that of x is 1 V/m, that of y such that one mass moves on both axes; negative
+    where the response would otherwise be that of a negative mass and stiffness."""
+    axes = records[0].axes
+    if not any(record.u.any() for record in records):
+        return [1.0] * axes
+    values = _values([_peak(records, axis, driven=True) for axis in range(axes)], [1.0] * axes)
+    form = _form(records, values)
+    masses = [_own_mass(form, axis) for axis in range(axes)] if form else [1.0]
+    gains = [np.sign(masses[0]), *(masses[0] / mass * np.sign(masses[0]) for mass in masses[1:])]
+    return [float(np.sign(gain) if 1 / ALIKE < abs(gain) < ALIKE else gain) for gain in gains][:axes]
+
+
+def _own_mass(form: WeakForm, axis: int) -> float:
+    """The mass in the equation of one axis alone, whatever couples to it; 1 where its stiffness has another sign."""
+    own = np.concatenate(([form.acceleration[axis], form.q[axis]], form.velocity, np.delete(form.q, axis, axis=0)))
+    a, b = (np.hstack((part.real, part.imag)).T for part in (own, form.force[axis]))
+    size = np.linalg.norm(a, axis=0)
+    if not b.any() or not size.all():
+        return 1.0
+    mass, stiffness = (np.linalg.lstsq(a / size, b, rcond=None)[0] / size)[:2]
+    return float(mass) if mass * stiffness > 0 else 1.0
 
 
 def _hardly_held(records: Sequence[Record], gains: Sequence[float]) -> dict[str, float] | None:
@@ -68,11 +94,9 @@ def _values(peaks: Sequence[float], gains: Sequence[float]) -> dict[str, float]:
 
 def _solved(records: Sequence[Record], values: Mapping[str, float], driven: bool) -> dict[str, float] | None:
     """m, k, d by the weak form in windows as for ``values``; None where they explain too little."""
-    forms = [form for form in (weak_form(record, values) for record in records) if form is not None]
-    if not forms:
+    form = _form(records, values)
+    if form is None:
         return None
-    arrays = zip(*((f.force, f.q, f.velocity, f.acceleration, f.turning) for f in forms), strict=True)
-    form = WeakForm(*(np.concatenate(parts, axis=1) for parts in arrays))
     one = len(form.force) == 1
     names: tuple[str, ...] = ("m", "kxx", "dxx") if one else ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
     columns, target = equations(form, values, names)
@@ -91,6 +115,13 @@ def _solved(records: Sequence[Record], values: Mapping[str, float], driven: bool
     left = float(np.sum((b - a / size @ solution) ** 2) / np.sum(b**2))
     found = dict(zip(names, (solution / size).tolist(), strict=True))
     return found if left <= BADLY and found.get("m", values["m"]) > 0 else None
+
+
+def _form(records: Sequence[Record], values: Mapping[str, float]) -> WeakForm | None:
+    """The weak form of all the runs in windows as for ``values``; None where they are too short for one."""
+    forms = [form for form in (weak_form(record, values) for record in records) if form is not None]
+    arrays = zip(*((f.force, f.q, f.velocity, f.acceleration, f.turning) for f in forms), strict=True)
+    return WeakForm(*(np.concatenate(parts, axis=1) for parts in arrays)) if forms else None
 
 
 def _passive(found: dict[str, float], values: Mapping[str, float]) -> dict[str, float]:

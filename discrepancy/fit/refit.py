@@ -220,7 +220,7 @@ class Fitter:
         return -1.0 if cross or p[free.name] + free.step > free.high else 1.0
 
     def _state_steps(self, at: Fitted, run: int) -> dict[str, float]:
-        size = LINEAR * self.signal / at.parameters["sense_gain_x"]
+        size = LINEAR * self.signal / abs(at.parameters["sense_gain_x"])
         speed = size * float(np.sqrt(at.parameters["kxx"] / at.parameters["m"]))
         return {name: speed if "dot" in name else size for name in self.state_names}
 

@@ -273,7 +273,7 @@ class _Scale:
         self.fitter, self.target = fitter, fitter.target(at)
         p = at.parameters
         w, volt = float(np.sqrt(p["kxx"] / p["m"])), fitter.signal
-        length = volt / p["sense_gain_x"]
+        length = volt / abs(p["sense_gain_x"])
         # Natural units of kg, m, s, A, K, 1: a probe's first guess is 1e-4 of them.
         self.natural = np.array([p["m"], length, 1 / w, p["m"] * length**2 * w**3 / volt, 1.0, 1.0])
         self.whole = self._trials(at, max(len(r.t) for r in fitter.records))

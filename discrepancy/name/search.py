@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import partial
+from math import inf
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -328,10 +329,13 @@ class Search:
         return [*believed, *accepted, *self.refused, *waiting]
 
     def _believed(self) -> list[Free]:
-        """Sizes of effects that the nominal model has: fitted with it."""
+        """Sizes of effects that the nominal model has, and gains that no one knows: fitted with it."""
         sizes = [q for e in nameable(self.simulator.model) for q in e.sizes]
-        return [Free(q.name, 1e-6 * abs(self.nominal[q.name] - q.start), q.low, q.high) for q in sizes
+        held = [Free(q.name, 1e-6 * abs(self.nominal[q.name] - q.start), q.low, q.high) for q in sizes
                 if self.nominal.get(q.name, q.start) != q.start]  # fmt: skip
+        gains = [(name, self.nominal[name]) for name in self.dataset.unknown]
+        signs = [(0.0, inf) if gain > 0 else (-inf, 0.0) for _, gain in gains]
+        return [*held, *(Free(name, 1e-6 * abs(gain), *sign) for (name, gain), sign in zip(gains, signs, strict=True))]
 
     def _settle(self, at: Fitted, settle: Settle = settled) -> None:
         """Goes on with ``at``, fitted over as much of the runs as stays in step."""

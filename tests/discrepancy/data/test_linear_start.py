@@ -57,4 +57,4 @@ def test_without_a_linear_answer_there_is_no_start() -> None:
     [run] = made({}, samples=4000).records[:1]
     # Noise that the force has no part in.
     object.__setattr__(run, "v", rng.standard_normal(run.v.shape))
-    assert linear_start([run]) is None
+    assert linear_start([run], (1.0, 1.0)) is None
