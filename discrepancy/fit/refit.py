@@ -166,9 +166,10 @@ class Fitter:
         return self._costed(replace(at, whiten=found))
 
     def off(self, at: Fitted) -> float:
-        """The residual over the signal, rms."""
+        """The residual over the signal, rms; where nothing moves there is none to be off."""
         error = sum(float(np.sum(e[r.valid] ** 2)) for e, r in zip(at.residuals, self.records, strict=True))
-        return float(np.sqrt(error / sum(float(np.sum(r.v[r.valid] ** 2)) for r in self.records)))
+        signal = sum(float(np.sum(r.v[r.valid] ** 2)) for r in self.records)
+        return float(np.sqrt(error / signal)) if signal else 0.0
 
     def target(self, at: Fitted) -> float:
         """The change of the voltage [V rms] that a difference quotient should make."""

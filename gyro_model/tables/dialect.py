@@ -75,7 +75,9 @@ def dialect_of(text: str) -> Dialect:
         share = sum(shares[k] for k in table) / max(sum(1 for row in rows if row != [""]), 1)
         if not table:
             continue
-        own = _headed(rows, table[0], width, separator, decimal)
+        # A line of a preamble may hold as many numbers, but no second one follows it.
+        first = next((k for k in table if k + 1 in table), table[0])
+        own = _headed(rows, first, width, separator, decimal)
         # Of two that read as many numbers, the one that makes more columns of them, then the one that has headings.
         worth = share + 1e-3 * min(width, 50) + 5e-4 * bool(own.headings)
         if worth > best + 1e-9:

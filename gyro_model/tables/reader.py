@@ -68,7 +68,9 @@ def _unusual(text: str, dialect: Dialect) -> pl.DataFrame:
     numbers = [name for name in frame.columns if frame[name].dtype == pl.String and _all_numbers(frame[name])]
     frame = frame.with_columns(pl.col(numbers).cast(pl.Float64, strict=False))
     names = dialect.headings or tuple(f"column {k}" for k in range(1, frame.width + 1))
-    unique = [name or f"column {k}" for k, name in enumerate(names, 1)]
+    named = [name or f"column {k}" for k, name in enumerate(names, 1)]
+    # Channels that nobody selected bear one name.
+    unique = [f"{name} ({named[:k].count(name) + 1})" if name in named[:k] else name for k, name in enumerate(named)]
     return frame.rename(dict(zip(frame.columns, unique, strict=True)))
 
 

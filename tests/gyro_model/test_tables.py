@@ -146,3 +146,11 @@ def test_of_two_separators_that_read_as_many_numbers_the_one_with_headings(tmp_p
     read = read_table(path)
     assert read.headings == ["die", "x [mm]"]
     np.testing.assert_array_equal(read.numbers("x [mm]"), [0.5, 1.5])
+
+
+def test_a_preamble_may_hold_numbers_and_channels_one_name(tmp_path: Path) -> None:
+    text = "Stamp,a,Stamp,a\nInterval,0.5,Interval,0.5\nChannel,Force,Channel,Force\nUnit,V,Unit,V\n0,1,0,2\n1,3,1,4\n"
+    (tmp_path / "scope.csv").write_text(text)
+    frame = read_table(tmp_path / "scope.csv").frame
+    assert frame.columns == ["Channel [Unit]", "Force [V]", "Channel [Unit] (2)", "Force [V] (2)"]
+    assert frame["Force [V] (2)"].to_list() == [2, 4]
