@@ -22,6 +22,7 @@ Floats = NDArray[np.float64]
 MAP_TIMES, MAP_BANDS = 120, 140
 """Cells of a time-frequency map: about one for three pixels of half the page."""
 SPECTRUM_POINTS: Final = 500
+BACKBONE_POINTS: Final = 60
 RESOLUTION: Final = 80
 """Bins up to the highest frequency of interest, the fourth multiple of the highest mode."""
 STANDS_OUT_DB: Final = 6.0
@@ -238,6 +239,43 @@ def spectrum_figure(data: Dataset, found: Diagnosis, noise: float | None) -> Fig
         [entry for entry in key if entry[0] != "before" or before is not after],
         panels,
     )
+
+
+def backbone_figure(found: Diagnosis) -> Figure | None:
+    """Frequency and damping over amplitude, measured and by the models; None where no run shows it."""
+    if found.bent is None:
+        return None
+    names = {"measured": ("measured", "truth"), "refit": ("after the refit", "before"),
+             "final": ("improved model", "after")}  # fmt: skip
+    shown = {names[key][0]: (names[key][1], own) for key, own in found.bent.curves.items()}
+    if len(found.stages) <= 2:
+        shown.pop("after the refit", None)
+    top = max(float(own.amplitude.max()) for _, own in shown.values())
+    unit, scale = ("µm", 1e6) if top < 1e-3 else ("mm", 1e3) if top < 1 else ("m", 1.0)
+    base = float(f"{min(float(own.frequency.min()) for _, own in shown.values()):.4g}")
+    titles = (f"frequency − {base:g} Hz [Hz]", "quality factor [1]")
+    lines: list[list[Line]] = [[], []]
+    for name, (role, own) in shown.items():
+        for drawn, values in zip(lines, (own.frequency - base, own.quality), strict=True):
+            drawn.append(line(name, role, *_binned(scale * own.amplitude, values)))
+    where = f"v_{'xy'[found.bent.axis]}"
+    panels = [Panel(f"amplitude [{unit}]", title, own, where) for title, own in zip(titles, lines, strict=True)]
+    return Figure(
+        "backbone",
+        "Frequency and damping over amplitude",
+        found.bent.run,
+        "What stiffness and damping act at each amplitude, window by window, in the measured motion and in that of the "
+        "models under the same force. A spring that is not linear bends the frequency, friction and gas the damping.",
+        [(role, name) for name, (role, _) in shown.items()],
+        list(panels),
+    )
+
+
+def _binned(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Medians over ``x``, rising, at most BACKBONE_POINTS."""
+    order = np.argsort(x)
+    parts = np.array_split(order, min(BACKBONE_POINTS, len(x)))
+    return np.array([np.median(x[part]) for part in parts]), np.array([np.median(y[part]) for part in parts])
 
 
 def _range(residual: Floats, lines: Sequence[Line], rate: float) -> list[float]:

@@ -58,7 +58,8 @@ def _figures(data: Dataset, report: Mapping[str, Any], found: Diagnosis) -> list
     ]
     if any(step.scores for step in found.steps):
         drawn.append(figures.score_figure(found.steps))
-    return [*drawn, figures.spectrum_figure(data, found, level)]
+    curves = figures.backbone_figure(found)
+    return [*drawn, figures.spectrum_figure(data, found, level), *([curves] if curves else [])]
 
 
 def _facts(data: Dataset, model: Model) -> dict[str, str]:

@@ -9,6 +9,7 @@ from discrepancy.criteria import Criteria
 from discrepancy.data.record import Floats
 from discrepancy.fit.locate import Place
 from discrepancy.name.score import Step
+from discrepancy.tell.backbone import Bent
 from gyro_model.model import Model
 
 Verdict = Literal["missing effects", "nothing missing", "partly explained", "unexplained"]
@@ -64,8 +65,8 @@ class Diagnosis:
     effect, what taking it out changes in the output of each held-out run, (n, axes) [V]; absent: by effect that is not
     named and its parameters, the size that a linear fit beside the final model finds, whatever its bounds; steps: how
     it was found; doubts: what the reader should know about the fit, one line each; left: share of the refit's residual
-    power that is left, noise taken off; record: defects of the measurement; criteria: the thresholds used; model: with
-    every effect named.
+    power that is left, noise taken off; record: defects of the measurement; criteria: the thresholds used; bent: how
+    frequency and damping go with amplitude, where a run shows it; model: with every effect named.
     """
 
     verdict: Verdict
@@ -86,6 +87,7 @@ class Diagnosis:
     left: float = 0.0
     record: tuple[Finding, ...] = ()
     criteria: Criteria = field(default_factory=Criteria)
+    bent: Bent | None = field(repr=False, default=None)
     model: Model = field(repr=False, kw_only=True)
 
     @property

@@ -12,6 +12,7 @@ from discrepancy.data.record import Floats
 from discrepancy.data.repeats import repeated_noise
 from discrepancy.fit.colour import gain
 from discrepancy.fit.defect import Defect, distortion_names, disturbances, effect_of, quantity_of
+from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.limits import SAME
 from discrepancy.fit.locate import located
 from discrepancy.fit.measures import misfits, start_fitted
@@ -22,6 +23,7 @@ from discrepancy.name.columns import Candidate, nameable
 from discrepancy.name.scan import best_of, sure
 from discrepancy.name.score import Score
 from discrepancy.tell.answer import Diagnosis, Finding, Stage, Value, Verdict
+from discrepancy.tell.backbone import bent
 from discrepancy.tell.experiment import next_experiment
 from discrepancy.tell.verdict import Remainder, probability, remainder, sane, worse_without
 from gyro_model.anatomy import Effect, Force, Map
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
     from discrepancy.name.accepted import Accepted, Dropped
     from discrepancy.name.search import Search
 
+TRACE: Final = 1e12
+"""Steps of a probe, each of which the voltage shows well, from which an effect has no trace in these runs."""
 CLIP: Final = "sampled clip"
 """The slot of the effect that such samples show."""
 SCALED, ONE_FACTOR = 5e-3, 0.05
@@ -58,8 +62,7 @@ def assemble(search: "Search") -> Diagnosis:
     gaps = _misfit(search, stages)
     refitted = search.refitted
     runs = search.dataset.fit
-    whole = refitted.residuals if len(refitted.residuals) == len(runs) else \
-        [start_fitted(search.simulator, run, refitted.parameters)[0] for run in runs]  # fmt: skip
+    whole, last = (_whole(search, at) for at in (refitted, search.at))
     places = located(whole, runs, refitted.parameters, setting)
     known = _disturbances(search)
     noises, absurd = sane(_noises(search, noise, known), search)
@@ -81,8 +84,17 @@ def assemble(search: "Search") -> Diagnosis:
         {name: value for name, value in device.items() if name not in distortion_names()},
         {name: value for name, value in parameters.items() if name not in distortion_names()},
         rivals, tuple(search.steps), stages, removed, _absent(search), doubts, rest.share,
-        (*_record(search, device), *known), search.criteria, model=search.simulator.model,
+        (*_record(search, device), *known), search.criteria, bent(runs, whole, last, search.at.parameters),
+        model=search.simulator.model,
     )  # fmt: skip
+
+
+def _whole(search: "Search", at: Fitted) -> Sequence[Floats]:
+    """The residuals of a fit, maybe one of pieces, over whole runs."""
+    runs = search.dataset.fit
+    if [len(residual) for residual in at.residuals] == [len(run.t) for run in runs]:
+        return at.residuals
+    return [start_fitted(search.simulator, run, at.parameters)[0] for run in runs]
 
 
 def _clean_held_out(search: "Search") -> None:
@@ -339,7 +351,7 @@ def _detectable(search: "Search") -> dict[str, dict[str, float]]:
             POWER
         )
         for p, d in zip(candidate.probes, result.deviations, strict=False):
-            if np.isfinite(d):
+            if reach * d < TRACE:
                 own = sizes.setdefault(candidate.effect.id, {})
                 value = abs(p.value(reach * d) - p.quantity.start)
                 own[p.quantity.name] = min(own.get(p.quantity.name, np.inf), value)
