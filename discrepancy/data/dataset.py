@@ -205,8 +205,10 @@ def _believed(nominal: dict[str, float], records: tuple[Record, ...]) -> tuple[d
     known = [nominal[name] for name in gains if name in given]
     if given and given - set(gains) and (known or not driven or "m" not in given):
         return nominal, []
-    assumed = [known[0]] * len(gains) if known else sensor_gains(fit)
-    found = linear_start(fit, [nominal.get(name, gain) for name, gain in zip(gains, assumed, strict=True)])
+    alike = [known[0] if known else 1.0] * len(gains)
+    found = None
+    for assumed in [alike] if known else [sensor_gains(fit), alike]:
+        found = found or linear_start(fit, [nominal.get(n, gain) for n, gain in zip(gains, assumed, strict=True)])
     if found is None:
         absent = ", ".join(name for name in needed if name not in given)
         raise InputError(f"[nominal] lacks {absent}, and no linear model of the runs gives them: is v the answer to u? "

@@ -39,7 +39,7 @@ def runs() -> tuple[Record, ...]:
 
 
 def test_a_cubic_stiffness_is_found_and_stays_in_step(runs: tuple[Record, ...]) -> None:
-    nominal = linear_start(runs[:1])
+    nominal = linear_start(runs[:1], (1.0,))
     assert nominal is not None
     found = diagnose(Dataset(Path(), nominal, runs), load_model(), jobs=1)
     [finding] = found.effects

@@ -54,7 +54,7 @@ def runs() -> tuple[Record, Record]:
 
 
 def test_its_mass_is_found_without_a_mode(runs: tuple[Record, Record]) -> None:
-    found = linear_start(runs[:1])
+    found = linear_start(runs[:1], (1.0,))
     assert found is not None
     # Friction, a sixth of the force, is left out.
     assert found["m"] == pytest.approx(MASS, rel=0.2)
@@ -62,7 +62,7 @@ def test_its_mass_is_found_without_a_mode(runs: tuple[Record, Record]) -> None:
 
 
 def test_friction_and_a_constant_force_are_named(runs: tuple[Record, Record]) -> None:
-    nominal = linear_start(runs[:1])
+    nominal = linear_start(runs[:1], (1.0,))
     assert nominal is not None
     found = diagnose(Dataset(Path(), nominal, runs), load_model(), jobs=1)
     by_id = {finding.id: finding.parameters for finding in found.effects}
