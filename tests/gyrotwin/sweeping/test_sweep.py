@@ -156,7 +156,7 @@ def test_devices_of_a_wafer_run_and_one_replays(tmp_path: Path) -> None:
     }  # fmt: skip
     result = gt.sweep(plan, tmp_path / "out", workers=1)
     assert result.rows["error"][0] is None
-    assert "1 to 1e+06 Hz" in result.rows["error"][1]
+    assert "1 to 1e+07 Hz" in result.rows["error"][1]
     again = replay(load_plan(plan), 0)
     assert again.outputs["omega.rms_error"] == result.rows["omega.rms_error"][0]
 
