@@ -175,7 +175,7 @@ def write(report: Report, command: str, folder: Path = RESULTS) -> None:
         "machine": where,
         "tables": [{"title": t.title, "rows": [_as_json(line) for line in t.rows]} for t in report.tables],
         "notes": report.notes,
-        **report.data,
+        **_finite(report.data),
     }
     texts = {
         f"{report.name}.json": json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
@@ -184,6 +184,15 @@ def write(report: Report, command: str, folder: Path = RESULTS) -> None:
     }
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
+
+
+def _finite(value: Any) -> Any:
+    """What JSON has no number for, such as a measure that does not apply, is None."""
+    if isinstance(value, Mapping):
+        return {name: _finite(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _as_json(line: Row) -> dict[str, Any]:

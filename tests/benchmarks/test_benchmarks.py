@@ -46,9 +46,11 @@ def test_spread_counts_what_was_never_reached():
 
 def test_results_are_written_as_json_and_markdown(tmp_path):
     table = Table("t", [row("never", "s", {"median": np.inf}, limit=1.0)])
-    write(Report("name", "Title", [table], ["a note"]), command_of("name", Options()), tmp_path)
+    more = {"runs": [{"walk": np.nan, "seed": 3}]}
+    write(Report("name", "Title", [table], ["a note"], more), command_of("name", Options()), tmp_path)
     written = json.loads((tmp_path / "name.json").read_text(encoding="utf-8"))
     assert written["tables"][0]["rows"][0]["values"] == {"median": None}
+    assert written["runs"] == [{"walk": None, "seed": 3}]
     assert "| never | s | – | ≤ 1 | no |  |" in (tmp_path / "name.md").read_text(encoding="utf-8")
 
 
