@@ -112,7 +112,8 @@ LAW: Final = (
 ASKARI: Final = (
     "another quad mass, of which no amplitude was read: thermal noise alone, at the amplitude of 2014. What "
     "is printed is 13 times as much; as noise of the pickoff it would be 10 pm/√Hz, hundreds of times the class. What "
-    "is left is noise of the forces, which the model has not, and of the drive's phase with quadrature, of no printed size"
+    "is left is noise of the forces, which the model has not, and of the drive's phase with quadrature, of no printed "
+    "size"
 )
 CLAIMS: Final = (
     Claim(DISK, "drive frequency", "MHz", 4.3, True, _figure(DISK, "drive_frequency", 1e-6)),

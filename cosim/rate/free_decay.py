@@ -23,8 +23,8 @@ PER_SPLIT: Final = 8.0
 LONGEST_STEP: Final = 1e-3
 """Step at most [s]: that of the loops."""
 MOST_SAMPLES: Final = 20_000
-FEWEST_SAMPLES: Final = 400
-"""Three pieces of the pencil's window, twice over: a mode that decays within milliseconds is sampled more often."""
+FEWEST_SAMPLES: Final = 300
+"""Five windows of the pencil: a mode that decays within milliseconds is sampled more often."""
 OUTPUTS: Final = ("v_x_i", "v_x_q", "v_y_i", "v_y_q")
 
 
