@@ -28,6 +28,7 @@ NAMES = (
     "compensation_memory",
     "compensation_as_built",
     "diagnosis_speed",
+    "next_experiment",
     "silverbox",
     "sensor",
     "published",

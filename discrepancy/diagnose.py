@@ -23,6 +23,7 @@ from discrepancy.name.more_modes import copies, with_copies
 from discrepancy.name.search import Search
 from discrepancy.tell.answer import Diagnosis
 from discrepancy.tell.assemble import assemble
+from discrepancy.tell.limits import Limits
 from discrepancy.terms.effect_file import Term, joined
 from gyro_model.errors import InputError
 from gyro_model.model import Model
@@ -46,6 +47,7 @@ def diagnose(
     checkpoint: Path | None = None,
     further: Further | None = None,
     criteria: Criteria = DEFAULT,
+    limits: Limits | None = None,
 ) -> Diagnosis:
     """Finds what ``model`` lacks to explain ``dataset``; held-out runs are simulated once, at the end.
 
@@ -53,7 +55,7 @@ def diagnose(
     progress: called with one line a step; checkpoint: a file that holds the search after each step, from which an
     interrupted one resumes, removed at the end; further: called with the answer, at most ``max_effects`` times, until
     it finds no more; what it adds to the model is scored, refitted and questioned beside all effects; criteria: every
-    threshold.
+    threshold; limits: of the laboratory, for the experiment that it proposes.
     Raises InputError where the FMU can't be built or refuses the nominal values.
     """
     with ExitStack() as stack:
@@ -139,7 +141,7 @@ def diagnose(
         while search.question() and again:
             again -= 1
             settled()
-        found = assemble(search)
+        found = assemble(search, limits or Limits())
         used = more.keys() & found.spoken_of
         if further is not None:
             for name in used:

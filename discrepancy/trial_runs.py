@@ -1,6 +1,6 @@
 """Runs that a device would give, as a data set: to try a diagnosis, or to see what planned measurements would show."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -9,7 +9,8 @@ import numpy as np
 import polars as pl
 
 from discrepancy.data.linear_fit import mode_frequencies
-from discrepancy.data.record import Floats, Record, make_record
+from discrepancy.data.record import CONDITIONS, Floats, Record, make_record
+from discrepancy.data.table import numbers, read_table
 from discrepancy.fit.simulate import Simulator
 from gyro_model.device import Device
 from gyro_model.errors import InputError
@@ -56,12 +57,14 @@ def write_trial(
     samples: int = 8000,
     rate: float = 200e3,
     seed: int = 1,
+    play: Sequence[Path] = (),
 ) -> Path:
     """Writes ``runs`` runs of ``device`` with the parameters ``hidden`` to the folder ``out``, each driven by tones
-    over both modes, at a rate of its own; gives the path of dataset.toml.
+    over both modes, at a rate of its own, and before the last one a run for each table to ``play``; gives the path of
+    dataset.toml.
 
-    Raises InputError for an unknown parameter, fewer than 1000 samples or two runs, and where ``out`` holds a data set
-    already.
+    Raises InputError for an unknown parameter, a table that is no run, fewer than 1000 samples or two runs, and where
+    ``out`` holds a data set already.
     """
     if samples < 1000:
         raise InputError(f"samples = {samples}: give at least 1000 a run")
@@ -70,8 +73,9 @@ def write_trial(
     target = out / "dataset.toml"
     if target.exists():
         raise InputError(f"{target} exists: name another folder")
-    if not 0 <= seed * runs + runs - 1 <= LARGEST_SEED:
-        raise InputError(f"seed = {seed}: give 0 to {LARGEST_SEED // runs - 1}")
+    total = runs + len(play)
+    if not 0 <= seed * total + total - 1 <= LARGEST_SEED:
+        raise InputError(f"seed = {seed}: give 0 to {LARGEST_SEED // total - 1}")
     rng = np.random.default_rng(seed)
     true = device.with_parameters(hidden).all_parameters
     starts = {name: 0.0 for name in true if name.endswith("_start")}
@@ -80,18 +84,18 @@ def write_trial(
     except OSError as error:
         raise InputError(f"folder {out}: {error.strerror}; name another") from None
     t = np.arange(samples) / rate
+    blanks = [blank_run(t, *draw_run(true, rng), rate) for _ in range(runs)]
+    blanks[-1:-1] = [played(table) for table in play]
     with Simulator(device.model, jobs=1) as simulator:
-        for number in range(runs):
-            tones, omega_z = draw_run(true, rng)
-            blank = blank_run(t, tones, omega_z, rate)
-            v = simulator.run(blank, {**true, **starts, "seed": seed * runs + number})
+        for number, blank in enumerate(blanks):
+            v = simulator.run(blank, {**true, **starts, "seed": seed * len(blanks) + number})
             _table(replace(blank, v=v)).write_parquet(out / f"run-{number + 1:02d}.parquet")
     names = ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
     nominal = {name: true[name] * (1 + SPREAD * rng.uniform(-1, 1)) for name in names}
     nominal |= {name: true[name] for name in ("sense_gain_x", "sense_gain_y")}
     lines = ["format = 1", "", "[nominal]", *(f"{name} = {value!r}" for name, value in nominal.items())]
-    for number in range(runs):
-        lines += ["", "[[run]]", f'file = "run-{number + 1:02d}.parquet"', f"sample_rate = {rate!r}"]
+    for number, blank in enumerate(blanks):
+        lines += ["", "[[run]]", f'file = "run-{number + 1:02d}.parquet"', f"sample_rate = {blank.sample_rate!r}"]
     target.write_text("\n".join([*lines, 'role = "held-out"', ""]), encoding="utf-8")
     return target
 
@@ -102,6 +106,20 @@ def blank_run(t: Floats, tones: Tones, omega_z: float, rate: float) -> Record:
     return make_record(
         "trial", t, u, np.ones_like(u), sample_rate=rate, conditions={"omega_z": np.full(len(t), omega_z)}
     )
+
+
+def played(path: Path) -> Record:
+    """The run that the table of a designed experiment asks for, whose voltage is not simulated yet. Raises InputError
+    where the table is none."""
+    table = read_table(path)
+    wanted = ("t", "u_x", "u_y")
+    missing = [name for name in wanted if name not in table.columns]
+    if missing:
+        raise InputError(f"--play {path}: column {missing[0]} is missing: give t, u_x, u_y and conditions")
+    t, *u = (numbers(table, name) for name in wanted)
+    held: dict[str, Floats] = {name: numbers(table, name) for name in CONDITIONS if name in table.columns}
+    force = np.stack(u, axis=1)
+    return make_record(path.stem, t, force, np.ones_like(force), conditions=held)
 
 
 def _table(record: Record) -> pl.DataFrame:

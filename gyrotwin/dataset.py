@@ -88,12 +88,16 @@ def simulate(
     runs: Annotated[int, typer.Option(help="The last one is held out.")] = 3,
     samples: Annotated[int, typer.Option(help="Samples a run, at 200 kHz.")] = 8000,
     seed: Annotated[int, typer.Option(help="Seed of drive, noise and of what the lab believes.")] = 1,
+    play: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="A table to play in a further run, such as next-EFFECT.csv; repeatable."),
+    ] = None,
 ) -> None:
     """Write the runs that a device would give, driven over both modes: to try `gyrotwin diagnose`."""
     from discrepancy.trial_runs import write_trial
 
     hidden = {name: _number(name, text) for name, text in _pairs("--set", settings).items()}
-    path = write_trial(load_device(device), hidden, out, runs=runs, samples=samples, seed=seed)
+    path = write_trial(load_device(device), hidden, out, runs=runs, samples=samples, seed=seed, play=play or ())
     console.print(f"wrote {path}", soft_wrap=True, highlight=False, markup=False)
 
 

@@ -5,7 +5,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import IO, Final
@@ -18,7 +18,7 @@ OWN: Final = (
     *("summary.json", "trace.parquet", "sense.parquet", "track.csv", "report.html", "report.json", "compensation.*"),
     *("design.toml", "device.toml", "fmi2.fmu", "fmi3.fmu", "effects", "search.checkpoint", "plan.toml", "rows*"),
     *("sweep.json", "datasheet.json", "match.json", "sensor_*", "fmi2", "fmi3", "play.html", ".writing-*"),
-    *("fleet.json", "devices", "row.json"),
+    *("fleet.json", "devices", "row.json", "next-*.csv"),
 )
 """Names that commands write, as patterns; whatever else lies in a folder is the user's."""
 SHOWN: Final = 3
@@ -96,10 +96,10 @@ def _release(folder: Path) -> None:
 
 
 def publish(
-    folder: Path, writers: Mapping[str, Callable[[Path], object]], sometimes: str = "", *, force: bool = False
+    folder: Path, writers: Mapping[str, Callable[[Path], object]], sometimes: Sequence[str] = (), *, force: bool = False
 ) -> None:
     """Lets each writer write its file in a folder beside, then moves all of them into ``folder``: none half-written,
-    none alone, and beside them none of the files ``sometimes`` (a pattern) that an earlier call had to write.
+    none alone, and beside them none of the files ``sometimes`` (patterns) that an earlier call had to write.
 
     Raises InputError where the folder can't be written, is full, is in use, or holds foreign files without ``force``.
     """
@@ -115,7 +115,7 @@ def publish(
         for name in writers:
             (folder / name).parent.mkdir(exist_ok=True)
             os.replace(beside / name, folder / name)
-        for path in folder.glob(sometimes) if sometimes else ():
+        for path in (path for pattern in sometimes for path in folder.glob(pattern)):
             if path.relative_to(folder).as_posix() not in writers:
                 path.unlink()
     except (OSError, pl.exceptions.PolarsError) as error:

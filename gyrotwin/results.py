@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from cosim.run import Run
     from discrepancy.data.dataset import Dataset
     from discrepancy.tell.answer import Diagnosis, Finding
+    from discrepancy.tell.experiment import Experiment
     from gyro_model.device import Device
     from gyrotwin.figures import Figure
 
@@ -35,8 +36,8 @@ Writer = Callable[[Path], object]
 class Saved(ABC):
     """A result that can be saved as a folder of files."""
 
-    sometimes: ClassVar[str] = ""
-    """Pattern of files that an earlier result in the same folder may have left and this one need not have."""
+    sometimes: ClassVar[tuple[str, ...]] = ()
+    """Patterns of files that an earlier result in the same folder may have left and this one need not have."""
 
     @property
     @abstractmethod
@@ -176,7 +177,7 @@ class RateResult(Saved):
     raw: "RawRateResult" = field(repr=False)
     split_block: float | None = field(repr=False, default=None)
     """Length of a block of a split estimate [s], where one was asked for."""
-    sometimes: ClassVar[str] = "sense.parquet"
+    sometimes: ClassVar[tuple[str, ...]] = ("sense.parquet",)
 
     @property
     def trace(self) -> pl.DataFrame:
@@ -212,7 +213,7 @@ class RateResult(Saved):
             "report.html": lambda path: render(self.summary, run, raw.record, allan_of(raw.record, run), path),
         }
         if raw.sense is not None:
-            files[self.sometimes] = raw.sense.write_parquet
+            files[self.sometimes[0]] = raw.sense.write_parquet
         return files
 
     def headline(self) -> Sequence[tuple[str, str]]:
@@ -290,7 +291,7 @@ class DiagnosisResult(Saved):
     effect_files: Mapping[str, bytes] = field(repr=False, default_factory=dict)
     """Effect files beside the packaged ones, discovered ones included, by path in the folder of the results."""
     warnings: tuple[str, ...] = ()
-    sometimes: ClassVar[str] = "effects/discovered_*.py"
+    sometimes: ClassVar[tuple[str, ...]] = ("effects/discovered_*.py", "next-*.csv")
 
     @cached_property
     def report(self) -> Mapping[str, Any]:
@@ -306,6 +307,11 @@ class DiagnosisResult(Saved):
     def summary(self) -> Mapping[str, Any]:
         """The content of report.json."""
         return self.report
+
+    @property
+    def experiments(self) -> "Mapping[str, Experiment]":
+        """By effect, the run that would tell it from its rivals; ``table`` is what a generator plays."""
+        return self.raw.experiments
 
     @property
     def verdict(self) -> str:
@@ -326,7 +332,8 @@ class DiagnosisResult(Saved):
         return load_design(self.device, self.device)
 
     def writers(self) -> Mapping[str, Writer]:
-        """report.json, report.html, device.toml, fmi2.fmu, fmi3.fmu, and effects that were discovered."""
+        """report.json, report.html, device.toml, fmi2.fmu, fmi3.fmu, effects that were discovered, and next-EFFECT.csv
+        of each experiment that is proposed."""
         from gyrotwin.tasks.diagnose import writers_of
 
         return writers_of(self)

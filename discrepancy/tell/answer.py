@@ -10,6 +10,7 @@ from discrepancy.data.record import Floats
 from discrepancy.fit.locate import Place
 from discrepancy.name.score import Step
 from discrepancy.tell.backbone import Bent
+from discrepancy.tell.experiment import Experiment
 from gyro_model.model import Model
 
 Verdict = Literal["missing effects", "nothing missing", "partly explained", "unexplained"]
@@ -66,7 +67,8 @@ class Diagnosis:
     named and its parameters, the size that a linear fit beside the final model finds, whatever its bounds; steps: how
     it was found; doubts: what the reader should know about the fit, one line each; left: share of the refit's residual
     power that is left, noise taken off; record: defects of the measurement; criteria: the thresholds used; bent: how
-    frequency and damping go with amplitude, where a run shows it; model: with every effect named.
+    frequency and damping go with amplitude, where a run shows it; experiments: by finding, what to play to tell it from
+    its ``either``; model: with every effect named.
     """
 
     verdict: Verdict
@@ -88,6 +90,7 @@ class Diagnosis:
     record: tuple[Finding, ...] = ()
     criteria: Criteria = field(default_factory=Criteria)
     bent: Bent | None = field(repr=False, default=None)
+    experiments: Mapping[str, Experiment] = field(repr=False, default_factory=dict)
     model: Model = field(repr=False, kw_only=True)
 
     @property

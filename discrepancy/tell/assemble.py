@@ -24,7 +24,8 @@ from discrepancy.name.scan import best_of, sure
 from discrepancy.name.score import Score
 from discrepancy.tell.answer import Diagnosis, Finding, Stage, Value, Verdict
 from discrepancy.tell.backbone import bent
-from discrepancy.tell.experiment import next_experiment
+from discrepancy.tell.experiment import Experiment, next_experiment
+from discrepancy.tell.limits import Limits
 from discrepancy.tell.verdict import Remainder, probability, remainder, sane, worse_without
 from gyro_model.anatomy import Effect, Force, Map
 
@@ -43,8 +44,8 @@ POWER: Final = 0.95
 WIDTH: Final = float(norm.ppf(0.975))
 
 
-def assemble(search: "Search") -> Diagnosis:
-    """The answer of ``search``. Opens the held-out runs."""
+def assemble(search: "Search", limits: Limits) -> Diagnosis:
+    """The answer of ``search``, with experiments within ``limits``. Opens the held-out runs."""
     search.progress("held-out runs")
     clock = search.simulator.clock
     clock.until = float("inf")
@@ -55,7 +56,8 @@ def assemble(search: "Search") -> Diagnosis:
     parameters = {**search.at.parameters, **{k: v.value for f in clipped for k, v in f.parameters.items()}}
     stages = _stages(search, parameters, [f.id for f in clipped])
     device = _device(search)
-    named = [_finding(search, entry, device, noise) for entry in search.accepted if not entry.of_record]
+    experiments = _experiments(search, noise, limits)
+    named = [_finding(search, entry, device, experiments) for entry in search.accepted if not entry.of_record]
     effects = (*named, *clipped)
     removed = _removed(search, effects, parameters)
     effects = tuple(sorted(effects, key=lambda finding: -_size(removed[finding.id])))
@@ -84,7 +86,7 @@ def assemble(search: "Search") -> Diagnosis:
         {name: value for name, value in device.items() if name not in distortion_names()},
         {name: value for name, value in parameters.items() if name not in distortion_names()},
         rivals, tuple(search.steps), stages, removed, _absent(search), doubts, rest.share,
-        (*_record(search, device), *known), search.criteria, bent(runs, whole, last, search.at.parameters),
+        (*_record(search, device), *known), search.criteria, bent(runs, whole, last, search.at.parameters), experiments,
         model=search.simulator.model,
     )  # fmt: skip
 
@@ -172,11 +174,13 @@ def _device(search: "Search") -> dict[str, Value]:
     return result
 
 
-def _finding(search: "Search", entry: "Accepted", device: Mapping[str, Value], noise: Noise | None) -> Finding:
+def _finding(
+    search: "Search", entry: "Accepted", device: Mapping[str, Value], experiments: Mapping[str, Experiment]
+) -> Finding:
     effect = entry.candidate.effect
     values = {q.name: device[q.name] for q in effect.parameters if q.name in device}
-    experiment = _experiment(search, entry, noise)
-    return Finding(effect.id, tuple(entry.rivals), values, forces(effect), entry.share, experiment)
+    text = experiments[entry.id].text if entry.id in experiments else ""
+    return Finding(effect.id, tuple(entry.rivals), values, forces(effect), entry.share, text)
 
 
 def _of_record(search: "Search", name: str) -> bool:
@@ -184,14 +188,19 @@ def _of_record(search: "Search", name: str) -> bool:
     return isinstance(effect_of(search.simulator.model, name), Defect)
 
 
-def _experiment(search: "Search", entry: "Accepted", noise: Noise | None) -> str:
-    """What would tell an effect from its rivals."""
-    if not entry.rivals or search.undone:
-        return ""
-    search.progress(f"experiment to tell {entry.id} from {', '.join(entry.rivals)}")
+def _experiments(search: "Search", noise: Noise | None, limits: Limits) -> dict[str, Experiment]:
+    """By effect, what would tell it from its rivals."""
+    asked = [entry for entry in search.accepted if entry.rivals and not entry.of_record and not search.undone]
     level = _total(search, noise.rms) if noise else float(np.sqrt(search.at.variance))
-    sets = {entry.id: search.at.parameters, **entry.rivals}
-    return next_experiment(search.simulator, search.dataset.fit, sets, level).text
+    found = {}
+    for entry in asked:
+        search.progress(f"experiment to tell {entry.id} from {', '.join(entry.rivals)}")
+        sets = {entry.id: search.at.parameters, **entry.rivals}
+        seconds = search.criteria.design_time / len(asked)
+        experiment = next_experiment(search.simulator, search.dataset.fit, sets, level, limits, seconds)
+        if experiment is not None:
+            found[entry.id] = experiment
+    return found
 
 
 def forces(effect: Effect | Defect) -> dict[str, str]:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from gyro_model.model import load_model
 from gyrotwin.api.files import DeviceSource, load_device
@@ -59,6 +59,7 @@ def simulate_dataset(
     runs: int = 3,
     samples: int = 8000,
     seed: int = 1,
+    play: Sequence[str | Path] = (),
 ) -> "Dataset":
     """Write the runs that a device would give, driven over both modes, and load them.
 
@@ -74,6 +75,8 @@ def simulate_dataset(
         The last run is held out; samples of each at 200 kHz.
     seed : int
         Seed of drive, noise and of what the lab believes.
+    play : sequence of str or Path
+        Tables as a diagnosis proposes them (``next-EFFECT.csv``), each played in a further run to fit.
 
     Returns
     -------
@@ -96,7 +99,8 @@ def simulate_dataset(
     from discrepancy.data.dataset import load_dataset as load
     from discrepancy.trial_runs import write_trial
 
-    write_trial(load_device(device), dict(hidden or {}), Path(folder), runs=runs, samples=samples, seed=seed)
+    write_trial(load_device(device), dict(hidden or {}), Path(folder), runs=runs, samples=samples, seed=seed,
+                play=[Path(table) for table in play])  # fmt: skip
     return load(Path(folder))
 
 
@@ -110,6 +114,7 @@ def diagnose(
     seed: int = 0,
     progress: Steps | None = None,
     checkpoint: str | Path | None = None,
+    limits: "str | Path | Mapping[str, Any] | None" = None,
 ) -> "DiagnosisResult":
     """Find what a model lacks to explain measured data.
 
@@ -131,11 +136,14 @@ def diagnose(
         Called with one line of text a step.
     checkpoint : str or Path
         File that keeps the search after each step; an interrupted search goes on from it.
+    limits : str, Path or mapping
+        What the laboratory can do in a further experiment, as a TOML file or by name: ``{"longest": 0.5, "omega_z":
+        (0, 0)}``; see docs/diagnosis.md.
 
     Returns
     -------
     DiagnosisResult
-        With ``effects``, ``device``, ``design``, ``misfit``, ``save(folder)``.
+        With ``experiments``, ``effects``, ``device``, ``design``, ``misfit``, ``save(folder)``.
 
     Raises
     ------
@@ -145,6 +153,7 @@ def diagnose(
     """
     from discrepancy.data.checks import check
     from discrepancy.data.dataset import Dataset
+    from discrepancy.tell.limits import Limits
     from gyrotwin.tasks.diagnose import Request, find, with_nominal
 
     folders = tuple(map(Path, effects))
@@ -155,7 +164,8 @@ def diagnose(
         data = load_dataset(place, device=device, effects=folders)
     given = load_device(device, effects=folders).parameters if device is not None else {}
     data, notes = with_nominal(data, given, "that was given")
-    request = Request(place, place, None, folders, max_effects, jobs, seed)
+    able = Limits.of(limits) if isinstance(limits, Mapping) else Path(limits) if limits is not None else None
+    request = Request(place, place, None, folders, max_effects, jobs, seed, limits=able)
     warnings = [*notes, *map(str, check(data))]
     kept = None if checkpoint is None else Path(checkpoint)
     return find(request, data, data.model, progress or (lambda line: None), kept, warnings)

@@ -7,7 +7,9 @@ import typer
 
 
 def schema(
-    name: Annotated[str, typer.Argument(help="device, design, scenario, dataset, plan, criteria, summary or report.")],
+    name: Annotated[
+        str, typer.Argument(help="device, design, scenario, dataset, plan, criteria, limits, summary or report.")
+    ],
 ) -> None:
     """Print the JSON Schema of a file format, by which an editor completes and checks what one types."""
     from gyrotwin import schemas

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from discrepancy.criteria import Criteria
     from discrepancy.data.dataset import Dataset
     from discrepancy.tell.answer import Diagnosis
+    from discrepancy.tell.limits import Limits
 
 CHECKPOINT: Final = "search.checkpoint"
 
@@ -43,6 +44,7 @@ class Request(NamedTuple):
     jobs: int | None = None
     seed: int = 0
     criteria: Path | None = None
+    limits: "Path | Limits | None" = None
 
 
 def diagnose(
@@ -66,11 +68,14 @@ def diagnose(
     criteria: Annotated[
         Path | None, typer.Option(metavar="FILE", help="TOML with thresholds; report.json lists all of them.")
     ] = None,
+    limits: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="TOML with what the laboratory can do in a further experiment.")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write even into a folder that holds other files.")] = False,
 ) -> None:
     """Find what a model lacks to explain measured data, and write the improved model."""
     folder = out or Path("results") / _name(dataset)
-    request = Request(dataset, folder, device, tuple(effects or ()), max_effects, jobs, seed, criteria)
+    request = Request(dataset, folder, device, tuple(effects or ()), max_effects, jobs, seed, criteria, limits)
     if each:
         from gyrotwin.tasks import fleet
 
@@ -130,6 +135,7 @@ def find(
             checkpoint=checkpoint,
             further=TermSearch(terms, progress),
             criteria=criteria_of(request),
+            limits=limits_of(request),
         )
         given = [path for folder in (*request.effects, terms) for path in sorted(folder.glob("*.py"))]
         texts = {f"effects/{path.name}": path.read_bytes() for path in given}
@@ -142,6 +148,13 @@ def criteria_of(request: Request) -> "Criteria":
     from discrepancy.criteria import Criteria, load_criteria
 
     return load_criteria(request.criteria) if request.criteria else Criteria()
+
+
+def limits_of(request: Request) -> "Limits | None":
+    """What the laboratory can do, as said."""
+    from discrepancy.tell.limits import load_limits
+
+    return load_limits(request.limits) if isinstance(request.limits, Path) else request.limits
 
 
 def check_request(request: Request) -> None:
@@ -249,10 +262,16 @@ def writers_of(result: DiagnosisResult) -> dict[str, Writer]:
         "fmi2.fmu": write_fmus,
         "fmi3.fmu": lambda path: None,  # written with the other
         **{name: partial(_write_bytes, text) for name, text in result.effect_files.items()},
+        **{next_name(name): experiment.write for name, experiment in found.experiments.items()},
         "device.toml": lambda path: write_device(device, path, note.strip()),
         "report.json": write_json(report),
         "report.html": write_page,
     }
+
+
+def next_name(effect: str) -> str:
+    """The file of the experiment that tells an effect from its rivals."""
+    return f"next-{effect}.csv"
 
 
 def _write_bytes(text: bytes, path: Path) -> None:

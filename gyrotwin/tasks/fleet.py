@@ -85,6 +85,8 @@ def _row(folder: Path, name: str, request: one.Request, said: str, tell: Progres
         tell(f"{said}: {error}")
         return Row(name, error=str(error))
     options = {"max_effects": own.max_effects, "seed": own.seed, **asdict(one.criteria_of(own))}
+    limits = one.limits_of(own)
+    options |= asdict(limits) if limits else {}
     key = digest(data, model, options)
     before = _read(own.out / ROW, name, key)
     if before is not None:

@@ -1,7 +1,4 @@
-"""The menu of further experiments: each a run made of the loudest one measured, cheapest first.
-
-Cheap is what needs the signal generator alone, then a voltage, a tilt of the table, a turntable, an oven.
-"""
+"""The yardstick of designed experiments: a menu of eight fixed ones, each a run made of the loudest one measured."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,17 +8,10 @@ import numpy as np
 
 from discrepancy.data.linear_fit import mode_frequencies
 from discrepancy.data.record import Floats, Record
+from discrepancy.tell.limits import LEVEL, LONGEST, ORDINARY, REST
 
-LEVEL: Final = 2.0
-"""Largest drive over what the device has been seen to bear."""
-LONGEST: Final = 40_000
-"""Samples of a proposed run at most."""
 BESIDE: Final = (0.3, 0.6, 1.5, 2.0)
 """Off-resonance tones: two below the lowest mode, two above the highest, as multiples of it."""
-ORDINARY: Final = {"v_bias": 10.0, "a_x": 9.80665, "a_y": 9.80665, "omega_z": 5.0, "temperature": 20.0}
-"""Steps where the runs show none: a laboratory supply [V], a tilt by 90° [m/s²], a turntable [rad/s], an oven [K]."""
-REST: Final = {"v_bias": 0.0, "a_x": 0.0, "a_y": 0.0, "omega_z": 0.0, "temperature": 298.15}
-"""Conditions that a run does not state, as the FMU starts with them."""
 
 
 @dataclass(frozen=True)
