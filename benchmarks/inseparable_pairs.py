@@ -192,7 +192,7 @@ def _device(rng: np.random.Generator, situation: Situation) -> dict[str, float]:
 
 def _runs(rng: np.random.Generator, device: Mapping[str, float], situation: Situation) -> list[Record]:
     """Three runs at one level, of few tones or of many."""
-    n, f = 4000 * int(rng.integers(1, 4)), math.sqrt(device["kxx"] / device["m"]) / 2 / math.pi
+    n, f = 4000 * int(rng.integers(1, 3)), math.sqrt(device["kxx"] / device["m"]) / 2 / math.pi
     few = rng.random() < 0.5
     t = np.arange(n) / RATE
     reach = 10 ** rng.uniform(-6.7, -5.8)

@@ -32,11 +32,13 @@ from gyro_model.model import load_model
 PAIRS: Final = 50
 DECIDED: Final = 600 * RATE
 """Samples within which a pair counts: what takes longer by both says nothing of either."""
+HOPELESS: Final = 10.0
+"""Times that, of a design: the menu is not asked then, which in no pair did so much better."""
 SHORTER: Final = 0.7
 """Of an experiment of the menu over the next longer one."""
 SHARE: Final = 0.2
 """Of the menu's time that a design may take."""
-CARRIED: Final = 12
+CARRIED: Final = 8
 """Pairs whose experiment is carried out, with noise."""
 DRAWS: Final = 20
 """Times each."""
@@ -85,11 +87,12 @@ def measure(simulator: Simulator, pair: Pair, *, carry: bool = False) -> Outcome
     rivals = [Rival(simulator, pair.records, name, values, NOISE) for name, values in pair.fitted.items()]
     designer = designer_of(rivals, pair.records, Limits(), SECONDS)
     design = designer.find()
+    if design is None or design.samples > HOPELESS * DECIDED:
+        return None
     times = _menu_times(designer, pair.records)
     name = min(times, key=lambda own: times[own])
-    samples = design.samples if design else np.inf
-    designed, best = (max(own, MINIMUM_SAMPLES) for own in (samples, times[name]))
-    if design is None or min(designed, best) > DECIDED:
+    designed, best = (max(samples, MINIMUM_SAMPLES) for samples in (design.samples, times[name]))
+    if min(designed, best) > DECIDED:
         return None
     outcome = Outcome(pair, designed, best, _shortened(designer, pair.records, best), name)
     if carry and MINIMUM_SAMPLES <= design.samples <= designer.player.room.samples:

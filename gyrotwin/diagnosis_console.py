@@ -22,7 +22,9 @@ def results(report: Mapping[str, Any], found: Diagnosis) -> RenderableType:
         parts.append(_effects(report["effects"]))
     parts += [Text(f"the record: {_defect(defect)}") for defect in report["record"]]
     parts += [Text("Misfit on held-out runs, rms(v - v_sim)/rms(v)", style="italic"), _misfit(report, found)]
-    parts += [Text(f"next: {e['next_experiment']}") for e in report["effects"] if e.get("next_experiment")]
+    parts += [
+        Text(f"next, next-{e['id']}.csv: {e['next_experiment']}") for e in report["effects"] if e.get("next_experiment")
+    ]
     parts += [Text(f"doubt: {doubt}", style="yellow") for doubt in found.doubts]
     return Group(*parts)
 

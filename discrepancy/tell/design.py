@@ -25,6 +25,14 @@ GROWTH: Final = 4
 LATER, HOPELESS = 3200, 1e4
 """From a horizon of so many samples on, runs that even without a refit all would have to be repeated so often are not
 looked at any longer: what rings up to the limits has done so nearly."""
+SPEED: Final = 1.5e6
+"""Samples simulated a second of work."""
+CALL: Final = 500
+"""Samples that could be simulated in the time that it takes to begin a run."""
+PATIENCE: Final = 2.0
+"""Of the seconds of work, after which the clock ends it."""
+TOGETHER: Final = 32
+"""Drives that are simulated without a look at the work."""
 SCREENED, IMPROVED = 0.6, 0.9
 """Shares of the work after which the library has been looked through, and the best of it improved."""
 TRIED: Final = 80
@@ -67,18 +75,23 @@ class Design:
 
 class Designer:
     """Looks for the shortest run. asked: the separation D to be reached; seconds: of work, after which the best so far
-    has to do."""
+    has to do. Work is counted by samples simulated, so that the same rivals give the same design; where these take
+    longer, the clock ends it."""
 
     def __init__(self, rivals: Sequence[Rival], player: Player, asked: float, seconds: float, seed: int = 0) -> None:
         self.rivals, self.player, self.asked = rivals, player, asked
         self.simulator = rivals[0].simulator
         self.clock = self.simulator.clock
-        self.begin, self.seconds = self.clock.now, seconds
+        self.begin, self.seconds, self.work = self.clock.now, seconds, 0.0
         self.rng = np.random.default_rng(seed)
 
     def over(self, share: float = 1.0) -> bool:
         """Whether a share of the work is done."""
-        return self.clock.now > self.begin + share * self.seconds or self.clock.late
+        took = (self.clock.now - self.begin) / PATIENCE
+        return max(took, self.work / SPEED) > share * self.seconds or self.clock.late
+
+    def _worked(self, runs: int, samples: int) -> None:
+        self.work += runs * (samples + CALL)
 
     def find(self) -> Design | None:
         """The best design; None where not one drive of the library keeps the limits."""
@@ -103,6 +116,7 @@ class Designer:
         voltages = [rival.simulated(record) for rival in self.rivals]
         if not all(np.isfinite(v).all() for v in voltages):
             return np.zeros(len(ends_of(len(record.t))))
+        self._worked(sum(len(rival.free) + len(rival.states) + 1 for rival in self.rivals), len(record.t))
         least: Floats | None = None
         for number, follower in enumerate(self.rivals):
             columns = follower.columns(record, voltages[number])
@@ -152,11 +166,17 @@ class Designer:
         most promising first, of every course of the conditions in turn: what one follows of another, they all may."""
 
         def bound(drive: Drive) -> Design:
-            late = self.over(SCREENED) and horizon > FIRST
-            least, scale = (np.inf, 1.0) if late else self._least(drive, horizon, horizon)
+            least, scale = self._least(drive, horizon, horizon)
             return Design(drive, least, horizon, scale)
 
-        return _in_turn(sorted(self.simulator.each(bound, drives), key=lambda own: own.price))
+        found: list[Design] = []
+        for begin in range(0, len(drives), TOGETHER):
+            if found and self.over(SCREENED):
+                break
+            some = drives[begin : begin + TOGETHER]
+            found += self.simulator.each(bound, some)
+            self._worked(len(some) * len(self.rivals), self.table(horizon))
+        return _in_turn(sorted(found, key=lambda own: own.price))
 
     def _least(self, drive: Drive, n: int, horizon: int, scale: float = 1.0) -> tuple[float, float]:
         """Samples of a run of ``n`` at least, infinite where the voltage can't be kept; and the scale that keeps it."""
@@ -205,6 +225,7 @@ class Designer:
         """The ``design``, or another of ``drive`` whose price is below ``room`` times its own."""
         n = int(np.clip(np.ceil(room * design.samples), MINIMUM_SAMPLES, self.player.room.samples))
         least, scale = self._least(drive, n, horizon, design.scale)
+        self._worked(len(self.rivals), self.table(n))
         other = Design(drive, least, horizon, scale)
         if other.price >= room * design.price:
             return design

@@ -1,19 +1,20 @@
 """Pairs of effects that one excitation can't tell apart, and the experiment proposed, carried out with the FMU."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
 from discrepancy.data.record import Record, make_record
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
 from discrepancy.fit.whitening import Setting, whitener
-from discrepancy.tell.experiment import Experiment, next_experiment
-from discrepancy.tell.menu import LEVEL, menu
+from discrepancy.tell.drives import Drive, Player
+from discrepancy.tell.experiment import ASKED, Experiment, designer_of, next_experiment, odds_of
+from discrepancy.tell.limits import Limits, room_of
+from discrepancy.tell.rivals import Rival, ends_of, followed
 from gyro_model.device import load_device
 from gyro_model.errors import InputError
 from gyro_model.model import load_model
@@ -30,13 +31,13 @@ CUBIC = (Free("k3_x", 1e3), Free("k3_y", 1e3))
 PAIRS = {
     # A constant acceleration shifts the mean as an offset does, exactly, as long as it stays constant.
     "offset": ({"amplifier_offset": OFFSET, "linear_acceleration": ACCELERATION}, {"offset_x": 2e-3, "offset_y": 1e-3},
-               {"a_x": 9.8, "a_y": 9.8}, "added acceleration"),
+               {"a_x": 9.8, "a_y": 9.8}, {"a_x", "a_y"}),
     "acceleration": ({"linear_acceleration": ACCELERATION, "amplifier_offset": OFFSET},
                      {"acceleration_gain_x": -0.05, "acceleration_gain_y": -0.05},
-                     {"a_x": 9.8, "a_y": 9.8}, "added acceleration"),
+                     {"a_x": 9.8, "a_y": 9.8}, {"a_x", "a_y"}),
     # At constant bias the pull is a V² q (1 + 2 (q/g)² + ...): its first part is one with k, its second a cubic spring.
     "softening": ({"electrostatic_softening": SOFTENING, "cubic_stiffness": CUBIC}, {"softening": 2e-5},
-                  {"v_bias": 10.0}, "bias step"),
+                  {"v_bias": 10.0}, {"v_bias"}),
 }  # fmt: skip
 
 
@@ -75,6 +76,14 @@ def fitted(simulator: Simulator, records: list[Record], sizes: tuple[Free, ...])
     return fitter.fit(fitter.evaluated(begun), rounds=20)
 
 
+def proposed(
+    simulator: Simulator, records: Sequence[Record], sets: Mapping[str, Mapping[str, float]], **more: object
+) -> Experiment:
+    found = next_experiment(simulator, records, sets, NOISE, **{"seconds": 1.0, **more})  # type: ignore[arg-type]
+    assert found is not None
+    return found
+
+
 @pytest.mark.parametrize("pair", PAIRS)
 def test_proposed_experiment_decides(pair: str, simulator: Simulator) -> None:
     sizes, hidden, conditions, wanted = PAIRS[pair]
@@ -83,52 +92,97 @@ def test_proposed_experiment_decides(pair: str, simulator: Simulator) -> None:
     fits = {name: fitted(simulator, records, free) for name, free in sizes.items()}
     # Not told apart: within three standard deviations of each other.
     assert abs(fits[wrong].cost - fits[right].cost) < 9 * NOISE**2
-    found = next_experiment(simulator, records, {name: {**TRUE, **at.parameters} for name, at in fits.items()}, NOISE)
-    assert found.name == wanted
+    found = proposed(simulator, records, {name: {**TRUE, **at.parameters} for name, at in fits.items()})
+    assert {name for name, _ in found.drive.steps} & wanted
     assert found.enough
-    assert found.odds >= 99
-    assert f"tells {right} from {wrong} with odds of" in found.text
-    # The device itself, in that experiment, and both refitted to all: 99:1 is a chi-square of 21 in the mean.
+    assert found.runs == 1
+    # A fifth of the run whose condition steps at its middle, which was the best that was proposed before.
+    assert found.seconds <= 0.2 * (SAMPLES / 2 / RATE)
+    assert f"tells {right} from {wrong} with 95% after" in found.text
+    # The device itself plays the table, and both are refitted to all. By the odds the separation is D in the mean and
+    # scatters by its root: half of 30 at least is left but once in 300.
     again = [*records, measured(simulator, found.record, hidden, 9)]
     cost = {name: fitted(simulator, again, free).cost / NOISE**2 for name, free in sizes.items()}
     assert cost[wrong] > cost[right] + 9
+
+
+def test_limits_are_kept(simulator: Simulator) -> None:
+    """Without a supply and an oven, on a short leash: what is proposed stays within, whichever effect is the true
+    one."""
+    sizes, hidden, conditions, _ = PAIRS["softening"]
+    records = runs(simulator, hidden, conditions)
+    sets = {name: {**TRUE, **fitted(simulator, records, free).parameters} for name, free in sizes.items()}
+    limits = Limits(force_x=2e-6, force_y=1e-6, voltage_x=1.0, voltage_y=0.5, longest=0.01, v_bias=(10.0, 10.0),
+                    temperature=(298.15, 298.15), omega_z=(-1.0, 2.0))  # fmt: skip
+    found = proposed(simulator, records, sets, limits=limits)
+    assert len(found.record.t) <= 0.01 * RATE
+    # Rounding of one product.
+    assert (np.abs(found.record.u).max(axis=0) <= np.array([2e-6, 1e-6]) * (1 + 1e-15)).all()
+    for values in sets.values():
+        assert (np.abs(simulator.run(found.record, values)).max(axis=0) <= [1.0, 0.5]).all()
+    played = found.table
+    assert (played["v_bias"] == 10.0).all()
+    assert "temperature" not in played.columns
+    assert "omega_z" not in played.columns or played["omega_z"].is_between(-1, 2).all()
+
+
+def test_table_is_what_a_generator_plays(simulator: Simulator) -> None:
+    records = runs(simulator, {}, {})
+    sets = {"cubic_stiffness": {**TRUE, "k3_x": 1e9}, "nonlinear_damping": {**TRUE, "d2_x": 1e6}}
+    found = proposed(simulator, records, sets)
+    assert found.table.columns[:3] == ["t", "u_x", "u_y"]
+    assert not {"v_x", "v_y"} & set(found.table.columns)
+    assert len(found.table) == len(found.record.t)
+    # It is simulated as any other run.
+    assert np.array_equal(simulator.run(found.record, sets["cubic_stiffness"]), found.record.v)
 
 
 def test_what_no_experiment_decides(simulator: Simulator) -> None:
     """Two effects of a nanovolt, under noise of 20 µV: nothing tells them apart."""
     records = runs(simulator, {}, {})
     tiny = {"amplifier_offset": {"offset_x": 1e-9}, "drive_feedthrough": {"feedthrough": 1e-7}}
-    found = next_experiment(simulator, records, {name: {**TRUE, **size} for name, size in tiny.items()}, NOISE)
+    found = proposed(simulator, records, {name: {**TRUE, **size} for name, size in tiny.items()})
     assert not found.enough
-    assert found.odds < 99
-    assert found.text.startswith("nothing on the menu tells amplifier_offset from drive_feedthrough")
+    assert found.text.startswith("nothing within the limits tells amplifier_offset from drive_feedthrough")
 
 
-def test_odds_are_those_of_a_matched_filter(simulator: Simulator) -> None:
-    """A drift too small to matter against a constant offset: at most the whole offset over the noise is seen."""
+def test_odds_are_those_of_a_matched_filter() -> None:
+    """Nothing follows: D is the energy over the noise. One column along the error with a prior of one deviation takes
+    all but D/(1 + D) of it, by hand."""
+    error = np.full((200, 1), 0.5)
+    none = followed(np.zeros((1, 200, 1)), error)
+    energy = 0.25 * np.array(ends_of(200))
+    assert none == pytest.approx(energy, rel=1e-12)
+    assert followed(error[None], error) == pytest.approx(energy / (1 + energy), rel=1e-9)
+    # Φ(√D/2) = 0.95 is 19 to 1.
+    assert odds_of(ASKED) == pytest.approx(19, rel=1e-9)
+
+
+def test_force_holds_the_largest_voltage(simulator: Simulator) -> None:
+    """A tone on a mode at full force: the motion rises to the limit and stays there."""
     records = runs(simulator, {}, {})
-    noise = 1e-3
-    sets = {"amplifier_offset": {**TRUE, "offset_x": 1e-5}, "amplifier_drift": {**TRUE, "offset_drift": 1e-9}}
-    found = next_experiment(simulator, records, sets, noise)
-    n = SAMPLES
-    # An upper bound by hand: nothing refitted, the whole offset seen.
-    bound = norm.cdf(np.sqrt(n * 1e-5**2 / noise**2) / 2)
-    assert 1 <= found.odds <= bound / (1 - bound) * (1 + 1e-6)
+    room = room_of(Limits(voltage_x=5.0, voltage_y=5.0), records)
+    player = Player(room, TRUE, records[0])
+    drive = Drive(player.modes[:1], np.ones((1, 2)), np.zeros((1, 2)), np.array([1.0, -1.0]), hard=True)
+    v = simulator.run(player.record(drive, SAMPLES), TRUE)
+    # A period at full force adds 1 V: so much it may go beyond. Designs are simulated, and played lower then.
+    assert 4 < np.abs(v[SAMPLES // 2 :]).max() < 6
 
 
-def test_menu_keeps_to_what_the_device_bore(simulator: Simulator) -> None:
-    records = runs(simulator, {}, {"v_bias": 15.0})
-    found = {proposal.name: proposal.record for proposal in menu(records, TRUE)}
-    peak = max(float(np.abs(record.u).max()) for record in records)
-    assert list(found) == ["drive level step", "drive level ramp", "ring-down", "off-resonance drive", "bias step",
-                           "added acceleration", "rate step", "temperature step"]  # fmt: skip
-    for record in found.values():
-        # Rounding of one product.
-        assert np.abs(record.u).max() <= LEVEL * peak * (1 + 1e-15)
-        assert record.axes == 2
-    assert not found["ring-down"].u[SAMPLES // 2 :].any()
-    assert found["bias step"].conditions["v_bias"][[0, -1]].tolist() == [15.0, 30.0]
-    assert found["temperature step"].conditions["temperature"][[0, -1]].tolist() == [298.15, 318.15]
+def test_several_rivals_are_told_apart_pair_by_pair(simulator: Simulator) -> None:
+    records = runs(simulator, {}, {})
+    sizes = {
+        "cubic_stiffness": {"k3_x": 1e9},
+        "nonlinear_damping": {"d2_x": 1e6},
+        "drive_feedthrough": {"feedthrough": 1},
+    }
+    rivals = [Rival(simulator, records, name, {**TRUE, **size}, NOISE) for name, size in sizes.items()]
+    player = designer_of(rivals, records, Limits(), 1.0).player
+    drive = Drive(player.modes[:1], np.ones((1, 2)), np.zeros((1, 2)), np.array([1.0, 0.0]))
+    record = player.record(drive, 1000)
+    pairs = [designer_of([a, b], records, Limits(), 1.0).separation(record)
+             for a in rivals for b in rivals if a.name < b.name]  # fmt: skip
+    assert designer_of(rivals, records, Limits(), 1.0).separation(record) == pytest.approx(np.min(pairs, axis=0))
 
 
 def test_bad_input(simulator: Simulator) -> None:
@@ -147,15 +201,17 @@ def test_a_rival_may_be_a_defect_of_the_record(simulator: Simulator) -> None:
     """A delay of the force, or a filter of the voltage, whose size is no parameter of the device."""
     records = runs(simulator, {"actuator_delay": 2e-8}, {})
     sets = {"actuator_delay": {**TRUE, "actuator_delay": 2e-8}, "voltage_filter": {**TRUE, "voltage_filter": 2e-8}}
-    found = next_experiment(simulator, records, sets, NOISE)
+    found = proposed(simulator, records, sets)
     assert "actuator_delay from voltage_filter" in found.text
     assert np.array_equal(simulator.run(found.record, sets["actuator_delay"]), found.record.v)
 
 
-def test_is_for_reuse(simulator: Simulator) -> None:
-    """The record proposed is simulated as any other."""
-    records = runs(simulator, {}, {})
-    sets = {"cubic_stiffness": {**TRUE, "k3_x": 1e7}, "nonlinear_damping": {**TRUE, "d2_x": 1e4}}
-    found = next_experiment(simulator, records, sets, NOISE)
-    assert isinstance(found, Experiment)
-    assert np.array_equal(simulator.run(found.record, sets["cubic_stiffness"]), found.record.v)
+def test_one_axis(simulator: Simulator) -> None:
+    """A record of x alone: no value of y is asked for."""
+    whole = runs(simulator, {}, {})[0]
+    record = make_record("x", whole.t, whole.u[:, 0], whole.v[:, 0], sample_rate=RATE)
+    known = {name: TRUE[name] for name in ("m", "kxx", "dxx", "sense_gain_x")}
+    sets = {"cubic_stiffness": {**known, "k3_x": 1e9}, "nonlinear_damping": {**known, "d2_x": 1e6}}
+    found = proposed(simulator, [record], sets)
+    assert found.table.columns[:2] == ["t", "u_x"]
+    assert found.enough
