@@ -26,9 +26,9 @@ EVEN: Final = Criteria().even
 """Chi-square between two names that a diagnosis reports as `either`."""
 PLAIN: Final = 25.0
 """Chi-square that the hidden effect takes at least: it is there, whichever it is."""
-GAINS: Final = (40.0, 4e6)
+GAINS: Final = (40.0, 4e5)
 """Chi-square that sizes are drawn for, by the linear model."""
-SMALLER: Final = 10.0
+SMALLER: Final = 30.0
 """Of the chi-square, where runs tell a pair apart: the same pair is tried so much fainter."""
 LARGE: Final = 0.3
 """Share of the voltage that a hidden effect changes at most."""
@@ -48,16 +48,10 @@ class Situation:
 SITUATIONS: Final = tuple(
     Situation(pair, held, **more)
     for pair, held, more in (
-        (("cubic_stiffness", "pickoff_nonlinearity"), {}, {}),
         (("cubic_stiffness", "electrostatic_softening"), {"v_bias": 10.0}, {}),
         (("cubic_stiffness", "cross_cubic_stiffness"), {}, {}),
         (("nonlinear_damping", "squeeze_film"), {}, {}),
-        (("nonlinear_damping", "cubic_stiffness"), {}, {}),
         (("actuator_delay", "amplifier_bandwidth"), {}, {}),
-        (("actuator_delay", "voltage_filter"), {}, {}),
-        (("drive_feedthrough", "actuator_delay"), {}, {}),
-        (("angular_gain", "frame_rotation"), {"omega_z": 5.0}, {}),
-        (("angular_gain", "actuator_misalignment"), {"omega_z": 5.0}, {}),
         (("pickoff_misalignment", "actuator_misalignment"), {}, {"equal": True}),
         (("pickoff_gain_mismatch", "actuator_gain_mismatch"), {}, {"coupled": False}),
         (("amplifier_offset", "linear_acceleration"), {"a_x": 9.8, "a_y": 9.8}, {}),
@@ -65,9 +59,6 @@ SITUATIONS: Final = tuple(
         (("constant_force", "linear_acceleration"), {"a_x": 9.8, "a_y": 9.8}, {}),
         (("thermal_phase", "amplifier_bandwidth"), {"temperature": 318.15}, {}),
         (("thermal_phase", "actuator_delay"), {"temperature": 318.15}, {}),
-        (("quadratic_stiffness", "actuator_nonlinearity"), {}, {}),
-        (("quadratic_stiffness", "comb_fringe"), {}, {}),
-        (("cubic_stiffness", "actuator_nonlinearity"), {}, {}),
     )
 )
 
@@ -155,7 +146,7 @@ def fit(simulator: Simulator, records: Sequence[Record], device: Mapping[str, fl
         free.append(Free(name, 0.1 * abs(size), quantity.low, quantity.high))
     values = {name: start + 3 * size for name, (start, size) in unit.items()}
     begun = Fitted({**nominal.parameters, **values}, fitter.at_rest, tuple(free), fitter.plain(device), ())
-    return fitter.fit(fitter.evaluated(begun), rounds=25)
+    return fitter.fit(fitter.evaluated(begun), rounds=15)
 
 
 def _unit(fitter: Fitter, at: Fitted, effect: Effect | Defect) -> dict[str, tuple[float, float]]:

@@ -26,7 +26,7 @@ RATES: Final = (10.0, 18.0, 26.0, 32.0)
 
 class Situation(NamedTuple):
     """truth is hidden, rival imitates it. why: the equation; before, after: conditions of run number i; next: the
-    experiment of the menu; symmetric, coupled: the device; high: the added drive lies above the modes."""
+    experiment that separates them; symmetric, coupled: the device; high: the added drive lies above the modes."""
 
     truth: str
     rival: str

@@ -49,8 +49,12 @@ MARGIN: Final = 2.0
 """Times the run that decides, that is to be played: the device and its noise are not quite as thought."""
 LEAST: Final = 5 * MINIMUM_SAMPLES
 """Samples of a table at least: the initial state takes 50 of them."""
+LONGER: Final = 1.2
+"""Of a run that did not decide, over the one before."""
 OVERTIME: Final = 1.5
 """Of the work, after which a time is told as it is."""
+FAINT: Final = 1e-3
+"""Of the separation that is asked: what is below counts as that much."""
 KEPT: Final = 0.97
 """Of the voltage's limit, at which a drive that went beyond is played again."""
 
@@ -137,7 +141,9 @@ class Designer:
             return n * self.asked / max(float(course[-1]), 1e-12)
         ends, i = ends_of(n), int(reached[0])
         begin, before = (0, 0.0) if i == 0 else (ends[i - 1], float(course[i - 1]))
-        return begin + (ends[i] - begin) * (self.asked - before) / (float(course[i]) - before)
+        # It rises by orders of magnitude where a condition steps: straight in its logarithm.
+        low = max(before / self.asked, FAINT)
+        return begin + (ends[i] - begin) * float(np.log(low) / np.log(low * self.asked / course[i]))
 
     def _screened(self) -> list[Design]:
         """The best of the library, over the shortest horizon within which one decides."""
@@ -235,11 +241,14 @@ class Designer:
     def _settled(self, design: Design) -> Design:
         """With the time that one run takes, if one may last so long."""
         most = self.player.room.samples
-        while (n := min(max(MINIMUM_SAMPLES, int(np.ceil(design.samples))), most)) and not self.over(OVERTIME):
+        n = min(max(MINIMUM_SAMPLES, int(np.ceil(design.samples))), most)
+        while not self.over(OVERTIME):
             _, scale = self._least(design.drive, n, design.horizon, design.scale)
             design = self._evaluated(replace(design, scale=scale), n)
             if design.samples <= n or n == most:
                 break
+            # What rises at a step is told too late by what it was before.
+            n = min(int(np.ceil(min(design.samples, LONGER * n))), most)
         return design
 
     def _simplified(self, design: Design) -> Design:

@@ -12,6 +12,7 @@ import gyrotwin as gt
 from cosim.design import packaged_designs
 from cosim.scenarios.files import packaged_scenarios
 from discrepancy.criteria import Criteria
+from discrepancy.tell.limits import Limits
 from gyro_model.device import load_device, packaged_devices
 from gyro_model.errors import InputError
 from gyrotwin.schemas import schemas
@@ -58,6 +59,15 @@ def test_a_data_set_is_accepted(tmp_path: Path) -> None:
 def test_defaults_of_the_criteria_are_accepted() -> None:
     check("criteria", {name: found["default"] for name, found in gt.schema("criteria")["properties"].items()})
     assert set(gt.schema("criteria")["properties"]) == set(Criteria.__dataclass_fields__)
+
+
+def test_limits_are_accepted_as_the_program_reads_them() -> None:
+    given = {"force_x": 1e-6, "longest": 0.5, "v_bias": [0.0, 12.0], "omega_z": [0, 0]}
+    check("limits", given)
+    Limits.of(given)
+    assert set(gt.schema("limits")["properties"]) == set(Limits.__dataclass_fields__)
+    with pytest.raises(jsonschema.ValidationError):
+        check("limits", {"v_bias": 12.0})
 
 
 WRONG = {
