@@ -146,7 +146,8 @@ class Designer:
         return begin + (ends[i] - begin) * float(np.log(low) / np.log(low * self.asked / course[i]))
 
     def _screened(self) -> list[Design]:
-        """The best of the library, over the shortest horizon within which one decides."""
+        """The best of the library, over the shortest horizon within which one decides; the first is looked at in full,
+        however little work there may be."""
         courses = self.player.courses()
         drives = [replace(d, steps=own) for own in courses for d in self.player.library(whole=not own)]
         most, horizon = self.player.room.samples, min(FIRST, self.player.room.samples)
@@ -155,12 +156,12 @@ class Designer:
             before, found = found, []
             bounds = self._bounds(drives, horizon)
             for bound in bounds[:TRIED]:
-                if self.over(SCREENED) and found:
+                if self.over(SCREENED) and horizon > FIRST:
                     break
                 if bound.price < min((other.price for other in found), default=np.inf):
                     found.append(self._evaluated(bound, horizon))
             found.sort(key=lambda own: own.price)
-            hopeless = horizon >= LATER and min(bound.samples for bound in bounds) > HOPELESS * most
+            hopeless = horizon >= LATER and min((own.samples for own in bounds), default=np.inf) > HOPELESS * most
             if self.over(SCREENED) or hopeless or horizon == most or (found and found[0].samples <= horizon):
                 return (found or before)[:BEST]
             # Those that did least are left: a longer run is dearer.
@@ -177,7 +178,7 @@ class Designer:
 
         found: list[Design] = []
         for begin in range(0, len(drives), TOGETHER):
-            if found and self.over(SCREENED):
+            if self.over(SCREENED) and horizon > FIRST:
                 break
             some = drives[begin : begin + TOGETHER]
             found += self.simulator.each(bound, some)

@@ -165,8 +165,9 @@ def test_force_holds_the_largest_voltage(simulator: Simulator) -> None:
     player = Player(room, TRUE, records[0])
     drive = Drive(player.modes[:1], np.ones((1, 2)), np.zeros((1, 2)), np.array([1.0, -1.0]), hard=True)
     v = simulator.run(player.record(drive, SAMPLES), TRUE)
-    # A period at full force adds 1 V: so much it may go beyond. Designs are simulated, and played lower then.
-    assert 4 < np.abs(v[SAMPLES // 2 :]).max() < 6
+    # Speed is held against that of the higher mode: at the lower one motion goes beyond by their ratio, 1.3. Designs are
+    # simulated, and played lower then.
+    assert 4 < np.abs(v[SAMPLES // 2 :]).max() < 5 * player.modes[1] / player.modes[0]
 
 
 def test_several_rivals_are_told_apart_pair_by_pair(simulator: Simulator) -> None:
