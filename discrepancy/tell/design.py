@@ -8,7 +8,7 @@ bounds the separation from above: most candidates are left by that alone, which 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, zip_longest
+from itertools import zip_longest
 from typing import Final
 
 import numpy as np
@@ -116,7 +116,8 @@ class Designer:
             self.simulator.forget([record])
 
     def separation(self, record: Record) -> Floats:
-        """D at the moments of ``ends_of``, the least over all pairs of rivals; nan-free, 0 where the FMU refuses."""
+        """D of the first rival from the others at the moments of ``ends_of``, the least, whichever follows; 0 where the
+        FMU refuses. What the others are told from each other by is for the run after that."""
         voltages = [rival.simulated(record) for rival in self.rivals]
         if not all(np.isfinite(v).all() for v in voltages):
             return np.zeros(len(ends_of(len(record.t))))
@@ -126,10 +127,9 @@ class Designer:
             columns = follower.columns(record, voltages[number])
             if columns is None or not np.isfinite(columns).all():
                 return np.zeros(len(ends_of(len(record.t))))
-            for other, v in enumerate(voltages):
-                if other != number:
-                    own = followed(columns, (v - voltages[number]) / follower.noise)
-                    least = own if least is None else np.minimum(least, own)
+            for v in voltages[1:] if number == 0 else voltages[:1]:
+                own = followed(columns, (v - voltages[number]) / follower.noise)
+                least = own if least is None else np.minimum(least, own)
         assert least is not None
         return least
 
@@ -199,7 +199,8 @@ class Designer:
                 return np.inf, scale
             if peak <= 1:
                 noise = self.rivals[0].noise
-                errors = [np.cumsum(np.sum((a - b)[:n] ** 2, axis=1)) / noise**2 for a, b in combinations(voltages, 2)]
+                first, *others = voltages
+                errors = [np.cumsum(np.sum((first - v)[:n] ** 2, axis=1)) / noise**2 for v in others]
                 course = np.min(errors, axis=0)
                 return self.samples(course[np.array(ends_of(n)) - 1], n), scale
             scale *= KEPT / peak

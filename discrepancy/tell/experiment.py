@@ -66,7 +66,8 @@ def next_experiment(
     limits: Limits | None = None,
     seconds: float = SECONDS,
 ) -> Experiment | None:
-    """The shortest run found within ``limits`` that tells the rivals apart.
+    """The shortest run found within ``limits`` that tells the first of the rivals from all others that any tells it
+    from.
 
     fitted_by_id: for each rival effect by id the full set of parameters (FMU names, SI) fitted with it to ``records``;
     noise_rms: of a sample [V]; seconds: of work. None where nothing can be played within the limits. Raises InputError
@@ -76,11 +77,20 @@ def next_experiment(
         raise InputError(f"rivals {', '.join(fitted_by_id) or 'none'}: give the parameters of two effects or more")
     if not 0 < noise_rms < np.inf:
         raise InputError(f"noise_rms = {noise_rms!r}: give a positive number in V")
-    end = simulator.clock.now + seconds
-    rivals = [Rival(simulator, records, name, values, noise_rms) for name, values in fitted_by_id.items()]
-    designer = designer_of(rivals, records, limits or Limits(), max(end - simulator.clock.now, seconds / 2))
+    limits = limits or Limits()
+    first, *others = (Rival(simulator, records, name, values, noise_rms) for name, values in fitted_by_id.items())
+    told = others
+    if len(others) > 1:
+        share = seconds / 2 / len(others)
+        told = [other for other in others if _decides(designer_of([first, other], records, limits, share))] or others
+        seconds /= 2
+    designer = designer_of([first, *told], records, limits, seconds)
     design = designer.find()
-    return None if design is None else _played(designer, design)
+    if design is None:
+        return None
+    found = _played(designer, design)
+    left = ", ".join(other.name for other in others if other not in told)
+    return replace(found, text=f"{found.text}; from {left} nothing within the limits tells it") if left else found
 
 
 def designer_of(rivals: Sequence[Rival], records: Sequence[Record], limits: Limits, seconds: float) -> Designer:
@@ -88,6 +98,12 @@ def designer_of(rivals: Sequence[Rival], records: Sequence[Record], limits: Limi
     loudest = max(records, key=lambda r: float(np.mean(r.u**2)))
     player = Player(room_of(limits, records), rivals[0].values, loudest)
     return Designer(rivals, player, ASKED, seconds)
+
+
+def _decides(designer: Designer) -> bool:
+    """Whether any design does."""
+    design = designer.find()
+    return design is not None and design.samples <= RUNS * designer.player.room.samples
 
 
 def odds_of(separation: float) -> float:

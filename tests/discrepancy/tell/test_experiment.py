@@ -165,12 +165,12 @@ def test_force_holds_the_largest_voltage(simulator: Simulator) -> None:
     player = Player(room, TRUE, records[0])
     drive = Drive(player.modes[:1], np.ones((1, 2)), np.zeros((1, 2)), np.array([1.0, -1.0]), hard=True)
     v = simulator.run(player.record(drive, SAMPLES), TRUE)
-    # Speed is held against that of the higher mode: at the lower one motion goes beyond by their ratio, 1.3. Designs are
-    # simulated, and played lower then.
+    # Speed is held against that of the higher mode: at the lower one motion goes beyond by their ratio, 1.3. A design
+    # is simulated, and played lower then.
     assert 4 < np.abs(v[SAMPLES // 2 :]).max() < 5 * player.modes[1] / player.modes[0]
 
 
-def test_several_rivals_are_told_apart_pair_by_pair(simulator: Simulator) -> None:
+def test_first_of_several_rivals_is_told_from_each(simulator: Simulator) -> None:
     records = runs(simulator, {}, {})
     sizes = {
         "cubic_stiffness": {"k3_x": 1e9},
@@ -182,8 +182,20 @@ def test_several_rivals_are_told_apart_pair_by_pair(simulator: Simulator) -> Non
     drive = Drive(player.modes[:1], np.ones((1, 2)), np.zeros((1, 2)), np.array([1.0, 0.0]))
     record = player.record(drive, 1000)
     pairs = [designer_of([a, b], records, Limits(), 1.0).separation(record)
-             for a in rivals for b in rivals if a.name < b.name]  # fmt: skip
+             for a, b in zip(rivals[:1] * 2, rivals[1:], strict=True)]  # fmt: skip
     assert designer_of(rivals, records, Limits(), 1.0).separation(record) == pytest.approx(np.min(pairs, axis=0))
+
+
+def test_what_nothing_tells_apart_does_not_spoil_the_rest(simulator: Simulator) -> None:
+    """A constant force displaces as an offset does whatever is played; an acceleration can be tilted away."""
+    records = runs(simulator, {"offset_x": 2e-3, "offset_y": 1e-3}, {"a_x": 9.8, "a_y": 9.8})
+    force = (Free("force_x", 1e-12), Free("force_y", 1e-12))
+    sizes = {"amplifier_offset": OFFSET, "linear_acceleration": ACCELERATION, "constant_force": force}
+    sets = {name: {**TRUE, **fitted(simulator, records, free).parameters} for name, free in sizes.items()}
+    found = proposed(simulator, records, sets)
+    assert found.enough
+    assert "tells amplifier_offset from linear_acceleration with" in found.text
+    assert found.text.endswith("; from constant_force nothing within the limits tells it")
 
 
 def test_bad_input(simulator: Simulator) -> None:
