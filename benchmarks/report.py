@@ -212,7 +212,7 @@ def _markdown(report: Report, command: str, where: str) -> str:
         headings = _headings(table)
         lines += ["", f"## {table.title}", "", "| " + " | ".join(headings) + " |"]
         lines.append("| --- |" + " --- |" * (len(headings) - 1))
-        lines += ["| " + " | ".join(_cells(line)) + " |" for line in table.rows]
+        lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in _cells(line)) + " |" for line in table.rows]
     if report.notes:
         lines += ["", *(f"- {note}" for note in report.notes)]
     lines += ["", *(f"![{report.title}]({name})" for name in report.files if name.endswith(".svg"))]
