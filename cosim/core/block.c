@@ -5,16 +5,14 @@
 #define PARALLEL 1e-7 /* share of a variance that two bounds must not have in common */
 #define BOUNDS 4     /* lowest values that may be reached at once */
 
-/* Row r of the block in eta, W' h, less what no sample shows. */
-static void row_in_eta(const filter *f, int64_t r, double g[NP])
+void block_row_in_eta(const filter *f, const double row[NP], double g[NP])
 {
     for (int j = 0; j < NP; j++) {
         g[j] = 0.0;
     }
     for (int i = 0; i < NP; i++) {
-        const double h = f->H[r][i];
         for (int j = i; j < NP; j++) {
-            g[j] += f->W[i][j] * h;
+            g[j] += f->W[i][j] * row[i];
         }
     }
     unseen_leave_out(f, g);
@@ -63,7 +61,7 @@ double block_information(const filter *f, double L[NP][NP], double b[NP])
     }
     for (int64_t r = 0; r < f->rows; r++) {
         double g[NP];
-        row_in_eta(f, r, g);
+        block_row_in_eta(f, f->H[r], g);
         for (int i = 0; i < NP; i++) {
             b[i] += g[i] * f->r[r];
             trace += g[i] * g[i];

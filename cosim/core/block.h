@@ -5,6 +5,9 @@
 
 #include "filter.h"
 
+/* A row of the block in eta, W' h, less what no sample shows. */
+void block_row_in_eta(const filter *f, const double row[NP], double g[NP]);
+
 /* J = I + sum of the block's rows in units of W, as its Cholesky factor L; b = sum of row * innovation. Returns the trace of J - I. */
 double block_information(const filter *f, double L[NP][NP], double b[NP]);
 

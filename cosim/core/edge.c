@@ -12,6 +12,7 @@
 #define SETTLED 1e-3   /* after which the rate is known again [s] */
 #define SPAN 1e-3      /* over which the rate is averaged before and after, and the pattern after [s] */
 #define UNEVEN 1e-3    /* change of the electronic turn that spoils a fit [rad/s] */
+#define NOISY 4.0      /* after a step the mean rates of half a millisecond differ by 0.03 rad/s of noise, 0.7 of what a step of 10 rad/s may turn by */
 #define LOOKED 2e-4    /* of the samples after the step has shown that tell its time [s] */
 
 static int64_t fewer(int64_t a, int64_t b) { return a < b ? a : b; }
@@ -68,14 +69,33 @@ static int turns_evenly(const edge *e, int64_t begin)
     return fabs(before / (double)(middle - begin) - after / (double)(e->count - 1 - middle)) < UNEVEN * e->period;
 }
 
+/* Change of the rate within samples, from the mean of their first half to that of the second [rad/s]. */
+static double change_within(const edge *e, int64_t first, int64_t last)
+{
+    const int64_t middle = (first + last) / 2;
+    return fabs(mean_rate(e, middle, last) - mean_rate(e, first, middle));
+}
+
+/* Whether the rate was even on both sides of a step from `before` to `after`. Both are fitted as if it were. Where it changes by d from one half of a time T to
+   the other, the orientation errs by d T/6 at a fit's end, and by d T (1 + SETTLED/T)^2 where it goes on so from the step: this must be less than what
+   a step without an Euler force can turn it by, times NOISY for the short time after. A slope that begins or ends is no step at all. */
+static int is_even(const edge *e, int64_t begin, int64_t first, double before, double after)
+{
+    const double turned = 0.5 * fabs(after - before) / sqrt(sample_at(e, first)->omega_squared);
+    const double fitted = (double)(first - begin) * e->period, beyond = 1.0 + SETTLED / SPAN;
+    return change_within(e, begin, first) * fitted < 6.0 * turned &&
+           change_within(e, e->count - samples_in(e, SPAN), e->count) * SPAN * beyond * beyond < NOISY * turned;
+}
+
 /* Finds when the step was, and takes out what it turned the pattern by. */
 static void review(edge *e, const double *estimate, filter *f)
 {
     const int64_t span = samples_in(e, SPAN), first = e->seen - samples_in(e, LATEST + MARGIN);
-    if (!turns_evenly(e, first - fewer(samples_in(e, FITTED), first - e->reviewed))) {
+    const int64_t begin = first - fewer(samples_in(e, FITTED), first - e->reviewed);
+    const double before = mean_rate(e, first - span, first), after = mean_rate(e, e->count - span, e->count);
+    if (!turns_evenly(e, begin) || !is_even(e, begin, first, before, after)) {
         return;
     }
-    const double before = mean_rate(e, first - span, first), after = mean_rate(e, e->count - span, e->count);
     const double at = step_time(f, e->seen - samples_in(e, LATEST), e->seen, e->seen + samples_in(e, LOOKED), after);
     if (at >= 0.0) {
         e->turned += turned_in(e, estimate, at, before, after);

@@ -49,6 +49,13 @@ typedef struct {
     double sum, sum_variance; /* of the corrections of the rate */
 } moving;
 
+/* The direction of which a start has told least, as far as samples show it at all: p = p_start + s n + s^2/2 bend, of the same likelihood to second
+   order in s = normal . (p - p_start). */
+typedef struct {
+    int bends; /* whether it has been found */
+    double normal[NP], bend[NP];
+} ridge;
+
 typedef struct {
     known k;
     motion m;
@@ -63,6 +70,7 @@ typedef struct {
     double p_begun[NP];
     double H[2 * START_MAX][NP]; /* measurement rows of the block over the root of their variance */
     double r[2 * START_MAX];     /* innovations over it */
+    double H_begun[2 * START_MAX][NP], r_begun[2 * START_MAX], bent[2 * START_MAX]; /* of a start, where a step of its fit began */
     double v[START_MAX][2], in[START_MAX][IN];
     unsigned char opened[START_MAX]; /* whether the rate was opened after a sample of the block */
     double u[QUEUE][2]; /* commands, by sample */
@@ -75,11 +83,14 @@ typedef struct {
     int growing;                           /* whether the block is filtered again as it doubles */
     int64_t since; /* sample at which the constants were last opened */
     double walk, surprises, restarts, wait, share;
+    double roaming, roamed_from, roamed_variance; /* of the rate: mean square of its change per time [rad2/s3]; at the stretch's beginning */
+    int64_t roamed_at;                            /* sample at which that was */
     double forget[NP], moving[NP]; /* rate at which each constant, the others given, is forgotten [1/s]; running excess of its squared motion */
     double unseen[NP][NP];     /* changes of p that no sample shows, row by row */
     double unseen_eta[NP][NP]; /* what they span, in units of W, orthonormal */
     int shown[NP]; /* blocks in a row that showed something of them */
     int unseen_count;
+    ridge ridge;
     double told; /* deviation of the pattern's turning that the last whole start left, but for what it has not seen [rad/s] */
     int lost;               /* whether a whole start has found no device */
     double effort; /* samples that may still be filtered again */

@@ -6,6 +6,7 @@
 #include "prediction.h"
 #include "rate.h"
 #include "restart.h"
+#include "ridge.h"
 #include "take_up.h"
 #include "unseen.h"
 
@@ -13,6 +14,10 @@
 #define MOVED 0.3    /* change of p in its new standard deviations, all together, that is worth another one */
 #define WORTH 0.1      /* fall of the sum of squares that is worth another one */
 #define SHORTEST 0.003 /* part of a step that is worth a filtering */
+#define LONG 1.0       /* deviations that a step of a start must be long for its way to bend */
+#define RETURNS 2      /* straight steps back to the ridge after one along it */
+#define HIGHEST 100.0   /* times what was, from which no way leads back */
+#define KEPT 0.5       /* share of what it promised that a straight step must bring */
 #define FOR_WHOLE 10.0 /* filterings of a whole start that are saved up for it */
 #define FORGET_SHARE 0.05 /* of a block in the running mean that forgetting follows */
 #define FORGET_SIGMAS 5.0 /* standard deviations at which it counts as moving */
@@ -20,6 +25,7 @@
 #define FORGOTTEN 1e-3 /* below which forgetting is none [1/s] */
 #define LEARNED 1e-9   /* share of what is known of a constant that a block must add to say whether it moves */
 #define LOST 1e4     /* mean squared innovation of a whole start that has found nothing */
+#define BESIDE 0.3     /* deviations to either side of its fit at which a start is filtered to see how its ridge bends */
 #define FARTHEST 10.0 /* standard deviations of the design that an effect may be away from it */
 #define WATCHED 0.005 /* over which innovations are averaged [s] */
 #define FIRST 16     /* samples of the first block at its first fit */
@@ -110,24 +116,82 @@ static void watch(filter *f)
     }
 }
 
-/* The sum of squares at `trial`, or nearer to eta on the way there, or at eta: where it is below `limit`. The block is left filtered there. */
-static double descend(filter *f, const double eta[NP], double trial[NP], double limit, double reserve)
+/* Leads `trial`, from beside the ridge, back to it by straight steps, while the sum of squares there, `next`, falls but is not below `limit`. */
+static double return_to_ridge(filter *f, double trial[NP], double next, double limit)
 {
-    double whole[NP], change[NP], next = block_squared(trial) + filter_again(f);
-    memcpy(whole, trial, sizeof whole);
-    for (double part = 0.3; !(next < limit); part *= 0.3) {
-        /* The last way left is none. */
-        part = part > SHORTEST && f->effort > reserve ? part : 0.0;
+    for (int n = 0; n < RETURNS && !(next < limit) && next < HIGHEST * limit; n++) {
+        double L[NP][NP], b[NP], half[NP], back[NP], change[NP];
+        const double before = next;
+        (void)block_information(f, L, b);
         for (int i = 0; i < NP; i++) {
-            trial[i] = eta[i] + part * (whole[i] - eta[i]);
+            b[i] -= trial[i];
         }
+        block_solve(L, b, back, half);
+        unseen_leave_out(f, back);
+        for (int i = 0; i < NP; i++) {
+            trial[i] += back[i];
+        }
+        block_keep_in_bounds(f, L, trial);
         block_set_constants(f, trial, change);
         next = block_squared(trial) + filter_again(f);
-        if (part <= 0.0) {
+        if (!(next < before)) {
             break;
         }
     }
     return next;
+}
+
+/* The sum of squares at `trial`, or nearer to eta on the way there, or at eta: where it is below `limit`. The block is left filtered there. The way
+   of a start bends with the ridge where it is long, and the straight one brings less than it promised, `hoped`; of others nothing is hoped. L is the
+   factor at eta. */
+static double descend(filter *f, double L[NP][NP], const double eta[NP], double trial[NP], double limit, double hoped, double reserve)
+{
+    const int bends = hoped > LONG * LONG;
+    double whole[NP], bend[NP] = {0.0}, change[NP], part = 0.3;
+    if (bends) {
+        ridge_begin_step(f);
+    }
+    double next = block_squared(trial) + filter_again(f);
+    if (next < limit - (bends ? KEPT * hoped : 0.0)) {
+        return next;
+    }
+    for (int i = 0; i < NP; i++) {
+        whole[i] = trial[i] - eta[i];
+    }
+    if (bends) {
+        ridge_bend_step(f, L, whole, bend);
+        part = 1.0;
+    }
+    for (;; part *= 0.3) {
+        /* The last way left is none. */
+        part = part > SHORTEST && f->effort > reserve ? part : 0.0;
+        for (int i = 0; i < NP; i++) {
+            trial[i] = eta[i] + part * (whole[i] + 0.5 * part * bend[i]);
+        }
+        block_set_constants(f, trial, change);
+        next = block_squared(trial) + filter_again(f);
+        if (bends && part > 0.0) {
+            next = return_to_ridge(f, trial, next, limit);
+        }
+        if (part <= 0.0 || next < limit) {
+            return next;
+        }
+    }
+}
+
+/* The block's information, as block_information; what a whole start does not see is found first, and left out. */
+static double inform(filter *f, int whole, double L[NP][NP], double b[NP])
+{
+    if (whole) {
+        f->unseen_count = 0;
+    }
+    double trace = block_information(f, L, b);
+    if (whole) {
+        /* Moved along what it does not see, the block would not be consistent with what its motion was filtered at. */
+        unseen_find(f, L);
+        trace = f->unseen_count > 0 ? block_information(f, L, b) : trace;
+    }
+    return trace;
 }
 
 /* Finds the constants that the block and what was known before it make most likely, filtering it again up to `rounds` times: Gauss-Newton on
@@ -142,7 +206,7 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
         /* As later rounds are: with the walk of the rate as it is by now. */
         (void)filter_again(f);
     }
-    double trace = block_information(f, L, b), cost = block_squared(eta);
+    double trace = inform(f, f->growing && whole, L, b), cost = block_squared(eta);
     for (int64_t r = 0; r < f->rows; r++) {
         cost += f->r[r] * f->r[r];
     }
@@ -152,8 +216,6 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
         }
         block_solve(L, b, step, half);
         if (f->growing && whole) {
-            /* Moved along what it does not see, the block would not be consistent with what its motion was filtered at. */
-            unseen_find(f, L);
             unseen_leave_out(f, step);
         }
         for (int i = 0; i < NP; i++) {
@@ -166,15 +228,18 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
             break;
         }
         /* What is found before the start is complete need not be best, and may have to climb to become better. */
-        const double next = descend(f, eta, trial, whole ? cost + WORTH : 1.001 * cost + 1.0, reserve);
+        const double next = descend(f, L, eta, trial, whole ? cost + WORTH : 1.001 * cost + 1.0, whole ? moved * moved : 0.0, reserve);
         const double gained = cost - next;
         memcpy(eta, trial, sizeof eta);
         cost = next;
-        trace = block_information(f, L, b);
+        trace = inform(f, f->growing && whole, L, b);
         if (whole && gained < WORTH) {
             memset(change, 0, sizeof change);
             break;
         }
+    }
+    if (!f->growing) {
+        ridge_follow(f, change);
     }
     memcpy(f->eta, trial, sizeof trial);
     f->fit = f->rows > 0 ? cost / (double)f->rows : 1.0;
@@ -231,6 +296,13 @@ void fit_fold(filter *f, double L[NP][NP])
         adapt_forgetting(f, L, conditional);
     }
     block_shrink(f, L);
+    if (!f->growing) {
+        double change[NP];
+        for (int i = 0; i < NP; i++) {
+            change[i] = f->k.p[i] - f->p_begun[i];
+        }
+        ridge_turn(f, change);
+    }
     for (int i = 0; i < NP; i++) {
         if (f->forget[i] > FORGOTTEN) {
             /* Added, not scaled: the scaled row of one of two constants that move together would pass for knowledge of both. */
@@ -245,6 +317,33 @@ void fit_fold(filter *f, double L[NP][NP])
     f->growing = 0;
     filter_form(f);
     fit_begin(f);
+}
+
+/* How the ridge bends on which the fit of a whole start lies. */
+static void find_ridge(filter *f, double L[NP][NP])
+{
+    double d[NP], trial[NP], change[NP];
+    unseen_weakest(L, d);
+    ridge_begin_step(f);
+    for (int64_t r = 0; r < f->rows; r++) {
+        f->bent[r] = -2.0 * f->r[r];
+    }
+    for (int side = -1; side <= 1; side += 2) {
+        for (int i = 0; i < NP; i++) {
+            trial[i] = f->eta[i] + side * BESIDE * d[i];
+        }
+        block_set_constants(f, trial, change);
+        (void)filter_again(f);
+        for (int64_t r = 0; r < f->rows; r++) {
+            f->bent[r] += f->r[r];
+        }
+    }
+    for (int64_t r = 0; r < f->rows; r++) {
+        f->bent[r] /= BESIDE * BESIDE;
+    }
+    block_set_constants(f, f->eta, change);
+    (void)filter_again(f);
+    ridge_set(f, L, d, f->bent);
 }
 
 /* Whether a constant of the electronics is where the design can't mean it: samples of a pickoff at its end lead there, and what no sample shows
@@ -275,6 +374,7 @@ void fit_end(filter *f)
             plan_block(f);
         } else {
             f->lost = !(f->fit < LOST) || is_another_device(f);
+            find_ridge(f, L);
             fit_fold(f, L);
             (void)unseen_turning(f, &f->told);
         }

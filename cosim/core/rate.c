@@ -1,5 +1,10 @@
 #include "rate.h"
 
+#define STRETCH 0.01 /* over which the rate's own changes are compared with their noise [s] */
+#define MOST 3.0     /* walk that this asks for at most [rad/s/s^0.5]: slopes taken at a rate that carries much noise are biased by it */
+#define KEPT 0.1     /* in which what that has found is forgotten, by a factor e [s]: a swing that turns round stands still for a moment */
+#define SETTLED 2e-3 /* after a jump of the rate, until its estimate has settled [s] */
+
 void rate_open(filter *f)
 {
     moving *n = &f->now;
@@ -31,14 +36,34 @@ void rate_drop_recent(filter *f)
     f->rows = f->rows > recent ? f->rows - recent : 0;
 }
 
+void rate_jumped(filter *f) { f->roamed_at = f->sample + (int64_t)(SETTLED / f->m.period); }
+
+/* Mean square by which the rate has changed per time beyond its noise, over a stretch. A walk of that size expects what it did within the stretch; one that
+   merely makes the least error follows by a lag as large as the noise, and constants take a lag, which goes on, for their own. */
+static void watch_roaming(filter *f)
+{
+    const double *omega = &f->now.z[OMEGA], variance = f->now.P[OMEGA][OMEGA];
+    const double elapsed = (double)(f->sample - f->roamed_at) * f->m.period;
+    if (elapsed >= STRETCH) {
+        const double change = *omega - f->roamed_from;
+        f->roaming = larger(f->roaming * exp(-elapsed / KEPT), (change * change - variance - f->roamed_variance) / elapsed);
+    }
+    if (elapsed >= STRETCH || elapsed <= 0.0) {
+        f->roamed_from = *omega;
+        f->roamed_variance = variance;
+        f->roamed_at = elapsed > 0.0 ? f->sample : f->roamed_at;
+    }
+}
+
 void rate_adapt_walk(filter *f)
 {
     moving *n = &f->now;
+    watch_roaming(f);
     double ratio = 10.0;
     if (n->sum_variance > 0.0) {
         ratio = smaller(n->sum * n->sum / n->sum_variance, 10.0);
     }
     n->sum = n->sum_variance = 0.0;
     const double walk = f->walk * exp(0.5 * f->settings.omega_walk_rate * (ratio - 1.0));
-    f->walk = smaller(larger(walk, f->settings.omega_walk_min), f->settings.omega_walk_max);
+    f->walk = smaller(larger(walk, larger(f->settings.omega_walk_min, smaller(sqrt(f->roaming), MOST))), f->settings.omega_walk_max);
 }

@@ -14,4 +14,7 @@ void rate_drop_recent(filter *f);
 /* Lets the walk of the rate follow its corrections since the last call. */
 void rate_adapt_walk(filter *f);
 
+/* The rate has just jumped: what it has done until now is no walk. */
+void rate_jumped(filter *f);
+
 #endif

@@ -38,6 +38,8 @@ void restart_from_design(filter *f)
     memcpy(f->W_now, f->first_W, sizeof f->W_now);
     f->now = f->first;
     f->walk = f->settings.omega_walk_max;
+    f->roaming = 0.0;
+    rate_jumped(f);
     f->surprises = f->restarts = f->share = 0.0;
     /* Afresh: what made the filter lose its numbers may be in these means, and would never leave them. */
     f->chi2 = UNFOUND;
@@ -48,6 +50,7 @@ void restart_from_design(filter *f)
     f->rows = f->kept = 0;
     f->lost = 0;
     f->unseen_count = 0;
+    f->ridge.bends = 0;
     f->fit = 2.0 * FITS;
     f->growing = 1;
     f->origin = f->since = f->sample + 1;
@@ -59,9 +62,13 @@ void restart_from_design(filter *f)
 void restart_to_look(filter *f)
 {
     double change[NP];
+    /* The motion begins as unknown as the first did: how it follows from the constants is told by slopes, which bend far from here. */
+    memcpy(f->now.P, f->first.P, sizeof f->now.P);
+    memset(f->now.Y, 0, sizeof f->now.Y);
     memcpy(f->W, f->first_W, sizeof f->W);
     f->rows = f->kept = 0;
     f->unseen_count = 0;
+    f->ridge.bends = 0;
     f->since = f->sample;
     f->growing = 1;
     fit_begin(f);
@@ -71,12 +78,6 @@ void restart_to_look(filter *f)
         change[i] = f->k.p[i] - f->first_p[i];
     }
     block_scale(f, change, f->eta);
-    /* z is that of the constants as they are. */
-    for (int i = 0; i < NZ; i++) {
-        for (int q = 0; q < NP; q++) {
-            f->begun.z[i] -= f->begun.Y[i][q] * change[q];
-        }
-    }
 }
 
 /* Opens the constants of the plant again; what the electronics are stays known. After several times in a row everything begins anew. */
@@ -104,6 +105,7 @@ static void restart(filter *f)
     memcpy(f->W_now, f->W, sizeof f->W_now);
     f->since = f->sample;
     f->unseen_count = 0;
+    f->ridge.bends = 0;
     f->growing = 1;
     fit_begin(f);
 }
@@ -113,6 +115,7 @@ void restart_on_surprise(filter *f)
     f->surprises += 1.0;
     f->wait = f->settings.settle;
     rate_drop_recent(f);
+    rate_jumped(f);
     if (f->growing) {
         f->opened[f->in_block - 1] = 1;
     } else {

@@ -3,6 +3,7 @@
 #include "block.h"
 #include "drift.h"
 
+#define SEEN 0.9       /* share of it at which a direction counts as one of which samples show something */
 #define LEFT 0.1       /* share of the variance along a direction that a start must leave for it to count */
 #define CANCELLED 3e-5 /* of large terms that cancel; rounding, and constants that move by their deviation, leave up to 1.2e-5, a rate that begins to
                           change by 1 rad/s in a second 4e-5 */
@@ -195,6 +196,20 @@ static double squared_length(const filter *f, int m)
     double d[NP];
     block_scale(f, f->unseen[m], d);
     return block_squared(d);
+}
+
+void unseen_weakest(double L[NP][NP], double d[NP])
+{
+    double K[NP][NP], V[NP][NP];
+    int best = -1;
+    left_variance(L, K);
+    eigenvectors(K, V);
+    for (int m = 0; m < NP; m++) {
+        best = K[m][m] < SEEN && (best < 0 || K[m][m] > K[best][best]) ? m : best;
+    }
+    for (int j = 0; j < NP; j++) {
+        d[j] = best < 0 ? 0.0 : sqrt(K[best][best]) * V[best][j];
+    }
 }
 
 int unseen_shows(filter *f)

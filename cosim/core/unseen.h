@@ -10,6 +10,9 @@
 /* Finds them after a start, L being the Cholesky factor of its information (block.h). */
 void unseen_find(filter *f, double L[NP][NP]);
 
+/* The direction, in units of W and a deviation long, of which a start leaves most among those of which it shows something. */
+void unseen_weakest(double L[NP][NP], double d[NP]);
+
 /* Puts them into units of W, which has changed. */
 void unseen_scale(filter *f);
 

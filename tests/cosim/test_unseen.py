@@ -32,10 +32,11 @@ def test_what_a_changing_rate_shows_is_looked_at_again(residual) -> None:
     _, result = simulated("motion", design="lab", seed=4, duration=1.9)
     assert result.validity.now
     assert result.converged_at > 0.35
-    # The bound is that of the first second.
-    assert 0.4 < predicted(result) / result.bounds.drift[-1] < 1.5
-    # Before it looked again: 0.6.
-    residual("drift from the first valid angle on [deg/s]", abs(drift(result)), 0.3)
+    # The bound is that of the first second. What the second look leaves open to more than a third of its prior is not
+    # told block by block: at the pattern's worst angle that is twice the bound here.
+    assert 0.4 < predicted(result) / result.bounds.drift[-1] < 3.0
+    # Before it looked again: 0.6. Where the look had not found its way along the ridge: 0.2.
+    residual("drift from the first valid angle on [deg/s]", abs(drift(result)), 0.1)
 
 
 def test_a_device_with_imperfections_shows_everything_at_rest() -> None:
