@@ -110,6 +110,7 @@ MEASURED: Final[Mapping[str, Mapping[str, Conversion]]] = {
     "N": {f"{p}N": Conversion(x) for p, x in _PREFIX.items()},
     "V": {f"{p}V": Conversion(x) for p, x in _PREFIX.items()},
     "m": {"pm": Conversion(1e-12), **{f"{p}m": Conversion(x) for p, x in _PREFIX.items()}},
+    "m/s": {f"{p}m/s": Conversion(x) for p, x in _PREFIX.items()},
     "rad/s": {
         "deg/s": Conversion(_DEGREE),
         "rad/s": Conversion(1.0),

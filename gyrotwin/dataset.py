@@ -26,7 +26,9 @@ def group() -> None:
 
 @dataset_app.command()
 def init(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Tables: .csv, .csv.gz, .parquet; one a run.")],
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE...", help="Tables, one a run: text, .parquet, .mat, .npy, .npz.")
+    ],
     out: Annotated[Path, typer.Option(help="Folder for dataset.toml and the tables in SI.")] = Path("dataset"),
     maps: Annotated[
         list[str] | None,
@@ -38,6 +40,9 @@ def init(
     ] = None,
     sample_rate: Annotated[float | None, typer.Option(help="Samples a second, where no column is the time.")] = None,
     hold: Annotated[str, typer.Option(help="How u runs between samples: zero, first, band-limited.")] = "zero",
+    senses: Annotated[
+        str, typer.Option(help="What v shows: position, velocity, acceleration; by default what its unit says.")
+    ] = "",
     nominal: Annotated[
         str | None, typer.Option(metavar="DEVICE|FILE", help="Device whose parameters are the nominal ones.")
     ] = None,
@@ -48,10 +53,11 @@ def init(
 ) -> None:
     r"""Write a data set from a lab's own tables: columns and units are guessed by headings such as `rate \[deg/s]`."""
     from discrepancy.data.import_table import Request, write_dataset
-    from discrepancy.data.record import Hold
+    from discrepancy.data.record import Hold, Senses
 
-    if hold not in get_args(Hold):
-        raise InputError(f"--hold {hold}: use {', '.join(get_args(Hold))}{nearest(hold, get_args(Hold))}")
+    for option, value, known in (("hold", hold, get_args(Hold)), ("senses", senses or "position", get_args(Senses))):
+        if value not in known:
+            raise InputError(f"--{option} {value}: use {', '.join(known)}{nearest(value, known)}")
     if sample_rate is not None and not 0 < sample_rate < float("inf"):
         raise InputError(f"--sample-rate {sample_rate:g}: give a positive number in Hz")
     parameters = load_device(nominal).parameters if nominal else {}
@@ -62,6 +68,7 @@ def init(
         _pairs("--scale", scales),
         sample_rate,
         hold,
+        senses,
         parameters,
         held_out,
         force,

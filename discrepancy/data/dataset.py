@@ -1,7 +1,7 @@
 """A data set on disk: a folder with ``dataset.toml`` and one table a run (docs/theory/records.md)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
 from typing import Any, Final, NamedTuple, get_args
@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple, get_args
 import numpy as np
 
 from discrepancy.data.linear_start import linear_start, sensor_gains
-from discrepancy.data.record import Floats, Hold, Record, Role, make_record
+from discrepancy.data.record import Floats, Hold, Record, Role, Senses, make_record
 from discrepancy.data.table import SUFFIXES, read_columns
 from gyro_model.device import check_passive
 from gyro_model.errors import InputError, nearest
@@ -20,7 +20,7 @@ __all__ = ["Dataset", "Record", "load_dataset", "make_record"]
 
 FORMAT: Final = 1
 FILE: Final = "dataset.toml"
-RUN_KEYS: Final = ("file", "sample_rate", "role", "hold")
+RUN_KEYS: Final = ("file", "sample_rate", "role", "hold", "senses")
 
 NEEDED: Final = {1: ("m", "kxx", "dxx", "sense_gain_x"),
                  2: ("m", "kxx", "kyy", "dxx", "dyy", "sense_gain_x", "sense_gain_y")}  # fmt: skip
@@ -57,6 +57,9 @@ class Dataset:
                     f"run {record.name} has {record.axes} axes and {first} has {self.axes}: "
                     "make a data set of each kind"
                 )
+            if record.order != self.records[0].order:
+                raise InputError(f"run {record.name} has senses = {record.senses!r} and {self.records[0].name} "
+                                 f"{self.records[0].senses!r}: make a data set of each kind")  # fmt: skip
         if not self.fit:
             raise InputError("no run to fit: every run is held out; add one, or cut the last into two files")
         self._check_nominal()
@@ -119,11 +122,13 @@ def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float],
     entries, notes = _with_roles([_entry(number, run) for number, run in enumerate(runs, 1)])
     read = [_read_run(folder, entry) for entry in entries]
     records = tuple(record for record, _ in read)
+    if records:
+        records = tuple(replace(record, reference=records[0].reference) for record in records)
     axes = records[0].axes if records else 2
-    believed, found = _believed(device | nominal, records)
+    stated, sensed = _as_position(device | nominal, records)
+    believed, found = _believed(stated, records)
     complete, more = _completed(believed, axes)
-    more = [*found, *more]
-    stated = device | nominal
+    more = [*sensed, *found, *more]
     unknown = _unknown_gains(stated, records) if axes == 2 and "m" in complete else ()
     return Dataset(folder, complete, records, (*notes, *more, *(note for _, note in read if note)), model, unknown)
 
@@ -135,6 +140,7 @@ class _Entry(NamedTuple):
     sample_rate: float
     role: str
     hold: str
+    senses: str
 
 
 def _entry(number: int, run: Mapping[str, Any]) -> _Entry:
@@ -150,12 +156,13 @@ def _entry(number: int, run: Mapping[str, Any]) -> _Entry:
         raise InputError(f"{where} ({file}): sample_rate = {rate!r}: add sample_rate = ... in Hz")
     if not file.lower().endswith(SUFFIXES):
         raise InputError(f"{where}: file = {file!r}: name one that ends in {', '.join(SUFFIXES)}")
-    choices = {"role": get_args(Role), "hold": get_args(Hold)}
+    choices = {"role": get_args(Role), "hold": get_args(Hold), "senses": get_args(Senses)}
     for key, valid in choices.items():
         value = run.get(key, valid[0])
         if value not in valid:
             raise InputError(f"{where} ({file}): {key} = {value!r}: use {', '.join(valid)}{nearest(str(value), valid)}")
-    return _Entry(file, float(rate), run.get("role", "fit"), run.get("hold", "zero"))
+    chosen = {key: run.get(key, valid[0]) for key, valid in choices.items()}
+    return _Entry(file, float(rate), **chosen)
 
 
 def _with_roles(entries: list[_Entry]) -> tuple[list[_Entry], list[str]]:
@@ -183,8 +190,9 @@ def _read_run(folder: Path, entry: _Entry) -> tuple[Record, str]:
         raise InputError(f"run {entry.file}: {error}") from None
     t, u, v = (_taken(columns, kind) for kind in "tuv")
     record = make_record(
-        entry.file, t[:, 0], u, v, sample_rate=entry.sample_rate, role=entry.role, hold=entry.hold, conditions=columns
-    )
+        entry.file, t[:, 0], u, v, sample_rate=entry.sample_rate, role=entry.role, hold=entry.hold, senses=entry.senses,
+        conditions=columns,
+    )  # fmt: skip
     return record, f"run {entry.file}: columns {', '.join(ignored)} are not used" if ignored else ""
 
 
@@ -192,6 +200,19 @@ def _taken(columns: dict[str, Floats], kind: str) -> Floats:
     """The columns t, or u_x and u_y, or v_x and v_y, taken out, shape (n, 1 or 2)."""
     names = [name for name in (kind, f"{kind}_x", f"{kind}_y") if name in columns]
     return np.stack([columns.pop(name) for name in names], axis=1)
+
+
+def _as_position(stated: dict[str, float], records: Sequence[Record]) -> tuple[dict[str, float], list[str]]:
+    """What is stated with gains as those of a position, and a note that says so where the sensors sense another."""
+    if not records or records[0].order == 0:
+        return stated, []
+    first = records[0]
+    gains = {n: g * first.reference**first.order for n, g in stated.items() if n in ("sense_gain_x", "sense_gain_y")}
+    hertz = first.reference / (2 * np.pi)
+    note = (
+        f"v is a{'n' if first.order == 2 else ''} {first.senses}: gains are those that a position has at {hertz:.6g} Hz"
+    )
+    return stated | gains, [note]
 
 
 def _believed(nominal: dict[str, float], records: tuple[Record, ...]) -> tuple[dict[str, float], list[str]]:

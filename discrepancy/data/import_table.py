@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ import polars as pl
 from scipy.interpolate import make_interp_spline
 
 from discrepancy.data.dataset import FILE, FORMAT
-from discrepancy.data.record import MINIMUM_SAMPLES, MOST_MISSING, Floats, measured_rate
+from discrepancy.data.record import MINIMUM_SAMPLES, MOST_MISSING, Floats, Senses, measured_rate
 from discrepancy.data.table import COLUMNS, numbers, read_table
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
@@ -57,10 +58,14 @@ Rule = Callable[[Floats, Floats, Floats], Floats]
 _HEADING: Final = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 
 
+SENSED: Final[Mapping[str, Senses]] = {"m": "position", "m/s": "velocity", "m/s2": "acceleration"}
+"""What a sensor senses whose voltage is given in such a unit."""
+
+
 class Source(NamedTuple):
     """Where a column comes from: the heading in the lab's table, empty for a force that did not act, and
-    SI = factor * value + offset, in ``unit``: that of the column, or m where a sensor's voltage is given as the
-    displacement that it stands for."""
+    SI = factor * value + offset, in ``unit``: that of the column, or one of SENSED where a sensor's voltage is given as
+    the motion that it stands for."""
 
     heading: str
     factor: float
@@ -71,7 +76,8 @@ class Source(NamedTuple):
 @dataclass(frozen=True)
 class Request:
     """What is asked for. maps: column to heading; scales: column to a number or a unit; sample_rate [Hz] where the
-    tables have no time; hold as in dataset.toml; nominal by FMU name; held_out: one of ``files``."""
+    tables have no time; hold and senses as in dataset.toml, senses empty for what the units say; nominal by FMU name;
+    held_out: one of ``files``."""
 
     files: tuple[Path, ...]
     out: Path
@@ -79,18 +85,19 @@ class Request:
     scales: Mapping[str, str] = field(default_factory=dict)
     sample_rate: float | None = None
     hold: str = "zero"
+    senses: str = ""
     nominal: Mapping[str, float] = field(default_factory=dict)
     held_out: Path | None = None
     force: bool = False
 
 
 class Piece(NamedTuple):
-    """One run to be written: columns (n,) in SI; metres: those of v that hold a displacement."""
+    """One run to be written: columns (n,) in SI; moved: unit of those of v that hold a motion."""
 
     name: str
     source: Path
     columns: Mapping[str, Floats]
-    metres: tuple[str, ...] = ()
+    moved: Mapping[str, str] = MappingProxyType({})
 
 
 def read_lab_table(path: Path) -> pl.DataFrame:
@@ -176,7 +183,7 @@ def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
         f"{column} = 0: no force acted" if not source.heading else
         f"{column} = {source.heading!r}" + (f" * {source.factor:g}" if source.factor != 1 else "")
         + (f" + {source.offset:g}" if source.offset else "") + f" [{source.unit}]"
-        + (f": a sensor of 1 V/m, sense_gain_{column[-1]} = 1" if source.unit == "m" else "")
+        + (f": a sensor of 1 V for 1 {source.unit}, sense_gain_{column[-1]} = 1" if source.unit in SENSED else "")
         for column, source in sources.items()
     ]  # fmt: skip
     unused = [name for name in table.columns if name not in {source.heading for source in sources.values()}]
@@ -187,8 +194,8 @@ def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
     if "t" not in columns:
         columns = {"t": np.arange(len(table)) / float(request.sample_rate or 1.0)} | columns
     pieces, said = _cut(path, columns, said)
-    metres = tuple(column for column, source in sources.items() if source.unit == "m")
-    return [piece._replace(metres=metres) for piece in pieces], said
+    moved = {c: source.unit for c, source in sources.items() if c in ("v_x", "v_y") and source.unit in SENSED}
+    return [piece._replace(moved=moved) for piece in pieces], said
 
 
 def _numbers(table: pl.DataFrame, heading: str, path: Path) -> Floats:
@@ -321,7 +328,9 @@ def _held_out(pieces: list[Piece], request: Request) -> tuple[list[Piece], set[s
 def _toml(pieces: list[Piece], rates: Mapping[str, float], held_out: set[str], request: Request) -> str:
     lines = [f"format = {FORMAT}", "", "[nominal]"]
     model = load_model()
-    gains = {f"sense_gain_{column[-1]}": 1.0 for column in _metres(pieces)}
+    moved = _moved(pieces)
+    senses = next((SENSED[unit] for unit in moved.values()), request.senses or "position")
+    gains = {f"sense_gain_{column[-1]}": 1.0 for column in moved}
     nominal = {**request.nominal, **gains}
     lines += [f"{name} = {float(value)!r} # {model.parameter(name).unit}" for name, value in nominal.items()]
     if not request.nominal:
@@ -332,18 +341,23 @@ def _toml(pieces: list[Piece], rates: Mapping[str, float], held_out: set[str], r
         lines += ["", "[[run]]", f'file = "{piece.name}"', f"sample_rate = {float(rate)!r}"]
         lines += ['role = "held-out"'] if piece.name in held_out else []
         lines += [f'hold = "{request.hold}"'] if request.hold != "zero" else []
+        lines += [f'senses = "{senses}"'] if senses != "position" else []
     return "\n".join(lines) + "\n"
 
 
-def _metres(pieces: Sequence[Piece]) -> tuple[str, ...]:
-    """The columns of v that hold a displacement. Raises InputError where runs differ."""
+def _moved(pieces: Sequence[Piece]) -> Mapping[str, str]:
+    """Unit of the columns of v that hold a motion. Raises InputError where runs or axes differ."""
     for piece in pieces:
-        if piece.metres != pieces[0].metres:
+        if piece.moved != pieces[0].moved or len(set(piece.moved.values())) > 1:
             raise InputError(
-                f"{piece.source} and {pieces[0].source}: one has v in m, the other in V: "
+                f"{piece.source} and {pieces[0].source}: v is {_units(piece)} and {_units(pieces[0])}: "
                 "name one unit by --scale, or make a data set of each"
             )
-    return pieces[0].metres
+    return pieces[0].moved
+
+
+def _units(piece: Piece) -> str:
+    return ", ".join(f"in {piece.moved.get(c, 'V')}" for c in ("v_x", "v_y") if c in piece.columns)
 
 
 def _write(folder: Path, pieces: list[Piece], text: str) -> None:
@@ -372,7 +386,7 @@ def _bare(heading: str) -> str:
 
 def _scale(column: str, heading: str, given: str | None) -> tuple[float, float, str]:
     """(factor, offset, unit) by --scale, else by the unit in the heading, else SI."""
-    choices = (SI[column], "m") if column in ("v_x", "v_y") else (SI[column],)
+    choices = (SI[column], *SENSED) if column in ("v_x", "v_y") else (SI[column],)
     units = {name: (*factors, si) for si in choices for name, factors in MEASURED[si].items()}
     if given is not None:
         if given in units:

@@ -65,11 +65,9 @@ def weak_form(record: Record, nominal: Mapping[str, float]) -> WeakForm | None:
     bins = np.arange(int(BAND * modes[-1] * n / record.sample_rate) + 1)
     bins = bins[bins < n // 2]
     w = 2 * np.pi * bins * record.sample_rate / n
-    window = _Window(n, record.sample_rate, bins)
-    force = window.harmonics(record.u, starts, 0) * _hold(record.hold, w / record.sample_rate)
-    q, slope, curve = (window.harmonics(record.v / gains, starts, order) for order in (0, 1, 2))
-    velocity = -(slope - 1j * w * q)
-    acceleration = curve - 2j * w * slope - w**2 * q
+    window = _Window(n, record.sample_rate, bins, w)
+    force = _force(record, window, starts, nominal["kxx"] / nominal["m"])
+    q, velocity, acceleration = window.derivatives(record.v / gains, starts)
     omega = record.conditions.get("omega_z")
     mean_rate = np.zeros(len(starts)) if omega is None else sliding_window_view(omega, n)[starts].mean(axis=1)
     turning = 2 * mean_rate[:, None] * velocity
@@ -78,6 +76,20 @@ def weak_form(record: Record, nominal: Mapping[str, float]) -> WeakForm | None:
     weight = 1 / (np.abs(k - nominal["m"] * w**2) + 0.1 * k)
     arrays = (force, q, velocity, acceleration, turning)
     return WeakForm(*((weight * values).reshape(record.axes, -1) for values in arrays))
+
+
+def _force(record: Record, window: "_Window", starts: NDArray[np.int_], square: float) -> Complexes:
+    """What drives v in the equation of motion: the force as often differentiated as the motion is in v.
+
+    An acceleration also holds u/m itself, not smoothed by the mass, as it was just before the sample: the term (D² +
+    ``square``) (u_- - u) more, with D² of a mode on its resonance at first, square k/m [1/s²].
+    """
+    phase = window.w / record.sample_rate
+    u = window.derivatives(record.u, starts)
+    force = u[record.order] * _hold(record.hold, phase)
+    if record.order == 2 and record.hold == "zero":
+        force = force + (u[2] + square * u[0]) * (np.exp(-1j * phase) - _hold("zero", phase))
+    return np.asarray(force / record.reference**record.order)
 
 
 def _hold(hold: str, phase: Floats) -> Complexes:
@@ -91,12 +103,17 @@ def _hold(hold: str, phase: Floats) -> Complexes:
 class _Window:
     """The window sin⁶ over n samples and its two derivatives; harmonics at whole ``bins`` of its length."""
 
-    def __init__(self, n: int, sample_rate: float, bins: NDArray[np.int_]) -> None:
+    def __init__(self, n: int, sample_rate: float, bins: NDArray[np.int_], w: Floats) -> None:
         a = np.pi * (np.arange(n) + 0.5) / n
         rate = np.pi * sample_rate / n
         s, c = np.sin(a), np.cos(a)
         self.shapes = (s**6, 6 * rate * s**5 * c, rate**2 * (30 * s**4 * c**2 - 6 * s**6))
-        self.n, self.bins = n, bins
+        self.n, self.bins, self.w = n, bins, w
+
+    def derivatives(self, signal: Floats, starts: NDArray[np.int_]) -> tuple[Complexes, Complexes, Complexes]:
+        """Harmonics of a signal and its first two derivatives, by parts."""
+        plain, slope, curve = (self.harmonics(signal, starts, order) for order in (0, 1, 2))
+        return plain, -(slope - 1j * self.w * plain), curve - 2j * self.w * slope - self.w**2 * plain
 
     def harmonics(self, signal: Floats, starts: NDArray[np.int_], order: int) -> Complexes:
         """Of signal (samples, axes) in each window, under the derivative ``order`` of it: (axes, windows, bins)."""

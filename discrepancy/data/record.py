@@ -14,6 +14,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Role = Literal["fit", "held-out"]
 Hold = Literal["zero", "first", "band-limited"]
+Senses = Literal["position", "velocity", "acceleration"]
 
 CONDITIONS: Final = ("omega_z", "temperature", "a_x", "a_y", "v_bias")
 """Inputs beside the forces, as the FMU names them; a record may hold any of them."""
@@ -34,8 +35,9 @@ class Record:
     """One run. Sample k of ``v`` is taken at t_k, just before the force changes to u_k.
 
     name: the file's; sample_rate [Hz]; t (n,) [s]; u (n, axes) [N]; v (n, axes) [V]; conditions by FMU name, each (n,),
-    SI; valid (n,): False where a sample is clipped. ``hold`` says how u runs between samples. Built by
-    ``make_record``, or raises InputError where the arrays make no record.
+    SI; valid (n,): False where a sample is clipped. ``hold`` says how u runs between samples; ``senses``: what v shows;
+    ``reference``: where that is no position, the frequency w [rad/s] at which gains are those of one
+    (docs/theory/records.md, eq. 8). Built by ``make_record``, or raises InputError where the arrays make no record.
     """
 
     name: str
@@ -47,11 +49,14 @@ class Record:
     v: Floats
     conditions: Mapping[str, Floats]
     valid: Bools
+    senses: Senses = "position"
+    reference: float = 1.0
 
     def __post_init__(self) -> None:
         try:
             _check_choice("role", self.role, get_args(Role))
             _check_choice("hold", self.hold, get_args(Hold))
+            _check_choice("senses", self.senses, get_args(Senses))
             self._check_shapes()
             self._check_numbers()
             check_time(self.t, self.sample_rate)
@@ -62,6 +67,11 @@ class Record:
     def axes(self) -> int:
         """1 (x alone) or 2."""
         return int(self.v.shape[1])
+
+    @property
+    def order(self) -> int:
+        """The derivative of the position that the sensors sense."""
+        return get_args(Senses).index(self.senses)
 
     @property
     def channels(self) -> dict[str, Floats]:
@@ -106,12 +116,14 @@ def make_record(
     sample_rate: float | None = None,
     role: str = "fit",
     hold: str = "zero",
+    senses: str = "position",
     conditions: Mapping[str, ArrayLike] | None = None,
 ) -> Record:
     """A record from arrays: t (n,) [s], u [N] and v [V] (n,) or (n, axes), conditions (n,).
 
-    sample_rate: by default what t says. Clipped samples are found and masked, and so are those without a number in v,
-    up to MOST_MISSING of them. Raises InputError as ``Record`` does.
+    sample_rate: by default what t says. Velocity and acceleration of a mass that is held have no mean, which is taken
+    out; ``reference`` is the frequency at which they are strongest. Clipped samples are found and masked, and so are
+    those without a number in v, up to MOST_MISSING of them. Raises InputError as ``Record`` does.
     """
     time = np.ascontiguousarray(t, dtype=np.float64)
     force, voltage = (_columns(values) for values in (u, v))
@@ -123,7 +135,19 @@ def make_record(
         k = np.arange(len(gaps))
         voltage = np.column_stack([np.interp(k, k[~gaps], column[~gaps]) for column in voltage.T])
     valid: Bools = np.logical_not(flat_tops(voltage).any(axis=1) | (gaps & masked))
-    return Record(name, role, hold, rate, time, force, voltage, given, valid)  # type: ignore[arg-type]
+    reference = 1.0
+    if senses != "position":
+        # Under a window that no oscillation of a few periods has a mean in.
+        window = valid * np.sin(np.pi * (np.arange(len(time)) + 0.5) / len(time)) ** 6
+        voltage = voltage - window @ voltage / window.sum()
+        reference = _strongest(voltage, rate or measured_rate(time))
+    return Record(name, role, hold, rate, time, force, voltage, given, valid, senses, reference)  # type: ignore[arg-type]
+
+
+def _strongest(v: Floats, rate: float) -> float:
+    """The frequency [rad/s] at which v (n, axes) is strongest."""
+    spectrum = np.abs(np.fft.rfft(v * np.hanning(len(v))[:, None], axis=0)).sum(axis=1)
+    return 2 * np.pi * max(int(np.argmax(spectrum)), 1) * rate / len(v)
 
 
 def measured_rate(t: Floats) -> float:

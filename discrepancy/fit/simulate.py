@@ -36,6 +36,11 @@ MARGIN: Final = 256
 """Samples by which a record is continued at both ends before it is interpolated band-limited."""
 INPUTS: Final = ("u_x", "u_y", *CONDITIONS)
 OUTPUTS: Final = ("v_x", "v_y")
+SPEEDS: Final = ("x_dot", "y_dot")
+"""Outputs for a sensor of velocity or acceleration: none of the model's, so that nothing acts on it."""
+BACKWARD: Final = np.array([25, -48, 36, -16, 3]) / 12
+"""Of the last five points, the derivative at the last times their step: right to (w step)^4/5, 4e-5 of an acceleration
+at thirteen samples a period. The force changes at each sample, so that no point after it counts."""
 MIRRORED: Final = {"kyy": "kxx", "dyy": "dxx", "sense_gain_y": "sense_gain_x"}
 
 Job = tuple[Record, Mapping[str, float]]
@@ -206,7 +211,7 @@ class Simulator:
         timing = Timing(self._first(record), 1 / record.sample_rate)
         forced = tuple((q.name, sizes[q.name]) for d in acting if d.force for q in d.parameters)
         fine = any(d.within for d in acting)
-        late |= fine or any(d.split for d in acting)
+        late |= fine or any(d.split for d in acting) or record.order == 2
         values, names, step = self._inputs(record, SPLIT if late else 1, forced)
         stride = len(values) // len(record.t)
         beyond = max((d.beyond(len(record.t), timing, sizes) for d in acting if d.beyond), default=0)
@@ -214,20 +219,31 @@ class Simulator:
         whole = both_axes(parameters) if record.axes == 1 else parameters
         first = dict(zip(names, values[0].tolist(), strict=True))
         # A held force bends the motion anew at each sample: no curve through the samples knows what is between.
-        each = 1 if fine else stride
+        each = 1 if fine or record.order == 2 else stride
+        outputs = OUTPUTS if record.order == 0 else SPEEDS
         clock = {"internal_step": step, "sample_period": step * each}
         start = float(record.t[0])
         bench.restart({**whole, **clock, **first}, start)
         v = np.full(((len(record.t) + beyond) * (stride // each), 2), np.nan)
-        v[0] = bench.get(OUTPUTS)
+        v[0] = bench.get(outputs)
         references = bench.value_references(names)
-        done = _run(bench.handle, references, values, bench.value_references(OUTPUTS), start, step, each, v)
+        done = _run(bench.handle, references, values, bench.value_references(outputs), start, step, each, v)
         v[done + 1 :] = np.nan
         v = v[:, : record.axes]
+        if record.order:
+            v = v * [whole[f"sense_gain_{axis}"] / record.reference**record.order for axis in "xy"[: record.axes]]
         if fine:
-            v = _voltage(v, [d for d in acting if d.within], Timing(timing.first * stride, step), sizes)[::stride]
+            v = _voltage(v, [d for d in acting if d.within], Timing(timing.first * stride, step), sizes)
+        v = v[:: stride // each] if record.order < 2 else _slope(v, stride, step)
         v = _voltage(v, [d for d in acting if not d.within], timing, sizes)
         return np.ascontiguousarray(v[: len(record.t)])
+
+
+def _slope(v: Floats, stride: int, step: float) -> Floats:
+    """The derivative at every ``stride``-th of v (n, axes), by the points before it; at the first, by those after."""
+    at, back = np.arange(0, len(v), stride), range(len(BACKWARD))
+    first = -sum(BACKWARD[k] * v[k] for k in back)
+    return np.vstack((first, sum(BACKWARD[k] * v[at[1:] - k] for k in back))) / step
 
 
 def _voltage(v: Floats, acting: Sequence[Distortion], timing: Timing, sizes: Mapping[str, float]) -> Floats:

@@ -44,9 +44,11 @@ differs by rounding."""
 def digest(dataset: Dataset, model: Model, settings: Mapping[str, Any]) -> str:
     """Names a search: data, nominal values, model, settings and the code that searches."""
     code = hashlib.sha256((model_token(model) + _code()).encode())
-    code.update(json.dumps([dict(sorted(dataset.nominal.items())), dict(settings)], sort_keys=True).encode())
+    code.update(
+        json.dumps([dict(sorted(dataset.nominal.items())), dataset.unknown, dict(settings)], sort_keys=True).encode()
+    )
     for record in dataset.records:
-        code.update(f"{record.name} {record.role} {record.hold} {record.sample_rate}".encode())
+        code.update(f"{record.name} {record.role} {record.hold} {record.senses} {record.sample_rate}".encode())
         for name, values in sorted({"t": record.t, **record.channels}.items()):
             # Little endian, whatever the machine.
             code.update(name.encode() + values.astype("<f8").tobytes())

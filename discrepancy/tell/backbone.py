@@ -1,15 +1,5 @@
 """Frequency and damping over amplitude, as a run shows them where it moves at one frequency at a time: free decays and
-swept or stepped sines.
-
-In a window the motion is (a + b τ + c τ²/2) e^{jωτ} and the force likewise, U in the middle; m q'' + d q' + k q = u
-is there
-
-    k a + d (jω a + b) = U + m (ω² a - 2jω b - c),                                                        (1)
-
-two real equations for the stiffness k and the damping d that act at this amplitude, whatever makes them. Without a
-force they give the backbone and the damping of a free decay (M. Feldman, Mech. Syst. Signal Process. 8, 1994, which
-takes the Hilbert transform in the place of windows).
-"""
+swept or stepped sines (docs/theory/records.md, eq. 7)."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
@@ -87,7 +77,7 @@ def backbone(record: Record, v: Floats, parameters: Mapping[str, float], axis: i
     w0 = float(np.sqrt(k / m))
     periods = float(np.clip(DECAY * np.sqrt(k * m) / d, SHORT, LONG))
     n = int(periods * 2 * np.pi / w0 * record.sample_rate)
-    if n < 4 * periods or n > len(v):
+    if n < 4 * periods or n > len(v) or record.order:
         return None
     q = v / [parameters[f"sense_gain_{own}"] for own in "xy"[: record.axes]]
     starts = [start for start in np.unique(np.linspace(0, len(v) - n, MOST).astype(int))
@@ -111,7 +101,7 @@ def backbone(record: Record, v: Floats, parameters: Mapping[str, float], axis: i
 def _window(
     q: Floats, u: Floats, record: Record, p: Mapping[str, float], axis: int
 ) -> tuple[float, float, float] | None:
-    """Amplitude, stiffness and damping by (1); None where the window holds more than one frequency, or a force beside
+    """Amplitude, stiffness and damping (eq. 7); None where the window holds more than one frequency, or a force beside
     the resonance."""
     rate, n = record.sample_rate, len(q)
     w = _frequency(q[:, axis], rate)

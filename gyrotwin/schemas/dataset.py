@@ -3,7 +3,7 @@
 from typing import get_args
 
 from discrepancy.data.dataset import FORMAT
-from discrepancy.data.record import Hold, Role
+from discrepancy.data.record import Hold, Role, Senses
 from gyrotwin.schemas.device import settable
 from gyrotwin.schemas.record import NUMBER, TEXT, Json, Schema, array, table
 
@@ -16,6 +16,7 @@ def _build() -> Json:
             "sample_rate": NUMBER | {"description": "[Hz]", "exclusiveMinimum": 0},
             "role": {"enum": list(get_args(Role))},
             "hold": {"enum": list(get_args(Hold)), "description": "the force between its samples"},
+            "senses": {"enum": list(get_args(Senses)), "description": "what v shows"},
         },
         ("file", "sample_rate"),
     )
