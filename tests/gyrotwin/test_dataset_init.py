@@ -151,7 +151,7 @@ def test_semicolons_and_a_sample_rate_in_place_of_time(tmp_path: Path) -> None:
     file = tmp_path / "s.csv"
     pl.DataFrame({"V1": WAVE, "V2": 2 * WAVE}).write_csv(file, separator=";")
     init(file, "--out", tmp_path / "set", "--sample-rate", "1e5")
-    with pytest.raises(InputError, match=r"lacks m \[kg\]"):
+    with pytest.raises(InputError, match=r"no linear model of the runs"):
         load_dataset(tmp_path / "set")
     device = load_device("reference").parameters
     data = load_dataset(tmp_path / "set", device)
