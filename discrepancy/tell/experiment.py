@@ -147,6 +147,8 @@ def _told(
 
 
 def _force(drive: Drive, record: Record, length: float) -> str:
+    if not record.u.any():
+        return "no force"
     tones = ", ".join(f"{f:.5g}" for f in drive.frequency)
     peaks = [(axis, float(np.abs(record.u[:, i]).max())) for i, axis in enumerate("xy"[: record.axes])]
     sizes = " and ".join(f"{peak:.3g} N on {axis}" for axis, peak in peaks if peak > 0)

@@ -196,6 +196,7 @@ def test_what_nothing_tells_apart_does_not_spoil_the_rest(simulator: Simulator) 
     assert found.enough
     assert "tells amplifier_offset from linear_acceleration with" in found.text
     assert found.text.endswith("; from constant_force nothing within the limits tells it")
+    assert found.record.u.any() or found.text.startswith("no force; a_")
 
 
 def test_bad_input(simulator: Simulator) -> None:
