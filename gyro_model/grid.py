@@ -7,7 +7,9 @@ from typing import ClassVar, Literal
 from gyro_model.errors import InputError, nearest
 
 Kind = Literal["log", "resonance", "quality", "instant"]
-SCALES = ("itself", "1", "duration", "x", "y", "x_dot", "y_dot", "u_x", "u_y", "temperature", "v_bias", "omega_z")
+SCALES = (
+    "itself", "1", "duration", "x", "y", "x_dot", "y_dot", "u_x", "u_y", "temperature", "v_bias", "omega_z", "dxx",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -20,7 +22,7 @@ class Grid:
 
     Scales: ``itself``, the parameter's own typical value; ``1``, as it stands; ``duration`` of the longest run [s]; by
     how much a signal moves in the runs at most: ``x``, ``y`` and their rates count for either axis, an input for
-    itself.
+    itself; ``dxx``, the damping of the device.
     """
 
     kind: Kind

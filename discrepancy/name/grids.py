@@ -91,7 +91,7 @@ class Grids:
         if of == "duration":
             return self.duration
         if of not in self._scales:
-            size = self._size(of, at)
+            size = at.parameters[of] if of == "dxx" else self._size(of, at)
             # Two digits: the same grid whatever the fit at hand, so that what was found for it serves again.
             self._scales[of] = float(f"{size:.1e}") if size > 0 else q.typical
         return self._scales[of]

@@ -95,7 +95,9 @@ def remainder(
     share = float(np.clip((final**2 - noise**2) / max(refit**2, 1e-300), 0.0, 1.0))
     ratio = final / max(noise, 1e-300)
     enough = share > limits.left or ratio > limits.far_above
-    significant = (ratio > limit and enough) or search.fitter is not search.whole
+    # What has the memory of a noise, and can be none, is there however little it stands out of the white noise.
+    beyond = ratio > limit or bool(without)
+    significant = (beyond and enough) or search.fitter is not search.whole
     return Remainder(share, float(ratio), ratio > limit, bool(significant))
 
 

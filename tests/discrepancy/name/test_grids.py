@@ -43,6 +43,7 @@ def searched(search: Grid | None, start: float = 1e-3, low: float = 1e-12):
         ("u_x", 3e-6),
         ("v_bias", 5.0),
         ("duration", 0.02),
+        ("dxx", 1.8e-6),
         ("1", 1.0),
         ("itself", 1e-3),
     ],
