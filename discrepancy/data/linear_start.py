@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from scipy.signal import welch
 
-from discrepancy.data.linear_fit import PERIODS, WeakForm, equations, weak_form
+from discrepancy.data.linear_fit import PERIODS, WeakForm, axis_scales, equations, weak_form
 from discrepancy.data.record import Floats, Record
 
 WINDOWS: Final = 8
@@ -54,20 +54,9 @@ def sensor_gains(records: Sequence[Record]) -> list[float]:
         return [1.0] * axes
     values = _values([_peak(records, axis, driven=True) for axis in range(axes)], [1.0] * axes)
     form = _form(records, values)
-    masses = [_own_mass(form, axis) for axis in range(axes)] if form else [1.0]
-    gains = [np.sign(masses[0]), *(masses[0] / mass * np.sign(masses[0]) for mass in masses[1:])]
-    return [float(np.sign(gain) if 1 / ALIKE < abs(gain) < ALIKE else gain) for gain in gains][:axes]
-
-
-def _own_mass(form: WeakForm, axis: int) -> float:
-    """The mass in the equation of one axis alone, whatever couples to it; 1 where its stiffness has another sign."""
-    own = np.concatenate(([form.acceleration[axis], form.q[axis]], form.velocity, np.delete(form.q, axis, axis=0)))
-    a, b = (np.hstack((part.real, part.imag)).T for part in (own, form.force[axis]))
-    size = np.linalg.norm(a, axis=0)
-    if not b.any() or not size.all():
-        return 1.0
-    mass, stiffness = (np.linalg.lstsq(a / size, b, rcond=None)[0] / size)[:2]
-    return float(mass) if mass * stiffness > 0 else 1.0
+    masses = [scale or 1.0 for scale in axis_scales(form, values)] if form else [1.0] * axes
+    gains = [abs(masses[0]) / mass for mass in masses]
+    return [float(np.sign(gain) if 1 / ALIKE < abs(gain) < ALIKE else gain) for gain in gains]
 
 
 def _hardly_held(records: Sequence[Record], gains: Sequence[float]) -> dict[str, float] | None:
