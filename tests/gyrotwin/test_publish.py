@@ -19,7 +19,7 @@ def files(folder: Path) -> list[str]:
 def test_what_an_earlier_call_wrote_besides_goes(tmp_path: Path) -> None:
     names = ("report.html", "effects/discovered_1.py", "effects/discovered_2.py", "effects/mine.py")
     publish(tmp_path, {name: writer("first") for name in names})
-    publish(tmp_path, {name: writer("second") for name in names[:2]}, sometimes="effects/discovered_*.py")
+    publish(tmp_path, {name: writer("second") for name in names[:2]}, sometimes=("effects/discovered_*.py",))
     assert files(tmp_path) == ["effects/discovered_1.py", "effects/mine.py", "report.html"]
     assert (tmp_path / "effects/discovered_1.py").read_text() == "second"
 
@@ -32,6 +32,6 @@ def test_a_writer_that_fails_leaves_all_as_it_was(tmp_path: Path) -> None:
         raise OSError("disk full")
 
     with pytest.raises(InputError, match="disk full; nothing written"):
-        publish(tmp_path, {"summary.json": writer("second"), "track.csv": fail}, sometimes="sense.parquet")
+        publish(tmp_path, {"summary.json": writer("second"), "track.csv": fail}, sometimes=("sense.parquet",))
     assert files(tmp_path) == ["sense.parquet", "summary.json"]
     assert (tmp_path / "summary.json").read_text() == "first"
