@@ -23,9 +23,17 @@ def sweep(
     simulate_scale: Annotated[
         bool, typer.Option("--simulate-scale", help="Only print what 10,000 points cost on 2, 100 and 1,000 cores.")
     ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Write even into a folder that holds other files.")] = False,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force", help="Write even into a folder that holds other files or another plan's rows; retry failures."
+        ),
+    ] = False,
 ) -> None:
-    """Run a task at many points: grids, lists, distributions; on Dask."""
+    """Run a task at many points: grids, lists, distributions; on Dask.
+
+    Exit code 1: all points failed.
+    """
     from gyrotwin.progress import shown_progress
     from gyrotwin.tasks import sweep as task
 
@@ -46,7 +54,15 @@ def sweep(
         f"{summary['points']} points, {summary['failed']} failed; yield {y['value']:.1%} "
         f"({y['low']:.1%} to {y['high']:.1%})", highlight=False,
     )  # fmt: skip
+    if summary["failed"]:
+        first = result.failed.row(0, named=True)
+        given = ", ".join(f"{name} = {first[name]}" for name in result.plan.parameters)
+        console.print(
+            f"point {first['point']} ({given}): {first['error']}", soft_wrap=True, highlight=False, markup=False
+        )
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
+    if summary["failed"] == summary["points"]:
+        raise typer.Exit(1)
 
 
 def _scale(scale: object) -> Table:

@@ -25,6 +25,8 @@ METHODS: Final = ("sobol", "latin", "random", "saltelli", "morris")
 LEVELS: Final = 4
 """Levels of a Morris design (Morris 1991)."""
 MOST_POINTS: Final = 1_000_000
+DRAWN: Final = 64
+"""Points of the distributions where a plan gives none: a power of two."""
 
 
 class Point(NamedTuple):
@@ -91,13 +93,14 @@ class Plan:
         """Parameters with a distribution."""
         return [name for name, given in self.parameters.items() if "distribution" in given]
 
-    def digest(self) -> str:
-        """Names the plan: equal plans give equal rows."""
-        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True, default=list).encode()).hexdigest()[:16]
+    def digest(self, source: bytes = b"") -> str:
+        """Names the plan with ``source``, the text of its task's file if it has one: equal ones give equal rows."""
+        text = json.dumps(asdict(self), sort_keys=True, default=list).encode()
+        return hashlib.sha256(text + source).hexdigest()[:16]
 
     def unit_sample(self) -> Floats:
         """Points of the distributions in the unit cube, (points, parameters)."""
-        count, width = int(self.sampling.get("points", 64)), len(self.random)
+        count, width = int(self.sampling.get("points", DRAWN)), len(self.random)
         if not 1 <= count <= MOST_POINTS:
             raise InputError(f"sampling points = {count}: give 1 to {MOST_POINTS}")
         seed = int(self.sampling.get("seed", 1))

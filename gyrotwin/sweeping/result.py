@@ -16,10 +16,11 @@ from gyrotwin.sweeping.sensitivity import Index, indices
 
 @dataclass(frozen=True)
 class SweepResult:
-    """A finished sweep in ``folder``."""
+    """A finished sweep in ``folder``; digest: names the plan with the text of its task, as both were worked off."""
 
     plan: Plan
     folder: Path = field(repr=False)
+    digest: str = field(repr=False)
 
     @cached_property
     def rows(self) -> pl.DataFrame:
@@ -35,7 +36,13 @@ class SweepResult:
     def outputs(self) -> list[str]:
         """Names of the outputs that are numbers."""
         known = {"point", "seed", "error", *self.plan.parameters}
-        return [name for name, kind in self.rows.schema.items() if name not in known and kind.is_numeric()]
+        numbers = (name for name, kind in self.rows.schema.items() if name not in known and kind.is_numeric())
+        return [name for name in numbers if self.rows[name].null_count() < len(self.rows)]
+
+    @property
+    def failed(self) -> pl.DataFrame:
+        """Rows of the points that failed."""
+        return self.rows.filter(pl.col("error").is_not_null())
 
     def within(self) -> pl.Series:
         """Of each row, whether it is without an error and within all limits."""
@@ -54,9 +61,9 @@ class SweepResult:
         quantiles = (0.05, 0.5, 0.95)
         return {
             "task": self.plan.task,
-            "plan": self.plan.digest(),
+            "plan": self.digest,
             "points": count,
-            "failed": int(self.rows["error"].is_not_null().sum()),
+            "failed": len(self.failed),
             "yield": {"value": good / max(count, 1), "low": low, "high": high},
             "outputs": {n: {str(q): self.rows[n].quantile(q, "linear") for q in quantiles} for n in self.outputs},
             "sensitivity": {n: [i._asdict() for i in found] for n, found in self.sensitivity.items()},
@@ -68,7 +75,7 @@ class SweepResult:
         """Indices of each output where the plan samples for them: method saltelli or morris, one seed, no failure."""
         plan = self.plan
         alone = len(plan.random) == len(plan.parameters) and len(plan.seeds) == 1
-        if plan.method not in ("saltelli", "morris") or not alone or self.rows["error"].is_not_null().any():
+        if plan.method not in ("saltelli", "morris") or not alone or len(self.failed):
             return {}
         unit = plan.unit_sample()
         if len(unit) != len(self.rows):

@@ -127,11 +127,16 @@ def _function(job: Job) -> Callable[..., Any]:
 def _picked(result: Mapping[str, Any], name: str) -> Any:
     """The entry of a summary by its dotted name."""
     value: Any = result
+    group = ""
     for key in name.split("."):
         if not isinstance(value, Mapping) or key not in value:
-            known = value if isinstance(value, Mapping) else ()
-            raise InputError(f"output {name!r} is unknown{nearest(key, map(str, known))}")
+            known = [f"{group}{k}" for k in value] if isinstance(value, Mapping) else []
+            there = f"; there are {', '.join(known)}" if known else f"; {group.rstrip('.')} is a single value"
+            raise InputError(f"output {name!r} is unknown{there}{nearest(group + key, known)}")
         value = value[key]
+        group += f"{key}."
+    if isinstance(value, Mapping):
+        raise InputError(f"output {name!r} is a group; there are {', '.join(f'{group}{k}' for k in value)}")
     return value
 
 

@@ -1,6 +1,7 @@
 """A sweep from its plan to rows, sweep.json and a page; resumed where rows are there already."""
 
 import json
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -44,7 +45,8 @@ def sweep(
     scheduler : str
         Address of a Dask scheduler, whose workers have the same version of this package.
     force : bool
-        Write even into a folder that holds other files.
+        Write even into a folder that holds other files, put the rows of this plan in the place of another's, and try
+        failed points again.
     progress : callable
         Called with the points done and all points.
 
@@ -56,7 +58,8 @@ def sweep(
     Raises
     ------
     InputError
-        If the plan is wrong, Dask is missing, or ``out`` holds the rows of another plan.
+        If the plan is wrong, Dask is missing, or ``out`` holds the rows of another plan or of another text of the
+        task's file.
 
     """
     chosen = load_plan(plan)
@@ -64,7 +67,10 @@ def sweep(
     points = chosen.points()
     folder = Path(out)
     check_writable(folder, force=force)
-    _claim(folder, chosen)
+    digest = chosen.digest(job.source)
+    _claim(folder, digest, force=force)
+    if force:
+        rows.drop_failed(folder)
     there = set(rows.read(folder)["point"].to_list())
     missing = [point for point in points if point.number not in there]
     if missing:
@@ -72,26 +78,35 @@ def sweep(
             if progress is not None:
                 progress(0, len(missing))
             work_off(client, job, missing, folder, progress)
-    result = SweepResult(chosen, folder)
+    rows.level(folder)
+    result = SweepResult(chosen, folder, digest)
     from gyrotwin.sweeping.page import render
 
     publish(folder, {STATE: write_json(result.summary), "report.html": lambda path: render(result, path)}, force=force)
     return result
 
 
-def _claim(folder: Path, plan: Plan) -> None:
-    """Makes ``folder`` that of ``plan``. Raises InputError where it is another's."""
+def _claim(folder: Path, digest: str, *, force: bool) -> None:
+    """Makes ``folder`` that of the plan of this digest. Raises InputError where it is another's; with ``force`` the
+    other's rows are deleted."""
     state = folder / STATE
     try:
         there = json.loads(state.read_text(encoding="utf-8")).get("plan") if state.is_file() else None
     except (OSError, ValueError, RecursionError):
         there = "unreadable"
-    if there not in (None, plan.digest()):
-        raise InputError(f"output folder {folder}: holds the rows of another plan; name another with --out")
+    other = there not in (None, digest)
+    if other and not force:
+        raise InputError(
+            f"output folder {folder}: holds the rows of another plan, or its task file was changed; "
+            f"name another with --out, or --force to compute them anew"
+        )
     try:
+        for kind in (rows.ROWS, rows.TIMES):
+            if other and (folder / kind).exists():
+                shutil.rmtree(folder / kind)
         folder.mkdir(parents=True, exist_ok=True)
-        if there is None:
-            state.write_text(json.dumps({"plan": plan.digest()}) + "\n", encoding="utf-8")
+        if there != digest:
+            state.write_text(json.dumps({"plan": digest}) + "\n", encoding="utf-8")
     except OSError as error:
         raise InputError(f"output folder {folder}: {error.strerror}; name another with --out") from None
 

@@ -41,6 +41,7 @@ def test_a_plan_is_named_by_its_content() -> None:
     first = {"task": "run", "parameters": {"a": NORMAL}}
     assert load_plan(first).digest() == load_plan(dict(first)).digest()
     assert load_plan(first).digest() != load_plan({**first, "seeds": 2}).digest()
+    assert load_plan(first).digest(b"a") != load_plan(first).digest(b"b")
 
 
 @pytest.mark.parametrize(
