@@ -13,6 +13,7 @@ class InputError(ValueError):
 
 
 def nearest(name: str, valid: Iterable[str]) -> str:
-    """``"; did you mean 'kxx'?"`` with the valid name nearest to ``name``, or ``""`` if none is near."""
-    matches = get_close_matches(name, list(valid), n=1)
-    return f"; did you mean {matches[0]!r}?" if matches else ""
+    """``"; did you mean 'kxx'?"`` with the valid name nearest to ``name`` but for its case, or ``""`` if none is."""
+    names = {own.lower(): own for own in reversed(list(valid))}
+    matches = get_close_matches(name.lower(), names, n=1)
+    return f"; did you mean {names[matches[0]]!r}?" if matches else ""
