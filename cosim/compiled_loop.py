@@ -62,13 +62,17 @@ class CompiledLoop:
     def step(self, first: int, held: Floats, rows: Floats) -> int:
         """Runs the samples from ``first`` on and fills ``rows`` (n, width); returns after how many the plant went on.
 
-        ``held`` (n, 5): the inputs besides the force. Fewer than n samples: the plant refused the next.
+        ``held`` (n, 5): the inputs besides the force. Fewer than n samples: the plant refused the next. Raises
+        InputError where an observer or controller of one's own has raised.
         """
         count = len(held)
         if rows.shape[0] < count or rows.shape[1] != self.width:
             raise ValueError(f"rows: shape {rows.shape}, give ({count}, {self.width})")
         samples = ctypes.c_int64(first), ctypes.c_int64(count)
-        return int(self.lib.call.core_loop_run(pointer(self._memory), *samples, pointer(held), pointer(rows)))
+        done = int(self.lib.call.core_loop_run(pointer(self._memory), *samples, pointer(held), pointer(rows)))
+        self.observer.complain()
+        self.controller.complain()
+        return done
 
 
 def _temperature_lags(run: Run) -> Floats:

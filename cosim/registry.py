@@ -7,7 +7,7 @@ from typing import Any
 
 from cosim.controllers.record import Controller, CoreController
 from cosim.observers.record import CoreObserver, Observer
-from gyro_model.errors import InputError, nearest
+from gyro_model.errors import InputError, nearest, one_line
 
 _FOLDER = Path(__file__).parent
 
@@ -65,7 +65,7 @@ def _from_file(path: Path, attribute: str) -> Any:
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
-        raise InputError(f"{attribute.lower()} file {path}: {type(error).__name__}: {error}") from error
+        raise InputError(f"{attribute.lower()} file {path}: {one_line(error)}") from error
     if not hasattr(module, attribute):
         raise InputError(f"{attribute.lower()} file {path}: defines no {attribute}; assign it")
     return getattr(module, attribute)

@@ -4,7 +4,7 @@ A part of one's own, compiled with numba, is bridged to the same C interface.
 """
 
 import ctypes
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import inf
@@ -18,7 +18,8 @@ from cosim.core.library import DRIFT_NAMES, HEALTH_NAMES, Library, library, poin
 from cosim.design import Design
 from cosim.layout import ESTIMATE_SIZE, KXX, OMEGA_Z, PARAMETER_NAMES, M
 from cosim.observers.record import NOISE_RMS, SENSE_GAIN_X, SENSE_GAIN_Y, SENSOR_SIZE, CoreObserver, Observer
-from gyro_model.errors import InputError
+from cosim.rehearsal import AT_EVERY_START, rehearse_controller, rehearse_observer, require_compiled
+from gyro_model.errors import InputError, one_line
 
 Floats = NDArray[np.float64]
 
@@ -36,11 +37,12 @@ _CONTROL = ctypes.CFUNCTYPE(None, _VOID, ctypes.c_double, *[_VOID] * 4)
 @dataclass
 class Part:
     """An observer or a controller at work: the address of its C step, its memory, and what must stay alive beside
-    it."""
+    it. complain: raises InputError where a step of one's own has raised since the start."""
 
     address: int
     memory: Floats
     kept: tuple[Any, ...] = field(default=(), repr=False)
+    complain: Callable[[], None] = field(default=lambda: None, repr=False)
 
 
 def known_values(design: Design, lib: Library, period: float) -> Floats:
@@ -81,7 +83,7 @@ def begin_controller(
         values, known = controller.settings_array(**settings), known_values(design, lib, period)
         lib.call.core_foucault_start(pointer(memory), pointer(values), pointer(known), ctypes.c_double(period))
         return Part(lib.address("core_foucault_step").value or 0, memory)
-    return _bridged_controller(controller, period, settings)
+    return _bridged_controller(controller, design, period, settings)
 
 
 def first_estimates(design: Design) -> tuple[Floats, Floats]:
@@ -190,64 +192,117 @@ def _plain_observer(
     lib.call.core_plain_start(
         pointer(memory), _VOID(inner.address), pointer(inner.memory), pointer(known), ctypes.c_double(period)
     )
-    return Part(lib.address("core_plain_step").value or 0, memory, (inner,))
+    return Part(lib.address("core_plain_step").value or 0, memory, (inner,), inner.complain)
+
+
+def rehearse(
+    part: Observer | Controller, design: Design, period: float, settings: dict[str, float], count: int
+) -> None:
+    """Runs ``count`` samples in plain Python on arrays of the declared sizes. Raises InputError where it isn't compiled
+    with numba, or uses a place beyond an array."""
+    kind = "observer" if isinstance(part, Observer) else "controller"
+    require_compiled(kind, part)
+    values, (start, deviation) = part.settings_array(**settings), _own_first_estimates(design)
+    if isinstance(part, Observer):
+        rehearse_observer(part, values, start, deviation, _sensor(design), period, count)
+    else:
+        rehearse_controller(part, values, start, deviation, period, count)
 
 
 @contextmanager
 def _blamed(kind: str, name: str) -> Iterator[None]:
-    """Turns what a user's own part raises, when it begins or in a step of its own, into an InputError."""
+    """Turns what a user's own part raises, when it begins or in a step of its own, into an InputError of one line."""
     try:
         yield
     except Exception as error:
-        raise InputError(f"{kind} {name}: {type(error).__name__}: {error}") from error
+        raise InputError(f"{kind} {name}: {one_line(error)}") from error
+
+
+def _own_first_estimates(design: Design) -> tuple[Floats, Floats]:
+    """First estimates and deviations in arrays of OWN_SIZE."""
+    start, deviation = (np.concatenate((part, np.zeros(OWN_SIZE - len(part)))) for part in first_estimates(design))
+    return start, deviation
+
+
+def _sensor(design: Design) -> Floats:
+    """What an observer of one's own is told of the sensing: see cosim.observers.record."""
+    sensor = np.zeros(SENSOR_SIZE)
+    values = design.all_values
+    sensor[SENSE_GAIN_X], sensor[SENSE_GAIN_Y] = values["sense_gain_x"], values["sense_gain_y"]
+    floor = NOISE_FLOOR * abs(values["sense_gain_x"]) * design.amplitude
+    # A converter that rounds adds lsb^2/12.
+    sensor[NOISE_RMS] = max(float(np.hypot(values["sense_noise"], values["adc_lsb"] / np.sqrt(12))), floor)
+    return sensor
 
 
 def _bridged_observer(observer: Observer, design: Design, period: float, settings: dict[str, float]) -> Part:
-    """Memory: settings, the observer's own memory, its estimate, its deviation."""
+    """Memory: settings, the observer's own memory, its estimate, its deviation, whether it has raised, u and v of that
+    step, its own memory before it."""
     from numba import carray, cfunc, types
 
+    rehearse(observer, design, period, settings, AT_EVERY_START)
     values = observer.settings_array(**settings)
     count, size = len(values), observer.memory_size
-    memory = np.concatenate((values, np.zeros(size + 2 * OWN_SIZE)))
-    sensor = np.zeros(SENSOR_SIZE)
-    all_values = design.all_values
-    sensor[SENSE_GAIN_X], sensor[SENSE_GAIN_Y] = all_values["sense_gain_x"], all_values["sense_gain_y"]
-    floor = NOISE_FLOOR * abs(all_values["sense_gain_x"]) * design.amplitude
-    # A converter that rounds adds lsb^2/12.
-    sensor[NOISE_RMS] = max(float(np.hypot(all_values["sense_noise"], all_values["adc_lsb"] / np.sqrt(12))), floor)
-    start, deviation = (np.concatenate((part, np.zeros(OWN_SIZE - len(part)))) for part in first_estimates(design))
+    memory = np.concatenate((values, np.zeros(2 * size + 2 * OWN_SIZE + 5)))
+    first = count + size
+    second, raised = first + OWN_SIZE, first + 2 * OWN_SIZE
+    before = raised + 5
     with _blamed("observer", observer.name):
-        observer.init(memory[count : count + size], values, start, deviation, sensor, period)
-        own, estimate, error = memory[count : count + size].copy(), np.zeros(OWN_SIZE), np.zeros(OWN_SIZE)
-        # In the loop an exception of compiled code would only be printed.
-        observer.step(own, values, 0.0, 0.0, 0.0, 0.0, estimate, error)
-    step, total, first, second = observer.step, len(memory), count + size, count + size + OWN_SIZE
+        observer.init(memory[count:first], values, *_own_first_estimates(design), _sensor(design), period)
+    step, total = observer.step, len(memory)
     real = types.CPointer(types.float64)
 
     @cfunc(types.void(real, real, real, real, real, real))
     def bridge(address, u, v, inputs, estimate, deviation):  # type: ignore[no-untyped-def]
         whole = carray(address, (total,))
-        step(whole[count:first], whole[:count], u[0], u[1], v[0], v[1], whole[first:second], whole[second:])
+        if whole[raised] == 0.0:
+            whole[before:] = whole[count:first]
+            try:
+                own, known = whole[count:first], whole[:count]
+                step(own, known, u[0], u[1], v[0], v[1], whole[first:second], whole[second:raised])
+            except Exception:
+                whole[raised] = 1.0
+                whole[raised + 1], whole[raised + 2] = u[0], u[1]
+                whole[raised + 3], whole[raised + 4] = v[0], v[1]
         for i in range(ESTIMATE_SIZE):
             estimate[i] = whole[first + i]
             deviation[i] = whole[second + i]
 
-    return Part(bridge.address, memory, (bridge,))
+    def again() -> None:
+        u_v = memory[raised + 1 : before]
+        step(memory[before:], memory[:count], *u_v, memory[first:second], memory[second:raised])
+
+    return Part(bridge.address, memory, (bridge,), _complaint("observer", observer.name, memory, raised, again))
 
 
-def _bridged_controller(controller: Controller, period: float, settings: dict[str, float]) -> Part:
-    """Memory: settings, the controller's own memory, estimate, deviation, output."""
+def _complaint(kind: str, name: str, memory: Floats, raised: int, again: Callable[[], None]) -> Callable[[], None]:
+    """Says what a step has raised: compiled code keeps only that it did, so that step is run once more."""
+
+    def complain() -> None:
+        if memory[raised]:
+            with _blamed(kind, name):
+                again()
+            raise InputError(f"{kind} {name}: a step raised an exception; run its step.py_func to see which")
+
+    return complain
+
+
+def _bridged_controller(controller: Controller, design: Design, period: float, settings: dict[str, float]) -> Part:
+    """Memory: settings, the controller's own memory, estimate, deviation, output, whether it has raised, t of that
+    step, its own memory before it."""
     from numba import carray, cfunc, types
 
+    rehearse(controller, design, period, settings, AT_EVERY_START)
     values = controller.settings_array(**settings)
     count, size = len(values), controller.memory_size
-    memory = np.concatenate((values, np.zeros(size + 2 * OWN_SIZE + OUTPUT_SIZE)))
-    with _blamed("controller", controller.name):
-        controller.init(memory[count : count + size], values, period)
-        own, output = memory[count : count + size].copy(), np.zeros(OUTPUT_SIZE)
-        controller.step(own, values, 0.0, np.ones(OWN_SIZE), np.zeros(OWN_SIZE), output)
-    step, total, first = controller.step, len(memory), count + size
+    memory = np.concatenate((values, np.zeros(2 * size + 2 * OWN_SIZE + OUTPUT_SIZE + 2)))
+    first = count + size
     second, third = first + OWN_SIZE, first + 2 * OWN_SIZE
+    raised = third + OUTPUT_SIZE
+    before = raised + 2
+    with _blamed("controller", controller.name):
+        controller.init(memory[count:first], values, period)
+    step, total = controller.step, len(memory)
     real = types.CPointer(types.float64)
 
     @cfunc(types.void(real, types.float64, real, real, real, real))
@@ -256,7 +311,13 @@ def _bridged_controller(controller: Controller, period: float, settings: dict[st
         for i in range(ESTIMATE_SIZE):
             whole[first + i] = estimate[i]
             whole[second + i] = deviation[i]
-        step(whole[count:first], whole[:count], t, whole[first:second], whole[second:third], whole[third:])
+        if whole[raised] == 0.0:
+            try:
+                step(
+                    whole[count:first], whole[:count], t, whole[first:second], whole[second:third], whole[third:raised]
+                )
+            except Exception:
+                whole[raised], whole[raised + 1] = 1.0, t
         out = whole[third:]
         control[0], control[1] = out[0], out[1]
         for i in range(5):
@@ -264,4 +325,8 @@ def _bridged_controller(controller: Controller, period: float, settings: dict[st
         for i in range(7, 12):
             control[i] = 0.0
 
-    return Part(bridge.address, memory, (bridge,))
+    def again() -> None:
+        arrays = memory[first:second], memory[second:third], memory[third:raised]
+        step(memory[before:], memory[:count], memory[raised + 1], *arrays)
+
+    return Part(bridge.address, memory, (bridge,), _complaint("controller", controller.name, memory, raised, again))

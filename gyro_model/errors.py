@@ -1,5 +1,6 @@
 """The one exception for input that a user can mend, and the hint that names the nearest valid name."""
 
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 
@@ -17,3 +18,9 @@ def nearest(name: str, valid: Iterable[str]) -> str:
     names = {own.lower(): own for own in reversed(list(valid))}
     matches = get_close_matches(name.lower(), names, n=1)
     return f"; did you mean {names[matches[0]]!r}?" if matches else ""
+
+
+def one_line(error: BaseException) -> str:
+    """Kind and message of what a user's own file has raised, on one line and without the colours of a terminal."""
+    text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
+    return f"{type(error).__name__}: {' '.join(text.split())}"

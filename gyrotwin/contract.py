@@ -1,14 +1,23 @@
 """The checks that the packaged parts pass, for parts of a user's own: effects, observers, controllers, scenarios."""
 
+import re
 import shutil
 import tempfile
 from pathlib import Path
+from typing import Final
 
+from cosim.controllers.record import Controller
+from cosim.observers.record import Observer
 from gyro_model.contract import CHECKS, check_effect
 from gyro_model.errors import InputError
 from gyro_model.model import load_model
 
 __all__ = ["CHECKS", "check", "check_effect"]
+
+DURATION: Final = 0.02
+"""How long observers and controllers are run [s]."""
+FINITE: Final = ("u_", "est_")
+"""How the columns of a trace begin that observers and controllers write."""
 
 
 def check(path: str | Path) -> list[str]:
@@ -56,11 +65,20 @@ def check(path: str | Path) -> list[str]:
     if place.suffix != ".py":
         raise InputError(f"{place}: give an effect, observer or controller as .py, or a scenario as .toml")
     text = place.read_text(encoding="utf-8", errors="replace")
-    if "OBSERVER" in text or "CONTROLLER" in text:
-        return _parts(place, text)
+    if kinds := [kind for kind in ("observer", "controller") if _defines(text, kind)]:
+        return [_part(place, kind) for kind in kinds]
+    if not _defines(text, "effect"):
+        raise InputError(f"{place}: defines no EFFECT, OBSERVER or CONTROLLER; assign one (a scenario is a .toml file)")
     with tempfile.TemporaryDirectory(prefix="gyrotwin-") as folder:
         shutil.copy(place, folder)
-        return _effects(Path(folder))
+        try:
+            return _effects(Path(folder))
+        except InputError as error:
+            raise InputError(str(error).replace(folder, str(place.parent))) from error
+
+
+def _defines(text: str, kind: str) -> bool:
+    return re.search(rf"^\s*{kind.upper()}\b", text, re.MULTILINE) is not None
 
 
 def _effects(folder: Path) -> list[str]:
@@ -71,14 +89,21 @@ def _effects(folder: Path) -> list[str]:
     return [f"effect {effect.id}: {len(CHECKS)} checks passed" for effect in own]
 
 
-def _parts(file: Path, text: str) -> list[str]:
-    """An observer or controller is run: the loop with it ends with finite numbers."""
+def _part(file: Path, kind: str) -> str:
+    """An observer or controller is run, in plain Python and compiled: the loop with it gives finite numbers."""
+    from cosim.running import design_for, rehearse
     from gyrotwin.api import run
+    from gyrotwin.tasks.run import Request, prepare
 
-    kinds = [kind for kind in ("observer", "controller") if kind.upper() in text]
-    for kind in kinds:
-        arguments = {kind: str(file)}
-        result = run("constant", duration=0.02, **arguments)  # type: ignore[arg-type]
-        if not result.trace["u_x"].is_finite().all() or not result.trace["est_omega_z"].is_finite().all():
-            raise InputError(f"{kind} {file}: estimates or forces are not finite after 20 ms of `constant`")
-    return [f"{kind} {file.stem}: built, compiled and run for 20 ms" for kind in kinds]
+    arguments: dict[str, str] = {kind: str(file)}
+    asked = prepare(Request("constant", duration=DURATION, **arguments))  # type: ignore[arg-type]
+    part = getattr(asked, kind)
+    if isinstance(part, (Observer, Controller)):
+        rehearse(part, design_for(asked.observer, asked.design), asked.period, {}, asked.samples)
+    trace = run("constant", duration=DURATION, trace_rate=asked.sample_rate, **arguments).trace  # type: ignore[arg-type]
+    for name in trace.columns:
+        if name.startswith(FINITE) and not (finite := trace[name].is_finite()).all():
+            sample = int(finite.arg_min() or 0)
+            said = f"{name} is {trace[name][sample]} at sample {sample} of `constant`"
+            raise InputError(f"{kind} {file}: {said}; write finite numbers")
+    return f"{kind} {file.stem}: built, compiled and run for {1e3 * DURATION:g} ms"

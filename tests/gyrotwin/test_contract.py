@@ -57,6 +57,97 @@ def test_an_observer_of_one_s_own_is_run(tmp_path: Path) -> None:
         contract.check(path)
 
 
+OWN_OBSERVER = """
+import numpy as np
+from numba import njit
+from cosim.observers.record import INIT_SIGNATURE, STEP_SIGNATURE, Observer
+
+@njit
+def count(memory, place):
+    memory[place] += 1.0
+
+@njit(INIT_SIGNATURE)
+def init(memory, settings, start, start_deviation, sensor, period):
+    memory[:12] = start[:12]
+
+@njit(STEP_SIGNATURE)
+def step(memory, settings, u_x, u_y, v_x, v_y, estimate, deviation):
+    count(memory, 12)
+    estimate[:12] = memory[:12]
+    deviation[:12] = 1.0
+    if memory[12] == 1000.0:
+        LATE
+
+OBSERVER = Observer("mine", 13, {"gain": 0.3}, init, step)
+"""
+OWN_CONTROLLER = """
+from numba import njit
+from cosim.controllers.record import INIT_SIGNATURE, STEP_SIGNATURE, Controller
+
+@njit(INIT_SIGNATURE)
+def init(memory, settings, period):
+    memory[0] = 0.0
+
+@njit(STEP_SIGNATURE)
+def step(memory, settings, t, estimate, deviation, output):
+    output[0] = 1e-6
+    output[8] = 3.5e8
+    if t > 0.005:
+        LATE
+
+CONTROLLER = Controller("mine", 1, {}, init, step)
+"""
+LATE = [
+    (OWN_OBSERVER, "raise ValueError('boo')", "observer mine: ValueError: boo"),
+    (OWN_OBSERVER, "estimate[0] = np.nan", "est_x is nan at sample 999 of"),
+    (OWN_OBSERVER, "count(memory, 17)", r"step uses memory\[17\], but memory has size 13; .* of 18 or more"),
+    (OWN_OBSERVER, "estimate[0] = settings[3]", r"step uses settings\[3\], but settings has size 1 \(gain\)"),
+    (OWN_CONTROLLER, "raise ValueError('boo')", "controller mine: ValueError: boo"),
+    (OWN_CONTROLLER, "memory[1] = t", r"step uses memory\[1\], but memory has size 1"),
+    (OWN_CONTROLLER, "output[9] = t", r"step uses output\[9\], but output has size 9"),
+]
+
+
+@pytest.mark.parametrize(("text", "late", "said"), LATE, ids=[late for _, late, _ in LATE])
+def test_what_an_own_part_does_late_is_one_line(tmp_path: Path, text: str, late: str, said: str) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(text.replace("LATE", late))
+    with pytest.raises(InputError, match=said) as refused:
+        contract.check(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_late_exception_ends_a_run_with_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(OWN_OBSERVER.replace("LATE", "raise ValueError('boo')"))
+    with pytest.raises(SystemExit) as ended:
+        main(["run", "constant", "--observer", str(path), "--out", str(tmp_path / "out")])
+    assert ended.value.code == 2
+    said = capfd.readouterr().err
+    assert "ignored" not in said
+    assert said.endswith("gyrotwin: observer mine: ValueError: boo\n")
+
+
+def test_a_good_part_passes(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(OWN_OBSERVER.replace("LATE", "pass"))
+    assert contract.check(path) == ["observer mine: built, compiled and run for 20 ms"]
+
+
+def test_a_step_that_is_not_compiled_or_not_defined(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(OWN_OBSERVER.replace("LATE", "pass").replace("@njit(STEP_SIGNATURE)", ""))
+    with pytest.raises(InputError, match=r"step is not compiled; write @njit\(STEP_SIGNATURE\) above it"):
+        contract.check(path)
+    path.write_text(OWN_OBSERVER.replace("LATE", "pass").replace("OBSERVER =", "OTHER ="))
+    with pytest.raises(InputError, match=rf"{re.escape(str(path))}: defines no EFFECT, OBSERVER or CONTROLLER"):
+        contract.check(path)
+    path.write_text(OWN_OBSERVER.replace("LATE", "unknown()"))
+    with pytest.raises(InputError, match="name 'unknown' is not defined") as refused:
+        contract.check(path)
+    assert "\n" not in str(refused.value)
+
+
 def test_what_fails_the_contract_is_not_loaded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
