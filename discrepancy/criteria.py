@@ -1,6 +1,5 @@
 """Every threshold by which a diagnosis decides, in one checked record."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from math import isfinite
@@ -8,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gyro_model.errors import InputError, nearest
+from gyro_model.toml_text import read_toml_file
 
 Bounds = tuple[float, float]
 
@@ -103,10 +103,6 @@ BOUNDS: Final[Mapping[str, Bounds]] = {
 def load_criteria(path: Path) -> Criteria:
     """The thresholds of a TOML file. Raises InputError where it can't be read or one is wrong."""
     try:
-        given = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"--criteria {path}: can't be read as TOML: {error}") from None
-    try:
-        return Criteria.of(given)
+        return Criteria.of(read_toml_file(path))
     except InputError as error:
         raise InputError(f"--criteria {path}: {error}") from None

@@ -86,14 +86,21 @@ def _force(record: Record, window: "_Window", starts: NDArray[np.int_], square: 
     """
     phase = window.w / record.sample_rate
     u = window.derivatives(record.u, starts)
-    force = u[record.order] * _hold(record.hold, phase)
+    force = u[record.order] * held(record.hold, phase)
     if record.order == 2 and record.hold == "zero":
-        force = force + (u[2] + square * u[0]) * (np.exp(-1j * phase) - _hold("zero", phase))
+        force = force + (u[2] + square * u[0]) * (np.exp(-1j * phase) - held("zero", phase))
     return np.asarray(force / record.reference**record.order)
 
 
-def _hold(hold: str, phase: Floats) -> Complexes:
-    """What a hold does to a harmonic that turns by ``phase`` [rad] a sample."""
+def joined_form(records: Sequence[Record], nominal: Mapping[str, float]) -> WeakForm | None:
+    """The weak form of all runs; None where not one window is left."""
+    forms = [form for form in (weak_form(record, nominal) for record in records) if form is not None]
+    arrays = zip(*((f.force, f.q, f.velocity, f.acceleration, f.turning) for f in forms), strict=True)
+    return WeakForm(*(np.concatenate(parts, axis=1) for parts in arrays)) if forms else None
+
+
+def held(hold: str, phase: Floats) -> Complexes:
+    """What a hold of the force between samples does to a harmonic that turns by ``phase`` [rad] a sample."""
     box = np.sinc(phase / (2 * np.pi))
     if hold == "zero":
         return box * np.exp(-0.5j * phase)

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from scipy.signal import welch
 
-from discrepancy.data.linear_fit import PERIODS, WeakForm, axis_scales, equations, weak_form
+from discrepancy.data.linear_fit import PERIODS, axis_scales, equations, joined_form
 from discrepancy.data.record import Floats, Record
 
 WINDOWS: Final = 8
@@ -53,7 +53,7 @@ def sensor_gains(records: Sequence[Record]) -> list[float]:
     if not any(record.u.any() for record in records):
         return [1.0] * axes
     values = _values([_peak(records, axis, driven=True) for axis in range(axes)], [1.0] * axes)
-    form = _form(records, values)
+    form = joined_form(records, values)
     masses = [scale or 1.0 for scale in axis_scales(form, values)] if form else [1.0] * axes
     gains = [abs(masses[0]) / mass for mass in masses]
     return [float(np.sign(gain) if 1 / ALIKE < abs(gain) < ALIKE else gain) for gain in gains]
@@ -83,7 +83,7 @@ def _values(peaks: Sequence[float], gains: Sequence[float]) -> dict[str, float]:
 
 def _solved(records: Sequence[Record], values: Mapping[str, float], driven: bool) -> dict[str, float] | None:
     """m, k, d by the weak form in windows as for ``values``; None where they explain too little."""
-    form = _form(records, values)
+    form = joined_form(records, values)
     if form is None:
         return None
     one = len(form.force) == 1
@@ -104,13 +104,6 @@ def _solved(records: Sequence[Record], values: Mapping[str, float], driven: bool
     left = float(np.sum((b - a / size @ solution) ** 2) / np.sum(b**2))
     found = dict(zip(names, (solution / size).tolist(), strict=True))
     return found if left <= BADLY and found.get("m", values["m"]) > 0 else None
-
-
-def _form(records: Sequence[Record], values: Mapping[str, float]) -> WeakForm | None:
-    """The weak form of all the runs in windows as for ``values``; None where they are too short for one."""
-    forms = [form for form in (weak_form(record, values) for record in records) if form is not None]
-    arrays = zip(*((f.force, f.q, f.velocity, f.acceleration, f.turning) for f in forms), strict=True)
-    return WeakForm(*(np.concatenate(parts, axis=1) for parts in arrays)) if forms else None
 
 
 def _passive(found: dict[str, float], values: Mapping[str, float]) -> dict[str, float]:

@@ -14,8 +14,8 @@ import numpy as np
 from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.data.algebra import inverse_scaled
-from discrepancy.data.linear_fit import WeakForm, weak_form
 from discrepancy.data.linear_fit import fit as fit_weak_form
+from discrepancy.data.linear_fit import joined_form
 from discrepancy.data.record import Floats, Record
 from discrepancy.fit.colour import autoregression
 from discrepancy.fit.fitted import Fitted, Free, bare
@@ -110,11 +110,10 @@ class Fitter:
     def begin(self, nominal: Mapping[str, float], more: Sequence[Free] = ()) -> Fitted:
         """The start of a fit: m, k, d by the weak form, which has no other minimum, at rest. ``more``: parameters to
         fit beside them."""
-        forms = [form for form in (weak_form(record, nominal) for record in self.records) if form is not None]
+        form = joined_form(self.records, nominal)
         parameters = dict(nominal)
-        if forms:
-            joined = WeakForm(*(np.concatenate(arrays, axis=1) for arrays in zip(*map(_arrays, forms), strict=True)))
-            parameters |= _damped(fit_weak_form(joined, nominal).values, nominal)
+        if form is not None:
+            parameters |= _damped(fit_weak_form(form, nominal).values, nominal)
         one = self.axes == 1
         names: tuple[str, ...] = ("m", "kxx", "dxx") if one else ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
         if not any(r.u.any() for r in self.records):
@@ -389,10 +388,6 @@ class Fitter:
         size = np.sqrt(np.diag(self.covariance(linear)))
         size = np.where(square > UNSEEN * np.max(square, initial=0.0), size, np.inf)
         return {free.name: float(value) for free, value in zip(at.free, size, strict=True)}
-
-
-def _arrays(form: WeakForm) -> tuple[Floats, ...]:
-    return form.force, form.q, form.velocity, form.acceleration, form.turning  # type: ignore[return-value]
 
 
 def passive(p: Mapping[str, float], axes: int) -> dict[str, float]:

@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from discrepancy.data.linear_fit import held
 from discrepancy.data.record import Floats, Record
 
 Complexes = NDArray[np.complex128]
@@ -71,7 +72,8 @@ def bent(
 
 def backbone(record: Record, v: Floats, parameters: Mapping[str, float], axis: int) -> Backbone | None:
     """What the voltage ``v`` (n, axes) of a run, measured or simulated, shows on an axis with the mass, gains and
-    coupling of ``parameters``; None where too few windows hold one frequency, or all have one amplitude."""
+    coupling of ``parameters``; None where too few windows hold one frequency, all have one amplitude, or v
+    shows no position."""
     name = "xy"[axis]
     m, k, d = (parameters[key] for key in ("m", f"k{name}{name}", f"d{name}{name}"))
     w0 = float(np.sqrt(k / m))
@@ -119,7 +121,7 @@ def _window(
     value, slope, bend = ((solution[2 * k] + 1j * solution[2 * k + 1]) / tau[-1] ** k for k in range(3))
     axes = q.shape[1]
     a, b, c = value[axis], slope[axis], bend[axis]
-    force = value[axes + axis] * _held(record.hold, w / rate)
+    force = value[axes + axis] * complex(held(record.hold, np.array(w / rate)))
     for other in set(range(axes)) - {axis}:
         force -= p["kxy"] * value[other] + p["dxy"] * (1j * w * value[other] + slope[other])
     right = force + p["m"] * (w**2 * a - 2j * w * b - c)
@@ -140,9 +142,3 @@ def _frequency(q: Floats, rate: float) -> float:
     line = (q - q.mean()) * np.exp(-1j * w * np.arange(n) / rate)
     first, last = (np.sum(line[part] * np.hanning(half)) for part in (slice(half), slice(n - half, n)))
     return float(w + np.angle(last * np.conj(first)) * rate / (n - half))
-
-
-def _held(hold: str, phase: float) -> complex:
-    """What the hold of the force between samples does to it, ``phase`` [rad] a sample."""
-    box = np.sinc(phase / (2 * np.pi))
-    return complex({"zero": box * np.exp(-0.5j * phase), "first": box**2}.get(hold, 1.0))

@@ -1,6 +1,5 @@
 """What a laboratory can do: the limits that a designed experiment keeps."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from math import isfinite
@@ -11,6 +10,7 @@ import numpy as np
 
 from discrepancy.data.record import CONDITIONS, Record
 from gyro_model.errors import InputError, nearest
+from gyro_model.toml_text import read_toml_file
 
 Range = tuple[float, float]
 
@@ -130,11 +130,7 @@ def _usual(name: str, records: Sequence[Record]) -> Range:
 def load_limits(path: Path) -> Limits:
     """The limits of a TOML file. Raises InputError where it can't be read or one is wrong."""
     try:
-        given = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"--limits {path}: can't be read as TOML: {error}") from None
-    try:
-        return Limits.of(given)
+        return Limits.of(read_toml_file(path))
     except InputError as error:
         raise InputError(f"--limits {path}: {error}") from None
 

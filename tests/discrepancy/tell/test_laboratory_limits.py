@@ -1,10 +1,12 @@
 """Limits of a laboratory: one checked record, settable from a file, and what the runs suggest where none is given."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from discrepancy.criteria import load_criteria
 from discrepancy.data.record import Record, make_record
 from discrepancy.tell.limits import LEVEL, LONGEST, Limits, load_limits, room_of
 from gyro_model.errors import InputError
@@ -61,3 +63,10 @@ def test_a_wrong_one_is_one_line(tmp_path: Path, text: str, expected: str) -> No
     with pytest.raises(InputError, match=expected) as error:
         load_limits(tmp_path / "lab.toml")
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("load", [load_limits, load_criteria])
+def test_a_file_that_nests_without_end_is_refused(load: Callable[[Path], object], tmp_path: Path) -> None:
+    (tmp_path / "deep.toml").write_text("x = " + "[" * 5000)
+    with pytest.raises(InputError, match="nested too deeply"):
+        load(tmp_path / "deep.toml")
