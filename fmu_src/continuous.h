@@ -24,6 +24,9 @@ void gyro_get_rates(gyro_instance *g, double rates[GYRO_N_CONTINUOUS]);
 gyro_status gyro_set_continuous(gyro_instance *g, const double states[GYRO_N_CONTINUOUS]);
 void gyro_set_time(gyro_instance *g, double time);
 
+/* After a state is restored: the time is the latest that was set. */
+void gyro_resume_time(gyro_instance *g);
+
 /* Brings the outputs to states, inputs and time as they are set; samples stay. */
 void gyro_put_out_continuous(gyro_instance *g);
 
@@ -33,7 +36,7 @@ const char *gyro_jumping(const gyro_instance *g, uint32_t vr);
 /* An event begins at the present time: what is set from now on jumps. GYRO_ERROR where the time is beyond an event that was due. */
 gyro_status gyro_enter_event(gyro_instance *g);
 
-/* Takes the sample that is due, then inputs and parameters as they are. *jumped: 1 where states have; *next: time of the next event [s]. */
+/* Takes the sample that is due, then inputs and parameters as they are; GYRO_ERROR as by gyro_enter_event. *jumped: 1 where states have; *next: time of the next event [s]. */
 gyro_status gyro_update(gyro_instance *g, int *jumped, double *next);
 
 /* Whether the output `vr` is a sample, which changes in events only. */

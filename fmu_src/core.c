@@ -240,7 +240,8 @@ static gyro_status diverge(gyro_instance *g, int64_t tick)
     g->memory.clock.diverged = 1;
     for (int vr = 0; vr < GYRO_N_VARIABLES; vr++) {
         if (gyro_variables[vr].kind == GYRO_OUTPUT) {
-            g->value[vr] = NAN;
+            /* An integer has no NaN. */
+            g->value[vr] = gyro_variables[vr].type == GYRO_INTEGER ? 0.0 : NAN;
         }
     }
     return refuse_diverged(g);

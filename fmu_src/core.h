@@ -40,6 +40,9 @@ const char *gyro_message(const gyro_instance *g);
 void gyro_set(gyro_instance *g, uint32_t vr, double value);
 double gyro_get(const gyro_instance *g, uint32_t vr);
 
+/* The id of an effect that would act with this value of a tunable parameter and that this FMU can't follow; NULL where there is none. */
+const char *gyro_foreign_effect(const gyro_instance *g, uint32_t vr, double value);
+
 /* Checks the parameters, sets the initial state at `start_time` [s] and takes sample 0, so that outputs are valid. May be called again
    (after further gyro_set) until the first gyro_advance. */
 gyro_status gyro_start(gyro_instance *g, double start_time);

@@ -266,10 +266,14 @@ static fmi_status check_set(const fmi_instance *f, const char *call, gyro_type t
         /* Parameters are checked at the start, together. */
         const gyro_variable *input = &gyro_variables[vr];
         const char *jumping = f->state == CONTINUOUS && value != gyro_get(f->core, vr) ? gyro_jumping(f->core, vr) : NULL;
+        const char *foreign = input->kind == GYRO_TUNABLE ? gyro_foreign_effect(f->core, vr, value) : NULL;
         if (value < input->min || value > input->max) {
             status = fmi_fail(f, call, "%s is %g; give a value from %g to %g", input->name, value, input->min, input->max);
         } else if (jumping != NULL) {
             status = fmi_fail(f, call, "%s may change in event mode only while the effect %s acts", input->name, jumping);
+        } else if (foreign != NULL) {
+            status = fmi_fail(f, call, "%s is %g, with which the effect %s would act, which this FMU can't follow: use the full FMU", input->name,
+                              value, foreign);
         }
     }
     return status;
@@ -295,7 +299,7 @@ fmi_status fmi_set(fmi_instance *f, const char *call, gyro_type type, const uint
     for (size_t i = 0; i < n && status == FMI_OK; i++) {
         gyro_set(f->core, vr[i], element(type, values, i));
     }
-    if (status == FMI_OK && (f->state & RUNNING) == 0) {
+    if (status == FMI_OK && n > 0 && (f->state & CAN_SET_PARAMETER) != 0) {
         gyro_unstart(f->core);
     }
     return status;

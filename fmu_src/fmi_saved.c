@@ -9,6 +9,7 @@
    byte 48  gyro_save
    Integers of 8 bytes, least significant first. */
 
+#include "continuous.h"
 #include "fmi_common.h"
 
 #include <stdlib.h>
@@ -153,6 +154,9 @@ fmi_status fmi_restore(fmi_instance *f, const char *call, const void *saved)
         f->start_time = get_f64(block->bytes + AT_START);
         f->stop_time = get_f64(block->bytes + AT_STOP);
         fmi_find_latest_time(f);
+        if (f->purpose == MODEL_EXCHANGE && (f->state & (EVENT | CONTINUOUS)) != 0) {
+            gyro_resume_time(f->core);
+        }
     }
     return status;
 }

@@ -6,6 +6,22 @@
 
 void gyro_drop(gyro_instance *g) { (void)g; }
 
+static const char *foreign_effect(const gyro_instance *g, const double value[GYRO_N_VARIABLES])
+{
+    gyro_view trial = g->view;
+    memcpy(trial.p, value, sizeof trial.p);
+    find_active(&trial);
+    return refused_effect(&trial);
+}
+
+const char *gyro_foreign_effect(const gyro_instance *g, uint32_t vr, double value)
+{
+    double values[GYRO_N_VARIABLES];
+    memcpy(values, g->value, sizeof values);
+    values[vr] = value;
+    return foreign_effect(g, values);
+}
+
 gyro_status gyro_prepare(gyro_instance *g)
 {
     gyro_view *view = &g->view;
@@ -28,7 +44,8 @@ gyro_status gyro_prepare(gyro_instance *g)
         view->since = 0.0;
         find_active(view);
         gyro_plan_cuts(g);
-        const char *refused = refused_effect(view);
+        const char *pending = foreign_effect(g, g->value);
+        const char *refused = pending != NULL ? pending : refused_effect(view);
         if (refused != NULL) {
             status = gyro_refuse(g, "effect %s has states and is not linear, or remembers the fast signal, which the envelope form can't follow: use the full FMU, or leave its sizes neutral",
                                  refused);

@@ -132,6 +132,8 @@ void gyro_set_time(gyro_instance *g, double time)
     g->view.t = time;
 }
 
+void gyro_resume_time(gyro_instance *g) { gyro_set_time(g, g->memory.clock.next_time); }
+
 void gyro_put_out_continuous(gyro_instance *g)
 {
     double lagged[2];
@@ -160,16 +162,24 @@ static gyro_instant present_instant(const gyro_instance *g)
     return now;
 }
 
-gyro_status gyro_enter_event(gyro_instance *g)
+/* An event can be at `now` only where no sample but the next has been passed, so that their count fits the time. */
+static gyro_status check_event(gyro_instance *g, gyro_instant now)
 {
-    gyro_clock *clock = &g->memory.clock;
-    const gyro_instant now = present_instant(g);
+    const gyro_clock *clock = &g->memory.clock;
     const int64_t after = gyro_tick_of(g->plan.cuts.sample, clock->sample + 2);
     gyro_status status = GYRO_OK;
     if (now.tick >= after || gyro_before(now, clock->settled)) {
         status = gyro_refuse(g, "time %.15g s is beyond the sample that was due, or before the latest event; stop at the time of each event",
                              clock->next_time);
-    } else {
+    }
+    return status;
+}
+
+gyro_status gyro_enter_event(gyro_instance *g)
+{
+    gyro_clock *clock = &g->memory.clock;
+    const gyro_status status = check_event(g, present_instant(g));
+    if (status == GYRO_OK) {
         /* What has been set until now glided here. */
         for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
             g->view.p[vr] = g->value[vr];
@@ -218,9 +228,15 @@ static void settle(gyro_instance *g, gyro_instant now)
 gyro_status gyro_update(gyro_instance *g, int *jumped, double *next)
 {
     double before[GYRO_N_CONTINUOUS], after[GYRO_N_CONTINUOUS];
+    /* The time may be set in event mode too. */
+    const gyro_instant now = present_instant(g);
+    gyro_status status = check_event(g, now);
+    if (status != GYRO_OK) {
+        return status;
+    }
     gyro_get_continuous(g, before);
-    settle(g, present_instant(g));
-    const gyro_status status = gyro_take_values(g);
+    settle(g, now);
+    status = gyro_take_values(g);
     gyro_get_continuous(g, after);
     gyro_put_out_continuous(g);
     *jumped = memcmp(before, after, sizeof before) != 0;

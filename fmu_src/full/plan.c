@@ -50,6 +50,12 @@ void gyro_after_tuning(gyro_instance *g, const unsigned char acted[GYRO_N_EFFECT
     }
 }
 
+const char *gyro_foreign_effect(const gyro_instance *g, uint32_t vr, double value)
+{
+    (void)g, (void)vr, (void)value;
+    return NULL;
+}
+
 gyro_status gyro_prepare(gyro_instance *g)
 {
     gyro_view *view = &g->view;

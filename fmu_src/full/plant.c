@@ -41,6 +41,22 @@ static gyro_status make_way(gyro_instance *g)
     return status;
 }
 
+/* The force that is on its way from now on: a new one behind the last, or the last, which was sent at this very tick and never acts. NULL
+   when memory is short. */
+static gyro_late_force *send_force(gyro_instance *g)
+{
+    const int64_t n = g->memory.n_late, due = g->memory.clock.now + g->plan.delay.tick;
+    gyro_late_force *sent = NULL;
+    if (n > 0 && g->late[g->late_first + n - 1].due == due) {
+        sent = &g->late[g->late_first + n - 1];
+    } else if (make_way(g) == GYRO_OK) {
+        sent = &g->late[g->late_first + n];
+        sent->due = due;
+        g->memory.n_late++;
+    }
+    return sent;
+}
+
 gyro_status gyro_take_inputs(gyro_instance *g)
 {
     gyro_view *view = &g->view;
@@ -48,7 +64,8 @@ gyro_status gyro_take_inputs(gyro_instance *g)
     const double *u = &g->value[GYRO_U_X], *held = &memory->clock.held[GYRO_U_X];
     const int first = memory->clock.now == 0;
     const int late = g->plan.any_delay && !first && (u[0] != held[0] || u[1] != held[1]);
-    gyro_status status = late ? make_way(g) : GYRO_OK;
+    gyro_late_force *sent = late ? send_force(g) : NULL;
+    const gyro_status status = late && sent == NULL ? GYRO_ERROR : GYRO_OK;
     if (status == GYRO_OK) {
         for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
             view->change[vr] = 0.0;
@@ -64,7 +81,8 @@ gyro_status gyro_take_inputs(gyro_instance *g)
             gyro_begin_memories(g, g->value, NONE);
         }
         if (late) {
-            g->late[g->late_first + memory->n_late++] = (gyro_late_force){memory->clock.now + g->plan.delay.tick, {u[0], u[1]}};
+            sent->u[0] = u[0];
+            sent->u[1] = u[1];
         } else if (first || !g->plan.any_delay) {
             memory->acting[0] = u[0];
             memory->acting[1] = u[1];

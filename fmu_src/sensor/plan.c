@@ -29,6 +29,12 @@ static void plan_filter(gyro_filter *filter, const double p[GYRO_N_VARIABLES])
     filter->lag = p[GYRO_STRUCTURE_LAG];
 }
 
+const char *gyro_foreign_effect(const gyro_instance *g, uint32_t vr, double value)
+{
+    (void)g, (void)vr, (void)value;
+    return NULL;
+}
+
 gyro_status gyro_prepare(gyro_instance *g)
 {
     gyro_status status = gyro_check(g);
@@ -82,7 +88,7 @@ const char *gyro_impossible_memory(const gyro_instance *g)
     for (int i = 0; i < GYRO_FLICKERS; i++) {
         none += memory->drift.flicker[i] - memory->drift.flicker[i];
     }
-    if (none != 0.0) {
+    if (none != 0.0 && !memory->clock.diverged) {
         why = "a number that it remembers is not finite";
     } else if (memory->turn_ons < 0 || memory->ready < 0 || (memory->fresh != 0 && memory->fresh != 1)) {
         why = "its turn-ons are none";

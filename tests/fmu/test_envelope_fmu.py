@@ -184,3 +184,25 @@ def test_a_device_that_does_not_oscillate_is_refused_where_it_shows(plant: Insta
     plant.start(x_start_i=1e-9, softening=100.0, v_bias=1.0)
     assert plant.step(0.0, STEP) == ERROR
     assert "diverged at 0.001 s: the amplitude of x is not finite" in plant.message
+
+
+@pytest.mark.parametrize("name", ["play", "hysteresis_x"])
+def test_an_effect_that_it_cannot_follow_is_refused_while_it_runs_too(plant: Instance, name: str) -> None:
+    plant.start(x_start_i=1e-6)
+    assert plant.step(0.0, STEP) == OK
+    assert plant.try_set(name, 1e-7) == ERROR
+    assert f"{name} is 1e-07, with which the effect {name.split('_')[0]} would act" in plant.message
+    assert plant.get(name) == [0.0]
+    assert plant.try_set(name, 0.0) == OK
+    # The state is one that can be restored.
+    saved = plant.save()
+    assert plant.restore(saved) == OK, plant.log
+    plant.free_saved(saved)
+    assert plant.step(STEP, STEP) == OK
+
+
+def test_an_effect_that_it_cannot_follow_is_refused_at_the_start(plant: Instance) -> None:
+    plant.set(play=1e-7)
+    assert plant.set_up() == OK
+    assert plant.call("ExitInitializationMode") == ERROR
+    assert "effect play" in plant.message

@@ -77,6 +77,20 @@ def test_each_state_allows_what_the_standards_allow(any_fmu: Fmu, state: str) ->
     assert refused == REFUSED[state]
 
 
+def test_setting_nothing_changes_nothing(any_fmu: Fmu) -> None:
+    kind = "Real" if any_fmu.version == 2 else "Float64"
+    with Instance(any_fmu) as gyro:
+        gyro.start()
+        assert gyro.step(0.0, 1e-3) == OK
+        assert gyro.call("Terminate") == OK
+        saved = gyro.save()
+        before = gyro.serialize(saved)
+        assert gyro.set_by_reference(kind, [], (ct.c_double * 0)()) == OK
+        assert gyro.serialize(gyro.save(saved)) == before
+        assert gyro.restore(saved) == OK, gyro.log
+        gyro.free_saved(saved)
+
+
 def test_null_instance_is_an_error(any_fmu: Fmu) -> None:
     # Every function of the standard that takes an instance, with nothing in the other arguments.
     makes = {"GetVersion", "GetTypesPlatform", "Instantiate", "FreeInstance"}

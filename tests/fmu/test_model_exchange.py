@@ -233,3 +233,29 @@ def test_calls_of_the_other_kind_are_refused(fmu: Fmu) -> None:
         bad = (ct.c_double * 10)(*[float("nan")] * 10)
         assert gyro.call("SetContinuousStates", bad, ct.c_size_t(10)) == ERROR
         assert gyro.call("SetTime", ct.c_double(float("inf"))) == ERROR
+
+
+def test_a_state_saved_between_events_brings_its_time(fmu: Fmu) -> None:
+    with Exchange(fmu) as gyro:
+        # A mass on its own circle in a frame that turns: its rates depend on the time alone.
+        gyro.start(**{**START, **DEVICES["turning"], **inputs(30)})
+        gyro.update()
+        assert gyro.call("EnterContinuousTimeMode") == OK
+        gyro.move(0.7 * PERIOD, gyro.array("GetContinuousStates"))
+        saved, rates = gyro.save(), gyro.rates()
+        gyro.move(0.1 * PERIOD, [0.0] * len(gyro.states))
+        assert gyro.restore(saved) == OK
+        assert gyro.get("time") == [0.7 * PERIOD]
+        assert gyro.rates() == rates
+        gyro.free_saved(saved)
+
+
+def test_an_event_beyond_the_sample_after_next_is_refused_in_event_mode_too(fmus: dict[int, Fmu]) -> None:
+    with Exchange(fmus[2]) as gyro:
+        gyro.start(**START)
+        gyro.update()
+        assert gyro.call("SetTime", ct.c_double(10.0 * PERIOD)) == OK
+        assert gyro.call("NewDiscreteStates", ct.byref(ct.create_string_buffer(64))) == ERROR
+        assert "beyond the sample" in gyro.message
+        assert gyro.call("SetTime", ct.c_double(0.0)) == OK
+        assert gyro.update()[1] == PERIOD

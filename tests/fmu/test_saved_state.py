@@ -46,6 +46,24 @@ def test_run_continues_in_another_instance_from_bytes(fmu: Fmu) -> None:
         other.free_saved(handle)
 
 
+def test_of_two_forces_at_one_instant_the_last_is_on_its_way(fmu: Fmu) -> None:
+    # Steps shorter than half a tick do not move the clock.
+    with Instance(fmu) as one, Instance(fmu) as plain:
+        for gyro in (one, plain):
+            gyro.start(actuator_delay=2e-5)
+            assert gyro.step(0.0, 1e-5) == OK
+        for u in (1e-6, 2e-6, 3e-6):
+            one.set(u_x=u)
+            assert one.step(1e-5, 1e-13) == OK
+        plain.set(u_x=3e-6)
+        saved = one.save()
+        assert one.restore(saved) == OK, one.log
+        one.free_saved(saved)
+        for k in range(1, 6):
+            assert one.step(k * 1e-5, 1e-5) == plain.step(k * 1e-5, 1e-5) == OK
+            assert one.get(*OUTPUTS) == plain.get(*OUTPUTS)
+
+
 @pytest.mark.parametrize("step", [3.3e-6, 1e-6 / 3, 7.77e-6])
 def test_a_state_between_two_points_of_the_grid(fmu: Fmu, step: float) -> None:
     # With an input that has been set and does not act yet, and forces that are on their way.

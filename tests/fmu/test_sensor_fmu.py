@@ -340,3 +340,16 @@ def test_times_beyond_the_count_are_refused(sensor: Instance) -> None:
     assert sensor.call("DoStep", ct.c_double(1000.0), ct.c_double(1e9), 1, *(
         () if sensor.fmu.version == 2 else [ct.byref(r) for r in sensor._step_results]
     )) == ERROR  # fmt: skip
+
+
+def test_a_sensor_that_overflows_has_no_number_and_can_be_saved(sensor: Instance) -> None:
+    sensor.start(omega_z=1e308, scale_factor=1e300)
+    assert sensor.step(0.0, 1e-2) == ERROR
+    assert "diverged" in sensor.message
+    # An integer has no NaN.
+    (rate,), (ready,) = sensor.get("rate"), sensor.get("data_ready")
+    assert rate != rate and ready == 0
+    saved = sensor.save()
+    assert sensor.restore(saved) == OK, sensor.log
+    sensor.free_saved(saved)
+    assert sensor.step(1e-2, 1e-2) == ERROR

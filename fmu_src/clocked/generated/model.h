@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{dda62934-7a3c-eb36-1b47-bfce0a50a2cf}"
+#define GYRO_TOKEN "{db908c69-ec85-1e22-cd24-5d5bd867e91b}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

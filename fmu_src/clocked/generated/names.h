@@ -69,6 +69,7 @@
 #define gyro_expm1 GyroscopeClocked_gyro_expm1
 #define gyro_find_events GyroscopeClocked_gyro_find_events
 #define gyro_first_sample GyroscopeClocked_gyro_first_sample
+#define gyro_foreign_effect GyroscopeClocked_gyro_foreign_effect
 #define gyro_free GyroscopeClocked_gyro_free
 #define gyro_get GyroscopeClocked_gyro_get
 #define gyro_get_continuous GyroscopeClocked_gyro_get_continuous
@@ -119,6 +120,7 @@
 #define gyro_remember GyroscopeClocked_gyro_remember
 #define gyro_reset GyroscopeClocked_gyro_reset
 #define gyro_respond GyroscopeClocked_gyro_respond
+#define gyro_resume_time GyroscopeClocked_gyro_resume_time
 #define gyro_room GyroscopeClocked_gyro_room
 #define gyro_sample_here GyroscopeClocked_gyro_sample_here
 #define gyro_samples GyroscopeClocked_gyro_samples

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{c3296b7a-787a-c38a-f056-9d2c240e8b70}"
+#define GYRO_TOKEN "{30586a39-0cc5-97d5-d7ff-310d20c8136e}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

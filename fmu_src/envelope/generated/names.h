@@ -73,6 +73,7 @@
 #define gyro_find_slow GyroscopeEnvelope_gyro_find_slow
 #define gyro_first_sample GyroscopeEnvelope_gyro_first_sample
 #define gyro_follow_force GyroscopeEnvelope_gyro_follow_force
+#define gyro_foreign_effect GyroscopeEnvelope_gyro_foreign_effect
 #define gyro_free GyroscopeEnvelope_gyro_free
 #define gyro_gathered GyroscopeEnvelope_gyro_gathered
 #define gyro_get GyroscopeEnvelope_gyro_get
@@ -114,6 +115,7 @@
 #define gyro_refuse GyroscopeEnvelope_gyro_refuse
 #define gyro_reset GyroscopeEnvelope_gyro_reset
 #define gyro_respond GyroscopeEnvelope_gyro_respond
+#define gyro_resume_time GyroscopeEnvelope_gyro_resume_time
 #define gyro_room GyroscopeEnvelope_gyro_room
 #define gyro_samples GyroscopeEnvelope_gyro_samples
 #define gyro_save GyroscopeEnvelope_gyro_save

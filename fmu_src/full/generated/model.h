@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{228e2698-06ec-542d-017c-5dcba78267ad}"
+#define GYRO_TOKEN "{dbdd238d-e08d-f49a-95f2-b3a639c9ab30}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

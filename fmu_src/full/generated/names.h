@@ -69,6 +69,7 @@
 #define gyro_expm1 Gyroscope_gyro_expm1
 #define gyro_find_events Gyroscope_gyro_find_events
 #define gyro_first_sample Gyroscope_gyro_first_sample
+#define gyro_foreign_effect Gyroscope_gyro_foreign_effect
 #define gyro_free Gyroscope_gyro_free
 #define gyro_get Gyroscope_gyro_get
 #define gyro_get_continuous Gyroscope_gyro_get_continuous
@@ -119,6 +120,7 @@
 #define gyro_remember Gyroscope_gyro_remember
 #define gyro_reset Gyroscope_gyro_reset
 #define gyro_respond Gyroscope_gyro_respond
+#define gyro_resume_time Gyroscope_gyro_resume_time
 #define gyro_room Gyroscope_gyro_room
 #define gyro_sample_here Gyroscope_gyro_sample_here
 #define gyro_samples Gyroscope_gyro_samples

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{a1da3d6f-ae5d-98a6-af5c-295762a5264e}"
+#define GYRO_TOKEN "{4f09525d-a0ae-3d30-35fe-4979d0da55fd}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

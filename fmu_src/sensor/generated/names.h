@@ -67,6 +67,7 @@
 #define gyro_find_input GyroscopeSensor_gyro_find_input
 #define gyro_find_noise GyroscopeSensor_gyro_find_noise
 #define gyro_first_sample GyroscopeSensor_gyro_first_sample
+#define gyro_foreign_effect GyroscopeSensor_gyro_foreign_effect
 #define gyro_free GyroscopeSensor_gyro_free
 #define gyro_get GyroscopeSensor_gyro_get
 #define gyro_get_continuous GyroscopeSensor_gyro_get_continuous
@@ -112,6 +113,7 @@
 #define gyro_reset GyroscopeSensor_gyro_reset
 #define gyro_respond GyroscopeSensor_gyro_respond
 #define gyro_rest_filter GyroscopeSensor_gyro_rest_filter
+#define gyro_resume_time GyroscopeSensor_gyro_resume_time
 #define gyro_room GyroscopeSensor_gyro_room
 #define gyro_samples GyroscopeSensor_gyro_samples
 #define gyro_save GyroscopeSensor_gyro_save
