@@ -9,6 +9,7 @@ import importlib.util
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import Final
 
@@ -22,6 +23,7 @@ from gyro_model.effect_points import (
     at_limit,
     dimension_of_term,
     exactly,
+    found_dimension,
     neutral_point,
     random_point,
     recalled,
@@ -31,7 +33,7 @@ from gyro_model.effect_points import (
 from gyro_model.errors import InputError
 from gyro_model.evaluate import evaluate
 from gyro_model.model import Model
-from gyro_model.units import Dimension, dimension
+from gyro_model.units import Dimension, dimension, text_of
 
 EPS: Final = sys.float_info.epsilon
 LIMIT_ROUNDING: Final = 10 * EPS
@@ -172,7 +174,27 @@ def dimensions(effect: Effect, model: Model, terms: Mapping[str, Expr] | None = 
         for name, expr in (terms if terms is not None else effect.terms()).items():
             wanted = exactly(expr, point) * _factor(dimension_of_term(effect, name, model), scale)
             if exactly(expr, rescaled) != wanted:
-                _fail(effect, f"{name} = {expr}: wrong dimension; check the units of its parameters")
+                _fail(
+                    effect, f"{name} = {expr}: wrong dimension: {_units_told(effect, expr, name, model, point, units)}"
+                )
+
+
+def _units_told(
+    effect: Effect, expr: Expr, name: str, model: Model, point: Mapping[str, float], units: Mapping[str, str]
+) -> str:
+    """What a term is in, what it must be in, and with which unit of one of its parameters it would be."""
+    due = dimension_of_term(effect, name, model)
+    found = found_dimension(expr, point, units)
+    if found is None:
+        return f"it adds up parts in unlike units; {text_of(due)} is due; check the units of its parameters"
+    fitting = []
+    for q in effect.parameters:
+        power = found_dimension(expr, point, {n: "kg" if n == q.name else "1" for n in units})
+        if power is not None and power.kg:
+            other = dimension(q.unit) * (due * found ** Fraction(-1)) ** (1 / power.kg)
+            fitting.append(f"{q.name} in {text_of(other)} instead of {q.unit}")
+    would = f"; it would be with {' or '.join(fitting)}" if fitting else ""
+    return f"it is in {text_of(found)}, {text_of(due)} is due{would}"
 
 
 def noise(effect: Effect, model: Model) -> None:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -176,3 +177,19 @@ def _power(base: float, exponent: Expr) -> float:
     root = math.sqrt(base) if whole % 2 else base
     result = math.prod([root] * (whole if whole % 2 else whole // 2))
     return 1.0 / result if exponent < 0 else result
+
+
+def found_dimension(expr: Expr, point: Mapping[str, float], units: Mapping[str, str]) -> Dimension | None:
+    """The dimension that ``expr`` has at ``point``, by the unit of each symbol; None where it adds up unlike ones."""
+    found = {}
+    value = exactly(expr, point)
+    for base in ("kg", "m", "s", "A", "K"):
+        powers = {name: getattr(dimension(unit), base) for name, unit in units.items()}
+        scaled = {name: number * 4.0 ** float(powers[name]) for name, number in point.items()}
+        ratio = exactly(expr, scaled) / value
+        # A fraction such as a half or a third is found again; a mixture of units gives none.
+        power = Fraction(math.log(ratio, 4)).limit_denominator(12) if ratio > 0.0 else Fraction(0)
+        if not math.isclose(ratio, 4.0 ** float(power), rel_tol=1e-12):
+            return None
+        found[base] = power
+    return Dimension(**found)

@@ -2,7 +2,7 @@
 
 import importlib.util
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -48,16 +48,20 @@ class Model(Form):
     starts: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
-        _refuse_twins("quantity", (q.name for q in self.quantities))
-        _refuse_twins("state", [*(s.symbol.name for s in self.states), *(m.symbol.name for m in self.memories)])
+        common = ((q.name, "gyro_model/quantities.py") for q in (*INPUTS, *OUTPUTS, *PARAMETERS))
+        _refuse_twins("quantity", [*common, *self._by_effect(lambda e: [q.name for q in e.parameters])])
+        _refuse_twins("state", self._by_effect(_carried))
         for held in (Delay, Lag):
-            _refuse_twins(
-                f"{held.__name__.lower()} in the chain:", [held.__name__ for e in self.effects if isinstance(e, held)]
-            )
-        _refuse_twins("lag of", (t.name for e in self.effects if isinstance(e, Follow) for t in e.follows))
+            alone = [(held.__name__, f"effect {e.id}") for e in self.effects if isinstance(e, held)]
+            _refuse_twins(f"{held.__name__.lower()} in the chain:", alone)
+        _refuse_twins("lag of", self._by_effect(lambda e: [t.name for t in e.follows] if isinstance(e, Follow) else []))
         for effect in self.effects:
             self._check_symbols(effect)
         self._check_targets()
+
+    def _by_effect(self, names: Callable[[Effect], Iterable[str]]) -> list[tuple[str, str]]:
+        """Names that effects claim, each with the effect."""
+        return [(name, f"effect {effect.id}") for effect in self.effects for name in names(effect)]
 
     def __hash__(self) -> int:
         # An effect holds mappings, which have no hash.
@@ -69,6 +73,16 @@ class Model(Form):
         What an effect is neutral at stays. Raises InputError for an unknown name or a value out of bounds.
         """
         return Model(self.effects, tuple((name, self.parameter(name).check(v)) for name, v in parameters.items()))
+
+    def parameter(self, name: str) -> Quantity:
+        """The parameter of that name. Raises InputError with the nearest name where there is none."""
+        try:
+            return super().parameter(name)
+        except InputError as error:
+            if all((EFFECTS_FOLDER / f"{effect.id}.py").is_file() for effect in self.effects):
+                where = "the folder of an effect of your own is named by --effects DIR, in Python effects=[folder]"
+                raise InputError(f"{error}; {where}") from None
+            raise
 
     def _check_symbols(self, effect: Effect) -> None:
         private = ("t", "since", "after", "q_x", "q_y", *(number.name for number in (*symbols.NORMAL, *symbols.PINK)))
@@ -178,12 +192,19 @@ def _circle(waiting: list[Law]) -> list[Law]:
     return waiting if len(awaited) == len(waiting) else _circle(awaited)
 
 
-def _refuse_twins(kind: str, names: Iterable[str]) -> None:
-    seen: set[str] = set()
-    for name in names:
+def _carried(effect: Effect) -> list[str]:
+    """States of the motion and memories of an effect, by name."""
+    states = effect.states if isinstance(effect, Force) else ()
+    return [*(s.symbol.name for s in states), *(m.symbol.name for m in effect.memories)]
+
+
+def _refuse_twins(kind: str, named: Iterable[tuple[str, str]]) -> None:
+    """Of names, each with where it is defined, none may come twice."""
+    seen: dict[str, str] = {}
+    for name, where in named:
         if name in seen:
-            raise InputError(f"{kind} {name!r} is defined twice; rename one")
-        seen.add(name)
+            raise InputError(f"{kind} {name!r} is defined twice, by {seen[name]} and by {where}; rename one")
+        seen[name] = where
 
 
 def _load_effect(path: Path) -> Effect:
@@ -240,7 +261,7 @@ def read_model(*folders: Path) -> Model:
             raise InputError(f"effect folder {folder}: is not a folder; name one that holds effect files")
     paths = [path for folder in (EFFECTS_FOLDER, *folders) for path in folder.glob("*.py") if path.stem != "__init__"]
     effects = [_load_effect(path) for path in paths]
-    _refuse_twins("effect", (effect.id for effect in effects))
+    _refuse_twins("effect", ((effect.id, str(path)) for effect, path in zip(effects, paths, strict=True)))
     return Model(tuple(sorted(effects, key=lambda e: (not e.nominal, e.id))))
 
 

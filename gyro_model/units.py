@@ -79,6 +79,31 @@ def _product(text: str, unit: str) -> Dimension:
     return result
 
 
+def text_of(of: Dimension) -> str:
+    """A unit of that dimension, as short as it goes, one that ``dimension`` reads."""
+    written = []
+    # People speak of N.s/m, not of kg/s: kilograms are the last choice.
+    for name, dear in (("1", 0), ("N", 0), ("V", 0), ("kg", 2)):
+        rest = of * UNITS[name] ** Fraction(-1)
+        factors = [*([(name, Fraction(1))] if name != "1" else []), *zip(_BASES, rest.exponents, strict=True)]
+        above = ".".join(_powered(base, power) for base, power in factors if power > 0)
+        below = ".".join(_powered(base, -power) for base, power in factors if power < 0)
+        cost = dear + 3 * abs(rest.kg) + sum(map(abs, rest.exponents))
+        written.append((cost, (above or "1") + (f"/{_bracketed(below)}" if below else "")))
+    return min(written)[1]
+
+
+_BASES: Final = tuple(field.name for field in fields(Dimension))
+
+
+def _powered(base: str, power: Fraction) -> str:
+    return base if power == 1 else f"{base}{float(power):g}"
+
+
+def _bracketed(text: str) -> str:
+    return f"({text})" if re.search(r"\.(?!\d)", text) else text
+
+
 def rate_unit(unit: str) -> str:
     """The unit of the time derivative of a quantity in ``unit``: m/s of m, m/s2 of m/s."""
     above, slash, below = unit.partition("/")

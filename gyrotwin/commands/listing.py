@@ -1,5 +1,7 @@
 """`gyrotwin list`."""
 
+from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -13,10 +15,15 @@ from gyro_model.model import load_model
 console = Console()
 
 
-def list_(what: Annotated[str, typer.Argument(help="effects, devices, designs, scenarios, observers.")]) -> None:
+def list_(
+    what: Annotated[str, typer.Argument(help="effects, devices, designs, scenarios, observers.")],
+    effects: Annotated[
+        list[Path] | None, typer.Option(metavar="DIR", help="Folder of further effect files; repeatable.")
+    ] = None,
+) -> None:
     """List what there is by name."""
-    listings = {
-        "effects": _effects,
+    listings: dict[str, Callable[[], Table]] = {
+        "effects": lambda: _effects(effects or ()),
         "devices": _devices,
         "designs": _designs,
         "scenarios": _scenarios,
@@ -24,6 +31,8 @@ def list_(what: Annotated[str, typer.Argument(help="effects, devices, designs, s
     }
     if what not in listings:
         raise InputError(f"list {what!r}: there are {', '.join(listings)}{nearest(what, listings)}")
+    if effects and what != "effects":
+        raise InputError(f"--effects {effects[0]}: a folder of effects; `gyrotwin list effects` takes it")
     console.print(listings[what]())
 
 
@@ -34,9 +43,9 @@ def _table(*headings: str) -> Table:
     return table
 
 
-def _effects() -> Table:
+def _effects(folders: Iterable[Path]) -> Table:
     table = _table("effect", "stage", "parameters", "signature")
-    for effect in load_model().effects:
+    for effect in load_model(*folders).effects:
         names = [
             f"{q.name} \\[{q.unit}]" if q.role == "size" else f"({q.name} \\[{q.unit}])" for q in effect.parameters
         ]

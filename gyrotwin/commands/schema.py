@@ -8,7 +8,7 @@ import typer
 
 def schema(
     name: Annotated[
-        str, typer.Argument(help="device, design, scenario, dataset, plan, criteria, limits, summary or report.")
+        str, typer.Argument(help="device, design, scenario, dataset, plan, criteria, limits, summary, report or fleet.")
     ],
 ) -> None:
     """Print the JSON Schema of a file format, by which an editor completes and checks what one types."""

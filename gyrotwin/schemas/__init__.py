@@ -29,7 +29,7 @@ def schema(name: str) -> Json:
     Parameters
     ----------
     name : str
-        device, design, scenario, dataset, plan, criteria, limits, summary or report.
+        device, design, scenario, dataset, plan, criteria, limits, summary, report or fleet.
 
     Returns
     -------

@@ -17,17 +17,23 @@ def _build() -> Json:
         },
     ]
     whole = {"type": "integer", "minimum": 0}
-    return table(
+    pair = array(NUMBER, 2) | {"maxItems": 2}
+    # A name with dots is a table within a table.
+    named = {
+        "parameter": {"oneOf": [*points, mapping({"$ref": "#/$defs/parameter"}) | {"minProperties": 1}]},
+        "limit": {"oneOf": [pair, mapping({"$ref": "#/$defs/limit"})]},
+    }
+    return {"$defs": named} | table(
         {
             "format": {"const": FORMAT},
             "task": TEXT | {"description": "run, rate, diagnose, or FILE.py:FUNCTION"},
             "seeds": {"anyOf": [whole, array(whole)], "description": "seeds, or how many"},
             "outputs": array(TEXT),
             "fixed": mapping({}, "options of the task that all points share"),
-            "parameters": mapping({"oneOf": points}) | {"minProperties": 1},
+            "parameters": mapping({"$ref": "#/$defs/parameter"}) | {"minProperties": 1},
             "sampling": table({"method": {"enum": list(METHODS)}, "points": whole, "seed": whole}),
             "correlation": mapping(NUMBER, 'of two parameters "a,b"'),
-            "limits": mapping(array(NUMBER, 2) | {"maxItems": 2}, "of outputs, [low, high]"),
+            "limits": mapping({"$ref": "#/$defs/limit"}, "of outputs, [low, high]"),
         },
         ("task", "parameters"),
     )

@@ -3,7 +3,7 @@
 import hashlib
 import itertools
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from math import isfinite
 from pathlib import Path
@@ -15,10 +15,12 @@ from scipy import stats
 
 from gyro_model.errors import InputError, nearest
 from gyro_model.toml_text import read_toml_file
+from gyrotwin import __version__
 
 Floats = NDArray[np.float64]
 
 FORMAT: Final = 1
+KINDS: Final = ("grid", "values", "distribution")
 KEYS: Final = ("format", "task", "seeds", "outputs", "fixed", "parameters", "sampling", "correlation", "limits")
 METHODS: Final = ("sobol", "latin", "random", "saltelli", "morris")
 """Points: Sobol' sequence, Latin hypercube, independent; and those that Sobol' and Morris indices need."""
@@ -44,7 +46,7 @@ class Plan:
     task: ``run``, ``rate``, ``diagnose``, or ``FILE.py:FUNCTION``. parameters: by name, each with ``grid`` (all
     combinations), ``values`` (lists that go together) or ``distribution`` (a name of scipy.stats with its arguments).
     sampling: ``method``, ``points``, ``seed`` of the distributions. correlation: of two parameters ``"a,b"`` (Gaussian
-    copula). limits: of outputs, [low, high].
+    copula). limits: of outputs, [low, high]. Names with dots need no quotes.
 
     Raises InputError for whatever is wrong in it.
     """
@@ -62,7 +64,7 @@ class Plan:
         if not self.parameters:
             raise InputError("plan: no [parameters.NAME]: give at least one")
         for name, given in self.parameters.items():
-            kinds = [kind for kind in ("grid", "values", "distribution") if kind in given]
+            kinds = [kind for kind in KINDS if kind in given]
             if len(kinds) != 1:
                 raise InputError(f"parameter {name}: give one of grid, values, distribution")
             if kinds != ["distribution"] and not (isinstance(given[kinds[0]], list) and given[kinds[0]]):
@@ -94,9 +96,12 @@ class Plan:
         return [name for name, given in self.parameters.items() if "distribution" in given]
 
     def digest(self, source: bytes = b"") -> str:
-        """Names the plan with ``source``, the text of its task's file if it has one: equal ones give equal rows."""
-        text = json.dumps(asdict(self), sort_keys=True, default=list).encode()
-        return hashlib.sha256(text + source).hexdigest()[:16]
+        """Names the plan with ``source``, the text of its task's file if it has one, the files that it names and the
+        version of this package: equal ones give equal rows."""
+        found = hashlib.sha256(json.dumps([__version__, asdict(self)], sort_keys=True, default=list).encode() + source)
+        for path in sorted(_files([self.fixed, self.parameters])):
+            found.update(f"{path}\n".encode() + path.read_bytes())
+        return found.hexdigest()[:16]
 
     def unit_sample(self) -> Floats:
         """Points of the distributions in the unit cube, (points, parameters)."""
@@ -158,6 +163,21 @@ class Plan:
             raise InputError("correlation: no such parameters exist, the matrix is not positive definite") from None
 
 
+def _files(value: Any) -> set[Path]:
+    """The files that texts within ``value`` name: device, design, profile; effects where it is a folder."""
+    if isinstance(value, Mapping | list | tuple):
+        parts = value.values() if isinstance(value, Mapping) else value
+        return set().union(*map(_files, parts))
+    if not isinstance(value, str | Path):
+        return set()
+    try:
+        path = Path(value)
+        return {path} if path.is_file() else set(path.glob("*.py")) if path.is_dir() else set()
+    except (OSError, ValueError):
+        # A text that can be no path.
+        return set()
+
+
 def _distribution(name: str, given: Mapping[str, Any]) -> Any:
     kind = given["distribution"]
     law = getattr(stats, str(kind), None)
@@ -199,6 +219,8 @@ def _plan(data: dict[str, Any], folder: Path) -> Plan:
     for key in ("fixed", "parameters", "sampling", "correlation", "limits"):
         if not isinstance(data.get(key, {}), Mapping):
             raise InputError(f"{key} = {data[key]!r}: make it a table [{key}]")
+    data["parameters"] = dict(_flat(data.get("parameters", {}), _is_parameter))
+    data["limits"] = dict(_flat(data.get("limits", {}), lambda limit: not isinstance(limit, Mapping)))
     if not isinstance(data.get("task"), str):
         raise InputError('task is missing: add task = "run"')
     seeds = data.get("seeds", [1])
@@ -207,3 +229,16 @@ def _plan(data: dict[str, Any], folder: Path) -> Plan:
     if ".py:" in task and not Path(task).is_absolute():
         data["task"] = str(folder / task)
     return Plan(**data)
+
+
+def _is_parameter(given: Any) -> bool:
+    return not (isinstance(given, Mapping) and given and all(isinstance(value, Mapping) for value in given.values()))
+
+
+def _flat(table: Mapping[str, Any], is_leaf: Callable[[Any], bool], group: str = "") -> Iterator[tuple[str, Any]]:
+    """The entries of ``table`` by dotted names, which TOML takes for tables within tables unless they are quoted."""
+    for key, value in table.items():
+        if is_leaf(value):
+            yield group + key, value
+        else:
+            yield from _flat(value, is_leaf, f"{group}{key}.")

@@ -97,8 +97,8 @@ def _claim(folder: Path, digest: str, *, force: bool) -> None:
     other = there not in (None, digest)
     if other and not force:
         raise InputError(
-            f"output folder {folder}: holds the rows of another plan, or its task file was changed; "
-            f"name another with --out, or --force to compute them anew"
+            f"output folder {folder}: holds the rows of another plan or version of gyrotwin, "
+            f"or a file that it names was changed; name another with --out, or --force to compute them anew"
         )
     try:
         for kind in (rows.ROWS, rows.TIMES):

@@ -90,7 +90,10 @@ def test_a_user_file_joins_the_model_and_acts(tmp_path: Path, plant: Runner) -> 
         (('id="quintic"', 'id="quintics"'), "its id is 'quintics'; name the file quintics.py"),
         (("EFFECT = Force", "OTHER = Force"), "defines no EFFECT"),
         (('id="quintic"', 'id="quin tic"'), "an id is a C identifier"),
-        (('size("k5", "N/m5"', 'size("k3_x", "N/m5"'), "quantity 'k3_x' is defined twice"),
+        (
+            ('size("k5", "N/m5"', 'size("k3_x", "N/m5"'),
+            "'k3_x' is defined twice, by effect cubic_stiffness and by effect quintic",
+        ),
         (('"N/m5"', '"N/mm5"'), "unit 'N/mm5': factor 'mm5' is unknown"),
         (('"quintic stiffness")', '"quintic stiffness", low=1.0)'), r"start 0.0 is outside \[1.0, inf\]"),
         (("    parameters=(K5,),\n", ""), "has no size parameter"),
@@ -118,8 +121,21 @@ def test_no_limit_case_is_refused(tmp_path: Path) -> None:
 
 def test_an_effect_twice_is_refused(tmp_path: Path) -> None:
     text = (EFFECTS_FOLDER / "cubic_stiffness.py").read_text(encoding="utf-8")
-    with pytest.raises(InputError, match="effect 'cubic_stiffness' is defined twice"):
-        load_model(write(tmp_path, text, "cubic_stiffness"))
+    folder = write(tmp_path, text, "cubic_stiffness")
+    with pytest.raises(
+        InputError, match=r"effect 'cubic_stiffness' is defined twice, by .* and by .*; rename one"
+    ) as told:
+        load_model(folder)
+    for place in (EFFECTS_FOLDER, folder):
+        assert str(place / "cubic_stiffness.py") in str(told.value)
+
+
+def test_an_unknown_parameter_may_be_of_an_effect_of_one_s_own(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"parameter 'k5' is unknown.*--effects DIR"):
+        load_model().parameter("k5")
+    with pytest.raises(InputError, match="parameter 'k6' is unknown") as told:
+        load_model(write(tmp_path, QUINTIC)).parameter("k6")
+    assert "--effects" not in str(told.value)
 
 
 @pytest.mark.parametrize(("effect", "kind"), [("actuator_delay", "delay"), ("amplifier_bandwidth", "lag")])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gyro_model.effect_points import MODEL
 from gyro_model.errors import InputError
-from gyro_model.units import UNITS, Dimension, dimension, rate_unit
+from gyro_model.units import UNITS, Dimension, dimension, rate_unit, text_of
 
 # A bare 1 stands alone or above a line; within a product its digit would be an exponent.
 names = st.sampled_from(sorted(set(UNITS) - {"1"}))
@@ -76,4 +76,9 @@ def test_a_near_unit_is_suggested() -> None:
 
 @pytest.mark.parametrize("quantity", MODEL.quantities, ids=lambda q: q.name)
 def test_every_quantity_has_a_unit(quantity) -> None:
-    assert dimension(quantity.unit) is not None
+    assert dimension(text_of(dimension(quantity.unit))) == dimension(quantity.unit)
+
+
+@pytest.mark.parametrize("unit", ["1", "N", "N/m3", "N.s/m", "kg/m3", "V/m", "m/s2", "rad/s", "1/K", "N.m2", "V.s0.5"])
+def test_a_dimension_as_text_is_read_back(unit: str) -> None:
+    assert text_of(dimension(unit)) == unit

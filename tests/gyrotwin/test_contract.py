@@ -30,7 +30,8 @@ def test_an_effect_file_of_one_s_own_passes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('"N/m3"', '"N/m"', "dimension"),
+        ('"N/m3"', '"N/m"', r"it is in N\.m2, N is due; it would be with own_x in N/m3 instead of N/m$"),
+        ("* x**3", "* (x**3 * (x + 1) - x**4)", "adds up parts in unlike units; N is due"),
         ("x**3", "x**2", "limit case|dimension"),
         ("x**4", "x**6", "energy|dimension"),
     ],

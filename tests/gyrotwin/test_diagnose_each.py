@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import jsonschema
 import pytest
 
 import gyrotwin as gt
@@ -32,6 +33,7 @@ def test_each_is_diagnosed_once_and_put_together(
     assert "cubic_stiffness" in said
     assert "none.csv" in said
     report = json.loads((out / "fleet.json").read_text())
+    jsonschema.validate(report, gt.schema("fleet"))
     assert report["devices"]["die-1"]["effects"] == ["cubic_stiffness"]
     assert report["devices"]["die-2"]["effects"] == []
     assert "none.csv" in report["devices"]["die-3"]["error"]

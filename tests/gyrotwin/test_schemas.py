@@ -12,6 +12,7 @@ import gyrotwin as gt
 from cosim.design import packaged_designs
 from cosim.scenarios.files import packaged_scenarios
 from discrepancy.criteria import Criteria
+from discrepancy.tell.fleet import Estimate, Row, fleet
 from discrepancy.tell.limits import Limits
 from gyro_model.device import load_device, packaged_devices
 from gyro_model.errors import InputError
@@ -68,6 +69,17 @@ def test_limits_are_accepted_as_the_program_reads_them() -> None:
     assert set(gt.schema("limits")["properties"]) == set(Limits.__dataclass_fields__)
     with pytest.raises(jsonschema.ValidationError):
         check("limits", {"v_bias": 12.0})
+
+
+def test_a_fleet_with_a_population_is_accepted() -> None:
+    sizes = (1.0, 1.1, 0.9, 1.05, 0.95, 1.02, 0.98, 1.0, 1.04, 0.96, 0.99, 7.0)
+    rows = [Row(f"die-{k}", "named", effects={"cubic_stiffness": ("k3_x",)}, values={"k3_x": Estimate(x, 0.01, "N/m3")})
+            for k, x in enumerate(sizes)]  # fmt: skip
+    found = fleet(
+        [*rows, Row("die-9", error="no data")], {"x [mm]": {row.name: float(k) for k, row in enumerate(rows)}}
+    )
+    assert found.spreads and found.outliers
+    check("fleet", json.loads(json.dumps(found.report())))
 
 
 WRONG = {

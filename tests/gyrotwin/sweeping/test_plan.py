@@ -1,11 +1,14 @@
 """Points of a plan: grids, lists, distributions, correlation; and what is refused."""
 
 import sys
+import tomllib
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 
+import gyrotwin as gt
 from gyro_model.errors import InputError
 from gyrotwin.cli import main
 from gyrotwin.sweeping.plan import load_plan
@@ -42,6 +45,32 @@ def test_a_plan_is_named_by_its_content() -> None:
     assert load_plan(first).digest() == load_plan(dict(first)).digest()
     assert load_plan(first).digest() != load_plan({**first, "seeds": 2}).digest()
     assert load_plan(first).digest(b"a") != load_plan(first).digest(b"b")
+
+
+def test_a_plan_is_another_with_another_version_or_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = tmp_path / "effects" / "a.py"
+    own.parent.mkdir()
+    given = {"task": "run", "parameters": {"device": {"grid": [str(tmp_path / "a.toml"), "reference"]}},
+             "fixed": {"effects": [str(own.parent)], "note": "x" * 5000}}  # fmt: skip
+    names = {load_plan(given).digest()}
+    for path in (tmp_path / "a.toml", own):
+        path.write_text("1")
+        names.add(load_plan(given).digest())
+    monkeypatch.setattr("gyrotwin.sweeping.plan.__version__", "0.0.1")
+    names.add(load_plan(given).digest())
+    assert len(names) == 4
+
+
+def test_names_with_dots_need_no_quotes(tmp_path: Path) -> None:
+    path = tmp_path / "plan.toml"
+    path.write_text(
+        'task = "run"\n[parameters]\ndesigner.q = {grid = [1e3, 2e3]}\nangle.unit.kind = {values = [1, 2]}\n'
+        "[parameters.k3_x]\ngrid = [0.0]\n[limits]\nangle.rms_deg = [0, 1]\nomega.rms_error = [0, 2]\n"
+    )
+    plan = load_plan(path)
+    assert list(plan.parameters) == ["designer.q", "angle.unit.kind", "k3_x"]
+    assert plan.limits == {"angle.rms_deg": [0, 1], "omega.rms_error": [0, 2]}
+    jsonschema.validate(tomllib.loads(path.read_text()), gt.schema("plan"))
 
 
 @pytest.mark.parametrize(
