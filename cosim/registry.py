@@ -1,7 +1,11 @@
 """Observers and controllers by name: those of the package, found by a scan of its folders, or a user's own file."""
 
+import hashlib
 import importlib
 import importlib.util
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +59,23 @@ def _find(folder: str, attribute: str, name: str) -> Any:
     return getattr(importlib.import_module(f"cosim.{folder}.{name}"), attribute)
 
 
+@contextmanager
+def _own_cache(path: Path) -> Iterator[None]:
+    """What a file compiles with ``cache=True`` is kept for the text of all files beside it, which it may call: numba
+    itself sees changes in the file alone."""
+    import numba
+
+    digest = hashlib.sha256(str(path.resolve()).encode())
+    for file in sorted(path.parent.glob("*.py")):
+        digest.update(file.read_bytes())
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(Path(before) / f"own-{digest.hexdigest()[:16]}")
+    try:
+        yield
+    finally:
+        numba.config.CACHE_DIR = before
+
+
 def _from_file(path: Path, attribute: str) -> Any:
     if not path.is_file():
         raise InputError(f"{attribute.lower()} file {path}: not found")
@@ -62,8 +83,11 @@ def _from_file(path: Path, attribute: str) -> Any:
     if spec is None or spec.loader is None:
         raise InputError(f"{attribute.lower()} file {path}: can't be loaded as Python")
     module = importlib.util.module_from_spec(spec)
+    # What numba finds in its cache looks for its module by name.
+    sys.modules[spec.name] = module
     try:
-        spec.loader.exec_module(module)
+        with _own_cache(path):
+            spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         raise InputError(f"{attribute.lower()} file {path}: {one_line(error)}") from error
     if not hasattr(module, attribute):

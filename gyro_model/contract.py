@@ -185,7 +185,8 @@ def _units_told(
     """What a term is in, what it must be in, and with which unit of one of its parameters it would be."""
     due = dimension_of_term(effect, name, model)
     found = found_dimension(expr, point, units)
-    if found is None:
+    # The check that failed is to the last bit: parts too small to be found are there all the same.
+    if found is None or text_of(found) == text_of(due):
         return f"it adds up parts in unlike units; {text_of(due)} is due; check the units of its parameters"
     fitting = []
     for q in effect.parameters:

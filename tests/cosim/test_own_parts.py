@@ -1,5 +1,8 @@
 """An observer and a controller of one's own, compiled with numba, run through the bridge."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -61,3 +64,49 @@ def test_own_parts_by_file_with_settings(tmp_path: Path) -> None:
     # The sample in metres: a division and, on its way through what is known of the pickoff, a Newton step.
     np.testing.assert_allclose(trace["est_x"], trace["v_x"].to_numpy() / 1e6, rtol=1e-12)
     assert not result.validity.now
+
+
+CACHED = """
+from gain import GAIN
+from numba import njit
+
+from cosim.observers.record import INIT_SIGNATURE, STEP_SIGNATURE, Observer
+
+
+@njit(INIT_SIGNATURE, cache=True)
+def init(memory, settings, start, start_deviation, sensor, period):
+    memory[0] = GAIN
+
+
+@njit(STEP_SIGNATURE, cache=True)
+def step(memory, settings, u_x, u_y, v_x, v_y, estimate, deviation):
+    estimate[0] = memory[0] * v_x
+
+
+OBSERVER = Observer("cached", 1, {}, init, step)
+"""
+LOADED = """
+import sys
+import numpy as np
+from cosim.registry import find_observer
+sys.path.insert(0, "beside")
+found = find_observer("beside/mine.py")
+memory = np.zeros(1)
+found.init(memory, *[np.zeros(32)] * 4, 0.0)
+print(sum(found.init.stats.cache_hits.values()), sum(found.step.stats.cache_hits.values()), memory[0])
+"""
+
+
+def test_what_a_file_caches_is_found_again_until_a_file_beside_it_changes(tmp_path: Path) -> None:
+    (tmp_path / "beside").mkdir()
+    (tmp_path / "beside" / "mine.py").write_text(CACHED)
+    said = []
+    for gain in (2.0, 2.0, 3.0):
+        (tmp_path / "beside" / "gain.py").write_text(f"GAIN = {gain}\n")
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
+        environment["PYTHONPATH"] = str(Path(__file__).parents[2])
+        done = subprocess.run(
+            [sys.executable, "-c", LOADED], cwd=tmp_path, env=environment, check=True, capture_output=True, text=True
+        )
+        said.append(done.stdout.split())
+    assert said == [["0", "0", "2.0"], ["1", "1", "2.0"], ["0", "0", "3.0"]]

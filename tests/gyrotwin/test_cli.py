@@ -13,6 +13,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from gyro_model.model import EFFECTS_FOLDER
 from gyrotwin.cli import main
 
 COMMAND = [sys.executable, "-m", "gyrotwin"]
@@ -269,6 +270,19 @@ def test_listings(what: str, capsys: pytest.CaptureFixture[str]) -> None:
     named = {"effects": "cubic_stiffness", "devices": "whole_angle", "scenarios": "varying", "observers": "lyapunov"}
     named |= {"designs": "sensing_defects"}
     assert named[what] in capsys.readouterr().out
+
+
+def test_effects_of_one_s_own_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (EFFECTS_FOLDER / "cubic_stiffness.py").read_text().replace("cubic_stiffness", "own_spring")
+    (tmp_path / "own_spring.py").write_text(text.replace("k3_", "own_"))
+    with pytest.raises(SystemExit) as ended:
+        main(["list", "effects", "--effects", str(tmp_path)])
+    assert ended.value.code == 0
+    assert "own_spring" in capsys.readouterr().out
+    with pytest.raises(SystemExit) as ended:
+        main(["list", "devices", "--effects", str(tmp_path)])
+    assert ended.value.code == 2
+    assert "gyrotwin list effects" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", [["run"], ["build"], ["list"], ["device", "new"], ["diagnose"]])
