@@ -47,7 +47,7 @@ def test_rows_follow_the_task_file(folder: Path, capsys: pytest.CaptureFixture[s
     define(folder, "10 * a / b")
     assert sweep() == 2
     said = capsys.readouterr().err
-    assert "task file was changed" in said
+    assert "a file that it names was changed" in said
     assert "--force" in said
     assert pl.read_parquet(rows)["q"].null_count() == 2
 
