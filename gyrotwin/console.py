@@ -48,7 +48,7 @@ def _validity(summary: Mapping[str, Any]) -> Text:
 
 
 def _effects(summary: Mapping[str, Any]) -> Table:
-    table = Table(title="Effects estimated, at the end (SI units)", title_justify="left")
+    table = Table(title="Effects, at the end (SI units)", title_justify="left")
     table.add_column("name")
     for heading in ("true", "estimate"):
         table.add_column(heading, justify="right")

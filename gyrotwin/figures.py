@@ -5,7 +5,7 @@ panel into a Plotly plot; colours and dashes follow the role of a line.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Any, Final
 
@@ -49,7 +49,8 @@ class Line:
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes. y_range: [low, high] or None; band: shaded interval of x."""
+    """One pair of axes. y_range: [low, high] or None; band: shaded interval of x; x_names: what stands at x = 0, 1, ...
+    in the place of numbers."""
 
     x_title: str
     y_title: str
@@ -60,6 +61,7 @@ class Panel:
     y_range: list[float] | None = None
     band: list[float] | None = None
     wide: bool = False
+    x_names: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

@@ -22,17 +22,14 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
         ("largest", significant(1e3 * split["largest_hz"], 3), "mHz"),
         ("bias, first and last", f"{bias['first']:.4f}, {bias['last']:.4f}", "V"),
         ("bias, range", f"{bias['min']:.4f} .. {bias['max']:.4f}", "V"),
-        (
-            "blocks, without an answer",
-            f"{block['count']}, {block['missed']}",
-            f"of {block['measurement_s']:.3g} s and {block['settling_s']:.2g} s between",
-        ),
+        (f"blocks of {block['measurement_s']:.3g} s, {block['settling_s']:.2g} s between", f"{block['count']}", "1"),
+        ("of them without an answer", f"{block['missed']}", "1"),
         ("error of a block over its deviation, rms", significant(block["error_over_deviation"], 3), "1"),
     ]
     if block["error_over_bound"] is not None:
         found.append(("over its Cramér–Rao bound", significant(block["error_over_bound"], 3), "1"))
     if summary["dither"] is not None:
-        found.append(("dither", significant(summary["dither"]["frequency_hz"], 4), "Hz either side of the drive"))
+        found.append(("dither, either side of the drive", significant(summary["dither"]["frequency_hz"], 4), "Hz"))
     walk = summary["rate_noise"]["angle_random_walk_deg_rth"]
     if walk is not None:
         limit = significant(summary["rate_noise"]["limit_deg_rth"], 3)
@@ -43,7 +40,7 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 def results(summary: Mapping[str, Any]) -> Table:
     """The summary as a table for rich."""
     title = f"{summary['method']} mode matching, {summary['device']}, {summary['temperature_course']}"
-    table = Table(title=title, title_justify="left")
+    table = Table(title=title, title_justify="left", caption_justify="left")
     table.add_column("quantity")
     table.add_column("value", justify="right")
     table.add_column("unit")

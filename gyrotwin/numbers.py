@@ -8,8 +8,11 @@ _POWERS = str.maketrans("23456789", "²³⁴⁵⁶⁷⁸⁹")
 
 
 def significant(value: float | None, digits: int = 3) -> str:
-    """Return `value` with so many significant digits, or a dash for None."""
-    return MISSING if value is None else f"{value:.{digits}g}"
+    """Return `value` with so many significant digits, or a dash for None; whole up to five places, never -0."""
+    if value is None:
+        return MISSING
+    text = f"{value + 0.0:.{digits}g}"
+    return f"{float(text):.0f}" if "e+0" in text and abs(value) < 1e5 else text
 
 
 def uncertain(value: float, low: float, high: float) -> str:
@@ -29,8 +32,9 @@ def with_error(value: float | None, error: float | None) -> str:
     if error is None or not (isfinite(error) and error > 0):
         return significant(value, 5)
     digits = 2 + (floor(log10(abs(value))) - floor(log10(error)) if value else 0)
-    if digits < 1:
-        return f"{significant(value, 2)} ± {error:.2g}"
+    if digits < 2:
+        # No finer than its error.
+        return f"{round(value, 1 - floor(log10(error))) + 0.0:.{max(1 - floor(log10(error)), 0)}f} ± {error:.2g}"
     shown = f"{value:#.{min(max(digits, 2), 10)}g}".rstrip(".")
     return f"{shown} ± {error:.2g}"
 

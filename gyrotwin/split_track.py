@@ -71,7 +71,9 @@ _ENDS: Final = (("first", 0), ("last", -1))
 
 
 def _results(summary: dict[str, Any], table: pl.DataFrame) -> Table:
-    shown = Table(title=f"Split through time: {summary['record']['file']}", title_justify="left")
+    shown = Table(
+        title=f"Split through time: {summary['record']['file']}", title_justify="left", caption_justify="left"
+    )
     for heading in ("t [s]", "split f_y - f_x [Hz]", "95 % interval"):
         shown.add_column(heading, justify="right")
     for at in np.unique(np.linspace(0, len(table) - 1, SHOWN).astype(int)):

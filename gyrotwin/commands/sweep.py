@@ -50,10 +50,9 @@ def sweep(
         result = task.sweep(plan, folder, workers=workers, scheduler=scheduler, force=force, progress=progress)
     summary = result.summary
     y = summary["yield"]
-    console.print(
-        f"{summary['points']} points, {summary['failed']} failed; yield {y['value']:.1%} "
-        f"({y['low']:.1%} to {y['high']:.1%})", highlight=False,
-    )  # fmt: skip
+    reached = f"yield {y['value']:.1%} ({y['low']:.1%} to {y['high']:.1%})"
+    told = reached if result.plan.limits else "no yield: the plan has no limits"
+    console.print(f"{summary['points']} points, {summary['failed']} failed; {told}", highlight=False)
     if summary["failed"]:
         first = result.failed.row(0, named=True)
         given = ", ".join(f"{name} = {first[name]}" for name in result.plan.parameters)
@@ -69,7 +68,11 @@ def _scale(scale: object) -> Table:
     from gyrotwin.sweeping.scale import DEVICES, Scale
 
     assert isinstance(scale, Scale)
-    table = Table(title=f"{DEVICES} points of {scale.task_seconds:.3g} s, {scale.batch} a batch", title_justify="left")
+    table = Table(
+        title=f"{DEVICES} points of {scale.task_seconds:.3g} s, {scale.batch} a batch",
+        title_justify="left",
+        caption_justify="left",
+    )
     for heading in ("cores", "hours", "scheduler, ms a batch", "limited by"):
         table.add_column(heading, justify="right")
     for cost in scale.costs:

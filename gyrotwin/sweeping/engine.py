@@ -10,13 +10,13 @@ from gyro_model.errors import InputError
 from gyrotwin import __version__
 from gyrotwin.sweeping import rows
 from gyrotwin.sweeping.plan import Point
+from gyrotwin.sweeping.scale import LARGEST_BATCH
 from gyrotwin.sweeping.work import Done, Job, work
 
 LOGGER = logging.getLogger("gyrotwin")
 
 BATCH_SECONDS: Final = 0.5
 """A batch is to last so long: a hundred times what the scheduler takes for it."""
-LARGEST_BATCH: Final = 500
 AHEAD: Final = 2
 """Batches a worker has at hand, so that none waits for the scheduler."""
 

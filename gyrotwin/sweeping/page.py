@@ -51,8 +51,10 @@ def _distributions(result: SweepResult) -> list[Figure]:
         panels.append(Panel(name, "points", lines))
     if not panels:
         return []
-    text = "How the outputs are spread over all points. Dashed: limits of the plan."
-    key = [("estimate", "points"), ("limit", "limit")]
+    text = "How the outputs are spread over all points." + (
+        " Dashed: limits of the plan." if result.plan.limits else ""
+    )
+    key = [("estimate", "points"), *([("limit", "limit")] if result.plan.limits else [])]
     return [Figure("distributions", "Distributions", "", text, key, panels)]
 
 
@@ -65,7 +67,7 @@ def _parallel(result: SweepResult) -> list[Figure]:
     if len(names) < 2 or full.sum() < 2:
         return []
     low, high = table[full].min(axis=0), table[full].max(axis=0)
-    scaled = (table - low) / np.where(high > low, high - low, 1)
+    scaled = np.where(high > low, (table - low) / np.where(high > low, high - low, 1), 0.5)
     lines = []
     for role, chosen in (("estimate", full & good), ("error", full & ~good)):
         rows = np.flatnonzero(chosen)
@@ -77,9 +79,9 @@ def _parallel(result: SweepResult) -> list[Figure]:
             y += [*scaled[row].tolist(), None]
         if x:
             lines.append(Line("within the limits" if role == "estimate" else "beyond", role, x, y))
-    text = "One line a point, from the least (0) to the largest value (1) of each: " + ", ".join(
-        f"{k} {name} ({a:.4g} to {b:.4g})" for k, (name, a, b) in enumerate(zip(names, low, high, strict=True))
-    )
-    key = [("estimate", "within the limits"), ("error", "beyond a limit")]
-    return [Figure("parallel", "All points", "", text + ".", key,
-                   [Panel("parameter or output, by number", "share of its range", lines, wide=True)])]  # fmt: skip
+    text = "One line a point, from the least (0) to the largest value (1) of each."
+    ends = [f"{name}<br>{a:.4g} to {b:.4g}" for name, a, b in zip(names, low, high, strict=True)]
+    key = [("estimate", "within the limits" if result.plan.limits else "point")]
+    key += [("error", "beyond a limit")] if (~good).any() else []
+    return [Figure("parallel", "All points", "", text, key,
+                   [Panel("", "share of its range", lines, wide=True, x_names=ends)])]  # fmt: skip

@@ -8,6 +8,8 @@ no faster than the scheduler hands it out.
 import time
 from typing import Any, Final, NamedTuple
 
+LARGEST_BATCH: Final = 500
+"""Points of a batch at most, however short a task is."""
 CORES: Final = (2, 100, 1000)
 DEVICES: Final = 10_000
 BATCHES: Final = 2000
@@ -34,7 +36,7 @@ class Scale(NamedTuple):
 
 def simulate(task_seconds: float, batch_seconds: float, devices: int = DEVICES) -> Scale:
     """The costs of ``devices`` points of ``task_seconds`` each in batches of ``batch_seconds``."""
-    batch = max(round(batch_seconds / task_seconds), 1)
+    batch = min(max(round(batch_seconds / task_seconds), 1), LARGEST_BATCH)
     each = {cores: _scheduler_seconds(cores) for cores in CORES}
     batches = -(-devices // batch)
     costs = []

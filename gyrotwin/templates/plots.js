@@ -32,6 +32,13 @@ function axis(title, logarithmic, few) {
   };
 }
 
+// Of a logarithmic axis: 1, 2, 5 over few decades, powers over many. As numbers, for 100m of a second reads as metres or minutes.
+function ticks_of(values) {
+  const shown = values.filter(value => value > 0), low = Math.min(...shown), high = Math.max(...shown);
+  const plain = low >= 1e-4 && high < 1e6;
+  return {dtick: Math.log10(high / low) > 3.5 ? 1 : "D2", ...(plain ? {exponentformat: "none", tickformat: "~r"} : {})};
+}
+
 function layout(panel) {
   const shapes = panel.band ? [{
     type: "rect", xref: "x", yref: "paper", x0: 10 ** panel.band[0], x1: 10 ** panel.band[1],
@@ -39,7 +46,7 @@ function layout(panel) {
   }] : [];
   const y = axis(panel.y_title, panel.y_log, true);
   if (panel.y_range) y.range = panel.y_range;
-  if (panel.y_log) y.dtick = 1;
+  if (panel.y_log) Object.assign(y, ticks_of(panel.lines.flatMap(line => line.y)));
   const x = axis(panel.x_title, panel.x_log, !panel.wide);
   if (panel.floor) shapes.push({
     type: "line", xref: "paper", x0: 0, x1: 1, y0: panel.floor, y1: panel.floor,
@@ -52,9 +59,11 @@ function layout(panel) {
       categoryorder: "array", categoryarray: panel.rows, range: [-0.5, panel.rows.length - 0.5]});
   }
   if (panel.x_log) {
-    const shown = panel.lines.flatMap(line => [line.x[0], line.x[line.x.length - 1]]);
-    const decades = Math.log10(Math.max(...shown) / Math.min(...shown));
-    Object.assign(x, {tickformat: "~s", dtick: decades > 3.5 ? 1 : "D2"});
+    Object.assign(x, ticks_of(panel.lines.flatMap(line => [line.x[0], line.x[line.x.length - 1]])));
+  }
+  if (panel.x_names?.length) {
+    Object.assign(x, {tickmode: "array", tickvals: panel.x_names.map((_, k) => k), ticktext: panel.x_names,
+      range: [-0.25, panel.x_names.length - 0.75]});
   }
   return {
     xaxis: x, yaxis: y, shapes, showlegend: false, hovermode: panel.z || panel.names || panel.lines?.some(line => line.text.length) ? "closest" : "x unified",

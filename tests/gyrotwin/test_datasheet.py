@@ -135,7 +135,7 @@ def test_values_show_two_digits_of_their_error(sheet: gt.DatasheetResult) -> Non
     assert with_error(figure.value, figure.error) == "1.235 ± 0.012"
     assert expected_of(figure) == "≥ 1.2"
     assert with_error(None, figure.error) == "–"
-    assert with_error(0.001, 20.0) == "0.001 ± 20"
+    assert with_error(0.001, 20.0) == "0 ± 20"
 
 
 def test_curves_are_drawn_by_their_units(sheet: gt.DatasheetResult) -> None:
