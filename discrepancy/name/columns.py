@@ -205,8 +205,12 @@ class Library:
         probes = []
         for q in effect.sizes:
             key = q.name, partner.effect.id if partner else ""
-            guess = self._scaled(self.guesses, key, scale.target)
-            probe = self._scaled(self.kept, key, scale.target) or scale.probe(q, grid.middle, base, guess)
+            probe = (
+                self._scaled(self.kept, key, scale.target)
+                # Of other parts of the same runs: off by less than what makes a quotient wrong.
+                or self._scaled(self.guesses, key, scale.target)
+                or scale.probe(q, grid.middle, base)
+            )
             if probe:
                 self.kept[key] = probe, scale.target
                 probes.append(probe)
@@ -288,14 +292,10 @@ class _Scale:
             for r, start, e in zip(self.fitter.records, at.starts, at.residuals, strict=True)
         ]
 
-    def probe(
-        self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float], guess: Probe | None = None
-    ) -> Probe | None:
-        """A probe of ``q``, near a ``guess``; None where nothing changes. base: changes beside which it acts."""
+    def probe(self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float]) -> Probe | None:
+        """A probe of ``q``; None where nothing changes. base: changes beside which it acts."""
         sign = -1.0 if q.high <= q.start else 1.0
         room = abs((q.high if sign > 0 else q.low) - q.start)
-        if guess is not None:
-            return self._searched(guess, shapes, base, self.whole, room)
         first = Probe(q, sign * min(self._natural(q), 0.5 * room), 0)
         roughly = self._searched(first, shapes, base, self.head, room)
         if roughly is None and self.steady:

@@ -388,7 +388,8 @@ class Search:
         worth = [(c, s) for c, s in self.significant() if c.effect.id not in out]
         if not worth:
             return False
-        rivals = self._close(worth)
+        # A plain one is soon fitted, and tells one that has shapes, which could imitate it, how far it has to come.
+        rivals = sorted(self._close(worth), key=lambda entry: len(entry[0].searched))
         self.progress("refit with " + ", ".join(dict.fromkeys(c.effect.id for c, _ in rivals)))
         view = self.view
         begun = [Refit(self.with_effect(*view, c, s), c, s) for c, s in rivals]
