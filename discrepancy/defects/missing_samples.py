@@ -35,6 +35,9 @@ ROWS, ROUNDS = 3000, 3
 NORMAL, FAR = 6.0, 12.0
 """Robust deviations above which a sample is left out of it, and from which some may be lost there: far beyond what
 rounding and clipping give."""
+STARTS: Final = 0.05
+"""Of the largest deviation that follows, from which a sample may be the first after a loss: what bends the motion is
+not predicted either, a little before it too."""
 PLACES: Final = 20
 """Of a run that are looked at, where the prediction fails most."""
 AROUND: Final = 40
@@ -100,8 +103,15 @@ def _jumps(record: Record) -> Data:
             places.append(int(k))
     inner = [k for k in places if 2 * AROUND < k < len(record.t) - 2 * AROUND]
     worst = sorted(inner, key=lambda k: told.far[k : k + ORDER].max())[-PLACES:]
-    found = [(k, n) for k in sorted(worst) if (n := _number(record, told, k))]
+    found = sorted({own for place in worst if (own := _at(record, told, place))})
     return tuple(float(value) for pair in reversed(found) for value in pair)
+
+
+def _at(record: Record, told: _Prediction, place: int) -> tuple[int, int] | None:
+    """Sample and number of a loss that is seen from ``place`` on: there, or where it is seen well."""
+    far = told.far[place : place + ORDER + 1]
+    starts = place, place + int(np.argmax(far > STARTS * far.max()))
+    return next(((k, n) for k in starts if (n := _number(record, told, k))), None)
 
 
 def _predicted(record: Record) -> _Prediction | None:

@@ -9,19 +9,24 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import percentile_filter
+from scipy.ndimage import percentile_filter, rank_filter
 
 from discrepancy.criteria import Criteria
-from discrepancy.data.record import Floats, Record
+from discrepancy.data.record import Bools, Floats, Record
 from discrepancy.fit.defect import Blemish, Data, Found, Level
 from gyro_model.quantities import size
 
 FAR: Final = 9.0
 """Robust deviations from the neighbours: one in 1e18 by chance, and far beyond what noise of growing size gives."""
-ALONE, REACH = 3.0, 6
-"""Times as far off as any of so many samples on both sides, but for the next."""
+ALONE, REACH, OTHER = 3.0, 6, 3
+"""Times as far off as so many samples on both sides, but for the next and for those of one other outlier, which shows
+in its neighbours too."""
+BESIDE: Final = np.abs(np.arange(-REACH, REACH + 1)) > 1
+"""Those samples."""
 NEAR: Final = 41
 """Samples about one that say how much noise is there: four in five of them scatter by a tenth."""
+LOOKS: Final = 5
+"""Looks at most, each at what those that are gone have hidden."""
 MOST: Final = 0.02
 """Share of a run above which they are no outliers."""
 MEDIAN, UPPER = 0.6745, 1.2816
@@ -48,22 +53,34 @@ def without(record: Record, data: Data) -> Record:
 
 
 def _far(record: Record, residual: Floats) -> Data:
+    usable = record.valid.copy()
+    for _ in range(LOOKS):
+        alone = _alone(residual, usable)
+        if not alone.any():
+            break
+        usable &= ~alone
+    return tuple(float(k) for k in np.flatnonzero(record.valid & ~usable))
+
+
+def _alone(residual: Floats, usable: Bools) -> Bools:
+    """Which of the ``usable`` samples (n,) stand alone."""
+    places = np.flatnonzero(usable)
+    if len(places) < NEAR:
+        return np.zeros_like(usable)
+    filled = np.column_stack([np.interp(np.arange(len(usable)), places, channel[places]) for channel in residual.T])
     off = np.zeros_like(residual)
-    off[1:-1] = residual[1:-1] - 0.5 * (residual[2:] + residual[:-2])
-    deviation = np.median(np.abs(off[record.valid]), axis=0) / MEDIAN
+    off[1:-1] = filled[1:-1] - 0.5 * (filled[2:] + filled[:-2])
+    deviation = np.median(np.abs(off[usable]), axis=0) / MEDIAN
     if not (deviation > 0).all():
-        return ()
+        return np.zeros_like(usable)
     # Noise may grow with the motion: where it has, an outlier is one beside its own.
     beside = percentile_filter(np.abs(off), 80, (NEAR, 1), mode="nearest") / UPPER
     far = np.abs(off) / np.maximum(deviation, beside)
     # The neighbours of an outlier are half as far off; what is missing from a model shows in stretches.
-    around = np.zeros_like(far)
-    for side in (*range(-REACH, -1), *range(2, REACH + 1)):
-        around = np.maximum(around, np.roll(far, side, axis=0))
+    around = rank_filter(far, -1 - OTHER, footprint=BESIDE[:, None], mode="nearest")
     next_to = np.maximum(np.roll(far, 1, axis=0), np.roll(far, -1, axis=0))
     alone = (far > FAR) & (far >= next_to) & (far > ALONE * np.maximum(around, 1.0))
-    found = np.flatnonzero(alone.any(axis=1) & record.valid)
-    return tuple(float(k) for k in found)
+    return np.asarray(alone.any(axis=1) & usable)
 
 
 DEFECT = Blemish(
