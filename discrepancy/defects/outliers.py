@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import percentile_filter, rank_filter
+from scipy.ndimage import binary_opening, percentile_filter, rank_filter
 
 from discrepancy.criteria import Criteria
 from discrepancy.data.record import Bools, Floats, Record
@@ -27,6 +27,8 @@ NEAR: Final = 41
 """Samples about one that say how much noise is there: four in five of them scatter by a tenth."""
 LOOKS: Final = 5
 """Looks at most, each at what those that are gone have hidden."""
+LONGEST: Final = 3
+"""Samples next to each other, of two outliers and one beside, which may seem far once the first is gone."""
 MOST: Final = 0.02
 """Share of a run above which they are no outliers."""
 MEDIAN, UPPER = 0.6745, 1.2816
@@ -59,7 +61,10 @@ def _far(record: Record, residual: Floats) -> Data:
         if not alone.any():
             break
         usable &= ~alone
-    return tuple(float(k) for k in np.flatnonzero(record.valid & ~usable))
+    far = record.valid & ~usable
+    # A stretch that was found sample by sample is none.
+    longer = binary_opening(far, np.ones(LONGEST + 1))
+    return tuple(float(k) for k in np.flatnonzero(far & ~longer))
 
 
 def _alone(residual: Floats, usable: Bools) -> Bools:
@@ -79,8 +84,8 @@ def _alone(residual: Floats, usable: Bools) -> Bools:
     # The neighbours of an outlier are half as far off; what is missing from a model shows in stretches.
     around = rank_filter(far, -1 - OTHER, footprint=BESIDE[:, None], mode="nearest")
     next_to = np.maximum(np.roll(far, 1, axis=0), np.roll(far, -1, axis=0))
-    alone = (far > FAR) & (far >= next_to) & (far > ALONE * np.maximum(around, 1.0))
-    return np.asarray(alone.any(axis=1) & usable)
+    alone = ((far > FAR) & (far >= next_to) & (far > ALONE * np.maximum(around, 1.0))).any(axis=1) & usable
+    return np.asarray(alone)
 
 
 DEFECT = Blemish(

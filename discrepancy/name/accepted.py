@@ -6,9 +6,8 @@ from typing import NamedTuple
 
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
-from discrepancy.name.columns import Candidate
+from discrepancy.name.columns import ON_THE_WAY, Candidate
 from discrepancy.name.score import Score
-from gyro_model.anatomy import Delay, Lag
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ class Accepted:
     @property
     def on_the_way(self) -> bool:
         """Whether it acts on the way of force or voltage: a defect of the record, a delay or a lag."""
-        return isinstance(self.candidate.effect, Defect | Delay | Lag)
+        return isinstance(self.candidate.effect, ON_THE_WAY)
 
 
 class Refit(NamedTuple):

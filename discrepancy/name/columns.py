@@ -20,7 +20,7 @@ from discrepancy.fit.defect import Defect, Distortion, distortions
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.refit import Fitter
 from discrepancy.name.grids import FINER, Grids, around, free_shape
-from gyro_model.anatomy import SLOTS, Effect, Force, Law, Map
+from gyro_model.anatomy import SLOTS, Delay, Effect, Force, Lag, Law, Map
 from gyro_model.model import Model
 from gyro_model.quantities import Quantity
 from gyro_model.units import dimension
@@ -35,6 +35,8 @@ FARTHEST: Final = 1e6
 """Times the first guess, at which a probe is no size of anything: what changes nothing there never does."""
 ATTEMPTS: Final = 8
 """Tries at a probe of the right size."""
+ON_THE_WAY: Final = Defect | Delay | Lag
+"""What acts on the way of force or voltage."""
 HEAD: Final = 2000
 """Samples at the start of each run on which a probe is tried first."""
 
@@ -161,8 +163,11 @@ class Library:
         self.guesses = guesses or {}
         self._silent: dict[str, frozenset[str]] = {}
 
-    def candidates(self, fitter: Fitter, at: Fitted, present: Sequence[str]) -> list[Candidate]:
-        """Every effect beside those ``present`` that changes the voltage of these runs, at each point of its grid."""
+    def candidates(
+        self, fitter: Fitter, at: Fitted, present: Sequence[str], *, on_the_way: bool = False
+    ) -> list[Candidate]:
+        """Every effect beside those ``present`` that changes the voltage of these runs, at each point of its grid; or
+        those ``on_the_way`` alone."""
         scale = _Scale(fitter, at)
         found: list[Candidate] = []
         silent: list[Effect | Defect] = []
@@ -172,7 +177,7 @@ class Library:
             *(d for d in distortions() if d.axes <= own_axes and not d.gauge),
         ]
         for effect in tried:
-            if effect.id not in present:
+            if effect.id not in present and (isinstance(effect, ON_THE_WAY) or not on_the_way):
                 # What changes nothing may do so only once something else is in.
                 known = self._silent.get(effect.id) == frozenset(present)
                 own = [] if known else self._of(effect, scale, at)

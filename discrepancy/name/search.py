@@ -265,6 +265,7 @@ class Search:
             if any(a.on_the_way for a in self.accepted[:-1]):
                 # Filters and delays differ by little, which shows only beside what else is missing.
                 self._exchange(on_the_way=True)
+                self._delete(on_the_way=True)
             self._stage(self.accepted[-1].id)
             self.attempt("defects of single samples", self._tidy)
             self._save()
@@ -354,13 +355,15 @@ class Search:
     def _stage(self, name: str) -> None:
         self.stages.append((name, dict(self.at.parameters)))
 
-    def _scan(self) -> None:
-        """Scores every candidate at the present fit, on the shortest openings that may show one."""
+    def _scan(self, *, on_the_way: bool = False) -> None:
+        """Scores every candidate, or those ``on_the_way`` alone, at the present fit, on the shortest openings that may
+        show one."""
         number = self.shortest if self.fitter is self.whole else 1
         if number != self.number:
             self._open(number, self.library.kept)
         self.view = opened(self.opening, self.at) if number > 1 else Opening(self.fitter, self.at)
-        self.scan = self._scanned(self.library.candidates(*self.view, self.present))
+        found = self.library.candidates(*self.view, self.present, on_the_way=on_the_way)
+        self.scan, self.whole_scan = self._scanned(found), not on_the_way
         self.scored = self.scan.scores()
         best = best_of(self.scored, self.criteria)
         for candidate, result in best:
@@ -557,20 +560,22 @@ class Search:
         self._settle(self.fitter.evaluated(begun), nearly_settled)
         self.accepted[place] = replace(entry, candidate=candidate)
 
-    def _delete(self) -> None:
-        """Backward deletion: without each effect that the others have made needless."""
+    def _delete(self, *, on_the_way: bool = False) -> None:
+        """Backward deletion: without each effect, or each ``on_the_way``, that the others have made needless."""
         for entry in list(self.accepted):
             if len(self.accepted) < 2 or self.late:
                 break
             # It may have got the name of one that went.
-            if entry not in self.accepted:
+            if entry not in self.accepted or (on_the_way and not entry.on_the_way):
                 continue
-            self.attempt(f"refit without {entry.id}", partial(self._delete_needless, entry))
+            self.attempt(f"refit without {entry.id}", partial(self._delete_needless, entry, on_the_way))
 
-    def _delete_needless(self, entry: Accepted) -> None:
+    def _delete_needless(self, entry: Accepted, on_the_way: bool) -> None:
         chance = self.criteria.effect_chance / entry.candidate.trials
         needed = chi2.isf(chance, len(entry.candidate.probes)) * self.at.variance
-        if self._takes(entry).gain * self.at.variance > CLEAR * max(needed, self.criteria.material * self.at.cost):
+        if self._takes(entry, on_the_way).gain * self.at.variance > CLEAR * max(
+            needed, self.criteria.material * self.at.cost
+        ):
             return
         fitted = self.fitter.fit(self.without_effect(self.at, entry))
         self.simulator.clock.check()
@@ -596,18 +601,18 @@ class Search:
                 self.accepted[place] = replace(entry, candidate=entry.candidate.renamed(gone.candidate.effect, names))
 
     def _exchange(self, *, on_the_way: bool = False) -> None:
-        """With all in: could another effect stand in the place of each? One that fits better takes it, one that fits as
-        well is its ``either``."""
+        """Could another effect stand in the place of each? One that fits better takes it, one that fits as well is its
+        ``either``. on_the_way: of what acts there alone, while the search goes on."""
         for place, entry in enumerate(self.accepted):
             if any(a.candidate.partner and a.candidate.partner.effect.id == entry.id for a in self.accepted):
                 continue
             if on_the_way and not entry.on_the_way:
                 continue
-            self.attempt(f"rivals of {entry.id}", partial(self._exchange_one, place, entry))
+            self.attempt(f"rivals of {entry.id}", partial(self._exchange_one, place, entry, on_the_way))
 
-    def _exchange_one(self, place: int, entry: Accepted) -> None:
+    def _exchange_one(self, place: int, entry: Accepted, on_the_way: bool) -> None:
         variance = self.at.variance
-        fits = {entry.id: (self.at, entry.candidate), **self._refitted_instead(entry)}
+        fits = {entry.id: (self.at, entry.candidate), **self._refitted_instead(entry, on_the_way)}
         self.simulator.clock.check()
         price = {i: at.cost + self._price(c, len(c.all_probes)) * variance for i, (at, c) in fits.items()}
         plain = {i: price[i] + self._shaped(c) * variance for i, (_, c) in fits.items()}
@@ -679,9 +684,9 @@ class Search:
         found = score(less(linear.grams, linear.known), others, own, linear.count)
         return sure(entry.candidate, found, self.criteria)
 
-    def _refitted_instead(self, entry: Accepted) -> dict[str, tuple[Fitted, Candidate]]:
+    def _refitted_instead(self, entry: Accepted, on_the_way: bool) -> dict[str, tuple[Fitted, Candidate]]:
         """By id the effects that fit nearly as well in the place of ``entry``, or better."""
-        stand_ins = self._stand_ins(entry)
+        stand_ins, rounds = self._stand_ins(entry, on_the_way), ROUNDS if on_the_way else LAST_ROUNDS
         if not stand_ins:
             return {}
         goal = self.at.cost + self.criteria.even * self.at.variance
@@ -694,27 +699,27 @@ class Search:
             if trial and trial.of(begun, least).cost > least:
                 continue
             self.progress(f"{candidate.effect.id} in place of {entry.id}")
-            at = self.fitter.fit(begun, goal=goal)
+            at = self.fitter.fit(begun, rounds, goal)
             if at.cost < min(goal, fits[candidate.effect.id][0].cost if candidate.effect.id in fits else np.inf):
                 fits[candidate.effect.id] = at, candidate
         if trial:
             self.simulator.forget(trial.fitter.records)
         return fits
 
-    def _takes(self, entry: Accepted) -> Score:
+    def _takes(self, entry: Accepted, on_the_way: bool = False) -> Score:
         """What the present fit would lose without an effect, to first order, the other parameters taking up what they
         can."""
-        if self.scan.at.parameters != self.at.parameters:
+        if self.scan.at.parameters != self.at.parameters or not (self.whole_scan or on_the_way):
             self.shortest = 1
-            self._scan()
+            self._scan(on_the_way=on_the_way)
         linear = self.scan.at
         own = [i for i, f in enumerate(linear.free) if f.name in entry.names]
         others = [i for i in range(linear.known) if i not in own]
         return score(self.scan.grams(linear, self.accepted.index(entry)), others, own, self.at.count)
 
-    def _stand_ins(self, entry: Accepted) -> list[Scored]:
+    def _stand_ins(self, entry: Accepted, on_the_way: bool) -> list[Scored]:
         """Effects that explain what ``entry`` does nearly as well, by their columns at the present fit."""
-        least = self._takes(entry)
+        least = self._takes(entry, on_the_way)
         others = [i for i, f in enumerate(self.scan.at.free) if f.name not in entry.names]
         further = {name for name, copy in self.copies.items() if copy.further and copy.after == entry.id}
         near = [(c, s) for c, s in self.scan.scores(others, self.accepted.index(entry))
