@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import binary_opening, percentile_filter, rank_filter
+from scipy.ndimage import binary_opening, maximum_filter, percentile_filter, rank_filter
 
 from discrepancy.criteria import Criteria
 from discrepancy.data.record import Bools, Floats, Record
@@ -23,12 +23,13 @@ ALONE, REACH, OTHER = 3.0, 6, 3
 in its neighbours too."""
 BESIDE: Final = np.abs(np.arange(-REACH, REACH + 1)) > 1
 """Those samples."""
-NEAR: Final = 41
-"""Samples about one that say how much noise is there: four in five of them scatter by a tenth."""
+NEAR: Final = 81
+"""Samples about one that say how much noise is there: four in five of them scatter by a tenth, whatever five outliers do
+to themselves and to their neighbours."""
 LOOKS: Final = 5
 """Looks at most, each at what those that are gone have hidden."""
 LONGEST: Final = 3
-"""Samples next to each other, of two outliers and one beside, which may seem far once the first is gone."""
+"""Outliers next to each other."""
 MOST: Final = 0.02
 """Share of a run above which they are no outliers."""
 MEDIAN, UPPER = 0.6745, 1.2816
@@ -83,7 +84,8 @@ def _alone(residual: Floats, usable: Bools) -> Bools:
     far = np.abs(off) / np.maximum(deviation, beside)
     # The neighbours of an outlier are half as far off; what is missing from a model shows in stretches.
     around = rank_filter(far, -1 - OTHER, footprint=BESIDE[:, None], mode="nearest")
-    next_to = np.maximum(np.roll(far, 1, axis=0), np.roll(far, -1, axis=0))
+    # Beside two that touch even the next but one seems far.
+    next_to = maximum_filter(far, (5, 1), mode="nearest")
     alone = ((far > FAR) & (far >= next_to) & (far > ALONE * np.maximum(around, 1.0))).any(axis=1) & usable
     return np.asarray(alone)
 

@@ -194,6 +194,26 @@ def test_outliers_are_masked() -> None:
     assert np.flatnonzero(~clean.valid).tolist() == places.tolist()
 
 
+@pytest.mark.parametrize("far", [[(0, 50), (6, 60)], [(0, 90), (1, 200)], [(0, -70), (5, 100), (17, 200)]])
+def test_outliers_near_each_other_are_masked(far: list[tuple[int, int]]) -> None:
+    change = np.zeros((N, 2))
+    for place, deviations in far:
+        change[3000 + place, 0] = deviations * NOISE
+    runs, residuals = records([change])
+    found = blemish("outliers").find(runs, residuals, Criteria())
+    assert found is not None
+    assert {3000 + place for place, _ in far} <= set(found.data[0])
+    # Two that touch make their neighbours seem far.
+    assert len(found.data[0]) <= len(far) + 1
+
+
+def test_a_transient_at_the_start_is_no_outlier() -> None:
+    change = np.zeros((N, 2))
+    change[:40] = 300 * NOISE * np.exp(-np.arange(40) / 2)[:, None] * [1, -0.5]
+    runs, residuals = records([change])
+    assert blemish("outliers").find(runs, residuals, Criteria()) is None
+
+
 def test_noise_that_grows_with_the_motion_has_no_outliers() -> None:
     rng = np.random.default_rng(9)
     # A timer's: 30 times the noise where the motion of a decay is fastest.
@@ -349,6 +369,15 @@ def test_each_loss_shows_in_the_record_itself(lost: dict[int, int]) -> None:
     assert np.abs(clean.v - whole.v)[inner].max() < 1e-2
     assert np.mean(np.abs(clean.v - whole.v)[inner] > 0) < 1e-3
     assert clean.valid.mean() > 0.95
+
+
+def test_a_loss_is_seen_behind_what_bends_the_motion() -> None:
+    whole = _vibrating(2)
+    v = whole.v + 1e-3 * whole.v**3
+    # Knocks of the mass, a little before: not predicted, and no loss.
+    v[2990:3030:9] += 3e-3
+    late = replace(whole, v=np.vstack((v[:3000], v[3001:], v[-1:])))
+    assert blemish("missing_samples").find([late], [np.zeros_like(v)], Criteria()) is not None
 
 
 @pytest.mark.parametrize("kind", ["clean", "outliers", "clipped", "bent"])
