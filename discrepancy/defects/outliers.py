@@ -24,8 +24,8 @@ in its neighbours too."""
 BESIDE: Final = np.abs(np.arange(-REACH, REACH + 1)) > 1
 """Those samples."""
 NEAR: Final = 81
-"""Samples about one that say how much noise is there: four in five of them scatter by a tenth, whatever five outliers do
-to themselves and to their neighbours."""
+"""Samples about one that say how much noise is there: four in five of them scatter by a tenth, whatever five outliers
+do to themselves and to their neighbours."""
 LOOKS: Final = 5
 """Looks at most, each at what those that are gone have hidden."""
 LONGEST: Final = 3
