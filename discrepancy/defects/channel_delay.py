@@ -6,9 +6,9 @@ v_y,k = v_y(t_k - δ). A delay common to both channels is one of the force, to w
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from discrepancy.data.record import Floats
+from discrepancy.fit.between import between
 from discrepancy.fit.defect import Distortion, Timing
 from gyro_model.quantities import size
 
@@ -21,7 +21,7 @@ def voltage(v: Floats, timing: Timing, p: Mapping[str, float]) -> Floats:
         return v
     k = np.arange(len(v), dtype=np.float64)
     late = v.copy()
-    late[:, 1] = CubicSpline(k, v[:, 1])(k - p["channel_delay"] / timing.period)
+    late[:, 1] = between(v[:, 1], k - p["channel_delay"] / timing.period)
     return late
 
 

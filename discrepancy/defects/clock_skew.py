@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from math import ceil
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from discrepancy.data.record import Floats
+from discrepancy.fit.between import between
 from discrepancy.fit.defect import Distortion, Timing
 from gyro_model.quantities import size
 
@@ -19,7 +19,7 @@ SKEW = size("clock_skew", "1", "relative lag of the voltage's sampling clock", l
 def voltage(v: Floats, timing: Timing, p: Mapping[str, float]) -> Floats:
     """The voltage at the instants of the other clock."""
     k = np.arange(len(v), dtype=np.float64)
-    return np.asarray(CubicSpline(k, v)(k + p["clock_skew"] * (timing.first + k)))
+    return between(v, k + p["clock_skew"] * (timing.first + k))
 
 
 def beyond(n: int, timing: Timing, p: Mapping[str, float]) -> int:

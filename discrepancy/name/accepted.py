@@ -13,12 +13,14 @@ from discrepancy.name.score import Score
 @dataclass(frozen=True)
 class Accepted:
     """An effect in the model: how it was probed, the share of the residual's square it took, and rivals (parameters by
-    id) that fit as well; behind: by how much each rival that was refitted fits worse, as a chi-square."""
+    id) that fit as well; behind: by how much each rival that was refitted fits worse, as a chi-square; asked: whether
+    all effects were tried in its place."""
 
     candidate: Candidate
     share: float
     rivals: dict[str, dict[str, float]]
     behind: dict[str, float] = field(default_factory=dict)
+    asked: bool = False
 
     @property
     def id(self) -> str:

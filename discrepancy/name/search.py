@@ -83,7 +83,7 @@ class Search:
         self.found: list[tuple[Blemish, Found]] = []
         self.dropped: list[Dropped] = []
         self.undone: list[str] = []
-        self.full = False
+        self.full = self.questioned = False
         self.weak = 0.0
         self.waiting: list[Refit] = []
         self.shortest, self.number = parts(dataset.fit)[0], 1
@@ -603,10 +603,9 @@ class Search:
     def _exchange(self, *, on_the_way: bool = False) -> None:
         """Could another effect stand in the place of each? One that fits better takes it, one that fits as well is its
         ``either``. on_the_way: of what acts there alone, while the search goes on."""
+        partners = self._partners
         for place, entry in enumerate(self.accepted):
-            if any(a.candidate.partner and a.candidate.partner.effect.id == entry.id for a in self.accepted):
-                continue
-            if on_the_way and not entry.on_the_way:
+            if entry.id in partners or (on_the_way and not entry.on_the_way):
                 continue
             self.attempt(f"rivals of {entry.id}", partial(self._exchange_one, place, entry, on_the_way))
 
@@ -627,7 +626,18 @@ class Search:
         close = self.at.cost + self.criteria.even * variance
         even = {i: dict(at.parameters) for i, (at, _) in fits.items() if at.cost < close}
         behind = {i: (price[i] - price[head]) / variance for i in fits}
-        self.accepted[place] = Accepted(candidate, entry.share, even, behind)
+        self.accepted[place] = Accepted(candidate, entry.share, even, behind, entry.asked or not on_the_way)
+
+    @property
+    def _partners(self) -> set[str]:
+        """Ids of effects without which others in the model would change nothing."""
+        return {a.candidate.partner.effect.id for a in self.accepted if a.candidate.partner}
+
+    @property
+    def unsure(self) -> bool:
+        """Whether a name in the model was not put to the test: by others in its place, or by data that no fit saw."""
+        named = [a for a in self.accepted if not a.of_record and a.id not in self._partners]
+        return bool(named) and not (self.questioned and all(a.asked for a in named))
 
     @property
     def names(self) -> set[str]:
@@ -653,9 +663,10 @@ class Search:
             self._settle(self.without_effect(self.at, entry))
             self._first_of_its_kind(entry)
         self.simulator.clock.check()
+        self.questioned = True
 
     def _failing(self) -> Dropped | None:
-        partners = {a.candidate.partner.effect.id for a in self.accepted if a.candidate.partner}
+        partners = self._partners
         entries = [a for a in self.accepted if a.id not in partners]
         if not entries:
             return None

@@ -74,9 +74,9 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
     rest = remainder(search, stages, gaps, absurd)
     doubts = (*absurd.values(), *worse.values(), *_doubts(search, rest))
     verdict: Verdict = "missing effects" if effects else "nothing missing"
-    # What was not tested is not said: neither that a name stands nor that nothing is missing.
-    much = bool(effects) or rest.share > search.criteria.left
-    untested = not search.scored or (bool(search.undone) and much)
+    # What was not tested is not said: neither that a name stands nor, while something may be, that nothing is missing.
+    open_ended = bool(search.undone) and rest.share > search.criteria.left
+    untested = not search.scored or open_ended or search.unsure
     if rest.significant or untested or (effects and worse):
         verdict = "partly explained" if effects else "unexplained"
     effects = tuple(replace(f, probability=probability(search, f, rest, f.id in worse)) for f in effects)
