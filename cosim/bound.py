@@ -85,8 +85,14 @@ class GrowingBound:
         self._lib = library(design.known_model)
         self._memory = self._lib.memory("filter")
         # Blocks of 16 samples from the first on: nothing is filtered again where the truth is told.
-        settings = np.array(list((FILTER | {"omega_walk_min": omega_walk, "omega_walk_max": omega_walk}).values()))
-        start_filter(self._lib, design, period, settings, self._memory)
+        walks = {
+            "omega_walk_min": omega_walk,
+            "omega_walk_max": omega_walk,
+            "slope_walk_min": 0.0,
+            "slope_walk_max": 0.0,
+        }
+        settings = np.array(list((FILTER | walks).values()))
+        start_filter(self._lib, design, period, settings, self._memory, slope_deviation=0.0)
         self.names = self._lib.known.value_names
         self._force = np.zeros(2)
         self._rate: float | None = None

@@ -26,6 +26,7 @@ MONITOR: Final = {
     "drift_limit": 8.7e-3,
     "chi2_low": 0.5,
     "chi2_high": 1.35,
+    "start_high": 1.1,
     "whiteness": 0.25,
     "patience": 0.01,
 }
@@ -33,7 +34,8 @@ MONITOR: Final = {
 terms relative to their geometric mean; turn_limit: an error of the damping that turns the pattern by no more than this
 counts as none [rad/s]; drift_limit: largest standard deviation of the pattern's turning, at its worst angle [rad/s]
 (0.5 deg/s); chi2_low, chi2_high: of the squared innovation over its variance, a mean over 5 ms, 2000 numbers at 200
-kHz, so that 1.35 is 11 standard deviations off and leaves room for what a sudden change of the rate does; whiteness:
+kHz, so that 1.35 is 11 standard deviations off and leaves room for what a sudden change of the rate does; start_high:
+of what the last whole start left, 32768 numbers, 13 standard deviations; whiteness:
 largest mean product of neighbouring innovations; patience: time over which all must hold before the flag is set
 [s]."""
 
@@ -105,6 +107,11 @@ class Monitor:
         pink = max(health["pink_x"], health["pink_y"])
         if not self._chi2_low() <= health["chi2"] <= set_["chi2_high"] + pink:
             return f"{INNOVATIONS} are {sqrt(max(health['chi2'], 0)):.3g} times what they should be{self._hint()}"
+        if not health["start"] <= set_["start_high"] + pink:
+            return (
+                "the start has not found its fit: "
+                + f"it left innovations {sqrt(health['start']):.3g} times what they should be"
+            )
         for axis in ("x", "y"):
             if not abs(health[f"white_{axis}"]) <= set_["whiteness"] + pink:
                 return f"{INNOVATIONS} of {axis} are not white: neighbours correlate by {health[f'white_{axis}']:.2g}"

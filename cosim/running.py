@@ -24,7 +24,8 @@ from gyro_model.errors import InputError, one_line
 Floats = NDArray[np.float64]
 
 FIRST_RATE_DEVIATION: Final = 10.0
-"""What is known of the rate at the start [rad/s]."""
+FIRST_SLOPE_DEVIATION: Final = 30.0
+"""What is known of the rate at the start [rad/s], and of its slope [rad/s2]."""
 NOISE_FLOOR: Final = 1e-6
 """An observer is told at least this noise, as a fraction of the signal: a filter without noise is singular."""
 OWN_SIZE: Final = 32
@@ -115,14 +116,22 @@ def prior(design: Design, lib: Library) -> tuple[Floats, Floats]:
     return p, np.ascontiguousarray(root)
 
 
-def start_filter(lib: Library, design: Design, period: float, settings: Floats, memory: Floats) -> None:
-    """Begins the filter of ``memory`` with what the design says."""
+def start_filter(
+    lib: Library,
+    design: Design,
+    period: float,
+    settings: Floats,
+    memory: Floats,
+    slope_deviation: float = FIRST_SLOPE_DEVIATION,
+) -> None:
+    """Begins the filter of ``memory`` with what the design says; slope_deviation of the rate [rad/s2]."""
     states, size = lib.sizes["NS"], lib.moving_size
     _, deviation = first_estimates(design)
     z, dz = np.zeros(size), np.zeros(size)
     dz[:states] = np.resize(deviation[:2], states)
     dz[states] = deviation[OMEGA_Z]
-    dz[states + 1 :] = abs(design.all_values["sense_gain_x"]) * design.amplitude
+    dz[states + 1 : -1] = abs(design.all_values["sense_gain_x"]) * design.amplitude
+    dz[-1] = slope_deviation
     p, root = prior(design, lib)
     lowest = np.array([bound if bound > -inf else -1e300 for bound in lib.known.lowest])
     known = known_values(design, lib, period)
@@ -161,7 +170,14 @@ def plain_health(lib: Library, part: Part) -> dict[str, float]:
     chi2, white = ctypes.c_double(), np.zeros(2)
     lib.call.core_plain_found(pointer(part.memory), ctypes.byref(chi2), pointer(white))
     pink = {"pink_x": 0.0, "pink_y": 0.0}
-    return {"chi2": chi2.value, "white_x": float(white[0]), "white_y": float(white[1]), "restarted_at": -1.0, **pink}
+    return {
+        "chi2": chi2.value,
+        "white_x": float(white[0]),
+        "white_y": float(white[1]),
+        "restarted_at": -1.0,
+        "start": 1.0,
+        **pink,
+    }
 
 
 def observe(part: Part, u: Floats, v: Floats, inputs: Floats, estimate: Floats, deviation: Floats) -> None:

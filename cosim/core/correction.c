@@ -3,6 +3,7 @@
 #include "prediction.h"
 
 #define OUTLIER 15.0 /* squared innovation over its fast variance from which the full one is worth working out */
+#define UNTOLD 1e30  /* noise of a sample at the end of the converter, which tells nothing [V2] */
 #define NOISE_SHARE 0.01 /* of a sample in the running mean of 1/S */
 
 /* |W' h|^2: what the uncertainty of p adds to the variance of a measurement. */
@@ -62,8 +63,11 @@ double filter_correct_axis(filter *f, const double *c, const double *by_p, doubl
             n->P[i][j] -= gain[i] * Pc[j];
         }
     }
-    n->sum += gain[OMEGA] * e;
-    n->sum_variance += gain[OMEGA] * gain[OMEGA] * S * (1.0 + f->share);
+    for (int i = 0; i < 2; i++) {
+        const double g = gain[i == 0 ? OMEGA : SLOPE];
+        n->sum[i] += g * e;
+        n->sum_variance[i] += g * g * S * (1.0 + f->share);
+    }
     return surprise;
 }
 
@@ -71,6 +75,9 @@ double filter_correct(filter *f, const double v[2])
 {
     double expected[2], C[2][NZ], by_p[2 * NP], noise[2], was[NZ];
     filter_expect(f, expected, C, by_p, noise);
+    for (int a = 0; a < 2; a++) {
+        noise[a] = f->clipped && fabs(v[a]) >= f->top ? UNTOLD : noise[a];
+    }
     memcpy(was, f->now.z, sizeof was);
     double surprise = filter_correct_axis(f, C[0], by_p, noise[0], v[0] - expected[0]);
     double e = v[1] - expected[1];

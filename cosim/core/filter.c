@@ -67,10 +67,20 @@ static void remember(filter *f, const double v[2], const double in[IN])
     }
 }
 
+/* A voltage that comes back to the bit, and never a larger one, is the end of the converter. */
+static void look_for_end(filter *f, const double v[2])
+{
+    for (int a = 0; a < 2; a++) {
+        f->clipped = fabs(v[a]) > f->top ? 0 : f->clipped || fabs(v[a]) == f->top;
+        f->top = larger(f->top, fabs(v[a]));
+    }
+}
+
 void filter_step(filter *f, const double u[2], const double v[2], const double in[IN])
 {
     const filter_settings *s = &f->settings;
     advance(f, u, in);
+    look_for_end(f, v);
     memcpy(f->v[f->in_block], v, 2 * sizeof *v);
     double surprise = 0.0;
     if (f->sample > f->origin) {

@@ -1,6 +1,6 @@
 /* A Kalman filter for a device with many constants: a fast filter for what moves, and the constants beside it in blocks.
 
-   What moves, z = [states, rate, lagging voltages], has a Kalman filter of its own, run as if the constants p were right. Y = dz/dp is how its
+   What moves, z = [states, rate, lagging voltages, slope of the rate], has a Kalman filter of its own, run as if the constants p were right. Y = dz/dp is how its
    estimate answers to an error of them (B. Friedland, IEEE Trans. Automatic Control 14, 1969, treatment of bias; eqs. in correction.c and docs/theory/loop.md). Every
    innovation is then a measurement of that error, e = h dp + noise, and those of a block of samples are folded into p at once, by Cholesky factors
    that rounding can't make negative. Where a block moves p by more than its uncertainty, it is filtered again from its beginning at the new p
@@ -16,7 +16,8 @@
 #define LAGGED (HAS_LAG ? 2 : 0)
 #define OMEGA NS
 #define LAG (NS + 1)
-#define NZ (NS + 1 + LAGGED)
+#define SLOPE (NS + 1 + LAGGED) /* of the rate; no sample shows it at once */
+#define NZ (SLOPE + 1)
 #define BLOCK_MAX 200
 #define START_MAX 16384 /* samples of the start at most */
 #define QUEUE 65536     /* commands kept; a power of two, above START_MAX and 1 ms of delay at 1e7 samples a second */
@@ -46,7 +47,7 @@ typedef struct {
     double z[NZ];      /* [SI] */
     double P[NZ][NZ];  /* covariance of z for given p */
     double Y[NZ][NP];  /* dz/dp */
-    double sum, sum_variance; /* of the corrections of the rate */
+    double sum[2], sum_variance[2]; /* of the corrections of the rate and of its slope */
 } moving;
 
 /* The direction of which a start has told least, as far as samples show it at all: p = p_start + s n + s^2/2 bend, of the same likelihood to second
@@ -74,6 +75,8 @@ typedef struct {
     double v[START_MAX][2], in[START_MAX][IN];
     unsigned char opened[START_MAX]; /* whether the rate was opened after a sample of the block */
     double u[QUEUE][2]; /* commands, by sample */
+    double top;  /* largest voltage of either sign and axis so far [V] */
+    int clipped; /* whether it has been met again, to the bit: the end of the converter */
     heard heard[RECENT];
     before_now past[RECENT / EVERY];
     still stills[TIMES]; /* of the last search for a step */
@@ -82,8 +85,9 @@ typedef struct {
     int64_t rows, kept;                    /* rows that count, and after them those left for the next block */
     int growing;                           /* whether the block is filtered again as it doubles */
     int64_t since; /* sample at which the constants were last opened */
-    double walk, surprises, restarts, wait, share;
-    double roaming, roamed_from, roamed_variance; /* of the rate: mean square of its change per time [rad2/s3]; at the stretch's beginning */
+    double walk, slope_walk; /* of the rate [rad/s per s^0.5] and of its slope [rad/s2 per s^0.5] */
+    double surprises, restarts, wait, share;
+    double roaming, roamed_from, roamed_variance; /* of the slope of the rate: mean square of its change per time [rad2/s5]; at the stretch's beginning */
     int64_t roamed_at;                            /* sample at which that was */
     double forget[NP], moving[NP]; /* rate at which each constant, the others given, is forgotten [1/s]; running excess of its squared motion */
     double unseen[NP][NP];     /* changes of p that no sample shows, row by row */
@@ -92,6 +96,8 @@ typedef struct {
     int unseen_count;
     ridge ridge;
     double told; /* deviation of the pattern's turning that the last whole start left, but for what it has not seen [rad/s] */
+    double left; /* mean squared innovation that the last whole start has left */
+    int tries; /* starts taken because one had ended beside its fit */
     int lost;               /* whether a whole start has found no device */
     double effort; /* samples that may still be filtered again */
     double fit; /* mean squared innovation at the last fit of a growing block */

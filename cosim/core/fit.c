@@ -26,6 +26,11 @@
 #define LEARNED 1e-9   /* share of what is known of a constant that a block must add to say whether it moves */
 #define LOST 1e4     /* mean squared innovation of a whole start that has found nothing */
 #define BESIDE 0.3     /* deviations to either side of its fit at which a start is filtered to see how its ridge bends */
+#define TRIES 3        /* further starts at most where one ends beside its fit, and so claims what it does not know */
+#define ANOTHER 2.0    /* mean squared innovation of a start that may have found another device */
+#define UNFIT 1.1      /* mean squared innovation that a device as the design means it does not leave: 32768 numbers leave 1 by 0.01 */
+#define FOUND 256   /* samples in which a start gets near the device */
+#define FASTEST 1e4  /* rate that is no device's [rad/s]: far from the device it explains more than constants do */
 #define FARTHEST 10.0 /* standard deviations of the design that an effect may be away from it */
 #define WATCHED 0.005 /* over which innovations are averaged [s] */
 #define FIRST 16     /* samples of the first block at its first fit */
@@ -86,7 +91,8 @@ static double filter_again(filter *f)
     for (int64_t r = 0; r < f->rows; r++) {
         total += f->r[r] * f->r[r];
     }
-    f->now.sum = f->now.sum_variance = 0.0;
+    memset(f->now.sum, 0, sizeof f->now.sum);
+    memset(f->now.sum_variance, 0, sizeof f->now.sum_variance);
     return total;
 }
 
@@ -371,12 +377,14 @@ void fit_end(filter *f)
             memcpy(f->W, known_W, sizeof known_W);
             filter_again(f);
             watch(f);
+            f->lost = f->in_block >= FOUND && fabs(f->now.z[OMEGA]) > FASTEST;
             plan_block(f);
         } else {
-            f->lost = !(f->fit < LOST) || is_another_device(f);
+            f->lost = !(f->fit < LOST) || (f->fit > ANOTHER && is_another_device(f));
             find_ridge(f, L);
             fit_fold(f, L);
             (void)unseen_turning(f, &f->told);
+            f->left = f->chi2;
         }
     } else {
         const int64_t recent = 2 * (int64_t)f->settings.settle;
@@ -387,7 +395,9 @@ void fit_end(filter *f)
         fit_fold(f, L);
         /* Another start forgets what has been learnt since the last one. */
         double rest;
-        if (shows && unseen_turning(f, &rest) > f->told && f->effort > FOR_WHOLE * f->settings.start) {
+        const int misses = f->left > UNFIT && f->tries < TRIES;
+        if ((misses || (shows && unseen_turning(f, &rest) > f->told)) && f->effort > FOR_WHOLE * f->settings.start) {
+            f->tries += misses;
             restart_to_look(f);
         }
     }

@@ -5,7 +5,8 @@
 #define CROSS 0.1 /* a cross term may be zero: it counts as no smaller than this part of its geometric mean */
 #define WAIT 16  /* samples between two looks at an unknown device */
 #define LOST 5.0 /* times `trust`: uncertainty of the mass at which the device counts as lost */
-#define ONSET 5e-3 /* in which the second pair of tones comes up again [s]: at once, it would make the pattern larger by as much as its own motion */
+#define ONSET 2e-2 /* in which the second pair of tones comes up again [s]: at once it would turn the pattern by as much as its own motion, within 5 ms on a
+                      straight line by 2 degrees */
 #define ROOM 1.5 /* times the energy that is held: above, the second pair waits for the energy loop */
 #define NEWTON 3  /* steps in which the actuators are inverted; their curve is weak */
 
@@ -250,11 +251,12 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     double forced[4] = {0.0, 0.0, 0.0, 0.0}, near[4] = {0.0, 0.0, 0.0, 0.0}, ahead[4] = {0.0, 0.0, 0.0, 0.0}, added[2] = {0.0, 0.0};
     const double half = set->hold_compensation != 0.0 ? 0.5 * c->period : 0.0;
     const double wanted_energy = omega_squared * set->amplitude * set->amplitude;
-    if (set->energy_loop == 0.0 || (c->smoothed > 0.0 && c->energy < ROOM * wanted_energy)) {
+    if (c->near_share > 0.0 || set->energy_loop == 0.0 || (c->smoothed > 0.0 && c->energy < ROOM * wanted_energy)) {
         c->near_share = smaller(c->near_share + c->period / ONSET, 1.0);
     }
+    const double near_share = c->near_share * c->near_share * (3.0 - 2.0 * c->near_share);
     for (int i = 0; i < TONES; i++) {
-        const double share = i < 2 ? 1.0 : c->near_share, amplitude = share * tone_amplitude(set, i);
+        const double share = i < 2 ? 1.0 : near_share, amplitude = share * tone_amplitude(set, i);
         if (amplitude == 0.0) {
             continue;
         }

@@ -39,12 +39,13 @@ CONTROL_NAMES: Final = (
 near the oscillator's own frequency."""
 HEALTH_NAMES: Final = (
     *("chi2", "white_x", "white_y", "restarted_at", "restarts", "walk", "share", "forget"),
-    *("pink_x", "pink_y"),
+    *("pink_x", "pink_y", "start"),
 )
 """What the filter says of itself: mean squared innovation over its variance and mean product of neighbouring ones, over
 some milliseconds, less what known pink noise makes of both; time of the last restart from the design [s]; restarts
 lately; random walk of the rate [rad/s per sqrt(s)]; share of the innovation's variance that the constants explain;
-fastest forgetting [1/s]; what pink noise makes of the product of neighbours, in the mean."""
+fastest forgetting [1/s]; what pink noise makes of the product of neighbours, in the mean; mean squared innovation
+that the last whole start left."""
 
 DRIFT_NAMES: Final = ("turning", "turning_now", "bending", "unseen")
 """Standard deviations that come of unknown constants: of the pattern's turning at its worst angle and where it stands
@@ -70,8 +71,8 @@ class Library:
 
     @property
     def moving_size(self) -> int:
-        """Length of what moves: states, rate, lagging voltages."""
-        return self.sizes["NS"] + 1 + 2 * self.sizes["HAS_LAG"]
+        """Length of what moves: states, rate, lagging voltages, slope of the rate."""
+        return self.sizes["NS"] + 2 + 2 * self.sizes["HAS_LAG"]
 
     def address(self, function: str) -> ctypes.c_void_p:
         """The address of a C function."""

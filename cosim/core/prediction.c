@@ -179,31 +179,35 @@ static void move_lag(const frame *w, const piece *part, const passage *way, cons
     }
 }
 
-/* P becomes F P F' and the noise of the motion. */
+/* P becomes F P F' and the noise of the motion. Rate and slope follow from themselves alone, and the slope enters nothing but the rate. */
 static void predict_covariance(filter *f, double F[NZ][NZ], const passage *way)
 {
     moving *n = &f->now;
-    const double none[2] = {0.0, 0.0}, *g = way->force;
+    const double none[2] = {0.0, 0.0}, *g = way->force, T = f->m.period;
     double FP[NZ][NZ], thermal[4];
-    for (int i = 0; i < NZ; i++) {
-        for (int j = 0; j < NZ; j++) {
+    for (int j = 0; j < NZ; j++) {
+        for (int i = 0; i < SLOPE; i++) {
             double total = 0.0;
-            for (int r = 0; r < NZ; r++) {
+            for (int r = 0; r < SLOPE; r++) {
                 total += F[i][r] * n->P[r][j];
             }
             FP[i][j] = total;
         }
+        FP[OMEGA][j] += T * n->P[SLOPE][j];
+        FP[SLOPE][j] = n->P[SLOPE][j];
     }
     for (int i = 0; i < NZ; i++) {
-        for (int j = i; j < NZ; j++) {
-            double total = 0.0;
-            for (int r = 0; r < NZ; r++) {
+        for (int j = i; j < SLOPE; j++) {
+            double total = j == OMEGA ? T * FP[i][SLOPE] : 0.0;
+            for (int r = 0; r < SLOPE; r++) {
                 total += FP[i][r] * F[j][r];
             }
             n->P[i][j] = n->P[j][i] = total;
         }
+        n->P[i][SLOPE] = n->P[SLOPE][i] = FP[i][SLOPE];
     }
     n->P[OMEGA][OMEGA] += f->walk * f->walk * f->m.period;
+    n->P[SLOPE][SLOPE] += f->slope_walk * f->slope_walk * f->m.period;
     if (HAS_THERMAL) {
         known_thermal(&f->k, way->s[NODES - 1], none, n->z[OMEGA], thermal);
         for (int i = 0; i < NS; i++) {
@@ -225,7 +229,7 @@ static void move_through(const frame *w, const piece *part, const acting *force,
     find_slopes(w->k, part->duration, way, omega_z, &d);
     memcpy(from, w->Y, sizeof from);
     memset(F, 0, NZ * sizeof *F);
-    F[OMEGA][OMEGA] = 1.0;
+    F[OMEGA][OMEGA] = F[SLOPE][SLOPE] = 1.0;
     for (int i = 0; i < NS; i++) {
         memcpy(F[i], d.phi[i], sizeof d.phi[i]);
         F[i][OMEGA] = d.psi[i];
@@ -316,6 +320,11 @@ void filter_predict(filter *f)
     }
     const frame w = {&f->k, &f->m, n->z, n->Y};
     carry(f, &w, F, &way);
+    /* The rate is held over a sample, and moves at its end. */
+    n->z[OMEGA] += f->m.period * n->z[SLOPE];
+    for (int q = 0; q < NP; q++) {
+        n->Y[OMEGA][q] += f->m.period * n->Y[SLOPE][q];
+    }
     predict_covariance(f, F, &way);
 }
 
@@ -331,7 +340,7 @@ void filter_expect(const filter *f, double v[2], double C[2][NZ], double by_p[2 
     memset(pick_by_p, 0, sizeof pick_by_p);
     memset(C, 0, 2 * sizeof *C);
     if (HAS_LAG) {
-        memcpy(entering, z + NZ - 2, sizeof entering);
+        memcpy(entering, z + LAG, sizeof entering);
     } else {
         known_pick_off(k, z, force.f, z[OMEGA], entering);
         known_pick_off_by_state(k, z, force.f, z[OMEGA], pick_by_s);
@@ -344,7 +353,7 @@ void filter_expect(const filter *f, double v[2], double C[2][NZ], double by_p[2 
     for (int a = 0; a < 2; a++) {
         for (int b = 0; b < 2; b++) {
             if (HAS_LAG) {
-                C[a][NZ - 2 + b] = through[2 * a + b];
+                C[a][LAG + b] = through[2 * a + b];
             } else {
                 for (int j = 0; j < NS; j++) {
                     C[a][j] += through[2 * a + b] * pick_by_s[b * NS + j];

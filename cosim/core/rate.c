@@ -1,7 +1,8 @@
 #include "rate.h"
 
-#define STRETCH 0.01 /* over which the rate's own changes are compared with their noise [s] */
-#define MOST 3.0     /* walk that this asks for at most [rad/s/s^0.5]: slopes taken at a rate that carries much noise are biased by it */
+#define STRETCH 0.01 /* over which changes of the slope are compared with their noise [s] */
+#define MOST 1e4     /* walk of the slope that these ask for at most [rad/s2 per s^0.5] */
+#define JUMP_SLOPE 100.0 /* what a jump of the rate leaves unknown of its slope [rad/s2] */
 #define KEPT 0.1     /* in which what that has found is forgotten, by a factor e [s]: a swing that turns round stands still for a moment */
 #define SETTLED 2e-3 /* after a jump of the rate, until its estimate has settled [s] */
 
@@ -23,6 +24,7 @@ void rate_open(filter *f)
     v[2] = -z[1] * lag * lag;
     v[3] = -2.0 * z[1] * lag;
     v[OMEGA] = 1.0;
+    n->P[SLOPE][SLOPE] += JUMP_SLOPE * JUMP_SLOPE;
     for (int i = 0; i < NZ; i++) {
         for (int j = 0; j < NZ; j++) {
             n->P[i][j] += s->omega_jump * s->omega_jump * v[i] * v[j];
@@ -38,32 +40,38 @@ void rate_drop_recent(filter *f)
 
 void rate_jumped(filter *f) { f->roamed_at = f->sample + (int64_t)(SETTLED / f->m.period); }
 
-/* Mean square by which the rate has changed per time beyond its noise, over a stretch. A walk of that size expects what it did within the stretch; one that
-   merely makes the least error follows by a lag as large as the noise, and constants take a lag, which goes on, for their own. */
+/* Mean square by which the slope has changed per time beyond its noise, over a stretch. A walk that merely makes the least error follows by a lag as
+   large as the noise, and constants take a lag, which goes on, for their own. */
 static void watch_roaming(filter *f)
 {
-    const double *omega = &f->now.z[OMEGA], variance = f->now.P[OMEGA][OMEGA];
+    const double slope = f->now.z[SLOPE], variance = f->now.P[SLOPE][SLOPE];
     const double elapsed = (double)(f->sample - f->roamed_at) * f->m.period;
     if (elapsed >= STRETCH) {
-        const double change = *omega - f->roamed_from;
+        const double change = slope - f->roamed_from;
         f->roaming = larger(f->roaming * exp(-elapsed / KEPT), (change * change - variance - f->roamed_variance) / elapsed);
     }
     if (elapsed >= STRETCH || elapsed <= 0.0) {
-        f->roamed_from = *omega;
+        f->roamed_from = slope;
         f->roamed_variance = variance;
         f->roamed_at = elapsed > 0.0 ? f->sample : f->roamed_at;
     }
 }
 
+/* The size of a walk that the corrections since the last call ask for, within its limits. */
+static double adapted(double walk, double rate, double sum, double variance, double least, double most)
+{
+    const double ratio = variance > 0.0 ? smaller(sum * sum / variance, 10.0) : 10.0;
+    return smaller(larger(walk * exp(0.5 * rate * (ratio - 1.0)), least), most);
+}
+
 void rate_adapt_walk(filter *f)
 {
     moving *n = &f->now;
+    const filter_settings *s = &f->settings;
     watch_roaming(f);
-    double ratio = 10.0;
-    if (n->sum_variance > 0.0) {
-        ratio = smaller(n->sum * n->sum / n->sum_variance, 10.0);
-    }
-    n->sum = n->sum_variance = 0.0;
-    const double walk = f->walk * exp(0.5 * f->settings.omega_walk_rate * (ratio - 1.0));
-    f->walk = smaller(larger(walk, larger(f->settings.omega_walk_min, smaller(sqrt(f->roaming), MOST))), f->settings.omega_walk_max);
+    f->walk = adapted(f->walk, s->omega_walk_rate, n->sum[0], n->sum_variance[0], s->omega_walk_min, s->omega_walk_max);
+    const double least = larger(s->slope_walk_min, smaller(sqrt(f->roaming), MOST));
+    f->slope_walk = adapted(f->slope_walk, s->omega_walk_rate, n->sum[1], n->sum_variance[1], least, s->slope_walk_max);
+    memset(n->sum, 0, sizeof n->sum);
+    memset(n->sum_variance, 0, sizeof n->sum_variance);
 }

@@ -1,4 +1,4 @@
-/* The rate as a random walk, and what is done where it jumps. */
+/* The rate as a random walk with a slope that walks, and what is done where it jumps. */
 
 #ifndef RATE_H
 #define RATE_H
@@ -11,7 +11,7 @@ void rate_open(filter *f);
 /* Leaves out the rows of the samples in which a surprise may have been under way: what they tell is of the rate, not of the constants. */
 void rate_drop_recent(filter *f);
 
-/* Lets the walk of the rate follow its corrections since the last call. */
+/* Lets the walks of the rate and of its slope follow their corrections since the last call. */
 void rate_adapt_walk(filter *f);
 
 /* The rate has just jumped: what it has done until now is no walk. */

@@ -38,6 +38,7 @@ void restart_from_design(filter *f)
     memcpy(f->W_now, f->first_W, sizeof f->W_now);
     f->now = f->first;
     f->walk = f->settings.omega_walk_max;
+    f->slope_walk = f->settings.slope_walk_max;
     f->roaming = 0.0;
     rate_jumped(f);
     f->surprises = f->restarts = f->share = 0.0;
@@ -49,6 +50,8 @@ void restart_from_design(filter *f)
     memset(f->forget, 0, sizeof f->forget);
     f->rows = f->kept = 0;
     f->lost = 0;
+    f->tries = 0;
+    f->left = 1.0;
     f->unseen_count = 0;
     f->ridge.bends = 0;
     f->fit = 2.0 * FITS;

@@ -11,6 +11,8 @@ FILTER: Final = {
     "omega_walk_min": 0.3,
     "omega_walk_max": 100.0,
     "omega_walk_rate": 0.5,
+    "slope_walk_min": 300.0,
+    "slope_walk_max": 1e5,
     "omega_jump": 10.0,
     "surprise": 30.0,
     "surprise_limit": 2.5,
@@ -25,13 +27,13 @@ FILTER: Final = {
     "start": 16384.0,
 }
 """omega_walk_min, _max: limits of the random walk of the rate [rad/s per sqrt(s)]; omega_walk_rate: how fast it adapts
-[1 per 64 samples]; omega_jump: size of a sudden change of the rate [rad/s]; surprise: squared innovation over its
-variance, both axes, that counts as one; surprise_limit: so many within surprise_memory [samples] reopen the constants;
-settle: samples that a surprise may have taken to show; restart_stiffness, _damping: standard deviation, relative, of
-reopened k and m, and of reopened d; restart_limit: so many reopenings within 10 surprise_memory begin anew from the
-design; forget_max: the fastest at which constants are forgotten where the data say that they move [1/s]; forget_rate:
-how fast that adapts [1/block]; block: samples of a block at most; start: samples that are filtered again as the first
-block doubles, at most 16384."""
+[1 per 64 samples]; slope_walk_min, _max: limits of the random walk of its slope [rad/s2 per sqrt(s)]; omega_jump: size
+of a sudden change of the rate [rad/s]; surprise: squared innovation over its variance, both axes, that counts as one;
+surprise_limit: so many within surprise_memory [samples] reopen the constants; settle: samples that a surprise may have
+taken to show; restart_stiffness, _damping: standard deviation, relative, of reopened k and m, and of reopened d;
+restart_limit: so many reopenings within 10 surprise_memory begin anew from the design; forget_max: the fastest at
+which constants are forgotten where the data say that they move [1/s]; forget_rate: how fast that adapts [1/block];
+block: samples of a block at most; start: samples that are filtered again as the first block doubles, at most 16384."""
 
 FILTER_LIMITS: Final = {"block": (16.0, 200.0), "settle": (0.0, 1000.0), "start": (16.0, 16384.0)}
 """What the arrays of the filter hold [samples]: BLOCK_MAX, a part of START_MAX, START_MAX of filter.h."""

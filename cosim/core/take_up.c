@@ -61,10 +61,10 @@ void filter_take_up(filter *f, const double v[2])
     solve_pair(through, root, 2);
     if (HAS_LAG) {
         for (int a = 0; a < 2; a++) {
-            z[NZ - 2 + a] = l[a];
-            memcpy(spread[NZ - 2 + a], root + 2 * a, 2 * sizeof *root);
+            z[LAG + a] = l[a];
+            memcpy(spread[LAG + a], root + 2 * a, 2 * sizeof *root);
             for (int q_ = 0; q_ < NP; q_++) {
-                n->Y[NZ - 2 + a][q_] = -l_by_p[a * NP + q_];
+                n->Y[LAG + a][q_] = -l_by_p[a * NP + q_];
             }
         }
     }

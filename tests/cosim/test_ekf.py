@@ -53,7 +53,7 @@ def filtered(design, p, u, v):
     """State and slopes after COUNT samples at the constants ``p``, of which the filter is sure."""
     lib = library(design.known_model)
     memory = lib.memory("filter")
-    settings = OBSERVER.settings_array(surprise=1e300)
+    settings = OBSERVER.settings_array(surprise=1e300, slope_walk_min=0.0, slope_walk_max=1e3)
     size = lib.moving_size
     z, dz = np.zeros(size), np.full(size, 1.0)
     dz[:5] = [1e-6, 0.019, 1e-6, 0.019, 10.0]
