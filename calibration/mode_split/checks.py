@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from calibration.mode_split.model import SplitModel
-from calibration.mode_split.record import VoltageRecord
+from calibration.mode_split.record import Floats, VoltageRecord
 from gyro_model.errors import InputError
 from gyro_model.symbols import BOLTZMANN
 
@@ -16,6 +16,11 @@ SLOWEST_PAIR: Final = 20.0
 REPEATED: Final = 0.3
 """Share of neighbouring samples that may be equal. Noise of one step rms repeats in 28 %: below that the error of
 rounding is no longer white and independent of the signal (B. Widrow and I. Kollár, Quantization Noise, 2008)."""
+RETURNS: Final = 100
+"""Samples after which a carrier is looked for at the same phase: one that comes back later moves through the steps in
+between and whitens the error of rounding: of steps of 5 times the noise 29 of 32 intervals cover, as of half of it."""
+COLDEST: Final = 100.0
+"""Of a structure [K]: a temperature below it was meant in °C."""
 CLEAR: Final = 0.45
 """Half-width of the band that is analysed about an unfolded line, of its distance from its own image."""
 THERMAL: Final = 4.0
@@ -37,15 +42,33 @@ def check_rate(record: VoltageRecord, drive_frequency: float | None) -> None:
 
 
 def check_steps(record: VoltageRecord) -> None:
-    """Raises InputError for samples that repeat: rounded in steps wider than their noise."""
+    """Raises InputError for samples that repeat: rounded in steps wider than their noise.
+
+    Under a carrier they repeat where it comes back to the same phase after some samples, all through the record.
+    """
     for part in (record.values.real, record.values.imag) if record.is_complex else (record.values,):
-        repeated = float(np.mean(np.diff(part) == 0))
-        if repeated > REPEATED:
+        lag, share = _return(part)
+        if share > REPEATED:
             step = np.diff(np.unique(part))
+            before = "the one before" if lag == 1 else f"that {lag} before, where the carrier is back at its phase"
+            remedy = "record with finer steps" + ("" if lag == 1 else ", or at a slightly different sample rate")
             raise InputError(
-                f"{100 * repeated:.0f} % of the samples equal the one before: they are rounded in steps of "
-                f"{step.min():.3g} V, wider than their noise, and no interval would hold; record with finer steps"
+                f"{100 * share:.0f} % of the samples equal {before}: they are rounded in steps of {step.min():.3g} V, "
+                f"wider than their noise, and no interval would hold; {remedy}"
             )
+
+
+def _return(part: Floats) -> tuple[int, float]:
+    """After how many samples the most are equal, and which share; of those beyond the next, the least share at that
+    lag, at a third and at half of the record, through which a carrier that returns only nearly drifts on."""
+
+    def equal(lag: int) -> float:
+        return float(np.mean(part[lag:] == part[:-lag])) if 0 < lag < len(part) else 0.0
+
+    shares = [equal(lag) for lag in range(1, RETURNS + 1)]
+    lag = 1 + int(np.argmax(shares))
+    far = [equal(lag * (len(part) // (parts * lag))) for parts in (2, 3)]
+    return (1, shares[0]) if shares[0] > REPEATED else (lag, min(shares[lag - 1], *far))
 
 
 def unfolded(record: VoltageRecord, drive_frequency: float | None, unfold: bool) -> tuple[VoltageRecord, float | None]:

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from calibration.mode_split.checks import check_rate, check_steps, check_thermal, thermal_ratio, unfolded
+from calibration.mode_split.checks import COLDEST, check_rate, check_steps, check_thermal, thermal_ratio, unfolded
 from calibration.mode_split.correlation import (
     Correlation,
     correlate,
@@ -20,6 +20,7 @@ from calibration.mode_split.search import NARROWEST, Found, detectable, find_hum
 from calibration.mode_split.spectrum import Spectrum, line_spectrum
 from calibration.mode_split.whittle import profile_interval
 from gyro_model.errors import InputError
+from gyro_model.units import ZERO_CELSIUS
 
 SPAN: Final = 1 / 3
 """Half-width of the band searched, of the drive frequency: the reference device's modes lie 0.3 apart."""
@@ -59,6 +60,9 @@ class Question:
             value = getattr(self, name)
             if value is not None and not (isfinite(value) and value > 0):
                 raise InputError(f"--{name.replace('_', '-')} {value:g}: give a positive number")
+        if self.temperature < COLDEST:
+            celsius = f"{self.temperature:g} °C is {self.temperature + ZERO_CELSIUS:g} K"
+            raise InputError(f"--temperature {self.temperature:g}: in K; {celsius}")
         if self.q is not None and self.q < 10:
             raise InputError(f"--q {self.q:g}: a resonance has at least 10")
         if not (isfinite(self.guard) and self.guard >= 0):
@@ -145,8 +149,10 @@ def estimate(spectrum: Spectrum, question: Question, near: tuple[float, float] |
         raise NothingFoundError(_nothing(spectrum, question, found))
     model, fit = found.fit.model, found.fit
     low, high = profile_interval(found.likelihood, fit)
-    if not (isfinite(low) and isfinite(high) and model.half_width > 0.5 * NARROWEST * spectrum.bin):
+    if not (isfinite(low) and isfinite(high)):
         raise NothingFoundError(_nothing(spectrum, question, found))
+    if not model.half_width > 0.5 * NARROWEST * spectrum.bin:
+        raise NothingFoundError(_unresolved(spectrum, float(model.f_y)))
     ratio = model.hump / float(model.floor(np.array([model.f_y]))[0])
     q = question.q or model.q
     spread = NORMAL_95 * float(fit.deviation[LOG_Q])
@@ -198,6 +204,14 @@ def check_resolution(split: Split, resolution: float | None) -> None:
             f"the record of {split.duration:.4g} s gives the split within ±{split.half_interval:.3g} Hz (95 %), not "
             f"±{resolution:g} Hz: record at least {needed:.3g} s"
         )
+
+
+def _unresolved(spectrum: Spectrum, f_y: float) -> str:
+    width = NARROWEST * spectrum.bin
+    return (
+        f"what stands out at {f_y:.6g} Hz is narrower than {width:.2g} Hz, which is all that {spectrum.duration:.4g} s "
+        f"resolve: a line from elsewhere, or a sense mode with Q above {f_y / width:.3g}; record three times as long"
+    )
 
 
 def _nothing(spectrum: Spectrum, question: Question, found: Found) -> str:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.split_records import SenseAxis, make_record
-from calibration.mode_split import Question, VoltageRecord, find_split
-from calibration.mode_split.checks import thermal_ratio, unchecked
+from calibration.mode_split import NothingFoundError, Question, VoltageRecord, find_split
+from calibration.mode_split.checks import check_steps, thermal_ratio, unchecked
 from calibration.mode_split.model import SplitModel
 from gyro_model.errors import InputError
 
@@ -84,3 +84,34 @@ def test_what_was_not_given_to_hold_the_hump_against_kt_is_named() -> None:
     assert "not checked against kT" in text
     assert text.endswith("give --mass and --sense-gain")
     assert unchecked(2e-8, None)[0].endswith("give --sense-gain")
+
+
+def rounded_under_a_carrier(drive: float) -> VoltageRecord:
+    """A drive line of 10 mV over noise of 20 µV, in steps of 100 µV."""
+    rng = np.random.default_rng(3)
+    t = np.arange(64_000) / 16_000.0
+    values = 1e-2 * np.cos(2 * np.pi * drive * t) + 2e-5 * rng.standard_normal(len(t))
+    return VoltageRecord(np.round(values / 1e-4) * 1e-4, 16_000.0)
+
+
+def test_steps_under_a_carrier_that_comes_back_to_its_phase_are_refused() -> None:
+    # 5 periods in 16 samples: rounding answers each of 16 voltages in its own way, and intervals cover 4 times of 8.
+    with pytest.raises(InputError, match=r"equal that (16|32|48|64|80|96) before.*slightly different sample rate"):
+        check_steps(rounded_under_a_carrier(5000.0))
+
+
+@pytest.mark.parametrize("drive", [5000.37, 5023.7])
+def test_a_carrier_that_drifts_through_the_steps_whitens_them(drive: float) -> None:
+    check_steps(rounded_under_a_carrier(drive))
+
+
+def test_a_temperature_in_celsius_is_told() -> None:
+    with pytest.raises(InputError, match=r"25 °C is 298.15 K"):
+        Question(temperature=25.0)
+
+
+def test_what_is_too_narrow_for_the_record_is_not_called_nothing() -> None:
+    # A resonance of Q = 1e5 at 3030 Hz decays over 10 s: in 8 s it is one line.
+    lasting = make_record(SenseAxis(q=1e5, f_y=3030.0), 8.0, 1, 20000.0)
+    with pytest.raises(NothingFoundError, match=r"stands out at 303\d.* narrower than 0.5 Hz"):
+        find_split(lasting, Question())
