@@ -6,6 +6,7 @@ from typing import Any, Final, NamedTuple
 
 from calibration.datasheet.figure import Outcome
 from calibration.datasheet.procedure import Procedure, procedures
+from gyro_model.errors import InputError
 
 Progress = Callable[[float, float], None]
 
@@ -36,9 +37,17 @@ def measure(make_bench: Callable[[Callable[[float], None]], Any], mode: str, pro
             progress(done + share * (1 - exp(-within / (TYPICAL * share))), total)
 
     bench = make_bench(advance)
-    found = []
+    found: list[Test] = []
+    failed: InputError | None = None
     for name, procedure in chosen.items():
         within, share = 0.0, procedure.share
-        found.append(Test(name, procedure, procedure.measure(bench)))
+        try:
+            outcome = procedure.measure(bench)
+        except InputError as error:
+            # One test that this device does not stand is a line of its datasheet, not the end of it.
+            outcome, failed = Outcome(reason=str(error)), failed or error
+        found.append(Test(name, procedure, outcome))
         done += procedure.share
+    if failed is not None and not any(test.outcome.figures for test in found):
+        raise failed
     return found

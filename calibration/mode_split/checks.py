@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from calibration.mode_split.model import SplitModel
-from calibration.mode_split.record import Floats, VoltageRecord
+from calibration.mode_split.record import Complexes, Floats, VoltageRecord
 from gyro_model.errors import InputError
 from gyro_model.symbols import BOLTZMANN
 
@@ -58,7 +58,7 @@ def check_steps(record: VoltageRecord) -> None:
             )
 
 
-def _return(part: Floats) -> tuple[int, float]:
+def _return(part: Floats | Complexes) -> tuple[int, float]:
     """After how many samples the most are equal, and which share; of those beyond the next, the least share at that
     lag, at a third and at half of the record, through which a carrier that returns only nearly drifts on."""
 

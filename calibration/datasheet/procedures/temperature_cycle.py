@@ -32,6 +32,9 @@ LEAST_STAY: Final = 120.0
 SHORTEST_LAG: Final = 10.0
 """Time constants below it are over in no time [s]."""
 
+PAIRS = 8
+"""Forth and back at least in what a settled value is fitted to: it has three unknowns."""
+
 
 class Legs:
     """An ambient temperature [K] in straight lines; times [s]."""
@@ -117,14 +120,14 @@ def _at_rest(bench: Bench, low: float, high: float, hold: float) -> tuple[Curve,
 def _returned(bench: Bench, low: float, high: float, hold: float, lag: float) -> tuple[Side, Side, float]:
     """What the side leaves of bias [rad/s] and scale factor at the reference temperature, and how long each stay is
     [s]."""
-    lag, t_ref = max(lag, SHORTEST_LAG), bench.reference_temperature
+    # Forth and back in two rows; the bias is their mean, so that no even nonlinearity is in it.
+    half = float(np.ceil(max(ROW, 2 * bench.settling)))
+    lag, t_ref = max(lag, SHORTEST_LAG, PAIRS * 2 * half / USED), bench.reference_temperature
     stay = max(STAY * lag, LEAST_STAY)
     legs, begins = Legs(t_ref, ROW), []
     for end in CYCLES * (high, low):
         legs.go(end, hold)
         begins.append(legs.go(t_ref, stay))
-    # Forth and back in two rows; the bias is their mean, so that no even nonlinearity is in it.
-    half = float(np.ceil(max(ROW, 2 * bench.settling)))
     rate = SHARE * bench.full_scale
     course = Course(lambda t: rate * np.where(t % (2 * half) < half, 1.0, -1.0), np.inf, "forth and back", half)
     duration = float(2 * half * np.floor(legs.times[-1] / (2 * half)))
