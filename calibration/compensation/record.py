@@ -54,7 +54,8 @@ class TemperatureTest:
     def __post_init__(self) -> None:
         if not self.signals:
             raise InputError(
-                f"{self.name}: holds neither a temperature nor a drive frequency: name one, as in --map {STRUCTURE}=HEADING"
+                f"{self.name}: holds neither a temperature nor a drive frequency: name one, "
+                "as in --map sensor_structure=HEADING"
             )
         for column, values in {"t": self.t, "rate": self.rate, "rate_true": self.rate_true, **self.signals}.items():
             finite = np.isfinite(values)
