@@ -147,20 +147,19 @@ def is_gauge(effect: Effect) -> bool:
     return bool(ratios[0] == ratios[1] and ratios[0].free_symbols <= own)
 
 
-Guesses = Mapping[tuple[str, str], tuple[Probe, float]]
+Probes = dict[tuple[str, str], tuple[Probe, float]]
 """By a size's name and the id of the partner beside which it acts: a probe and the change [V rms] it is for."""
 
 
 class Library:
-    """All candidates of a model, with probes that it keeps from one scan to the next; ``guesses``: those of other
-    runs."""
+    """All candidates of a model; to ``kept`` it adds the probes that it finds, which serve other parts of the runs and
+    later scans: they are off by less than what makes a quotient wrong."""
 
-    def __init__(self, fitter: Fitter, guesses: Guesses | None = None) -> None:
+    def __init__(self, fitter: Fitter, kept: Probes | None = None) -> None:
         self.model, self.records = fitter.simulator.model, fitter.records
         self.period = fitter.period
         self.grids = Grids(self.records, fitter.period)
-        self.kept: dict[tuple[str, str], tuple[Probe, float]] = {}
-        self.guesses = guesses or {}
+        self.kept: Probes = {} if kept is None else kept
         self._silent: dict[str, frozenset[str]] = {}
 
     def candidates(
@@ -210,12 +209,7 @@ class Library:
         probes = []
         for q in effect.sizes:
             key = q.name, partner.effect.id if partner else ""
-            probe = (
-                self._scaled(self.kept, key, scale.target)
-                # Of other parts of the same runs: off by less than what makes a quotient wrong.
-                or self._scaled(self.guesses, key, scale.target)
-                or scale.probe(q, grid.middle, base)
-            )
+            probe = self._scaled(key, scale.target) or scale.probe(q, grid.middle, base)
             if probe:
                 self.kept[key] = probe, scale.target
                 probes.append(probe)
@@ -223,12 +217,11 @@ class Library:
         points = [Candidate(effect, own, s, grid.moved, trials, None, grid.spacing, grid.ends) for s in grid.values]
         return points if probes else []
 
-    @staticmethod
-    def _scaled(found: Guesses, key: tuple[str, str], target: float) -> Probe | None:
+    def _scaled(self, key: tuple[str, str], target: float) -> Probe | None:
         """The probe that was found before, for a change of ``target``: a smaller gap asks for a smaller one."""
-        if key not in found:
+        if key not in self.kept:
             return None
-        probe, before = found[key]
+        probe, before = self.kept[key]
         room = abs((probe.quantity.high if probe.step > 0 else probe.quantity.low) - probe.quantity.start)
         step = min(abs(probe.step) * (target / before) ** (1 / probe.power), room)
         return replace(probe, step=float(np.copysign(step, probe.step)))

@@ -24,7 +24,7 @@ from discrepancy.fit.simulate import Simulator
 from discrepancy.fit.whitening import EARNED
 from discrepancy.name import checkpoint as store
 from discrepancy.name.accepted import Accepted, Dropped, Refit
-from discrepancy.name.columns import Candidate, Fading, Guesses, Library, Probe, fading, finer, nameable
+from discrepancy.name.columns import Candidate, Fading, Library, Probe, Probes, fading, finer, nameable
 from discrepancy.name.more_modes import Copy
 from discrepancy.name.scan import Scan, Scored, best_of, next_peaks, other_forms, scanned, sure
 from discrepancy.name.score import Score, Step, score
@@ -87,6 +87,7 @@ class Search:
         self.weak = 0.0
         self.waiting: list[Refit] = []
         self.shortest, self.number = parts(dataset.fit)[0], 1
+        self.probes: Probes = {}
         self._take(dataset)
         noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
         self.nominal = {name: value for name, value in dataset.nominal.items() if name not in noise}
@@ -117,11 +118,11 @@ class Search:
         self.whole = Fitter(self.simulator, dataset.fit, criteria=self.criteria)
         self._open(self.number)
 
-    def _open(self, number: int, guesses: Guesses | None = None) -> None:
-        """Looks for effects in the first of ``number`` parts of each run from now on, with probes near ``guesses``."""
+    def _open(self, number: int) -> None:
+        """Looks for effects in the first of ``number`` parts of each run from now on, by the probes that are known."""
         self.number = number
         self.opening = self.whole if number == 1 else beginnings(self.whole, number)
-        self.library = Library(self.opening, guesses)
+        self.library = Library(self.opening, self.probes)
 
     def _mask_clipped(self) -> None:
         """Looks for clipped samples beside the present model, and takes them out of everything else."""
@@ -291,7 +292,7 @@ class Search:
             "stages": self.stages,
             "shortest": self.shortest,
             "opening": self.number,
-            "probes": store.probes_state(self.library.kept),
+            "probes": store.probes_state(self.probes),
         }
         self.keep(state)
         self._restore(state)
@@ -316,8 +317,8 @@ class Search:
         self.steps = [store.step_from(step) for step in state["steps"]]
         self.stages = [(name, dict(parameters)) for name, parameters in state["stages"]]
         self.shortest = state["shortest"]
+        self.probes = store.probes_from(model, state["probes"])
         self._open(state["opening"])
-        self.library.kept = store.probes_from(model, state["probes"])
 
     @property
     def present(self) -> list[str]:
@@ -360,7 +361,7 @@ class Search:
         show one."""
         number = self.shortest if self.fitter is self.whole else 1
         if number != self.number:
-            self._open(number, self.library.kept)
+            self._open(number)
         self.view = opened(self.opening, self.at) if number > 1 else Opening(self.fitter, self.at)
         found = self.library.candidates(*self.view, self.present, on_the_way=on_the_way)
         self.scan, self.whole_scan = self._scanned(found), not on_the_way
