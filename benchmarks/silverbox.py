@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.report import NONE, Options, Report, Row, Table, load, row
+from benchmarks.silverbox_bound import at_once
 from discrepancy.data.dataset import Dataset, load_dataset
 from discrepancy.data.record import Floats
 from discrepancy.fit.measures import start_fitted
@@ -20,7 +21,7 @@ from discrepancy.fit.simulate import Simulator
 from gyro_model.build import build
 from gyro_model.device import load_device
 from gyro_model.errors import InputError
-from gyro_model.model import load_model
+from gyro_model.model import Model, load_model
 from gyrotwin.numbers import significant
 
 SET: Final = Path(__file__).parents[2] / "shared" / "examples" / "silverbox"
@@ -59,10 +60,15 @@ def diagnosed(out: Path, jobs: int) -> dict[str, float]:
     return {"wall": wall, "processor": float(processor), "memory": int(peak) * 1.024e-3}
 
 
+def improved(folder: Path) -> Model:
+    """The model with the effects that a diagnosis wrote into ``folder``."""
+    return load_model(*([folder / "effects"] if (folder / "effects").is_dir() else []))
+
+
 def residuals(folder: Path, data: Dataset) -> dict[str, Floats]:
     """What the improved model in ``folder`` leaves of each held-out run [V], NaN in the start that gives its initial
     state."""
-    model = load_model(*([folder / "effects"] if (folder / "effects").is_dir() else []))
+    model = improved(folder)
     noise = {q.name for effect in model.effects if effect.noise for q in effect.sizes}
     device = load_device(str(folder / "device.toml"), model).parameters
     parameters = {name: value for name, value in device.items() if name not in noise}
@@ -75,9 +81,19 @@ def residuals(folder: Path, data: Dataset) -> dict[str, Floats]:
     return left
 
 
+def _parts(left: Mapping[str, Floats]) -> dict[str, Floats]:
+    return dict(zip(TARGETS, (left[MULTISINE], left[ARROW], left[ARROW][:HEAD]), strict=True))
+
+
+def bound_rows(left: Mapping[str, Floats]) -> list[Row]:
+    """The rms of what all effects and terms at once leave."""
+    runs = {"the run to fit": left[""], **_parts(left)}
+    return [row(name, "mV", {"measured": 1e3 * float(np.sqrt(np.mean(part[50:] ** 2)))}) for name, part in runs.items()]
+
+
 def misfit_rows(left: Mapping[str, Floats]) -> list[Row]:
     """The rms of what is left, beside the targets."""
-    parts = dict(zip(TARGETS, (left[MULTISINE], left[ARROW], left[ARROW][:HEAD]), strict=True))
+    parts = _parts(left)
     return [
         row(
             name,
@@ -112,6 +128,7 @@ def run(options: Options) -> Report:
         used = diagnosed(out, options.jobs)
         report = json.loads((out / "report.json").read_text(encoding="utf-8"))
         left = residuals(out, data)
+        bound = at_once(out, improved(out), data, report["effects"])
     order = [effect["id"] for effect in report["effects"]]
     place = order.index("cubic_stiffness") + 1 if "cubic_stiffness" in order else np.inf
     rows = [
@@ -130,5 +147,6 @@ def run(options: Options) -> Report:
         "After: " + load(),
     ]
     tables = [Table("rms of simulated minus measured output on held-out runs", rows),
-              Table("named", effect_rows(report["effects"]))]  # fmt: skip
+              Table("named", effect_rows(report["effects"])),
+              Table("all effects and terms at once, to first order", bound_rows(bound))]  # fmt: skip
     return Report("silverbox", "Silverbox: a measured set", tables, notes)
