@@ -33,8 +33,8 @@ class Quantity:
     nominal device and the simulation), ``size`` (switches an effect on) or ``shape`` (of an effect; switches
     nothing). ``nominal`` is how large it typically is [unit]; 0: as large as ``start``. ``display`` is the unit in
     which a tool shows it, of ``gyro_model.units.DISPLAYED``; ``terminal`` groups inputs and outputs by what they
-    connect to. ``search``: how a search for the effect tries a shape; None: it leaves it as it is. ``discrete``: an
-    input or output that changes at instants.
+    connect to. ``search``: how a search for the effect tries it; None: it leaves a shape as it is, a size near neutral.
+    ``discrete``: an input or output that changes at instants.
     """
 
     name: str
@@ -101,9 +101,12 @@ def size(
     high: float = inf,
     nominal: float = 0.0,
     display: str = "",
+    search: Grid | None = None,
 ) -> Quantity:
-    """A parameter that switches its effect on where it differs from ``neutral``."""
-    return Quantity(name, unit, neutral, description, "size", low, high, nominal=nominal, display=display)
+    """A parameter that switches its effect on where it differs from ``neutral``. ``search``: where what it does is not
+    in proportion to it, as of a time constant, the values at which a search for the effect tries it besides."""
+    more = {"nominal": nominal, "display": display, "search": search}
+    return Quantity(name, unit, neutral, description, "size", low, high, **more)  # type: ignore[arg-type]
 
 
 def shape(

@@ -213,9 +213,15 @@ class Library:
             if probe:
                 self.kept[key] = probe, scale.target
                 probes.append(probe)
-        own, trials = tuple(probes), len(grid.values)
+        own, far = tuple(probes), [p for q in probes for p in self._far(q.quantity, at)]
+        trials = len(grid.values) + len(far)
         points = [Candidate(effect, own, s, grid.moved, trials, None, grid.spacing, grid.ends) for s in grid.values]
+        points += [Candidate(effect, (p,), grid.middle, grid.moved, trials, ends=grid.ends) for p in far]
         return points if probes else []
+
+    def _far(self, q: Quantity, at: Fitted) -> list[Probe]:
+        """Probes of a size far from neutral, where its effect file says that it is to be tried there too."""
+        return [Probe(q, float(value) - q.start, 1) for value in self.grids.along(q, at)] if q.search else []
 
     def _scaled(self, key: tuple[str, str], target: float) -> Probe | None:
         """The probe that was found before, for a change of ``target``: a smaller gap asks for a smaller one."""

@@ -54,7 +54,7 @@ class Grids:
         axes: list[Floats] = []
         ends: dict[str, tuple[float, float]] = {}
         for q in searched:
-            own, so_far = self._values(q, at), int(np.prod([len(a) for a in axes]))
+            own, so_far = self.along(q, at), int(np.prod([len(a) for a in axes]))
             ends[q.name] = float(own.min()), float(own.max())
             axes.append(own if len(own) * so_far <= MOST else own[len(own) // 2 : len(own) // 2 + 1])
         names = [q.name for q in searched]
@@ -72,7 +72,8 @@ class Grids:
         axes = [np.clip(middle[q.name] * factors, q.low, q.high).tolist() for q in shapes]
         return [dict(zip((q.name for q in shapes), point, strict=True)) for point in product(*axes)]
 
-    def _values(self, q: Quantity, at: Fitted) -> Floats:
+    def along(self, q: Quantity, at: Fitted) -> Floats:
+        """The values of one parameter that is searched."""
         grid = q.search
         assert grid is not None
         if grid.kind == "instant":

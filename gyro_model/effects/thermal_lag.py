@@ -7,11 +7,15 @@ held, so that a lag may lie far below the step.
 """
 
 from gyro_model.anatomy import Follow, Limit
-from gyro_model.quantities import size
+from gyro_model.quantities import Grid, size
 from gyro_model.symbols import temperature_circuit, temperature_structure
 
-STRUCTURE = size("structure_lag", "s", "time constant of the structure's temperature", low=0.0, nominal=100.0)
-CIRCUIT = size("circuit_lag", "s", "time constant of the circuit's temperature", low=0.0, nominal=100.0)
+# A lag that is long beside a change of temperature keeps it off, whatever its length.
+LONG = Grid.log(0.003, 1, of="duration", points=5)
+STRUCTURE = size(
+    "structure_lag", "s", "time constant of the structure's temperature", low=0.0, nominal=100.0, search=LONG
+)
+CIRCUIT = size("circuit_lag", "s", "time constant of the circuit's temperature", low=0.0, nominal=100.0, search=LONG)
 
 EFFECT = Follow(
     id="thermal_lag",
