@@ -14,7 +14,7 @@ SCALES = (
 
 @dataclass(frozen=True)
 class Grid:
-    """The values of a shape parameter that a search tries before a fit moves it on from the best.
+    """The values of a parameter that a search tries before a fit moves it on from the best.
 
     ``kind`` log: ``points`` in equal ratios from ``low`` to ``high``, times the scale ``of``. resonance: likewise,
     times the highest mode's frequency, and ever finer about the best. quality: the quality factor ``low`` of such a
