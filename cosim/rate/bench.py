@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.rate import loop
-from cosim.rate.allan import MEMORIES
 from cosim.rate.courses import Course, constant
 from cosim.rate.master import LoopedPlant, simulate
 from cosim.rate.run import SAMPLES, RateRun
@@ -21,7 +20,8 @@ from gyro_model.device import Device
 Floats = NDArray[np.float64]
 
 FULL_AT_MOST: Final = 30.0
-"""Records at rest last this long at most where envelope and full FMU disagree [s]: some 15 s of computing."""
+"""Where envelope and full FMU disagree, records at rest last this long at most [s], some 15 s of computing, or as long
+as their Allan deviation needs."""
 SETTLES: Final = 5.0
 """A device that settles later than this is only run on the envelope FMU [s]."""
 CONVERTER: Final = 200e3
@@ -29,7 +29,7 @@ CONVERTER: Final = 200e3
 FULL_SAMPLES: Final = 5
 """The full FMU is run up to this multiple: a second of the simulation then costs a second or two."""
 LONG: Final = 100.0
-"""Records at rest last so many times the shortest delay of an Allan deviation: two decades of it."""
+"""Records at rest last at least so many times the shortest averaging time of their Allan deviation: two decades."""
 AGREE: Final = 1e-3
 """Envelope and full FMU agree where bias over full scale and scale factor differ by less than this, or by less than the
 noise."""
@@ -275,8 +275,9 @@ class Bench:
     @cached_property
     def rest(self) -> list[Record]:
         """Long records at rest, one a seed."""
-        duration = max(self.plan.rest_duration, LONG * MEMORIES * self.typical.delay)
-        duration = duration if self.envelope else min(duration, FULL_AT_MOST)
+        least = LONG * self.typical.white_from
+        longest = np.inf if self.envelope else max(FULL_AT_MOST, least)
+        duration = min(max(self.plan.rest_duration, least), longest)
         return [self.record(duration, seed=seed) for seed in self.seeds(self.plan.rest_records)]
 
     @cached_property

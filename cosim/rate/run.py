@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.rate.allan import DECAYS, MEMORIES
 from cosim.rate.courses import Course, check_jumps, check_rate
 from cosim.rate.filters import delay
 from cosim.rate.loop import Blocks
@@ -167,6 +168,12 @@ class RateRun:
         pole = self.nominal.pole
         axis = 1 / (2 * pi * self.settings.sense_bandwidth) if self.closed else -pole.real / max(abs(pole) ** 2, 1e-18)
         return delay(self.settings.output_bandwidth) + axis
+
+    @property
+    def white_from(self) -> float:
+        """Averaging time from which on noise at rest is white, past filters and the ringing of the sense axis [s]."""
+        ringing = 0.0 if self.closed else DECAYS / max(-self.nominal.pole.real, 1e-9)
+        return max(MEMORIES * self.delay, ringing)
 
     def blocks(self) -> Blocks:
         """The blocks of the loops."""

@@ -7,7 +7,7 @@ from calibration.analysis.allan import rate_allan
 from calibration.datasheet.allan_figures import curve, terms
 from calibration.datasheet.figure import Curve, Outcome
 from calibration.datasheet.procedure import RATE, Procedure
-from cosim.rate.allan import MEMORIES, noise_limits
+from cosim.rate.allan import noise_limits
 from cosim.rate.bench import Bench
 from cosim.rate.metrics import PER_ROOT_HOUR
 
@@ -22,8 +22,7 @@ SPECTRUM = 2400.0
 def measure(bench: Bench) -> Outcome:
     """Of all long records at rest."""
     records, run = bench.rest, bench.typical
-    shortest = MEMORIES * run.delay
-    found = rate_allan(np.stack([one.rate for one in records]), records[0].interval, shortest)
+    found = rate_allan(np.stack([one.rate for one in records]), records[0].interval, run.white_from)
     walk = noise_limits(run.nominal, bench.reference_temperature, 1 / run.sample_rate).total
     figures = terms(found, len(records))
     rule = "√(thermal² + electronics²): √(k_B T/(mωQA²))/λ, and the noise of the pickoff over its scale factor"

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from calibration.analysis.allan import AngleAllan, angle_allan, rate_allan
-from cosim.rate.allan import overlapping
+from cosim.rate.allan import DECAYS, overlapping
 from gyro_model.errors import InputError
 
 INTERVAL = 0.01
@@ -46,6 +47,33 @@ def test_terms_come_back_within_their_errors(q: float, n: float, k: float) -> No
     assert found.instability.value < 3 * found.instability.error + 1e-12
     # Most of the noise that rules is known well.
     assert min(found.angle_noise.error / max(q, 1e-12), found.angle_random_walk.error / n) < 0.05
+
+
+def ringing(rng: np.random.Generator, decay: float, split: float, step: float) -> np.ndarray:
+    """2000 s of the rate of an open loop in white noise of N = 1, means over 0.1 s: r = Im(-p y), y' = p y + w.
+
+    decay [1/s]; split [rad/s]; step: of the motion, which is exact at its ends [s].
+    """
+    pole = complex(-decay, split)
+    # 20 decays: 2e-9 of the start is left.
+    first = int(20 / decay / step)
+    w = rng.standard_normal((int(2000 / step) + first, 2)) @ [1, 1j]
+    y = lfilter([1.0], [1.0, -np.exp(pole * step)], w * np.sqrt((1 - np.exp(-2 * decay * step)) / (2 * decay)))
+    return (-pole * y).imag[first:].reshape(20_000, -1).mean(axis=1)
+
+
+@pytest.mark.parametrize(
+    # Fifty steps or more in a turn: the sum over a row is its integral to 1e-3 of what rings, far from N.
+    ("decay", "split", "step", "most"),
+    [(21.1, 395.0, 2.5e-4, 0.01), (0.33, 61.0, 2e-3, 0.06)],
+)
+def test_an_open_loop_that_rings_shows_its_random_walk(decay: float, split: float, step: float, most: float) -> None:
+    rng = np.random.default_rng(4)
+    rates = np.stack([ringing(rng, decay, split, step) for _ in range(5)])
+    found = rate_allan(rates, 0.1, max(0.2, DECAYS / decay)).angle_random_walk
+    # Three standard errors: 0.8 % and 5 %. Read from 0.2 s on, the second would be 78 % too large.
+    assert abs(found.value - 1) < 3 * found.error
+    assert found.error < most
 
 
 def test_the_interval_covers_the_truth() -> None:
