@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
-from discrepancy.name.columns import ON_THE_WAY, Candidate
+from discrepancy.name.columns import Candidate, on_the_way
 from discrepancy.name.score import Score
 
 
@@ -40,7 +40,7 @@ class Accepted:
     @property
     def on_the_way(self) -> bool:
         """Whether it acts on the way of force or voltage: a defect of the record, a delay or a lag."""
-        return isinstance(self.candidate.effect, ON_THE_WAY)
+        return on_the_way(self.candidate.effect)
 
 
 class Refit(NamedTuple):

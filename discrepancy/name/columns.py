@@ -8,7 +8,7 @@ effect files give: each grid point is a column, and each counts as a trial. An e
 nothing alone, but reads or feeds another, is tried together with that one.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
@@ -35,10 +35,15 @@ FARTHEST: Final = 1e6
 """Times the first guess, at which a probe is no size of anything: what changes nothing there never does."""
 ATTEMPTS: Final = 8
 """Tries at a probe of the right size."""
-ON_THE_WAY: Final = Defect | Delay | Lag
-"""What acts on the way of force or voltage."""
+Kind = Callable[[Effect | Defect], bool]
+"""Says of an effect whether it is one of those that are asked for."""
 HEAD: Final = 2000
 """Samples at the start of each run on which a probe is tried first."""
+
+
+def on_the_way(effect: Effect | Defect) -> bool:
+    """Whether it acts on the way of force or voltage: a defect of the record, a delay or a lag."""
+    return isinstance(effect, Defect | Delay | Lag)
 
 
 @dataclass(frozen=True)
@@ -163,10 +168,10 @@ class Library:
         self._silent: dict[str, frozenset[str]] = {}
 
     def candidates(
-        self, fitter: Fitter, at: Fitted, present: Sequence[str], *, on_the_way: bool = False
+        self, fitter: Fitter, at: Fitted, present: Sequence[str], among: Kind | None = None
     ) -> list[Candidate]:
-        """Every effect beside those ``present`` that changes the voltage of these runs, at each point of its grid; or
-        those ``on_the_way`` alone."""
+        """Every effect beside those ``present``, or of those ``among`` which alone it looks, that changes the voltage
+        of these runs, at each point of its grid."""
         scale = _Scale(fitter, at)
         found: list[Candidate] = []
         silent: list[Effect | Defect] = []
@@ -176,7 +181,7 @@ class Library:
             *(d for d in distortions() if d.axes <= own_axes and not d.gauge),
         ]
         for effect in tried:
-            if effect.id not in present and (isinstance(effect, ON_THE_WAY) or not on_the_way):
+            if effect.id not in present and (among is None or among(effect)):
                 # What changes nothing may do so only once something else is in.
                 known = self._silent.get(effect.id) == frozenset(present)
                 own = [] if known else self._of(effect, scale, at)

@@ -24,7 +24,18 @@ from discrepancy.fit.simulate import Simulator
 from discrepancy.fit.whitening import EARNED
 from discrepancy.name import checkpoint as store
 from discrepancy.name.accepted import Accepted, Dropped, Refit
-from discrepancy.name.columns import Candidate, Fading, Library, Probe, Probes, fading, finer, nameable
+from discrepancy.name.columns import (
+    Candidate,
+    Fading,
+    Kind,
+    Library,
+    Probe,
+    Probes,
+    fading,
+    finer,
+    nameable,
+    on_the_way,
+)
 from discrepancy.name.more_modes import Copy
 from discrepancy.name.scan import Scan, Scored, best_of, next_peaks, other_forms, scanned, sure
 from discrepancy.name.score import Score, Step, score
@@ -214,8 +225,19 @@ class Search:
         self._take(self.dataset)
         self._settle(self.at)
         self.weak, self.waiting = 0.0, []
+        if wrong and terms:
+            self.attempt(f"refit with {terms[0].id}", partial(self._take_in, terms[0]))
         self._save()
         return True
+
+    def _take_in(self, term: Term) -> None:
+        """Takes in a term that was found in the place of a name: it has held its own against all others, over more than
+        the shortest openings."""
+        self.shortest = 1
+        self._scan(lambda effect: effect.id == term.id)
+        if self._accept(patient=False):
+            self._stage(term.id)
+        self.shortest = parts(self.dataset.fit)[0]
 
     @property
     def in_vain(self) -> bool:
@@ -265,8 +287,8 @@ class Search:
                 continue
             if any(a.on_the_way for a in self.accepted[:-1]):
                 # Filters and delays differ by little, which shows only beside what else is missing.
-                self._exchange(on_the_way=True)
-                self._delete(on_the_way=True)
+                self._exchange(on_the_way)
+                self._delete(on_the_way)
             self._stage(self.accepted[-1].id)
             self.attempt("defects of single samples", self._tidy)
             self._save()
@@ -356,15 +378,15 @@ class Search:
     def _stage(self, name: str) -> None:
         self.stages.append((name, dict(self.at.parameters)))
 
-    def _scan(self, *, on_the_way: bool = False) -> None:
-        """Scores every candidate, or those ``on_the_way`` alone, at the present fit, on the shortest openings that may
-        show one."""
+    def _scan(self, among: Kind | None = None) -> None:
+        """Scores every candidate, or those ``among`` which alone it looks, at the present fit, on the shortest openings
+        that may show one."""
         number = self.shortest if self.fitter is self.whole else 1
         if number != self.number:
             self._open(number)
         self.view = opened(self.opening, self.at) if number > 1 else Opening(self.fitter, self.at)
-        found = self.library.candidates(*self.view, self.present, on_the_way=on_the_way)
-        self.scan, self.whole_scan = self._scanned(found), not on_the_way
+        found = self.library.candidates(*self.view, self.present, among)
+        self.scan, self.among = self._scanned(found), among
         self.scored = self.scan.scores()
         best = best_of(self.scored, self.criteria)
         for candidate, result in best:
@@ -561,20 +583,20 @@ class Search:
         self._settle(self.fitter.evaluated(begun), nearly_settled)
         self.accepted[place] = replace(entry, candidate=candidate)
 
-    def _delete(self, *, on_the_way: bool = False) -> None:
-        """Backward deletion: without each effect, or each ``on_the_way``, that the others have made needless."""
+    def _delete(self, among: Kind | None = None) -> None:
+        """Backward deletion: without each effect that the others have made needless. among: of these alone."""
         for entry in list(self.accepted):
             if len(self.accepted) < 2 or self.late:
                 break
             # It may have got the name of one that went.
-            if entry not in self.accepted or (on_the_way and not entry.on_the_way):
+            if entry not in self.accepted or (among and not among(entry.candidate.effect)):
                 continue
-            self.attempt(f"refit without {entry.id}", partial(self._delete_needless, entry, on_the_way))
+            self.attempt(f"refit without {entry.id}", partial(self._delete_needless, entry, among))
 
-    def _delete_needless(self, entry: Accepted, on_the_way: bool) -> None:
+    def _delete_needless(self, entry: Accepted, among: Kind | None) -> None:
         chance = self.criteria.effect_chance / entry.candidate.trials
         needed = chi2.isf(chance, len(entry.candidate.probes)) * self.at.variance
-        if self._takes(entry, on_the_way).gain * self.at.variance > CLEAR * max(
+        if self._takes(entry, among).gain * self.at.variance > CLEAR * max(
             needed, self.criteria.material * self.at.cost
         ):
             return
@@ -601,18 +623,18 @@ class Search:
                 self.at = replace(self.fitter.evaluated(moved), left=self.at.left)
                 self.accepted[place] = replace(entry, candidate=entry.candidate.renamed(gone.candidate.effect, names))
 
-    def _exchange(self, *, on_the_way: bool = False) -> None:
+    def _exchange(self, among: Kind | None = None) -> None:
         """Could another effect stand in the place of each? One that fits better takes it, one that fits as well is its
-        ``either``. on_the_way: of what acts there alone, while the search goes on."""
+        ``either``. among: of these alone, while the search goes on."""
         partners = self._partners
         for place, entry in enumerate(self.accepted):
-            if entry.id in partners or (on_the_way and not entry.on_the_way):
+            if entry.id in partners or (among and not among(entry.candidate.effect)):
                 continue
-            self.attempt(f"rivals of {entry.id}", partial(self._exchange_one, place, entry, on_the_way))
+            self.attempt(f"rivals of {entry.id}", partial(self._exchange_one, place, entry, among))
 
-    def _exchange_one(self, place: int, entry: Accepted, on_the_way: bool) -> None:
+    def _exchange_one(self, place: int, entry: Accepted, among: Kind | None) -> None:
         variance = self.at.variance
-        fits = {entry.id: (self.at, entry.candidate), **self._refitted_instead(entry, on_the_way)}
+        fits = {entry.id: (self.at, entry.candidate), **self._refitted_instead(entry, among)}
         self.simulator.clock.check()
         price = {i: at.cost + self._price(c, len(c.all_probes)) * variance for i, (at, c) in fits.items()}
         plain = {i: price[i] + self._shaped(c) * variance for i, (_, c) in fits.items()}
@@ -627,7 +649,7 @@ class Search:
         close = self.at.cost + self.criteria.even * variance
         even = {i: dict(at.parameters) for i, (at, _) in fits.items() if at.cost < close}
         behind = {i: (price[i] - price[head]) / variance for i in fits}
-        self.accepted[place] = Accepted(candidate, entry.share, even, behind, entry.asked or not on_the_way)
+        self.accepted[place] = Accepted(candidate, entry.share, even, behind, entry.asked or not among)
 
     @property
     def _partners(self) -> set[str]:
@@ -696,9 +718,9 @@ class Search:
         found = score(less(linear.grams, linear.known), others, own, linear.count)
         return sure(entry.candidate, found, self.criteria)
 
-    def _refitted_instead(self, entry: Accepted, on_the_way: bool) -> dict[str, tuple[Fitted, Candidate]]:
+    def _refitted_instead(self, entry: Accepted, among: Kind | None) -> dict[str, tuple[Fitted, Candidate]]:
         """By id the effects that fit nearly as well in the place of ``entry``, or better."""
-        stand_ins, rounds = self._stand_ins(entry, on_the_way), ROUNDS if on_the_way else LAST_ROUNDS
+        stand_ins, rounds = self._stand_ins(entry, among), ROUNDS if among else LAST_ROUNDS
         if not stand_ins:
             return {}
         goal = self.at.cost + self.criteria.even * self.at.variance
@@ -718,20 +740,20 @@ class Search:
             self.simulator.forget(trial.fitter.records)
         return fits
 
-    def _takes(self, entry: Accepted, on_the_way: bool = False) -> Score:
+    def _takes(self, entry: Accepted, among: Kind | None) -> Score:
         """What the present fit would lose without an effect, to first order, the other parameters taking up what they
         can."""
-        if self.scan.at.parameters != self.at.parameters or not (self.whole_scan or on_the_way):
+        if self.scan.at.parameters != self.at.parameters or self.among not in (None, among):
             self.shortest = 1
-            self._scan(on_the_way=on_the_way)
+            self._scan(among)
         linear = self.scan.at
         own = [i for i, f in enumerate(linear.free) if f.name in entry.names]
         others = [i for i in range(linear.known) if i not in own]
         return score(self.scan.grams(linear, self.accepted.index(entry)), others, own, self.at.count)
 
-    def _stand_ins(self, entry: Accepted, on_the_way: bool) -> list[Scored]:
+    def _stand_ins(self, entry: Accepted, among: Kind | None) -> list[Scored]:
         """Effects that explain what ``entry`` does nearly as well, by their columns at the present fit."""
-        least = self._takes(entry, on_the_way)
+        least = self._takes(entry, among)
         others = [i for i, f in enumerate(self.scan.at.free) if f.name not in entry.names]
         further = {name for name, copy in self.copies.items() if copy.further and copy.after == entry.id}
         near = [(c, s) for c, s in self.scan.scores(others, self.accepted.index(entry))
