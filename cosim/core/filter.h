@@ -47,7 +47,7 @@ typedef struct {
     double z[NZ];      /* [SI] */
     double P[NZ][NZ];  /* covariance of z for given p */
     double Y[NZ][NP];  /* dz/dp */
-    double sum[2], sum_variance[2]; /* of the corrections of the rate and of its slope */
+    double sum[2], sum_variance[2]; /* of the corrections of the rate and of its slope lately, fading */
 } moving;
 
 /* The direction of which a start has told least, as far as samples show it at all: p = p_start + s n + s^2/2 bend, of the same likelihood to second

@@ -1,7 +1,11 @@
 #include "rate.h"
 
+#include "known_model.h"
+
 #define STRETCH 0.01 /* over which changes of the slope are compared with their noise [s] */
 #define MOST 1e4     /* walk of the slope that these ask for at most [rad/s2 per s^0.5] */
+#define CORNER (1.0 / 3.0) /* highest corner of the filter over the frequency of the oscillation */
+#define FADED 0.8    /* share of the sums of corrections that is left at each call: 320 samples, some times 1/corner; over less a walk too large does not show */
 #define JUMP_SLOPE 100.0 /* what a jump of the rate leaves unknown of its slope [rad/s2] */
 #define KEPT 0.1     /* in which what that has found is forgotten, by a factor e [s]: a swing that turns round stands still for a moment */
 #define SETTLED 2e-3 /* after a jump of the rate, until its estimate has settled [s] */
@@ -57,7 +61,26 @@ static void watch_roaming(filter *f)
     }
 }
 
-/* The size of a walk that the corrections since the last call ask for, within its limits. */
+/* Walk of the slope at which the filter's corner is the highest, R being the density of the noise with which samples tell the pattern's angle: that of a whole
+   cycle, which holds for what is slower. */
+static double highest_slope_walk(const filter *f)
+{
+    const double none[2] = {0.0, 0.0}, *z = f->now.z, stiffness = 0.5 * (fabs(f->k.p[0]) + fabs(f->k.p[1]));
+    const double corner = CORNER * sqrt(stiffness);
+    double by_s[2 * NS], told = 0.0;
+    known_pick_off_by_state(&f->k, z, none, z[OMEGA], by_s);
+    for (int a = 0; a < 2; a++) {
+        for (int i = 0; i < 4; i += 2) {
+            /* A turn moves x by -y and y by x; mean squares over a cycle. */
+            const double other = z[2 - i], velocity = z[3 - i], by = by_s[a * NS + i];
+            told += f->inverse[a] * by * by * 0.5 * (other * other + velocity * velocity / stiffness);
+        }
+    }
+    const double most = f->settings.slope_walk_max;
+    return told > 0.0 ? smaller(corner * corner * corner * sqrt(f->m.period / told), most) : most;
+}
+
+/* The size of a walk that the corrections lately ask for, within its limits. */
 static double adapted(double walk, double rate, double sum, double variance, double least, double most)
 {
     const double ratio = variance > 0.0 ? smaller(sum * sum / variance, 10.0) : 10.0;
@@ -70,8 +93,10 @@ void rate_adapt_walk(filter *f)
     const filter_settings *s = &f->settings;
     watch_roaming(f);
     f->walk = adapted(f->walk, s->omega_walk_rate, n->sum[0], n->sum_variance[0], s->omega_walk_min, s->omega_walk_max);
-    const double least = larger(s->slope_walk_min, smaller(sqrt(f->roaming), MOST));
-    f->slope_walk = adapted(f->slope_walk, s->omega_walk_rate, n->sum[1], n->sum_variance[1], least, s->slope_walk_max);
-    memset(n->sum, 0, sizeof n->sum);
-    memset(n->sum_variance, 0, sizeof n->sum_variance);
+    const double most = highest_slope_walk(f), least = smaller(larger(s->slope_walk_min, smaller(sqrt(f->roaming), MOST)), most);
+    f->slope_walk = adapted(f->slope_walk, s->omega_walk_rate, n->sum[1], n->sum_variance[1], least, most);
+    for (int i = 0; i < 2; i++) {
+        n->sum[i] *= FADED;
+        n->sum_variance[i] *= FADED * FADED;
+    }
 }

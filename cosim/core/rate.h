@@ -11,7 +11,7 @@ void rate_open(filter *f);
 /* Leaves out the rows of the samples in which a surprise may have been under way: what they tell is of the rate, not of the constants. */
 void rate_drop_recent(filter *f);
 
-/* Lets the walks of the rate and of its slope follow their corrections since the last call. */
+/* Lets the walks of the rate and of its slope follow their corrections of the last few calls; every 64 samples. */
 void rate_adapt_walk(filter *f);
 
 /* The rate has just jumped: what it has done until now is no walk. */
