@@ -43,7 +43,7 @@ def test_a_sine_of_the_rate_does_not_pass_for_damping(amplitude, frequency, tmp_
     found = windows(run_under(tmp_path, rate, 0.6, design="lab", seed=2))
     assert len(found) > 20
     # It drifted by 1.4 and 2.1 deg/s, 20 and 37 of its predicted deviations, 2.8 and 4.2 of what a flag may hide. What
-    # is left does not come of the swing: it dies away within 0.3 s of a start that ended beside its fit along the gauge.
+    # is left does not come of the swing: it dies away in 0.3 s after a start that ended beside its fit on the gauge.
     # At 2 Hz 31 of the seeds 2 to 37 stay below 1, and the others, seed 2 with 1.16 among them, below 1.5.
     residual("drift over what a flag may hide", max(abs(d) / max(0.5, 4 * sigma) for d, sigma in found), 1.6)
 
