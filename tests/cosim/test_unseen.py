@@ -33,7 +33,7 @@ def test_what_a_changing_rate_shows_is_looked_at_again(seed, residual) -> None:
     _, result = simulated("motion", design="lab", seed=seed, duration=1.9)
     assert result.validity.now
     assert result.converged_at > 0.35
-    # The bound is that of the first second, the deviation that of 1.9 s. What the second look leaves open to more than a
+    # The bound is that of the first second, the deviation of 1.9 s. What the second look leaves open to more than a
     # third of its prior is not told block by block. Seeds 4 to 13 have 0.38 to 2.3 bounds. With a walk of the rate
     # that wandered they had 0.37 to 2.8, the least at seed 12: where the look ends along the gauge.
     assert 0.3 < predicted(result) / result.bounds.drift[-1] < 3.0
