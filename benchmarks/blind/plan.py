@@ -110,7 +110,8 @@ def unknowns(block: str) -> Iterator[Entry]:
     """Every term that stands in no file."""
     for number, term in enumerate(TERMS, 1):
         name = f"unknown-{term.name}"
-        yield Entry("unknown", name, partial(make_unknown, name, number, block))
+        if not term.known:
+            yield Entry("unknown", name, partial(make_unknown, name, number, block))
 
 
 def inseparables(block: str) -> Iterator[Entry]:

@@ -7,19 +7,21 @@ from numba import njit
 
 
 class Term(NamedTuple):
-    """One force on the two axes: sympy text in x, y, x_dot, y_dot, u_x, u_y, with the coefficient c [SI]."""
+    """One force on the two axes: sympy text in x, y, x_dot, y_dot, u_x, u_y, with the coefficient c [SI]. known: the
+    effect that states it by now, by its id; such a term is no trial any more."""
 
     name: str
     force_x: str
     force_y: str
+    known: str = ""
 
 
 TERMS: Final = (
     Term("quintic_stiffness", "-c*x**5", "0"),
     Term("three_wave_spring", "-2*c*x*y", "-c*x**2"),
-    Term("cross_spring", "-c*x*y**2", "-c*x**2*y"),
+    Term("cross_spring", "-c*x*y**2", "-c*x**2*y", "cross_cubic_stiffness"),
     Term("square_drag", "-c*Abs(x_dot)*x_dot", "-c*Abs(y_dot)*y_dot"),
-    Term("smooth_friction", "-c*tanh(x_dot/1e-3)", "-c*tanh(y_dot/1e-3)"),
+    Term("smooth_friction", "-c*tanh(x_dot/1e-3)", "-c*tanh(y_dot/1e-3)", "dry_friction"),
     Term("odd_damping", "-c*x**3*x_dot", "0"),
     Term("parametric_drive", "c*u_x*x", "0"),
     Term("velocity_coupling", "-c*x_dot*y", "0"),
