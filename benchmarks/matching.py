@@ -16,7 +16,6 @@ from calibration.matching.measures import SETTLING
 from cosim.rate.allan import allan_deviation
 from cosim.rate.courses import ZERO_CELSIUS, Course, constant, constant_temperature, temperature_ramp
 from cosim.rate.dither import Dither
-from cosim.rate.filters import delay
 from cosim.rate.master import simulate
 from cosim.rate.settings import design_for
 from gyro_model.device import Device, load_device
@@ -108,7 +107,7 @@ def noise(number: int) -> dict[str, float]:
     run = replace(asked.run, others={"v_bias": course})
     record = simulate(run).record
     rate = record["rate"].to_numpy()[record["t"].to_numpy() > SETTLING]
-    walk = allan_deviation(rate, run.interval, delay(run.settings.output_bandwidth)).angle_random_walk
+    walk = allan_deviation(rate, run.interval, run.white_from).angle_random_walk
     assert run.blocks().dither == Dither()
     return {"with": with_dither, "without": degrees(walk) * 60}
 

@@ -7,7 +7,6 @@ import numpy as np
 
 from calibration.matching.holding import Matched
 from cosim.rate.allan import allan_deviation
-from cosim.rate.filters import delay
 from cosim.rate.run import RateRun
 from gyro_model.errors import InputError
 
@@ -73,6 +72,6 @@ def _walk(run: RateRun, rate: np.ndarray, turns: bool) -> float:
         # In the open loop the answer at the match is as slow as the sense mode: its noise is that of a walk, not white.
         return nan
     try:
-        return allan_deviation(rate, run.interval, delay(run.settings.output_bandwidth)).angle_random_walk
+        return allan_deviation(rate, run.interval, run.white_from).angle_random_walk
     except InputError:
         return nan

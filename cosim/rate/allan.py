@@ -49,13 +49,13 @@ class Allan(NamedTuple):
     instability_tau: float | None
 
 
-def allan_deviation(rate: Floats, interval: float, settling: float) -> Allan:
+def allan_deviation(rate: Floats, interval: float, white_from: float) -> Allan:
     """Of a record of ``rate`` [rad/s], shape (n,), one each ``interval`` [s]; overlapping estimator.
 
-    settling: delay of the output filter [s]; averaging times of less than MEMORIES of it show the filter. Raises
-    InputError where the record is too short, saying how long it must be.
+    white_from: averaging time [s] below which filters and the sense axis show (RateRun.white_from). Raises InputError
+    where the record is too short, saying how long it must be.
     """
-    shortest = max(interval, MEMORIES * settling)
+    shortest = max(interval, white_from)
     needed = max(MINIMUM_ROWS * interval, 4 * shortest / LONGEST_SHARE)
     if len(rate) * interval < needed:
         raise InputError(f"record at rest of {len(rate) * interval:.4g} s: an Allan deviation needs {needed:.4g} s")

@@ -134,8 +134,7 @@ def allan_of(record: pl.DataFrame, run: RateRun) -> tuple[Allan, NoiseLimits] | 
     if not at_rest:
         return None
     try:
-        settling = delay(run.settings.output_bandwidth)
-        allan = allan_deviation(record["rate"].to_numpy(), run.interval, settling)
+        allan = allan_deviation(record["rate"].to_numpy(), run.interval, run.white_from)
     except InputError:
         return None
     return allan, noise_limits(run.nominal, float(record["temperature_structure"][0]), 1 / run.sample_rate)

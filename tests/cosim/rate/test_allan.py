@@ -1,5 +1,6 @@
 """Allan deviation: known noises give known coefficients; the simulated device meets its own limits."""
 
+from dataclasses import replace
 from math import pi, sqrt
 
 import numpy as np
@@ -69,6 +70,19 @@ def test_simulated_device_meets_its_limits(closed: bool) -> None:
     shown = summarise(asked, result)["allan"]
     assert shown["thermal_limit_deg_rth"] == pytest.approx(PER_ROOT_HOUR * limits.thermal)
     assert shown["thermal_limit_deg_rth"] < shown["expected_deg_rth"] < 1.1 * shown["thermal_limit_deg_rth"]
+
+
+def test_random_walk_of_an_open_loop_of_high_q_is_read_past_its_ringing() -> None:
+    p = DEVICE.parameters
+    sharp = DEVICE.with_parameters({"kyy": p["m"] * (2 * pi * 5009.7) ** 2, "dyy": p["dyy"] * 600 / 38_000})
+    asked = replace(run(False, 1000.0), device=sharp)
+    noise = allan_of(simulate(asked).record, asked)
+    assert noise is not None
+    allan, limits = noise
+    # The statistical error is 14 %; read from 40 delays of the filter on, seeds 1 to 3 give 1.61 to 1.69 of the limit.
+    assert allan.angle_random_walk == pytest.approx(limits.total, rel=0.42)
+    # Decays of 2.4 s.
+    assert asked.white_from == pytest.approx(3 * 38_000 / (pi * 5009.7), rel=0.01)
 
 
 @pytest.mark.parametrize("rows", [200, 4321])
