@@ -262,7 +262,8 @@ def c_files(folder: Path, fmi: str) -> list[str]:
 
 def _build_one(model: Form, token: str, fmi: str, path: Path, sources: Path, platforms: Sequence[str]) -> None:
     """Packs an FMU of the C in ``sources`` with libraries for ``platforms``; none: for this machine."""
-    LOGGER.info("compiling the %s FMU for %s, once for this model, some 5 s ...", model.NAME, fmi.upper())
+    if not platforms:
+        LOGGER.info("compiling the %s FMU for %s, once for this model, some 5 s ...", model.NAME, fmi.upper())
     files = c_files(sources, fmi)
     other = {"fmi2": "fmi3.c", "fmi3": "fmi2.c"}[fmi]
     with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
@@ -280,6 +281,8 @@ def _build_one(model: Form, token: str, fmi: str, path: Path, sources: Path, pla
             (root / place).parent.mkdir(parents=True, exist_ok=True)
             (root / place).write_bytes(data)
         for platform in map(platform_of, platforms or (own_platform(),)):
+            if platforms:
+                LOGGER.info("compiling the %s FMU for %s on %s ...", model.NAME, fmi.upper(), platform.fmi3)
             library = root / "binaries" / getattr(platform, fmi) / f"{model.NAME}{platform.suffix}"
             library.parent.mkdir(parents=True)
             if platforms:

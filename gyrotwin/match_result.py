@@ -83,7 +83,7 @@ class MatchResult(Saved):
                 "count": len(self.raw.blocks),
                 "missed": found.missed,
                 "measurement_s": plan.measure,
-                "settling_s": plan.settle,
+                "settling_s": plan.before,
                 "error_over_deviation": _number(found.ratio),
                 "error_over_bound": _number(found.over_bound),
             },

@@ -63,7 +63,7 @@ def match(asking: Asking, progress: Progress | None = None) -> Matched:
         done, bias = 0, known.first_bias
         while done < run.rows:
             plan = estimator.plan()
-            aim = tuner.bias(plan.settle + 0.5 * plan.measure) if blocks else bias
+            aim = tuner.bias(plan.before + 0.5 * plan.measure) if blocks else bias
             step = _Step(run, plan, done, bias, aim)
             new_rows, new_held, sensed = step.run(plant, progress)
             rows.append(new_rows)
@@ -77,7 +77,7 @@ def match(asking: Asking, progress: Progress | None = None) -> Matched:
 def _judge(estimator: Estimator, tuner: Tuner, plan: Plan, sensed: Sensed, bias: float, t: float) -> Block:
     """What a block tells, taken in by the tuner; its split is that in the middle of the measurement."""
     square = bias**2
-    tuner.predict(plan.settle + 0.5 * plan.measure)
+    tuner.predict(plan.before + 0.5 * plan.measure)
     answer = estimator.measure(sensed, tuner.split(square))
     if answer is not None:
         tuner.update(answer.split, answer.deviation, square)
@@ -97,11 +97,12 @@ class _Step:
 
     def __init__(self, run: RateRun, plan: Plan, first: int, bias: float, aim: float) -> None:
         self._run, self._plan, self._first = run, plan, first
-        settle, count = (max(round(time / run.interval), 1) for time in (plan.settle, plan.settle + plan.measure))
+        ends = plan.settle, plan.before, plan.before + plan.measure
+        moved, settle, count = (max(round(time / run.interval), 1) for time in ends)
         self._count = min(count, run.rows - first)
         self.whole = self._count == count
         self._settle = settle * run.per_row
-        share = np.minimum(np.arange(1, self._count * run.per_row + 1) / self._settle, 1.0)
+        share = np.minimum(np.arange(1, self._count * run.per_row + 1) / (moved * run.per_row), 1.0)
         self._bias = np.sqrt(bias**2 + share * (aim**2 - bias**2))
 
     def run(self, plant: LoopedPlant, progress: Progress | None) -> tuple[Floats, Floats, Sensed]:

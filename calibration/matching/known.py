@@ -17,7 +17,8 @@ class Known(NamedTuple):
 
     frequency: of the drive [Hz]; decay: of the sense mode, ω/2Q [1/s]; mass [kg]; amplitude: of the drive [m]; gain: of
     the sense pickoff [V/m]; slope: dΔf/dV² [Hz/V²]; first_bias, highest_bias [V]; full_scale [rad/s]; output_bandwidth,
-    sense_bandwidth [Hz]; interval: of which blocks are multiples [s].
+    sense_bandwidth [Hz]; interval: of which blocks are multiples [s]; settling: after which the drive loop has
+    caught up with a change [s].
     """
 
     frequency: float
@@ -32,6 +33,7 @@ class Known(NamedTuple):
     output_bandwidth: float
     sense_bandwidth: float
     interval: float
+    settling: float
 
 
 class Sensed(NamedTuple):
@@ -87,7 +89,7 @@ def known_of(run: RateRun, highest_bias: float) -> Known:
     return Known(
         frequency, -nominal.pole.real, p["m"], settings.drive_amplitude, p["sense_gain_y"], slope, first, highest_bias,
         settings.full_scale, settings.output_bandwidth, settings.sense_bandwidth,
-        run.interval,
+        run.interval, run.drive_settling,
     )  # fmt: skip
 
 

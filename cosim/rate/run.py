@@ -154,12 +154,16 @@ class RateRun:
     @property
     def settling(self) -> float:
         """Time after which a step of the rate, or the start of the loops, is no longer seen [s]."""
-        slowest = min(self.settings.phase_bandwidth, self.settings.amplitude_bandwidth)
-        loops = 2**0.5 / (2 * pi * slowest)
         sense = 1 / max(-self.nominal.pole.real, 1e-9)
         closed = 1 / (2 * pi * self.settings.sense_bandwidth) if self.closed else 0.0
         filters = delay(self.settings.output_bandwidth) + delay(self.settings.demodulator_bandwidth)
-        return SETTLED * max(loops, sense, closed, filters)
+        return max(self.drive_settling, SETTLED * max(sense, closed, filters))
+
+    @property
+    def drive_settling(self) -> float:
+        """Time after which the drive loop has caught up with a change [s]."""
+        slowest = min(self.settings.phase_bandwidth, self.settings.amplitude_bandwidth)
+        return SETTLED * 2**0.5 / (2 * pi * slowest)
 
     @property
     def delay(self) -> float:

@@ -21,7 +21,8 @@ def build(
     """Build the FMUs Gyroscope, GyroscopeEnvelope, GyroscopeSensor and GyroscopeClocked, and print where they are."""
     from gyrotwin import api
 
-    with said_if_slow(f"compiling seven FMUs{', a minute or two at first' if platforms else ', some 10 s'}"):
+    time = "some minutes at first, most of them for zig's own libraries" if platforms else "some 10 s"
+    with said_if_slow(f"compiling seven FMUs, {time}"):
         paths = api.build(force=force, platforms=platforms)
     for path in paths:
         print(path)

@@ -3,6 +3,7 @@
 from math import degrees
 
 import numpy as np
+from scipy.stats import norm
 
 from calibration.analysis.staircase import PPM, RESPONSE, plateaus, staircase
 from calibration.characteristics.kind import SETTLING, Course, Kind
@@ -13,10 +14,16 @@ RATES = 3
 """A line and what it leaves need so many rates."""
 
 
+def largest_of(count: int) -> float:
+    """Median of the largest of ``count`` magnitudes of normal noise, over its standard deviation."""
+    return float(norm.ppf((1 + 0.5 ** (1 / count)) / 2))
+
+
 def outcome(one: AngleRecord) -> Outcome:
     """Of the plateaus through which the angle was valid."""
     found = staircase(plateaus(one.t, np.where(one.valid, one.angle, np.nan), one.rate, SETTLING))
     count, full_scale = len(found.plateaus.rate), float(np.abs(found.plateaus.rate).max())
+    noise = float(found.plateaus.error.mean()) / full_scale * PPM
     threshold = found.threshold
     figures = [
         Figure(
@@ -38,12 +45,12 @@ def outcome(one: AngleRecord) -> Outcome:
             "nonlinearity",
             found.nonlinearity_ppm,
             "ppm of full scale",
-            float(found.plateaus.error.mean()) / full_scale * PPM,
+            noise,
             count,
-            0.0,
-            "none",
-            "at least",
-            "largest departure from the line; noise adds to it",
+            noise * largest_of(count),
+            "the noise of the plateaus alone: the median of the largest of as many",
+            "at most",
+            "largest departure from the line",
         ),
         Figure(
             "scale_factor_asymmetry",

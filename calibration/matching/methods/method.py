@@ -8,14 +8,20 @@ from calibration.matching.known import Known, Sensed
 
 class Plan(NamedTuple):
     """The coming block. settle: in which the bias goes to its new value [s]; measure: in which it stays [s]; tone: of
-    the dither [Hz]; force: of each of its sides [N], 0 for none; closed: whether the sense loop
-    rebalances."""
+    the dither [Hz]; force: of each of its sides [N], 0 for none; closed: whether the sense loop rebalances; rest: that
+    it stays before the measurement [s]."""
 
     settle: float
     measure: float
     tone: float = 0.0
     force: float = 0.0
     closed: bool = True
+    rest: float = 0.0
+
+    @property
+    def before(self) -> float:
+        """From the end of the last block to the measurement [s]."""
+        return self.settle + self.rest
 
 
 class Answer(NamedTuple):
