@@ -15,6 +15,7 @@ from gyro_model.device import Device
 from gyro_model.errors import InputError
 from gyrotwin.api import DeviceSource, Progress, load_device, run
 from gyrotwin.figures import Figure, Panel, line
+from gyrotwin.numbers import MISSING, with_error
 from gyrotwin.results import Saved, Writer, write_json
 
 FIGURES: Final = {
@@ -111,10 +112,8 @@ class Comparison(Saved):
 def shown(number: Number | None) -> str:
     """A number with its standard error, or a dash."""
     if number is None:
-        return "–"
-    if not math.isfinite(number.error) or number.error == 0:
-        return f"{number.value:.5g}"
-    return f"{number.value:.4g} ± {number.error:.2g}"
+        return MISSING
+    return with_error(number.value, number.error)
 
 
 def compare(

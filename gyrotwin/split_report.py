@@ -84,9 +84,9 @@ def _fit(analysis: Analysis) -> Figure:
         "fit",
         "The hump and how well its place is known",
         "",
-        "Left: one-sided density near the hump, means over neighbouring bins, with the fitted model; dashed: the ends "
-        "of the 95 % interval of f_y. Right: fall of the log-likelihood, maximised over all else, as f_y moves off its "
-        f"best value; the interval ends where it has fallen by {QUANTILE_95:.2f}.",
+        "First: one-sided density near the hump, means over neighbouring bins, with the fitted model; dashed: the ends "
+        "of the 95 % interval of f_y. Second: fall of the log-likelihood, maximised over all else, as f_y moves off "
+        f"its best value; the interval ends where it has fallen by {QUANTILE_95:.2f}.",
         [("measured", "M, measured"), ("estimate", "model, likelihood"), ("limit", "95 %")],
         [
             Panel(
@@ -127,8 +127,8 @@ def _correlation(analysis: Analysis) -> Figure:
         "correlation",
         "Cross-correlation of N and M",
         "patent CN 111272193, R(λ)",
-        "R over the lag of N, preset at f_x: the line gives the peak at zero, the hump the one at the split. Left: as "
-        "in the patent, the line in M. Right: the lines in M replaced by what lies around them. Orange: the hump's "
+        "R over the lag of N, preset at f_x: the line gives the peak at zero, the hump the one at the split. First: as "
+        "in the patent, the line in M. Second: the lines in M replaced by what lies around them. Orange: the hump's "
         "peak as read from R; dashed: the split by maximum likelihood.",
         [("estimate", "R"), ("error", "peak of the hump in R"), ("limit", "split, maximum likelihood")],
         panels,

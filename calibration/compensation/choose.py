@@ -6,6 +6,7 @@ count in what can be known of them. Of a whole cycle neither the mean nor a walk
 the turn-on or the walk of the next, and one that is luckier with them is no better.
 """
 
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ from calibration.compensation.points import Points, bias_points, scale_points
 from calibration.compensation.record import Blocks, Floats
 from calibration.compensation.wander import walk_of, whitened
 from gyro_model.errors import InputError, nearest
+
+Progress = Callable[[float, float], None]
 
 BEST: Final = "best"
 CURVE: Final = 12
@@ -49,10 +52,12 @@ def inputs_of_all(found: list[Candidate]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for candidate in found for name in candidate.inputs))
 
 
-def choose(blocks: Blocks, asked: Asked, among: list[Candidate] | None = None) -> Choice:
+def choose(
+    blocks: Blocks, asked: Asked, among: list[Candidate] | None = None, progress: Progress | None = None
+) -> Choice:
     """The best candidate of each family, by cycles left out in turn, of a single cycle by contiguous parts.
 
-    Raises InputError where none can be fitted.
+    progress: is called with the candidates done and all of them. Raises InputError where none can be fitted.
     """
     among = candidates(blocks, asked) if among is None else among
     blocks = blocks.with_inputs(inputs_of_all(among))
@@ -61,7 +66,9 @@ def choose(blocks: Blocks, asked: Asked, among: list[Candidate] | None = None) -
     best: dict[str, Candidate] = {}
     tried = []
     refusal: InputError | None = None
-    for candidate in among:
+    for number, candidate in enumerate(among):
+        if progress is not None:
+            progress(number, len(among))
         try:
             candidate.fit(blocks)
             held_out, bias_error = score(blocks, folds, candidate.fit, walk)

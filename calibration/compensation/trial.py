@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from calibration.compensation.choose import Choice, candidates, choose, inputs_of_all
+from calibration.compensation.choose import Choice, Progress, candidates, choose, inputs_of_all
 from calibration.compensation.cycles import MEMORY, by_cycle, count, covered, last_cycle, memory_of
 from calibration.compensation.derived import derived
 from calibration.compensation.floors import Floors, floors
@@ -46,9 +46,10 @@ class Trial(NamedTuple):
         return self.judged[0].compensation
 
 
-def trial(blocks: Blocks, test: Blocks | None, asked: Asked, outside: str) -> Trial:
+def trial(blocks: Blocks, test: Blocks | None, asked: Asked, outside: str, progress: Progress | None = None) -> Trial:
     """Fits what is asked for and judges it on ``test``; without one on the last cycle, and where there is only one on
-    contiguous parts of it. Raises InputError where nothing can be fitted, and as ``judge`` does."""
+    contiguous parts of it. progress: as of ``choose``. Raises InputError where nothing can be fitted, and as ``judge``
+    does."""
     among = candidates(blocks, asked)
     names = inputs_of_all(among)
     blocks = blocks.with_inputs(names)
@@ -56,7 +57,7 @@ def trial(blocks: Blocks, test: Blocks | None, asked: Asked, outside: str) -> Tr
     if untested:
         # Parts of one cycle reach a little beyond the rest of it; what is clamped is counted.
         outside = "clamp"
-    choice = choose(fitted, asked, among)
+    choice = choose(fitted, asked, among, progress)
     judged = []
     for candidate in choice.best:
         compensation = candidate.fit(fitted)

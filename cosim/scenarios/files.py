@@ -159,6 +159,8 @@ def load_scenario(name: str) -> Scenario:
     packaged = packaged_scenarios()
     path = packaged.get(name, Path(name))
     if not path.is_file():
+        if path.suffix == ".toml":
+            raise InputError(f"scenario file {name} does not exist: check the path")
         hint = nearest(name, packaged)
         raise InputError(
             f"scenario {name!r} is not known{hint} (scenarios: {', '.join(packaged)}, or a file NAME.toml)"

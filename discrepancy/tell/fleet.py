@@ -242,7 +242,7 @@ def _outliers(rows: Sequence[Row], shares: Mapping[str, Share], spreads: Mapping
             for i in at:
                 value, expected = spread.estimates[i].value, spread.found.expected[i]
                 reasons.append(
-                    f"{name} = {value:.4g} {spread.unit} where the others let expect {expected:.4g}, "
+                    f"{name} = {value:.4g} {spread.unit} where the others lead one to expect {expected:.4g}, "
                     f"{spread.found.distances[i]:+.1f} σ"
                 )
         if reasons:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gyrotwin.api.simulation import Progress
     from gyrotwin.results import CompensationResult, SplitResult
 
 
@@ -109,6 +110,7 @@ def compensate(
     maps: Mapping[str, str] | None = None,
     scales: Mapping[str, str] | None = None,
     seed: int = 1,
+    progress: "Progress | None" = None,
 ) -> "CompensationResult":
     """Fit a temperature compensation of scale factor and bias.
 
@@ -136,6 +138,8 @@ def compensate(
         Headings and units of the columns of a lab's own table.
     seed : int
         Of the network's starts.
+    progress : callable
+        Called with the shapes tried and all that will be.
 
     Returns
     -------
@@ -155,7 +159,8 @@ def compensate(
         Request(
             tuple(map(Path, paths)), None if test is None else Path(test), method, sensor, segments, hidden,
             sampling_time, settling, settled, outside, _pairs(maps), _pairs(scales), seed,
-        )
+        ),
+        progress,
     )  # fmt: skip
 
 

@@ -43,6 +43,7 @@ def sweep(
             console.print(f"{name} = {value}", highlight=False, markup=False)
         return
     if simulate_scale:
+        console.print("timing the first points, then a scheduler with stub tasks, some 10 s ...", highlight=False)
         console.print(_scale(task.simulate_scale(plan)))
         return
     folder = out or Path("results") / plan.stem

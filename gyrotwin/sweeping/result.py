@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -86,12 +87,13 @@ class SweepResult:
                 for n, values in columns.items() if np.ptp(values) > 0}  # fmt: skip
 
     def worst(self, count: int = 5) -> pl.DataFrame:
-        """Failed rows first, then those farthest beyond a limit, or with the largest first output."""
+        """Failed rows first, then those farthest beyond a limit or nearest to one; without limits those with the
+        largest first output."""
         table = self.rows
-        far = pl.Series([0.0] * len(table))
+        far = pl.Series([float("-inf")] * len(table))
         for name, (low, high) in self.plan.limits.items():
             if name in table.columns:
-                values, width = table[name], max(high - low, 1e-300)
+                values, width = table[name], _width(low, high)
                 beyond = pl.select(pl.max_horizontal(low - values, values - high) / width).to_series()
                 far = pl.select(pl.max_horizontal(far, beyond.fill_null(float("inf")))).to_series()
         if not self.plan.limits and self.outputs:
@@ -102,6 +104,12 @@ class SweepResult:
     def _repr_html_(self) -> str:
         s = self.summary
         return f"<p>{s['points']} points, {s['failed']} failed, yield {s['yield']['value']:.1%}</p>"
+
+
+def _width(low: float, high: float) -> float:
+    """Of an interval; of one that is open at one end, the size of the other."""
+    ends = [end for end in (low, high) if isfinite(end)]
+    return max(high - low if len(ends) == 2 else abs(ends[0]) if ends else 1.0, 1e-300)
 
 
 def _wilson(good: int, count: int) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """`gyrotwin compensate`: fits a temperature compensation to a test, and shows what it leaves of another."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from calibration.compensation.record import Blocks
     from calibration.compensation.trial import Trial
     from gyrotwin.results import CompensationResult
+
+Progress = Callable[[float, float], None]
 
 console = Console()
 
@@ -76,23 +78,27 @@ def compensate(
 ) -> None:
     """Fit a temperature compensation and write it as TOML and as a C header, with before and after."""
     from gyrotwin.output import check_writable
+    from gyrotwin.progress import shown_progress
 
     folder = out or Path("results") / "compensate"
     check_writable(folder, force=force)
-    found = find(
-        Request(
-            tuple(records), test, method, sensor, segments, hidden, sampling_time, settling, settled, outside,
-            tuple(maps or ()), tuple(scales or ()), seed,
-        )
+    request = Request(
+        tuple(records), test, method, sensor, segments, hidden, sampling_time, settling, settled, outside,
+        tuple(maps or ()), tuple(scales or ()), seed,
     )  # fmt: skip
+    with shown_progress(console, "inner validation") as progress:
+        found = find(request, progress)
     found.save(folder, force=force)
     console.print(results(found.summary))
     for name in ("compensation.toml", "compensation.h", "report.html"):
         console.print(str(folder / name), soft_wrap=True, highlight=False)
 
 
-def find(request: Request) -> "CompensationResult":
-    """The compensation that ``request`` asks for. Raises InputError, with a remedy, for whatever is wrong."""
+def find(request: Request, progress: Progress | None = None) -> "CompensationResult":
+    """The compensation that ``request`` asks for. progress: is called with the shapes tried and all of them.
+
+    Raises InputError, with a remedy, for whatever is wrong.
+    """
     from calibration.compensation.export import to_c_header, to_toml
     from calibration.compensation.methods.method import Asked
     from calibration.compensation.model import OUTSIDE
@@ -114,7 +120,7 @@ def find(request: Request) -> "CompensationResult":
         return _settled(blocks) if request.settled else blocks
 
     fitted, test = joined([blocks_of(path) for path in request.records]), request.test
-    found = trial(fitted, None if test is None else blocks_of(test), asked, outside)
+    found = trial(fitted, None if test is None else blocks_of(test), asked, outside, progress)
     names = ", ".join(path.name for path in request.records)
     summary = summarise(found, names, None if test is None else test.name)
     return CompensationResult(
@@ -259,6 +265,10 @@ def _told(floor: Mapping[str, Any], unit: str) -> str:
     return f"{', '.join(parts)}, from {floor['cycles']} cycles"
 
 
+def _score(found: float | None) -> str:
+    return "can't be fitted without each part:" if found is None else significant(found)
+
+
 def notes(summary: Mapping[str, Any]) -> list[str]:
     """Sentences under the tables: floors, what is left, what was tried."""
     lines = []
@@ -271,5 +281,5 @@ def notes(summary: Mapping[str, Any]) -> list[str]:
         lines.append(f"What is left: {shares}.")
     tried = summary["inner_validation"]
     lines.append(f"Chosen by inner validation on the fitting cycles alone, best of {len(tried)}; next best:")
-    lines += [f"  {significant(t['score'])}  {t['method']}: {t['shape']}" for t in tried[1:4]]
+    lines += [f"  {_score(t['score'])}  {t['method']}: {t['shape']}" for t in tried[1:4]]
     return lines

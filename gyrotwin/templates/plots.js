@@ -32,11 +32,12 @@ function axis(title, logarithmic, few) {
   };
 }
 
-// Of a logarithmic axis: 1, 2, 5 over few decades, powers over many. As numbers, for 100m of a second reads as metres or minutes.
+// Of a logarithmic axis: 1, 2, 5 over few decades, powers over many, seven at most. As numbers, for 100m of a second reads as metres or minutes.
 function ticks_of(values) {
   const shown = values.filter(value => value > 0), low = Math.min(...shown), high = Math.max(...shown);
   const plain = low >= 1e-4 && high < 1e6;
-  return {dtick: Math.log10(high / low) > 3.5 ? 1 : "D2", ...(plain ? {exponentformat: "none", tickformat: "~r"} : {})};
+  const decades = Math.log10(high / low);
+  return {dtick: decades > 3.5 ? Math.ceil(decades / 7) : "D2", ...(plain ? {exponentformat: "none", tickformat: "~r"} : {})};
 }
 
 function layout(panel) {
@@ -46,7 +47,7 @@ function layout(panel) {
   }] : [];
   const y = axis(panel.y_title, panel.y_log, true);
   if (panel.y_range) y.range = panel.y_range;
-  if (panel.y_log) Object.assign(y, ticks_of(panel.lines.flatMap(line => line.y)));
+  if (panel.y_log) Object.assign(y, ticks_of(panel.names ? panel.values : panel.lines.flatMap(line => line.y)));
   const x = axis(panel.x_title, panel.x_log, !panel.wide);
   if (panel.floor) shapes.push({
     type: "line", xref: "paper", x0: 0, x1: 1, y0: panel.floor, y1: panel.floor,

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 import gyrotwin as gt
+from gyrotwin.comparison import Number, shown
 
 
 def test_two_devices_with_the_noise_of_their_differences(tmp_path: Path) -> None:
@@ -37,3 +38,9 @@ def test_what_is_wrong_is_said(tmp_path: Path) -> None:
         gt.compare("reference")
     with pytest.raises(gt.InputError, match=r"summary\.json"):
         gt.compare(tmp_path, tmp_path)
+
+
+def test_no_number_is_finer_than_its_error() -> None:
+    assert shown(Number(0.013663, 0.0221)) == "0.014 ± 0.022"
+    assert shown(Number(0.0536812, 0.000331)) == "0.05368 ± 0.00033"
+    assert shown(None) == "–"

@@ -62,6 +62,7 @@ def test_files_and_numbers(records: Path, tmp_path: Path, capsys: pytest.Capture
     assert left["residual_rms"] == pytest.approx(left["block_noise"], rel=0.15)
     shown = capsys.readouterr().out
     assert "Bias [°/h/°C]" in shown
+    assert shown.index("inner validation ...") < shown.index("Bias [°/h/°C]")
     assert tomllib.loads((out / "compensation.toml").read_text())["sampling_time"] == 10.0
     page = (out / "report.html").read_text()
     assert "Bias and scale factor over temperature" in page

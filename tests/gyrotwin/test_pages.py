@@ -11,6 +11,10 @@ import pytest
 
 import gyrotwin as gt
 from benchmarks.pages import FLAGS, browser, simulated_fleet
+from calibration.datasheet.figure import Figure, Outcome
+from calibration.datasheet.measure import Test as Measured
+from calibration.datasheet.procedure import RATE, Procedure
+from gyrotwin.datasheet_result import DatasheetResult
 
 ROOT = Path(__file__).parents[2]
 AXE = ROOT / "node_modules" / "axe-core" / "axe.min.js"
@@ -25,6 +29,9 @@ addEventListener("load", () => setTimeout(async () => {
   const found = {drawn: wide.dataset.drawn, plots: document.querySelectorAll(".panel > .plot-container").length,
     panels: document.querySelectorAll(".panel").length, past, width: wide.scrollWidth, window: innerWidth,
     empty: [...document.querySelectorAll(".panel")].filter(p => !p.querySelector(".trace, image, .textpoint")).length};
+  found.unseen = [...document.querySelectorAll(".scroll tr")].filter(row => row.cells.length > 1 &&
+    row.cells[1].getBoundingClientRect().right > row.closest(".scroll").getBoundingClientRect().right + 1)
+    .map(row => row.innerText);
   if (window.axe) found.axe = (await axe.run()).violations.filter(v => ["serious", "critical"].includes(v.impact))
     .map(v => v.id + ": " + v.nodes.map(n => n.target).slice(0, 3).join(" "));
   const out = document.createElement("pre"); out.id = "probe"; out.textContent = JSON.stringify(found);
@@ -87,6 +94,31 @@ def test_a_page_is_drawn_without_an_error_and_within_its_columns(
     assert found["empty"] == 0
     assert found["past"] == []
     assert found["width"] <= found["window"]
+
+
+PHONE = '<script>document.body.style.width = "390px"</script>'
+"""Chromium's narrowest window has 500 pixels."""
+
+
+@needs_browser
+@pytest.mark.parametrize("name", ["run", "rate", "compare", "fleet", "datasheet"])
+def test_a_phone_shows_the_first_value_of_every_row(pages: dict[str, Path], name: str, tmp_path: Path) -> None:
+    page = pages.get(name) or long_datasheet(tmp_path)
+    found, _ = look(page, "--window-size=500,900", script=PHONE)
+    assert found["unseen"] == []
+
+
+def long_datasheet(folder: Path) -> Path:
+    """A page of a datasheet with the longest names and values that there are."""
+    figures = [
+        Figure("a", "nominal scale factor of the sense channel", 4999.819473, "ppm of full scale", 3.1e-7, 5, 4999.8,
+               "harmonic balance of the settled device"),
+        Figure("b", "scale factor after warming less that after cooling", -0.3, "ppm", 1.7),
+    ]  # fmt: skip
+    procedure = Procedure("Scale factor", "12.9", RATE, lambda bench: Outcome(figures))
+    head = {"device": "long", "mode": "rate-open", "standard": "IEEE Std 1431-2004", "design": None, "seed": 1,
+            "plan": "quick", "plant": {"long_tests": "envelope", "note": ""}}  # fmt: skip
+    return DatasheetResult(head, [Measured("scale_factor", procedure, Outcome(figures))]).save(folder) / "report.html"
 
 
 @pytest.mark.parametrize("name", ["run", "rate", "compare", "fleet"])

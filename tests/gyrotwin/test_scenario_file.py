@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from cosim.scenarios.files import load_scenario
 from gyro_model.errors import InputError
 from gyrotwin.tasks.run import Request, prepare
 
@@ -54,3 +55,10 @@ def test_a_profile_belongs_to_motion(path: Path) -> None:
     profile = Path(__file__).parents[2] / "cosim" / "profiles" / "hand_motion.csv"
     with pytest.raises(InputError, match="run 'motion' with it"):
         prepare(Request(str(path), rate_profile=profile, rate_column="omega_z", rate_unit="deg/s"))
+
+
+def test_a_file_that_does_not_exist_is_said() -> None:
+    with pytest.raises(InputError, match=r"scenario file bend\.toml does not exist: check the path"):
+        load_scenario("bend.toml")
+    with pytest.raises(InputError, match="is not known"):
+        load_scenario("bend")

@@ -37,7 +37,7 @@ def fit(blocks: Blocks, sampling_time: float, sensor: str, segments: int) -> Com
     if len(found.value):
         scale = _lines(found, sensor, edges, "scale factor")
     divided = bias_points(blocks, scale(temperature[:, None]))
-    note = f"{segments} segments of {edges[1] - edges[0]:.3g} {unit_of(sensor)}"
+    note = f"{segments} segment{'' if segments == 1 else 's'} of {edges[1] - edges[0]:.3g} {unit_of(sensor)}"
     bias = _lines(divided, sensor, edges, "bias")
     return Compensation(f"piecewise, {sensor}", inputs, scale, bias, sampling_time, blocks.unit, note)
 

@@ -136,6 +136,15 @@ def test_sobol_indices_of_the_ishigami_function(task: str, tmp_path: Path) -> No
     assert 0.85 < result.summary["yield"]["value"] < 0.99
 
 
+def test_the_worst_points_go_on_within_the_limits(task: str, tmp_path: Path) -> None:
+    angles = {"grid": [-1.5, -0.5, 0.5, 1.5]}
+    plan = {"task": f"{task}:ishigami", "parameters": {"a": angles, "b": {"grid": [0.0]}, "c": {"grid": [0.0]}},
+            "limits": {"value": [float("-inf"), 0.9]}}  # fmt: skip
+    # sin(a): 0.997 is beyond the limit, the others are the farther within the smaller they are.
+    result = gt.sweep(plan, tmp_path / "out", workers=1)
+    assert result.worst(4)["a"].to_list() == [1.5, 0.5, -0.5, -1.5]
+
+
 def test_morris_tells_what_matters_from_what_does_not(tmp_path: Path) -> None:
     path = tmp_path / "linear.py"
     path.write_text("def f(a, b):\n    return 3 * a\n")
