@@ -1,7 +1,7 @@
 """A run of rate mode whose bias is to be tuned, and what its tuner is told."""
 
 from collections.abc import Mapping
-from math import floor
+from math import floor, inf
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -46,10 +46,12 @@ def ask(
 ) -> Asking:
     """The run of ``device`` through ``courses`` (by input; v_bias: the first bias, by default that of ``design``).
 
-    Raises InputError for an unknown method, and where the design can't be tuned.
+    Raises InputError for an unknown method or a block that is no time, and where the design can't be tuned.
     """
     if method not in methods():
         raise InputError(f"--method {method}: give {', '.join(methods())}{nearest(method, methods())}")
+    if asked.block is not None and not 0 < asked.block < inf:
+        raise InputError(f"--block {asked.block:g}: give a positive time in s")
     chosen = methods()[method]
     others = {name: course for name, course in courses.items() if name not in ("omega_z", "temperature")}
     bias = designed_bias(design, settings_of(design).drive_amplitude)

@@ -17,6 +17,7 @@ from cosim.rate.dither import Dither
 from cosim.rate.master import BLOCK_ROWS, LoopedPlant, check_lock, record_frame, start_up
 from cosim.rate.resonance import sense_resonance
 from cosim.rate.run import V_BIAS, RateRun
+from gyro_model.errors import InputError
 
 Floats = NDArray[np.float64]
 Progress = Callable[[float, float], None]
@@ -51,10 +52,13 @@ class Matched(NamedTuple):
 def match(asking: Asking, progress: Progress | None = None) -> Matched:
     """Runs rate mode with its bias tuned.
 
-    Raises InputError where the drive loop never locks or loses its lock.
+    Raises InputError where a block is longer than the run, and where the drive loop never locks or loses its lock.
     """
     run, known = asking.run, asking.known
     estimator, tuner = asking.method.start(known, asking.asked), Tuner(known)
+    first = estimator.plan().before + estimator.plan().measure
+    if first > run.duration:
+        raise InputError(f"duration {run.duration:g} s: a block lasts {first:.4g} s; give more, or a shorter --block")
     rows: list[Floats] = []
     held: list[Floats] = []
     blocks: list[Block] = []

@@ -38,7 +38,8 @@ def read_table(path: Path) -> Table:
         else:
             frame = pl.read_parquet(content) if suffix == ".parquet" else parsed(content)
     except (pl.exceptions.PolarsError, UnicodeDecodeError) as error:
-        reason = str(error).strip().splitlines()[0]
+        # A file that is no text must not speak to the terminal.
+        reason = "".join(letter if letter.isprintable() else "?" for letter in str(error).strip().splitlines()[0][:200])
         raise InputError(f"table {path} is no table with a header line: {reason}") from None
     if frame.width == 0:
         raise InputError(f"table {path} has no columns: give a header line and rows")

@@ -131,6 +131,7 @@ def _read(path: Path) -> Any:
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
         raise InputError(
-            f"datasheet {path}: {error}; give the datasheet.json that `gyrotwin datasheet DEVICE` wrote"
+            f"datasheet {path}: {why}; give the datasheet.json that `gyrotwin datasheet DEVICE` wrote"
         ) from None

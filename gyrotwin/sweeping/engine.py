@@ -27,9 +27,11 @@ Progress = Callable[[float, float], None]
 def cluster(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     """A client of the cluster at the address ``scheduler``, or of one on this machine with so many processes.
 
-    Raises InputError where Dask is missing, nobody answers, or workers have another version of this package.
+    Raises InputError where Dask is missing, there are no processes, nobody answers, or workers have another version of this package.
     """
     check_dask()
+    if workers is not None and workers < 1:
+        raise InputError(f"--workers {workers}: give 1 or more")
     from distributed import Client, LocalCluster
 
     logging.getLogger("distributed").setLevel(logging.ERROR)
@@ -42,7 +44,7 @@ def cluster(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         )  # fmt: skip
     try:
         client = Client(local if local is not None else scheduler, timeout="20s")
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise InputError(f"--scheduler {scheduler}: {error}") from None
     try:
         _check_versions(client)

@@ -17,6 +17,7 @@ from gyro_model.model import load_model
 from gyro_model.tables import read_table
 from gyrotwin.fleet_result import FleetResult
 from gyrotwin.numbers import significant
+from gyrotwin.interrupt import Interrupted
 from gyrotwin.output import check_writable, publish
 from gyrotwin.results import write_json
 from gyrotwin.tasks import diagnose as one
@@ -41,7 +42,12 @@ def find(folder: Path, request: one.Request, progress: Progress | None = None, *
     one.check_request(request)
     check_writable(request.out, force=force)
     tell = progress or (lambda line: None)
-    rows = [_row(folder, name, request, f"{name} ({k} of {len(names)})", tell) for k, name in enumerate(names, 1)]
+    try:
+        rows = [_row(folder, name, request, f"{name} ({k} of {len(names)})", tell) for k, name in enumerate(names, 1)]
+    except Interrupted as stop:
+        if request.out.is_dir():
+            stop.left = f"{request.out} keeps what was found so far: the same command goes on from there"
+        raise
     result = FleetResult(folder.resolve().name, fleet(rows, columns))
     publish(request.out, dict(result.writers()), force=force)
     return result

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gyro_model.errors import InputError
+from gyrotwin.interrupt import Interrupted
 from gyrotwin.output import check_writable, publish
 from gyrotwin.results import write_json
 from gyrotwin.sweeping import rows
@@ -74,10 +75,15 @@ def sweep(
     there = set(rows.read(folder)["point"].to_list())
     missing = [point for point in points if point.number not in there]
     if missing:
-        with cluster(workers, scheduler) as client:
-            if progress is not None:
-                progress(0, len(missing))
-            work_off(client, job, missing, folder, progress)
+        try:
+            with cluster(workers, scheduler) as client:
+                if progress is not None:
+                    progress(0, len(missing))
+                work_off(client, job, missing, folder, progress)
+        except Interrupted as stop:
+            if kept := len(rows.read(folder)):
+                stop.left = f"{folder} keeps {kept} of {len(points)} points: the same command goes on from there"
+            raise
     rows.level(folder)
     result = SweepResult(chosen, folder, digest)
     from gyrotwin.sweeping.page import render
@@ -94,7 +100,7 @@ def _claim(folder: Path, digest: str, *, force: bool) -> None:
         there = json.loads(state.read_text(encoding="utf-8")).get("plan") if state.is_file() else None
     except (OSError, ValueError, RecursionError):
         there = "unreadable"
-    other = there not in (None, digest)
+    other = there not in (None, digest) and len(rows.read(folder)) > 0
     if other and not force:
         raise InputError(
             f"output folder {folder}: holds the rows of another plan or version of gyrotwin, "

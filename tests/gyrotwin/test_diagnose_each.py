@@ -8,6 +8,7 @@ import pytest
 
 import gyrotwin as gt
 from gyrotwin.cli import main
+from gyrotwin.interrupt import Interrupted
 from gyrotwin.tasks import fleet as task
 
 
@@ -81,3 +82,13 @@ def test_a_folder_without_data_sets_is_refused(tmp_path: Path, capsys: pytest.Ca
             main(["diagnose", "--each", str(place)])
         assert stop.value.code == 2
         assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_interrupted_it_says_what_is_kept(wafer: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(*arguments: object) -> None:
+        raise Interrupted
+
+    monkeypatch.setattr(task.one, "find", stop)
+    with pytest.raises(Interrupted) as stopped:
+        gt.diagnose_each(wafer, tmp_path / "out", max_effects=1)
+    assert stopped.value.left.endswith("keeps what was found so far: the same command goes on from there")

@@ -30,11 +30,12 @@ class Sidebands:
         if not 0 < rate <= known.full_scale:
             most = degrees(known.full_scale)
             raise InputError(f"--dither {degrees(rate):g}: give more than 0 and at most full scale, {most:g} deg/s")
-        measure = max(round((MEASURE if asked.block is None else asked.block) / known.interval), 1) * known.interval
+        block = MEASURE if asked.block is None else asked.block
+        measure = max(round(block / known.interval), 1) * known.interval
         tone = max(BEYOND[0] * known.output_bandwidth, BEYOND[1] * known.sense_bandwidth)
         if measure * tone < 2 * FARTHEST:
             raise InputError(
-                f"--block {measure:g} s: the dither of {tone:g} Hz needs {2 * FARTHEST / tone:.2g} s or more"
+                f"--block {block:g} s: the dither of {tone:g} Hz needs {2 * FARTHEST / tone:.2g} s or more"
             )
         # Whole periods in a measurement: what stays, and it is the rate and the quadrature, drops out.
         self._plan = Plan(SETTLE, measure, round(tone * measure) / measure, virtual_rate_force(known, rate))

@@ -7,8 +7,11 @@ import pytest
 
 from gyro_model.errors import InputError
 from gyrotwin.cli import main
+from gyrotwin.interrupt import Interrupted
+from gyrotwin.sweeping import rows
 from gyrotwin.sweeping.plan import Point, load_plan
 from gyrotwin.sweeping.work import job_of, work
+from gyrotwin.tasks import sweep as task
 
 pytest.importorskip("distributed", reason="needs the extra `sweep`")
 
@@ -82,3 +85,36 @@ def test_a_wrong_output_lists_the_right_ones(name: str, said: str, tmp_path: Pat
     assert done[0].error is not None
     assert done[0].error.startswith(InputError.__name__)
     assert said in done[0].error
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        (("--workers", "0"), "--workers 0: give 1 or more"),
+        (("--scheduler", "http://127.0.0.1:1"), "--scheduler http://127.0.0.1:1: unknown address scheme"),
+    ],
+)
+def test_a_cluster_that_can_not_be_is_one_line(
+    option: tuple[str, str], said: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    define(folder, "a")
+    assert sweep(*option) == 2
+    assert said in capsys.readouterr().err
+    # Nothing was computed: another plan may have the folder.
+    (folder / "plan.toml").write_text(PLAN.replace("[1, 2]", "[7]"))
+    assert sweep() == 0
+    assert "3 points, 0 failed" in capsys.readouterr().out
+
+
+def test_an_interrupted_sweep_says_what_it_keeps(folder: Path) -> None:
+    define(folder, "a")
+
+    def stop(done: float, all_points: float) -> None:
+        if done > 0:
+            raise Interrupted
+
+    with pytest.raises(Interrupted) as stopped:
+        task.sweep("plan.toml", "out", workers=1, progress=stop)
+    kept = len(rows.read(folder / "out"))
+    assert 0 < kept < 6
+    assert stopped.value.left == f"out keeps {kept} of 6 points: the same command goes on from there"
