@@ -27,7 +27,8 @@ Progress = Callable[[float, float], None]
 def cluster(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     """A client of the cluster at the address ``scheduler``, or of one on this machine with so many processes.
 
-    Raises InputError where Dask is missing, there are no processes, nobody answers, or workers have another version of this package.
+    Raises InputError where Dask is missing, there are no processes, nobody answers, or workers have another version of
+    this package.
     """
     check_dask()
     if workers is not None and workers < 1:

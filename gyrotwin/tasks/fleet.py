@@ -16,8 +16,8 @@ from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
 from gyro_model.tables import read_table
 from gyrotwin.fleet_result import FleetResult
-from gyrotwin.numbers import significant
 from gyrotwin.interrupt import Interrupted
+from gyrotwin.numbers import significant
 from gyrotwin.output import check_writable, publish
 from gyrotwin.results import write_json
 from gyrotwin.tasks import diagnose as one
