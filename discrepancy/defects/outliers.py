@@ -77,7 +77,7 @@ def _alone(residual: Floats, usable: Bools) -> Bools:
     off = np.zeros_like(residual)
     off[1:-1] = filled[1:-1] - 0.5 * (filled[2:] + filled[:-2])
     deviation = np.median(np.abs(off[usable]), axis=0) / MEDIAN
-    if not (deviation > 0).all():
+    if not (deviation > 0).all() or not (np.abs(off) > FAR * deviation).any():
         return np.zeros_like(usable)
     # Noise may grow with the motion: where it has, an outlier is one beside its own.
     beside = percentile_filter(np.abs(off), 80, (NEAR, 1), mode="nearest") / UPPER

@@ -183,14 +183,24 @@ class Fitter:
         """What each set of changed parameters adds to the simulated voltage of a run: (probes, n, axes) [V], put into
         ``found`` where it is given; zero where the FMU refuses one or the motion leaves all bounds."""
         base = self.records[run].v - at.residuals[run]
-        jobs = [job for changes in probes for job in self._jobs(at, changes, run)]
         result = np.empty((len(probes), *base.shape)) if found is None else found
-        for column, v in zip(result, self.simulator.try_all(jobs), strict=True):
-            if v is None or np.abs(v).max() > FAR * self.signal:
-                column[:] = 0
-            else:
-                np.subtract(v, base, out=column)
+        simulator, limit = self.simulator, FAR * self.signal
+        rough = simulator.late(at.parameters)
+        near = [rough and not simulator.refines(changes) for changes in probes]
+        for which, beside in ((False, base), (True, self._rough(at, run) if any(near) else base)):
+            chosen = [i for i, own in enumerate(near) if own is which]
+            jobs = [job for i in chosen for job in self._jobs(at, probes[i], run)]
+            for i, v in zip(chosen, simulator.try_all(jobs, rough=which), strict=True):
+                if v is None or np.abs(v).max() > limit:
+                    result[i] = 0
+                else:
+                    np.subtract(v, beside, out=result[i])
         return result
+
+    def _rough(self, at: Fitted, run: int) -> Floats:
+        """The voltage of a run in whole steps."""
+        ((record, parameters),) = self._jobs(at, {}, run)
+        return self.simulator.run(record, parameters, rough=True)
 
     def _derivatives(self, at: Fitted, run: int, found: Floats, *, near: bool) -> None:
         """By each state of this run and each free parameter, a full ``step`` of it, put into ``found`` (p, n, axes)

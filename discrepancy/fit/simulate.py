@@ -96,6 +96,8 @@ class Simulator:
         self._pool, self._callers = ThreadPoolExecutor(count), ThreadPoolExecutor(count)
         held = [e for e in model.effects if isinstance(e, Delay | Lag)]
         self._late = [q for e in held for switch in (e, *model.wakers(e)) for q in switch.sizes]
+        own = [q for e in (*held, *_parting()) for q in e.parameters]
+        self._refining = frozenset(q.name for q in (*self._late, *own))
         self._driven: dict[tuple[int, int], tuple[Record, _Driven]] = {}
         self._distorted: dict[tuple[int, int], tuple[_Distorted, _Driven]] = {}
         self._parts: dict[int, tuple[Record, Record, slice]] = {}
@@ -115,18 +117,29 @@ class Simulator:
         """One of another model, with as many threads and the same clock."""
         return Simulator(model, len(self._all), self.clock)
 
-    def run(self, record: Record, parameters: Mapping[str, float]) -> Floats:
+    def run(self, record: Record, parameters: Mapping[str, float], *, rough: bool = False) -> Floats:
         """The voltage [V] (n, axes) that the model gives under the record's inputs, noise off.
 
-        parameters: by FMU name, SI, initial state included. Raises InputError where the FMU refuses one; NaN from the
-        sample on at which the motion left all bounds. Raises OutOfTime where the clock says so.
+        parameters: by FMU name, SI, initial state included; rough: in whole steps though a delay or a lag acts. What
+        they do is then off by the staircase of the force, which cancels in the difference of two runs in which they are
+        alike: 1e-8 of it is left.
+        Raises InputError where the FMU refuses one; NaN from the sample on at which the motion left all bounds. Raises
+        OutOfTime where the clock says so.
         """
         self.clock.check()
         bench = self._benches.get()
         try:
-            return self._on(bench, record, parameters)
+            return self._on(bench, record, parameters, rough)
         finally:
             self._benches.put(bench)
+
+    def refines(self, parameters: Iterable[str]) -> bool:
+        """Whether one of the parameters asks for parts of a step where it is not neutral."""
+        return not self._refining.isdisjoint(parameters)
+
+    def late(self, parameters: Mapping[str, float]) -> bool:
+        """Whether a delay or a lag acts, and nothing else that asks for parts of a step."""
+        return self._held_back(parameters) and not any(d.acts(parameters) for d in _parting())
 
     def run_all(self, jobs: Sequence[Job]) -> list[Floats]:
         """``run`` of each job, in parallel."""
@@ -136,13 +149,13 @@ class Simulator:
 
         return list(self._pool.map(self.clock.shared(one), jobs))
 
-    def try_all(self, jobs: Sequence[Job]) -> list[Floats | None]:
+    def try_all(self, jobs: Sequence[Job], *, rough: bool = False) -> list[Floats | None]:
         """``run`` of each job, in parallel; None where the FMU refuses its parameters or the motion leaves all
         bounds."""
 
         def attempt(job: Job) -> Floats | None:
             try:
-                v = self.run(*job)
+                v = self.run(*job, rough=rough)
             except InputError:
                 return None
             return v if np.isfinite(v).all() else None
@@ -166,6 +179,9 @@ class Simulator:
                        valid=record.valid[own])  # fmt: skip
         self._parts[id(part)] = part, record, own
         return part
+
+    def _held_back(self, parameters: Mapping[str, float]) -> bool:
+        return any(parameters.get(q.name, q.start) != q.start for q in self._late)
 
     def _inputs(self, record: Record, split: int, distorted: "_Distorted" = ()) -> _Driven:
         """What drives each step of a record, ``split`` times as many as usual; kept, since a record is simulated many
@@ -203,16 +219,16 @@ class Simulator:
                 self._driven.pop((id(record), split), None)
                 self._distorted.pop((id(record), split), None)
 
-    def _on(self, bench: _Bench, record: Record, parameters: Mapping[str, float]) -> Floats:
-        late = any(parameters.get(q.name, q.start) != q.start for q in self._late)
+    def _on(self, bench: _Bench, record: Record, parameters: Mapping[str, float], rough: bool) -> Floats:
         acting = [d for d in distortions() if d.acts(parameters)]
         sizes = {q.name: parameters.get(q.name, q.start) for d in acting for q in d.parameters}
         parameters = {name: value for name, value in parameters.items() if name not in distortion_names()}
         timing = Timing(self._first(record), 1 / record.sample_rate)
         forced = tuple((q.name, sizes[q.name]) for d in acting if d.force for q in d.parameters)
         fine = any(d.within for d in acting)
-        late |= fine or any(d.split for d in acting) or record.order == 2
-        values, names, step = self._inputs(record, SPLIT if late else 1, forced)
+        split = fine or any(d.split for d in acting) or record.order == 2
+        split |= self._held_back(parameters) and not rough
+        values, names, step = self._inputs(record, SPLIT if split else 1, forced)
         stride = len(values) // len(record.t)
         beyond = max((d.beyond(len(record.t), timing, sizes) for d in acting if d.beyond), default=0)
         values = np.concatenate((values, np.repeat(values[-1:], beyond * stride, axis=0))) if beyond else values
@@ -237,6 +253,11 @@ class Simulator:
         v = v[:: stride // each] if record.order < 2 else _slope(v, stride, step)
         v = _voltage(v, [d for d in acting if not d.within], timing, sizes)
         return np.ascontiguousarray(v[: len(record.t)])
+
+
+def _parting() -> tuple[Distortion, ...]:
+    """Distortions that act within a step."""
+    return tuple(d for d in distortions() if d.within or d.split)
 
 
 def _slope(v: Floats, stride: int, step: float) -> Floats:

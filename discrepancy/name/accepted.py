@@ -1,6 +1,6 @@
 """What a search holds: effects on trial, in the model, and taken out of it again."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -49,6 +49,15 @@ class Refit(NamedTuple):
     at: Fitted
     candidate: Candidate
     score: Score
+
+
+class Instead(NamedTuple):
+    """What was tried in the place of an effect ``beside`` these parameters: the id and the shapes of each, and the fits
+    that are near, by id."""
+
+    beside: Mapping[str, float]
+    tried: Sequence[tuple[str, Mapping[str, float]]]
+    fits: Mapping[str, tuple[Fitted, Candidate]]
 
 
 class Dropped(NamedTuple):

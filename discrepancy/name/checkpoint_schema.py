@@ -103,6 +103,7 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
         "stages": _list_of(_row(_one_of({"nominal", "refit", *effects}), parameters)),
         "shortest": opening,
         "opening": opening,
+        "offered": _whole(0, 1),
         "probes": _list_of(_row(_one_of(settable), _one_of({"", *effects}), _number(), power, _number(0.0))),
     })(state, "state")  # fmt: skip
     for name in ("at", "refitted"):

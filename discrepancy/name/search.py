@@ -18,12 +18,12 @@ from discrepancy.fit.defect import Blemish, Data, Defect, Found, Level, blemishe
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.limits import clip_level, masked
 from discrepancy.fit.locate import noise_level
-from discrepancy.fit.openings import Opening, opened, parts
-from discrepancy.fit.refit import DEFAULT, Fitter
+from discrepancy.fit.openings import LONG, Opening, opened, parts
+from discrepancy.fit.refit import AS_PROMISED, DEFAULT, Fitter
 from discrepancy.fit.simulate import Simulator
 from discrepancy.fit.whitening import EARNED
 from discrepancy.name import checkpoint as store
-from discrepancy.name.accepted import Accepted, Dropped, Refit
+from discrepancy.name.accepted import Accepted, Dropped, Instead, Refit
 from discrepancy.name.columns import (
     Candidate,
     Fading,
@@ -94,11 +94,12 @@ class Search:
         self.found: list[tuple[Blemish, Found]] = []
         self.dropped: list[Dropped] = []
         self.undone: list[str] = []
-        self.full = self.questioned = False
+        self.full = self.questioned = self.offered = False
         self.weak = 0.0
         self.waiting: list[Refit] = []
         self.shortest, self.number = parts(dataset.fit)[0], 1
         self.probes: Probes = {}
+        self.instead: Mapping[str, Instead] = {}
         self._take(dataset)
         noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
         self.nominal = {name: value for name, value in dataset.nominal.items() if name not in noise}
@@ -224,7 +225,7 @@ class Search:
         self.shortest = parts(self.dataset.fit)[0]
         self._take(self.dataset)
         self._settle(self.at)
-        self.weak, self.waiting = 0.0, []
+        self.weak, self.waiting, self.offered = 0.0, [], True
         if wrong and terms:
             self.attempt(f"refit with {terms[0].id}", partial(self._take_in, terms[0]))
         self._save()
@@ -314,6 +315,7 @@ class Search:
             "stages": self.stages,
             "shortest": self.shortest,
             "opening": self.number,
+            "offered": int(self.offered),
             "probes": store.probes_state(self.probes),
         }
         self.keep(state)
@@ -338,7 +340,7 @@ class Search:
         self.accepted = [Accepted(store.candidate_from(model, c), share, {}) for c, share in state["accepted"]]
         self.steps = [store.step_from(step) for step in state["steps"]]
         self.stages = [(name, dict(parameters)) for name, parameters in state["stages"]]
-        self.shortest = state["shortest"]
+        self.shortest, self.offered = state["shortest"], bool(state["offered"])
         self.probes = store.probes_from(model, state["probes"])
         self._open(state["opening"])
 
@@ -421,18 +423,21 @@ class Search:
         begun = [Refit(self.with_effect(*view, c, s), c, s) for c, s in rivals]
         fits = self.waiting or self._refitted(view, begun, also=self._otherwise)
         self.waiting, best = [], self._best(view, fits)
-        if best and patient and self._weak(view, best):
+        if best and patient and not self.offered and self._weak(view, best):
             self.weak, self.waiting = 1 - best.at.cost / view.at.cost, fits
             return False
-        if best and view.fitter is not self.fitter:
-            view = Opening(self.fitter, self.at)
-            fits = self._refitted(view, self._near(fits, 4 * self.criteria.even), rounds=ROUNDS)
+        while best and view.fitter is not self.fitter:
+            near = self._near(fits, 4 * self.criteria.even)
+            view = self._longer(view, sole=len(near) == 1)
+            fits = self._refitted(view, near, rounds=ROUNDS)
             best = self._best(view, fits)
+            if view.fitter is not self.fitter:
+                self.simulator.forget(view.fitter.records)
         # One that was cut short is no match for the others.
         self.simulator.clock.check()
         if best is None:
             return False
-        candidate = best.candidate
+        candidate, self.offered = best.candidate, False
         scores = {c.effect.id: s for c, s in best_of(self.scored, self.criteria)}
         self.steps.append(Step(scores, candidate.effect.id))
         share = 1 - best.at.cost / self.at.cost
@@ -443,6 +448,13 @@ class Search:
         self._settle_or_keep(best.at, nearly_settled if self.number > 1 else settled)
         return True
 
+    def _longer(self, view: Opening, *, sole: bool) -> Opening:
+        """Longer openings, or the whole runs, where rivals are told apart; for a ``sole`` one the whole."""
+        number = len(self.whole.records[0].t) // len(view.fitter.records[0].t) // LONG
+        if sole or number < 2 or self.fitter is not self.whole:
+            return Opening(self.fitter, self.at)
+        return opened(beginnings(self.whole, number), self.at)
+
     def _refitted(
         self,
         view: Opening,
@@ -452,13 +464,21 @@ class Search:
         rounds: int = LAST_ROUNDS,
     ) -> list[Refit]:
         """Each fitted, or one of what there is ``also``; one that can't come near the best so far, or be significant,
-        is left where that shows."""
+        is left where that shows. Where columns promise what a fit then brings, one without shapes that promises no more
+        is not fitted: which of the two it is, is asked when all else is in the model (``_exchange``)."""
         fits: list[Refit] = []
+        brought = -inf
         for fit in begun:
+            promised = fit.score.gain - self._price(fit.candidate, fit.score.freedom)
+            if promised < brought + self.criteria.even and _linear(fit.candidate):
+                continue
             enough = view.at.cost - self._needed(fit) * view.at.variance
             goal = min((f.at.cost + 4 * self.criteria.even * f.at.variance for f in fits), default=enough)
             ends = [view.of(fit.at, goal, rounds), *(also(view, fit, goal) if also else ())]
             fits.append(fit._replace(at=self._simplest(ends, fit.score.inflation)))
+            gained = (view.at.cost - fits[-1].at.cost) / fits[-1].at.variance
+            if _linear(fit.candidate) and abs(gained / fit.score.gain - 1) < AS_PROMISED:
+                brought = max(brought, promised)
         return fits
 
     def _simplest(self, ends: Sequence[Fitted], inflation: float) -> Fitted:
@@ -646,6 +666,9 @@ class Search:
         if plain[head] > plain[entry.id] - owed:
             head = entry.id
         self.at, candidate = fits.pop(head)
+        if head != entry.id and entry.id in self.instead:
+            tried = [*self.instead[entry.id].tried, (entry.id, entry.candidate.shapes)]
+            self.instead = {**self.instead, head: Instead(self.at.parameters, tried, fits)}
         close = self.at.cost + self.criteria.even * variance
         even = {i: dict(at.parameters) for i, (at, _) in fits.items() if at.cost < close}
         behind = {i: (price[i] - price[head]) / variance for i in fits}
@@ -721,10 +744,13 @@ class Search:
     def _refitted_instead(self, entry: Accepted, among: Kind | None) -> dict[str, tuple[Fitted, Candidate]]:
         """By id the effects that fit nearly as well in the place of ``entry``, or better."""
         stand_ins, rounds = self._stand_ins(entry, among), ROUNDS if among else LAST_ROUNDS
+        before = self.instead.get(entry.id)
+        known = before if before and before.beside == self.at.parameters else Instead(self.at.parameters, [], {})
+        stand_ins = [(c, s) for c, s in stand_ins if (c.effect.id, c.shapes) not in known.tried]
+        fits = dict(known.fits)
         if not stand_ins:
-            return {}
+            return fits
         goal = self.at.cost + self.criteria.even * self.at.variance
-        fits: dict[str, tuple[Fitted, Candidate]] = {}
         base, number = self.without_effect(self.at, entry), parts(self.fitter.records)[0]
         trial = opened(beginnings(self.fitter, number), self.at) if number > 1 else None
         least = trial.at.cost + 4 * self.criteria.even * trial.at.variance if trial else np.inf
@@ -738,7 +764,9 @@ class Search:
                 fits[candidate.effect.id] = at, candidate
         if trial:
             self.simulator.forget(trial.fitter.records)
-        return fits
+        tried = [*known.tried, *((c.effect.id, c.shapes) for c, _ in stand_ins)]
+        self.instead = {**self.instead, entry.id: Instead(self.at.parameters, tried, fits)}
+        return dict(fits)
 
     def _takes(self, entry: Accepted, among: Kind | None) -> Score:
         """What the present fit would lose without an effect, to first order, the other parameters taking up what they
@@ -761,6 +789,11 @@ class Search:
                 and c.effect.id not in further]  # fmt: skip
         best = best_of(near, self.criteria)[:RIVALS]
         return [*best, *(form for c, _ in best for form in other_forms(c, near))]
+
+
+def _linear(candidate: Candidate) -> bool:
+    """Whether the voltage changes in proportion to all that a fit moves, where that is small."""
+    return not candidate.searched and not candidate.partner and all(p.power == 1 for p in candidate.probes)
 
 
 def _neutral(entry: Accepted) -> dict[str, float]:

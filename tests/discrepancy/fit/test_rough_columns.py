@@ -1,0 +1,37 @@
+"""Columns beside a delay or a lag: in whole steps they are what they are in parts of a step."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from discrepancy.data.dataset import load_dataset
+from discrepancy.fit.refit import Fitter
+from discrepancy.fit.simulate import Simulator
+from discrepancy.trial_runs import write_trial
+from gyro_model.device import load_device
+from gyro_model.model import load_model
+
+PROBES = {"kxx": 1e-3, "dxx": 1e-8, "k3_x": 1e8, "feedthrough": 1.0, "actuator_gain_mismatch": 1e-4}
+
+
+@pytest.mark.parametrize("held_back", [{"actuator_delay": 1e-6}, {"amplifier_time_constant": 3e-6}], ids=str)
+def test_they_agree_with_those_in_parts_of_a_step(
+    held_back: Mapping[str, float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_trial(load_device("reference"), {"k3_x": 1e9, **held_back}, tmp_path / "trial", runs=2, samples=2000)
+    dataset = load_dataset(path.parent)
+    with Simulator(load_model(), 1) as simulator:
+        fitter = Fitter(simulator, dataset.fit)
+        begun = fitter.begin(dataset.nominal)
+        at = fitter.evaluated(replace(begun, parameters={**begun.parameters, **held_back}))
+        probes = [{name: at.parameters.get(name, 0.0) + step} for name, step in PROBES.items()]
+        assert simulator.late(at.parameters) and not any(map(simulator.refines, probes))
+        rough = fitter.columns(at, 0, probes)
+        monkeypatch.setattr(simulator, "refines", lambda names: True)
+        fine = fitter.columns(at, 0, probes)
+    for name, one, other in zip(PROBES, rough, fine, strict=True):
+        # The staircase of a force, by a part of a step: 1e-6 of the column, far below what a step of a fit is right to.
+        assert np.linalg.norm(one - other) < 1e-6 * np.linalg.norm(other), name
