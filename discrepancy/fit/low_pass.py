@@ -1,11 +1,12 @@
 """Butterworth filters between a converter and the device, of order 1, 2 or 4 (S. Butterworth, Experimental Wireless 7,
 1930)."""
 
+from collections.abc import Sequence
 from functools import lru_cache
+from math import factorial
 from typing import Final
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 from scipy.linalg import expm
 from scipy.signal import butter, cont2discrete, lfilter, lfilter_zi, ss2tf, tf2ss
 
@@ -15,8 +16,9 @@ from gyro_model.quantities import Grid, Quantity, shape
 SETTLED: Final = 30.0
 """Time constants in a step after which the slowest of these filters has settled to 1e-5 of what it lacks at first."""
 
-FINE, SMOOTH = 2, 5
-"""Points a step through which a voltage is followed, and degree of the spline that leads through them."""
+FINE, DERIVATIVES, POINTS = 2, 5, 9
+"""Points a step through which a voltage is followed; how many of its derivatives, itself the first, say what a filter
+makes of it; and points of the curve that gives them: a sine of 24 steps a period is right to 1e-9."""
 QUICK: Final = 2.5
 """Time constants in a step from which a series in derivatives of the voltage says what a filter makes of it: at 50
 steps a period both ways are right to 1e-5 there."""
@@ -45,12 +47,33 @@ def held(u: Floats, turns: float, number: int) -> Floats:
 
 def sampled(v: Floats, turns: float, number: int) -> Floats:
     """What comes out at each step of a smooth ``v`` (n, axes); turns: time constants a step."""
-    smooth = make_interp_spline(np.arange(len(v)), v, k=SMOOTH)
     if turns > QUICK:
-        terms = enumerate(_series(number))
-        return np.asarray(sum(c / turns**k * smooth(np.arange(len(v)), k) for k, c in terms))
-    between = smooth(np.arange(FINE * (len(v) - 1) + 1) / FINE)
+        return _along(v, [c / turns**k for k, c in enumerate(_series(number))], 0.0)
+    between = np.empty((FINE * (len(v) - 1) + 1, v.shape[1]))
+    for part in range(FINE):
+        own = between[part::FINE]
+        own[:] = _along(v, [1.0], part / FINE)[: len(own)]
     return _filtered(*_straight(turns / FINE, number), _curved(between))[::FINE]
+
+
+def _along(v: Floats, factors: Sequence[float], ahead: float) -> Floats:
+    """The sum of the derivatives of v (n, axes) by the step, itself the first, each times its factor, so much of a step
+    ahead of each point."""
+    width = min(POINTS, len(v))
+    middle = width // 2
+    kernel = np.array([_weights(width, i + ahead, len(factors)) @ factors for i in range(width)])
+    found = np.column_stack([np.convolve(column, kernel[middle][::-1], "same") for column in v.T])
+    # At the ends the curve through the last points goes on.
+    found[:middle] = kernel[:middle] @ v[:width]
+    found[len(v) - middle :] = kernel[width - middle :] @ v[len(v) - width :]
+    return found
+
+
+@lru_cache(256)
+def _weights(width: int, place: float, derivatives: int) -> Floats:
+    """Of so many points the weights (width, derivatives) that give those of the polynomial through them."""
+    powers = np.vander(np.arange(width) - place, width, increasing=True).T
+    return np.linalg.solve(powers, np.diag([float(factorial(k)) for k in range(width)]))[:, :derivatives]
 
 
 def _curved(signal: Floats) -> Floats:
@@ -71,7 +94,7 @@ def _series(number: int) -> tuple[float, ...]:
     """What a slow signal and its derivatives, in time constants, add to what comes out."""
     above = butter(number, 1.0, analog=True)[1][::-1]
     made = [1.0]
-    for k in range(1, SMOOTH):
+    for k in range(1, DERIVATIVES):
         made.append(-sum(float(above[i]) * made[k - i] for i in range(1, min(k, number) + 1)))
     return tuple(made)
 
