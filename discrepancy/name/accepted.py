@@ -2,12 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.name.columns import Candidate, on_the_way
 from discrepancy.name.score import Score
+
+RIVALS: Final = 6
+"""At most so many effects are refitted before one is named, or in the place of one."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,11 @@ class Accepted:
     def names(self) -> set[str]:
         """Its parameters."""
         return {q.name for q in self.candidate.effect.parameters}
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        """What its sizes are where it is absent."""
+        return {p.quantity.name: p.quantity.start for p in self.candidate.probes}
 
     @property
     def of_record(self) -> bool:

@@ -264,6 +264,12 @@ def fading(candidate: Candidate) -> Fading | None:
     return None
 
 
+def without_part(candidate: Candidate, part: Fading) -> Candidate:
+    """``candidate`` with that part of it gone for good."""
+    searched = tuple(q for q in candidate.searched if q.name not in part.names)
+    return replace(candidate, shapes={**candidate.shapes, part.size.name: 0.0}, searched=searched)
+
+
 def finer(candidate: Candidate) -> list[Candidate]:
     """Grid points about that of ``candidate``, FINER times closer, where its grid is one of resonances or instants;
     else none."""

@@ -9,6 +9,7 @@ from hidden_sets import MODEL, SHORT, made, names
 from discrepancy.clock import Clock, OutOfTime
 from discrepancy.diagnose import diagnose
 from discrepancy.fit.simulate import Simulator
+from discrepancy.name import exchange
 from discrepancy.name.search import Search
 
 CUBIC = {"k3_x": 2e9, "k3_y": 2e9}
@@ -45,21 +46,21 @@ def test_a_simulation_after_the_end_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("method", "said", "hidden", "verdict"),
+    ("owner", "part", "said", "hidden", "verdict"),
     [
-        ("_scan", "scores of all effects", {}, "unexplained"),
-        ("_accept", "refit with cubic_stiffness", CUBIC, "unexplained"),
-        ("_exchange_one", "rivals of cubic_stiffness", CUBIC, "partly explained"),
+        (Search, "look", "scores of all effects", {}, "unexplained"),
+        (Search, "_accept", "refit with cubic_stiffness", CUBIC, "unexplained"),
+        (exchange, "_exchange_one", "rivals of cubic_stiffness", CUBIC, "partly explained"),
     ],
 )
 def test_what_was_not_done_is_said_and_no_verdict_claims_it(
-    method: str, said: str, hidden: dict[str, float], verdict: str, monkeypatch: pytest.MonkeyPatch
+    owner: object, part: str, said: str, hidden: dict[str, float], verdict: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def ends(self: Search, *_: object, **__: object) -> None:
-        self.refused.add("half done")
+    def ends(search: Search, *_: object, **__: object) -> None:
+        search.refused.add("half done")
         raise OutOfTime
 
-    monkeypatch.setattr(Search, method, ends)
+    monkeypatch.setattr(owner, part, ends)
     found = diagnose(made(hidden, samples=SHORT), MODEL)
     assert found.verdict == verdict
     assert names(found) == ({"cubic_stiffness"} if verdict == "partly explained" else set())

@@ -241,7 +241,7 @@ def accepted_first(hidden: dict[str, float]) -> tuple[str, dict[str, float]]:
     with Simulator(MODEL) as simulator:
         begun = search.Search(simulator, made(hidden), lambda _: None)
         begun.begin()
-        begun._scan()
+        begun.look()
         begun._accept(patient=False)
     return begun.accepted[0].id, dict(begun.at.parameters)
 

@@ -43,10 +43,10 @@ def test_two_effects_are_found_with_less_simulated(monkeypatch: pytest.MonkeyPat
     simulated = 0
     plain = Simulator.run
 
-    def counted(self: Simulator, record: Record, parameters: Mapping[str, float]) -> Floats:
+    def counted(self: Simulator, record: Record, parameters: Mapping[str, float], *, rough: bool = False) -> Floats:
         nonlocal simulated
         simulated += len(record.t)
-        return plain(self, record, parameters)
+        return plain(self, record, parameters, rough=rough)
 
     monkeypatch.setattr(Simulator, "run", counted)
     samples = {}

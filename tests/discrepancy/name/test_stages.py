@@ -44,7 +44,7 @@ def test_stribeck_is_found_beside_the_friction() -> None:
     with Simulator(MODEL, jobs=1) as simulator:
         search = Search(simulator, data, lambda _: None)
         search.begin()
-        search._scan()
+        search.look()
         own = [(c, s) for c, s in search.scored if c.effect.id == "dry_friction"]
         candidate, scored = max(own, key=lambda entry: entry[1].gain)
         begun = Refit(search.with_effect(*search.view, candidate, scored), candidate, scored)

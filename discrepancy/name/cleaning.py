@@ -1,0 +1,59 @@
+"""What the present model shows to be none of the device's is taken out of the record."""
+
+from copy import copy
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from discrepancy.fit.defect import Blemish, blemishes
+from discrepancy.fit.limits import clip_level
+from discrepancy.fit.whitening import EARNED
+
+if TYPE_CHECKING:
+    from discrepancy.name.search import Search
+
+CLEANED: Final = 3
+"""Looks at most for blemishes, one after the other."""
+
+
+def mask_clipped(search: "Search") -> None:
+    """Looks for clipped samples beside the present model, and takes them out of everything else."""
+    if search.clip is None and search.fitter is search.whole:
+        level = clip_level(search.dataset.fit, search.at.residuals, search.criteria.clip_chance)
+        if level is not None:
+            search.progress(f"samples clipped at {level:.6g} V")
+            search.take_clipped(level)
+            search.go_on(search.at)
+
+
+def clean(search: "Search") -> None:
+    """Takes blemishes of the record out that the fit is better without. A large one hides others, so that each
+    that is gone asks for another look."""
+    for _ in range(CLEANED):
+        if search.fitter is not search.whole or not any([_cleaned(search, blemish) for blemish in blemishes()]):
+            return
+
+
+def _cleaned(search: "Search", blemish: Blemish) -> bool:
+    """Whether one was found beside the present model and taken out."""
+    found = blemish.find(search.dataset.fit, search.at.residuals, search.criteria)
+    if found is None:
+        return False
+    before, unlikely = copy(vars(search)), _unlikely(search)
+    search.take_blemish(blemish, found.data)
+    search.go_on(search.at)
+    # Worth a line of the report, and beyond what its numbers take away by chance.
+    sure = (2 * sum(map(len, found.data)) + EARNED) / search.at.count
+    if _unlikely(search) >= unlikely - max(search.criteria.material, sure):
+        vars(search).update(before)
+        return False
+    search.progress(f"record: {blemish.id} taken out")
+    search.found.append((blemish, found))
+    return True
+
+
+def _unlikely(search: "Search") -> float:
+    """Twice the negative log likelihood of the residuals, a sample: innovations alone do not tell two fits apart
+    that are whitened by different filters, since a strong one leaves little of anything."""
+    logs = sum(search.at.whiten.log_determinants(len(residual)) for residual in search.at.residuals)
+    return float(np.log(search.at.variance)) - 2 * logs / search.at.count
