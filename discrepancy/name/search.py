@@ -18,6 +18,7 @@ from discrepancy.fit.defect import Blemish, Data, Defect, Found, Level, effect_o
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.limits import masked
 from discrepancy.fit.locate import noise_level
+from discrepancy.fit.noise import noise_of
 from discrepancy.fit.openings import LONG, Opening, opened, parts
 from discrepancy.fit.refit import AS_PROMISED, DEFAULT, Fitter
 from discrepancy.fit.simulate import Simulator
@@ -371,8 +372,9 @@ class Search:
         worth = [(c, s) for c, s in self.significant() if c.effect.id not in out]
         if not worth:
             return False
-        # A plain one is soon fitted, and tells one that has shapes, which could imitate it, how far it has to come.
-        rivals = sorted(self._close(worth), key=lambda entry: len(entry[0].searched))
+        # A plain one is soon fitted, and tells one that has shapes, which could imitate it, how far it has to come; of
+        # an effect and a defect of the record that promise the same the effect is named.
+        rivals = sorted(self._close(worth), key=lambda entry: (len(entry[0].searched), _of_record(entry[0])))
         self.progress("refit with " + ", ".join(dict.fromkeys(c.effect.id for c, _ in rivals)))
         view = self.view
         begun = [Refit(self.with_effect(*view, c, s), c, s) for c, s in rivals]
@@ -484,11 +486,13 @@ class Search:
         return float(chi2.isf(chance, fit.score.freedom)) * fit.score.inflation
 
     def _weak(self, view: Opening, best: Refit) -> bool:
-        """Whether the best is an effect of a file and takes little of what is no noise."""
+        """Whether the best is an effect of a file and takes little of what is surely no noise."""
         if best.candidate.effect.id in {term.id for own in self.terms for term in own}:
             return False
-        noise = noise_level(view.at.residuals, view.fitter.records, view.at.parameters)
-        return bool(view.at.cost - best.at.cost < WEAK * (view.at.cost - noise**2 * view.at.count))
+        given = view.at.residuals, view.fitter.records, view.at.parameters
+        noise = noise_of(*given)
+        level = noise.high if noise else noise_level(*given)
+        return bool(view.at.cost - best.at.cost < WEAK * (view.at.cost - level**2 * view.at.count))
 
     def _near(self, fits: Sequence[Refit], chi_square: float) -> list[Refit]:
         """Those whose cost and price are within so much of the best's; none where no motion stays within bounds."""
@@ -503,7 +507,7 @@ class Search:
     def price(self, candidate: Candidate, sizes: int) -> float:
         """What so many sizes have to earn, as a chi-square; a defect of the record a little more, so that where it
         can't be told from an effect the effect is named."""
-        more = self.criteria.even if isinstance(candidate.effect, Defect) else 0.0
+        more = self.criteria.even if _of_record(candidate) else 0.0
         return self.criteria.simpler * sizes + more
 
     def price_of_shapes(self, candidate: Candidate) -> float:
@@ -571,6 +575,10 @@ class Search:
         self.attempt("names held against data that no fit saw", partial(ask, self))
         self._until(NAME)
         return self.names < before and not self.late
+
+
+def _of_record(candidate: Candidate) -> bool:
+    return isinstance(candidate.effect, Defect)
 
 
 def _linear(candidate: Candidate) -> bool:
