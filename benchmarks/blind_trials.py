@@ -4,6 +4,7 @@ Labels stay sealed until the answers are in; one result file a trial, so that an
 """
 
 import sys
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +13,7 @@ import typer
 from rich.console import Console
 
 from benchmarks.blind.grade import grade
-from benchmarks.blind.plan import KINDS, entries
+from benchmarks.blind.plan import KINDS, Entry, entries
 from benchmarks.blind.runner import Ask, run_all
 from benchmarks.blind.summary import summarise
 from benchmarks.blind.trial import BLOCKS
@@ -26,6 +27,7 @@ console = Console(width=None if sys.stdout.isatty() else 160)
 def main(
     kind: Annotated[str, typer.Option(help=f"Of {','.join(KINDS)}.")] = ",".join(KINDS),
     limit: Annotated[int | None, typer.Option(min=1, help="At most so many trials of each kind.")] = None,
+    every: Annotated[int, typer.Option(min=1, help="Of each kind every so many-th trial.")] = 1,
     only: Annotated[str, typer.Option(help="Trials whose name contains this.")] = "",
     seed_block: Annotated[str, typer.Option(help="tune, to choose thresholds on, or report.")] = "report",
     jobs: Annotated[int, typer.Option(min=1, help="Processes at a time.")] = 2,
@@ -39,18 +41,24 @@ def main(
     try:
         if seed_block not in BLOCKS:
             raise InputError(f"--seed-block {seed_block!r}: use {', '.join(BLOCKS)}{nearest(seed_block, BLOCKS)}")
-        run(tuple(kind.split(",")), limit, only, seed_block, jobs, Ask(folder / seed_block, tool, keep), baselines)
+        kinds = tuple(kind.split(","))
+        chosen = [entry for own in kinds for entry in _drawn(own, seed_block, only, every, limit)]
+        if not chosen:
+            raise InputError(f"--only {only!r} leaves no trial: their names begin with {', '.join(KINDS)}")
+        told = seed_block == "report" and not only and limit is None and set(kinds) == set(KINDS)
+        run(chosen, jobs, Ask(folder / seed_block, tool, keep), baselines, RESULTS if told else folder / seed_block)
     except InputError as error:
         console.print(f"blind_trials: {error}", markup=False, highlight=False, style="red")
         sys.exit(2)
 
 
-def run(kinds: tuple[str, ...], limit: int | None, only: str, block: str, jobs: int, ask: Ask, baselines: int) -> None:
-    """All trials of some kinds, then the tables."""
-    chosen = [entry for kind in kinds
-              for entry in islice((e for e in entries((kind,), block) if only in e.name), limit)]  # fmt: skip
-    if not chosen:
-        raise InputError(f"--only {only!r} leaves no trial: their names begin with {', '.join(KINDS)}")
+def _drawn(kind: str, block: str, only: str, every: int, limit: int | None) -> Iterator[Entry]:
+    named = (entry for entry in entries((kind,), block) if only in entry.name)
+    return islice(islice(named, 0, None, every), limit)
+
+
+def run(chosen: Sequence[Entry], jobs: int, ask: Ask, baselines: int, target: Path) -> None:
+    """The trials ``chosen``, then the tables, written to ``target``."""
     results = []
     for number, result in enumerate(run_all(chosen, ask, jobs), 1):
         results.append(result)
@@ -65,7 +73,6 @@ def run(kinds: tuple[str, ...], limit: int | None, only: str, block: str, jobs: 
         tables.append(sparse_regression(results, ask.folder, baselines))
     report = summarise(NAME, results, tables)
     show(report, console)
-    target = RESULTS if block == "report" and not only and limit is None and set(kinds) == set(KINDS) else ask.folder
     write(report, " ".join(["python -m benchmarks.blind_trials", *sys.argv[1:]]), target)
     console.print(f"written: {target / NAME}.json, .md", soft_wrap=True, highlight=False)
 

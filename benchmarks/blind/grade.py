@@ -17,7 +17,8 @@ STATES: Final = ("x", "y", "x_dot", "y_dot", "u_x", "u_y")
 class Grade(NamedTuple):
     """kind, level, truth: from the label; named: what was said; right: as the results' row asks; exact: without the
     help of ``either``; covered: by true parameter, whether its interval holds it; ratio: final misfit over the true
-    noise floor, None where there is none; multiple: the smallest of the effects, of the detectable size."""
+    noise floor, None where there is none; multiple: the smallest of the effects, of the detectable size; said: of each
+    name of an effect file its probability, and whether it is true."""
 
     id: str
     kind: str
@@ -33,6 +34,7 @@ class Grade(NamedTuple):
     multiple: float
     formula: bool | None
     cpu_s: float
+    said: tuple[tuple[float, bool], ...]
 
 
 def grade(result: Mapping[str, Any]) -> Grade | None:
@@ -52,6 +54,8 @@ def grade(result: Mapping[str, Any]) -> Grade | None:
         ratio=_over(misfit.get("final"), floor), refit_ratio=_over(misfit.get("refit"), floor),
         multiple=min(label.get("multiple", {"": 0.0}).values()), formula=_formula(label, findings),
         cpu_s=float(result["cpu_s"]),
+        said=tuple((float(f["probability"]), f["id"] in truth) for f in findings
+                   if not f["id"].startswith(DISCOVERED)),
     )  # fmt: skip
 
 

@@ -1,5 +1,6 @@
 """Runs trials: makes the data, seals the label, asks the tool, hashes its answer, opens the label. One file a trial."""
 
+import hashlib
 import importlib
 import json
 import math
@@ -7,6 +8,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -14,6 +16,7 @@ from typing import Any, Final, NamedTuple
 from benchmarks.blind.plan import Entry
 from benchmarks.blind.store import DATA, digest, opened, save
 
+ROOT: Final = Path(__file__).parents[2]
 RESULTS: Final = "results"
 Tool = Callable[[Path], dict[str, Any]]
 
@@ -28,12 +31,13 @@ class Ask(NamedTuple):
 
 
 def run_all(entries: Iterable[Entry], ask: Ask, jobs: int) -> Iterator[dict[str, Any]]:
-    """Results as they come; a trial whose result file is there is not run again."""
+    """Results as they come; a trial that this code has answered, by its result file, is not run again."""
     waiting = []
     for entry in entries:
         done = result_file(ask.folder, entry.name)
-        if done.is_file():
-            yield json.loads(done.read_text(encoding="utf-8"))
+        result = json.loads(done.read_text(encoding="utf-8")) if done.is_file() else {}
+        if result.get("code") == code(ask.tool):
+            yield result
         else:
             waiting.append(entry)
     if jobs == 1:
@@ -76,12 +80,23 @@ def run_one(entry: Entry, ask: Ask) -> dict[str, Any]:
 
 
 def _written(ask: Ask, result: dict[str, Any]) -> dict[str, Any]:
+    result = {**result, "code": code(ask.tool)}
     file = result_file(ask.folder, result["id"])
     file.parent.mkdir(parents=True, exist_ok=True)
     part = file.with_suffix(".part")
     part.write_text(json.dumps(result, indent=1), encoding="utf-8")
     part.replace(file)
     return result
+
+
+@cache
+def code(tool: str) -> str:
+    """Digest of all that made an answer: the generator, the packages of the project and the name of the tool."""
+    found = hashlib.sha256(tool.encode())
+    for folder in ("benchmarks/blind", "discrepancy", "cosim", "gyro_model", "fmu_src"):
+        for path in sorted(p for p in (ROOT / folder).rglob("*") if p.suffix in (".py", ".c", ".h")):
+            found.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
+    return found.hexdigest()
 
 
 def tool_of(name: str) -> Tool:

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, Final
 
 from scipy.stats import norm
@@ -13,6 +14,8 @@ from benchmarks.report import Report, Row, Table
 Z: Final = float(norm.ppf(0.975))
 LARGE: Final = 9.9
 """Multiple of the detectable size from which a trial counts as "at ≥ 10×"; what a cap made smaller does not."""
+BINS: Final = (0.0, 0.3, 0.6, 0.9, 0.98, 1.01)
+"""Edges of the probabilities that are counted together."""
 WITHIN: Final = 1.2
 """Final misfit over the true noise floor that a right model reaches."""
 
@@ -42,7 +45,8 @@ def summarise(name: str, results: Sequence[Mapping[str, Any]], more: Sequence[Ta
     """The report on finished trials; ``more``: further tables, of the baselines."""
     grades = [g for g in map(grade, results) if g is not None]
     tables = [Table("targets", targets(grades)), Table("by size and kind", by_kind(grades)),
-              Table("single effects, one by one", by_effect(grades)), *more]  # fmt: skip
+              Table("single effects, one by one", by_effect(grades)),
+              Table("probabilities of names", by_probability(grades)), *more]  # fmt: skip
     tables = [table for table in tables if table.rows]
     missing = [r["id"] for r in results if "not_made" in r]
     notes = [
@@ -50,6 +54,7 @@ def summarise(name: str, results: Sequence[Mapping[str, Any]], more: Sequence[Ta
         "was opened; labels lay in a folder that the tool is not given.",
         "Noise floor, detectable sizes and what can be told apart are the generator's own; data and simulation share "
         "no code with the model under test.",
+        f"Code that answered: {', '.join(sorted({r['code'][:12] for r in results}))} (SHA-256).",
         f"CPU time a trial: median {_median([g.cpu_s for g in grades]):.1f} s, largest "
         f"{max((g.cpu_s for g in grades), default=0):.1f} s.",
     ]
@@ -120,6 +125,23 @@ def by_effect(grades: Sequence[Grade]) -> list[Row]:
     large = [g for g in _kind(grades, "single") if g.multiple >= LARGE]
     effects = sorted({g.id.split("-")[1] for g in large})
     return [_group(effect, [g for g in large if g.id.split("-")[1] == effect]) for effect in effects]
+
+
+def by_probability(grades: Sequence[Grade]) -> list[Row]:
+    """How often names are right that were said with so much probability, and the error of all."""
+    said = [own for g in grades for own in g.said]
+    rows, error = [], 0.0
+    for low, high in pairwise(BINS):
+        own = [(p, right) for p, right in said if low <= p < high]
+        if own:
+            row = rate(f"{low:g} to {min(high, 1.0):g}", (right for _, right in own))
+            mean = sum(p for p, _ in own) / len(own)
+            rows.append(row._replace(values={**row.values, "mean said": mean}))
+            error += abs(sum(right for _, right in own) - mean * len(own))
+    if not said:
+        return []
+    values = {"rate": error / len(said), "of": float(len(said))}
+    return [*rows, Row("calibration error", "1", values, 0.03, judged=("rate",))]
 
 
 def _group(what: str, grades: Sequence[Grade]) -> Row:

@@ -23,7 +23,7 @@ from benchmarks.blind.inseparable import ALIKE, SITUATIONS, TOLD, make_inseparab
 from benchmarks.blind.noise import Noise, flicker, measured, thermal_force
 from benchmarks.blind.physics import RADIANS, Plant, Run, simulate
 from benchmarks.blind.plan import KINDS, Entry, entries
-from benchmarks.blind.runner import Ask, run_all, run_one
+from benchmarks.blind.runner import Ask, result_file, run_all, run_one
 from benchmarks.blind.summary import summarise
 from benchmarks.blind.terms import TERMS, extra_force
 from benchmarks.blind.trial import make_effects, make_null, make_unknown, rng_of, scale_of
@@ -356,6 +356,17 @@ def test_a_tool_that_fails_is_a_result(tmp_path: Path) -> None:
     assert not list(tmp_path.rglob("*.parquet"))
 
 
+def test_only_what_this_code_has_answered_counts(tmp_path: Path) -> None:
+    entry = Entry("null", "null-short-00", partial(make_null, "null-short-00", "short"))
+    ask = Ask(tmp_path, f"{__name__}:failing", keep=False)
+    first = run_one(entry, ask)
+    assert list(run_all([entry], ask, 1)) == [first]
+    file = result_file(tmp_path, entry.name)
+    file.write_text(json.dumps({**first, "code": "another", "answer": {"error": "of another code"}}), encoding="utf-8")
+    [again] = run_all([entry], ask, 1)
+    assert (again["code"], again["answer"]["error"]) == (first["code"], first["answer"]["error"])
+
+
 def test_small_blind_trial(tmp_path: Path) -> None:
     """Four effects at ten times their detectable sizes and three nulls, on seeds of the tune block."""
     wanted = {"null-clean-00", "null-quantised-00", "null-badly-00"} | {
@@ -371,4 +382,6 @@ def test_small_blind_trial(tmp_path: Path) -> None:
     report = summarise("blind_trials", results)
     alarms, singles = report.tables[0].rows[:2]
     assert (alarms.values["rate"], singles.values["rate"]) == (0, 1)
+    probable = report.tables[-1].rows
+    assert sum(row.values["of"] or 0 for row in probable[:-1]) == probable[-1].values["of"] == 4
     assert json.dumps(report.data)
