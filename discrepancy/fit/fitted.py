@@ -50,6 +50,13 @@ class Fitted:
     left: float = np.inf
 
     @property
+    def unlikely(self) -> float:
+        """Twice the negative log likelihood of the residuals, a sample: innovations alone do not tell two fits apart
+        that are whitened by different filters, since a strong one leaves little of anything."""
+        logs = sum(self.whiten.log_determinants(len(residual)) for residual in self.residuals)
+        return float(np.log(self.variance)) - 2 * logs / self.count
+
+    @property
     def variance(self) -> float:
         """Mean square of an innovation [V²]."""
         return self.cost / self.count

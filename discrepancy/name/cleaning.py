@@ -3,8 +3,6 @@
 from copy import copy
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from discrepancy.fit.defect import Blemish, blemishes
 from discrepancy.fit.limits import clip_level
 from discrepancy.fit.whitening import EARNED
@@ -39,21 +37,14 @@ def _cleaned(search: "Search", blemish: Blemish) -> bool:
     found = blemish.find(search.dataset.fit, search.at.residuals, search.criteria)
     if found is None:
         return False
-    before, unlikely = copy(vars(search)), _unlikely(search)
+    before, unlikely = copy(vars(search)), search.at.unlikely
     search.take_blemish(blemish, found.data)
     search.go_on(search.at)
     # Worth a line of the report, and beyond what its numbers take away by chance.
     sure = (2 * sum(map(len, found.data)) + EARNED) / search.at.count
-    if _unlikely(search) >= unlikely - max(search.criteria.material, sure):
+    if search.at.unlikely >= unlikely - max(search.criteria.material, sure):
         vars(search).update(before)
         return False
     search.progress(f"record: {blemish.id} taken out")
     search.found.append((blemish, found))
     return True
-
-
-def _unlikely(search: "Search") -> float:
-    """Twice the negative log likelihood of the residuals, a sample: innovations alone do not tell two fits apart
-    that are whitened by different filters, since a strong one leaves little of anything."""
-    logs = sum(search.at.whiten.log_determinants(len(residual)) for residual in search.at.residuals)
-    return float(np.log(search.at.variance)) - 2 * logs / search.at.count

@@ -107,7 +107,7 @@ class Search:
     def attempt(self, what: str, work: Callable[[], Result]) -> Result | None:
         """What ``work`` gives; where the time ends within it all is as it was before, and ``what`` is noted as not
         done."""
-        before = {name: copy(own) if isinstance(own, list | set) else own for name, own in vars(self).items()}
+        before = self._kept()
         try:
             self.simulator.clock.check()
             return work()
@@ -116,6 +116,9 @@ class Search:
             self.undone.append(what)
             self.progress(f"out of time: {what}")
             return None
+
+    def _kept(self) -> dict[str, Any]:
+        return {name: copy(own) if isinstance(own, list | set) else own for name, own in vars(self).items()}
 
     def _until(self, share: float) -> None:
         self.simulator.clock.until = share * self.criteria.time_limit
@@ -237,6 +240,8 @@ class Search:
             accepted = self.attempt(self._next(), partial(self._accept, patient=patient and not refused))
             if self.weak:
                 return
+            if accepted is False and self.number == 1:
+                accepted = self.attempt("effects behind a noise of the motion", self._accept_behind_noise)
             if accepted is None or (not accepted and self.number == 1):
                 break
             if not accepted:
@@ -405,6 +410,25 @@ class Search:
         self._go_on_or_keep(best.at, nearly_settled if self.number > 1 else settled)
         return True
 
+    def _accept_behind_noise(self) -> bool:
+        """The same where the filter takes a part of the motion for noise, which may be what is missing: the best beside
+        no such noise, if the residuals are then likelier."""
+        setting = self.at.whiten.setting
+        if self.fitter is not self.whole or not setting.bandwidth:
+            return False
+        before, unlikely = self._kept(), self.at.unlikely
+        still = self.fitter.whitener(self.at.parameters, replace(setting, bandwidth=0.0))
+        self.at = self.fitter.fit(self.fitter.evaluated(replace(self.at, whiten=still)))
+        self.look()
+        if self._accept(patient=False):
+            candidate = self.accepted[-1].candidate
+            chance = self.criteria.effect_chance / candidate.trials
+            needed = float(chi2.isf(chance, len(candidate.all_probes) + len(candidate.searched)))
+            if self.at.count * (unlikely - self.at.unlikely) > needed:
+                return True
+        vars(self).update(before)
+        return False
+
     def _longer(self, view: Opening, *, sole: bool) -> Opening:
         """Longer openings, or the whole runs, where rivals are told apart; for a ``sole`` one the whole."""
         number = len(self.whole.records[0].t) // len(view.fitter.records[0].t) // LONG
@@ -518,14 +542,15 @@ class Search:
     def _close(self, worth: list[Scored]) -> list[Scored]:
         """Those whose refit could be the best: all that the linear scores leave open."""
         even, simpler = self.criteria.even, self.criteria.simpler
-        top = max(s.gain - simpler * s.freedom for _, s in worth)
+        best = max((s for _, s in worth), key=lambda s: s.gain - simpler * s.freedom)
+        top = best.gain - simpler * best.freedom
         share = max(s.share for _, s in worth)
         linear = self.view.fitter.off(self.view.at) < IN_STEP
 
         def near(entries: Sequence[Scored]) -> list[Scored]:
             if not linear:
                 return [(c, s) for c, s in entries if s.share >= RIVAL_SHARE * share]
-            least = [top - 4 * even * s.inflation - 0.1 * top for _, s in entries]
+            least = [top - 4 * even * max(s.inflation, best.inflation) - 0.1 * top for _, s in entries]
             return [(c, s) for (c, s), low in zip(entries, least, strict=True) if s.gain - simpler * s.freedom >= low]
 
         close = near(worth)[:RIVALS]
