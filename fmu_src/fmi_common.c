@@ -279,22 +279,26 @@ static fmi_status check_set(const fmi_instance *f, const char *call, gyro_type t
     return status;
 }
 
-/* Whether an input can be set as it is, as most are: the short way through check_set. */
-static int input_fits(const fmi_instance *f, gyro_type type, uint32_t vr, const void *values, size_t i)
+/* How many values go the short way, past the checks one by one: the first ones, as long as they are inputs within their bounds. */
+static size_t count_inputs(const fmi_instance *f, gyro_type type, const uint32_t vr[], size_t n, const void *values)
 {
-    int fits = 0;
-    if (f->state == STEPPING && type == GYRO_REAL && vr < GYRO_N_INPUTS) {
-        const double value = ((const double *)values)[i];
-        fits = value >= gyro_variables[vr].min && value <= gyro_variables[vr].max;
+    size_t i = 0;
+    if (f->state == STEPPING && type == GYRO_REAL) {
+        const double *value = values;
+        while (i < n && vr[i] < GYRO_N_INPUTS && value[i] >= gyro_variables[vr[i]].min && value[i] <= gyro_variables[vr[i]].max) {
+            i++;
+        }
     }
-    return fits;
+    return i;
 }
 
 fmi_status fmi_set(fmi_instance *f, const char *call, gyro_type type, const uint32_t vr[], size_t n, const void *values, size_t n_values)
 {
     fmi_status status = check_arrays(f, call, vr, n, values, n_values);
-    for (size_t i = 0; i < n && status == FMI_OK; i++) {
-        status = input_fits(f, type, vr[i], values, i) ? FMI_OK : check_set(f, call, type, vr[i], element(type, values, i));
+    if (status == FMI_OK) {
+        for (size_t i = count_inputs(f, type, vr, n, values); i < n && status == FMI_OK; i++) {
+            status = check_set(f, call, type, vr[i], element(type, values, i));
+        }
     }
     for (size_t i = 0; i < n && status == FMI_OK; i++) {
         gyro_set(f->core, vr[i], element(type, values, i));
@@ -322,21 +326,27 @@ static fmi_status check_get(fmi_instance *f, const char *call, gyro_type type, u
     return status;
 }
 
-/* Whether a value can be got as it stands, as most are: the short way through check_get. */
-static int value_stands(const fmi_instance *f, gyro_type type, uint32_t vr)
+/* Gets the first values, as long as they stand as they are, as most do: the short way past the checks; gives how many. */
+static size_t get_standing(const fmi_instance *f, gyro_type type, const uint32_t vr[], size_t n, void *values)
 {
-    return f->state == STEPPING && type == GYRO_REAL && vr < GYRO_N_VARIABLES && gyro_variables[vr].type == GYRO_REAL;
+    size_t i = 0;
+    if (f->state == STEPPING && type == GYRO_REAL) {
+        const gyro_instance *core = f->core;
+        double *value = values;
+        while (i < n && vr[i] < GYRO_N_VARIABLES && gyro_variables[vr[i]].type == GYRO_REAL) {
+            value[i] = gyro_get(core, vr[i]);
+            i++;
+        }
+    }
+    return i;
 }
 
 fmi_status fmi_get(fmi_instance *f, const char *call, gyro_type type, const uint32_t vr[], size_t n, void *values, size_t n_values)
 {
     fmi_status status = check_arrays(f, call, vr, n, values, n_values);
-    for (size_t i = 0; i < n && status == FMI_OK; i++) {
-        const int stands = value_stands(f, type, vr[i]);
-        status = stands ? FMI_OK : check_get(f, call, type, vr[i]);
-        if (stands) {
-            ((double *)values)[i] = gyro_get(f->core, vr[i]);
-        } else if (status == FMI_OK && type == GYRO_INTEGER) {
+    for (size_t i = status == FMI_OK ? get_standing(f, type, vr, n, values) : n; i < n && status == FMI_OK; i++) {
+        status = check_get(f, call, type, vr[i]);
+        if (status == FMI_OK && type == GYRO_INTEGER) {
             ((int32_t *)values)[i] = (int32_t)gyro_get(f->core, vr[i]);
         } else if (status == FMI_OK) {
             ((double *)values)[i] = vr[i] < GYRO_N_VARIABLES   ? gyro_get(f->core, vr[i])

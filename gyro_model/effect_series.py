@@ -19,7 +19,7 @@ from sympy.core.function import Application
 
 from gyro_model import symbols
 from gyro_model.anatomy import Force, State
-from gyro_model.c_printing import c_expression, state_macro
+from gyro_model.c_printing import c_expression
 from gyro_model.effect_functions import Places
 from gyro_model.model import Model
 
@@ -92,6 +92,7 @@ class Series:
         self.exchange = _exchange(effect)
         self.lanes = 2 if self.exchange else 1
         self.pairs: set[tuple[Symbol, Symbol]] = set()
+        self.own: list[tuple[Symbol, Symbol]] = []
         self.positive: set[Expr] = set()
         for axis, expr in enumerate(effect.force[: 1 if self.exchange else 2]):
             if expr != 0:
@@ -100,15 +101,14 @@ class Series:
             self._rate(state)
 
     def _rate(self, state: State) -> None:
-        """The rate of a state, and of that which goes with it, once for both."""
-        both = [state.symbol, self.exchange.get(state.symbol, state.symbol)]
-        if both == sorted(both, key=str):
-            name = f"rate_of_{state.symbol.name}"
-            self.lines.append(f"    const gyro_pair {name} = {self._sum(state.rate)};")
-            self.lines += [
-                f"    rate[{state_macro(symbol)}] = lane_of({name}, {lane});"
-                for lane, symbol in enumerate(both[: self.lanes])
-            ]
+        """The next coefficient of a state, and of that which goes with it, once for both."""
+        pair = self._states(state.symbol)
+        if pair == tuple(sorted(pair, key=str)):
+            self.own.append(pair)
+            factor, rest = sympify(state.rate).as_independent(*self.moving, as_Add=False)
+            # A product of what does not move need not wait for the coefficient.
+            step = "both(h)" if factor == 1 else f"pair_scaled(h, {self._constant(factor)})"
+            self.lines.append(f"    s->of[{pair_macro(pair)}][k + 1] = pair_product({step}, {self._sum(rest)});")
 
     def _force(self, axis: int, expr: Expr) -> None:
         """The force of one axis: nothing where no corner lets it act."""
@@ -167,8 +167,8 @@ class Series:
     def function(self) -> str:
         """The C function."""
         states = [symbol for symbol in self.place.model.state_symbols if symbol in self.rows]
-        place = f"static inline void series_{self.effect.id}(const gyro_view *g, gyro_series *s,"
-        head = f"{place} const gyro_series_place *at, int k,\n{' ' * 20}gyro_pair *force, double *rate)"
+        place = f"static GYRO_INLINE void series_{self.effect.id}(const gyro_view *g, gyro_series *s,"
+        head = f"{place} const gyro_series_place *at, int k,\n{' ' * 20}double h, gyro_pair *force)"
         text = self.place.declare(self.effect, self.read)
         text += "".join(f"    const gyro_pair *{s.name} = s->of[{pair_macro(self._states(s))}];\n" for s in states)
         text += "".join(
@@ -178,7 +178,7 @@ class Series:
         )
         text += "    gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;\n" if self.n_rows else ""
         text += "    gyro_pair *c = s->c + at->constant;\n" if self.n_constants else ""
-        text += "    (void)g;\n    (void)at;\n    (void)k;\n    (void)rate;\n"
+        text += "    (void)g;\n    (void)at;\n    (void)k;\n    (void)h;\n    (void)force;\n"
         return f"{head}\n{{\n{text}{self._grouped()}}}\n"
 
     def _states(self, symbol: Symbol) -> tuple[Symbol, Symbol]:
@@ -230,7 +230,7 @@ class Series:
         """Coefficient k of a sum of multiples of rows."""
         text = ""
         terms = self._smooth(sympify(expr)).expand(deep=False, mul=False).as_ordered_terms()
-        factors = [term.as_independent(*self.moving, as_Add=False) for term in terms]
+        factors = self._collected(terms)
         # What may be spared comes last: it may use what the others make, but not they what it makes.
         for factor, rest in sorted(factors, key=lambda pair: bool(pair[0].free_symbols & self.sizes)):
             if rest == 1:
@@ -239,10 +239,19 @@ class Series:
                 one = f"{self._series(rest)}[k]"
                 text = text and f"pair_difference({text}, {one})"
                 one = "" if text else f"pair_negative({one})"
+            elif self._may_be_spared(factor, rest):
+                text, one = self._spared(text, factor, rest), ""
             else:
                 one = self._term(factor, rest)
             text = f"pair_sum({text}, {one})" if text and one else text or one
         return text or "both(0.0)"
+
+    def _collected(self, terms: Sequence[Expr]) -> list[tuple[Expr, Expr]]:
+        """Factors that do not move, each with what it multiplies: multiples of one row by the sum of their factors."""
+        sums: dict[Expr, Expr] = {}
+        for factor, rest in (term.as_independent(*self.moving, as_Add=False) for term in terms):
+            sums[rest] = sums.get(rest, sympify(0)) + factor
+        return [(factor, rest) for rest, factor in sums.items()]
 
     def _term(self, factor: Expr, rest: Expr) -> str:
         """Coefficient k of a multiple of a row."""
@@ -251,16 +260,26 @@ class Series:
         if factor.free_symbols & set(self.changing):
             return self._following(factor, rest)
         constant = self._constant(factor)
-        if not (factor.free_symbols & self.sizes) or rest in self.rows or rest in self.place.model.state_symbols:
-            return f"pair_product({constant}, {self._series(rest)}[k])"
-        # A size or shape at zero, as most are, spares the rows.
+        return f"pair_product({constant}, {self._series(rest)}[k])"
+
+    def _may_be_spared(self, factor: Expr, rest: Expr) -> bool:
+        """Whether a size or shape at zero, as most are, spares rows."""
+        there = rest in self.rows or rest in self.place.model.state_symbols
+        return bool(factor.free_symbols & self.sizes) and not factor.free_symbols & set(self.changing) and not there
+
+    def _spared(self, text: str, factor: Expr, rest: Expr) -> str:
+        """The sum ``text`` with coefficient k of a multiple of a row, under a test: a processor guesses its outcome,
+        and need not wait for a sum with nothing."""
+        constant = self._constant(factor)
         self.terms += 1
-        name = f"term_{self.terms}"
-        self.lines.append(f"    gyro_pair {name} = both(0.0);")
-        self._where(
-            f"!is_zero({constant})",
-            lambda: self.lines.append(f"    {name} = pair_product({constant}, {self._series(rest)}[k]);"),
-        )
+        name = f"sum_{self.terms}"
+        self.lines.append(f"    gyro_pair {name} = {text or 'both(0.0)'};")
+
+        def add() -> None:
+            one = f"pair_product({constant}, {self._series(rest)}[k])"
+            self.lines.append(f"    {name} = {f'pair_sum({name}, {one})' if text else one};")
+
+        self._where(f"!is_zero({constant})", add)
         return name
 
     def _following(self, factor: Expr, rest: Expr) -> str:
@@ -324,7 +343,17 @@ class Series:
                 self.n_bounds += 1
         u = Symbol("u", real=True)
         slope = expr.func(u).diff(u).subs(u, argument)
-        return self._row(expr, lambda row: f"k == 0 ? {at_first} : series_integral({of}, {self._series(slope)}, k)")
+        rate = self._rate_of(argument, of)
+        return self._row(
+            expr, lambda row: f"k == 0 ? {at_first} : series_integral({rate}, {of}, {self._series(slope)}, k)"
+        )
+
+    def _rate_of(self, expr: Expr, of: str) -> str:
+        """The row of the derivative of ``expr``, times the time: coefficient k is k times that of ``expr``."""
+        rate = Symbol(f"rate_of_{of}")
+        if rate not in self.rows:
+            self._row(rate, lambda row: f"pair_scaled(k, {of}[k])")
+        return self.rows[rate]
 
     def _at(self, argument: Expr, expr: Expr, row: str) -> str:
         """``expr`` as C, its argument being the first of a row."""

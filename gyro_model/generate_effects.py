@@ -5,6 +5,7 @@ import re
 import textwrap
 import zlib
 from collections.abc import Iterable, Sequence
+from itertools import groupby
 
 from sympy import Symbol
 
@@ -136,6 +137,7 @@ typedef struct {
     unsigned char any_curved; /* a force acts that is not linear in the motion, or has states of its own */
     unsigned char steady; /* the motion is linear, and nothing but the rate changes its slopes */
     unsigned char any_impulse;
+    unsigned char any_map; /* an effect acts that changes force, displacement or voltage on their way */
     unsigned char any_rate; /* the converter asks for the rate of the voltage */
     unsigned char any_state; /* a force with states of its own acts */
     unsigned char any_memory; /* an effect that remembers acts */
@@ -175,6 +177,7 @@ def _activity(model: Model) -> str:
     law = " || ".join(f"g->active[{effect_macro(e)}]" for e in (*follows_of(model), *model.laws)) or "0"
     state = _any_of(e for e in added_forces(model) if e.states)
     memory = _any_of(e for e in model.effects if e.memories)
+    mapped = _any_of(e for e in model.effects if isinstance(e, Map) and not e.nominal)
     renewed = _any_of(e for e in model.effects if _is_renewed(e))
     acting = "".join(guarded(e, f"g->acting[g->n_acting++] = {effect_macro(e)};\n") for e in added_forces(model))
     bent = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if not is_linear(e, model)) or "0"
@@ -186,7 +189,8 @@ def _activity(model: Model) -> str:
         "static inline void find_active(gyro_view *g)\n{\n"
         + "".join(lines)
         + f"    g->any_law = {law};\n    g->any_impulse = {impulse};\n"
-        + f"    g->any_rate = {rate};\n    g->any_state = {state};\n    g->any_curved = {bent};\n"
+        + f"    g->any_map = {mapped};\n    g->any_rate = {rate};\n"
+        + f"    g->any_state = {state};\n    g->any_curved = {bent};\n"
         + f"    g->any_memory = {memory};\n    g->any_renewed = {renewed};\n"
         + f"    g->steady = !g->any_curved{changing};\n    g->n_acting = 0;\n"
         + textwrap.indent(acting, "    ")
@@ -433,13 +437,22 @@ def _stage(model: Model, name: str, text: str, first: str, last: str, *, moving:
     order = list(SLOTS)
     span = order[order.index(first) : order.index(last) + 1]
     passes = ("_rate", "") if moving else ("",)
-    body = "".join(slot_lines(slot, members, of) for slot, members in chain(model) if slot in span for of in passes)
+    slots = [(slot, members) for slot, members in chain(model) if slot in span]
+    body = "".join(
+        _where_any_acts("".join(slot_lines(slot, members, of) for slot, members in row for of in passes), nominal)
+        for nominal, row in groupby(slots, key=lambda pair: any(effect.nominal for effect in pair[1]))
+    )
     start = "    g->q[0] = g->s[GYRO_STATE_X];\n    g->q[1] = g->s[GYRO_STATE_Y];\n" if name == "pick_off" else ""
     if moving:
         name, text = f"{name}_moving", f"{text} And its rate, before each value that it is made from changes."
         start += _MOVING if start else ""
     declared = "    double out[2];\n" if body else "    (void)g;\n"
     return f"/* {text} */\nstatic inline void {name}(gyro_view *g)\n{{\n{declared}{start}{body}}}\n"
+
+
+def _where_any_acts(lines: str, nominal: bool) -> str:
+    """``lines`` of maps, under one test for all those of devices that are more than nominal."""
+    return lines if nominal else f"    if (g->any_map) {{\n{textwrap.indent(lines, '    ')}    }}\n"
 
 
 _MOVING = """    state_rate(g, g->s_rate);

@@ -1,8 +1,12 @@
 """Writes ``expansions.h``: of each force that bends the motion the coefficients of its Taylor series in time, from
 those of the states, one function an effect (``effect_series.py``)."""
 
+import textwrap
 from collections import Counter
+from collections.abc import Sequence
 from typing import Final
+
+from sympy import Symbol
 
 from gyro_model import symbols
 from gyro_model.c_printing import STAMP, effect_macro, macro, state_macro
@@ -11,6 +15,8 @@ from gyro_model.effect_series import Series, both_axes, has_series, pair_macro, 
 from gyro_model.linear_forces import is_linear
 from gyro_model.model import Model
 
+Pair = tuple[Symbol, Symbol]
+_MOTION: Final[tuple[Pair, ...]] = ((symbols.x, symbols.y), (symbols.x_dot, symbols.y_dot))
 MOST_ROWS: Final = 256
 """Room for rows of coefficients; a model whose acting forces ask for more is integrated by stages."""
 
@@ -30,7 +36,7 @@ def expansions(model: Model) -> str:
         f"    {series[e.id].size() if e.id in series else _size(e in bending)}, /* {e.id} */\n" for e in model.effects
     )
     cases = "".join(
-        f"        case {effect_macro(e)}:\n            series_{e.id}(g, s, &s->plan->place[i], k, force, rate);\n"
+        f"        case {effect_macro(e)}:\n            series_{e.id}(g, s, &s->plan->place[i], k, h, &force);\n"
         "            break;\n"
         for e in bending
         if e.id in series
@@ -47,12 +53,13 @@ def expansions(model: Model) -> str:
         "    }\n"
         for square in shared
     )
-    pairs = sorted({pair for one in alone.values() for pair in one.pairs}, key=str) or [(symbols.x, symbols.y)]
-    names = "".join(f"    {pair_macro(pair)},\n" for pair in pairs)
-    made = "".join(
-        f"    s->of[{pair_macro((a, b))}][k] = pair_of(s->s[k][{state_macro(a)}], s->s[k][{state_macro(b)}]);\n"
-        for a, b in pairs
-    )
+    own = [*_MOTION, *(pair for one in series.values() for pair in one.own)]
+    own += [(state.symbol, state.symbol) for state in model.states if not any(state.symbol in pair for pair in own)]
+    others = sorted({pair for one in alone.values() for pair in one.pairs} - set(own), key=str)
+    lanes = {
+        symbol: f"lane_of(s->of[{pair_macro(pair)}][k], {lane})" for pair in own for lane, symbol in enumerate(pair)
+    }
+    made = "".join(f"    s->of[{pair_macro((a, b))}][k] = pair_of({lanes[a]}, {lanes[b]});\n" for a, b in others)
     return f"""{STAMP}
 #ifndef GYRO_EXPANSIONS_H
 #define GYRO_EXPANSIONS_H
@@ -69,10 +76,12 @@ enum {{
     GYRO_SERIES_READ = {max(1, len(read))}
 }};
 
-/* States by pairs. In an effect that is the same for both axes `x` stands for (x, y) and `y` for (y, x), elsewhere each
-   for two of itself. */
+/* States by pairs: the motion, states of effects, then pairs made of those. In an effect that is the same for both axes
+   `x` stands for (x, y) and `y` for (y, x), elsewhere each for two of itself. */
 enum {{
-{names}    GYRO_SERIES_PAIRS
+{_names(_MOTION)}    GYRO_MOTION_PAIRS,
+{_names(own[2:], "GYRO_MOTION_PAIRS")}    GYRO_STATE_PAIRS = {len(own)},
+{_names(others, "GYRO_STATE_PAIRS")}    GYRO_SERIES_PAIRS = {len(own) + len(others)}
 }};
 
 /* What effects share. */
@@ -90,8 +99,7 @@ typedef struct {{
 typedef struct {{
     const gyro_series_plan *plan;
     double step;                                 /* s */
-    double s[GYRO_TERMS][GYRO_N_STATES];         /* states [SI] */
-    gyro_pair of[GYRO_SERIES_PAIRS][GYRO_TERMS]; /* the same by pairs */
+    gyro_pair of[GYRO_SERIES_PAIRS][GYRO_TERMS]; /* states by pairs [SI] */
     gyro_pair shared[GYRO_SERIES_SHARED + 1][GYRO_TERMS];
     gyro_pair w[GYRO_SERIES_ROWS][GYRO_TERMS];   /* rows of the effects */
     gyro_pair c[GYRO_SERIES_CONSTANTS];          /* constants of the effects */
@@ -103,10 +111,26 @@ typedef struct {{
     double side[GYRO_SERIES_CORNERS];            /* its sign in this part of the step, 1 or -1; 0: not known yet */
 }} gyro_series;
 
-/* The k-th coefficients of the states by pairs. */
+/* The k-th coefficients of the pairs made of others. */
 static inline void pair_states(gyro_series *s, int k)
 {{
+    (void)s;
+    (void)k;
 {made}}}
+
+/* The first coefficients of so many pairs of states: of the motion alone, or of all. */
+static inline void take_states(const gyro_view *g, gyro_series *s, int pairs)
+{{
+{_taken(own[:2])}    if (pairs > GYRO_MOTION_PAIRS) {{
+{textwrap.indent(_taken(own[2:]), "    ")}    }}
+}}
+
+/* So many pairs of states as those of a view. */
+static inline void give_states(const gyro_pair value[GYRO_STATE_PAIRS], gyro_view *g, int pairs)
+{{
+{_given(own[:2])}    if (pairs > GYRO_MOTION_PAIRS) {{
+{textwrap.indent(_given(own[2:]), "    ")}    }}
+}}
 
 /* c a where c changes by `change` in the whole step and is as given in its middle. */
 static inline gyro_pair following(const gyro_series *s, gyro_pair c, gyro_pair change, const gyro_pair *a, int k)
@@ -140,20 +164,31 @@ static const gyro_series_size series_sizes[GYRO_N_EFFECTS] = {{
 {sizes}}};
 
 {functions}
-/* The k-th coefficients of the forces that bend the motion, added to `force` [N], and of the rates of their own states,
-   put in `rate` [SI/s]. */
-static inline void add_series(const gyro_view *g, gyro_series *s, int k, gyro_pair *force, double rate[GYRO_N_STATES])
+/* `force` [N] with the k-th coefficients of the forces that bend the motion; the next ones of their own states, `h` [s]
+   times the rate, are put in their place. */
+static GYRO_INLINE gyro_pair with_series(const gyro_view *g, gyro_series *s, int k, double h, gyro_pair force)
 {{
     (void)g;
     (void)k;
-    (void)force;
-    (void)rate;
+    (void)h;
 {shares}    for (int i = 0; i < s->plan->n; i++) {{
         switch (s->plan->effect[i]) {{
 {cases}        default:
             break;
         }}
     }}
+    return force;
+}}
+
+/* The same of the first and of later coefficients: a compiler leaves out of each what is for the others. */
+static inline gyro_pair with_first(const gyro_view *g, gyro_series *s, double h, gyro_pair force)
+{{
+    return with_series(g, s, 0, h, force);
+}}
+
+static inline gyro_pair with_later(const gyro_view *g, gyro_series *s, int k, double h, gyro_pair force)
+{{
+    return k > 0 ? with_series(g, s, k, h, force) : force;
 }}
 
 /* Whether a series follows what laws change within the step; else it is held at the middle. */
@@ -168,6 +203,27 @@ static inline void read_by_series(const gyro_view *g, double read[GYRO_SERIES_RE
 
 #endif
 """
+
+
+def _names(pairs: Sequence[Pair], first: str = "") -> str:
+    """Indexes of pairs, from ``first`` on."""
+    starts = [f" = {first}" if first else "", *[""] * len(pairs)]
+    return "".join(f"    {pair_macro(pair)}{start},\n" for pair, start in zip(pairs, starts, strict=False))
+
+
+def _taken(pairs: Sequence[Pair]) -> str:
+    return "".join(
+        f"    s->of[{pair_macro((a, b))}][0] = pair_of(g->s[{state_macro(a)}], g->s[{state_macro(b)}]);\n"
+        for a, b in pairs
+    )
+
+
+def _given(pairs: Sequence[Pair]) -> str:
+    return "".join(
+        f"    g->s[{state_macro(symbol)}] = lane_of(value[{pair_macro(pair)}], {lane});\n"
+        for pair in pairs
+        for lane, symbol in enumerate(dict.fromkeys(pair))
+    )
 
 
 def _size(bends: bool) -> str:

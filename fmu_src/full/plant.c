@@ -345,7 +345,7 @@ void gyro_plan_series(gyro_instance *g) { plan_series(&g->plan.series, &g->view)
 
 /* The lag over the part of a step h [s] from time t that the latest series has gone, from `begin` of the step on; states and laws of the view
    end at the end. `start` shape (GYRO_N_STATES): the states at `begin`. */
-static void move_lag_along(gyro_instance *g, const gyro_course *course, const gyro_passage *at, double t, double h, int n, double begin,
+static void move_lag_along(gyro_instance *g, const gyro_course *course, const gyro_passage *at, double t, double h, int pairs, double begin,
                            const double start[GYRO_N_STATES])
 {
     gyro_view *view = &g->view;
@@ -359,7 +359,7 @@ static void move_lag_along(gyro_instance *g, const gyro_course *course, const gy
         } else if (node == GYRO_LAG_NODES - 1) {
             memcpy(view->s, end, sizeof view->s);
         } else {
-            set_states(&at->series, at->power, c * at->reach, n, view);
+            set_states(&at->series, at->power, c * at->reach, pairs, view);
         }
         view->t = t + part * h;
         view->since = part * h;
@@ -377,16 +377,18 @@ static void move_lag_along(gyro_instance *g, const gyro_course *course, const gy
 static void move_by_series(gyro_instance *g, const gyro_course *course, double t, double h, int lags)
 {
     gyro_view *view = &g->view;
-    const int n = view->any_state ? GYRO_N_STATES : GYRO_STATE_Y_DOT + 1;
+    const int pairs = view->any_state ? GYRO_STATE_PAIRS : GYRO_MOTION_PAIRS;
     gyro_passage at;
     begin_passage(&at, &g->plan.series, course);
     while (at.done < 1.0) {
         const double begin = at.done;
         double before[GYRO_N_STATES];
-        memcpy(before, view->s, sizeof before);
-        advance_next(view, g->value, course, t, h, n, &at);
+        if (lags) {
+            memcpy(before, view->s, sizeof before);
+        }
+        advance_next(view, g->value, course, t, h, pairs, &at);
         if (lags && at.power > 0) {
-            move_lag_along(g, course, &at, t, h, n, begin, before);
+            move_lag_along(g, course, &at, t, h, pairs, begin, before);
         } else if (lags) {
             double after[GYRO_N_STATES];
             memcpy(after, view->s, sizeof after);

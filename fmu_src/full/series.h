@@ -11,6 +11,10 @@
    M. Zou, A software package for the numerical integration of ODEs by means of high-order Taylor methods, Experimental Mathematics 14, 2005). */
 enum { GYRO_MOST_POWER = 16, GYRO_TERMS = GYRO_MOST_POWER + 1 };
 
+/* 1/k: a division takes as long as four products. */
+static const double GYRO_PART[GYRO_TERMS + 1] = {0.0,      1.0,      1.0 / 2,  1.0 / 3,  1.0 / 4,  1.0 / 5,  1.0 / 6,  1.0 / 7,  1.0 / 8,
+                                                 1.0 / 9,  1.0 / 10, 1.0 / 11, 1.0 / 12, 1.0 / 13, 1.0 / 14, 1.0 / 15, 1.0 / 16, 1.0 / 17};
+
 /* What an effect's series asks for. */
 typedef struct {
     int rows; /* of coefficients; -1: it has no series */
@@ -58,7 +62,7 @@ static inline gyro_pair series_product(const gyro_pair *a, const gyro_pair *b, i
 }
 
 /* Of a^2. */
-static inline gyro_pair series_square(const gyro_pair *a, int k)
+static GYRO_INLINE gyro_pair series_square(const gyro_pair *a, int k)
 {
     const gyro_pair *back = a + k;
     gyro_pair sum = both(0.0);
@@ -85,19 +89,24 @@ static inline gyro_pair series_power(const gyro_pair *a, const gyro_pair *p, gyr
         weight = pair_sum(weight, step);
         sum = pair_sum(sum, pair_product(weight, pair_product(a[j], back[-j])));
     }
-    sum = pair_sum(sum, pair_product(pair_scaled(k, e), pair_product(a[k], p[0])));
-    return pair_product(sum, pair_ratio(both(1.0), pair_scaled(k, a[0])));
+    const gyro_pair inverse = pair_ratio(both(1.0), a[0]);
+    return pair_sum(pair_product(pair_scaled(GYRO_PART[k], inverse), sum), pair_product(pair_product(e, pair_product(inverse, p[0])), a[k]));
 }
 
-/* Of y, k > 0, where y' = a' f. */
-static inline gyro_pair series_integral(const gyro_pair *a, const gyro_pair *f, int k)
+/* Of y, k > 0, where y' = a' f; `rate` holds j a_j. */
+static inline gyro_pair series_integral(const gyro_pair *rate, const gyro_pair *a, const gyro_pair *f, int k)
 {
     const gyro_pair *back = f + k;
-    gyro_pair sum = both(0.0);
-    for (int j = 1; j < k; j++) {
-        sum = pair_sum(sum, pair_scaled(j, pair_product(a[j], back[-j])));
+    gyro_pair even = both(0.0), odd = both(0.0);
+    int j = 1;
+    for (; j + 1 < k; j += 2) {
+        odd = pair_sum(odd, pair_product(rate[j], back[-j]));
+        even = pair_sum(even, pair_product(rate[j + 1], back[-j - 1]));
     }
-    return pair_scaled(1.0 / k, pair_sum(sum, pair_scaled(k, pair_product(a[k], f[0]))));
+    if (j < k) {
+        odd = pair_sum(odd, pair_product(rate[j], back[-j]));
+    }
+    return pair_sum(pair_scaled(GYRO_PART[k], pair_sum(even, odd)), pair_product(a[k], f[0]));
 }
 
 #endif

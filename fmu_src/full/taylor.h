@@ -39,13 +39,13 @@ enum { GYRO_MOST_CLOSE = 16 };
 /* Powers of time up to which laws change the linear forces. */
 enum { GYRO_COURSE_POWERS = 3 };
 
-/* What laws do in a step: the linear forces by powers of the time, in steps; by what all else that a force reads changes; and each thing that
-   laws change, by powers of the time from the middle. */
+/* What laws do in a step: the linear forces by so many powers of the time, in steps; by what all else that a force reads changes; and where
+   laws move, each thing that they change, by powers of the time from the middle. */
 typedef struct {
     gyro_linear power[GYRO_COURSE_POWERS];
+    int powers;
     double read[GYRO_SERIES_READ];
     double changed[GYRO_N_LAW_TARGETS][GYRO_COURSE_POWERS];
-    int changes;
     int smooth; /* 1: `changed` holds for all of them */
 } gyro_course;
 
@@ -90,107 +90,114 @@ static inline void shift_course(const gyro_course *course, double begin, gyro_li
     static const gyro_linear none = {{{0.0}}, {0.0}};
     const double rest = 1.0 - begin;
     const gyro_linear *p = course->power;
-    const gyro_linear value = sum_of_linear(&p[1], begin, &p[2]), rate = sum_of_linear(&p[1], 2.0 * begin, &p[2]);
+    const gyro_linear *bend = course->powers > 2 ? &p[2] : &none;
+    const gyro_linear value = sum_of_linear(&p[1], begin, bend), rate = sum_of_linear(&p[1], 2.0 * begin, bend);
     from[0] = sum_of_linear(&p[0], begin, &value);
     from[1] = sum_of_linear(&none, rest, &rate);
-    from[2] = sum_of_linear(&none, rest * rest, &p[2]);
+    from[2] = sum_of_linear(&none, rest * rest, bend);
 }
 
-/* The linear force of both axes: slope (x, x', y, y') + still. */
+/* The linear force of both axes by pairs: how it goes with place and speed, each of the own axis and of the other, and what does not move. */
 typedef struct {
-    gyro_pair slope[4], still;
+    gyro_pair place[2], speed[2], still;
 } gyro_linear_pair;
 
 static inline gyro_linear_pair pairs_of(const gyro_linear *linear)
 {
-    gyro_linear_pair pairs;
-    pairs.still = pair_of(linear->still[0], linear->still[1]);
-    for (int i = 0; i < 4; i++) {
-        pairs.slope[i] = pair_of(linear->slope[0][i], linear->slope[1][i]);
-    }
+    const double *to_x = linear->slope[0], *to_y = linear->slope[1];
+    const gyro_linear_pair pairs = {{pair_of(to_x[0], to_y[2]), pair_of(to_x[2], to_y[0])},
+                                    {pair_of(to_x[1], to_y[3]), pair_of(to_x[3], to_y[1])},
+                                    pair_of(linear->still[0], linear->still[1])};
     return pairs;
 }
 
 /* Coefficient k of the linear force, where it does not change. */
 static inline gyro_pair linear_force(const gyro_linear_pair *linear, const gyro_series *s, int k)
 {
-    const gyro_pair *a = linear->slope;
-    const double *c = s->s[k];
-    const gyro_pair of_x = pair_sum(pair_scaled(c[0], a[0]), pair_scaled(c[1], a[1]));
-    const gyro_pair of_y = pair_sum(pair_scaled(c[2], a[2]), pair_scaled(c[3], a[3]));
-    return k == 0 ? pair_sum(pair_sum(of_x, of_y), linear->still) : pair_sum(of_x, of_y);
+    const gyro_pair place = s->of[GYRO_PAIR_X_AND_Y][k], speed = s->of[GYRO_PAIR_X_DOT_AND_Y_DOT][k];
+    const gyro_pair by_place = pair_sum(pair_product(linear->place[0], place), pair_product(linear->place[1], pair_exchanged(place)));
+    const gyro_pair by_speed = pair_sum(pair_product(linear->speed[0], speed), pair_product(linear->speed[1], pair_exchanged(speed)));
+    return pair_sum(k == 0 ? pair_sum(by_place, linear->still) : by_place, by_speed);
 }
 
-/* The coefficients k + 1 of n states. */
-static inline void expand_once(const gyro_view *g, gyro_series *s, const gyro_linear_pair *from, int powers, int k, int n)
+/* The coefficients k + 1 of so many pairs of states. */
+static inline void expand_once(const gyro_view *g, gyro_series *s, const gyro_linear_pair *from, int powers, int k, int pairs)
 {
-    const double h = s->step / (k + 1), to_speed = h * g->inverse_mass;
+    const double h = s->step * GYRO_PART[k + 1];
     gyro_pair force = linear_force(&from[0], s, k);
-    double rate[GYRO_N_STATES] = {0.0};
     for (int j = 1; j < powers && j <= k; j++) {
         force = pair_sum(force, linear_force(&from[j], s, k - j));
     }
-    pair_states(s, k);
-    add_series(g, s, k, &force, rate);
-    s->s[k + 1][GYRO_STATE_X] = h * s->s[k][GYRO_STATE_X_DOT];
-    s->s[k + 1][GYRO_STATE_X_DOT] = to_speed * lane_of(force, 0);
-    s->s[k + 1][GYRO_STATE_Y] = h * s->s[k][GYRO_STATE_Y_DOT];
-    s->s[k + 1][GYRO_STATE_Y_DOT] = to_speed * lane_of(force, 1);
-    for (int i = 4; i < n; i++) {
-        s->s[k + 1][i] = h * rate[i];
+    for (int i = GYRO_MOTION_PAIRS; i < pairs; i++) {
+        s->of[i][k + 1] = both(0.0);
     }
+    pair_states(s, k);
+    force = k == 0 ? with_first(g, s, h, force) : with_later(g, s, k, h, force);
+    s->of[GYRO_PAIR_X_AND_Y][k + 1] = pair_scaled(h, s->of[GYRO_PAIR_X_DOT_AND_Y_DOT][k]);
+    s->of[GYRO_PAIR_X_DOT_AND_Y_DOT][k + 1] = pair_scaled(h * g->inverse_mass, force);
 }
 
-/* The part of the step for which a term of this power is the last that counts, being `left` times as large as that. */
-static inline double reach_of(double left, int power) { return left > 1.0 ? gyro_power(left, -1.0 / power) : 1.0; }
+/* The part of the step for which the term of GYRO_MOST_POWER is the last that counts, being `left` > 1 times as large as that: four square roots
+   are the sixteenth. */
+static inline double reach_of(double left) { return 1.0 / sqrt(sqrt(sqrt(sqrt(left)))); }
 
-/* The coefficients of the motion of n states from the view on, in units of the step of the series, n a constant at each call; `size` shape
-   (GYRO_N_STATES) grows to that of each state. Gives the last power; `reach` is the part of the step that it holds for. */
-static inline int expand(const gyro_view *g, gyro_series *s, const gyro_course *course, double begin, int n, double size[GYRO_N_STATES],
+static inline gyro_pair larger_pair(gyro_pair a, gyro_pair b)
+{
+    return pair_of(larger(lane_of(a, 0), lane_of(b, 0)), larger(lane_of(a, 1), lane_of(b, 1)));
+}
+
+/* 1 over the largest last term of a pair of states of this size. */
+static inline double last_weight(double size, double last) { return size > 0.0 ? 1.0 / (last * size) : 1e300; }
+
+/* The coefficients of the motion of so many pairs of states from the view on, in units of the step of the series, `pairs` a constant at each
+   call; `size` shape (GYRO_STATE_PAIRS) grows to that of each state. Gives the last power; `reach` is the part of the step that it holds for. */
+static inline int expand(const gyro_view *g, gyro_series *s, const gyro_course *course, double begin, int pairs, gyro_pair size[GYRO_STATE_PAIRS],
                          double *reach)
 {
-    double weight[GYRO_N_STATES], left = INFINITY, before = INFINITY;
-    const int powers = course->changes ? GYRO_COURSE_POWERS : 1;
+    double left = INFINITY, before = INFINITY;
+    const int powers = course->powers;
+    gyro_pair weight[GYRO_STATE_PAIRS];
     gyro_linear shifted[GYRO_COURSE_POWERS];
     gyro_linear_pair from[GYRO_COURSE_POWERS];
     int power = 0;
-    if (course->changes && begin > 0.0) {
+    if (powers > 1 && begin > 0.0) {
         shift_course(course, begin, shifted);
     }
     for (int j = 0; j < powers; j++) {
-        from[j] = pairs_of(course->changes && begin > 0.0 ? &shifted[j] : &course->power[j]);
+        from[j] = pairs_of(powers > 1 && begin > 0.0 ? &shifted[j] : &course->power[j]);
     }
-    for (int i = 0; i < n; i++) {
-        s->s[0][i] = g->s[i];
-    }
+    take_states(g, s, pairs);
     for (int i = 0; i < s->plan->bounds; i++) {
         s->bounded[i].row = NULL;
     }
-    expand_once(g, s, from, powers, 0, n);
+    expand_once(g, s, from, powers, 0, pairs);
     for (power = 1; power < GYRO_SIZE_TERMS; power++) {
-        expand_once(g, s, from, powers, power, n);
+        expand_once(g, s, from, powers, power, pairs);
     }
-    for (int i = 0; i < n; i++) {
-        size[i] = larger(size[i], fabs(s->s[0][i]) + fabs(s->s[1][i]));
-        for (int j = 2; j < GYRO_SIZE_TERMS && !(size[i] > 0.0); j++) {
-            size[i] = fabs(s->s[j][i]);
+    for (int i = 0; i < pairs; i++) {
+        const gyro_pair *c = s->of[i];
+        const double last = i >= GYRO_MOTION_PAIRS ? GYRO_OWN_LAST_TERM * GYRO_LAST_TERM : GYRO_LAST_TERM;
+        size[i] = larger_pair(size[i], pair_sum(pair_size(c[0]), pair_size(c[1])));
+        for (int j = 2; j < GYRO_SIZE_TERMS && !(lane_of(size[i], 0) > 0.0 && lane_of(size[i], 1) > 0.0); j++) {
+            const gyro_pair first = pair_size(c[j]);
+            size[i] = pair_of(lane_of(size[i], 0) > 0.0 ? lane_of(size[i], 0) : lane_of(first, 0),
+                              lane_of(size[i], 1) > 0.0 ? lane_of(size[i], 1) : lane_of(first, 1));
         }
-        const double last = i > GYRO_STATE_Y_DOT ? GYRO_OWN_LAST_TERM * GYRO_LAST_TERM : GYRO_LAST_TERM;
-        weight[i] = size[i] > 0.0 ? 1.0 / (last * size[i]) : 1e300;
+        weight[i] = pair_of(last_weight(lane_of(size[i], 0), last), last_weight(lane_of(size[i], 1), last));
     }
     /* A sum, in which what is no number stays. */
     while (power < GYRO_MOST_POWER && !(left <= 1.0 && before <= GYRO_BEFORE_LAST)) {
-        expand_once(g, s, from, powers, power++, n);
-        before = left;
-        left = 0.0;
-        for (int i = 0; i < n; i++) {
-            left += fabs(s->s[power][i]) * weight[i];
+        gyro_pair sum = both(0.0);
+        expand_once(g, s, from, powers, power++, pairs);
+        for (int i = 0; i < pairs; i++) {
+            sum = pair_sum(sum, pair_product(pair_size(s->of[i][power]), weight[i]));
         }
+        before = left;
+        left = lane_of(sum, 0) + lane_of(sum, 1);
     }
     *reach = 1.0;
     if (!(left <= 1.0 && before <= GYRO_BEFORE_LAST)) {
-        const double last = reach_of(left, power), former = reach_of(before / GYRO_BEFORE_LAST, power - 1);
-        *reach = gyro_finite(left + before) ? smaller(last, former) : 0.0;
+        *reach = gyro_finite(left + before) ? reach_of(larger(left, before / GYRO_BEFORE_LAST)) : 0.0;
     }
     return power;
 }
@@ -237,16 +244,45 @@ static inline double first_zero(const double *c, int n, double side, double zero
 /* Coefficient j. A lane that a compiler knows is read where it lies. */
 static inline double coefficient(const gyro_lane *of, int j) { return of->lane == 0 ? lane_of(of->row[j], 0) : lane_of(of->row[j], 1); }
 
-/* The part of `reach` in which a row changes by no more than its room. A saturated function says nothing of where it turns over. */
-static inline double within_bound(const gyro_series *s, int bound, int power, double reach)
+/* By how much both lanes of a row change in the whole step of the series at most. */
+static inline gyro_pair most_change(const gyro_pair *row, int power)
 {
-    const gyro_lane *c = &s->bounded[bound];
+    gyro_pair odd = pair_size(row[1]), even = both(0.0);
+    for (int j = 2; j < power; j += 2) {
+        even = pair_sum(even, pair_size(row[j]));
+        odd = pair_sum(odd, pair_size(row[j + 1]));
+    }
+    return pair_sum(odd, power % 2 ? even : pair_sum(even, pair_size(row[power])));
+}
+
+/* The sum of |c_j| reach^j from j = 1 on, a lane of a row. */
+static inline double change_within(const gyro_lane *c, int power, double reach)
+{
     double sum = 0.0;
-    for (int j = power; c->row != NULL && j > 0; j--) {
+    for (int j = power; j > 0; j--) {
         sum = (sum + fabs(coefficient(c, j))) * reach;
     }
-    /* Without a constant the sum falls at least as fast as the reach. */
-    return c->row != NULL && sum > s->room[bound] ? reach * (s->room[bound] / sum) : reach;
+    return sum;
+}
+/* The part of `reach` in which every row that is bounded changes by no more than its room. A saturated function says nothing of where it turns
+   over. */
+static inline double within_bounds(const gyro_series *s, int power, double reach)
+{
+    const gyro_pair *row = NULL;
+    gyro_pair most = both(0.0);
+    for (int bound = 0; bound < s->plan->bounds; bound++) {
+        const gyro_lane *c = &s->bounded[bound];
+        if (c->row != row) {
+            row = c->row;
+            most = row != NULL ? most_change(row, power) : most;
+        }
+        if (row != NULL && lane_of(most, c->lane) > s->room[bound]) {
+            const double change = change_within(c, power, reach);
+            /* Without a constant the sum falls at least as fast as the reach. */
+            reach = change > s->room[bound] ? reach * (s->room[bound] / change) : reach;
+        }
+    }
+    return reach;
 }
 
 /* Whether the side of a corner is that to which the motion goes; else turns it. Where it is, shortens `reach` to the next corner and puts which in
@@ -254,12 +290,8 @@ static inline double within_bound(const gyro_series *s, int bound, int power, do
 static inline int side_holds(gyro_series *s, int corner, int power, double *reach, int *met)
 {
     const gyro_lane *of = &s->corner[corner];
-    const double side = s->side[corner], first = coefficient(of, 0);
-    double sum = 0.0;
+    const double side = s->side[corner], first = coefficient(of, 0), sum = change_within(of, power, *reach);
     int holds = 1, low = 0;
-    for (int j = power; j > 0; j--) {
-        sum = (sum + fabs(coefficient(of, j))) * *reach;
-    }
     if (side * first <= sum && (sum > 0.0 || first != 0.0)) {
         double c[GYRO_TERMS] = {0.0};
         for (int j = 0; j <= power; j++) {
@@ -284,25 +316,49 @@ static inline int side_holds(gyro_series *s, int corner, int power, double *reac
     return holds;
 }
 
-/* The states at a part of the step of the series. */
-static inline void set_states(const gyro_series *s, int power, double part, int n, gyro_view *g)
+/* The same of all corners. Most are further away than the motion goes in a step. */
+static inline int sides_hold(gyro_series *s, int power, double *reach, int *met)
 {
-    double sum[GYRO_N_STATES];
-    for (int i = 0; i < n; i++) {
-        sum[i] = s->s[power][i];
-    }
-    for (int j = power - 1; j > 0; j--) {
-        for (int i = 0; i < n; i++) {
-            sum[i] = sum[i] * part + s->s[j][i];
+    const gyro_pair *row = NULL;
+    gyro_pair most = both(0.0);
+    int hold = 1;
+    for (int corner = 0; corner < s->plan->corners && *reach > 0.0; corner++) {
+        const gyro_lane *of = &s->corner[corner];
+        if (of->row != row) {
+            row = of->row;
+            most = most_change(row, power);
+        }
+        if (!(s->side[corner] * lane_of(row[0], of->lane) > lane_of(most, of->lane))) {
+            hold = side_holds(s, corner, power, reach, met) && hold;
         }
     }
-    for (int i = 0; i < n; i++) {
-        g->s[i] = s->s[0][i] + part * sum[i];
+    return hold;
+}
+
+/* The states at a part of the step of the series: even and odd powers apart, so that a processor need not wait for each. */
+static inline void set_states(const gyro_series *s, int power, double part, int pairs, gyro_view *g)
+{
+    const gyro_pair once = both(part), square = both(part * part);
+    const int last = power / 2;
+    gyro_pair value[GYRO_STATE_PAIRS];
+    for (int i = 0; i < pairs; i++) {
+        const gyro_pair *c = s->of[i];
+        gyro_pair even = c[2 * last], odd = power % 2 ? c[power] : both(0.0);
+        for (int j = last - 1; j > 0; j--) {
+            even = pair_sum(pair_product(even, square), c[2 * j]);
+            odd = pair_sum(pair_product(odd, square), c[2 * j + 1]);
+        }
+        odd = pair_sum(pair_product(odd, square), c[1]);
+        value[i] = pair_sum(c[0], pair_sum(pair_product(once, odd), pair_product(square, even)));
     }
+    give_states(value, g, pairs);
 }
 
 /* By what laws may bend the course of the linear forces off a line in a step, over the stiffness: what bends a parabola is less again. */
 static const double GYRO_COURSE_BEND = 1e-9;
+
+/* Below this a line does: of the frequency's square a sixth of it is left, 3e-11 rad a second at 3 kHz. */
+static const double GYRO_COURSE_STRAIGHT = 1e-14;
 
 /* By what part they may change in a step what else a force reads: that which a series holds at the middle, and that which it follows along a
    line. */
@@ -320,21 +376,23 @@ static inline void apply_laws_at(gyro_view *g, const double *value, double t, do
     apply_laws(g, value);
 }
 
-/* The parabola through start, middle and end of a step; gives whether it is nearly a line. */
-static inline int lay_course(gyro_course *course, const gyro_linear *start, const gyro_linear *middle, const gyro_linear *end, double inverse_mass)
+/* The parabola through start, middle and end of a step, or where it hardly bends the line; gives whether the course is as smooth as that. */
+static inline int lay_course(gyro_course *course, const gyro_linear *start, gyro_linear *middle, const gyro_linear *end, double inverse_mass)
 {
-    const double frequency = bound_of(course->power[0].slope, inverse_mass);
+    const double frequency = bound_of(middle->slope, inverse_mass), stiffness = frequency * frequency;
     const gyro_linear bend = sum_of_linear(start, -1.0, middle), back = sum_of_linear(end, -1.0, middle), twice = sum_of_linear(&bend, 1.0, &back);
     const gyro_linear whole = sum_of_linear(end, -1.0, start);
     double most = 0.0;
-    course->power[0] = *start;
-    course->power[1] = sum_of_linear(&whole, -2.0, &twice);
     course->power[2] = sum_of_linear(&twice, 1.0, &twice);
     for (int axis = 0; axis < 2; axis++) {
         const double *a = course->power[2].slope[axis];
         most = larger(most, fabs(a[0]) + fabs(a[2]) + frequency * (fabs(a[1]) + fabs(a[3])));
     }
-    return most * inverse_mass <= GYRO_COURSE_BEND * frequency * frequency;
+    const int straight = most * inverse_mass <= GYRO_COURSE_STRAIGHT * stiffness && twice.still[0] == 0.0 && twice.still[1] == 0.0;
+    course->powers = straight ? 2 : GYRO_COURSE_POWERS;
+    course->power[0] = *start;
+    course->power[1] = straight ? whole : sum_of_linear(&whole, -2.0, &twice);
+    return most * inverse_mass <= GYRO_COURSE_BEND * stiffness;
 }
 
 /* Parabolas through what laws change, by start, middle and end of a step, the last in the view; gives whether they follow the laws. */
@@ -374,8 +432,9 @@ static inline int find_course(gyro_view *g, const double *value, double t, doubl
 {
     int even = 1;
     double *change = course->read;
-    memset(course, 0, sizeof *course);
+    memset(change, 0, sizeof course->read);
     course->power[0] = linear_of(g);
+    course->powers = 1;
     if (g->moving) {
         const gyro_linear start = course->power[0];
         double first[GYRO_SERIES_READ], last[GYRO_SERIES_READ], changed[3][GYRO_N_LAW_TARGETS];
@@ -387,8 +446,7 @@ static inline int find_course(gyro_view *g, const double *value, double t, doubl
         const gyro_linear end = linear_of(g);
         apply_laws_at(g, value, t, h, 0.5);
         read_changed(g, changed[1]);
-        const gyro_linear middle = linear_of(g);
-        course->changes = 1;
+        gyro_linear middle = linear_of(g);
         course->smooth = lay_changed(course, changed);
         even = lay_course(course, &start, &middle, &end, g->inverse_mass);
         for (int i = 0; i < GYRO_SERIES_READ; i++) {
@@ -405,7 +463,7 @@ static inline int find_course(gyro_view *g, const double *value, double t, doubl
 /* How far a step has come, and what its parts share. */
 typedef struct {
     double done;               /* 1: all of it */
-    double size[GYRO_N_STATES]; /* of each state, SI */
+    gyro_pair size[GYRO_STATE_PAIRS]; /* of each state, SI */
     int close;                  /* corners met within a part of GYRO_WHOLE */
     int stages;                 /* parts of GYRO_WHOLE that are left to the stages where the next series does not do */
     int power;                  /* the last of the latest series; 0: the latest part was left to the stages */
@@ -424,8 +482,8 @@ static inline void begin_passage(gyro_passage *at, const gyro_series_plan *plan,
     memset(at->series.side, 0, sizeof at->series.side);
 }
 
-/* Moves n states of the view on as far as one series does; gives 0 where none does. */
-static inline int advance_by_series(gyro_view *g, const gyro_course *course, double h, int n, gyro_passage *at)
+/* Moves so many pairs of states of the view on as far as one series does; gives 0 where none does. */
+static inline int advance_by_series(gyro_view *g, const gyro_course *course, double h, int pairs, gyro_passage *at)
 {
     gyro_series *s = &at->series;
     double reach = 0.0;
@@ -433,16 +491,11 @@ static inline int advance_by_series(gyro_view *g, const gyro_course *course, dou
     s->step = h * (1.0 - at->done);
     s->begin = at->done;
     for (int turns = 0; !settled && turns <= GYRO_MOST_TURNS; turns++) {
-        power = n == GYRO_N_STATES ? expand(g, s, course, at->done, GYRO_N_STATES, at->size, &reach)
-                                   : expand(g, s, course, at->done, GYRO_STATE_Y_DOT + 1, at->size, &reach);
-        settled = 1;
+        power = pairs > GYRO_MOTION_PAIRS ? expand(g, s, course, at->done, GYRO_STATE_PAIRS, at->size, &reach)
+                                          : expand(g, s, course, at->done, GYRO_MOTION_PAIRS, at->size, &reach);
         met = -1;
-        for (int bound = 0; bound < s->plan->bounds; bound++) {
-            reach = within_bound(s, bound, power - 1, reach);
-        }
-        for (int corner = 0; corner < s->plan->corners && reach > 0.0; corner++) {
-            settled = side_holds(s, corner, power - 1, &reach, &met) && settled;
-        }
+        reach = within_bounds(s, power - 1, reach);
+        settled = sides_hold(s, power - 1, &reach, &met);
     }
     /* Part of the rest of the step, and so of the whole. */
     const double part = reach * (1.0 - at->done);
@@ -451,7 +504,7 @@ static inline int advance_by_series(gyro_view *g, const gyro_course *course, dou
         at->close += close;
         at->power = power;
         at->reach = reach;
-        set_states(s, power, reach, n, g);
+        set_states(s, power, reach, pairs, g);
         at->done = reach < 1.0 ? at->done + part : 1.0;
         if (met >= 0) {
             s->side[met] = -s->side[met];
@@ -460,12 +513,12 @@ static inline int advance_by_series(gyro_view *g, const gyro_course *course, dou
     return moves;
 }
 
-/* Moves n states of the view on by the next part of the step h [s] from time t: by one series, or else by stages. */
-static inline void advance_next(gyro_view *g, const double *value, const gyro_course *course, double t, double h, int n, gyro_passage *at)
+/* Moves so many pairs of states of the view on by the next part of the step h [s] from time t: by one series, or else by stages. */
+static inline void advance_next(gyro_view *g, const double *value, const gyro_course *course, double t, double h, int pairs, gyro_passage *at)
 {
     g->t = t + at->done * h;
     g->since = at->done * h;
-    if (advance_by_series(g, course, h, n, at)) {
+    if (advance_by_series(g, course, h, pairs, at)) {
         at->stages = 1;
     } else {
         at->power = 0;

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{db908c69-ec85-1e22-cd24-5d5bd867e91b}"
+#define GYRO_TOKEN "{ccfac3a3-64d5-2632-c5cd-c1f5766f5898}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

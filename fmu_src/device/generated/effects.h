@@ -126,6 +126,7 @@ typedef struct {
     unsigned char any_curved; /* a force acts that is not linear in the motion, or has states of its own */
     unsigned char steady; /* the motion is linear, and nothing but the rate changes its slopes */
     unsigned char any_impulse;
+    unsigned char any_map; /* an effect acts that changes force, displacement or voltage on their way */
     unsigned char any_rate; /* the converter asks for the rate of the voltage */
     unsigned char any_state; /* a force with states of its own acts */
     unsigned char any_memory; /* an effect that remembers acts */
@@ -1232,6 +1233,7 @@ static inline void find_active(gyro_view *g)
     g->active[GYRO_EFFECT_TURN_ON_OFFSET] = g->p[GYRO_TURN_ON] != 0.0;
     g->any_law = g->active[GYRO_EFFECT_THERMAL_LAG] || g->active[GYRO_EFFECT_DAMPING_STEP] || g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] || g->active[GYRO_EFFECT_STRESS_RELAXATION] || g->active[GYRO_EFFECT_THERMAL_DAMPING] || g->active[GYRO_EFFECT_THERMAL_GAIN] || g->active[GYRO_EFFECT_THERMAL_PHASE] || g->active[GYRO_EFFECT_THERMAL_STIFFNESS] || g->active[GYRO_EFFECT_THERMAL_HYSTERESIS] || g->active[GYRO_EFFECT_AGEING] || g->active[GYRO_EFFECT_BIAS_WALK] || g->active[GYRO_EFFECT_TURN_ON_OFFSET];
     g->any_impulse = g->active[GYRO_EFFECT_FRAME_ROTATION];
+    g->any_map = g->active[GYRO_EFFECT_ACTUATOR_GAIN_MISMATCH] || g->active[GYRO_EFFECT_ACTUATOR_MISALIGNMENT] || g->active[GYRO_EFFECT_ACTUATOR_NONLINEARITY] || g->active[GYRO_EFFECT_ADC_CLIPPING] || g->active[GYRO_EFFECT_ADC_QUANTISATION] || g->active[GYRO_EFFECT_AMPLIFIER_DRIFT] || g->active[GYRO_EFFECT_AMPLIFIER_OFFSET] || g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH] || g->active[GYRO_EFFECT_FLICKER_NOISE] || g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE] || g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH] || g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT] || g->active[GYRO_EFFECT_PICKOFF_MISMATCH] || g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY] || g->active[GYRO_EFFECT_PLAY] || g->active[GYRO_EFFECT_SAMPLING_JITTER] || g->active[GYRO_EFFECT_SENSE_NOISE];
     g->any_rate = g->active[GYRO_EFFECT_SAMPLING_JITTER];
     g->any_state = g->active[GYRO_EFFECT_HYSTERESIS] || g->active[GYRO_EFFECT_PARASITIC_MODE];
     g->any_curved = g->active[GYRO_EFFECT_CONTACT_STOP] || g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_CUBIC_STIFFNESS] || g->active[GYRO_EFFECT_DRY_FRICTION] || g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] || g->active[GYRO_EFFECT_HYSTERESIS] || g->active[GYRO_EFFECT_NONLINEAR_DAMPING] || g->active[GYRO_EFFECT_PARASITIC_MODE] || g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] || g->active[GYRO_EFFECT_SQUEEZE_FILM];
@@ -1948,26 +1950,28 @@ static inline void kick(gyro_view *g)
 static inline void actuate(gyro_view *g)
 {
     double out[2];
-    if (g->active[GYRO_EFFECT_PLAY]) {
-        recall_play(g);
-        effect_play(g, out);
-        g->u[0] = out[0];
-        g->u[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_ACTUATOR_NONLINEARITY]) {
-        effect_actuator_nonlinearity(g, out);
-        g->u[0] = out[0];
-        g->u[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_ACTUATOR_GAIN_MISMATCH]) {
-        effect_actuator_gain_mismatch(g, out);
-        g->u[0] = out[0];
-        g->u[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_ACTUATOR_MISALIGNMENT]) {
-        effect_actuator_misalignment(g, out);
-        g->u[0] = out[0];
-        g->u[1] = out[1];
+    if (g->any_map) {
+        if (g->active[GYRO_EFFECT_PLAY]) {
+            recall_play(g);
+            effect_play(g, out);
+            g->u[0] = out[0];
+            g->u[1] = out[1];
+        }
+        if (g->active[GYRO_EFFECT_ACTUATOR_NONLINEARITY]) {
+            effect_actuator_nonlinearity(g, out);
+            g->u[0] = out[0];
+            g->u[1] = out[1];
+        }
+        if (g->active[GYRO_EFFECT_ACTUATOR_GAIN_MISMATCH]) {
+            effect_actuator_gain_mismatch(g, out);
+            g->u[0] = out[0];
+            g->u[1] = out[1];
+        }
+        if (g->active[GYRO_EFFECT_ACTUATOR_MISALIGNMENT]) {
+            effect_actuator_misalignment(g, out);
+            g->u[0] = out[0];
+            g->u[1] = out[1];
+        }
     }
 }
 
@@ -1977,44 +1981,48 @@ static inline void pick_off(gyro_view *g)
     double out[2];
     g->q[0] = g->s[GYRO_STATE_X];
     g->q[1] = g->s[GYRO_STATE_Y];
-    if (g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT]) {
-        effect_pickoff_misalignment(g, out);
-        g->q[0] = out[0];
-        g->q[1] = out[1];
-    }
-    {
-        const double entering[2] = {g->q[0], g->q[1]};
-        double sum[2] = {entering[0], entering[1]};
-        if (g->active[GYRO_EFFECT_PICKOFF_MISMATCH]) {
-            effect_pickoff_mismatch(g, out);
-            sum[0] += out[0] - entering[0];
-            sum[1] += out[1] - entering[1];
+    if (g->any_map) {
+        if (g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT]) {
+            effect_pickoff_misalignment(g, out);
+            g->q[0] = out[0];
+            g->q[1] = out[1];
         }
-        if (g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY]) {
-            effect_pickoff_nonlinearity(g, out);
-            sum[0] += out[0] - entering[0];
-            sum[1] += out[1] - entering[1];
+        {
+            const double entering[2] = {g->q[0], g->q[1]};
+            double sum[2] = {entering[0], entering[1]};
+            if (g->active[GYRO_EFFECT_PICKOFF_MISMATCH]) {
+                effect_pickoff_mismatch(g, out);
+                sum[0] += out[0] - entering[0];
+                sum[1] += out[1] - entering[1];
+            }
+            if (g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY]) {
+                effect_pickoff_nonlinearity(g, out);
+                sum[0] += out[0] - entering[0];
+                sum[1] += out[1] - entering[1];
+            }
+            g->q[0] = sum[0];
+            g->q[1] = sum[1];
         }
-        g->q[0] = sum[0];
-        g->q[1] = sum[1];
     }
     effect_ideal_pickoff(g, out);
     g->v[0] = out[0];
     g->v[1] = out[1];
-    if (g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH]) {
-        effect_pickoff_gain_mismatch(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE]) {
-        effect_parasitic_capacitance(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH]) {
-        effect_drive_feedthrough(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
+    if (g->any_map) {
+        if (g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH]) {
+            effect_pickoff_gain_mismatch(g, out);
+            g->v[0] = out[0];
+            g->v[1] = out[1];
+        }
+        if (g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE]) {
+            effect_parasitic_capacitance(g, out);
+            g->v[0] = out[0];
+            g->v[1] = out[1];
+        }
+        if (g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH]) {
+            effect_drive_feedthrough(g, out);
+            g->v[0] = out[0];
+            g->v[1] = out[1];
+        }
     }
 }
 
@@ -2022,15 +2030,17 @@ static inline void pick_off(gyro_view *g)
 static inline void amplify(gyro_view *g)
 {
     double out[2];
-    if (g->active[GYRO_EFFECT_AMPLIFIER_OFFSET]) {
-        effect_amplifier_offset(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_AMPLIFIER_DRIFT]) {
-        effect_amplifier_drift(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
+    if (g->any_map) {
+        if (g->active[GYRO_EFFECT_AMPLIFIER_OFFSET]) {
+            effect_amplifier_offset(g, out);
+            g->v[0] = out[0];
+            g->v[1] = out[1];
+        }
+        if (g->active[GYRO_EFFECT_AMPLIFIER_DRIFT]) {
+            effect_amplifier_drift(g, out);
+            g->v[0] = out[0];
+            g->v[1] = out[1];
+        }
     }
 }
 
@@ -2038,36 +2048,38 @@ static inline void amplify(gyro_view *g)
 static inline void convert(gyro_view *g)
 {
     double out[2];
-    {
-        const double entering[2] = {g->v[0], g->v[1]};
-        double sum[2] = {entering[0], entering[1]};
-        if (g->active[GYRO_EFFECT_FLICKER_NOISE]) {
-            effect_flicker_noise(g, out);
-            sum[0] += out[0] - entering[0];
-            sum[1] += out[1] - entering[1];
+    if (g->any_map) {
+        {
+            const double entering[2] = {g->v[0], g->v[1]};
+            double sum[2] = {entering[0], entering[1]};
+            if (g->active[GYRO_EFFECT_FLICKER_NOISE]) {
+                effect_flicker_noise(g, out);
+                sum[0] += out[0] - entering[0];
+                sum[1] += out[1] - entering[1];
+            }
+            if (g->active[GYRO_EFFECT_SAMPLING_JITTER]) {
+                effect_sampling_jitter(g, out);
+                sum[0] += out[0] - entering[0];
+                sum[1] += out[1] - entering[1];
+            }
+            if (g->active[GYRO_EFFECT_SENSE_NOISE]) {
+                effect_sense_noise(g, out);
+                sum[0] += out[0] - entering[0];
+                sum[1] += out[1] - entering[1];
+            }
+            g->v[0] = sum[0];
+            g->v[1] = sum[1];
         }
-        if (g->active[GYRO_EFFECT_SAMPLING_JITTER]) {
-            effect_sampling_jitter(g, out);
-            sum[0] += out[0] - entering[0];
-            sum[1] += out[1] - entering[1];
+        if (g->active[GYRO_EFFECT_ADC_CLIPPING]) {
+            effect_adc_clipping(g, out);
+            g->v[0] = out[0];
+            g->v[1] = out[1];
         }
-        if (g->active[GYRO_EFFECT_SENSE_NOISE]) {
-            effect_sense_noise(g, out);
-            sum[0] += out[0] - entering[0];
-            sum[1] += out[1] - entering[1];
+        if (g->active[GYRO_EFFECT_ADC_QUANTISATION]) {
+            effect_adc_quantisation(g, out);
+            g->v[0] = out[0];
+            g->v[1] = out[1];
         }
-        g->v[0] = sum[0];
-        g->v[1] = sum[1];
-    }
-    if (g->active[GYRO_EFFECT_ADC_CLIPPING]) {
-        effect_adc_clipping(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_ADC_QUANTISATION]) {
-        effect_adc_quantisation(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
     }
 }
 
@@ -2080,47 +2092,49 @@ static inline void pick_off_moving(gyro_view *g)
     state_rate(g, g->s_rate);
     g->q_rate[0] = g->s_rate[GYRO_STATE_X];
     g->q_rate[1] = g->s_rate[GYRO_STATE_Y];
-    if (g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT]) {
-        rate_pickoff_misalignment(g, out);
-        g->q_rate[0] = out[0];
-        g->q_rate[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT]) {
-        effect_pickoff_misalignment(g, out);
-        g->q[0] = out[0];
-        g->q[1] = out[1];
-    }
-    {
-        const double entering[2] = {g->q_rate[0], g->q_rate[1]};
-        double sum[2] = {entering[0], entering[1]};
-        if (g->active[GYRO_EFFECT_PICKOFF_MISMATCH]) {
-            rate_pickoff_mismatch(g, out);
-            sum[0] += out[0] - entering[0];
-            sum[1] += out[1] - entering[1];
+    if (g->any_map) {
+        if (g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT]) {
+            rate_pickoff_misalignment(g, out);
+            g->q_rate[0] = out[0];
+            g->q_rate[1] = out[1];
         }
-        if (g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY]) {
-            rate_pickoff_nonlinearity(g, out);
-            sum[0] += out[0] - entering[0];
-            sum[1] += out[1] - entering[1];
+        if (g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT]) {
+            effect_pickoff_misalignment(g, out);
+            g->q[0] = out[0];
+            g->q[1] = out[1];
         }
-        g->q_rate[0] = sum[0];
-        g->q_rate[1] = sum[1];
-    }
-    {
-        const double entering[2] = {g->q[0], g->q[1]};
-        double sum[2] = {entering[0], entering[1]};
-        if (g->active[GYRO_EFFECT_PICKOFF_MISMATCH]) {
-            effect_pickoff_mismatch(g, out);
-            sum[0] += out[0] - entering[0];
-            sum[1] += out[1] - entering[1];
+        {
+            const double entering[2] = {g->q_rate[0], g->q_rate[1]};
+            double sum[2] = {entering[0], entering[1]};
+            if (g->active[GYRO_EFFECT_PICKOFF_MISMATCH]) {
+                rate_pickoff_mismatch(g, out);
+                sum[0] += out[0] - entering[0];
+                sum[1] += out[1] - entering[1];
+            }
+            if (g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY]) {
+                rate_pickoff_nonlinearity(g, out);
+                sum[0] += out[0] - entering[0];
+                sum[1] += out[1] - entering[1];
+            }
+            g->q_rate[0] = sum[0];
+            g->q_rate[1] = sum[1];
         }
-        if (g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY]) {
-            effect_pickoff_nonlinearity(g, out);
-            sum[0] += out[0] - entering[0];
-            sum[1] += out[1] - entering[1];
+        {
+            const double entering[2] = {g->q[0], g->q[1]};
+            double sum[2] = {entering[0], entering[1]};
+            if (g->active[GYRO_EFFECT_PICKOFF_MISMATCH]) {
+                effect_pickoff_mismatch(g, out);
+                sum[0] += out[0] - entering[0];
+                sum[1] += out[1] - entering[1];
+            }
+            if (g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY]) {
+                effect_pickoff_nonlinearity(g, out);
+                sum[0] += out[0] - entering[0];
+                sum[1] += out[1] - entering[1];
+            }
+            g->q[0] = sum[0];
+            g->q[1] = sum[1];
         }
-        g->q[0] = sum[0];
-        g->q[1] = sum[1];
     }
     rate_ideal_pickoff(g, out);
     g->v_rate[0] = out[0];
@@ -2128,35 +2142,37 @@ static inline void pick_off_moving(gyro_view *g)
     effect_ideal_pickoff(g, out);
     g->v[0] = out[0];
     g->v[1] = out[1];
-    if (g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH]) {
-        rate_pickoff_gain_mismatch(g, out);
-        g->v_rate[0] = out[0];
-        g->v_rate[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH]) {
-        effect_pickoff_gain_mismatch(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE]) {
-        rate_parasitic_capacitance(g, out);
-        g->v_rate[0] = out[0];
-        g->v_rate[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE]) {
-        effect_parasitic_capacitance(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH]) {
-        rate_drive_feedthrough(g, out);
-        g->v_rate[0] = out[0];
-        g->v_rate[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH]) {
-        effect_drive_feedthrough(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
+    if (g->any_map) {
+        if (g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH]) {
+            rate_pickoff_gain_mismatch(g, out);
+            g->v_rate[0] = out[0];
+            g->v_rate[1] = out[1];
+        }
+        if (g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH]) {
+            effect_pickoff_gain_mismatch(g, out);
+            g->v[0] = out[0];
+            g->v[1] = out[1];
+        }
+        if (g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE]) {
+            rate_parasitic_capacitance(g, out);
+            g->v_rate[0] = out[0];
+            g->v_rate[1] = out[1];
+        }
+        if (g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE]) {
+            effect_parasitic_capacitance(g, out);
+            g->v[0] = out[0];
+            g->v[1] = out[1];
+        }
+        if (g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH]) {
+            rate_drive_feedthrough(g, out);
+            g->v_rate[0] = out[0];
+            g->v_rate[1] = out[1];
+        }
+        if (g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH]) {
+            effect_drive_feedthrough(g, out);
+            g->v[0] = out[0];
+            g->v[1] = out[1];
+        }
     }
 }
 
@@ -2164,25 +2180,27 @@ static inline void pick_off_moving(gyro_view *g)
 static inline void amplify_moving(gyro_view *g)
 {
     double out[2];
-    if (g->active[GYRO_EFFECT_AMPLIFIER_OFFSET]) {
-        rate_amplifier_offset(g, out);
-        g->v_rate[0] = out[0];
-        g->v_rate[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_AMPLIFIER_OFFSET]) {
-        effect_amplifier_offset(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_AMPLIFIER_DRIFT]) {
-        rate_amplifier_drift(g, out);
-        g->v_rate[0] = out[0];
-        g->v_rate[1] = out[1];
-    }
-    if (g->active[GYRO_EFFECT_AMPLIFIER_DRIFT]) {
-        effect_amplifier_drift(g, out);
-        g->v[0] = out[0];
-        g->v[1] = out[1];
+    if (g->any_map) {
+        if (g->active[GYRO_EFFECT_AMPLIFIER_OFFSET]) {
+            rate_amplifier_offset(g, out);
+            g->v_rate[0] = out[0];
+            g->v_rate[1] = out[1];
+        }
+        if (g->active[GYRO_EFFECT_AMPLIFIER_OFFSET]) {
+            effect_amplifier_offset(g, out);
+            g->v[0] = out[0];
+            g->v[1] = out[1];
+        }
+        if (g->active[GYRO_EFFECT_AMPLIFIER_DRIFT]) {
+            rate_amplifier_drift(g, out);
+            g->v_rate[0] = out[0];
+            g->v_rate[1] = out[1];
+        }
+        if (g->active[GYRO_EFFECT_AMPLIFIER_DRIFT]) {
+            effect_amplifier_drift(g, out);
+            g->v[0] = out[0];
+            g->v[1] = out[1];
+        }
     }
 }
 

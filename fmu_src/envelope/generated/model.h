@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{30586a39-0cc5-97d5-d7ff-310d20c8136e}"
+#define GYRO_TOKEN "{9dea8b3b-a19b-36b1-7990-b44dfb4c9f4b}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

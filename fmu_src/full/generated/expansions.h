@@ -8,24 +8,26 @@
 
 /* Room for what all forces of the model ask for together. */
 enum {
-    GYRO_SERIES_ROWS = 39,
-    GYRO_SERIES_CONSTANTS = 38,
+    GYRO_SERIES_ROWS = 40,
+    GYRO_SERIES_CONSTANTS = 36,
     GYRO_SERIES_CORNERS = 8,
     GYRO_SERIES_BOUNDS = 4,
     GYRO_SERIES_READ = 2
 };
 
-/* States by pairs. In an effect that is the same for both axes `x` stands for (x, y) and `y` for (y, x), elsewhere each
-   for two of itself. */
+/* States by pairs: the motion, states of effects, then pairs made of those. In an effect that is the same for both axes
+   `x` stands for (x, y) and `y` for (y, x), elsewhere each for two of itself. */
 enum {
-    GYRO_PAIR_HYSTERESIS_Z_X_AND_HYSTERESIS_Z_Y,
-    GYRO_PAIR_PARASITIC_AND_PARASITIC,
-    GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT,
-    GYRO_PAIR_X_AND_X,
     GYRO_PAIR_X_AND_Y,
     GYRO_PAIR_X_DOT_AND_Y_DOT,
+    GYRO_MOTION_PAIRS,
+    GYRO_PAIR_HYSTERESIS_Z_X_AND_HYSTERESIS_Z_Y = GYRO_MOTION_PAIRS,
+    GYRO_PAIR_PARASITIC_AND_PARASITIC,
+    GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT,
+    GYRO_STATE_PAIRS = 5,
+    GYRO_PAIR_X_AND_X = GYRO_STATE_PAIRS,
     GYRO_PAIR_Y_AND_X,
-    GYRO_SERIES_PAIRS
+    GYRO_SERIES_PAIRS = 7
 };
 
 /* What effects share. */
@@ -44,8 +46,7 @@ typedef struct {
 typedef struct {
     const gyro_series_plan *plan;
     double step;                                 /* s */
-    double s[GYRO_TERMS][GYRO_N_STATES];         /* states [SI] */
-    gyro_pair of[GYRO_SERIES_PAIRS][GYRO_TERMS]; /* the same by pairs */
+    gyro_pair of[GYRO_SERIES_PAIRS][GYRO_TERMS]; /* states by pairs [SI] */
     gyro_pair shared[GYRO_SERIES_SHARED + 1][GYRO_TERMS];
     gyro_pair w[GYRO_SERIES_ROWS][GYRO_TERMS];   /* rows of the effects */
     gyro_pair c[GYRO_SERIES_CONSTANTS];          /* constants of the effects */
@@ -57,16 +58,40 @@ typedef struct {
     double side[GYRO_SERIES_CORNERS];            /* its sign in this part of the step, 1 or -1; 0: not known yet */
 } gyro_series;
 
-/* The k-th coefficients of the states by pairs. */
+/* The k-th coefficients of the pairs made of others. */
 static inline void pair_states(gyro_series *s, int k)
 {
-    s->of[GYRO_PAIR_HYSTERESIS_Z_X_AND_HYSTERESIS_Z_Y][k] = pair_of(s->s[k][GYRO_STATE_HYSTERESIS_Z_X], s->s[k][GYRO_STATE_HYSTERESIS_Z_Y]);
-    s->of[GYRO_PAIR_PARASITIC_AND_PARASITIC][k] = pair_of(s->s[k][GYRO_STATE_PARASITIC], s->s[k][GYRO_STATE_PARASITIC]);
-    s->of[GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT][k] = pair_of(s->s[k][GYRO_STATE_PARASITIC_DOT], s->s[k][GYRO_STATE_PARASITIC_DOT]);
-    s->of[GYRO_PAIR_X_AND_X][k] = pair_of(s->s[k][GYRO_STATE_X], s->s[k][GYRO_STATE_X]);
-    s->of[GYRO_PAIR_X_AND_Y][k] = pair_of(s->s[k][GYRO_STATE_X], s->s[k][GYRO_STATE_Y]);
-    s->of[GYRO_PAIR_X_DOT_AND_Y_DOT][k] = pair_of(s->s[k][GYRO_STATE_X_DOT], s->s[k][GYRO_STATE_Y_DOT]);
-    s->of[GYRO_PAIR_Y_AND_X][k] = pair_of(s->s[k][GYRO_STATE_Y], s->s[k][GYRO_STATE_X]);
+    (void)s;
+    (void)k;
+    s->of[GYRO_PAIR_X_AND_X][k] = pair_of(lane_of(s->of[GYRO_PAIR_X_AND_Y][k], 0), lane_of(s->of[GYRO_PAIR_X_AND_Y][k], 0));
+    s->of[GYRO_PAIR_Y_AND_X][k] = pair_of(lane_of(s->of[GYRO_PAIR_X_AND_Y][k], 1), lane_of(s->of[GYRO_PAIR_X_AND_Y][k], 0));
+}
+
+/* The first coefficients of so many pairs of states: of the motion alone, or of all. */
+static inline void take_states(const gyro_view *g, gyro_series *s, int pairs)
+{
+    s->of[GYRO_PAIR_X_AND_Y][0] = pair_of(g->s[GYRO_STATE_X], g->s[GYRO_STATE_Y]);
+    s->of[GYRO_PAIR_X_DOT_AND_Y_DOT][0] = pair_of(g->s[GYRO_STATE_X_DOT], g->s[GYRO_STATE_Y_DOT]);
+    if (pairs > GYRO_MOTION_PAIRS) {
+        s->of[GYRO_PAIR_HYSTERESIS_Z_X_AND_HYSTERESIS_Z_Y][0] = pair_of(g->s[GYRO_STATE_HYSTERESIS_Z_X], g->s[GYRO_STATE_HYSTERESIS_Z_Y]);
+        s->of[GYRO_PAIR_PARASITIC_AND_PARASITIC][0] = pair_of(g->s[GYRO_STATE_PARASITIC], g->s[GYRO_STATE_PARASITIC]);
+        s->of[GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT][0] = pair_of(g->s[GYRO_STATE_PARASITIC_DOT], g->s[GYRO_STATE_PARASITIC_DOT]);
+    }
+}
+
+/* So many pairs of states as those of a view. */
+static inline void give_states(const gyro_pair value[GYRO_STATE_PAIRS], gyro_view *g, int pairs)
+{
+    g->s[GYRO_STATE_X] = lane_of(value[GYRO_PAIR_X_AND_Y], 0);
+    g->s[GYRO_STATE_Y] = lane_of(value[GYRO_PAIR_X_AND_Y], 1);
+    g->s[GYRO_STATE_X_DOT] = lane_of(value[GYRO_PAIR_X_DOT_AND_Y_DOT], 0);
+    g->s[GYRO_STATE_Y_DOT] = lane_of(value[GYRO_PAIR_X_DOT_AND_Y_DOT], 1);
+    if (pairs > GYRO_MOTION_PAIRS) {
+        g->s[GYRO_STATE_HYSTERESIS_Z_X] = lane_of(value[GYRO_PAIR_HYSTERESIS_Z_X_AND_HYSTERESIS_Z_Y], 0);
+        g->s[GYRO_STATE_HYSTERESIS_Z_Y] = lane_of(value[GYRO_PAIR_HYSTERESIS_Z_X_AND_HYSTERESIS_Z_Y], 1);
+        g->s[GYRO_STATE_PARASITIC] = lane_of(value[GYRO_PAIR_PARASITIC_AND_PARASITIC], 0);
+        g->s[GYRO_STATE_PARASITIC_DOT] = lane_of(value[GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT], 0);
+    }
 }
 
 /* c a where c changes by `change` in the whole step and is as given in its middle. */
@@ -116,17 +141,17 @@ static const gyro_series_size series_sizes[GYRO_N_EFFECTS] = {
     {0, 0, 0, 0, 0}, /* bias_walk */
     {0, 0, 0, 0, 0}, /* comb_fringe */
     {0, 0, 0, 0, 0}, /* constant_force */
-    {14, 13, 4, 0, 0}, /* contact_stop */
+    {14, 12, 4, 0, 0}, /* contact_stop */
     {2, 1, 0, 0, 0}, /* cross_cubic_stiffness */
     {1, 1, 0, 0, 1}, /* cubic_stiffness */
     {0, 0, 0, 0, 0}, /* damping_step */
     {0, 0, 0, 0, 0}, /* dielectric_charging */
     {0, 0, 0, 0, 0}, /* drive_feedthrough */
-    {9, 4, 0, 4, 0}, /* dry_friction */
+    {11, 4, 0, 4, 0}, /* dry_friction */
     {3, 3, 0, 0, 1}, /* electrostatic_softening */
     {0, 0, 0, 0, 0}, /* flicker_noise */
     {0, 0, 0, 0, 0}, /* frame_rotation */
-    {6, 7, 4, 0, 0}, /* hysteresis */
+    {5, 6, 4, 0, 0}, /* hysteresis */
     {0, 0, 0, 0, 0}, /* linear_acceleration */
     {1, 1, 0, 0, 1}, /* nonlinear_damping */
     {0, 0, 0, 0, 0}, /* parasitic_capacitance */
@@ -151,8 +176,8 @@ static const gyro_series_size series_sizes[GYRO_N_EFFECTS] = {
     {0, 0, 0, 0, 0}, /* turn_on_offset */
 };
 
-static inline void series_contact_stop(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    gyro_pair *force, double *rate)
+static GYRO_INLINE void series_contact_stop(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+                    double h, gyro_pair *force)
 {
     const double kxx = g->p[GYRO_KXX];
     const double stop_damping = g->p[GYRO_STOP_DAMPING];
@@ -165,57 +190,57 @@ static inline void series_contact_stop(const gyro_view *g, gyro_series *s, const
     (void)g;
     (void)at;
     (void)k;
-    (void)rate;
+    (void)h;
+    (void)force;
     if (k == 0) {
         c[0] = both(stop_gap);
     }
     w[0][k] = pair_difference(first_only(k, c[0]), x[k]);
     const double *side_0 = sides_of(s, at->corner + 0, w[0], 2, k);
     if (k == 0) {
-        c[1] = pair_of(-stop_gap*(1.0/2.0 - 1.0/2.0*side_0[0]), -stop_gap*(1.0/2.0 - 1.0/2.0*side_0[1]));
-        c[2] = both(-stop_gap);
-        c[3] = pair_of(-1.0/2.0*side_0[0] - 1.0/2.0, -1.0/2.0*side_0[1] - 1.0/2.0);
+        c[1] = pair_of(-stop_gap*(1.0/2.0 - 1.0/2.0*side_0[0]) - stop_gap, -stop_gap*(1.0/2.0 - 1.0/2.0*side_0[1]) - stop_gap);
+        c[2] = pair_of(-1.0/2.0*side_0[0] - 1.0/2.0, -1.0/2.0*side_0[1] - 1.0/2.0);
     }
-    w[1][k] = pair_sum(pair_sum(first_only(k, c[1]), first_only(k, c[2])), pair_product(c[3], x[k]));
+    w[1][k] = pair_sum(first_only(k, c[1]), pair_product(c[2], x[k]));
     const double *side_1 = sides_of(s, at->corner + 2, w[1], 2, k);
     if ((side_0[0] < 0.0 || side_1[0] > 0.0) || (side_0[1] < 0.0 || side_1[1] > 0.0)) {
         if (k == 0) {
-            c[4] = both((1.0/4096.0)*stop_gap*stop_gap);
-            c[5] = pair_of(stop_gap*((1.0/2.0)*side_1[0] + 1.0/2.0), stop_gap*((1.0/2.0)*side_1[1] + 1.0/2.0));
-            c[6] = pair_of((1.0/2.0)*side_1[0] - 1.0/2.0, (1.0/2.0)*side_1[1] - 1.0/2.0);
-            c[7] = pair_of(stop_gap*(1.0/2.0 - 1.0/2.0*side_0[0]), stop_gap*(1.0/2.0 - 1.0/2.0*side_0[1]));
-            c[8] = pair_of((1.0/2.0)*side_0[0] + 1.0/2.0, (1.0/2.0)*side_0[1] + 1.0/2.0);
+            c[3] = both((1.0/4096.0)*stop_gap*stop_gap);
+            c[4] = pair_of(stop_gap*((1.0/2.0)*side_1[0] + 1.0/2.0), stop_gap*((1.0/2.0)*side_1[1] + 1.0/2.0));
+            c[5] = pair_of((1.0/2.0)*side_1[0] - 1.0/2.0, (1.0/2.0)*side_1[1] - 1.0/2.0);
+            c[6] = pair_of(stop_gap*(1.0/2.0 - 1.0/2.0*side_0[0]), stop_gap*(1.0/2.0 - 1.0/2.0*side_0[1]));
+            c[7] = pair_of((1.0/2.0)*side_0[0] + 1.0/2.0, (1.0/2.0)*side_0[1] + 1.0/2.0);
         }
-        w[4][k] = pair_sum(first_only(k, c[7]), pair_product(c[8], x[k]));
-        w[3][k] = pair_sum(pair_sum(first_only(k, c[5]), x[k]), pair_product(c[6], w[4][k]));
+        w[4][k] = pair_sum(first_only(k, c[6]), pair_product(c[7], x[k]));
+        w[3][k] = pair_sum(pair_sum(first_only(k, c[4]), x[k]), pair_product(c[5], w[4][k]));
         w[5][k] = series_square(w[3], k);
-        w[2][k] = pair_sum(first_only(k, c[4]), w[5][k]);
+        w[2][k] = pair_sum(first_only(k, c[3]), w[5][k]);
         w[6][k] = k == 0 ? pair_of(1.0/(lane_of(w[2][0], 0)*lane_of(w[2][0], 0)), 1.0/(lane_of(w[2][0], 1)*lane_of(w[2][0], 1))) : series_power(w[2], w[6], both(-2.0), k);
         w[7][k] = series_product(x_dot, w[6], k);
         w[8][k] = series_product(w[7], w[5], k);
         if (k == 0) {
-            c[9] = both((3.0/4096.0)*stop_gap*stop_gap);
+            c[8] = both((3.0/4096.0)*stop_gap*stop_gap);
         }
-        w[9][k] = pair_sum(first_only(k, c[9]), w[5][k]);
+        w[9][k] = pair_sum(first_only(k, c[8]), w[5][k]);
         w[10][k] = series_product(w[8], w[9], k);
         if (k == 0) {
-            c[10] = both(-stop_damping*smaller(1, stop_stiffness/kxx));
-            c[11] = both((stop_damping*stop_stiffness*unit_step(1 - stop_stiffness/kxx)/(kxx*kxx))*s->change[0]);
-            c[12] = both(-stop_stiffness);
+            c[9] = both(-stop_damping*smaller(1, stop_stiffness/kxx));
+            c[10] = both((stop_damping*stop_stiffness*unit_step(1 - stop_stiffness/kxx)/(kxx*kxx))*s->change[0]);
+            c[11] = both(-stop_stiffness);
         }
-        gyro_pair term_1 = both(0.0);
-        if (!is_zero(c[12])) {
+        gyro_pair sum_1 = following(s, c[9], c[10], w[10], k);
+        if (!is_zero(c[11])) {
             w[11][k] = k == 0 ? pair_of(1.0/lane_of(w[2][0], 0), 1.0/lane_of(w[2][0], 1)) : series_power(w[2], w[11], both(-1.0), k);
             w[12][k] = series_product(w[5], w[3], k);
             w[13][k] = series_product(w[11], w[12], k);
-            term_1 = pair_product(c[12], w[13][k]);
+            sum_1 = pair_sum(sum_1, pair_product(c[11], w[13][k]));
         }
-        *force = pair_sum(*force, pair_sum(following(s, c[10], c[11], w[10], k), term_1));
+        *force = pair_sum(*force, sum_1);
     }
 }
 
-static inline void series_cross_cubic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    gyro_pair *force, double *rate)
+static GYRO_INLINE void series_cross_cubic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+                    double h, gyro_pair *force)
 {
     const double k22 = g->p[GYRO_K22];
     const gyro_pair *x = s->of[GYRO_PAIR_X_AND_Y];
@@ -225,21 +250,22 @@ static inline void series_cross_cubic_stiffness(const gyro_view *g, gyro_series 
     (void)g;
     (void)at;
     (void)k;
-    (void)rate;
+    (void)h;
+    (void)force;
     if (k == 0) {
         c[0] = both(-k22);
     }
-    gyro_pair term_1 = both(0.0);
+    gyro_pair sum_1 = both(0.0);
     if (!is_zero(c[0])) {
         w[0][k] = series_square(y, k);
         w[1][k] = series_product(x, w[0], k);
-        term_1 = pair_product(c[0], w[1][k]);
+        sum_1 = pair_product(c[0], w[1][k]);
     }
-    *force = pair_sum(*force, term_1);
+    *force = pair_sum(*force, sum_1);
 }
 
-static inline void series_cubic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    gyro_pair *force, double *rate)
+static GYRO_INLINE void series_cubic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+                    double h, gyro_pair *force)
 {
     const double k3_x = g->p[GYRO_K3_X];
     const double k3_y = g->p[GYRO_K3_Y];
@@ -250,20 +276,21 @@ static inline void series_cubic_stiffness(const gyro_view *g, gyro_series *s, co
     (void)g;
     (void)at;
     (void)k;
-    (void)rate;
+    (void)h;
+    (void)force;
     if (k == 0) {
         c[0] = pair_of(-k3_x, -k3_y);
     }
-    gyro_pair term_1 = both(0.0);
+    gyro_pair sum_1 = both(0.0);
     if (!is_zero(c[0])) {
         w[0][k] = series_product(x_squared, x, k);
-        term_1 = pair_product(c[0], w[0][k]);
+        sum_1 = pair_product(c[0], w[0][k]);
     }
-    *force = pair_sum(*force, term_1);
+    *force = pair_sum(*force, sum_1);
 }
 
-static inline void series_dry_friction(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    gyro_pair *force, double *rate)
+static GYRO_INLINE void series_dry_friction(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+                    double h, gyro_pair *force)
 {
     const double friction_speed = g->p[GYRO_FRICTION_SPEED];
     const double friction_x = g->p[GYRO_FRICTION_X];
@@ -276,11 +303,12 @@ static inline void series_dry_friction(const gyro_view *g, gyro_series *s, const
     (void)g;
     (void)at;
     (void)k;
-    (void)rate;
+    (void)h;
+    (void)force;
     if (k == 0) {
         c[0] = pair_of(-friction_x, -friction_y);
     }
-    gyro_pair term_1 = both(0.0);
+    gyro_pair sum_1 = both(0.0);
     if (!is_zero(c[0])) {
         if (k == 0) {
             c[1] = both(1.0/friction_speed);
@@ -290,35 +318,37 @@ static inline void series_dry_friction(const gyro_view *g, gyro_series *s, const
             bound_change(s, at->bound + 0, w[1], 0, fabs(lane_of(w[1][0], 0)) - 19.0);
             bound_change(s, at->bound + 1, w[1], 1, fabs(lane_of(w[1][0], 1)) - 19.0);
         }
-        w[2][k] = k == 0 ? pair_of(gyro_tanh(lane_of(w[1][0], 0)), gyro_tanh(lane_of(w[1][0], 1))) : series_integral(w[1], w[3], k);
-        w[4][k] = series_square(w[2], k);
-        w[3][k] = pair_difference(first_only(k, both(1.0)), w[4][k]);
+        w[2][k] = pair_scaled(k, w[1][k]);
+        w[3][k] = k == 0 ? pair_of(gyro_tanh(lane_of(w[1][0], 0)), gyro_tanh(lane_of(w[1][0], 1))) : series_integral(w[2], w[1], w[4], k);
+        w[5][k] = series_square(w[3], k);
+        w[4][k] = pair_difference(first_only(k, both(1.0)), w[5][k]);
         if (k == 0) {
             c[2] = both(stribeck);
         }
-        gyro_pair term_2 = both(0.0);
+        gyro_pair sum_2 = w[3][k];
         if (!is_zero(c[2])) {
             if (k == 0) {
                 c[3] = both(-1/(stribeck_speed*stribeck_speed));
             }
-            w[6][k] = series_square(x_dot, k);
-            w[5][k] = pair_product(c[3], w[6][k]);
+            w[7][k] = series_square(x_dot, k);
+            w[6][k] = pair_product(c[3], w[7][k]);
             if (k == 0) {
-                bound_change(s, at->bound + 2, w[5], 0, -lane_of(w[5][0], 0) - 40.0);
-                bound_change(s, at->bound + 3, w[5], 1, -lane_of(w[5][0], 1) - 40.0);
+                bound_change(s, at->bound + 2, w[6], 0, -lane_of(w[6][0], 0) - 40.0);
+                bound_change(s, at->bound + 3, w[6], 1, -lane_of(w[6][0], 1) - 40.0);
             }
-            w[7][k] = k == 0 ? pair_of(gyro_exp(lane_of(w[5][0], 0)), gyro_exp(lane_of(w[5][0], 1))) : series_integral(w[5], w[7], k);
-            w[8][k] = series_product(w[7], w[2], k);
-            term_2 = pair_product(c[2], w[8][k]);
+            w[8][k] = pair_scaled(k, w[6][k]);
+            w[9][k] = k == 0 ? pair_of(gyro_exp(lane_of(w[6][0], 0)), gyro_exp(lane_of(w[6][0], 1))) : series_integral(w[8], w[6], w[9], k);
+            w[10][k] = series_product(w[9], w[3], k);
+            sum_2 = pair_sum(sum_2, pair_product(c[2], w[10][k]));
         }
-        w[0][k] = pair_sum(w[2][k], term_2);
-        term_1 = pair_product(c[0], w[0][k]);
+        w[0][k] = sum_2;
+        sum_1 = pair_product(c[0], w[0][k]);
     }
-    *force = pair_sum(*force, term_1);
+    *force = pair_sum(*force, sum_1);
 }
 
-static inline void series_electrostatic_softening(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    gyro_pair *force, double *rate)
+static GYRO_INLINE void series_electrostatic_softening(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+                    double h, gyro_pair *force)
 {
     const double electrode_gap = g->p[GYRO_ELECTRODE_GAP];
     const double softening = g->p[GYRO_SOFTENING];
@@ -330,7 +360,8 @@ static inline void series_electrostatic_softening(const gyro_view *g, gyro_serie
     (void)g;
     (void)at;
     (void)k;
-    (void)rate;
+    (void)h;
+    (void)force;
     if (k == 0) {
         c[0] = both(-1/(electrode_gap*electrode_gap));
     }
@@ -344,8 +375,8 @@ static inline void series_electrostatic_softening(const gyro_view *g, gyro_serie
     *force = pair_sum(*force, following(s, c[1], c[2], w[2], k));
 }
 
-static inline void series_hysteresis(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    gyro_pair *force, double *rate)
+static GYRO_INLINE void series_hysteresis(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+                    double h, gyro_pair *force)
 {
     const double hysteresis_beta = g->p[GYRO_HYSTERESIS_BETA];
     const double hysteresis_gamma = g->p[GYRO_HYSTERESIS_GAMMA];
@@ -360,40 +391,37 @@ static inline void series_hysteresis(const gyro_view *g, gyro_series *s, const g
     (void)g;
     (void)at;
     (void)k;
-    (void)rate;
+    (void)h;
+    (void)force;
     if (k == 0) {
         c[0] = pair_of(-hysteresis_x, -hysteresis_y);
     }
     *force = pair_sum(*force, pair_product(c[0], hysteresis_z_x[k]));
+    if (k == 0) {
+        c[1] = both(1.0/hysteresis_length);
+    }
     const double *side_0 = sides_of(s, at->corner + 0, hysteresis_z_x, 2, k);
     const double *side_1 = sides_of(s, at->corner + 2, x_dot, 2, k);
     if (k == 0) {
-        c[1] = both(1.0/hysteresis_length);
         c[2] = pair_of(side_0[0], side_0[1]);
         c[3] = both(2.2250738585072014e-308);
     }
-    w[1][k] = pair_sum(pair_product(c[2], hysteresis_z_x[k]), first_only(k, c[3]));
+    w[0][k] = pair_sum(pair_product(c[2], hysteresis_z_x[k]), first_only(k, c[3]));
     if (k == 0) {
         c[4] = both(hysteresis_n - 1);
     }
-    w[2][k] = k == 0 ? pair_of(gyro_power(fabs(lane_of(w[1][0], 0)), lane_of(c[4], 0)), gyro_power(fabs(lane_of(w[1][0], 1)), lane_of(c[4], 1))) : series_power(w[1], w[2], c[4], k);
+    w[1][k] = k == 0 ? pair_of(gyro_power(fabs(lane_of(w[0][0], 0)), lane_of(c[4], 0)), gyro_power(fabs(lane_of(w[0][0], 1)), lane_of(c[4], 1))) : series_power(w[0], w[1], c[4], k);
     if (k == 0) {
-        c[5] = pair_of(hysteresis_beta*side_1[0], hysteresis_beta*side_1[1]);
+        c[5] = pair_of(hysteresis_beta*side_1[0] + hysteresis_gamma*side_0[0], hysteresis_beta*side_1[1] + hysteresis_gamma*side_0[1]);
     }
-    w[4][k] = series_product(hysteresis_z_x, x_dot, k);
-    if (k == 0) {
-        c[6] = pair_of(hysteresis_gamma*side_0[0], hysteresis_gamma*side_0[1]);
-    }
-    w[3][k] = pair_sum(pair_product(c[5], w[4][k]), pair_product(c[6], w[4][k]));
-    w[5][k] = series_product(w[2], w[3], k);
-    w[0][k] = pair_difference(x_dot[k], w[5][k]);
-    const gyro_pair rate_of_hysteresis_z_x = pair_product(c[1], w[0][k]);
-    rate[GYRO_STATE_HYSTERESIS_Z_X] = lane_of(rate_of_hysteresis_z_x, 0);
-    rate[GYRO_STATE_HYSTERESIS_Z_Y] = lane_of(rate_of_hysteresis_z_x, 1);
+    w[3][k] = series_product(hysteresis_z_x, x_dot, k);
+    w[2][k] = pair_product(c[5], w[3][k]);
+    w[4][k] = series_product(w[1], w[2], k);
+    s->of[GYRO_PAIR_HYSTERESIS_Z_X_AND_HYSTERESIS_Z_Y][k + 1] = pair_product(pair_scaled(h, c[1]), pair_difference(x_dot[k], w[4][k]));
 }
 
-static inline void series_nonlinear_damping(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    gyro_pair *force, double *rate)
+static GYRO_INLINE void series_nonlinear_damping(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+                    double h, gyro_pair *force)
 {
     const double d2_x = g->p[GYRO_D2_X];
     const double d2_y = g->p[GYRO_D2_Y];
@@ -404,20 +432,21 @@ static inline void series_nonlinear_damping(const gyro_view *g, gyro_series *s, 
     (void)g;
     (void)at;
     (void)k;
-    (void)rate;
+    (void)h;
+    (void)force;
     if (k == 0) {
         c[0] = pair_of(-d2_x, -d2_y);
     }
-    gyro_pair term_1 = both(0.0);
+    gyro_pair sum_1 = both(0.0);
     if (!is_zero(c[0])) {
         w[0][k] = series_product(x_dot, x_squared, k);
-        term_1 = pair_product(c[0], w[0][k]);
+        sum_1 = pair_product(c[0], w[0][k]);
     }
-    *force = pair_sum(*force, term_1);
+    *force = pair_sum(*force, sum_1);
 }
 
-static inline void series_parasitic_mode(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    gyro_pair *force, double *rate)
+static GYRO_INLINE void series_parasitic_mode(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+                    double h, gyro_pair *force)
 {
     const double m = g->p[GYRO_M];
     const double parasitic_coupling = g->p[GYRO_PARASITIC_COUPLING];
@@ -430,24 +459,23 @@ static inline void series_parasitic_mode(const gyro_view *g, gyro_series *s, con
     (void)g;
     (void)at;
     (void)k;
-    (void)rate;
+    (void)h;
+    (void)force;
     if (k == 0) {
         c[0] = both(-parasitic_coupling);
     }
     *force = pair_sum(*force, on_axis(0, pair_product(c[0], parasitic[k])));
-    const gyro_pair rate_of_parasitic = parasitic_dot[k];
-    rate[GYRO_STATE_PARASITIC] = lane_of(rate_of_parasitic, 0);
+    s->of[GYRO_PAIR_PARASITIC_AND_PARASITIC][k + 1] = pair_product(both(h), parasitic_dot[k]);
     if (k == 0) {
         c[1] = both(-4*3.141592653589793*3.141592653589793*parasitic_frequency*parasitic_frequency);
         c[2] = both(-2*3.141592653589793*parasitic_frequency/parasitic_q);
         c[3] = both(-parasitic_coupling/m);
     }
-    const gyro_pair rate_of_parasitic_dot = pair_sum(pair_sum(pair_product(c[1], parasitic[k]), pair_product(c[2], parasitic_dot[k])), pair_product(c[3], x[k]));
-    rate[GYRO_STATE_PARASITIC_DOT] = lane_of(rate_of_parasitic_dot, 0);
+    s->of[GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT][k + 1] = pair_product(both(h), pair_sum(pair_sum(pair_product(c[1], parasitic[k]), pair_product(c[2], parasitic_dot[k])), pair_product(c[3], x[k])));
 }
 
-static inline void series_quadratic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    gyro_pair *force, double *rate)
+static GYRO_INLINE void series_quadratic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+                    double h, gyro_pair *force)
 {
     const double k2_x = g->p[GYRO_K2_X];
     const double k2_y = g->p[GYRO_K2_Y];
@@ -456,19 +484,20 @@ static inline void series_quadratic_stiffness(const gyro_view *g, gyro_series *s
     (void)g;
     (void)at;
     (void)k;
-    (void)rate;
+    (void)h;
+    (void)force;
     if (k == 0) {
         c[0] = pair_of(-k2_x, -k2_y);
     }
-    gyro_pair term_1 = both(0.0);
+    gyro_pair sum_1 = both(0.0);
     if (!is_zero(c[0])) {
-        term_1 = pair_product(c[0], x_squared[k]);
+        sum_1 = pair_product(c[0], x_squared[k]);
     }
-    *force = pair_sum(*force, term_1);
+    *force = pair_sum(*force, sum_1);
 }
 
-static inline void series_squeeze_film(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
-                    gyro_pair *force, double *rate)
+static GYRO_INLINE void series_squeeze_film(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+                    double h, gyro_pair *force)
 {
     const double squeeze_gap = g->p[GYRO_SQUEEZE_GAP];
     const double squeeze_x = g->p[GYRO_SQUEEZE_X];
@@ -480,11 +509,12 @@ static inline void series_squeeze_film(const gyro_view *g, gyro_series *s, const
     (void)g;
     (void)at;
     (void)k;
-    (void)rate;
+    (void)h;
+    (void)force;
     if (k == 0) {
         c[0] = pair_of(-squeeze_x, -squeeze_y);
     }
-    gyro_pair term_1 = both(0.0);
+    gyro_pair sum_1 = both(0.0);
     if (!is_zero(c[0])) {
         if (k == 0) {
             c[1] = both(-1/(squeeze_gap*squeeze_gap));
@@ -495,19 +525,18 @@ static inline void series_squeeze_film(const gyro_view *g, gyro_series *s, const
         }
         w[1][k] = k == 0 ? pair_of(1.0/(lane_of(w[0][0], 0)*sqrt(lane_of(w[0][0], 0))), 1.0/(lane_of(w[0][0], 1)*sqrt(lane_of(w[0][0], 1)))) : series_power(w[0], w[1], c[2], k);
         w[2][k] = series_product(x_dot, w[1], k);
-        term_1 = pair_product(c[0], w[2][k]);
+        sum_1 = pair_product(c[0], w[2][k]);
     }
-    *force = pair_sum(*force, term_1);
+    *force = pair_sum(*force, sum_1);
 }
 
-/* The k-th coefficients of the forces that bend the motion, added to `force` [N], and of the rates of their own states,
-   put in `rate` [SI/s]. */
-static inline void add_series(const gyro_view *g, gyro_series *s, int k, gyro_pair *force, double rate[GYRO_N_STATES])
+/* `force` [N] with the k-th coefficients of the forces that bend the motion; the next ones of their own states, `h` [s]
+   times the rate, are put in their place. */
+static GYRO_INLINE gyro_pair with_series(const gyro_view *g, gyro_series *s, int k, double h, gyro_pair force)
 {
     (void)g;
     (void)k;
-    (void)force;
-    (void)rate;
+    (void)h;
     if (s->plan->shared & 1u << GYRO_SHARED_X_SQUARED) {
         const gyro_pair *of = s->of[GYRO_PAIR_X_AND_Y];
         s->shared[GYRO_SHARED_X_SQUARED][k] = series_square(of, k);
@@ -515,39 +544,51 @@ static inline void add_series(const gyro_view *g, gyro_series *s, int k, gyro_pa
     for (int i = 0; i < s->plan->n; i++) {
         switch (s->plan->effect[i]) {
         case GYRO_EFFECT_CONTACT_STOP:
-            series_contact_stop(g, s, &s->plan->place[i], k, force, rate);
+            series_contact_stop(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_CROSS_CUBIC_STIFFNESS:
-            series_cross_cubic_stiffness(g, s, &s->plan->place[i], k, force, rate);
+            series_cross_cubic_stiffness(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_CUBIC_STIFFNESS:
-            series_cubic_stiffness(g, s, &s->plan->place[i], k, force, rate);
+            series_cubic_stiffness(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_DRY_FRICTION:
-            series_dry_friction(g, s, &s->plan->place[i], k, force, rate);
+            series_dry_friction(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_ELECTROSTATIC_SOFTENING:
-            series_electrostatic_softening(g, s, &s->plan->place[i], k, force, rate);
+            series_electrostatic_softening(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_HYSTERESIS:
-            series_hysteresis(g, s, &s->plan->place[i], k, force, rate);
+            series_hysteresis(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_NONLINEAR_DAMPING:
-            series_nonlinear_damping(g, s, &s->plan->place[i], k, force, rate);
+            series_nonlinear_damping(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_PARASITIC_MODE:
-            series_parasitic_mode(g, s, &s->plan->place[i], k, force, rate);
+            series_parasitic_mode(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_QUADRATIC_STIFFNESS:
-            series_quadratic_stiffness(g, s, &s->plan->place[i], k, force, rate);
+            series_quadratic_stiffness(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_SQUEEZE_FILM:
-            series_squeeze_film(g, s, &s->plan->place[i], k, force, rate);
+            series_squeeze_film(g, s, &s->plan->place[i], k, h, &force);
             break;
         default:
             break;
         }
     }
+    return force;
+}
+
+/* The same of the first and of later coefficients: a compiler leaves out of each what is for the others. */
+static inline gyro_pair with_first(const gyro_view *g, gyro_series *s, double h, gyro_pair force)
+{
+    return with_series(g, s, 0, h, force);
+}
+
+static inline gyro_pair with_later(const gyro_view *g, gyro_series *s, int k, double h, gyro_pair force)
+{
+    return k > 0 ? with_series(g, s, k, h, force) : force;
 }
 
 /* Whether a series follows what laws change within the step; else it is held at the middle. */

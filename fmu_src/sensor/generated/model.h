@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{4f09525d-a0ae-3d30-35fe-4979d0da55fd}"
+#define GYRO_TOKEN "{861cd1c9-96c3-e31f-2087-514d14a20bd3}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
