@@ -3,7 +3,7 @@ same 5 us; with nothing on, with each effect alone and with all of them.
 
 Rate and forces are new at every call, also for the yardstick (rk4_yardstick.c). Both are timed in processor time, in
 turns, so that a busy moment meets both. And what the parts cost that no method spares, from which follows how often a
-step could ask for the rates and still meet its target.
+step could ask for the rates and still meet its target, beside how often it must (quadrature.py).
 """
 
 import ctypes
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.c_driver import CPlants, at, compiled
+from benchmarks.quadrature import values_needed
 from benchmarks.report import Options, Report, Row, Table, load, row
 from gyro_model.build import build, c_files, model_token, write_sources
 from gyro_model.compiling import compile_library, write_whole
@@ -133,20 +134,32 @@ def measure_parts(
     return least
 
 
-def part_rows(times: Mapping[str, Sequence[tuple[float, float]]], parts: Mapping[str, Parts]) -> list[Row]:
-    """A row a case: the parts, and how often its target leaves time for the rates."""
+def part_rows(
+    times: Mapping[str, Sequence[tuple[float, float]]], parts: Mapping[str, Parts], asked: Mapping[str, int]
+) -> list[Row]:
+    """A row a case: the parts, how often its target leaves time for the rates, how often they are ``asked`` for by a
+    quadrature of the forces, and what a call then costs at least over the yardstick."""
     rows = []
     call = min(spent for spent, _ in times[NOTHING])
     for name, part in parts.items():
-        limit = LIMITS.get(name, ALONE) * min(plain for _, plain in times[name])
-        left = (limit - call - part.numbers - part.laws) / part.rates
+        plain = min(plain for _, plain in times[name])
+        once = call + part.numbers + part.laws
         values = {
             **part._asdict(),
-            "what the target leaves": limit - call - part.numbers - part.laws,
-            "rates in that": left,
+            "rates in what the target leaves": (LIMITS.get(name, ALONE) * plain - once) / part.rates,
+            "rates that quadrature asks for": asked[name],
+            "least over the yardstick": (once + asked[name] * part.rates) / plain,
         }
         rows.append(row(name, "ns", values))
     return rows
+
+
+def values_asked(chosen: Mapping[str, Mapping[str, float]]) -> dict[str, int]:
+    """How often a quadrature asks for the forces in a step, by case."""
+    device = {**load_device("reference").parameters, "sense_noise": 0.0, **START}
+    own = {**device, "internal_step": STEP, "sample_period": STEP}
+    needed = {name: values_needed({**own, **parameters}, inputs(), STEP) for name, parameters in chosen.items()}
+    return {name: parts * values for name, (parts, values) in needed.items()}
 
 
 def _time(run: Callable[[int], int], calls: int) -> float:
@@ -181,15 +194,19 @@ def run(options: Options) -> Report:
     times = measure(cases())
     table = Table("set, step of 5 µs, get, over RK4 in 1 µs steps in C", cost_rows(times))
     dear = {name: cases()[name] for name in ("dry_friction", "hysteresis", EVERY)}
-    parts = Table("what no method spares", part_rows(times, measure_parts(dear)))
+    parts = Table("what no method spares", part_rows(times, measure_parts(dear), values_asked(dear)))
     notes = [
         f"{REPEATS} repeats of {CALLS} calls each, in turns with as many of the yardstick, in processor time; each "
         "repeat begins a new instance in the same state.",
         "Sizes of effects are half way from neutral to the limit case that their file states, or a little more.",
-        "What no method spares: the rates of all states, all laws and the random numbers of a sample, each once. Of a "
-        "target is left what the call of a plant with nothing on, once the laws and the numbers don't take; the last "
-        "column says how many times the rates go into that, for all of the step. DOP853, of order 8, asks 12 times for "
-        "each part of a step, and with all effects on a delayed force cuts each step into two.",
+        "What no method spares: the call of a plant with nothing on, all laws and the random numbers of a sample "
+        "once, and the rates of all states as often as a quadrature of the forces asks for them. Whatever a one-step "
+        "method of values does (Runge-Kutta, exponential, collocation), what bends the motion is an integral of which"
+        " it knows some values, and the formula of Gauss makes the most of those: so many are counted, on the true "
+        "motion as if that were known for nothing, until the phase is right to 1e-6 rad a second. With all effects on"
+        " a delayed force cuts each step into two. Methods of several steps, which a new force at every call leaves "
+        "nothing to go by, and Taylor series, which the plant takes and whose coefficients are no values, are not "
+        "bound by it.",
         "Before: " + before,
         "After: " + load(),
     ]

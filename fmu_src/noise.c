@@ -68,21 +68,26 @@ static void inverse_normal(double *number, int n)
     static const double f[8] = {1.0, 5.99832206555887937690e-1, 1.36929880922735805310e-1, 1.48753612908506148525e-2,
                                 7.86869131145613259100e-4, 1.84631831751005468180e-5, 1.42151175831644588870e-7,
                                 2.04426310338993978564e-15};
-    /* The middle of all first, without a branch, so that a compiler can do some at once; one in seven is then done anew. */
-    double middle[2 * GYRO_MOST_LANES];
+    /* The middle of all first, then the one in seven that is no middle: without a branch that a processor could only guess, so that it can do
+       some at once. */
+    double middle[2 * GYRO_MOST_LANES], far[2 * GYRO_MOST_LANES];
+    int tail[2 * GYRO_MOST_LANES], tails = 0;
     for (int i = 0; i < n; i++) {
         const double q = number[i] - 0.5;
         middle[i] = q * ratio(a, b, 0.180625 - q * q);
     }
     for (int i = 0; i < n; i++) {
-        const double p = number[i], q = p - 0.5;
-        if (fabs(q) <= 0.425) {
-            number[i] = middle[i];
-        } else {
-            const double r = sqrt(-gyro_log(q < 0.0 ? p : 1.0 - p));
-            const double tail = r <= 5.0 ? ratio(c, d, r - 1.6) : ratio(e, f, r - 5.0);
-            number[i] = q < 0.0 ? -tail : tail;
-        }
+        tail[tails] = i;
+        tails += fabs(number[i] - 0.5) > 0.425;
+    }
+    for (int i = 0; i < tails; i++) {
+        const double p = number[tail[i]], other = 1.0 - p;
+        const double r = sqrt(-gyro_log(p < other ? p : other));
+        far[i] = (p < other ? -1.0 : 1.0) * (r <= 5.0 ? ratio(c, d, r - 1.6) : ratio(e, f, r - 5.0));
+    }
+    memcpy(number, middle, (size_t)n * sizeof *number);
+    for (int i = 0; i < tails; i++) {
+        number[tail[i]] = far[i];
     }
 }
 

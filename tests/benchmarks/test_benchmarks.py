@@ -13,6 +13,7 @@ from benchmarks import (
     mode_split,
     plant_call,
     plant_cost,
+    quadrature,
     sensor,
     split_envelope,
     split_fmu,
@@ -83,9 +84,23 @@ def test_plant_cost_says_what_no_method_spares():
     # Two powers; the laws and noises of all effects.
     assert parts["hysteresis"].rates > 2.0 * parts[plant_cost.NOTHING].rates > 0.0
     assert parts[plant_cost.EVERY].numbers > 5.0 * parts["hysteresis"].numbers
-    [first, *_] = plant_cost.part_rows(times, parts)
+    [first, *_] = plant_cost.part_rows(times, parts, dict.fromkeys(chosen, 3))
     left = 0.6 * 100.0 - 100.0 - parts[plant_cost.NOTHING].laws - parts[plant_cost.NOTHING].numbers
-    assert first.values["rates in that"] == pytest.approx(left / parts[plant_cost.NOTHING].rates)
+    rates = parts[plant_cost.NOTHING].rates
+    assert first.values["rates in what the target leaves"] == pytest.approx(left / rates)
+    assert first.values["least over the yardstick"] == pytest.approx(0.6 + (3 * rates - left) / 100.0)
+
+
+def test_a_quadrature_asks_for_as_many_values_as_the_force_bends():
+    """What two values leave of a cubic spring is (3 w h)^5/4320 of it, 1e-7 of 0.35 rad at 3.8 kHz and 5 us, and turns
+    with the motion; a cut gives twice the parts; a kink asks for more."""
+    own = {**load_device("reference").parameters, "sense_noise": 0.0, **plant_cost.START}
+    cubic = {**own, **plant_cost.cases()["cubic_stiffness"]}
+    assert quadrature.values_needed(cubic, plant_cost.inputs(), plant_cost.STEP) == (1, 2)
+    parts, fewer = quadrature.values_needed(cubic | {"actuator_delay": 2e-6}, plant_cost.inputs(), plant_cost.STEP)
+    assert (parts, fewer <= 2) == (2, True)
+    kinked = {**own, **plant_cost.cases()["hysteresis"]}
+    assert quadrature.values_needed(kinked, plant_cost.inputs(), plant_cost.STEP)[1] > 3
 
 
 def test_plant_cost_gives_rows_and_the_dearest():
