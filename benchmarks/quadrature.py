@@ -7,6 +7,7 @@ as that formula needs. The plant itself says the motion between its cuts: it is 
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -33,7 +34,7 @@ LIMIT: Final = 1e-6
 
 
 class Parts(NamedTuple):
-    """Parts of steps: their lengths [s], shape (parts,), and states [SI] at the points, shape (parts, DENSE, states)."""
+    """Parts of steps: lengths [s], shape (parts,), and states [SI] at the points, shape (parts, DENSE, states)."""
 
     lengths: Floats
     states: Floats
@@ -49,7 +50,7 @@ def move(parameters: Mapping[str, float], inputs: Mapping[str, Floats], step: fl
     """The motion of the plant in steps [s] that are cut at ``cut`` [s], 0: nowhere, a row of ``inputs`` a step."""
     points, _ = gauss(DENSE)
     bounds = [0.0, cut, step] if cut else [0.0, step]
-    times = np.concatenate([a + points * (b - a) for a, b in zip(bounds, bounds[1:], strict=False)] + [[step]])
+    times = np.concatenate([a + points * (b - a) for a, b in pairwise(bounds)] + [[step]])
     states, got, flags = [], np.zeros(len(STATES)), np.zeros(4)
     now = 0.0
     with open_plant(parameters) as plant:
