@@ -201,12 +201,12 @@ def run(options: Options) -> Report:
         "Sizes of effects are half way from neutral to the limit case that their file states, or a little more.",
         "What no method spares: the call of a plant with nothing on, all laws and the random numbers of a sample "
         "once, and the rates of all states as often as a quadrature of the forces asks for them. Whatever a one-step "
-        "method of values does (Runge-Kutta, exponential, collocation), what bends the motion is an integral "
-        "of which it knows some values, and the formula of Gauss makes the most of those: so many are counted, on the "
-        "true motion as if that were known for nothing, until the phase is right to 1e-6 rad a second. With all effects "
-        "on a delayed force cuts each step into two. Methods of several steps, which a new force at every call leaves "
-        "nothing to go by, and Taylor series, which the plant takes and whose coefficients are no values, are not "
-        "bound by it.",
+        "method of values does (Runge-Kutta, exponential, collocation), what bends the motion is an integral of "
+        "which it knows some values, and the formula of Gauss makes the most of those: so many are counted, on the "
+        "true motion as if that were known for nothing, until the phase is right to 1e-6 rad a second. With all "
+        "effects on a delayed force cuts each step into two. Methods of several steps, which a new force at every "
+        "call leaves nothing to go by, and Taylor series, which the plant takes and whose coefficients are no "
+        "values, are not bound by it.",
         "Before: " + before,
         "After: " + load(),
     ]
