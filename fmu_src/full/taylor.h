@@ -1,5 +1,6 @@
-/* The motion while forces bend it: its Taylor series in time, of so many terms that what is left out is below rounding. Where so many don't
-   do, near a singularity in the complex plane, the same terms hold for a shorter step, and the rest of the step follows from there.
+/* The motion while forces bend it: its Taylor series in time, of so many terms that what is left out is some 1e-14 of a state, which is 1e-9 rad
+   a second. Where so many don't do, near a singularity in the complex plane, the same terms hold for a shorter step, and the rest of the step
+   follows from there.
 
    Where a force has a corner (friction that turns round, a stop that is met) the step ends at the corner, found on the polynomial, so that
    every series is of one branch. What has no series, or corners closer than a thousandth of a step, is left to the stages of integrator.h.
@@ -17,8 +18,9 @@
 #include "integrator.h"
 #include "linear.h"
 
-/* Largest last term, over the size of a state; the one before may be GYRO_BEFORE_LAST times as large. */
-static const double GYRO_LAST_TERM = 3e-14, GYRO_BEFORE_LAST = 100.0;
+/* Largest last term, over the size of a state, of which those left out are a tenth or less; the one before may be GYRO_BEFORE_LAST times as
+   large. */
+static const double GYRO_LAST_TERM = 3e-13, GYRO_BEFORE_LAST = 100.0;
 
 /* The same of a state that an effect brings, over that: what it does to the motion within the step is in the terms of the motion. */
 static const double GYRO_OWN_LAST_TERM = 30.0;

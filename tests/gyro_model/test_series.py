@@ -23,7 +23,8 @@ PERIOD, N = 5e-6, 121
 T = np.arange(N) * PERIOD
 START = {"x_start": 1e-6, "y_start": -0.4e-6, "y_dot_start": 6e-3}
 
-# A series ends where its last term is 3e-14 of a state; the run has up to a thousand parts.
+# A series ends where its last term is 3e-13 of a state, and leaves out a tenth of that; the run has up to a thousand
+# parts.
 SERIES = 3e-11
 
 CASES = {

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{ccfac3a3-64d5-2632-c5cd-c1f5766f5898}"
+#define GYRO_TOKEN "{4082f533-e897-285c-2eeb-ecc086309594}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{9dea8b3b-a19b-36b1-7990-b44dfb4c9f4b}"
+#define GYRO_TOKEN "{72a18f38-f6cc-d851-3996-84e5c9c9d08f}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{5e456f2e-230f-ee9e-5c2e-7e3d2eeea915}"
+#define GYRO_TOKEN "{8a05f54e-6126-0baa-ef4f-5678ed67453a}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{861cd1c9-96c3-e31f-2087-514d14a20bd3}"
+#define GYRO_TOKEN "{4512e662-a3c4-c6a3-cedf-6eb56c362317}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
