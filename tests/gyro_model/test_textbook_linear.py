@@ -68,6 +68,16 @@ def test_phase_after_one_second(plant: Runner, residual: Residual, internal_step
     residual("phase after 1 s, as built [rad]", error, 1e-11)
 
 
+def test_a_step_beside_its_ticks_is_those_ticks(plant: Runner) -> None:
+    # 1e-6 * 5 is the double below 5e-6; both are 5 000 000 ticks, so that both take the tabulated way, bit for bit.
+    t, start = np.arange(101) * 1e-5, {"x_start": A, "y_start": A / 2}
+    beats = [{"internal_step": step, "sample_period": step} for step in (5e-6, 1e-6 * 5)]
+    exact, beside = (plant.run({**UNCOUPLED, **start, **own}, t, {"omega_z": np.full(101, 3.0)}) for own in beats)
+    assert beats[0] != beats[1]
+    for name, values in exact.items():
+        np.testing.assert_array_equal(values, beside[name])
+
+
 def test_foucault_constant_rate(plant: Runner, residual: Residual) -> None:
     # z = x + iy obeys z'' + 2iΩz' + (k/m)z = 0: z = A exp(-iΩt) cos(w't), w'² = k/m + Ω², released with z' = -iΩA.
     omega = 30.0

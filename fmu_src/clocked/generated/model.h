@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{4082f533-e897-285c-2eeb-ecc086309594}"
+#define GYRO_TOKEN "{db5224de-ad8d-10d0-f409-c4328687da48}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
