@@ -2,11 +2,11 @@
 
 from gyrotwin.api.datasets import MOST_EFFECTS, diagnose, diagnose_each, load_dataset, simulate_dataset
 from gyrotwin.api.datasheets import datasheet, export_sensor
-from gyrotwin.api.files import DeviceSource, effects, load_design, load_device
+from gyrotwin.api.files import DeviceSource, Progress, effects, load_design, load_device
 from gyrotwin.api.fmu import build, verify
 from gyrotwin.api.playing import play
 from gyrotwin.api.records import compensate, split
-from gyrotwin.api.simulation import Progress, match, rate, run
+from gyrotwin.api.simulation import match, rate, run
 
 __all__ = [
     "MOST_EFFECTS",

@@ -1,21 +1,19 @@
 """Datasheets of simulated gyroscopes."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gyro_model.device import Device
 from gyro_model.errors import InputError
-from gyrotwin.api.files import DeviceSource, load_device
+from gyrotwin.api.files import DeviceSource, Progress, load_device
 
 if TYPE_CHECKING:
     from cosim.design import Design
     from gyrotwin.datasheet_result import DatasheetResult
     from gyrotwin.sensor_result import SensorResult
-
-Progress = Callable[[float, float], None]
 
 
 def datasheet(

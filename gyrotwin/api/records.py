@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gyrotwin.api.files import Progress
+
 if TYPE_CHECKING:
-    from gyrotwin.api.simulation import Progress
     from gyrotwin.results import CompensationResult, SplitResult
 
 
@@ -110,7 +111,7 @@ def compensate(
     maps: Mapping[str, str] | None = None,
     scales: Mapping[str, str] | None = None,
     seed: int = 1,
-    progress: "Progress | None" = None,
+    progress: Progress | None = None,
 ) -> "CompensationResult":
     """Fit a temperature compensation of scale factor and bias.
 

@@ -1,19 +1,16 @@
 """Simulated gyroscopes: whole-angle mode and rate mode."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gyro_model.device import Device
-from gyrotwin.api.files import DeviceSource, load_design, load_device
+from gyrotwin.api.files import DeviceSource, Progress, load_design, load_device
 
 if TYPE_CHECKING:
     from cosim.design import Design
     from gyrotwin.match_result import MatchResult
     from gyrotwin.results import RateResult, RunResult
-
-Progress = Callable[[float, float], None]
-"""Called with what is done and what there is to do, in the same unit."""
 
 
 def run(
