@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.blind.grade import Grade, grade
-from benchmarks.blind.summary import wilson
+from benchmarks.blind.summary import by_probability, wilson
 
 
 def result_of(label: dict[str, object], effects: list[dict[str, object]], verdict: str = "missing effects") -> Grade:
@@ -16,7 +16,7 @@ def result_of(label: dict[str, object], effects: list[dict[str, object]], verdic
 
 
 def said(name: str, *either: str, **rest: object) -> dict[str, object]:
-    return {"id": name, "either": list(either), "parameters": {}, **rest}
+    return {"id": name, "either": list(either), "parameters": {}, "probability": 0.9, **rest}
 
 
 @pytest.mark.parametrize(
@@ -79,3 +79,12 @@ def test_wilson_by_hand() -> None:
     assert wilson(400, 400)[1] == 1.0
     assert sum(wilson(5, 10)) == pytest.approx(1)
     assert wilson(0, 0) == (0.0, 1.0)
+
+
+def test_probabilities_are_held_against_what_is_true() -> None:
+    label = {"kind": "single", "effects": ["a"]}
+    right, wrong = (result_of(label, [said(name, "b", probability=0.7)]) for name in ("a", "b"))
+    assert (right.said, wrong.said) == (((0.7, True),), ((0.7, False),))
+    [bin_, error] = by_probability([right, right, right, wrong])
+    assert (bin_.values["rate"], bin_.values["mean said"], bin_.values["of"]) == (0.75, pytest.approx(0.7), 4)
+    assert error.values["rate"] == pytest.approx(0.05)
