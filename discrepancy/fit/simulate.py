@@ -122,7 +122,7 @@ class Simulator:
 
         parameters: by FMU name, SI, initial state included; rough: in whole steps though a delay or a lag acts. What
         they do is then off by the staircase of the force, which cancels in the difference of two runs in which they are
-        alike: 1e-8 of it is left.
+        alike: 1e-6 of a column is left at most.
         Raises InputError where the FMU refuses one; NaN from the sample on at which the motion left all bounds. Raises
         OutOfTime where the clock says so.
         """

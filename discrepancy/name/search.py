@@ -426,6 +426,7 @@ class Search:
             needed = float(chi2.isf(chance, len(candidate.all_probes) + len(candidate.searched)))
             if self.at.count * (unlikely - self.at.unlikely) > needed:
                 return True
+            self.progress(f"took {candidate.effect.id} back: residuals are no likelier with it")
         vars(self).update(before)
         return False
 
