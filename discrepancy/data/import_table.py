@@ -61,6 +61,12 @@ _HEADING: Final = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 SENSED: Final[Mapping[str, Senses]] = {"m": "position", "m/s": "velocity", "m/s2": "acceleration"}
 """What a sensor senses whose voltage is given in such a unit."""
 
+BY_UNIT: Final[Mapping[str, frozenset[str]]] = {
+    "u_x": frozenset(MEASURED["N"]),
+    "v_x": frozenset(unit for si in ("V", *SENSED) for unit in MEASURED[si]),
+}
+"""Where no heading tells force or voltage of a single axis, the only column left with such a unit is taken for it."""
+
 
 class Source(NamedTuple):
     """Where a column comes from: the heading in the lab's table, empty for a force that did not act, and
@@ -110,8 +116,9 @@ def read_lab_table(path: Path) -> pl.DataFrame:
 
 
 def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source]:
-    """The source of every column that is mapped by hand or has a heading that tells it. Raises InputError for a heading
-    or a column that does not exist, two headings for one column, and a unit that does not fit."""
+    """The source of every column that is mapped by hand or has a heading or a unit that tells it. Raises
+    InputError for a heading or a column that does not exist, two headings for one column, and a unit that does not
+    fit."""
     for option, given in (("--map", request.maps), ("--scale", request.scales)):
         for column in given:
             if column not in COLUMNS:
@@ -137,6 +144,12 @@ def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source
                 f"--map {column}={heading!r}: no such heading{nearest(heading, headings)} ({_all(headings)})"
             )
         sources[column] = Source(heading, *_scale(column, heading, request.scales.get(column)))
+    for column, units in BY_UNIT.items():
+        if column in sources or {"u_y", "v_y"} & set(sources):
+            continue
+        left = [h for h in headings if _unit(h) in units and h not in {source.heading for source in sources.values()}]
+        if len(left) == 1:
+            sources[column] = Source(left[0], *_scale(column, left[0], request.scales.get(column)))
     return sources
 
 
@@ -384,6 +397,12 @@ def _bare(heading: str) -> str:
     return re.sub(r"[\s\-]+", "_", (match[1] if match else heading).strip().lower())
 
 
+def _unit(heading: str) -> str | None:
+    """The unit in brackets behind a heading; None where there is none."""
+    match = _HEADING.fullmatch(heading)
+    return match[2] if match else None
+
+
 def _scale(column: str, heading: str, given: str | None) -> tuple[float, float, str]:
     """(factor, offset, unit) by --scale, else by the unit in the heading, else SI."""
     choices = (SI[column], *SENSED) if column in ("v_x", "v_y") else (SI[column],)
@@ -398,8 +417,7 @@ def _scale(column: str, heading: str, given: str | None) -> tuple[float, float, 
         if factor == 0 or not np.isfinite(factor):
             raise InputError(f"--scale {column}={given}: give a number or one of {', '.join(units)}")
         return factor, 0.0, SI[column]
-    match = _HEADING.fullmatch(heading)
-    unit = match[2] if match else None
+    unit = _unit(heading)
     if not unit:
         return 1.0, 0.0, SI[column]
     if unit not in units:

@@ -50,8 +50,9 @@ class WeakForm:
     turning: Complexes
 
 
-def weak_form(record: Record, nominal: Mapping[str, float]) -> WeakForm | None:
-    """The weak form of a run, windows with clipped samples out; None where not one window is left."""
+def weak_form(record: Record, nominal: Mapping[str, float], lowest: int = 0) -> WeakForm | None:
+    """The weak form of a run from the harmonic ``lowest`` of a window on, windows with clipped samples out; None where
+    not one window is left."""
     modes = mode_frequencies(nominal, record.axes)
     n = int(PERIODS * record.sample_rate / modes[0])
     if n < 2 * PERIODS or n > len(record.t):
@@ -62,7 +63,7 @@ def weak_form(record: Record, nominal: Mapping[str, float]) -> WeakForm | None:
     if len(starts) == 0:
         return None
     gains = [nominal["sense_gain_x"], nominal.get("sense_gain_y", 1.0)][: record.axes]
-    bins = np.arange(int(BAND * modes[-1] * n / record.sample_rate) + 1)
+    bins = np.arange(lowest, int(BAND * modes[-1] * n / record.sample_rate) + 1)
     bins = bins[bins < n // 2]
     w = 2 * np.pi * bins * record.sample_rate / n
     window = _Window(n, record.sample_rate, bins, w)
@@ -92,9 +93,9 @@ def _force(record: Record, window: "_Window", starts: NDArray[np.int_], square: 
     return np.asarray(force / record.reference**record.order)
 
 
-def joined_form(records: Sequence[Record], nominal: Mapping[str, float]) -> WeakForm | None:
-    """The weak form of all runs; None where not one window is left."""
-    forms = [form for form in (weak_form(record, nominal) for record in records) if form is not None]
+def joined_form(records: Sequence[Record], nominal: Mapping[str, float], lowest: int = 0) -> WeakForm | None:
+    """The weak form of all runs, as ``weak_form``; None where not one window is left."""
+    forms = [form for form in (weak_form(record, nominal, lowest) for record in records) if form is not None]
     arrays = zip(*((f.force, f.q, f.velocity, f.acceleration, f.turning) for f in forms), strict=True)
     return WeakForm(*(np.concatenate(parts, axis=1) for parts in arrays)) if forms else None
 

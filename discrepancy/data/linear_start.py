@@ -17,7 +17,7 @@ from discrepancy.data.record import Floats, Record
 WINDOWS: Final = 8
 """Of a run, for its spectra."""
 LOWEST: Final = 4
-"""Bins below which a peak is an offset or a drift."""
+"""Bins of a spectrum or a window below which a peak is an offset or a drift: the lobe of sin⁶ ends there."""
 ROUNDS: Final = 3
 """Of the fit, whose weights follow the values found."""
 BADLY: Final = 0.7
@@ -39,7 +39,7 @@ def linear_start(records: Sequence[Record], gains: Sequence[float]) -> dict[str,
     driven = any(record.u.any() for record in records)
     values = _values([_peak(records, axis, driven) for axis in range(axes)], gains)
     for _ in range(ROUNDS):
-        found = _solved(records, values, driven)
+        found = _solved(records, values, driven, LOWEST)
         if found is None or any(found[k] <= 0 for k in ("kxx", "kyy") if k in found):
             return _hardly_held(records, gains) if driven else None
         values |= _passive(found, values)
@@ -53,7 +53,7 @@ def sensor_gains(records: Sequence[Record]) -> list[float]:
     if not any(record.u.any() for record in records):
         return [1.0] * axes
     values = _values([_peak(records, axis, driven=True) for axis in range(axes)], [1.0] * axes)
-    form = joined_form(records, values)
+    form = joined_form(records, values, LOWEST)
     masses = [scale or 1.0 for scale in axis_scales(form, values)] if form else [1.0] * axes
     gains = [abs(masses[0]) / mass for mass in masses]
     return [float(np.sign(gain) if 1 / ALIKE < abs(gain) < ALIKE else gain) for gain in gains]
@@ -63,7 +63,7 @@ def _hardly_held(records: Sequence[Record], gains: Sequence[float]) -> dict[str,
     """The same of masses that hardly any spring holds, so that no mode is seen: windows are then a part of a run."""
     duration = min(len(record.t) / record.sample_rate for record in records)
     values = _values([PARTS * PERIODS / duration] * records[0].axes, gains)
-    found = _solved(records, values, driven=True)
+    found = _solved(records, values, driven=True, lowest=0)
     if found is None:
         return None
     # A spring that turns the motion by no more than a hundredth of a period over a run is none.
@@ -81,9 +81,12 @@ def _values(peaks: Sequence[float], gains: Sequence[float]) -> dict[str, float]:
     return values
 
 
-def _solved(records: Sequence[Record], values: Mapping[str, float], driven: bool) -> dict[str, float] | None:
-    """m, k, d by the weak form in windows as for ``values``; None where they explain too little."""
-    form = joined_form(records, values)
+def _solved(
+    records: Sequence[Record], values: Mapping[str, float], driven: bool, lowest: int
+) -> dict[str, float] | None:
+    """m, k, d by the weak form in windows as for ``values`` from the harmonic ``lowest`` on; None where they explain
+    too little."""
+    form = joined_form(records, values, lowest)
     if form is None:
         return None
     one = len(form.force) == 1

@@ -166,7 +166,9 @@ class Fitter:
 
     def off(self, at: Fitted) -> float:
         """The residual over the signal, rms; where nothing moves there is none to be off."""
-        error = sum(float(np.sum(e[r.valid] ** 2)) for e, r in zip(at.residuals, self.records, strict=True))
+        # A motion near all bounds is off by infinity.
+        with np.errstate(over="ignore"):
+            error = sum(float(np.sum(e[r.valid] ** 2)) for e, r in zip(at.residuals, self.records, strict=True))
         signal = sum(float(np.sum(r.v[r.valid] ** 2)) for r in self.records)
         return float(np.sqrt(error / signal)) if signal else 0.0
 

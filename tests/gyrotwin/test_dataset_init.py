@@ -59,6 +59,30 @@ def test_guesses_columns_and_units_from_headings(tmp_path: Path, capsys: pytest.
         assert values == pytest.approx(expected, rel=1e-14, abs=1e-30)
 
 
+@pytest.mark.parametrize(
+    ("force", "motion", "senses", "scale"),
+    [("F [uN]", "Displacement [um]", "position", 1e-6), ("Kraft (mN)", "Velocity (mm/s)", "velocity", 1e-3)],
+)
+def test_a_single_axis_is_told_by_its_units(
+    force: str, motion: str, senses: str, scale: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pl.DataFrame({"Time [s]": T, force: WAVE, motion: WAVE, "remark": ["x"] * N}).write_csv(tmp_path / "one.csv")
+    init(tmp_path / "one.csv", "--out", tmp_path / "set")
+    said = capsys.readouterr().out
+    assert f"u_x = {force!r}" in said and f"v_x = {motion!r}" in said
+    text = (tmp_path / "set/dataset.toml").read_text()
+    assert ('senses = "velocity"' in text) == (senses == "velocity")
+    table = pl.read_parquet(tmp_path / "set/one-fit.parquet")
+    # One multiplication by a unit's factor rounds twice at most.
+    assert table["v_x"].to_numpy() == pytest.approx(scale * WAVE[: len(table)], rel=1e-14, abs=1e-30)
+
+
+def test_of_two_columns_with_a_unit_of_motion_none_is_taken(tmp_path: Path) -> None:
+    pl.DataFrame({"t": T, "F [N]": WAVE, "laser 1 [um]": WAVE, "laser 2 [um]": WAVE}).write_csv(tmp_path / "one.csv")
+    with pytest.raises(InputError, match="which heading is v_x"):
+        init(tmp_path / "one.csv", "--out", tmp_path / "set")
+
+
 def test_a_single_table_is_cut_for_the_held_out_run(tmp_path: Path) -> None:
     init(lab_table(tmp_path), "--out", tmp_path / "set", "--nominal", "reference")
     data = load_dataset(tmp_path / "set")

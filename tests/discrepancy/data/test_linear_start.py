@@ -1,5 +1,6 @@
 """Nominal values from the record's own response: those of the device that made it, for whatever gain is given."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,3 +59,12 @@ def test_without_a_linear_answer_there_is_no_start() -> None:
     # Noise that the force has no part in.
     object.__setattr__(run, "v", rng.standard_normal(run.v.shape))
     assert linear_start([run], (1.0, 1.0)) is None
+
+
+def test_an_offset_of_the_sensor_hides_no_response(runs: tuple[Record, ...]) -> None:
+    moved = [replace(run, v=run.v + 2.0 * run.v.std(axis=0)) for run in runs[:2]]
+    found = linear_start(moved, (TRUE["sense_gain_x"], TRUE["sense_gain_y"]))
+    assert found is not None
+    for name in ("m", "kxx", "kyy"):
+        # As without the offset, above.
+        assert found[name] == pytest.approx(TRUE[name], rel=0.003)
