@@ -63,6 +63,7 @@ void gyro_after_tuning(gyro_instance *g, const unsigned char acted[GYRO_N_EFFECT
     const gyro_harmonics carrier = {{0.0, 0.0}, {q->part[0]}};
     (void)acted;
     *q = carrier;
+    g->memory.jumped = 1;
 }
 
 size_t gyro_room(const gyro_instance *g)

@@ -11,6 +11,11 @@ static const double TWO_PI = 6.283185307179586;
 /* m²; an amplitude of 1e-30 m is none, and its inverse square is still a number. */
 static const double NO_MOTION = 1e-60;
 
+static const pair NO_PAIR = {{{0.0, 0.0}, {0.0, 0.0}}};
+
+/* No curved force: steepness [N/m] of each axis. */
+static const double NO_FORCE[2] = {0.0, 0.0};
+
 /* No effect has acted. */
 static const unsigned char NONE[GYRO_N_EFFECTS] = {0};
 
@@ -44,37 +49,104 @@ static void apply_laws_at(gyro_instance *g, gyro_instant to, double part)
 
 double gyro_carrier(const gyro_instance *g) { return TWO_PI * g->value[GYRO_CARRIER_FREQUENCY]; }
 
-/* The curved forces of the motion `q` with the velocity `q_dot` at the carrier under the force `u` of the actuators, by harmonics [N]. */
-static gyro_harmonics curved_forces(gyro_instance *g, const gyro_harmonics *u, const gyro_harmonics *q, pair q_dot)
+/* The phase factor e^(iψ) by which the cycle of an axis is turned before it is sampled: that of its own amplitude, so that its turning points
+   lie on a sample. A stop that is met between two samples at one phase and on one at another would feed or drain energy. Forces that join the
+   axes need one phase for both, that of the larger amplitude. */
+static pair phases_of(const gyro_instance *g, const gyro_harmonics *q)
 {
-    gyro_view *view = &g->view;
-    gyro_harmonics velocity = {{0.0, 0.0}, {q_dot}};
+    const pair a = q->part[0];
+    const int larger = square(a.e[1]) > square(a.e[0]);
+    pair phase;
+    for (int i = 0; i < 2; i++) {
+        const number of = any_crossed_force(&g->view) ? a.e[larger] : a.e[i];
+        const double size = square(of);
+        phase.e[i] = size > NO_MOTION ? scaled(of, 1.0 / sqrt(size)) : number_of(1.0, 0.0);
+    }
+    return phase;
+}
+
+/* `s` with its axes turned by `phase`, harmonic by harmonic. */
+static gyro_harmonics turned(const gyro_harmonics *s, pair phase)
+{
+    gyro_harmonics result = *s;
+    for (int i = 0; i < 2; i++) {
+        number factor = phase.e[i];
+        for (int h = 1; h <= GYRO_HARMONICS; h++) {
+            result.part[h - 1].e[i] = times(result.part[h - 1].e[i], factor);
+            factor = times(factor, phase.e[i]);
+        }
+    }
+    return result;
+}
+
+/* The curved forces [N] around the cycle. */
+static gyro_cycle forces_around(gyro_view *view, const gyro_cycle *at, const gyro_cycle *speed, const gyro_cycle *drive)
+{
+    gyro_cycle force;
+    for (int k = 0; k < GYRO_PHASES; k++) {
+        view->s[GYRO_STATE_X] = at->at[k][0];
+        view->s[GYRO_STATE_Y] = at->at[k][1];
+        view->s[GYRO_STATE_X_DOT] = speed->at[k][0];
+        view->s[GYRO_STATE_Y_DOT] = speed->at[k][1];
+        view->u[0] = drive->at[k][0];
+        view->u[1] = drive->at[k][1];
+        force.at[k][0] = 0.0;
+        force.at[k][1] = 0.0;
+        curved_force(view, force.at[k]);
+    }
+    return force;
+}
+
+/* How steep the curved forces are on each axis: their change over a small displacement from the motion `at` where they are `force`, mean of the
+   cycle's absolute values [N/m]. */
+static void find_steepness(gyro_instance *g, gyro_cycle at, const gyro_cycle *speed, const gyro_cycle *drive, const gyro_cycle *force, double steepness[2])
+{
+    /* Of the amplitude: the part that the cycle's samples next to a turning point lie below it, 1 - cos(2π/32). */
+    static const double NEAR = 0.02;
+    double shift[2];
+    for (int i = 0; i < 2; i++) {
+        shift[i] = NEAR * sqrt(square(g->memory.q.part[0].e[i]));
+        for (int k = 0; k < GYRO_PHASES; k++) {
+            at.at[k][i] += shift[i];
+        }
+    }
+    const gyro_cycle shifted = forces_around(&g->view, &at, speed, drive);
+    for (int i = 0; i < 2; i++) {
+        double sum = 0.0;
+        for (int k = 0; k < GYRO_PHASES; k++) {
+            sum += fabs(shifted.at[k][i] - force->at[k][i]);
+        }
+        steepness[i] = shift[i] > 0.0 ? sum / (GYRO_PHASES * shift[i]) : 0.0;
+    }
+}
+
+/* The curved forces of the motion in memory under the force `u` of the actuators, by harmonics [N]. Finds how steep they are where that is
+   below 0, unknown. */
+static gyro_harmonics curved_forces(gyro_instance *g, const gyro_harmonics *u, double steepness[2])
+{
+    const gyro_harmonics *q = &g->memory.q;
+    gyro_harmonics velocity = {{0.0, 0.0}, {g->memory.q_dot}};
     for (int h = 2; h <= GYRO_HARMONICS; h++) {
         for (int i = 0; i < 2; i++) {
             velocity.part[h - 1].e[i] = times(number_of(0.0, h * gyro_carrier(g)), q->part[h - 1].e[i]);
         }
     }
-    const gyro_cycle at = gyro_around(q), speed = gyro_around(&velocity), drive = gyro_around(u);
-    gyro_cycle force;
-    for (int k = 0; k < GYRO_PHASES; k++) {
-        view->s[GYRO_STATE_X] = at.at[k][0];
-        view->s[GYRO_STATE_Y] = at.at[k][1];
-        view->s[GYRO_STATE_X_DOT] = speed.at[k][0];
-        view->s[GYRO_STATE_Y_DOT] = speed.at[k][1];
-        view->u[0] = drive.at[k][0];
-        view->u[1] = drive.at[k][1];
-        force.at[k][0] = 0.0;
-        force.at[k][1] = 0.0;
-        curved_force(view, force.at[k]);
+    const pair phase = phases_of(g, q), back = {{conjugate(phase.e[0]), conjugate(phase.e[1])}};
+    const gyro_harmonics own_q = turned(q, back), own_velocity = turned(&velocity, back), own_u = turned(u, back);
+    const gyro_cycle at = gyro_around(&own_q), speed = gyro_around(&own_velocity), drive = gyro_around(&own_u);
+    const gyro_cycle force = forces_around(&g->view, &at, &speed, &drive);
+    if (steepness[0] < 0.0) {
+        find_steepness(g, at, &speed, &drive, &force, steepness);
     }
-    return gyro_spectrum(&force);
+    const gyro_harmonics spectrum = gyro_spectrum(&force);
+    return turned(&spectrum, phase);
 }
 
 /* Forces [N] by harmonics, and the mean and harmonics of the motion in memory brought to what they make of it. */
-static gyro_harmonics follow_curves(gyro_instance *g, const gyro_harmonics *u, const gyro_motion *m)
+static gyro_harmonics follow_curves(gyro_instance *g, const gyro_harmonics *u, const gyro_motion *m, double steepness[2])
 {
     gyro_memory *memory = &g->memory;
-    const gyro_harmonics f = curved_forces(g, u, &memory->q, memory->q_dot);
+    const gyro_harmonics f = curved_forces(g, u, steepness);
     gyro_harmonics force = *u;
     for (int i = 0; i < 2; i++) {
         force.mean[i] += f.mean[i];
@@ -82,36 +154,38 @@ static gyro_harmonics follow_curves(gyro_instance *g, const gyro_harmonics *u, c
             force.part[h - 1].e[i] = plus(force.part[h - 1].e[i], f.part[h - 1].e[i]);
         }
     }
-    gyro_follow_force(g, m, &force, &memory->q);
+    gyro_follow_force(g, m, &force, steepness, &memory->q);
     return f;
 }
 
-/* One evaluation of the forces at the motion of memory: the force at the carrier [N] that the coming step holds, and the motion with the
-   curved forces in it. Where each depends on its own axis alone, its ratio to the displacement is a stiffness, so that a frequency that is
-   pulled by the amplitude is followed exactly; else it is held as a force. */
-static pair find_forces(gyro_instance *g, const gyro_harmonics *u, gyro_motion *m)
+/* Mean and harmonics of the motion in memory, and what the curved forces make of the carrier's part. Where each depends on its own axis
+   alone, its ratio to the displacement is a stiffness, so that a frequency that is pulled by the amplitude is followed exactly; else it is held
+   as a force. */
+static void take_curves(gyro_instance *g, const gyro_harmonics *u, const gyro_motion *m)
 {
     gyro_memory *memory = &g->memory;
-    pair held = u->part[0];
-    if (any_curved_force(&g->view)) {
-        /* Twice: the harmonics in memory are turned as the amplitude was a step ago, which would feed or drain energy. */
-        follow_curves(g, u, m);
-        const gyro_harmonics f = follow_curves(g, u, m);
-        for (int i = 0; i < 2; i++) {
-            const number q = memory->q.part[0].e[i];
-            if (any_crossed_force(&g->view) || !(square(q) > NO_MOTION)) {
-                held.e[i] = plus(held.e[i], f.part[0].e[i]);
-            } else {
-                m->stiffness.e[i][i] = minus(m->stiffness.e[i][i], scaled(over(f.part[0].e[i], q), g->view.inverse_mass));
-            }
-        }
-    } else if (any_curved_actuator(&g->view) || m->mean[0] != 0.0 || m->mean[1] != 0.0) {
-        gyro_follow_force(g, m, u, &memory->q);
+    /* Twice: the harmonics in memory are turned as the amplitude was a step ago, which would feed or drain energy. */
+    double steepness[2] = {-1.0, -1.0};
+    follow_curves(g, u, m, steepness);
+    const gyro_harmonics f = follow_curves(g, u, m, steepness);
+    for (int i = 0; i < 2; i++) {
+        const number q = memory->q.part[0].e[i];
+        const int held = any_crossed_force(&g->view) || !(square(q) > NO_MOTION);
+        memory->bent_force.e[i] = held ? f.part[0].e[i] : number_of(0.0, 0.0);
+        memory->bent_stiffness.e[i] = held ? number_of(0.0, 0.0) : scaled(over(f.part[0].e[i], q), -g->view.inverse_mass);
+    }
+}
+
+/* Mean and harmonics of the motion where no force is curved. */
+static void follow_actuators(gyro_instance *g, const gyro_harmonics *u, const gyro_motion *m)
+{
+    gyro_memory *memory = &g->memory;
+    if (any_curved_actuator(&g->view) || m->mean[0] != 0.0 || m->mean[1] != 0.0) {
+        gyro_follow_force(g, m, u, NO_FORCE, &memory->q);
     } else {
         memory->q.mean[0] = 0.0;
         memory->q.mean[1] = 0.0;
     }
-    return held;
 }
 
 /* B N B*, with N the density of the noise force: of each of its two quadratures, that is twice the force's own two-sided density. */
@@ -190,16 +264,20 @@ static pair joined(const gyro_instance *g, pair q, pair q_dot, pair force)
     return q;
 }
 
-/* The amplitudes at the carrier `step` later, from those before, the forces being those of the motion in memory. */
-static void advance(gyro_instance *g, pair before, pair before_dot, const gyro_harmonics *u, gyro_motion m, double step)
+/* The motion `step` [s] long under the straight forces and what the curved ones make of the carrier's part; gives the force that it holds [N]. */
+static pair take_motion(gyro_instance *g, const gyro_harmonics *u, const gyro_motion *m, double step)
 {
     gyro_memory *memory = &g->memory;
-    const pair force = find_forces(g, u, &m);
-    gyro_find_slow(&memory->slow, m.stiffness, m.damping, gyro_carrier(g), g->view.inverse_mass, step);
-    if (memory->clock.settled.tick > 0) {
-        /* What begins at the start is an amplitude of the motion there. */
-        before = joined(g, before, before_dot, force);
-    }
+    const matrix stiffness = {{{plus(m->stiffness.e[0][0], memory->bent_stiffness.e[0]), m->stiffness.e[0][1]},
+                               {m->stiffness.e[1][0], plus(m->stiffness.e[1][1], memory->bent_stiffness.e[1])}}};
+    gyro_find_slow(&memory->slow, stiffness, m->damping, gyro_carrier(g), g->view.inverse_mass, step);
+    return pair_plus(u->part[0], memory->bent_force);
+}
+
+/* The amplitudes at the carrier a step later, from those `before`, by the motion in memory. */
+static void advance(gyro_instance *g, pair before, pair force)
+{
+    gyro_memory *memory = &g->memory;
     memory->q.part[0] = pair_plus(apply(memory->slow.decay, before), apply(memory->slow.gain, force));
     memory->q_dot = pair_plus(apply(memory->slow.rate, memory->q.part[0]), apply(memory->slow.input, force));
 }
@@ -208,21 +286,40 @@ static void advance(gyro_instance *g, pair before, pair before_dot, const gyro_h
 static void move_amplitudes(gyro_instance *g, gyro_instant to)
 {
     gyro_view *view = &g->view;
-    const double step = gyro_between(g->memory.clock.settled, to);
-    const pair before = g->memory.q.part[0], before_dot = g->memory.q_dot;
+    gyro_memory *memory = &g->memory;
+    const double step = gyro_between(memory->clock.settled, to);
+    const int curved = any_curved_force(view);
+    pair before = memory->q.part[0];
     gyro_harmonics u;
     apply_laws_at(g, to, 0.5);
     gyro_actuate(g, &u);
     const gyro_motion m = gyro_straight_motion(g);
-    if (any_curved_force(view)) {
-        /* The midpoint rule: forces of half a step ahead. */
-        advance(g, before, before_dot, &u, m, 0.5 * step);
+    if (!curved) {
+        memory->bent_stiffness = NO_PAIR;
+        memory->bent_force = NO_PAIR;
+        follow_actuators(g, &u, &m);
+    } else if (memory->jumped) {
+        take_curves(g, &u, &m);
     }
-    advance(g, before, before_dot, &u, m, step);
+    memory->jumped = 0;
+    pair force = take_motion(g, &u, &m, step);
+    if (memory->clock.settled.tick > 0) {
+        /* What begins at the start is an amplitude of the motion there. What the curved forces make of it changes with the amplitude, not at
+           an instant: it is that of the step before, or where they jumped, that of now. */
+        before = joined(g, before, memory->q_dot, force);
+    }
+    if (curved) {
+        /* The midpoint rule: forces of half a step ahead. */
+        take_curves(g, &u, &m);
+        advance(g, before, take_motion(g, &u, &m, 0.5 * step));
+        take_curves(g, &u, &m);
+        force = take_motion(g, &u, &m, step);
+    }
+    advance(g, before, force);
     if (any_drawn_force(view)) {
         const pair moved = thermal_motion(g);
-        g->memory.q.part[0] = pair_plus(g->memory.q.part[0], moved);
-        g->memory.q_dot = pair_plus(g->memory.q_dot, apply(g->memory.slow.rate, moved));
+        memory->q.part[0] = pair_plus(memory->q.part[0], moved);
+        memory->q_dot = pair_plus(memory->q_dot, apply(memory->slow.rate, moved));
     }
     apply_laws_at(g, to, 1.0);
 }
@@ -273,6 +370,7 @@ gyro_status gyro_take_inputs(gyro_instance *g)
     for (int vr = 0; vr < GYRO_N_INPUTS; vr++) {
         view->p[vr] = g->value[vr];
         view->change[vr] = clock->now > 0 ? g->value[vr] - clock->held[vr] : 0.0;
+        g->memory.jumped |= view->change[vr] != 0.0 && vr > GYRO_OMEGA_Z;
     }
     take_made(view, g->value);
     if (clock->now == 0) {

@@ -29,6 +29,9 @@ typedef struct {
     gyro_clock clock;
     gyro_harmonics q;    /* displacement, m */
     pair q_dot;          /* velocity at the carrier, m/s */
+    pair bent_stiffness; /* what the curved forces of the latest step add to the stiffness of each axis at the carrier, 1/s² */
+    pair bent_force;     /* likewise a force, N */
+    int64_t jumped;      /* 1: since then an input or a parameter that curved forces may depend on has jumped */
     double phase;        /* of the carrier at `phase_at`, cycles */
     gyro_instant phase_at; /* the latest instant at which its frequency changed */
     gyro_slow slow;      /* motion of the latest step */

@@ -21,8 +21,10 @@ typedef struct {
 /* From the parameters of the view as they are; the states of the view are used for it. */
 gyro_motion gyro_straight_motion(gyro_instance *g);
 
-/* The harmonics of the motion that answer at once, being far from resonance: (K + i h ω C - h² ω²) q_h = force_h/m. */
-void gyro_follow_force(gyro_instance *g, const gyro_motion *m, const gyro_harmonics *force, gyro_harmonics *q);
+/* The harmonics of the motion that answer at once, being far from resonance: (K + i h ω C - h² ω²) q_h = force_h/m. `steepness` [N/m] is what
+   the force on each axis changes by with its displacement: the mean comes nearer by a round, and harmonics are left out as the force gets as
+   steep as the inertia that they work against. */
+void gyro_follow_force(gyro_instance *g, const gyro_motion *m, const gyro_harmonics *force, const double steepness[2], gyro_harmonics *q);
 
 #if defined(__GNUC__)
 #pragma GCC visibility pop

@@ -91,3 +91,18 @@ def test_each_effect_in_steady_state(effect: str, envelope: Runner, plant: Runne
     residual("v_y", abs(slow[1] / fast[1] - 1), LIMITS.get(effect, 1e-7))
     plain = settled(envelope, rate_device(Q), drive(p), omega_z=0.5)[:2]
     assert np.max(np.abs(slow / plain - 1)) > 1e-4, "large enough to be seen"
+
+
+@pytest.mark.parametrize("stiffness", [20.0, 200.0, 1e5])
+def test_a_hard_stop_holds_the_amplitude(stiffness: float, envelope: Runner, plant: Runner, residual: Residual) -> None:
+    # Q 5000: slow enough that the drive of both stays on the stop, at 0.3 to 1,600 times the suspension's stiffness.
+    p = rate_device(5000.0, kxy=0.0, stop_stiffness=stiffness, stop_gap=3.5e-6)
+    force = drive(p)
+    slow = settled(envelope, p, force)
+    fast = demodulated(plant, p, slow[2:], force, F_X, SECONDS)
+    # Harmonics above the third, and the corner between 32 phases: the gap's entry is 1/64 of it.
+    residual("amplitude", abs(abs(slow[0]) / abs(fast[0]) - 1), 2e-3)
+    residual("phase", abs(np.angle(slow[0] / fast[0])), 1e-2)
+    assert abs(slow[0]) < 1.02 * 3.5e-6 * GAIN, "the stop holds it: unbounded, it would be 5 µm"
+    finer = settled(envelope, p | {"internal_step": 1e-4}, force)
+    residual("shorter steps", abs(finer[0] / slow[0] - 1), 1e-9)
