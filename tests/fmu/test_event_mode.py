@@ -67,6 +67,28 @@ def test_a_step_ends_at_every_sample(gyro: Instance, fmi3: Fmu) -> None:
     assert trace == wanted
 
 
+@pytest.mark.parametrize("start", [0.0, 1.7e9])
+def test_an_early_end_is_before_the_end_in_the_numbers_that_an_importer_sees(fmi3: Fmu, start: float) -> None:
+    # Unix times are 238 ns apart: samples lie between two of them, some so near to the end that both are one number.
+    steps = [5e-6, 1.4e-6, 3.4e-7, 1e-5 / 3]
+    with Instance(fmi3, events=True, early=True) as gyro:
+        gyro.start(start, **{**START, "sample_period": 1.7e-6})
+        leave_events(gyro)
+        time, samples = start, 0
+        for k in range(400):
+            end = time + steps[k % 4]
+            while time < end - 1e-12:  # a tick; importers add up with roundings far below
+                event, early, last = step(gyro, time, end - time)
+                assert time <= last and early == (last < end - 1e-12)
+                assert gyro.get("time") == [pytest.approx(last, rel=0, abs=1e-12)], "the FMU is where it says"
+                time, samples = last, samples + event
+                if event:
+                    assert gyro.call("EnterEventMode") == OK
+                    leave_events(gyro)
+    # All of 1 ms and more, but for what half a spacing of the numbers hides at the end.
+    assert samples == int((time - start + 1.2e-7) / 1.7e-6) or samples == int((time - start - 1.2e-7) / 1.7e-6)
+
+
 def test_without_early_return_events_wait_for_the_end_of_the_step(fmi3: Fmu) -> None:
     with Instance(fmi3, events=True) as gyro, Instance(fmi3) as plain:
         gyro.start(**START)

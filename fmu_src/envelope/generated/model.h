@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{60b3bb4c-09e5-52fe-b47e-7a8a7155dcf5}"
+#define GYRO_TOKEN "{11402d14-efc4-aaec-2076-bb338f58e581}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{7c55b0db-a30e-0ffd-9a5b-96c24ba1df1b}"
+#define GYRO_TOKEN "{c421f872-c04c-e6f4-7809-ac1e4075cc2f}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{4512e662-a3c4-c6a3-cedf-6eb56c362317}"
+#define GYRO_TOKEN "{6f40017e-4e23-e6dc-9715-c04806360e7a}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
