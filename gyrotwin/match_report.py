@@ -33,7 +33,9 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     walk = summary["rate_noise"]["angle_random_walk_deg_rth"]
     if walk is not None:
         limit = significant(summary["rate_noise"]["limit_deg_rth"], 3)
-        found.append(("angle random walk, and limit of the design", f"{significant(walk, 3)}, {limit}", "°/√h"))
+        error = significant(summary["rate_noise"]["angle_random_walk_error_deg_rth"], 2)
+        what = "angle random walk, and limit of the design"
+        found.append((what, f"{significant(walk, 3)} ± {error}, {limit}", "°/√h"))
     return found
 
 

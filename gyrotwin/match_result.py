@@ -90,6 +90,7 @@ class MatchResult(Saved):
             "dither": None if not plan.force else {"frequency_hz": plan.tone, "force_n": 2 * plan.force},
             "rate_noise": {
                 "angle_random_walk_deg_rth": _number(PER_ROOT_HOUR * found.walk),
+                "angle_random_walk_error_deg_rth": _number(PER_ROOT_HOUR * found.walk_error),
                 "limit_deg_rth": PER_ROOT_HOUR * limit,
             },
             "bias_deg_s": degrees(float(self.raw.record["rate"].to_numpy().mean())),

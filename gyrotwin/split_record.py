@@ -19,6 +19,8 @@ PAIRS: Final = (("v_y_i", "v_y_q"), ("i", "q"))
 """Headings taken for in-phase and quadrature, where a carrier is given."""
 CARRIER: Final = "carrier_frequency"
 """Column with the frequency of a demodulator that follows the drive [Hz], beside I and Q."""
+AS_TYPED: Final = 1e-3
+"""Of the carrier: one given by hand is that of the column where it agrees with it to three digits."""
 UNEVEN: Final = 0.5
 """Largest error of a sample's time, in steps, before the record has a hole; printing t may round it by as much."""
 
@@ -35,8 +37,8 @@ def read_record(
     """
     table = read_lab_table(path)
     try:
-        if carrier is None and not columns and CARRIER in table.columns:
-            carrier = _mean_carrier(table)
+        if not columns and CARRIER in table.columns:
+            carrier = _own_carrier(table, carrier)
         chosen = _columns(table.columns, columns, carrier)
         voltages = [_voltage(table, path, heading) for heading in chosen]
         rate = _rate(table, path, sample_rate)
@@ -77,12 +79,20 @@ def _voltage(table: pl.DataFrame, path: Path, heading: str) -> Floats:
     return source.factor * numbers(table, heading)
 
 
-def _mean_carrier(table: pl.DataFrame) -> float:
+def _own_carrier(table: pl.DataFrame, given: float | None) -> float:
+    """The mean of the carrier's column [Hz]. Raises InputError where ``given`` is another."""
     carriers = numbers(table, CARRIER)
     fits = np.isfinite(carriers) & (carriers > 0)
     if not fits.all():
         raise InputError(f"{CARRIER} is no positive number in data row {int(np.argmin(fits)) + 1}: mend the row")
-    return float(carriers.mean())
+    mean = float(carriers.mean())
+    reach = max(float(np.ptp(carriers)), AS_TYPED * mean)
+    if given is not None and not abs(given - mean) <= reach:
+        raise InputError(
+            f"--carrier {given:g}: the column {CARRIER} says {mean:.9g} Hz; leave --carrier out, or name the columns, "
+            "--column I --column Q, whose carrier you know"
+        )
+    return mean
 
 
 def _rate(table: pl.DataFrame, path: Path, sample_rate: float | None) -> float:

@@ -20,7 +20,7 @@ class Measures(NamedTuple):
     """matched_at: from when on no row shows more than MATCHED [s], nan where the last does; rms, largest: of the true
     split after ``since`` [s], in Hz; ratio: rms error of the blocks' own splits over their deviations; over_bound: over
     their Cramér–Rao bounds, nan where there are none; missed: blocks without an answer; walk: angle random walk at rest
-    [rad/√s], nan where it turns or is too short."""
+    [rad/√s] with its standard error, nan where it turns or is too short."""
 
     matched_at: float
     since: float
@@ -30,6 +30,7 @@ class Measures(NamedTuple):
     over_bound: float
     missed: int
     walk: float
+    walk_error: float
 
 
 def measures(run: RateRun, matched: Matched, since: float | None = None) -> Measures:
@@ -52,7 +53,7 @@ def measures(run: RateRun, matched: Matched, since: float | None = None) -> Meas
         _rms(errors[:, 0] / errors[:, 1]),
         _rms(errors[:, 0] / errors[:, 2]),
         sum(b.answer is None for b in matched.blocks),
-        _walk(run, record["rate"].to_numpy()[t > since], bool(record["rate_true"].to_numpy().any())),
+        *_walk(run, record["rate"].to_numpy()[t > since], bool(record["rate_true"].to_numpy().any())),
     )
 
 
@@ -67,11 +68,12 @@ def _rms(values: np.ndarray) -> float:
     return sqrt(float(np.mean(values**2))) if len(values) else nan
 
 
-def _walk(run: RateRun, rate: np.ndarray, turns: bool) -> float:
+def _walk(run: RateRun, rate: np.ndarray, turns: bool) -> tuple[float, float]:
     if turns or not run.closed:
         # In the open loop the answer at the match is as slow as the sense mode: its noise is that of a walk, not white.
-        return nan
+        return nan, nan
     try:
-        return allan_deviation(rate, run.interval, run.white_from).angle_random_walk
+        found = allan_deviation(rate, run.interval, run.white_from)
     except InputError:
-        return nan
+        return nan, nan
+    return found.angle_random_walk, found.angle_random_walk_error

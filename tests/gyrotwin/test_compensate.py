@@ -124,6 +124,7 @@ def test_beyond_the_fitted_range(records: Path, tmp_path: Path, capsys: pytest.C
         (("--outside", "clmp"), "did you mean 'clamp'"),
         (("--method", "piecewise", "--segments", 0), "--segments 0: give 1 or more"),
         (("--method", "piecewise", "--segments", 5000), "give fewer --segments"),
+        (("--segments", 1000000), "--segments 1000000"),
         (("--method", "network", "--hidden", 200), "--hidden with fewer neurons"),
         (("--sampling-time", 0), "sampling time 0 s"),
         (("--sampling-time", 100), "give a --sampling-time of that or less"),

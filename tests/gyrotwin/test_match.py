@@ -44,6 +44,9 @@ def test_match_writes_json_trace_and_page(matched: Path) -> None:
     estimate = trace["split_estimate"].to_numpy()
     assert np.isnan(estimate[0])
     assert abs(estimate[-1]) < 0.02
+    noise = summary["rate_noise"]
+    # 15 s of rate know the walk to a quarter; the dither adds nothing to the design's limit, which lots spread about.
+    assert 0 < noise["angle_random_walk_error_deg_rth"] < 0.5 * noise["angle_random_walk_deg_rth"]
     page = (matched / "report.html").read_text()
     assert "Mode matching: mode_matched_as_built" in page
 

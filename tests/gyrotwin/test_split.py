@@ -154,6 +154,11 @@ def test_no_hump_is_said_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixtu
         ({"t": T, "v": np.where(np.arange(len(T)) == 7, np.nan, RECORD.values)}, [], "no finite number in data row 8"),
         ({"t": T, "v": np.ones(len(T))}, [], "never changes"),
         ({"t": T, "v": RECORD.values}, ["--carrier", 3000], "which columns are I and Q"),
+        (
+            {"t": T, "v_y_i": T, "v_y_q": T, "carrier_frequency": 3e3 + T},
+            ["--carrier", 4e3],
+            "--carrier 4000: the column",
+        ),
         ({"t": T, "v": RECORD.values}, ["--column", "t", "--column", "v"], "2 columns named"),
         ({"t": T[:100], "v": RECORD.values[:100]}, [], "at least 256"),
         ({"t": T, "v": RECORD.values}, ["--drive-frequency", 5000], "folded to 3000 Hz"),

@@ -29,6 +29,8 @@ def fit(blocks: Blocks, sampling_time: float, sensor: str, segments: int) -> Com
         raise InputError(f"segments = {segments}: give 1 or more")
     inputs = fitted_inputs(blocks, [sensor])
     temperature = blocks.inputs[sensor]
+    if segments >= len(temperature):
+        raise InputError(f"--segments {segments}: {blocks.name} has {len(temperature)} blocks: give fewer --segments")
     edges = np.linspace(temperature.min(), temperature.max(), segments + 1)
     if edges[0] == edges[-1]:
         raise InputError(f"{blocks.name}: {sensor} never changes from {edges[0]:g} {unit_of(sensor)}: nothing to fit")
@@ -82,6 +84,9 @@ def _candidates(blocks: Blocks, asked: Asked) -> Iterator[Candidate]:
         )
     if asked.segments is not None and asked.segments < 1:
         raise InputError(f"--segments {asked.segments}: give 1 or more")
+    if asked.segments is not None and sensors:
+        # Said at once: beside other methods, one that can't be fitted is passed over without a word.
+        fit(blocks, asked.sampling_time, sensors[0], asked.segments)
     for segments in SEGMENTS if asked.segments is None else (asked.segments,):
         for sensor in sensors[:1]:
             line = partial(fit, sampling_time=asked.sampling_time, sensor=sensor, segments=segments)
