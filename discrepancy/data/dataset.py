@@ -35,7 +35,8 @@ Y_ONLY: Final = ("kyy", "kxy", "dyy", "dxy", "sense_gain_y", "y_start", "y_dot_s
 class Dataset:
     """What a lab measured and believes. nominal: by FMU parameter name, SI, complete for the axes measured; notes:
     what was assumed, for the reader; model: whose parameters ``nominal`` may name; unknown: names of gains that no one
-    states, to be fitted beside mass, stiffness and damping.
+    states, to be fitted beside mass, stiffness and damping; estimated: names of nominal values that the lab does not
+    state, from the record's own response.
 
     Raises InputError where runs differ in axes, none is left to fit, or a nominal value is missing or impossible.
     """
@@ -46,6 +47,7 @@ class Dataset:
     notes: tuple[str, ...] = ()
     model: Model = field(default_factory=load_model, repr=False, compare=False)
     unknown: tuple[str, ...] = ()
+    estimated: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.records:
@@ -130,7 +132,9 @@ def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float],
     complete, more = _completed(believed, axes)
     more = [*sensed, *found, *more]
     unknown = _unknown_gains(stated, records) if axes == 2 and "m" in complete else ()
-    return Dataset(folder, complete, records, (*notes, *more, *(note for _, note in read if note)), model, unknown)
+    estimated = tuple(name for name in believed if name not in stated)
+    notes = [*notes, *more, *(note for _, note in read if note)]
+    return Dataset(folder, complete, records, tuple(notes), model, unknown, estimated)
 
 
 class _Entry(NamedTuple):

@@ -49,6 +49,9 @@ explains nothing."""
 CLEARLY: Final = 3.0
 """Times as much that any other number must leave: a knock is bridged by several."""
 
+SEEN: Final = 3.0
+"""Times FAR that a loss is off at the mean slope, from which the prediction shows it wherever it is in a period."""
+
 COUNT = size("missing_samples", "1", "samples lost (negative: doubled) in all runs")
 
 
@@ -188,7 +191,7 @@ def _unexplained(v: Floats, u: Floats, unknown: Bools, told: _Prediction) -> flo
 
 
 def _jump(record: Record, residual: Floats) -> Data:
-    """The largest that the residual shows."""
+    """The largest that the residual shows, unless the record itself would show it and does not."""
     slope = np.gradient(record.v - residual, axis=0)
     usable = record.valid[:, None]
     # From the end: what each k would explain of all that comes after.
@@ -205,7 +208,19 @@ def _jump(record: Record, residual: Floats) -> Data:
     n = float(step[k])
     if gain[k] < SHARE * total or not LEAST <= abs(n) <= MOST:
         return ()
-    return float(k + (inner.start or 0)), float(np.sign(n) * max(round(abs(n)), 1))
+    place, number = k + (inner.start or 0), float(np.sign(n) * max(round(abs(n)), 1))
+    return () if _refuted(record, slope, place, number) else (float(place), number)
+
+
+def _refuted(record: Record, slope: Floats, place: int, number: float) -> bool:
+    """Whether so many samples lost would be far off the record's own prediction, and none is near ``place``: then the
+    model is off there, as one that lacks an effect is after a change of the force."""
+    told = _predicted(record)
+    if told is None:
+        return False
+    near = slice(max(place - len(slope) // 50, 0), place + len(slope) // 50)
+    steps = np.max(np.sqrt(np.mean(slope[near] ** 2, axis=0)) / told.deviation)
+    return bool(abs(number) * steps > SEEN * FAR and told.far[near].max() < FAR)
 
 
 DEFECT = Blemish(

@@ -22,7 +22,7 @@ from discrepancy.name.columns import Candidate, Probe
 from discrepancy.name.scan import batched
 from discrepancy.name.score import Score, score, without
 from discrepancy.terms.effect_file import joined, scales_of
-from discrepancy.terms.library import Form, Known, forms, known, magnitude
+from discrepancy.terms.library import Form, Known, apart, forms, known, magnitude
 from gyro_model.anatomy import Effect, Follow, Force
 from gyro_model.model import Model
 
@@ -80,11 +80,14 @@ class Standing:
 
 
 @lru_cache(maxsize=4)
-def _library(model: Model, axes: int) -> tuple[Mapping[str, Known], Mapping[str, Effect], Model]:
-    """Of the forms, by id: those that an effect of ``model`` is, the others as effects; and the model with all."""
+def _library(model: Model, axes: int) -> tuple[tuple[Form, ...], Mapping[str, Known], Mapping[str, Effect], Model]:
+    """The forms; of these, by id, those that an effect of ``model`` is, the others as effects; and the model with all.
+    Where such an effect has one size for both axes, the form with two is another."""
     had = known(model, forms(axes))
-    effects = {form.id: form.effect() for form in forms(axes) if form.id not in had}
-    return had, effects, joined(model, effects.values())
+    freer = (apart(form, had[form.id][1]) for form in forms(axes) if form.id in had)
+    own = (*forms(axes), *(form for form in freer if form))
+    effects = {form.id: form.effect() for form in own if form.id not in had}
+    return own, had, effects, joined(model, effects.values())
 
 
 class Terms:
@@ -92,8 +95,7 @@ class Terms:
 
     def __init__(self, fitter: Fitter, at: Fitted) -> None:
         """Builds the FMU where that has not been done. ``at``: a fit, which says how large the motion is."""
-        self.forms = forms(fitter.axes)
-        self.known, self.effects, model = _library(fitter.simulator.model, fitter.axes)
+        self.forms, self.known, self.effects, model = _library(fitter.simulator.model, fitter.axes)
         self.simulator = fitter.simulator.like(model)
         self.scales = scales_of(fitter, at)
         self.spring = at.parameters["kxx"] * self.scales["x"]

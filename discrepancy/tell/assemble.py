@@ -79,7 +79,7 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
     untested = not search.scored or open_ended or search.unsure
     if rest.significant or untested or (effects and worse):
         verdict = "partly explained" if effects else "unexplained"
-    effects = tuple(replace(f, probability=probability(search, f, rest, f.id in worse)) for f in effects)
+    effects = tuple(replace(f, probability=probability(search, f, rest, stages, f.id in worse)) for f in effects)
     rivals = {entry.id: entry.rivals for entry in search.accepted if entry.rivals and not entry.of_record}
     return Diagnosis(
         verdict, effects, _immaterial(search), noises, gaps, places, _detectable(search),
@@ -339,8 +339,10 @@ def _doubts(search: "Search", rest: "Remainder") -> tuple[str, ...]:
 
 
 def _scaled(search: "Search") -> list[str]:
-    """That the force may be other than recorded, where mass and stiffness all came out off by one factor."""
-    names = [name for name in ("m", "kxx", "kyy") if name in search.dataset.nominal and name in search.at.parameters]
+    """That the force may be other than recorded, where stated mass and stiffness all came out off by one factor."""
+    # What the record itself gave first says nothing of its scale.
+    stated = search.dataset.nominal.keys() - set(search.dataset.estimated)
+    names = [name for name in ("m", "kxx", "kyy") if name in stated and name in search.at.parameters]
     logs = np.log([search.dataset.nominal[name] / search.at.parameters[name] for name in names])
     mean = float(np.mean(logs))
     if len(names) < 2 or abs(mean) < SCALED or float(np.abs(logs - mean).max()) > ONE_FACTOR * abs(mean):

@@ -139,15 +139,30 @@ def _misfit_without(search: "Search", entry: "Accepted") -> float:
     return misfits(runs, {run.name: start_fitted(search.simulator, run, less) for run in runs})[""]
 
 
-def probability(search: "Search", finding: Finding, rest: Remainder, worse: bool) -> float:
+def probability(
+    search: "Search", finding: Finding, rest: Remainder, stages: tuple[Stage, ...], worse: bool = False
+) -> float:
     """Of a name against its rivals, each weighed by the likelihood of its refit, and against none of them.
 
-    What is left when all is named may be what the name only imitates, and a name that unseen data do not bear out is
-    likely wrong: both take from it.
+    Where the rivals were not tried, one as good as the name is reckoned with. What is left when all is named may be
+    what the name only imitates, and a name that unseen data do not bear out is likely wrong: both take from it.
     """
-    behind = next((a.behind for a in search.accepted if a.id == finding.id), {})
-    weights = [float(np.exp(-0.5 * max(chi_square, 0.0))) for chi_square in behind.values()]
+    entry = next((a for a in search.accepted if a.id == finding.id), None)
+    weights = [float(np.exp(-0.5 * max(chi_square, 0.0))) for chi_square in entry.behind.values()] if entry else []
+    if entry and not entry.asked and entry.id not in search.partners:
+        weights.append(1.0)
     found = (1 - search.criteria.prior_none) / (1 + sum(weights))
     if rest.significant:
         found *= 1 - max(rest.share, 0.5)
+    if rest.above:
+        found *= _brought(finding.id, rest, stages)
     return 0.2 * found if worse else found
+
+
+def _brought(name: str, rest: Remainder, stages: tuple[Stage, ...]) -> float:
+    """The share of what was no noise before an effect was named that the final model has taken away: one that brings
+    little where much is left fits what another would fit better."""
+    final = stages[-1].misfit[""]
+    noise = final / max(rest.ratio, 1.0)
+    before = next((a.misfit[""] for a, b in pairwise(stages) if b.name == name), np.inf)
+    return float(np.clip(1 - (final**2 - noise**2) / max(before**2 - noise**2, 1e-300), 0.0, 1.0))

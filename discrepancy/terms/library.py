@@ -157,6 +157,11 @@ def known(model: Model, library: Iterable[Form]) -> dict[str, Known]:
     return found
 
 
+def apart(form: Form, sizes: Sequence[str | None]) -> Form | None:
+    """The form with a coefficient of each axis' own, where an effect has one size for both; else None."""
+    return Form(f"{form.id}_apart", form.parts) if len(set(sizes)) < len(sizes) else None
+
+
 def _acts_as_force(effect: Effect) -> bool:
     return isinstance(effect, Force) or (isinstance(effect, Map) and effect.slot == "actuator curve")
 

@@ -198,9 +198,22 @@ def test_a_wrong_name_is_refuted(simulator: Simulator, tmp_path: Path) -> None:
     assert "x**5" in found.instead[("cubic_stiffness",)]
 
 
+def test_a_name_with_one_size_for_both_axes_is_refuted_by_a_term_on_one(simulator: Simulator, tmp_path: Path) -> None:
+    (tmp_path / "hidden.py").write_text(HIDDEN.format(unit="1/m", x="-c*u_x*x", y="0*c"), encoding="utf-8")
+    fitter, at = refitted(simulator, runs(read_model(tmp_path), {"hidden_size": 300.0}))
+    named = with_effect(fitter, at, Free("comb_fringe", 1.0))
+    assert rivals(fitter, named, ["comb_fringe"]).refuted
+    found = discover(fitter, at, tmp_path / "terms")
+    assert found is not None
+    assert not found.known
+    assert {axis for axis, force in found.forces.items() if force != "0"} == {"force_x"}
+    assert "u_x*x" in found.forces["force_x"]
+
+
 @pytest.mark.parametrize(
     ("effect", "sizes", "hidden"),
     [
+        ("comb_fringe", (Free("comb_fringe", 1.0),), {"comb_fringe": 300.0}),
         ("cubic_stiffness", (Free("k3_x", 1e4), Free("k3_y", 1e4)), {"k3_x": 3e6, "k3_y": 3e6}),
         ("drive_feedthrough", (Free("feedthrough", 1e-4),), {"feedthrough": 0.5}),
     ],

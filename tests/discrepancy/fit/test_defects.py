@@ -391,3 +391,11 @@ def test_no_loss_is_seen_where_none_is(kind: str) -> None:
     if kind == "bent":
         v = v + 0.05 * v**3
     assert blemish("missing_samples").find([replace(whole, v=v)], [np.zeros_like(v)], Criteria()) is None
+
+
+def test_a_model_that_is_late_from_an_instant_on_is_no_loss() -> None:
+    whole = _vibrating(1)
+    # What a wrong model leaves where the motion leads it by two samples from the middle on; the record is whole.
+    model = whole.v.copy()
+    model[len(model) // 2 :] = np.roll(whole.v, 2, axis=0)[len(model) // 2 :]
+    assert blemish("missing_samples").find([whole], [whole.v - model], Criteria()) is None
