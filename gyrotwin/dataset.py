@@ -39,7 +39,10 @@ def init(
         typer.Option("--scale", metavar="COLUMN=NUMBER|UNIT", help="To SI, as in --scale v_x=mV; repeatable."),
     ] = None,
     sample_rate: Annotated[float | None, typer.Option(help="Samples a second, where no column is the time.")] = None,
-    hold: Annotated[str, typer.Option(help="How u runs between samples: zero, first, band-limited.")] = "zero",
+    hold: Annotated[
+        str,
+        typer.Option(help="How u runs between samples: zero, first, band-limited; by default what the response shows."),
+    ] = "",
     senses: Annotated[
         str, typer.Option(help="What v shows: position, velocity, acceleration; by default what its unit says.")
     ] = "",
@@ -55,7 +58,10 @@ def init(
     from discrepancy.data.import_table import Request, write_dataset
     from discrepancy.data.record import Hold, Senses
 
-    for option, value, known in (("hold", hold, get_args(Hold)), ("senses", senses or "position", get_args(Senses))):
+    for option, value, known in (
+        ("hold", hold or "zero", get_args(Hold)),
+        ("senses", senses or "position", get_args(Senses)),
+    ):
         if value not in known:
             raise InputError(f"--{option} {value}: use {', '.join(known)}{nearest(value, known)}")
     if sample_rate is not None and not 0 < sample_rate < float("inf"):

@@ -11,6 +11,7 @@ import numpy as np
 
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.excitation import cramer_rao_bounds
+from discrepancy.data.hold import better_hold
 from discrepancy.data.linear_fit import (
     WeakForm,
     arrangements,
@@ -87,7 +88,7 @@ def check(dataset: Dataset) -> list[Finding]:
         except InputError as error:
             more = "".join(f"; {finding}" for finding in beside)
             raise InputError(f"run {record.name}: {error}{more}") from None
-    return findings + list(excitation(dataset))
+    return [*findings, *hold(dataset), *excitation(dataset)]
 
 
 def modes(records: Sequence[Record]) -> Iterator[Finding]:
@@ -98,6 +99,18 @@ def modes(records: Sequence[Record]) -> Iterator[Finding]:
             "modes", "",
             f"more modes than the model has: {_at(more)} beside {_at(own)}; they are looked for as parasitic modes on "
             "each axis; what else they do is left, or limit force and record to the band of the modes you want",
+        )  # fmt: skip
+
+
+def hold(dataset: Dataset) -> Iterator[Finding]:
+    """Says where the force looks to run otherwise between samples than the runs to fit state."""
+    found = better_hold(dataset.fit, dataset.nominal)
+    if found:
+        given = dataset.fit[0].hold
+        yield Finding(
+            "hold", "",
+            f'hold = "{given}" leaves {found.given:.2g} of the force unexplained, "{found.hold}" {found.left:.2g}: if '
+            f'the force was so, write hold = "{found.hold}" to every [[run]]; else v is early or late',
         )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ import re
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final, NamedTuple
@@ -14,7 +14,8 @@ import numpy as np
 import polars as pl
 from scipy.interpolate import make_interp_spline
 
-from discrepancy.data.dataset import FILE, FORMAT
+from discrepancy.data.dataset import FILE, FORMAT, load_dataset
+from discrepancy.data.hold import Better, better_hold
 from discrepancy.data.record import MINIMUM_SAMPLES, MOST_MISSING, Floats, Senses, measured_rate
 from discrepancy.data.table import COLUMNS, numbers, read_table
 from gyro_model.errors import InputError, nearest
@@ -82,15 +83,15 @@ class Source(NamedTuple):
 @dataclass(frozen=True)
 class Request:
     """What is asked for. maps: column to heading; scales: column to a number or a unit; sample_rate [Hz] where the
-    tables have no time; hold and senses as in dataset.toml, senses empty for what the units say; nominal by FMU name;
-    held_out: one of ``files``."""
+    tables have no time; hold and senses as in dataset.toml, empty for what the response and the units say; nominal by
+    FMU name; held_out: one of ``files``."""
 
     files: tuple[Path, ...]
     out: Path
     maps: Mapping[str, str] = field(default_factory=dict)
     scales: Mapping[str, str] = field(default_factory=dict)
     sample_rate: float | None = None
-    hold: str = "zero"
+    hold: str = ""
     senses: str = ""
     nominal: Mapping[str, float] = field(default_factory=dict)
     held_out: Path | None = None
@@ -179,7 +180,24 @@ def write_dataset(request: Request) -> tuple[Path, list[str]]:
     if existing and not request.force:
         raise InputError(f"{existing[0]} exists: name another folder with --out, or replace it with --force")
     _write(request.out, pieces, text)
+    found = None if request.hold else _seen_hold(request.out)
+    if found:
+        said.append(
+            f'hold = "{found.hold}": the force ran on between samples, as the response shows (it leaves '
+            f"{found.left:.2g} of the force unexplained, held {found.given:.2g}); --hold zero says otherwise"
+        )
+        (request.out / FILE).write_text(_toml(pieces, rates, held_out, replace(request, hold=found.hold)), "utf-8")
     return request.out / FILE, [*dict.fromkeys(said), line]
+
+
+def _seen_hold(folder: Path) -> Better | None:
+    """The hold that the runs of a data set show instead of samples that are held; None where they show none."""
+    try:
+        data = load_dataset(folder)
+    except InputError:
+        # What is wrong with it is told when it is diagnosed.
+        return None
+    return better_hold(data.fit, data.nominal)
 
 
 def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
@@ -353,7 +371,7 @@ def _toml(pieces: list[Piece], rates: Mapping[str, float], held_out: set[str], r
         rate = request.sample_rate or float(f"{rates[piece.name]:.6g}")
         lines += ["", "[[run]]", f'file = "{piece.name}"', f"sample_rate = {float(rate)!r}"]
         lines += ['role = "held-out"'] if piece.name in held_out else []
-        lines += [f'hold = "{request.hold}"'] if request.hold != "zero" else []
+        lines += [f'hold = "{request.hold}"'] if request.hold not in ("", "zero") else []
         lines += [f'senses = "{senses}"'] if senses != "position" else []
     return "\n".join(lines) + "\n"
 

@@ -84,8 +84,19 @@ def _values(peaks: Sequence[float], gains: Sequence[float]) -> dict[str, float]:
 def _solved(
     records: Sequence[Record], values: Mapping[str, float], driven: bool, lowest: int
 ) -> dict[str, float] | None:
-    """m, k, d by the weak form in windows as for ``values`` from the harmonic ``lowest`` on; None where they explain
-    too little."""
+    """m, k, d as ``response``; None where they explain too little."""
+    told = response(records, values, driven, lowest)
+    if told is None:
+        return None
+    found, left = told
+    return found if left <= BADLY and found.get("m", values["m"]) > 0 else None
+
+
+def response(
+    records: Sequence[Record], values: Mapping[str, float], driven: bool, lowest: int
+) -> tuple[dict[str, float], float] | None:
+    """m, k, d by the weak form in windows as for ``values`` from the harmonic ``lowest`` on, and the share of the force
+    that they leave unexplained; None where there is no such window."""
     form = joined_form(records, values, lowest)
     if form is None:
         return None
@@ -106,7 +117,7 @@ def _solved(
     solution = np.linalg.lstsq(a / size, b, rcond=None)[0]
     left = float(np.sum((b - a / size @ solution) ** 2) / np.sum(b**2))
     found = dict(zip(names, (solution / size).tolist(), strict=True))
-    return found if left <= BADLY and found.get("m", values["m"]) > 0 else None
+    return found, left
 
 
 def _passive(found: dict[str, float], values: Mapping[str, float]) -> dict[str, float]:

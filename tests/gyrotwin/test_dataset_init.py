@@ -77,6 +77,23 @@ def test_a_single_axis_is_told_by_its_units(
     assert table["v_x"].to_numpy() == pytest.approx(scale * WAVE[: len(table)], rel=1e-14, abs=1e-30)
 
 
+def test_the_response_says_how_the_force_ran(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(1)
+    t = np.arange(8000) / 8e3
+    w, phase = 2 * np.pi * rng.uniform(500, 1400, 40), rng.uniform(0, 2 * np.pi, 40)
+    square = (2 * np.pi * 900.0) ** 2
+    tones = np.exp(1j * (w * t[:, None] + phase))
+    force = tones.sum(axis=1).real
+    moved = (tones / (square - w**2 + 1j * w * 90)).sum(axis=1).real
+    moved += 1e-3 * moved.std() * rng.standard_normal(len(t))
+    pl.DataFrame({"t": t, "F [N]": force, "x [m]": moved}).write_csv(tmp_path / "one.csv")
+    init(tmp_path / "one.csv", "--out", tmp_path / "set")
+    assert 'hold = "band-limited"' in capsys.readouterr().out
+    assert {record.hold for record in load_dataset(tmp_path / "set").records} == {"band-limited"}
+    init(tmp_path / "one.csv", "--out", tmp_path / "other", "--hold", "zero")
+    assert {record.hold for record in load_dataset(tmp_path / "other").records} == {"zero"}
+
+
 def test_of_two_columns_with_a_unit_of_motion_none_is_taken(tmp_path: Path) -> None:
     pl.DataFrame({"t": T, "F [N]": WAVE, "laser 1 [um]": WAVE, "laser 2 [um]": WAVE}).write_csv(tmp_path / "one.csv")
     with pytest.raises(InputError, match="which heading is v_x"):

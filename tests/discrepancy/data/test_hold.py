@@ -1,0 +1,54 @@
+"""How the force ran between samples, by the response of a mode under many tones in closed form."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, lfilter
+
+from discrepancy.data.checks import hold as said
+from discrepancy.data.dataset import Dataset
+from discrepancy.data.hold import better_hold
+from discrepancy.data.record import Record, make_record
+
+RATE, N, M, F, Q = 8e3, 12_000, 2e-3, 900.0, 60.0
+NOMINAL = {"m": M, "kxx": M * (2 * np.pi * F) ** 2, "dxx": M * 2 * np.pi * F / Q, "sense_gain_x": 1.0}
+
+
+def run(true: str, stated: str, noise: float = 1e-3, role: str = "fit") -> Record:
+    """The mode under 40 tones that run on, or are held, from sample to sample."""
+    rng = np.random.default_rng(1)
+    t, w, phase = np.arange(N) / RATE, 2 * np.pi * rng.uniform(500, 1400, 40), rng.uniform(0, 2 * np.pi, 40)
+    m, k, d = (NOMINAL[name] for name in ("m", "kxx", "dxx"))
+    u = np.cos(w * t[:, None] + phase).sum(axis=1)
+    if true == "zero":
+        b, a, _ = cont2discrete(([1.0], [m, d, k]), 1 / RATE, "zoh")
+        v = lfilter(np.ravel(b), a, u)
+    else:
+        v = np.real(np.exp(1j * (w * t[:, None] + phase)) / (k - m * w**2 + 1j * d * w)).sum(axis=1)
+    v += noise * v.std() * rng.standard_normal(N)
+    return make_record("run", t, u[:, None], v[:, None], sample_rate=RATE, role=role, hold=stated)
+
+
+@pytest.mark.parametrize("true", ["zero", "band-limited"])
+@pytest.mark.parametrize("stated", ["zero", "band-limited"])
+def test_the_response_tells_a_hold_that_is_stated_wrong(true: str, stated: str) -> None:
+    found = better_hold([run(true, stated)], NOMINAL)
+    if true == stated:
+        assert found is None
+    else:
+        assert found is not None
+        assert found.hold == true
+        # Half a sample at nine samples a period is a third of a radian: 0.1 of the force's power.
+        assert found.given > 0.03
+        assert found.left < 1e-3
+
+
+def test_noise_that_hides_it_says_nothing() -> None:
+    assert better_hold([run("band-limited", "zero", noise=1.0)], NOMINAL) is None
+
+
+def test_a_diagnosis_says_what_to_write() -> None:
+    data = Dataset(Path(), NOMINAL, (run("band-limited", "zero"), run("band-limited", "zero", role="held-out")))
+    [finding] = said(data)
+    assert 'write hold = "band-limited"' in finding.message
