@@ -180,13 +180,13 @@ def write_dataset(request: Request) -> tuple[Path, list[str]]:
     if existing and not request.force:
         raise InputError(f"{existing[0]} exists: name another folder with --out, or replace it with --force")
     _write(request.out, pieces, text)
-    found = None if request.hold else _seen_hold(request.out)
-    if found:
+    seen = None if request.hold else _seen_hold(request.out)
+    if seen:
         said.append(
-            f'hold = "{found.hold}": the force ran on between samples, as the response shows (it leaves '
-            f"{found.left:.2g} of the force unexplained, held {found.given:.2g}); --hold zero says otherwise"
+            f'hold = "{seen.hold}": the force ran on between samples, as the response shows (it leaves '
+            f"{seen.left:.2g} of the force unexplained, held {seen.given:.2g}); --hold zero says otherwise"
         )
-        (request.out / FILE).write_text(_toml(pieces, rates, held_out, replace(request, hold=found.hold)), "utf-8")
+        (request.out / FILE).write_text(_toml(pieces, rates, held_out, replace(request, hold=seen.hold)), "utf-8")
     return request.out / FILE, [*dict.fromkeys(said), line]
 
 
