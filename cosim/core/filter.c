@@ -76,6 +76,9 @@ static void look_for_end(filter *f, const double v[2])
     }
 }
 
+/* Whether a sample can tell that the rate has jumped: not while the start still looks for the device. Another start is as long as it will be at once. */
+static int knows_device(const filter *f) { return !f->growing || (f->fit < FITS && f->length > FOUND); }
+
 void filter_step(filter *f, const double u[2], const double v[2], const double in[IN])
 {
     const filter_settings *s = &f->settings;
@@ -94,7 +97,7 @@ void filter_step(filter *f, const double u[2], const double v[2], const double i
     f->surprises *= 1.0 - 1.0 / s->surprise_memory;
     f->restarts *= 1.0 - 0.1 / s->surprise_memory;
     f->wait -= 1.0;
-    if (surprise > s->surprise && f->wait < 0.0 && (!f->growing || f->fit < FITS)) {
+    if (surprise > s->surprise && f->wait < 0.0 && knows_device(f)) {
         restart_on_surprise(f);
     }
     if (f->sample % 64 == 63) {

@@ -61,7 +61,6 @@ typedef struct {
     known k;
     motion m;
     filter_settings settings;
-    double gain[2];   /* sense gains [V/m], for what is told in metres */
     double prior[NP]; /* standard deviation of p at the start */
     double lowest[NP]; /* of p */
     moving now, begun; /* at present, and where the block began */

@@ -28,8 +28,7 @@
 #define BESIDE 0.3     /* deviations to either side of its fit at which a start is filtered to see how its ridge bends */
 #define TRIES 3        /* further starts at most where one ends beside its fit, and so claims what it does not know */
 #define ANOTHER 2.0    /* mean squared innovation of a start that may have found another device */
-#define UNFIT 1.1      /* mean squared innovation that a device as the design means it does not leave: 32768 numbers leave 1 by 0.01 */
-#define FOUND 256   /* samples in which a start gets near the device */
+#define UNFIT 1.035    /* mean squared innovation that a device as the design means it does not leave: 32768 numbers leave 1 by 0.008 */
 #define FASTEST 1e4  /* rate that is no device's [rad/s]: far from the device it explains more than constants do */
 #define FARTHEST 10.0 /* standard deviations of the design that an effect may be away from it */
 #define WATCHED 0.005 /* over which innovations are averaged [s] */

@@ -5,7 +5,8 @@
 
 #include "filter.h"
 
-#define FITS 2.0 /* mean squared innovation of a start that has found the device; before that every sample may surprise */
+#define FITS 2.0  /* mean squared innovation of a start that has found the device; before that every sample may surprise */
+#define FOUND 256 /* samples in which a start gets near the device; a fit of fewer claims more than it knows, and samples surprise it */
 
 /* Begins a block with the next sample. */
 void fit_begin(filter *f);
