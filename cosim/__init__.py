@@ -4,19 +4,17 @@ numba checks only the file of a compiled function for changes, not the files of 
 cached in a folder named after the text of the whole package: an edit anywhere compiles anew, and nothing stale runs.
 """
 
-import hashlib
 import os
 import sys
 from pathlib import Path
 
 import platformdirs
 
+from gyro_model.digest import digest_of
+
 
 def _cache_folder() -> Path:
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(path.read_bytes())
-    return Path(platformdirs.user_cache_dir("gyrotwin")) / "numba" / digest.hexdigest()[:16]
+    return Path(platformdirs.user_cache_dir("gyrotwin")) / "numba" / digest_of(Path(__file__).parent)[:16]
 
 
 # By the environment, so that a run that needs no numba does not load it. A folder that the user has chosen stays.

@@ -2,7 +2,6 @@
 each block."""
 
 import time
-from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -12,9 +11,7 @@ from cosim.fmu import Plant, open_plant
 from cosim.monitor import Monitor
 from cosim.recorder import Recorder, Result
 from cosim.run import Run
-
-Progress = Callable[[float, float], None]
-"""Called with the time reached and the duration [s]."""
+from gyro_model.progress import Progress
 
 BLOCK_DURATION: Final = 0.005
 """Length of a block [s]: the flag is set and withdrawn at its end; Ctrl-C is heard and progress told."""

@@ -1,7 +1,7 @@
 """Names the effects that a model lacks, and hands what no name explains to a further search."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from functools import partial
@@ -27,8 +27,7 @@ from discrepancy.tell.limits import Limits
 from discrepancy.terms.effect_file import Term, joined
 from gyro_model.errors import InputError
 from gyro_model.model import Model
-
-Progress = Callable[[str], None]
+from gyro_model.progress import Steps
 
 AGAIN: Final = 3
 """Times at most that effects are looked for anew beside names that questions have changed."""
@@ -43,7 +42,7 @@ def diagnose(
     max_effects: int = MOST_EFFECTS,
     jobs: int | None = None,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Steps | None = None,
     checkpoint: Path | None = None,
     further: Further | None = None,
     criteria: Criteria = DEFAULT,

@@ -2,19 +2,17 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
+import rich.progress
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from gyro_model.progress import Progress
 from gyrotwin.notice import shown
-
-if TYPE_CHECKING:
-    import cosim.master
 
 
 @contextmanager
-def shown_progress(console: Console, title: str) -> "Iterator[cosim.master.Progress]":
+def shown_progress(console: Console, title: str) -> Iterator[Progress]:
     """Shows a bar while the block runs; gives what to call with the time reached and the duration [s]."""
     shown()
     if not console.is_terminal:
@@ -26,6 +24,6 @@ def shown_progress(console: Console, title: str) -> "Iterator[cosim.master.Progr
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, transient=True) as bar:
+    with rich.progress.Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(title, total=None)
         yield lambda reached, duration: bar.update(task, completed=reached, total=duration)

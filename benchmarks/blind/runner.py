@@ -15,6 +15,7 @@ from typing import Any, Final, NamedTuple
 
 from benchmarks.blind.plan import Entry
 from benchmarks.blind.store import DATA, digest, opened, save
+from gyro_model.digest import digest_of
 
 ROOT: Final = Path(__file__).parents[2]
 RESULTS: Final = "results"
@@ -92,11 +93,9 @@ def _written(ask: Ask, result: dict[str, Any]) -> dict[str, Any]:
 @cache
 def code(tool: str) -> str:
     """Digest of all that made an answer: the generator, the packages of the project and the name of the tool."""
-    found = hashlib.sha256(tool.encode())
-    for folder in ("benchmarks/blind", "discrepancy", "cosim", "gyro_model", "fmu_src"):
-        for path in sorted(p for p in (ROOT / folder).rglob("*") if p.suffix in (".py", ".c", ".h")):
-            found.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
-    return found.hexdigest()
+    folders = ("benchmarks/blind", "discrepancy", "cosim", "gyro_model", "fmu_src")
+    files = digest_of(*(ROOT / folder for folder in folders), suffixes=(".py", ".c", ".h"))
+    return hashlib.sha256(f"{tool} {files}".encode()).hexdigest()
 
 
 def tool_of(name: str) -> Tool:

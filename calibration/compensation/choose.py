@@ -6,7 +6,6 @@ count in what can be known of them. Of a whole cycle neither the mean nor a walk
 the turn-on or the walk of the next, and one that is luckier with them is no better.
 """
 
-from collections.abc import Callable
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -21,8 +20,7 @@ from calibration.compensation.points import Points, bias_points, scale_points
 from calibration.compensation.record import Blocks, Floats
 from calibration.compensation.wander import walk_of, whitened
 from gyro_model.errors import InputError, nearest
-
-Progress = Callable[[float, float], None]
+from gyro_model.progress import Progress
 
 BEST: Final = "best"
 CURVE: Final = 12

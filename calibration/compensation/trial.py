@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from calibration.compensation.choose import Choice, Progress, candidates, choose, inputs_of_all
+from calibration.compensation.choose import Choice, candidates, choose, inputs_of_all
 from calibration.compensation.cycles import MEMORY, by_cycle, count, covered, last_cycle, memory_of
 from calibration.compensation.derived import derived
 from calibration.compensation.floors import Floors, floors
@@ -13,6 +13,7 @@ from calibration.compensation.model import Compensation
 from calibration.compensation.points import bias_points
 from calibration.compensation.record import Blocks, joined
 from calibration.compensation.residual import Cause, name_residual
+from gyro_model.progress import Progress
 
 UNTESTED: Final = "Another cycle is untested"
 

@@ -7,8 +7,7 @@ from typing import Any, Final, NamedTuple
 from calibration.datasheet.figure import Outcome
 from calibration.datasheet.procedure import Procedure, procedures
 from gyro_model.errors import InputError
-
-Progress = Callable[[float, float], None]
+from gyro_model.progress import Progress
 
 TYPICAL: Final = 100.0
 """Simulated seconds after which a test is told to be two thirds done: it does not say before how long it takes."""

@@ -1,6 +1,5 @@
 """Rate mode with its bias tuned: block by block the method measures, the tuner decides, the bias moves."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import pi
 from typing import Final, NamedTuple
@@ -18,9 +17,9 @@ from cosim.rate.master import BLOCK_ROWS, LoopedPlant, check_lock, record_frame,
 from cosim.rate.resonance import sense_resonance
 from cosim.rate.run import V_BIAS, RateRun
 from gyro_model.errors import InputError
+from gyro_model.progress import Progress
 
 Floats = NDArray[np.float64]
-Progress = Callable[[float, float], None]
 
 NOTCH: Final = 2.0
 """Half-width of the notch that keeps the dither from loops and output [Hz]: it settles in 0.1 s, and costs the phase of

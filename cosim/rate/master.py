@@ -1,6 +1,6 @@
 """Runs rate mode: starts the loops up, watches their lock, and keeps a row an output interval."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -15,10 +15,10 @@ from cosim.rate.sense_record import SenseRecorder
 from cosim.rate.temperature_sensor import BoardSensor, Bridge
 from cosim.scenarios.scenario import INPUT_NAMES
 from gyro_model.errors import InputError
+from gyro_model.progress import Progress
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-Progress = Callable[[float, float], None]
 
 BLOCK_ROWS: Final = 10
 """Rows of the record in a call of the compiled loop: short enough for Ctrl-C and progress."""

@@ -1,7 +1,7 @@
 """Searches the library of terms for what no effect file explains, and writes what it finds as effect files."""
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -16,6 +16,7 @@ from discrepancy.terms.effect_file import Term, peaks_of
 from discrepancy.terms.library import Form
 from gyro_model.anatomy import Effect
 from gyro_model.model import Model
+from gyro_model.progress import Steps
 
 SCREENED, GLANCED = 32_000, 12_000
 """Samples on which the library is scored, shared by the runs; and where only a term that takes much is asked for."""
@@ -23,8 +24,6 @@ AGAIN: Final = 2
 """Terms found over pieces that are compared over the whole: those without needless parts."""
 ALIKE: Final = 3
 """Terms kept beside the best at most, that it can't be told from."""
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ class Discovery:
 
 
 def discover(
-    fitter: Fitter, at: Fitted, folder: Path, progress: Progress | None = None, least: float = 0.0
+    fitter: Fitter, at: Fitted, folder: Path, progress: Steps | None = None, least: float = 0.0
 ) -> Discovery | None:
     """The term that explains best what is left of ``at``; None where none is significant and material, or none takes
     at least so much of the residual's square.

@@ -1,6 +1,6 @@
 """Whether terms of the library speak against effects that were named."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -9,13 +9,12 @@ import numpy as np
 from discrepancy.discover.contest import Standing, Terms, ranked
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter
+from gyro_model.progress import Steps
 
 CHECKED: Final = 16_000
 """Samples on which a name is checked, shared by the runs."""
 NEARLY, CLOSEST = 0.05, 3
 """A name is checked against at most so many terms, which to first order take all but this share of what it takes."""
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class Rivals:
         return alone or [name for group in self.instead for name in group]
 
 
-def rivals(fitter: Fitter, at: Fitted, named: Sequence[str], progress: Progress | None = None) -> Rivals:
+def rivals(fitter: Fitter, at: Fitted, named: Sequence[str], progress: Steps | None = None) -> Rivals:
     """Whether terms of the library speak against the effects ``named`` (ids) that are fitted in ``at``.
 
     Each effect alone, and all together, are left out, the rest is refitted, and the library's terms compete for their

@@ -4,7 +4,7 @@ A name in whose place a term of the library fits better is a wrong one, so the s
 where every name stands, from the fit as it is, if that leaves anything but noise.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.locate import located
 from discrepancy.fit.refit import Fitter
 from discrepancy.name.further import Wider
+from gyro_model.progress import Steps
 
 
 @dataclass
@@ -21,7 +22,7 @@ class TermSearch:
     """Finds terms that are in no effect file, and writes each as one to ``folder``."""
 
     folder: Path
-    progress: Callable[[str], None] = lambda _: None
+    progress: Steps = lambda _: None
 
     def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], room: int, least: float = 0.0) -> Wider | None:
         """The term, or the wrong names alone where an effect of the model fits best in their place; None where there

@@ -29,6 +29,7 @@ from discrepancy.name.columns import Candidate, Probe
 from discrepancy.name.score import Score, Step
 from discrepancy.terms.effect_file import Term, joined
 from gyro_model.build import model_token
+from gyro_model.digest import digest_of
 from gyro_model.errors import InputError
 from gyro_model.model import Model
 
@@ -58,11 +59,7 @@ def digest(dataset: Dataset, model: Model, settings: Mapping[str, Any]) -> str:
 @cache
 def _code() -> str:
     """Digest of the searching package's files."""
-    code = hashlib.sha256()
-    folder = Path(__file__).parents[1]
-    for path in sorted(folder.rglob("*.py")):
-        code.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
-    return code.hexdigest()
+    return digest_of(Path(__file__).parents[1])
 
 
 def save(path: Path, key: str, state: Mapping[str, Any]) -> None:

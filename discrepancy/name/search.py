@@ -46,6 +46,7 @@ from discrepancy.name.score import Score, Step
 from discrepancy.terms.effect_file import Term
 from gyro_model.anatomy import Force
 from gyro_model.errors import InputError
+from gyro_model.progress import Steps
 
 RIVAL_SHARE: Final = 0.5
 """A rival is refitted, where the simulation is not close, if it takes at least this part of the best one's share of the
@@ -60,7 +61,6 @@ FINEST: Final = 70
 BEGIN, NAME, QUESTION = 0.35, 0.8, 0.9
 """Shares of the time after which the nominal model is left as it is, nothing further is named, no name questioned."""
 
-Progress = Callable[[str], None]
 Settle = Callable[[Fitter, Fitted], tuple[Fitter, Fitted]]
 Result = TypeVar("Result")
 
@@ -73,7 +73,7 @@ class Search:
         self,
         simulator: Simulator,
         dataset: Dataset,
-        progress: Progress,
+        progress: Steps,
         terms: Sequence[tuple[Term, ...]] = (),
         criteria: Criteria = DEFAULT,
     ) -> None:

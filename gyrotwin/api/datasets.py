@@ -1,20 +1,18 @@
 """Data sets, and what they say of a device."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gyro_model.model import load_model
+from gyro_model.progress import Steps
 from gyrotwin.api.files import DeviceSource, load_device
 
 if TYPE_CHECKING:
     from discrepancy.data.dataset import Dataset
     from gyrotwin.fleet_result import FleetResult
     from gyrotwin.results import DiagnosisResult
-
-Steps = Callable[[str], None]
-"""Called with one line of text a step."""
 
 MOST_EFFECTS: Final = 6
 """Effects that a diagnosis names at most, where nothing is said."""

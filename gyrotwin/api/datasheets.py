@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from gyro_model.device import Device
 from gyro_model.errors import InputError
-from gyrotwin.api.files import DeviceSource, Progress, load_device
+from gyro_model.progress import Progress
+from gyrotwin.api.files import DeviceSource, load_device
 
 if TYPE_CHECKING:
     from cosim.design import Design

@@ -1,7 +1,7 @@
 """What all tasks share: devices, designs, effects, and how far one has come."""
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
 DeviceSource = str | Path | Device
 """A packaged name, a file, or the device itself."""
-Progress = Callable[[float, float], None]
-"""Called with what is done and what there is to do, in the same unit."""
 
 
 def load_device(source: DeviceSource, *, effects: Sequence[str | Path] = ()) -> Device:

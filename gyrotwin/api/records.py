@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gyrotwin.api.files import Progress
+from gyro_model.progress import Progress
 
 if TYPE_CHECKING:
     from gyrotwin.results import CompensationResult, SplitResult

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gyro_model.device import Device
-from gyrotwin.api.files import DeviceSource, Progress, load_design, load_device
+from gyro_model.progress import Progress
+from gyrotwin.api.files import DeviceSource, load_design, load_device
 
 if TYPE_CHECKING:
     from cosim.design import Design

@@ -1,12 +1,13 @@
 """A sweep on Dask: batches go to workers, rows come back in any order and are on disk as soon as they do."""
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 from gyro_model.errors import InputError
+from gyro_model.progress import Progress
 from gyrotwin import __version__
 from gyrotwin.sweeping import rows
 from gyrotwin.sweeping.plan import Point
@@ -19,8 +20,6 @@ BATCH_SECONDS: Final = 0.5
 """A batch is to last so long: a hundred times what the scheduler takes for it."""
 AHEAD: Final = 2
 """Batches a worker has at hand, so that none waits for the scheduler."""
-
-Progress = Callable[[float, float], None]
 
 
 @contextmanager

@@ -1,6 +1,6 @@
 """`gyrotwin compensate`: fits a temperature compensation to a test, and shows what it leaves of another."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from gyro_model.errors import InputError, nearest
+from gyro_model.progress import Progress
 from gyrotwin.numbers import MISSING, significant
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from calibration.compensation.trial import Trial
     from gyrotwin.results import CompensationResult
 
-Progress = Callable[[float, float], None]
 
 console = Console()
 

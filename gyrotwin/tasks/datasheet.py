@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from gyro_model.device import Device, load_device
 from gyro_model.errors import InputError, nearest
+from gyro_model.progress import Progress
 from gyrotwin.datasheet_result import DatasheetResult
 
 if TYPE_CHECKING:
     from cosim.design import Design
 
-Progress = Callable[[float, float], None]
 
 FORMAT: Final = 1
 

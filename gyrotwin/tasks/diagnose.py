@@ -3,7 +3,7 @@
 import math
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -19,6 +19,7 @@ from gyro_model.build import build
 from gyro_model.device import Device, load_device, write_device
 from gyro_model.errors import InputError
 from gyro_model.model import Model, load_model
+from gyro_model.progress import Steps
 from gyrotwin.interrupt import Interrupted
 from gyrotwin.results import DiagnosisResult, Writer, write_json
 
@@ -115,7 +116,7 @@ def find(
     request: Request,
     data: "Dataset",
     model: Model,
-    progress: Callable[[str], None],
+    progress: Steps,
     checkpoint: Path | None = None,
     warnings: Sequence[str] = (),
 ) -> DiagnosisResult:
@@ -204,7 +205,7 @@ def _without_noise(parameters: Mapping[str, float], model: Model) -> dict[str, f
 
 
 @contextmanager
-def _kept_search(request: Request, out: Console) -> Iterator[tuple[Path, Callable[[str], None]]]:
+def _kept_search(request: Request, out: Console) -> Iterator[tuple[Path, Steps]]:
     """The checkpoint, which an interrupted search leaves in the folder of the results, and what shows its steps."""
     made = not request.out.exists()
     checkpoint = request.out / CHECKPOINT

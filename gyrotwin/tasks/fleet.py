@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
@@ -14,6 +14,7 @@ from rich.table import Table
 from discrepancy.tell.fleet import Estimate, Row, fleet, row_of
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
+from gyro_model.progress import Steps
 from gyro_model.tables import read_table
 from gyrotwin.fleet_result import FleetResult
 from gyrotwin.interrupt import Interrupted
@@ -27,10 +28,8 @@ ROW: Final = "row.json"
 COLUMNS: Final = "devices.csv"
 FILE: Final = "dataset.toml"
 
-Progress = Callable[[str], None]
 
-
-def find(folder: Path, request: one.Request, progress: Progress | None = None, *, force: bool = False) -> FleetResult:
+def find(folder: Path, request: one.Request, progress: Steps | None = None, *, force: bool = False) -> FleetResult:
     """Diagnoses every data set in a folder of ``folder`` and writes what is found of each to ``request.out``; devices
     that were finished there before, from the same data with the same options, are not searched again.
 
@@ -78,7 +77,7 @@ def _columns(folder: Path, names: Sequence[str]) -> dict[str, dict[str, float]]:
     return {heading: {name: float(own[name]) for name in names} for heading, own in numbers.items()}
 
 
-def _row(folder: Path, name: str, request: one.Request, said: str, tell: Progress) -> Row:
+def _row(folder: Path, name: str, request: one.Request, said: str, tell: Steps) -> Row:
     """What the device shows; found before, or now."""
     from discrepancy.data.checks import check
     from discrepancy.name.checkpoint import digest

@@ -13,8 +13,8 @@ from gyro_model.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from cosim.rate.courses import Course
-    from cosim.rate.master import Progress
     from cosim.rate.run import RateRun
+    from gyro_model.progress import Progress
 
 console = Console()
 

@@ -10,7 +10,7 @@ from cosim.angle import UNIT_NAMES
 from cosim.angle_filters import Filter, band_pass, low_pass
 from cosim.angle_record import angle_record
 from cosim.design import DEFAULT, Design, chosen_design, load_design
-from cosim.master import Progress, simulate
+from cosim.master import simulate
 from cosim.metrics import summarise
 from cosim.rate_profile import read_profile
 from cosim.recorder import Result
@@ -20,6 +20,7 @@ from cosim.scenarios import scenario
 from gyro_model.device import Device, load_device
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
+from gyro_model.progress import Progress
 from gyrotwin.output import check_writable
 
 PARTS: Final = ("observer", "controller", "monitor")

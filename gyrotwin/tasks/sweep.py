@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from gyro_model.errors import InputError
+from gyro_model.progress import Progress
 from gyrotwin.interrupt import Interrupted
 from gyrotwin.output import check_writable, publish
 from gyrotwin.results import write_json
 from gyrotwin.sweeping import rows
-from gyrotwin.sweeping.engine import BATCH_SECONDS, Progress, check_dask, cluster
+from gyrotwin.sweeping.engine import BATCH_SECONDS, check_dask, cluster
 from gyrotwin.sweeping.engine import sweep as work_off
 from gyrotwin.sweeping.plan import Plan, load_plan
 from gyrotwin.sweeping.result import SweepResult

@@ -19,6 +19,8 @@ const SCALES = {
   gap: [[0, "#ffffff"], [0.12, "#fdf1dc"], [0.3, "#f9c06d"], [0.55, "#d9622b"], [0.8, "#8c1f4f"], [1, "#2b0b3f"]],
   score: [[0, "#ffffff"], [0.5, "#dbe7f8"], [0.8, "#7ea9e1"], [1, "#1f5fbf"]],
 };
+const STOPS = Object.fromEntries(Object.entries(SCALES).map(([name, scale]) =>
+  [name, scale.map(([at, colour]) => [at, [1, 3, 5].map(k => parseInt(colour.slice(k, k + 2), 16))])]));
 const touch = matchMedia("(pointer: coarse)").matches;
 
 const css = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -85,18 +87,29 @@ function cells(panel) {
     level => Math.round(10 * (low + (high - low) * level / 255)) / 10));
 }
 
+// Red, green and blue, 0 to 255, of a value in a map.
+function colourOf(value, panel) {
+  const [low, high] = panel.z_range, share = Math.min(Math.max((value - low) / (high - low), 0), 1);
+  const stops = STOPS[panel.colours];
+  const k = Math.max(stops.findIndex(([at]) => at >= share), 1), [a, from] = stops[k - 1], [b, to] = stops[k];
+  return from.map((start, n) => Math.round(start + (to[n] - start) * (share - a) / (b - a)));
+}
+
+// White or dark, whichever stands out more: their contrasts are equal at a luminance of 0.215 (WCAG 2).
+function inkOn(colour) {
+  const [r, g, b] = colour.map(part => part > 10 ? ((part / 255 + 0.055) / 1.055) ** 2.4 : part / 255 / 12.92);
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b > 0.215 ? "#1b2430" : "#ffffff";
+}
+
 // A map is a picture with one pixel a cell; unseen markers carry its colour bar and its hover texts.
 function picture(panel) {
-  const z = cells(panel), [low, high] = panel.z_range, scale = SCALES[panel.colours];
+  const z = cells(panel);
   const canvas = Object.assign(document.createElement("canvas"), {width: panel.columns.length, height: panel.rows.length});
   const context = canvas.getContext("2d"), image = context.createImageData(canvas.width, canvas.height);
-  const stops = scale.map(([at, colour]) => [at, [1, 3, 5].map(k => parseInt(colour.slice(k, k + 2), 16))]);
   z.forEach((row, r) => row.forEach((value, c) => {
     if (value === null) return;
-    const share = Math.min(Math.max((value - low) / (high - low), 0), 1);
-    const k = Math.max(stops.findIndex(([at]) => at >= share), 1), [a, from] = stops[k - 1], [b, to] = stops[k];
     const place = 4 * ((canvas.height - 1 - r) * canvas.width + c);
-    from.forEach((start, n) => { image.data[place + n] = Math.round(start + (to[n] - start) * (share - a) / (b - a)); });
+    colourOf(value, panel).forEach((part, n) => { image.data[place + n] = part; });
     image.data[place + 3] = 255;
   }));
   context.putImageData(image, 0, 0);
@@ -113,11 +126,10 @@ function extent(values) {
 
 function heat(panel) {
   const few = panel.text.length > 0, z = cells(panel), points = {x: [], y: [], value: [], text: [], colour: []};
-  const middle = 0.6 * panel.z_range[1] + 0.4 * panel.z_range[0];
   panel.rows.forEach((row, r) => panel.columns.forEach((column, c) => {
     if (z[r][c] === null) return;
     points.x.push(column); points.y.push(row); points.value.push(z[r][c]);
-    points.text.push(few ? panel.text[r][c] : ""); points.colour.push(z[r][c] > middle ? "#ffffff" : "#1b2430");
+    points.text.push(few ? panel.text[r][c] : ""); points.colour.push(inkOn(colourOf(z[r][c], panel)));
   }));
   return [{
     type: "scatter", mode: few ? "text" : "markers", x: points.x, y: points.y, text: points.text, customdata: points.value,
