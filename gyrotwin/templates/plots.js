@@ -61,6 +61,7 @@ function layout(panel) {
     Object.assign(y, {type: "category", showgrid: false, nticks: 0, dtick: 1, tickfont: {size: 11}, ticks: "",
       categoryorder: "array", categoryarray: panel.rows, range: [-0.5, panel.rows.length - 0.5]});
   }
+  if (panel.z || panel.levels) Object.assign(x, {showgrid: false}), Object.assign(y, {showgrid: false});
   if (panel.x_log) {
     Object.assign(x, ticks_of(panel.lines.flatMap(line => [line.x[0], line.x[line.x.length - 1]])));
   }
@@ -113,9 +114,21 @@ function picture(panel) {
     image.data[place + 3] = 255;
   }));
   context.putImageData(image, 0, 0);
+  const shown = panel.text.length ? enlarged(canvas) : canvas;
   const [x, width] = extent(panel.columns), [y, height] = extent(panel.rows);
-  return {source: canvas.toDataURL(), xref: "x", yref: "y", x, y, sizex: width, sizey: height,
+  return {source: shown.toDataURL(), xref: "x", yref: "y", x, y, sizex: width, sizey: height,
     xanchor: "left", yanchor: "bottom", sizing: "stretch", layer: "below"};
+}
+
+// The same with cells of many pixels: a browser blurs a few pixels that it stretches into one another.
+function enlarged(canvas) {
+  const times = length => Math.ceil(1000 / length);
+  const large = Object.assign(document.createElement("canvas"),
+    {width: canvas.width * times(canvas.width), height: canvas.height * times(canvas.height)});
+  const context = large.getContext("2d");
+  context.imageSmoothingEnabled = false;
+  context.drawImage(canvas, 0, 0, large.width, large.height);
+  return large;
 }
 
 function extent(values) {
