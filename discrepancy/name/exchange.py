@@ -13,6 +13,7 @@ from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.openings import opened, parts
 from discrepancy.name.accepted import RIVALS, Accepted, Instead
 from discrepancy.name.columns import Candidate, Kind, fading, without_part
+from discrepancy.name.competition import price, price_of_shapes
 from discrepancy.name.scan import Scored, best_of, other_forms
 from discrepancy.name.score import Score, score
 
@@ -95,8 +96,8 @@ def _exchange_one(search: "Search", place: int, entry: Accepted, among: Kind | N
     variance = search.at.variance
     fits = {entry.id: (search.at, entry.candidate), **_refitted_instead(search, entry, among)}
     search.simulator.clock.check()
-    price = {i: at.cost + search.price(c, len(c.all_probes)) * variance for i, (at, c) in fits.items()}
-    plain = {i: price[i] + search.price_of_shapes(c) * variance for i, (_, c) in fits.items()}
+    prices = {i: at.cost + price(search.criteria, c, len(c.all_probes)) * variance for i, (at, c) in fits.items()}
+    plain = {i: prices[i] + price_of_shapes(search.criteria, c) * variance for i, (_, c) in fits.items()}
     head = min(plain, key=lambda i: plain[i])
     # Of an effect and a defect of the record that are even the effect is named, whichever came first.
     owed = 0.0 if entry.of_record and not isinstance(fits[head][1].effect, Defect) else search.criteria.even * variance
@@ -108,7 +109,7 @@ def _exchange_one(search: "Search", place: int, entry: Accepted, among: Kind | N
         search.instead = {**search.instead, head: Instead(search.at.parameters, tried, fits)}
     close = search.at.cost + search.criteria.even * variance
     even = {i: dict(at.parameters) for i, (at, _) in fits.items() if at.cost < close}
-    behind = {i: (price[i] - price[head]) / variance for i in fits}
+    behind = {i: (prices[i] - prices[head]) / variance for i in fits}
     search.accepted[place] = Accepted(candidate, entry.share, even, behind, entry.asked or not among)
 
 

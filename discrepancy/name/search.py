@@ -7,54 +7,40 @@ from functools import partial
 from math import inf
 from typing import Any, Final, TypeVar
 
-import numpy as np
 from scipy.stats import chi2
 
 from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
-from discrepancy.fit.continuation import IN_STEP, LAST_ROUNDS, ROUNDS, beginnings, grown, nearly_settled, settled
-from discrepancy.fit.defect import Blemish, Data, Defect, Found, Level, effect_of
+from discrepancy.fit.continuation import ROUNDS, beginnings, nearly_settled, settled
+from discrepancy.fit.defect import Blemish, Data, Found, Level, effect_of
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.limits import masked
-from discrepancy.fit.locate import noise_level
-from discrepancy.fit.noise import noise_of
-from discrepancy.fit.openings import LONG, Opening, opened, parts
-from discrepancy.fit.refit import AS_PROMISED, DEFAULT, Fitter
+from discrepancy.fit.openings import Opening, opened, parts
+from discrepancy.fit.refit import DEFAULT, Fitter
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name import checkpoint as store
 from discrepancy.name.accepted import RIVALS, Accepted, Dropped, Instead, Refit
 from discrepancy.name.cleaning import clean, mask_clipped
 from discrepancy.name.columns import (
     Candidate,
-    Fading,
     Kind,
     Library,
-    Probe,
     Probes,
-    fading,
     finer,
     nameable,
     on_the_way,
-    without_part,
 )
+from discrepancy.name.competition import best_refit, longer, near, refitted, rivals, weak
 from discrepancy.name.exchange import delete, exchange, fade
 from discrepancy.name.more_modes import Copy
 from discrepancy.name.question import ask
-from discrepancy.name.scan import Scan, Scored, best_of, next_peaks, other_forms, scanned, sure
+from discrepancy.name.scan import Scan, Scored, best_of, scanned, sure
 from discrepancy.name.score import Score, Step
 from discrepancy.terms.effect_file import Term
-from gyro_model.anatomy import Force
 from gyro_model.errors import InputError
 from gyro_model.progress import Steps
 
-RIVAL_SHARE: Final = 0.5
-"""A rival is refitted, where the simulation is not close, if it takes at least this part of the best one's share of the
-residual: there, linear scores tell half the truth."""
-WEAK: Final = 0.3
-"""Share of what is no noise in the residual, below which an effect may only imitate what is missing."""
-PART: Final = 1e-2
-"""Of its usual size, by which a part of an effect that may vanish is probed: so little that its square is no matter."""
 FINEST: Final = 70
 """Trials of a grid after which it is not refined further: resonances are then as sharp as Q = 640."""
 
@@ -377,22 +363,20 @@ class Search:
         worth = [(c, s) for c, s in self.significant() if c.effect.id not in out]
         if not worth:
             return False
-        # A plain one is soon fitted, and tells one that has shapes, which could imitate it, how far it has to come; of
-        # an effect and a defect of the record that promise the same the effect is named.
-        rivals = sorted(self._close(worth), key=lambda entry: (len(entry[0].searched), _of_record(entry[0])))
-        self.progress("refit with " + ", ".join(dict.fromkeys(c.effect.id for c, _ in rivals)))
+        close = rivals(self, worth)
+        self.progress("refit with " + ", ".join(dict.fromkeys(c.effect.id for c, _ in close)))
         view = self.view
-        begun = [Refit(self.with_effect(*view, c, s), c, s) for c, s in rivals]
-        fits = self.waiting or self._refitted(view, begun, also=self._otherwise)
-        self.waiting, best = [], self._best(view, fits)
-        if best and patient and not self.offered and self._weak(view, best):
+        begun = [Refit(self.with_effect(*view, c, s), c, s) for c, s in close]
+        fits = self.waiting or refitted(self, view, begun, elsewhere=True)
+        self.waiting, best = [], best_refit(self.criteria, view, fits)
+        if best and patient and not self.offered and weak(self, view, best):
             self.weak, self.waiting = 1 - best.at.cost / view.at.cost, fits
             return False
         while best and view.fitter is not self.fitter:
-            near = self._near(fits, 4 * self.criteria.even)
-            view = self._longer(view, sole=len(near) == 1)
-            fits = self._refitted(view, near, rounds=ROUNDS)
-            best = self._best(view, fits)
+            left = near(self.criteria, fits, 4 * self.criteria.even)
+            view = longer(self, view, sole=len(left) == 1)
+            fits = refitted(self, view, left, rounds=ROUNDS)
+            best = best_refit(self.criteria, view, fits)
             if view.fitter is not self.fitter:
                 self.simulator.forget(view.fitter.records)
         # One that was cut short is no match for the others.
@@ -429,134 +413,6 @@ class Search:
             self.progress(f"took {candidate.effect.id} back: residuals are no likelier with it")
         vars(self).update(before)
         return False
-
-    def _longer(self, view: Opening, *, sole: bool) -> Opening:
-        """Longer openings, or the whole runs, where rivals are told apart; for a ``sole`` one the whole."""
-        number = len(self.whole.records[0].t) // len(view.fitter.records[0].t) // LONG
-        if sole or number < 2 or self.fitter is not self.whole:
-            return Opening(self.fitter, self.at)
-        return opened(beginnings(self.whole, number), self.at)
-
-    def _refitted(
-        self,
-        view: Opening,
-        begun: Sequence[Refit],
-        *,
-        also: Callable[[Opening, Refit, float], list[Fitted]] | None = None,
-        rounds: int = LAST_ROUNDS,
-    ) -> list[Refit]:
-        """Each fitted, or one of what there is ``also``; one that can't come near the best so far, or be significant,
-        is left where that shows. Where columns promise what a fit then brings, one without shapes that promises no more
-        is not fitted: which of the two it is, is asked when all else is in the model (``_exchange``)."""
-        fits: list[Refit] = []
-        brought = -inf
-        for fit in begun:
-            promised = fit.score.gain - self.price(fit.candidate, fit.score.freedom)
-            if promised < brought + self.criteria.even and _linear(fit.candidate):
-                continue
-            enough = view.at.cost - self._needed(fit) * view.at.variance
-            goal = min((f.at.cost + 4 * self.criteria.even * f.at.variance for f in fits), default=enough)
-            ends = [view.of(fit.at, goal, rounds), *(also(view, fit, goal) if also else ())]
-            fits.append(fit._replace(at=self._simplest(ends, fit.score.inflation)))
-            gained = (view.at.cost - fits[-1].at.cost) / fits[-1].at.variance
-            if _linear(fit.candidate) and abs(gained / fit.score.gain - 1) < AS_PROMISED:
-                brought = max(brought, promised)
-        return fits
-
-    def _simplest(self, ends: Sequence[Fitted], inflation: float) -> Fitted:
-        """The best of fits of one effect; a part of it that may vanish has to earn its parameters, where chance brings
-        ``inflation`` times what it brings of white noise."""
-        best = min(ends, key=lambda at: at.cost)
-        price = self.criteria.simpler * inflation * best.variance
-        return min(ends, key=lambda at: at.cost + price * len(at.free)) if best.cost < np.inf else best
-
-    def _otherwise(self, view: Opening, fit: Refit, goal: float) -> list[Fitted]:
-        """Fits that begin elsewhere, where one of all parameters at once may end in a wrong minimum: of a resonance
-        from where it is broad, of a force with a part that may vanish from where it has."""
-        part = fading(fit.candidate)
-        if part is not None:
-            return self._in_stages(view, fit, goal, part)
-        resonant = any(q.search is not None and q.search.kind == "resonance" for q in fit.candidate.searched)
-        if self.fitter is not self.whole or not resonant:
-            return []
-        return [view.of(grown(view.fitter, fit.at), goal)]
-
-    def _in_stages(self, view: Opening, fit: Refit, goal: float, part: Fading) -> list[Fitted]:
-        """The effect without a part of it, then that part where it shows most beside."""
-        candidate = fit.candidate
-        plain = view.of(self.with_effect(view.fitter, view.at, without_part(candidate, part), fit.score))
-        points = self.library.grids.wider(part.shapes, candidate.shapes)
-        probe = Probe(part.size, part.size.typical * PART, 1)
-        found = [Candidate(candidate.effect, (probe,), point, part.shapes, len(points)) for point in points]
-        scan = scanned(view.fitter, plain, [], found)
-        # A damping that stands in for what is missing has gone to its bound: it can take nothing up.
-        stuck = {f.name for f in plain.free if plain.parameters[f.name] in (f.low, f.high)}
-        stuck |= {"dxy"} if stuck & {"dxx", "dyy"} else set()
-        scored = scan.scores([i for i, f in enumerate(plain.free) if f.name not in stuck])
-        best = max(scored, key=lambda entry: entry[1].gain, default=None)
-        if best is None or best[1].gain < self.criteria.simpler * (1 + len(part.shapes)):
-            return [plain]
-        return [plain, view.of(self.with_effect(view.fitter, plain, best[0], best[1]), goal)]
-
-    def _best(self, view: Opening, fits: Sequence[Refit]) -> Refit | None:
-        """The best of ``fits``; None where it is not worth it."""
-        # Where nothing tells two apart the electronics are more often at fault than a force on the mass.
-        best = min(self._near(fits, 1.0), key=lambda fit: isinstance(fit.candidate.effect, Force), default=None)
-        worth = best is not None and view.at.cost - best.at.cost > self._needed(best) * best.at.variance
-        return best if worth else None
-
-    def _needed(self, fit: Refit) -> float:
-        """What an effect has to take to be significant, as a chi-square."""
-        chance = self.criteria.effect_chance / fit.candidate.trials
-        return float(chi2.isf(chance, fit.score.freedom)) * fit.score.inflation
-
-    def _weak(self, view: Opening, best: Refit) -> bool:
-        """Whether the best is an effect of a file and takes little of what is surely no noise."""
-        if best.candidate.effect.id in {term.id for own in self.terms for term in own}:
-            return False
-        given = view.at.residuals, view.fitter.records, view.at.parameters
-        noise = noise_of(*given)
-        level = noise.high if noise else noise_level(*given)
-        return bool(view.at.cost - best.at.cost < WEAK * (view.at.cost - level**2 * view.at.count))
-
-    def _near(self, fits: Sequence[Refit], chi_square: float) -> list[Refit]:
-        """Those whose cost and price are within so much of the best's; none where no motion stays within bounds."""
-        fits = [fit for fit in fits if np.isfinite(fit.at.cost)]
-        variance = min((fit.at.variance for fit in fits), default=1.0)
-        prices = [
-            fit.at.cost / variance + self.price(fit.candidate, fit.score.freedom) + self.price_of_shapes(fit.candidate)
-            for fit in fits
-        ]
-        return [fit for fit, price in zip(fits, prices, strict=True) if price < min(prices) + chi_square]
-
-    def price(self, candidate: Candidate, sizes: int) -> float:
-        """What so many sizes have to earn, as a chi-square; a defect of the record a little more, so that where it
-        can't be told from an effect the effect is named."""
-        more = self.criteria.even if _of_record(candidate) else 0.0
-        return self.criteria.simpler * sizes + more
-
-    def price_of_shapes(self, candidate: Candidate) -> float:
-        """The same of the shapes that are fitted with them: of two names that are even the plainer stands first. How
-        probable each is does not hang on it: a shape that data hardly show is as free as none."""
-        return self.criteria.simpler * len(candidate.searched)
-
-    def _close(self, worth: list[Scored]) -> list[Scored]:
-        """Those whose refit could be the best: all that the linear scores leave open."""
-        even, simpler = self.criteria.even, self.criteria.simpler
-        best = max((s for _, s in worth), key=lambda s: s.gain - simpler * s.freedom)
-        top = best.gain - simpler * best.freedom
-        share = max(s.share for _, s in worth)
-        linear = self.view.fitter.off(self.view.at) < IN_STEP
-
-        def near(entries: Sequence[Scored]) -> list[Scored]:
-            if not linear:
-                return [(c, s) for c, s in entries if s.share >= RIVAL_SHARE * share]
-            least = [top - 4 * even * max(s.inflation, best.inflation) - 0.1 * top for _, s in entries]
-            return [(c, s) for (c, s), low in zip(entries, least, strict=True) if s.gain - simpler * s.freedom >= low]
-
-        close = near(worth)[:RIVALS]
-        peaks = [peak for c, _ in close for peak in near(next_peaks(c, self.scored))[:1]]
-        return [*close, *peaks, *(form for c, _ in close for form in near(other_forms(c, self.scored)))]
 
     def with_effect(self, fitter: Fitter, at: Fitted, candidate: Candidate, result: Score) -> Fitted:
         """``at``, a fit of ``fitter``, with the effect switched on at the size that its score says, to be fitted. What
@@ -601,12 +457,3 @@ class Search:
         self.attempt("names held against data that no fit saw", partial(ask, self))
         self._until(NAME)
         return self.names < before and not self.late
-
-
-def _of_record(candidate: Candidate) -> bool:
-    return isinstance(candidate.effect, Defect)
-
-
-def _linear(candidate: Candidate) -> bool:
-    """Whether the voltage changes in proportion to all that a fit moves, where that is small."""
-    return not candidate.searched and not candidate.partner and all(p.power == 1 for p in candidate.probes)

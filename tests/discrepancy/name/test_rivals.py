@@ -8,6 +8,7 @@ from hidden_sets import MODEL, made
 from discrepancy.data.record import Floats, Record
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name.accepted import Refit
+from discrepancy.name.competition import refitted
 from discrepancy.name.exchange import exchange
 from discrepancy.name.search import Search
 
@@ -31,7 +32,7 @@ def test_one_that_promises_no_more_waits_and_is_tried_in_the_end(monkeypatch: py
         search.look()
         alike = [(c, s) for c, s in search.significant() if c.effect.id in ("actuator_delay", "amplifier_bandwidth")]
         begun = [Refit(search.with_effect(*search.view, c, s), c, s) for c, s in alike]
-        [first] = search._refitted(search.view, begun)
+        [first] = refitted(search, search.view, begun)
         assert len(begun) == 2
         assert first.candidate is begun[0].candidate
         search.extend(2)

@@ -6,6 +6,7 @@ from hidden_sets import MODEL, made
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name.accepted import Refit
 from discrepancy.name.columns import Candidate, fading
+from discrepancy.name.competition import refitted
 from discrepancy.name.grids import ABOUT, WIDER, Grids
 from discrepancy.name.search import Search
 
@@ -48,7 +49,7 @@ def test_stribeck_is_found_beside_the_friction() -> None:
         own = [(c, s) for c, s in search.scored if c.effect.id == "dry_friction"]
         candidate, scored = max(own, key=lambda entry: entry[1].gain)
         begun = Refit(search.with_effect(*search.view, candidate, scored), candidate, scored)
-        [(found, _, _)] = search._refitted(search.view, [begun], also=search._otherwise)
+        [(found, _, _)] = refitted(search, search.view, [begun], elsewhere=True)
     # A refit, not yet whitened by its own residual: within a tenth of what the whole search ends at.
     for name in ("friction_x", "friction_y", "friction_speed", "stribeck_speed"):
         assert found.parameters[name] == pytest.approx(hidden[name], rel=0.25)

@@ -1,0 +1,186 @@
+"""Several effects that could be what is missing: each is refitted, and the best told from the others."""
+
+from collections.abc import Sequence
+from math import inf
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from scipy.stats import chi2
+
+from discrepancy.criteria import Criteria
+from discrepancy.fit.continuation import IN_STEP, LAST_ROUNDS, beginnings, grown
+from discrepancy.fit.defect import Defect
+from discrepancy.fit.fitted import Fitted
+from discrepancy.fit.locate import noise_level
+from discrepancy.fit.noise import noise_of
+from discrepancy.fit.openings import LONG, Opening, opened
+from discrepancy.fit.refit import AS_PROMISED
+from discrepancy.name.accepted import RIVALS, Refit
+from discrepancy.name.columns import Candidate, Fading, Probe, fading, without_part
+from discrepancy.name.scan import Scored, next_peaks, other_forms, scanned
+from gyro_model.anatomy import Force
+
+if TYPE_CHECKING:
+    from discrepancy.name.search import Search
+
+RIVAL_SHARE: Final = 0.5
+"""A rival is refitted, where the simulation is not close, if it takes at least this part of the best one's share of the
+residual: there, linear scores tell half the truth."""
+WEAK: Final = 0.3
+"""Share of what is no noise in the residual, below which an effect may only imitate what is missing."""
+PART: Final = 1e-2
+"""Of its usual size, by which a part of an effect that may vanish is probed: so little that its square is no matter."""
+
+
+def rivals(search: "Search", worth: list[Scored]) -> list[Scored]:
+    """Those whose refit could be the best, all that the linear scores leave open, in the order of their refits.
+
+    A plain one is soon fitted, and tells one that has shapes, which could imitate it, how far it has to come; of an
+    effect and a defect of the record that promise the same the effect is named.
+    """
+    return sorted(_close(search, worth), key=lambda entry: (len(entry[0].searched), _of_record(entry[0])))
+
+
+def _close(search: "Search", worth: list[Scored]) -> list[Scored]:
+    even, simpler = search.criteria.even, search.criteria.simpler
+    best = max((s for _, s in worth), key=lambda s: s.gain - simpler * s.freedom)
+    top = best.gain - simpler * best.freedom
+    share = max(s.share for _, s in worth)
+    linear = search.view.fitter.off(search.view.at) < IN_STEP
+
+    def open_still(entries: Sequence[Scored]) -> list[Scored]:
+        if not linear:
+            return [(c, s) for c, s in entries if s.share >= RIVAL_SHARE * share]
+        least = [top - 4 * even * max(s.inflation, best.inflation) - 0.1 * top for _, s in entries]
+        return [(c, s) for (c, s), low in zip(entries, least, strict=True) if s.gain - simpler * s.freedom >= low]
+
+    first = open_still(worth)[:RIVALS]
+    peaks = [peak for c, _ in first for peak in open_still(next_peaks(c, search.scored))[:1]]
+    return [*first, *peaks, *(form for c, _ in first for form in open_still(other_forms(c, search.scored)))]
+
+
+def refitted(
+    search: "Search", view: Opening, begun: Sequence[Refit], *, elsewhere: bool = False, rounds: int = LAST_ROUNDS
+) -> list[Refit]:
+    """Each fitted, or one of those that begin ``elsewhere``; one that can't come near the best so far, or be
+    significant, is left where that shows. Where columns promise what a fit then brings, one without shapes that
+    promises no more is not fitted: which of the two it is, is asked when all else is in the model (``exchange``)."""
+    fits: list[Refit] = []
+    brought = -inf
+    for fit in begun:
+        promised = fit.score.gain - price(search.criteria, fit.candidate, fit.score.freedom)
+        if promised < brought + search.criteria.even and _linear(fit.candidate):
+            continue
+        enough = view.at.cost - _needed(search.criteria, fit) * view.at.variance
+        goal = min((f.at.cost + 4 * search.criteria.even * f.at.variance for f in fits), default=enough)
+        ends = [view.of(fit.at, goal, rounds), *(_otherwise(search, view, fit, goal) if elsewhere else ())]
+        fits.append(fit._replace(at=_simplest(search.criteria, ends, fit.score.inflation)))
+        gained = (view.at.cost - fits[-1].at.cost) / fits[-1].at.variance
+        if _linear(fit.candidate) and abs(gained / fit.score.gain - 1) < AS_PROMISED:
+            brought = max(brought, promised)
+    return fits
+
+
+def _simplest(criteria: Criteria, ends: Sequence[Fitted], inflation: float) -> Fitted:
+    """The best of fits of one effect; a part of it that may vanish has to earn its parameters, where chance brings
+    ``inflation`` times what it brings of white noise."""
+    best = min(ends, key=lambda at: at.cost)
+    owed = criteria.simpler * inflation * best.variance
+    return min(ends, key=lambda at: at.cost + owed * len(at.free)) if best.cost < np.inf else best
+
+
+def _otherwise(search: "Search", view: Opening, fit: Refit, goal: float) -> list[Fitted]:
+    """Fits that begin elsewhere, where one of all parameters at once may end in a wrong minimum: of a resonance
+    from where it is broad, of a force with a part that may vanish from where it has."""
+    part = fading(fit.candidate)
+    if part is not None:
+        return _in_stages(search, view, fit, goal, part)
+    resonant = any(q.search is not None and q.search.kind == "resonance" for q in fit.candidate.searched)
+    if search.fitter is not search.whole or not resonant:
+        return []
+    return [view.of(grown(view.fitter, fit.at), goal)]
+
+
+def _in_stages(search: "Search", view: Opening, fit: Refit, goal: float, part: Fading) -> list[Fitted]:
+    """The effect without a part of it, then that part where it shows most beside."""
+    candidate = fit.candidate
+    plain = view.of(search.with_effect(view.fitter, view.at, without_part(candidate, part), fit.score))
+    points = search.library.grids.wider(part.shapes, candidate.shapes)
+    probe = Probe(part.size, part.size.typical * PART, 1)
+    found = [Candidate(candidate.effect, (probe,), point, part.shapes, len(points)) for point in points]
+    scan = scanned(view.fitter, plain, [], found)
+    # A damping that stands in for what is missing has gone to its bound: it can take nothing up.
+    stuck = {f.name for f in plain.free if plain.parameters[f.name] in (f.low, f.high)}
+    stuck |= {"dxy"} if stuck & {"dxx", "dyy"} else set()
+    scored = scan.scores([i for i, f in enumerate(plain.free) if f.name not in stuck])
+    best = max(scored, key=lambda entry: entry[1].gain, default=None)
+    if best is None or best[1].gain < search.criteria.simpler * (1 + len(part.shapes)):
+        return [plain]
+    return [plain, view.of(search.with_effect(view.fitter, plain, best[0], best[1]), goal)]
+
+
+def longer(search: "Search", view: Opening, *, sole: bool) -> Opening:
+    """Longer openings, or the whole runs, where rivals are told apart; for a ``sole`` one the whole."""
+    number = len(search.whole.records[0].t) // len(view.fitter.records[0].t) // LONG
+    if sole or number < 2 or search.fitter is not search.whole:
+        return Opening(search.fitter, search.at)
+    return opened(beginnings(search.whole, number), search.at)
+
+
+def best_refit(criteria: Criteria, view: Opening, fits: Sequence[Refit]) -> Refit | None:
+    """The best of ``fits``; None where it is not worth it."""
+    # Where nothing tells two apart the electronics are more often at fault than a force on the mass.
+    best = min(near(criteria, fits, 1.0), key=lambda fit: isinstance(fit.candidate.effect, Force), default=None)
+    worth = best is not None and view.at.cost - best.at.cost > _needed(criteria, best) * best.at.variance
+    return best if worth else None
+
+
+def _needed(criteria: Criteria, fit: Refit) -> float:
+    """What an effect has to take to be significant, as a chi-square."""
+    chance = criteria.effect_chance / fit.candidate.trials
+    return float(chi2.isf(chance, fit.score.freedom)) * fit.score.inflation
+
+
+def weak(search: "Search", view: Opening, best: Refit) -> bool:
+    """Whether the best is an effect of a file and takes little of what is surely no noise."""
+    if best.candidate.effect.id in {term.id for own in search.terms for term in own}:
+        return False
+    given = view.at.residuals, view.fitter.records, view.at.parameters
+    noise = noise_of(*given)
+    level = noise.high if noise else noise_level(*given)
+    return bool(view.at.cost - best.at.cost < WEAK * (view.at.cost - level**2 * view.at.count))
+
+
+def near(criteria: Criteria, fits: Sequence[Refit], chi_square: float) -> list[Refit]:
+    """Those whose cost and price are within so much of the best's; none where no motion stays within bounds."""
+    fits = [fit for fit in fits if np.isfinite(fit.at.cost)]
+    variance = min((fit.at.variance for fit in fits), default=1.0)
+    prices = [
+        fit.at.cost / variance
+        + price(criteria, fit.candidate, fit.score.freedom)
+        + price_of_shapes(criteria, fit.candidate)
+        for fit in fits
+    ]
+    return [fit for fit, own in zip(fits, prices, strict=True) if own < min(prices) + chi_square]
+
+
+def price(criteria: Criteria, candidate: Candidate, sizes: int) -> float:
+    """What so many sizes have to earn, as a chi-square; a defect of the record a little more, so that where it
+    can't be told from an effect the effect is named."""
+    more = criteria.even if _of_record(candidate) else 0.0
+    return criteria.simpler * sizes + more
+
+
+def price_of_shapes(criteria: Criteria, candidate: Candidate) -> float:
+    """The same of the shapes that are fitted with them: of two names that are even the plainer stands first. How
+    probable each is does not hang on it: a shape that data hardly show is as free as none."""
+    return criteria.simpler * len(candidate.searched)
+
+
+def _of_record(candidate: Candidate) -> bool:
+    return isinstance(candidate.effect, Defect)
+
+
+def _linear(candidate: Candidate) -> bool:
+    """Whether the voltage changes in proportion to all that a fit moves, where that is small."""
+    return not candidate.searched and not candidate.partner and all(p.power == 1 for p in candidate.probes)
