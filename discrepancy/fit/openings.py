@@ -14,6 +14,9 @@ from discrepancy.fit.refit import Fitter
 
 TRIED: Final = 8_000
 """Samples of the shortest openings, all together."""
+LEAST: Final = 2_000
+"""Samples of a run that an opening has at least: shorter ones show a run's initial state more than any effect, and what
+they promise the whole does not keep."""
 LONG: Final = 4
 """By which runs must be longer than their openings, and these than the next shorter ones."""
 
@@ -32,7 +35,8 @@ class Opening(NamedTuple):
 
 def parts(records: Sequence[Record]) -> list[int]:
     """Into how many parts runs are cut for each opening, the shortest first; the last is 1, the whole."""
-    number, found = sum(len(r.t) for r in records) // TRIED, []
+    lengths = [len(r.t) for r in records]
+    number, found = min(sum(lengths) // TRIED, min(lengths) // LEAST), []
     while number >= LONG:
         found.append(number)
         number //= LONG

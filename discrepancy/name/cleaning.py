@@ -3,6 +3,7 @@
 from copy import copy
 from typing import TYPE_CHECKING, Final
 
+from discrepancy.fit.continuation import nearly_settled
 from discrepancy.fit.defect import Blemish, blemishes
 from discrepancy.fit.limits import clip_level
 from discrepancy.fit.whitening import EARNED
@@ -37,9 +38,13 @@ def _cleaned(search: "Search", blemish: Blemish) -> bool:
     found = blemish.find(search.dataset.fit, search.at.residuals, search.criteria)
     if found is None:
         return False
-    before, unlikely = copy(vars(search)), search.at.unlikely
+    before = copy(vars(search))
+    # Both fitted alike: a filter that is chosen anew changes the likelihood by more than what is taken out.
+    search.go_on(search.at, nearly_settled)
+    unlikely = min(search.at.unlikely, before["at"].unlikely)
+    vars(search).update(before)
     search.take_blemish(blemish, found.data)
-    search.go_on(search.at)
+    search.go_on(search.at, nearly_settled)
     # Worth a line of the report, and beyond what its numbers take away by chance.
     sure = (2 * sum(map(len, found.data)) + EARNED) / search.at.count
     if search.at.unlikely >= unlikely - max(search.criteria.material, sure):

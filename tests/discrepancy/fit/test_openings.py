@@ -15,7 +15,7 @@ from discrepancy.data.record import Floats, Record
 from discrepancy.diagnose import diagnose
 from discrepancy.fit import openings
 from discrepancy.fit.fitted import Fitted
-from discrepancy.fit.openings import LONG, TRIED, parts
+from discrepancy.fit.openings import LEAST, LONG, TRIED, parts
 from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name import search
@@ -26,7 +26,7 @@ WHOLE, SHORT = 10**9, 1_000
 """Samples of the shortest openings: no run is so long, and a sixteenth of a set's."""
 
 
-@given(runs=st.lists(st.integers(100, 400_000), min_size=1, max_size=5))
+@given(runs=st.lists(st.integers(100, 400_000), min_size=1, max_size=40))
 def test_parts_end_with_the_whole_and_openings_are_no_shorter_than_worth_it(runs: list[int]) -> None:
     @dataclass
     class Run:
@@ -36,6 +36,7 @@ def test_parts_end_with_the_whole_and_openings_are_no_shorter_than_worth_it(runs
     assert numbers[-1] == 1
     assert all(long * LONG <= short for short, long in pairwise(numbers))
     assert sum(runs) / numbers[0] >= min(TRIED, sum(runs))
+    assert numbers == [1] or min(runs) / numbers[0] >= LEAST
 
 
 def test_two_effects_are_found_with_less_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
