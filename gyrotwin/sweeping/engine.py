@@ -4,6 +4,7 @@ import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any, Final
 
 from gyro_model.errors import InputError
@@ -20,6 +21,9 @@ BATCH_SECONDS: Final = 0.5
 """A batch is to last so long: a hundred times what the scheduler takes for it."""
 AHEAD: Final = 2
 """Batches a worker has at hand, so that none waits for the scheduler."""
+
+LONELY_S, LOOKS = 40.0, 10
+"""So long [s] a cluster may have no worker, and looks meanwhile: a nanny starts one anew within seconds."""
 
 
 @contextmanager
@@ -48,11 +52,39 @@ def cluster(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         raise InputError(f"--scheduler {scheduler}: {error}") from None
     try:
         _check_versions(client)
-        yield client
+        with _kept_alive(local, len(client.ncores())):
+            yield client
     finally:
         client.close()
         if local is not None:
             local.close()
+
+
+@contextmanager
+def _kept_alive(local: Any, workers: int) -> Iterator[None]:
+    """Gives a ``local`` cluster new workers where all are gone and do not come back: a nanny whose new worker does not
+    start in time, as on a machine with much else to do, gives up, and a sweep would wait for ever."""
+    ended = Event()
+
+    def watch() -> None:
+        alone = 0
+        while not ended.wait(LONELY_S / LOOKS):
+            alone = 0 if local.scheduler_info["workers"] else alone + 1
+            if alone == LOOKS:
+                LOGGER.info("all workers are gone: starting new ones ...")
+                local.scale(0)
+                local.scale(workers)
+                alone = 0
+
+    watcher = Thread(target=watch, daemon=True)
+    if local is not None:
+        watcher.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        if local is not None:
+            watcher.join()
 
 
 def _check_versions(client: Any) -> None:

@@ -9,7 +9,7 @@ import polars as pl
 import pytest
 
 import gyrotwin as gt
-from gyrotwin.sweeping import rows
+from gyrotwin.sweeping import engine, rows
 from gyrotwin.sweeping.engine import sweep as work_off
 from gyrotwin.sweeping.plan import load_plan
 from gyrotwin.sweeping.work import job_of
@@ -95,6 +95,16 @@ def test_a_point_that_kills_its_worker_becomes_a_row(task: str, tmp_path: Path) 
     found = gt.sweep(plan, tmp_path / "out", workers=2).rows
     assert found.filter(pl.col("error").is_null())["n"].to_list() == [0, 1, 3, 4, 5]
     assert found["error"][2].startswith("worker died")
+
+
+def test_workers_that_nobody_restarts_are_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine, "LONELY_S", 1.0)
+    with engine.cluster(1, None) as client:
+        before = client.submit(os.getpid).result()
+        for nanny in client.cluster.workers.values():
+            nanny.auto_restart = False
+        os.kill(before, 9)
+        assert client.submit(os.getpid, pure=False).result(timeout=120) != before
 
 
 def test_an_interrupted_sweep_goes_on_where_it_was(task: str, tmp_path: Path) -> None:
