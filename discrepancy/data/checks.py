@@ -13,6 +13,7 @@ from discrepancy.data.dataset import Dataset
 from discrepancy.data.excitation import cramer_rao_bounds
 from discrepancy.data.hold import better_hold
 from discrepancy.data.linear_fit import (
+    LOWEST,
     WeakForm,
     arrangements,
     axis_scales,
@@ -169,7 +170,8 @@ def clipping(record: Record) -> Iterator[Finding]:
     if masked:
         share = masked / len(record.valid)
         more = "; little is left to fit: lower the drive or the gain" if share > MASKED_WARNED else ""
-        yield Finding("clipping", record.name, f"{masked} samples ({share:.2g} of all) are clipped and masked{more}")
+        text = f"{masked} samples ({share:.2g} of all) are missing or clipped, and masked{more}"
+        yield Finding("clipping", record.name, text)
 
 
 def resolution(record: Record, nominal: Mapping[str, float]) -> Iterator[Finding]:
@@ -228,7 +230,7 @@ def wiring(record: Record, nominal: Mapping[str, float]) -> Iterator[Finding]:
     The model with m, k within 50 % of nominal must explain half the force. If not, every arrangement of v is tried as
     is and scaled to the nominal m and k of each axis (EXPLAINED_BADLY, EXPLAINED_WELL, UNIT_REFUSED).
     """
-    form = weak_form(record, nominal)
+    form = weak_form(record, nominal, LOWEST)
     if form is None or not form.force.any():
         yield Finding("wiring", record.name, "no drive, or no window of 25 periods: signs and units were not checked")
         return

@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple, get_args
 
-from discrepancy.data.linear_start import LOWEST, response
+from discrepancy.data.linear_fit import LOWEST
+from discrepancy.data.linear_start import response
 from discrepancy.data.record import Hold, Record
 
 DECISIVE: Final = 3.0

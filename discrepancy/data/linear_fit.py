@@ -23,6 +23,8 @@ PERIODS: Final = 25
 BAND: Final = 1.5
 """Highest frequency, over the highest mode: above, the sensor's noise counts (m w² grows) and the response says
 little."""
+LOWEST: Final = 4
+"""Harmonic of a window from which on an offset of the sensor is not seen: the lobe of sin⁶ ends there."""
 STIFFNESS_ROOM: Final = 0.5
 """m, k may differ from nominal by this, relative: the widest first guess that the loop is made for."""
 DAMPING_ROOM: Final = 10.0

@@ -11,13 +11,11 @@ from typing import Final
 import numpy as np
 from scipy.signal import welch
 
-from discrepancy.data.linear_fit import PERIODS, axis_scales, equations, joined_form
+from discrepancy.data.linear_fit import LOWEST, PERIODS, axis_scales, equations, joined_form
 from discrepancy.data.record import Floats, Record
 
 WINDOWS: Final = 8
 """Of a run, for its spectra."""
-LOWEST: Final = 4
-"""Bins of a spectrum or a window below which a peak is an offset or a drift: the lobe of sin⁶ ends there."""
 ROUNDS: Final = 3
 """Of the fit, whose weights follow the values found."""
 BADLY: Final = 0.7

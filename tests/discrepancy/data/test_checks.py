@@ -136,6 +136,7 @@ HARMLESS: dict[str, Change] = {
     "slow": lambda u, v, c: (u, v, {"omega_z": 30 + 0 * v[:, 0]}),
     "gravity": lambda u, v, c: (u, v, {"a_x": 9.81 + 0 * v[:, 0]}),
     "strong cubic pickoff": lambda u, v, c: (u, v + 0.3 * v**3 / np.max(v**2), c),
+    "offset": lambda u, v, c: (u, v + 2 * v.std(axis=0), c),
     "gain 30 % off": lambda u, v, c: (u, 1.3 * v, c),
     "feedthrough of 30 % of the signal": lambda u, v, c: (u, v + 0.3 * u / u.std() * v.std(), c),
 }
