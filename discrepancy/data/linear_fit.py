@@ -6,7 +6,7 @@ periods of the lowest mode.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -25,6 +25,8 @@ BAND: Final = 1.5
 little."""
 LOWEST: Final = 4
 """Harmonic of a window from which on an offset of the sensor is not seen: the lobe of sin⁶ ends there."""
+QUIET: Final = 0.02
+"""Of the rms of a whole run, below which it is at rest for its first half period."""
 STIFFNESS_ROOM: Final = 0.5
 """m, k may differ from nominal by this, relative: the widest first guess that the loop is made for."""
 DAMPING_ROOM: Final = 10.0
@@ -59,6 +61,7 @@ def weak_form(record: Record, nominal: Mapping[str, float], lowest: int = 0) -> 
     n = int(PERIODS * record.sample_rate / modes[0])
     if n < 2 * PERIODS or n > len(record.t):
         return None
+    record = _from_rest(record, n)
     starts = np.arange(0, len(record.t) - n + 1, max(n // 2, 1))
     whole = sliding_window_view(record.valid, n)[starts].all(axis=1)
     starts = starts[whole]
@@ -79,6 +82,20 @@ def weak_form(record: Record, nominal: Mapping[str, float], lowest: int = 0) -> 
     weight = 1 / (np.abs(k - nominal["m"] * w**2) + 0.1 * k)
     arrays = (force, q, velocity, acceleration, turning)
     return WeakForm(*((weight * values).reshape(record.axes, -1) for values in arrays))
+
+
+def _from_rest(record: Record, n: int) -> Record:
+    """A run that begins at rest, with ``n`` samples of rest before it: a window sees the blow at the begin of a run
+    only where it begins before."""
+    lead = max(n // (2 * PERIODS), 4)
+    quiet = all(np.std(a[:lead], axis=0).max() < QUIET * np.std(a, axis=0).max() for a in (record.u, record.v))
+    if not quiet:
+        return record
+    t = record.t[0] + np.arange(-n, 0) / record.sample_rate
+    u, v = (np.vstack((np.tile(a[:lead].mean(axis=0), (n, 1)), a)) for a in (record.u, record.v))
+    before = {name: np.concatenate((np.repeat(a[:1], n), a)) for name, a in record.conditions.items()}
+    valid = np.concatenate((np.ones(n, np.bool_), record.valid))
+    return replace(record, t=np.concatenate((t, record.t)), u=u, v=v, valid=valid, conditions=before)
 
 
 def _force(record: Record, window: "_Window", starts: NDArray[np.int_], square: float) -> Complexes:

@@ -19,8 +19,9 @@ from discrepancy.data.record import Bools, Floats, Record
 from discrepancy.fit.defect import Blemish, Data, Found, Level
 from gyro_model.quantities import size
 
-SHARE: Final = 0.3
-"""Of the residual's square of a run, that one jump must explain."""
+SHARE: Final = 0.5
+"""Of the residual's square of a run, that one jump must explain: where most of it is something else, that comes first.
+Measured: the phase that dry friction adds at a resonance looks like a jump to 0.32 of it."""
 LEAST: Final = 0.3
 """Samples of a jump as first seen: the fit has taken up part of it."""
 MOST: Final = 50

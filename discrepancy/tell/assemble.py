@@ -343,9 +343,11 @@ def _scaled(search: "Search") -> list[str]:
     # What the record itself gave first says nothing of its scale.
     stated = search.dataset.nominal.keys() - set(search.dataset.estimated)
     names = [name for name in ("m", "kxx", "kyy") if name in stated and name in search.at.parameters]
+    if len(names) < 2:
+        return []
     logs = np.log([search.dataset.nominal[name] / search.at.parameters[name] for name in names])
     mean = float(np.mean(logs))
-    if len(names) < 2 or abs(mean) < SCALED or float(np.abs(logs - mean).max()) > ONE_FACTOR * abs(mean):
+    if abs(mean) < SCALED or float(np.abs(logs - mean).max()) > ONE_FACTOR * abs(mean):
         return []
     off = f"{', '.join(names)} all came out {np.expm1(-mean):+.2%} off nominal"
     return [f"{off}: as if the record's force_scale were {np.expm1(mean):+.2%}, which no sample tells from a sensor's "

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hidden_sets import MODEL, TRUE, made
+from scipy.signal import cont2discrete, lfilter
 
 from discrepancy.data.dataset import Dataset, _believed
 from discrepancy.data.linear_start import linear_start
-from discrepancy.data.record import Record
+from discrepancy.data.record import Record, make_record
 from gyro_model.errors import InputError
 
 NAMES = ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
@@ -68,3 +69,17 @@ def test_an_offset_of_the_sensor_hides_no_response(runs: tuple[Record, ...]) -> 
     for name in ("m", "kxx", "kyy"):
         # As without the offset, above.
         assert found[name] == pytest.approx(TRUE[name], rel=0.003)
+
+
+def test_a_blow_soon_after_the_begin_of_a_run_is_seen() -> None:
+    rate, n, m, f, q = 5000.0, 6000, 0.4, 143.0, 150.0
+    w, t = 2 * np.pi * f, np.arange(n) / rate
+    blow = np.where((t > 0.02) & (t < 0.022), 60 * np.sin(np.pi * (t - 0.02) / 2e-3) ** 2, 0.0)
+    b, a, _ = cont2discrete(([1.0], [m, m * w / q, m * w**2]), 1 / rate, "zoh")
+    v = lfilter(np.ravel(b), a, blow)
+    v += 1e-3 * v.std() * np.random.default_rng(2).standard_normal(n)
+    found = linear_start([make_record("hit", t, blow[:, None], v[:, None], sample_rate=rate)], (1.0,))
+    assert found is not None
+    # One blow, a thousandth of noise: a start, as above.
+    assert found["m"] == pytest.approx(m, rel=0.02)
+    assert found["kxx"] == pytest.approx(m * w**2, rel=0.02)

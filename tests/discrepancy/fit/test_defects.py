@@ -9,6 +9,7 @@ from scipy.signal import butter, freqs, lfilter
 
 from discrepancy.criteria import Criteria
 from discrepancy.data.record import Floats, Record, make_record
+from discrepancy.defects import force_noise
 from discrepancy.fit.defect import (
     Blemish,
     Defect,
@@ -21,6 +22,8 @@ from discrepancy.fit.defect import (
     disturbances,
 )
 from discrepancy.fit.fitted import Fitted
+from discrepancy.fit.noise import BOLTZMANN
+from discrepancy.fit.noise import Level as NoiseLevel
 from discrepancy.fit.simulate import Simulator
 from discrepancy.fit.whitening import Setting, whitener
 from gyro_model.model import load_model
@@ -399,3 +402,29 @@ def test_a_model_that_is_late_from_an_instant_on_is_no_loss() -> None:
     model = whole.v.copy()
     model[len(model) // 2 :] = np.roll(whole.v, 2, axis=0)[len(model) // 2 :]
     assert blemish("missing_samples").find([whole], [whole.v - model], Criteria()) is None
+
+
+@pytest.mark.parametrize(("other", "seen"), [(0.5, True), (1.5, False)])
+def test_a_jump_beside_a_larger_misfit_waits(other: float, seen: bool) -> None:
+    runs, _ = records([np.zeros((N, 2))])
+    slope = np.gradient(SINE, axis=0)
+    # Two samples late in the second half; the best constant delay takes half of that away, so that it has rms 1.
+    jump = slope * np.where(T[-1] / 2 > T, -1.0, 1.0)[:, None]
+    rest = other * np.sqrt(np.mean(slope**2)) * np.sqrt(2) * np.column_stack([np.sin(2.3 * W * T)] * 2)
+    hidden = replace(runs[0], v=SINE + 0.01 * np.random.default_rng(3).standard_normal((N, 2)))
+    residual = jump + rest
+    found = blemish("missing_samples").find([hidden], [residual], Criteria())
+    assert (found is not None) == seen
+
+
+@pytest.mark.parametrize(("noise", "shaken", "seen"), [(1e-8, 1.0, True), (1e-8, 10.0, False), (0.0, 1.0, False)])
+def test_noise_of_a_measured_force(noise: float, shaken: float, seen: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    at, runs = fitted([np.zeros((N, 2))])
+    u = 1e-5 * SINE + noise * np.random.default_rng(4).standard_normal((N, 2))
+    # 2 σ²/f_s = 4 k_B T d times the square of the size.
+    size = shaken * 1e-8 / np.sqrt(2 * BOLTZMANN * 298.15 * P["dxx"] * RATE)
+    monkeypatch.setattr(force_noise, "thermal", lambda *_: NoiseLevel(size, 0.9 * size, 1.1 * size))
+    levels = disturbance("force_noise").find(at, [replace(runs[0], u=u)], Criteria())
+    assert (levels is not None) == seen
+    if levels:
+        assert levels["force_noise"].value == pytest.approx(1e-8)
