@@ -19,7 +19,7 @@
 #define SLOPE (NS + 1 + LAGGED) /* of the rate; no sample shows it at once */
 #define NZ (SLOPE + 1)
 #define BLOCK_MAX 200
-#define START_MAX 16384 /* samples of the start at most */
+#define START_MAX 32768 /* samples of the start at most: where its ridge bends, it goes on for as long again */
 #define QUEUE 65536     /* commands kept; a power of two, above START_MAX and 1 ms of delay at 1e7 samples a second */
 
 #define RECENT 4096     /* samples of which what was measured is kept, and how the motion was, every so many; powers of two */
@@ -96,6 +96,8 @@ typedef struct {
     ridge ridge;
     double told; /* deviation of the pattern's turning that the last whole start left, but for what it has not seen [rad/s] */
     double left; /* mean squared innovation that the last whole start has left */
+    double turns; /* what its ridge bends by within one deviation, as a turning of the pattern [rad/s] */
+    int64_t whole; /* its samples */
     int tries; /* starts taken because one had ended beside its fit */
     int lost;               /* whether a whole start has found no device */
     double effort; /* samples that may still be filtered again */

@@ -29,6 +29,7 @@
 #define TRIES 3        /* further starts at most where one ends beside its fit, and so claims what it does not know */
 #define ANOTHER 2.0    /* mean squared innovation of a start that may have found another device */
 #define UNFIT 1.035    /* mean squared innovation that a device as the design means it does not leave: 32768 numbers leave 1 by 0.008 */
+#define BENDS 8.7e-3   /* turning by which a ridge may bend within a deviation, as much as may be predicted of a valid angle [rad/s]: 0.5 deg/s */
 #define FASTEST 1e4  /* rate that is no device's [rad/s]: far from the device it explains more than constants do */
 #define FARTHEST 10.0 /* standard deviations of the design that an effect may be away from it */
 #define WATCHED 0.005 /* over which innovations are averaged [s] */
@@ -362,6 +363,37 @@ static int is_another_device(const filter *f)
     return far;
 }
 
+/* Leaves the block as it is fitted, L being its Cholesky factor, and lets it grow on. */
+static void grow_on(filter *f, double L[NP][NP])
+{
+    double known_W[NP][NP];
+    memcpy(known_W, f->W, sizeof known_W);
+    block_shrink(f, L);
+    memcpy(f->W_now, f->W, sizeof f->W_now);
+    memcpy(f->W, known_W, sizeof known_W);
+    filter_again(f);
+    watch(f);
+    plan_block(f);
+}
+
+/* A whole start has been fitted. Where its ridge bends much, it goes on for as long again: what blocks tell beside it would not be what they claim. */
+static void end_start(filter *f, double L[NP][NP])
+{
+    f->lost = !(f->fit < LOST) || (f->fit > ANOTHER && is_another_device(f));
+    find_ridge(f, L);
+    /* Another start may just begin to see along what was unseen: there the second order is far beyond what the angle does. */
+    f->turns = f->block_begun == f->origin ? ridge_turning(f) : 0.0;
+    f->whole = f->in_block;
+    if (f->turns > BENDS && 2 * f->in_block <= START_MAX && !f->lost) {
+        f->ridge.bends = 0;
+        grow_on(f, L);
+    } else {
+        fit_fold(f, L);
+        (void)unseen_turning(f, &f->told);
+    }
+    f->left = f->chi2;
+}
+
 void fit_end(filter *f)
 {
     double L[NP][NP];
@@ -369,21 +401,10 @@ void fit_end(filter *f)
         find_constants(f, ROUNDS, L);
         filter_form(f);
         if (f->in_block < (int64_t)f->settings.start) {
-            double known_W[NP][NP];
-            memcpy(known_W, f->W, sizeof known_W);
-            block_shrink(f, L);
-            memcpy(f->W_now, f->W, sizeof f->W_now);
-            memcpy(f->W, known_W, sizeof known_W);
-            filter_again(f);
-            watch(f);
+            grow_on(f, L);
             f->lost = f->in_block >= FOUND && fabs(f->now.z[OMEGA]) > FASTEST;
-            plan_block(f);
         } else {
-            f->lost = !(f->fit < LOST) || (f->fit > ANOTHER && is_another_device(f));
-            find_ridge(f, L);
-            fit_fold(f, L);
-            (void)unseen_turning(f, &f->told);
-            f->left = f->chi2;
+            end_start(f, L);
         }
     } else {
         const int64_t recent = 2 * (int64_t)f->settings.settle;

@@ -52,6 +52,7 @@ void restart_from_design(filter *f)
     f->lost = 0;
     f->tries = 0;
     f->left = 1.0;
+    f->turns = 0.0;
     f->unseen_count = 0;
     f->ridge.bends = 0;
     f->fit = 2.0 * FITS;

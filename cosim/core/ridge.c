@@ -1,7 +1,9 @@
 #include "ridge.h"
 
 #include "block.h"
+#include "drift.h"
 #include "unseen.h"
+
 
 void ridge_begin_step(filter *f)
 {
@@ -134,4 +136,20 @@ void ridge_turn(filter *f, const double change[NP])
             }
         }
     }
+}
+
+double ridge_turning(const filter *f)
+{
+    double columns[NP][NP];
+    memset(columns, 0, sizeof columns);
+    for (int i = 0; i < NP; i++) {
+        columns[i][0] = 0.5 * f->ridge.bend[i];
+    }
+    return drift_deviation(&f->k, columns, f->k.p[0] / f->k.p[INVERSE_MASS], 0.0).turning;
+}
+
+double ridge_turning_left(const filter *f)
+{
+    const double start = (double)f->whole, age = (double)(f->sample - f->since);
+    return f->turns * start / larger(age, start);
 }

@@ -23,4 +23,10 @@ void ridge_follow(filter *f, double change[NP]);
 /* Turns W by what p has moved along the ridge. */
 void ridge_turn(filter *f, const double change[NP]);
 
+/* The turning of the pattern that the ridge bends by within one deviation [rad/s]. */
+double ridge_turning(const filter *f);
+
+/* What is left of it by now: knowledge grows with time at least, and the bend goes with its variance. */
+double ridge_turning_left(const filter *f);
+
 #endif
