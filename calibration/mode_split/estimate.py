@@ -6,7 +6,15 @@ from typing import Final
 
 import numpy as np
 
-from calibration.mode_split.checks import COLDEST, check_rate, check_steps, check_thermal, thermal_ratio, unfolded
+from calibration.mode_split.checks import (
+    COLDEST,
+    check_levels,
+    check_rate,
+    check_steps,
+    check_thermal,
+    thermal_ratio,
+    unfolded,
+)
 from calibration.mode_split.correlation import (
     Correlation,
     correlate,
@@ -127,6 +135,8 @@ def find_split(record: VoltageRecord, question: Question = Question()) -> Analys
     check_steps(record)
     record, clear = unfolded(record, question.drive_frequency, question.unfold)
     f_x = find_line(record) if question.drive_frequency is None else question.drive_frequency
+    if not record.is_complex:
+        check_levels(record.values.real, f_x / record.rate)
     check_length(record.duration, f_x, question.q)
     part = envelope(record, f_x, min(question.span_about(f_x), clear or np.inf))
     if question.guard >= 0.9 * part.band:

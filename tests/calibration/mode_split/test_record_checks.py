@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.split_records import SenseAxis, make_record
 from calibration.mode_split import NothingFoundError, Question, VoltageRecord, find_split
-from calibration.mode_split.checks import check_steps, thermal_ratio, unchecked
+from calibration.mode_split.checks import check_levels, check_steps, thermal_ratio, unchecked
 from calibration.mode_split.model import SplitModel
 from gyro_model.errors import InputError
 
@@ -103,6 +103,20 @@ def test_steps_under_a_carrier_that_comes_back_to_its_phase_are_refused() -> Non
 @pytest.mark.parametrize("drive", [5000.37, 5023.7])
 def test_a_carrier_that_drifts_through_the_steps_whitens_them(drive: float) -> None:
     check_steps(rounded_under_a_carrier(drive))
+
+
+@pytest.mark.parametrize(("noise", "steps", "fits"), [(1e-5, 8, False), (1e-5, 40, True), (2e-3, 8, True)])
+def test_a_carrier_of_few_steps_is_refused_but_where_noise_blurs_them(noise: float, steps: int, fits: bool) -> None:
+    turn = 5023.7 / 16_000.0
+    values = 1e-2 * np.cos(2 * np.pi * turn * np.arange(64_000))
+    values += noise * np.random.default_rng(4).standard_normal(len(values))
+    step = 2e-2 / steps
+    rounded = np.round(values / step) * step
+    if fits:
+        check_levels(rounded, turn)
+    else:
+        with pytest.raises(InputError, match=r"takes 9 values, 0\.0025 V apart"):
+            check_levels(rounded, turn)
 
 
 def test_a_temperature_in_celsius_is_told() -> None:
