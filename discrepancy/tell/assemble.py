@@ -26,6 +26,7 @@ from discrepancy.tell.answer import Diagnosis, Finding, Stage, Value, Verdict
 from discrepancy.tell.backbone import bent
 from discrepancy.tell.experiment import Experiment, next_experiment
 from discrepancy.tell.limits import Limits
+from discrepancy.tell.run_gains import unlike_gains
 from discrepancy.tell.verdict import Remainder, probability, remainder, sane, worse_without
 from gyro_model.anatomy import Effect, Force, Map
 
@@ -72,7 +73,7 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
     worse = worse_without(search, stages, gaps)
     clock.until = float("inf")
     rest = remainder(search, stages, gaps, absurd)
-    doubts = (*absurd.values(), *worse.values(), *_doubts(search, rest))
+    doubts = (*absurd.values(), *worse.values(), *_doubts(search, rest, last))
     verdict: Verdict = "missing effects" if effects else "nothing missing"
     # What was not tested is not said: neither that a name stands nor, while something may be, that nothing is missing.
     open_ended = bool(search.undone) and rest.share > search.criteria.left
@@ -304,8 +305,8 @@ def _slight(candidate: Candidate, result: Score) -> Finding:
     return Finding(candidate.effect.id, (), values, forces(candidate.effect), result.share)
 
 
-def _doubts(search: "Search", rest: "Remainder") -> tuple[str, ...]:
-    """What is wrong with the fit itself, and what it leaves open."""
+def _doubts(search: "Search", rest: "Remainder", residuals: Sequence[Floats]) -> tuple[str, ...]:
+    """What is wrong with the fit itself, and what it leaves open; residuals: of the whole runs to fit."""
     found = []
     for entry in search.accepted:
         instead = [name for name in entry.rivals if _of_record(search, name)]
@@ -314,6 +315,8 @@ def _doubts(search: "Search", rest: "Remainder") -> tuple[str, ...]:
     found += _scaled(search)
     if rest.significant:
         found += [str(finding) for finding in modes(search.measured.fit)]
+        gains = unlike_gains(search.dataset.fit, residuals)
+        found += [gains] if gains else []
     if rest.above or rest.significant:
         found.append(
             f"{rest.share:.2g} of the refit's residual power is left: {rest.ratio:.3g} times the noise on held-out runs"
