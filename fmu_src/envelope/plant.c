@@ -114,7 +114,9 @@ static void find_steepness(gyro_instance *g, gyro_cycle at, const gyro_cycle *sp
     for (int i = 0; i < 2; i++) {
         double sum = 0.0;
         for (int k = 0; k < GYRO_PHASES; k++) {
-            sum += fabs(shifted.at[k][i] - force->at[k][i]);
+            const double change = fabs(shifted.at[k][i] - force->at[k][i]);
+            /* A film ends at its gap, beyond which there is no force to compare. */
+            sum += gyro_finite(change) ? change : 0.0;
         }
         steepness[i] = shift[i] > 0.0 ? sum / (GYRO_PHASES * shift[i]) : 0.0;
     }
