@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple, get_args
 import numpy as np
 
 from discrepancy.data.linear_start import linear_start, sensor_gains
+from discrepancy.data.offset import levelled
 from discrepancy.data.record import Floats, Hold, Record, Role, Senses, make_record
 from discrepancy.data.table import SUFFIXES, read_columns
 from gyro_model.device import check_passive
@@ -126,11 +127,12 @@ def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float],
     records = tuple(record for record, _ in read)
     if records:
         records = tuple(replace(record, reference=records[0].reference) for record in records)
+    records, offset, offsets = levelled(records, device | nominal, model)
     axes = records[0].axes if records else 2
     stated, sensed = _as_position(device | nominal, records)
     believed, found = _believed(stated, records)
-    complete, more = _completed(believed, axes)
-    more = [*sensed, *found, *more]
+    complete, more = _completed(believed | offset, axes)
+    more = [*sensed, *offsets, *found, *more]
     unknown = _unknown_gains(stated, records) if axes == 2 and "m" in complete else ()
     estimated = tuple(name for name in believed if name not in stated)
     notes = [*notes, *more, *(note for _, note in read if note)]

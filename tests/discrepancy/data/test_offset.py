@@ -1,0 +1,41 @@
+"""An offset far beyond the motion is taken off and said; a deflection that may be an answer stays."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from discrepancy.data.offset import levelled
+from discrepancy.data.record import Record, make_record
+from gyro_model.model import load_model
+
+MODEL = load_model()
+
+
+def run(offset: float, force: float = 0.0, seed: int = 1) -> Record:
+    rng = np.random.default_rng(seed)
+    t = np.arange(2000) * 1e-4
+    v = np.sin(2 * np.pi * 100 * t)[:, None] + 1e-3 * rng.normal(size=(2000, 1)) + offset
+    u = np.cos(2 * np.pi * 100 * t)[:, None] + force
+    return make_record(f"run-{seed}", t, u, v, sample_rate=1e4, role="fit", conditions={})
+
+
+def test_an_offset_beyond_the_motion_is_taken_off_and_said() -> None:
+    runs, left, said = levelled([run(17.0), run(17.2, seed=2)], {}, MODEL)
+    # The mean of both; a record of 2000 samples in 20 whole periods has its own mean to 1e-4.
+    assert np.allclose([r.v.mean() for r in runs], [-0.1, 0.1], atol=1e-3)
+    assert len(said) == 1
+    assert "v_x stands at 17.1 V" in said[0]
+    # What the mean leaves is fitted, and not named.
+    assert left.keys() == {"offset_x"}
+
+
+def test_what_may_be_the_device_s_own_stays() -> None:
+    for runs in (
+        [run(1.0)],
+        [run(17.0, force=0.5)],
+        [run(17.0), run(27.0, seed=2)],
+        [replace(run(17.0), senses="velocity")],
+    ):
+        assert levelled(runs, {}, MODEL) == (tuple(runs), {}, ())
+    own = next(q for e in MODEL.effects if e.id == "amplifier_offset" for q in e.sizes)
+    assert levelled([run(17.0)], {own.name: 17.0}, MODEL).said == ()
