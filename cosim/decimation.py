@@ -27,13 +27,14 @@ class Decimator:
         self.taps = count | 1 if factor > 1 else 1
         shape = np.sinc((np.arange(self.taps) - self.taps // 2) / factor) * kaiser(self.taps, beta)
         self._low_pass = shape / shape.sum()
-        self._waiting: Complexes = np.zeros(0, complex)
+        self.waiting: Complexes = np.zeros(0, complex)
+        """Samples that later outputs need, too."""
 
     def feed(self, samples: Complexes) -> Complexes:
         """The outputs (m,) that ``samples`` (n,), the next ones of the input, complete."""
-        block = np.concatenate([self._waiting, samples])
+        block = np.concatenate([self.waiting, samples])
         count = max((len(block) - self.taps) // self.factor + 1, 0)
-        self._waiting = block[count * self.factor :]
+        self.waiting = block[count * self.factor :]
         if count == 0:
             return np.zeros(0, complex)
         # upfirdn keeps output 0, factor, ...; that of full overlap is output taps - 1.

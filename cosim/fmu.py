@@ -111,6 +111,26 @@ class Plant:
         """What the FMU said last, without the name of the FMI function."""
         return self._complaints[-1].partition(": ")[2] if self._complaints else ""
 
+    def saved(self) -> bytes:
+        """The whole state of the instance, as the FMU writes it."""
+        state = self._fmu.getFMUState()
+        try:
+            return bytes(self._fmu.serializeFMUState(state))
+        finally:
+            self._fmu.freeFMUState(state)
+
+    def restore(self, saved: bytes) -> None:
+        """Sets the state that ``saved`` gave. Raises InputError where the FMU refuses it, and stays as it is."""
+        state = None
+        try:
+            state = self._fmu.deserializeFMUState(saved)
+            self._fmu.setFMUState(state)
+        except Exception as error:  # fmpy raises Exception itself
+            raise InputError(self.complaint() or str(error)) from None
+        finally:
+            if state is not None:
+                self._fmu.freeFMUState(state)
+
     def close(self) -> None:
         """Frees the instance and removes the extracted FMU."""
         if getattr(self, "_fmu", None) is not None and self._fmu.component:

@@ -1,7 +1,7 @@
 """Runs rate mode: starts the loops up, watches their lock, and keeps a row an output interval."""
 
-from collections.abc import Sequence
-from typing import Final, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cosim.envelope import open_envelope
 from cosim.fmu import Plant, open_plant
 from cosim.rate import loop
+from cosim.rate.kept import Keeper
 from cosim.rate.run import OMEGA_Z, TEMPERATURE, RateRun
 from cosim.rate.sense_record import SenseRecorder
 from cosim.rate.temperature_sensor import BoardSensor, Bridge
@@ -94,32 +95,106 @@ class LoopedPlant:
             raise InputError(f"run {self._plant.complaint()}")
         return result, sensed
 
+    def kept(self) -> dict[str, NDArray[Any]]:
+        """The whole state of plant and loops but their ``blocks``."""
+        fmu = np.frombuffer(self._plant.saved(), np.uint8)
+        return {"fmu": fmu, "loop": self._state, "values": self._values, "samples": np.array([self._done])}
 
-def simulate(run: RateRun, progress: Progress | None = None) -> Result:
-    """Runs rate mode. Raises InputError where the drive loop never locks, or loses its lock, saying when."""
+    def go_on(self, kept: Mapping[str, NDArray[Any]]) -> None:
+        """Takes the state that ``kept`` gave. Raises InputError where the FMU refuses it."""
+        self._plant.restore(kept["fmu"].tobytes())
+        self._state[:], self._values[:], self._done = kept["loop"], kept["values"], int(kept["samples"][0])
+
+
+class Collected:
+    """What a run has given after ``done`` rows. times: until lock and until t = 0 [s]; rows, shape (n, ROW_SIZE); held:
+    the inputs' means over them, shape (n, 5); recorder: of the sense voltage, where the run asks for one."""
+
+    def __init__(self, run: RateRun) -> None:
+        self.done = 0
+        self.times = np.zeros(2)
+        self.rows = np.empty((run.rows, loop.ROW_SIZE))
+        self.held = np.empty((run.rows, len(INPUT_NAMES)))
+        self.recorder = None if run.sense_rate is None else SenseRecorder(run.period, run.sense_rate)
+
+    def kept(self) -> dict[str, NDArray[Any]]:
+        """All of it as arrays."""
+        sensed = {} if self.recorder is None else self.recorder.kept()
+        return {"times": self.times, "rows": self.rows[: self.done], "held": self.held[: self.done], **sensed}
+
+    def go_on(self, kept: Mapping[str, NDArray[Any]]) -> None:
+        """Becomes what gave ``kept``."""
+        self.done = len(kept["rows"])
+        self.times[:], self.rows[: self.done], self.held[: self.done] = kept["times"], kept["rows"], kept["held"]
+        if self.recorder is not None:
+            self.recorder.go_on(kept)
+
+
+def simulate(run: RateRun, progress: Progress | None = None, keeper: Keeper | None = None) -> Result:
+    """Runs rate mode; with a ``keeper`` from where an interrupted run was.
+
+    Raises InputError where the drive loop never locks, or loses its lock, saying when.
+    """
     with LoopedPlant(run) as plant:
-        return _simulate(run, plant, progress)
+        collected = Collected(run)
+        if keeper is None or not _go_on(run, plant, collected, keeper):
+            collected.times[:] = start_up(run, plant)
+        return _simulate(run, plant, collected, progress, keeper)
 
 
-def _simulate(run: RateRun, plant: LoopedPlant, progress: Progress | None) -> Result:
-    locked_at, started_at = start_up(run, plant)
-    rows = np.empty((run.rows, loop.ROW_SIZE))
-    held = np.empty((run.rows, len(INPUT_NAMES)))
-    recorder = None if run.sense_rate is None else SenseRecorder(run.period, run.sense_rate)
-    for first in range(0, run.rows, BLOCK_ROWS):
+def _go_on(run: RateRun, plant: LoopedPlant, collected: Collected, keeper: Keeper) -> bool:
+    """Takes plant and record to where ``keeper`` has them; whether it does."""
+    try:
+        kept = keeper.found(run, plant.kept() | collected.kept())
+        if kept is None:
+            return False
+        _check_courses(run, kept["held"], len(kept["rows"]))
+        plant.go_on(kept)
+    except InputError as misfit:
+        keeper.goes_anew(misfit)
+        return False
+    collected.go_on(kept)
+    keeper.goes_on(collected.done * run.interval)
+    return True
+
+
+def _check_courses(run: RateRun, held: Floats, done: int) -> None:
+    """Raises InputError unless ``held`` are the means of the run's inputs over its first ``done`` rows."""
+    if len(held) != done or (done % BLOCK_ROWS and done != run.rows) or not 0 < done <= run.rows:
+        raise InputError("damaged")
+    # In the blocks of the run: worked out in other pieces a course differs by rounding.
+    for first in range(0, done, BLOCK_ROWS):
+        _, means = _held(run, first, min(BLOCK_ROWS, done - first))
+        if not np.array_equal(means, held[first : first + BLOCK_ROWS]):
+            raise InputError("another course until there")
+
+
+def _held(run: RateRun, first: int, count: int) -> tuple[Floats, Floats]:
+    """The inputs over the samples of ``count`` rows from ``first`` on, shape (n, 5), and their means, (count, 5)."""
+    inputs = run.inputs(first * run.per_row, count * run.per_row)
+    return inputs, inputs.reshape(count, run.per_row, -1).mean(axis=1)
+
+
+def _simulate(
+    run: RateRun, plant: LoopedPlant, collected: Collected, progress: Progress | None, keeper: Keeper | None
+) -> Result:
+    recorder = collected.recorder
+    for first in range(collected.done, run.rows, BLOCK_ROWS):
         count = min(BLOCK_ROWS, run.rows - first)
-        samples = first * run.per_row, count * run.per_row
-        inputs = run.inputs(*samples)
+        inputs, means = _held(run, first, count)
         block, sensed = plant.step(inputs, count)
         if recorder is not None:
             recorder.take(sensed)
         check_lock(run, block, first)
-        rows[first : first + count] = block
-        held[first : first + count] = inputs.reshape(count, run.per_row, -1).mean(axis=1)
+        collected.done = first + count
+        collected.rows[first : collected.done], collected.held[first : collected.done] = block, means
+        if keeper is not None:
+            keeper.offer(run, collected.done * run.interval, lambda: plant.kept() | collected.kept())
         if progress is not None:
-            progress((first + count) * run.interval, run.duration)
+            progress(collected.done * run.interval, run.duration)
+    locked_at, started_at = collected.times.tolist()
     return Result(
-        record_frame(rows, held, run.interval, run.seed),
+        record_frame(collected.rows, collected.held, run.interval, run.seed),
         locked_at,
         started_at,
         None if recorder is None else recorder.frame(),

@@ -5,6 +5,7 @@
 The drive line stands at zero whatever the temperature does to its frequency, the thermal hump at the split.
 """
 
+from collections.abc import Mapping
 from math import pi
 
 import numpy as np
@@ -28,6 +29,16 @@ class SenseRecorder:
     def take(self, sensed: NDArray[np.complex128]) -> None:
         """Takes in v_y mixed with the oscillator [V] and the oscillator's frequency [rad/s], shape (2, n)."""
         self._parts.append(np.stack([self._voltage.feed(sensed[0]), self._frequency.feed(sensed[1])]))
+
+    def kept(self) -> dict[str, NDArray[np.complex128]]:
+        """All that it remembers: what is decimated, shape (m, 2), and what the filters wait with, shape (n, 2)."""
+        done = np.concatenate([np.zeros((2, 0), complex), *self._parts], axis=1)
+        return {"sensed": done.T, "waiting": np.stack([self._voltage.waiting, self._frequency.waiting], axis=1)}
+
+    def go_on(self, kept: Mapping[str, NDArray[np.complex128]]) -> None:
+        """Becomes the recorder that gave ``kept``."""
+        self._parts = [kept["sensed"].T]
+        self._voltage.waiting, self._frequency.waiting = kept["waiting"].T.copy()
 
     def frame(self) -> pl.DataFrame:
         """Columns t [s] since the start of the run, v_y_i, v_y_q [V], carrier_frequency [Hz]; the ends that the filter

@@ -10,9 +10,12 @@ from rich.console import Console
 
 from gyro_model.device import Device, load_device
 from gyro_model.errors import InputError, nearest
+from gyrotwin.interrupt import Interrupted
 
 if TYPE_CHECKING:
     from cosim.rate.courses import Course
+    from cosim.rate.kept import Keeper
+    from cosim.rate.master import Result
     from cosim.rate.run import RateRun
     from gyro_model.progress import Progress
 
@@ -29,6 +32,7 @@ OUTPUT_RATES: Final = {"full": 100.0, "envelope": 10.0}
 
 SENSE_RECORD: Final = "sense.parquet"
 """The record that `gyrotwin split` reads."""
+CHECKPOINT: Final = "rate.checkpoint"
 
 
 class Request(NamedTuple):
@@ -258,12 +262,31 @@ def execute(
     run: "RateRun", folder: Path, progress: "Progress | None" = None, *, force: bool = False, block: float | None = None
 ) -> dict[str, Any]:
     """Runs and writes the files into ``folder``, complete or not at all; gives the summary. block: of a split estimate
-    [s]."""
-    from cosim.rate.master import simulate
+    [s]. An interrupted run leaves its state there, from which the same run goes on."""
+    from cosim.rate.kept import Keeper
+    from gyrotwin.notice import LOGGER
     from gyrotwin.output import check_writable
     from gyrotwin.results import RateResult
 
     check_writable(folder, force=force)
-    result = RateResult(run, simulate(run, progress), block)
+    keeper = Keeper(folder / CHECKPOINT, LOGGER.info)
+    result = RateResult(run, _simulated(run, progress, keeper), block)
     result.save(folder, force=force)
+    keeper.forget()
     return dict(result.summary)
+
+
+def _simulated(run: "RateRun", progress: "Progress | None", keeper: "Keeper") -> "Result":
+    from cosim.rate.master import simulate
+
+    try:
+        return simulate(run, progress, keeper)
+    except InputError:
+        if keeper.seconds:
+            keeper.forget()  # going on would end the same way
+        raise
+    except Interrupted as stop:
+        if keeper.seconds:
+            kept = f"{keeper.path} keeps {keeper.seconds:g} of {run.duration:g} s"
+            stop.left = f"{kept}: the same command goes on from there"
+        raise

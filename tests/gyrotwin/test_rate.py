@@ -1,6 +1,8 @@
 """`gyrotwin rate` as a user types it: files, columns, wrong input as one line with exit code 2."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -144,3 +146,46 @@ def test_loops_and_calibration_know_what_the_design_says(tmp_path: Path) -> None
     assert summary["design"] == "nominal"
     # A package mode that the design does not know pulls the drive by 0.3 Hz of a split of 50 Hz.
     assert summary["scale_factor"] == pytest.approx(0.994, abs=0.002)
+
+
+INTERRUPTED = """
+import os, signal, sys
+from cosim.rate import kept
+from gyrotwin.cli import main
+write, kept.EVERY, kept.SHARE = kept.Keeper._write, 0.05, 1.0
+def and_stop(self, arrays):
+    write(self, arrays)
+    if len(arrays["rows"]) > 100:
+        os.kill(os.getpid(), signal.SIGINT)
+kept.Keeper._write = and_stop
+main(sys.argv[1:])
+"""
+"""A program that types Ctrl-C once some hundred rows are kept."""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT for one process")
+def test_an_interrupted_run_goes_on_to_the_same_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ("--temperature", "20,40,4", "--rate-step", "50", "--sense-record", "250", "--seed", "5")
+    out = tmp_path / "out"
+    command = [sys.executable, "-c", INTERRUPTED, "rate", *asked, "--out", str(out)]
+    stopped = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert stopped.returncode == 130, stopped.stderr
+    [line] = stopped.stderr.strip().splitlines()
+    assert f"{out / 'rate.checkpoint'} keeps " in line
+    assert line.endswith(" of 300 s: the same command goes on from there")
+    assert [path.name for path in out.iterdir()] == ["rate.checkpoint"]
+    assert gyrotwin(capsys, *asked, "--out", str(out)) == (0, "")
+    assert gyrotwin(capsys, *asked, "--out", str(tmp_path / "whole")) == (0, "")
+    names = sorted(path.name for path in (tmp_path / "whole").iterdir())
+    assert sorted(path.name for path in out.iterdir()) == names
+    assert {name for name in names if (out / name).read_bytes() != (tmp_path / "whole" / name).read_bytes()} == set()
+
+
+def test_what_another_run_left_is_told_and_removed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "rate.checkpoint").write_text("something else")
+    main_arguments = ["rate", "--plant", "envelope", "--duration", "5", "--out", str(tmp_path)]
+    with pytest.raises(SystemExit) as ended:
+        main(main_arguments)
+    assert not ended.value.code
+    assert "rate.checkpoint: can't be read; the run starts anew" in " ".join(capsys.readouterr().out.split())
+    assert not (tmp_path / "rate.checkpoint").exists()
