@@ -9,6 +9,9 @@ import numpy as np
 import polars as pl
 import pytest
 
+from cosim.rate import kept, master
+from cosim.rate.run import RateRun
+from gyro_model.errors import InputError
 from gyrotwin.cli import main
 
 COLUMNS = [
@@ -183,9 +186,27 @@ def test_an_interrupted_run_goes_on_to_the_same_files(tmp_path: Path, capsys: py
 
 def test_what_another_run_left_is_told_and_removed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "rate.checkpoint").write_text("something else")
-    main_arguments = ["rate", "--plant", "envelope", "--duration", "5", "--out", str(tmp_path)]
     with pytest.raises(SystemExit) as ended:
-        main(main_arguments)
+        main(["rate", "--plant", "envelope", "--duration", "5", "--out", str(tmp_path)])
     assert not ended.value.code
     assert "rate.checkpoint: can't be read; the run starts anew" in " ".join(capsys.readouterr().out.split())
     assert not (tmp_path / "rate.checkpoint").exists()
+
+
+def test_a_run_that_fails_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept_at_failure: list[bool] = []
+    out = tmp_path / "out"
+
+    def lost(run: RateRun, block: np.ndarray, first: int) -> None:
+        if first >= 30:
+            kept_at_failure.append((out / "rate.checkpoint").is_file())
+            raise InputError("drive loop lost its lock")
+
+    monkeypatch.setattr(kept, "EVERY", 0.0)
+    monkeypatch.setattr(master, "check_lock", lost)
+    code, said = gyrotwin(capsys, "--plant", "envelope", "--duration", "20", "--out", str(out))
+    assert (code, kept_at_failure) == (2, [True])
+    assert "lost its lock" in said
+    assert not out.exists()
