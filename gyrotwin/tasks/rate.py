@@ -270,8 +270,14 @@ def execute(
 
     check_writable(folder, force=force)
     keeper = Keeper(folder / CHECKPOINT, LOGGER.info)
-    result = RateResult(run, _simulated(run, progress, keeper), block)
-    result.save(folder, force=force)
+    try:
+        result = RateResult(run, _simulated(run, progress, keeper), block)
+        result.save(folder, force=force)
+    except Interrupted as stop:
+        if keeper.seconds:
+            kept = f"{keeper.path} keeps {keeper.seconds:g} of {run.duration:g} s"
+            stop.left = f"{kept}: the same command goes on from there"
+        raise
     keeper.forget()
     return dict(result.summary)
 
@@ -284,9 +290,4 @@ def _simulated(run: "RateRun", progress: "Progress | None", keeper: "Keeper") ->
     except InputError:
         if keeper.seconds:
             keeper.forget()  # going on would end the same way
-        raise
-    except Interrupted as stop:
-        if keeper.seconds:
-            kept = f"{keeper.path} keeps {keeper.seconds:g} of {run.duration:g} s"
-            stop.left = f"{kept}: the same command goes on from there"
         raise
