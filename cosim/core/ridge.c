@@ -4,7 +4,6 @@
 #include "drift.h"
 #include "unseen.h"
 
-
 void ridge_begin_step(filter *f)
 {
     memcpy(f->H_begun, f->H, (size_t)f->rows * sizeof *f->H);

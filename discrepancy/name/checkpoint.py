@@ -65,11 +65,14 @@ def _code() -> str:
 def save(path: Path, key: str, state: Mapping[str, Any]) -> None:
     """Writes ``state`` (plain Python) under the search's ``key``; an older file is replaced whole."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    # A name that nobody can have laid a link under.
-    handle, beside = tempfile.mkstemp(prefix=path.name, suffix=".part", dir=path.parent)
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        json.dump({"format": FORMAT, "key": key, "state": state}, file)
-    os.replace(beside, path)
+    # A name that nobody can have laid a link under, and that a folder of results may hold.
+    handle, beside = tempfile.mkstemp(prefix=".writing-", dir=path.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            json.dump({"format": FORMAT, "key": key, "state": state}, file)
+        os.replace(beside, path)
+    finally:
+        Path(beside).unlink(missing_ok=True)
 
 
 def load(path: Path | None, key: str, dataset: Dataset, model: Model) -> dict[str, Any] | None:
