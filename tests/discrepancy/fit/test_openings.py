@@ -18,7 +18,7 @@ from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.openings import LEAST, LONG, TRIED, parts
 from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
-from discrepancy.name import search
+from discrepancy.name import competition
 from discrepancy.name.further import Wider
 from discrepancy.tell.answer import Diagnosis
 
@@ -108,7 +108,7 @@ def test_before_a_weak_name_a_term_that_takes_more_is_asked_for(
     plain, before = asked(tmp_path)
     # Each of the two takes most of what is missing when its turn comes.
     assert before == [0.0]
-    monkeypatch.setattr(search, "WEAK", 2.0)
+    monkeypatch.setattr(competition, "WEAK", 2.0)
     found, least = asked(tmp_path)
     assert names(found) == names(plain) == {"cubic_stiffness", "drive_feedthrough"}
     assert len(least) == 3
