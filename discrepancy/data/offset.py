@@ -34,16 +34,17 @@ class Levelled(NamedTuple):
 
 
 def levelled(records: Sequence[Record], stated: Mapping[str, float], model: Model) -> Levelled:
-    """The runs without an offset far beyond the motion; all the runs as they are where the lab states what is always
-    there (``stated``: nominal values)."""
+    """The runs without an offset far beyond the motion of those to fit, which alone are looked at; all the runs as they
+    are where the lab states what is always there (``stated``: nominal values)."""
     own, said = tuple(records), []
     left: dict[str, float] = {}
+    fit = [record for record in own if record.role == "fit"]
     unlike = len({record.axes for record in own}) > 1
-    if not own or unlike or any(r.order for r in own) or not _still(own) or _standing(stated, model):
+    if not fit or unlike or any(r.order for r in own) or not _still(fit) or _standing(stated, model):
         return Levelled(own, {}, ())
     for axis, name in enumerate("xy"[: own[0].axes]):
-        means = np.array([np.mean(r.v[r.valid, axis]) for r in own])
-        motion = max(float(np.std(r.v[r.valid, axis])) for r in own)
+        means = np.array([np.mean(r.v[r.valid, axis]) for r in fit])
+        motion = max(float(np.std(r.v[r.valid, axis])) for r in fit)
         if np.ptp(means) > SAME * motion or np.abs(means).min() <= BEYOND * motion or motion == 0:
             continue
         offset = np.zeros(own[0].axes)

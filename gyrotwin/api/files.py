@@ -1,4 +1,4 @@
-"""What all tasks share: devices, designs, effects, and how far one has come."""
+"""What a task starts from: devices, designs, effects."""
 
 import tempfile
 from collections.abc import Sequence

@@ -67,14 +67,15 @@ def _kept_alive(local: Any, workers: int) -> Iterator[None]:
     ended = Event()
 
     def watch() -> None:
-        alone = 0
+        alone, patience = 0, LOOKS
         while not ended.wait(LONELY_S / LOOKS):
             alone = 0 if local.scheduler_info["workers"] else alone + 1
-            if alone == LOOKS:
+            if alone == patience:
                 LOGGER.info("all workers are gone: starting new ones ...")
                 local.scale(0)
                 local.scale(workers)
-                alone = 0
+                # Where they are slow to start the next ones have longer, or none would ever be up.
+                alone, patience = 0, 2 * patience
 
     watcher = Thread(target=watch, daemon=True)
     if local is not None:

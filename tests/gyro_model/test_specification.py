@@ -34,7 +34,7 @@ def more() -> dict[str, str]:
 def rows(begin: str, end: str) -> list[list[str]]:
     """The cells of the table between two headings."""
     if not SPECIFICATION.is_file():
-        pytest.skip("shared/SYSTEM.md is not beside this checkout")
+        pytest.skip("the specification is not beside this checkout")
     section = SPECIFICATION.read_text(encoding="utf-8").partition(begin)[2].partition(end)[0]
     lines = [line for line in section.splitlines() if line[:1] == "|"]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]

@@ -25,6 +25,9 @@ def test_an_offset_beyond_the_motion_is_taken_off_and_said() -> None:
     assert np.allclose([r.v.mean() for r in runs], [-0.1, 0.1], atol=1e-3)
     assert len(said) == 1
     assert "v_x stands at 17.1 V" in said[0]
+    # A held-out run has no say, and is levelled by the others.
+    seen, _, _ = levelled([run(17.0), replace(run(27.0, seed=2), role="held-out")], {}, MODEL)
+    assert np.allclose([r.v.mean() for r in seen], [0.0, 10.0], atol=1e-3)
     # What the mean leaves is fitted, and not named.
     assert left.keys() == {"offset_x"}
 

@@ -36,6 +36,5 @@ def test_a_diagnosis_says_which_runs_differ() -> None:
     data = made({}, samples=3000)
     unlike = (replace(data.records[0], v=1.01 * data.records[0].v), *data.records[1:])
     found = diagnose(replace(data, records=unlike), MODEL)
-    print(found.verdict, found.doubts)
     assert found.verdict in ("unexplained", "partly explained")
     assert any("the runs differ by a gain" in doubt for doubt in found.doubts)
