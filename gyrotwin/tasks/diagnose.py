@@ -3,11 +3,13 @@
 import math
 import shutil
 import tempfile
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import typer
@@ -30,6 +32,10 @@ if TYPE_CHECKING:
     from discrepancy.tell.limits import Limits
 
 CHECKPOINT: Final = "search.checkpoint"
+
+QUIET: Final = 8.0
+"""Seconds without a line after which a log, where no spinner turns, says that the step goes on: below the ten that
+pass for a hang."""
 
 console = Console()
 
@@ -229,16 +235,40 @@ def _kept_search(request: Request, out: Console) -> Iterator[tuple[Path, Steps]]
 
 @contextmanager
 def steps_shown(out: Console) -> Iterator[Any]:
-    """Shows the step at work with the time since the start; steps done stay as lines."""
+    """Shows the step at work with the time since the start; steps done stay as lines. A log, in which nothing turns,
+    gets a line every QUIET s."""
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
     with Progress(*columns, console=out, transient=True) as bar:
         task = bar.add_task("start", total=None)
 
-        def progress(line: str) -> None:
-            bar.update(task, description=line)
+        def say(line: str) -> None:
             out.print(f"· {line}", style="dim", soft_wrap=True, highlight=False, markup=False)
 
-        yield progress
+        def progress(line: str) -> None:
+            bar.update(task, description=line)
+            say(line)
+            at_work.set()
+
+        at_work, over = threading.Event(), threading.Event()
+        if not out.is_terminal:
+            heard = threading.Thread(target=_still, args=(say, at_work, over), daemon=True)
+            heard.start()
+        try:
+            yield progress
+        finally:
+            over.set()
+            at_work.set()
+
+
+def _still(say: Steps, at_work: threading.Event, over: threading.Event) -> None:
+    """Says every QUIET s for how long the step has been at work that began when ``at_work`` was set, until ``over``."""
+    begun = monotonic()
+    while not over.is_set():
+        if at_work.wait(QUIET):
+            at_work.clear()
+            begun = monotonic()
+        else:
+            say(f"still at it, for {monotonic() - begun:.0f} s")
 
 
 def writers_of(result: DiagnosisResult) -> dict[str, Writer]:

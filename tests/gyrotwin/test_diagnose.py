@@ -4,7 +4,9 @@ import json
 import tomllib
 from collections.abc import Callable
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
+from time import sleep
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,6 +17,7 @@ import pytest
 from cubic_case import HIDDEN, MODEL, QUINTIC, RATE, TRUE, Tables, exit_code, written
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
+from rich.console import Console
 
 import gyrotwin as gt
 from discrepancy import diagnose as naming
@@ -196,3 +199,14 @@ def test_what_a_one_axis_record_gives() -> None:
     assert device.intervals == {"kxx": (50.0, 52.0)}
     started = diagnose.improved_model(data, MODEL, device)
     assert dict(started.starts)["sample_period"] == 1 / records[0].sample_rate
+
+
+def test_a_log_hears_of_a_step_that_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(diagnose, "QUIET", 0.02)
+    out = Console(file=StringIO(), force_terminal=False)
+    with diagnose.steps_shown(out) as progress:
+        progress("a long step")
+        sleep(0.2)
+    said = out.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    assert said[0] == "· a long step"
+    assert "· still at it, for 0 s" in said[1:]
