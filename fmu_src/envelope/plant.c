@@ -162,17 +162,20 @@ static gyro_harmonics follow_curves(gyro_instance *g, const gyro_harmonics *u, c
 
 /* Mean and harmonics of the motion in memory, and what the curved forces make of the carrier's part. Where each depends on its own axis
    alone, its ratio to the displacement is a stiffness, so that a frequency that is pulled by the amplitude is followed exactly; else it is held
-   as a force. */
-static void take_curves(gyro_instance *g, const gyro_harmonics *u, const gyro_motion *m)
+   as a force. Gives how steep they are [N/m]. */
+static void take_curves(gyro_instance *g, const gyro_harmonics *u, const gyro_motion *m, double steepness[2])
 {
+    /* A force of its own axis is at most as large as its steepness makes it along the amplitude. */
+    static const double OWN = 2.0;
     gyro_memory *memory = &g->memory;
+    steepness[0] = -1.0;
     /* Twice: the harmonics in memory are turned as the amplitude was a step ago, which would feed or drain energy. */
-    double steepness[2] = {-1.0, -1.0};
     follow_curves(g, u, m, steepness);
     const gyro_harmonics f = follow_curves(g, u, m, steepness);
     for (int i = 0; i < 2; i++) {
         const number q = memory->q.part[0].e[i];
-        const int held = any_crossed_force(&g->view) || !(square(q) > NO_MOTION);
+        const double most = OWN * steepness[i];
+        const int held = !(square(q) > NO_MOTION) || (any_crossed_force(&g->view) && square(f.part[0].e[i]) > most * most * square(q));
         memory->bent_force.e[i] = held ? f.part[0].e[i] : number_of(0.0, 0.0);
         memory->bent_stiffness.e[i] = held ? number_of(0.0, 0.0) : scaled(over(f.part[0].e[i], q), -g->view.inverse_mass);
     }
@@ -284,6 +287,34 @@ static void advance(gyro_instance *g, pair before, pair force)
     memory->q_dot = pair_plus(apply(memory->slow.rate, memory->q.part[0]), apply(memory->slow.input, force));
 }
 
+/* The longest part of `step` [s] through which a force may be held that is as steep as this [N/m]: it detunes the motion by as much as turns
+   the amplitude by TURN. */
+static double held_part(const gyro_instance *g, const double steepness[2], double step)
+{
+    /* rad. The midpoint rule holds a mode that is turned by less than 1; its error in a part is TURN³/24 of what the force does. */
+    static const double TURN = 0.1;
+    const double steeper = steepness[0] > steepness[1] ? steepness[0] : steepness[1];
+    const double detuned = steeper * g->view.inverse_mass / (2.0 * gyro_carrier(g));
+    const double turning = detuned < gyro_carrier(g) ? detuned : gyro_carrier(g);
+    return turning * step > TURN ? TURN / turning : step;
+}
+
+/* The amplitudes a step later, from those `before`, under curved forces: by the midpoint rule, forces of half a part ahead, in parts where a
+   force that joins the axes is held through each. */
+static void move_curved(gyro_instance *g, pair before, const gyro_harmonics *u, const gyro_motion *m, double step)
+{
+    double steepness[2], rest = step;
+    while (rest > 0.0) {
+        take_curves(g, u, m, steepness);
+        double part = any_crossed_force(&g->view) ? held_part(g, steepness, rest) : rest;
+        advance(g, before, take_motion(g, u, m, 0.5 * part));
+        take_curves(g, u, m, steepness);
+        advance(g, before, take_motion(g, u, m, part));
+        before = g->memory.q.part[0];
+        rest = part < rest ? rest - part : 0.0;
+    }
+}
+
 /* The amplitudes from `settled` to `to`, in which nothing jumps. Laws are those of the middle, then of the end. */
 static void move_amplitudes(gyro_instance *g, gyro_instant to)
 {
@@ -301,23 +332,21 @@ static void move_amplitudes(gyro_instance *g, gyro_instant to)
         memory->bent_force = NO_PAIR;
         follow_actuators(g, &u, &m);
     } else if (memory->jumped) {
-        take_curves(g, &u, &m);
+        double steepness[2];
+        take_curves(g, &u, &m, steepness);
     }
     memory->jumped = 0;
-    pair force = take_motion(g, &u, &m, step);
+    const pair force = take_motion(g, &u, &m, step);
     if (memory->clock.settled.tick > 0) {
         /* What begins at the start is an amplitude of the motion there. What the curved forces make of it changes with the amplitude, not at
            an instant: it is that of the step before, or where they jumped, that of now. */
         before = joined(g, before, memory->q_dot, force);
     }
     if (curved) {
-        /* The midpoint rule: forces of half a step ahead. */
-        take_curves(g, &u, &m);
-        advance(g, before, take_motion(g, &u, &m, 0.5 * step));
-        take_curves(g, &u, &m);
-        force = take_motion(g, &u, &m, step);
+        move_curved(g, before, &u, &m, step);
+    } else {
+        advance(g, before, force);
     }
-    advance(g, before, force);
     if (any_drawn_force(view)) {
         const pair moved = thermal_motion(g);
         memory->q.part[0] = pair_plus(memory->q.part[0], moved);

@@ -93,10 +93,13 @@ def test_each_effect_in_steady_state(effect: str, envelope: Runner, plant: Runne
     assert np.max(np.abs(slow / plain - 1)) > 1e-4, "large enough to be seen"
 
 
-@pytest.mark.parametrize("stiffness", [20.0, 200.0, 1e5])
-def test_a_hard_stop_holds_the_amplitude(stiffness: float, envelope: Runner, plant: Runner, residual: Residual) -> None:
+# With k22 the forces join the axes, and none of them is followed as a stiffness of its own axis alone.
+@pytest.mark.parametrize(("stiffness", "k22"), [(20.0, 0.0), (200.0, 0.0), (1e5, 0.0), (200.0, 1e9)])
+def test_a_hard_stop_holds_the_amplitude(
+    stiffness: float, k22: float, envelope: Runner, plant: Runner, residual: Residual
+) -> None:
     # Q 5000: slow enough that the drive of both stays on the stop, at 0.3 to 1,600 times the suspension's stiffness.
-    p = rate_device(5000.0, kxy=0.0, stop_stiffness=stiffness, stop_gap=3.5e-6)
+    p = rate_device(5000.0, kxy=0.0, stop_stiffness=stiffness, stop_gap=3.5e-6, k22=k22)
     force = drive(p)
     slow = settled(envelope, p, force)
     fast = demodulated(plant, p, slow[2:], force, F_X, SECONDS)

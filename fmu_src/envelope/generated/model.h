@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{0bbf67f9-2b92-7644-3928-9644ccc2a9e1}"
+#define GYRO_TOKEN "{2fbc0af5-5bdc-839e-5ad0-372fac33346d}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
