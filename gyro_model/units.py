@@ -129,8 +129,9 @@ _DEGREE: Final = pi / 180
 MEASURED: Final[Mapping[str, Mapping[str, Conversion]]] = {
     "s": {
         **{f"{p}s": Conversion(x) for p, x in _PREFIX.items() if p != "k"},
-        "min": Conversion(60.0),
-        "h": Conversion(3600.0),
+        **dict.fromkeys(("sec", "second", "seconds"), Conversion(1.0)),
+        **dict.fromkeys(("min", "minute", "minutes"), Conversion(60.0)),
+        **dict.fromkeys(("h", "hr", "hour", "hours"), Conversion(3600.0)),
     },
     "N": {f"{p}N": Conversion(x) for p, x in _PREFIX.items()},
     "V": {f"{p}V": Conversion(x) for p, x in _PREFIX.items()},
@@ -139,8 +140,12 @@ MEASURED: Final[Mapping[str, Mapping[str, Conversion]]] = {
     "rad/s": {
         "deg/s": Conversion(_DEGREE),
         "rad/s": Conversion(1.0),
-        **dict.fromkeys(("°/s", "dps"), Conversion(_DEGREE)),
-        **dict.fromkeys(("deg/h", "°/h"), Conversion(_DEGREE / 3600)),
+        **dict.fromkeys(("°/s", "dps", "deg/sec", "°/sec"), Conversion(_DEGREE)),
+        **dict.fromkeys(("deg/h", "°/h", "deg/hr", "°/hr"), Conversion(_DEGREE / 3600)),
+        **dict.fromkeys(("mdeg/s", "m°/s", "mdps"), Conversion(1e-3 * _DEGREE)),
+        "mrad/s": Conversion(1e-3),
+        "rad/sec": Conversion(1.0),
+        "rpm": Conversion(pi / 30),
     },
     "K": {"K": Conversion(1.0), **dict.fromkeys(("degC", "°C", "C"), Conversion(1.0, ZERO_CELSIUS))},
     "m/s2": {

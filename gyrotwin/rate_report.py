@@ -13,7 +13,7 @@ from cosim.rate.allan import FLAT, Allan, NoiseLimits
 from cosim.rate.run import RateRun
 from gyrotwin import rate_figures as figures
 from gyrotwin.figures import Figure
-from gyrotwin.numbers import MISSING, significant
+from gyrotwin.numbers import MISSING, significant, with_error
 from gyrotwin.report import as_json, template, write_whole
 
 Noise = tuple[Allan, NoiseLimits]
@@ -30,6 +30,7 @@ def results(summary: Mapping[str, Any]) -> RenderableType:
     table.add_column("unit")
     for row in rows(summary):
         table.add_row(*row)
+    table.caption = f"The harmonic balance leaves out: {', '.join(missing)}" if (missing := left_out(summary)) else None
     warnings = [Text(f"warning: {text}", style="yellow") for text in summary["warnings"]]
     parts: list[RenderableType] = [head, *warnings, table]
     if summary["allan"] is not None:
@@ -70,8 +71,18 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
     stays = span["max"] - span["min"] < figures.SPAN
     expected = {name: value if stays else None for name, value in summary["harmonic_balance"].items()}
     return [
-        ("bias", significant(summary["bias_deg_s"], 5), significant(expected["bias_deg_s"], 5), "°/s"),
-        ("scale factor", significant(summary["scale_factor"], 6), significant(expected["scale_factor"], 6), "1"),
+        (
+            "bias",
+            with_error(summary["bias_deg_s"], summary["bias_error_deg_s"]),
+            significant(expected["bias_deg_s"], 5),
+            "°/s",
+        ),
+        (
+            "scale factor",
+            with_error(summary["scale_factor"], summary["scale_factor_error"]),
+            significant(expected["scale_factor"], 6),
+            "1",
+        ),
         (
             "quadrature",
             significant(summary["quadrature_deg_s"], 5),
@@ -87,6 +98,11 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
         ("drive amplitude", significant(summary["drive_amplitude_v"]["mean"], 6), "", "V"),
         ("drive force", _nano(summary["drive_force_n"]["mean"]), _nano(expected["drive_force_n"]), "nN"),
     ]
+
+
+def left_out(summary: Mapping[str, Any]) -> list[str]:
+    """Effects that act and of which the harmonic balance does not know."""
+    return list(summary["harmonic_balance"]["left_out"])
 
 
 def _nano(force: float | None) -> str:

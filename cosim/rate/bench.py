@@ -13,8 +13,7 @@ from cosim.rate import loop
 from cosim.rate.courses import Course, constant
 from cosim.rate.master import LoopedPlant, simulate
 from cosim.rate.run import SAMPLES, RateRun
-from cosim.rate.steady_state import Output, covers, output_at
-from gyro_model.anatomy import Follow
+from cosim.rate.steady_state import Output, left_out, output_at
 from gyro_model.device import Device
 
 Floats = NDArray[np.float64]
@@ -156,18 +155,10 @@ class Bench:
         """The settled output by harmonic balance at a temperature [K], None: of reference."""
         return output_at(self.device, self.typical.nominal.calibration, temperature or self.reference_temperature)
 
-    @cached_property
+    @property
     def left_out(self) -> tuple[str, ...]:
         """Effects that act on the settled output and of which the harmonic balance does not know."""
-        known = ("actuator_delay",) if self.design is None else ()
-        return tuple(
-            effect.id
-            for effect in self.device.model.effects
-            if not (
-                effect.nominal or effect.noise or isinstance(effect, Follow) or covers(effect) or effect.id in known
-            )
-            and self.device.acts(effect)
-        )
+        return left_out(self.device, delay_known=self.design is None)
 
     @cached_property
     def other_noises(self) -> tuple[str, ...]:

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from cosim.rate.allan import Allan, NoiseLimits, allan_deviation, noise_limits
 from cosim.rate.courses import ZERO_CELSIUS
-from cosim.rate.filters import delay
 from cosim.rate.master import Result
 from cosim.rate.run import V_BIAS, RateRun
 from cosim.rate.settings import at_bias
-from cosim.rate.steady_state import output_at
+from cosim.rate.steady_state import left_out, output_at
+from cosim.rate.transfer import expected_transfer
 from gyro_model.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -65,40 +65,87 @@ def plateaus(record: pl.DataFrame, run: RateRun) -> Plateaus:
 
 
 class Line(NamedTuple):
-    """rate = scale_factor · rate_true + bias [rad/s], by least squares; residual: rms [rad/s]; bias_error: standard
-    error of the bias by white noise [rad/s]. scale_factor is None at rest."""
+    """rate = scale_factor · rate_true + bias [rad/s], by least squares, with standard errors; residual: rms [rad/s].
 
-    bias: float
-    bias_error: float
+    scale_factor is None where the rate stays, bias too where it stays elsewhere than at rest.
+    """
+
+    bias: float | None
+    bias_error: float | None
     scale_factor: float | None
+    scale_factor_error: float | None
     residual: float
 
 
 def fit_line(record: pl.DataFrame, run: RateRun) -> Line | None:
     """Bias and scale factor of a record, over the rows where a step of the rate is no longer seen.
 
-    A rate that moves all the time is delayed as the filters do. None where no row is settled.
+    A rate that moves all the time is the one that a gyroscope of the design would show. None where no row is settled.
     """
     true, rate = record["rate_true"].to_numpy(), record["rate"].to_numpy()
     moves = np.flatnonzero(np.diff(true) != 0)
     if len(moves) < 0.2 * len(true):
         used = settled_rows(record, run)
     else:
-        lag = delay(run.settings.output_bandwidth) + delay(run.settings.demodulator_bandwidth)
-        t = record["t"].to_numpy()
-        true, used = np.interp(t - lag, t, true), t > run.settling
+        true, used = shown_rate(run), record["t"].to_numpy() > run.settling
     if used.sum() < 3:
         return None
-    columns = [np.ones(used.sum())] + ([true[used]] if np.ptp(true[used]) > 0 else [])
+    turns = bool(np.ptp(true[used]) > 0)
+    columns = [np.ones(used.sum())] + ([true[used]] if turns else [])
     design = np.stack(columns, axis=1)
     solution, *_ = np.linalg.lstsq(design, rate[used], rcond=None)
     residual = rate[used] - design @ solution
     rms = float(np.sqrt(np.mean(residual**2)))
-    covariance = np.linalg.inv(design.T @ design) * rms**2
-    # Rows within the memory of the output filter repeat each other.
-    repeats = max(1.0, 1 / (2 * pi * run.settings.output_bandwidth * run.interval))
-    scale = float(solution[1]) if len(solution) > 1 else None
-    return Line(float(solution[0]), float(np.sqrt(covariance[0, 0] * repeats)), scale, rms)
+    error = np.sqrt(np.diag(np.linalg.inv(design.T @ design)) * rms**2 * _repeats(residual, run))
+    if turns:
+        return Line(float(solution[0]), float(error[0]), float(solution[1]), float(error[1]), rms)
+    if true[used][0] != 0:
+        return Line(None, None, None, None, rms)
+    return Line(float(solution[0]), float(error[0]), None, None, rms)
+
+
+PARTS: Final = 20
+"""Means over so many parts of a record tell how rows hang together; their scatter is then known to 16 %."""
+FEWEST_PARTS: Final = 8
+PART: Final = 10.0
+"""Delays of the output in a part at least: neighbouring means then share 5 %."""
+
+
+def _repeats(residual: Floats, run: RateRun) -> float:
+    """How many rows, shape (n,), tell as much as one of white noise: the variance of means over what it would be."""
+    parts = min(int(len(residual) * run.interval / (PART * run.delay)), PARTS, len(residual) // 2)
+    variance = float(residual.var())
+    if parts < FEWEST_PARTS or variance == 0.0:
+        # Rows within the memory of the output filter repeat each other.
+        return max(1.0, 1 / (2 * pi * run.settings.output_bandwidth * run.interval))
+    means = np.array([part.mean() for part in np.array_split(residual, parts)])
+    return float(means.var(ddof=1) * (len(residual) / parts) / variance)
+
+
+FINE: Final = 0.02
+"""A moving rate is looked at in steps of this over the bandwidth of the output: values in their middle for means are
+0.04 % too large for a sine at 3/4 of the bandwidth; steps of 0.05 make 0.2 %."""
+AT_ONCE: Final = 1_000_000
+"""Values taken at once: hours at a fine step would fill the memory."""
+
+
+def shown_rate(run: RateRun) -> Floats:
+    """What a gyroscope of the design shows of the rate, means over the rows of the record [rad/s], shape (n,): filters
+    and sense axis by their transfer function (transfer.py)."""
+    per_row = max(int(np.ceil(run.interval * run.settings.output_bandwidth / FINE)), 1)
+    step, lead = run.interval / per_row, int(np.ceil(run.settling / run.interval))
+    count = max(AT_ONCE // per_row, 4 * lead)
+    parts = []
+    for first in range(0, run.rows, count):
+        # Each piece begins earlier, by what the output remembers: what is before its begin is not known to it.
+        begin, end = max(first - lead, 0), min(first + count, run.rows)
+        true = run.rate.held(begin * per_row, (end - begin) * per_row, step)
+        frequency = np.fft.rfftfreq(2 * len(true), step).astype(np.float64)
+        # As much again, at the last value and back at the first, keeps the end out of the begin.
+        padded = np.concatenate([true, np.full(len(true) - len(true) // 2, true[-1]), np.full(len(true) // 2, true[0])])
+        shown = np.fft.irfft(np.fft.rfft(padded) * expected_transfer(run.known, run, frequency), len(padded))
+        parts.append(shown[: len(true)].reshape(-1, per_row).mean(axis=1)[first - begin :])
+    return np.concatenate(parts)
 
 
 BEYOND: Final = 0.05
@@ -106,26 +153,32 @@ BEYOND: Final = 0.05
 
 
 def power_beyond(run: RateRun) -> float:
-    """Share of the power of a rate profile that lies beyond the bandwidth of the output; 0 for steps and rest."""
-    if np.isfinite(run.rate.stays) or not np.isfinite(run.rate.length):
+    """Share of the power of a moving rate that lies beyond the bandwidth of the output; 0 for steps and rest."""
+    if np.isfinite(run.rate.stays):
         return 0.0
-    step = 0.05 / run.settings.output_bandwidth
-    values = run.rate.held(0, max(min(int(run.duration / step), 1_000_000), 2), step)
+    step = FINE / run.settings.output_bandwidth
+    values = run.rate.held(0, max(min(int(run.duration / step), AT_ONCE), 2), step)
     power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(len(values)))) ** 2
     beyond = np.fft.rfftfreq(len(values), step) > run.settings.output_bandwidth
     return float(power[beyond].sum() / max(power.sum(), 1e-300))
 
 
-def warnings(run: RateRun) -> list[str]:
+def warnings(run: RateRun, record: pl.DataFrame) -> list[str]:
     """What a reader of the numbers must know first."""
+    told, true = [], record["rate_true"].to_numpy()
     share = power_beyond(run)
-    if share <= BEYOND:
-        return []
-    bandwidth = run.settings.output_bandwidth
-    return [
-        f"{100 * share:.0f} % of the power of {run.rate.text} lies beyond the output's {bandwidth:g} Hz: the gain "
-        "to it is no scale factor, and none is given; take a slower profile, or a larger output_bandwidth"
-    ]
+    if share > BEYOND:
+        bandwidth = run.settings.output_bandwidth
+        told.append(
+            f"{100 * share:.0f} % of the power of {run.rate.text} lies beyond the output's {bandwidth:g} Hz: the gain "
+            "to it is no scale factor, and none is given; take a slower profile, or a larger output_bandwidth"
+        )
+    if np.ptp(true) == 0 and true[0] != 0:
+        told.append(
+            f"the rate stays at {np.degrees(true[0]):.4g} °/s, where bias and scale factor can't be told apart: give "
+            "one that changes, such as --rate-step"
+        )
+    return told
 
 
 def allan_of(record: pl.DataFrame, run: RateRun) -> tuple[Allan, NoiseLimits] | None:
@@ -146,7 +199,7 @@ def summarise(run: RateRun, result: Result) -> Summary:
     line, allan = fit_line(record, run), allan_of(record, run)
     calibration = run.nominal.calibration
     first = float(record["temperature_structure"][0])
-    told = warnings(run)
+    told = warnings(run, record)
     biased = at_bias(run.device, float(run.first_inputs[V_BIAS]), run.settings.drive_amplitude)
     expected = output_at(biased, calibration, first)
     return {
@@ -161,9 +214,10 @@ def summarise(run: RateRun, result: Result) -> Summary:
         "temperature_course": run.temperature.text,
         "locked_at": result.locked_at,
         "started_at": result.started_at,
-        "bias_deg_s": None if line is None else degrees(line.bias),
-        "bias_error_deg_s": None if line is None else degrees(line.bias_error),
+        "bias_deg_s": None if line is None or line.bias is None else degrees(line.bias),
+        "bias_error_deg_s": None if line is None or line.bias_error is None else degrees(line.bias_error),
         "scale_factor": None if line is None or told else line.scale_factor,
+        "scale_factor_error": None if line is None or told else line.scale_factor_error,
         "warnings": told,
         "residual_rms_deg_s": None if line is None else degrees(line.residual),
         "scale_factor_nominal": abs(calibration.scale),
@@ -187,6 +241,7 @@ def summarise(run: RateRun, result: Result) -> Summary:
             "quadrature_deg_s": degrees(expected.quadrature),
             "drive_frequency_hz": expected.drive_frequency,
             "drive_force_n": expected.drive_force,
+            "left_out": list(left_out(biased, delay_known=run.design is None)),
         },
         "allan": None if allan is None else _allan(*allan),
     }

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import pi
+from math import ceil, pi
 from typing import Final
 
 import numpy as np
@@ -24,7 +24,11 @@ Floats = NDArray[np.float64]
 
 OMEGA_Z, TEMPERATURE, V_BIAS = (INPUT_NAMES.index(name) for name in ("omega_z", "temperature", "v_bias"))
 ENVELOPE_PERIOD: Final = 1e-3
-"""Step of the slow loops on the envelope [s]: a twentieth of a period of the split, a fiftieth of the phase loop's."""
+"""Step of the slow loops on the envelope at most [s]: a twentieth of a period of a split of 50 Hz, a fiftieth of the
+phase loop's."""
+CLEAR: Final = 0.4
+"""The split times the step of the envelope at most. Beyond 1/2 thermal noise about the split folds back: at 2000 Hz in
+steps of 1 ms onto rest, where it quadruples the angle random walk."""
 LONGEST_SETTLING: Final = 60.0
 """The full FMU is not run up for longer than this [s]: some 20 s of computing."""
 SAMPLES: Final = 8
@@ -40,7 +44,7 @@ class RateRun:
     rate [rad/s], temperature [K]: what the package goes through, from the time on at which the loops have settled;
     closed: the sense loop rebalances; sample_rate, output_rate [Hz]; duration [s]; sense_rate: of a record of the sense
     voltage [Hz], None for none; design: what loops and calibration know of the device, None: all of it; others: further
-    inputs of the plant by name, SI; envelope_period: step of the loops on the envelope [s].
+    inputs of the plant by name, SI; envelope_period: step of the loops on the envelope [s], None: as the split asks.
 
     Raises InputError for what can't be, a course shorter than the run, a rate beyond full scale, a temperature that
     jumps, and a record that could not show the split.
@@ -58,7 +62,7 @@ class RateRun:
     sense_rate: float | None = None
     design: Device | None = None
     others: Mapping[str, Course] = field(default_factory=dict)
-    envelope_period: float = ENVELOPE_PERIOD
+    envelope_period: float | None = None
 
     def __post_init__(self) -> None:
         if not 1 <= self.output_rate <= 1e4:
@@ -134,7 +138,11 @@ class RateRun:
     @property
     def period(self) -> float:
         """Period of the loops [s]: of the converter, or of the envelope."""
-        return self.envelope_period if self.envelope else 1 / self.sample_rate
+        if not self.envelope:
+            return 1 / self.sample_rate
+        split = abs(self.nominal.pole.imag) / (2 * pi)
+        # A whole part of the longest, so that rows stay as long as they were.
+        return self.envelope_period or ENVELOPE_PERIOD / max(ceil(split * ENVELOPE_PERIOD / CLEAR), 1)
 
     @property
     def per_row(self) -> int:

@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 
 from scipy.optimize import brentq
 
-from gyro_model.anatomy import Effect, Law
+from gyro_model.anatomy import Effect, Follow, Law
 from gyro_model.device import Device
 from gyro_model.errors import InputError
 from gyro_model.evaluate import evaluate
@@ -85,6 +85,18 @@ def covers(effect: Effect) -> bool:
         return any(parameter.name in parameters_read() for parameter in effect.parameters)
     moving = {t, after, since} & {symbol for expr in effect.terms().values() for symbol in expr.free_symbols}
     return not (moving or effect.memories) and {target.name for target in effect.changes} <= parameters_read()
+
+
+def left_out(device: Device, *, delay_known: bool) -> tuple[str, ...]:
+    """Ids of the effects that act on the settled output of ``device`` and are not in the equations. delay_known: the
+    loops undo the delay of the actuator."""
+    known = {"actuator_delay"} if delay_known else set()
+    return tuple(
+        effect.id
+        for effect in device.model.effects
+        if not (effect.nominal or effect.noise or isinstance(effect, Follow) or covers(effect) or effect.id in known)
+        and device.acts(effect)
+    )
 
 
 def parameters_at(device: Device, temperature: float) -> dict[str, float]:

@@ -75,9 +75,16 @@ class Table:
 
     def times(self, heading: str | None = None) -> Floats:
         """The column of times [s], shape (n,): the first, unless ``heading`` names another; in the unit of its heading,
-        else in seconds. Raises InputError as ``numbers`` does, and where time does not increase."""
+        else in seconds. Raises InputError as ``numbers`` does, for another unit in brackets, and where time does not
+        increase."""
         heading = heading or self.headings[0]
-        t = self.quantity(heading, "s", stated_unit(heading, "s") or "s")
+        stated, match = stated_unit(heading, "s"), _IN_BRACKETS.search(heading)
+        if stated is None and match is not None and match[1].isalpha():
+            raise InputError(
+                f"{self.name}: time {heading!r} is in {match[1]!r}, which is no unit of time: use one of "
+                f"{', '.join(MEASURED['s'])} in the heading"
+            )
+        t = self.quantity(heading, "s", stated or "s")
         step = np.diff(t)
         if not (step > 0).all():
             row = int(np.argmax(step <= 0)) + 1
@@ -99,6 +106,11 @@ def stated_unit(heading: str, si: str) -> str | None:
     # A single letter is more often a name: T_C of a circuit.
     if underscore and len(end) > 1 and end in known:
         return end
-    free = [unit for unit in known if "/" in unit and unit in heading]
+    free = [unit for unit in known if "/" in unit and _stands_free(unit, heading)]
     # m/s2 before m/s, were there one: the longest is meant.
     return max(free, key=len, default=None)
+
+
+def _stands_free(unit: str, heading: str) -> bool:
+    """Whether ``unit`` is in ``heading`` and no part of a longer one: no rad/s in krad/s, no deg/s in deg/s2."""
+    return re.search(rf"(?<![^\W\d_]){re.escape(unit)}(?![\w^²/])", heading) is not None

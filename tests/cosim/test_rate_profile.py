@@ -118,7 +118,7 @@ def write(path, *lines):
         (["t,rate", "0,1", "1,", "2,1", "3,1"], "rate", "rad/s", "is None in row 2, not a finite"),
         (["t,rate", "0,1", "1,x", "2,1", "3,1"], "rate", "rad/s", "is 'x' in row 2, not a finite"),
         (["t,rate_z"], "rate_y", "rad/s", "no column 'rate_y'; did you mean 'rate_z'"),
-        (["t,rate", "0,1"], "rate", "rpm", "rate unit 'rpm' is not known: use deg/s or rad/s"),
+        (["t,rate", "0,1"], "rate", "rps", "rate unit 'rps' is not known: use deg/s or rad/s"),
         ([""], "rate", "rad/s", "no table with a header line"),
     ],
 )

@@ -110,8 +110,8 @@ def _chosen(bench: Bench) -> tuple[RateRun, float]:
 
 
 def _response(bench: Bench, run: RateRun, top: float) -> Response:
-    # The envelope steps at 1 ms, and a tenth of that rate is the fastest that it shows well.
-    fastest = min(FASTEST * top, 100.0) if run.envelope else FASTEST * top
+    # A tenth of the rate of its steps is the fastest that the envelope shows well.
+    fastest = min(FASTEST * top, 0.1 / run.period) if run.envelope else FASTEST * top
     step = run.period
     interval = step * max(int(1 / (ROWS_A_PERIOD * fastest * step)), 1)
     rows = round(1 / (SLOWEST * top * interval))

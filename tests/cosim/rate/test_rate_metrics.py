@@ -1,0 +1,86 @@
+"""What a run of rate mode says of itself: bias and scale factor, their errors, what the harmonic balance leaves out."""
+
+from math import pi
+
+import numpy as np
+import pytest
+
+from cosim.rate.allan import noise_limits
+from cosim.rate.courses import Course, constant, constant_temperature, rate_step
+from cosim.rate.master import simulate
+from cosim.rate.metrics import allan_of, fit_line, summarise
+from cosim.rate.run import RateRun
+from gyro_model.device import load_device
+
+DEVICE = load_device("rate-mode")
+QUIET = DEVICE.with_parameters({"sense_noise": 0.0, "thermal_force": 0.0})
+
+
+def run_of(rate: Course, duration: float, device=QUIET, **others) -> RateRun:
+    return RateRun(device, rate, constant_temperature(25), False, duration, 1, envelope=True, **others)
+
+
+def sine(frequency: float) -> Course:
+    return Course(lambda t: np.sin(2 * pi * frequency * t), np.inf, "sine")
+
+
+@pytest.mark.parametrize(("frequency", "output_rate"), [(3.0, 20.0), (20.0, 50.0), (30.0, 50.0)])
+def test_the_scale_factor_of_a_sine_is_that_of_a_step(frequency: float, output_rate: float, residual) -> None:
+    run = run_of(sine(frequency), 3.0, output_rate=output_rate)
+    line = fit_line(simulate(run).record, run)
+    assert line is not None and line.scale_factor is not None
+    # The envelope holds the rate for 1 ms, which takes 0.15 % off 30 Hz. The rate between rows by straight lines made
+    # 1.2 % at 3 Hz, and 0.74 instead of 1 at 30 Hz.
+    residual("scale factor", abs(line.scale_factor - 1), 2e-3)
+
+
+def test_pieces_of_a_long_record_are_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    from cosim.rate import metrics
+
+    run = run_of(sine(3.0), 4.0, output_rate=20.0)
+    whole = metrics.shown_rate(run)
+    monkeypatch.setattr(metrics, "AT_ONCE", 1)
+    later = np.arange(run.rows) * run.interval > run.settling
+    # A piece begins 12 time constants earlier, e^-12 = 6e-6, at an edge of up to 1 rad/s.
+    np.testing.assert_allclose(metrics.shown_rate(run)[later], whole[later], atol=2e-5)
+
+
+def test_a_rate_that_stays_has_neither_bias_nor_scale_factor() -> None:
+    run = run_of(constant(0.5, "0.5 rad/s"), 1.0)
+    summary = summarise(run, simulate(run))
+    assert summary["bias_deg_s"] is None and summary["scale_factor"] is None
+    assert "stays at 28.65 °/s" in summary["warnings"][0]
+
+
+def test_errors_of_rows_that_hang_together_cover() -> None:
+    # Rows of 10 ms behind a filter of 40 Hz: 150 known biases and the errors that are told of them.
+    rows, z = 3000, []
+    run = run_of(constant(0.0, "rest"), 30.0, DEVICE, output_rate=100.0)
+    record = simulate(run).record
+    rng = np.random.default_rng(1)
+    kernel = np.exp(-np.arange(50) / 2.5)
+    for _ in range(150):
+        noise = np.convolve(rng.standard_normal(rows + 49), kernel, "valid")
+        line = fit_line(record.with_columns(rate=noise), run)
+        assert line is not None and line.bias is not None
+        z.append(line.bias / line.bias_error)
+    # Student's t of 19 has a deviation of 1.06; of 150 that is known to 6 %, and parts share a few percent.
+    assert 0.9 < np.std(z) < 1.3
+
+
+def test_thermal_noise_of_a_wide_split_does_not_fold_onto_rest() -> None:
+    p = DEVICE.all_parameters
+    kyy = p["m"] * (np.sqrt(p["kxx"] / p["m"]) + 2 * pi * 2000) ** 2
+    run = run_of(constant(0.0, "rest"), 60.0, DEVICE.with_parameters({"kyy": kyy}), output_rate=10.0)
+    found = allan_of(simulate(run).record, run)
+    assert found is not None and run.interval == pytest.approx(0.1)
+    expected = noise_limits(run.nominal, 298.15, 5e-6).total
+    # Folded, it was 4 times as much; the error is some 10 %.
+    assert abs(found[0].angle_random_walk - expected) < 3 * found[0].angle_random_walk_error
+    assert found[0].angle_random_walk_error < 0.2 * expected
+
+
+def test_what_the_harmonic_balance_leaves_out_is_named() -> None:
+    run = run_of(rate_step(0.3, 8.0), 1.0, QUIET.with_parameters({"pickoff_inverse_gap": 1e4, "offset_x": 1e-3}))
+    assert summarise(run, simulate(run))["harmonic_balance"]["left_out"] == ["amplifier_offset", "pickoff_nonlinearity"]
+    assert summarise(plain := run_of(rate_step(0.3, 8.0), 1.0), simulate(plain))["harmonic_balance"]["left_out"] == []
