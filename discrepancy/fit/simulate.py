@@ -4,8 +4,10 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from math import ceil
+from functools import partial
+from math import ceil, inf
 from queue import SimpleQueue
+from time import thread_time
 from types import TracebackType
 from typing import Final, Self, TypeVar
 
@@ -41,6 +43,14 @@ SPEEDS: Final = ("x_dot", "y_dot")
 BACKWARD: Final = np.array([25, -48, 36, -16, 3]) / 12
 """Of the last five points, the derivative at the last times their step: right to (w step)^4/5, 4e-5 of an acceleration
 at thirteen samples a period. The force changes at each sample, so that no point after it counts."""
+PIECE: Final = 500
+"""Samples after which a run asks whether there is time for more: some milliseconds, beside which asking is nothing."""
+STIFFEST: Final = 50.0
+"""Times the processor time of the first runs, those of the nominal model, that the steps of a run may take. Effects
+with corners take up to 15 times that of a linear device; what takes more is stiff, as friction at rest over a speed of
+1e-7 of the motion's (a thousand times: minutes a run), and no data tell it from one that is less so."""
+FIRST: Final = 0.2
+"""Processor time [s] of those first runs: twenty ticks of a coarse clock."""
 MIRRORED: Final = {"kyy": "kxx", "dyy": "dxx", "sense_gain_y": "sense_gain_x"}
 
 Job = tuple[Record, Mapping[str, float]]
@@ -52,15 +62,16 @@ _Driven = tuple[Floats, tuple[str, ...], float]
 
 
 @njit(cache=True, nogil=True)
-def _run(handle, inputs, values, outputs, start, step, stride, v):  # type: ignore[no-untyped-def]
-    """Steps through values (steps, inputs) and puts v (samples, 2); gives the sample it failed at, or len(v)."""
+def _run(handle, inputs, values, outputs, start, step, stride, v, first, last):  # type: ignore[no-untyped-def]
+    """Steps through values (steps, inputs) from sample first to last and puts v (samples, 2) after each; gives the
+    sample it failed at, or last."""
     flags = np.zeros(HANDLE_SIZE)
-    for k in range(len(v) - 1):
+    for k in range(first, last):
         for i in range(stride):
             n = k * stride + i
             if exchange(handle, inputs, values[n], outputs, v[k + 1], flags, start + n * step, step) > 0:
                 return k
-    return len(v)
+    return last
 
 
 class _Bench(Plant):
@@ -101,6 +112,7 @@ class Simulator:
         self._driven: dict[tuple[int, int], tuple[Record, _Driven]] = {}
         self._distorted: dict[tuple[int, int], tuple[_Distorted, _Driven]] = {}
         self._parts: dict[int, tuple[Record, Record, slice]] = {}
+        self._spent, self._steps = 0.0, 0
 
     def __enter__(self) -> Self:
         return self
@@ -123,8 +135,8 @@ class Simulator:
         parameters: by FMU name, SI, initial state included; rough: in whole steps though a delay or a lag acts. What
         they do is then off by the staircase of the force, which cancels in the difference of two runs in which they are
         alike: 1e-6 of a column is left at most.
-        Raises InputError where the FMU refuses one; NaN from the sample on at which the motion left all bounds. Raises
-        OutOfTime where the clock says so.
+        Raises InputError where the FMU refuses one; NaN from the sample on at which the motion left all bounds, or its
+        steps took too long (STIFFEST). Raises OutOfTime where the clock says so.
         """
         self.clock.check()
         bench = self._benches.get()
@@ -132,6 +144,22 @@ class Simulator:
             return self._on(bench, record, parameters, rough)
         finally:
             self._benches.put(bench)
+
+    def _run_pieces(self, v: Floats, each: int, piece: Callable[[int, int], int]) -> None:
+        """Fills v (samples, 2) by ``piece`` of so many steps ``each`` a sample; NaN from where one fails or is too
+        slow."""
+        done, last, begun = 0, len(v) - 1, thread_time()
+        most = STIFFEST * self._spent / self._steps * each * last if self._spent > FIRST else inf
+        while done < last:
+            self.clock.check()
+            until = min(done + PIECE, last)
+            reached = piece(done, until)
+            if reached < until or thread_time() - begun > most:
+                v[reached + 1 :] = np.nan
+                return
+            done = until
+        if self._spent <= FIRST:
+            self._spent, self._steps = self._spent + thread_time() - begun, self._steps + each * last
 
     def refines(self, parameters: Iterable[str]) -> bool:
         """Whether one of the parameters asks for parts of a step where it is not neutral."""
@@ -243,8 +271,8 @@ class Simulator:
         v = np.full(((len(record.t) + beyond) * (stride // each), 2), np.nan)
         v[0] = bench.get(outputs)
         references = bench.value_references(names)
-        done = _run(bench.handle, references, values, bench.value_references(outputs), start, step, each, v)
-        v[done + 1 :] = np.nan
+        readings = bench.value_references(outputs)
+        self._run_pieces(v, each, partial(_run, bench.handle, references, values, readings, start, step, each, v))
         v = v[:, : record.axes]
         if record.order:
             v = v * [whole[f"sense_gain_{axis}"] / record.reference**record.order for axis in "xy"[: record.axes]]

@@ -1,14 +1,16 @@
 """The simulation of records: how the force runs between samples, against exact responses of the linear oscillator."""
 
 from collections.abc import Iterator
+from time import process_time
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.signal import butter, lsim
 
+from discrepancy.clock import OutOfTime
 from discrepancy.data.record import Record, make_record
-from discrepancy.fit.simulate import Simulator
+from discrepancy.fit.simulate import FIRST, Simulator
 from gyro_model.model import load_model
 
 OSCILLATOR = {"m": 5e-6, "kxx": 1.0, "dxx": 2.5e-4, "sense_gain_x": 1.0}
@@ -118,3 +120,31 @@ def test_a_held_force_bends_what_the_filter_of_the_voltage_sees(simulator: Simul
     # Steps of a quarter sample; within one, where a filter is quicker than that, the bend is not followed.
     allowed = 2e-3 if tau < period / 4 / 2.5 else 2e-4
     assert np.std((filtered - plain - true)[inner]) < allowed * np.std(true[inner])
+
+
+STIFF = {**OSCILLATOR, "friction_x": 0.1, "friction_speed": 1e-9}
+"""At rest 1e5 times as stiff as the suspension: a run of twenty thousand samples took minutes."""
+
+
+@pytest.fixture
+def resting() -> Record:
+    t = np.arange(20000) * PERIOD
+    return make_record("run", t, 1e-3 * np.sin(t), t, sample_rate=1 / PERIOD)
+
+
+def test_a_run_too_stiff_to_follow_is_given_up(resting: Record) -> None:
+    with Simulator(load_model(), jobs=1) as own:
+        begun = process_time()
+        # What is usual is known after FIRST of the simulation alone.
+        while process_time() - begun < 5 * FIRST:
+            assert np.isfinite(own.run(resting, OSCILLATOR)).all()
+        assert np.isnan(own.run(resting, STIFF)[-1])
+        assert np.isfinite(own.run(resting, {**STIFF, "friction_speed": 1e-4})).all()
+
+
+def test_a_run_ends_with_the_time(resting: Record) -> None:
+    with Simulator(load_model(), jobs=1) as own:
+        own.run(resting, OSCILLATOR)
+        own.clock.until = own.clock.now + 0.1
+        with pytest.raises(OutOfTime):
+            own.run(resting, STIFF)
