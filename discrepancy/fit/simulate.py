@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
-from math import ceil, inf
+from math import ceil
 from queue import SimpleQueue
 from time import thread_time
 from types import TracebackType
@@ -45,12 +45,12 @@ BACKWARD: Final = np.array([25, -48, 36, -16, 3]) / 12
 at thirteen samples a period. The force changes at each sample, so that no point after it counts."""
 PIECE: Final = 500
 """Samples after which a run asks whether there is time for more: some milliseconds, beside which asking is nothing."""
-STIFFEST: Final = 50.0
-"""Times the processor time of the first runs, those of the nominal model, that the steps of a run may take. Effects
-with corners take up to 15 times that of a linear device; what takes more is stiff, as friction at rest over a speed of
-1e-7 of the motion's (a thousand times: minutes a run), and no data tell it from one that is less so."""
-FIRST: Final = 0.2
-"""Processor time [s] of those first runs: twenty ticks of a coarse clock."""
+STIFFEST: Final = 2e-5
+"""Processor time [s] a step of a run that is followed to its end. Linear steps take 0.1 µs, those of forces with
+corners 2 µs; what takes more is stiff, as friction of a mass at rest over a speed of 1e-7 of its motion's (400 µs:
+minutes a run), and no data tell it from one that is less so."""
+TICKS: Final = 0.1
+"""Processor time [s] that any run may take: some ticks of the coarsest clock."""
 MIRRORED: Final = {"kyy": "kxx", "dyy": "dxx", "sense_gain_y": "sense_gain_x"}
 
 Job = tuple[Record, Mapping[str, float]]
@@ -112,7 +112,6 @@ class Simulator:
         self._driven: dict[tuple[int, int], tuple[Record, _Driven]] = {}
         self._distorted: dict[tuple[int, int], tuple[_Distorted, _Driven]] = {}
         self._parts: dict[int, tuple[Record, Record, slice]] = {}
-        self._spent, self._steps = 0.0, 0
 
     def __enter__(self) -> Self:
         return self
@@ -148,18 +147,17 @@ class Simulator:
     def _run_pieces(self, v: Floats, each: int, piece: Callable[[int, int], int]) -> None:
         """Fills v (samples, 2) by ``piece`` of so many steps ``each`` a sample; NaN from where one fails or is too
         slow."""
+        # The first of all is compiled.
+        piece(0, 0)
         done, last, begun = 0, len(v) - 1, thread_time()
-        most = STIFFEST * self._spent / self._steps * each * last if self._spent > FIRST else inf
         while done < last:
             self.clock.check()
             until = min(done + PIECE, last)
             reached = piece(done, until)
-            if reached < until or thread_time() - begun > most:
+            if reached < until or thread_time() - begun > TICKS + STIFFEST * each * until:
                 v[reached + 1 :] = np.nan
                 return
             done = until
-        if self._spent <= FIRST:
-            self._spent, self._steps = self._spent + thread_time() - begun, self._steps + each * last
 
     def refines(self, parameters: Iterable[str]) -> bool:
         """Whether one of the parameters asks for parts of a step where it is not neutral."""

@@ -1,7 +1,6 @@
 """The simulation of records: how the force runs between samples, against exact responses of the linear oscillator."""
 
 from collections.abc import Iterator
-from time import process_time
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from scipy.signal import butter, lsim
 
 from discrepancy.clock import OutOfTime
 from discrepancy.data.record import Record, make_record
-from discrepancy.fit.simulate import FIRST, Simulator
+from discrepancy.fit.simulate import Simulator
 from gyro_model.model import load_model
 
 OSCILLATOR = {"m": 5e-6, "kxx": 1.0, "dxx": 2.5e-4, "sense_gain_x": 1.0}
@@ -134,12 +133,9 @@ def resting() -> Record:
 
 def test_a_run_too_stiff_to_follow_is_given_up(resting: Record) -> None:
     with Simulator(load_model(), jobs=1) as own:
-        begun = process_time()
-        # What is usual is known after FIRST of the simulation alone.
-        while process_time() - begun < 5 * FIRST:
-            assert np.isfinite(own.run(resting, OSCILLATOR)).all()
         assert np.isnan(own.run(resting, STIFF)[-1])
-        assert np.isfinite(own.run(resting, {**STIFF, "friction_speed": 1e-4})).all()
+        # A force as strong as that one, over speeds as the mass has them.
+        assert np.isfinite(own.run(resting, {**STIFF, "friction_speed": 1.0})).all()
 
 
 def test_a_run_ends_with_the_time(resting: Record) -> None:
