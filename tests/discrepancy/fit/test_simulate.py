@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import butter, lsim
 
-from discrepancy.clock import OutOfTime
+from discrepancy.clock import Clock, OutOfTime
 from discrepancy.data.record import Record, make_record
 from discrepancy.fit.simulate import Simulator
 from gyro_model.model import load_model
@@ -138,9 +138,18 @@ def test_a_run_too_stiff_to_follow_is_given_up(resting: Record) -> None:
         assert np.isfinite(own.run(resting, {**STIFF, "friction_speed": 1.0})).all()
 
 
+class Ends(Clock):
+    """A clock that is asked three times before the time is over."""
+
+    asked = 0
+
+    def check(self) -> None:
+        self.asked += 1
+        if self.asked > 3:
+            raise OutOfTime
+
+
 def test_a_run_ends_with_the_time(resting: Record) -> None:
-    with Simulator(load_model(), jobs=1) as own:
+    # Asked before the run, and every PIECE samples of it.
+    with Simulator(load_model(), 1, Ends()) as own, pytest.raises(OutOfTime):
         own.run(resting, OSCILLATOR)
-        own.clock.until = own.clock.now + 0.1
-        with pytest.raises(OutOfTime):
-            own.run(resting, STIFF)
