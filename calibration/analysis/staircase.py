@@ -105,8 +105,21 @@ def _asymmetry(rate: Floats, measured: Floats) -> tuple[float | None, float | No
     """Of measured = bias + scale * rate + half the asymmetry * abs(rate)."""
     if not ((rate > 0).any() and (rate < 0).any() and len(np.unique(np.abs(rate))) > 1 and len(rate) > 3):
         return None, None
-    fit = least_squares(np.stack([np.abs(rate) / 2, rate, np.ones_like(rate)], axis=1), measured)
+    fit = least_squares(_lopsided(rate), measured)
     return PPM * float(fit.values[0]), PPM * float(fit.errors[0])
+
+
+def _lopsided(rate: Floats) -> Floats:
+    return np.stack([np.abs(rate) / 2, rate, np.ones_like(rate)], axis=1)
+
+
+def asymmetry_errors(rate: Floats, noise: float) -> tuple[float, float]:
+    """Standard errors of scale factor and asymmetry of plateaus at ``rate`` [rad/s], shape (n,), each with the error
+    ``noise``, in its unit over rad/s."""
+    design = _lopsided(rate)
+    line = design[:, 1:]
+    scale = np.linalg.inv(line.T @ line)[0, 0]
+    return noise * float(scale) ** 0.5, noise * float(np.linalg.inv(design.T @ design)[0, 0]) ** 0.5
 
 
 def _threshold(size: Floats, seen: NDArray[np.bool_]) -> float | None:

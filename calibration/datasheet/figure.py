@@ -89,10 +89,13 @@ def balanced(figures: Sequence[Figure], left_out: Sequence[str], rules: Sequence
     ]
 
 
-def mean(values: Sequence[float] | Floats) -> tuple[float, float | None]:
-    """Mean and its standard error by the scatter, None of a single value."""
+def mean(values: Sequence[float] | Floats, known: float = 0.0) -> tuple[float, float | None]:
+    """Mean and its standard error by the scatter, None of a single value. known: standard deviation of a value that a
+    formula of the noise gives at least; the scatter of two or three is often far less."""
     array = np.asarray(values, dtype=float)
-    return float(array.mean()), float(array.std(ddof=1)) / sqrt(len(array)) if len(array) > 1 else None
+    if len(array) < 2:
+        return float(array.mean()), None
+    return float(array.mean()), max(float(array.std(ddof=1)), known) / sqrt(len(array))
 
 
 def spread(values: Sequence[float] | Floats) -> tuple[float, float]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.rate import loop
+from cosim.rate.allan import noise_limits
 from cosim.rate.courses import Course, constant
 from cosim.rate.master import LoopedPlant, simulate
 from cosim.rate.run import SAMPLES, RateRun
@@ -159,6 +160,12 @@ class Bench:
     def left_out(self) -> tuple[str, ...]:
         """Effects that act on the settled output and of which the harmonic balance does not know."""
         return left_out(self.device, delay_known=self.design is None)
+
+    @cached_property
+    def angle_random_walk(self) -> float:
+        """What white noise of motion and converter makes at the reference temperature [rad/√s]."""
+        run = self.typical
+        return noise_limits(run.nominal, self.reference_temperature, 1 / run.sample_rate).total
 
     @cached_property
     def other_noises(self) -> tuple[str, ...]:

@@ -4,7 +4,6 @@ from math import degrees, sqrt
 
 from calibration.datasheet.figure import Figure, Outcome, balanced, mean, spread
 from calibration.datasheet.procedure import RATE, Procedure
-from cosim.rate.allan import noise_limits
 from cosim.rate.bench import Bench
 from cosim.rate.metrics import PER_HOUR
 
@@ -12,11 +11,11 @@ from cosim.rate.metrics import PER_HOUR
 def measure(bench: Bench) -> Outcome:
     """Over the turn-ons, each with its seed."""
     biases = [float(one.rate.mean()) for one in bench.turn_ons]
-    bias, error = mean(biases)
+    seconds = bench.plan.turn_on_duration
+    noise = bench.angle_random_walk / sqrt(seconds)
+    bias, error = mean(biases, noise)
     deviation, deviation_error = spread(biases)
-    run, seconds = bench.typical, bench.plan.turn_on_duration
-    walk = noise_limits(run.nominal, bench.reference_temperature, 1 / run.sample_rate).total
-    bound = PER_HOUR * walk / sqrt(seconds)
+    bound = PER_HOUR * noise
     rule = "harmonic balance of the settled device"
     return Outcome(
         balanced(

@@ -1,6 +1,6 @@
 """What the drive loop holds and finds at rest, and the quadrature that the sense axis feels."""
 
-from math import degrees
+from math import degrees, sqrt
 
 from calibration.datasheet.figure import Figure, Outcome, balanced, mean
 from calibration.datasheet.procedure import RATE, Procedure
@@ -29,8 +29,10 @@ def measure(bench: Bench) -> Outcome:
         ),
     )
     figures = []
+    # The phase of the demodulator tells rate from quadrature: noise is the same in both.
+    known = {"quadrature": degrees(bench.angle_random_walk) / sqrt(bench.plan.turn_on_duration)}
     for name, title, unit, values, true in rows:
-        value, error = mean(values)
+        value, error = mean(values, known.get(name, 0.0))
         figures.append(Figure(name, title, value, unit, error, len(values), true, rule))
     voltage = bench.typical.nominal.calibration.drive.voltage
     value, error = mean([one.amplitude.mean() for one in records])

@@ -4,10 +4,9 @@ from math import sqrt
 
 import numpy as np
 
-from calibration.analysis.staircase import PPM, Plateaus, plateaus, staircase
+from calibration.analysis.staircase import PPM, Plateaus, asymmetry_errors, plateaus, staircase
 from calibration.datasheet.figure import Curve, Figure, Outcome, balanced, mean, spread
 from calibration.datasheet.procedure import RATE, Procedure
-from cosim.rate.allan import noise_limits
 from cosim.rate.bench import Bench, Record, steps
 from cosim.rate.steady_state import parameters_at, settle
 
@@ -22,18 +21,17 @@ def measure(bench: Bench) -> Outcome:
     for seed in bench.seeds(bench.plan.repeats):
         one = bench.record(stays * len(rates), rate=course, seed=seed, output_rate=50.0)
         found.append(staircase(plateaus_of(one, bench.settling)))
-    scale, scale_error = mean([1 + one.scale_factor_ppm / PPM for one in found])
+    walk = bench.angle_random_walk
+    within, within_lopsided = asymmetry_errors(rates, PPM * walk / sqrt(bench.plan.plateau))
+    scale, scale_error = mean([1 + one.scale_factor_ppm / PPM for one in found], within / PPM)
     repeats, repeats_error = spread([one.scale_factor_ppm for one in found])
-    run = bench.typical
-    walk = noise_limits(run.nominal, bench.reference_temperature, 1 / run.sample_rate).total
-    within = float(PPM * walk / np.sqrt(bench.plan.plateau * (rates**2).sum()))
     repeats_error = max(repeats_error, within / sqrt(2 * (len(found) - 1)))
     ideal = staircase(_settled(bench, rates))
-    calibration = run.nominal.calibration
+    calibration = bench.typical.nominal.calibration
     # The mean over the turn-ons: the largest of a residual that is noise would grow with the noise.
     residual = np.mean([one.residual_ppm for one in found], axis=0)
     noise = float(np.mean([one.plateaus.error.mean() for one in found])) / len(found) ** 0.5 / bench.full_scale * PPM
-    lopsided, lopsided_error = mean([one.asymmetry_ppm or 0.0 for one in found])
+    lopsided, lopsided_error = mean([one.asymmetry_ppm or 0.0 for one in found], within_lopsided)
     balance = "harmonic balance at the same rates"
     figures = [
         Figure(

@@ -20,9 +20,11 @@ def measure(bench: Bench) -> Outcome:
     """Of the long records at rest: begin less end, and when the mean over turn-ons is the end's within its errors."""
     pieces = np.array([[block.mean() for block in np.array_split(one.rate, PIECES)] for one in bench.rest])
     begin, end = pieces[:, : int(FIRST * PIECES)], pieces[:, int((1 - LAST) * PIECES) :]
-    drift, error = mean(PER_HOUR * (begin.mean(axis=1) - end.mean(axis=1)))
     # What neighbouring pieces differ by is noise; a trend is not in it.
-    noise = float(np.sqrt(np.mean(np.diff(pieces, axis=1) ** 2) / 2)) / len(pieces) ** 0.5
+    scatter = float(np.sqrt(np.mean(np.diff(pieces, axis=1) ** 2) / 2))
+    noise = scatter / len(pieces) ** 0.5
+    known = PER_HOUR * scatter * hypot(begin.shape[1] ** -0.5, end.shape[1] ** -0.5)
+    drift, error = mean(PER_HOUR * (begin.mean(axis=1) - end.mean(axis=1)), known)
     course = pieces.mean(axis=0) - end.mean()
     outside = np.flatnonzero(np.abs(course) > SURE * hypot(noise, noise / end.shape[1] ** 0.5))
     duration = bench.rest[0].interval * len(bench.rest[0].rate)

@@ -95,6 +95,28 @@ def test_bandwidth_of_the_open_loop_from_split_and_q(bench: Bench) -> None:
     assert found["group_delay"].holds
 
 
+def test_sines_leave_a_narrow_split_where_it_is() -> None:
+    # A split of 5 Hz is 31 rad/s: sines to half of full scale, 2.5 rad/s, took 7 % off the group delay.
+    w = 2 * pi * (F_X + 5.0)
+    narrow = replace(device(kyy=MASS * w * w), rate_mode={**device().rate_mode, "output_bandwidth": 40.0})
+    found = figures(Bench(narrow, plan=PLAN), "transfer")
+    assert found["group_delay"].holds
+    assert found["group_delay"].value == pytest.approx(found["group_delay"].expected, rel=0.01)
+    assert found["phase_at_bandwidth"].error > 0 and found["peak"].error > 0
+
+
+def test_errors_of_two_turn_ons_are_no_less_than_the_noise(bench: Bench) -> None:
+    found = figures(bench, "scale_factor")
+    up = np.linspace(0, 5.0, PLAN.steps + 1)
+    rates = np.concatenate([up, up[-2::-1], -up[1:], -up[-2::-1]])
+    # N/√(T Σ Ω²) over the root of two turn-ons; N as in the test of the angle random walk.
+    walk = sqrt(2 * NOISE**2 * PERIOD) / volts_per_rate()
+    least = walk / sqrt(PLAN.plateau * float(rates @ rates)) / sqrt(PLAN.repeats)
+    assert found["scale_factor"].error >= 0.999 * least
+    # Half of the plateaus either way, and the bias that both share: more than twice that.
+    assert found["scale_factor_asymmetry"].error >= 2e6 * least
+
+
 def test_a_slow_filter_sets_bandwidth_and_delay() -> None:
     slow = replace(device(), rate_mode={**device().rate_mode, "output_bandwidth": 5.0})
     found = figures(Bench(slow, plan=PLAN), "transfer")
