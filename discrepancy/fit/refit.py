@@ -107,10 +107,12 @@ class Fitter:
         self.signal = float(np.sqrt(np.mean([np.mean(r.v**2) for r in self.records])))
         self._kept: dict[int, _Kept] = {}
 
-    def begin(self, nominal: Mapping[str, float], more: Sequence[Free] = ()) -> Fitted:
+    def begin(
+        self, nominal: Mapping[str, float], more: Sequence[Free] = (), shown_by: Sequence[Record] | None = None
+    ) -> Fitted:
         """The start of a fit: m, k, d by the weak form, which has no other minimum, at rest. ``more``: parameters to
-        fit beside them."""
-        form = joined_form(self.records, nominal)
+        fit beside them; shown_by: runs that show m, k, d, where they are others."""
+        form = joined_form(self.records if shown_by is None else shown_by, nominal)
         parameters = dict(nominal)
         if form is not None:
             parameters |= _damped(fit_weak_form(form, nominal).values, nominal)

@@ -111,6 +111,18 @@ def fit_state(whole: Fitter, fitter: Fitter, at: Fitted) -> dict[str, Any]:
 def fit_from(whole: Fitter, state: Mapping[str, Any]) -> tuple[Fitter, Fitted]:
     """The fitter and the fit of ``fit_state``, linearised. Raises InputError where it does not leave what the state
     says."""
+    fitter, at = _evaluated(whole, state)
+    if not isclose(_square(at), state["square"], rel_tol=REPEATS):
+        raise InputError(f"its fit leaves {_square(at):.6g} V², not {state['square']:.6g} as it says")
+    return fitter, fitter.with_grams(at)
+
+
+def on_other_data(whole: Fitter, state: Mapping[str, Any]) -> dict[str, Any]:
+    """The ``fit_state`` of the same fit, held, to the runs of ``whole``, from which more was taken out."""
+    return {**state, "square": _square(_evaluated(whole, state)[1])}
+
+
+def _evaluated(whole: Fitter, state: Mapping[str, Any]) -> tuple[Fitter, Fitted]:
     fitter = cut(whole, state["pieces"])
     # A resumed search has nothing kept, and the one that goes on is to find the same.
     fitter.forget()
@@ -118,10 +130,7 @@ def fit_from(whole: Fitter, state: Mapping[str, Any]) -> tuple[Fitter, Fitted]:
     setting = Setting(**{**state["setting"], "colour": tuple(state["setting"]["colour"])})
     whiten = fitter.whitener(parameters, setting)
     free = tuple(Free(**entry) for entry in state["free"])
-    at = fitter.evaluated(Fitted(parameters, tuple(state["starts"]), free, whiten, ()))
-    if not isclose(_square(at), state["square"], rel_tol=REPEATS):
-        raise InputError(f"its fit leaves {_square(at):.6g} V², not {state['square']:.6g} as it says")
-    return fitter, fitter.with_grams(at)
+    return fitter, fitter.evaluated(Fitted(parameters, tuple(state["starts"]), free, whiten, ()))
 
 
 def _square(at: Fitted) -> float:

@@ -12,6 +12,7 @@ from scipy.stats import chi2
 from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
+from discrepancy.data.late import lateness
 from discrepancy.fit.continuation import ROUNDS, beginnings, nearly_settled, settled
 from discrepancy.fit.defect import Blemish, Data, Found, Level, effect_of
 from discrepancy.fit.fitted import Fitted, Free
@@ -38,6 +39,7 @@ from discrepancy.name.question import ask
 from discrepancy.name.scan import Scan, Scored, best_of, scanned, sure
 from discrepancy.name.score import Score, Step
 from discrepancy.terms.effect_file import Term
+from gyro_model.anatomy import Delay
 from gyro_model.errors import InputError
 from gyro_model.progress import Steps
 
@@ -112,6 +114,8 @@ class Search:
     def _take(self, dataset: Dataset) -> None:
         self.dataset = dataset
         self.whole = Fitter(self.simulator, dataset.fit, criteria=self.criteria)
+        if self.refitted_state:
+            self.refitted_state = store.on_other_data(self.whole, self.refitted_state)
         self._open(self.number)
 
     def _open(self, number: int) -> None:
@@ -135,18 +139,40 @@ class Search:
         state's fit is not one of these runs."""
         if state is None:
             self.progress("nominal parameters and initial states")
-            self.fitter, self.at = self.whole, self.whole.begin(self.nominal, self._believed())
+            late = lateness(self.dataset.fit, self.nominal)
+            shown_by = late.records if late else None
+            self.fitter, self.at = self.whole, self.whole.begin(self.nominal, self._believed(), shown_by)
+            self.refitted = self.at
             self._until(BEGIN)
+            if late:
+                self._stage("refit")
+                self.refitted_state = store.fit_state(self.whole, self.whole, self.refitted)
+                self._take_delay(late.delay)
             self._go_on_or_keep(self.at)
             self._until(NAME)
             self.attempt("defects of single samples", self._tidy)
-            self.refitted = self.at
-            self._stage("refit")
+            if late:
+                self._stage(self.accepted[-1].id)
+            else:
+                self.refitted = self.at
+                self._stage("refit")
             self._save()
         else:
             self._restore(state)
             self._until(NAME)
             self.progress(f"resumed with {', '.join(a.id for a in self.accepted) or 'nominal parameters fitted'}")
+
+    def _take_delay(self, delay: float) -> None:
+        """Takes a delay [s] into the model before anything is fitted: nothing would stay in step without it."""
+        [candidate] = self.library.candidates(self.whole, self.at, self.present, lambda e: isinstance(e, Delay))
+        [probe] = candidate.probes
+        own = {**self.at.parameters, probe.quantity.name: min(delay, probe.quantity.high)}
+        free = (*self.at.free, *candidate.free(self.whole.period))
+        delayed = self.whole.evaluated(replace(self.at, parameters=own, free=free))
+        self.accepted.append(Accepted(candidate, 1 - delayed.cost / self.at.cost, {}))
+        self.steps.append(Step({}, candidate.effect.id))
+        self.progress(f"accepted {candidate.effect.id}: without it no model stays in step")
+        self.at = delayed
 
     def _tidy(self) -> None:
         """Takes out of the record what the present model shows to be none of the device's."""

@@ -5,10 +5,12 @@ import json
 import random
 import shutil
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from hidden_sets import MODEL, SHORT, made
 from sympy import Abs
@@ -17,6 +19,7 @@ from discrepancy import diagnose as naming
 from discrepancy.data.dataset import Dataset
 from discrepancy.diagnose import diagnose
 from discrepancy.discover.term_search import TermSearch
+from discrepancy.fit.simulate import Simulator
 from discrepancy.name.checkpoint import digest, load, terms_from, terms_state
 from discrepancy.name.search import Search
 from discrepancy.terms.effect_file import UNITS, Term
@@ -217,3 +220,19 @@ def test_the_key_follows_the_code_and_the_options(honest: SimpleNamespace, monke
     assert digest(data, MODEL, {"max_effects": 5}) != key
     monkeypatch.setattr("discrepancy.name.checkpoint._code", lambda: "other")
     assert digest(data, MODEL, {"max_effects": 6}) != key
+
+
+def test_what_is_taken_out_of_the_record_later_is_taken_out_of_what_is_kept() -> None:
+    kept: list[dict[str, Any]] = []
+    data = made({}, samples=SHORT)
+    # Far out by the noise, 1e-4 of it and more: a square that says so is not the one that was kept.
+    spiked = [replace(r, v=r.v + 0.05 * (np.arange(SHORT) % 977 == 976)[:, None]) for r in data.records]
+    with Simulator(MODEL, jobs=1) as simulator:
+        search = Search(simulator, data, lambda _: None)
+        search.keep = kept.append
+        search.begin()
+        search._take(replace(data, records=tuple(spiked)))
+        search.go_on(search.at)
+        search._save()
+    assert kept[1]["refitted"]["square"] > 2 * kept[0]["refitted"]["square"]
+    assert kept[1]["refitted"]["parameters"] == kept[0]["refitted"]["parameters"]
