@@ -17,7 +17,7 @@ from gyro_model.errors import InputError
 OWN: Final = (
     *("summary.json", "trace.parquet", "sense.parquet", "track.csv", "report.html", "report.json", "compensation.*"),
     *("design.toml", "device.toml", "fmi2.fmu", "fmi3.fmu", "effects", "search.checkpoint", "plan.toml", "rows*"),
-    "rate.checkpoint",
+    *("rate.checkpoint", "datasheet.checkpoint"),
     *("sweep.json", "datasheet.json", "match.json", "sensor_*", "fmi2", "fmi3", "play.html", ".writing-*"),
     *("fleet.json", "devices", "row.json", "next-*.csv"),
 )

@@ -27,6 +27,7 @@ def datasheet(
     seed: int = 1,
     quick: bool = False,
     progress: Progress | None = None,
+    checkpoint: str | Path | None = None,
 ) -> "DatasheetResult":
     """Measure the datasheet of a device by the tests of IEEE Std 1431 and the Allan analysis of IEEE Std 952.
 
@@ -49,6 +50,8 @@ def datasheet(
         Fewer and shorter records: half a minute, wider errors.
     progress : callable
         Called with the share done and the whole.
+    checkpoint : str or Path
+        File in which tests that are done are kept, and from which an interrupted datasheet goes on.
 
     Returns
     -------
@@ -74,7 +77,8 @@ def datasheet(
     own, entries = split_settings([f"{n}={float(v)!r}" for n, v in (parameters or {}).items()], "rate_mode")
     plant = load_device(device).with_parameters(own)
     plant = replace(plant, rate_mode={**plant.rate_mode, **entries["rate_mode"]})
-    return find(Request(plant, mode, standard, design, seed, quick), progress)
+    kept = None if checkpoint is None else Path(checkpoint)
+    return find(Request(plant, mode, standard, design, seed, quick), progress, kept)
 
 
 def export_sensor(

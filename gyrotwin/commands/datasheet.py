@@ -1,12 +1,14 @@
 """`gyrotwin datasheet`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 from rich.console import Console
 
 console = Console()
+
+CHECKPOINT: Final = "datasheet.checkpoint"
 
 
 def datasheet(
@@ -47,7 +49,9 @@ def datasheet(
             seed=seed,
             quick=quick,
             progress=progress,
+            checkpoint=folder / CHECKPOINT,
         )
     result.save(folder, force=force)
+    (folder / CHECKPOINT).unlink(missing_ok=True)
     console.print(results(result))
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)

@@ -8,6 +8,8 @@ from gyro_model.device import Device, load_device
 from gyro_model.errors import InputError, nearest
 from gyro_model.progress import Progress
 from gyrotwin.datasheet_result import DatasheetResult
+from gyrotwin.interrupt import Interrupted
+from gyrotwin.notice import LOGGER
 
 if TYPE_CHECKING:
     from cosim.design import Design
@@ -28,8 +30,10 @@ class Request(NamedTuple):
     quick: bool = False
 
 
-def find(request: Request, progress: Progress | None = None) -> DatasheetResult:
-    """Runs the tests. Raises InputError, with a remedy, for whatever is wrong in the request."""
+def find(request: Request, progress: Progress | None = None, checkpoint: Path | None = None) -> DatasheetResult:
+    """Runs the tests. Raises InputError, with a remedy, for whatever is wrong in the request. checkpoint: file from
+    which an interrupted datasheet goes on, and in which it is kept; None: none."""
+    from calibration.datasheet.kept import KeptTests
     from calibration.datasheet.measure import measure
     from calibration.datasheet.procedure import STANDARDS, procedures
 
@@ -46,7 +50,13 @@ def find(request: Request, progress: Progress | None = None) -> DatasheetResult:
         benches.append(make(request._replace(seed=seed), advance))
         return benches[0]
 
-    tests = measure(bench, request.mode, progress)
+    kept = None if checkpoint is None else KeptTests(checkpoint, LOGGER.info)
+    try:
+        tests = measure(bench, request.mode, progress, kept)
+    except Interrupted as stop:
+        if kept is not None and kept.count:
+            stop.left = f"{kept.path} keeps {kept.count} tests: the same command goes on behind them"
+        raise
     head = {
         "format": FORMAT,
         "standard": STANDARDS[request.standard],
