@@ -165,6 +165,8 @@ def test_libcosimpy(form: str, loaded: dict[str, dict[int, Fmu]]) -> None:
 
 
 def test_ecos(any_fmu: Fmu) -> None:
+    if any_fmu.description.modelName == "GyroscopeClocked":
+        pytest.skip("ecos 0.7.2 frees the list of a variable's clocks twice, before it calls the FMU")
     fmu, (start, names, step) = any_fmu, case_of(any_fmu)
     ecospy = importer("ecospy")
     structure = ecospy.EcosSimulationStructure()
