@@ -2,6 +2,7 @@
 token."""
 
 import hashlib
+import itertools
 import logging
 import os
 import shutil
@@ -34,6 +35,7 @@ from gyro_model.errors import InputError
 from gyro_model.form import Form
 from gyro_model.model import Model, load_model
 from gyro_model.platforms import WASM, own_platform, platform_of
+from gyro_model.progress import Progress
 from gyro_model.sensor import SensorModel
 
 LOGGER = logging.getLogger("gyrotwin")
@@ -147,14 +149,19 @@ def build(
 
 
 def build_form(
-    model: Form, folder: Path | None = None, *, force: bool = False, platforms: Sequence[str] = ()
+    model: Form,
+    folder: Path | None = None,
+    *,
+    force: bool = False,
+    platforms: Sequence[str] = (),
+    compiled: Callable[[], None] = lambda: None,
 ) -> dict[str, Path]:
     """Builds the FMUs of ``model`` by standard, ``fmi2/NAME.fmu`` and ``fmi3/NAME.fmu`` in ``folder``, unless those
     there already are of this model and hold the libraries asked for.
 
     platforms: names from ``gyro_model.platforms``, compiled by zig; none: this machine's, by its own compiler. With
-    wasm32 among them ``wasm32/NAME.wasm`` holds the functions of FMI 3.0. Raises InputError where there is no compiler
-    or it fails.
+    wasm32 among them ``wasm32/NAME.wasm`` holds the functions of FMI 3.0. compiled: called after each library. Raises
+    InputError where there is no compiler or it fails.
     """
     folder = folder or default_folder(model)
     token = model_token(model)
@@ -165,9 +172,10 @@ def build_form(
         with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
             write_sources(model, Path(name))
             for fmi in stale:
-                _build_one(model, token, fmi, fmus[fmi], Path(name), wanted if platforms else ())
+                _build_one(model, token, fmi, fmus[fmi], Path(name), wanted if platforms else (), compiled)
             if WASM.fmi3 in platforms:
                 _compile_module(Path(name), _module_path(model, folder))
+                compiled()
     return fmus
 
 
@@ -204,12 +212,24 @@ def _compile_module(sources: Path, path: Path) -> None:
 
 
 def build_all(
-    model: Model | None = None, folder: Path | None = None, *, force: bool = False, platforms: Sequence[str] = ()
+    model: Model | None = None,
+    folder: Path | None = None,
+    *,
+    force: bool = False,
+    platforms: Sequence[str] = (),
+    progress: Progress = lambda done, total: None,
 ) -> tuple[Path, ...]:
-    """The FMUs of all forms of ``model``. Raises InputError as ``build_form`` does."""
+    """The FMUs of all forms of ``model``. progress: told the libraries compiled so far, and all where none is up to
+    date. Raises InputError as ``build_form`` does."""
     every = forms(model or load_model())
-    built = (build_form(form, folder, force=force, platforms=platforms) for form in every)
-    return tuple(path for fmus in built for path in fmus.values())
+    inside = len(set(platforms) - {WASM.fmi3}) if platforms else 1
+    total = sum(len(form.STANDARDS) * inside + (WASM.fmi3 in platforms) for form in every)
+    count = itertools.count(1)
+    paths: list[Path] = []
+    for form in every:
+        fmus = build_form(form, folder, force=force, platforms=platforms, compiled=lambda: progress(next(count), total))
+        paths += fmus.values()
+    return tuple(paths)
 
 
 def token_of(path: Path) -> str | None:
@@ -260,8 +280,11 @@ def c_files(folder: Path, fmi: str) -> list[str]:
     )
 
 
-def _build_one(model: Form, token: str, fmi: str, path: Path, sources: Path, platforms: Sequence[str]) -> None:
-    """Packs an FMU of the C in ``sources`` with libraries for ``platforms``; none: for this machine."""
+def _build_one(
+    model: Form, token: str, fmi: str, path: Path, sources: Path, platforms: Sequence[str], compiled: Callable[[], None]
+) -> None:
+    """Packs an FMU of the C in ``sources`` with libraries for ``platforms``; none: for this machine. ``compiled`` is
+    called after each."""
     if not platforms:
         LOGGER.info("compiling the %s FMU for %s, once for this model, some 5 s ...", model.NAME, fmi.upper())
     files = c_files(sources, fmi)
@@ -289,6 +312,7 @@ def _build_one(model: Form, token: str, fmi: str, path: Path, sources: Path, pla
                 compile_for(platform, sources, whole, library)
             else:
                 compile_library(sources, whole, library)
+            compiled()
         pack({p.relative_to(root).as_posix(): p.read_bytes() for p in root.rglob("*") if p.is_file()}, path)
 
 

@@ -10,6 +10,7 @@ from gyrotwin.api.files import DeviceSource, load_device
 
 if TYPE_CHECKING:
     from gyro_model.experiments import Residual
+    from gyro_model.progress import Progress
 
 
 def build(
@@ -19,6 +20,7 @@ def build(
     folder: str | Path | None = None,
     force: bool = False,
     platforms: str | Sequence[str] = (),
+    progress: "Progress | None" = None,
 ) -> tuple[Path, ...]:
     """Build the FMUs Gyroscope, GyroscopeEnvelope, GyroscopeSensor, FMI 2.0 and 3.0, and GyroscopeClocked, FMI 3.0.
 
@@ -36,6 +38,8 @@ def build(
     platforms : str or sequence of str
         Platforms to hold libraries for, compiled by zig: "all", or names such as x86_64-windows; wasm32 is a module
         beside the FMUs. None: this machine's, by its own compiler.
+    progress : callable
+        Called after each library with how many are compiled, and how many there are in all.
 
     Returns
     -------
@@ -63,7 +67,8 @@ def build(
         if folder is None:
             raise InputError("build of a device: name the folder, so that the FMUs of the package stay as they are")
         model = model.starting_at(load_device(device, effects=effects).parameters)
-    return build_all(model, None if folder is None else Path(folder), force=force, platforms=named)
+    place = None if folder is None else Path(folder)
+    return build_all(model, place, force=force, platforms=named, progress=progress or (lambda done, total: None))
 
 
 def verify(fmu: str | Path) -> "list[Residual]":

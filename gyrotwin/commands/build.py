@@ -4,9 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
 
 from gyro_model.platforms import NAMES
 from gyrotwin.notice import said_if_slow
+from gyrotwin.progress import shown_progress
 
 
 def build(
@@ -21,9 +23,16 @@ def build(
     """Build the FMUs Gyroscope, GyroscopeEnvelope, GyroscopeSensor and GyroscopeClocked, and print where they are."""
     from gyrotwin import api
 
-    time = "some minutes at first, most of them for zig's own libraries" if platforms else "some 10 s"
-    with said_if_slow(f"compiling seven FMUs, {time}"):
-        paths = api.build(force=force, platforms=platforms)
+    if platforms:
+        console = Console()
+        console.print(
+            "compiling for each platform, at first up to two minutes each for zig's own libraries", highlight=False
+        )
+        with shown_progress(console, "build") as progress:
+            paths = api.build(force=force, platforms=platforms, progress=progress)
+    else:
+        with said_if_slow("compiling seven FMUs, some 10 s"):
+            paths = api.build(force=force)
     for path in paths:
         print(path)
     if ssp is not None:
