@@ -54,9 +54,9 @@ class WeakForm:
     turning: Complexes
 
 
-def weak_form(record: Record, nominal: Mapping[str, float], lowest: int = 0) -> WeakForm | None:
-    """The weak form of a run from the harmonic ``lowest`` of a window on, windows with clipped samples out; None where
-    not one window is left."""
+def weak_form(record: Record, nominal: Mapping[str, float], lowest: int = 0, power: int = 1) -> WeakForm | None:
+    """The weak form of a run from the harmonic ``lowest`` of a window on, windows with clipped samples out; q is the
+    displacement to a ``power``. None where not one window is left."""
     modes = mode_frequencies(nominal, record.axes)
     n = int(PERIODS * record.sample_rate / modes[0])
     if n < 2 * PERIODS or n > len(record.t):
@@ -73,7 +73,7 @@ def weak_form(record: Record, nominal: Mapping[str, float], lowest: int = 0) -> 
     w = 2 * np.pi * bins * record.sample_rate / n
     window = _Window(n, record.sample_rate, bins, w)
     force = _force(record, window, starts, nominal["kxx"] / nominal["m"])
-    q, velocity, acceleration = window.derivatives(record.v / gains, starts)
+    q, velocity, acceleration = window.derivatives((record.v / gains) ** power, starts)
     omega = record.conditions.get("omega_z")
     mean_rate = np.zeros(len(starts)) if omega is None else sliding_window_view(omega, n)[starts].mean(axis=1)
     turning = 2 * mean_rate[:, None] * velocity
@@ -112,9 +112,11 @@ def _force(record: Record, window: "_Window", starts: NDArray[np.int_], square: 
     return np.asarray(force / record.reference**record.order)
 
 
-def joined_form(records: Sequence[Record], nominal: Mapping[str, float], lowest: int = 0) -> WeakForm | None:
+def joined_form(
+    records: Sequence[Record], nominal: Mapping[str, float], lowest: int = 0, power: int = 1
+) -> WeakForm | None:
     """The weak form of all runs, as ``weak_form``; None where not one window is left."""
-    forms = [form for form in (weak_form(record, nominal, lowest) for record in records) if form is not None]
+    forms = [form for form in (weak_form(record, nominal, lowest, power) for record in records) if form is not None]
     arrays = zip(*((f.force, f.q, f.velocity, f.acceleration, f.turning) for f in forms), strict=True)
     return WeakForm(*(np.concatenate(parts, axis=1) for parts in arrays)) if forms else None
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from scipy.signal import welch
 
-from discrepancy.data.linear_fit import LOWEST, PERIODS, axis_scales, equations, joined_form
+from discrepancy.data.linear_fit import LOWEST, PERIODS, Complexes, axis_scales, equations, joined_form
 from discrepancy.data.record import Floats, Record
 
 WINDOWS: Final = 8
@@ -83,18 +83,22 @@ def _solved(
     records: Sequence[Record], values: Mapping[str, float], driven: bool, lowest: int
 ) -> dict[str, float] | None:
     """m, k, d as ``response``; None where they explain too little."""
-    told = response(records, values, driven, lowest)
-    if told is None:
-        return None
-    found, left = told
-    return found if left <= BADLY and found.get("m", values["m"]) > 0 else None
+    for bent in (False, True):
+        told = response(records, values, driven, lowest, bent=bent)
+        if told is None:
+            return None
+        found, left = told
+        if left <= BADLY and found.get("m", values["m"]) > 0:
+            return found
+    return None
 
 
 def response(
-    records: Sequence[Record], values: Mapping[str, float], driven: bool, lowest: int
+    records: Sequence[Record], values: Mapping[str, float], driven: bool, lowest: int, *, bent: bool = False
 ) -> tuple[dict[str, float], float] | None:
     """m, k, d by the weak form in windows as for ``values`` from the harmonic ``lowest`` on, and the share of the force
-    that they leave unexplained; None where there is no such window."""
+    that they leave unexplained; None where there is no such window. ``bent``: beside forces x³ and x² x' of each axis,
+    without which a device that swings by itself, or is far from linear, has hardly a response."""
     form = joined_form(records, values, lowest)
     if form is None:
         return None
@@ -108,14 +112,27 @@ def response(
         target = target - values["m"] * turning
     if not driven:
         columns, target, names = columns[:, 1:], target - values["m"] * columns[:, 0], names[1:]
+    if bent:
+        columns = np.column_stack((columns, _cubes(records, values, lowest)))
     a, b = np.vstack((columns.real, columns.imag)), np.concatenate((target.real, target.imag))
     size = np.linalg.norm(a, axis=0)
     if not (size > 0).all() or not np.isfinite(a).all():
         return None
     solution = np.linalg.lstsq(a / size, b, rcond=None)[0]
     left = float(np.sum((b - a / size @ solution) ** 2) / np.sum(b**2))
-    found = dict(zip(names, (solution / size).tolist(), strict=True))
+    found = dict(zip(names, (solution / size).tolist(), strict=False))
     return found, left
+
+
+def _cubes(records: Sequence[Record], values: Mapping[str, float], lowest: int) -> Complexes:
+    """Columns of x³ and 3 x² x' in the equation of each axis."""
+    form = joined_form(records, values, lowest, power=3)
+    assert form is not None
+    axes, rows = form.q.shape
+    columns = np.zeros((axes, rows, 2 * axes), np.complex128)
+    for axis in range(axes):
+        columns[axis, :, 2 * axis], columns[axis, :, 2 * axis + 1] = form.q[axis], form.velocity[axis]
+    return columns.reshape(axes * rows, 2 * axes)
 
 
 def _passive(found: dict[str, float], values: Mapping[str, float]) -> dict[str, float]:

@@ -14,8 +14,9 @@ import numpy as np
 from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.data.algebra import inverse_scaled
+from discrepancy.data.linear_fit import WeakForm, joined_form
 from discrepancy.data.linear_fit import fit as fit_weak_form
-from discrepancy.data.linear_fit import joined_form
+from discrepancy.data.linear_start import BADLY, response
 from discrepancy.data.record import Floats, Record
 from discrepancy.fit.colour import autoregression
 from discrepancy.fit.fitted import Fitted, Free, bare
@@ -112,10 +113,11 @@ class Fitter:
     ) -> Fitted:
         """The start of a fit: m, k, d by the weak form, which has no other minimum, at rest. ``more``: parameters to
         fit beside them; shown_by: runs that show m, k, d, where they are others."""
-        form = joined_form(self.records if shown_by is None else shown_by, nominal)
+        records = self.records if shown_by is None else tuple(shown_by)
+        form = joined_form(records, nominal)
         parameters = dict(nominal)
         if form is not None:
-            parameters |= _damped(fit_weak_form(form, nominal).values, nominal)
+            parameters |= _damped(_response(records, form, nominal), nominal)
         one = self.axes == 1
         names: tuple[str, ...] = ("m", "kxx", "dxx") if one else ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
         if not any(r.u.any() for r in self.records):
@@ -412,6 +414,21 @@ def passive(p: Mapping[str, float], axes: int) -> dict[str, float]:
             room = PASSIVE * float(np.sqrt(max(p[kind + "xx"] * p[kind + "yy"], 0.0)))
             result[kind + "xy"] = float(np.clip(p[kind + "xy"], -room, room))
     return result
+
+
+def _response(records: Sequence[Record], form: WeakForm, nominal: Mapping[str, float]) -> Mapping[str, float]:
+    """m, k, d by the weak form; beside forces that bend the response where a linear one explains next to nothing."""
+    linear = fit_weak_form(form, nominal)
+    driven = any(r.u.any() for r in records)
+    if linear.unexplained > BADLY and driven:
+        bent = response(records, nominal, driven, lowest=0, bent=True)
+        if (
+            bent
+            and bent[1] <= BADLY
+            and all(bent[0][name] > 0 for name in linear.values if name in ("m", "kxx", "kyy"))
+        ):
+            return bent[0]
+    return linear.values
 
 
 def _damped(values: Mapping[str, float], nominal: Mapping[str, float]) -> dict[str, float]:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hidden_sets import MODEL, TRUE, made
+from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete, lfilter
 
 from discrepancy.data.dataset import Dataset, _believed
@@ -52,6 +53,27 @@ def test_other_values_alone_are_not_completed(runs: tuple[Record, ...]) -> None:
     assert _believed(given, runs) == (given, [])
     with pytest.raises(InputError, match="lacks m"):
         Dataset(Path(), given, runs, model=MODEL)
+
+
+def test_a_device_that_swings_by_itself_has_one() -> None:
+    # Duffing and van der Pol, without unit: 100 periods of 20 samples, driven by noise of a tenth of the spring.
+    rng, h = np.random.default_rng(3), 2 * np.pi / 20
+    u = 0.1 * rng.normal(size=2000)
+
+    def rate(_: float, s: np.ndarray, force: float) -> tuple[float, float]:
+        x, v = s
+        return v, force + 0.05 * (1 - x**2) * v - x - 0.1 * x**3
+
+    states = [np.array([0.1, 0.0])]
+    for force in u[:-1]:
+        states.append(solve_ivp(rate, (0, h), states[-1], args=(force,), rtol=1e-8).y[:, -1])
+    run = make_record("run", np.arange(2000) * h, u, np.array(states)[:, 0], sample_rate=1 / h)
+    found = linear_start([run], (1.0,))
+    assert found is not None
+    # Windows of 25 periods of a motion that is not small: a start.
+    assert found["m"] == pytest.approx(1.0, rel=0.02)
+    assert found["kxx"] == pytest.approx(1.0, rel=0.02)
+    assert found["dxx"] > 0
 
 
 def test_without_a_linear_answer_there_is_no_start() -> None:
