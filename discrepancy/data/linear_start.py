@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from scipy.signal import welch
+from scipy.signal import csd, welch
 
 from discrepancy.data.linear_fit import LOWEST, PERIODS, Complexes, axis_scales, equations, joined_form
 from discrepancy.data.record import Floats, Record
@@ -153,9 +153,13 @@ def _peak(records: Sequence[Record], axis: int, driven: bool) -> float:
     ratios: list[Floats] = []
     length = min(len(record.t) for record in records) // WINDOWS
     for record in records:
-        f, out = welch(record.v[:, axis] - record.v[:, axis].mean(), record.sample_rate, nperseg=length)
-        power = sum(welch(u, record.sample_rate, nperseg=length)[1] for u in record.u.T) if driven else np.ones_like(f)
-        # Where nothing drives there is no answer to speak of.
-        ratios.append(out / np.maximum(power, 1e-3 * power.max()))
+        v, rate = record.v[:, axis] - record.v[:, axis].mean(), record.sample_rate
+        f, out = welch(v, rate, nperseg=length)
+        if driven:
+            power = sum(welch(u, rate, nperseg=length)[1] for u in record.u.T)
+            # What the force has a part in: a line of the mains, where nothing drives, is no answer.
+            told = sum(np.abs(csd(u, v, rate, nperseg=length)[1]) ** 2 for u in record.u.T)
+            out = told / np.maximum(power, 1e-3 * power.max()) ** 2
+        ratios.append(out)
     mean = np.mean(ratios, axis=0)[LOWEST:]
     return float(f[LOWEST:][int(np.argmax(mean))])

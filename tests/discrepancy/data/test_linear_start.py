@@ -55,6 +55,18 @@ def test_other_values_alone_are_not_completed(runs: tuple[Record, ...]) -> None:
         Dataset(Path(), given, runs, model=MODEL)
 
 
+def test_a_line_of_the_mains_is_no_mode() -> None:
+    # A mode at 200 Hz, swept from 180 to 220 Hz; beside its answer the sensor has a fifth of 50 Hz.
+    t = np.arange(8000) / 4000
+    u, w = np.sin(2 * np.pi * (180 * t + 10 * t**2)), 2 * np.pi * 200
+    number, below, _ = cont2discrete(([1.0], [1.0, w / 50, w**2]), t[1])
+    v = lfilter(np.squeeze(number), below, u)
+    humming = make_record("run", t, u, v + 0.2 * v.std() * np.sin(2 * np.pi * 50 * t), sample_rate=4000)
+    found = linear_start([humming], (1.0,))
+    assert found is not None
+    assert np.sqrt(found["kxx"] / found["m"]) == pytest.approx(w, rel=0.002)
+
+
 def test_a_device_that_swings_by_itself_has_one() -> None:
     # Duffing and van der Pol, without unit: 100 periods of 20 samples, driven by noise of a tenth of the spring.
     rng, h = np.random.default_rng(3), 2 * np.pi / 20
