@@ -73,6 +73,19 @@ def further_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
         return _counted(runs, axes)
 
 
+def answering(records: Sequence[Record]) -> list[Mode]:
+    """The modes as which the voltage of ``records`` answers to the force, by frequency; none where no such answer
+    explains most of it."""
+    runs = _in_band(records)
+    if not runs.pairs or not any(u.any() for u, _ in runs.pairs):
+        return []
+    with threadpool_limits(1, "blas"):
+        tried = [(_left(runs, poles), poles) for poles in _poles(runs, [2 * (1 + extra) for extra in range(MOST + 1)])]
+        left, poles = min(tried, key=lambda found: found[0])
+        needed = [p for p in poles if _mode(p, runs.step) and _left(runs, poles[poles != p]) > TWICE * left]
+    return _modes(np.array(needed), runs.step) if left < ENOUGH else []
+
+
 def _counted(runs: _Runs, axes: int) -> tuple[list[Mode], list[Mode]]:
     own, *more = _poles(runs, [2 * (axes + extra) for extra in range(MOST + 1)])
     least = _left(runs, own)
@@ -83,8 +96,9 @@ def _counted(runs: _Runs, axes: int) -> tuple[list[Mode], list[Mode]]:
         best = min(best, (_left(runs, poles), poles), key=lambda found: found[0])
     left, poles = best
     first = _modes(own, runs.step)
-    apart = [p for p in poles if (m := _mode(p, runs.step)) and all(_apart(m, other) for other in first)]
-    needed = [p for p in apart if _left(runs, poles[poles != p]) > TWICE * left]
+    known = [mode.frequency for mode in first]
+    beside = [p for p in poles if (m := _mode(p, runs.step)) and all(apart(m.frequency, own) for own in known)]
+    needed = [p for p in beside if _left(runs, poles[poles != p]) > TWICE * left]
     return first, _modes(np.array(needed), runs.step)
 
 
@@ -100,8 +114,9 @@ def _mode(pole: complex, step: float) -> Mode | None:
     return Mode(abs(rate) / (2 * np.pi), abs(rate) / (-2 * rate.real))
 
 
-def _apart(a: Mode, b: Mode) -> bool:
-    return abs(a.frequency / b.frequency - 1) > APART
+def apart(a: float, b: float) -> bool:
+    """Whether two frequencies are those of two modes, not of one that changes."""
+    return abs(a / b - 1) > APART
 
 
 def _in_band(records: Sequence[Record]) -> _Runs:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from discrepancy.data.checks import modes
+from discrepancy.data.linear_fit import mode_frequencies
 from discrepancy.data.record import Floats
 from discrepancy.data.repeats import repeated_noise
 from discrepancy.fit.colour import gain
@@ -25,6 +26,7 @@ from discrepancy.name.score import Score
 from discrepancy.tell.answer import Diagnosis, Finding, Stage, Value, Verdict
 from discrepancy.tell.backbone import bent
 from discrepancy.tell.experiment import Experiment, next_experiment
+from discrepancy.tell.left_modes import left_modes
 from discrepancy.tell.limits import Limits
 from discrepancy.tell.run_gains import unlike_gains
 from discrepancy.tell.verdict import Remainder, probability, remainder, sane, worse_without
@@ -315,8 +317,9 @@ def _doubts(search: "Search", rest: "Remainder", residuals: Sequence[Floats]) ->
     found += _scaled(search)
     if rest.significant:
         found += [str(finding) for finding in modes(search.measured.fit)]
-        gains = unlike_gains(search.dataset.fit, residuals)
-        found += [gains] if gains else []
+        known = list(mode_frequencies(search.at.parameters, search.dataset.axes))
+        said = unlike_gains(search.dataset.fit, residuals), left_modes(search.dataset.fit, residuals, known)
+        found += [text for text in said if text]
     if rest.above or rest.significant:
         found.append(
             f"{rest.share:.2g} of the refit's residual power is left: {rest.ratio:.3g} times the noise on held-out runs"
