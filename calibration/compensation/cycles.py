@@ -18,6 +18,8 @@ Chosen = NDArray[np.bool_]
 
 ZONE: Final = 0.2
 """A cycle goes from one end of the temperature range to the other and back: an end is this share of the range."""
+ARRIVED: Final = 0.05
+"""A temperature is back where it began within this share of the range."""
 FOLDS: Final = 4
 PARTS: Final = 8
 """A single cycle is cut in so many parts; two that lie half the cycle apart are left out at once, a quarter."""
@@ -42,23 +44,38 @@ class HoldOut(NamedTuple):
 def cycle_numbers(temperature: Floats) -> NDArray[np.int64]:
     """Number of the cycle of each block, shape (n,), rising from 0.
 
-    A cycle ends in the middle of its return to the end of the range at which the test begins; a rest that does not
-    return belongs to the cycle before.
+    A test that begins at an end of the range ends a cycle in the middle of its return to that end; one that begins
+    between them, once it is back there from both. What does not return belongs to the cycle before.
     """
     low, span = float(temperature.min()), float(np.ptp(temperature))
     zone = np.where(temperature <= low + ZONE * span, -1, np.where(temperature >= low + (1 - ZONE) * span, 1, 0))
-    inside = np.flatnonzero(zone)
     visits: list[list[int]] = []
-    for k in inside.tolist():
+    for k in np.flatnonzero(zone).tolist():
         if visits and zone[visits[-1][0]] == zone[k]:
             visits[-1][1] = k
         else:
             visits.append([k, k])
+    if zone[:1].any():
+        # Visits 0, 2, 4, ... are at the end where it begins. Cut in those that a further return follows.
+        cuts = [(first + last) // 2 + 1 for first, last in visits[2:-2:2]]
+    else:
+        # Visits 0 and 1 are the two ends, as are 2 and 3. Cut between them where both of the next pair are there.
+        cuts = [
+            last + 1 + _back(temperature[last + 1 : after[0] + 1], temperature[0], span)
+            for (_, last), after in zip(visits[1:-2:2], visits[2:-1:2], strict=True)
+        ]
     numbers = np.zeros(len(temperature), dtype=np.int64)
-    # Visits 0, 2, 4, ... are at one end. Cut in those that a further return follows.
-    for first, last in visits[2:-2:2]:
-        numbers[(first + last) // 2 + 1 :] += 1
+    for cut in cuts:
+        numbers[cut:] += 1
     return numbers
+
+
+def _back(temperature: Floats, begin: float, span: float) -> int:
+    """The first block, of those from one end to the other, shape (n,), that is back at the temperature ``begin``, or as
+    near to it as lags let it come."""
+    up = temperature[-1] > temperature[0]
+    left = (begin - temperature) * (1 if up else -1)
+    return int(np.argmax(left <= ARRIVED * span))
 
 
 def count(blocks: "Blocks") -> int:

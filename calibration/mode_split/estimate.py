@@ -1,6 +1,6 @@
 """From a record to the split with its interval, or to the reason why there is none."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Final
 
@@ -35,6 +35,12 @@ SPAN: Final = 1 / 3
 DECAYS: Final = 2 * np.pi * NARROWEST
 """Decay times Q/(π f) below which the line width lies within the resolution 1/T of the record."""
 NORMAL_95: Final = 1.959964
+
+
+MOVES: Final = 3.5
+"""Halves of a record that differ by more of their standard errors show a mode that moves: by chance one in 2000."""
+ABOUT: Final = 6.0
+"""In halves the hump is looked for within so many half-widths of where the whole record has it."""
 
 
 class NothingFoundError(InputError):
@@ -146,6 +152,7 @@ def find_split(record: VoltageRecord, question: Question = Question()) -> Analys
         )
     spectrum = line_spectrum(part, f_x, question.guard)
     split = estimate(spectrum, question)
+    check_steady(part, split, question)
     check_resolution(split, question.resolution)
     if question.mass is not None and question.sense_gain is not None:
         check_thermal(thermal_ratio(split.model, question.mass, question.sense_gain, question.temperature))
@@ -203,6 +210,27 @@ def check_length(duration: float, f_x: float, q: float | None, what: str = "the 
         raise InputError(
             f"{what} is {duration:.4g} s long: too short to resolve the line width {f_x / q:.3g} Hz of Q = {q:.5g}; "
             f"record at least {needed:.3g} s, better {150 / DECAYS * needed:.3g} s"
+        )
+
+
+def check_steady(part: Envelope, split: Split, question: Question) -> None:
+    """Raises InputError where the mode moves through the record: the hump is then no resonance, and its interval too
+    narrow. A half that shows no hump by itself tells nothing."""
+    known, middle = replace(question, q=split.q), 0.5 * part.duration
+    halves = []
+    for start, stop in ((0.0, middle), (middle, part.duration)):
+        spectrum = line_spectrum(part.part(start, stop), split.f_x, question.guard)
+        try:
+            halves.append(estimate(spectrum, known, (split.f_y, ABOUT * split.model.half_width)))
+        except NothingFoundError:
+            return
+    first, second = halves
+    moved, error = second.f_y - first.f_y, float(np.hypot(first.deviation, second.deviation))
+    if abs(moved) > MOVES * error:
+        raise InputError(
+            f"the sense mode moves through the record, by {moved:.3g} ± {error:.2g} Hz from half to half, beside "
+            f"a line width of {2 * split.model.half_width:.3g} Hz: no interval would hold; follow it by "
+            f"--track {split.duration / 10:.3g}, or record at a steady temperature"
         )
 
 

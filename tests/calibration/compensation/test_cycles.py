@@ -8,6 +8,7 @@ from calibration.compensation.cycles import count, cycle_numbers, hold_outs, las
 from calibration.compensation.record import joined
 
 ONE = course(((55.0, 2.0), (-15.0, 2.0)))
+MIDDLE_UP, UP_TO_MIDDLE = np.linspace(25, 60, 35), np.concatenate([np.linspace(-20, 25, 45), np.full(20, 25.0)])
 UP, DOWN = np.linspace(-20, 60, 80), np.linspace(60, -20, 80)
 
 
@@ -22,12 +23,25 @@ UP, DOWN = np.linspace(-20, 60, 80), np.linspace(60, -20, 80)
         ([DOWN, UP, DOWN, UP], 2),
         ([np.linspace(20, 60, 40), DOWN, UP, np.linspace(60, 20, 40)], 1),
         ([UP, DOWN[:20], UP[-20:], DOWN], 1),
+        ([MIDDLE_UP, DOWN, UP_TO_MIDDLE] * 4, 4),
+        ([MIDDLE_UP, DOWN, UP, DOWN, UP_TO_MIDDLE], 2),
     ],
 )
 def test_a_cycle_goes_through_the_range_and_back(legs: list[np.ndarray], cycles: int) -> None:
     numbers = cycle_numbers(np.concatenate(legs))
     assert numbers.max() + 1 == cycles
     assert (np.diff(numbers) >= 0).all()
+
+
+def test_cycles_that_begin_between_the_ends_have_one_course() -> None:
+    # A sensor that lags by 15 blocks never quite arrives in a rest of 20.
+    ambient = np.concatenate([np.full(20, 25.0), *[MIDDLE_UP, DOWN, UP_TO_MIDDLE] * 4])
+    lagged = ambient.copy()
+    for k in range(1, len(ambient)):
+        lagged[k] = lagged[k - 1] + (ambient[k] - lagged[k - 1]) / 15
+    lengths = np.bincount(cycle_numbers(lagged))
+    assert len(lengths) == 4
+    assert lengths[1] == pytest.approx(180, abs=1) and lengths[2] == pytest.approx(180, abs=1)
 
 
 def test_cycles_are_left_out_whole() -> None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from benchmarks.split_records import SenseAxis, make_record
 from calibration.mode_split import NothingFoundError, Question, VoltageRecord, find_split
@@ -58,6 +59,31 @@ def test_steps_wider_than_the_noise_are_refused() -> None:
     rounded = np.round(values.real / 17e-3) * 17e-3 + 1j * np.round(values.imag / 17e-3) * 17e-3
     with pytest.raises(InputError, match="samples equal the one before"):
         find_split(VoltageRecord(rounded, 1000.0, 3000.0), Question())
+
+
+def drifting(hertz: float, seed: int, seconds: float = 60.0, rate: float = 200.0) -> VoltageRecord:
+    """I and Q of a line and of a mode 1 Hz wide, 30 Hz away, that moves by ``hertz`` through the record: an exact
+    process of first order in the mode's own frame, in white noise 20 dB below its top."""
+    rng = np.random.default_rng(seed)
+    n = int(seconds * rate)
+    kept = np.exp(-np.pi / rate)
+    drawn = np.sqrt(1 - kept**2) * (rng.standard_normal(n) + 1j * rng.standard_normal(n))
+    drawn[0] = rng.standard_normal() + 1j * rng.standard_normal()
+    t = np.arange(n) / rate
+    mode = lfilter([1], [1, -kept], drawn) * np.exp(
+        2j * np.pi * (30 * t + 0.5 * hertz * (t - seconds / 2) ** 2 / seconds)
+    )
+    noise = np.sqrt((1 + kept) / (1 - kept) / 100) * (rng.standard_normal(n) + 1j * rng.standard_normal(n))
+    return VoltageRecord(30.0 + mode + noise, rate, 5000.0)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_mode_that_moves_through_the_record_is_refused(seed: int) -> None:
+    # By two line widths: of 30 records 9 intervals missed.
+    with pytest.raises(InputError, match=r"moves through the record, by .*--track 6"):
+        find_split(drifting(2.0, seed), Question())
+    split = find_split(drifting(0.0, seed), Question()).split
+    assert split.split == pytest.approx(30.0, abs=4 * split.deviation)
 
 
 def test_a_guard_as_wide_as_the_band_is_refused() -> None:
