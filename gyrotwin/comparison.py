@@ -90,7 +90,13 @@ class Comparison(Saved):
             if lines:
                 panels.append(Panel("t [s]", title, lines, wide=True))
         key = [(ROLES[k % len(ROLES)], name) for k, name in enumerate(self.names)]
+        never = [
+            name
+            for name, trace in zip(self.names, self.traces, strict=True)
+            if trace is not None and "angle" in trace.columns and not np.isfinite(trace["angle"].to_numpy()).any()
+        ]
         text = "One run of each candidate, from convergence on."
+        text += f" Never converged: {', '.join(never)}." if never else ""
         return [Figure("overlaid", "Errors over time", "", text, key, panels)] if panels else []
 
     def headline(self) -> Sequence[tuple[str, str]]:

@@ -121,7 +121,7 @@ def parameters_figure(trace: pl.DataFrame, scenario: str) -> Figure:
         "parameters",
         "The eight parameters converge",
         _source(scenario, "fig. 5", "fig. 8"),
-        "Stiffness, damping, mass and rate of turn from first estimates that are 10 to 50 % off. "
+        "Stiffness, damping, mass and rate of turn. What the design does not give begins 10 to 50 % off. "
         + ("After the damping doubles at 0.45 s the estimates find it again. " if varying else "")
         + "The patent shows convergence within 0.3 s."
         + ("" if varying else " Time is logarithmic but for the rate."),

@@ -34,12 +34,12 @@ function axis(title, logarithmic, few) {
   };
 }
 
-// Of a logarithmic axis: 1, 2, 5 over few decades, powers over many, seven at most. As numbers, for 100m of a second reads as metres or minutes.
-function ticks_of(values) {
+// Of a logarithmic axis: 1, 2, 5 over few decades, powers over many, as many as `most`. As numbers, for 100m of a second reads as metres or minutes.
+function ticks_of(values, most) {
   const shown = values.filter(value => value > 0), low = Math.min(...shown), high = Math.max(...shown);
   const plain = low >= 1e-4 && high < 1e6;
   const decades = Math.log10(high / low);
-  return {dtick: decades > 3.5 ? Math.ceil(decades / 7) : "D2", ...(plain ? {exponentformat: "none", tickformat: "~r"} : {})};
+  return {dtick: decades > 3.5 ? Math.ceil(decades / most) : "D2", ...(plain ? {exponentformat: "none", tickformat: "~r"} : {})};
 }
 
 function layout(panel) {
@@ -49,7 +49,7 @@ function layout(panel) {
   }] : [];
   const y = axis(panel.y_title, panel.y_log, true);
   if (panel.y_range) y.range = panel.y_range;
-  if (panel.y_log) Object.assign(y, ticks_of(panel.names ? panel.values : panel.lines.flatMap(line => line.y)));
+  if (panel.y_log) Object.assign(y, ticks_of(panel.names ? panel.values : panel.lines.flatMap(line => line.y), 7));
   const x = axis(panel.x_title, panel.x_log, !panel.wide);
   if (panel.floor) shapes.push({
     type: "line", xref: "paper", x0: 0, x1: 1, y0: panel.floor, y1: panel.floor,
@@ -63,7 +63,7 @@ function layout(panel) {
   }
   if (panel.z || panel.levels) Object.assign(x, {showgrid: false}), Object.assign(y, {showgrid: false});
   if (panel.x_log) {
-    Object.assign(x, ticks_of(panel.lines.flatMap(line => [line.x[0], line.x[line.x.length - 1]])));
+    Object.assign(x, ticks_of(panel.lines.flatMap(line => [line.x[0], line.x[line.x.length - 1]]), panel.wide ? 7 : 4));
   }
   if (panel.x_names?.length) {
     Object.assign(x, {tickmode: "array", tickvals: panel.x_names.map((_, k) => k), ticktext: panel.x_names,
