@@ -86,18 +86,32 @@ def write_trial(
     t = np.arange(samples) / rate
     blanks = [blank_run(t, *draw_run(true, rng), rate) for _ in range(runs)]
     blanks[-1:-1] = [played(table) for table in play]
+    tables = {}
     with Simulator(device.model, jobs=1) as simulator:
         for number, blank in enumerate(blanks):
             v = simulator.run(blank, {**true, **starts, "seed": seed * len(blanks) + number})
-            _table(replace(blank, v=v)).write_parquet(out / f"run-{number + 1:02d}.parquet")
+            tables[f"run-{number + 1:02d}.parquet"] = _table(replace(blank, v=v))
     names = ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
     nominal = {name: true[name] * (1 + SPREAD * rng.uniform(-1, 1)) for name in names}
     nominal |= {name: true[name] for name in ("sense_gain_x", "sense_gain_y")}
     lines = ["format = 1", "", "[nominal]", *(f"{name} = {value!r}" for name, value in nominal.items())]
     for number, blank in enumerate(blanks):
         lines += ["", "[[run]]", f'file = "run-{number + 1:02d}.parquet"', f"sample_rate = {blank.sample_rate!r}"]
-    target.write_text("\n".join([*lines, 'role = "held-out"', ""]), encoding="utf-8")
+    _write(out, tables, "\n".join([*lines, 'role = "held-out"', ""]))
     return target
+
+
+def _write(out: Path, tables: Mapping[str, pl.DataFrame], description: str) -> None:
+    """Writes all of a data set or, with an InputError, nothing."""
+    try:
+        for name, table in tables.items():
+            table.write_parquet(out / name)
+        (out / "dataset.toml").write_text(description, encoding="utf-8")
+    except (OSError, pl.exceptions.PolarsError) as error:
+        for name in (*tables, "dataset.toml"):
+            (out / name).unlink(missing_ok=True)
+        said = getattr(error, "strerror", None) or str(error).splitlines()[0]
+        raise InputError(f"folder {out}: {said}; nothing written; name another") from None
 
 
 def blank_run(t: Floats, tones: Tones, omega_z: float, rate: float) -> Record:

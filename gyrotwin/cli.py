@@ -1,9 +1,11 @@
 """The command `gyrotwin`: its subcommands by name, each loaded when it is called."""
 
 import importlib
+import io
 import signal
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import typer
@@ -147,9 +149,22 @@ def _say_usage(error: Any) -> None:
     print(f"gyrotwin: {said}; `{where} --help` lists what there is", file=sys.stderr)
 
 
+def _remedy(place: Any) -> str:
+    """What helps where the folder of compiled parts, or one above it, can't be made or written."""
+    import platformdirs
+
+    cache = Path(platformdirs.user_cache_dir("gyrotwin"))
+    inside = isinstance(place, str) and (cache.is_relative_to(place) or Path(place).is_relative_to(cache))
+    return "; compiled parts are kept there: set XDG_CACHE_HOME to a folder that can be written" if inside else ""
+
+
 def main(arguments: Sequence[str] | None = None) -> Any:
     """Entry point: one line and exit code 2 for wrong input, 130 for Ctrl-C."""
     signal.signal(signal.SIGINT, interrupt)
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal or a pipe whose encoding lacks a letter gets a question mark for it.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     try:
         ended = app(args=arguments, prog_name="gyrotwin", standalone_mode=False)
         sys.exit(ended if isinstance(ended, int) else 0)
@@ -159,7 +174,7 @@ def main(arguments: Sequence[str] | None = None) -> Any:
         sys.exit(2)
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
-        print(f"gyrotwin: {place}{error.strerror or error}", file=sys.stderr)
+        print(f"gyrotwin: {place}{error.strerror or error}{_remedy(error.filename)}", file=sys.stderr)
         sys.exit(2)
     except Interrupted as stop:
         print(f"gyrotwin: interrupted; {stop.left}", file=sys.stderr)
@@ -169,6 +184,11 @@ def main(arguments: Sequence[str] | None = None) -> Any:
         if type(error).__name__ == "Abort":
             print("gyrotwin: aborted; nothing written", file=sys.stderr)
             sys.exit(1)
+        if "(os error " in str(error):
+            # Of polars, whose errors of the file system are its own.
+            shown()
+            print(f"gyrotwin: {str(error).splitlines()[0]}", file=sys.stderr)
+            sys.exit(2)
         if not hasattr(error, "format_message"):
             raise
         shown()

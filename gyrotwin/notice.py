@@ -4,7 +4,7 @@ import logging
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Final, TextIO
 
 LOGGER: Final = logging.getLogger("gyrotwin")
@@ -49,7 +49,9 @@ class _Lines(logging.Handler):
     stream: TextIO | None = None
 
     def emit(self, record: logging.LogRecord) -> None:
-        print(f"gyrotwin: {record.getMessage()}", file=self.stream or sys.stdout, flush=True)
+        # Where nothing can be written, what the command itself writes will say so.
+        with suppress(OSError, ValueError):
+            print(f"gyrotwin: {record.getMessage()}", file=self.stream or sys.stdout, flush=True)
 
 
 _HANDLER: Final = _Lines()

@@ -131,6 +131,44 @@ def test_a_full_disk_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX's")
+def test_a_full_disk_leaves_no_part_of_a_data_set(tmp_path: Path) -> None:
+    # 500 KiB: more than an FMU's library, less than 20,000 rows.
+    done = shell(
+        tmp_path, "ulimit -f 500; trap '' XFSZ; exec \"$0\" -m gyrotwin dataset simulate trial --samples 20000"
+    )
+    assert done.returncode == 2
+    assert "trial" in done.stderr and "nothing written" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert list((tmp_path / "trial").iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="/dev/full is Linux's")
+def test_where_nothing_can_be_said_that_is_one_line(tmp_path: Path) -> None:
+    done = shell(tmp_path, 'exec "$0" -m gyrotwin list effects > /dev/full')
+    assert (done.returncode, done.stderr) == (2, "gyrotwin: No space left on device\n")
+
+
+def test_letters_that_an_output_lacks_are_question_marks(tmp_path: Path) -> None:
+    done = shell(tmp_path, 'PYTHONIOENCODING=ascii exec "$0" -m gyrotwin list effects')
+    assert done.returncode == 0, done.stderr
+    assert "?" in done.stdout
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the cache has another place")
+def test_a_cache_that_can_t_be_written_is_told_with_its_remedy(tmp_path: Path) -> None:
+    done = shell(tmp_path, 'XDG_CACHE_HOME=/proc/cache exec "$0" -m gyrotwin run constant --duration 0.05 --design lab')
+    assert done.returncode == 2
+    assert "XDG_CACHE_HOME" in done.stderr
+
+
+def shell(folder: Path, line: str) -> subprocess.CompletedProcess[str]:
+    """Runs a line in which $0 is this Python."""
+    environment = {**os.environ, "PYTHONPATH": str(Path(gt.__file__).parents[1])}
+    command = ["bash", "-c", line, sys.executable]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, env=environment, check=False)
+
+
 def test_a_second_run_into_the_same_folder_is_refused(tmp_path: Path) -> None:
     script = "import sys, time\nfrom pathlib import Path\nfrom gyrotwin.output import check_writable\n"
     script += "check_writable(Path('out'))\nprint('held', flush=True)\ntime.sleep(60)\n"
