@@ -35,7 +35,9 @@ def better_hold(records: Sequence[Record], nominal: Mapping[str, float]) -> Bett
         return None
     left: dict[Hold, float] = {}
     for hold in get_args(Hold):
-        found = response([replace(record, hold=hold) for record in records], nominal, driven=True, lowest=LOWEST)
+        own = [replace(record, hold=hold) for record in records]
+        # Forces that bend a response hide half a sample, and are none themselves.
+        found = response(own, nominal, driven=True, lowest=LOWEST, bent=True)
         if found is None:
             return None
         left[hold] = found[1]

@@ -4,12 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete, lfilter
 
 from discrepancy.data.checks import hold as said
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.hold import better_hold
-from discrepancy.data.record import Record, make_record
+from discrepancy.data.linear_start import linear_start
+from discrepancy.data.record import Floats, Record, make_record
 
 RATE, N, M, F, Q = 8e3, 12_000, 2e-3, 900.0, 60.0
 NOMINAL = {"m": M, "kxx": M * (2 * np.pi * F) ** 2, "dxx": M * 2 * np.pi * F / Q, "sense_gain_x": 1.0}
@@ -52,3 +54,22 @@ def test_a_diagnosis_says_what_to_write() -> None:
     data = Dataset(Path(), NOMINAL, (run("band-limited", "zero"), run("band-limited", "zero", role="held-out")))
     [finding] = said(data)
     assert 'write hold = "band-limited"' in finding.message
+
+
+def test_a_force_that_ran_on_is_seen_though_the_spring_hardens() -> None:
+    # Without unit: a spring that is 1.3 times as hard at 1, Q 50, swept over its resonance, twelve samples a period.
+    t, h = np.arange(6000) * np.pi / 6, np.pi / 6
+
+    def force(at: Floats) -> Floats:
+        return np.asarray(0.05 * np.sin(0.85 * at + 0.6 * at**2 / t[-1] / 2))
+
+    def rate(at: float, s: Floats) -> tuple[float, float]:
+        return s[1], float(force(np.array(at))) - 0.02 * s[1] - s[0] - 0.3 * s[0] ** 3
+
+    x = solve_ivp(rate, (0, t[-1]), [0.0, 0.0], t_eval=t, rtol=1e-8, atol=1e-10, max_step=0.5).y[0]
+    runs = [make_record("run", t, force(t), x, sample_rate=1 / h)]
+    values = linear_start(runs, (1.0,))
+    assert values is not None
+    found = better_hold(runs, values)
+    assert found is not None
+    assert found.hold == "band-limited"
