@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from gyrotwin.numbers import degrees, microseconds, milliseconds, relative, significant, with_error
+from gyrotwin.terminal_table import Table
 
 
 def results(summary: Mapping[str, Any]) -> RenderableType:

@@ -4,12 +4,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from gyrotwin.curve_figures import draw
 from gyrotwin.numbers import MISSING, significant, with_error
 from gyrotwin.report import render_page
+from gyrotwin.terminal_table import Table
 
 if TYPE_CHECKING:
     from calibration.datasheet.figure import Figure

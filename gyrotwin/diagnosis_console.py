@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from discrepancy.tell.answer import Diagnosis
 from gyrotwin.numbers import significant, uncertain
+from gyrotwin.terminal_table import Table
 
 PARTLY: Final = "partly explained"
 MOST_RUNS: Final = 4

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from rich.table import Table
 
 from gyrotwin.figures import Figure, Panel, envelope, line
 from gyrotwin.numbers import MISSING, significant
 from gyrotwin.report import as_json, template, write_whole
+from gyrotwin.terminal_table import Table
 
 
 def rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:

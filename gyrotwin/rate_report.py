@@ -6,7 +6,6 @@ from typing import Any
 
 import polars as pl
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from cosim.rate.allan import FLAT, Allan, NoiseLimits
@@ -15,6 +14,7 @@ from gyrotwin import rate_figures as figures
 from gyrotwin.figures import Figure
 from gyrotwin.numbers import MISSING, significant, with_error
 from gyrotwin.report import as_json, template, write_whole
+from gyrotwin.terminal_table import Table
 
 Noise = tuple[Allan, NoiseLimits]
 

@@ -5,7 +5,6 @@ from typing import Any, Final
 
 import numpy as np
 import polars as pl
-from rich.table import Table
 
 from calibration.mode_split import Question, Track, VoltageRecord, follow_split
 from calibration.mode_split.checks import unchecked
@@ -14,6 +13,7 @@ from gyro_model.errors import InputError
 from gyrotwin.figures import Figure, Panel, line
 from gyrotwin.report import as_json, template, write_whole
 from gyrotwin.results import SplitResult, Writer, write_json
+from gyrotwin.terminal_table import Table
 
 SHOWN: Final = 5
 """Rows of the track in the terminal."""

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
+
+from gyrotwin.terminal_table import Table
 
 console = Console()
 

@@ -6,11 +6,11 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from gyro_model.device import load_device, packaged_devices
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
+from gyrotwin.terminal_table import Table
 
 console = Console()
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from gyro_model.errors import InputError, nearest
 from gyro_model.progress import Progress
 from gyrotwin.numbers import MISSING, significant
+from gyrotwin.terminal_table import Table
 
 if TYPE_CHECKING:
     from calibration.compensation.floors import Floor

@@ -9,7 +9,6 @@ from typing import Any, Final
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from discrepancy.tell.fleet import Estimate, Row, fleet, row_of
 from gyro_model.errors import InputError, nearest
@@ -22,6 +21,7 @@ from gyrotwin.numbers import significant
 from gyrotwin.output import check_writable, publish
 from gyrotwin.results import write_json
 from gyrotwin.tasks import diagnose as one
+from gyrotwin.terminal_table import Table
 
 DEVICES: Final = "devices"
 ROW: Final = "row.json"

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import numpy as np
 import typer
 from rich.console import Console
-from rich.table import Table
+
+from gyrotwin.terminal_table import Table
 
 if TYPE_CHECKING:
     from calibration.mode_split import Analysis, Correlation
