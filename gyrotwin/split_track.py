@@ -10,6 +10,7 @@ from calibration.mode_split import Question, Track, VoltageRecord, follow_split
 from calibration.mode_split.checks import unchecked
 from calibration.mode_split.estimate import NORMAL_95
 from gyro_model.errors import InputError
+from gyro_model.progress import Progress
 from gyrotwin.figures import Figure, Panel, line
 from gyrotwin.report import as_json, template, write_whole
 from gyrotwin.results import SplitResult, Writer, write_json
@@ -19,11 +20,16 @@ SHOWN: Final = 5
 """Rows of the track in the terminal."""
 
 
-def follow(record: VoltageRecord, question: Question, block: float, name: str) -> SplitResult:
-    """Follows the split by blocks of ``block`` [s]. Raises InputError where ``question`` asks for a resolution."""
+def follow(
+    record: VoltageRecord, question: Question, block: float, name: str, progress: Progress = lambda done, total: None
+) -> SplitResult:
+    """Follows the split by blocks of ``block`` [s]; ``progress`` is told of each.
+
+    Raises InputError where ``question`` asks for a resolution.
+    """
     if question.resolution is not None:
         raise InputError("--resolution with --track: every point of a track has its interval; leave it out")
-    found = follow_split(record, question, block)
+    found = follow_split(record, question, block, progress)
     table = frame(found)
     summary = summarise(found, table, record, name, question.q is not None)
     summary["warnings"] = unchecked(question.mass, question.sense_gain)

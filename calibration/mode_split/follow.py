@@ -1,6 +1,6 @@
 """The split of a whole record through time: Q and the strength of the wander are found in the record itself."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -12,6 +12,7 @@ from calibration.mode_split.estimate import NothingFoundError, Question, check_l
 from calibration.mode_split.record import Envelope, VoltageRecord, envelope, find_line
 from calibration.mode_split.tracking import SplitTracker, Tracked, block_split, track
 from gyro_model.errors import InputError
+from gyro_model.progress import Progress
 
 FEWEST_BLOCKS: Final = 3
 """Of a track: two for the split and its rate, one to tell a wander."""
@@ -33,8 +34,11 @@ class Track:
     wander: float
 
 
-def follow_split(record: VoltageRecord, question: Question, block: float) -> Track:
-    """The split of a record through time, by blocks of ``block`` [s].
+def follow_split(
+    record: VoltageRecord, question: Question, block: float, progress: Progress = lambda done, total: None
+) -> Track:
+    """The split of a record through time, by blocks of ``block`` [s]. progress: told the blocks done, and how many
+    there are, those looked at for Q included.
 
     Raises InputError where the record holds fewer than FEWEST_BLOCKS or a block can't resolve the line width, saying
     how long each must be, and where the humps are not thermal, and NothingFoundError where no block shows a hump.
@@ -50,11 +54,16 @@ def follow_split(record: VoltageRecord, question: Question, block: float) -> Tra
     check_length(block, f_x, question.q, "a block of the track")
     part = envelope(record, f_x, question.span_about(f_x))
     known = replace(question, drive_frequency=f_x)
-    q = question.q or _block_q(part, known, block)
+    count = int(part.duration / block)
+    looks = 0 if question.q else min(count, Q_BLOCKS)
+    q = question.q or _block_q(part, known, block, lambda done: progress(done, looks + count))
     check_length(block, f_x, q, "a block of the track")
     half_width = 0.5 * f_x / q
     loosest = half_width / block**1.5
-    first = list(track(part, replace(known, q=q), block, loosest))
+    first = []
+    for step in track(part, replace(known, q=q), block, loosest):
+        first.append(step)
+        progress(looks + step.t / block, looks + count)
     if not first:
         raise _nothing(block)
     if question.mass is not None and question.sense_gain is not None:
@@ -62,7 +71,7 @@ def follow_split(record: VoltageRecord, question: Question, block: float) -> Tra
         found = [thermal_ratio(step.block.model, mass, gain, kelvin) for step in first if step.block is not None]
         check_thermal(float(np.median(found)))
     wander = likely_wander(first, block, half_width, loosest)
-    return Track(_filtered(first, block, half_width, wander)[0], int(part.duration / block), block, q, wander)
+    return Track(_filtered(first, block, half_width, wander)[0], count, block, q, wander)
 
 
 def likely_wander(steps: Sequence[Tracked], block: float, half_width: float, loosest: float) -> float:
@@ -90,11 +99,12 @@ def _filtered(steps: Sequence[Tracked], block: float, half_width: float, wander:
     return result, surprise
 
 
-def _block_q(part: Envelope, question: Question, block: float) -> float:
-    """Median of the Q found in up to Q_BLOCKS blocks across the record."""
+def _block_q(part: Envelope, question: Question, block: float, looked: Callable[[float], None]) -> float:
+    """Median of the Q found in up to Q_BLOCKS blocks across the record; ``looked`` is told how many are done."""
     count = int(part.duration / block)
     found = []
-    for index in np.unique(np.linspace(0, count - 1, min(count, Q_BLOCKS)).astype(int)):
+    for done, index in enumerate(np.unique(np.linspace(0, count - 1, min(count, Q_BLOCKS)).astype(int))):
+        looked(done)
         split = block_split(part.part(index * block, (index + 1) * block), question, SplitTracker(0.0))
         found += [] if split is None else [split.q]
     if not found:

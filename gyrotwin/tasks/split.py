@@ -8,6 +8,8 @@ import numpy as np
 import typer
 from rich.console import Console
 
+from gyro_model.progress import Progress
+from gyrotwin.progress import shown_progress
 from gyrotwin.terminal_table import Table
 
 if TYPE_CHECKING:
@@ -89,7 +91,11 @@ def split(
         record, q, drive_frequency, sample_rate, tuple(column or ()), carrier, span, guard, clean_line, resolution,
         track, unfold, mass, sense_gain, temperature,
     )  # fmt: skip
-    found = find(request)
+    if track is None:
+        found = find(request)
+    else:
+        with shown_progress(console, f"split of {record.name}, by blocks") as progress:
+            found = find(request, progress)
     found.save(folder, force=force)
     console.print(found.shown)
     for text in found.summary["warnings"]:
@@ -97,8 +103,11 @@ def split(
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
 
 
-def find(request: Request) -> "SplitResult":
-    """The split, or its track, that ``request`` asks for. Raises InputError, with a remedy, for whatever is wrong."""
+def find(request: Request, progress: Progress = lambda done, total: None) -> "SplitResult":
+    """The split, or its track, that ``request`` asks for; ``progress`` is told the blocks of a track.
+
+    Raises InputError, with a remedy, for whatever is wrong.
+    """
     from calibration.mode_split import Question, find_split
     from calibration.mode_split.checks import thermal_ratio, unchecked
     from gyrotwin.results import SplitResult, Writer, write_json
@@ -112,7 +121,7 @@ def find(request: Request) -> "SplitResult":
     )  # fmt: skip
     voltage = read_record(request.record, request.columns, request.sample_rate, request.carrier)
     if request.track is not None:
-        return follow(voltage, question, request.track, request.record.name)
+        return follow(voltage, question, request.track, request.record.name, progress)
     analysis = find_split(voltage, question)
     summary = summarise(analysis, question.q, request.record.name)
     if question.mass is not None and question.sense_gain is not None:
