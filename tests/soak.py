@@ -26,6 +26,7 @@ from gyro_model.envelope import envelope_model
 from gyro_model.form import Form
 from gyro_model.generate_envelope import refused_effects
 from gyro_model.model import Model, load_model
+from gyro_model.quantities import Quantity
 from gyro_model.sensor import PARAMETER_TABLE, SensorModel
 from tests.fmu.fmu_importer import ERROR, OK, Fmu, Instance, update
 
@@ -44,6 +45,60 @@ TICK = 1e-12
 _INPUT_SCALE = {"N": 1e-6, "rad/s": 5.0, "m/s2": 10.0, "V": 1.0, "K": 5.0, "Hz": 0.1}
 # What a sensor may have, by quantity; the others are drawn apart.
 _SENSOR = [q for q in PARAMETER_TABLE if q.nominal and not q.name.startswith(("structure", "supply", "start_up"))]
+
+
+def random_device(model: Form, rng: random.Random) -> dict[str, float]:
+    """Parameters of some effects, up to where they count, or of a sensor; steps and samples of odd lengths."""
+    known = {q.name: q for q in model.quantities if q.role != "output"}
+    values: dict[str, float] = {"seed": rng.randrange(1000)}
+    if isinstance(model, Model):
+        values |= {name: v for name, v in _effects(model, rng).items() if name in known}
+    else:
+        values |= _sensor(rng)
+    if "x_start" in known:
+        values |= {"x_start": rng.uniform(0, 1e-6), "y_dot_start": rng.uniform(0, 1e-2)}
+    for name in ("internal_step", "sample_period"):
+        values[name] = model.start(known[name]) * rng.choice((1.0, 1.0, 0.2, 0.371, 0.74, 1 / 3, 1.7))
+    return values
+
+
+def _effects(model: Model, rng: random.Random) -> dict[str, float]:
+    """Sizes and shapes of some effects."""
+    refused = refused_effects(model) if model is FORMS["envelope"] else ()
+    effects = [e for e in model.effects if not e.nominal and e.limits and e not in refused]
+    values: dict[str, float] = {}
+    for effect in rng.sample(effects, rng.choice((0, 1, 2, 4, 8, 16))):
+        numbers = np.random.default_rng(rng.randrange(1 << 30))
+        values |= active_parameters(effect, numbers, model)
+    return values
+
+
+def _sensor(rng: random.Random) -> dict[str, float]:
+    """Parameters of a sensor; the supply (3.3 V ± 1 V) switches some off."""
+    low = rng.uniform(230.0, 300.0)
+    values = {q.name: q.typical * rng.uniform(0.0, 3.0) for q in rng.sample(_SENSOR, rng.randrange(len(_SENSOR)))}
+    for k in (1, 2):
+        values[f"filter_frequency_{k}"] = 10.0 ** rng.uniform(0.0, 3.5)
+        values[f"filter_damping_{k}"] = rng.uniform(0.2, 3.0)
+    values |= {"temperature_low": low, "temperature_high": low + 10.0 ** rng.uniform(-1.0, 2.0)}
+    values |= {"supply_low": rng.choice((0.0, 3.0)), "start_up_time": rng.choice((0.0, rng.uniform(0.0, 0.02)))}
+    return values | {"structure_lag": rng.choice((0.0, 10.0 ** rng.uniform(-3.0, 2.0)))}
+
+
+def inputs_of(model: Form) -> list[Quantity]:
+    """Inputs of which a random size is known."""
+    return [q for q in model.quantities if q.role == "input" and (q.integer or q.unit in _INPUT_SCALE)]
+
+
+def random_inputs(model: Form, rng: random.Random) -> dict[str, float]:
+    """New values of one or two inputs."""
+    values = {}
+    for quantity in rng.sample(inputs_of(model), rng.randint(1, 2)):
+        if quantity.integer:
+            values[quantity.name] = float(rng.randint(int(quantity.low), int(quantity.high)))
+        else:
+            values[quantity.name] = model.start(quantity) + _INPUT_SCALE[quantity.unit] * rng.uniform(-1.0, 1.0)
+    return values
 
 
 class SoakError(AssertionError):
@@ -95,7 +150,7 @@ class Soak:
         self.fmu, self.model, self.rng = fmu, model, rng
         self.calls = self.checks = self.devices = self.diverged = 0
         self.digest = hashlib.sha256()
-        self.inputs = [q for q in model.quantities if q.role == "input" and (q.integer or q.unit in _INPUT_SCALE)]
+        self.inputs = inputs_of(model)
         self.outputs = [q.name for q in model.quantities if q.role == "output" and not q.integer]
         self.flags = [q.name for q in model.quantities if q.role == "output" and q.integer]
         self.ticks = bool(model.CLOCKS)
@@ -115,42 +170,6 @@ class Soak:
         for instance in (self.busy, self.plain):
             instance.__exit__()
 
-    def device(self) -> dict[str, float]:
-        """Parameters of some effects, up to where they count, or of a sensor; steps and samples of odd lengths."""
-        known = {q.name: q for q in self.model.quantities if q.role != "output"}
-        values: dict[str, float] = {"seed": self.rng.randrange(1000)}
-        if isinstance(self.model, Model):
-            values |= {name: v for name, v in self.effects(self.model).items() if name in known}
-        else:
-            values |= self.sensor()
-        if "x_start" in known:
-            values |= {"x_start": self.rng.uniform(0, 1e-6), "y_dot_start": self.rng.uniform(0, 1e-2)}
-        for name in ("internal_step", "sample_period"):
-            values[name] = self.model.start(known[name]) * self.rng.choice((1.0, 1.0, 0.2, 0.371, 0.74, 1 / 3, 1.7))
-        return values
-
-    def effects(self, model: Model) -> dict[str, float]:
-        """Sizes and shapes of some effects."""
-        refused = refused_effects(model) if model is FORMS["envelope"] else ()
-        effects = [e for e in model.effects if not e.nominal and e.limits and e not in refused]
-        values: dict[str, float] = {}
-        for effect in self.rng.sample(effects, self.rng.choice((0, 1, 2, 4, 8, 16))):
-            numbers = np.random.default_rng(self.rng.randrange(1 << 30))
-            values |= active_parameters(effect, numbers, model)
-        return values
-
-    def sensor(self) -> dict[str, float]:
-        """Parameters of a sensor; the supply (3.3 V ± 1 V) switches some off."""
-        rng = self.rng
-        low = rng.uniform(230.0, 300.0)
-        values = {q.name: q.typical * rng.uniform(0.0, 3.0) for q in rng.sample(_SENSOR, rng.randrange(len(_SENSOR)))}
-        for k in (1, 2):
-            values[f"filter_frequency_{k}"] = 10.0 ** rng.uniform(0.0, 3.5)
-            values[f"filter_damping_{k}"] = rng.uniform(0.2, 3.0)
-        values |= {"temperature_low": low, "temperature_high": low + 10.0 ** rng.uniform(-1.0, 2.0)}
-        values |= {"supply_low": rng.choice((0.0, 3.0)), "start_up_time": rng.choice((0.0, rng.uniform(0.0, 0.02)))}
-        return values | {"structure_lag": rng.choice((0.0, 10.0 ** rng.uniform(-3.0, 2.0)))}
-
     def outputs_of(self, instance: Instance) -> list[float]:
         """All outputs, whatever their type."""
         return [*instance.get(*self.outputs), *(instance.get(*self.flags) if self.flags else [])]
@@ -158,7 +177,7 @@ class Soak:
     def begin(self) -> None:
         """A new device for both."""
         self.devices += 1
-        values = self.device()
+        values = random_device(self.model, self.rng)
         # What an event's time of 1.7e9 s leaves of a step is not known to the tick.
         start = self.rng.choice((0.0, 0.0, 1.25, 2.5 if self.ticks else 1.7e9))
         for instance in (self.busy, self.plain):
@@ -216,13 +235,9 @@ class Soak:
     def set_inputs(self) -> None:
         """New inputs for both."""
         self.check()
-        for quantity in self.rng.sample(self.inputs, self.rng.randint(1, 2)):
-            if quantity.integer:
-                value = float(self.rng.randint(int(quantity.low), int(quantity.high)))
-            else:
-                value = self.model.start(quantity) + _INPUT_SCALE[quantity.unit] * self.rng.uniform(-1.0, 1.0)
+        for name, value in random_inputs(self.model, self.rng).items():
             for instance in (self.busy, self.plain):
-                self.expect(instance.try_set(quantity.name, value) == OK, f"{quantity.name} can't be set")
+                self.expect(instance.try_set(name, value) == OK, f"{name} can't be set")
 
     def refused(self) -> None:
         """A wrong call: it says why and changes nothing."""
