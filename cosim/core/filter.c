@@ -9,7 +9,7 @@
 #include "take_up.h"
 
 #define EFFORT 2.0   /* samples filtered again for each new one, in the long run */
-#define EFFORT_MAX 1000000.0 /* saved up at most */
+#define EFFORT_MAX 2000000.0 /* saved up at most */
 
 static void advance(filter *f, const double u[2], const double in[IN])
 {

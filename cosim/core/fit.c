@@ -29,7 +29,8 @@
 #define TRIES 3        /* further starts at most where one ends beside its fit, and so claims what it does not know */
 #define ANOTHER 2.0    /* mean squared innovation of a start that may have found another device */
 #define UNFIT 1.035    /* mean squared innovation that a device as the design means it does not leave: 32768 numbers leave 1 by 0.008 */
-#define BENDS 8.7e-3   /* turning by which a ridge may bend within a deviation, as much as may be predicted of a valid angle [rad/s]: 0.5 deg/s */
+#define OFF 1.0       /* deviations beside its fit from which a start has not found it */
+#define BENDS 2.0e-3   /* turning by which a ridge may bend within a deviation, as much as may be predicted of a valid angle [rad/s]: 0.5 deg/s */
 #define FASTEST 1e4  /* rate that is no device's [rad/s]: far from the device it explains more than constants do */
 #define FARTHEST 10.0 /* standard deviations of the design that an effect may be away from it */
 #define WATCHED 0.005 /* over which innovations are averaged [s] */
@@ -207,6 +208,7 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
     const int whole = f->in_block >= (int64_t)f->settings.start;
     const double reserve = whole ? 0.0 : FOR_WHOLE * f->settings.start;
     double b[NP], step[NP], half[NP], change[NP], eta[NP], trial[NP];
+    int stalled = 0;
     memcpy(eta, f->eta, sizeof eta);
     if (f->growing && whole) {
         /* As later rounds are: with the walk of the rate as it is by now. */
@@ -229,20 +231,20 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
         }
         block_keep_in_bounds(f, L, trial);
         const double moved = block_distance(L, trial, eta);
+        f->off = moved;
+        if (stalled) {
+            memcpy(trial, eta, sizeof trial);
+        }
         block_set_constants(f, trial, change);
-        if (round >= rounds || moved < MOVED || f->effort <= reserve) {
+        if (stalled || round >= rounds || moved < MOVED || f->effort <= reserve) {
             break;
         }
         /* What is found before the start is complete need not be best, and may have to climb to become better. */
         const double next = descend(f, L, eta, trial, whole ? cost + WORTH : 1.001 * cost + 1.0, whole ? moved * moved : 0.0, reserve);
-        const double gained = cost - next;
+        stalled = whole && cost - next < WORTH;
         memcpy(eta, trial, sizeof eta);
         cost = next;
         trace = inform(f, f->growing && whole, L, b);
-        if (whole && gained < WORTH) {
-            memset(change, 0, sizeof change);
-            break;
-        }
     }
     if (!f->growing) {
         ridge_follow(f, change);
@@ -391,7 +393,7 @@ static void end_start(filter *f, double L[NP][NP])
         fit_fold(f, L);
         (void)unseen_turning(f, &f->told);
     }
-    f->left = f->chi2;
+    f->left = f->off > OFF ? HUGE_VAL : f->chi2;
 }
 
 void fit_end(filter *f)
@@ -415,7 +417,7 @@ void fit_end(filter *f)
         fit_fold(f, L);
         /* Another start forgets what has been learnt since the last one. */
         double rest;
-        const int misses = f->left > UNFIT && f->tries < TRIES;
+        const int misses = f->left > UNFIT && (f->tries < TRIES || f->off > OFF);
         if ((misses || (shows && unseen_turning(f, &rest) > f->told)) && f->effort > FOR_WHOLE * f->settings.start) {
             f->tries += misses;
             restart_to_look(f);
