@@ -34,7 +34,8 @@
 #define FASTEST 1e4  /* rate that is no device's [rad/s]: far from the device it explains more than constants do */
 #define FARTHEST 10.0 /* standard deviations of the design that an effect may be away from it */
 #define WATCHED 0.005 /* over which innovations are averaged [s] */
-#define FIRST 16     /* samples of the first block at its first fit */
+#define FIRST 4      /* samples of the first block at its first fit: of some tenths of a period what moves is nearly linear in the stiffness */
+#define FEWEST 16    /* samples of another block */
 
 /* Where the next block ends. One that grows doubles, from FIRST samples on; another is a sixteenth of what went before. */
 static void plan_block(filter *f)
@@ -43,7 +44,7 @@ static void plan_block(filter *f)
     if (f->growing) {
         f->length = f->in_block > 0 ? 2 * f->in_block : FIRST;
     } else {
-        f->length = (int64_t)smaller(larger(floor(age / 16.0), FIRST), smaller(f->settings.block, BLOCK_MAX));
+        f->length = (int64_t)smaller(larger(floor(age / 16.0), FEWEST), smaller(f->settings.block, BLOCK_MAX));
     }
 }
 
