@@ -84,7 +84,7 @@ class GrowingBound:
         self._design = design
         self._lib = library(design.known_model)
         self._memory = self._lib.memory("filter")
-        # Blocks of 16 samples from the first on: nothing is filtered again where the truth is told.
+        # Nothing is filtered again where the truth is told: the start ends with its first block.
         walks = {
             "omega_walk_min": omega_walk,
             "omega_walk_max": omega_walk,

@@ -108,10 +108,8 @@ class Monitor:
         if not self._chi2_low() <= health["chi2"] <= set_["chi2_high"] + pink:
             return f"{INNOVATIONS} are {sqrt(max(health['chi2'], 0)):.3g} times what they should be{self._hint()}"
         if not health["start"] <= set_["start_high"] + pink:
-            return (
-                "the start has not found its fit: "
-                + f"it left innovations {sqrt(health['start']):.3g} times what they should be"
-            )
+            left = f": it left innovations {sqrt(health['start']):.3g} times what they should be"
+            return "the start has not found its fit" + (left if np.isfinite(health["start"]) else "")
         for axis in ("x", "y"):
             if not abs(health[f"white_{axis}"]) <= set_["whiteness"] + pink:
                 return f"{INNOVATIONS} of {axis} are not white: neighbours correlate by {health[f'white_{axis}']:.2g}"

@@ -30,7 +30,7 @@
 #define ANOTHER 2.0    /* mean squared innovation of a start that may have found another device */
 #define UNFIT 1.035    /* mean squared innovation that a device as the design means it does not leave: 32768 numbers leave 1 by 0.008 */
 #define OFF 1.0       /* deviations beside its fit from which a start has not found it */
-#define BENDS 2.0e-3   /* turning by which a ridge may bend within a deviation, as much as may be predicted of a valid angle [rad/s]: 0.5 deg/s */
+#define BENDS 2.0e-3   /* turning by which a ridge may bend within a deviation [rad/s]: 0.11 deg/s, half of what may be predicted of a valid angle under `lab` */
 #define FASTEST 1e4  /* rate that is no device's [rad/s]: far from the device it explains more than constants do */
 #define FARTHEST 10.0 /* standard deviations of the design that an effect may be away from it */
 #define WATCHED 0.005 /* over which innovations are averaged [s] */
