@@ -109,7 +109,7 @@ class Monitor:
             return f"{INNOVATIONS} are {sqrt(max(health['chi2'], 0)):.3g} times what they should be{self._hint()}"
         if not health["start"] <= set_["start_high"] + pink:
             left = f": it left innovations {sqrt(health['start']):.3g} times what they should be"
-            return "the start has not found its fit" + (left if np.isfinite(health["start"]) else "")
+            return "the start has not found its fit" + (left if np.isfinite(health["start"]) else " yet")
         for axis in ("x", "y"):
             if not abs(health[f"white_{axis}"]) <= set_["whiteness"] + pink:
                 return f"{INNOVATIONS} of {axis} are not white: neighbours correlate by {health[f'white_{axis}']:.2g}"

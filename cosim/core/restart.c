@@ -5,6 +5,7 @@
 #include "prediction.h"
 #include "rate.h"
 
+#define UNTRUE (NP > 7 ? HUGE_VAL : 1.0) /* what a start has left that is not whole yet: with effects beside the seven it claims more than it knows */
 #define UNFOUND 1e6  /* running mean of squared innovations of a device that has not been found yet */
 
 /* What is uncertain of z by way of p becomes its own, so that p can be opened anew. */
@@ -51,7 +52,7 @@ void restart_from_design(filter *f)
     f->rows = f->kept = 0;
     f->lost = 0;
     f->tries = 0;
-    f->left = 1.0;
+    f->left = UNTRUE;
     f->turns = 0.0;
     f->unseen_count = 0;
     f->ridge.bends = 0;
@@ -108,6 +109,7 @@ static void restart(filter *f)
     }
     memcpy(f->W_now, f->W, sizeof f->W_now);
     f->since = f->sample;
+    f->left = UNTRUE;
     f->unseen_count = 0;
     f->ridge.bends = 0;
     f->growing = 1;
