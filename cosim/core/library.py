@@ -45,7 +45,8 @@ HEALTH_NAMES: Final = (
 some milliseconds, less what known pink noise makes of both; time of the last restart from the design [s]; restarts
 lately; random walk of the rate [rad/s per sqrt(s)]; share of the innovation's variance that the constants explain;
 fastest forgetting [1/s]; what pink noise makes of the product of neighbours, in the mean; mean squared innovation
-that the last whole start left, infinite where it ended more than a deviation beside its fit, or is not over yet with more than the seven to find."""
+that the last whole start left, infinite where it ended more than a deviation beside its fit, or is not over yet with
+more than the seven to find."""
 
 DRIFT_NAMES: Final = ("turning", "turning_now", "bending", "unseen")
 """Standard deviations that come of unknown constants: of the pattern's turning at its worst angle and where it stands
