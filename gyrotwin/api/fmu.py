@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from gyro_model.errors import InputError
 from gyro_model.model import load_model
+from gyro_model.progress import Progress
 from gyrotwin.api.files import DeviceSource, load_device
 
 if TYPE_CHECKING:
     from gyro_model.experiments import Residual
-    from gyro_model.progress import Progress
 
 
 def build(
@@ -20,7 +20,7 @@ def build(
     folder: str | Path | None = None,
     force: bool = False,
     platforms: str | Sequence[str] = (),
-    progress: "Progress | None" = None,
+    progress: Progress | None = None,
 ) -> tuple[Path, ...]:
     """Build the FMUs Gyroscope, GyroscopeEnvelope, GyroscopeSensor, FMI 2.0 and 3.0, and GyroscopeClocked, FMI 3.0.
 

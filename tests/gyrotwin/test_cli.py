@@ -111,7 +111,7 @@ WRONG = {
     "rate file": (["run", "motion", "--rate-profile", "none.csv", "--rate-column", "z"], "none.csv"),
     "rate column": (["run", "motion", "--rate-profile", "rate.csv", "--rate-column", "rat"], "'rate'"),
     "rate unit": (
-        ["run", "motion", "--rate-profile", "rate.csv", "--rate-column", "rate", "--rate-unit", "rpm"],
+        ["run", "motion", "--rate-profile", "rate.csv", "--rate-column", "rate", "--rate-unit", "turns"],
         "deg/s",
     ),
     "no rate unit": (["run", "motion", "--rate-profile", "rate.csv", "--rate-column", "rate"], "give --rate-unit"),
