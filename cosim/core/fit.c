@@ -393,8 +393,8 @@ static void end_start(filter *f, double L[NP][NP])
     } else {
         fit_fold(f, L);
         (void)unseen_turning(f, &f->told);
+        f->left = f->off > OFF ? HUGE_VAL : f->chi2;
     }
-    f->left = f->off > OFF ? HUGE_VAL : f->chi2;
 }
 
 void fit_end(filter *f)
