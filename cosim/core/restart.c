@@ -85,14 +85,16 @@ void restart_to_look(filter *f)
     block_scale(f, change, f->eta);
 }
 
-/* Opens the constants of the plant again; what the electronics are stays known. After several times in a row everything begins anew. */
+/* Opens the constants of the plant again; what the electronics are stays known. After several times in a row everything begins anew, and so it does where
+   the first start is not over: what some samples of it say of the electronics is more than they know. */
 static void restart(filter *f)
 {
+    const int begun = !(f->growing && f->block_begun == f->origin);
     f->restarts += 1.0;
     f->surprises = 0.0;
     fit_cut(f);
     part_from_constants(f);
-    if (f->restarts > f->settings.restart_limit) {
+    if (f->restarts > f->settings.restart_limit || !begun) {
         restart_from_design(f);
         return;
     }

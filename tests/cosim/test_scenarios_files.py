@@ -135,7 +135,7 @@ WRONG = {
         OMEGA + "kind = 'steps'\ntimes = [1, 2]\nvalues = [1, 2]",
         "times begins at 1 s: let it begin at 0 s, as the course does",
     ),
-    "unit": (OMEGA + "kind = 'constant'\nvalue = 1\nunit = 'rad/sek'", r"unit 'rad/sek' is not known.*mean 'rad/sec'\?"),
+    "unit": (OMEGA + "kind = 'constant'\nvalue = 1\nunit = 'rad/sek'", r"unit 'rad/sek' is not known.*'rad/sec'\?"),
     "unit of a wave": (
         "[temperature]\nkind = 'sine'\namplitude = 1\nfrequency = 1\nunit = 'degC'",
         "unit = 'degC': a wave swings about zero; give its amplitude in K",
