@@ -5,7 +5,8 @@
 #include "prediction.h"
 #include "rate.h"
 
-#define UNTRUE (NP > 7 ? HUGE_VAL : 1.0) /* what a start has left that is not whole yet: with effects beside the seven it claims more than it knows */
+#define SEVEN 7      /* constants of the plant; beside them there may be effects */
+#define UNTRUE (NP > SEVEN ? HUGE_VAL : 1.0) /* what a start has left that is not whole yet: with effects beside the seven it claims more than it knows */
 #define UNFOUND 1e6  /* running mean of squared innovations of a device that has not been found yet */
 
 /* What is uncertain of z by way of p becomes its own, so that p can be opened anew. */
@@ -89,7 +90,7 @@ void restart_to_look(filter *f)
    the first start is not over: what some samples of it say of the electronics is more than they know. */
 static void restart(filter *f)
 {
-    const int begun = !(f->growing && f->block_begun == f->origin);
+    const int begun = NP == SEVEN || !(f->growing && f->block_begun == f->origin);
     f->restarts += 1.0;
     f->surprises = 0.0;
     fit_cut(f);
