@@ -90,12 +90,12 @@ void restart_to_look(filter *f)
    the first start is not over: what some samples of it say of the electronics is more than they know. */
 static void restart(filter *f)
 {
-    const int begun = NP == SEVEN || !(f->growing && f->block_begun == f->origin);
+    const int over = NP == SEVEN || !(f->growing && f->block_begun == f->origin);
     f->restarts += 1.0;
     f->surprises = 0.0;
     fit_cut(f);
     part_from_constants(f);
-    if (f->restarts > f->settings.restart_limit || !begun) {
+    if (f->restarts > f->settings.restart_limit || !over) {
         restart_from_design(f);
         return;
     }
