@@ -5,8 +5,6 @@ The file is JSON, nothing in it is executed. Its key is the digest of bench, mod
 
 import hashlib
 import json
-import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +14,7 @@ import numpy as np
 from calibration.datasheet.figure import Curve, Figure, Outcome
 from gyro_model.build import model_token
 from gyro_model.digest import digest_of
+from gyro_model.whole_file import whole_file
 
 
 def key_of(bench: Any, mode: str) -> str:
@@ -72,20 +71,11 @@ class KeptTests:
             "reason": outcome.reason,
         }
         try:
-            self._write(json.dumps({"key": self._key, "tests": self._tests}))
+            with whole_file(self.path) as file:
+                file.write(json.dumps({"key": self._key, "tests": self._tests}).encode())
         except OSError as error:
             self._tests.clear()
             self._say(f"{self.path}: {error.strerror}; an interrupted datasheet would start anew")
-
-    def _write(self, text: str) -> None:
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        handle, beside = tempfile.mkstemp(prefix=".writing-", dir=self.path.parent)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(text)
-            os.replace(beside, self.path)
-        finally:
-            Path(beside).unlink(missing_ok=True)
 
 
 def _listed(curve: Curve) -> dict[str, list[float]]:

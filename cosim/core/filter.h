@@ -95,7 +95,6 @@ typedef struct {
     int unseen_count;
     ridge ridge;
     double told; /* deviation of the pattern's turning that the last whole start left, but for what it has not seen [rad/s] */
-    double off; /* deviations between where the last fit of a growing block has ended and where its slopes say that it lies */
     double left; /* mean squared innovation that the last whole start has left; infinite where it has ended beside its fit or is not whole yet */
     double turns; /* what its ridge bends by within one deviation, as a turning of the pattern [rad/s] */
     int64_t whole; /* its samples */

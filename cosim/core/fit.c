@@ -203,12 +203,14 @@ static double inform(filter *f, int whole, double L[NP][NP], double b[NP])
 }
 
 /* Finds the constants that the block and what was known before it make most likely, filtering it again up to `rounds` times: Gauss-Newton on
-   |eta|^2 + |r(eta)|^2, with p = p_begun + W eta. Leaves the Cholesky factor of its Hessian in L. */
-static void find_constants(filter *f, int rounds, double L[NP][NP])
+   |eta|^2 + |r(eta)|^2, with p = p_begun + W eta. Leaves the Cholesky factor of its Hessian in L. Returns how many deviations away its slopes say
+   that the most likely ones are from where it was filtered last. */
+static double find_constants(filter *f, int rounds, double L[NP][NP])
 {
     const int whole = f->in_block >= (int64_t)f->settings.start;
     const double reserve = whole ? 0.0 : FOR_WHOLE * f->settings.start;
     double b[NP], step[NP], half[NP], change[NP], eta[NP], trial[NP];
+    double moved = 0.0;
     int stalled = 0;
     memcpy(eta, f->eta, sizeof eta);
     if (f->growing && whole) {
@@ -231,8 +233,7 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
             trial[i] = eta[i] + step[i];
         }
         block_keep_in_bounds(f, L, trial);
-        const double moved = block_distance(L, trial, eta);
-        f->off = moved;
+        moved = block_distance(L, trial, eta);
         if (stalled) {
             memcpy(trial, eta, sizeof trial);
         }
@@ -266,6 +267,7 @@ static void find_constants(filter *f, int rounds, double L[NP][NP])
         f->share = trace / (double)f->rows;
         watch(f);
     }
+    return moved;
 }
 
 /* A constant that moves while the others stand still shifts eta along d, its column of W^-1. Along it the block's step has the variance
@@ -379,8 +381,8 @@ static void grow_on(filter *f, double L[NP][NP])
     plan_block(f);
 }
 
-/* A whole start has been fitted. Where its ridge bends much, it goes on for as long again: what blocks tell beside it would not be what they claim. */
-static void end_start(filter *f, double L[NP][NP])
+/* A whole start has been fitted, `off` deviations beside where its slopes say. Where its ridge bends much, it goes on for as long again: what blocks tell beside it would not be what they claim. */
+static void end_start(filter *f, double L[NP][NP], double off)
 {
     f->lost = !(f->fit < LOST) || (f->fit > ANOTHER && is_another_device(f));
     find_ridge(f, L);
@@ -393,7 +395,7 @@ static void end_start(filter *f, double L[NP][NP])
     } else {
         fit_fold(f, L);
         (void)unseen_turning(f, &f->told);
-        f->left = f->off > OFF ? HUGE_VAL : f->chi2;
+        f->left = off > OFF ? HUGE_VAL : f->chi2;
     }
 }
 
@@ -401,24 +403,24 @@ void fit_end(filter *f)
 {
     double L[NP][NP];
     if (f->growing) {
-        find_constants(f, ROUNDS, L);
+        const double off = find_constants(f, ROUNDS, L);
         filter_form(f);
         if (f->in_block < (int64_t)f->settings.start) {
             grow_on(f, L);
             f->lost = f->in_block >= FOUND && fabs(f->now.z[OMEGA]) > FASTEST;
         } else {
-            end_start(f, L);
+            end_start(f, L, off);
         }
     } else {
         const int64_t recent = 2 * (int64_t)f->settings.settle;
         f->kept = f->rows > recent ? recent : f->rows;
         f->rows -= f->kept;
         const int shows = unseen_shows(f);
-        find_constants(f, 0, L);
+        (void)find_constants(f, 0, L);
         fit_fold(f, L);
         /* Another start forgets what has been learnt since the last one. */
         double rest;
-        const int misses = f->left > UNFIT && (f->tries < TRIES || f->off > OFF);
+        const int misses = f->left > UNFIT && (f->tries < TRIES || !isfinite(f->left));
         if ((misses || (shows && unseen_turning(f, &rest) > f->told)) && f->effort > FOR_WHOLE * f->settings.start) {
             f->tries += misses;
             restart_to_look(f);
@@ -430,7 +432,7 @@ void fit_end(filter *f)
 void fit_cut(filter *f)
 {
     double L[NP][NP];
-    find_constants(f, 0, L);
+    (void)find_constants(f, 0, L);
     fit_fold(f, L);
     f->fresh = 1;
 }

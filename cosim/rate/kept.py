@@ -5,8 +5,6 @@ all that drives the run but its courses; these are held against the kept ones by
 """
 
 import hashlib
-import os
-import tempfile
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -21,6 +19,7 @@ from gyro_model.build import model_token
 from gyro_model.digest import digest_of
 from gyro_model.envelope import envelope_model
 from gyro_model.errors import InputError
+from gyro_model.whole_file import whole_file
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -86,23 +85,13 @@ class Keeper:
         if began < self._due:
             return
         try:
-            self._write({"key": np.array(key_of(run)), **arrays()})
+            with whole_file(self.path) as file:
+                np.savez(file, allow_pickle=False, key=np.array(key_of(run)), **arrays())
             self.seconds = seconds
         except OSError as error:
             self._say(f"{self.path}: {error.strerror}; an interrupted run would start anew")
         now = monotonic()
         self._due = now + max(EVERY, (now - began) / SHARE)
-
-    def _write(self, arrays: Arrays) -> None:
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        # Within it no other run writes, and a folder of results may hold such a name.
-        handle, beside = tempfile.mkstemp(prefix=".writing-", dir=self.path.parent)
-        try:
-            with os.fdopen(handle, "wb") as file:
-                np.savez(file, allow_pickle=False, **arrays)
-            os.replace(beside, self.path)
-        finally:
-            Path(beside).unlink(missing_ok=True)
 
     def forget(self) -> None:
         """Removes the file, and its folder where that was made for it and is empty."""

@@ -7,8 +7,6 @@ code, so that it resumes on any machine and with nothing else.
 
 import hashlib
 import json
-import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
@@ -32,6 +30,7 @@ from gyro_model.build import model_token
 from gyro_model.digest import digest_of
 from gyro_model.errors import InputError
 from gyro_model.model import Model
+from gyro_model.whole_file import whole_file
 
 FORMAT: Final = 4
 LARGEST: Final = 50_000_000
@@ -64,15 +63,8 @@ def _code() -> str:
 
 def save(path: Path, key: str, state: Mapping[str, Any]) -> None:
     """Writes ``state`` (plain Python) under the search's ``key``; an older file is replaced whole."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    # A name that nobody can have laid a link under, and that a folder of results may hold.
-    handle, beside = tempfile.mkstemp(prefix=".writing-", dir=path.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            json.dump({"format": FORMAT, "key": key, "state": state}, file)
-        os.replace(beside, path)
-    finally:
-        Path(beside).unlink(missing_ok=True)
+    with whole_file(path) as file:
+        file.write(json.dumps({"format": FORMAT, "key": key, "state": state}).encode())
 
 
 def load(path: Path | None, key: str, dataset: Dataset, model: Model) -> dict[str, Any] | None:
