@@ -85,13 +85,16 @@ class Keeper:
         if began < self._due:
             return
         try:
-            with whole_file(self.path) as file:
-                np.savez(file, allow_pickle=False, key=np.array(key_of(run)), **arrays())
+            self._write({"key": np.array(key_of(run)), **arrays()})
             self.seconds = seconds
         except OSError as error:
             self._say(f"{self.path}: {error.strerror}; an interrupted run would start anew")
         now = monotonic()
         self._due = now + max(EVERY, (now - began) / SHARE)
+
+    def _write(self, arrays: Arrays) -> None:
+        with whole_file(self.path) as file:
+            np.savez(file, allow_pickle=False, **arrays)
 
     def forget(self) -> None:
         """Removes the file, and its folder where that was made for it and is empty."""
