@@ -11,6 +11,8 @@ from benchmarks.blind.difficulties import UNSEEN
 DISCOVERED: Final = "discovered_"
 ALIKE: Final = 0.95
 """Correlation from which a formula counts as the true one, both without what the nominal terms imitate."""
+VALUED: Final = 2.0
+"""Of the 95 % interval: four standard errors, which the right value leaves by chance in one of 16,000."""
 STATES: Final = ("x", "y", "x_dot", "y_dot", "u_x", "u_y")
 
 
@@ -18,7 +20,9 @@ class Grade(NamedTuple):
     """kind, level, truth: from the label; named: what was said; right: as the results' row asks; exact: without the
     help of ``either``; covered: by true parameter, whether its interval holds it; ratio: final misfit over the true
     noise floor, None where there is none; multiple: the smallest of the effects, of the detectable size; said: of each
-    name of an effect file its probability, and whether it is true."""
+    name of an effect file its probability, and whether it is true; worse: effects were named without a doubt, and the
+    misfit of held-out runs is larger with them than of the refitted device without; valued: right, and every true
+    parameter within VALUED of its interval."""
 
     id: str
     kind: str
@@ -35,6 +39,8 @@ class Grade(NamedTuple):
     formula: bool | None
     cpu_s: float
     said: tuple[tuple[float, bool], ...]
+    worse: bool
+    valued: bool
 
 
 def grade(result: Mapping[str, Any]) -> Grade | None:
@@ -48,14 +54,17 @@ def grade(result: Mapping[str, Any]) -> Grade | None:
     exact = verdict != "error" and sorted(named) == sorted(truth)
     record = {f["id"] for f in answer.get("record", [])}
     misfit, floor = answer.get("misfit", {}), label["floor"]
+    right = _right(label, verdict, findings, record)
     return Grade(
         id=result["id"], kind=label["kind"], level=str(label["level"]), truth=truth, named=named, verdict=verdict,
-        right=_right(label, verdict, findings, record), exact=exact, covered=dict(_covered(label, findings)),
+        right=right, exact=exact, covered=dict(_covered(label, findings)),
         ratio=_over(misfit.get("final"), floor), refit_ratio=_over(misfit.get("refit"), floor),
         multiple=min(label.get("multiple", {"": 0.0}).values()), formula=_formula(label, findings),
         cpu_s=float(result["cpu_s"]),
         said=tuple((float(f["probability"]), f["id"] in truth) for f in findings
                    if not f["id"].startswith(DISCOVERED)),
+        worse=bool(findings) and not answer["doubts"] and misfit["final"] > misfit["refit"],
+        valued=right and all(dict(_covered(label, findings, VALUED)).values()),
     )  # fmt: skip
 
 
@@ -95,14 +104,18 @@ def _matched(truth: list[str], findings: list[Mapping[str, Any]]) -> bool:
     )
 
 
-def _covered(label: Mapping[str, Any], findings: Iterable[Mapping[str, Any]]) -> Iterable[tuple[str, bool]]:
-    """True parameters of effects that were named by their own name."""
+def _covered(
+    label: Mapping[str, Any], findings: Iterable[Mapping[str, Any]], wide: float = 1.0
+) -> Iterable[tuple[str, bool]]:
+    """True parameters of effects that were named by their own name, and whether the interval holds them, made ``wide``
+    times as wide about the value."""
     for finding in findings:
         if finding["id"] in label["effects"]:
-            for name, value in finding["parameters"].items():
+            for name, said in finding["parameters"].items():
                 true = label["parameters"].get(name)
-                if true is not None and None not in (value["low"], value["high"]):
-                    yield name, bool(value["low"] <= true <= value["high"])
+                if true is not None and None not in (said["low"], said["high"]):
+                    low, high = (said["value"] + wide * (said[end] - said["value"]) for end in ("low", "high"))
+                    yield name, bool(low <= true <= high)
 
 
 def _formula(label: Mapping[str, Any], findings: list[Mapping[str, Any]]) -> bool | None:

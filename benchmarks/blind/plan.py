@@ -12,9 +12,10 @@ from benchmarks.blind.trial import NULLS, Trial, make_effects, make_null, make_u
 from gyro_model.errors import InputError, nearest
 
 KINDS: Final = ("null", "single", "pair", "triple", "unknown", "inseparable", "difficulty")
-NULL_COUNT, PAIRS, TRIPLES, SEEDS = 400, 60, 30, 3
-DIFFICULT_NULLS, DIFFICULT = 352, 200
-LEVELS: Final = (3.0, 10.0, 100.0)
+NULL_COUNT, PAIRS, TRIPLES = 400, 60, 30
+DIFFICULT_NULLS, DIFFICULT, UNKNOWN = 352, 200, 6
+SEEDS: Final = {10.0: 20, 100.0: 3, 3.0: 10}
+"""Draws of every single effect by its size, in detectable sizes; UNKNOWN: draws of every term in no file."""
 MULTIPLES: Final = (10.0, 30.0)
 """Of the detectable sizes, of the effects in pairs and triples."""
 DRAWS: Final = 12
@@ -61,8 +62,8 @@ def nulls(block: str) -> Iterator[Entry]:
 
 def singles(block: str) -> Iterator[Entry]:
     """Every effect at every level and seed; the partner of one that needs it is known but for the second seed."""
-    for level in LEVELS[1], LEVELS[2], LEVELS[0]:
-        for seed in range(SEEDS):
+    for level, seeds in SEEDS.items():
+        for seed in range(seeds):
             for effect in (*EFFECTS, *MORE):
                 name = f"single-{effect.id}-{level:g}x-{seed}"
                 make = partial(make_effects, name, [effect.id], level, block, partner_known=seed != 1)
@@ -102,16 +103,17 @@ def difficulties(block: str) -> Iterator[Entry]:
         free = [names[(turn + i) % len(names)] for i in range(len(names))]
         difficulty = next(d for d in free if effect not in CONFUSED.get(d, ()))
         name = f"difficulty-{number:03}-{effect}-{difficulty}"
-        make = partial(make_effects, name, [effect], LEVELS[1], block, difficulty=difficulty)
+        make = partial(make_effects, name, [effect], min(MULTIPLES), block, difficulty=difficulty)
         yield Entry("difficulty", name, make)
 
 
 def unknowns(block: str) -> Iterator[Entry]:
-    """Every term that stands in no file."""
-    for number, term in enumerate(TERMS, 1):
-        name = f"unknown-{term.name}"
-        if not term.known:
-            yield Entry("unknown", name, partial(make_unknown, name, number, block))
+    """Every term that stands in no file, on UNKNOWN devices."""
+    for draw in range(UNKNOWN):
+        for number, term in enumerate(TERMS, 1):
+            name = f"unknown-{term.name}-{draw}"
+            if not term.known:
+                yield Entry("unknown", name, partial(make_unknown, name, number, block))
 
 
 def inseparables(block: str) -> Iterator[Entry]:

@@ -7,9 +7,12 @@ from benchmarks.blind.grade import Grade, grade
 from benchmarks.blind.summary import by_probability, wilson
 
 
-def result_of(label: dict[str, object], effects: list[dict[str, object]], verdict: str = "missing effects") -> Grade:
+def result_of(
+    label: dict[str, object], effects: list[dict[str, object]], verdict: str = "missing effects", **rest: object
+) -> Grade:
     full = {"level": "", "floor": 1e-4, "multiple": {"": 10.0}, "parameters": {}, **label}
-    answer = {"verdict": verdict, "effects": effects, "misfit": {"final": 1.1e-4, "refit": 5e-4}}
+    answer = {"verdict": verdict, "effects": effects, "doubts": [], "misfit": {"final": 1.1e-4, "refit": 5e-4},
+              **rest}  # fmt: skip
     graded = grade({"id": "kind-effect-0", "label": full, "answer": answer, "cpu_s": 1.0})
     assert graded is not None
     return graded
@@ -36,10 +39,13 @@ def test_grade_of_named_effects(truth: list[str], found: list[dict[str, object]]
 
 
 def test_grade_of_intervals_and_misfit() -> None:
-    values = {"p": {"low": 1.0, "high": 2.0}, "q": {"low": 1.0, "high": 2.0}, "r": {"low": None, "high": 1.0}}
+    values = {"p": {"value": 1.4, "low": 1.0, "high": 2.0}, "q": {"value": 1.4, "low": 1.0, "high": 2.0},
+              "r": {"value": 0.5, "low": None, "high": 1.0}}  # fmt: skip
     label = {"kind": "single", "effects": ["a"], "parameters": {"p": 1.5, "q": 2.5, "r": 0.0}}
     found = result_of(label, [said("a") | {"parameters": values}])
     assert found.covered == {"p": True, "q": False}
+    assert found.valued  # 2.5 lies within 1.4 + 2 (2.0 - 1.4)
+    assert not result_of(label | {"parameters": {"q": 2.7}}, [said("a") | {"parameters": values}]).valued
     assert found.ratio == pytest.approx(1.1)
 
 
@@ -63,6 +69,14 @@ def test_grade_of_discovered_terms(text: str, right: bool, formula: bool) -> Non
     assert not result_of(label, [said("cubic_stiffness")]).right
     assert not result_of(label, [], "nothing missing").right
     assert result_of(label, [], "unexplained").right
+
+
+def test_held_out_runs_that_get_worse_without_a_doubt_are_counted() -> None:
+    label = {"kind": "single", "effects": ["a"]}
+    assert not result_of(label, [said("a")]).worse
+    assert result_of(label, [said("a")], misfit={"final": 6e-4, "refit": 5e-4}).worse
+    assert not result_of(label, [said("a")], misfit={"final": 6e-4, "refit": 5e-4}, doubts=["of a"]).worse
+    assert not result_of(label, [], misfit={"final": 6e-4, "refit": 5e-4}).worse
 
 
 def test_grade_of_inseparable_effects() -> None:

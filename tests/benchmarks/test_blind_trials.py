@@ -318,7 +318,7 @@ def test_the_same_name_gives_the_same_data_and_blocks_differ() -> None:
 def test_plan_has_what_was_promised() -> None:
     chosen = list(entries(KINDS, "report"))
     count = {kind: sum(entry.kind == kind for entry in chosen) for kind in KINDS}
-    assert count == {"null": 752, "single": 9 * len(BY_ID), "pair": 60, "triple": 30, "unknown": 18,
+    assert count == {"null": 752, "single": 33 * len(BY_ID), "pair": 60, "triple": 30, "unknown": 108,
                      "inseparable": 20, "difficulty": 200}  # fmt: skip
     assert len({entry.name for entry in chosen}) == len(chosen)
 
