@@ -230,7 +230,7 @@ double gyro_pow(double x, double y)
     return minus ? -result : result;
 }
 
-double gyro_power(double x, double y) { return y == 0.0 ? 1.0 : gyro_exp(y * gyro_log(x)); }
+double gyro_power(double x, double y) { return y == 0.0 ? 1.0 : y == 1.0 ? x : gyro_exp(y * gyro_log(x)); }
 
 double gyro_sinh(double x)
 {

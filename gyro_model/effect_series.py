@@ -219,6 +219,9 @@ class Series:
         self.n_rows += 1
         place = len(self.lines)
         text = line(row)
+        if expr in self.positive and not expr.is_Pow:
+            # At a corner that makes it so, rounding may have left it on the other side.
+            text = f"first_size(k, {text})"
         # Rows of derivatives, which ask for this one, come after it.
         self.lines.insert(place if self._early(expr) else len(self.lines), f"    {row}[k] = {text};")
         return row
@@ -330,7 +333,8 @@ class Series:
             return self._row(expr, lambda row: f"series_square({half}, k)")
         of, to = self._series(base), self._constant(exponent)
         at_first = self._at(base, expr, of)
-        return self._row(expr, lambda row: f"k == 0 ? {at_first} : series_power({of}, {row}, {to}, k)")
+        power = "series_power" if exponent.is_Number else "series_any_power"
+        return self._row(expr, lambda row: f"k == 0 ? {at_first} : {power}({of}, {row}, {to}, k)")
 
     def _function(self, expr: Expr) -> str:
         [argument] = expr.args
@@ -363,10 +367,8 @@ class Series:
         symbolic = expr.is_Pow and not expr.exp.is_Number
         text = c_expression(value**exponent if symbolic else expr.func(value, *expr.args[1:]))
         to = self._constant(expr.exp) if symbolic else ""
-        # At a corner that makes it so, rounding may have left it on the other side.
-        at = f"fabs(lane_of({row}[0], {{}}))" if argument in self.positive else f"lane_of({row}[0], {{}})"
         first, last = (
-            text.replace("value", at.format(lane)).replace("exponent", f"lane_of({to}, {lane})")
+            text.replace("value", f"lane_of({row}[0], {lane})").replace("exponent", f"lane_of({to}, {lane})")
             for lane in (0, self.lanes - 1)
         )
         return f"both({first})" if first == last else f"pair_of({first}, {last})"

@@ -45,7 +45,8 @@ static inline gyro_pair both(double a) { return pair_of(a, a); }
 static inline gyro_pair pair_scaled(double f, gyro_pair a) { return pair_product(both(f), a); }
 static inline gyro_pair pair_negative(gyro_pair a) { return pair_scaled(-1.0, a); }
 static inline gyro_pair pair_exchanged(gyro_pair a) { return pair_of(lane_of(a, 1), lane_of(a, 0)); }
-static inline int is_zero(gyro_pair a) { return lane_of(a, 0) == 0.0 && lane_of(a, 1) == 0.0; }
+static inline int is_both(gyro_pair a, double c) { return lane_of(a, 0) == c && lane_of(a, 1) == c; }
+static inline int is_zero(gyro_pair a) { return is_both(a, 0.0); }
 
 /* The first of a pair for one axis, nothing for the other. */
 static inline gyro_pair on_axis(int axis, gyro_pair a) { return axis == 0 ? pair_of(lane_of(a, 0), 0.0) : pair_of(0.0, lane_of(a, 0)); }

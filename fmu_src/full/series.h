@@ -42,6 +42,9 @@ typedef struct {
 /* Of a constant. */
 static inline gyro_pair first_only(int k, gyro_pair c) { return k == 0 ? c : both(0.0); }
 
+/* Coefficient k of what is not negative. */
+static inline gyro_pair first_size(int k, gyro_pair c) { return k == 0 ? pair_size(c) : c; }
+
 /* Sums run over what is known before and take in the newest coefficients last, so that a processor need not wait for those. */
 
 /* Of a b. */
@@ -81,16 +84,32 @@ static inline gyro_pair series_power(const gyro_pair *a, const gyro_pair *p, gyr
 {
     const gyro_pair *back = p + k, step = pair_sum(e, both(1.0));
     gyro_pair sum = both(0.0), weight = both(-k);
-    /* A constant is one; else what has no power series, as a root of zero, gives no number. */
-    if (is_zero(e)) {
-        return sum;
-    }
     for (int j = 1; j < k; j++) {
         weight = pair_sum(weight, step);
         sum = pair_sum(sum, pair_product(weight, pair_product(a[j], back[-j])));
     }
     const gyro_pair inverse = pair_ratio(both(1.0), a[0]);
     return pair_sum(pair_product(pair_scaled(GYRO_PART[k], inverse), sum), pair_product(pair_product(e, pair_product(inverse, p[0])), a[k]));
+}
+
+/* Below this share of its rate in a step, a base is too near zero for its powers: their recurrence divides by it, and where a whole exponent
+   keeps the true terms small, rounding grows with each by the inverse. */
+static const double GYRO_LEAST_BASE = 1e-5;
+
+static inline int is_near_zero(const gyro_pair *a, int lane) { return fabs(lane_of(a[0], lane)) < GYRO_LEAST_BASE * fabs(lane_of(a[1], lane)); }
+
+/* The same where any exponent may be set; no number too near zero. */
+static inline gyro_pair series_any_power(const gyro_pair *a, const gyro_pair *p, gyro_pair e, int k)
+{
+    gyro_pair next = both(0.0);
+    if (is_both(e, 1.0)) {
+        next = a[k];
+    } else if (k == 1 && (is_near_zero(a, 0) || is_near_zero(a, 1)) && !is_zero(e)) {
+        next = both(NAN);
+    } else if (!is_zero(e)) {
+        next = series_power(a, p, e, k);
+    }
+    return next;
 }
 
 /* Of y, k > 0, where y' = a' f; `rate` holds j a_j. */

@@ -22,8 +22,9 @@
    large. */
 static const double GYRO_LAST_TERM = 3e-13, GYRO_BEFORE_LAST = 100.0;
 
-/* The same of a state that an effect brings, over that: what it does to the motion within the step is in the terms of the motion. */
-static const double GYRO_OWN_LAST_TERM = 30.0;
+/* The same of a state that an effect brings, over that: what it does to the motion within the step is in the terms of the motion. What it keeps
+   for later ones is off by 1e-8 rad a second where its force is a twentieth of the spring's. */
+static const double GYRO_OWN_LAST_TERM = 300.0;
 
 /* So many terms are not asked whether they are the last. The first that are not zero are the size of a state: near a singularity higher ones are
    no measure. */
@@ -37,6 +38,10 @@ enum { GYRO_MOST_TURNS = 2 * GYRO_SERIES_CORNERS };
 
 /* Corners met so soon after the last part that a step need not wait; then the stages take over there too. */
 enum { GYRO_MOST_CLOSE = 16 };
+
+/* The part of a step that is left to the stages at once, where they estimate no larger error than this, over the size of a state, squared:
+   1e-10. Elsewhere it is 1/GYRO_WHOLE. */
+static const double GYRO_LONG_STAGES = 1.0 / 128, GYRO_LONG_ERROR = 1e-20;
 
 /* Powers of time up to which laws change the linear forces. */
 enum { GYRO_COURSE_POWERS = 3 };
@@ -187,8 +192,8 @@ static inline int expand(const gyro_view *g, gyro_series *s, const gyro_course *
         }
         weight[i] = pair_of(last_weight(lane_of(size[i], 0), last), last_weight(lane_of(size[i], 1), last));
     }
-    /* A sum, in which what is no number stays. */
-    while (power < GYRO_MOST_POWER && !(left <= 1.0 && before <= GYRO_BEFORE_LAST)) {
+    /* A sum, in which what is no number stays: then no further term helps. */
+    while (power < GYRO_MOST_POWER && left == left && !(left <= 1.0 && before <= GYRO_BEFORE_LAST)) {
         gyro_pair sum = both(0.0);
         expand_once(g, s, from, powers, power++, pairs);
         for (int i = 0; i < pairs; i++) {
@@ -515,6 +520,20 @@ static inline int advance_by_series(gyro_view *g, const gyro_course *course, dou
     return moves;
 }
 
+/* Moves the states of the view on by stages from time t, `from` [s] into the step h [s] of which `left` is left; gives which part. */
+static inline double integrate_some(gyro_view *g, const double *value, double t, double from, double h, double left)
+{
+    double part = left > 1.5 * GYRO_LONG_STAGES ? GYRO_LONG_STAGES : left;
+    double before[GYRO_N_STATES];
+    memcpy(before, g->s, sizeof before);
+    if (!(integrate_part(g, value, t, from, part * h) <= GYRO_LONG_ERROR) && part * GYRO_WHOLE > 1.5) {
+        part = 1.0 / GYRO_WHOLE;
+        memcpy(g->s, before, sizeof before);
+        integrate_part(g, value, t, from, part * h);
+    }
+    return part;
+}
+
 /* Moves so many pairs of states of the view on by the next part of the step h [s] from time t: by one series, or else by stages. */
 static inline void advance_next(gyro_view *g, const double *value, const gyro_course *course, double t, double h, int pairs, gyro_passage *at)
 {
@@ -525,9 +544,7 @@ static inline void advance_next(gyro_view *g, const double *value, const gyro_co
     } else {
         at->power = 0;
         for (int i = 0; i < at->stages && at->done < 1.0; i++) {
-            const double left = 1.0 - at->done, part = left > 1.5 / GYRO_WHOLE ? 1.0 / GYRO_WHOLE : left;
-            integrate_part(g, value, t + at->done * h, at->done * h, part * h);
-            at->done = part < left ? at->done + part : 1.0;
+            at->done += integrate_some(g, value, t + at->done * h, at->done * h, h, 1.0 - at->done);
         }
         if (g->moving) {
             apply_laws_at(g, value, t, h, 0.5);

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{2818b2eb-4390-6b0c-2a7e-8f2d0a819d3a}"
+#define GYRO_TOKEN "{4662f9db-2f64-5835-36f0-db2a0d40161a}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

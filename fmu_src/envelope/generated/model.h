@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{2fbc0af5-5bdc-839e-5ad0-372fac33346d}"
+#define GYRO_TOKEN "{bbc3fbea-232a-8b92-f3df-bb49ad5427bd}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -406,11 +406,11 @@ static GYRO_INLINE void series_hysteresis(const gyro_view *g, gyro_series *s, co
         c[2] = pair_of(side_0[0], side_0[1]);
         c[3] = both(2.2250738585072014e-308);
     }
-    w[0][k] = pair_sum(pair_product(c[2], hysteresis_z_x[k]), first_only(k, c[3]));
+    w[0][k] = first_size(k, pair_sum(pair_product(c[2], hysteresis_z_x[k]), first_only(k, c[3])));
     if (k == 0) {
         c[4] = both(hysteresis_n - 1);
     }
-    w[1][k] = k == 0 ? pair_of(gyro_power(fabs(lane_of(w[0][0], 0)), lane_of(c[4], 0)), gyro_power(fabs(lane_of(w[0][0], 1)), lane_of(c[4], 1))) : series_power(w[0], w[1], c[4], k);
+    w[1][k] = k == 0 ? pair_of(gyro_power(lane_of(w[0][0], 0), lane_of(c[4], 0)), gyro_power(lane_of(w[0][0], 1), lane_of(c[4], 1))) : series_any_power(w[0], w[1], c[4], k);
     if (k == 0) {
         c[5] = pair_of(hysteresis_beta*side_1[0] + hysteresis_gamma*side_0[0], hysteresis_beta*side_1[1] + hysteresis_gamma*side_0[1]);
     }

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{6f40017e-4e23-e6dc-9715-c04806360e7a}"
+#define GYRO_TOKEN "{0ea59f3c-d7fa-7e86-b952-c8b45131da1e}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
