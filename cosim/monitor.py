@@ -6,7 +6,7 @@ that stops, the flag is withdrawn and says why."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import sqrt
+from math import hypot, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -41,13 +41,19 @@ largest mean product of neighbouring innovations; patience: time over which all 
 
 
 INNOVATIONS: Final = "innovations"
+DRIFTS: Final = "the angle may drift"
 DOUBTS: Final = 2
 """Judgements in a row, 5 ms apart, at which innovations that are not as they should be withdraw the flag."""
 
 
+WINDOW: Final = 0.1
+"""Over which a drift of the angle is meant [s]."""
+
+
 class Verdict(NamedTuple):
-    """valid now; reason why not (else empty); predicted standard deviations: of the angle's drift at the pattern's
-    worst angle and where it stands [rad/s], and of its reading [rad]."""
+    """valid now; reason why not (else empty); predicted standard deviations: of the angle's drift, the pattern at its
+    worst angle and its reading as it is learnt, of the turning where the pattern stands [rad/s], and of the reading
+    [rad]."""
 
     valid: bool
     reason: str
@@ -70,14 +76,18 @@ class Monitor:
     valid: bool = False
     _good_since: float | None = None
     _doubts: int = 0
+    _bent: list[tuple[float, float]] = field(default_factory=list)
     _previous: list[tuple[float, Floats]] = field(default_factory=list)
 
     def judge(self, t: float, estimate: Floats, deviation: Floats, inputs: Floats, phi: float) -> Verdict:
         """The verdict at ``t`` [s] on the last estimates of a block and their deviations, with the measured inputs and
         the angle of the pattern [rad]."""
         drift = self._drift(estimate, deviation, inputs, phi)
-        sigmas = drift["turning"], drift["turning_now"], drift["bending"]
-        reason = self._doubt(t, estimate, deviation, drift["turning"], drift["unseen"])
+        largest = hypot(drift["turning"], self._mending(t, drift["bending"]))
+        sigmas = largest, drift["turning_now"], drift["bending"]
+        reason = self._doubt(t, estimate, deviation, largest, drift["unseen"])
+        if reason and not reason.startswith(DRIFTS):
+            self._bent.clear()
         self._previous.append((t, estimate[KXX : M + 1].copy()))
         self._doubts = self._doubts + 1 if reason else 0
         if self.valid and 0 < self._doubts < DOUBTS and reason.startswith(INNOVATIONS):
@@ -95,6 +105,15 @@ class Monitor:
             else:
                 self.valid = True
         return Verdict(self.valid, reason, *sigmas)
+
+    def _mending(self, t: float, bending: float) -> float:
+        """Deviation of the rate at which the reading of the angle moves while it is learnt how it bends [rad/s]: what a
+        variance falls by is the square of a way, and over WINDOW such squares add up."""
+        while len(self._bent) > 1 and self._bent[1][0] <= t - WINDOW:
+            self._bent.pop(0)
+        self._bent.append((t, bending))
+        since, was = self._bent[0]
+        return sqrt(max(was**2 - bending**2, 0.0) / ((t - since) * WINDOW)) if t > since else 0.0
 
     def _doubt(self, t: float, estimate: Floats, deviation: Floats, turning: float, unseen: float) -> str:
         set_ = self.settings
@@ -128,7 +147,7 @@ class Monitor:
             return f"{PARAMETER_NAMES[i]} is not steady"
         if not turning <= set_["drift_limit"]:
             most = "gauge: turn the device or the pattern" if unseen > 0.5 * turning else "weak tones"
-            return f"the angle may drift by {np.rad2deg(turning):.2g} deg/s (1 sigma): {most}"
+            return f"{DRIFTS} by {np.rad2deg(turning):.2g} deg/s (1 sigma): {most}"
         return ""
 
     def health(self) -> dict[str, float]:

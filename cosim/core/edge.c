@@ -49,15 +49,16 @@ static double turned_in(edge *e, const double *estimate, double at, double befor
     const double own = -(sample_at(e, last)->turned - sample_at(e, first)->turned) / ((double)(last - first) * e->period);
     const double complex none[TERMS] = {0};
     double complex wrong[TERMS], found[TERMS];
-    double turn = coupling * before + own;
-    const double turn_after = coupling * after + own;
-    edge_fit(e, TERMS, first - fewer(samples_in(e, FITTED), first - e->reviewed), first, first, turn, w, size, none, wrong);
-    const double from = pattern_orientation(pattern_of(wrong[0], wrong[1], turn, w), turn, w);
-    /* The pattern has turned by other than the mean of the rate says where that has an error. */
-    turn -= 0.5 * cimag(wrong[2] / wrong[0] + wrong[3] / wrong[1]) / FITTED;
-    edge_fit(e, PATTERN_TERMS, last, e->count, last, turn_after, w, size, wrong, found);
-    const double to = pattern_orientation(pattern_of(found[0], found[1], turn_after, w), turn_after, w);
-    return remainder(to - from + (turn * (at - (double)first) + turn_after * ((double)last - at)) * e->period, PI);
+    const turning early = {coupling, own, coupling * before + own}, late = {coupling, own, coupling * after + own};
+    edge_fit(e, TERMS, first - fewer(samples_in(e, FITTED), first - e->reviewed), first, first, &early, w, size, none, wrong);
+    const double from = pattern_orientation(pattern_of(wrong[0], wrong[1], early.turn, w), early.turn, w);
+    /* The pattern has turned by other than the rate says where that has an error. */
+    const double more = -0.5 * cimag(wrong[2] / wrong[0] + wrong[3] / wrong[1]) / FITTED;
+    edge_fit(e, PATTERN_TERMS, last, e->count, last, &late, w, size, wrong, found);
+    const double to = pattern_orientation(pattern_of(found[0], found[1], late.turn, w), late.turn, w);
+    const int64_t whole = (int64_t)at;
+    const double until = edge_course(e, &early, first, whole) + early.turn * (at - (double)whole) * e->period;
+    return remainder(to - from + until + (more * (at - (double)first) + late.turn * ((double)last - at)) * e->period, PI);
 }
 
 /* Whether the controller turns the pattern evenly, or not at all, over the samples that a review looks at. */
@@ -76,15 +77,13 @@ static double change_within(const edge *e, int64_t first, int64_t last)
     return fabs(mean_rate(e, middle, last) - mean_rate(e, first, middle));
 }
 
-/* Whether the rate was even on both sides of a step from `before` to `after`. Both are fitted as if it were. Where it changes by d from one half of a time T to
-   the other, the orientation errs by d T/6 at a fit's end, and by d T (1 + SETTLED/T)^2 where it goes on so from the step: this must be less than what
-   a step without an Euler force can turn it by, times NOISY for the short time after. A slope that begins or ends is no step at all. */
-static int is_even(const edge *e, int64_t begin, int64_t first, double before, double after)
+/* Whether the rate was even after a step from `before` to `after`. Until it has settled it is taken to have been what it was then. Where it changes by d from one half
+   of a time T to the other and did so from the step, the orientation errs by d T (1 + SETTLED/T)^2: this must be less than what a step without an Euler force can turn
+   it by, times NOISY. A slope that begins or ends is no step at all. */
+static int is_even(const edge *e, double before, double after)
 {
-    const double turned = 0.5 * fabs(after - before) / sqrt(sample_at(e, first)->omega_squared);
-    const double fitted = (double)(first - begin) * e->period, beyond = 1.0 + SETTLED / SPAN;
-    return change_within(e, begin, first) * fitted < 6.0 * turned &&
-           change_within(e, e->count - samples_in(e, SPAN), e->count) * SPAN * beyond * beyond < NOISY * turned;
+    const double turned = 0.5 * fabs(after - before) / sqrt(sample_at(e, e->seen)->omega_squared), beyond = 1.0 + SETTLED / SPAN;
+    return change_within(e, e->count - samples_in(e, SPAN), e->count) * SPAN * beyond * beyond < NOISY * turned;
 }
 
 /* Finds when the step was, and takes out what it turned the pattern by. */
@@ -93,7 +92,7 @@ static void review(edge *e, const double *estimate, filter *f)
     const int64_t span = samples_in(e, SPAN), first = e->seen - samples_in(e, LATEST + MARGIN);
     const int64_t begin = first - fewer(samples_in(e, FITTED), first - e->reviewed);
     const double before = mean_rate(e, first - span, first), after = mean_rate(e, e->count - span, e->count);
-    if (!turns_evenly(e, begin) || !is_even(e, begin, first, before, after)) {
+    if (!turns_evenly(e, begin) || !is_even(e, before, after)) {
         return;
     }
     const double at = step_time(f, e->seen - samples_in(e, LATEST), e->seen, e->seen + samples_in(e, LOOKED), after);
@@ -121,6 +120,7 @@ void edge_follow(edge *e, const double *estimate, const double in[IN], const dou
     now->free.z = estimate[0] + I * estimate[2] - now->forced.z;
     now->free.v = estimate[1] + I * estimate[3] - now->forced.v;
     now->rate = estimate[4];
+    now->swept = e->count > 0 ? sample_at(e, e->count - 1)->swept + e->period * sample_at(e, e->count - 1)->rate : 0.0;
     now->omega_squared = omega_squared;
     now->turned = turned;
     memcpy(e->k.in, in, sizeof e->k.in);

@@ -14,11 +14,11 @@
 
 #define EDGE_PAST 16384 /* samples kept; a power of two */
 
-/* A sample: the pattern, the forced motion and its part from tones near the oscillation, the rate that the loop acts on, k/m, and the angle by which the
-   controller has turned the pattern. */
+/* A sample: the pattern, the forced motion and its part from tones near the oscillation, the rate that the loop acts on and its integral until
+   then, k/m, and the angle by which the controller has turned the pattern. */
 typedef struct {
     orbit free, forced, near;
-    double rate, omega_squared, turned;
+    double rate, swept, omega_squared, turned;
 } edge_sample;
 
 typedef struct {

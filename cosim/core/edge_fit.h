@@ -13,8 +13,16 @@
 #define MOVING_TERMS 4
 #define TERMS (MOVING_TERMS + 9)
 
+/* What turns the pattern [rad/s]: `coupling` times the rate, and what the controller adds; in all, `turn`, at the sample that a fit refers to. */
+typedef struct {
+    double coupling, own, turn;
+} turning;
+
+/* Angle by which the rate and the controller turn the pattern from sample `from` to sample `to` [rad]. */
+double edge_course(const edge *e, const turning *by, int64_t from, int64_t to);
+
 /* Least squares of the first `count` terms over the samples first .. last - 1, the pattern's at sample `at`; `wrong` is taken out before. */
-void edge_fit(const edge *e, int count, int64_t first, int64_t last, int64_t at, double turn, double w, double size,
+void edge_fit(const edge *e, int count, int64_t first, int64_t last, int64_t at, const turning *by, double w, double size,
               const double complex wrong[TERMS], double complex found[TERMS]);
 
 #endif

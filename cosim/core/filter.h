@@ -19,7 +19,7 @@
 #define SLOPE (NS + 1 + LAGGED) /* of the rate; no sample shows it at once */
 #define NZ (SLOPE + 1)
 #define BLOCK_MAX 200
-#define START_MAX 32768 /* samples of the start at most: where its ridge bends, it goes on for as long again */
+#define START_MAX 16384 /* samples of the start at most */
 #define QUEUE 65536     /* commands kept; a power of two, above START_MAX and 1 ms of delay at 1e7 samples a second */
 
 #define RECENT 4096     /* samples of which what was measured is kept, and how the motion was, every so many; powers of two */
@@ -50,13 +50,6 @@ typedef struct {
     double sum[2], sum_variance[2]; /* of the corrections of the rate and of its slope lately, fading */
 } moving;
 
-/* The direction of which a start has told least, as far as samples show it at all: p = p_start + s n + s^2/2 bend, of the same likelihood to second
-   order in s = normal . (p - p_start). */
-typedef struct {
-    int bends; /* whether it has been found */
-    double normal[NP], bend[NP];
-} ridge;
-
 typedef struct {
     known k;
     motion m;
@@ -70,7 +63,6 @@ typedef struct {
     double p_begun[NP];
     double H[2 * START_MAX][NP]; /* measurement rows of the block over the root of their variance */
     double r[2 * START_MAX];     /* innovations over it */
-    double H_begun[2 * START_MAX][NP], r_begun[2 * START_MAX], bent[2 * START_MAX]; /* of a start, where a step of its fit began */
     double v[START_MAX][2], in[START_MAX][IN];
     unsigned char opened[START_MAX]; /* whether the rate was opened after a sample of the block */
     double u[QUEUE][2]; /* commands, by sample */
@@ -89,15 +81,11 @@ typedef struct {
     double roaming, roamed_from, roamed_variance; /* of the slope of the rate: mean square of its change per time [rad2/s5]; at the stretch's beginning */
     int64_t roamed_at;                            /* sample at which that was */
     double forget[NP], moving[NP]; /* rate at which each constant, the others given, is forgotten [1/s]; running excess of its squared motion */
-    double unseen[NP][NP];     /* changes of p that no sample shows, row by row */
+    double unseen[NP][NP];     /* changes of p that no sample of the start shows, row by row; those come first of which none shows something now */
     double unseen_eta[NP][NP]; /* what they span, in units of W, orthonormal */
     int shown[NP]; /* blocks in a row that showed something of them */
-    int unseen_count;
-    ridge ridge;
-    double told; /* deviation of the pattern's turning that the last whole start left, but for what it has not seen [rad/s] */
+    int unseen_count, hidden;
     double left; /* mean squared innovation that the last whole start has left; infinite where it has ended beside its fit or is not whole yet */
-    double turns; /* what its ridge bends by within one deviation, as a turning of the pattern [rad/s] */
-    int64_t whole; /* its samples */
     int tries; /* starts taken because one had ended beside its fit */
     int lost;               /* whether a whole start has found no device */
     double effort; /* samples that may still be filtered again */

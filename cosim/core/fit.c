@@ -6,7 +6,7 @@
 #include "prediction.h"
 #include "rate.h"
 #include "restart.h"
-#include "ridge.h"
+#include "straight.h"
 #include "take_up.h"
 #include "unseen.h"
 
@@ -14,10 +14,6 @@
 #define MOVED 0.3    /* change of p in its new standard deviations, all together, that is worth another one */
 #define WORTH 0.1      /* fall of the sum of squares that is worth another one */
 #define SHORTEST 0.003 /* part of a step that is worth a filtering */
-#define LONG 1.0       /* deviations that a step of a start must be long for its way to bend */
-#define RETURNS 2      /* straight steps back to the ridge after one along it */
-#define HIGHEST 100.0   /* times what was, from which no way leads back */
-#define KEPT 0.5       /* share of what it promised that a straight step must bring */
 #define FOR_WHOLE 10.0 /* filterings of a whole start that are saved up for it */
 #define FORGET_SHARE 0.05 /* of a block in the running mean that forgetting follows */
 #define FORGET_SIGMAS 5.0 /* standard deviations at which it counts as moving */
@@ -25,12 +21,10 @@
 #define FORGOTTEN 1e-3 /* below which forgetting is none [1/s] */
 #define LEARNED 1e-9   /* share of what is known of a constant that a block must add to say whether it moves */
 #define LOST 1e4     /* mean squared innovation of a whole start that has found nothing */
-#define BESIDE 0.3     /* deviations to either side of its fit at which a start is filtered to see how its ridge bends */
 #define TRIES 3        /* further starts at most where one ends beside its fit, and so claims what it does not know */
 #define ANOTHER 2.0    /* mean squared innovation of a start that may have found another device */
 #define UNFIT 1.035    /* mean squared innovation that a device as the design means it does not leave: 32768 numbers leave 1 by 0.008 */
 #define OFF 1.0       /* deviations beside its fit from which a start has not found it */
-#define BENDS 2.0e-3   /* turning by which a ridge may bend within a deviation [rad/s]: 0.11 deg/s, half of what may be predicted of a valid angle under `lab` */
 #define FASTEST 1e4  /* rate that is no device's [rad/s]: far from the device it explains more than constants do */
 #define FARTHEST 10.0 /* standard deviations of the design that an effect may be away from it */
 #define WATCHED 0.005 /* over which innovations are averaged [s] */
@@ -124,75 +118,31 @@ static void watch(filter *f)
     }
 }
 
-/* Leads `trial`, from beside the ridge, back to it by straight steps, while the sum of squares there, `next`, falls but is not below `limit`. */
-static double return_to_ridge(filter *f, double trial[NP], double next, double limit)
+/* Moves f->eta by `step`, or by a part of it, or not at all: to where the sum of squares is below `limit`. Leaves the start filtered there and returns the sum. */
+static double descend(filter *f, const double step[NP], double limit, double reserve)
 {
-    for (int n = 0; n < RETURNS && !(next < limit) && next < HIGHEST * limit; n++) {
-        double L[NP][NP], b[NP], half[NP], back[NP], change[NP];
-        const double before = next;
-        (void)block_information(f, L, b);
-        for (int i = 0; i < NP; i++) {
-            b[i] -= trial[i];
-        }
-        block_solve(L, b, back, half);
-        unseen_leave_out(f, back);
-        for (int i = 0; i < NP; i++) {
-            trial[i] += back[i];
-        }
-        block_keep_in_bounds(f, L, trial);
-        block_set_constants(f, trial, change);
-        next = block_squared(trial) + filter_again(f);
-        if (!(next < before)) {
-            break;
-        }
-    }
-    return next;
-}
-
-/* The sum of squares at `trial`, or nearer to eta on the way there, or at eta: where it is below `limit`. The block is left filtered there. The way
-   of a start bends with the ridge where it is long, and the straight one brings less than it promised, `hoped`; of others nothing is hoped. L is the
-   factor at eta. */
-static double descend(filter *f, double L[NP][NP], const double eta[NP], double trial[NP], double limit, double hoped, double reserve)
-{
-    const int bends = hoped > LONG * LONG;
-    double whole[NP], bend[NP] = {0.0}, change[NP], part = 0.3;
-    if (bends) {
-        ridge_begin_step(f);
-    }
-    double next = block_squared(trial) + filter_again(f);
-    if (next < limit - (bends ? KEPT * hoped : 0.0)) {
-        return next;
-    }
-    for (int i = 0; i < NP; i++) {
-        whole[i] = trial[i] - eta[i];
-    }
-    if (bends) {
-        ridge_bend_step(f, L, whole, bend);
-        part = 1.0;
-    }
-    for (;; part *= 0.3) {
+    double from[NP];
+    memcpy(from, f->eta, sizeof from);
+    for (double part = 1.0;; part *= 0.3) {
+        double way[NP], change[NP];
         /* The last way left is none. */
         part = part > SHORTEST && f->effort > reserve ? part : 0.0;
         for (int i = 0; i < NP; i++) {
-            trial[i] = eta[i] + part * (whole[i] + 0.5 * part * bend[i]);
+            way[i] = part * step[i];
         }
-        block_set_constants(f, trial, change);
-        next = block_squared(trial) + filter_again(f);
-        if (bends && part > 0.0) {
-            next = return_to_ridge(f, trial, next, limit);
-        }
+        straight_step(f, from, way, f->eta);
+        block_set_constants(f, f->eta, change);
+        const double next = block_squared(f->eta) + filter_again(f);
         if (part <= 0.0 || next < limit) {
             return next;
         }
     }
 }
 
-/* The block's information, as block_information; what a whole start does not see is found first, and left out. */
+/* The information of a start; what a whole one does not see is found first, and left out. */
 static double inform(filter *f, int whole, double L[NP][NP], double b[NP])
 {
-    if (whole) {
-        f->unseen_count = 0;
-    }
+    f->unseen_count = f->hidden = 0;
     double trace = block_information(f, L, b);
     if (whole) {
         /* Moved along what it does not see, the block would not be consistent with what its motion was filtered at. */
@@ -202,57 +152,74 @@ static double inform(filter *f, int whole, double L[NP][NP], double b[NP])
     return trace;
 }
 
-/* Finds the constants that the block and what was known before it make most likely, filtering it again up to `rounds` times: Gauss-Newton on
-   |eta|^2 + |r(eta)|^2, with p = p_begun + W eta. Leaves the Cholesky factor of its Hessian in L. Returns how many deviations away its slopes say
-   that the most likely ones are from where it was filtered last. */
-static double find_constants(filter *f, int rounds, double L[NP][NP])
+/* The step from f->eta that the block and what was known before it make most likely, L being the factor of its Hessian: within the bounds. Returns how many
+   deviations long it is. */
+static double find_step(const filter *f, double L[NP][NP], const double b[NP], double step[NP])
+{
+    double pull[NP], half[NP], end[NP];
+    for (int i = 0; i < NP; i++) {
+        pull[i] = b[i] - f->eta[i];
+    }
+    block_solve(L, pull, step, half);
+    unseen_leave_out(f, step);
+    for (int i = 0; i < NP; i++) {
+        end[i] = f->eta[i] + step[i];
+    }
+    block_keep_in_bounds(f, L, end);
+    for (int i = 0; i < NP; i++) {
+        step[i] = end[i] - f->eta[i];
+    }
+    return block_distance(L, end, f->eta);
+}
+
+/* Finds the constants that a start and what was known before it make most likely, filtering it again up to ROUNDS times: Gauss-Newton on
+   |eta|^2 + |r(eta)|^2, with p = p_begun + W eta. Leaves the start filtered there and the Cholesky factor of its Hessian in L. Returns how many deviations
+   away its slopes say that the most likely ones are. */
+static double find_start(filter *f, double L[NP][NP])
 {
     const int whole = f->in_block >= (int64_t)f->settings.start;
     const double reserve = whole ? 0.0 : FOR_WHOLE * f->settings.start;
-    double b[NP], step[NP], half[NP], change[NP], eta[NP], trial[NP];
-    double moved = 0.0;
-    int stalled = 0;
-    memcpy(eta, f->eta, sizeof eta);
-    if (f->growing && whole) {
+    double b[NP], step[NP], moved, cost = block_squared(f->eta);
+    if (whole) {
         /* As later rounds are: with the walk of the rate as it is by now. */
         (void)filter_again(f);
     }
-    double trace = inform(f, f->growing && whole, L, b), cost = block_squared(eta);
     for (int64_t r = 0; r < f->rows; r++) {
         cost += f->r[r] * f->r[r];
     }
-    for (int round = 0;; round++) {
-        for (int i = 0; i < NP; i++) {
-            b[i] -= eta[i];
-        }
-        block_solve(L, b, step, half);
-        if (f->growing && whole) {
-            unseen_leave_out(f, step);
-        }
-        for (int i = 0; i < NP; i++) {
-            trial[i] = eta[i] + step[i];
-        }
-        block_keep_in_bounds(f, L, trial);
-        moved = block_distance(L, trial, eta);
-        if (stalled) {
-            memcpy(trial, eta, sizeof trial);
-        }
-        block_set_constants(f, trial, change);
-        if (stalled || round >= rounds || moved < MOVED || f->effort <= reserve) {
+    double trace = inform(f, whole, L, b);
+    for (int round = 0, ends = 0;; round++) {
+        moved = find_step(f, L, b, step);
+        if (ends || round > ROUNDS) {
             break;
         }
+        ends = moved < MOVED || f->effort <= reserve;
         /* What is found before the start is complete need not be best, and may have to climb to become better. */
-        const double next = descend(f, L, eta, trial, whole ? cost + WORTH : 1.001 * cost + 1.0, whole ? moved * moved : 0.0, reserve);
-        stalled = whole && cost - next < WORTH;
-        memcpy(eta, trial, sizeof eta);
+        const double next = descend(f, step, whole ? cost + WORTH : 1.001 * cost + 1.0, reserve);
+        ends |= whole && cost - next < WORTH;
         cost = next;
-        trace = inform(f, f->growing && whole, L, b);
+        trace = inform(f, whole, L, b);
     }
-    if (!f->growing) {
-        ridge_follow(f, change);
-    }
-    memcpy(f->eta, trial, sizeof trial);
     f->fit = f->rows > 0 ? cost / (double)f->rows : 1.0;
+    f->share = f->rows > 0 ? trace / (double)f->rows : f->share;
+    watch(f);
+    return moved;
+}
+
+/* Moves the constants to what the block and what was known before it make most likely, and with them the motion and the rows that are left for the next one. Leaves the Cholesky factor
+   of its information in L. */
+static void find_block(filter *f, double L[NP][NP])
+{
+    double b[NP], step[NP], change[NP], cost = 0.0;
+    const double trace = block_information(f, L, b);
+    for (int64_t r = 0; r < f->rows; r++) {
+        cost += f->r[r] * f->r[r];
+    }
+    (void)find_step(f, L, b, step);
+    for (int i = 0; i < NP; i++) {
+        f->eta[i] += step[i];
+    }
+    block_set_constants(f, f->eta, change);
     for (int i = 0; i < NZ; i++) {
         for (int q = 0; q < NP; q++) {
             f->now.z[i] += f->now.Y[i][q] * change[q];
@@ -263,11 +230,9 @@ static double find_constants(filter *f, int rounds, double L[NP][NP])
             f->r[r] -= f->H[r][q] * change[q];
         }
     }
-    if (f->rows > 0) {
-        f->share = trace / (double)f->rows;
-        watch(f);
-    }
-    return moved;
+    f->fit = f->rows > 0 ? cost / (double)f->rows : 1.0;
+    f->share = f->rows > 0 ? trace / (double)f->rows : f->share;
+    watch(f);
 }
 
 /* A constant that moves while the others stand still shifts eta along d, its column of W^-1. Along it the block's step has the variance
@@ -308,11 +273,7 @@ void fit_fold(filter *f, double L[NP][NP])
     }
     block_shrink(f, L);
     if (!f->growing) {
-        double change[NP];
-        for (int i = 0; i < NP; i++) {
-            change[i] = f->k.p[i] - f->p_begun[i];
-        }
-        ridge_turn(f, change);
+        straight_follow(f);
     }
     for (int i = 0; i < NP; i++) {
         if (f->forget[i] > FORGOTTEN) {
@@ -328,33 +289,6 @@ void fit_fold(filter *f, double L[NP][NP])
     f->growing = 0;
     filter_form(f);
     fit_begin(f);
-}
-
-/* How the ridge bends on which the fit of a whole start lies. */
-static void find_ridge(filter *f, double L[NP][NP])
-{
-    double d[NP], trial[NP], change[NP];
-    unseen_weakest(L, d);
-    ridge_begin_step(f);
-    for (int64_t r = 0; r < f->rows; r++) {
-        f->bent[r] = -2.0 * f->r[r];
-    }
-    for (int side = -1; side <= 1; side += 2) {
-        for (int i = 0; i < NP; i++) {
-            trial[i] = f->eta[i] + side * BESIDE * d[i];
-        }
-        block_set_constants(f, trial, change);
-        (void)filter_again(f);
-        for (int64_t r = 0; r < f->rows; r++) {
-            f->bent[r] += f->r[r];
-        }
-    }
-    for (int64_t r = 0; r < f->rows; r++) {
-        f->bent[r] /= BESIDE * BESIDE;
-    }
-    block_set_constants(f, f->eta, change);
-    (void)filter_again(f);
-    ridge_set(f, L, d, f->bent);
 }
 
 /* Whether a constant of the electronics is where the design can't mean it: samples of a pickoff at its end lead there, and what no sample shows
@@ -376,34 +310,22 @@ static void grow_on(filter *f, double L[NP][NP])
     block_shrink(f, L);
     memcpy(f->W_now, f->W, sizeof f->W_now);
     memcpy(f->W, known_W, sizeof known_W);
-    filter_again(f);
-    watch(f);
     plan_block(f);
 }
 
-/* A whole start has been fitted, `off` deviations beside where its slopes say. Where its ridge bends much, it goes on for as long again: what blocks tell beside it would not be what they claim. */
+/* A whole start has been fitted, `off` deviations beside where its slopes say. */
 static void end_start(filter *f, double L[NP][NP], double off)
 {
     f->lost = !(f->fit < LOST) || (f->fit > ANOTHER && is_another_device(f));
-    find_ridge(f, L);
-    /* Another start may just begin to see along what was unseen: there the second order is far beyond what the angle does. */
-    f->turns = f->block_begun == f->origin ? ridge_turning(f) : 0.0;
-    f->whole = f->in_block;
-    if (f->turns > BENDS && 2 * f->in_block <= START_MAX && !f->lost) {
-        f->ridge.bends = 0;
-        grow_on(f, L);
-    } else {
-        fit_fold(f, L);
-        (void)unseen_turning(f, &f->told);
-        f->left = off > OFF ? HUGE_VAL : f->chi2;
-    }
+    fit_fold(f, L);
+    f->left = off > OFF ? HUGE_VAL : f->chi2;
 }
 
 void fit_end(filter *f)
 {
     double L[NP][NP];
     if (f->growing) {
-        const double off = find_constants(f, ROUNDS, L);
+        const double off = find_start(f, L);
         filter_form(f);
         if (f->in_block < (int64_t)f->settings.start) {
             grow_on(f, L);
@@ -415,14 +337,11 @@ void fit_end(filter *f)
         const int64_t recent = 2 * (int64_t)f->settings.settle;
         f->kept = f->rows > recent ? recent : f->rows;
         f->rows -= f->kept;
-        const int shows = unseen_shows(f);
-        (void)find_constants(f, 0, L);
+        unseen_look(f);
+        find_block(f, L);
         fit_fold(f, L);
-        /* Another start forgets what has been learnt since the last one. */
-        double rest;
-        const int misses = f->left > UNFIT && (f->tries < TRIES || !isfinite(f->left));
-        if ((misses || (shows && unseen_turning(f, &rest) > f->told)) && f->effort > FOR_WHOLE * f->settings.start) {
-            f->tries += misses;
+        if (f->left > UNFIT && (f->tries < TRIES || !isfinite(f->left)) && f->effort > FOR_WHOLE * f->settings.start) {
+            f->tries++;
             restart_to_look(f);
         }
     }
@@ -432,7 +351,7 @@ void fit_end(filter *f)
 void fit_cut(filter *f)
 {
     double L[NP][NP];
-    (void)find_constants(f, 0, L);
+    find_block(f, L);
     fit_fold(f, L);
     f->fresh = 1;
 }

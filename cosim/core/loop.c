@@ -1,7 +1,6 @@
 #include "loop.h"
 
 #include "drift.h"
-#include "ridge.h"
 #include "known_model.h"
 #include "unseen.h"
 
@@ -135,10 +134,7 @@ EXPORT void core_filter_drift(const void *memory, double stiffness, double phi, 
     const filter *f = memory;
     double W[NP][NP];
     memcpy(W, f->W_now, sizeof W);
-    drift_sizes found = drift_deviation(&f->k, W, stiffness, phi);
-    found.turning = hypot(found.turning, ridge_turning_left(f));
-    found.turning_now = hypot(found.turning_now, ridge_turning_left(f));
-    write_drift(found, sizes);
+    write_drift(drift_deviation(&f->k, W, stiffness, phi), sizes);
     if (f->unseen_count > 0) {
         unseen_columns(f, W);
         sizes[3] = drift_deviation(&f->k, W, stiffness, phi).turning;

@@ -54,9 +54,7 @@ void restart_from_design(filter *f)
     f->lost = 0;
     f->tries = 0;
     f->left = UNTRUE;
-    f->turns = 0.0;
-    f->unseen_count = 0;
-    f->ridge.bends = 0;
+    f->unseen_count = f->hidden = 0;
     f->fit = 2.0 * FITS;
     f->growing = 1;
     f->origin = f->since = f->sample + 1;
@@ -73,8 +71,8 @@ void restart_to_look(filter *f)
     memset(f->now.Y, 0, sizeof f->now.Y);
     memcpy(f->W, f->first_W, sizeof f->W);
     f->rows = f->kept = 0;
-    f->unseen_count = 0;
-    f->ridge.bends = 0;
+    f->left = HUGE_VAL;
+    f->unseen_count = f->hidden = 0;
     f->since = f->sample;
     f->growing = 1;
     fit_begin(f);
@@ -113,8 +111,7 @@ static void restart(filter *f)
     memcpy(f->W_now, f->W, sizeof f->W_now);
     f->since = f->sample;
     f->left = UNTRUE;
-    f->unseen_count = 0;
-    f->ridge.bends = 0;
+    f->unseen_count = f->hidden = 0;
     f->growing = 1;
     fit_begin(f);
 }

@@ -36,8 +36,7 @@ which constants are forgotten where the data say that they move [1/s]; forget_ra
 block: samples of a block at most; start: samples that are filtered again as the first block doubles, at most 16384."""
 
 FILTER_LIMITS: Final = {"block": (16.0, 200.0), "settle": (0.0, 1000.0), "start": (16.0, 16384.0)}
-"""What the arrays of the filter hold [samples]: BLOCK_MAX, a part of START_MAX, half of START_MAX of filter.h,
-since a start may have to go on for as long again."""
+"""What the arrays of the filter hold [samples]: BLOCK_MAX, a part of START_MAX, START_MAX of filter.h."""
 
 FOUCAULT: Final = {
     "k": 63.955,

@@ -1,15 +1,12 @@
 #include "unseen.h"
 
 #include "block.h"
-#include "drift.h"
 
-#define SEEN 0.9       /* share of it at which a direction counts as one of which samples show something */
 #define LEFT 0.1       /* share of the variance along a direction that a start must leave for it to count */
 #define CANCELLED 3e-5 /* of large terms that cancel; rounding, and constants that move by their deviation, leave up to 1.2e-5, a rate that begins to
                           change by 1 rad/s in a second 4e-5 */
 #define CANCEL 1e-3    /* of its terms: what a start shows at most of a direction along which they cancel */
 #define BLOCKS 10      /* in a row that must show something: what the motion still owes to constants before the last fit dies away in fewer */
-#define ENOUGH 0.04    /* what a block must tell, in squared deviations as they are: the 82 of a start then tell three times what is known */
 #define SWEEPS 20      /* of rotations at most; 6 to 8 are usual */
 #define DIAGONAL 1e-24 /* sum of squares off the diagonal at which rotations end */
 
@@ -153,6 +150,7 @@ void unseen_find(filter *f, double L[NP][NP])
     }
     separate(f);
     keep_cancelling(f);
+    f->hidden = f->unseen_count;
     unseen_scale(f);
 }
 
@@ -179,7 +177,7 @@ void unseen_scale(filter *f)
 
 void unseen_leave_out(const filter *f, double x[NP])
 {
-    for (int m = 0; m < f->unseen_count; m++) {
+    for (int m = 0; m < f->hidden; m++) {
         double along = 0.0;
         for (int j = 0; j < NP; j++) {
             along += x[j] * f->unseen_eta[m][j];
@@ -190,47 +188,32 @@ void unseen_leave_out(const filter *f, double x[NP])
     }
 }
 
-/* Squared length of direction m in units of W: how many deviations it is long. */
-static double squared_length(const filter *f, int m)
+static void swap(filter *f, int a, int b)
 {
-    double d[NP];
-    block_scale(f, f->unseen[m], d);
-    return block_squared(d);
+    for (int i = 0; i < NP; i++) {
+        const double kept = f->unseen[a][i];
+        f->unseen[a][i] = f->unseen[b][i];
+        f->unseen[b][i] = kept;
+    }
+    const int kept = f->shown[a];
+    f->shown[a] = f->shown[b];
+    f->shown[b] = kept;
 }
 
-void unseen_weakest(double L[NP][NP], double d[NP])
+void unseen_look(filter *f)
 {
-    double K[NP][NP], V[NP][NP];
-    int best = -1;
-    left_variance(L, K);
-    eigenvectors(K, V);
-    for (int m = 0; m < NP; m++) {
-        best = K[m][m] < SEEN && (best < 0 || K[m][m] > K[best][best]) ? m : best;
-    }
-    for (int j = 0; j < NP; j++) {
-        d[j] = best < 0 ? 0.0 : sqrt(K[best][best]) * V[best][j];
-    }
-}
-
-int unseen_shows(filter *f)
-{
-    int look = 0, kept = 0;
+    int hidden = 0;
     for (int m = 0; m < f->unseen_count; m++) {
         double terms;
-        const double net = shown(f, m, &terms);
-        const int blocks = net > CANCELLED * CANCELLED * terms ? f->shown[m] + 1 : 0;
-        const int enough = net > ENOUGH * squared_length(f, m);
-        look |= blocks >= BLOCKS && enough;
-        if (blocks < BLOCKS || enough) {
-            memmove(f->unseen[kept], f->unseen[m], sizeof f->unseen[m]);
-            f->shown[kept++] = blocks;
+        f->shown[m] = shown(f, m, &terms) > CANCELLED * CANCELLED * terms ? f->shown[m] + 1 : 0;
+    }
+    for (int m = 0; m < f->unseen_count; m++) {
+        if (f->shown[m] < BLOCKS) {
+            swap(f, hidden++, m);
         }
     }
-    if (kept < f->unseen_count) {
-        f->unseen_count = kept;
-        unseen_scale(f);
-    }
-    return look;
+    f->hidden = hidden;
+    unseen_scale(f);
 }
 
 void unseen_columns(const filter *f, double columns[NP][NP])
@@ -243,15 +226,4 @@ void unseen_columns(const filter *f, double columns[NP][NP])
             }
         }
     }
-}
-
-double unseen_turning(const filter *f, double *rest)
-{
-    double all[NP][NP], part[NP][NP];
-    const double stiffness = f->k.p[0] / f->k.p[INVERSE_MASS];
-    memcpy(all, f->W, sizeof all);
-    unseen_columns(f, part);
-    const double total = drift_deviation(&f->k, all, stiffness, 0.0).turning, turning = drift_deviation(&f->k, part, stiffness, 0.0).turning;
-    *rest = sqrt(larger(total * total - turning * turning, 0.0));
-    return turning;
 }

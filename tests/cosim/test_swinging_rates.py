@@ -48,12 +48,11 @@ def test_the_start_of_a_fast_device_finds_its_electronics(seed) -> None:
 @pytest.mark.parametrize(("amplitude", "frequency"), [(1.0, 7.0), (3.0, 2.0)])
 def test_a_sine_of_the_rate_does_not_pass_for_damping(amplitude, frequency, tmp_path, residual) -> None:
     rate = f'kind = "sine"\namplitude = {amplitude}\nfrequency = {frequency}'
-    found = windows(run_under(tmp_path, rate, 0.6, design="lab", seed=2))
-    assert len(found) > 20
-    # It drifted by 1.4 and 2.1 deg/s, 20 and 37 of its predicted deviations, 2.8 and 4.2 of what a flag may hide. What
-    # is left does not come of the swing: it dies away in 0.3 s after a start that ended beside its fit on the gauge.
-    # At 2 Hz 31 of the seeds 2 to 37 stay below 1, and the others, seed 2 with 1.16 among them, below 1.5.
-    residual("drift over what a flag may hide", max(abs(d) / max(0.5, 4 * sigma) for d, sigma in found), 1.6)
+    found = windows(run_under(tmp_path, rate, 0.8, design="lab", seed=2))
+    assert len(found) > 15
+    # It drifted by 1.4 and 2.1 deg/s, 20 and 37 of its predicted deviations, 2.8 and 4.2 of what a flag may hide. Of
+    # the seeds 0 to 29 one goes over that, by a twelfth.
+    residual("drift over what a flag may hide", max(abs(d) / max(0.5, 4 * sigma) for d, sigma in found), 1.0)
 
 
 def test_knees_of_the_rate_are_no_steps(tmp_path, residual) -> None:
