@@ -58,9 +58,11 @@ class Criteria:
     timer: float = 0.005
     """Of a sample period: time stamps that scatter more, from sample to sample, are the record's, not the noise of a
     converter's clock, which is below 2e-3 at the worst."""
-    coloured: float = 30.0
-    """Flicker over white noise, in mean square over a run, above which it is no noise of an amplifier but something
-    that wanders."""
+    coloured: float = 7.0
+    """Times that an octave of the residual is over or below the flicker that comes nearest, from which it is none but
+    hum, a drift or what else wanders. Noise in proportion to f^-1 stayed below 2.3 at any strength, f^-0.8 and f^-1.2,
+    as of amplifiers, below 6.4; with the power of the white noise, hum and wandering temperatures had 7.8 and more, a
+    random walk 17."""
     prior_none: float = 0.01
     """Probability, before the data, that what is missing is in no file though a name fits: 3 of 252 single effects were
     named wrong in blind trials."""

@@ -22,8 +22,7 @@ from scipy.stats import chi2
 from discrepancy.data.conditions import Split, association, operating_conditions, split
 from discrepancy.data.linear_fit import mode_frequencies
 from discrepancy.data.record import Floats, Record
-from discrepancy.fit.colour import predicted_out
-from discrepancy.fit.noise import noise_of
+from discrepancy.fit.noise import HANN, NO_MEMORY, noise_of, without_memory
 from discrepancy.fit.whitening import Setting, Whitener, lifted, whitener
 from gyro_model.symbols import BOLTZMANN
 
@@ -37,8 +36,6 @@ BLOCKS: Final = 24
 """Blocks of a run at most."""
 PERIODS: Final = 16
 """Shortest block, in periods of the lowest mode: its mode band is then some five bins wide."""
-HANN: Final = 35 / 18
-"""Bins of a Hann window are correlated: the mean over B of them scatters as that over B/HANN independent ones."""
 LIKE: Final = 10.0
 """Neighbouring bands are one place where their densities differ by less than this factor."""
 HELD: Final = 0.75
@@ -46,7 +43,6 @@ HELD: Final = 0.75
 FASTEST: Final = 0.1
 """Tracking bandwidth of the filter times the sample period at most."""
 AMBIENT: Final = 298.15
-NO_MEMORY: Final = Setting()
 
 Bools = NDArray[np.bool_]
 
@@ -83,7 +79,7 @@ def located(
 ) -> tuple[Place, ...]:
     """Where ``residuals`` (one (n, axes) a run) [V] of the model with ``parameters`` exceed the noise, largest share
     first; false discoveries at most 1 %. noise: its flicker and colour; a motion that it tracks is no noise here."""
-    level = noise_level(residuals, records, parameters, noise.colour)
+    level = noise_level(residuals, records, parameters, noise)
     if level == 0:
         return ()
     edges = bands(records, parameters)
@@ -157,16 +153,16 @@ def noise_level(
     residuals: Sequence[Floats],
     records: Sequence[Record],
     parameters: Mapping[str, float],
-    colour: Sequence[float] = (),
+    memory: Setting = NO_MEMORY,
 ) -> float:
     """Deviation of the white noise a sample [V]: far above the modes, or the lower quartile of sixteen bands where the
-    sample rate leaves no room there. colour: of an autoregression, whose innovations are then the white noise."""
-    noise = noise_of(residuals, records, parameters, colour)
+    sample rate leaves no room there. memory: flicker and colour that are no part of it."""
+    noise = noise_of(residuals, records, parameters, memory)
     if noise is not None:
         return noise.rms
     means: list[float] = []
     for given, record in zip(residuals, records, strict=True):
-        residual = predicted_out(given[None], record.valid, colour)[0] if colour else given
+        residual = without_memory(given, record, parameters, memory)
         window = np.hanning(len(residual))[:, None]
         power = np.abs(np.fft.rfft(residual * window, axis=0)) ** 2 / np.sum(window**2)
         means += [float(np.mean(part)) for part in np.array_split(power, 16)]

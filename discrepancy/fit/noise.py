@@ -4,7 +4,7 @@ White noise shows between the modes and half the sample rate, flicker below the 
 voltage changes fast, thermal force as a motion that nothing drives, the converter's step in the values themselves.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Final
@@ -16,9 +16,8 @@ from scipy.stats import chi2
 from discrepancy.data.linear_fit import mode_frequencies
 from discrepancy.data.modes import band_of
 from discrepancy.data.record import Floats, Record
-from discrepancy.fit.colour import predicted_out
 from discrepancy.fit.fitted import Fitted
-from discrepancy.fit.whitening import Setting, lifted, misfit_under, top_rate
+from discrepancy.fit.whitening import Setting, lifted, misfit_under, top_rate, whitener
 
 SURE: Final = 30.0
 """Chi-square by which a noise beside the white one has to show: one in 2e7 by chance."""
@@ -31,6 +30,12 @@ ASIDE: Final = 0.15
 FEW: Final = 10.0
 """Periods of a run below which a mode does not say where the motion is."""
 BOLTZMANN: Final = 1.380649e-23
+HANN: Final = 35 / 18
+"""Bins of a Hann window are correlated: the mean over B of them scatters as that over B/HANN independent ones."""
+PIECES, SHORTEST = 15, 512
+"""Pieces of a run, each half in the next, so that all of a run counts alike but a sixteenth at both ends: one window
+over a run whose motion grew saw 4/5 of the noise of a jittering clock. No piece is of fewer samples."""
+NO_MEMORY: Final = Setting()
 
 
 @dataclass(frozen=True)
@@ -57,32 +62,50 @@ def noise_of(
     residuals: Sequence[Floats],
     records: Sequence[Record],
     parameters: Mapping[str, float],
-    colour: Sequence[float] = (),
+    memory: Setting = NO_MEMORY,
 ) -> Noise | None:
     """From the residual's density above five times the highest mode, or, where hardly a spring makes one, the top of
-    the motion, and below 0.45 of the rate; None without such a band. colour: of an autoregression, whose innovations
-    are then the white noise."""
+    the motion, and below 0.45 of the rate; None without such a band. memory: flicker and colour that are no part of
+    it."""
     rate = records[0].sample_rate
     highest = float(mode_frequencies(parameters, records[0].axes)[-1])
     if highest * max(len(r.t) for r in records) < FEW * rate:
         highest = max(band_of(record) for record in records)
     low, high = 5 * highest, 0.45 * rate
-    square, count = 0.0, 0
+    square, seen, count = 0.0, 0.0, 0
     for given, record in zip(residuals, records, strict=True):
-        residual = predicted_out(given[None], record.valid, colour)[0] if colour else given
-        n = len(residual)
-        window = np.hanning(n)[:, None] * record.valid[:, None]
-        power = np.abs(np.fft.rfft(residual * window, axis=0)) ** 2 / np.sum(window**2)
-        f = np.fft.rfftfreq(n, 1 / rate)
-        inside = power[(f > low) & (f < high)]
-        square, count = square + float(inside.sum()), count + inside.size
-    if count < 20:
+        residual = without_memory(given, record, parameters, memory)
+        for part in _pieces(len(residual)):
+            window = (np.hanning(part.stop - part.start) * record.valid[part])[:, None]
+            f = np.fft.rfftfreq(len(window), 1 / rate)
+            inside = np.abs(np.fft.rfft(residual[part] * window, axis=0)[(f > low) & (f < high)]) ** 2
+            square, seen = square + float(inside.sum()), seen + float(np.sum(window**2)) * inside.size
+            count += inside.size
+    if count < 20 or seen == 0:
         return None
-    # Two degrees a bin; neighbours under a Hann window share half of what they hold.
+    # Two degrees a bin; under a Hann window neighbours share half of what they hold, or, of many pieces, those that
+    # overlap do.
     bounds = chi2.ppf([0.975, 0.025], count) / count
-    mean = square / count
+    mean = square / seen
     ends = float(np.sqrt(mean / bounds[0])), float(np.sqrt(mean / bounds[1]))
     return Noise(float(np.sqrt(mean)), *ends, lsb=converter_step(records))
+
+
+def without_memory(residual: Floats, record: Record, parameters: Mapping[str, float], memory: Setting) -> Floats:
+    """What flicker and colour do not tell of a residual (n, axes) [V], with the level of the white noise beside them;
+    zero where a sample is not valid, if there are such."""
+    still = replace(memory, bandwidth=0.0)
+    if still == NO_MEMORY:
+        return residual
+    filtered = whitener(parameters, record.axes, 1 / record.sample_rate, still, len(residual))
+    return filtered(residual[None], record.valid)[0]
+
+
+def _pieces(n: int) -> Iterator[slice]:
+    """Parts of n samples, each half in the next."""
+    number = max(min(PIECES, 2 * n // SHORTEST - 1), 1)
+    length = 2 * n // (number + 1)
+    return (slice(k * length // 2, k * length // 2 + length) for k in range(number))
 
 
 def converter_step(records: Sequence[Record]) -> float:
@@ -133,6 +156,30 @@ def flicker(at: Fitted, records: Sequence[Record]) -> Level | None:
     lift = lifted(setting, 0.0)
     return _tuned(at, records, setting.corner, lambda corner: replace(setting, corner=corner),
                   lambda corner, variance: float(np.sqrt(lift * 2 * variance * period * corner)))  # fmt: skip
+
+
+def unlike_flicker(at: Fitted, records: Sequence[Record], chance: float, times: float) -> tuple[float, float] | None:
+    """Frequency [Hz] about which the residual is furthest from the flicker of the filter that whitens it, and how many
+    times its density it has there; None where no octave in which flicker is above the white noise is ``times`` over or
+    below, or ``chance`` would make it so."""
+    lowest = min(r.sample_rate / len(residual) for r, residual in zip(records, at.residuals, strict=True))
+    power, count, square, samples = np.zeros(64), np.zeros(64), 0.0, 0
+    for residual, record in zip(at.residuals, records, strict=True):
+        own = at.whiten(residual[None], record.valid)[0]
+        square, samples = square + float(np.sum(own**2)), samples + int(record.valid.sum()) * record.axes
+        window = (np.hanning(len(own)) * record.valid)[:, None]
+        density = np.abs(np.fft.rfft(own * window, axis=0))[1:] ** 2 / np.sum(window**2)
+        octave = np.log2(np.fft.rfftfreq(len(own), 1 / record.sample_rate)[1:] / lowest * (1 + 1e-9)).astype(int)
+        power += np.bincount(octave, density.sum(axis=1), len(power))
+        count += np.bincount(octave, minlength=len(power)) * record.axes
+    below = (count > 0) & (lowest * 2.0 ** np.arange(len(power)) < at.whiten.setting.corner)
+    ratio, freedom = power[below] / count[below] / (square / samples), 2 * count[below] / HANN
+    sure = np.minimum(chi2.sf(ratio * freedom, freedom), chi2.cdf(ratio * freedom, freedom)) < chance
+    off = np.where(sure, np.abs(np.log(np.maximum(ratio, 1e-300))), 0.0)
+    worst = int(np.argmax(off)) if len(off) else 0
+    if not len(off) or off[worst] < np.log(times):
+        return None
+    return float(lowest * 2.0 ** (np.flatnonzero(below)[worst] + 0.5)), float(ratio[worst])
 
 
 def jitter(at: Fitted, records: Sequence[Record]) -> Level | None:

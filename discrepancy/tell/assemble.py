@@ -54,7 +54,7 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
     clock.until = float("inf")
     _clean_held_out(search)
     setting = search.at.whiten.setting
-    noise = noise_of(search.at.residuals, search.fitter.records, search.at.parameters, setting.colour)
+    noise = noise_of(search.at.residuals, search.fitter.records, search.at.parameters, setting)
     clipped = _clipping(search)
     parameters = {**search.at.parameters, **{k: v.value for f in clipped for k, v in f.parameters.items()}}
     stages = _stages(search, parameters, [f.id for f in clipped])
@@ -247,8 +247,7 @@ def _misfit(search: "Search", stages: tuple[Stage, ...]) -> dict[str, Any]:
     # A floor without a model goes before one from the residual's density.
     general = repeated_noise(search.dataset.records)
     for name, own in {"": runs, **{run.name: (run,) for run in runs}}.items():
-        colour = search.at.whiten.setting.colour
-        noise = noise_of([last.residuals[run.name] for run in own], own, last.parameters, colour)
+        noise = noise_of([last.residuals[run.name] for run in own], own, last.parameters, search.at.whiten.setting)
         level = repeated_noise(own) or general or (_total(search, noise.rms) if noise else None)
         rms = float(np.sqrt(np.mean(np.concatenate([run.v[run.valid].ravel() for run in own]) ** 2)))
         table[name] = {

@@ -12,6 +12,7 @@ from discrepancy.data.repeats import repeated_noise
 from discrepancy.fit.colour import gain
 from discrepancy.fit.locate import noise_level
 from discrepancy.fit.measures import misfits, start_fitted, start_known
+from discrepancy.fit.noise import unlike_flicker
 from discrepancy.fit.whitening import coloured_power
 from discrepancy.tell.answer import Finding, Stage, Value
 
@@ -52,11 +53,13 @@ def sane(noises: Mapping[str, Value], search: "Search") -> tuple[dict[str, Value
         absurd["sampling_jitter"] = (
             f"the residual is no jitter of a clock: {clock.value:.2g} s are {clock.value * rate:.2g} sample periods"
         )
-    memory = _memory(search, {"bandwidth": 0.0})
-    if memory > limits.coloured:
+    wrong = search.at.whiten.setting.corner and unlike_flicker(
+        search.at, search.fitter.records, limits.noise_chance, limits.coloured
+    )
+    if wrong:
         absurd["flicker_noise"] = (
-            f"the residual is no flicker noise: its slow part has {memory:.2g} times the power of the white one; "
-            "look for a drift, a temperature or a supply that wanders"
+            f"the residual is no flicker noise: about {wrong[0]:.2g} Hz it has {wrong[1]:.2g} times the density of the "
+            "flicker that comes nearest; look for hum, a drift, a temperature or a supply that wanders"
         )
     return {name: value for name, value in noises.items() if name not in absurd}, absurd
 
@@ -76,9 +79,9 @@ def remainder(
     rms = float(np.sqrt(np.mean(np.concatenate([run.v[run.valid].ravel() for run in runs]) ** 2)))
     floor = gaps["noise_floor"]
     if floor is None:
-        colour = search.at.whiten.setting.colour
-        floor = noise_level([last.residuals[run.name] for run in runs], runs, last.parameters, colour) / rms
-        floor *= gain(colour) ** 0.5 if colour else 1.0
+        setting = search.at.whiten.setting
+        floor = noise_level([last.residuals[run.name] for run in runs], runs, last.parameters, setting) / rms
+        floor *= gain(setting.colour) ** 0.5 if setting.colour else 1.0
     floor = min(floor, _at_most(search) / min(rms, search.fitter.signal))
     parts = {"bandwidth": "thermal_force", "corner": "flicker_noise"}
     without = {part: 0.0 for part, name in parts.items() if name in absurd}
@@ -105,8 +108,9 @@ def _at_most(search: "Search") -> float:
     """The most that noise [V rms] may be of runs as loud as those to fit: a model that lacks something which shows in
     louder ones alone leaves that over all frequencies, where it looks like noise."""
     at, fitter = search.at, search.fitter
-    colour = at.whiten.setting.colour
-    level = noise_level(at.residuals, fitter.records, at.parameters, colour) * (gain(colour) ** 0.5 if colour else 1.0)
+    setting = at.whiten.setting
+    level = noise_level(at.residuals, fitter.records, at.parameters, setting)
+    level *= gain(setting.colour) ** 0.5 if setting.colour else 1.0
     return LOUDER * max(level, repeated_noise(search.dataset.records) or 0.0)
 
 

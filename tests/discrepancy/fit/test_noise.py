@@ -6,10 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from discrepancy.fit.noise import flicker
-from discrepancy.fit.whitening import Setting
+from discrepancy.criteria import Criteria
+from discrepancy.fit.noise import flicker, noise_of, unlike_flicker
+from discrepancy.fit.whitening import Setting, likeliest
 
 PERIOD, SAMPLES, WHITE = 5e-6, 8000, 2e-5
+DEVICE = {"m": 1.8e-7, "kxx": 64.0, "kyy": 96.0, "kxy": 12.8, "dxx": 1.8e-6, "dyy": 1.8e-6, "dxy": 0.0,
+          "sense_gain_x": 1e6, "sense_gain_y": 1e6}  # fmt: skip
 
 
 def residuals(rng: np.random.Generator, a: float) -> list[np.ndarray]:
@@ -37,3 +40,50 @@ def test_size_of_flicker(a: float) -> None:
     assert abs(np.mean(deviations)) * np.sqrt(6) < 3.3
     # Six normal numbers have a root mean square between 0.25 and 2 but in one of 250 cases.
     assert 0.25 < np.sqrt(np.mean(np.square(deviations))) < 2
+
+
+def wandering(rng: np.random.Generator, kind: str) -> np.ndarray:
+    """What is slow and no flicker, with the power of the white noise or more, (SAMPLES, 2) [V]."""
+    t = np.arange(SAMPLES) * PERIOD
+    if kind == "hum":
+        return 1e-4 * np.sin(2 * np.pi * 70 * t[:, None] + rng.uniform(0, 6.28, 2))
+    if kind == "walk":
+        return 1e-4 * np.cumsum(rng.standard_normal((SAMPLES, 2)), axis=0) / SAMPLES**0.5
+    bumps = np.hanning(SAMPLES // 10)
+    wander = np.stack([np.convolve(rng.standard_normal(2 * SAMPLES), bumps, "valid")[:SAMPLES] for _ in range(2)], 1)
+    return 5e-5 * wander / wander.std()
+
+
+# What is strong is no less a flicker: 4e-4 V/√Hz are above the white noise at all frequencies that the runs have.
+@pytest.mark.parametrize("kind", [3.2e-6, 2.5e-5, 1e-4, 4e-4, "hum", "walk", "wander"])
+def test_flicker_is_told_by_its_spectrum(kind: float | str) -> None:
+    rng, limits = np.random.default_rng(8), Criteria()
+    made = [r + wandering(rng, kind) if isinstance(kind, str) else r
+            for r in residuals(rng, 0.0 if isinstance(kind, str) else kind)]  # fmt: skip
+    valid = np.ones(SAMPLES, np.bool_)
+    at: Any = SimpleNamespace(parameters=DEVICE, residuals=made, whiten=likeliest(DEVICE, PERIOD, made, [valid] * 2))
+    runs: Any = [SimpleNamespace(valid=valid, sample_rate=1 / PERIOD, axes=2)] * 2
+    assert at.whiten.setting.corner > 0
+    assert (unlike_flicker(at, runs, limits.noise_chance, limits.coloured) is not None) == isinstance(kind, str)
+
+
+def test_white_noise_that_grows_with_the_motion_counts_in_full() -> None:
+    # As of a jittering clock behind a sweep that comes to its resonance at the end.
+    noise = WHITE * np.linspace(0, 1, SAMPLES)[:, None] ** 2 * np.random.default_rng(3).standard_normal((SAMPLES, 2))
+    run: Any = SimpleNamespace(valid=np.ones(SAMPLES, np.bool_), sample_rate=1 / PERIOD, axes=2, t=np.arange(SAMPLES),
+                               v=noise)  # fmt: skip
+    found = noise_of([noise], [run], DEVICE)
+    assert found is not None
+    # Half of the last sixteenth, the strongest, is not seen: 0.09 of the power.
+    assert 0.95 * noise.std() < found.rms < 1.03 * noise.std()
+
+
+def test_white_noise_beside_strong_flicker_is_that_of_the_sensor() -> None:
+    made = residuals(np.random.default_rng(2), 1e-4)
+    runs: Any = [SimpleNamespace(valid=np.ones(SAMPLES, np.bool_), sample_rate=1 / PERIOD, axes=2, t=np.arange(SAMPLES),
+                                 v=r) for r in made]  # fmt: skip
+    corner = 1e-4**2 / (2 * WHITE**2 * PERIOD)
+    found = noise_of(made, runs, DEVICE, Setting(corner=corner))
+    assert found is not None
+    # Above 20 kHz there is up to 100 times as much flicker; the lags that stand for it are within 4 %.
+    assert found.rms == pytest.approx(WHITE, rel=0.05)
