@@ -334,6 +334,8 @@ class Series:
         of, to = self._series(base), self._constant(exponent)
         at_first = self._at(base, expr, of)
         power = "series_power" if exponent.is_Number else "series_any_power"
+        if not exponent.is_Number:
+            self._bound(of, lambda lane: f"room_of_power(lane_of({of}[0], {lane}), lane_of({to}, {lane}))")
         return self._row(expr, lambda row: f"k == 0 ? {at_first} : {power}({of}, {row}, {to}, k)")
 
     def _function(self, expr: Expr) -> str:
@@ -341,16 +343,20 @@ class Series:
         of = self._series(argument)
         at_first = self._at(argument, expr, of)
         if type(expr).__name__ in _SATURATING:
-            for lane in range(self.lanes):
-                room = _SATURATING[type(expr).__name__].format(f"lane_of({of}[0], {lane})")
-                self.lines.append(f"    bound_change(s, at->bound + {self.n_bounds}, {of}, {lane}, {room});")
-                self.n_bounds += 1
+            room = _SATURATING[type(expr).__name__]
+            self._bound(of, lambda lane: f"larger(GYRO_SHOWN, {room.format(f'lane_of({of}[0], {lane})')})")
         u = Symbol("u", real=True)
         slope = expr.func(u).diff(u).subs(u, argument)
         rate = self._rate_of(argument, of)
         return self._row(
             expr, lambda row: f"k == 0 ? {at_first} : series_integral({rate}, {of}, {self._series(slope)}, k)"
         )
+
+    def _bound(self, of: str, room: Callable[[int], str]) -> None:
+        """Bounds the change of a row's lanes."""
+        for lane in range(self.lanes):
+            self.lines.append(f"    bound_change(s, at->bound + {self.n_bounds}, {of}, {lane}, {room(lane)});")
+            self.n_bounds += 1
 
     def _rate_of(self, expr: Expr, of: str) -> str:
         """The row of the derivative of ``expr``, times the time: coefficient k is k times that of ``expr``."""

@@ -139,12 +139,12 @@ static inline gyro_pair following(const gyro_series *s, gyro_pair c, gyro_pair c
     return k == 0 ? now : pair_sum(now, pair_product(pair_scaled(1.0 - s->begin, change), a[k - 1]));
 }}
 
-/* Lets a lane of a row change by `room`, or by as much as a function of it shows in the powers that there are. */
+/* Lets a lane of a row change by `room`, if that is finite. */
 static inline void bound_change(gyro_series *s, int bound, const gyro_pair *row, int lane, double room)
 {{
-    s->bounded[bound].row = row;
+    s->bounded[bound].row = gyro_finite(room) ? row : NULL;
     s->bounded[bound].lane = lane;
-    s->room[bound] = larger(0.5 * GYRO_MOST_POWER, room);
+    s->room[bound] = room;
 }}
 
 /* The sides on which the motion is of so many corners, the lanes of `row` changing their signs there. */

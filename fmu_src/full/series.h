@@ -112,6 +112,16 @@ static inline gyro_pair series_any_power(const gyro_pair *a, const gyro_pair *p,
     return next;
 }
 
+/* A function of what changes by so much shows in the powers that there are. */
+static const double GYRO_SHOWN = 0.5 * GYRO_MOST_POWER;
+
+/* By how much a base may change so that its power shows: the largest term of (1 + r)^e is number e r/(1 + r). What is below e^-25, 1e-11, need not
+   show. */
+static inline double room_of_power(double base, double e)
+{
+    return e > GYRO_SHOWN ? larger(base * (GYRO_SHOWN / (e - GYRO_SHOWN)), gyro_exp(-25.0 / e) - base) : INFINITY;
+}
+
 /* Of y, k > 0, where y' = a' f; `rate` holds j a_j. */
 static inline gyro_pair series_integral(const gyro_pair *rate, const gyro_pair *a, const gyro_pair *f, int k)
 {

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{4662f9db-2f64-5835-36f0-db2a0d40161a}"
+#define GYRO_TOKEN "{df6f96e8-2f8e-e9a1-4616-9d7ecd5adaf1}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

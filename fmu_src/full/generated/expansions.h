@@ -11,7 +11,7 @@ enum {
     GYRO_SERIES_ROWS = 40,
     GYRO_SERIES_CONSTANTS = 36,
     GYRO_SERIES_CORNERS = 8,
-    GYRO_SERIES_BOUNDS = 4,
+    GYRO_SERIES_BOUNDS = 6,
     GYRO_SERIES_READ = 2
 };
 
@@ -101,12 +101,12 @@ static inline gyro_pair following(const gyro_series *s, gyro_pair c, gyro_pair c
     return k == 0 ? now : pair_sum(now, pair_product(pair_scaled(1.0 - s->begin, change), a[k - 1]));
 }
 
-/* Lets a lane of a row change by `room`, or by as much as a function of it shows in the powers that there are. */
+/* Lets a lane of a row change by `room`, if that is finite. */
 static inline void bound_change(gyro_series *s, int bound, const gyro_pair *row, int lane, double room)
 {
-    s->bounded[bound].row = row;
+    s->bounded[bound].row = gyro_finite(room) ? row : NULL;
     s->bounded[bound].lane = lane;
-    s->room[bound] = larger(0.5 * GYRO_MOST_POWER, room);
+    s->room[bound] = room;
 }
 
 /* The sides on which the motion is of so many corners, the lanes of `row` changing their signs there. */
@@ -151,7 +151,7 @@ static const gyro_series_size series_sizes[GYRO_N_EFFECTS] = {
     {3, 3, 0, 0, 1}, /* electrostatic_softening */
     {0, 0, 0, 0, 0}, /* flicker_noise */
     {0, 0, 0, 0, 0}, /* frame_rotation */
-    {5, 6, 4, 0, 0}, /* hysteresis */
+    {5, 6, 4, 2, 0}, /* hysteresis */
     {0, 0, 0, 0, 0}, /* linear_acceleration */
     {1, 1, 0, 0, 1}, /* nonlinear_damping */
     {0, 0, 0, 0, 0}, /* parasitic_capacitance */
@@ -315,8 +315,8 @@ static GYRO_INLINE void series_dry_friction(const gyro_view *g, gyro_series *s, 
         }
         w[1][k] = pair_product(c[1], x_dot[k]);
         if (k == 0) {
-            bound_change(s, at->bound + 0, w[1], 0, fabs(lane_of(w[1][0], 0)) - 19.0);
-            bound_change(s, at->bound + 1, w[1], 1, fabs(lane_of(w[1][0], 1)) - 19.0);
+            bound_change(s, at->bound + 0, w[1], 0, larger(GYRO_SHOWN, fabs(lane_of(w[1][0], 0)) - 19.0));
+            bound_change(s, at->bound + 1, w[1], 1, larger(GYRO_SHOWN, fabs(lane_of(w[1][0], 1)) - 19.0));
         }
         w[2][k] = pair_scaled(k, w[1][k]);
         w[3][k] = k == 0 ? pair_of(gyro_tanh(lane_of(w[1][0], 0)), gyro_tanh(lane_of(w[1][0], 1))) : series_integral(w[2], w[1], w[4], k);
@@ -333,8 +333,8 @@ static GYRO_INLINE void series_dry_friction(const gyro_view *g, gyro_series *s, 
             w[7][k] = series_square(x_dot, k);
             w[6][k] = pair_product(c[3], w[7][k]);
             if (k == 0) {
-                bound_change(s, at->bound + 2, w[6], 0, -lane_of(w[6][0], 0) - 40.0);
-                bound_change(s, at->bound + 3, w[6], 1, -lane_of(w[6][0], 1) - 40.0);
+                bound_change(s, at->bound + 2, w[6], 0, larger(GYRO_SHOWN, -lane_of(w[6][0], 0) - 40.0));
+                bound_change(s, at->bound + 3, w[6], 1, larger(GYRO_SHOWN, -lane_of(w[6][0], 1) - 40.0));
             }
             w[8][k] = pair_scaled(k, w[6][k]);
             w[9][k] = k == 0 ? pair_of(gyro_exp(lane_of(w[6][0], 0)), gyro_exp(lane_of(w[6][0], 1))) : series_integral(w[8], w[6], w[9], k);
@@ -409,6 +409,8 @@ static GYRO_INLINE void series_hysteresis(const gyro_view *g, gyro_series *s, co
     w[0][k] = first_size(k, pair_sum(pair_product(c[2], hysteresis_z_x[k]), first_only(k, c[3])));
     if (k == 0) {
         c[4] = both(hysteresis_n - 1);
+        bound_change(s, at->bound + 0, w[0], 0, room_of_power(lane_of(w[0][0], 0), lane_of(c[4], 0)));
+        bound_change(s, at->bound + 1, w[0], 1, room_of_power(lane_of(w[0][0], 1), lane_of(c[4], 1)));
     }
     w[1][k] = k == 0 ? pair_of(gyro_power(lane_of(w[0][0], 0), lane_of(c[4], 0)), gyro_power(lane_of(w[0][0], 1), lane_of(c[4], 1))) : series_any_power(w[0], w[1], c[4], k);
     if (k == 0) {

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{f466170e-0b0f-4d30-4247-881dc033a0c6}"
+#define GYRO_TOKEN "{da78f709-68ee-8a91-e983-3231e83b99e3}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
