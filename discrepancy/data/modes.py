@@ -184,8 +184,9 @@ def _left(runs: _Runs, poles: Complexes) -> float:
     upper = [p for p in poles if p.imag >= 0]
     columns, targets = [], []
     for u, v in runs.pairs:
-        own = [lfilter([0.0, 1.0], [1.0, -p], a) for p in upper for a in u.T]
-        free = np.array([p ** np.arange(len(u)) for p in upper])
+        # Without a pole these have no rows.
+        own = np.reshape([lfilter([0.0, 1.0], [1.0, -p], a) for p in upper for a in u.T], (-1, len(u)))
+        free = np.reshape([p ** np.arange(len(u)) for p in upper], (-1, len(u)))
         start = np.linalg.qr(np.vstack((free.real, free.imag, np.ones(len(u)))).T)[0]
         made = np.vstack((np.real(own), np.imag(own), u.T)).T
         columns.append(made - start @ (start.T @ made))

@@ -43,6 +43,9 @@ PLACES: Final = 20
 """Of a run that are looked at, where the prediction fails most."""
 AROUND: Final = 40
 """Samples to both sides by which a number is judged."""
+AMONG: Final = 0.1
+"""Of the largest deviation, above which another one beside has a cause of its own: with less it has 1 % of the power.
+"""
 MENDED, AS_BESIDE = 0.02, 10.0
 """Share of the square of what is not predicted there, and times that of the samples beside, above which a number
 explains nothing."""
@@ -106,7 +109,7 @@ def _jumps(record: Record) -> Data:
         if not places or k - places[-1] > ORDER:
             places.append(int(k))
     inner = [k for k in places if 2 * AROUND < k < len(record.t) - 2 * AROUND]
-    worst = sorted(inner, key=lambda k: told.far[k : k + ORDER].max())[-PLACES:]
+    worst = sorted(inner, key=lambda k: told.far[k : k + ORDER + 1].max())[-PLACES:]
     found = sorted({own for place in worst if (own := _at(record, told, place))})
     return tuple(float(value) for pair in reversed(found) for value in pair)
 
@@ -150,17 +153,18 @@ def _predicted(record: Record) -> _Prediction | None:
 def _number(record: Record, told: _Prediction, k: int) -> int:
     """How many samples were lost before ``k``, negative: doubled; 0 where none of up to ORDER explains what happens:
     more the prediction does not bridge."""
-    begin, end = k - AROUND - ORDER, k + AROUND
+    begin, end = _window(told.far, k)
     v, u = record.v[begin : end + ORDER], record.u[begin : end + ORDER]
     if len(v) < end + ORDER - begin or not record.valid[begin : end + ORDER].all():
         return 0
     place, length = k - begin, end - begin
-    beside = float(np.mean(np.delete(told.far[k - AROUND : end], slice(AROUND, AROUND + ORDER + 1)) ** 2))
+    beside = float(np.mean(np.delete(told.far[begin + ORDER : end], slice(place - ORDER, place + 1)) ** 2))
     none = np.zeros(length, np.bool_)
-    limit = min(MENDED * _unexplained(v[:length], u[:length], none, told), AS_BESIDE * beside)
+    # What is left comes no lower than what is beside.
+    limit = min(max(MENDED * _unexplained(v[:length], u[:length], none, told), beside), AS_BESIDE * beside)
     left = {}
     for n in (0, *(n for count in range(1, ORDER + 1) for n in (count, -count))):
-        kept = v[place - min(n, 0) :][: length - place]
+        kept = v[place - min(n, 0) :][: length - place - max(n, 0)]
         moved = np.vstack((v[:place], np.zeros((max(n, 0), v.shape[1])), kept))
         # Of none it may be the one sample that is off.
         unknown = np.zeros(len(moved), np.bool_)
@@ -169,6 +173,17 @@ def _number(record: Record, told: _Prediction, k: int) -> int:
         left[n] = _unexplained(moved, u[: len(moved)], unknown, told)
     first, second, *_ = sorted(left, key=lambda n: left[n])
     return first if left[first] < min(limit, left[second] / CLEARLY) else 0
+
+
+def _window(far: Floats, k: int) -> tuple[int, int]:
+    """First sample and end of the surroundings of a loss before ``k``, without another thing that happens there, as a
+    step of the force; all of them where that leaves too few."""
+    begin, end = k - AROUND - ORDER, k + AROUND
+    other = far > max(FAR, AMONG * far[k : k + ORDER + 1].max())
+    before, after = np.flatnonzero(other[begin + ORDER : k - 1]), np.flatnonzero(other[k + ORDER + 1 : end])
+    first = begin + 1 + int(before[-1]) if len(before) else begin
+    last = k + ORDER + 1 + int(after[0]) if len(after) else end
+    return (first if k - first >= ORDER else begin), (last if last - k > 2 * ORDER else end)
 
 
 def _unexplained(v: Floats, u: Floats, unknown: Bools, told: _Prediction) -> float:

@@ -9,7 +9,7 @@ from numba import njit
 from scipy.linalg import expm
 
 from discrepancy.data.checks import modes
-from discrepancy.data.modes import further_modes
+from discrepancy.data.modes import _in_band, _left, further_modes
 from discrepancy.data.record import Floats, Record, make_record
 
 RATE, SAMPLES, GAIN, MASS = 200_000.0, 12_000, 1e6, 1e-7
@@ -101,3 +101,9 @@ def test_modes_come_in_the_order_of_their_frequencies() -> None:
     runs, _ = records([3000, 3800, 1900, 5200], [2000, 2000, 150, 200], 0.15, 4, "noise")
     for found in further_modes(runs):
         assert all(a.frequency < b.frequency for a, b in pairwise(found))
+
+
+def test_of_a_model_without_poles_all_is_left() -> None:
+    runs = _in_band(records([3000.0, 4000.0], [100.0, 100.0], 0.1, 1, "noise")[0])
+    # A force that acts on a resonance is in quadrature with most of its answer.
+    assert 0.5 < _left(runs, np.array([], np.complex128)) <= 1.0

@@ -383,6 +383,21 @@ def test_a_loss_is_seen_behind_what_bends_the_motion() -> None:
     assert blemish("missing_samples").find([late], [np.zeros_like(v)], Criteria()) is not None
 
 
+# Behind where a sweep begins anew, which is not predicted either; and where the voltage turns, in so much noise that
+# what a loss leaves unpredicted is less than 50 times as strong.
+@pytest.mark.parametrize(("place", "noise", "jump"), [(2029, 1e-4, 2.0), (3012, 1e-3, 0.0), (3042, 1e-3, 0.0)])
+def test_a_loss_is_seen_beside_a_jump_of_the_force_and_noise(place: int, noise: float, jump: float) -> None:
+    k = np.arange(6000)
+    u = np.sin(2 * np.pi * np.cumsum(0.005 + 0.025 * np.mod(k / 2000, 1)) + jump * (k // 2000))
+    v = lfilter([0, 1.0], [1, -2 * 0.999 * np.cos(2 * np.pi / 60), 0.999**2], u)
+    v = v / np.std(v) + noise * np.random.default_rng(0).standard_normal(6000)
+    v = np.concatenate((v[:place], v[place + 1 :], v[-1:]))
+    late = make_record("run", k / RATE, u[:, None], v[:, None], sample_rate=RATE)
+    found = blemish("missing_samples").find([late], [np.zeros((6000, 1))], Criteria())
+    assert found is not None
+    assert found.levels["missing_samples"].value == 1
+
+
 @pytest.mark.parametrize("kind", ["clean", "outliers", "clipped", "bent"])
 def test_no_loss_is_seen_where_none_is(kind: str) -> None:
     whole = _vibrating(1)
