@@ -77,9 +77,9 @@ static double change_within(const edge *e, int64_t first, int64_t last)
     return fabs(mean_rate(e, middle, last) - mean_rate(e, first, middle));
 }
 
-/* Whether the rate was even after a step from `before` to `after`. Until it has settled it is taken to have been what it was then. Where it changes by d from one half
-   of a time T to the other and did so from the step, the orientation errs by d T (1 + SETTLED/T)^2: this must be less than what a step without an Euler force can turn
-   it by, times NOISY. A slope that begins or ends is no step at all. */
+/* Whether the rate was even after a step from `before` to `after`. Until it has settled it is taken to have been what it was then. Where it changes
+   by d from one half of a time T to the other and did so from the step, the orientation errs by d T (1 + SETTLED/T)^2: this must be less than what
+   a step without an Euler force can turn it by, times NOISY. A slope that begins or ends is no step at all. */
 static int is_even(const edge *e, double before, double after)
 {
     const double turned = 0.5 * fabs(after - before) / sqrt(sample_at(e, e->seen)->omega_squared), beyond = 1.0 + SETTLED / SPAN;

@@ -76,7 +76,8 @@ static void look_for_end(filter *f, const double v[2])
     }
 }
 
-/* Whether a sample can tell that the rate has jumped: not while the start still looks for the device. Another start is as long as it will be at once. */
+/* Whether a sample can tell that the rate has jumped: not while the start still looks for the device. Another start is as long as it will be at
+   once. */
 static int knows_device(const filter *f) { return !f->growing || (f->fit < FITS && f->length > FOUND); }
 
 void filter_step(filter *f, const double u[2], const double v[2], const double in[IN])

@@ -118,7 +118,8 @@ static void watch(filter *f)
     }
 }
 
-/* Moves f->eta by `step`, or by a part of it, or not at all: to where the sum of squares is below `limit`. Leaves the start filtered there and returns the sum. */
+/* Moves f->eta by `step`, or by a part of it, or not at all: to where the sum of squares is below `limit`. Leaves the start filtered there and
+   returns the sum. */
 static double descend(filter *f, const double step[NP], double limit, double reserve)
 {
     double from[NP];
@@ -152,8 +153,8 @@ static double inform(filter *f, int whole, double L[NP][NP], double b[NP])
     return trace;
 }
 
-/* The step from f->eta that the block and what was known before it make most likely, L being the factor of its Hessian: within the bounds. Returns how many
-   deviations long it is. */
+/* The step from f->eta that the block and what was known before it make most likely, L being the factor of its Hessian: within the bounds. Returns
+   how many deviations long it is. */
 static double find_step(const filter *f, double L[NP][NP], const double b[NP], double step[NP])
 {
     double pull[NP], half[NP], end[NP];
@@ -172,8 +173,8 @@ static double find_step(const filter *f, double L[NP][NP], const double b[NP], d
     return block_distance(L, end, f->eta);
 }
 
-/* Finds the constants that a start and what was known before it make most likely, filtering it again up to ROUNDS times: Gauss-Newton on
-   |eta|^2 + |r(eta)|^2, with p = p_begun + W eta. Leaves the start filtered there and the Cholesky factor of its Hessian in L. Returns how many deviations
+/* Finds the constants that a start and what was known before it make most likely, filtering it again up to ROUNDS times: Gauss-Newton on |eta|^2 +
+   |r(eta)|^2, with p = p_begun + W eta. Leaves the start filtered there and the Cholesky factor of its Hessian in L. Returns how many deviations
    away its slopes say that the most likely ones are. */
 static double find_start(filter *f, double L[NP][NP])
 {
@@ -206,8 +207,8 @@ static double find_start(filter *f, double L[NP][NP])
     return moved;
 }
 
-/* Moves the constants to what the block and what was known before it make most likely, and with them the motion and the rows that are left for the next one. Leaves the Cholesky factor
-   of its information in L. */
+/* Moves the constants to what the block and what was known before it make most likely, and with them the motion and the rows that are left for the
+   next one. Leaves the Cholesky factor of its information in L. */
 static void find_block(filter *f, double L[NP][NP])
 {
     double b[NP], step[NP], change[NP], cost = 0.0;

@@ -104,8 +104,8 @@ EXPORT void core_foucault_start(void *memory, const double *settings, const doub
     foucault_start(memory, &s, known_values, period);
 }
 
-/* What a filter has found: p [NP], W [NP * NP] row by row, and its health: chi2, neighbours of either axis, time of the last restart [s],
-   restarts lately, walk of the rate, share of the innovation's variance that p explains, fastest forgetting, product of neighbours that pink noise makes,
+/* What a filter has found: p [NP], W [NP * NP] row by row, and its health: chi2, neighbours of either axis, time of the last restart [s], restarts
+   lately, walk of the rate, share of the innovation's variance that p explains, fastest forgetting, product of neighbours that pink noise makes,
    mean squared innovation that the last whole start left, infinite where it ended beside its fit or is not over. */
 EXPORT void core_filter_found(const void *memory, double *p, double *W, double *health)
 {

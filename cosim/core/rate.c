@@ -61,8 +61,8 @@ static void watch_roaming(filter *f)
     }
 }
 
-/* Walk of the slope at which the filter's corner is the highest, R being the density of the noise with which samples tell the pattern's angle: that of a whole
-   cycle, which holds for what is slower. */
+/* Walk of the slope at which the filter's corner is the highest, R being the density of the noise with which samples tell the pattern's angle: that
+   of a whole cycle, which holds for what is slower. */
 static double highest_slope_walk(const filter *f)
 {
     const double none[2] = {0.0, 0.0}, *z = f->now.z, stiffness = 0.5 * (fabs(f->k.p[0]) + fabs(f->k.p[1]));

@@ -84,8 +84,8 @@ void restart_to_look(filter *f)
     block_scale(f, change, f->eta);
 }
 
-/* Opens the constants of the plant again; what the electronics are stays known. After several times in a row everything begins anew, and so it does where
-   the first start is not over: what some samples of it say of the electronics is more than they know. */
+/* Opens the constants of the plant again; what the electronics are stays known. After several times in a row everything begins anew, and so it does
+   where the first start is not over: what some samples of it say of the electronics is more than they know. */
 static void restart(filter *f)
 {
     const int over = NP == SEVEN || !(f->growing && f->block_begun == f->origin);

@@ -1,6 +1,6 @@
-/* Each time that a step may have had is a hypothesis: a filter that knows of it, from before the step, and the likelihood of its innovations (A. Willsky
-   and H. Jones, IEEE Trans. Automatic Control 21, 1976). Whether the velocity jumps as it is known to, or as by the Euler force of a frame that turns,
-   is another. */
+/* Each time that a step may have had is a hypothesis: a filter that knows of it, from before the step, and the likelihood of its innovations (A.
+   Willsky and H. Jones, IEEE Trans. Automatic Control 21, 1976). Whether the velocity jumps as it is known to, or as by the Euler force of a frame
+   that turns, is another. */
 
 #include "step_time.h"
 

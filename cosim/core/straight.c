@@ -32,12 +32,15 @@ static void look(const known *k, const double *unit, view *v)
     }
 }
 
-/* The least change of p, in units of its prior, by which what is seen at `v` changes by `by` [SEEN * count]; out [NP * count]. Entries that follow from others
-   are left out: pivoted Cholesky factor of J P J'. */
-static void least_change(const filter *f, const view *v, const double *by, int count, double *out)
+/* A Cholesky factor of J P J', its entries in the order in which they count most; those that follow from others are left out. */
+typedef struct {
+    double L[SEEN][SEEN];
+    int order[SEEN], rank;
+} factor;
+
+/* J P J' at a view, P being the variances of the design. */
+static void variance_seen(const filter *f, const view *v, double A[SEEN][SEEN])
 {
-    double A[SEEN][SEEN], L[SEEN][SEEN], own[SEEN], x[SEEN];
-    int order[SEEN], rank = 0;
     for (int a = 0; a < SEEN; a++) {
         for (int b = 0; b < SEEN; b++) {
             A[a][b] = 0.0;
@@ -45,50 +48,75 @@ static void least_change(const filter *f, const view *v, const double *by, int c
                 A[a][b] += v->by_p[a][q] * v->by_p[b][q] * f->prior[q] * f->prior[q];
             }
         }
-        own[a] = A[a][a];
-        order[a] = a;
     }
+}
+
+static void factor_variance(double A[SEEN][SEEN], factor *c)
+{
     double rest[SEEN];
-    memcpy(rest, own, sizeof rest);
-    for (; rank < SEEN; rank++) {
-        int best = rank;
-        for (int a = rank; a < SEEN; a++) {
-            best = rest[order[a]] > rest[order[best]] ? a : best;
+    for (int a = 0; a < SEEN; a++) {
+        rest[a] = A[a][a];
+        c->order[a] = a;
+    }
+    for (c->rank = 0; c->rank < SEEN; c->rank++) {
+        const int r = c->rank;
+        int best = r;
+        for (int a = r; a < SEEN; a++) {
+            best = rest[c->order[a]] > rest[c->order[best]] ? a : best;
         }
-        const int pivot = order[best];
-        if (!(rest[pivot] > INDEPENDENT * own[pivot]) || own[pivot] <= 0.0) {
+        const int pivot = c->order[best];
+        if (!(rest[pivot] > INDEPENDENT * A[pivot][pivot])) {
             break;
         }
-        order[best] = order[rank];
-        order[rank] = pivot;
-        for (int a = rank; a < SEEN; a++) {
-            double total = A[order[a]][pivot];
-            for (int r = 0; r < rank; r++) {
-                total -= L[order[a]][r] * L[pivot][r];
+        c->order[best] = c->order[r];
+        c->order[r] = pivot;
+        for (int i = r; i < SEEN; i++) {
+            const int a = c->order[i];
+            double total = A[a][pivot];
+            for (int s = 0; s < r; s++) {
+                total -= c->L[a][s] * c->L[pivot][s];
             }
-            L[order[a]][rank] = a == rank ? sqrt(rest[pivot]) : total / L[pivot][rank];
-            rest[order[a]] -= a == rank ? 0.0 : L[order[a]][rank] * L[order[a]][rank];
+            c->L[a][r] = i == r ? sqrt(rest[pivot]) : total / c->L[pivot][r];
+            rest[a] -= i == r ? 0.0 : c->L[a][r] * c->L[a][r];
         }
     }
-    memset(out, 0, (size_t)(NP * count) * sizeof *out);
+}
+
+/* x = (L L')^-1 x, in the order of the factor. */
+static void solve_factor(const factor *c, double x[SEEN])
+{
+    for (int r = 0; r < c->rank; r++) {
+        for (int s = 0; s < r; s++) {
+            x[r] -= c->L[c->order[r]][s] * x[s];
+        }
+        x[r] /= c->L[c->order[r]][r];
+    }
+    for (int r = c->rank - 1; r >= 0; r--) {
+        for (int s = r + 1; s < c->rank; s++) {
+            x[r] -= c->L[c->order[s]][r] * x[s];
+        }
+        x[r] /= c->L[c->order[r]][r];
+    }
+}
+
+/* The least changes of p, in units of its prior, by which what is seen at `v` changes by the columns of `by` [SEEN * count]; out [NP * count]. */
+static void least_change(const filter *f, const view *v, const double *by, int count, double *out)
+{
+    double A[SEEN][SEEN], x[SEEN];
+    factor c;
+    variance_seen(f, v, A);
+    factor_variance(A, &c);
     for (int n = 0; n < count; n++) {
-        for (int r = 0; r < rank; r++) {
-            x[r] = by[order[r] * count + n];
-            for (int s = 0; s < r; s++) {
-                x[r] -= L[order[r]][s] * x[s];
-            }
-            x[r] /= L[order[r]][r];
+        for (int r = 0; r < c.rank; r++) {
+            x[r] = by[c.order[r] * count + n];
         }
-        for (int r = rank - 1; r >= 0; r--) {
-            for (int s = r + 1; s < rank; s++) {
-                x[r] -= L[order[s]][r] * x[s];
-            }
-            x[r] /= L[order[r]][r];
-        }
+        solve_factor(&c, x);
         for (int q = 0; q < NP; q++) {
-            for (int r = 0; r < rank; r++) {
-                out[q * count + n] += f->prior[q] * f->prior[q] * v->by_p[order[r]][q] * x[r];
+            double total = 0.0;
+            for (int r = 0; r < c.rank; r++) {
+                total += f->prior[q] * f->prior[q] * v->by_p[c.order[r]][q] * x[r];
             }
+            out[q * count + n] = total;
         }
     }
 }
@@ -137,8 +165,8 @@ static void add_of(const double *M, double *x, int stride)
     }
 }
 
-/* Motion and slopes at `now` are those that the voltages see as they would have seen them at `was`, p being `change` away by a straight line. `back` [NP * NP] takes
-   changes of p as they are now to what they were, less themselves. */
+/* Motion and slopes at `now` are those that the voltages see as they would have seen them at `was`, p being `change` away by a straight line.
+   `back` [NP * NP] takes changes of p as they are now to what they were, less themselves. */
 static void carry_motion(filter *f, const view *was, const view *now, const double change[NP], const double *back)
 {
     moving *n = &f->now;
@@ -196,7 +224,8 @@ static void look_from(const known *from, double unit[SEEN], view *v)
     look(from, unit, v);
 }
 
-/* Moves `to`, which stands `change` away from where `was` was seen, to the nearest p where what is seen has moved along a straight line; `now`: what is seen there. */
+/* Moves `to`, which stands `change` away from where `was` was seen, to the nearest p where what is seen has moved along a straight line; `now`:
+   what is seen there. */
 static void go(const filter *f, const view *was, const double *unit, const double change[NP], known *to, view *now)
 {
     double missing[SEEN], step[NP];

@@ -11,8 +11,8 @@
 /* The change of p in units of W to which `step` leads from `eta`, where what the voltages see moves straight: near eta + step. */
 void straight_step(const filter *f, const double eta[NP], const double step[NP], double trial[NP]);
 
-/* A block has moved p from p_begun along a straight line, and z by its slopes: puts p where what the voltages see has moved straight, and carries z, its slopes,
-   W, the rows left for the next block and what no sample shows over to there. */
+/* A block has moved p from p_begun along a straight line, and z by its slopes: puts p where what the voltages see has moved straight, and carries
+   z, its slopes, W, the rows left for the next block and what no sample shows over to there. */
 void straight_follow(filter *f);
 
 #endif
