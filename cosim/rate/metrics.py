@@ -178,6 +178,13 @@ def warnings(run: RateRun, record: pl.DataFrame) -> list[str]:
             f"the rate stays at {np.degrees(true[0]):.4g} °/s, where bias and scale factor can't be told apart: give "
             "one that changes, such as --rate-step"
         )
+    settled = record["rate"].to_numpy()[record["t"].to_numpy() > run.settling]
+    step = run.nominal.p["adc_lsb"]
+    if step > 0.0 and len(settled) > 1 and np.ptp(settled) == 0:
+        told.append(
+            f"the output never moves: the converter's step, adc_lsb = {step:g} V, hides the sense signal; take a finer "
+            "one"
+        )
     return told
 
 

@@ -3,8 +3,10 @@
 from math import pi
 
 import numpy as np
+import polars as pl
 import pytest
 
+from cosim.rate import metrics
 from cosim.rate.allan import noise_limits
 from cosim.rate.courses import Course, constant, constant_temperature, rate_step
 from cosim.rate.master import simulate
@@ -35,7 +37,6 @@ def test_the_scale_factor_of_a_sine_is_that_of_a_step(frequency: float, output_r
 
 
 def test_pieces_of_a_long_record_are_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    from cosim.rate import metrics
 
     run = run_of(sine(3.0), 4.0, output_rate=20.0)
     whole = metrics.shown_rate(run)
@@ -50,6 +51,13 @@ def test_a_rate_that_stays_has_neither_bias_nor_scale_factor() -> None:
     summary = summarise(run, simulate(run))
     assert summary["bias_deg_s"] is None and summary["scale_factor"] is None
     assert "stays at 28.65 °/s" in summary["warnings"][0]
+
+
+def test_a_converter_that_hides_the_signal_is_told() -> None:
+    run = run_of(constant(0.0, "rest"), 1.0, DEVICE.with_parameters({"adc_lsb": 1.0}))
+    record = simulate(run).record.with_columns(rate=pl.lit(0.0))
+    assert "adc_lsb = 1 V" in metrics.warnings(run, record)[0]
+    assert not metrics.warnings(run, simulate(run).record)
 
 
 def test_errors_of_rows_that_hang_together_cover() -> None:
