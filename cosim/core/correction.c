@@ -6,6 +6,13 @@
 #define UNTOLD 1e30  /* noise of a sample at the end of the converter, which tells nothing [V2] */
 #define NOISE_SHARE 0.01 /* of a sample in the running mean of 1/S */
 
+void filter_leave_out(const filter *f, const double v[2], double noise[2])
+{
+    for (int a = 0; a < 2; a++) {
+        noise[a] = f->clipped && fabs(v[a]) >= f->top ? UNTOLD : noise[a];
+    }
+}
+
 /* |W' h|^2: what the uncertainty of p adds to the variance of a measurement. */
 static double uncertainty(const filter *f, const double *h)
 {
@@ -75,9 +82,7 @@ double filter_correct(filter *f, const double v[2])
 {
     double expected[2], C[2][NZ], by_p[2 * NP], noise[2], was[NZ];
     filter_expect(f, expected, C, by_p, noise);
-    for (int a = 0; a < 2; a++) {
-        noise[a] = f->clipped && fabs(v[a]) >= f->top ? UNTOLD : noise[a];
-    }
+    filter_leave_out(f, v, noise);
     memcpy(was, f->now.z, sizeof was);
     double surprise = filter_correct_axis(f, C[0], by_p, noise[0], v[0] - expected[0]);
     double e = v[1] - expected[1];

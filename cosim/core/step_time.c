@@ -4,6 +4,7 @@
 
 #include "step_time.h"
 
+#include "correction.h"
 #include "known_model.h"
 #include "prediction.h"
 
@@ -41,6 +42,7 @@ static double hear(filter *f, int64_t sample, double *squared)
     filter_enter(f, h->in);
     filter_predict(f);
     filter_expect(f, expected, C, by_p, noise);
+    filter_leave_out(f, h->v, noise);
     memcpy(was, f->now.z, sizeof was);
     double total = correct(&f->now, C[0], noise[0], h->v[0] - expected[0], squared);
     e = h->v[1] - expected[1];
