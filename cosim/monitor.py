@@ -46,6 +46,8 @@ DOUBTS: Final = 2
 """Judgements in a row, 5 ms apart, at which innovations that are not as they should be withdraw the flag."""
 
 
+NOTHING: Final = 1e-3
+"""Of what innovations should be: a filter for which they are so small takes its own state for unknown."""
 WINDOW: Final = 0.1
 """Over which a drift of the angle is meant [s]."""
 
@@ -124,6 +126,8 @@ class Monitor:
             return "the observer lost the device and began again from the design"
         # Pink noise below a hundred hertz is another one in each window, up to a few times its mean.
         pink = max(health["pink_x"], health["pink_y"])
+        if health["chi2"] < min(self._chi2_low(), NOTHING):
+            return f"the observer has lost the device{self._hint()}"
         if not self._chi2_low() <= health["chi2"] <= set_["chi2_high"] + pink:
             return f"{INNOVATIONS} are {sqrt(max(health['chi2'], 0)):.3g} times what they should be{self._hint()}"
         if not health["start"] <= set_["start_high"] + pink:

@@ -31,6 +31,13 @@ double filter_correct_axis(filter *f, const double *c, const double *by_p, doubl
 {
     moving *n = &f->now;
     double Pc[NZ], gain[NZ], h[NP], S = noise, surprise = 0.0;
+    double *row = f->H[f->rows], *told = f->r + f->rows;
+    f->rows++;
+    if (noise >= UNTOLD) {
+        memset(row, 0, sizeof f->H[0]);
+        *told = 0.0;
+        return 0.0;
+    }
     memcpy(h, by_p, sizeof h);
     for (int i = 0; i < NZ; i++) {
         Pc[i] = 0.0;
@@ -48,16 +55,15 @@ double filter_correct_axis(filter *f, const double *c, const double *by_p, doubl
     if (e * e > OUTLIER * S) {
         surprise = e * e / (S + uncertainty(f, h));
     }
-    double *row = f->H[f->rows];
     for (int q = 0; q < NP; q++) {
         row[q] = h[q] * root;
     }
-    f->r[f->rows] = e * root;
+    *told = e * root;
     if (isfinite(1.0 / S)) {
         /* Trials of a start may have lost their numbers. */
-        f->inverse[f->rows & 1] += NOISE_SHARE * (1.0 / S - f->inverse[f->rows & 1]);
+        double *mean = f->inverse + ((f->rows - 1) & 1);
+        *mean += NOISE_SHARE * (1.0 / S - *mean);
     }
-    f->rows++;
     for (int i = 0; i < NZ; i++) {
         gain[i] = Pc[i] / S;
         n->z[i] += gain[i] * e;

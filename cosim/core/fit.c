@@ -92,11 +92,22 @@ static double filter_again(filter *f)
     return total;
 }
 
+/* Innovations of the block that say something: those at the end of the converter are zero. */
+static double told(const filter *f)
+{
+    int64_t count = 0;
+    for (int64_t r = 0; r < f->rows; r++) {
+        count += f->r[r] != 0.0;
+    }
+    return (double)count;
+}
+
 /* Follows how large and how white the innovations are. Those of a start that has just been filtered at its own fit are taken as they are; others also
    carry what was not known of the constants beforehand. */
 static void watch(filter *f)
 {
-    if (f->rows == 0) {
+    const double count = told(f);
+    if (count == 0.0) {
         return;
     }
     const double pace = f->growing ? 1.0 : smaller(1.0, (double)f->in_block * f->m.period / WATCHED);
@@ -110,12 +121,21 @@ static void watch(filter *f)
     }
     known_pink(&f->k, f->now.z, none, 0.0, pink);
     const double lacking = 0.5 * (pink[0] * f->inverse[0] + pink[2] * f->inverse[1]);
-    f->chi2 += pace * (total / ((double)f->rows * expected) + lacking - f->chi2);
+    f->chi2 += pace * (total / (count * expected) + lacking - f->chi2);
     for (int a = 0; a < 2; a++) {
-        const double neighbours = product[a] / (0.5 * (double)f->rows * expected);
+        const double neighbours = product[a] / (0.5 * count * expected);
         f->pink[a] = pink[2 * a + 1] * f->inverse[a];
         f->white[a] += pace * (neighbours - f->pink[a] - f->white[a]);
     }
+}
+
+/* What a fit has left, its sum of squares being `cost`, and what its constants explain. */
+static void note_fit(filter *f, double cost, double trace)
+{
+    const double count = told(f);
+    f->fit = count > 0.0 ? cost / count : 1.0;
+    f->share = count > 0.0 ? trace / count : f->share;
+    watch(f);
 }
 
 /* Moves f->eta by `step`, or by a part of it, or not at all: to where the sum of squares is below `limit`. Leaves the start filtered there and
@@ -201,9 +221,7 @@ static double find_start(filter *f, double L[NP][NP])
         cost = next;
         trace = inform(f, whole, L, b);
     }
-    f->fit = f->rows > 0 ? cost / (double)f->rows : 1.0;
-    f->share = f->rows > 0 ? trace / (double)f->rows : f->share;
-    watch(f);
+    note_fit(f, cost, trace);
     return moved;
 }
 
@@ -231,9 +249,7 @@ static void find_block(filter *f, double L[NP][NP])
             f->r[r] -= f->H[r][q] * change[q];
         }
     }
-    f->fit = f->rows > 0 ? cost / (double)f->rows : 1.0;
-    f->share = f->rows > 0 ? trace / (double)f->rows : f->share;
-    watch(f);
+    note_fit(f, cost, trace);
 }
 
 /* A constant that moves while the others stand still shifts eta along d, its column of W^-1. Along it the block's step has the variance
