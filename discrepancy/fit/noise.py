@@ -160,8 +160,8 @@ def flicker(at: Fitted, records: Sequence[Record]) -> Level | None:
 
 def unlike_flicker(at: Fitted, records: Sequence[Record], chance: float, times: float) -> tuple[float, float] | None:
     """Frequency [Hz] about which the residual is furthest from the flicker of the filter that whitens it, and how many
-    times its density it has there; None where no octave in which flicker is above the white noise is ``times`` over or
-    below, or ``chance`` would make it so."""
+    times its density it has there; None where none is ``times`` below it, nor, where flicker is above the white noise,
+    over it, or ``chance`` would make it so. What a model lacks adds elsewhere, and takes nothing away."""
     lowest = min(r.sample_rate / len(residual) for r, residual in zip(records, at.residuals, strict=True))
     power, count, square, samples = np.zeros(64), np.zeros(64), 0.0, 0
     for residual, record in zip(at.residuals, records, strict=True):
@@ -172,14 +172,16 @@ def unlike_flicker(at: Fitted, records: Sequence[Record], chance: float, times: 
         octave = np.log2(np.fft.rfftfreq(len(own), 1 / record.sample_rate)[1:] / lowest * (1 + 1e-9)).astype(int)
         power += np.bincount(octave, density.sum(axis=1), len(power))
         count += np.bincount(octave, minlength=len(power)) * record.axes
-    below = (count > 0) & (lowest * 2.0 ** np.arange(len(power)) < at.whiten.setting.corner)
-    ratio, freedom = power[below] / count[below] / (square / samples), 2 * count[below] / HANN
+    ratio = power / np.maximum(count, 1) / (square / samples)
+    slow = lowest * 2.0 ** np.arange(len(power)) < at.whiten.setting.corner
+    asked = (count > 0) & (slow | (ratio < 1))
+    ratio, freedom = ratio[asked], 2 * count[asked] / HANN
     sure = np.minimum(chi2.sf(ratio * freedom, freedom), chi2.cdf(ratio * freedom, freedom)) < chance
     off = np.where(sure, np.abs(np.log(np.maximum(ratio, 1e-300))), 0.0)
     worst = int(np.argmax(off)) if len(off) else 0
     if not len(off) or off[worst] < np.log(times):
         return None
-    return float(lowest * 2.0 ** (np.flatnonzero(below)[worst] + 0.5)), float(ratio[worst])
+    return float(lowest * 2.0 ** (np.flatnonzero(asked)[worst] + 0.5)), float(ratio[worst])
 
 
 def jitter(at: Fitted, records: Sequence[Record]) -> Level | None:

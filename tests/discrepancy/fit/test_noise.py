@@ -8,7 +8,7 @@ import pytest
 
 from discrepancy.criteria import Criteria
 from discrepancy.fit.noise import flicker, noise_of, unlike_flicker
-from discrepancy.fit.whitening import Setting, likeliest
+from discrepancy.fit.whitening import Setting, likeliest, whitener
 
 PERIOD, SAMPLES, WHITE = 5e-6, 8000, 2e-5
 DEVICE = {"m": 1.8e-7, "kxx": 64.0, "kyy": 96.0, "kxy": 12.8, "dxx": 1.8e-6, "dyy": 1.8e-6, "dxy": 0.0,
@@ -65,6 +65,21 @@ def test_flicker_is_told_by_its_spectrum(kind: float | str) -> None:
     runs: Any = [SimpleNamespace(valid=valid, sample_rate=1 / PERIOD, axes=2)] * 2
     assert at.whiten.setting.corner > 0
     assert (unlike_flicker(at, runs, limits.noise_chance, limits.coloured) is not None) == isinstance(kind, str)
+
+
+def test_what_flicker_and_colour_promise_and_the_residual_has_not_is_told() -> None:
+    rng, limits = np.random.default_rng(8), Criteria()
+    t = np.arange(SAMPLES) * PERIOD
+    hum = [r + 2.3e-4 * np.sin(2 * np.pi * 60 * t[:, None] + rng.uniform(0, 6.28, 2)) for r in residuals(rng, 0.0)]
+    # As they are fitted to hum in runs of 40 ms: an autoregression to some kilohertz, and flicker below its corner.
+    colour = (0.178, 0.153, 0.164, 0.131, 0.115, 0.098, 0.082, 0.072)
+    whiten = whitener(DEVICE, 2, PERIOD, Setting(corner=100.0, colour=colour), SAMPLES)
+    at: Any = SimpleNamespace(parameters=DEVICE, residuals=hum, whiten=whiten)
+    runs: Any = [SimpleNamespace(valid=np.ones(SAMPLES, np.bool_), sample_rate=1 / PERIOD, axes=2)] * 2
+    found = unlike_flicker(at, runs, limits.noise_chance, limits.coloured)
+    assert found is not None
+    assert found[0] > 200
+    assert found[1] < 0.1
 
 
 def test_white_noise_that_grows_with_the_motion_counts_in_full() -> None:
