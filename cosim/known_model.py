@@ -176,8 +176,6 @@ class KnownModel:
             "rate_by_force": ("[NS * 2]", tuple(rates.jacobian(force))),
             "rate_by_omega": ("[NS]", tuple(rates.diff(symbols.omega_z).subs(dict.fromkeys(force, 0)))),
             "rate_by_parameter": ("[NS * NP]", tuple(rates.subs(dict.fromkeys(force, 0)).jacobian(parameters))),
-            # Of the velocities, per rad/s that the rate steps by.
-            "jump": ("[2]", tuple(Matrix(self._own(dynamics.jumps)).diff(symbols.omega_z_change))),
             "actuate": ("[2]", tuple(actuated)),
             "actuate_by_command": ("[2 * 2]", tuple(actuated.jacobian(force))),
             "actuate_by_parameter": ("[2 * NP]", tuple(actuated.jacobian(parameters))),

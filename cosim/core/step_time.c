@@ -1,16 +1,15 @@
 /* Each time that a step may have had is a hypothesis: a filter that knows of it, from before the step, and the likelihood of its innovations (A.
-   Willsky and H. Jones, IEEE Trans. Automatic Control 21, 1976). Whether the velocity jumps as it is known to, or as by the Euler force of a frame
-   that turns, is another. */
+   Willsky and H. Jones, IEEE Trans. Automatic Control 21, 1976). What share of the Euler force of a frame that turns the package has is found with
+   it. */
 
 #include "step_time.h"
 
 #include "correction.h"
-#include "known_model.h"
 #include "prediction.h"
 
 #define HOPELESS 1000.0  /* above the least: less likely by exp(-500) */
+#define SURELY 9.0       /* by which it must be less for a share that is neither none nor all: three standard deviations */
 #define UNEXPLAINED 2.0  /* mean squared innovation over its variance of what is no step */
-#define JUMPS 2          /* as known, or with the Euler force of a frame that turns */
 
 /* Corrects z and P of one axis with the innovation e; returns e^2/S + log S. */
 static double correct(moving *n, const double *c, double noise, double e, double *squared)
@@ -52,19 +51,13 @@ static double hear(filter *f, int64_t sample, double *squared)
     return total + correct(&f->now, C[1], noise[1], e, squared);
 }
 
-/* The rate steps now. */
-static void jump(filter *f, double after, double variance, int euler)
+/* The rate steps now, and the velocity by this share of the Euler force of a frame that turns. */
+static void jump(filter *f, double after, double variance, double share)
 {
-    const double none[2] = {0.0, 0.0};
-    double *z = f->now.z, by_rate[2];
-    if (euler) {
-        by_rate[0] = z[2];
-        by_rate[1] = -z[0];
-    } else {
-        known_jump(&f->k, z, none, z[OMEGA], by_rate);
-    }
-    z[1] += (after - z[OMEGA]) * by_rate[0];
-    z[3] += (after - z[OMEGA]) * by_rate[1];
+    double *z = f->now.z;
+    const double change = share * (after - z[OMEGA]);
+    z[1] += change * z[2];
+    z[3] -= change * z[0];
     z[OMEGA] = after;
     for (int i = 0; i < NZ; i++) {
         f->now.P[i][OMEGA] = f->now.P[OMEGA][i] = 0.0;
@@ -99,43 +92,76 @@ static void stand_still(filter *f, const search *s, int64_t from)
     }
 }
 
-/* Twice the negative logarithm of the likelihood of the samples where the rate stepped at the sample `at`; `squared`: the mean squared innovation
-   from there on, over its variance. */
-static double unlikelihood(filter *f, const search *s, int64_t at, int euler, double *squared)
+/* How a step explains the samples: twice the negative logarithm of their likelihood, and the mean squared innovation from there on, over its
+   variance. */
+typedef struct {
+    double unlikely, squared;
+} account;
+
+static account account_of(filter *f, const search *s, int64_t at, double share)
 {
     const still *b = &f->stills[at - s->earliest];
-    double total = b->unlikely;
+    account a = {b->unlikely, 0.0};
     go_back(f, &b->motion);
-    jump(f, s->after, s->variance, euler);
-    *squared = 0.0;
+    jump(f, s->after, s->variance, share);
     for (int64_t k = at + 1; k <= s->looked; k++) {
-        total += hear(f, k, squared);
+        a.unlikely += hear(f, k, &a.squared);
     }
-    *squared /= 2.0 * (double)(s->looked - at);
-    return total;
+    a.squared /= 2.0 * (double)(s->looked - at);
+    return a;
 }
 
-/* The most likely time with one kind of jump, by a parabola through the least and its neighbours; below zero where it is none inside. Searches
-   backwards, until earlier times are out of the question. */
-static double most_likely(filter *f, const search *s, int euler, double *least, double *squared)
+static double parabola(double none, double half, double whole, double share)
 {
-    double value[3] = {0.0, 0.0, 0.0}, of[2] = {0.0, 0.0}, best = -1.0;
-    *least = HUGE_VAL;
-    for (int64_t at = s->seen; at >= s->earliest && !(value[2] > *least + HOPELESS); at--) {
-        value[0] = value[1];
-        value[1] = value[2];
-        of[0] = of[1];
-        value[2] = unlikelihood(f, s, at, euler, &of[1]);
-        if (at <= s->seen - 2 && value[1] <= value[0] && value[1] <= value[2] && value[1] < *least) {
-            const double bend = value[0] - 2.0 * value[1] + value[2], off = bend > 0.0 ? 0.5 * (value[0] - value[2]) / bend : 0.0;
+    return none + share * (4.0 * half - 3.0 * none - whole) + 2.0 * share * share * (none - 2.0 * half + whole);
+}
+
+/* With the most likely share: innovations are linear in it, so that three shares tell of all. */
+static account freely(account none, account half, account whole)
+{
+    const double bend = none.unlikely - 2.0 * half.unlikely + whole.unlikely, slope = 4.0 * half.unlikely - 3.0 * none.unlikely - whole.unlikely;
+    const double share = bend > 0.0 ? smaller(larger(-0.25 * slope / bend, 0.0), 1.0) : none.unlikely < whole.unlikely ? 0.0 : 1.0;
+    return (account){parabola(none.unlikely, half.unlikely, whole.unlikely, share), parabola(none.squared, half.squared, whole.squared, share)};
+}
+
+/* The time at which a step explains the samples best, by a parabola through the least and its neighbours, a[i] being that of the sample seen - i;
+   below zero where it is none inside. */
+static double most_likely(const search *s, const account *a, int count, account *best)
+{
+    double at = -1.0;
+    best->unlikely = HUGE_VAL;
+    for (int i = 1; i < count - 1; i++) {
+        const double later = a[i - 1].unlikely, here = a[i].unlikely, earlier = a[i + 1].unlikely;
+        if (here <= later && here <= earlier && here < best->unlikely) {
+            const double bend = later - 2.0 * here + earlier, off = bend > 0.0 ? 0.5 * (later - earlier) / bend : 0.0;
             /* A step between two samples: as badly as the nearest explains it, the parabola does not. */
             const double gained = 0.5 * bend * off * off;
-            *least = value[1] - gained;
-            *squared = of[0] - gained / (2.0 * (double)(s->looked - at - 1));
-            best = (double)(at + 1) - off;
+            best->unlikely = here - gained;
+            best->squared = a[i].squared - gained / (2.0 * (double)(s->looked - s->seen + i));
+            at = (double)(s->seen - i) - off;
         }
     }
-    return best;
+    return at;
+}
+
+/* The same with the share of the Euler force that most packages have, none or all, or with another one where that is far more likely. Earlier times
+   are looked at until they are out of the question. */
+static double time_of(filter *f, const search *s, double *squared)
+{
+    account none[TIMES], whole[TIMES], any[TIMES], best[3];
+    double least = HUGE_VAL;
+    int count = 0;
+    for (int64_t k = s->seen; k >= s->earliest && (count == 0 || !(any[count - 1].unlikely > least + HOPELESS)); k--, count++) {
+        none[count] = account_of(f, s, k, 0.0);
+        whole[count] = account_of(f, s, k, 1.0);
+        any[count] = freely(none[count], account_of(f, s, k, 0.5), whole[count]);
+        least = smaller(least, any[count].unlikely);
+    }
+    const double at[3] = {most_likely(s, none, count, &best[0]), most_likely(s, whole, count, &best[1]), most_likely(s, any, count, &best[2])};
+    int taken = best[1].unlikely < best[0].unlikely;
+    taken = best[2].unlikely < best[taken].unlikely - SURELY ? 2 : taken;
+    *squared = best[taken].squared;
+    return at[taken];
 }
 
 double step_time(filter *f, int64_t earliest, int64_t seen, int64_t looked, double after)
@@ -144,7 +170,7 @@ double step_time(filter *f, int64_t earliest, int64_t seen, int64_t looked, doub
     const moving now = f->now;
     const motion m = f->m;
     const known k = f->k;
-    double at[JUMPS], least[JUMPS], squared[JUMPS] = {0.0};
+    double squared = 0.0;
     const search s = {.earliest = earliest, .seen = seen, .looked = looked, .after = after, .variance = now.P[OMEGA][OMEGA]};
     if (sample - from >= RECENT || seen - earliest >= TIMES || from <= f->origin) {
         return -1.0;
@@ -152,13 +178,10 @@ double step_time(filter *f, int64_t earliest, int64_t seen, int64_t looked, doub
     memset(f->now.Y, 0, sizeof f->now.Y);
     go_back(f, &f->past[from / EVERY % (RECENT / EVERY)]);
     stand_still(f, &s, from);
-    for (int j = 0; j < JUMPS; j++) {
-        at[j] = most_likely(f, &s, j, &least[j], &squared[j]);
-    }
+    const double at = time_of(f, &s, &squared);
     f->sample = sample;
     f->now = now;
     f->m = m;
     f->k = k;
-    const int best = least[1] < least[0];
-    return squared[best] < UNEXPLAINED ? at[best] : -1.0;
+    return squared < UNEXPLAINED ? at : -1.0;
 }

@@ -238,6 +238,7 @@ def test_lab_finds_devices_of_other_frequency_and_damping(name: str, tmp_path: P
         ("1", 1.0, "reference", 5),
         (None, 1.0, "reference", 5),
         (None, 0.0, "reference", 6),
+        (None, 0.5, "reference", 6),
         (None, 0.0, "whole_angle_as_built", 5),
         (None, 1.0, "whole_angle_as_built", 6),
     ],
