@@ -13,6 +13,7 @@
 #define SPAN 1e-3      /* over which the rate is averaged before and after, and the pattern after [s] */
 #define UNEVEN 1e-3    /* change of the electronic turn that spoils a fit [rad/s] */
 #define NOISY 4.0      /* after a step the mean rates of half a millisecond differ by 0.03 rad/s of noise, 0.7 of what a step of 10 rad/s may turn by */
+#define SLOPES 3.0      /* standard deviations from which on the slope of the rate after a step is one */
 #define LOOKED 2e-4    /* of the samples after the step has shown that tell its time [s] */
 
 static int64_t fewer(int64_t a, int64_t b) { return a < b ? a : b; }
@@ -38,18 +39,36 @@ static double coupling_of(edge *e, const double *estimate)
     return rate_coupling(still, turning, 1.0);
 }
 
-/* What the pattern turned by beyond its share of the rate where that stepped at the sample `at`, of which a fraction counts: from `before` to
-   `after` [rad/s]. */
-static double turned_in(edge *e, const double *estimate, double at, double before, double after)
+/* The rate after a step: its mean over the samples from `first` on [rad/s], and its slope where that is one [rad/s2]. */
+typedef struct {
+    double mean, slope;
+    int64_t first;
+} later;
+
+static later later_rate(const edge *e, const filter *f)
 {
-    const int64_t span = samples_in(e, SPAN), last = e->count - span, first = e->seen - samples_in(e, LATEST + MARGIN);
+    const int64_t first = e->count - samples_in(e, SPAN);
+    const double slope = f->now.z[SLOPE], sigma = sqrt(f->now.P[SLOPE][SLOPE]);
+    return (later){mean_rate(e, first, e->count), fabs(slope) > SLOPES * sigma ? slope : 0.0, first};
+}
+
+/* The rate at the sample k, of which a fraction counts. */
+static double rate_at(const edge *e, const later *l, double k)
+{
+    return l->mean + l->slope * (k - 0.5 * (double)(l->first + e->count - 1)) * e->period;
+}
+
+/* What the pattern turned by beyond its share of the rate where that stepped from `before` [rad/s] at the sample `at`, of which a fraction counts. */
+static double turned_in(edge *e, const double *estimate, double at, double before, const later *after)
+{
+    const int64_t last = after->first, first = e->seen - samples_in(e, LATEST + MARGIN);
     const double coupling = coupling_of(e, estimate), w = sqrt(sample_at(e, first)->omega_squared);
     const double size = hypot(cabs(sample_at(e, first)->free.z), cabs(sample_at(e, first)->free.v) / w);
     /* What the controller turns the pattern by goes on through the step. */
     const double own = -(sample_at(e, last)->turned - sample_at(e, first)->turned) / ((double)(last - first) * e->period);
     const double complex none[TERMS] = {0};
     double complex wrong[TERMS], found[TERMS];
-    const turning early = {coupling, own, coupling * before + own}, late = {coupling, own, coupling * after + own};
+    const turning early = {coupling, own, coupling * before + own}, late = {coupling, own, coupling * rate_at(e, after, (double)last) + own};
     edge_fit(e, TERMS, first - fewer(samples_in(e, FITTED), first - e->reviewed), first, first, &early, w, size, none, wrong);
     const double from = pattern_orientation(pattern_of(wrong[0], wrong[1], early.turn, w), early.turn, w);
     /* The pattern has turned by other than the rate says where that has an error. */
@@ -58,7 +77,8 @@ static double turned_in(edge *e, const double *estimate, double at, double befor
     const double to = pattern_orientation(pattern_of(found[0], found[1], late.turn, w), late.turn, w);
     const int64_t whole = (int64_t)at;
     const double until = edge_course(e, &early, first, whole) + early.turn * (at - (double)whole) * e->period;
-    return remainder(to - from + until + (more * (at - (double)first) + late.turn * ((double)last - at)) * e->period, PI);
+    const double since = (coupling * rate_at(e, after, 0.5 * (at + (double)last)) + own) * ((double)last - at) * e->period;
+    return remainder(to - from + until + since + more * (at - (double)first) * e->period, PI);
 }
 
 /* Whether the controller turns the pattern evenly, or not at all, over the samples that a review looks at. */
@@ -70,34 +90,30 @@ static int turns_evenly(const edge *e, int64_t begin)
     return fabs(before / (double)(middle - begin) - after / (double)(e->count - 1 - middle)) < UNEVEN * e->period;
 }
 
-/* Change of the rate within samples, from the mean of their first half to that of the second [rad/s]. */
-static double change_within(const edge *e, int64_t first, int64_t last)
+/* Whether the rate after a step from `before` is what it is taken for. Until it has settled that is how it went on. Where it changes by d more from one half of
+   a time T to the other and did so from the step, the orientation errs by d T (1 + SETTLED/T)^2: this must be less than what a step without an Euler
+   force can turn it by, times NOISY. A slope that begins or ends is no step at all. */
+static int is_even(const edge *e, double before, const later *after)
 {
-    const int64_t middle = (first + last) / 2;
-    return fabs(mean_rate(e, middle, last) - mean_rate(e, first, middle));
-}
-
-/* Whether the rate was even after a step from `before` to `after`. Until it has settled it is taken to have been what it was then. Where it changes
-   by d from one half of a time T to the other and did so from the step, the orientation errs by d T (1 + SETTLED/T)^2: this must be less than what
-   a step without an Euler force can turn it by, times NOISY. A slope that begins or ends is no step at all. */
-static int is_even(const edge *e, double before, double after)
-{
-    const double turned = 0.5 * fabs(after - before) / sqrt(sample_at(e, e->seen)->omega_squared), beyond = 1.0 + SETTLED / SPAN;
-    return change_within(e, e->count - samples_in(e, SPAN), e->count) * SPAN * beyond * beyond < NOISY * turned;
+    const int64_t middle = (after->first + e->count) / 2;
+    const double turned = 0.5 * fabs(after->mean - before) / sqrt(sample_at(e, e->seen)->omega_squared), beyond = 1.0 + SETTLED / SPAN;
+    const double change = mean_rate(e, middle, e->count) - mean_rate(e, after->first, middle) - 0.5 * SPAN * after->slope;
+    return fabs(change) * SPAN * beyond * beyond < NOISY * turned;
 }
 
 /* Finds when the step was, and takes out what it turned the pattern by. */
 static void review(edge *e, const double *estimate, filter *f)
 {
-    const int64_t span = samples_in(e, SPAN), first = e->seen - samples_in(e, LATEST + MARGIN);
+    const int64_t first = e->seen - samples_in(e, LATEST + MARGIN);
     const int64_t begin = first - fewer(samples_in(e, FITTED), first - e->reviewed);
-    const double before = mean_rate(e, first - span, first), after = mean_rate(e, e->count - span, e->count);
-    if (!turns_evenly(e, begin) || !is_even(e, before, after)) {
+    const double before = mean_rate(e, first - samples_in(e, SPAN), first);
+    const later after = later_rate(e, f);
+    if (!turns_evenly(e, begin) || !is_even(e, before, &after)) {
         return;
     }
-    const double at = step_time(f, e->seen - samples_in(e, LATEST), e->seen, e->seen + samples_in(e, LOOKED), after);
+    const double at = step_time(f, e->seen - samples_in(e, LATEST), e->seen, e->seen + samples_in(e, LOOKED), rate_at(e, &after, (double)e->seen));
     if (at >= 0.0) {
-        e->turned += turned_in(e, estimate, at, before, after);
+        e->turned += turned_in(e, estimate, at, before, &after);
     }
 }
 
