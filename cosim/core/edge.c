@@ -90,9 +90,9 @@ static int turns_evenly(const edge *e, int64_t begin)
     return fabs(before / (double)(middle - begin) - after / (double)(e->count - 1 - middle)) < UNEVEN * e->period;
 }
 
-/* Whether the rate after a step from `before` is what it is taken for. Until it has settled that is how it went on. Where it changes by d more from one half of
-   a time T to the other and did so from the step, the orientation errs by d T (1 + SETTLED/T)^2: this must be less than what a step without an Euler
-   force can turn it by, times NOISY. A slope that begins or ends is no step at all. */
+/* Whether the rate after a step from `before` is what it is taken for. Until it has settled that is how it went on. Where it changes by d more from
+   one half of a time T to the other and did so from the step, the orientation errs by d T (1 + SETTLED/T)^2: this must be less than what a step
+   without an Euler force can turn it by, times NOISY. A slope that begins or ends is no step at all. */
 static int is_even(const edge *e, double before, const later *after)
 {
     const int64_t middle = (after->first + e->count) / 2;
