@@ -179,7 +179,7 @@ def warnings(run: RateRun, record: pl.DataFrame) -> list[str]:
             "one that changes, such as --rate-step"
         )
     settled = record["rate"].to_numpy()[record["t"].to_numpy() > run.settling]
-    step = run.nominal.p["adc_lsb"]
+    step = run.device.all_parameters["adc_lsb"]
     if step > 0.0 and len(settled) > 1 and np.ptp(settled) == 0:
         told.append(
             f"the output never moves: the converter's step, adc_lsb = {step:g} V, hides the sense signal; take a finer "

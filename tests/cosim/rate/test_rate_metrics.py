@@ -54,7 +54,8 @@ def test_a_rate_that_stays_has_neither_bias_nor_scale_factor() -> None:
 
 
 def test_a_converter_that_hides_the_signal_is_told() -> None:
-    run = run_of(constant(0.0, "rest"), 1.0, DEVICE.with_parameters({"adc_lsb": 1.0}))
+    # The plant's step, whatever the loops know of it.
+    run = run_of(constant(0.0, "rest"), 1.0, DEVICE.with_parameters({"adc_lsb": 1.0}), design=DEVICE)
     record = simulate(run).record.with_columns(rate=pl.lit(0.0))
     assert "adc_lsb = 1 V" in metrics.warnings(run, record)[0]
     assert not metrics.warnings(run, simulate(run).record)
