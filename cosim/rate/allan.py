@@ -125,9 +125,8 @@ def noise_limits(known: Nominal, temperature: float, period: float) -> NoiseLimi
     """
     p, calibration = known.p, known.calibration
     w = 2 * pi * calibration.frequency
-    amplitude = calibration.drive.voltage / p["sense_gain_x"]
     q = p["m"] * w / p["dyy"] if p["dyy"] > 0 else np.inf
-    thermal = sqrt(BOLTZMANN * temperature / (p["m"] * w * q * amplitude**2)) / p["angular_gain"]
+    thermal = sqrt(BOLTZMANN * temperature / (p["m"] * w * q * calibration.amplitude**2)) / p["angular_gain"]
     variance = p["sense_noise"] ** 2 + p["adc_lsb"] ** 2 / 12
     # Volts at v_y for 1 rad/s: the open loop's scale, or the force's through the sense mode.
     volts = abs(calibration.scale)

@@ -6,10 +6,11 @@ of motion (TW 201137310, eq. 1) become
     (kxx + 3/4 k3_x |X|² - mω² + iω dxx - κ²/(m P)) X + C_xy Y = U_x,   P = w² - ω² + iω w/Q of the parasitic mode
     C_yx X + (kyy - mω² + iω dyy) Y = U_y
     C_xy = kxy + iω dxy - 2iλmωΩ,   C_yx = kxy + iω dxy + 2iλmωΩ
+    |v_x| = G_x |X| 2(1/√(1 - r²) - 1)/r²,   r = |X|/g of the gap-closing pickoff
 
 Signs and phases are those of x: a positive real envelope is in phase with x, the velocity leads it by 90 degrees, and
 so does the drive force at resonance. ``covers`` says of which effects this knows; whatever else acts is left
-out. x swings, y is small: of a cubic spring only k3_x.
+out. x swings, y is small: of a cubic spring only k3_x, and a curved pickoff is straight for y.
 """
 
 from functools import cache
@@ -134,6 +135,7 @@ def _force(p: dict[str, float], drive: Drive, omega_z: float, w: float) -> tuple
     m, coriolis = p["m"], 2j * p["angular_gain"] * p["m"] * w * omega_z
     lag = drive.correction / (1 + 1j * w * p["amplifier_time_constant"])
     x = drive.voltage / (p["sense_gain_x"] * lag)
+    x *= swing_shown_as(abs(x), p["pickoff_inverse_gap"]) / abs(x)
     w_p = 2 * pi * p["parasitic_frequency"]
     parasitic = p["parasitic_coupling"] ** 2 / (m * (w_p**2 - w**2 + 1j * w * w_p / p["parasitic_q"]))
     cross = p["kxy"] + 1j * w * p["dxy"]
@@ -150,16 +152,41 @@ def _force(p: dict[str, float], drive: Drive, omega_z: float, w: float) -> tuple
     return x, u_x, p["sense_gain_y"] * (1 + p["pickoff_gain_mismatch"]) * y * lag
 
 
+def shown_swing(amplitude: float, inverse_gap: float) -> float:
+    """The first harmonic that a gap-closing pickoff shows of a swing of ``amplitude`` [m], as that of a straight one
+    [m]. Raises InputError where the swing reaches the plates."""
+    r = amplitude * inverse_gap
+    if r >= 1:
+        raise InputError(
+            f"drive_amplitude {amplitude:g} m: the plates of the pickoff are {1 / inverse_gap:g} m away; give a "
+            "smaller one, or a smaller pickoff_inverse_gap"
+        )
+    # With r = sin α: 2 (1/√(1 - r²) - 1)/r² = 1/(cos α cos²(α/2)), which does not cancel for a small r.
+    cosine = sqrt(1 - r**2)
+    return amplitude * 2 / (cosine * (1 + cosine))
+
+
+def swing_shown_as(shown: float, inverse_gap: float) -> float:
+    """The inverse of ``shown_swing``."""
+    if inverse_gap == 0.0:
+        return shown
+    # With h = tan(α/2): 2h (1 + h²)/(1 - h²) = shown/g, which rises from 0 without end as h goes to 1.
+    u = shown * inverse_gap
+    h = brentq(lambda h: 2 * h * (1 + h**2) - u * (1 - h**2), 0.0, 1.0, xtol=1e-16, rtol=1e-14)
+    return 2 * h / (1 + h**2) / inverse_gap
+
+
 class Calibration(NamedTuple):
     """What turns the sense channel into a rate, from the nominal device at t_ref.
 
     scale: complex envelope of the sense channel for 1 rad/s [V or N per rad/s]; frequency: of the drive [Hz];
-    force: amplitude of the drive force [N]; drive: what the drive loop holds.
+    force: amplitude of the drive force [N]; amplitude: of x [m]; drive: what the drive loop holds.
     """
 
     scale: complex
     frequency: float
     force: float
+    amplitude: float
     drive: Drive
 
     def rate(self, sense: complex) -> complex:
@@ -185,10 +212,10 @@ def calibrate(device: Device, amplitude: float, closed: bool) -> Calibration:
     # The correction belongs to the drive frequency, which depends on it in turn by 1e-9: two rounds do.
     for _ in range(2):
         correction = 1 + 1j * w * p["amplifier_time_constant"]
-        drive = Drive(p["sense_gain_x"] * amplitude, correction, closed)
+        drive = Drive(p["sense_gain_x"] * shown_swing(amplitude, p["pickoff_inverse_gap"]), correction, closed)
         rest = settle(p, drive, 0.0)
         w = 2 * pi * rest.frequency
-    return Calibration(_slope(p, drive), rest.frequency, rest.force, drive)
+    return Calibration(_slope(p, drive), rest.frequency, rest.force, rest.amplitude, drive)
 
 
 def _slope(p: dict[str, float], drive: Drive) -> complex:

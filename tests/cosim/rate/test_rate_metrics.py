@@ -90,6 +90,18 @@ def test_thermal_noise_of_a_wide_split_does_not_fold_onto_rest() -> None:
 
 
 def test_what_the_harmonic_balance_leaves_out_is_named() -> None:
-    run = run_of(rate_step(0.3, 8.0), 1.0, QUIET.with_parameters({"pickoff_inverse_gap": 1e4, "offset_x": 1e-3}))
-    assert summarise(run, simulate(run))["harmonic_balance"]["left_out"] == ["amplifier_offset", "pickoff_nonlinearity"]
+    run = run_of(rate_step(0.3, 8.0), 1.0, QUIET.with_parameters({"parasitic_ratio": 1e-2, "offset_x": 1e-3}))
+    summary = summarise(run, simulate(run))
+    assert summary["harmonic_balance"]["left_out"] == ["amplifier_offset", "parasitic_capacitance"]
+    assert summary["warnings"] == []
     assert summarise(plain := run_of(rate_step(0.3, 8.0), 1.0), simulate(plain))["harmonic_balance"]["left_out"] == []
+
+
+def test_a_calibration_that_does_not_know_an_effect_says_what_that_does() -> None:
+    # x² y moves the split: 2 k22 A²/4 of the stiffness of y, 0.08 N/m of the 0.4 that the modes are apart.
+    device = QUIET.with_parameters({"k22": 1e10})
+    run = run_of(rate_step(0.3, 8.0), 8.0, device)
+    summary = summarise(run, simulate(run))
+    assert summary["scale_factor"] == pytest.approx(0.91, abs=0.01)
+    [told] = summary["warnings"]
+    assert "does not know cross_cubic_stiffness" in told and "scale factor is 0.91" in told

@@ -10,7 +10,16 @@ from sympy import Expr, Symbol
 from benchmarks.rate_device import solve
 from cosim.rate.courses import ZERO_CELSIUS
 from cosim.rate.settings import settings_of
-from cosim.rate.steady_state import RATE_STEP, calibrate, covers, output_at, parameters_at, settle
+from cosim.rate.steady_state import (
+    RATE_STEP,
+    calibrate,
+    covers,
+    output_at,
+    parameters_at,
+    settle,
+    shown_swing,
+    swing_shown_as,
+)
 from gyro_model.anatomy import Law
 from gyro_model.device import Device, load_device
 from gyro_model.effects.thermal_stiffness import EFFECT as THERMAL_STIFFNESS
@@ -161,7 +170,13 @@ def test_packaged_device_is_of_its_class() -> None:
 def test_the_balance_knows_the_effects_that_its_equations_read() -> None:
     known = {effect.id for effect in load_model().effects if covers(effect) and not effect.nominal}
     laws = {"thermal_stiffness", "thermal_damping", "thermal_gain", "thermal_phase"}
-    chain = {"actuator_misalignment", "actuator_gain_mismatch", "pickoff_gain_mismatch", "amplifier_bandwidth"}
+    chain = {
+        "actuator_misalignment",
+        "actuator_gain_mismatch",
+        "pickoff_gain_mismatch",
+        "pickoff_nonlinearity",
+        "amplifier_bandwidth",
+    }
     assert known == laws | chain | {"cubic_stiffness", "angular_gain", "parasitic_mode"}
 
 
@@ -174,3 +189,19 @@ def test_a_law_of_ones_own_is_known_where_it_settles() -> None:
     assert covers(law(kxx, kxx * (1 + rise.symbol * temperature_structure)))
     assert not covers(law(kxx, kxx * (1 + rise.symbol * t)))  # never settles
     assert not covers(law(v_bias, v_bias * (1 + rise.symbol)))  # no equation reads it
+
+
+@pytest.mark.parametrize("share", [1e-9, 1e-3, 0.4, 0.99])
+def test_a_gap_closing_pickoff_shows_the_first_harmonic(share: float) -> None:
+    gap = 1e-5
+    phase = 2 * pi * np.arange(4096) / 4096
+    q = share * gap * np.cos(phase)
+    by_sum = 2 * float(np.mean(np.cos(phase) * q / (1 - (q / gap) ** 2)))
+    assert shown_swing(share * gap, 1 / gap) == pytest.approx(by_sum, rel=1e-12)
+    assert swing_shown_as(by_sum, 1 / gap) == pytest.approx(share * gap, rel=1e-12)
+    assert swing_shown_as(4e-6, 0.0) == shown_swing(4e-6, 0.0) == 4e-6
+
+
+def test_a_swing_up_to_the_plates_is_refused() -> None:
+    with pytest.raises(InputError, match="plates of the pickoff are 3e-06 m away"):
+        calibrate(simple(pickoff_inverse_gap=1 / 3e-6), AMPLITUDE, closed=False)
