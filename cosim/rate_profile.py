@@ -26,6 +26,10 @@ PACKAGED_COLUMN: Final = "omega_z"
 PACKAGED_UNIT: Final = "deg/s"
 MINIMUM_ROWS: Final = 4
 """A cubic needs four points."""
+HOLE: Final = 10.0
+"""Steps without a reading at most: what a cubic makes of a longer hole is no measurement."""
+SLOW: Final = 1.0
+"""A rate that is read so seldom [s] is more likely one whose time is in ms or µs."""
 
 
 class RateProfile(NamedTuple):
@@ -71,23 +75,42 @@ def read_profile(path: Path, column: str, unit: str | None = None, time_column: 
 
     The rate is in `unit`; None: in that of its heading. The first column is the time [s] unless `time_column` names
     another. Raises InputError for a file that can't be read, a missing column, no unit or a wrong one, a value that is
-    no finite number, time that does not increase, and fewer than four rows.
+    no finite number, time that does not increase, or in steps of seconds without saying so, a hole, and fewer than four
+    rows.
     """
     try:
         conversion(unit or "rad/s", "rad/s")
     except InputError as error:
         raise InputError(f"rate {error}") from None
     table = read_table(path)
+    column = table.heading(column)
     if unit is None and column in table.headings and stated_unit(column, "rad/s") is None:
         raise InputError(f"{path}: column {column!r} names no unit: give --rate-unit deg/s or rad/s")
     rate = table.quantity(column, "rad/s", unit)
     if len(table) < MINIMUM_ROWS:
         raise InputError(f"{path} is too short: {len(table)} rows, and a smooth rate needs {MINIMUM_ROWS} or more")
     t = table.times(time_column)
+    _check_steps(path, time_column or table.headings[0], t)
     # Time from the first reading: an epoch time would cost the spline its digits.
     spline = CubicSpline(t - t[0], rate)
     name = f"{path.name}:{column}"
     return RateProfile(name, float(t[-1] - t[0]), spline.antiderivative())
+
+
+def _check_steps(path: Path, heading: str, t: Floats) -> None:
+    step = np.diff(t)
+    usual = float(np.median(step))
+    if usual >= SLOW and stated_unit(heading, "s") is None:
+        raise InputError(
+            f"{path}: rows come every {usual:g} s: is {heading!r} in ms or µs? Name its unit in the heading, such as "
+            "t [ms], or t [s] where it is so"
+        )
+    if step.max() > HOLE * usual:
+        row = int(step.argmax()) + 1
+        raise InputError(
+            f"{path}: {step[row - 1]:.6g} s without a reading after row {row} (t = {t[row - 1]:.9g} s), others come "
+            f"every {usual:g} s: cut the record there, or fill the hole with rows"
+        )
 
 
 def packaged_profile() -> RateProfile:

@@ -222,6 +222,20 @@ def departures(
     ]
 
 
+ROUNDED: Final = 1e-2
+"""Rows may come this much more or less often than asked, relative, before it is said."""
+
+
+def rounding(run: RateRun) -> list[str]:
+    """What became of the output rate that was asked for."""
+    if abs(run.interval * run.output_rate - 1) <= ROUNDED:
+        return []
+    return [
+        f"rows come {1 / run.interval:.6g} a second, not {run.output_rate:g}: each is a whole number of steps of "
+        f"{run.period:.4g} s"
+    ]
+
+
 def allan_of(record: pl.DataFrame, run: RateRun) -> tuple[Allan, NoiseLimits] | None:
     """Allan deviation and limits of a record at rest and at one temperature; None for others, and for short ones."""
     at_rest = not record["rate_true"].to_numpy().any() and np.ptp(record["temperature"].to_numpy()) == 0
@@ -244,7 +258,7 @@ def summarise(run: RateRun, result: Result) -> Summary:
     biased = at_bias(run.device, float(run.first_inputs[V_BIAS]), run.settings.drive_amplitude)
     expected = output_at(biased, calibration, first)
     missing = left_out(biased, delay_known=run.design is None)
-    told = unsound + departures(run, record, None if unsound else line, expected, missing)
+    told = unsound + departures(run, record, None if unsound else line, expected, missing) + rounding(run)
     return {
         "device": run.device.name,
         "design": None if run.design is None else run.design.name,

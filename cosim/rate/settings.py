@@ -42,6 +42,10 @@ CROSS: Final = ("kxy", "dxy")
 STATED: Final = ("sense_gain_x", "sense_gain_y", "x_start", "x_dot_start", "y_start", "y_dot_start")
 
 
+SHOWING: Final = ("sense_gain_x", "sense_gain_y", "angular_gain")
+"""Without these a rate does not show."""
+
+
 def design_for(given: Device, device: Device) -> Device:
     """What the loops of ``device`` may know: ``given``, and where it says nothing, the gains and noise that the device
     file states and the [rate_mode] that the loops are set to; every other effect is neutral.
@@ -89,8 +93,11 @@ class Nominal(NamedTuple):
 
 
 def nominal(device: Device, settings: Settings, closed: bool) -> Nominal:
-    """The nominal plant. Raises InputError where the axes have no split: an open loop would have no scale factor."""
+    """The nominal plant. Raises InputError where a rate or the drive would not show, or the drive has no damping."""
     p = parameters_at(device, device.all_parameters["t_ref"])
+    blind = [name for name in SHOWING if p[name] == 0]
+    if blind:
+        raise InputError(f"{blind[0]} = 0: no rate would show; give a number other than 0")
     calibration = calibrate(device, settings.drive_amplitude, closed)
     omega = 2 * pi * calibration.frequency
     # From the force that the drive takes: damping of all kinds, a parasitic mode's included.

@@ -31,6 +31,11 @@ class Table:
         """The headings in order."""
         return list(self.frame.columns)
 
+    def heading(self, name: str) -> str:
+        """The heading that ``name`` means: itself, or the only one that is it with a unit in brackets."""
+        bare = [heading for heading in self.headings if _IN_BRACKETS.sub("", heading).strip() == name]
+        return bare[0] if name not in self.headings and len(bare) == 1 else name
+
     def numbers(self, heading: str) -> Floats:
         """One column as it stands, shape (n,). Raises InputError where it is missing or a cell holds no finite
         number."""

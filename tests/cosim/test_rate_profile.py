@@ -120,6 +120,8 @@ def write(path, *lines):
         (["t,rate_z"], "rate_y", "rad/s", "no column 'rate_y'; did you mean 'rate_z'"),
         (["t,rate", "0,1"], "rate", "rps", "rate unit 'rps' is not known: use deg/s or rad/s"),
         ([""], "rate", "rad/s", "no table with a header line"),
+        (["time,rate", *(f"{20 * k},{k % 3}" for k in range(9))], "rate", "rad/s", "every 20 s: is 'time' in ms or µs"),
+        (["t,rate", *(f"{k / 50 + (k > 5)},{k}" for k in range(9))], "rate", "rad/s", "1.02 s without .* after row 6"),
     ],
 )
 def test_bad_input_is_named_in_one_line(tmp_path, lines, column, unit, message):
@@ -127,6 +129,18 @@ def test_bad_input_is_named_in_one_line(tmp_path, lines, column, unit, message):
     with pytest.raises(InputError, match=message) as caught:
         read_profile(path, column, unit)
     assert "\n" not in str(caught.value)
+
+
+def test_a_heading_is_found_without_its_unit(tmp_path):
+    path = write(tmp_path / "slow.csv", "t [s],rate [deg/s],other", *(f"{20 * k},{k % 3},{k}" for k in range(9)))
+    profile = read_profile(path, "rate")
+    assert profile.length == 160.0
+    np.testing.assert_array_equal(
+        profile.held(0.0, 0, 16, 10.0), read_profile(path, "rate [deg/s]").held(0.0, 0, 16, 10.0)
+    )
+    both = write(tmp_path / "both.csv", "t [s],rate [deg/s],rate [rad/s]", *(f"{k},1,1" for k in range(9)))
+    with pytest.raises(InputError, match="no column 'rate'"):
+        read_profile(both, "rate")
 
 
 def test_missing_file_and_bad_gzip(tmp_path):

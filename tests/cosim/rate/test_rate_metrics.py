@@ -13,6 +13,7 @@ from cosim.rate.master import simulate
 from cosim.rate.metrics import allan_of, fit_line, summarise
 from cosim.rate.run import RateRun
 from gyro_model.device import load_device
+from gyro_model.errors import InputError
 
 DEVICE = load_device("rate-mode")
 QUIET = DEVICE.with_parameters({"sense_noise": 0.0, "thermal_force": 0.0})
@@ -105,3 +106,17 @@ def test_a_calibration_that_does_not_know_an_effect_says_what_that_does() -> Non
     assert summary["scale_factor"] == pytest.approx(0.91, abs=0.01)
     [told] = summary["warnings"]
     assert "does not know cross_cubic_stiffness" in told and "scale factor is 0.91" in told
+
+
+def test_rows_that_come_less_often_than_asked_are_told() -> None:
+    run = run_of(constant(0.0, "rest"), 1.0, output_rate=3333.0)
+    [told] = summarise(run, simulate(run))["warnings"]
+    assert told == "rows come 1000 a second, not 3333: each is a whole number of steps of 0.001 s"
+    exact = run_of(constant(0.0, "rest"), 1.0, output_rate=500.0)
+    assert summarise(exact, simulate(exact))["warnings"] == []
+
+
+@pytest.mark.parametrize("name", ["sense_gain_x", "sense_gain_y", "angular_gain"])
+def test_a_device_that_shows_no_rate_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match=f"{name} = 0: no rate would show"):
+        run_of(constant(0.0, "rest"), 1.0, QUIET.with_parameters({name: 0.0}))
