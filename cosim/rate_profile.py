@@ -90,21 +90,27 @@ def read_profile(path: Path, column: str, unit: str | None = None, time_column: 
     if len(table) < MINIMUM_ROWS:
         raise InputError(f"{path} is too short: {len(table)} rows, and a smooth rate needs {MINIMUM_ROWS} or more")
     t = table.times(time_column)
-    _check_steps(path, time_column or table.headings[0], t)
+    _check_unit(path, time_column or table.headings[0], t)
+    check_holes(path, t)
     # Time from the first reading: an epoch time would cost the spline its digits.
     spline = CubicSpline(t - t[0], rate)
     name = f"{path.name}:{column}"
     return RateProfile(name, float(t[-1] - t[0]), spline.antiderivative())
 
 
-def _check_steps(path: Path, heading: str, t: Floats) -> None:
-    step = np.diff(t)
-    usual = float(np.median(step))
+def _check_unit(path: Path, heading: str, t: Floats) -> None:
+    usual = float(np.median(np.diff(t)))
     if usual >= SLOW and stated_unit(heading, "s") is None:
         raise InputError(
             f"{path}: rows come every {usual:g} s: is {heading!r} in ms or µs? Name its unit in the heading, such as "
             "t [ms], or t [s] where it is so"
         )
+
+
+def check_holes(path: Path, t: Floats) -> None:
+    """Raises InputError where readings at ``t`` [s], shape (n,), through which a cubic is drawn, leave a hole."""
+    step = np.diff(t)
+    usual = float(np.median(step))
     if step.max() > HOLE * usual:
         row = int(step.argmax()) + 1
         raise InputError(

@@ -4,16 +4,19 @@ from collections.abc import Mapping
 from functools import partial
 from math import inf
 
+from cosim.rate.bench import FROM_REST
 from cosim.rate.courses import Course
 from cosim.scenarios import Scenario
 from gyro_model.errors import InputError
 
 
 def courses_of(scenario: Scenario) -> Mapping[str, Course]:
-    """The inputs that ``scenario`` gives, by name. Raises InputError where it sets parameters: the device does that."""
-    if scenario.parameters:
+    """The inputs that ``scenario`` gives, by name. Where the mass begins does not matter: the drive loop brings it to
+    its amplitude. Raises InputError where it sets other parameters: the device does that."""
+    others = [name for name in scenario.parameters if name not in FROM_REST]
+    if others:
         raise InputError(
-            f"scenario {scenario.name} sets {', '.join(scenario.parameters)}: rate mode takes inputs alone from a "
+            f"scenario {scenario.name} sets {', '.join(others)}: rate mode takes inputs alone from a "
             "scenario; put parameters into the device file, or give --set"
         )
     text = f"scenario {scenario.name}"

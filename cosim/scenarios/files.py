@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.rate_profile import check_holes
 from cosim.scenarios.courses import Constant, Course, Part, Record, Sine, Square, curve, ramps, steps
 from cosim.scenarios.scenario import INPUT_NAMES, QUANTITIES, Scenario
 from gyro_model.errors import InputError, nearest
@@ -118,14 +119,16 @@ def _column(entry: Entry) -> Course:
     # Joined to an absolute path, the folder drops out.
     path = entry.folder / entry.text("file")
     table = read_table(path)
-    heading = entry.text("column")
+    heading = table.heading(entry.text("column"))
     values = table.quantity(heading, entry.si, entry.text("unit") if "unit" in entry.table else None)
     if len(table) < 2:
         raise InputError(f"{path} is too short: {len(table)} rows; give two or more")
     t = table.times(entry.text("time") if "time" in entry.table else None)
-    build = BETWEEN[entry.choice("between", tuple(BETWEEN), "curve")]
+    between = entry.choice("between", tuple(BETWEEN), "curve")
+    if between == "curve":
+        check_holes(path, t)
     # Time from the first reading: an epoch time would cost the curve its digits.
-    course = build(t - t[0], values)
+    course = BETWEEN[between](t - t[0], values)
     name = f"record {path.name}:{heading}"
     return Record(name, float(t[-1] - t[0]), course, entry.number("start", 0.0), entry.begin)
 

@@ -158,6 +158,10 @@ WRONG = {
         OMEGA + "kind = 'column'\nfile = 'r.csv'\ncolumn = 'rate'\nunit = 'deg/s'\nbetween = 'line'",
         r"between = 'line': give curve or lines or steps; did you mean 'lines'\?",
     ),
+    "hole": (
+        OMEGA + "kind = 'column'\nfile = 'hole.csv'\ncolumn = 'rate'\nunit = 'deg/s'",
+        r"hole.csv: 98 s without a reading after row 3 \(t = 2 s\)",
+    ),
     "parameter": ("[parameters]\nx_start = 'a'", "parameter x_start = 'a': give a number, SI"),
     "parameters": ("parameters = 3", r"parameters = 3: make it a table \[parameters\]"),
     "angle unit": ("angle_unit = 'D'", "angle_unit = 'D': give A, B, C"),
@@ -169,6 +173,7 @@ WRONG = {
 def test_what_is_wrong_is_named_in_one_line(case: str, tmp_path: Path) -> None:
     text, message = WRONG[case]
     (tmp_path / "r.csv").write_text("t,rate\n0,1\n1,2\n2,3\n3,4\n")
+    (tmp_path / "hole.csv").write_text("t,rate\n0,1\n1,2\n2,3\n100,4\n101,4\n")
     with pytest.raises(InputError, match=message) as caught:
         load(tmp_path, text)
     assert str(caught.value).startswith(f"scenario file {tmp_path / 'mine.toml'}: ")

@@ -7,7 +7,9 @@ import pytest
 
 from cosim.rate import courses
 from cosim.rate.courses import ZERO_CELSIUS, constant_temperature, rate_step, temperature_ramp, temperature_table
+from cosim.rate.from_scenario import courses_of
 from cosim.rate.run import RateRun
+from cosim.scenarios import load_scenario
 from gyro_model.device import load_device
 from gyro_model.errors import InputError
 
@@ -129,3 +131,9 @@ def test_runs_that_can_not_be_are_refused(changes: dict[str, object], says: str)
 def test_a_fast_ramp_is_fine_with_more_rows() -> None:
     # 117 °C/s: 12 °C in a row of 10 Hz, 0.7 °C in one of 160 Hz.
     run(temperature=temperature_ramp(253.15, 333.15, 7000.0), output_rate=160.0)
+
+
+def test_where_a_scenario_lets_the_mass_begin_does_not_keep_it_from_rate_mode() -> None:
+    assert set(courses_of(load_scenario("staircase"))) == {"omega_z"}
+    with pytest.raises(InputError, match="scenario varying sets damping_step_factor, damping_step_time: rate mode"):
+        courses_of(load_scenario("varying"))
