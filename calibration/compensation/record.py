@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.compensation.checks import check_units, doubts, rounding_step
 from calibration.compensation.cycles import cycle_numbers
 from calibration.compensation.derived import derived, memory, slope
 from gyro_model.errors import InputError
@@ -74,7 +75,8 @@ class Blocks:
 
     t: middle [s]; rate, rate_true [unit]; noise: standard error of ``rate`` by the scatter within the block [unit];
     inputs: signals [°C, Hz], their derivatives, named ``_rate`` [1/s of them], by the difference to the block before,
-    and what else ``with_inputs`` added; unit of the rates; cycle: number of the temperature cycle.
+    and what else ``with_inputs`` added; unit of the rates; cycle: number of the temperature cycle; doubts: what to know
+    of the rows first.
     """
 
     t: Floats
@@ -85,6 +87,7 @@ class Blocks:
     unit: str = "rad/s"
     name: str = "record"
     cycle: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    doubts: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if len(self.cycle) != len(self.t):
@@ -97,7 +100,7 @@ class Blocks:
         """The blocks chosen, shape (n,)."""
         inputs = {name: values[chosen] for name, values in self.inputs.items()}
         t, rate, true, noise = (values[chosen] for values in (self.t, self.rate, self.rate_true, self.noise))
-        return Blocks(t, rate, true, noise, inputs, self.unit, self.name, self.cycle[chosen])
+        return Blocks(t, rate, true, noise, inputs, self.unit, self.name, self.cycle[chosen], self.doubts)
 
     def with_inputs(self, names: Iterable[str]) -> "Blocks":
         """The same with inputs that remember, by their names in ``derived.py``; those that are there stay as they are.
@@ -177,13 +180,26 @@ def make_blocks(test: TemperatureTest, sampling_time: float, settling: float) ->
         return (np.add.reduceat(values[used], starts) / counts)[full]
 
     t, rate, true = mean(test.t), mean(test.rate), mean(test.rate_true)
-    inputs = {name: mean(values) for name, values in test.signals.items()}
+    stuck = [name for name, values in test.signals.items() if np.ptp(values) == 0]
+    # Where none moves the methods say so.
+    stuck = stuck if len(stuck) < len(test.signals) else []
+    inputs = {name: mean(values) for name, values in test.signals.items() if name not in stuck}
     inputs |= {name + RATE_OF: slope(t, values) for name, values in inputs.items()}
-    noise = _standard_error(test.t[used], test.rate[used], starts, counts)[full]
+    variance = _variance(test.t[used], test.rate[used], starts, counts)
+    # Few rows tell little of their own scatter: one noise for all blocks.
+    typical = float(np.nanmedian(variance)) if np.isfinite(variance).any() else 0.0
+    step = rounding_step(test.rate, typical)
+    # Rounded in steps that noise does not blur, a mean is as wrong as a row.
+    noise = np.sqrt(typical / counts + step**2 / 12)[full]
     # The first block has no derivative.
     has_both = np.arange(len(t)) > 0
     blocks = Blocks(t, rate, true, noise, inputs, test.unit, test.name).part(has_both)
-    return replace(blocks, cycle=cycle_numbers(blocks.temperature))
+    turned = check_units(test.name, blocks.rate, blocks.rate_true)
+    left = [f"{name} stays at {test.signals[name][0]:g} {SIGNALS[name]} and is left out" for name in stuck]
+    told = tuple(
+        f"{test.name}: {text}" for text in (*left, *turned, *doubts(test.rate, variance[full], step, test.unit))
+    )
+    return replace(blocks, cycle=cycle_numbers(blocks.temperature), doubts=told)
 
 
 def joined(records: Sequence[Blocks]) -> Blocks:
@@ -217,6 +233,7 @@ def joined(records: Sequence[Blocks]) -> Blocks:
         first.unit,
         first.name,
         np.concatenate(numbers),
+        tuple(text for record in records for text in record.doubts),
     )
 
 
@@ -234,8 +251,8 @@ def _stretches(test: TemperatureTest, settling: float) -> tuple[NDArray[np.int64
     return stretch, test.t > start[stretch] + settling
 
 
-def _standard_error(t: Floats, rate: Floats, starts: NDArray[np.int64], counts: Floats) -> Floats:
-    """Of each block's mean, by the scatter about a straight line within it, shape (n,); rows without memory."""
+def _variance(t: Floats, rate: Floats, starts: NDArray[np.int64], counts: Floats) -> Floats:
+    """Of the rows of each block about a straight line within it, shape (n,); nan where they are two."""
 
     def sums(values: Floats) -> Floats:
         return np.add.reduceat(values, starts)
@@ -246,7 +263,4 @@ def _standard_error(t: Floats, rate: Floats, starts: NDArray[np.int64], counts: 
     moment = sums(u * u)
     slope = np.divide(sums(u * v), moment, out=np.zeros_like(moment), where=moment > 0)
     scatter = sums((v - slope[group] * u) ** 2)
-    variance = np.divide(scatter, counts - 2, out=np.full_like(counts, np.nan), where=counts > 2)
-    # Few rows tell little of their own scatter: one noise for all blocks.
-    typical = float(np.nanmedian(variance)) if np.isfinite(variance).any() else 0.0
-    return np.sqrt(typical / counts)
+    return np.divide(scatter, counts - 2, out=np.full_like(counts, np.nan), where=counts > 2)

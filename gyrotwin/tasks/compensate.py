@@ -1,6 +1,6 @@
 """`gyrotwin compensate`: fits a temperature compensation to a test, and shows what it leaves of another."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
@@ -119,10 +119,12 @@ def find(request: Request, progress: Progress | None = None) -> "CompensationRes
         blocks = make_blocks(table, request.sampling_time, request.settling)
         return _settled(blocks) if request.settled else blocks
 
-    fitted, test = joined([blocks_of(path) for path in request.records]), request.test
-    found = trial(fitted, None if test is None else blocks_of(test), asked, outside, progress)
+    fitted = joined([blocks_of(path) for path in request.records])
+    test = None if request.test is None else blocks_of(request.test)
+    found = trial(fitted, test, asked, outside, progress)
     names = ", ".join(path.name for path in request.records)
-    summary = summarise(found, names, None if test is None else test.name)
+    doubts = fitted.doubts if test is None else fitted.doubts + test.doubts
+    summary = summarise(found, names, None if request.test is None else request.test.name, doubts)
     return CompensationResult(
         summary,
         {
@@ -145,13 +147,15 @@ def _settled(blocks: "Blocks") -> "Blocks":
     return blocks.part(blocks.settled)
 
 
-def summarise(found: "Trial", record: str, test: str | None) -> dict[str, Any]:
-    """The answer as JSON-ready values."""
+def summarise(found: "Trial", record: str, test: str | None, doubts: Sequence[str]) -> dict[str, Any]:
+    """The answer as JSON-ready values. doubts: what to know of the records first."""
     from calibration.compensation.measures import bias_factor, summary
 
     chosen = found.chosen
     factor = bias_factor(chosen.unit)
+    held_out = summary(found.judged[0].held_out, chosen.unit)
     return {
+        "warnings": [*doubts, *_worse(held_out)],
         "hold_out": found.hold_out,
         "another_cycle_tested": not found.untested,
         "record": record,
@@ -180,6 +184,17 @@ def summarise(found: "Trial", record: str, test: str | None) -> dict[str, Any]:
             for c in sorted(found.choice.tried, key=lambda c: c.held_out)
         ],
     }
+
+
+def _worse(held_out: Mapping[str, Any]) -> list[str]:
+    """What the compensation makes worse on the blocks held out."""
+    names = {"scale_factor_ppm_per_c": "scale factor over temperature", "bias_per_c": "bias over temperature"}
+    worse = [
+        f"the {name} is {times(1 / held_out[key]['factor'])} times as much with the compensation"
+        for key, name in names.items()
+        if held_out[key] is not None and held_out[key]["factor"] < 1
+    ]
+    return [f"{', and '.join(worse)}: don't use it"] if worse else []
 
 
 def _floor(found: "Floor | str", factor: float) -> dict[str, Any]:
@@ -237,7 +252,9 @@ def results(summary: Mapping[str, Any]) -> Any:
     """The summary as tables for rich."""
     from rich.console import Group
 
-    parts: list[Any] = [escape(summary["hold_out"]), escape(f"{summary['method']}: {summary['note']}")]
+    parts: list[Any] = [escape(summary["hold_out"])]
+    parts += [f"[yellow]warning: {escape(text)}[/]" for text in summary["warnings"]]
+    parts.append(escape(f"{summary['method']}: {summary['note']}"))
     for quantity, title in titles(summary).items():
         lines = rows(summary, quantity)
         if lines:

@@ -1,6 +1,7 @@
 """`gyrotwin compensate` as a user types it: a record in, coefficients and a report out, or one line."""
 
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -67,6 +68,34 @@ def test_files_and_numbers(records: Path, tmp_path: Path, capsys: pytest.Capture
     page = (out / "report.html").read_text()
     assert "Bias and scale factor over temperature" in page
     assert "http://" not in page.partition("<script>")[0]
+
+
+def test_a_coarse_rate_is_told_and_has_a_page(
+    records: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    coarse = pl.read_parquet(records / "cycle.parquet").with_columns((pl.col("rate") / 0.01).round() * 0.01)
+    coarse.write_parquet(tmp_path / "coarse.parquet")
+    out = tmp_path / "out"
+    compensate(tmp_path / "coarse.parquet", "--method", "piecewise", "--segments", "2", "--out", out)
+    [told] = json.loads((out / "summary.json").read_text())["warnings"]
+    assert "rounded in steps of 0.01 rad/s" in told
+    assert "rounded in steps" in capsys.readouterr().out
+    # The noise of blocks whose rows were all alike was 0, and the page divided by it.
+    assert "rounded in steps" in (out / "report.html").read_text()
+
+
+def test_a_compensation_that_makes_it_worse_is_told(records: Path, tmp_path: Path) -> None:
+    # Fitted on one course of the bias over temperature, tested on its mirror image.
+    again = pl.read_parquet(records / "again.parquet")
+    again.with_columns(rate=2 * pl.col("rate_true") - pl.col("rate")).write_parquet(tmp_path / "mirrored.parquet")
+    out = tmp_path / "out"
+    compensate(
+        records / "cycle.parquet", "--test", tmp_path / "mirrored.parquet", "--method", "piecewise", "--out", out
+    )
+    [told] = json.loads((out / "summary.json").read_text())["warnings"]
+    assert re.search(
+        r"the bias over temperature is (1\.9|2|2\.0)\d* times as much with the compensation: don.t use it", told
+    )
 
 
 def test_of_one_cycle_the_report_says_first_that_another_is_untested(
