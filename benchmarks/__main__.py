@@ -20,6 +20,7 @@ NAMES = (
     "loop_measures",
     "loop_effects",
     "loop_devices",
+    "loop_rates",
     "loop_rest",
     "mode_split",
     "matching",

@@ -182,7 +182,7 @@ def measure(what: tuple[int, int], poor: bool = False) -> Outcome:
         run = the_run(number, seed, poor)
         label = describe(run.device)
         result = simulate(run)
-        return Outcome(number, seed, label, reduced(run, result), _why(result))
+        return Outcome(number, seed, label, reduced(run, result), why(result))
     except Exception as error:
         empty = dict.fromkeys(COLUMNS, np.inf) | {
             "valid share": 0.0,
@@ -221,7 +221,8 @@ def describe(device: Device) -> str:
     )
 
 
-def _why(result: Result) -> str:
+def why(result: Result) -> str:
+    """Why the angle was withdrawn, the last two times, and why it is not valid at the end."""
     validity = result.validity
     said = [f"{reason} (at {t:.3f} s)" for t, reason in validity.withdrawn[-2:]]
     more = len(validity.withdrawn) - len(said)

@@ -80,22 +80,38 @@ def bound(result: Result, span: tuple[float, float] = SPAN) -> float:
     return float(np.rad2deg(np.sqrt(np.mean(np.square(found))))) if len(inside) else np.nan
 
 
-def lie(result: Result) -> Lie | None:
-    """The worst window in which the flag was up throughout and the angle drifted, or None."""
+class Window(NamedTuple):
+    """A window in which the angle was said to be valid throughout: its start [s], the drift and its predicted standard
+    deviation [deg/s]."""
+
+    t: float
+    drift: float
+    sigma: float
+
+    def is_lie(self) -> bool:
+        """Whether the angle drifted by more than LIE and LIE_SIGMAS times what was predicted."""
+        return not abs(self.drift) <= max(LIE, LIE_SIGMAS * self.sigma)
+
+
+def valid_windows(result: Result) -> list[Window]:
+    """All windows of WINDOW, STRIDE apart, in which the angle was said to be valid throughout."""
     t, error = _error(result)
     valid, sigma = result.trace["converged"].to_numpy(), np.rad2deg(result.trace["drift_sigma"].to_numpy())
-    worst, count = None, 0
+    windows = []
     for begin in np.arange(0.0, t[-1] - WINDOW + 0.5 * STRIDE, STRIDE):
         first, last = np.searchsorted(t, [begin - 1e-9, begin + WINDOW - 1e-9])
-        if last - first < 2 or not valid[first:last].all():
-            continue
-        found = slope(t[first:last], error[first:last])
-        expected = float(np.sqrt(np.mean(np.square(sigma[first:last]))))
-        if not abs(found) <= max(LIE, LIE_SIGMAS * expected):
-            count += 1
-            if worst is None or not abs(found) <= abs(worst.drift):
-                worst = Lie(float(begin), found, expected, 0)
-    return worst if worst is None else worst._replace(windows=count)
+        if last - first >= 2 and valid[first:last].all():
+            expected = float(np.sqrt(np.mean(np.square(sigma[first:last]))))
+            windows.append(Window(float(begin), slope(t[first:last], error[first:last]), expected))
+    return windows
+
+
+def lie(result: Result) -> Lie | None:
+    """The worst window in which the flag was up throughout and the angle drifted, or None."""
+    lies = [window for window in valid_windows(result) if window.is_lie()]
+    # A drift that is no number is the worst.
+    worst = max(lies, key=lambda window: np.nan_to_num(abs(window.drift), nan=np.inf), default=None)
+    return None if worst is None else Lie(*worst, windows=len(lies))
 
 
 def angle_rms(result: Result, run: Run) -> float:
