@@ -13,7 +13,7 @@ import typer
 from rich.console import Console
 
 from benchmarks import loop_drift
-from benchmarks.loop_devices import random_device, sample_rate, why
+from benchmarks.loop_devices import RATE, random_device, sample_rate, why
 from benchmarks.loop_runs import finite, in_processes
 from benchmarks.report import RESULTS, Options, Report, Row, Table, row, show, spread, write
 from cosim.master import simulate
@@ -90,7 +90,8 @@ def _steps(rng: np.random.Generator) -> Courses:
 
 def _noise(rng: np.random.Generator) -> Courses:
     """Noise in a band, as sines of equal size on average."""
-    low, high = np.sort(np.exp(rng.uniform(*np.log(FREQUENCY), size=2)))
+    bottom, top = np.log(FREQUENCY)
+    low, high = np.sort(np.exp(rng.uniform(bottom, top, 2)))
     size = _size(rng) / np.sqrt(BAND)
     return tuple(
         Sine(float(size * rng.rayleigh()), float(rng.uniform(low, high)), float(rng.uniform(0, 360)))
@@ -117,8 +118,8 @@ def the_run(seed: int) -> tuple[str, str, Run]:
     """Pair, kind and run of a seed: pairs and kinds follow each other."""
     (name, design), kind = PAIRS[seed % len(PAIRS)], KINDS[seed // len(PAIRS) % len(KINDS)]
     device = random_device(seed) if name == "random" else load_device(name)
-    rate_hz = sample_rate(device) if name == "random" else None
-    run = prepare(Request("rest", device, design, sample_rate=rate_hz, seed=seed, duration=DURATION))
+    hertz = sample_rate(device) if name == "random" else RATE
+    run = prepare(Request("rest", device, design, sample_rate=hertz, seed=seed, duration=DURATION))
     rate = courses(kind, np.random.default_rng([seed, 17]))
     return f"{name}, {design}", kind, replace(run, scenario=replace(run.scenario, courses={"omega_z": rate}))
 
