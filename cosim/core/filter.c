@@ -117,10 +117,14 @@ void filter_step_told(filter *f, const double u[2], const double *z_true, const 
 {
     advance(f, u, in);
     memcpy(f->now.z, z_true, (OMEGA + 1) * sizeof *z_true);
-    double expected[2], C[2][NZ], by_p[2 * NP], noise[2];
-    filter_expect(f, expected, C, by_p, noise);
-    for (int a = 0; a < 2; a++) {
-        filter_correct_axis(f, C[a], by_p + a * NP, noise[a], 0.0);
+    if (f->sample > f->origin) {
+        double expected[2], C[2][NZ], by_p[2 * NP], noise[2];
+        filter_expect(f, expected, C, by_p, noise);
+        for (int a = 0; a < 2; a++) {
+            filter_correct_axis(f, C[a], by_p + a * NP, noise[a], 0.0);
+        }
+    } else {
+        filter_take_up_told(f);
     }
     f->in_block++;
     if (f->in_block >= f->length) {

@@ -85,3 +85,13 @@ void filter_take_up(filter *f, const double v[2])
         }
     }
 }
+
+void filter_take_up_told(filter *f)
+{
+    const double *z = f->now.z;
+    double u[2], l[2], v[2];
+    known_actuate(&f->k, z, filter_command(f, 0), z[OMEGA], u);
+    known_pick_off(&f->k, z, u, z[OMEGA], l);
+    known_amplify(&f->k, z, l, z[OMEGA], v);
+    filter_take_up(f, v);
+}

@@ -127,6 +127,30 @@ def test_is_taken_at_the_true_values_with_the_deviations_of_the_design():
     assert all(made.values[name] == device.all_parameters[name] for name in made.values)
 
 
+def test_a_free_vibration_tells_a_lag_by_its_first_sample_alone():
+    lag = 1.3e-6
+    unknown = replace(
+        told(device_with(sense_noise=NOISE, amplifier_time_constant=lag)),
+        deviations={**WIDE, "amplifier_time_constant": 1e-6},
+    )
+    free = exact_motion(np.zeros(401))
+    found = bound(replace(free, states=_free_vibration(401), forces=np.zeros((401, 2))), unknown, np.array([2e-3]))
+    sigma = found.values[0, found.names.index("amplifier_time_constant")]
+    # Settled, the lag is a phase, which nobody knows. The first voltage is that of the pickoff, not lagging: at rest it
+    # stands tau^2/2 of its second derivative, w^2 times 1 V, above the course that the others are on. Terms of
+    # (w tau)^2 and the noise of 400 others are left out.
+    assert sigma == pytest.approx(NOISE / (lag * REFERENCE[0] / REFERENCE[6] * 1.0), rel=0.05)
+
+
+def _free_vibration(n):
+    """From 1 um at rest, shape (n, 4)."""
+    phi, _ = sampled(REFERENCE, 0.0)
+    states = [np.array([1e-6, 0.0, 0.0, 0.0])]
+    for _ in range(n - 1):
+        states.append(phi @ states[-1])
+    return np.array(states)
+
+
 def test_refuses_a_time_beyond_the_motion():
     motion = exact_motion(np.zeros(10))
     with pytest.raises(ValueError, match="choose times from 0 to"):
