@@ -22,6 +22,7 @@ NAMES = (
     "loop_devices",
     "loop_rates",
     "loop_rest",
+    "loop_circle",
     "mode_split",
     "matching",
     "rate_mode",

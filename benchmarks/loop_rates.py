@@ -177,10 +177,10 @@ def make_report(seeds: Sequence[int], jobs: int) -> Report:
         Table("all runs", summary_rows({"all": outcomes})),
         Table("by device and design", summary_rows({n: g for n, g in by_pair.items() if g})),
         Table("by kind of rate", summary_rows({n: g for n, g in by_kind.items() if g})),
-        Table(
-            "runs with a lie", [row(f"seed {o.seed}", "", o.values, note=f"{o.pair}, {o.kind}. {o.why}") for o in lies]
-        ),
     ]
+    if lies:
+        told = [row(f"seed {o.seed}", "", o.values, note=f"{o.pair}, {o.kind}. {o.why}") for o in lies]
+        tables.append(Table("runs with a lie, or that abort", told))
     notes = [
         f"Runs of {DURATION:g} s. Rates: amplitudes of {AMPLITUDE[0]:g} to {AMPLITUDE[1]:g} rad/s, evenly in their "
         f"logarithm; one to four sines, or noise in a band, of {FREQUENCY[0]:g} to {FREQUENCY[1]:g} Hz; one to twenty "

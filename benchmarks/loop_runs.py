@@ -83,10 +83,15 @@ def measure(case: Case) -> Outcome:
         result = simulate(run)
     except InputError as error:
         return Outcome(case, {}, failure=str(error))
+    return Outcome(case, numbers(run, result), result.bounds)
+
+
+def numbers(run: Run, result: Result) -> dict[str, float]:
+    """All numbers of a run by name, infinite for what was never reached."""
     values = {"converged_at": _known(result.converged_at)}
     for part in (_parameters, _dampings, _rate, _angles, _flag):
         values |= part(run, result)
-    return Outcome(case, values, result.bounds)
+    return values
 
 
 def measure_all(cases: Iterable[Case], jobs: int) -> list[Outcome]:
