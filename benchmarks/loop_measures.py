@@ -194,7 +194,8 @@ def _angle_rows(results: Results, group: Case, limit: float, drift: float | None
 def _flag_rows(results: Results, group: Case) -> list[Row]:
     """Drift of angle C late in the run beside its bound and its prediction, and what the flag was worth."""
     late, bound, predicted = (np.abs(results.of(group, f"late_{name}")) for name in ("drift", "bound", "predicted"))
-    ratio = np.square(late / predicted)
+    with np.errstate(invalid="ignore"):  # infinity over infinity: a run too short to have either
+        ratio = np.square(late / predicted)
     known = ratio[np.isfinite(ratio)]
     note = f"mean over {len(known)} seeds {np.mean(known):.2f}, wanted 0.5 to 1.5" if len(known) else ""
     lies = int(np.count_nonzero(results.of(group, "lies")))

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from benchmarks import loop_devices, loop_drift, loop_effects, loop_rest
+from benchmarks import loop_circle, loop_devices, loop_drift, loop_effects, loop_rates, loop_rest
 from benchmarks.closed_loop import sample_rows
 from cosim.design import load_design
 from gyro_model.errors import InputError
@@ -113,6 +113,50 @@ def test_rest_gives_bias_and_allan_deviation():
         "plain, seed 1: Allan deviation",
     ]
     assert all(value is not None for line in report.tables[1].rows for value in line.values.values())
+
+
+def test_random_rates_take_all_pairs_and_kinds_in_turn():
+    every = len(loop_rates.PAIRS) * len(loop_rates.KINDS)
+    seen = {loop_rates.the_run(seed)[:2] for seed in range(every)}
+    assert len(seen) == every
+
+
+@pytest.mark.parametrize("kind", loop_rates.KINDS)
+def test_a_random_rate_is_what_its_kind_says(kind):
+    for seed in range(20):
+        rate = loop_rates.courses(kind, np.random.default_rng(seed))
+        again = loop_rates.courses(kind, np.random.default_rng(seed))
+        values, same = (sum(c.limits(T)[1] for c in each) for each in (rate, again))
+        assert (values == same).all()
+        if kind == "steps":
+            assert np.abs(values).max() <= loop_rates.AMPLITUDE[1]
+            assert len(np.unique(values)) <= 21
+        if kind == "slopes":
+            inside = np.abs(np.diff(values)) / np.diff(T)
+            assert inside.max() <= loop_rates.SLOPE * (1 + 1e-9)
+        if kind == "noise":
+            # Forty sines of a Rayleigh distribution add up to the size that was drawn, within chance.
+            assert np.std(values) <= 2 * loop_rates.AMPLITUDE[1]
+
+
+def test_runs_without_a_lie_are_a_report(monkeypatch):
+    # 11 valid windows in which the angle drifts by a quarter of what is predicted.
+    good = dict(zip(loop_rates.COLUMNS, (0.1, 0.9, 11.0, 0.0, np.nan, 1 / 16), strict=True))
+    monkeypatch.setattr(loop_rates, "in_processes", lambda f, seeds, jobs: [
+        loop_rates.Outcome(0, "reference, plain", "sines", good)
+    ])  # fmt: skip
+    report = loop_rates.make_report([0], 1)
+    [line] = report.tables[0].rows
+    assert (line.values["of valid windows"], line.values["squared drift over prediction"]) == (11.0, 1 / 16)
+    assert line.met == "yes"
+    assert all(table.rows for table in report.tables)
+
+
+def test_hidden_effects_are_drawn_from_those_that_need_nothing_to_show():
+    for seed in range(30):
+        parameters = loop_circle.hidden(seed)
+        assert parameters == loop_circle.hidden(seed)
+        assert not any(name.startswith(("tc", "softening", "acceleration")) for name in parameters)
 
 
 def test_shares_of_a_sample_add_up():
