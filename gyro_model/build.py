@@ -37,6 +37,7 @@ from gyro_model.model import Model, load_model
 from gyro_model.platforms import WASM, own_platform, platform_of
 from gyro_model.progress import Progress
 from gyro_model.sensor import SensorModel
+from gyro_model.whole_file import whole_file
 
 LOGGER = logging.getLogger("gyrotwin")
 PACKAGE = Path(__file__).parent
@@ -202,13 +203,10 @@ def _module_path(model: Form, folder: Path) -> Path:
 
 
 def _compile_module(sources: Path, path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_suffix(f".{os.getpid()}.part")
-    try:
-        compile_for(WASM, sources, [write_whole(sources, c_files(sources, "fmi3"))], beside)
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
+    made = sources / path.name
+    compile_for(WASM, sources, [write_whole(sources, c_files(sources, "fmi3"))], made)
+    with whole_file(path) as file:
+        file.write(made.read_bytes())
 
 
 def build_all(
@@ -324,16 +322,10 @@ def issue_date() -> str:
 
 def pack(files: Mapping[str, bytes], path: Path) -> None:
     """Writes an FMU of ``files`` by name; equal files give an equal FMU."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_suffix(f".{os.getpid()}.part")
-    try:
-        with zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name in sorted(files, key=lambda name: name.split("/")):
-                # A fixed date makes equal models give equal files.
-                info = zipfile.ZipInfo(name, (2000, 1, 1, 0, 0, 0))
-                info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
-                info.compress_type = zipfile.ZIP_DEFLATED
-                archive.writestr(info, files[name])
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
+    with whole_file(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in sorted(files, key=lambda name: name.split("/")):
+            # A fixed date makes equal models give equal files.
+            info = zipfile.ZipInfo(name, (2000, 1, 1, 0, 0, 0))
+            info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            info.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(info, files[name])

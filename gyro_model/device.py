@@ -5,9 +5,7 @@ format = 1, name, [parameters], optional [intervals] (name = [low, high], 95 %),
 """
 
 import json
-import os
 from collections.abc import Collection, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import atan2, cos, hypot, inf, isfinite, pi, radians, sin, sqrt
 from pathlib import Path
@@ -17,6 +15,7 @@ from gyro_model.anatomy import Effect
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import Model, load_model
 from gyro_model.toml_text import read_toml_file
+from gyro_model.whole_file import whole_file
 
 FOLDER = Path(__file__).parent / "devices"
 FORMAT = 1
@@ -378,13 +377,10 @@ def write_file(
     for table, (entries, units) in tables.items():
         if entries or table == "parameters":
             lines += ["", f"[{table}]", *(_entry(key, value, units.get(key)) for key, value in entries.items())]
-    beside = path.with_name(path.name + ".part")
     try:
-        beside.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        os.replace(beside, path)
+        with whole_file(path) as file:
+            file.write(("\n".join(lines) + "\n").encode())
     except OSError as error:
-        with suppress(OSError):
-            beside.unlink(missing_ok=True)
         raise InputError(f"file {path}: {error.strerror}; name another place") from None
 
 

@@ -1,10 +1,10 @@
 """Files that are there complete or not at all."""
 
 import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from secrets import token_hex
 from typing import BinaryIO
 
 
@@ -14,10 +14,10 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
     made where there is none. Raises OSError where it can't be written."""
     path.parent.mkdir(parents=True, exist_ok=True)
     # A name that nobody can have laid a link under, and that a folder of results may hold.
-    handle, beside = tempfile.mkstemp(prefix=".writing-", dir=path.parent)
+    beside = path.parent / f".writing-{token_hex(8)}"
     try:
-        with os.fdopen(handle, "wb") as file:
+        with beside.open("xb") as file:
             yield file
         os.replace(beside, path)
     finally:
-        Path(beside).unlink(missing_ok=True)
+        beside.unlink(missing_ok=True)

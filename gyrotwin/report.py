@@ -1,7 +1,6 @@
 """The report: one self-contained HTML page that works without a network."""
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -14,6 +13,7 @@ from markupsafe import Markup
 from calibration.datasheet.figure import Curve
 from cosim.angle_filters import Filter
 from cosim.metrics import Bounds
+from gyro_model.whole_file import whole_file
 from gyrotwin import figures, numbers
 from gyrotwin.curve_figures import draw
 
@@ -62,12 +62,8 @@ def render_page(name: str, out: Path, shown: Sequence[figures.Figure], **values:
 
 def write_whole(page: str, out: Path) -> None:
     """Writes `page` to `out`, complete or not at all."""
-    beside = out.with_name(out.name + ".part")
-    try:
-        beside.write_text(page, encoding="utf-8")
-        os.replace(beside, out)
-    finally:
-        beside.unlink(missing_ok=True)
+    with whole_file(out) as file:
+        file.write(page.encode())
 
 
 def run_figures(

@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple
 from benchmarks.blind.plan import Entry
 from benchmarks.blind.store import DATA, digest, opened, save
 from gyro_model.digest import digest_of
+from gyro_model.whole_file import whole_file
 
 ROOT: Final = Path(__file__).parents[2]
 RESULTS: Final = "results"
@@ -83,10 +84,8 @@ def run_one(entry: Entry, ask: Ask) -> dict[str, Any]:
 def _written(ask: Ask, result: dict[str, Any]) -> dict[str, Any]:
     result = {**result, "code": code(ask.tool)}
     file = result_file(ask.folder, result["id"])
-    file.parent.mkdir(parents=True, exist_ok=True)
-    part = file.with_suffix(".part")
-    part.write_text(json.dumps(result, indent=1), encoding="utf-8")
-    part.replace(file)
+    with whole_file(file) as written:
+        written.write(json.dumps(result, indent=1).encode())
     return result
 
 

@@ -6,8 +6,6 @@ design share a library.
 
 import ctypes
 import hashlib
-import os
-import shutil
 import tempfile
 from collections.abc import Sequence
 from functools import cached_property, lru_cache
@@ -22,6 +20,7 @@ from cosim.core.settings import settings_header
 from cosim.known_model import KnownModel
 from cosim.layout import STATE_NAMES
 from gyro_model.compiling import compile_library, find_compiler
+from gyro_model.whole_file import whole_file
 
 Floats = NDArray[np.float64]
 
@@ -130,7 +129,6 @@ def _built(known: KnownModel) -> Path:
     path = _path(known)
     if path.is_file():
         return path
-    path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
         folder = Path(name)
         texts = _texts(known) | {"known_model.h": known.header(), "sizes.h": known.sizes_header()}
@@ -138,9 +136,8 @@ def _built(known: KnownModel) -> Path:
             (folder / file).write_text(text, encoding="utf-8")
         made = folder / "loop.so"
         compile_library(folder, _sources(texts), made, _flags())
-        beside = path.with_suffix(f".{os.getpid()}.part")
-        shutil.copy(made, beside)
-        os.replace(beside, path)
+        with whole_file(path) as library_file:
+            library_file.write(made.read_bytes())
     return path
 
 

@@ -1,6 +1,5 @@
 """The rows of a sweep on disk: a folder of Parquet files, one a batch, to which an interrupted sweep adds the rest."""
 
-import os
 import uuid
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Final
 
 import polars as pl
 
+from gyro_model.whole_file import whole_file
 from gyrotwin.sweeping.work import Done
 
 ROWS: Final = "rows"
@@ -30,9 +30,8 @@ def _write(table: pl.DataFrame, folder: Path) -> None:
 
 
 def _replace(table: pl.DataFrame, path: Path) -> None:
-    beside = path.with_name(f".{path.name}.part")
-    table.write_parquet(beside)
-    os.replace(beside, path)
+    with whole_file(path) as file:
+        table.write_parquet(file)
 
 
 def _typed(table: pl.DataFrame) -> pl.DataFrame:
