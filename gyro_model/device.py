@@ -377,6 +377,8 @@ def write_file(
     for table, (entries, units) in tables.items():
         if entries or table == "parameters":
             lines += ["", f"[{table}]", *(_entry(key, value, units.get(key)) for key, value in entries.items())]
+    if not path.parent.is_dir():
+        raise InputError(f"file {path}: there is no folder {path.parent}; make it, or name another place")
     try:
         with whole_file(path) as file:
             file.write(("\n".join(lines) + "\n").encode())
