@@ -1,12 +1,13 @@
 """Runs trials: makes the data, seals the label, asks the tool, hashes its answer, opens the label. One file a trial."""
 
+import ast
 import hashlib
 import importlib
 import json
 import math
 import time
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import cache
 from multiprocessing import get_context
@@ -91,10 +92,36 @@ def _written(ask: Ask, result: dict[str, Any]) -> dict[str, Any]:
 
 @cache
 def code(tool: str) -> str:
-    """Digest of all that made an answer: the generator, the packages of the project and the name of the tool."""
-    folders = ("benchmarks/blind", "discrepancy", "cosim", "gyro_model", "fmu_src")
-    files = digest_of(*(ROOT / folder for folder in folders), suffixes=(".py", ".c", ".h"))
-    return hashlib.sha256(f"{tool} {files}".encode()).hexdigest()
+    """Digest of all that made an answer: the generator, the packages of the project, of the loop what these import, and
+    the name of the tool."""
+    whole = [ROOT / folder for folder in ("benchmarks/blind", "discrepancy", "gyro_model", "fmu_src")]
+    found = hashlib.sha256(f"{tool} {digest_of(*whole, suffixes=('.py', '.c', '.h'))}".encode())
+    for path in sorted(imported("cosim", whole)):
+        found.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
+    return found.hexdigest()
+
+
+def imported(package: str, folders: Sequence[Path]) -> set[Path]:
+    """Files of the ``package`` that code in ``folders`` imports, and those that these import."""
+    waiting = [path for folder in folders for path in folder.rglob("*.py")]
+    found = {ROOT / package / "__init__.py"}
+    while waiting:
+        places = [ROOT / name.replace(".", "/") for name in _names(waiting.pop()) if name.startswith(f"{package}.")]
+        files = {file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")}
+        new = {file for file in files if file.is_file()} - found
+        found |= new
+        waiting += new
+    return found
+
+
+def _names(path: Path) -> Iterator[str]:
+    """Modules that a file imports, and what it imports from them, by their dotted names."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            yield from (f"{node.module}.{name.name}" for name in node.names)
 
 
 def tool_of(name: str) -> Tool:

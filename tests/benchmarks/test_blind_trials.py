@@ -23,7 +23,7 @@ from benchmarks.blind.inseparable import ALIKE, SITUATIONS, TOLD, make_inseparab
 from benchmarks.blind.noise import Noise, flicker, measured, thermal_force
 from benchmarks.blind.physics import RADIANS, Plant, Run, simulate
 from benchmarks.blind.plan import KINDS, Entry, entries
-from benchmarks.blind.runner import Ask, result_file, run_all, run_one
+from benchmarks.blind.runner import ROOT, Ask, imported, result_file, run_all, run_one
 from benchmarks.blind.summary import summarise
 from benchmarks.blind.terms import TERMS, extra_force
 from benchmarks.blind.trial import make_effects, make_null, make_unknown, rng_of, scale_of
@@ -385,3 +385,12 @@ def test_small_blind_trial(tmp_path: Path) -> None:
     probable = report.tables[-1].rows
     assert sum(row.values["of"] or 0 for row in probable[:-1]) == probable[-1].values["of"] == 4
     assert json.dumps(report.data)
+
+
+def test_the_code_of_an_answer_is_also_what_it_imports_of_the_loop():
+    found = {path.name for path in imported("cosim", [ROOT / "discrepancy"])}
+    assert {"__init__.py", "fmu.py", "exchange.py"} <= found
+    # The observer takes no part in a diagnosis.
+    assert "bound.py" not in found
+    # All that the loop's master needs is reached by way of others, too.
+    assert "design.py" in {path.name for path in imported("cosim", [ROOT / "gyrotwin" / "tasks"])}
