@@ -73,8 +73,7 @@ class Plant:
     def _start(self, parameters: Mapping[str, float]) -> None:
         self._fmu.instantiate(loggingOn=False, logMessage=self._log)
         try:
-            for name, value in parameters.items():
-                self._set(name, value)
+            self._set(parameters)
             self._fmu.enterInitializationMode()
             self._fmu.exitInitializationMode()
         except InputError:
@@ -88,13 +87,17 @@ class Plant:
         self.inputs = self.value_references(self.input_names)
         self.outputs = self.value_references(self.output_names)
 
-    def _set(self, name: str, value: float) -> None:
-        if name not in self.references:
-            raise InputError(f"parameter {name!r} is unknown to the FMU{nearest(name, self.references)}")
-        if name in self._integers:
-            self._fmu.setInt32([self.references[name]], [int(value)])
-        else:
-            self._fmu.setFloat64([self.references[name]], [value])
+    def _set(self, values: Mapping[str, float]) -> None:
+        """Sets variables by name, in one call for each type: a call costs as much as some fifty steps."""
+        for name in values:
+            if name not in self.references:
+                raise InputError(f"parameter {name!r} is unknown to the FMU{nearest(name, self.references)}")
+        whole = {self.references[name]: int(value) for name, value in values.items() if name in self._integers}
+        real = {self.references[name]: value for name, value in values.items() if name not in self._integers}
+        if whole:
+            self._fmu.setInt32(list(whole), list(whole.values()))
+        if real:
+            self._fmu.setFloat64(list(real), list(real.values()))
 
     def _log(self, environment: Any, status: int, category: bytes, message: bytes) -> None:
         self._complaints.append(message.decode(errors="replace"))

@@ -58,6 +58,8 @@ bound, or far from a minimum, where a fit of shorter pieces goes on."""
 AS_PROMISED: Final = 0.05
 """Of what a step promised, by which what it brought may be off where columns serve once more: those were then right to
 about as much, and what is left after the next step is the square of it."""
+EXACTLY: Final = 1e-3
+"""The same, below which the columns count as those of the point that was reached: deviations are then right to it."""
 NEARER, SLOW = 0.5, 4
 """A fit that has a goal is given up after so many steps in a row that each left more than this share of the way to
 it: near a minimum what is left falls by its square."""
@@ -83,10 +85,10 @@ class _Linear(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    """Of a run, where it was linearised last: all parameters, and by name the step and what it changes, (n, axes)
-    [V]."""
+    """Of a run, where it was linearised last: all parameters, there and where they are alike, and by name the step and
+    what it changes, (n, axes) [V]."""
 
-    at: Mapping[str, float]
+    points: list[Mapping[str, float]]
     columns: dict[str, tuple[float, Floats]]
 
 
@@ -214,8 +216,8 @@ class Fitter:
         here = {**at.parameters, **at.starts[run]}
         steps = self._state_steps(at, run) | {free.name: self._side(at, free) * free.step for free in at.free}
         kept = self._kept.get(run)
-        if kept is None or (kept.at != here and not near):
-            kept = self._kept[run] = _Kept(here, {})
+        if kept is None or (here not in kept.points and not near):
+            kept = self._kept[run] = _Kept([here], {})
         new = [n for n, step in steps.items() if not 1 / ALIKE < kept.columns.get(n, (0.0,))[0] / step < ALIKE]
         made = self.columns(at, run, [{name: here[name] + steps[name]} for name in new])
         kept.columns.update({name: (steps[name], column) for name, column in zip(new, made, strict=True)})
@@ -223,6 +225,11 @@ class Fitter:
         for column, (name, size) in zip(found, sizes.items(), strict=True):
             step, quotient = kept.columns[name]
             np.multiply(quotient, size / step, out=column)
+
+    def _vouch(self, at: Fitted) -> None:
+        """Has what it keeps count as found at ``at``."""
+        for run, kept in self._kept.items():
+            kept.points.append({**at.parameters, **at.starts[run]})
 
     def forget(self) -> None:
         """Lets go of what it keeps."""
@@ -316,7 +323,10 @@ class Fitter:
                 gained = (at.cost - moved.cost) / (at.left * at.variance)
                 creeping = creeping + 1 if gained < CREEP else 0
                 slow = slow + 1 if moved.cost - goal > NEARER * (at.cost - goal) > 0 else 0
-                near = abs(gained - 1) < AS_PROMISED
+                exact = abs(gained - 1) < EXACTLY
+                near = abs(gained - 1) < AS_PROMISED and not exact
+                if exact:
+                    self._vouch(moved)
                 at = self.with_grams(moved, near=near)
             at = self.with_grams(at) if near else at
         except OutOfTime:

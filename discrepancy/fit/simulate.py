@@ -43,8 +43,9 @@ SPEEDS: Final = ("x_dot", "y_dot")
 BACKWARD: Final = np.array([25, -48, 36, -16, 3]) / 12
 """Of the last five points, the derivative at the last times their step: right to (w step)^4/5, 4e-5 of an acceleration
 at thirteen samples a period. The force changes at each sample, so that no point after it counts."""
-PIECE: Final = 500
-"""Samples after which a run asks whether there is time for more: some milliseconds, beside which asking is nothing."""
+PIECE, QUICK = 500, 2e-3
+"""Samples after which a run first asks whether there is time for more, and the processor time [s] of a piece below
+which the next is twice as long: so that asking is nothing beside, and stiff runs are asked in time."""
 STIFFEST: Final = 2e-5
 """Processor time [s] a step of a run that is followed to its end. Linear steps take 0.1 µs, those of forces with
 corners 2 µs; what takes more is stiff, as friction of a mass at rest over a speed of 1e-7 of its motion's (400 µs:
@@ -80,8 +81,7 @@ class _Bench(Plant):
     def restart(self, parameters: Mapping[str, float], start: float) -> None:
         self._fmu.reset()
         try:
-            for name, value in parameters.items():
-                self._set(name, value)
+            self._set(parameters)
             self._fmu.enterInitializationMode(startTime=start)
             self._fmu.exitInitializationMode()
         except InputError:
@@ -149,15 +149,17 @@ class Simulator:
         slow."""
         # The first of all is compiled.
         piece(0, 0)
-        done, last, begun = 0, len(v) - 1, thread_time()
+        done, last, length, begun = 0, len(v) - 1, PIECE, thread_time()
+        so_far = begun
         while done < last:
             self.clock.check()
-            until = min(done + PIECE, last)
+            until = min(done + length, last)
             reached = piece(done, until)
-            if reached < until or thread_time() - begun > TICKS + STIFFEST * each * until:
+            before, so_far = so_far, thread_time()
+            if reached < until or so_far - begun > TICKS + STIFFEST * each * until:
                 v[reached + 1 :] = np.nan
                 return
-            done = until
+            done, length = until, 2 * length if so_far - before < QUICK else length
 
     def refines(self, parameters: Iterable[str]) -> bool:
         """Whether one of the parameters asks for parts of a step where it is not neutral."""

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 ROUNDS: Final = 8
 """Steps of a fit without an effect: enough to see whether held-out runs are better without it."""
+FAR_OFF: Final = 100.0
+"""Times the square that the fit leaves: a fit without an effect that can't come below it is not finished, since what is
+ten times as far off on the runs to fit is no better on others."""
 
 LOUDER: Final = 3.0
 """Times the noise of the runs to fit, in proportion to the motion where that is larger, that is still believed to be
@@ -138,7 +141,8 @@ def worse_without(search: "Search", stages: tuple[Stage, ...], gaps: Mapping[str
 
 def _misfit_without(search: "Search", entry: "Accepted") -> float:
     """On the held-out runs, of the model refitted without an effect. Raises OutOfTime."""
-    less = search.fitter.fit(search.without_effect(search.at, entry), ROUNDS).parameters
+    hopeless = FAR_OFF * search.at.cost
+    less = search.fitter.fit(search.without_effect(search.at, entry), ROUNDS, hopeless).parameters
     runs = search.dataset.held_out
     return misfits(runs, {run.name: start_fitted(search.simulator, run, less) for run in runs})[""]
 
