@@ -1,7 +1,9 @@
 """Lines of the mains in the voltage: 50 or 60 Hz and harmonics, of any phase in each run and channel.
 
 Least squares at known frequencies: S. M. Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993,
-example 4.2.
+example 4.2. Where runs have enough periods each line stands out of the bins beside it. In shorter ones lines run into
+each other: there all harmonics of one fundamental are fitted to all runs, and held against lines half way between them,
+which whatever wanders has as well.
 """
 
 from collections.abc import Sequence
@@ -10,8 +12,10 @@ from typing import Final
 
 import numpy as np
 from scipy.stats import chi2
+from scipy.stats import f as f_distribution
 
 from discrepancy.criteria import Criteria
+from discrepancy.data.algebra import inverse_scaled
 from discrepancy.data.record import Floats, Record
 from discrepancy.fit.defect import Blemish, Data, Found, Level
 from gyro_model.quantities import size
@@ -20,8 +24,9 @@ FREQUENCIES: Final = (50.0, 60.0)
 TOLERANCE: Final = 0.2
 """Hz by which the mains of a large grid wander."""
 HARMONICS: Final = 10
-PERIODS: Final = 2.5
-"""Of the mains in a run at least: below, a line is not told from a drift."""
+PERIODS, FEWEST = 2.5, 1.6
+"""Of the mains in a run, from which lines stand apart; and at least: below, lines are not told from a drift, and those
+half way between them, 0.8 bins off, not from them."""
 DRIVE: Final = 0.2
 """Share of the force's power on those lines from which they are the experiment's own."""
 AROUND: Final = 12
@@ -30,6 +35,14 @@ AROUND: Final = 12
 ALONE: Final = 6.0
 """Times the power of the bins on both sides, three to five off, that a line must have: a Hann window leaves nothing
 there, while a residual that rises or falls, or is modulated, has as much."""
+
+ASIDE, CLEARLY = 0.15, 25.0
+"""How far about a grid's frequency others are tried, short of the other grid's, and what one of them has to take more
+to count: five deviations."""
+
+ON_LINES: Final = 0.9
+"""Share of what a force has at low frequencies, on lines and half way between them, from which a short run is driven on
+them: of a force without lines it is a half."""
 
 LINE: Final = 1e-6
 """Share of the force's power from which a line of it counts: its answer, by a model that is wrong by 1 %, is then 1e-5
@@ -40,14 +53,13 @@ AMPLITUDE = size("mains", "V", "amplitude of the strongest line")
 
 def find(records: Sequence[Record], residuals: Sequence[Floats], criteria: Criteria) -> Found | None:
     """The frequency whose harmonics stand out of the residuals most, and its lines."""
-    if any(len(r.t) / r.sample_rate * min(FREQUENCIES) < PERIODS for r in records):
+    periods = min(len(r.t) / r.sample_rate for r in records) * min(FREQUENCIES)
+    if periods < FEWEST:
         return None
     best: tuple[float, float, list[int]] = (np.inf, 0.0, [])
     for centre in FREQUENCIES:
-        gains, runs = _gains(records, residuals, centre)
-        # Two degrees a line, channel and run.
-        needed = chi2.isf(criteria.noise_chance / (2 * HARMONICS), 2 * records[0].axes * runs)
-        sure = [n + 1 for n, gain in enumerate(gains) if gain > needed[n]]
+        seen = _apart if periods >= PERIODS else _together
+        sure = seen(records, residuals, centre, criteria.noise_chance / (2 * HARMONICS))
         if sure:
             # In a short record the lines of both grids are in the same bins: that which leaves less is it.
             grid = np.linspace(centre - TOLERANCE, centre + TOLERANCE, 41)
@@ -118,6 +130,71 @@ def _driven(record: Record, f0: float) -> list[int]:
     return found
 
 
+def _apart(records: Sequence[Record], residuals: Sequence[Floats], f0: float, chance: float) -> list[int]:
+    """The harmonics whose lines stand out of the bins around them."""
+    gains, runs = _gains(records, residuals, f0)
+    # Two degrees a line, channel and run.
+    needed = chi2.isf(chance, 2 * records[0].axes * runs)
+    return [n + 1 for n, gain in enumerate(gains) if gain > needed[n]]
+
+
+def _together(records: Sequence[Record], residuals: Sequence[Floats], f0: float, chance: float) -> list[int]:
+    """The harmonics that explain, beside all others, more than lines half way between them do of what is left."""
+    usual = sorted({n for r in records for n in _below(r)})
+    halves = [*(n - 0.5 for n in usual), usual[-1] + 0.5] if usual else []
+    gains, of_lines, between, of_between, rest, count = np.zeros(len(usual)), np.zeros(len(usual)), 0.0, 0, 0.0, 0
+    for record, residual in zip(records, residuals, strict=True):
+        slow, lines = _slow(record), _waves(record, f0, usual)[record.valid]
+        beside, own = _waves(record, f0, halves)[record.valid], residual[record.valid]
+        parts = np.hstack((slow, lines, beside, own, record.u[record.valid]))
+        gram, known = parts.T @ parts, slow.shape[1]
+        end, all_lines = known + lines.shape[1], known + lines.shape[1] + beside.shape[1]
+        values, force = (range(all_lines + k, all_lines + k + record.axes) for k in (0, record.axes))
+        left, last = _left(gram, range(end), values), _left(gram, range(all_lines), values)
+        between, of_between = between + left - last, of_between + beside.shape[1] * record.axes
+        rest, count = rest + last, count + own.size
+        # What the force has at low frequencies, on lines and between them.
+        on, off = (_left(gram, range(i), force) - _left(gram, range(j), force)
+                   for i, j in ((known, end), (end, all_lines)))  # fmt: skip
+        driven = usual if on > ON_LINES * (on + off) else _driven(record, f0)
+        for i in (i for i, n in enumerate(usual) if n not in driven):
+            others = [j for j in range(end) if j - known not in (i, i + len(usual))]
+            gains[i] += _left(gram, others, values) - left
+            of_lines[i] += 2 * record.axes
+    variance = max(between / max(of_between, 1), rest / max(count, 1))
+    needed = np.maximum(f_distribution.isf(chance, np.maximum(of_lines, 1), of_between), ALONE) * of_lines * variance
+    sure = [n for n, gain, least in zip(usual, gains, needed, strict=True) if gain > least]
+    return sure if sure and not _elsewhere(records, residuals, f0, sure, rest / count) else []
+
+
+def _elsewhere(
+    records: Sequence[Record], residuals: Sequence[Floats], f0: float, harmonics: Sequence[int], variance: float
+) -> bool:
+    """Whether another fundamental than that of a grid explains clearly more: a line of any other frequency is hum to
+    the width of a short record's lines. variance: of the noise [V²]."""
+    aside = f0 * np.linspace(1 - ASIDE, 1 + ASIDE, 61)
+    near = f0 + TOLERANCE * np.linspace(-1, 1, 9)
+    inside, outside = (
+        min(sum(_rest(r, e, f, harmonics) for r, e in zip(records, residuals, strict=True)) for f in grid)
+        for grid in (near, aside)
+    )
+    return outside < inside - CLEARLY * variance
+
+
+def _slow(record: Record) -> Floats:
+    """What a residual may follow beside lines: an offset, a drift, and each condition that changes."""
+    t = (record.t - record.t[0]) / (record.t[-1] - record.t[0])
+    changing = [own - own.mean() for own in record.conditions.values() if np.ptp(own) > 0]
+    return np.column_stack([np.ones_like(t), t, *(own / np.abs(own).max() for own in changing)])[record.valid]
+
+
+def _left(gram: Floats, columns: Sequence[int], values: Sequence[int]) -> float:
+    """The square that ``columns`` leave of the ``values``, by the products of all."""
+    own, of = list(columns), list(values)
+    across = gram[np.ix_(own, of)]
+    return float(np.trace(gram[np.ix_(of, of)]) - np.sum(across * (inverse_scaled(gram[np.ix_(own, own)]) @ across)))
+
+
 def _gains(records: Sequence[Record], residuals: Sequence[Floats], f0: float) -> tuple[Floats, Floats]:
     """Of each harmonic, what its lines stand out by, as a chi-square by the bins around, and in how many runs it is
     looked for: those whose force has no line there."""
@@ -160,8 +237,8 @@ def _lines(record: Record, residual: Floats, f0: float, harmonics: Sequence[floa
 
 def _rest(record: Record, residual: Floats, f0: float, harmonics: Sequence[int]) -> float:
     waves = np.column_stack((_waves(record, f0, harmonics)[record.valid], np.ones(int(record.valid.sum()))))
-    own = residual[record.valid]
-    return float(np.sum((own - waves @ np.linalg.lstsq(waves, own, rcond=None)[0]) ** 2))
+    parts = np.hstack((waves, residual[record.valid]))
+    return _left(parts.T @ parts, range(waves.shape[1]), range(waves.shape[1], parts.shape[1]))
 
 
 DEFECT = Blemish(

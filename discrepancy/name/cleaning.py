@@ -44,7 +44,8 @@ def _cleaned(search: "Search", blemish: Blemish) -> bool:
     unlikely = min(search.at.unlikely, before["at"].unlikely)
     vars(search).update(before)
     search.take_blemish(blemish, found.data)
-    search.go_on(search.at, nearly_settled)
+    # The filter is to be that of what is left now.
+    search.go_on(search.whole.evaluated(search.at), nearly_settled)
     # Worth a line of the report, and beyond what its numbers take away by chance.
     sure = (2 * sum(map(len, found.data)) + EARNED) / search.at.count
     if search.at.unlikely >= unlikely - max(search.criteria.material, sure):
