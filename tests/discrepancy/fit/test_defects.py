@@ -339,6 +339,59 @@ def test_mains_of_short_runs_are_found_though_one_is_driven_there() -> None:
     assert blemish("mains").without(other, again(found, other, other.v)).v.std() == pytest.approx(NOISE, rel=0.02)
 
 
+def _short(slow: list[Floats], conditions: list[dict[str, Floats]] | None = None, seed: int = 31) -> list[Record]:
+    """Runs of two periods at 50 Hz whose voltage is noise and, on x and a third of it on y, what is ``slow`` (n,)."""
+    rng, runs = np.random.default_rng(seed), []
+    for number, own in enumerate(slow):
+        v = NOISE * (rng.standard_normal((len(own), 2)) + own[:, None] * np.array([1.0, 0.3]))
+        runs.append(make_record(f"run-{number}", np.arange(len(own)) / 4e5, rng.standard_normal((len(own), 2)), v,
+                                sample_rate=4e5, conditions=conditions[number] if conditions else {}))  # fmt: skip
+    return runs
+
+
+SHORT = np.arange(16_000) / 4e5
+
+
+@pytest.mark.parametrize("f0", [50.03, 59.9])
+def test_mains_of_runs_of_two_periods_are_found_and_taken_out(f0: float) -> None:
+    rng = np.random.default_rng(23)
+
+    def hum() -> Floats:
+        parts = zip((1, 2, 5), (8.0, 4.0, 3.0), rng.uniform(0, 6, 3), strict=True)
+        return np.asarray(sum(a * np.sin(2 * np.pi * n * f0 * SHORT + p) for n, a, p in parts))
+
+    runs = _short([hum() for _ in range(3)])
+    found = blemish("mains").find(runs, [run.v for run in runs], Criteria())
+    assert found is not None
+    for run, data in zip(runs, found.data, strict=True):
+        # Six numbers of 16,000 samples, and what the frequency is off by: a part in a hundred of the noise.
+        assert blemish("mains").without(run, data).v.std() == pytest.approx(NOISE, rel=0.02)
+
+
+@pytest.mark.parametrize("f", [33.0, 55.0, 76.0, 171.0, 335.0])
+def test_a_line_of_another_frequency_is_no_mains_of_short_runs(f: float) -> None:
+    runs = _short([20 * np.sin(2 * np.pi * f * SHORT + phase) for phase in (0.1, 1.3, 4.0)])
+    assert blemish("mains").find(runs, [run.v for run in runs], Criteria()) is None
+
+
+def test_what_wanders_or_follows_a_condition_is_no_mains_of_short_runs() -> None:
+    rng = np.random.default_rng(29)
+    walks = [0.1 * np.cumsum(rng.standard_normal(len(SHORT))) for _ in range(3)]
+    drifts = [20 * np.sqrt(SHORT / SHORT[-1])] * 3
+    tilts = [np.sin(2 * np.pi * 50 * SHORT + phase) for phase in (0.2, 2.0, 3.1)]
+    asked = [_short(walks), _short(drifts), _short([20 * own for own in tilts], [{"a_x": own} for own in tilts])]
+    for runs in asked:
+        assert blemish("mains").find(runs, [run.v for run in runs], Criteria()) is None
+    hum = _short([20 * own for own in tilts])
+    assert blemish("mains").find(hum, [run.v for run in hum], Criteria()) is not None
+
+
+def test_short_runs_that_are_driven_on_the_lines_show_no_mains() -> None:
+    lines = [sum(np.sin(2 * np.pi * 50 * n * SHORT + n * phase) for n in range(1, 8)) for phase in (0.3, 1.0, 2.2)]
+    runs = [replace(run, u=own[:, None] * np.ones(2)) for run, own in zip(_short(lines), lines, strict=True)]
+    assert blemish("mains").find(runs, [run.v for run in runs], Criteria()) is None
+
+
 def _vibrating(seed: int = 0, samples: int = 6000) -> Record:
     """A mode at a sixtieth of the sample rate under a noise of many tones, 1e-4 of it as noise on the voltage."""
     rng = np.random.default_rng(seed)
