@@ -65,14 +65,29 @@ class Limit:
     gives: Mapping[str, float]
 
 
+class BoucWen(NamedTuple):
+    """How a state z follows the displacement ``of``, x or y, alone: length dz/dx = 1 - (beta sgn(z dx) + gamma) |z|^n.
+
+    Beside z = 0, where |z|^n has no power series, the plant takes z from the displacement instead of from its rate.
+    """
+
+    of: Symbol
+    length: Symbol
+    beta: Symbol
+    gamma: Symbol
+    n: Symbol
+
+
 @dataclass(frozen=True)
 class State:
-    """A continuous state that an effect brings along, zero at the start: ``rate`` is its time derivative."""
+    """A continuous state that an effect brings along, zero at the start: ``rate`` is its time derivative. ``follows``
+    says the same of one that is a Bouc-Wen hysteresis."""
 
     symbol: Symbol
     unit: str
     description: str
     rate: Expr
+    follows: BoucWen | None = None
 
 
 @dataclass(frozen=True)

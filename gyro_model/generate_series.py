@@ -44,6 +44,7 @@ def expansions(model: Model) -> str:
     held = set().union(*(one.held for one in series.values()))
     follows = ", ".join("0" if symbol in held else "1" for symbol in read) or "1"
     copies = "".join(f"    read[{i}] = g->p[{macro(symbol.name)}];\n" for i, symbol in enumerate(read))
+    bouc_wens = _bouc_wens(list(series.values()))
     most = [max(1, sum(one.counts()[i] for one in series.values())) for i in range(4)]
     squared = "".join(f"    {square_macro(square)},\n" for square in shared)
     shares = "".join(
@@ -89,6 +90,12 @@ enum {{
 {squared}    GYRO_SERIES_SHARED
 }};
 
+/* States that follow a displacement. */
+enum {{ GYRO_BOUC_WENS = {len(bouc_wens)} }};
+static const gyro_bouc_wen bouc_wens[GYRO_BOUC_WENS + 1] = {{
+{"".join(f"    {{{one}}},{chr(10)}" for one in bouc_wens)}    {{0}}
+}};
+
 /* One of a pair of series. */
 typedef struct {{
     const gyro_pair *row;
@@ -108,6 +115,8 @@ typedef struct {{
     double room[GYRO_SERIES_BOUNDS];
     double change[GYRO_SERIES_READ];             /* by what laws change what is read in the whole step [SI] */
     double begin;                                /* of the whole step has been done */
+    gyro_given given[GYRO_BOUC_WENS + 1];        /* states beside their zeros */
+    int n_given;
     double side[GYRO_SERIES_CORNERS];            /* its sign in this part of the step, 1 or -1; 0: not known yet */
 }} gyro_series;
 
@@ -203,6 +212,25 @@ static inline void read_by_series(const gyro_view *g, double read[GYRO_SERIES_RE
 
 #endif
 """
+
+
+def _bouc_wens(series: Sequence[Series]) -> list[str]:
+    """Where each series of a state stands that follows a displacement, as members of ``gyro_bouc_wen``."""
+    rows = []
+    for one in series:
+        states = {state.symbol: state for state in one.effect.states}
+        lanes = ((pair, lane, states[symbol]) for pair in one.own for lane, symbol in enumerate(pair))
+        for pair, lane, state in lanes:
+            if state.follows:
+                of, *parameters = state.follows
+                axis = _MOTION[0].index(of)
+                x, speed = (motion[axis] for motion in _MOTION)
+                places = map(state_macro, (state.symbol, x, speed))
+                values = (macro(symbol.name) for symbol in parameters)
+                rows.append(
+                    ", ".join([effect_macro(one.effect), pair_macro(pair), f"{lane}, {axis}", *places, *values])
+                )
+    return rows
 
 
 def _names(pairs: Sequence[Pair], first: str = "") -> str:

@@ -4,7 +4,7 @@
 #ifndef GYRO_SERIES_H
 #define GYRO_SERIES_H
 
-#include "generated/model.h"
+#include "generated/effects.h"
 #include "pair.h"
 
 /* Powers 0 .. GYRO_MOST_POWER. About half the decimal digits asked for, in natural logarithms, is cheapest near a singularity (A. Jorba,
@@ -29,6 +29,37 @@ typedef struct {
     int row, constant, corner, bound;
 } gyro_series_place;
 
+/* Where a state stands that follows a displacement (bouc_wen.h). */
+typedef struct {
+    int effect;
+    int pair, lane;             /* its series */
+    int axis;                   /* of the displacement: 0 x, 1 y */
+    int state, place, speed;    /* it, the displacement, its rate, among the states of a view */
+    int length, beta, gamma, n; /* parameters by value reference */
+} gyro_bouc_wen;
+
+/* Such a state z by u, the displacement from where z is zero in lengths, and back, by powers of c |u|^n and c |z|^n. */
+enum { GYRO_Z_TERMS = 10 };
+typedef struct {
+    double n;
+    double z[GYRO_Z_TERMS]; /* of z/u */
+    double u[GYRO_Z_TERMS]; /* of u/z */
+    double room;            /* how large u may be; 0 where n is whole: then z has a series of its own */
+} gyro_bouc_wen_curve;
+
+/* Such a state beside its zero: what its series is given instead of what its rate makes of it. */
+enum { GYRO_GIVEN_TERMS = 5 };
+typedef struct {
+    const gyro_bouc_wen *of;
+    const gyro_bouc_wen_curve *curve;
+    double c[2];                   /* in this direction of the motion, where z is below zero, and above */
+    double per_length;             /* 1/m */
+    double z;                      /* where the step begins, as if it followed the displacement in proportion */
+    double from, way;              /* the displacement there, and how far it goes, in lengths */
+    double most_bend;              /* |c| |u|^n at most */
+    double less[GYRO_GIVEN_TERMS]; /* coefficients of what it lies off that */
+} gyro_given;
+
 /* The forces that bend the motion. */
 typedef struct {
     int holds; /* 1: all of them have series */
@@ -37,7 +68,27 @@ typedef struct {
     unsigned shared;
     int effect[GYRO_N_EFFECTS];
     gyro_series_place place[GYRO_N_EFFECTS];
+    gyro_bouc_wen_curve curve[GYRO_N_STATES]; /* of states that follow a displacement */
 } gyro_series_plan;
+
+/* The value of a polynomial of degree n at t, and its rate. */
+static inline double value_at(const double *c, int n, double t)
+{
+    double sum = c[n];
+    for (int j = n - 1; j >= 0; j--) {
+        sum = sum * t + c[j];
+    }
+    return sum;
+}
+
+static inline double rate_at(const double *c, int n, double t)
+{
+    double sum = n * c[n];
+    for (int j = n - 1; j > 0; j--) {
+        sum = sum * t + j * c[j];
+    }
+    return sum;
+}
 
 /* Of a constant. */
 static inline gyro_pair first_only(int k, gyro_pair c) { return k == 0 ? c : both(0.0); }
@@ -92,11 +143,14 @@ static inline gyro_pair series_power(const gyro_pair *a, const gyro_pair *p, gyr
     return pair_sum(pair_product(pair_scaled(GYRO_PART[k], inverse), sum), pair_product(pair_product(e, pair_product(inverse, p[0])), a[k]));
 }
 
-/* Below this share of its rate in a step, a base is too near zero for its powers: their recurrence divides by it, and where a whole exponent
-   keeps the true terms small, rounding grows with each by the inverse. */
+/* Below this share of its rate in a step, or of the next coefficient, a base is too near zero for its powers: their recurrence divides by it, and
+   where a whole exponent keeps the true terms small, rounding grows with each by the inverse. */
 static const double GYRO_LEAST_BASE = 1e-5;
 
-static inline int is_near_zero(const gyro_pair *a, int lane) { return fabs(lane_of(a[0], lane)) < GYRO_LEAST_BASE * fabs(lane_of(a[1], lane)); }
+static inline double unless_near_zero(const gyro_pair *a, int k, int lane, double power)
+{
+    return fabs(lane_of(a[0], lane)) < GYRO_LEAST_BASE * fabs(lane_of(a[k], lane)) ? NAN : power;
+}
 
 /* The same where any exponent may be set; no number too near zero. */
 static inline gyro_pair series_any_power(const gyro_pair *a, const gyro_pair *p, gyro_pair e, int k)
@@ -104,10 +158,11 @@ static inline gyro_pair series_any_power(const gyro_pair *a, const gyro_pair *p,
     gyro_pair next = both(0.0);
     if (is_both(e, 1.0)) {
         next = a[k];
-    } else if (k == 1 && (is_near_zero(a, 0) || is_near_zero(a, 1)) && !is_zero(e)) {
-        next = both(NAN);
     } else if (!is_zero(e)) {
         next = series_power(a, p, e, k);
+        if (k <= 2) {
+            next = pair_of(unless_near_zero(a, k, 0, lane_of(next, 0)), unless_near_zero(a, k, 1, lane_of(next, 1)));
+        }
     }
     return next;
 }

@@ -14,6 +14,7 @@
 #include <stddef.h>
 #include <string.h>
 
+#include "bouc_wen.h"
 #include "generated/expansions.h"
 #include "integrator.h"
 #include "linear.h"
@@ -35,6 +36,12 @@ static const double GYRO_CORNER_ZERO = 1e-13;
 
 /* Corners that one part of a step may be cut at before the stages take over. */
 enum { GYRO_MOST_TURNS = 2 * GYRO_SERIES_CORNERS };
+
+/* By what part a step may end before where the states were found that are given, which changes them less than their moments are off. */
+static const double GYRO_AIM = 1.0 - 1e-6;
+
+/* So often states are given before the step goes on without: each time they are 1e-3 or less as far off. */
+enum { GYRO_MOST_GIVEN = 4 };
 
 /* Corners met so soon after the last part that a step need not wait; then the stages take over there too. */
 enum { GYRO_MOST_CLOSE = 16 };
@@ -73,6 +80,7 @@ static inline void plan_series(gyro_series_plan *plan, const gyro_view *view)
             end = (gyro_series_place){end.row + size.rows, end.constant + size.constants, end.corner + size.corners, end.bound + size.bounds};
         }
     }
+    lay_curves(plan->curve, view);
     plan->corners = end.corner;
     plan->bounds = end.bound;
     plan->holds = plan->holds && end.row <= GYRO_SERIES_ROWS;
@@ -142,6 +150,9 @@ static inline void expand_once(const gyro_view *g, gyro_series *s, const gyro_li
     force = k == 0 ? with_first(g, s, h, force) : with_later(g, s, k, h, force);
     s->of[GYRO_PAIR_X_AND_Y][k + 1] = pair_scaled(h, s->of[GYRO_PAIR_X_DOT_AND_Y_DOT][k]);
     s->of[GYRO_PAIR_X_DOT_AND_Y_DOT][k + 1] = pair_scaled(h * g->inverse_mass, force);
+    if (pairs > GYRO_MOTION_PAIRS) {
+        give_coefficient(s, k + 1);
+    }
 }
 
 /* The part of the step for which the term of GYRO_MOST_POWER is the last that counts, being `left` > 1 times as large as that: four square roots
@@ -156,31 +167,45 @@ static inline gyro_pair larger_pair(gyro_pair a, gyro_pair b)
 /* 1 over the largest last term of a pair of states of this size. */
 static inline double last_weight(double size, double last) { return size > 0.0 ? 1.0 / (last * size) : 1e300; }
 
-/* The coefficients of the motion of so many pairs of states from the view on, in units of the step of the series, `pairs` a constant at each
-   call; `size` shape (GYRO_STATE_PAIRS) grows to that of each state. Gives the last power; `reach` is the part of the step that it holds for. */
-static inline int expand(const gyro_view *g, gyro_series *s, const gyro_course *course, double begin, int pairs, gyro_pair size[GYRO_STATE_PAIRS],
-                         double *reach)
+/* The linear forces from the part `begin` of a step on; gives by how many powers of what is left of it. */
+static inline int linear_from(const gyro_course *course, double begin, gyro_linear_pair from[GYRO_COURSE_POWERS])
 {
-    double left = INFINITY, before = INFINITY;
-    const int powers = course->powers;
-    gyro_pair weight[GYRO_STATE_PAIRS];
+    const int powers = course->powers, later = powers > 1 && begin > 0.0;
     gyro_linear shifted[GYRO_COURSE_POWERS];
-    gyro_linear_pair from[GYRO_COURSE_POWERS];
-    int power = 0;
-    if (powers > 1 && begin > 0.0) {
+    if (later) {
         shift_course(course, begin, shifted);
     }
     for (int j = 0; j < powers; j++) {
-        from[j] = pairs_of(powers > 1 && begin > 0.0 ? &shifted[j] : &course->power[j]);
+        from[j] = pairs_of(later ? &shifted[j] : &course->power[j]);
     }
+    return powers;
+}
+
+/* The first coefficients of so many pairs of states from the view on. */
+static inline void expand_first(const gyro_view *g, gyro_series *s, const gyro_linear_pair *from, int powers, int pairs)
+{
     take_states(g, s, pairs);
+    if (pairs > GYRO_MOTION_PAIRS) {
+        give_coefficient(s, 0);
+    }
     for (int i = 0; i < s->plan->bounds; i++) {
         s->bounded[i].row = NULL;
     }
     expand_once(g, s, from, powers, 0, pairs);
-    for (power = 1; power < GYRO_SIZE_TERMS; power++) {
+    for (int power = 1; power < GYRO_SIZE_TERMS; power++) {
         expand_once(g, s, from, powers, power, pairs);
     }
+}
+
+/* The coefficients of the motion of so many pairs of states from the view on, in units of the step of the series, `pairs` a constant at each
+   call; `size` shape (GYRO_STATE_PAIRS) grows to that of each state. Gives the last power; `reach` is the part of the step that it holds for. */
+static inline int expand(const gyro_view *g, gyro_series *s, const gyro_linear_pair *from, int powers, int pairs, gyro_pair size[GYRO_STATE_PAIRS],
+                         double *reach)
+{
+    double left = INFINITY, before = INFINITY;
+    gyro_pair weight[GYRO_STATE_PAIRS];
+    int power = GYRO_SIZE_TERMS;
+    expand_first(g, s, from, powers, pairs);
     for (int i = 0; i < pairs; i++) {
         const gyro_pair *c = s->of[i];
         const double last = i >= GYRO_MOTION_PAIRS ? GYRO_OWN_LAST_TERM * GYRO_LAST_TERM : GYRO_LAST_TERM;
@@ -207,25 +232,6 @@ static inline int expand(const gyro_view *g, gyro_series *s, const gyro_course *
         *reach = gyro_finite(left + before) ? reach_of(larger(left, before / GYRO_BEFORE_LAST)) : 0.0;
     }
     return power;
-}
-
-/* The value of a polynomial of degree n at t, and its rate. */
-static inline double value_at(const double *c, int n, double t)
-{
-    double sum = c[n];
-    for (int j = n - 1; j >= 0; j--) {
-        sum = sum * t + c[j];
-    }
-    return sum;
-}
-
-static inline double rate_at(const double *c, int n, double t)
-{
-    double sum = n * c[n];
-    for (int j = n - 1; j > 0; j--) {
-        sum = sum * t + j * c[j];
-    }
-    return sum;
 }
 
 /* Where side c, above zero at 0, comes down to `zero` before `end`; 2 where it does not. Each step goes as far as the largest second
@@ -335,11 +341,19 @@ static inline int sides_hold(gyro_series *s, int power, double *reach, int *met)
             row = of->row;
             most = most_change(row, power);
         }
-        if (!(s->side[corner] * lane_of(row[0], of->lane) > lane_of(most, of->lane))) {
+        if (!(s->side[corner] * lane_of(row[0], of->lane) > lane_of(most, of->lane)) && !is_given(s, of)) {
             hold = side_holds(s, corner, power, reach, met) && hold;
         }
     }
     return hold;
+}
+
+/* What was given may have passed its zero. */
+static inline void forget_sides(gyro_series *s)
+{
+    for (int corner = 0; corner < s->plan->corners; corner++) {
+        s->side[corner] = is_given(s, &s->corner[corner]) ? 0.0 : s->side[corner];
+    }
 }
 
 /* The states at a part of the step of the series: even and odd powers apart, so that a processor need not wait for each. */
@@ -489,29 +503,73 @@ static inline void begin_passage(gyro_passage *at, const gyro_series_plan *plan,
     memset(at->series.side, 0, sizeof at->series.side);
 }
 
+/* The series of so many pairs of states, on the sides of corners to which the motion goes; gives its last power and how far it holds, up to the
+   corner `met` if that is not -1. The reach is 0 where no sides do. */
+static inline int expand_to_corner(const gyro_view *g, gyro_series *s, const gyro_linear_pair *from, int powers, int pairs, gyro_pair *size,
+                                   double *reach, int *met)
+{
+    int power = 0, settled = 0;
+    for (int turns = 0; !settled && turns <= GYRO_MOST_TURNS; turns++) {
+        power = pairs > GYRO_MOTION_PAIRS ? expand(g, s, from, powers, GYRO_STATE_PAIRS, size, reach)
+                                          : expand(g, s, from, powers, GYRO_MOTION_PAIRS, size, reach);
+        *met = -1;
+        *reach = within_bounds(s, power - 1, *reach);
+        settled = sides_hold(s, power - 1, reach, met);
+    }
+    *reach = settled ? *reach : 0.0;
+    return power;
+}
+
+/* The same where states are near zero that follow the displacement: that is known better with each series, and so are they. */
+static inline int expand_near_zero(const gyro_view *g, gyro_series *s, const gyro_linear_pair *from, int powers, gyro_pair *size, double *reach,
+                                   int *met)
+{
+    int power = GYRO_SIZE_TERMS, again = 1;
+    double aim = 1.0;
+    expand_first(g, s, from, powers, GYRO_STATE_PAIRS);
+    for (int i = 0; again; i++) {
+        if (i == GYRO_MOST_GIVEN || !(aim * GYRO_WHOLE >= 1.0) || !give_by_displacement(g, s, power, aim)) {
+            s->n_given = 0;
+        }
+        power = expand_to_corner(g, s, from, powers, GYRO_STATE_PAIRS, size, reach, met);
+        if (s->n_given > 0 && *reach > aim / GYRO_AIM) {
+            *reach = aim;
+            *met = -1;
+        }
+        again = s->n_given > 0 && (*reach < GYRO_AIM * aim || !went_as_given(s, power, *reach));
+        aim = *reach;
+    }
+    return power;
+}
+
 /* Moves so many pairs of states of the view on as far as one series does; gives 0 where none does. */
 static inline int advance_by_series(gyro_view *g, const gyro_course *course, double h, int pairs, gyro_passage *at)
 {
     gyro_series *s = &at->series;
+    gyro_linear_pair from[GYRO_COURSE_POWERS];
+    const int powers = linear_from(course, at->done, from);
     double reach = 0.0;
-    int power = 0, met = -1, settled = 0;
+    int met = -1;
     s->step = h * (1.0 - at->done);
     s->begin = at->done;
-    for (int turns = 0; !settled && turns <= GYRO_MOST_TURNS; turns++) {
-        power = pairs > GYRO_MOTION_PAIRS ? expand(g, s, course, at->done, GYRO_STATE_PAIRS, at->size, &reach)
-                                          : expand(g, s, course, at->done, GYRO_MOTION_PAIRS, at->size, &reach);
-        met = -1;
-        reach = within_bounds(s, power - 1, reach);
-        settled = sides_hold(s, power - 1, &reach, &met);
+    s->n_given = 0;
+    if (pairs > GYRO_MOTION_PAIRS) {
+        give_near_zero(g, s);
     }
+    const int power = s->n_given > 0 ? expand_near_zero(g, s, from, powers, at->size, &reach, &met)
+                                     : expand_to_corner(g, s, from, powers, pairs, at->size, &reach, &met);
     /* Part of the rest of the step, and so of the whole. */
     const double part = reach * (1.0 - at->done);
-    const int close = part * GYRO_WHOLE < 1.0 && reach < 1.0, moves = settled && (!close || (met >= 0 && at->close < GYRO_MOST_CLOSE));
+    const int close = part * GYRO_WHOLE < 1.0 && reach < 1.0, moves = reach > 0.0 && (!close || (met >= 0 && at->close < GYRO_MOST_CLOSE));
     if (moves) {
         at->close += close;
         at->power = power;
         at->reach = reach;
         set_states(s, power, reach, pairs, g);
+        if (s->n_given > 0) {
+            set_given(g, s);
+            forget_sides(s);
+        }
         at->done = reach < 1.0 ? at->done + part : 1.0;
         if (met >= 0) {
             s->side[met] = -s->side[met];

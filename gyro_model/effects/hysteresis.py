@@ -9,9 +9,9 @@ remembers. It feeds no energy where β ≥ |γ|.
 
 from sympy import Abs, Expr, Symbol
 
-from gyro_model.anatomy import Energy, Force, Limit, State
+from gyro_model.anatomy import BoucWen, Energy, Force, Limit, State
 from gyro_model.quantities import Grid, shape, size
-from gyro_model.symbols import x_dot, y_dot
+from gyro_model.symbols import x, x_dot, y, y_dot
 
 H_X = size("hysteresis_x", "N", "largest hysteretic force, x axis", low=0.0, nominal=1e-7, display="µN")
 H_Y = size("hysteresis_y", "N", "largest hysteretic force, y axis", low=0.0, nominal=1e-7, display="µN")
@@ -42,6 +42,10 @@ def _rate(z: Symbol, speed: Symbol) -> Expr:
     return (speed - _bend(z, speed)) / LENGTH.symbol
 
 
+def _follows(displacement: Symbol) -> BoucWen:
+    return BoucWen(displacement, LENGTH.symbol, beta, gamma, n)
+
+
 def _loss(h: Symbol, z: Symbol, speed: Symbol) -> Expr:
     return h * z * _bend(z, speed)
 
@@ -50,8 +54,8 @@ EFFECT = Force(
     id="hysteresis",
     parameters=(H_X, H_Y, LENGTH, BETA, GAMMA, SHARPNESS),
     states=(
-        State(z_x, "1", "hysteretic force of x over its limit", rate=_rate(z_x, x_dot)),
-        State(z_y, "1", "hysteretic force of y over its limit", rate=_rate(z_y, y_dot)),
+        State(z_x, "1", "hysteretic force of x over its limit", rate=_rate(z_x, x_dot), follows=_follows(x)),
+        State(z_y, "1", "hysteretic force of y over its limit", rate=_rate(z_y, y_dot), follows=_follows(y)),
     ),
     force=(-H_X.symbol * z_x, -H_Y.symbol * z_y),
     energy=Energy(

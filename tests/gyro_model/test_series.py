@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from gyro_runner import Floats, Runner
 
+from gyro_model import symbols
+from gyro_model.anatomy import State
 from gyro_model.build import build
 from gyro_model.compiling import find_compiler
 from gyro_model.device import Device
@@ -40,6 +42,10 @@ CASES = {
     # The power begins below all rounding and counts within the same step.
     "hysteresis, n = 20": {"hysteresis_x": 2e-6, "hysteresis_length": 3e-8, "hysteresis_n": 20.0},
     "hysteresis, n = 1.3": {"hysteresis_x": 2e-6, "hysteresis_y": 2e-6, "hysteresis_n": 1.3},
+    "hysteresis, n = 1.6, over a way of a few steps": {
+        "hysteresis_x": 1e-7, "hysteresis_y": 2e-7, "hysteresis_length": 1e-7, "hysteresis_n": 1.6,
+    },
+    "hysteresis of the motion that it turns": {"hysteresis_x": 2e-5, "hysteresis_length": 3e-7, "hysteresis_n": 1.4},
     "hysteresis that weakens": {"hysteresis_x": 2e-6, "hysteresis_beta": 0.6, "hysteresis_gamma": -0.5},
     "a stop that is met softly": {"stop_stiffness": 500.0, "stop_gap": 7e-7},
     "a film at its gap": {"squeeze_x": 1e-6, "squeeze_y": 1e-6, "squeeze_gap": 1.2e-6},
@@ -164,6 +170,65 @@ def test_any_function(
 ) -> None:
     runner = Runner(build(own).fmi3, tmp_path_factory.mktemp("fmu"))
     compare(runner, Device("test", START | parameters, model=own), SERIES, residual)
+
+
+TWO_WAYS = '''"""Two Bouc-Wen hystereses of y alone, of unlike sharpness.
+
+    F_y = -a (p + q)
+"""
+
+from sympy import Abs, Rational, Symbol
+
+from gyro_model.anatomy import BoucWen, Force, Limit, State
+from gyro_model.quantities import shape, size
+from gyro_model.symbols import y, y_dot
+
+A = size("pair_size", "N", "size")
+L = shape("pair_length", "m", 5e-7, "way", low=1e-12, search=None)
+B = shape("pair_beta", "1", 0.6, "dissipates", search=None)
+C = shape("pair_gamma", "1", 0.3, "bends", search=None)
+N_P = shape("pair_n_p", "1", 1.2, "sharpness", low=1.0, search=None)
+N_Q = shape("pair_n_q", "1", 1.7, "sharpness", low=1.0, search=None)
+p, q = Symbol("pair_p", real=True), Symbol("pair_q", real=True)
+
+
+def state(z, n):
+    bend = (Abs(z) + Rational(1, 10**300)) ** (n - 1) * (B.symbol * Abs(y_dot) * z + C.symbol * y_dot * Abs(z))
+    return State(z, "1", "part", rate=(y_dot - bend) / L.symbol, follows=BoucWen(y, L.symbol, B.symbol, C.symbol, n))
+
+
+EFFECT = Force(
+    id="two_ways",
+    parameters=(A, L, B, C, N_P, N_Q),
+    states=(state(p, N_P.symbol), state(q, N_Q.symbol)),
+    force=(0, -A.symbol * (p + q)),
+    energy=None,
+    signature="none",
+    host_experiment="none",
+    limits=(Limit(why="zero size", at={"pair_size": 0.0}, gives={"force_x": 0.0, "force_y": 0.0}),),
+)
+'''
+
+
+def test_a_hysteresis_of_ones_own(tmp_path: Path, residual: Residual) -> None:
+    (tmp_path / "two_ways.py").write_text(TWO_WAYS, encoding="utf-8")
+    model = read_model(tmp_path)
+    runner = Runner(build(model).fmi3, tmp_path / "fmu")
+    compare(runner, Device("test", START | {"pair_size": 1e-6}, model=model), SERIES, residual)
+
+
+@pytest.mark.parametrize("state", [s for s in load_model().states if s.follows], ids=lambda state: state.symbol.name)
+def test_a_state_follows_as_its_rate_says(state: State) -> None:
+    assert state.follows is not None
+    of, length, beta, gamma, n = state.follows
+    speed = symbols.STATES[symbols.STATES.index(of) + 1]
+    rng = np.random.default_rng(42)
+    for _ in range(20):
+        z, v = rng.uniform(-1.0, 1.0, 2)
+        sizes = dict(zip((length, beta, gamma, n), rng.uniform(0.3, 2.0, 4), strict=True))
+        c = sizes[beta] * np.sign(z * v) + sizes[gamma]
+        wanted = v * (1 - c * abs(z) ** sizes[n]) / sizes[length]
+        assert float(state.rate.subs({**sizes, state.symbol: z, speed: v})) == pytest.approx(wanted, rel=1e-12)
 
 
 JUMPS = '''"""Coulomb friction without a passage.

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{df6f96e8-2f8e-e9a1-4616-9d7ecd5adaf1}"
+#define GYRO_TOKEN "{e872fe57-ac67-ab12-d09f-514852da3ec6}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

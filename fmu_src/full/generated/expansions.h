@@ -36,6 +36,14 @@ enum {
     GYRO_SERIES_SHARED
 };
 
+/* States that follow a displacement. */
+enum { GYRO_BOUC_WENS = 2 };
+static const gyro_bouc_wen bouc_wens[GYRO_BOUC_WENS + 1] = {
+    {GYRO_EFFECT_HYSTERESIS, GYRO_PAIR_HYSTERESIS_Z_X_AND_HYSTERESIS_Z_Y, 0, 0, GYRO_STATE_HYSTERESIS_Z_X, GYRO_STATE_X, GYRO_STATE_X_DOT, GYRO_HYSTERESIS_LENGTH, GYRO_HYSTERESIS_BETA, GYRO_HYSTERESIS_GAMMA, GYRO_HYSTERESIS_N},
+    {GYRO_EFFECT_HYSTERESIS, GYRO_PAIR_HYSTERESIS_Z_X_AND_HYSTERESIS_Z_Y, 1, 1, GYRO_STATE_HYSTERESIS_Z_Y, GYRO_STATE_Y, GYRO_STATE_Y_DOT, GYRO_HYSTERESIS_LENGTH, GYRO_HYSTERESIS_BETA, GYRO_HYSTERESIS_GAMMA, GYRO_HYSTERESIS_N},
+    {0}
+};
+
 /* One of a pair of series. */
 typedef struct {
     const gyro_pair *row;
@@ -55,6 +63,8 @@ typedef struct {
     double room[GYRO_SERIES_BOUNDS];
     double change[GYRO_SERIES_READ];             /* by what laws change what is read in the whole step [SI] */
     double begin;                                /* of the whole step has been done */
+    gyro_given given[GYRO_BOUC_WENS + 1];        /* states beside their zeros */
+    int n_given;
     double side[GYRO_SERIES_CORNERS];            /* its sign in this part of the step, 1 or -1; 0: not known yet */
 } gyro_series;
 

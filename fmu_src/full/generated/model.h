@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{da78f709-68ee-8a91-e983-3231e83b99e3}"
+#define GYRO_TOKEN "{555121ff-b4db-f75d-2c97-d493246c969d}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
