@@ -58,6 +58,8 @@ def _columns(headings: Sequence[str], named: Sequence[str], carrier: float | Non
             raise InputError(
                 f"{len(named)} columns named: give one voltage, or with --carrier two, --column I --column Q"
             )
+        if len(set(named)) < len(named):
+            raise InputError(f"--column {named[0]} twice: I and Q are two columns")
         return list(named)
     lower = {heading.lower(): heading for heading in headings}
     if wanted == 2:

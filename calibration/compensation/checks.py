@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.analysis.clipping import is_clipped
 from gyro_model.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -15,10 +16,6 @@ BLURRED: Final = 0.58
 """Of a step: noise of half a step leaves 0.2 % of one in a mean, and the two together are √(1/4 + 1/12) of one."""
 HELD: Final = 0.6
 """Share of equal neighbours that noise which blurs the steps does not make: half a step rms repeats in half."""
-STUCK: Final = 0.01
-"""Share of the rows at the very end of the range from which on it is one: noise touches its largest value once."""
-STUCK_OVER: Final = 10
-"""Where the end is no end, the next value comes as often; a slow rate that turns there spends some rows more."""
 WILD: Final = 25.0
 """Variance of a block over that of the median block: of white noise in 8 rows 1e-20 of the blocks have more, in 4 rows
 1e-5."""
@@ -38,15 +35,6 @@ def rounding_step(rate: Floats, variance: float) -> float:
     levels = np.unique(rate)
     step = float(np.diff(levels).min()) if len(levels) > 1 else 0.0
     return step if variance**0.5 < BLURRED * step else 0.0
-
-
-def is_clipped(rate: Floats) -> bool:
-    """Whether ``rate``, shape (n,), stays at its largest or smallest value."""
-    levels, counts = np.unique(rate, return_counts=True)
-    if len(levels) < 3:
-        return False
-    ends = ((counts[0], counts[1]), (counts[-1], counts[-2]))
-    return any(at >= STUCK * len(rate) and at > STUCK_OVER * beside for at, beside in ends)
 
 
 def doubts(rate: Floats, variance: Floats, step: float, unit: str) -> tuple[str, ...]:

@@ -4,8 +4,10 @@ from typing import Final
 
 import numpy as np
 
+from calibration.analysis.clipping import is_clipped
 from calibration.mode_split.model import SplitModel
-from calibration.mode_split.record import Complexes, Floats, VoltageRecord
+from calibration.mode_split.record import Complexes, Envelope, Floats, VoltageRecord, find_line
+from calibration.mode_split.spectrum import line_reach
 from gyro_model.errors import InputError
 from gyro_model.symbols import BOLTZMANN
 
@@ -28,6 +30,8 @@ BLURRED: Final = 0.58
 """Of a step: noise of half a step makes rounding white, and the two together are √(1/4 + 1/12) of one."""
 CLEAR: Final = 0.45
 """Half-width of the band that is analysed about an unfolded line, of its distance from its own image."""
+OTHER: Final = 100.0
+"""A line that is so much stronger than the drive's, in power, is told: it may be the drive's."""
 THERMAL: Final = 4.0
 """A hump is called thermal whose power lies within this factor of kT/k: mass and gain are known to some 20 %."""
 
@@ -47,11 +51,20 @@ def check_rate(record: VoltageRecord, drive_frequency: float | None) -> None:
 
 
 def check_steps(record: VoltageRecord) -> None:
-    """Raises InputError for samples that repeat: rounded in steps wider than their noise.
+    """Raises InputError for samples that never change, are clipped, or repeat: rounded in steps wider than their noise.
 
     Under a carrier they repeat where it comes back to the same phase after some samples, all through the record.
     """
-    for part in (record.values.real, record.values.imag) if record.is_complex else (record.values,):
+    for part in (record.values.real, record.values.imag) if record.is_complex else (record.values.real,):
+        if np.ptp(part) == 0:
+            raise InputError(
+                "I or Q never changes: without it either side of the drive looks the same; mend the record"
+            )
+        if is_clipped(part):
+            raise InputError(
+                "the voltage stays at the end of its range: it is clipped, and no interval would hold; record at a "
+                "lower gain"
+            )
         lag, share = _return(part)
         if share > REPEATED:
             step = np.diff(np.unique(part))
@@ -142,3 +155,24 @@ def check_thermal(ratio: float) -> None:
             f"the hump is not thermal: it holds {ratio:.3g} times what kT gives at this mass and gain; it may be a "
             "mode of the package, driven, or --mass or --sense-gain is wrong"
         )
+
+
+def other_line(record: VoltageRecord, part: Envelope, given: float) -> tuple[str, ...]:
+    """What to know of a drive line that was ``given`` [Hz]: that another in the ``part`` is much stronger."""
+    try:
+        strongest = find_line(record)
+    except InputError:
+        return ()
+    turns = np.arange(len(part.values)) / part.rate
+    windowed = part.values * np.hanning(len(part.values))
+
+    def power(frequency: float) -> float:
+        return float(abs(windowed @ np.exp(-2j * np.pi * (frequency - part.centre) * turns)) ** 2)
+
+    away = abs(strongest - given)
+    if away <= line_reach(part, given) or away > part.band or power(strongest) < OTHER * power(given):
+        return ()
+    return (
+        f"--drive-frequency {given:.7g}, from which the split is counted: the line at {strongest:.7g} Hz is more than "
+        "20 dB stronger; is that the drive's?",
+    )

@@ -12,6 +12,7 @@ from calibration.mode_split.checks import (
     check_rate,
     check_steps,
     check_thermal,
+    other_line,
     thermal_ratio,
     unfolded,
 )
@@ -41,6 +42,13 @@ MOVES: Final = 3.5
 """Halves of a record that differ by more of their standard errors show a mode that moves: by chance one in 2000."""
 ABOUT: Final = 6.0
 """In halves the hump is looked for within so many half-widths of where the whole record has it."""
+
+
+TOP: Final = 0.5
+"""Half-widths by which the top of a hump must lie inside what is searched: of a skirt alone the fit tells neither place
+nor width (a hump of half-width 1.9 Hz at 40 Hz behind a guard of 45 Hz came out at 46.9 ± 2.4 Hz)."""
+LOWEST_Q: Final = 10.0
+"""Of a resonance; a broader hump is no mode of a gyroscope."""
 
 
 class NothingFoundError(InputError):
@@ -77,8 +85,8 @@ class Question:
         if self.temperature < COLDEST:
             celsius = f"{self.temperature:g} °C is {self.temperature + ZERO_CELSIUS:g} K"
             raise InputError(f"--temperature {self.temperature:g}: in K; {celsius}")
-        if self.q is not None and self.q < 10:
-            raise InputError(f"--q {self.q:g}: a resonance has at least 10")
+        if self.q is not None and self.q < LOWEST_Q:
+            raise InputError(f"--q {self.q:g}: a resonance has at least {LOWEST_Q:g}")
         if not (isfinite(self.guard) and self.guard >= 0):
             raise InputError(f"--guard {self.guard:g}: give a frequency in Hz, zero or more")
 
@@ -124,11 +132,12 @@ class Split:
 
 @dataclass(frozen=True)
 class Analysis:
-    """The answer with what it was found in, for figures."""
+    """The answer with what it was found in, for figures. doubts: what to know of it first."""
 
     split: Split
     part: Envelope
     spectrum: Spectrum
+    doubts: tuple[str, ...] = ()
 
 
 def find_split(record: VoltageRecord, question: Question = Question()) -> Analysis:
@@ -150,13 +159,18 @@ def find_split(record: VoltageRecord, question: Question = Question()) -> Analys
             f"--guard {question.guard:g}: it leaves nothing of the band of ±{part.band:.4g} Hz that is searched; give "
             "the bandwidth of the rate, some tens of Hz"
         )
-    spectrum = line_spectrum(part, f_x, question.guard)
+    doubts = () if question.drive_frequency is None else other_line(record, part, f_x)
+    try:
+        spectrum = line_spectrum(part, f_x, question.guard)
+    except InputError as error:
+        raise InputError("; ".join((str(error), *doubts))) from None
     split = estimate(spectrum, question)
+    check_top(spectrum, split, question.guard)
     check_steady(part, split, question)
     check_resolution(split, question.resolution)
     if question.mass is not None and question.sense_gain is not None:
         check_thermal(thermal_ratio(split.model, question.mass, question.sense_gain, question.temperature))
-    return Analysis(split, part, spectrum)
+    return Analysis(split, part, spectrum, doubts)
 
 
 def estimate(spectrum: Spectrum, question: Question, near: tuple[float, float] | None = None) -> Split:
@@ -172,7 +186,8 @@ def estimate(spectrum: Spectrum, question: Question, near: tuple[float, float] |
         raise NothingFoundError(_unresolved(spectrum, float(model.f_y)))
     ratio = model.hump / float(model.floor(np.array([model.f_y]))[0])
     q = question.q or model.q
-    spread = NORMAL_95 * float(fit.deviation[LOG_Q])
+    # e^±50 of Q, where the fit does not tell it, is any.
+    spread = min(NORMAL_95 * float(fit.deviation[LOG_Q]), 50.0)
     return Split(
         spectrum.drive_line,
         float(model.f_y),
@@ -210,6 +225,27 @@ def check_length(duration: float, f_x: float, q: float | None, what: str = "the 
         raise InputError(
             f"{what} is {duration:.4g} s long: too short to resolve the line width {f_x / q:.3g} Hz of Q = {q:.5g}; "
             f"record at least {needed:.3g} s, better {150 / DECAYS * needed:.3g} s"
+        )
+
+
+def check_top(spectrum: Spectrum, split: Split, guard: float) -> None:
+    """Raises InputError where the top of the hump lies in the ``guard`` [Hz] or at the end of the band, and for a hump
+    too broad for a resonance."""
+    reach = TOP * split.model.half_width
+    if guard and abs(split.split) - guard < reach:
+        raise InputError(
+            f"the hump at {split.f_y:.6g} Hz reaches into the guard of {guard:g} Hz about the line: where its top is "
+            "does not show; give a smaller --guard"
+        )
+    if min(split.f_y - spectrum.f[0], spectrum.f[-1] - split.f_y) < reach:
+        raise InputError(
+            f"the hump at {split.f_y:.6g} Hz lies at the end of the band of {spectrum.f[0]:.6g} to "
+            f"{spectrum.f[-1]:.6g} Hz: where its top is does not show; give a larger --span, or more samples a second"
+        )
+    if split.q < LOWEST_Q:
+        raise InputError(
+            f"the hump at {split.f_y:.6g} Hz is as broad as one of Q = {split.q:.3g}: no resonance of a gyroscope is; "
+            "give --q or a smaller --span"
         )
 
 

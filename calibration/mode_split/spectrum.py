@@ -104,10 +104,15 @@ def grouped(spectrum: Spectrum, size: int) -> Groups:
     return Groups(place[some] / count[some], total[some] / count[some], count[some])
 
 
+def line_reach(part: Envelope, drive_line: float) -> float:
+    """How far from ``drive_line`` [Hz] the line is looked for [Hz]: 5 bins or 1e-5 of it."""
+    return max(5 / part.duration, 1e-5 * drive_line)
+
+
 def _refined(part: Envelope, drive_line: float) -> float:
-    """The frequency of the line [Hz]: the peak within 5 bins or 1e-5 of ``drive_line``, to a hundredth of a bin."""
+    """The frequency of the line [Hz]: the peak within ``line_reach`` of ``drive_line``, to a hundredth of a bin."""
     n = len(part.values)
-    reach = max(5 / part.duration, 1e-5 * drive_line)
+    reach = line_reach(part, drive_line)
     time = np.arange(n) / part.rate
     windowed = part.values * np.hanning(n)
     f = part.centre + np.fft.fftfreq(n, 1 / part.rate)

@@ -127,7 +127,7 @@ def find(request: Request, progress: Progress = lambda done, total: None) -> "Sp
     if question.mass is not None and question.sense_gain is not None:
         level = thermal_ratio(analysis.split.model, question.mass, question.sense_gain, question.temperature)
         summary["power_over_thermal"] = level
-    summary["warnings"] = unchecked(question.mass, question.sense_gain)
+    summary["warnings"] = [*unchecked(question.mass, question.sense_gain), *analysis.doubts]
     files: dict[str, Writer] = {
         "summary.json": write_json(summary),
         "report.html": partial(render_split, summary, analysis),

@@ -173,3 +173,9 @@ def test_bad_input_is_one_line(
 
 def test_missing_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "does not exist" in refused(capsys, tmp_path, tmp_path / "none.csv")
+
+
+def test_one_column_is_not_i_and_q(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = table(tmp_path / "pair.csv", t=T[:2000], i=RECORD.values[:2000], q=RECORD.values[:2000])
+    told = refused(capsys, tmp_path, path, "--carrier", 3000, "--column", "i", "--column", "i")
+    assert "--column i twice: I and Q are two columns" in told

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from calibration.compensation.checks import is_clipped, rounding_step
+from calibration.analysis.clipping import is_clipped
+from calibration.compensation.checks import rounding_step
 from calibration.compensation.record import TemperatureTest, make_blocks
 from gyro_model.errors import InputError
 

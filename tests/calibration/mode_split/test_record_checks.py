@@ -155,3 +155,51 @@ def test_what_is_too_narrow_for_the_record_is_not_called_nothing() -> None:
     lasting = make_record(SenseAxis(q=1e5, f_y=3030.0), 8.0, 1, 20000.0)
     with pytest.raises(NothingFoundError, match=r"stands out at 303\d.* narrower than 0.5 Hz"):
         find_split(lasting, Question())
+
+
+def hump(split: float, q: float, seed: int = 1, seconds: float = 40.0, rate: float = 1000.0) -> VoltageRecord:
+    """I and Q around a drive of 3 kHz: a line and a hump 22 dB over white noise."""
+    rng = np.random.default_rng(seed)
+    n, decay = int(seconds * rate), np.pi * (3000 + split) / q
+    pole = np.exp((-decay + 2j * np.pi * split) / rate)
+    noise = rng.standard_normal((2, n)) + 1j * rng.standard_normal((2, n))
+    mode = lfilter([1], [1, -pole], noise[0])
+    return VoltageRecord(1e3 + mode + 0.08 / abs(1 - abs(pole)) * noise[1], rate, 3000.0)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_hump_whose_top_is_not_searched_is_refused(seed: int) -> None:
+    # Behind the guard a fit to the skirt came out 7 Hz off, with an interval of ±2.4 Hz.
+    with pytest.raises(InputError, match=r"reaches into the guard of 45 Hz|no thermal hump"):
+        find_split(hump(40.0, 800.0, seed), Question(guard=45.0))
+    with pytest.raises(InputError, match=r"lies at the end of the band|no thermal hump"):
+        find_split(hump(450.0, 800.0, seed), Question())
+    split = find_split(hump(40.0, 800.0, seed), Question(guard=35.0)).split
+    assert split.split == pytest.approx(40.0, abs=4 * split.deviation)
+
+
+def test_a_hump_too_broad_for_a_resonance_is_named_as_such() -> None:
+    with pytest.raises(InputError, match=r"as broad as one of Q = [5-9]\.\d+: no resonance"):
+        find_split(hump(40.0, 8.0), Question())
+
+
+def test_a_drive_frequency_beside_the_line_is_told() -> None:
+    with pytest.raises(InputError, match=r"wanders.*the line at 3000 Hz is more than 20 dB stronger"):
+        find_split(hump(40.0, 800.0), Question(drive_frequency=2990.0))
+    # A guard over both lets the line pass: the split is counted from 2990 Hz, as was asked for.
+    found = find_split(hump(40.0, 800.0), Question(drive_frequency=2990.0, guard=15.0))
+    assert found.split.split == pytest.approx(50.0, abs=0.5)
+    [told] = found.doubts
+    assert "the line at 3000 Hz is more than 20 dB stronger" in told
+    assert find_split(hump(40.0, 800.0), Question(drive_frequency=3000.0)).doubts == ()
+
+
+def test_a_clipped_voltage_is_refused() -> None:
+    z = hump(40.0, 800.0).values
+    with pytest.raises(InputError, match="clipped"):
+        find_split(VoltageRecord(z.real.clip(None, 1e3) + 1j * z.imag, 1000.0, 3000.0), Question())
+
+
+def test_a_channel_that_never_changes_is_refused() -> None:
+    with pytest.raises(InputError, match="I or Q never changes"):
+        find_split(VoltageRecord(hump(40.0, 800.0).values.real + 0j, 1000.0, 3000.0), Question())
