@@ -63,7 +63,7 @@ def designed_bias(design: Device, amplitude: float) -> float:
     p = design.all_parameters
     if p["softening"] == 0.0:
         raise InputError(
-            "the design has no electrodes that tune: give softening [N/(m V²)] and electrode_gap [m], or --device "
+            "the design has no electrodes that tune: give softening [N/(m V²)] and electrode_gap [m], or the device "
             "mode_matched"
         )
     frequency = sqrt(p["kxx"] / p["m"]) / (2 * pi)
@@ -83,7 +83,9 @@ def known_of(run: RateRun, highest_bias: float) -> Known:
     settings, nominal = run.settings, run.nominal
     first = float(run.first_inputs[V_BIAS])
     if not 0 < first < highest_bias:
-        raise InputError(f"first bias {first:g} V: give one above 0 and below the highest, {highest_bias:g} V")
+        raise InputError(
+            f"first bias {first:g} V: give one above 0 by --scenario, or a --highest-bias above {first:g} V"
+        )
     frequency = nominal.calibration.frequency
     slope = split_slope(p["softening"], p["electrode_gap"], settings.drive_amplitude, p["m"], frequency)
     return Known(

@@ -52,7 +52,7 @@ LOWEST_Q: Final = 10.0
 
 
 class NothingFoundError(InputError):
-    """No hump stands out of the floor."""
+    """No hump stands out of the floor, or not with its top."""
 
 
 @dataclass(frozen=True)
@@ -229,21 +229,21 @@ def check_length(duration: float, f_x: float, q: float | None, what: str = "the 
 
 
 def check_top(spectrum: Spectrum, split: Split, guard: float) -> None:
-    """Raises InputError where the top of the hump lies in the ``guard`` [Hz] or at the end of the band, and for a hump
-    too broad for a resonance."""
+    """Raises NothingFoundError where the top of the hump lies in the ``guard`` [Hz] or at the end of the band, and for
+    one too broad for a resonance."""
     reach = TOP * split.model.half_width
     if guard and abs(split.split) - guard < reach:
-        raise InputError(
+        raise NothingFoundError(
             f"the hump at {split.f_y:.6g} Hz reaches into the guard of {guard:g} Hz about the line: where its top is "
             "does not show; give a smaller --guard"
         )
     if min(split.f_y - spectrum.f[0], spectrum.f[-1] - split.f_y) < reach:
-        raise InputError(
+        raise NothingFoundError(
             f"the hump at {split.f_y:.6g} Hz lies at the end of the band of {spectrum.f[0]:.6g} to "
             f"{spectrum.f[-1]:.6g} Hz: where its top is does not show; give a larger --span, or more samples a second"
         )
     if split.q < LOWEST_Q:
-        raise InputError(
+        raise NothingFoundError(
             f"the hump at {split.f_y:.6g} Hz is as broad as one of Q = {split.q:.3g}: no resonance of a gyroscope is; "
             "give --q or a smaller --span"
         )

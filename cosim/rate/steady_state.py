@@ -6,15 +6,15 @@ of motion (TW 201137310, eq. 1) become
     (kxx + 3/4 k3_x |X|² - mω² + iω dxx - κ²/(m P)) X + C_xy Y = U_x,   P = w² - ω² + iω w/Q of the parasitic mode
     C_yx X + (kyy - mω² + iω dyy) Y = U_y
     C_xy = kxy + iω dxy - 2iλmωΩ,   C_yx = kxy + iω dxy + 2iλmωΩ
-    |v_x| = G_x |X| 2(1/√(1 - r²) - 1)/r²,   r = |X|/g of the gap-closing pickoff
+    |v_x| = G_x |X| 2(1/√(1 - r²) - 1)/r²,   r = |X|/g of the gap-closing pickoff; |v_y| likewise
 
 Signs and phases are those of x: a positive real envelope is in phase with x, the velocity leads it by 90 degrees, and
 so does the drive force at resonance. ``covers`` says of which effects this knows; whatever else acts is left
-out. x swings, y is small: of a cubic spring only k3_x, and a curved pickoff is straight for y.
+out. x swings, y is small: of a cubic spring only k3_x.
 """
 
 from functools import cache
-from math import pi, sqrt
+from math import inf, isfinite, pi, sqrt
 from typing import Final, NamedTuple
 
 from scipy.optimize import brentq
@@ -113,7 +113,8 @@ def parameters_at(device: Device, temperature: float) -> dict[str, float]:
 def settle(p: dict[str, float], drive: Drive, omega_z: float) -> Settled:
     """The settled state of a plant with parameters ``p`` at the rate ``omega_z`` [rad/s].
 
-    Raises InputError where the drive loop finds no frequency at which the force is in phase with the velocity.
+    Raises InputError where the drive loop finds no frequency at which the force is in phase with the velocity, and
+    where y reaches its pickoff.
     """
     low, high = (sqrt(p["kxx"] / p["m"]) * (1 + s * SEARCH) for s in (-1, 1))
     try:
@@ -124,6 +125,10 @@ def settle(p: dict[str, float], drive: Drive, omega_z: float) -> Settled:
             "make the coupling of the axes or of the parasitic mode smaller"
         ) from None
     x, force, sense = _force(p, drive, omega_z, w)
+    if not isfinite(abs(sense)):
+        raise InputError(
+            "the sense mass swings up to the plates of its pickoff: make kxy or pickoff_inverse_gap smaller"
+        )
     return Settled(w / (2 * pi), force.imag, abs(x), sense)
 
 
@@ -149,21 +154,30 @@ def _force(p: dict[str, float], drive: Drive, omega_z: float, w: float) -> tuple
         return x, f_x - leak * u_y, u_y / gain_y
     y = (leak * z_x * x - (cross + coriolis) * x) / (z_y - leak * (cross - coriolis))
     u_x = z_x * x + (cross - coriolis) * y
+    y *= shown_over_swing(abs(y) * p["pickoff_inverse_gap"])
     return x, u_x, p["sense_gain_y"] * (1 + p["pickoff_gain_mismatch"]) * y * lag
 
 
-def shown_swing(amplitude: float, inverse_gap: float) -> float:
-    """The first harmonic that a gap-closing pickoff shows of a swing of ``amplitude`` [m], as that of a straight one
-    [m]. Raises InputError where the swing reaches the plates."""
-    r = amplitude * inverse_gap
+def shown_over_swing(r: float) -> float:
+    """The first harmonic that a gap-closing pickoff shows of a swing of ``r`` gaps, over that of a straight one; inf
+    where the swing reaches the plates."""
     if r >= 1:
+        return inf
+    # With r = sin α: 2 (1/√(1 - r²) - 1)/r² = 1/(cos α cos²(α/2)), which does not cancel for a small r.
+    cosine = sqrt(1 - r**2)
+    return 2 / (cosine * (1 + cosine))
+
+
+def shown_swing(amplitude: float, inverse_gap: float) -> float:
+    """What a gap-closing pickoff shows of a swing of ``amplitude`` [m], as the swing of a straight one [m]. Raises
+    InputError where it reaches the plates."""
+    shown = amplitude * shown_over_swing(amplitude * inverse_gap)
+    if shown == inf:
         raise InputError(
             f"drive_amplitude {amplitude:g} m: the plates of the pickoff are {1 / inverse_gap:g} m away; give a "
             "smaller one, or a smaller pickoff_inverse_gap"
         )
-    # With r = sin α: 2 (1/√(1 - r²) - 1)/r² = 1/(cos α cos²(α/2)), which does not cancel for a small r.
-    cosine = sqrt(1 - r**2)
-    return amplitude * 2 / (cosine * (1 + cosine))
+    return shown
 
 
 def swing_shown_as(shown: float, inverse_gap: float) -> float:

@@ -106,7 +106,7 @@ def test_split_block_by_block_in_normal_operation() -> None:
         (("match", *DEVICE, "--block", "nan"), "--block nan: give a positive time"),
         (("match", *DEVICE, "--block", "1e9"), "a block lasts 1e+09 s"),
         (("match", *DEVICE, "--highest-bias", "9"), "first bias"),
-        (("match", *DEVICE, "--scenario", "constant"), "sets"),
+        (("match", *DEVICE, "--scenario", "varying"), "sets"),
         (("rate", "--split-estimate", "0.001"), "too short to resolve"),
         (("rate", "--split-estimate", "15"), "fewer than 3 blocks"),
         (("rate", "--split-estimate", "nan"), "--split-estimate"),

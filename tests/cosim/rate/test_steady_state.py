@@ -205,3 +205,9 @@ def test_a_gap_closing_pickoff_shows_the_first_harmonic(share: float) -> None:
 def test_a_swing_up_to_the_plates_is_refused() -> None:
     with pytest.raises(InputError, match="plates of the pickoff are 3e-06 m away"):
         calibrate(simple(pickoff_inverse_gap=1 / 3e-6), AMPLITUDE, closed=False)
+
+
+def test_a_sense_mass_at_its_plates_is_refused() -> None:
+    # 6e4 °/s of quadrature at a split of 50 Hz swing y by 13 µm, over three gaps.
+    with pytest.raises(InputError, match="sense mass swings up to the plates"):
+        calibrate(simple(pickoff_inverse_gap=1 / 4.1e-6, kxy=1.3), AMPLITUDE, closed=False)
