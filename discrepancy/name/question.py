@@ -1,5 +1,6 @@
 """What was accepted is put to the test by data that its fit did not see."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from discrepancy.name.accepted import Accepted, Dropped
@@ -36,16 +37,37 @@ def _failing(search: "Search") -> Dropped | None:
     gains = unseen_gains(search.fitter, search.at, [(a.names, a.neutral) for a in entries])
     failing = []
     for entry, gain in zip(entries, gains, strict=True):
-        sizes = {q.name: (search.at.parameters[q.name], deviations[q.name])
-                 for q in entry.candidate.effect.sizes if q.name in deviations}  # fmt: skip
-        neutral = {q.name: q.start for q in entry.candidate.effect.sizes}
-        weak = all(abs(value - neutral[name]) < 1.96 * d for name, (value, d) in sizes.items())
-        if sizes and weak and not _shows(search, entry):
-            failing.append((gain, Dropped(entry.candidate, "its interval holds neutral", sizes, entry.share)))
+        weak = _neutral(search, entry, deviations)
+        if weak is not None and not _shows(search, entry):
+            failing.append((gain, weak))
         elif gain < search.criteria.unseen:
             reason = f"data that its fit did not see improve by {gain:.1f} deviations only"
-            failing.append((gain, Dropped(entry.candidate, reason, sizes, entry.share)))
+            failing.append((gain, Dropped(entry.candidate, reason, _sizes(search, entry, deviations), entry.share)))
     return min(failing, key=lambda f: f[0])[1] if failing else None
+
+
+def unasked(search: "Search") -> dict[str, Dropped]:
+    """By id, the effects whose interval holds neutral, of a search that had no time to put what it accepted to the
+    test."""
+    if search.questioned:
+        return {}
+    deviations, partners = search.fitter.deviations(search.at), search.partners
+    found = {a.id: _neutral(search, a, deviations) for a in search.accepted if a.id not in partners}
+    return {name: dropped for name, dropped in found.items() if dropped is not None}
+
+
+def _neutral(search: "Search", entry: Accepted, deviations: Mapping[str, float]) -> Dropped | None:
+    """An effect whose sizes have 95 % intervals that all hold neutral; None for another."""
+    sizes = _sizes(search, entry, deviations)
+    neutral = {q.name: q.start for q in entry.candidate.effect.sizes}
+    weak = all(abs(value - neutral[name]) < 1.96 * d for name, (value, d) in sizes.items())
+    return Dropped(entry.candidate, "its interval holds neutral", sizes, entry.share) if sizes and weak else None
+
+
+def _sizes(search: "Search", entry: Accepted, deviations: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Value and standard deviation of the sizes of an effect that are fitted."""
+    return {q.name: (search.at.parameters[q.name], deviations[q.name])
+            for q in entry.candidate.effect.sizes if q.name in deviations}  # fmt: skip
 
 
 def _shows(search: "Search", entry: Accepted) -> bool:

@@ -21,6 +21,7 @@ from discrepancy.fit.noise import Noise, converter_step, noise_of
 from discrepancy.fit.noise import noises as all_noises
 from discrepancy.fit.refit import SETTLED
 from discrepancy.name.columns import Candidate, nameable
+from discrepancy.name.question import unasked
 from discrepancy.name.scan import best_of, sure
 from discrepancy.name.score import Score
 from discrepancy.tell.answer import Diagnosis, Finding, Stage, Value, Verdict
@@ -60,7 +61,12 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
     stages = _stages(search, parameters, [f.id for f in clipped])
     device = _device(search)
     experiments = _experiments(search, noise, limits)
-    named = [_finding(search, entry, device, experiments) for entry in search.accepted if not entry.of_record]
+    weak = unasked(search)
+    named = [
+        _finding(search, entry, device, experiments)
+        for entry in search.accepted
+        if not (entry.of_record or entry.id in weak)
+    ]
     effects = (*named, *clipped)
     removed = _removed(search, effects, parameters)
     effects = tuple(sorted(effects, key=lambda finding: -_size(removed[finding.id])))
@@ -83,9 +89,10 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
     if rest.significant or untested or (effects and worse):
         verdict = "partly explained" if effects else "unexplained"
     effects = tuple(replace(f, probability=probability(search, f, rest, stages, f.id in worse)) for f in effects)
-    rivals = {entry.id: entry.rivals for entry in search.accepted if entry.rivals and not entry.of_record}
+    rivals = {entry.id: entry.rivals for entry in search.accepted
+              if entry.rivals and not (entry.of_record or entry.id in weak)}  # fmt: skip
     return Diagnosis(
-        verdict, effects, _immaterial(search), noises, gaps, places, _detectable(search),
+        verdict, effects, _immaterial(search, weak), noises, gaps, places, _detectable(search),
         {name: value for name, value in device.items() if name not in distortion_names()},
         {name: value for name, value in parameters.items() if name not in distortion_names()},
         rivals, tuple(search.steps), stages, removed, _absent(search), doubts, rest.share,
@@ -278,12 +285,14 @@ def _size(changes: Mapping[str, Floats]) -> float:
     return float(np.nan_to_num(rms, nan=np.inf))
 
 
-def _immaterial(search: "Search") -> tuple[Finding, ...]:
-    """Effects that are significant beside the final model but not worth a parameter, and those taken out again."""
+def _immaterial(search: "Search", weak: Mapping[str, "Dropped"]) -> tuple[Finding, ...]:
+    """Effects that are significant beside the final model but not worth a parameter, those taken out again, and those
+    that are in it though their interval holds neutral (``weak``)."""
     slight = [_slight(c, s) for c, s in best_of(search.scored, search.criteria)
               if sure(c, s, search.criteria) and s.share < search.criteria.material
               and c.effect.id not in search.present and not isinstance(c.effect, Defect)]  # fmt: skip
-    dropped = [_dropped(entry) for entry in search.dropped if not isinstance(entry.candidate.effect, Defect)]
+    taken_out = (*search.dropped, *weak.values())
+    dropped = [_dropped(entry) for entry in taken_out if not isinstance(entry.candidate.effect, Defect)]
     return (*(f for f in slight if f.id not in {d.id for d in dropped}), *dropped)
 
 

@@ -27,7 +27,10 @@ def test_silverbox() -> None:
     data = Dataset(SET, whole.nominal, (part(run, FITTED, "fit"), part(run, HELD_OUT, "held-out")))
     found = diagnose(data, load_model())
     assert found.effects[0].id == "cubic_stiffness"
-    assert {"amplifier_offset", "quadratic_stiffness", "nonlinear_damping"} <= {f.id for f in found.effects}
+    named = {f.id for f in found.effects}
+    assert {"quadratic_stiffness", "nonlinear_damping"} <= named
+    # Beside a quadratic stiffness both shift the mean alone; which of them is named first differs between processors.
+    assert named & {"amplifier_offset", "constant_force"}
     # What a fit of the same equations by another integrator (Runge-Kutta, force between samples by its spectrum) leaves
     # of the whole run is 0.243 mV, 0.298 mV without the damping; eighths of the run differ by 5 %.
     left = found.misfit["final"] * float(np.sqrt(np.mean(data.held_out[0].v ** 2)))
