@@ -54,10 +54,13 @@ def sensor_of(summary: Mapping[str, Any]) -> Sensor:
     except (TypeError, KeyError):
         raise InputError(f"datasheet: its tests hold no figures; {REMEDY}") from None
 
+    undone = "; ".join(f"{t.get('title')}: {t['not_done']}" for t in summary["tests"] if t.get("not_done"))
+    remedy = f"{REMEDY}; not done were: {undone}" if undone else REMEDY
+
     def value(name: str, key: str = "value") -> float:
         number = figures.get(name, {}).get(key)
         if isinstance(number, bool) or not isinstance(number, (int, float)) or not isfinite(number):
-            raise InputError(f"datasheet: {name} has no {key}; {REMEDY}")
+            raise InputError(f"datasheet: {name} has no {key}; {remedy}")
         return float(number)
 
     def seen(name: str) -> float:

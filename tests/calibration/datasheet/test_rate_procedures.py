@@ -12,6 +12,7 @@ from cosim.rate.bench import Bench, Plan, multisine, steps
 from cosim.rate.free_decay import linear_modes
 from cosim.rate.transfer import expected_transfer
 from gyro_model.device import Device, load_device
+from gyro_model.errors import InputError
 
 F_X, SPLIT, MASS, Q_X, Q_Y, GAIN, NOISE, SWING = 4000.0, 40.0, 1e-8, 3000.0, 800.0, 1e6, 2e-5, 3e-6
 PERIOD = 5e-6
@@ -134,6 +135,28 @@ def test_bias_repeats_as_the_noise_lets_it_and_full_range_is_there(bench: Bench)
     assert found["drive_frequency"].value == pytest.approx(F_X, rel=1e-6)
     # dxx ω² A/ω
     assert found["drive_force"].value == pytest.approx(1e9 * MASS * (2 * pi * F_X) ** 2 / Q_X * SWING, rel=1e-4)
+
+
+def test_an_output_that_never_moves_has_no_largest_rate() -> None:
+    # Steps of the converter far above the sense signal.
+    dead = figures(Bench(device(adc_lsb=0.5), plan=PLAN), "input_range")["input_limit"]
+    assert dead.value is None
+    assert "follows no rate" in dead.note
+
+
+def test_a_drive_that_loses_its_lock_still_has_a_largest_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = Bench.record
+
+    def within_twice(self: Bench, duration: float, **course):
+        if np.abs(course["rate"].values(np.arange(0.0, duration, 0.01))).max() > 2.5 * self.full_scale:
+            raise InputError("drive loop lost its lock at t = 1 s")
+        return whole(self, duration, **course)
+
+    monkeypatch.setattr(Bench, "record", within_twice)
+    found = figures(Bench(device(), plan=PLAN), "input_range")
+    assert found["full_scale"].value == pytest.approx(np.degrees(5.0))
+    assert found["input_limit"].value == pytest.approx(np.degrees(10.0))
+    assert "loses its lock" in found["input_limit"].note
 
 
 def test_temperature_moves_the_scale_factor_as_the_split() -> None:

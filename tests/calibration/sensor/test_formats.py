@@ -51,6 +51,13 @@ def test_numbers_are_in_si() -> None:
     assert g_sensitive.acceleration == pytest.approx(radians(0.3) / 9.80665)
 
 
+def test_what_was_not_done_is_named_where_a_figure_is_missing() -> None:
+    without = summary(full_scale=(None, None))
+    without["tests"].append({"figures": [], "title": "Input rate limits", "not_done": "drive loop lost its lock"})
+    with pytest.raises(InputError, match=r"full_scale has no value.*not done were: Input rate limits: drive loop lost"):
+        sensor_of(without)
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
