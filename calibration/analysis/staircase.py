@@ -36,8 +36,8 @@ class Staircase(NamedTuple):
     scale_factor_ppm: its error, 1e6 (scale_factor - 1); bias [rad/s]; each with its standard error; residual_ppm: of
     each plateau, of full scale, the largest rate; nonlinearity_ppm: the largest of these; asymmetry_ppm: scale factor
     of positive rates less that of negative ones, with its standard error, None where one side is missing; response:
-    output of each plateau over what the scale factor makes of its rate, NaN at rest, with its standard error;
-    threshold: the smallest rate from which on all plateaus are seen [rad/s], None where the largest is not.
+    output of each plateau over what the scale factor makes of its rate, NaN where that is nothing, with its standard
+    error; threshold: the smallest rate from which on all plateaus are seen [rad/s], None where the largest is not.
     """
 
     plateaus: Plateaus
@@ -82,7 +82,7 @@ def staircase(found: Plateaus) -> Staircase:
     residual = PPM * line.residual / np.abs(rate).max()
     # At rest the output is the bias itself; the line's also bends with what is not linear.
     rest = float(measured[rate == 0].mean()) if (rate == 0).any() else bias
-    expected = np.where(rate == 0, np.nan, scale * rate)
+    expected = np.where(scale * rate == 0, np.nan, scale * rate)
     response = (measured - rest) / expected
     response_error = found.error / np.abs(expected)
     seen = (response >= RESPONSE) & (np.abs(measured - rest) >= SURE * found.error)

@@ -31,6 +31,8 @@ CLEAR: Final = 0.4
 steps of 1 ms onto rest, where it quadruples the angle random walk."""
 LONGEST_SETTLING: Final = 60.0
 """The full FMU is not run up for longer than this [s]: some 20 s of computing."""
+LARGEST_SWING: Final = 1e-2
+"""No micromachined mass swings by a centimetre [m]: the amplitude was meant in µm."""
 SAMPLES: Final = 8
 """Samples in a period of the drive, at least."""
 SETTLED: Final = 12.0
@@ -65,6 +67,8 @@ class RateRun:
     envelope_period: float | None = None
 
     def __post_init__(self) -> None:
+        if self.settings.drive_amplitude > LARGEST_SWING:
+            raise InputError(f"rate_mode drive_amplitude = {self.settings.drive_amplitude:g} m: in m; 4 µm are 4e-6")
         if not 1 <= self.output_rate <= 1e4:
             raise InputError(f"output rate {self.output_rate:g} Hz: give one from 1 to 1e4 Hz")
         if not 1e3 <= self.sample_rate <= 1e8:

@@ -110,3 +110,11 @@ def test_what_can_not_be_known_is_said() -> None:
     assert staircase(of(LEVELS[:5], LEVELS[:5])).asymmetry_ppm is None
     gap = np.where(t < 3.8, np.nan, angle)
     assert len(plateaus(t, gap, rate, settling=0.7).rate) == 33
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_output_that_never_moves_has_no_response() -> None:
+    rate = np.array([0.0, 1.0, -1.0, 2.0])
+    found = staircase(Plateaus(np.arange(4.0), rate, np.zeros(4), np.zeros(4)))
+    assert np.isnan(found.response).all()
+    assert found.threshold is None

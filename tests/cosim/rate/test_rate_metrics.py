@@ -1,5 +1,6 @@
 """What a run of rate mode says of itself: bias and scale factor, their errors, what the harmonic balance leaves out."""
 
+from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -120,3 +121,8 @@ def test_rows_that_come_less_often_than_asked_are_told() -> None:
 def test_a_device_that_shows_no_rate_is_refused(name: str) -> None:
     with pytest.raises(InputError, match=f"{name} = 0: no rate would show"):
         run_of(constant(0.0, "rest"), 1.0, QUIET.with_parameters({name: 0.0}))
+
+
+def test_an_amplitude_in_micrometres_is_asked_about() -> None:
+    with pytest.raises(InputError, match="drive_amplitude = 4 m: in m; 4 µm are 4e-6"):
+        run_of(constant(0.0, "rest"), 1.0, replace(QUIET, rate_mode={**QUIET.rate_mode, "drive_amplitude": 4.0}))
