@@ -193,9 +193,10 @@ def test_stress_relaxation_is_a_lag_of_the_ambient_temperature(plant: Runner, ti
     own = {**DEVICE, **START, "relaxation": size, "relaxation_time": time}
     got = plant.run(own, np.arange(n) * PERIOD, {"temperature": course}, STATES)
     # The oracle holds the middle of each part: off by (part/time)²/24 of a change of 8e-4 over 40 rad, and by
-    # (ω part)²/12 of 8e-4 part/time in each, which turn with the motion: as a hundred of the 5000 parts. Against 80 bits
-    # the exponentials of the oracle add up to 1.8e-12 on one processor, 4e-16 each.
-    limit = ROUNDING + 4e-16 * len(devices) + 8e-4 * ((part / time) ** 2 / 24 * 40 + (2.4e4 * part) ** 2 / 12 * part / time * 100)
+    # (ω part)²/12 of 8e-4 part/time in each, which turn with the motion: as a hundred of the 5000 parts. Against 80
+    # bits the exponentials of the oracle add up to 1.8e-12 on one processor, 4e-16 each.
+    middle = (part / time) ** 2 / 24 * 40 + (2.4e4 * part) ** 2 / 12 * part / time * 100
+    limit = ROUNDING + 4e-16 * len(devices) + 8e-4 * middle
     compare(got, free_motion(devices, parts), limit, residual)
 
 
