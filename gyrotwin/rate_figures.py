@@ -106,7 +106,7 @@ def over_temperature_figure(record: pl.DataFrame, run: RateRun) -> Figure:
     """Bias and scale factor against the temperature of the structure: settled, and what this run shows."""
     celsius = record["temperature_structure"].to_numpy() - ZERO_CELSIUS
     grid = np.linspace(celsius.min(), celsius.max(), CURVE_POINTS)
-    settled = [output_at(run.device, run.nominal.calibration, float(t) + ZERO_CELSIUS) for t in grid]
+    settled = [output_at(run.device, run.nominal.calibration, float(t) + ZERO_CELSIUS, run.held) for t in grid]
     bias = [line("settled", "truth", grid, np.rad2deg([s.bias for s in settled]))]
     scale = [line("settled", "truth", grid, np.array([s.scale_factor for s in settled]))]
     if np.isfinite(run.rate.stays):

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from cosim.rate.allan import FLAT, Allan, NoiseLimits
 from cosim.rate.run import RateRun
+from cosim.rate.steady_state import in_words
 from gyrotwin import rate_figures as figures
 from gyrotwin.figures import Figure
 from gyrotwin.numbers import MISSING, significant, with_error
@@ -30,7 +31,7 @@ def results(summary: Mapping[str, Any]) -> RenderableType:
     table.add_column("unit")
     for row in rows(summary):
         table.add_row(*row)
-    table.caption = f"The harmonic balance leaves out: {', '.join(missing)}" if (missing := left_out(summary)) else None
+    table.caption = f"The harmonic balance leaves out: {missing}" if (missing := left_out(summary)) else None
     warnings = [Text(f"warning: {text}", style="yellow") for text in summary["warnings"]]
     parts: list[RenderableType] = [head, *warnings, table]
     if summary["allan"] is not None:
@@ -100,9 +101,9 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
     ]
 
 
-def left_out(summary: Mapping[str, Any]) -> list[str]:
-    """Effects that act and of which the harmonic balance does not know."""
-    return list(summary["harmonic_balance"]["left_out"])
+def left_out(summary: Mapping[str, Any]) -> str:
+    """The effects that act and have no place in the harmonic balance, each with the reason."""
+    return in_words(summary["harmonic_balance"]["left_out"])
 
 
 def _nano(force: float | None) -> str:

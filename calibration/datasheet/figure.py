@@ -1,11 +1,13 @@
 """What a test gives: figures with their standard errors and the formula that they should meet, and curves."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite, sqrt
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cosim.rate.steady_state import in_words
 
 Floats = NDArray[np.float64]
 
@@ -77,12 +79,12 @@ def _finite(value: Any) -> Any:
     return None if isinstance(plain, float) and not isfinite(plain) else plain
 
 
-def balanced(figures: Sequence[Figure], left_out: Sequence[str], rules: Sequence[str]) -> list[Figure]:
-    """The figures, where ``left_out`` names effects without what one of ``rules`` would have them be: it does not know
-    these effects."""
+def balanced(figures: Sequence[Figure], left_out: Mapping[str, str], rules: Sequence[str]) -> list[Figure]:
+    """The figures, where ``left_out`` names effects, with the reason, without what one of ``rules`` would have them be:
+    it does not know these effects."""
     if not left_out:
         return list(figures)
-    note = f"nothing expected: the harmonic balance leaves out {', '.join(left_out)}"
+    note = f"nothing expected: the harmonic balance leaves out {in_words(left_out)}"
     return [
         f._replace(expected=None, rule="", note=f"{f.note}; {note}" if f.note else note) if f.rule in rules else f
         for f in figures

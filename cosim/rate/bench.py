@@ -157,9 +157,9 @@ class Bench:
         return output_at(self.device, self.typical.nominal.calibration, temperature or self.reference_temperature)
 
     @property
-    def left_out(self) -> tuple[str, ...]:
-        """Effects that act on the settled output and of which the harmonic balance does not know."""
-        return left_out(self.device, delay_known=self.design is None)
+    def left_out(self) -> dict[str, str]:
+        """Why effects that act have no place in the harmonic balance, by id."""
+        return left_out(self.device)
 
     @cached_property
     def angle_random_walk(self) -> float:

@@ -1,6 +1,6 @@
 """The numbers of a rate-mode run's summary.json. None where a number does not exist, so that it is strict JSON."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from math import degrees, pi, sqrt
 from typing import Any, Final, NamedTuple
 
@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from cosim.rate.allan import Allan, NoiseLimits, allan_deviation, noise_limits
 from cosim.rate.courses import ZERO_CELSIUS
 from cosim.rate.master import Result
-from cosim.rate.run import V_BIAS, RateRun
-from cosim.rate.settings import at_bias
-from cosim.rate.steady_state import Output, left_out, output_at
+from cosim.rate.run import RateRun
+from cosim.rate.steady_state import Output, in_words, left_out, output_at
 from cosim.rate.transfer import expected_transfer
 from gyro_model.errors import InputError
 
@@ -197,13 +196,14 @@ STEADY: Final = 0.1
 
 
 def departures(
-    run: RateRun, record: pl.DataFrame, line: Line | None, expected: Output, missing: Sequence[str]
+    run: RateRun, record: pl.DataFrame, line: Line | None, expected: Output | None, missing: Mapping[str, str]
 ) -> list[str]:
-    """What the effects that the harmonic balance leaves out, ``missing``, have done to bias and scale factor: the
-    calibration of the loops is made by that balance and does not know them either."""
-    bias_course = run.courses["v_bias"]
-    steady = bias_course is None or np.ptp(bias_course.values(np.linspace(0.0, run.duration, 100))) == 0
-    if line is None or not missing or not steady or np.ptp(record["temperature_structure"].to_numpy()) > STEADY:
+    """What the effects that the harmonic balance leaves out, ``missing`` by id with the reason, have done to bias and
+    scale factor: the calibration of the loops is made by that balance and does not know them either."""
+    instants = np.linspace(0.0, run.duration, 100)
+    steady = all(np.ptp(course.values(instants)) == 0 for course in run.others.values())
+    steady &= bool(np.ptp(record["temperature_structure"].to_numpy()) <= STEADY)
+    if line is None or expected is None or not missing or not steady:
         return []
     compared = (
         ("bias", degrees(1), " °/s", line.bias, line.bias_error, expected.bias, run.settings.full_scale),
@@ -217,7 +217,7 @@ def departures(
     if not found:
         return []
     return [
-        f"the harmonic balance, by which the rate is calibrated, does not know {', '.join(missing)}: "
+        f"the harmonic balance, by which the rate is calibrated, does not know {in_words(missing)}: "
         f"{' and '.join(found)}; correct the output by what this run shows, as after a rate table"
     ]
 
@@ -255,10 +255,9 @@ def summarise(run: RateRun, result: Result) -> Summary:
     calibration = run.nominal.calibration
     first = float(record["temperature_structure"][0])
     unsound = warnings(run, record)
-    biased = at_bias(run.device, float(run.first_inputs[V_BIAS]), run.settings.drive_amplitude)
-    expected = output_at(biased, calibration, first)
-    missing = left_out(biased, delay_known=run.design is None)
-    told = unsound + departures(run, record, None if unsound else line, expected, missing) + rounding(run)
+    expected, unfound = _balanced(run, first)
+    missing = left_out(run.device)
+    told = unsound + unfound + departures(run, record, None if unsound else line, expected, missing) + rounding(run)
     return {
         "device": run.device.name,
         "design": None if run.design is None else run.design.name,
@@ -293,15 +292,28 @@ def summarise(run: RateRun, result: Result) -> Summary:
         },
         "harmonic_balance": {
             "temperature_deg_c": first - ZERO_CELSIUS,
-            "bias_deg_s": degrees(expected.bias),
-            "scale_factor": expected.scale_factor,
-            "quadrature_deg_s": degrees(expected.quadrature),
-            "drive_frequency_hz": expected.drive_frequency,
-            "drive_force_n": expected.drive_force,
-            "left_out": list(missing),
+            **_settled(expected),
+            "left_out": missing,
         },
         "allan": None if allan is None else _allan(*allan),
     }
+
+
+def _balanced(run: RateRun, temperature: float) -> tuple[Output | None, list[str]]:
+    """The settled output at ``temperature`` [K]; None, and why, where the balance finds none."""
+    try:
+        return output_at(run.device, run.nominal.calibration, temperature, run.held), []
+    except InputError as why:
+        return None, [f"harmonic balance: {why}"]
+
+
+def _settled(expected: Output | None) -> dict[str, float | None]:
+    names = ("bias_deg_s", "scale_factor", "quadrature_deg_s", "drive_frequency_hz", "drive_force_n")
+    if expected is None:
+        return dict.fromkeys(names)
+    bias, quadrature = degrees(expected.bias), degrees(expected.quadrature)
+    values = (bias, expected.scale_factor, quadrature, expected.drive_frequency, expected.drive_force)
+    return dict(zip(names, values, strict=True))
 
 
 def _range(column: pl.Series) -> dict[str, float]:

@@ -140,6 +140,11 @@ class RateRun:
         return np.array(start)
 
     @property
+    def held(self) -> dict[str, float]:
+        """What the inputs other than rate and temperature are at the start, by name, SI."""
+        return {name: float(self.first_inputs[INPUT_NAMES.index(name)]) for name in self.others}
+
+    @property
     def period(self) -> float:
         """Period of the loops [s]: of the converter, or of the envelope."""
         if not self.envelope:

@@ -8,7 +8,7 @@ from calibration.analysis.staircase import PPM, Plateaus, asymmetry_errors, plat
 from calibration.datasheet.figure import Curve, Figure, Outcome, balanced, mean, spread
 from calibration.datasheet.procedure import RATE, Procedure
 from cosim.rate.bench import Bench, Record, steps
-from cosim.rate.steady_state import parameters_at, settle
+from cosim.rate.steady_state import settle
 
 
 def measure(bench: Bench) -> Outcome:
@@ -106,8 +106,8 @@ def plateaus_of(one: Record, settling: float) -> Plateaus:
 
 def _settled(bench: Bench, rates: np.ndarray) -> Plateaus:
     calibration = bench.typical.nominal.calibration
-    p = parameters_at(bench.device, bench.reference_temperature)
-    output = [calibration.rate(settle(p, calibration.drive, rate).sense).imag for rate in rates.tolist()]
+    at, drive = bench.reference_temperature, calibration.drive
+    output = [calibration.rate(settle(bench.device, drive, at, rate).sense).imag for rate in rates.tolist()]
     return Plateaus(np.arange(len(rates), dtype=float), rates, np.array(output), np.full(len(rates), 1e-12))
 
 
