@@ -253,14 +253,14 @@ def test_the_formula_of_the_open_loop_is_one_at_rest(bench: Bench) -> None:
 
 
 def test_nothing_is_expected_where_the_balance_does_not_know_an_effect(bench: Bench) -> None:
-    assert bench.left_out == ()
+    assert bench.left_out == {}
     assert bench.other_noises == ()
-    own = Bench(device(pickoff_misalignment=0.01, flicker_noise=1e-6), plan=PLAN._replace(rest_records=1))
-    assert own.left_out == ("pickoff_misalignment",)
+    own = Bench(device(ageing=1e-5, flicker_noise=1e-6), plan=PLAN._replace(rest_records=1))
+    assert own.left_out == {"ageing": "changes with time"}
     assert own.other_noises == ("flicker_noise",)
     bias = figures(own, "bias")["bias"]
     assert bias.expected is None
-    assert "pickoff_misalignment" in bias.note
+    assert "leaves out ageing (changes with time)" in bias.note
     assert figures(own, "noise")["angle_random_walk"].how == "at least"
 
 

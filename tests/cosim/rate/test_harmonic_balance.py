@@ -86,18 +86,20 @@ CURVED = {
 }
 
 
-HELD = 5e-5
-"""The balance has no samples. At 1 MHz the force is held over 1/200 of a period, by which the largest command that
-play, curve and converter see is off by (2π/200)²/24 = 4e-5; of the second harmonic of a mismatched pair the loops bring
-as much back."""
+SLOW = {"demodulator_bandwidth": 100.0, "phase_bandwidth": 10.0, "amplitude_bandwidth": 5.0}
+"""Loops that bring back by the force little of what their demodulators let through of harmonics and means: 4e-5 of the
+force where the pair is unequal."""
+HELD = 1.3e-4
+"""The balance has no samples. At 1 MHz the instant at which play, curve and converter see the largest value is up to
+π/200 off: (π/200)²/2 = 1.2e-4 of it."""
 
 
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("name", CURVED)
 def test_full_plant_settles_where_the_balance_of_its_effects_says(name: str, closed: bool, residual) -> None:
     sizes, inputs = CURVED[name]
-    # Slow loops and narrow filters: what comes through the demodulators of harmonics and means modulates the force.
-    loops = {"demodulator_bandwidth": 100.0, "phase_bandwidth": 10.0, "amplitude_bandwidth": 5.0}
+    # A stop catches slower loops on the way up.
+    loops = {} if name == "contact_stop" else SLOW
     designed = replace(QUIET, rate_mode={**QUIET.rate_mode, **loops})
     device, kelvin, rate = designed.with_parameters(sizes), 313.15, np.deg2rad(20.0)
     others = {key: constant(value, key) for key, value in inputs.items()}

@@ -91,22 +91,43 @@ def test_thermal_noise_of_a_wide_split_does_not_fold_onto_rest() -> None:
     assert found[0].angle_random_walk_error < 0.2 * expected
 
 
-def test_what_the_harmonic_balance_leaves_out_is_named() -> None:
-    run = run_of(rate_step(0.3, 8.0), 1.0, QUIET.with_parameters({"parasitic_ratio": 1e-2, "offset_x": 1e-3}))
+def test_what_the_harmonic_balance_leaves_out_is_named_with_the_reason() -> None:
+    run = run_of(rate_step(0.3, 8.0), 1.0, QUIET.with_parameters({"ageing": 1e-6, "offset_x": 1e-3}))
     summary = summarise(run, simulate(run))
-    assert summary["harmonic_balance"]["left_out"] == ["amplifier_offset", "parasitic_capacitance"]
+    assert summary["harmonic_balance"]["left_out"] == {"ageing": "changes with time"}
     assert summary["warnings"] == []
-    assert summarise(plain := run_of(rate_step(0.3, 8.0), 1.0), simulate(plain))["harmonic_balance"]["left_out"] == []
+    assert summarise(plain := run_of(rate_step(0.3, 8.0), 1.0), simulate(plain))["harmonic_balance"]["left_out"] == {}
 
 
-def test_a_calibration_that_does_not_know_an_effect_says_what_that_does() -> None:
+def test_an_effect_that_the_design_does_not_know_is_in_the_balance_of_the_device() -> None:
     # x² y moves the split: 2 k22 A²/4 of the stiffness of y, 0.08 N/m of the 0.4 that the modes are apart.
     device = QUIET.with_parameters({"k22": 1e10})
-    run = run_of(rate_step(0.3, 8.0), 8.0, device)
-    summary = summarise(run, simulate(run))
+    unknown, known = run_of(rate_step(0.3, 8.0), 8.0, device, design=QUIET), run_of(rate_step(0.3, 8.0), 8.0, device)
+    summary = summarise(unknown, simulate(unknown))
     assert summary["scale_factor"] == pytest.approx(0.91, abs=0.01)
-    [told] = summary["warnings"]
-    assert "does not know cross_cubic_stiffness" in told and "scale factor is 0.91" in told
+    # Ω² of a rate of 0.3 rad/s pulls the split by 1e-6.
+    assert summary["harmonic_balance"]["scale_factor"] == pytest.approx(summary["scale_factor"], abs=2e-5)
+    assert summary["warnings"] == []
+    assert summarise(known, simulate(known))["scale_factor"] == pytest.approx(1.0, abs=2e-5)
+
+
+def test_what_the_balance_does_not_know_says_what_it_does() -> None:
+    # A step of the damping after the calibration: force and bias follow.
+    device = QUIET.with_parameters({"damping_step_factor": 3.0, "damping_step_time": 0.1})
+    run = run_of(rate_step(0.3, 8.0), 8.0, device)
+    [told] = summarise(run, simulate(run))["warnings"]
+    assert "does not know damping_step (changes with time): the bias is" in told
+
+
+def test_a_device_without_a_settled_state_is_said() -> None:
+    # 1 N/m/V² at 100 V takes 1e4 N/m away, of 20; the design knows nothing of it.
+    run = run_of(rate_step(0.3, 8.0), 1.0, QUIET)
+    result = simulate(run)
+    pulled, bias = QUIET.with_parameters({"softening": 1.0}), {"v_bias": constant(100.0, "100 V")}
+    lost = replace(run, device=pulled, design=QUIET, others=bias)
+    summary = summarise(lost, result)
+    assert summary["harmonic_balance"]["scale_factor"] is None
+    assert any("x has no stiffness left" in text for text in summary["warnings"])
 
 
 def test_rows_that_come_less_often_than_asked_are_told() -> None:
