@@ -33,7 +33,8 @@ LEVELS: Final = ((4, 32), (8, 128), (16, 512), (32, 1024))
 """Harmonics and instants, coarse to fine. Corners need many instants: a high Q keeps their harmonics out of the
 motion, but not out of the force."""
 MOVED: Final = 1e-10
-"""The finer level is the last where it moves the first harmonics by less, over the amplitude of the drive."""
+"""The finer level is the last where it moves the first harmonics by less, over the swing of the drive, and the drive
+force by less than a hundred times that, relative."""
 STEP: Final = 1e-10
 """Newton's method ends with a step below this, relative: its error is then the square of that, or rounding."""
 STEPS: Final = 30
@@ -529,9 +530,11 @@ class Balance:
         raise Unsettled
 
     def firsts(self, z: Floats) -> Floats:
-        """The first harmonics of the coordinates, ω and the forces, scaled."""
+        """The first harmonics of the coordinates and ω, scaled; the forces so that 1e-8 of the drive force counts as
+        1e-10 of the amplitude: it is known to rounding times Q."""
         n = len(self.of.coordinates)
-        return np.concatenate([z[: n * self.width].reshape(n, -1)[:, :3].ravel(), z[n * self.width :]])
+        series, omega, forces = z[: n * self.width].reshape(n, -1), z[n * self.width], z[n * self.width + 1 :]
+        return np.array([*series[:, :3].ravel(), omega, *0.01 * forces / max(abs(forces[0]), 1e-12)])
 
     def periodic(self, z: Floats, moved: float) -> Periodic:
         """The motion that the unknowns say."""
