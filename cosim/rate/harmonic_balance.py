@@ -178,7 +178,11 @@ class Equations:
     def coordinates(self) -> tuple[Coordinate, ...]:
         """The states without those that are the rate of another one."""
         states, units = self.states, [self.dynamics.state_units[i] for i in self._reaching]
-        of = {i: states.index(rate) for i, rate in enumerate(self.rates) if rate in states}
+        of: dict[int, int] = {}
+        for i, rate in enumerate(self.rates):
+            # One velocity belongs to one state, and is none that has a velocity itself.
+            if rate in states and (j := states.index(rate)) not in of.values() and self.rates[j] not in states:
+                of[i] = j
         velocities = set(of.values())
         return tuple(Coordinate(i, of.get(i), units[i]) for i in range(len(states)) if i not in velocities)
 
