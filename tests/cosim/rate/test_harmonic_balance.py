@@ -89,9 +89,12 @@ CURVED = {
 SLOW = {"demodulator_bandwidth": 100.0, "phase_bandwidth": 10.0, "amplitude_bandwidth": 5.0}
 """Loops that bring back by the force little of what their demodulators let through of harmonics and means: 4e-5 of the
 force where the pair is unequal."""
+REACHED = 5e-6
+"""Corners of stops and hysteresis leave 4e-6 at H = 32 (docs/theory/rate.md); smooth effects meet 1e-7."""
 HELD = 1.3e-4
 """The balance has no samples. At 1 MHz the instant at which play, curve and converter see the largest value is up to
-π/200 off: (π/200)²/2 = 1.2e-4 of it."""
+π/200 off: (π/200)²/2 = 1.2e-4 of it. What feeds past the mass comes π/200 late."""
+SAMPLED = ("actuator_nonlinearity", "pickoff_mismatch", "play", "adc_clipping", "drive_feedthrough")
 
 
 @pytest.mark.parametrize("closed", [False, True])
@@ -114,11 +117,12 @@ def test_full_plant_settles_where_the_balance_of_its_effects_says(name: str, clo
     }
     calibration = run.nominal.calibration
     found = settle(device, calibration.drive, kelvin, rate, run.held)
+    limit = HELD if name in SAMPLED else REACHED
     output = calibration.rate(found.sense)
-    residual("rate", abs(shown["rate"] - output.imag), HELD)
-    residual("quadrature", abs(shown["quadrature"] - output.real), HELD)
-    residual("frequency [Hz]", abs(shown["drive_frequency"] - found.frequency), HELD)
-    residual("force", abs(shown["drive_force"] / found.force - 1), HELD)
+    residual("rate", abs(shown["rate"] - output.imag), limit)
+    residual("quadrature", abs(shown["quadrature"] - output.real), limit)
+    residual("frequency [Hz]", abs(shown["drive_frequency"] - found.frequency), limit)
+    residual("force", abs(shown["drive_force"] / found.force - 1), limit)
 
 
 @pytest.mark.parametrize("closed", [False, True])
