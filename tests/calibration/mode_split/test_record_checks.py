@@ -167,13 +167,13 @@ def hump(split: float, q: float, seed: int = 1, seconds: float = 40.0, rate: flo
     return VoltageRecord(1e3 + mode + 0.08 / abs(1 - abs(pole)) * noise[1], rate, 3000.0)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2, 5, 9])  # The skirt is fitted as a hump, without bound, and as a line.
 def test_a_hump_whose_top_is_not_searched_is_refused(seed: int) -> None:
     # Behind the guard a fit to the skirt came out 7 Hz off, with an interval of ±2.4 Hz.
-    with pytest.raises(InputError, match=r"reaches into the guard of 45 Hz|no thermal hump"):
+    with pytest.raises(InputError, match="reaches into the guard of 45 Hz"):
         find_split(hump(40.0, 800.0, seed), Question(guard=45.0))
-    with pytest.raises(InputError, match=r"lies at the end of the band|no thermal hump"):
-        find_split(hump(450.0, 800.0, seed), Question())
+    with pytest.raises(InputError, match="lies at the end of the band"):
+        find_split(hump(430.0, 800.0, seed), Question())
     split = find_split(hump(40.0, 800.0, seed), Question(guard=35.0)).split
     assert split.split == pytest.approx(40.0, abs=4 * split.deviation)
 
