@@ -32,21 +32,21 @@ class Rivals:
 
     @property
     def names(self) -> list[str]:
-        """The wrong ones: each alone, or, where each stands alone, all together."""
-        alone = [name for group in self.instead if len(group) == 1 for name in group]
-        return alone or [name for group in self.instead for name in group]
+        """The wrong ones."""
+        return list(dict.fromkeys(name for group in self.instead for name in group))
 
 
 def rivals(fitter: Fitter, at: Fitted, named: Sequence[str], progress: Steps | None = None) -> Rivals:
     """Whether terms of the library speak against the effects ``named`` (ids) that are fitted in ``at``.
 
-    Each effect alone, and all together, are left out, the rest is refitted, and the library's terms compete for their
-    place. To be called when no further effect is found: what is missing besides may look like anything.
+    All effects together are left out, the rest is refitted, and the library's terms compete for their place; where no
+    term does better than all of them, each is left out alone. To be called when no further effect is found: what is
+    missing besides may look like anything.
     """
     tell = progress or (lambda _: None)
     tell("terms against names")
     instead: dict[tuple[str, ...], str] = {}
-    groups = [(name,) for name in named] + ([tuple(named)] if len(named) > 1 else [])
+    groups = ([tuple(named)] if len(named) > 1 else []) + [(name,) for name in named]
     with Terms(fitter, at) as terms:
         short, begun = terms.excerpt(fitter, at, CHECKED)
         full = short.fit(begun, rounds=3)
@@ -58,6 +58,8 @@ def rivals(fitter: Fitter, at: Fitted, named: Sequence[str], progress: Steps | N
             best = _in_place(terms, short, full, group, standing)
             if best is not None:
                 instead[group] = best
+                if len(group) > 1:
+                    break
     return Rivals(instead, beside)
 
 

@@ -192,10 +192,30 @@ def test_a_wrong_name_is_refuted(simulator: Simulator, tmp_path: Path) -> None:
     unit, on_x, on_y, true = TERMS["quintic"]
     (tmp_path / "hidden.py").write_text(HIDDEN.format(unit=unit, x=on_x, y=on_y), encoding="utf-8")
     fitter, at = refitted(simulator, runs(read_model(tmp_path), {"hidden_size": true}))
-    at = with_effect(fitter, at, Free("k3_x", 1e4), Free("k3_y", 1e4))
+    at = with_effect(fitter, at, *CUBIC)
     found = rivals(fitter, at, ["cubic_stiffness"])
     assert found.refuted
     assert "x**5" in found.instead[("cubic_stiffness",)]
+
+
+CUBIC = (Free("k3_x", 1e4), Free("k3_y", 1e4))
+
+
+def test_names_that_imitate_one_term_together_give_way_together(simulator: Simulator, tmp_path: Path) -> None:
+    unit, on_x, on_y, true = TERMS["quintic"]
+    (tmp_path / "hidden.py").write_text(HIDDEN.format(unit=unit, x=on_x, y=on_y), encoding="utf-8")
+    fitter, at = refitted(simulator, runs(read_model(tmp_path), {"hidden_size": true}))
+    named = ["cubic_stiffness", "nonlinear_damping"]
+    at = with_effect(fitter, at, *CUBIC, Free("d2_x", 1e4), Free("d2_y", 1e4))
+    found = rivals(fitter, at, named)
+    assert list(found.instead) == [tuple(named)]
+    assert found.names == named
+
+
+def test_two_right_names_stand(simulator: Simulator) -> None:
+    fitter, at = refitted(simulator, runs(MODEL, {"k3_x": 3e6, "k3_y": 3e6, "feedthrough": 0.5}))
+    at = with_effect(fitter, at, *CUBIC, Free("feedthrough", 1e-4))
+    assert not rivals(fitter, at, ["cubic_stiffness", "drive_feedthrough"]).refuted
 
 
 def test_a_name_with_one_size_for_both_axes_is_refuted_by_a_term_on_one(simulator: Simulator, tmp_path: Path) -> None:
@@ -214,7 +234,7 @@ def test_a_name_with_one_size_for_both_axes_is_refuted_by_a_term_on_one(simulato
     ("effect", "sizes", "hidden"),
     [
         ("comb_fringe", (Free("comb_fringe", 1.0),), {"comb_fringe": 300.0}),
-        ("cubic_stiffness", (Free("k3_x", 1e4), Free("k3_y", 1e4)), {"k3_x": 3e6, "k3_y": 3e6}),
+        ("cubic_stiffness", CUBIC, {"k3_x": 3e6, "k3_y": 3e6}),
         ("drive_feedthrough", (Free("feedthrough", 1e-4),), {"feedthrough": 0.5}),
     ],
 )
