@@ -182,6 +182,7 @@ def estimate(spectrum: Spectrum, question: Question, near: tuple[float, float] |
         raise NothingFoundError(_nothing(spectrum, question, found))
     model, fit = found.fit.model, found.fit
     check_top(spectrum, model, question.guard)
+    check_skirt(model, question.clean_line)
     low, high = profile_interval(found.likelihood, fit)
     if not (isfinite(low) and isfinite(high)):
         raise NothingFoundError(_unbounded(spectrum, float(model.f_y)))
@@ -249,6 +250,16 @@ def check_top(spectrum: Spectrum, model: SplitModel, guard: float) -> None:
         raise NothingFoundError(
             f"the hump at {f_y:.6g} Hz lies at the end of the band of {spectrum.f[0]:.6g} to {spectrum.f[-1]:.6g} Hz: "
             "where its top is does not show; give a larger --span, or more samples a second"
+        )
+
+
+def check_skirt(model: SplitModel, clean_line: bool) -> None:
+    """Raises NothingFoundError for a hump closer to the line than its half-width, unless the line is clean."""
+    if not clean_line and abs(away := float(model.f_y) - model.drive_line) < model.half_width:
+        raise NothingFoundError(
+            f"a hump lies under the drive line, {away:.3g} Hz beside it and {2 * model.half_width:.3g} Hz wide; "
+            "noise of the drive, or the rate, makes such a one of the line: give --clean-line if the device stood "
+            "still and its drive has no noise, or --guard to look for a hump further out"
         )
 
 

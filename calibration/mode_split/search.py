@@ -4,7 +4,7 @@ A bank of matched filters runs over the spectrum divided by its floor: shapes 1/
 resolves, or of the one that Q gives. It only proposes where fits begin; the likelihood ratio of the best fit decides.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -25,6 +25,8 @@ PER_HALF_WIDTH: Final = 8
 REACH: Final = 300.0
 """Half-widths either side of the hump that a fit looks at: for a hump 40 dB over the floor all but 0.5 %."""
 CANDIDATES: Final = 4
+WITHOUT_SKIRT: Final = 0.01
+"""Share of the skirt with which the fit of a hump under the line begins."""
 FALSE_ALARM: Final = 1e-3
 """Probability that a record of floor alone gives a number."""
 POWER: Final = 1.64
@@ -64,6 +66,7 @@ def find_hump(
     proposals = [_proposal(spectrum, excess, width, low, high) for width in widths]
     best = sorted(proposals, reverse=True)[:CANDIDATES]
     found = [_fitted(spectrum, floor, place, width, q) for _, place, width in best]
+    found += _under_line(spectrum, floor, widths, low, high, q)
     fit, likelihood, groups, gain = max(found, key=lambda item: item[3])
     # Two places a half-width apart are about independent; widths a factor 2 apart too.
     trials = sum(float(high - low) / width for width in widths) * (0.5 if q is None else 1.0)
@@ -131,10 +134,35 @@ def _proposal(spectrum: Spectrum, excess: Floats, width: float, low: float, high
     return float(output[best]), float(place[best]), width
 
 
+def _under_line(
+    spectrum: Spectrum, floor: SplitModel, widths: list[float], low: float, high: float, q: float | None
+) -> list[tuple[Fit, Likelihood, Groups, float]]:
+    """The fit of what lies beside the line as a hump under it, where it has a skirt that may have taken that up.
+
+    No matched filter shows such a hump over the floor, so another place came out: 5 to 16 half-widths off, Q known.
+    """
+    line = spectrum.drive_line
+    wide = [width for width in widths if width >= spectrum.guard]
+    if floor.skirt == 0 or not wide or not low <= line <= high:
+        return []
+    level = replace(floor, skirt=0.0).floor(spectrum.f)
+    excess = np.where(spectrum.valid, spectrum.power / level - 1, 0.0)
+    _, _, width = max(_proposal(spectrum, excess, width, line - width, line + width) for width in wide)
+    fitted = _fitted(spectrum, floor, line, width, q, WITHOUT_SKIRT)
+    model = fitted[0].model
+    own, f_y = model.half_width, float(model.f_y)
+    if q is not None or 0.5 * width < own < 2 * width:
+        return [fitted]
+    # Its gain counts beside the others in groups of its own width only.
+    if not max(spectrum.guard, widths[0]) <= own <= widths[-1] or not low <= f_y <= high:
+        return []
+    return [_fitted(spectrum, floor, f_y, own, q, WITHOUT_SKIRT)]
+
+
 def _fitted(
-    spectrum: Spectrum, floor: SplitModel, place: float, width: float, q: float | None
+    spectrum: Spectrum, floor: SplitModel, place: float, width: float, q: float | None, skirt: float = 1.0
 ) -> tuple[Fit, Likelihood, Groups, float]:
-    """Fit from one proposal, and its gain over the floor alone on the same bins."""
+    """Fit from one proposal, with this share of the skirt, and its gain over the floor alone on the same bins."""
     start_q = 0.5 * place / width if q is None else q
     part = spectrum.band(place - REACH * width, place + REACH * width)
     groups = grouped(part, int(width / spectrum.bin / PER_HALF_WIDTH))
@@ -145,7 +173,8 @@ def _fitted(
     start = SplitModel(place, start_q, hump, floor.white, floor.flicker, floor.skirt, floor.drive_line, floor.guard)
     likelihood = Likelihood(groups, start.vector, spectrum.spread)
     clean_line = floor.skirt == 0
-    fit = maximise(likelihood, start, free_parameters(True, q is not None, clean_line))
+    begin = replace(start, skirt=skirt * start.skirt)
+    fit = maximise(likelihood, begin, free_parameters(True, q is not None, clean_line))
     alone = SplitModel(place, start_q, 0.0, floor.white, floor.flicker, floor.skirt, floor.drive_line, floor.guard)
     without = maximise(likelihood, alone, free_parameters(False, True, clean_line))
     return fit, likelihood, groups, fit.value - without.value
