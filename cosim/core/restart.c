@@ -4,6 +4,7 @@
 #include "fit.h"
 #include "prediction.h"
 #include "rate.h"
+#include "take_up.h"
 
 #define SEVEN 7      /* constants of the plant; beside them there may be effects */
 #define UNTRUE (NP > SEVEN ? HUGE_VAL : 1.0) /* what a start has left that is not whole yet: with effects beside the seven it claims more than it knows */
@@ -68,6 +69,7 @@ void restart_to_look(filter *f)
     double change[NP];
     /* The motion begins as unknown as the first did: how it follows from the constants is told by slopes, which bend far from here. */
     memcpy(f->now.P, f->first.P, sizeof f->now.P);
+    filter_open_states(f);
     memset(f->now.Y, 0, sizeof f->now.Y);
     memcpy(f->W, f->first_W, sizeof f->W);
     f->rows = f->kept = 0;

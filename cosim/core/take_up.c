@@ -1,7 +1,11 @@
 #include "take_up.h"
 
+#include <complex.h>
+
 #include "known_model.h"
 #include "prediction.h"
+
+#define MOTION 4 /* positions and velocities come first */
 
 /* Solves a x = b for 2 x 2 a, `columns` right-hand sides [2 * columns], in place. */
 static void solve_pair(const double a[4], double *b, int columns)
@@ -14,6 +18,52 @@ static void solve_pair(const double a[4], double *b, int columns)
     }
 }
 
+/* How far the states of effects swing with both axes, whose positions and velocities have the deviations of the design: what is linear of them
+   at rest. */
+static void follow_swing(const filter *f, double complex swing[NS])
+{
+    const double rest[NS] = {0}, none[2] = {0.0, 0.0}, size = sqrt(f->first.P[0][0]), pace = sqrt(f->first.P[1][1]) / size;
+    double slopes[NS * NS];
+    double complex a[NS][NS];
+    known_rate_by_state(&f->k, rest, none, 0.0, slopes);
+    for (int i = 0; i < MOTION; i++) {
+        swing[i] = i % 2 == 0 ? size : I * pace * size;
+    }
+    /* (i pace - A) s = B swing, by elimination; its diagonal is at least the pace. */
+    for (int i = MOTION; i < NS; i++) {
+        swing[i] = 0.0;
+        for (int j = 0; j < NS; j++) {
+            a[i][j] = (i == j ? I * pace : 0.0) - slopes[i * NS + j];
+            swing[i] -= j < MOTION ? a[i][j] * swing[j] : 0.0;
+        }
+        for (int r = MOTION; r < i; r++) {
+            const double complex factor = a[i][r] / a[r][r];
+            for (int j = r; j < NS; j++) {
+                a[i][j] -= factor * a[r][j];
+            }
+            swing[i] -= factor * swing[r];
+        }
+    }
+    for (int i = NS - 1; i >= MOTION; i--) {
+        for (int j = i + 1; j < NS; j++) {
+            swing[i] -= a[i][j] * swing[j];
+        }
+        swing[i] /= a[i][i];
+    }
+}
+
+void filter_open_states(filter *f)
+{
+    double complex swing[NS];
+    follow_swing(f, swing);
+    for (int i = MOTION; i < NS; i++) {
+        for (int j = 0; j < NZ; j++) {
+            f->now.P[i][j] = f->now.P[j][i] = 0.0;
+        }
+        f->now.P[i][i] = creal(swing[i] * conj(swing[i]));
+    }
+}
+
 void filter_take_up(filter *f, const double v[2])
 {
     enum { STEPS = 6 };
@@ -21,6 +71,7 @@ void filter_take_up(filter *f, const double v[2])
     const double none[2] = {0.0, 0.0};
     double l[2] = {v[0], v[1]}, through[4], l_by_p[2 * NP], q[2] = {0.0, 0.0}, by_q[4], by_s[2 * NS], by_p[2 * NP], noise[2], u[2];
     double *z = n->z;
+    filter_open_states(f);
     known_actuate(&f->k, z, filter_command(f, 0), z[OMEGA], u);
     for (int i = 0; i < STEPS; i++) {
         double e[2];
