@@ -7,7 +7,7 @@
 
 #define STEP 1.0       /* change of the rate that is a step [rad/s] */
 #define SUDDEN 1e-4    /* within this time [s] */
-#define LATEST 4e-4    /* a step lies at most so long before it shows [s] */
+#define LATEST 6e-4    /* a step lies at most so long before it shows, a small one for longest [s] */
 #define MARGIN 3e-4    /* between the motion that is taken as before the step and that [s] */
 #define SETTLED 1e-3   /* after which the rate is known again [s] */
 #define SPAN 1e-3      /* over which the rate is averaged before and after, and the pattern after [s] */
@@ -144,7 +144,8 @@ void edge_follow(edge *e, const double *estimate, const double in[IN], const dou
     if (samples_in(e, FITTED) + needed + wait >= EDGE_PAST) {
         return;
     }
-    if (f != NULL && e->seen < 0 && e->count > e->reviewed + needed && fabs(now->rate - sample_at(e, e->count - sudden)->rate) > STEP) {
+    if (f != NULL && e->seen < 0 && e->count > e->reviewed + needed &&
+        (f->jumped_at == f->sample || fabs(now->rate - sample_at(e, e->count - sudden)->rate) > STEP)) {
         e->seen = e->count;
     }
     e->count++;

@@ -100,6 +100,8 @@ void filter_step(filter *f, const double u[2], const double v[2], const double i
     f->wait -= 1.0;
     if (surprise > s->surprise && f->wait < 0.0 && knows_device(f)) {
         restart_on_surprise(f);
+    } else if (!f->growing && f->wait < 0.0 && rate_strays(f)) {
+        restart_rate(f);
     }
     if (f->sample % 64 == 63) {
         rate_adapt_walk(f);
@@ -148,7 +150,7 @@ void filter_start(filter *f, const filter_settings *settings, const double *c, c
         f->first.z[i] = z[i];
         f->first.P[i][i] = dz[i] * dz[i];
     }
-    f->sample = -1;
+    f->sample = f->jumped_at = -1;
     f->effort = EFFORT_MAX;
     restart_from_design(f);
     f->restarted_at = -1.0;

@@ -5,6 +5,7 @@
 #define STRETCH 0.01 /* over which changes of the slope are compared with their noise [s] */
 #define MOST 1e4     /* walk of the slope that these ask for at most [rad/s2 per s^0.5] */
 #define CORNER (1.0 / 3.0) /* highest corner of the filter over the frequency of the oscillation */
+#define STRAYED 6.0  /* standard deviations of their sum: steps of 0.6 rad/s reach it in 0.3 ms, sines of 10 rad/s at 50 Hz stay below */
 #define FADED 0.8    /* share of the sums of corrections that is left at each call: 320 samples, some times 1/corner; over less a walk too large does not show */
 #define JUMP_SLOPE 100.0 /* what a jump of the rate leaves unknown of its slope [rad/s2] */
 #define KEPT 0.1     /* in which what that has found is forgotten, by a factor e [s]: a swing that turns round stands still for a moment */
@@ -42,7 +43,14 @@ void rate_drop_recent(filter *f)
     f->rows = f->rows > recent ? f->rows - recent : 0;
 }
 
-void rate_jumped(filter *f) { f->roamed_at = f->sample + (int64_t)(SETTLED / f->m.period); }
+void rate_jumped(filter *f)
+{
+    f->roamed_at = f->sample + (int64_t)(SETTLED / f->m.period);
+    memset(f->now.sum, 0, sizeof f->now.sum);
+    memset(f->now.sum_variance, 0, sizeof f->now.sum_variance);
+}
+
+int rate_strays(const filter *f) { return f->now.sum[0] * f->now.sum[0] > STRAYED * STRAYED * f->now.sum_variance[0]; }
 
 /* Mean square by which the slope has changed per time beyond its noise, over a stretch. A walk that merely makes the least error follows by a lag as
    large as the noise, and constants take a lag, which goes on, for their own. */

@@ -14,6 +14,9 @@ void rate_drop_recent(filter *f);
 /* Lets the walks of the rate and of its slope follow their corrections of the last few calls; every 64 samples. */
 void rate_adapt_walk(filter *f);
 
+/* Whether the corrections of the rate have lately gone one way: a step of it too small for any one sample to surprise. */
+int rate_strays(const filter *f);
+
 /* The rate has just jumped: what it has done until now is no walk. */
 void rate_jumped(filter *f);
 

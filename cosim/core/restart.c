@@ -118,9 +118,9 @@ static void restart(filter *f)
     fit_begin(f);
 }
 
-void restart_on_surprise(filter *f)
+void restart_rate(filter *f)
 {
-    f->surprises += 1.0;
+    f->jumped_at = f->sample;
     f->wait = f->settings.settle;
     rate_drop_recent(f);
     rate_jumped(f);
@@ -130,6 +130,12 @@ void restart_on_surprise(filter *f)
         fit_cut(f);
     }
     rate_open(f);
+}
+
+void restart_on_surprise(filter *f)
+{
+    f->surprises += 1.0;
+    restart_rate(f);
     if (f->surprises > f->settings.surprise_limit) {
         restart(f);
     }

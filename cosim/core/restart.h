@@ -12,6 +12,9 @@ void restart_to_look(filter *f);
 /* Begins again with what the design says, at the next sample. */
 void restart_from_design(filter *f);
 
+/* The rate has jumped, and is opened; what is known of the constants stays. */
+void restart_rate(filter *f);
+
 /* A sample that is too far off: the rate has jumped. Surprises that go on say that the constants have changed. */
 void restart_on_surprise(filter *f);
 
