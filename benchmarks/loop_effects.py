@@ -82,9 +82,10 @@ def cases() -> list[Case]:
     for name, pair in scaled_intervals(reference).items():
         owner = next(e.id for e in parameters.effects if any(q.name == name for q in e.parameters))
         lab.setdefault(owner, {})[name] = pair
-    # A pair that is unequal shows only where there is a gap.
-    gap = lab["pickoff_nonlinearity"]
-    return [Case(name, gap | own if name == "pickoff_mismatch" else own) for name, own in lab.items()] + list(OWN)
+    # A pair that is unequal shows only where there is a gap, and a lag that follows temperature where there is a lag.
+    hosts = {"pickoff_mismatch": lab["pickoff_nonlinearity"], "thermal_phase": lab["amplifier_bandwidth"]}
+    own = [Case(name, intervals) for name, intervals in lab.items()] + list(OWN)
+    return [replace(case, intervals={**hosts.get(case.name, {}), **case.intervals}) for case in own]
 
 
 def find_case(name: str) -> Case:

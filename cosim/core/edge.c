@@ -13,6 +13,7 @@
 #define SPAN 1e-3      /* over which the rate is averaged before and after, and the pattern after [s] */
 #define UNEVEN 1e-3    /* change of the electronic turn that spoils a fit [rad/s] */
 #define NOISY 4.0      /* after a step the mean rates of half a millisecond differ by 0.03 rad/s of noise, 0.7 of what a step of 10 rad/s may turn by */
+#define PULSE 3e-4     /* angle that the rate sweeps beside what it is taken for that is no noise: of the latter are 7e-5, a rate that is open errs by 0.25 rad/s [rad] */
 #define SLOPES 3.0      /* standard deviations from which on the slope of the rate after a step is one */
 #define LOOKED 2e-4    /* of the samples after the step has shown that tell its time [s] */
 
@@ -92,13 +93,17 @@ static int turns_evenly(const edge *e, int64_t begin)
 
 /* Whether the rate after a step from `before` is what it is taken for. Until it has settled that is how it went on. Where it changes by d more from
    one half of a time T to the other and did so from the step, the orientation errs by d T (1 + SETTLED/T)^2: this must be less than what a step
-   without an Euler force can turn it by, times NOISY. A slope that begins or ends is no step at all. */
+   without an Euler force can turn it by, times NOISY. A slope that begins or ends is no step at all. Nor is a pulse, with
+   a second step before the rate has settled: what the rate swept meanwhile tells it. */
 static int is_even(const edge *e, double before, const later *after)
 {
     const int64_t middle = (after->first + e->count) / 2;
     const double turned = 0.5 * fabs(after->mean - before) / sqrt(sample_at(e, e->seen)->omega_squared), beyond = 1.0 + SETTLED / SPAN;
     const double change = mean_rate(e, middle, e->count) - mean_rate(e, after->first, middle) - 0.5 * SPAN * after->slope;
-    return fabs(change) * SPAN * beyond * beyond < NOISY * turned;
+    const int64_t from = e->seen + samples_in(e, LOOKED);
+    const double taken = rate_at(e, after, 0.5 * (double)(from + after->first)) * (double)(after->first - from) * e->period;
+    const double beside = sample_at(e, after->first)->swept - sample_at(e, from)->swept - taken;
+    return fabs(change) * SPAN * beyond * beyond < NOISY * turned && fabs(beside) < larger(NOISY * turned, PULSE);
 }
 
 /* Finds when the step was, and takes out what it turned the pattern by. */

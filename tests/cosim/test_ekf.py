@@ -13,7 +13,7 @@ from runs import simulated
 from scipy.stats import chi2
 
 from cosim.core.library import HEALTH_NAMES, library, pointer
-from cosim.design import load_design
+from cosim.design import load_design, packaged_designs
 from cosim.exchange import exchange
 from cosim.fmu import open_plant
 from cosim.layout import PARAMETER_NAMES
@@ -194,6 +194,19 @@ def test_lab_finds_what_hides_in_the_chain():
     # Ten times what is left of the priors' width, 2e10 N/m3 and 10 %, by the 0.3 s.
     assert last["est_k3_x"][0] == pytest.approx(hidden["k3_x"], abs=1e9)
     assert last["est_pickoff_gain_mismatch"][0] == pytest.approx(0.02, abs=2e-3)
+
+
+# Where the mode might ring as far as the mass, these three and seven more of the seeds 401 to 420 ended at a coupling
+# of 0.05 and less, and fitted.
+@pytest.mark.parametrize("seed", [403, 407, 413])
+def test_a_mode_beside_the_oscillation_is_found(seed, tmp_path):
+    design = tmp_path / "design.toml"
+    lab = packaged_designs()["lab"].read_text(encoding="utf-8")
+    design.write_text(lab.replace("[intervals]\n", "[intervals]\nparasitic_coupling = [0.0, 2.0]\n", 1))
+    _, result = simulated("constant", "parasitic_coupling=1", design=str(design), duration=0.12, seed=seed)
+    # A coupling of the other sign is the same device. By 0.12 s it is known to 0.1 or so; of the seeds 401 to 440 the
+    # worst is off by 0.44.
+    assert abs(result.trace["est_parasitic_coupling"][-1]) == pytest.approx(1.0, abs=0.5)
 
 
 @pytest.mark.parametrize("name", ["forgetting", "blocks"])
