@@ -23,7 +23,7 @@ from gyro_model.device import load_device
 from gyrotwin.tasks.run import Request, prepare
 
 RUNS: Final = 300
-FIRST: Final = 20001
+FIRST: Final = 30301
 """The first seed, of which the last state of the loop has seen none."""
 DURATION: Final = 0.8
 AMPLITUDE: Final = (0.01, 10.0)
