@@ -34,7 +34,6 @@ def main(
     folder: Annotated[Path, typer.Option(help="Where data, labels and results go.")] = Path("blind-trials"),
     tool: Annotated[str, typer.Option(help="module:function, from a folder to a report.")] = Ask(Path()).tool,
     keep: Annotated[bool, typer.Option(help="Leave the tables on disk.")] = True,
-    baselines: Annotated[int, typer.Option(min=0, help="Trials that pysindy tries too (needs --keep).")] = 0,
 ) -> None:
     """Run trials, print the rates, and write them: to benchmarks/results/ for the report block, else into the
     folder."""
@@ -46,7 +45,7 @@ def main(
         if not chosen:
             raise InputError(f"--only {only!r} leaves no trial: their names begin with {', '.join(KINDS)}")
         told = seed_block == "report" and not only and limit is None and set(kinds) == set(KINDS)
-        run(chosen, jobs, Ask(folder / seed_block, tool, keep), baselines, RESULTS if told else folder / seed_block)
+        run(chosen, jobs, Ask(folder / seed_block, tool, keep), RESULTS if told else folder / seed_block)
     except InputError as error:
         console.print(f"blind_trials: {error}", markup=False, highlight=False, style="red")
         sys.exit(2)
@@ -57,7 +56,7 @@ def _drawn(kind: str, block: str, only: str, every: int, limit: int | None) -> I
     return islice(islice(named, 0, None, every), limit)
 
 
-def run(chosen: Sequence[Entry], jobs: int, ask: Ask, baselines: int, target: Path) -> None:
+def run(chosen: Sequence[Entry], jobs: int, ask: Ask, target: Path) -> None:
     """The trials ``chosen``, then the tables, written to ``target``."""
     results = []
     for number, result in enumerate(run_all(chosen, ask, jobs), 1):
@@ -66,12 +65,7 @@ def run(chosen: Sequence[Entry], jobs: int, ask: Ask, baselines: int, target: Pa
         said = "not made" if found is None else f"{'right' if found.right else 'WRONG'}: {found.verdict} {found.named}"
         console.print(f"{number}/{len(chosen)} {result['id']}: {said}", markup=False, highlight=False, soft_wrap=True)
     results.sort(key=lambda result: result["id"])
-    tables = []
-    if baselines:
-        from benchmarks.blind.baselines import sparse_regression
-
-        tables.append(sparse_regression(results, ask.folder, baselines))
-    report = summarise(NAME, results, tables)
+    report = summarise(NAME, results)
     show(report, console)
     write(report, " ".join(["python -m benchmarks.blind_trials", *sys.argv[1:]]), target)
     console.print(f"written: {target / NAME}.json, .md", soft_wrap=True, highlight=False)

@@ -46,12 +46,12 @@ def rate(what: str, hits: Iterable[bool], **rest: Any) -> Row:
     return Row(what, "1", values, judged=("rate",), **rest)
 
 
-def summarise(name: str, results: Sequence[Mapping[str, Any]], more: Sequence[Table] = ()) -> Report:
-    """The report on finished trials; ``more``: further tables, of the baselines."""
+def summarise(name: str, results: Sequence[Mapping[str, Any]]) -> Report:
+    """The report on finished trials."""
     grades = [g for g in map(grade, results) if g is not None]
     tables = [Table("targets", targets(grades)), Table("by size and kind", by_kind(grades)),
               Table("single effects, one by one", by_effect(grades)),
-              Table("probabilities of names", by_probability(grades)), *more]  # fmt: skip
+              Table("probabilities of names", by_probability(grades))]  # fmt: skip
     tables = [table for table in tables if table.rows]
     missing = [r["id"] for r in results if "not_made" in r]
     notes = [
