@@ -14,7 +14,8 @@ from benchmarks.split_fmu import fmu_rows
 from benchmarks.split_loops import masking_rows, tracking_rows
 from benchmarks.split_outcome import RIGHT, Outcome, Truth, judge, outcome_row
 from benchmarks.split_records import SenseAxis, make_envelope, make_record
-from calibration.mode_split import NothingFoundError, Question, find_split, frequency_bound
+from calibration.mode_split import Question, find_split, frequency_bound
+from gyro_model.errors import InputError
 
 RECORDS_A_SEED: Final = 10
 """Records of every point, times the seeds asked for: 100 by default."""
@@ -91,7 +92,7 @@ def false_alarm(q: float | None, seed: int) -> bool:
     record = make_envelope(axis, 150 / axis.decay, 10_000 + seed, hot=False)
     try:
         find_split(record, Question(q=q, drive_frequency=axis.f_x))
-    except NothingFoundError:
+    except InputError:
         return False
     return True
 

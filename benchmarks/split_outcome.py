@@ -6,7 +6,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from benchmarks.report import Row, row
-from calibration.mode_split import NothingFoundError, Question, VoltageRecord, correlations, find_split
+from calibration.mode_split import Question, VoltageRecord, correlations, find_split
+from gyro_model.errors import InputError
 
 TARGET: Final = 1.2
 RIGHT: Final = 5.0
@@ -33,10 +34,10 @@ class Outcome(NamedTuple):
 
 def judge(record: VoltageRecord, truth: Truth, span: float | None = None) -> Outcome:
     """Likelihood, correlation as printed, correlation without the line. Q is given to none of them; span: half-width of
-    the band searched [Hz]."""
+    the band searched [Hz]. A record that is refused, for whatever reason, has no answer."""
     try:
         analysis = find_split(record, Question(drive_frequency=truth.f_x, span=span))
-    except NothingFoundError:
+    except InputError:
         return Outcome(np.nan, True, np.nan, np.nan)
     low, high = analysis.split.interval
     printed, cut = (_right(answer.f_y, truth) / truth.bound for answer, _ in correlations(analysis))

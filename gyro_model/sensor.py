@@ -106,7 +106,7 @@ PARAMETER_TABLE: Final = (
         for k in range(1, SECTIONS + 1)
         for quantity in (
             _q("parameter", f"filter_frequency_{k}", "Hz", 100.0, f"natural frequency of section {k}", 1e-3, 1e6),
-            _q("parameter", f"filter_damping_{k}", "1", 0.8, f"damping ratio of section {k}", 1e-3, 1e3),
+            _q("parameter", f"filter_damping_{k}", "1", 0.8, f"damping ratio of section {k}", 1e-5, 1e3),
             _q("parameter", f"filter_lead_{k}", "s", 0.0, f"time constant of the zero of section {k}", -1e3, 1e3,
                nominal=1e-3, display="ms"),
         )

@@ -14,6 +14,9 @@ from gyrotwin.results import Saved, Writer
 if TYPE_CHECKING:
     from calibration.sensor.numbers import Sensor
 
+POOR_FILTER = 0.02
+"""Packaged devices and devices of 3 to 35 kHz with Q of 100 to 100,000 stay below 0.01."""
+
 
 @dataclass(frozen=True)
 class SensorResult(Saved):
@@ -24,6 +27,9 @@ class SensorResult(Saved):
     """Text of each file by name."""
     parameters: Mapping[str, float] = field(default_factory=dict, repr=False)
     """Those of GyroscopeSensor.fmu, SI; empty where no FMU is asked for."""
+    filter_error: float = 0.0
+    """Largest difference of the FMU's filter from the measured transfer function, over the gain at rest, or over the
+    gain where that is larger."""
 
     @property
     def summary(self) -> Mapping[str, Any]:
@@ -43,6 +49,16 @@ class SensorResult(Saved):
             write_sensor_fmu(self.parameters, fmi, path)
 
         return write
+
+    @property
+    def doubts(self) -> Sequence[str]:
+        """What is not as the datasheet has it."""
+        if self.filter_error <= POOR_FILTER:
+            return []
+        return [
+            f"the FMU's filter is up to {significant(100 * self.filter_error, 2)} % off the transfer function of the "
+            "datasheet: two sections of second order don't make it"
+        ]
 
     def headline(self) -> Sequence[tuple[str, str]]:
         """Noise density and bias."""

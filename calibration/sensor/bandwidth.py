@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize_scalar
 
+from gyro_model.sensor import SensorModel
+
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
@@ -17,6 +19,12 @@ STARTS: Final = (0.8, 1.6)
 """Natural frequencies to begin with, over the one at which the gain falls most steeply."""
 DAMPED: Final = (0.1, 0.7)
 """Damping ratios to begin with."""
+SHARP: Final = (0.5, 0.05)
+"""And of a resonance at the largest gain, times that over the gain at rest: as high as it, and ten times as high."""
+LEAST_DAMPED: Final = SensorModel().parameter("filter_damping_1").low
+"""Of the damping ratios."""
+AT_REST: Final = 0.05
+"""Logarithm of the gain at rest over that of the slowest line, at most."""
 LARGEST: Final = 50.0
 """Of the frequencies over that one, and of the zero's time constant times it."""
 
@@ -40,32 +48,47 @@ def transfer_of(sections: "tuple[Section, ...]", frequency: Floats) -> Complexes
 
 
 def fit_sections(frequency: Floats, gain: Complexes) -> tuple[tuple[Section, ...], float]:
-    """The two sections whose transfer function is nearest to ``gain`` at ``frequency`` [Hz], shapes (n,), and the
-    largest difference, over the gain at the lowest frequency. The least of several begins."""
-    own = gain / np.abs(gain[0])
+    """The two sections whose transfer function is nearest to ``gain`` over that at rest, at ``frequency`` [Hz], shapes
+    (n,), and their largest difference, over the gain where that exceeds the one at rest. The least of several begins.
+
+    The gain at rest is fitted with them: the slowest line has its noise and some of the filter.
+    """
+    slowest = float(np.abs(gain[0]))
+    size = np.abs(gain) / slowest
+    # A resonance of a hundred at its top is to be right by the same share as the gain at rest.
+    weight = 1 / np.maximum(size, 1.0)
     # Where half of the gain is gone for good: beyond the peak.
-    above = np.flatnonzero(np.abs(own) >= 0.5)
-    middle = float(frequency[above[-1]])
+    middle = float(frequency[np.flatnonzero(size >= 0.5)[-1]])
 
     def sections(x: Floats) -> tuple[Section, ...]:
-        parts = x.reshape(2, 3)
+        parts = x[:-1].reshape(2, 3)
         return tuple(Section(middle * float(np.exp(w)), float(np.exp(d)), float(lead) / middle) for w, d, lead in parts)
 
-    def residual(x: Floats) -> Floats:
-        off = transfer_of(sections(x), frequency) - own
-        return np.concatenate([off.real, off.imag])
+    def off(x: Floats) -> Complexes:
+        difference: Complexes = weight * (transfer_of(sections(x), frequency) - gain * np.exp(x[-1]) / slowest)
+        return difference
 
     edge = np.log(LARGEST)
-    bounds = np.tile([edge, edge, LARGEST], 2)
+    top = int(np.argmax(size))
+    # A resonance between two lines is higher than they show.
+    sharp = [(float(frequency[top]) / middle, share / float(size[top])) for share in SHARP]
+    places = [*product(STARTS, DAMPED), *sharp]
     begins = [
-        np.array([np.log(w1), np.log(d1), 0.0, np.log(w2), np.log(0.7), 0.0])
-        for w1, d1, w2 in product(STARTS, DAMPED, STARTS)
+        np.array([np.log(w1), np.log(d1), 0.0, np.log(w2), np.log(0.7), 0.0, 0.0])
+        for (w1, d1), w2 in product(places, STARTS)
     ]
-    fits = [least_squares(residual, begin, bounds=(-bounds, bounds)) for begin in begins]
-    best = sections(min(fits, key=lambda fit: float(fit.cost)).x)
+    upper = np.array([edge, edge, LARGEST, edge, edge, LARGEST, AT_REST])
+    lower = np.where(np.arange(7) % 3 == 1, np.log(LEAST_DAMPED), -upper)
+    fits = [
+        least_squares(lambda x: _parts(off(x)), np.clip(begin, lower, upper), bounds=(lower, upper)) for begin in begins
+    ]
+    best = min(fits, key=lambda fit: float(fit.cost)).x
     # The one that resonates first: noise passes it in a way of its own.
-    ordered = tuple(sorted(best, key=lambda one: one.damping))
-    return ordered, float(np.abs(transfer_of(ordered, frequency) - own).max())
+    return tuple(sorted(sections(best), key=lambda one: one.damping)), float(np.abs(off(best)).max())
+
+
+def _parts(values: Complexes) -> Floats:
+    return np.concatenate([values.real, values.imag])
 
 
 def fit_noise_lead(sections: tuple[Section, ...], frequency: Floats, density: Floats, row: float) -> float:

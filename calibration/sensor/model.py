@@ -45,8 +45,21 @@ class Curves(NamedTuple):
         return values
 
 
+class Fitted(NamedTuple):
+    """parameters by name [SI]; filter_error: largest difference of the filter's gain from the measured one, over the
+    gain at rest, or over its own where that is larger."""
+
+    parameters: dict[str, float]
+    filter_error: float
+
+
 def sensor_parameters(content: Mapping[str, Any], sample_rate: float) -> dict[str, float]:
-    """Parameters by name [SI] of the sensor of a datasheet that is read ``sample_rate`` [Hz] times a second.
+    """Parameters by name [SI] of ``fitted_sensor``."""
+    return fitted_sensor(content, sample_rate).parameters
+
+
+def fitted_sensor(content: Mapping[str, Any], sample_rate: float) -> Fitted:
+    """The sensor of a datasheet that is read ``sample_rate`` [Hz] times a second.
 
     Raises InputError where the datasheet is none, or lacks a figure or curve that a sensor has.
     """
@@ -75,15 +88,16 @@ def sensor_parameters(content: Mapping[str, Any], sample_rate: float) -> dict[st
     excess = bent["nonlinearity_3"] * (SHARE * numbers.full_scale) ** 2
     left = figures.get("scale_factor_hysteresis", {}).get("value")
     found["scale_factor_hysteresis"] = (left or 0.0) / PPM / 2
-    return found | _bandwidth(curves, frequency, edge) | bent | _thermal(curves, excess)
+    filtered, off = _bandwidth(curves, frequency, edge)
+    return Fitted(found | filtered | bent | _thermal(curves, excess), off)
 
 
-def _bandwidth(curves: Curves, frequency: Floats, edge: float) -> dict[str, float]:
+def _bandwidth(curves: Curves, frequency: Floats, edge: float) -> tuple[dict[str, float], float]:
     phase = np.radians(curves.column("transfer", "phase [°]"))
     gain = np.asarray(curves.column("transfer", "gain [1]") * np.exp(1j * phase), dtype=complex)
-    sections, _ = fit_sections(frequency, gain)
+    sections, off = fit_sections(frequency, gain)
     found = {f"filter_{name}_{k}": value for k, one in enumerate(sections, 1) for name, value in one._asdict().items()}
-    return found | {"noise_lead": _noise_lead(curves, sections, edge)}
+    return found | {"noise_lead": _noise_lead(curves, sections, edge)}, off
 
 
 def _noise_lead(curves: Curves, sections: tuple[Section, ...], edge: float) -> float:

@@ -113,7 +113,7 @@ def export_sensor(
 
     """
     from calibration.sensor.format import chosen, files_of
-    from calibration.sensor.model import sensor_parameters
+    from calibration.sensor.model import fitted_sensor
     from calibration.sensor.numbers import sensor_of
     from gyrotwin.datasheet_result import DatasheetResult
     from gyrotwin.sensor_result import SensorResult
@@ -127,7 +127,10 @@ def export_sensor(
     sensor = sensor_of(content)
     texts, fmu = chosen(formats)
     files = files_of(sensor, sample_rate, texts)
-    return SensorResult(sensor, files, sensor_parameters(content, sample_rate) if fmu else {})
+    if not fmu:
+        return SensorResult(sensor, files)
+    fitted = fitted_sensor(content, sample_rate)
+    return SensorResult(sensor, files, fitted.parameters, fitted.filter_error)
 
 
 def _read(path: Path) -> Any:

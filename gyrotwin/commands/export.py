@@ -39,3 +39,5 @@ def sensor(
         result.save(out, force=force)
     for name in result.writers():
         print(out / name)
+    for text in result.doubts:
+        print(f"warning: {text}")

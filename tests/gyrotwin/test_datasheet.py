@@ -1,5 +1,6 @@
 """`gyrotwin datasheet` as a user types it, and gt.datasheet."""
 
+import copy
 import html.parser
 import json
 from pathlib import Path
@@ -128,6 +129,24 @@ def test_the_sensor_is_exported(sheet: gt.DatasheetResult, tmp_path: Path, capsy
     (tmp_path / "sheet" / "datasheet.json").write_text("[1, 2")
     with pytest.raises(gt.InputError, match="gyrotwin datasheet DEVICE"):
         gt.export_sensor(tmp_path / "sheet" / "datasheet.json")
+
+
+def test_a_filter_that_two_sections_do_not_make_is_told(
+    sheet: gt.DatasheetResult, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert gt.export_sensor(sheet, formats=["fmu"]).doubts == []
+    content = copy.deepcopy(dict(sheet.summary))
+    columns = content["curves"]["transfer"]["columns"]
+    # Twice around within the lines by a pure delay.
+    delay = 2.0 / columns["frequency [Hz]"][-1]
+    columns["phase [°]"] = [
+        p - 360 * f * delay for p, f in zip(columns["phase [°]"], columns["frequency [Hz]"], strict=True)
+    ]
+    path = tmp_path / "datasheet.json"
+    path.write_text(json.dumps(content))
+    with pytest.raises(SystemExit):
+        main(["export", "sensor", str(path), "--format", "fmu", "--out", str(tmp_path / "sensor")])
+    assert "two sections of second order" in capsys.readouterr().out
 
 
 def test_values_show_two_digits_of_their_error(sheet: gt.DatasheetResult) -> None:

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{0ea59f3c-d7fa-7e86-b952-c8b45131da1e}"
+#define GYRO_TOKEN "{167c2ae0-d2e7-1e95-8419-dfc9392bcb8a}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -1,7 +1,7 @@
 """Figures of a textbook device in rate mode, beside what can be reckoned by hand."""
 
 from dataclasses import replace
-from math import degrees, pi, sqrt
+from math import degrees, log10, pi, sqrt
 
 import numpy as np
 import pytest
@@ -104,6 +104,16 @@ def test_sines_leave_a_narrow_split_where_it_is() -> None:
     assert found["group_delay"].holds
     assert found["group_delay"].value == pytest.approx(found["group_delay"].expected, rel=0.01)
     assert found["phase_at_bandwidth"].error > 0 and found["peak"].error > 0
+
+
+def test_a_peak_between_two_lines_is_a_bound_from_below() -> None:
+    quality = 20 * Q_Y
+    sharp = device(dyy=device().parameters["dyy"] / 20)
+    peak = figures(Bench(sharp, plan=PLAN), "transfer")["peak"]
+    assert peak.holds and peak.how == "at most" and peak.note.startswith("at least")
+    # Δ/2γ, of which the filters at 700 and 900 Hz take 0.1 dB; lines are 2.3 Hz apart, the top is 0.25 Hz wide.
+    assert peak.expected == pytest.approx(20 * log10(SPLIT * quality / (F_X + SPLIT)), abs=0.2)
+    assert peak.value < peak.expected - 1.0
 
 
 def test_errors_of_two_turn_ons_are_no_less_than_the_noise(bench: Bench) -> None:
