@@ -3,7 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from gyro_model.errors import InputError
 
@@ -40,14 +42,17 @@ def frequency_response(given: Floats, output: Floats, interval: float, frequency
 
 def bandwidth(frequency: Floats, size: Floats) -> float | None:
     """The lowest frequency [Hz] from which on the ``size`` of the gain, over that at the lowest frequency, is below
-    -3 dB; straight lines in dB over log f between the points. None where it does not fall so far."""
+    -3 dB; a cubic in dB over log f through the four points around it: straight lines between sines 7 % apart would be
+    0.1 % off beside a resonance. None where it does not fall so far."""
     level = np.log(size / size[0]) - np.log(HALF_POWER)
     below = np.flatnonzero(level < 0)
     if not len(below):
         return None
     i = int(below[0])
-    share = level[i - 1] / (level[i - 1] - level[i])
-    return float(np.exp(np.interp(share, [0, 1], np.log(frequency[i - 1 : i + 1]))))
+    around = slice(max(i - 2, 0), i + 2)
+    place = np.log(frequency[around] / frequency[i])
+    cubic = Polynomial.fit(place, level[around], len(place) - 1)
+    return float(frequency[i] * np.exp(brentq(cubic, np.log(frequency[i - 1] / frequency[i]), 0.0)))
 
 
 def group_delay(response: Response, highest: float) -> tuple[float, float]:

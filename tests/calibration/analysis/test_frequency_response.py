@@ -47,6 +47,14 @@ def test_bandwidth_of_one_pole_and_of_a_peak() -> None:
     assert bandwidth(f, np.ones_like(f)) is None
 
 
+@pytest.mark.parametrize("ratio", [1.0, 1.01, 1.02, 1.04, 1.06])
+def test_bandwidth_between_coarse_lines_beside_a_resonance(ratio: float) -> None:
+    f = 0.1 * ratio * 1.07 ** np.arange(100)
+    gain = np.abs(1 / (1 - (f / 10) ** 2 + 1e-4j * f))
+    # Straight lines between these are up to 0.08 % off.
+    assert bandwidth(f, gain) == pytest.approx(10 * np.sqrt(1 + np.sqrt(2)), rel=2e-4)
+
+
 def test_too_short_a_record_is_refused() -> None:
     given, output = record(0.0, 1)
     with pytest.raises(InputError, match="no two periods of 2 s"):
