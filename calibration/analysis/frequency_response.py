@@ -49,10 +49,21 @@ def bandwidth(frequency: Floats, size: Floats) -> float | None:
     if not len(below):
         return None
     i = int(below[0])
+    cubic = _cubic(frequency, level, i)
+    return float(frequency[i] * np.exp(brentq(cubic, np.log(frequency[i - 1] / frequency[i]), 0.0)))
+
+
+def between(frequency: Floats, values: Floats, at: float) -> float:
+    """The values at a frequency ``at`` [Hz] between the points, by a cubic over log f through the four around it."""
+    i = int(np.clip(np.searchsorted(frequency, at), 1, len(frequency) - 1))
+    return float(_cubic(frequency, values, i)(np.log(at / frequency[i])))
+
+
+def _cubic(frequency: Floats, values: Floats, i: int) -> Polynomial:
+    """Through points i - 2 to i + 1, as far as there are, in log(f/frequency[i])."""
     around = slice(max(i - 2, 0), i + 2)
     place = np.log(frequency[around] / frequency[i])
-    cubic = Polynomial.fit(place, level[around], len(place) - 1)
-    return float(frequency[i] * np.exp(brentq(cubic, np.log(frequency[i - 1] / frequency[i]), 0.0)))
+    return Polynomial.fit(place, values[around], len(place) - 1)
 
 
 def group_delay(response: Response, highest: float) -> tuple[float, float]:

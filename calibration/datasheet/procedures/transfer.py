@@ -4,7 +4,14 @@ from math import degrees, hypot, log
 
 import numpy as np
 
-from calibration.analysis.frequency_response import Complexes, Response, bandwidth, frequency_response, group_delay
+from calibration.analysis.frequency_response import (
+    Complexes,
+    Response,
+    bandwidth,
+    between,
+    frequency_response,
+    group_delay,
+)
 from calibration.datasheet.figure import Curve, Figure, Outcome
 from calibration.datasheet.procedure import RATE, Procedure
 from cosim.rate.bench import FULL_AT_MOST, Bench, multisine
@@ -134,7 +141,7 @@ def _response(bench: Bench, run: RateRun, top: float) -> Response:
 def _phase(found: Response, at: float | None) -> float | None:
     if at is None:
         return None
-    return degrees(float(np.interp(at, found.frequency, np.unwrap(np.angle(found.gain)))))
+    return degrees(between(found.frequency, np.unwrap(np.angle(found.gain)), at))
 
 
 def _error_at(found: Response, i: int) -> float:

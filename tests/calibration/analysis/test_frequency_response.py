@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.analysis.frequency_response import Response, bandwidth, frequency_response, group_delay
+from calibration.analysis.frequency_response import Response, bandwidth, between, frequency_response, group_delay
 from gyro_model.errors import InputError
 
 INTERVAL = 1e-3
@@ -52,7 +52,12 @@ def test_bandwidth_between_coarse_lines_beside_a_resonance(ratio: float) -> None
     f = 0.1 * ratio * 1.07 ** np.arange(100)
     gain = np.abs(1 / (1 - (f / 10) ** 2 + 1e-4j * f))
     # Straight lines between these are up to 0.08 % off.
-    assert bandwidth(f, gain) == pytest.approx(10 * np.sqrt(1 + np.sqrt(2)), rel=2e-4)
+    edge = 10 * np.sqrt(1 + np.sqrt(2))
+    assert bandwidth(f, gain) == pytest.approx(edge, rel=2e-4)
+    # The phase of such a mode 20 times as broad, -167.6° there: straight lines are up to 0.09° off.
+    phase = np.degrees(np.unwrap(np.angle(1 / (1 - (f / 10) ** 2 + 0.02j * f))))
+    there = -180 + np.degrees(np.arctan2(0.02 * edge, (edge / 10) ** 2 - 1))
+    assert between(f, phase, edge) == pytest.approx(there, abs=0.01)
 
 
 def test_too_short_a_record_is_refused() -> None:
