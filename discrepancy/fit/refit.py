@@ -353,26 +353,35 @@ class Fitter:
         return None, damping
 
     def _step(self, at: Fitted, damping: float) -> Floats:
-        """Changes of the free parameters in their steps; one that a bound stops stays, and the others are solved
-        again."""
+        """Changes of the free parameters in their steps: towards the minimum as far as the first bound, on from there
+        along it, and so forth. So what is linear falls all the way, however many bounds are met: parameters that
+        make up for each other, each put to its own bound, could end anywhere."""
         assert at.grams is not None
         total = at.grams.sum(axis=0)
-        step = np.zeros(at.known)
-        held: set[int] = set()
-        while True:
-            own = [i for i in range(at.known) if i not in held]
-            right = total[own, -1] - total[np.ix_(own, sorted(held))] @ step[sorted(held)]
-            step[own] = inverse_scaled(total[np.ix_(own, own)], damping) @ right
-            stopped = set()
-            for i in own:
-                free, value = at.free[i], at.parameters[at.free[i].name]
-                bounded = free.bounded(value, value + free.step * step[i])
-                if bounded != value + free.step * step[i]:
-                    step[i] = (bounded - value) / free.step
-                    stopped.add(i)
-            if not stopped:
-                return step
-            held |= stopped
+        values = np.array([at.parameters[free.name] for free in at.free])
+        step, own = np.zeros(at.known), list(range(at.known))
+        while own:
+            held = [i for i in range(at.known) if i not in own]
+            right = total[own, -1] - total[np.ix_(own, held)] @ step[held]
+            aim = inverse_scaled(total[np.ix_(own, own)], damping) @ right
+            limits = np.array([self._limited(at.free[i], values[i], a) for i, a in zip(own, aim, strict=True)])
+            stopped = limits != aim
+            if not stopped.any():
+                step[own] = aim
+                break
+            way = np.where(aim != step[own], aim - step[own], 1.0)
+            shares = np.where(stopped, np.clip((limits - step[own]) / way, 0.0, 1.0), 1.0)
+            first = shares <= shares.min()
+            step[own] = np.where(first, limits, step[own] + shares.min() * (aim - step[own]))
+            own = [i for i, stays in zip(own, first, strict=True) if not stays]
+        return step
+
+    @staticmethod
+    def _limited(free: Free, value: float, step: float) -> float:
+        """A change of a parameter, in its steps, as far as its bounds let it."""
+        aim = value + free.step * step
+        bounded = free.bounded(value, aim)
+        return step if bounded == aim else (bounded - value) / free.step
 
     def _moved(self, at: Fitted, damping: float, share: float = 1.0) -> Fitted:
         """A ``share`` of the way to the minimum of what is linear at ``at``."""

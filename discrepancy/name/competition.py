@@ -8,13 +8,13 @@ import numpy as np
 from scipy.stats import chi2
 
 from discrepancy.criteria import Criteria
-from discrepancy.fit.continuation import IN_STEP, LAST_ROUNDS, beginnings, grown
+from discrepancy.fit.continuation import IN_STEP, LAST_ROUNDS, beginnings, grown, whitened
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.locate import noise_level
 from discrepancy.fit.noise import noise_of
 from discrepancy.fit.openings import LONG, Opening, opened
-from discrepancy.fit.refit import AS_PROMISED
+from discrepancy.fit.refit import AS_PROMISED, Fitter
 from discrepancy.name.accepted import RIVALS, Refit
 from discrepancy.name.columns import Candidate, Fading, Probe, fading, without_part
 from discrepancy.name.scan import Scored, next_peaks, other_forms, scanned
@@ -131,8 +131,14 @@ def best_refit(criteria: Criteria, view: Opening, fits: Sequence[Refit]) -> Refi
     """The best of ``fits``; None where it is not worth it."""
     # Where nothing tells two apart the electronics are more often at fault than a force on the mass.
     best = min(near(criteria, fits, 1.0), key=lambda fit: isinstance(fit.candidate.effect, Force), default=None)
-    worth = best is not None and view.at.cost - best.at.cost > _needed(criteria, best) * best.at.variance
+    worth = best is not None and view.at.count * (view.at.unlikely - best.at.unlikely) > _needed(criteria, best)
     return best if worth else None
+
+
+def own_filter(fitter: Fitter, at: Fitted) -> Fitted:
+    """``at`` under the filter that its own residuals ask for, where the one it has takes motion for noise: that of a
+    model that lacks something hides in what one rival is right and another wrong."""
+    return whitened(fitter, at) if at.whiten.setting.bandwidth and at.cost < np.inf else at
 
 
 def _needed(criteria: Criteria, fit: Refit) -> float:
@@ -152,11 +158,10 @@ def weak(search: "Search", view: Opening, best: Refit) -> bool:
 
 
 def near(criteria: Criteria, fits: Sequence[Refit], chi_square: float) -> list[Refit]:
-    """Those whose cost and price are within so much of the best's; none where no motion stays within bounds."""
+    """Those whose likelihood and price are within so much of the best's; none where no motion stays within bounds."""
     fits = [fit for fit in fits if np.isfinite(fit.at.cost)]
-    variance = min((fit.at.variance for fit in fits), default=1.0)
     prices = [
-        fit.at.cost / variance
+        fit.at.count * fit.at.unlikely
         + price(criteria, fit.candidate, fit.score.freedom)
         + price_of_shapes(criteria, fit.candidate)
         for fit in fits

@@ -13,7 +13,7 @@ from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.openings import opened, parts
 from discrepancy.name.accepted import RIVALS, Accepted, Instead
 from discrepancy.name.columns import Candidate, Kind, fading, without_part
-from discrepancy.name.competition import price, price_of_shapes
+from discrepancy.name.competition import own_filter, price, price_of_shapes
 from discrepancy.name.scan import Scored, best_of, other_forms
 from discrepancy.name.score import Score, score
 
@@ -93,23 +93,25 @@ def exchange(search: "Search", among: Kind | None = None) -> None:
 
 
 def _exchange_one(search: "Search", place: int, entry: Accepted, among: Kind | None) -> None:
-    variance = search.at.variance
     fits = {entry.id: (search.at, entry.candidate), **_refitted_instead(search, entry, among)}
+    if len(fits) > 1:
+        fits = {i: (own_filter(search.fitter, at), c) for i, (at, c) in fits.items()}
     search.simulator.clock.check()
-    prices = {i: at.cost + price(search.criteria, c, len(c.all_probes)) * variance for i, (at, c) in fits.items()}
-    plain = {i: prices[i] + price_of_shapes(search.criteria, c) * variance for i, (_, c) in fits.items()}
+    costs = {i: at.count * at.unlikely for i, (at, _) in fits.items()}
+    prices = {i: costs[i] + price(search.criteria, c, len(c.all_probes)) for i, (_, c) in fits.items()}
+    plain = {i: prices[i] + price_of_shapes(search.criteria, c) for i, (_, c) in fits.items()}
     head = min(plain, key=lambda i: plain[i])
     # Of an effect and a defect of the record that are even the effect is named, whichever came first.
-    owed = 0.0 if entry.of_record and not isinstance(fits[head][1].effect, Defect) else search.criteria.even * variance
+    owed = 0.0 if entry.of_record and not isinstance(fits[head][1].effect, Defect) else search.criteria.even
     if plain[head] > plain[entry.id] - owed:
         head = entry.id
     search.at, candidate = fits.pop(head)
     if head != entry.id and entry.id in search.instead:
         tried = [*search.instead[entry.id].tried, (entry.id, entry.candidate.shapes)]
         search.instead = {**search.instead, head: Instead(search.at.parameters, tried, fits)}
-    close = search.at.cost + search.criteria.even * variance
-    even = {i: dict(at.parameters) for i, (at, _) in fits.items() if at.cost < close}
-    behind = {i: (prices[i] - prices[head]) / variance for i in fits}
+    close = costs[head] + search.criteria.even
+    even = {i: dict(at.parameters) for i, (at, _) in fits.items() if costs[i] < close}
+    behind = {i: prices[i] - prices[head] for i in fits}
     search.accepted[place] = Accepted(candidate, entry.share, even, behind, entry.asked or not among)
 
 

@@ -32,7 +32,7 @@ from discrepancy.name.columns import (
     nameable,
     on_the_way,
 )
-from discrepancy.name.competition import best_refit, longer, near, refitted, rivals, weak
+from discrepancy.name.competition import best_refit, longer, near, own_filter, refitted, rivals, weak
 from discrepancy.name.exchange import delete, exchange, fade
 from discrepancy.name.more_modes import Copy
 from discrepancy.name.question import ask
@@ -405,6 +405,10 @@ class Search:
             best = best_refit(self.criteria, view, fits)
             if view.fitter is not self.fitter:
                 self.simulator.forget(view.fitter.records)
+        left = near(self.criteria, fits, 4 * self.criteria.even)
+        if best and len(left) > 1:
+            fits = [fit._replace(at=own_filter(self.fitter, fit.at)) for fit in left]
+            best = best_refit(self.criteria, view, fits)
         # One that was cut short is no match for the others.
         self.simulator.clock.check()
         if best is None:
