@@ -7,10 +7,7 @@
 #include <string.h>
 
 #include "double2.h"
-
-/* ln 2 in two parts: the first has 32 bits, so that its product with an exponent is exact. */
-static const double LN2_HIGH = 0.6931471803691238, LN2_LOW = 1.9082149292705877e-10;
-static const double PER_LN2 = 1.4426950408889634;
+#include "math_series.h"
 
 static uint64_t bits_of(double x)
 {
@@ -48,26 +45,19 @@ typedef struct {
 
 static reduced reduce(double x, double tail)
 {
-    const double shift = 6755399441055744.0; /* 1.5 2^52: beyond, every double is a whole number */
-    const double n = (x * PER_LN2 + shift) - shift;
+    const double n = (x * PER_LN2 + MATH_WHOLE) - MATH_WHOLE;
     const double main = x - n * LN2_HIGH, rest = n * LN2_LOW - tail;
     return (reduced){(int)n, main, rest};
 }
 
 /* The sum of c[i] x^i, by pairs of pairs: a processor does those side by side, where Horner's rule waits for each product and sum. */
-enum { TERMS = 13 };
-static inline double polynomial(const double c[TERMS], double x)
+static inline double polynomial(const double c[MATH_TERMS], double x)
 {
     const double x_2 = x * x, x_4 = x_2 * x_2, x_8 = x_4 * x_4;
     const double first = (c[0] + c[1] * x) + (c[2] + c[3] * x) * x_2, second = (c[4] + c[5] * x) + (c[6] + c[7] * x) * x_2;
     const double third = (c[8] + c[9] * x) + (c[10] + c[11] * x) * x_2;
     return (first + second * x_4) + (third + c[12] * x_4) * x_8;
 }
-
-/* 1/n! from n = 2 on. */
-static const double PER_FACTORIAL[TERMS] = {1.0 / 2.0,       1.0 / 6.0,        1.0 / 24.0,        1.0 / 120.0,        1.0 / 720.0,
-                                                 1.0 / 5040.0,    1.0 / 40320.0,    1.0 / 362880.0,    1.0 / 3628800.0,    1.0 / 39916800.0,
-                                                 1.0 / 479001600.0, 1.0 / 6227020800.0, 1.0 / 87178291200.0};
 
 /* e^(main - rest) - 1 - main: the series to r^14/14!, of which 1e-19 is left at 0.347. */
 static double bend(double main, double rest)
@@ -139,9 +129,7 @@ static int split(double x, double *f)
 /* Sum of 2/(k + 2 i) z^i, i >= 0, k = 3 or 5, z < 0.0295: what is left is z^12. */
 static double artanh_series(double z, int k)
 {
-    static const double term[TERMS + 1] = {2.0 / 3.0,  2.0 / 5.0,  2.0 / 7.0,  2.0 / 9.0,  2.0 / 11.0, 2.0 / 13.0, 2.0 / 15.0,
-                                  2.0 / 17.0, 2.0 / 19.0, 2.0 / 21.0, 2.0 / 23.0, 2.0 / 25.0, 2.0 / 27.0, 0.0};
-    return polynomial(term + (k - 3) / 2, z);
+    return polynomial(PER_ODD + (k - 3) / 2, z);
 }
 
 /* log(1 + f) = f - f^2/2 + s (f^2/2 + R), s = f/(2 + f), R = 2 artanh(s)/s - 2. */

@@ -118,11 +118,16 @@ def memory_functions(effect: Effect, place: Places) -> str:
 def _remember(what: str, effect: Effect, place: Places, to: str, made: Sequence[tuple[Memory, Expr]]) -> str:
     exprs = [sympify(expr) for _, expr in made]
     lines = "".join(
-        f"    g->{to}[{memory_macro(m.symbol)}] = {c_expression(expr)};\n"
+        f"    g->{to}[{memory_macro(m.symbol)}] = {_recalled(m, expr) if what == 'recall' else c_expression(expr)};\n"
         for (m, _), expr in zip(made, exprs, strict=True)
     )
     head = f"static inline void {what}_{effect.id}(gyro_view *g)"
     return f"{head}\n{{\n{place.declare(effect, exprs, 'remembered')}{lines}}}\n"
+
+
+def _recalled(memory: Memory, now: Expr) -> str:
+    """What flows has not moved where no time has gone by: to the last bit, whatever rounding its formula has."""
+    return f"since > 0.0 ? {c_expression(now)} : {memory.symbol.name}" if memory.flows else c_expression(now)
 
 
 def follow_function(effect: Follow) -> str:

@@ -27,6 +27,12 @@ _SMOOTH: Final = ("exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "si
 _SATURATING: Final = {"tanh": "fabs({}) - 19.0", "exp": "-{} - 40.0"}
 """By how much an argument may change and leave the function at its end within rounding of 1. There it says nothing of
 what comes beyond."""
+_OF_PAIRS: Final = {
+    "gyro_exp(value)": "exp_of_pair({row}[0])",
+    "gyro_tanh(value)": "tanh_of_pair({row}[0])",
+    "gyro_power(value, exponent)": "power_of_pair({row}[0], {exponent})",
+}
+"""Functions that fmu_src/full/pair_math.h has for two numbers at once, by how one is written."""
 _CORNERED: Final = (Abs, Max, Min, Heaviside, sign)
 
 
@@ -377,7 +383,8 @@ class Series:
             text.replace("value", f"lane_of({row}[0], {lane})").replace("exponent", f"lane_of({to}, {lane})")
             for lane in (0, self.lanes - 1)
         )
-        return f"both({first})" if first == last else f"pair_of({first}, {last})"
+        of_pair = _OF_PAIRS.get(text, "").format(row=row, exponent=to)
+        return f"both({first})" if first == last else of_pair or f"pair_of({first}, {last})"
 
     def _smooth(self, expr: Expr) -> Expr:
         """``expr`` with its corners as signs that a step keeps."""

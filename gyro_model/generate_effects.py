@@ -283,6 +283,7 @@ def _laws(model: Model) -> str:
     places = "".join(f"    {macro(target.name)},\n" for target in targets) or "    0, /* none */\n"
     lines += "".join(guarded(e, called(e, f"effect_{e.id}(g);\n")) for e in (*follows_of(model), *model.laws))
     made = "".join(f"    {as_set(symbol)}" for symbol in symbols.SET_BY)
+    new = " || ".join(f"value[{macro(n)}] != held[{macro(n)}]" for n in _read_by_laws(model, targets)) or "0"
     start = "".join(textwrap.indent(_lag_starts(e), "    ") for e in follows_of(model))
     moving = "".join([*map(_moving, follows_of(model)), *map(_moving, model.laws)])
     return (
@@ -295,6 +296,9 @@ def _laws(model: Model) -> str:
         "/* What laws change. */\n"
         f"enum {{ GYRO_N_LAW_TARGETS = {max(1, len(targets))} }};\n"
         f"static const int law_targets[GYRO_N_LAW_TARGETS] = {{\n{places}}};\n\n"
+        "/* Whether laws or noise forces read an input that is new. */\n"
+        "static inline int laws_read_new(const double value[GYRO_N_VARIABLES], const double held[GYRO_N_VARIABLES])\n"
+        f"{{\n    (void)value;\n    (void)held;\n    return {new};\n}}\n\n"
         "/* Parameter laws: from the values as set, at the time and events of the view. */\n"
         "static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES])\n"
         f"{{\n{textwrap.indent(lines, '    ')}}}\n\n"
@@ -302,6 +306,13 @@ def _laws(model: Model) -> str:
         "static inline int laws_move(const gyro_view *g, const double value[GYRO_N_VARIABLES])\n"
         f"{{\n    int moving = 0;\n    (void)value;\n{textwrap.indent(moving, '    ')}    return moving;\n}}\n"
     )
+
+
+def _read_by_laws(model: Model, targets: Iterable[Symbol]) -> list[str]:
+    """Names of the inputs that laws and noise forces read, or that laws change."""
+    readers = (*follows_of(model), *model.laws, *(e for e in model.forces if e.drawn))
+    read = {symbols.SET_BY.get(symbol, symbol).name for e in readers for symbol in (*e.symbols, *targets)}
+    return [quantity.name for quantity in model.quantities if quantity.role == "input" and quantity.name in read]
 
 
 def _moving(effect: Follow | Law) -> str:

@@ -70,6 +70,13 @@ static inline double bend_at(const gyro_given *given, double u)
 
 static inline double z_at(const gyro_given *given, double u) { return u * value_at(given->curve->z, GYRO_Z_TERMS - 1, bend_at(given, u)); }
 
+static inline gyro_pair z_at_pair(const gyro_given *given, gyro_pair u)
+{
+    const gyro_pair c = pair_of(given->c[lane_of(u, 0) > 0.0], given->c[lane_of(u, 1) > 0.0]);
+    const gyro_pair bend = pair_product(c, power_of_pair(pair_size(u), both(given->curve->n)));
+    return pair_product(u, pair_value_at(given->curve->z, GYRO_Z_TERMS - 1, bend));
+}
+
 /* By the powers of c |z|^n, and a step of Newton's. */
 static inline double u_at(const gyro_given *given, double z)
 {
@@ -113,11 +120,13 @@ static inline void give_coefficient(gyro_series *s, int k)
 static inline void add_moments(const gyro_given *given, const double *x, int power, double begin, double end, double reach,
                                double moment[GYRO_GIVEN_TERMS])
 {
-    for (int i = 0; i < GYRO_Z_NODES; i++) {
-        const double t = begin + GYRO_Z_NODE[i] * (end - begin), u = value_at(x, power, t);
-        const double part = GYRO_Z_WEIGHT[i] * (end - begin) / reach * (z_at(given, u) - u);
+    for (int i = 0; i < GYRO_Z_NODES; i += 2) {
+        const gyro_pair node = pair_of(GYRO_Z_NODE[i], GYRO_Z_NODE[i + 1]), weight = pair_of(GYRO_Z_WEIGHT[i], GYRO_Z_WEIGHT[i + 1]);
+        const gyro_pair t = pair_sum(both(begin), pair_scaled(end - begin, node)), u = pair_value_at(x, power, t);
+        const gyro_pair part = pair_product(pair_ratio(pair_scaled(end - begin, weight), both(reach)), pair_difference(z_at_pair(given, u), u));
         for (int j = 0; j < GYRO_GIVEN_TERMS; j++) {
-            moment[j] += part * value_at(GYRO_LEGENDRE[j], j, t / reach);
+            const gyro_pair moments = pair_product(part, pair_value_at(GYRO_LEGENDRE[j], j, pair_ratio(t, both(reach))));
+            moment[j] = (moment[j] + lane_of(moments, 0)) + lane_of(moments, 1);
         }
     }
 }

@@ -12,6 +12,8 @@
 
 #if defined(__GNUC__) && !defined(GYRO_NO_VECTORS)
 
+#define GYRO_PAIR_VECTORS 1
+
 typedef double gyro_pair __attribute__((vector_size(16)));
 typedef long long gyro_pair_bits __attribute__((vector_size(16)));
 static inline gyro_pair pair_of(double a, double b) { return (gyro_pair){a, b}; }

@@ -87,7 +87,9 @@ gyro_status gyro_take_inputs(gyro_instance *g)
             memory->acting[0] = u[0];
             memory->acting[1] = u[1];
         }
-        gyro_refresh(view, g->value);
+        if (first || memory->clock.tuned || laws_read_new(g->value, memory->clock.held)) {
+            gyro_refresh(view, g->value);
+        }
         if (view->any_impulse) {
             kick(view);
         }
@@ -430,34 +432,41 @@ static void move_by_halves(gyro_instance *g, double t, double h, int lags)
     }
 }
 
-/* The states of the view over h [s] from `settled`, and the voltage behind the lag where `lags`. */
-static void move_by(gyro_instance *g, double h, int lags)
+/* The states of the view over h [s] from `settled` to time `end`, and the voltage behind the lag where `lags`; gives 1 where it leaves the laws of
+   the end. */
+static int move_by(gyro_instance *g, double end, double h, int lags)
 {
     gyro_view *view = &g->view;
     const double t = gyro_time_of(g, g->memory.clock.settled);
     gyro_course course;
-    if (view->any_curved && g->plan.series.holds && find_course(view, g->value, t, h, &course)) {
+    const int by_series = view->any_curved && g->plan.series.holds && find_course(view, g->value, t, end, h, &course);
+    if (by_series) {
         move_by_series(g, &course, t, h, lags);
     } else {
         move_by_halves(g, t, h, lags);
     }
+    if (by_series && view->moving) {
+        bring_laws(view, &course.end);
+    }
+    return by_series;
 }
 
 /* The view from `settled` to `to`, with the laws there, and the voltage behind the lag where `lags`. */
 static void move_states(gyro_instance *g, gyro_instant to, int lags)
 {
     gyro_view *view = &g->view;
-    const double h = gyro_between(g->memory.clock.settled, to);
+    /* From the count, not by addition: rounding would add up, and a restored instance would differ in the last bit. */
+    const double end = gyro_time_of(g, to), h = gyro_between(g->memory.clock.settled, to);
+    int laws_known = 0;
     view->moving = view->any_law && laws_move(view, g->value);
     if (!lags && view->steady && gyro_holds(&g->plan.propagator, view, h)) {
         gyro_apply(&g->plan.propagator, view);
     } else {
-        move_by(g, h, lags);
+        laws_known = move_by(g, end, h, lags);
     }
-    /* From the count, not by addition: rounding would add up, and a restored instance would differ in the last bit. */
-    view->t = gyro_time_of(g, to);
+    view->t = end;
     view->since = h;
-    if (view->moving) {
+    if (view->moving && !laws_known) {
         apply_laws(view, g->value);
     }
 }
@@ -513,9 +522,11 @@ void gyro_move(gyro_instance *g, gyro_instant to)
         memcpy(view->lagging, view->lagging_now, sizeof view->lagging);
     }
     keep_memories(view);
-    if (view->moving || (at & GYRO_AT_EVENT)) {
-        /* Once more, as a restored instance finds them: by the time of the tick, from what lags here, with the event that falls here. */
+    if (at & GYRO_AT_EVENT) {
         gyro_refresh(view, g->value);
+    } else if (view->moving) {
+        /* The laws stand as a restored instance finds them from here: over no time nothing that lags or is remembered moves. */
+        hold_noise(view);
     }
     if (at & GYRO_AT_SAMPLE) {
         take_sample(g);

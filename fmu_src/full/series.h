@@ -6,6 +6,7 @@
 
 #include "generated/effects.h"
 #include "pair.h"
+#include "pair_math.h"
 
 /* Powers 0 .. GYRO_MOST_POWER. About half the decimal digits asked for, in natural logarithms, is cheapest near a singularity (A. Jorba,
    M. Zou, A software package for the numerical integration of ODEs by means of high-order Taylor methods, Experimental Mathematics 14, 2005). */
@@ -77,6 +78,15 @@ static inline double value_at(const double *c, int n, double t)
     double sum = c[n];
     for (int j = n - 1; j >= 0; j--) {
         sum = sum * t + c[j];
+    }
+    return sum;
+}
+
+static inline gyro_pair pair_value_at(const double *c, int n, gyro_pair t)
+{
+    gyro_pair sum = both(c[n]);
+    for (int j = n - 1; j >= 0; j--) {
+        sum = pair_sum(pair_product(sum, t), both(c[j]));
     }
     return sum;
 }

@@ -53,14 +53,22 @@ static const double GYRO_LONG_STAGES = 1.0 / 128, GYRO_LONG_ERROR = 1e-20;
 /* Powers of time up to which laws change the linear forces. */
 enum { GYRO_COURSE_POWERS = 3 };
 
+/* What laws leave at an instant. */
+typedef struct {
+    double changed[GYRO_N_LAW_TARGETS]; /* SI */
+    double lagging[GYRO_N_LAGGING + 1]; /* SI */
+    double remembered[GYRO_N_MEMORIES];
+} gyro_laws;
+
 /* What laws do in a step: the linear forces by so many powers of the time, in steps; by what all else that a force reads changes; and where
-   laws move, each thing that they change, by powers of the time from the middle. */
+   laws move, each thing that they change, by powers of the time from the middle, and what they leave at the end. */
 typedef struct {
     gyro_linear power[GYRO_COURSE_POWERS];
     int powers;
     double read[GYRO_SERIES_READ];
     double changed[GYRO_N_LAW_TARGETS][GYRO_COURSE_POWERS];
     int smooth; /* 1: `changed` holds for all of them */
+    gyro_laws end;
 } gyro_course;
 
 static inline void plan_series(gyro_series_plan *plan, const gyro_view *view)
@@ -389,6 +397,25 @@ static const double GYRO_READ_CHANGE[2] = {1e-7, 1e-4};
    it has a kink by no more. */
 static const double GYRO_CHANGED_BEND = 1e-9;
 
+/* Keeps what laws have left in the view, and brings it back. */
+static inline void keep_laws(const gyro_view *g, gyro_laws *laws)
+{
+    for (int i = 0; i < GYRO_N_LAW_TARGETS; i++) {
+        laws->changed[i] = g->p[law_targets[i]];
+    }
+    memcpy(laws->lagging, g->lagging_now, sizeof g->lagging_now);
+    memcpy(laws->remembered, g->remembered_now, sizeof g->remembered_now);
+}
+
+static inline void bring_laws(gyro_view *g, const gyro_laws *laws)
+{
+    for (int i = 0; i < GYRO_N_LAW_TARGETS; i++) {
+        g->p[law_targets[i]] = laws->changed[i];
+    }
+    memcpy(g->lagging_now, laws->lagging, sizeof g->lagging_now);
+    memcpy(g->remembered_now, laws->remembered, sizeof g->remembered_now);
+}
+
 /* The laws at the part `at` of a step h [s] from time t; `value` shape (GYRO_N_VARIABLES), as set. */
 static inline void apply_laws_at(gyro_view *g, const double *value, double t, double h, double at)
 {
@@ -447,9 +474,9 @@ static inline void set_changed(gyro_view *g, const gyro_course *course, double a
     }
 }
 
-/* Finds how the linear forces change in a step h [s] from time t, and leaves the laws of its middle; gives 0 where laws bend too much, and
-   leaves those of the start. */
-static inline int find_course(gyro_view *g, const double *value, double t, double h, gyro_course *course)
+/* Finds how the linear forces change in a step h [s] from time t to `end_time`, and leaves the laws of its middle; gives 0 where laws bend too much,
+   and leaves those of the start. */
+static inline int find_course(gyro_view *g, const double *value, double t, double end_time, double h, gyro_course *course)
 {
     int even = 1;
     double *change = course->read;
@@ -461,7 +488,10 @@ static inline int find_course(gyro_view *g, const double *value, double t, doubl
         double first[GYRO_SERIES_READ], last[GYRO_SERIES_READ], changed[3][GYRO_N_LAW_TARGETS];
         read_by_series(g, first);
         read_changed(g, changed[0]);
-        apply_laws_at(g, value, t, h, 1.0);
+        g->t = end_time;
+        g->since = h;
+        apply_laws(g, value);
+        keep_laws(g, &course->end);
         read_by_series(g, last);
         read_changed(g, changed[2]);
         const gyro_linear end = linear_of(g);

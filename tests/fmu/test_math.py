@@ -19,6 +19,17 @@ RNG = np.random.default_rng(20)
 ONE_ARGUMENT = ("exp", "expm1", "log", "log1p", "sin", "cos", "tan", "atan", "asin", "acos", "sinh", "cosh", "tanh")
 EXPORT = "__declspec(dllexport)" if sys.platform == "win32" else '__attribute__((visibility("default")))'
 _HARNESS = f"""#include "gyro_math.h"
+#include "pair_math.h"
+#define LANES(name, ...) \\
+    {EXPORT} void lanes_##name(const double *x, const double *z, double *y, int n) \\
+    {{ \\
+        for (int i = 0; i < n - 1; i += 2) {{ \\
+            const gyro_pair got = name##_of_pair(pair_of(x[i], x[i + 1]) __VA_ARGS__); \\
+            y[i] = lane_of(got, 0); \\
+            y[i + 1] = lane_of(got, 1); \\
+            (void)z; \\
+        }} \\
+    }}
 #define EACH(name) \\
     {EXPORT} void each_##name(const double *x, double *y, int n) \\
     {{ for (int i = 0; i < n; i++) y[i] = gyro_##name(x[i]); }}
@@ -35,12 +46,20 @@ class Compiled:
     def __init__(self, folder: Path) -> None:
         text = _HARNESS + "".join(f"EACH({name})\n" for name in (*ONE_ARGUMENT, "rint", "floor", "ceil", "fabs"))
         text += "PAIR(pow)\nPAIR(power)\nPAIR(atan2)\n"
+        text += "LANES(exp, )\nLANES(tanh, )\nLANES(power, , pair_of(z[i], z[i + 1]))\n"
         (folder / "harness.c").write_text(text, encoding="utf-8")
         for source in ("gyro_math.c", "gyro_trigonometry.c"):
             (folder / source).write_text((handwritten_folder() / source).read_text(encoding="utf-8"), encoding="utf-8")
         include = ("-I", str(handwritten_folder()), "-I", str(handwritten_folder() / "full"))
         compile_library(folder, ["harness.c", "gyro_math.c", "gyro_trigonometry.c"], folder / "math.so", include)
         self.library = ct.CDLL(str(folder / "math.so"))
+
+    def lanes(self, name: str, x: Floats, z: Floats) -> Floats:
+        """A function that takes two numbers at once, over arrays of even length; ``z``: exponents of the power."""
+        result = np.empty_like(x)
+        pointers = (a.ctypes.data_as(ct.c_void_p) for a in (x, z, result))
+        getattr(self.library, f"lanes_{name}")(*pointers, len(x))
+        return result
 
     def __call__(self, name: str, *arguments: Floats) -> Floats:
         arguments = tuple(np.ascontiguousarray(a, dtype=float) for a in arguments)
@@ -137,6 +156,19 @@ def test_errors_of_quick_powers(compiled: Compiled, residual: Callable[..., None
     worst = off(power[usual], lambda a, b: a**b, x[usual], y[usual]) / allowed
     residual(f"power({x[usual][worst.argmax()]!r}, {y[usual][worst.argmax()]!r})", worst.max(), 1.0)
     assert np.all(compiled("power", x, np.zeros_like(x)) == 1.0)
+
+
+@pytest.mark.parametrize("name", ["exp", "tanh", "power"])
+def test_two_at_once_have_the_bits_of_one_alone(name: str, compiled: Compiled) -> None:
+    x = np.concatenate([np.concatenate(EXPONENTS), np.concatenate(POSITIVE), np.repeat(SPECIAL, len(SPECIAL))])
+    # Beside any other, and each special value beside each.
+    x = np.concatenate([x, RNG.permutation(x), np.array([(a, b) for a in SPECIAL for b in SPECIAL]).ravel()])
+    x = np.abs(x[: len(x) // 2 * 2]) if name == "power" else x[: len(x) // 2 * 2]
+    z = np.where(RNG.uniform(size=len(x)) < 0.1, RNG.choice([0.0, 1.0, 2.0], len(x)), RNG.uniform(-3.0, 3.0, len(x)))
+    alone = compiled(name, x, z) if name == "power" else compiled(name, x)
+    same_bits = compiled.lanes(name, x, z).view(np.uint64) == alone.view(np.uint64)
+    assert np.all(same_bits | np.isnan(alone)), x[~same_bits & ~np.isnan(alone)][:5]
+    assert np.array_equal(np.isnan(compiled.lanes(name, x, z)), np.isnan(alone))
 
 
 def test_errors_of_directions(compiled: Compiled, residual: Callable[..., None]) -> None:

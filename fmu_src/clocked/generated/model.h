@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{e872fe57-ac67-ab12-d09f-514852da3ec6}"
+#define GYRO_TOKEN "{db333937-c237-9a46-62be-790215b3dfbc}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

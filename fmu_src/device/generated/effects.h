@@ -558,7 +558,7 @@ static inline void recall_stress_relaxation(gyro_view *g)
     const double since = g->since;
     const double t_ref = g->p[GYRO_T_REF];
     const double temperature = g->p[GYRO_TEMPERATURE];
-    g->remembered_now[GYRO_MEMORY_RELAXING_TEMPERATURE] = relaxing_temperature + (1 - gyro_exp(-since/relaxation_time))*(-relaxing_temperature - t_ref + temperature);
+    g->remembered_now[GYRO_MEMORY_RELAXING_TEMPERATURE] = since > 0.0 ? relaxing_temperature + (1 - gyro_exp(-since/relaxation_time))*(-relaxing_temperature - t_ref + temperature) : relaxing_temperature;
 }
 
 static inline void flow_stress_relaxation(const gyro_view *g, double rate[GYRO_N_FLOWING])
@@ -1539,6 +1539,14 @@ static const int law_targets[GYRO_N_LAW_TARGETS] = {
     GYRO_TEMPERATURE_STRUCTURE,
     GYRO_V_BIAS,
 };
+
+/* Whether laws or noise forces read an input that is new. */
+static inline int laws_read_new(const double value[GYRO_N_VARIABLES], const double held[GYRO_N_VARIABLES])
+{
+    (void)value;
+    (void)held;
+    return value[GYRO_TEMPERATURE] != held[GYRO_TEMPERATURE] || value[GYRO_V_BIAS] != held[GYRO_V_BIAS];
+}
 
 /* Parameter laws: from the values as set, at the time and events of the view. */
 static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES])

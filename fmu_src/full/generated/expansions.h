@@ -329,7 +329,7 @@ static GYRO_INLINE void series_dry_friction(const gyro_view *g, gyro_series *s, 
             bound_change(s, at->bound + 1, w[1], 1, larger(GYRO_SHOWN, fabs(lane_of(w[1][0], 1)) - 19.0));
         }
         w[2][k] = pair_scaled(k, w[1][k]);
-        w[3][k] = k == 0 ? pair_of(gyro_tanh(lane_of(w[1][0], 0)), gyro_tanh(lane_of(w[1][0], 1))) : series_integral(w[2], w[1], w[4], k);
+        w[3][k] = k == 0 ? tanh_of_pair(w[1][0]) : series_integral(w[2], w[1], w[4], k);
         w[5][k] = series_square(w[3], k);
         w[4][k] = pair_difference(first_only(k, both(1.0)), w[5][k]);
         if (k == 0) {
@@ -347,7 +347,7 @@ static GYRO_INLINE void series_dry_friction(const gyro_view *g, gyro_series *s, 
                 bound_change(s, at->bound + 3, w[6], 1, larger(GYRO_SHOWN, -lane_of(w[6][0], 1) - 40.0));
             }
             w[8][k] = pair_scaled(k, w[6][k]);
-            w[9][k] = k == 0 ? pair_of(gyro_exp(lane_of(w[6][0], 0)), gyro_exp(lane_of(w[6][0], 1))) : series_integral(w[8], w[6], w[9], k);
+            w[9][k] = k == 0 ? exp_of_pair(w[6][0]) : series_integral(w[8], w[6], w[9], k);
             w[10][k] = series_product(w[9], w[3], k);
             sum_2 = pair_sum(sum_2, pair_product(c[2], w[10][k]));
         }
@@ -422,7 +422,7 @@ static GYRO_INLINE void series_hysteresis(const gyro_view *g, gyro_series *s, co
         bound_change(s, at->bound + 0, w[0], 0, room_of_power(lane_of(w[0][0], 0), lane_of(c[4], 0)));
         bound_change(s, at->bound + 1, w[0], 1, room_of_power(lane_of(w[0][0], 1), lane_of(c[4], 1)));
     }
-    w[1][k] = k == 0 ? pair_of(gyro_power(lane_of(w[0][0], 0), lane_of(c[4], 0)), gyro_power(lane_of(w[0][0], 1), lane_of(c[4], 1))) : series_any_power(w[0], w[1], c[4], k);
+    w[1][k] = k == 0 ? power_of_pair(w[0][0], c[4]) : series_any_power(w[0], w[1], c[4], k);
     if (k == 0) {
         c[5] = pair_of(hysteresis_beta*side_1[0] + hysteresis_gamma*side_0[0], hysteresis_beta*side_1[1] + hysteresis_gamma*side_0[1]);
     }

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{555121ff-b4db-f75d-2c97-d493246c969d}"
+#define GYRO_TOKEN "{0f80b182-4f1d-2e15-c9ba-0a44f629ddec}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{167c2ae0-d2e7-1e95-8419-dfc9392bcb8a}"
+#define GYRO_TOKEN "{dc2c1aae-c330-6cdd-d3a1-14e84619789e}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
