@@ -155,8 +155,8 @@ class Effect:
     doc: str = ""
 
     def __post_init__(self) -> None:
-        if not self.id.isidentifier():
-            raise InputError(f"effect {self.id!r}: an id is a C identifier")
+        if not (self.id.isidentifier() and self.id.isascii()):
+            raise InputError(f"effect {self.id!r}: an id is a C identifier; use letters, digits and _, no digit first")
         if not (self.nominal or self.sizes):
             raise InputError(f"effect {self.id}: has no size parameter; add one that is neutral by default")
         if not self.limits:

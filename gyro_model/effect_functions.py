@@ -88,7 +88,7 @@ def force_function(effect: Force, place: Places) -> str:
     function = _function(effect, f"const gyro_view *g, double force[2]{rate}", body)
     if effect.impulse:
         declared = place.declare(effect, (terms["impulse_x"], terms["impulse_y"]))
-        head = f"static inline void impulse_{effect.id}(const gyro_view *g, double impulse[2])"
+        head = f"static inline void impulse_effect_{effect.id}(const gyro_view *g, double impulse[2])"
         function += f"\n{head}\n{{\n{declared}{_added('impulse', terms)}}}\n"
     return function
 
@@ -110,7 +110,7 @@ def memory_functions(effect: Effect, place: Places) -> str:
     flowing = [m for m in of if m.flows]
     if flowing:
         lines = "".join(f"    rate[{memory_macro(m.symbol)}] = {c_expression(m.rate)};\n" for m in flowing)
-        head = f"static inline void flow_{effect.id}(const gyro_view *g, double rate[GYRO_N_FLOWING])"
+        head = f"static inline void flow_effect_{effect.id}(const gyro_view *g, double rate[GYRO_N_FLOWING])"
         parts += [f"{head}\n{{\n{place.declare(effect, [m.rate for m in flowing], 'remembered')}{lines}}}\n"]
     return "\n".join(parts)
 
@@ -121,7 +121,7 @@ def _remember(what: str, effect: Effect, place: Places, to: str, made: Sequence[
         f"    g->{to}[{memory_macro(m.symbol)}] = {_recalled(m, expr) if what == 'recall' else c_expression(expr)};\n"
         for (m, _), expr in zip(made, exprs, strict=True)
     )
-    head = f"static inline void {what}_{effect.id}(gyro_view *g)"
+    head = f"static inline void {what}_effect_{effect.id}(gyro_view *g)"
     return f"{head}\n{{\n{place.declare(effect, exprs, 'remembered')}{lines}}}\n"
 
 
@@ -162,13 +162,13 @@ def _map_rate(effect: Map, place: Places) -> str:
     ]
     lines = "".join(f"    out[{axis}] = {c_expression(expr)};\n" for axis, expr in enumerate(rates))
     unused = "" if any(rate.free_symbols for rate in rates) else "    (void)g;\n"
-    head = f"static inline void rate_{effect.id}(const gyro_view *g, double out[2])"
+    head = f"static inline void rate_effect_{effect.id}(const gyro_view *g, double out[2])"
     return f"{head}\n{{\n{place.declare(effect, rates)}{unused}{lines}}}\n"
 
 
 def called(effect: Effect, call: str) -> str:
     """``call`` of a function of ``effect``, with what it remembers recalled before."""
-    return f"recall_{effect.id}(g);\n{call}" if effect.memories else call
+    return f"recall_effect_{effect.id}(g);\n{call}" if effect.memories else call
 
 
 def guarded(effect: Effect, lines: str) -> str:

@@ -173,7 +173,7 @@ class Series:
     def function(self) -> str:
         """The C function."""
         states = [symbol for symbol in self.place.model.state_symbols if symbol in self.rows]
-        place = f"static GYRO_INLINE void series_{self.effect.id}(const gyro_view *g, gyro_series *s,"
+        place = f"static GYRO_INLINE void series_effect_{self.effect.id}(const gyro_view *g, gyro_series *s,"
         head = f"{place} const gyro_series_place *at, int k,\n{' ' * 20}double h, gyro_pair *force)"
         text = self.place.declare(self.effect, self.read)
         text += "".join(f"    const gyro_pair *{s.name} = s->of[{pair_macro(self._states(s))}];\n" for s in states)

@@ -320,7 +320,8 @@ def _moving(effect: Follow | Law) -> str:
         if symbols.t in effect.symbols:
             return guarded(effect, "moving = 1;\n")
         rates = [f"rate[{memory_macro(memory.symbol)}] != 0.0" for memory in effect.memories if memory.flows]
-        test = f"double rate[GYRO_N_FLOWING];\nflow_{effect.id}(g, rate);\nmoving = moving || {' || '.join(rates)};\n"
+        test = f"double rate[GYRO_N_FLOWING];\nflow_effect_{effect.id}(g, rate);\n"
+        test += f"moving = moving || {' || '.join(rates)};\n"
         return guarded(effect, test) if rates else ""
     tests = (
         f"g->lagging[{lagging_macro(target)}] != value[{macro(symbols.SET_BY.get(target, target).name)}]"
@@ -337,9 +338,9 @@ def _remembering(model: Model) -> str:
         lines += guarded(law, _begun(law) + called(law, f"effect_{law.id}(g);\n"))
     maps = [e for e in model.effects if isinstance(e, Map) and e.memories]
     lines += "".join(guarded(e, _begun(e)) for e in maps)
-    renewed = "".join(guarded(e, f"renew_{e.id}(g);\n") for e in model.effects if _is_renewed(e))
+    renewed = "".join(guarded(e, f"renew_effect_{e.id}(g);\n") for e in model.effects if _is_renewed(e))
     flowing = [e for e in model.effects if any(memory.flows for memory in e.memories)]
-    flow = "".join(guarded(e, f"flow_{e.id}(g, rate);\n") for e in flowing)
+    flow = "".join(guarded(e, f"flow_effect_{e.id}(g, rate);\n") for e in flowing)
     return (
         "/* What the effects remember that act and did not in `acted` begins, numbers drawn. */\n"
         "static inline void begin_memories(gyro_view *g, const double value[GYRO_N_VARIABLES],\n"
@@ -358,7 +359,7 @@ def _remembering(model: Model) -> str:
 def _begun(effect: Effect) -> str:
     if not effect.memories:
         return ""
-    return f"if (!acted[{effect_macro(effect)}]) {{\n    begin_{effect.id}(g);\n}}\n"
+    return f"if (!acted[{effect_macro(effect)}]) {{\n    begin_effect_{effect.id}(g);\n}}\n"
 
 
 def _holds(model: Model) -> str:
@@ -417,7 +418,7 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
 
 
 def _kick(model: Model) -> str:
-    pushed = "".join(guarded(e, f"impulse_{e.id}(g, impulse);\n") for e in model.forces if e.impulse)
+    pushed = "".join(guarded(e, f"impulse_effect_{e.id}(g, impulse);\n") for e in model.forces if e.impulse)
     return (
         "/* The velocities jump by the impulses that a change of the held inputs gives. */\n"
         "static inline void kick(gyro_view *g)\n"
@@ -477,7 +478,7 @@ def slot_lines(slot: str, members: Sequence[Map], of: str) -> str:
     # Effects that share a slot see the same entering signal, and their changes add up; one alone just replaces the
     # signal, so that a clipped or rounded value is exactly what the effect says.
     enters, leaves = (re.sub("_x$", of, pair[0].name) for pair in SLOTS[slot])
-    function = "rate" if of else "effect"
+    function = "rate_effect" if of else "effect"
     if len(members) == 1:
         [effect] = members
         call = called(effect, f"{function}_{effect.id}(g, out);\n")

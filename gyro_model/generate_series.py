@@ -36,7 +36,7 @@ def expansions(model: Model) -> str:
         f"    {series[e.id].size() if e.id in series else _size(e in bending)}, /* {e.id} */\n" for e in model.effects
     )
     cases = "".join(
-        f"        case {effect_macro(e)}:\n            series_{e.id}(g, s, &s->plan->place[i], k, h, &force);\n"
+        f"        case {effect_macro(e)}:\n            series_effect_{e.id}(g, s, &s->plan->place[i], k, h, &force);\n"
         "            break;\n"
         for e in bending
         if e.id in series

@@ -114,7 +114,7 @@ def _recall(effect: Effect, places: Places) -> str:
         for m, expr in zip(effect.memories, slopes, strict=True)
     )
     declared = _declared(effect, slopes, places, "remembered")
-    head = f"static inline void tangent_recall_{effect.id}(const gyro_view *g, gyro_tangent *d)"
+    head = f"static inline void tangent_recall_effect_{effect.id}(const gyro_view *g, gyro_tangent *d)"
     text = f"{head}\n{{\n    (void)g;\n{declared}{lines}}}\n"
     flowing = [m for m in effect.memories if m.flows]
     if flowing:
@@ -124,14 +124,15 @@ def _recall(effect: Effect, places: Places) -> str:
             for m, expr in zip(flowing, rates, strict=True)
         )
         declared = _declared(effect, rates, places, "remembered")
-        head = f"static inline void tangent_flow_{effect.id}(const gyro_view *g, const gyro_tangent *d, double *rate)"
+        arguments = "const gyro_view *g, const gyro_tangent *d, double *rate"
+        head = f"static inline void tangent_flow_effect_{effect.id}({arguments})"
         text += f"\n{head}\n{{\n    (void)g;\n{declared}{lines}}}\n"
     return text
 
 
 def _flow(model: Model) -> str:
     flowing = [e for e in model.effects if any(m.flows for m in e.memories)]
-    lines = "".join(guarded(e, f"tangent_flow_{e.id}(g, d, rate);\n") for e in flowing)
+    lines = "".join(guarded(e, f"tangent_flow_effect_{e.id}(g, d, rate);\n") for e in flowing)
     return (
         "/* The tangent of flow_memories. */\n"
         "static inline void tangent_flow(const gyro_view *g, const gyro_tangent *d, double *rate)\n"
@@ -142,11 +143,11 @@ def _flow(model: Model) -> str:
 
 def _with_memory(effect: Effect, call: str) -> str:
     """``call`` of the tangent of ``effect``, with what it remembers and its tangent recalled before."""
-    return called(effect, f"tangent_recall_{effect.id}(g, d);\n{call}") if effect.memories else call
+    return called(effect, f"tangent_recall_effect_{effect.id}(g, d);\n{call}") if effect.memories else call
 
 
 def _head(effect: Effect, arguments: str) -> str:
-    return f"static inline void tangent_{effect.id}(const gyro_view *g, const gyro_tangent *d, {arguments})\n"
+    return f"static inline void tangent_effect_{effect.id}(const gyro_view *g, const gyro_tangent *d, {arguments})\n"
 
 
 def _function(effect: Effect, terms: Sequence[Expr], places: Places) -> str:
@@ -184,7 +185,7 @@ def _laws(model: Model) -> str:
         steps += guarded(effect, f"{lags}effect_{effect.id}(g);\n")
     for law in model.laws:
         taken = "".join(f"d->p[{macro(target.name)}] = out[{i}];\n" for i, target in enumerate(law.changes))
-        steps += guarded(law, _with_memory(law, f"tangent_{law.id}(g, d, out);\neffect_{law.id}(g);\n{taken}"))
+        steps += guarded(law, _with_memory(law, f"tangent_effect_{law.id}(g, d, out);\neffect_{law.id}(g);\n{taken}"))
     most = max((len(law.changes) for law in model.laws), default=1)
     return (
         "/* Laws, as apply_laws applies them, and their tangents from those of the values as set. */\n"
@@ -197,14 +198,14 @@ def _slot(slot: str, members: Sequence[Map]) -> str:
     enters, leaves = (pair[0].name.removesuffix("_x") for pair in SLOTS[slot])
     if len(members) == 1:
         [effect] = members
-        lines = _with_memory(effect, f"tangent_{effect.id}(g, d, moved);\neffect_{effect.id}(g, out);\n")
+        lines = _with_memory(effect, f"tangent_effect_{effect.id}(g, d, moved);\neffect_{effect.id}(g, out);\n")
         lines += "".join(f"g->{leaves}[{i}] = out[{i}];\nd->{leaves}[{i}] = moved[{i}];\n" for i in (0, 1))
         return textwrap.indent(lines if effect.nominal else guarded(effect, lines), "    ")
     lines = f"const double entering[2] = {{g->{enters}[0], g->{enters}[1]}};\n"
     lines += f"const double moving[2] = {{d->{enters}[0], d->{enters}[1]}};\n"
     lines += "double sum[2] = {entering[0], entering[1]}, slope[2] = {moving[0], moving[1]};\n"
     for effect in members:
-        add = _with_memory(effect, f"tangent_{effect.id}(g, d, moved);\neffect_{effect.id}(g, out);\n")
+        add = _with_memory(effect, f"tangent_effect_{effect.id}(g, d, moved);\neffect_{effect.id}(g, out);\n")
         add += "".join(
             f"sum[{i}] += out[{i}] - entering[{i}];\nslope[{i}] += moved[{i}] - moving[{i}];\n" for i in (0, 1)
         )
@@ -226,8 +227,8 @@ def _chain(model: Model, name: str, first: str, last: str, start: str) -> str:
 
 def _rate(model: Model, forces: Iterable[Force]) -> str:
     added = added_forces(model)
-    nominal = "".join(f"    tangent_{e.id}(g, d, force, rate);\n" for e in forces if e not in added)
-    others = textwrap.indent("".join(guarded(e, f"tangent_{e.id}(g, d, force, rate);\n") for e in added), "    ")
+    nominal = "".join(f"    tangent_effect_{e.id}(g, d, force, rate);\n" for e in forces if e not in added)
+    others = textwrap.indent("".join(guarded(e, f"tangent_effect_{e.id}(g, d, force, rate);\n") for e in added), "    ")
     quiet = "".join(f"    rate[{state_macro(s.symbol)}] = 0.0;\n" for s in model.states)
     return f"""/* The tangent of state_rate. */
 static inline void tangent_rate(const gyro_view *g, const gyro_tangent *d, double rate[GYRO_N_STATES])

@@ -67,7 +67,7 @@ def _slope(effect: Force, place: Places) -> str:
         for state, expr in zip(symbols.STATES, slopes[axis], strict=True)
         if expr != 0
     )
-    head = f"static inline void slope_{effect.id}(const gyro_view *g, double slope[2][4])"
+    head = f"static inline void slope_effect_{effect.id}(const gyro_view *g, double slope[2][4])"
     return f"{head}\n{{\n{place.declare(effect, (*slopes[0], *slopes[1]))}{lines}}}\n" if lines else ""
 
 
@@ -75,7 +75,7 @@ def _still(effect: Force, place: Places) -> str:
     """What is left of a linear force at rest."""
     rest = _at_rest(effect)
     lines = "".join(f"    still[{axis}] += {c_expression(expr)};\n" for axis, expr in enumerate(rest) if expr != 0)
-    head = f"static inline void still_{effect.id}(const gyro_view *g, double still[2])"
+    head = f"static inline void still_effect_{effect.id}(const gyro_view *g, double still[2])"
     return f"{head}\n{{\n{place.declare(effect, rest)}{lines}}}\n" if lines else ""
 
 
@@ -103,10 +103,10 @@ static inline void find_still(const gyro_view *g, double still[2])
 
 
 def _called(forces: Sequence[Force], what: str) -> str:
-    """The calls of ``what``_ID(g, ``what``): of the nominal forces, then of those that act."""
-    nominal = "".join(f"    {what}_{e.id}(g, {what});\n" for e in forces if e.nominal)
+    """The calls of ``what``_effect_ID(g, ``what``): of the nominal forces, then of those that act."""
+    nominal = "".join(f"    {what}_effect_{e.id}(g, {what});\n" for e in forces if e.nominal)
     others = "".join(
-        f"case {effect_macro(e)}:\n    {what}_{e.id}(g, {what});\n    break;\n" for e in forces if not e.nominal
+        f"case {effect_macro(e)}:\n    {what}_effect_{e.id}(g, {what});\n    break;\n" for e in forces if not e.nominal
     )
     loop = f"""    for (int i = 0; i < g->n_acting; i++) {{
         switch (g->acting[i]) {{

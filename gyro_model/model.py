@@ -199,12 +199,12 @@ def _carried(effect: Effect) -> list[str]:
 
 
 def _refuse_twins(kind: str, named: Iterable[tuple[str, str]]) -> None:
-    """Of names, each with where it is defined, none may come twice."""
+    """Of names, each with where it is defined, none may come twice, capitals or not: the C names them in capitals."""
     seen: dict[str, str] = {}
     for name, where in named:
-        if name in seen:
-            raise InputError(f"{kind} {name!r} is defined twice, by {seen[name]} and by {where}; rename one")
-        seen[name] = where
+        if name.upper() in seen:
+            raise InputError(f"{kind} {name!r} is defined twice, by {seen[name.upper()]} and by {where}; rename one")
+        seen[name.upper()] = where
 
 
 def _load_effect(path: Path) -> Effect:

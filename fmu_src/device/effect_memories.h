@@ -1,7 +1,7 @@
 /* What effects remember, and what the plant holds of an effect that is tuned. */
 
-#ifndef GYRO_EFFECT_MEMORIES_H
-#define GYRO_EFFECT_MEMORIES_H
+#ifndef GYRO_MEMORIES_H
+#define GYRO_MEMORIES_H
 
 #include "generated/effects.h"
 #include "instance.h"

@@ -525,7 +525,8 @@ void gyro_move(gyro_instance *g, gyro_instant to)
     if (at & GYRO_AT_EVENT) {
         gyro_refresh(view, g->value);
     } else if (view->moving) {
-        /* The laws stand as a restored instance finds them from here: over no time nothing that lags or is remembered moves. */
+        /* The laws are those that a restored instance finds from here on: over no time, what lags or is remembered stays to the last bit, by the
+           contract of effects (gyro_model/contract.py). */
         hold_noise(view);
     }
     if (at & GYRO_AT_SAMPLE) {

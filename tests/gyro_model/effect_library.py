@@ -51,7 +51,7 @@ def _call(effect: Effect) -> str:
             "sample": ("renew", "remembered"),
         }[what]
         copies += (
-            f" {{ gyro_view other = view; {function}_{effect.id}(&other);"
+            f" {{ gyro_view other = view; {function}_effect_{effect.id}(&other);"
             f" out[{first + i}] = other.{where}[GYRO_MEMORY_{memory.upper()}]; }}"
         )
     return copies + _made(effect)
@@ -68,7 +68,7 @@ def _made(effect: Effect) -> str:
         copies = (f"out[{i}] = view.p[GYRO_{name.upper()}];" for i, name in enumerate(effect.made()))
         return f"effect_{effect.id}(&view); " + " ".join(copies)
     if isinstance(effect, Force) and effect.impulse:
-        return f"effect_{effect.id}(&view, out); impulse_{effect.id}(&view, out + 2);"
+        return f"effect_{effect.id}(&view, out); impulse_effect_{effect.id}(&view, out + 2);"
     if isinstance(effect, Force) and effect.states:
         rates = (f"out[{2 + i}] = rate[GYRO_STATE_{s.symbol.name.upper()}];" for i, s in enumerate(effect.states))
         return f"double rate[GYRO_N_STATES]; effect_{effect.id}(&view, out, rate); " + " ".join(rates)

@@ -1,5 +1,6 @@
 """Generated files: the committed C is what the effect files give, the XML says what the table of quantities says."""
 
+import re
 import shutil
 from math import isfinite
 from pathlib import Path
@@ -10,6 +11,8 @@ import pytest
 from gyro_model import build, generate_xml
 from gyro_model.continuous_states import continuous_states
 from gyro_model.effect_points import MODEL
+from gyro_model.envelope import envelope_model
+from gyro_model.form import Form
 from gyro_model.model import load_model
 from gyro_model.units import dimension, rate_unit
 
@@ -46,6 +49,18 @@ def test_generated_c_is_readable_and_stamped() -> None:
         if effect.id not in ("actuator_delay", "amplifier_bandwidth"):
             assert effects.count(f"void effect_{effect.id}(") == 1, "one function an effect"
             assert effect.doc.strip().splitlines()[0] in effects, "its docstring as comment"
+
+
+@pytest.mark.parametrize("form", [MODEL, envelope_model()], ids=lambda form: form.NAME)
+def test_no_id_of_an_effect_can_clash_with_a_word_of_the_c(form: Form) -> None:
+    written = {path.name: path.read_text(encoding="utf-8") for path in build.handwritten_files(form).values()}
+    texts = written | build.generated_files(form)
+    bare = [re.sub(r'/\*.*?\*/|"[^"\n]*"', "", text, flags=re.DOTALL) for text in texts.values()]
+    words = {word for text in bare for word in re.findall(r"\w+", text)}
+    ids = {effect.id for effect in MODEL.effects}
+    # What is named by an effect is WHAT_effect_ID or GYRO_EFFECT_ID, and nothing else is named so.
+    assert {w.partition("effect_")[2] for w in words if re.match("([a-z]+_)*effect_", w)} <= ids
+    assert {w.removeprefix("GYRO_EFFECT_").lower() for w in words if w.startswith("GYRO_EFFECT_")} <= ids
 
 
 def variables(version: int) -> list[ET.Element]:

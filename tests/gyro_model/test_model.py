@@ -83,6 +83,22 @@ def test_a_user_file_joins_the_model_and_acts(tmp_path: Path, plant: Runner) -> 
     assert np.array_equal(runner.run({"x_start": 1e-6}, t)["x"], without["x"])
 
 
+def test_words_of_the_c_and_of_the_generator_are_ids_like_others(tmp_path: Path) -> None:
+    words = ("follows", "power", "product", "sizes", "memories", "flow", "actuate")
+    ids = (*words, "step", "state", "time", "x", "rate", "main", "double")
+    for effect_id in ids:
+        text = QUINTIC.replace('"k5"', f'"k5_{effect_id}"').replace('id="quintic"', f'id="{effect_id}"')
+        write(tmp_path, text, effect_id)
+    model = load_model(tmp_path)
+    runner = Runner(build(model, tmp_path / "fmus").fmi3, tmp_path / "extracted")
+    t = np.arange(101) * 5e-6
+    # Each a part of the quintic spring above.
+    parameters = {"x_start": 1e-6, **{f"k5_{effect_id}": 2e25 / len(ids) for effect_id in ids}}
+    fmu, reference = runner.run(parameters, t), simulate(Device("mine", parameters, model=model), t, {})
+    assert np.max(np.abs(fmu["x"] - reference["x"])) <= 1e-12 * 1e-6
+    assert np.max(np.abs(fmu["x"] - runner.run({"x_start": 1e-6}, t)["x"])) > 1e-8
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -90,6 +106,8 @@ def test_a_user_file_joins_the_model_and_acts(tmp_path: Path, plant: Runner) -> 
         (('id="quintic"', 'id="quintics"'), "its id is 'quintics'; name the file quintics.py"),
         (("EFFECT = Force", "OTHER = Force"), "defines no EFFECT"),
         (('id="quintic"', 'id="quin tic"'), "an id is a C identifier"),
+        (('id="quintic"', 'id="quintiç"'), "'quintiç': an id is a C identifier; use letters, digits and _"),
+        (('"k5"', '"K3_x"'), "'K3_x' is defined twice, by effect cubic_stiffness and by effect quintic; rename one"),
         (
             ('size("k5", "N/m5"', 'size("k3_x", "N/m5"'),
             "'k3_x' is defined twice, by effect cubic_stiffness and by effect quintic",

@@ -284,7 +284,8 @@ def test_pairs_without_vectors_give_the_same_bits(
 def test_one_function_for_both_axes_where_they_are_alike() -> None:
     text = expansions(load_model())
     cubic, mode = (
-        text[text.index(f"void series_{name}(") :].split("\n}\n")[0] for name in ("cubic_stiffness", "parasitic_mode")
+        text[text.index(f"void series_effect_{name}(") :].split("\n}\n")[0]
+        for name in ("cubic_stiffness", "parasitic_mode")
     )
     assert "pair_of(-k3_x, -k3_y)" in cubic and "on_axis" not in cubic
     assert "on_axis(0, " in mode
@@ -295,5 +296,5 @@ def test_what_has_a_series(own: Model) -> None:
     assert has_series(forces["many"], own) and has_series(forces["corners"], own)
     assert not has_series(forces["angle"], own)
     text = expansions(own)
-    assert "void series_many(" in text and "series_angle" not in text
+    assert "void series_effect_many(" in text and "series_effect_angle" not in text
     assert "{-1, 0, 0, 0, 0}, /* angle */" in text

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{db333937-c237-9a46-62be-790215b3dfbc}"
+#define GYRO_TOKEN "{e5ac7b31-66a1-03f6-85c1-843edf3c59ff}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -361,7 +361,7 @@ static inline void effect_frame_rotation(const gyro_view *g, double force[2])
     force[1] += frame_rotation*m*omega_z*omega_z*y;
 }
 
-static inline void impulse_frame_rotation(const gyro_view *g, double impulse[2])
+static inline void impulse_effect_frame_rotation(const gyro_view *g, double impulse[2])
 {
     const double frame_rotation = g->p[GYRO_FRAME_ROTATION];
     const double m = g->p[GYRO_M];
@@ -508,18 +508,18 @@ static inline void effect_thermal_force(const gyro_view *g, double force[2])
     force[1] += 5.254805419803858e-12*thermal_force*sqrt(temperature_structure/sample_period)*(dxy*normal_x + normal_y*(dyy + sqrt(larger(0, dxx*dyy - dxy*dxy))))/sqrt(larger(2.2250738585072014e-308, dxx + dyy + 2*sqrt(larger(0, dxx*dyy - dxy*dxy))));
 }
 
-static inline void begin_bias_walk(gyro_view *g)
+static inline void begin_effect_bias_walk(gyro_view *g)
 {
     g->remembered[GYRO_MEMORY_BIAS_WALKED] = 0;
 }
 
-static inline void recall_bias_walk(gyro_view *g)
+static inline void recall_effect_bias_walk(gyro_view *g)
 {
     const double bias_walked = g->remembered[GYRO_MEMORY_BIAS_WALKED];
     g->remembered_now[GYRO_MEMORY_BIAS_WALKED] = bias_walked;
 }
 
-static inline void renew_bias_walk(gyro_view *g)
+static inline void renew_effect_bias_walk(gyro_view *g)
 {
     const double bias_walked = g->remembered[GYRO_MEMORY_BIAS_WALKED];
     const double normal_x = g->drawn[GYRO_EFFECT_BIAS_WALK][0];
@@ -527,13 +527,13 @@ static inline void renew_bias_walk(gyro_view *g)
     g->remembered[GYRO_MEMORY_BIAS_WALKED] = bias_walked + normal_x*sqrt(since);
 }
 
-static inline void begin_play(gyro_view *g)
+static inline void begin_effect_play(gyro_view *g)
 {
     g->remembered[GYRO_MEMORY_PLAY_X] = 0;
     g->remembered[GYRO_MEMORY_PLAY_Y] = 0;
 }
 
-static inline void recall_play(gyro_view *g)
+static inline void recall_effect_play(gyro_view *g)
 {
     const double play = g->p[GYRO_PLAY];
     const double play_x = g->remembered[GYRO_MEMORY_PLAY_X];
@@ -544,14 +544,14 @@ static inline void recall_play(gyro_view *g)
     g->remembered_now[GYRO_MEMORY_PLAY_Y] = larger(-play + u_y, smaller(play_y, play + u_y));
 }
 
-static inline void begin_stress_relaxation(gyro_view *g)
+static inline void begin_effect_stress_relaxation(gyro_view *g)
 {
     const double t_ref = g->p[GYRO_T_REF];
     const double temperature = g->p[GYRO_TEMPERATURE];
     g->remembered[GYRO_MEMORY_RELAXING_TEMPERATURE] = -t_ref + temperature;
 }
 
-static inline void recall_stress_relaxation(gyro_view *g)
+static inline void recall_effect_stress_relaxation(gyro_view *g)
 {
     const double relaxation_time = g->p[GYRO_RELAXATION_TIME];
     const double relaxing_temperature = g->remembered[GYRO_MEMORY_RELAXING_TEMPERATURE];
@@ -561,7 +561,7 @@ static inline void recall_stress_relaxation(gyro_view *g)
     g->remembered_now[GYRO_MEMORY_RELAXING_TEMPERATURE] = since > 0.0 ? relaxing_temperature + (1 - gyro_exp(-since/relaxation_time))*(-relaxing_temperature - t_ref + temperature) : relaxing_temperature;
 }
 
-static inline void flow_stress_relaxation(const gyro_view *g, double rate[GYRO_N_FLOWING])
+static inline void flow_effect_stress_relaxation(const gyro_view *g, double rate[GYRO_N_FLOWING])
 {
     const double relaxation_time = g->p[GYRO_RELAXATION_TIME];
     const double relaxing_temperature = g->remembered[GYRO_MEMORY_RELAXING_TEMPERATURE];
@@ -570,7 +570,7 @@ static inline void flow_stress_relaxation(const gyro_view *g, double rate[GYRO_N
     rate[GYRO_MEMORY_RELAXING_TEMPERATURE] = (-relaxing_temperature - t_ref + temperature)/relaxation_time;
 }
 
-static inline void begin_thermal_hysteresis(gyro_view *g)
+static inline void begin_effect_thermal_hysteresis(gyro_view *g)
 {
     const double temperature_structure = g->p[GYRO_TEMPERATURE_STRUCTURE];
     g->remembered[GYRO_MEMORY_THERMAL_PLAY_1] = temperature_structure;
@@ -578,7 +578,7 @@ static inline void begin_thermal_hysteresis(gyro_view *g)
     g->remembered[GYRO_MEMORY_THERMAL_PLAY_3] = temperature_structure;
 }
 
-static inline void recall_thermal_hysteresis(gyro_view *g)
+static inline void recall_effect_thermal_hysteresis(gyro_view *g)
 {
     const double temperature_structure = g->p[GYRO_TEMPERATURE_STRUCTURE];
     const double thermal_hysteresis_width_1 = g->p[GYRO_THERMAL_HYSTERESIS_WIDTH_1];
@@ -592,13 +592,13 @@ static inline void recall_thermal_hysteresis(gyro_view *g)
     g->remembered_now[GYRO_MEMORY_THERMAL_PLAY_3] = larger(temperature_structure - thermal_hysteresis_width_3, smaller(thermal_play_3, temperature_structure + thermal_hysteresis_width_3));
 }
 
-static inline void begin_turn_on_offset(gyro_view *g)
+static inline void begin_effect_turn_on_offset(gyro_view *g)
 {
     const double normal_x = g->drawn[GYRO_EFFECT_TURN_ON_OFFSET][0];
     g->remembered[GYRO_MEMORY_TURN_ON_DRAWN] = normal_x;
 }
 
-static inline void recall_turn_on_offset(gyro_view *g)
+static inline void recall_effect_turn_on_offset(gyro_view *g)
 {
     const double turn_on_drawn = g->remembered[GYRO_MEMORY_TURN_ON_DRAWN];
     g->remembered_now[GYRO_MEMORY_TURN_ON_DRAWN] = turn_on_drawn;
@@ -832,7 +832,7 @@ static inline void effect_ideal_pickoff(const gyro_view *g, double out[2])
     out[1] = q_y*sense_gain_y;
 }
 
-static inline void rate_ideal_pickoff(const gyro_view *g, double out[2])
+static inline void rate_effect_ideal_pickoff(const gyro_view *g, double out[2])
 {
     const double q_x_rate = g->q_rate[0];
     const double q_y_rate = g->q_rate[1];
@@ -929,7 +929,7 @@ static inline void effect_amplifier_drift(const gyro_view *g, double out[2])
     out[1] = offset_drift*t + v_y;
 }
 
-static inline void rate_amplifier_drift(const gyro_view *g, double out[2])
+static inline void rate_effect_amplifier_drift(const gyro_view *g, double out[2])
 {
     const double offset_drift = g->p[GYRO_OFFSET_DRIFT];
     const double v_x_rate = g->v_rate[0];
@@ -953,7 +953,7 @@ static inline void effect_amplifier_offset(const gyro_view *g, double out[2])
     out[1] = offset_y + v_y;
 }
 
-static inline void rate_amplifier_offset(const gyro_view *g, double out[2])
+static inline void rate_effect_amplifier_offset(const gyro_view *g, double out[2])
 {
     const double v_x_rate = g->v_rate[0];
     const double v_y_rate = g->v_rate[1];
@@ -977,7 +977,7 @@ static inline void effect_drive_feedthrough(const gyro_view *g, double out[2])
     out[1] = feedthrough*u_y + v_y;
 }
 
-static inline void rate_drive_feedthrough(const gyro_view *g, double out[2])
+static inline void rate_effect_drive_feedthrough(const gyro_view *g, double out[2])
 {
     const double v_x_rate = g->v_rate[0];
     const double v_y_rate = g->v_rate[1];
@@ -1017,7 +1017,7 @@ static inline void effect_parasitic_capacitance(const gyro_view *g, double out[2
     out[1] = v_y/(parasitic_ratio + 1);
 }
 
-static inline void rate_parasitic_capacitance(const gyro_view *g, double out[2])
+static inline void rate_effect_parasitic_capacitance(const gyro_view *g, double out[2])
 {
     const double parasitic_ratio = g->p[GYRO_PARASITIC_RATIO];
     const double v_x_rate = g->v_rate[0];
@@ -1040,7 +1040,7 @@ static inline void effect_pickoff_gain_mismatch(const gyro_view *g, double out[2
     out[1] = v_y*(pickoff_gain_mismatch + 1);
 }
 
-static inline void rate_pickoff_gain_mismatch(const gyro_view *g, double out[2])
+static inline void rate_effect_pickoff_gain_mismatch(const gyro_view *g, double out[2])
 {
     const double pickoff_gain_mismatch = g->p[GYRO_PICKOFF_GAIN_MISMATCH];
     const double v_x_rate = g->v_rate[0];
@@ -1063,7 +1063,7 @@ static inline void effect_pickoff_misalignment(const gyro_view *g, double out[2]
     out[1] = pickoff_misalignment*q_x + q_y;
 }
 
-static inline void rate_pickoff_misalignment(const gyro_view *g, double out[2])
+static inline void rate_effect_pickoff_misalignment(const gyro_view *g, double out[2])
 {
     const double pickoff_misalignment = g->p[GYRO_PICKOFF_MISALIGNMENT];
     const double q_x_rate = g->q_rate[0];
@@ -1089,7 +1089,7 @@ static inline void effect_pickoff_mismatch(const gyro_view *g, double out[2])
     out[1] = pickoff_inverse_gap*pickoff_mismatch*q_y*q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1) + q_y;
 }
 
-static inline void rate_pickoff_mismatch(const gyro_view *g, double out[2])
+static inline void rate_effect_pickoff_mismatch(const gyro_view *g, double out[2])
 {
     const double pickoff_inverse_gap = g->p[GYRO_PICKOFF_INVERSE_GAP];
     const double pickoff_mismatch = g->p[GYRO_PICKOFF_MISMATCH];
@@ -1116,7 +1116,7 @@ static inline void effect_pickoff_nonlinearity(const gyro_view *g, double out[2]
     out[1] = q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1);
 }
 
-static inline void rate_pickoff_nonlinearity(const gyro_view *g, double out[2])
+static inline void rate_effect_pickoff_nonlinearity(const gyro_view *g, double out[2])
 {
     const double pickoff_inverse_gap = g->p[GYRO_PICKOFF_INVERSE_GAP];
     const double q_x = g->q[0];
@@ -1573,7 +1573,7 @@ static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES]
         effect_dielectric_charging(g);
     }
     if (g->active[GYRO_EFFECT_STRESS_RELAXATION]) {
-        recall_stress_relaxation(g);
+        recall_effect_stress_relaxation(g);
         effect_stress_relaxation(g);
     }
     if (g->active[GYRO_EFFECT_THERMAL_DAMPING]) {
@@ -1589,18 +1589,18 @@ static inline void apply_laws(gyro_view *g, const double value[GYRO_N_VARIABLES]
         effect_thermal_stiffness(g);
     }
     if (g->active[GYRO_EFFECT_THERMAL_HYSTERESIS]) {
-        recall_thermal_hysteresis(g);
+        recall_effect_thermal_hysteresis(g);
         effect_thermal_hysteresis(g);
     }
     if (g->active[GYRO_EFFECT_AGEING]) {
         effect_ageing(g);
     }
     if (g->active[GYRO_EFFECT_BIAS_WALK]) {
-        recall_bias_walk(g);
+        recall_effect_bias_walk(g);
         effect_bias_walk(g);
     }
     if (g->active[GYRO_EFFECT_TURN_ON_OFFSET]) {
-        recall_turn_on_offset(g);
+        recall_effect_turn_on_offset(g);
         effect_turn_on_offset(g);
     }
 }
@@ -1618,7 +1618,7 @@ static inline int laws_move(const gyro_view *g, const double value[GYRO_N_VARIAB
     }
     if (g->active[GYRO_EFFECT_STRESS_RELAXATION]) {
         double rate[GYRO_N_FLOWING];
-        flow_stress_relaxation(g, rate);
+        flow_effect_stress_relaxation(g, rate);
         moving = moving || rate[GYRO_MEMORY_RELAXING_TEMPERATURE] != 0.0;
     }
     if (g->active[GYRO_EFFECT_AGEING]) {
@@ -1655,9 +1655,9 @@ static inline void begin_memories(gyro_view *g, const double value[GYRO_N_VARIAB
     }
     if (g->active[GYRO_EFFECT_STRESS_RELAXATION]) {
         if (!acted[GYRO_EFFECT_STRESS_RELAXATION]) {
-            begin_stress_relaxation(g);
+            begin_effect_stress_relaxation(g);
         }
-        recall_stress_relaxation(g);
+        recall_effect_stress_relaxation(g);
         effect_stress_relaxation(g);
     }
     if (g->active[GYRO_EFFECT_THERMAL_DAMPING]) {
@@ -1674,9 +1674,9 @@ static inline void begin_memories(gyro_view *g, const double value[GYRO_N_VARIAB
     }
     if (g->active[GYRO_EFFECT_THERMAL_HYSTERESIS]) {
         if (!acted[GYRO_EFFECT_THERMAL_HYSTERESIS]) {
-            begin_thermal_hysteresis(g);
+            begin_effect_thermal_hysteresis(g);
         }
-        recall_thermal_hysteresis(g);
+        recall_effect_thermal_hysteresis(g);
         effect_thermal_hysteresis(g);
     }
     if (g->active[GYRO_EFFECT_AGEING]) {
@@ -1684,21 +1684,21 @@ static inline void begin_memories(gyro_view *g, const double value[GYRO_N_VARIAB
     }
     if (g->active[GYRO_EFFECT_BIAS_WALK]) {
         if (!acted[GYRO_EFFECT_BIAS_WALK]) {
-            begin_bias_walk(g);
+            begin_effect_bias_walk(g);
         }
-        recall_bias_walk(g);
+        recall_effect_bias_walk(g);
         effect_bias_walk(g);
     }
     if (g->active[GYRO_EFFECT_TURN_ON_OFFSET]) {
         if (!acted[GYRO_EFFECT_TURN_ON_OFFSET]) {
-            begin_turn_on_offset(g);
+            begin_effect_turn_on_offset(g);
         }
-        recall_turn_on_offset(g);
+        recall_effect_turn_on_offset(g);
         effect_turn_on_offset(g);
     }
     if (g->active[GYRO_EFFECT_PLAY]) {
         if (!acted[GYRO_EFFECT_PLAY]) {
-            begin_play(g);
+            begin_effect_play(g);
         }
     }
 }
@@ -1708,7 +1708,7 @@ static inline void renew_memories(gyro_view *g)
 {
     (void)g;
     if (g->active[GYRO_EFFECT_BIAS_WALK]) {
-        renew_bias_walk(g);
+        renew_effect_bias_walk(g);
     }
 }
 
@@ -1720,7 +1720,7 @@ static inline void flow_memories(const gyro_view *g, double *rate)
     }
     (void)g;
     if (g->active[GYRO_EFFECT_STRESS_RELAXATION]) {
-        flow_stress_relaxation(g, rate);
+        flow_effect_stress_relaxation(g, rate);
     }
 }
 
@@ -1822,7 +1822,7 @@ static inline void state_rate(const gyro_view *g, double rate[GYRO_N_STATES])
     rate[GYRO_STATE_Y_DOT] = force[1] * g->inverse_mass;
 }
 
-static inline void slope_coriolis(const gyro_view *g, double slope[2][4])
+static inline void slope_effect_coriolis(const gyro_view *g, double slope[2][4])
 {
     const double m = g->p[GYRO_M];
     const double omega_z = g->p[GYRO_OMEGA_Z];
@@ -1830,7 +1830,7 @@ static inline void slope_coriolis(const gyro_view *g, double slope[2][4])
     slope[1][GYRO_STATE_X_DOT] += -2*m*omega_z;
 }
 
-static inline void slope_damping(const gyro_view *g, double slope[2][4])
+static inline void slope_effect_damping(const gyro_view *g, double slope[2][4])
 {
     const double dxx = g->p[GYRO_DXX];
     const double dxy = g->p[GYRO_DXY];
@@ -1841,7 +1841,7 @@ static inline void slope_damping(const gyro_view *g, double slope[2][4])
     slope[1][GYRO_STATE_Y_DOT] += -dyy;
 }
 
-static inline void slope_suspension(const gyro_view *g, double slope[2][4])
+static inline void slope_effect_suspension(const gyro_view *g, double slope[2][4])
 {
     const double kxx = g->p[GYRO_KXX];
     const double kxy = g->p[GYRO_KXY];
@@ -1852,7 +1852,7 @@ static inline void slope_suspension(const gyro_view *g, double slope[2][4])
     slope[1][GYRO_STATE_Y] += -kyy;
 }
 
-static inline void slope_angular_gain(const gyro_view *g, double slope[2][4])
+static inline void slope_effect_angular_gain(const gyro_view *g, double slope[2][4])
 {
     const double angular_gain = g->p[GYRO_ANGULAR_GAIN];
     const double m = g->p[GYRO_M];
@@ -1861,7 +1861,7 @@ static inline void slope_angular_gain(const gyro_view *g, double slope[2][4])
     slope[1][GYRO_STATE_X_DOT] += m*omega_z*(2 - 2*angular_gain);
 }
 
-static inline void slope_comb_fringe(const gyro_view *g, double slope[2][4])
+static inline void slope_effect_comb_fringe(const gyro_view *g, double slope[2][4])
 {
     const double comb_fringe = g->p[GYRO_COMB_FRINGE];
     const double u_x = g->u[0];
@@ -1870,7 +1870,7 @@ static inline void slope_comb_fringe(const gyro_view *g, double slope[2][4])
     slope[1][GYRO_STATE_Y] += comb_fringe*u_y;
 }
 
-static inline void slope_frame_rotation(const gyro_view *g, double slope[2][4])
+static inline void slope_effect_frame_rotation(const gyro_view *g, double slope[2][4])
 {
     const double frame_rotation = g->p[GYRO_FRAME_ROTATION];
     const double m = g->p[GYRO_M];
@@ -1879,7 +1879,7 @@ static inline void slope_frame_rotation(const gyro_view *g, double slope[2][4])
     slope[1][GYRO_STATE_Y] += frame_rotation*m*omega_z*omega_z;
 }
 
-static inline void still_constant_force(const gyro_view *g, double still[2])
+static inline void still_effect_constant_force(const gyro_view *g, double still[2])
 {
     const double force_x = g->p[GYRO_FORCE_X];
     const double force_y = g->p[GYRO_FORCE_Y];
@@ -1887,7 +1887,7 @@ static inline void still_constant_force(const gyro_view *g, double still[2])
     still[1] += force_y;
 }
 
-static inline void still_linear_acceleration(const gyro_view *g, double still[2])
+static inline void still_effect_linear_acceleration(const gyro_view *g, double still[2])
 {
     const double a_x = g->p[GYRO_A_X];
     const double a_y = g->p[GYRO_A_Y];
@@ -1904,19 +1904,19 @@ static inline void find_slopes(const gyro_view *g, double slope[2][4])
     for (int axis = 0; axis < 2; axis++) {
         slope[axis][0] = slope[axis][1] = slope[axis][2] = slope[axis][3] = 0.0;
     }
-    slope_coriolis(g, slope);
-    slope_damping(g, slope);
-    slope_suspension(g, slope);
+    slope_effect_coriolis(g, slope);
+    slope_effect_damping(g, slope);
+    slope_effect_suspension(g, slope);
     for (int i = 0; i < g->n_acting; i++) {
         switch (g->acting[i]) {
         case GYRO_EFFECT_ANGULAR_GAIN:
-            slope_angular_gain(g, slope);
+            slope_effect_angular_gain(g, slope);
             break;
         case GYRO_EFFECT_COMB_FRINGE:
-            slope_comb_fringe(g, slope);
+            slope_effect_comb_fringe(g, slope);
             break;
         case GYRO_EFFECT_FRAME_ROTATION:
-            slope_frame_rotation(g, slope);
+            slope_effect_frame_rotation(g, slope);
             break;
         default:
             break;
@@ -1932,10 +1932,10 @@ static inline void find_still(const gyro_view *g, double still[2])
     for (int i = 0; i < g->n_acting; i++) {
         switch (g->acting[i]) {
         case GYRO_EFFECT_CONSTANT_FORCE:
-            still_constant_force(g, still);
+            still_effect_constant_force(g, still);
             break;
         case GYRO_EFFECT_LINEAR_ACCELERATION:
-            still_linear_acceleration(g, still);
+            still_effect_linear_acceleration(g, still);
             break;
         default:
             break;
@@ -1948,7 +1948,7 @@ static inline void kick(gyro_view *g)
 {
     double impulse[2] = {0.0, 0.0};
     if (g->active[GYRO_EFFECT_FRAME_ROTATION]) {
-        impulse_frame_rotation(g, impulse);
+        impulse_effect_frame_rotation(g, impulse);
     }
     g->s[GYRO_STATE_X_DOT] += impulse[0] * g->inverse_mass;
     g->s[GYRO_STATE_Y_DOT] += impulse[1] * g->inverse_mass;
@@ -1960,7 +1960,7 @@ static inline void actuate(gyro_view *g)
     double out[2];
     if (g->any_map) {
         if (g->active[GYRO_EFFECT_PLAY]) {
-            recall_play(g);
+            recall_effect_play(g);
             effect_play(g, out);
             g->u[0] = out[0];
             g->u[1] = out[1];
@@ -2102,7 +2102,7 @@ static inline void pick_off_moving(gyro_view *g)
     g->q_rate[1] = g->s_rate[GYRO_STATE_Y];
     if (g->any_map) {
         if (g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT]) {
-            rate_pickoff_misalignment(g, out);
+            rate_effect_pickoff_misalignment(g, out);
             g->q_rate[0] = out[0];
             g->q_rate[1] = out[1];
         }
@@ -2115,12 +2115,12 @@ static inline void pick_off_moving(gyro_view *g)
             const double entering[2] = {g->q_rate[0], g->q_rate[1]};
             double sum[2] = {entering[0], entering[1]};
             if (g->active[GYRO_EFFECT_PICKOFF_MISMATCH]) {
-                rate_pickoff_mismatch(g, out);
+                rate_effect_pickoff_mismatch(g, out);
                 sum[0] += out[0] - entering[0];
                 sum[1] += out[1] - entering[1];
             }
             if (g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY]) {
-                rate_pickoff_nonlinearity(g, out);
+                rate_effect_pickoff_nonlinearity(g, out);
                 sum[0] += out[0] - entering[0];
                 sum[1] += out[1] - entering[1];
             }
@@ -2144,7 +2144,7 @@ static inline void pick_off_moving(gyro_view *g)
             g->q[1] = sum[1];
         }
     }
-    rate_ideal_pickoff(g, out);
+    rate_effect_ideal_pickoff(g, out);
     g->v_rate[0] = out[0];
     g->v_rate[1] = out[1];
     effect_ideal_pickoff(g, out);
@@ -2152,7 +2152,7 @@ static inline void pick_off_moving(gyro_view *g)
     g->v[1] = out[1];
     if (g->any_map) {
         if (g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH]) {
-            rate_pickoff_gain_mismatch(g, out);
+            rate_effect_pickoff_gain_mismatch(g, out);
             g->v_rate[0] = out[0];
             g->v_rate[1] = out[1];
         }
@@ -2162,7 +2162,7 @@ static inline void pick_off_moving(gyro_view *g)
             g->v[1] = out[1];
         }
         if (g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE]) {
-            rate_parasitic_capacitance(g, out);
+            rate_effect_parasitic_capacitance(g, out);
             g->v_rate[0] = out[0];
             g->v_rate[1] = out[1];
         }
@@ -2172,7 +2172,7 @@ static inline void pick_off_moving(gyro_view *g)
             g->v[1] = out[1];
         }
         if (g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH]) {
-            rate_drive_feedthrough(g, out);
+            rate_effect_drive_feedthrough(g, out);
             g->v_rate[0] = out[0];
             g->v_rate[1] = out[1];
         }
@@ -2190,7 +2190,7 @@ static inline void amplify_moving(gyro_view *g)
     double out[2];
     if (g->any_map) {
         if (g->active[GYRO_EFFECT_AMPLIFIER_OFFSET]) {
-            rate_amplifier_offset(g, out);
+            rate_effect_amplifier_offset(g, out);
             g->v_rate[0] = out[0];
             g->v_rate[1] = out[1];
         }
@@ -2200,7 +2200,7 @@ static inline void amplify_moving(gyro_view *g)
             g->v[1] = out[1];
         }
         if (g->active[GYRO_EFFECT_AMPLIFIER_DRIFT]) {
-            rate_amplifier_drift(g, out);
+            rate_effect_amplifier_drift(g, out);
             g->v_rate[0] = out[0];
             g->v_rate[1] = out[1];
         }

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{d7277f94-b58d-d9bd-de14-7fd5ad668d8b}"
+#define GYRO_TOKEN "{eafa8cac-62b2-e230-eb7f-c6dfd8fcc301}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -186,7 +186,7 @@ static const gyro_series_size series_sizes[GYRO_N_EFFECTS] = {
     {0, 0, 0, 0, 0}, /* turn_on_offset */
 };
 
-static GYRO_INLINE void series_contact_stop(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+static GYRO_INLINE void series_effect_contact_stop(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
                     double h, gyro_pair *force)
 {
     const double kxx = g->p[GYRO_KXX];
@@ -249,7 +249,7 @@ static GYRO_INLINE void series_contact_stop(const gyro_view *g, gyro_series *s, 
     }
 }
 
-static GYRO_INLINE void series_cross_cubic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+static GYRO_INLINE void series_effect_cross_cubic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
                     double h, gyro_pair *force)
 {
     const double k22 = g->p[GYRO_K22];
@@ -274,7 +274,7 @@ static GYRO_INLINE void series_cross_cubic_stiffness(const gyro_view *g, gyro_se
     *force = pair_sum(*force, sum_1);
 }
 
-static GYRO_INLINE void series_cubic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+static GYRO_INLINE void series_effect_cubic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
                     double h, gyro_pair *force)
 {
     const double k3_x = g->p[GYRO_K3_X];
@@ -299,7 +299,7 @@ static GYRO_INLINE void series_cubic_stiffness(const gyro_view *g, gyro_series *
     *force = pair_sum(*force, sum_1);
 }
 
-static GYRO_INLINE void series_dry_friction(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+static GYRO_INLINE void series_effect_dry_friction(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
                     double h, gyro_pair *force)
 {
     const double friction_speed = g->p[GYRO_FRICTION_SPEED];
@@ -357,7 +357,7 @@ static GYRO_INLINE void series_dry_friction(const gyro_view *g, gyro_series *s, 
     *force = pair_sum(*force, sum_1);
 }
 
-static GYRO_INLINE void series_electrostatic_softening(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+static GYRO_INLINE void series_effect_electrostatic_softening(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
                     double h, gyro_pair *force)
 {
     const double electrode_gap = g->p[GYRO_ELECTRODE_GAP];
@@ -385,7 +385,7 @@ static GYRO_INLINE void series_electrostatic_softening(const gyro_view *g, gyro_
     *force = pair_sum(*force, following(s, c[1], c[2], w[2], k));
 }
 
-static GYRO_INLINE void series_hysteresis(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+static GYRO_INLINE void series_effect_hysteresis(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
                     double h, gyro_pair *force)
 {
     const double hysteresis_beta = g->p[GYRO_HYSTERESIS_BETA];
@@ -432,7 +432,7 @@ static GYRO_INLINE void series_hysteresis(const gyro_view *g, gyro_series *s, co
     s->of[GYRO_PAIR_HYSTERESIS_Z_X_AND_HYSTERESIS_Z_Y][k + 1] = pair_product(pair_scaled(h, c[1]), pair_difference(x_dot[k], w[4][k]));
 }
 
-static GYRO_INLINE void series_nonlinear_damping(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+static GYRO_INLINE void series_effect_nonlinear_damping(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
                     double h, gyro_pair *force)
 {
     const double d2_x = g->p[GYRO_D2_X];
@@ -457,7 +457,7 @@ static GYRO_INLINE void series_nonlinear_damping(const gyro_view *g, gyro_series
     *force = pair_sum(*force, sum_1);
 }
 
-static GYRO_INLINE void series_parasitic_mode(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+static GYRO_INLINE void series_effect_parasitic_mode(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
                     double h, gyro_pair *force)
 {
     const double m = g->p[GYRO_M];
@@ -486,7 +486,7 @@ static GYRO_INLINE void series_parasitic_mode(const gyro_view *g, gyro_series *s
     s->of[GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT][k + 1] = pair_product(both(h), pair_sum(pair_sum(pair_product(c[1], parasitic[k]), pair_product(c[2], parasitic_dot[k])), pair_product(c[3], x[k])));
 }
 
-static GYRO_INLINE void series_quadratic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+static GYRO_INLINE void series_effect_quadratic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
                     double h, gyro_pair *force)
 {
     const double k2_x = g->p[GYRO_K2_X];
@@ -508,7 +508,7 @@ static GYRO_INLINE void series_quadratic_stiffness(const gyro_view *g, gyro_seri
     *force = pair_sum(*force, sum_1);
 }
 
-static GYRO_INLINE void series_squeeze_film(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
+static GYRO_INLINE void series_effect_squeeze_film(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,
                     double h, gyro_pair *force)
 {
     const double squeeze_gap = g->p[GYRO_SQUEEZE_GAP];
@@ -556,34 +556,34 @@ static GYRO_INLINE gyro_pair with_series(const gyro_view *g, gyro_series *s, int
     for (int i = 0; i < s->plan->n; i++) {
         switch (s->plan->effect[i]) {
         case GYRO_EFFECT_CONTACT_STOP:
-            series_contact_stop(g, s, &s->plan->place[i], k, h, &force);
+            series_effect_contact_stop(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_CROSS_CUBIC_STIFFNESS:
-            series_cross_cubic_stiffness(g, s, &s->plan->place[i], k, h, &force);
+            series_effect_cross_cubic_stiffness(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_CUBIC_STIFFNESS:
-            series_cubic_stiffness(g, s, &s->plan->place[i], k, h, &force);
+            series_effect_cubic_stiffness(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_DRY_FRICTION:
-            series_dry_friction(g, s, &s->plan->place[i], k, h, &force);
+            series_effect_dry_friction(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_ELECTROSTATIC_SOFTENING:
-            series_electrostatic_softening(g, s, &s->plan->place[i], k, h, &force);
+            series_effect_electrostatic_softening(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_HYSTERESIS:
-            series_hysteresis(g, s, &s->plan->place[i], k, h, &force);
+            series_effect_hysteresis(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_NONLINEAR_DAMPING:
-            series_nonlinear_damping(g, s, &s->plan->place[i], k, h, &force);
+            series_effect_nonlinear_damping(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_PARASITIC_MODE:
-            series_parasitic_mode(g, s, &s->plan->place[i], k, h, &force);
+            series_effect_parasitic_mode(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_QUADRATIC_STIFFNESS:
-            series_quadratic_stiffness(g, s, &s->plan->place[i], k, h, &force);
+            series_effect_quadratic_stiffness(g, s, &s->plan->place[i], k, h, &force);
             break;
         case GYRO_EFFECT_SQUEEZE_FILM:
-            series_squeeze_film(g, s, &s->plan->place[i], k, h, &force);
+            series_effect_squeeze_film(g, s, &s->plan->place[i], k, h, &force);
             break;
         default:
             break;

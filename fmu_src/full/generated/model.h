@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{0f80b182-4f1d-2e15-c9ba-0a44f629ddec}"
+#define GYRO_TOKEN "{ca105eca-780d-72d1-4703-c3f36a9f6842}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -17,14 +17,14 @@ typedef struct {
     double v[2];
 } gyro_tangent;
 
-static inline void tangent_recall_bias_walk(const gyro_view *g, gyro_tangent *d)
+static inline void tangent_recall_effect_bias_walk(const gyro_view *g, gyro_tangent *d)
 {
     (void)g;
     const double d_bias_walked = d->remembered[GYRO_MEMORY_BIAS_WALKED];
     d->remembered_now[GYRO_MEMORY_BIAS_WALKED] = d_bias_walked;
 }
 
-static inline void tangent_recall_play(const gyro_view *g, gyro_tangent *d)
+static inline void tangent_recall_effect_play(const gyro_view *g, gyro_tangent *d)
 {
     (void)g;
     const double play = g->p[GYRO_PLAY];
@@ -90,7 +90,7 @@ static inline void tangent_recall_play(const gyro_view *g, gyro_tangent *d)
 )));
 }
 
-static inline void tangent_recall_stress_relaxation(const gyro_view *g, gyro_tangent *d)
+static inline void tangent_recall_effect_stress_relaxation(const gyro_view *g, gyro_tangent *d)
 {
     (void)g;
     const double relaxation_time = g->p[GYRO_RELAXATION_TIME];
@@ -100,7 +100,7 @@ static inline void tangent_recall_stress_relaxation(const gyro_view *g, gyro_tan
     d->remembered_now[GYRO_MEMORY_RELAXING_TEMPERATURE] = (d_relaxing_temperature == 0.0 ? 0.0 : d_relaxing_temperature*gyro_exp(-since/relaxation_time)) + d_temperature*(1 - gyro_exp(-since/relaxation_time));
 }
 
-static inline void tangent_flow_stress_relaxation(const gyro_view *g, const gyro_tangent *d, double *rate)
+static inline void tangent_flow_effect_stress_relaxation(const gyro_view *g, const gyro_tangent *d, double *rate)
 {
     (void)g;
     const double relaxation_time = g->p[GYRO_RELAXATION_TIME];
@@ -109,7 +109,7 @@ static inline void tangent_flow_stress_relaxation(const gyro_view *g, const gyro
     rate[GYRO_MEMORY_RELAXING_TEMPERATURE] = -d_relaxing_temperature/relaxation_time + d_temperature/relaxation_time;
 }
 
-static inline void tangent_recall_thermal_hysteresis(const gyro_view *g, gyro_tangent *d)
+static inline void tangent_recall_effect_thermal_hysteresis(const gyro_view *g, gyro_tangent *d)
 {
     (void)g;
     const double temperature_structure = g->p[GYRO_TEMPERATURE_STRUCTURE];
@@ -203,14 +203,14 @@ static inline void tangent_recall_thermal_hysteresis(const gyro_view *g, gyro_ta
 ));
 }
 
-static inline void tangent_recall_turn_on_offset(const gyro_view *g, gyro_tangent *d)
+static inline void tangent_recall_effect_turn_on_offset(const gyro_view *g, gyro_tangent *d)
 {
     (void)g;
     const double d_turn_on_drawn = d->remembered[GYRO_MEMORY_TURN_ON_DRAWN];
     d->remembered_now[GYRO_MEMORY_TURN_ON_DRAWN] = d_turn_on_drawn;
 }
 
-static inline void tangent_damping_step(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_damping_step(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double after = g->after[GYRO_EFFECT_DAMPING_STEP];
@@ -223,14 +223,14 @@ static inline void tangent_damping_step(const gyro_view *g, const gyro_tangent *
     out[2] = d_dxy*(after*(damping_step_factor - 1) + 1);
 }
 
-static inline void tangent_dielectric_charging(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_dielectric_charging(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double d_v_bias = d->p[GYRO_V_BIAS];
     out[0] = d_v_bias;
 }
 
-static inline void tangent_stress_relaxation(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_stress_relaxation(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double kxx = g->p[GYRO_KXX];
@@ -247,7 +247,7 @@ static inline void tangent_stress_relaxation(const gyro_view *g, const gyro_tang
     out[2] = d_kxy*(relaxation*relaxing_temperature + 1) + d_relaxing_temperature*kxy*relaxation;
 }
 
-static inline void tangent_thermal_damping(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_thermal_damping(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double dxx = g->p[GYRO_DXX];
@@ -265,7 +265,7 @@ static inline void tangent_thermal_damping(const gyro_view *g, const gyro_tangen
     out[2] = d_dxy*(tcd*(-t_ref + temperature_structure) + 1) + d_temperature_structure*dxy*tcd;
 }
 
-static inline void tangent_thermal_gain(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_thermal_gain(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double sense_gain_x = g->p[GYRO_SENSE_GAIN_X];
@@ -280,7 +280,7 @@ static inline void tangent_thermal_gain(const gyro_view *g, const gyro_tangent *
     out[1] = d_sense_gain_y*(tcg*(-t_ref + temperature_circuit) + 1) + d_temperature_circuit*sense_gain_y*tcg;
 }
 
-static inline void tangent_thermal_phase(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_thermal_phase(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double amplifier_time_constant = g->p[GYRO_AMPLIFIER_TIME_CONSTANT];
@@ -302,7 +302,7 @@ static inline void tangent_thermal_phase(const gyro_view *g, const gyro_tangent 
 ));
 }
 
-static inline void tangent_thermal_stiffness(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_thermal_stiffness(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double kxx = g->p[GYRO_KXX];
@@ -321,7 +321,7 @@ static inline void tangent_thermal_stiffness(const gyro_view *g, const gyro_tang
     out[2] = d_kyy*((-t_ref + temperature_structure)*(tck + tck_split) + 1) + d_temperature_structure*kyy*(tck + tck_split);
 }
 
-static inline void tangent_thermal_hysteresis(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_thermal_hysteresis(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double dxx = g->p[GYRO_DXX];
@@ -352,7 +352,7 @@ static inline void tangent_thermal_hysteresis(const gyro_view *g, const gyro_tan
     out[3] = d_dxy*(thermal_hysteresis*((1.0/3.0)*(temperature_structure - thermal_play_3)/thermal_hysteresis_width_3 + (1.0/3.0)*(temperature_structure - thermal_play_2)/thermal_hysteresis_width_2 + (1.0/3.0)*(temperature_structure - thermal_play_1)/thermal_hysteresis_width_1) + 1) + d_temperature_structure*dxy*thermal_hysteresis*((1.0/3.0)/thermal_hysteresis_width_3 + (1.0/3.0)/thermal_hysteresis_width_2 + (1.0/3.0)/thermal_hysteresis_width_1) - 1.0/3.0*d_thermal_play_1*dxy*thermal_hysteresis/thermal_hysteresis_width_1 - 1.0/3.0*d_thermal_play_2*dxy*thermal_hysteresis/thermal_hysteresis_width_2 - 1.0/3.0*d_thermal_play_3*dxy*thermal_hysteresis/thermal_hysteresis_width_3;
 }
 
-static inline void tangent_ageing(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_ageing(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double ageing = g->p[GYRO_AGEING];
@@ -366,7 +366,7 @@ static inline void tangent_ageing(const gyro_view *g, const gyro_tangent *d, dou
     out[0] = (ageing == 0.0 ? 0.0 : (1.0/2.0)*ageing*d_dxx*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)/dxx) + (ageing == 0.0 ? 0.0 : (1.0/2.0)*ageing*d_dyy*sqrt(dxx*dyy)*gyro_log(1 + t/ageing_time)/dyy) + d_dxy;
 }
 
-static inline void tangent_bias_walk(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_bias_walk(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double bias_walk = g->p[GYRO_BIAS_WALK];
@@ -380,7 +380,7 @@ static inline void tangent_bias_walk(const gyro_view *g, const gyro_tangent *d, 
     out[0] = (1.0/2.0)*bias_walk*bias_walked*d_dxx*sqrt(dxx*dyy)/dxx + (1.0/2.0)*bias_walk*bias_walked*d_dyy*sqrt(dxx*dyy)/dyy + bias_walk*d_bias_walked*sqrt(dxx*dyy) + d_dxy;
 }
 
-static inline void tangent_turn_on_offset(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_turn_on_offset(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double dxx = g->p[GYRO_DXX];
@@ -394,7 +394,7 @@ static inline void tangent_turn_on_offset(const gyro_view *g, const gyro_tangent
     out[0] = (1.0/2.0)*d_dxx*turn_on*turn_on_drawn*sqrt(dxx*dyy)/dxx + d_dxy + (1.0/2.0)*d_dyy*turn_on*turn_on_drawn*sqrt(dxx*dyy)/dyy + d_turn_on_drawn*turn_on*sqrt(dxx*dyy);
 }
 
-static inline void tangent_coriolis(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_coriolis(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double m = g->p[GYRO_M];
@@ -408,7 +408,7 @@ static inline void tangent_coriolis(const gyro_view *g, const gyro_tangent *d, d
     force[1] += -2*d_omega_z*m*x_dot - 2*d_x_dot*m*omega_z;
 }
 
-static inline void tangent_damping(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_damping(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double dxx = g->p[GYRO_DXX];
@@ -425,7 +425,7 @@ static inline void tangent_damping(const gyro_view *g, const gyro_tangent *d, do
     force[1] += -d_dxy*x_dot - d_dyy*y_dot - d_x_dot*dxy - d_y_dot*dyy;
 }
 
-static inline void tangent_suspension(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_suspension(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double kxx = g->p[GYRO_KXX];
@@ -442,7 +442,7 @@ static inline void tangent_suspension(const gyro_view *g, const gyro_tangent *d,
     force[1] += -d_kxy*x - d_kyy*y - d_x*kxy - d_y*kyy;
 }
 
-static inline void tangent_angular_gain(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_angular_gain(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double angular_gain = g->p[GYRO_ANGULAR_GAIN];
@@ -457,7 +457,7 @@ static inline void tangent_angular_gain(const gyro_view *g, const gyro_tangent *
     force[1] += d_omega_z*m*x_dot*(2 - 2*angular_gain) + d_x_dot*m*omega_z*(2 - 2*angular_gain);
 }
 
-static inline void tangent_comb_fringe(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_comb_fringe(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double comb_fringe = g->p[GYRO_COMB_FRINGE];
@@ -473,12 +473,12 @@ static inline void tangent_comb_fringe(const gyro_view *g, const gyro_tangent *d
     force[1] += comb_fringe*d_u_y*y + comb_fringe*d_y*u_y;
 }
 
-static inline void tangent_constant_force(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_constant_force(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
 }
 
-static inline void tangent_contact_stop(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_contact_stop(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double kxx = g->p[GYRO_KXX];
@@ -608,7 +608,7 @@ static inline void tangent_contact_stop(const gyro_view *g, const gyro_tangent *
 )) + 2)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))))) - d_y_dot*stop_damping*((3.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*(y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))*smaller(1, stop_stiffness/kxx)/(((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y))))*((1.0/4096.0)*stop_gap*stop_gap + (y - larger(-stop_gap, smaller(stop_gap, y)))*(y - larger(-stop_gap, smaller(stop_gap, y)))));
 }
 
-static inline void tangent_cross_cubic_stiffness(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_cross_cubic_stiffness(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double k22 = g->p[GYRO_K22];
@@ -620,7 +620,7 @@ static inline void tangent_cross_cubic_stiffness(const gyro_view *g, const gyro_
     force[1] += -2*d_x*k22*x*y - d_y*k22*x*x;
 }
 
-static inline void tangent_cubic_stiffness(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_cubic_stiffness(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double k3_x = g->p[GYRO_K3_X];
@@ -633,7 +633,7 @@ static inline void tangent_cubic_stiffness(const gyro_view *g, const gyro_tangen
     force[1] += -3*d_y*k3_y*y*y;
 }
 
-static inline void tangent_dry_friction(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_dry_friction(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double friction_speed = g->p[GYRO_FRICTION_SPEED];
@@ -649,7 +649,7 @@ static inline void tangent_dry_friction(const gyro_view *g, const gyro_tangent *
     force[1] += -d_y_dot*friction_y*((stribeck == 0.0 ? 0.0 : -2*stribeck*y_dot*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed))*gyro_tanh(y_dot/friction_speed)/(stribeck_speed*stribeck_speed)) + (stribeck == 0.0 ? 0.0 : stribeck*(1 - gyro_tanh(y_dot/friction_speed)*gyro_tanh(y_dot/friction_speed))*gyro_exp(-y_dot*y_dot/(stribeck_speed*stribeck_speed))/friction_speed) + (1 - gyro_tanh(y_dot/friction_speed)*gyro_tanh(y_dot/friction_speed))/friction_speed);
 }
 
-static inline void tangent_electrostatic_softening(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_electrostatic_softening(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double electrode_gap = g->p[GYRO_ELECTRODE_GAP];
@@ -664,7 +664,7 @@ static inline void tangent_electrostatic_softening(const gyro_view *g, const gyr
     force[1] += 2*d_v_bias*softening*v_bias*y/((1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap))) + d_y*(softening*v_bias*v_bias/((1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap))) + 4*softening*v_bias*v_bias*y*y/(((1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap))*(1 - y*y/(electrode_gap*electrode_gap)))*(electrode_gap*electrode_gap)));
 }
 
-static inline void tangent_frame_rotation(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_frame_rotation(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double frame_rotation = g->p[GYRO_FRAME_ROTATION];
@@ -679,7 +679,7 @@ static inline void tangent_frame_rotation(const gyro_view *g, const gyro_tangent
     force[1] += 2*d_omega_z*frame_rotation*m*omega_z*y + d_y*frame_rotation*m*omega_z*omega_z;
 }
 
-static inline void tangent_hysteresis(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_hysteresis(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double hysteresis_beta = g->p[GYRO_HYSTERESIS_BETA];
@@ -702,7 +702,7 @@ static inline void tangent_hysteresis(const gyro_view *g, const gyro_tangent *d,
     rate[GYRO_STATE_HYSTERESIS_Z_Y] = d_hysteresis_z_y*(-(hysteresis_n - 1)*(hysteresis_beta*hysteresis_z_y*gyro_fabs(y_dot) + hysteresis_gamma*y_dot*gyro_fabs(hysteresis_z_y))*gyro_power(gyro_fabs(hysteresis_z_y) + 2.2250738585072014e-308, hysteresis_n - 1)*(((hysteresis_z_y) > 0) - ((hysteresis_z_y) < 0))/(gyro_fabs(hysteresis_z_y) + 2.2250738585072014e-308) - (hysteresis_beta*gyro_fabs(y_dot) + hysteresis_gamma*y_dot*(((hysteresis_z_y) > 0) - ((hysteresis_z_y) < 0)))*gyro_power(gyro_fabs(hysteresis_z_y) + 2.2250738585072014e-308, hysteresis_n - 1))/hysteresis_length + d_y_dot*(-(hysteresis_beta*hysteresis_z_y*(((y_dot) > 0) - ((y_dot) < 0)) + hysteresis_gamma*gyro_fabs(hysteresis_z_y))*gyro_power(gyro_fabs(hysteresis_z_y) + 2.2250738585072014e-308, hysteresis_n - 1) + 1)/hysteresis_length;
 }
 
-static inline void tangent_linear_acceleration(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_linear_acceleration(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double acceleration_gain_x = g->p[GYRO_ACCELERATION_GAIN_X];
@@ -714,7 +714,7 @@ static inline void tangent_linear_acceleration(const gyro_view *g, const gyro_ta
     force[1] += acceleration_gain_y*d_a_y*m;
 }
 
-static inline void tangent_nonlinear_damping(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_nonlinear_damping(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double d2_x = g->p[GYRO_D2_X];
@@ -731,7 +731,7 @@ static inline void tangent_nonlinear_damping(const gyro_view *g, const gyro_tang
     force[1] += -2*d2_y*d_y*y*y_dot - d2_y*d_y_dot*y*y;
 }
 
-static inline void tangent_parasitic_mode(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_parasitic_mode(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double m = g->p[GYRO_M];
@@ -746,7 +746,7 @@ static inline void tangent_parasitic_mode(const gyro_view *g, const gyro_tangent
     rate[GYRO_STATE_PARASITIC_DOT] = -4*3.141592653589793*3.141592653589793*d_parasitic*parasitic_frequency*parasitic_frequency - 2*3.141592653589793*d_parasitic_dot*parasitic_frequency/parasitic_q - d_x*parasitic_coupling/m;
 }
 
-static inline void tangent_quadratic_stiffness(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_quadratic_stiffness(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double k2_x = g->p[GYRO_K2_X];
@@ -759,7 +759,7 @@ static inline void tangent_quadratic_stiffness(const gyro_view *g, const gyro_ta
     force[1] += -2*d_y*k2_y*y;
 }
 
-static inline void tangent_squeeze_film(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
+static inline void tangent_effect_squeeze_film(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
 {
     (void)g, (void)d, (void)force, (void)rate;
     const double squeeze_gap = g->p[GYRO_SQUEEZE_GAP];
@@ -777,7 +777,7 @@ static inline void tangent_squeeze_film(const gyro_view *g, const gyro_tangent *
     force[1] += -3*d_y*squeeze_y*y*y_dot/(((1 - y*y/(squeeze_gap*squeeze_gap))*(1 - y*y/(squeeze_gap*squeeze_gap))*sqrt(1 - y*y/(squeeze_gap*squeeze_gap)))*(squeeze_gap*squeeze_gap)) - d_y_dot*squeeze_y/((1 - y*y/(squeeze_gap*squeeze_gap))*sqrt(1 - y*y/(squeeze_gap*squeeze_gap)));
 }
 
-static inline void tangent_ideal_pickoff(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_ideal_pickoff(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double q_x = g->q[0];
@@ -792,7 +792,7 @@ static inline void tangent_ideal_pickoff(const gyro_view *g, const gyro_tangent 
     out[1] = d_q_y*sense_gain_y + d_sense_gain_y*q_y;
 }
 
-static inline void tangent_actuator_gain_mismatch(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_actuator_gain_mismatch(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double actuator_gain_mismatch = g->p[GYRO_ACTUATOR_GAIN_MISMATCH];
@@ -802,7 +802,7 @@ static inline void tangent_actuator_gain_mismatch(const gyro_view *g, const gyro
     out[1] = d_u_y*(actuator_gain_mismatch + 1);
 }
 
-static inline void tangent_actuator_misalignment(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_actuator_misalignment(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double actuator_misalignment = g->p[GYRO_ACTUATOR_MISALIGNMENT];
@@ -812,7 +812,7 @@ static inline void tangent_actuator_misalignment(const gyro_view *g, const gyro_
     out[1] = actuator_misalignment*d_u_x + d_u_y;
 }
 
-static inline void tangent_actuator_nonlinearity(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_actuator_nonlinearity(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double actuator_a2 = g->p[GYRO_ACTUATOR_A2];
@@ -825,7 +825,7 @@ static inline void tangent_actuator_nonlinearity(const gyro_view *g, const gyro_
     out[1] = d_u_y*(2*actuator_a2*u_y + 3*actuator_a3*u_y*u_y + 1);
 }
 
-static inline void tangent_amplifier_drift(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_amplifier_drift(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double d_v_x = d->v[0];
@@ -834,7 +834,7 @@ static inline void tangent_amplifier_drift(const gyro_view *g, const gyro_tangen
     out[1] = d_v_y;
 }
 
-static inline void tangent_amplifier_offset(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_amplifier_offset(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double d_v_x = d->v[0];
@@ -843,7 +843,7 @@ static inline void tangent_amplifier_offset(const gyro_view *g, const gyro_tange
     out[1] = d_v_y;
 }
 
-static inline void tangent_drive_feedthrough(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_drive_feedthrough(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double feedthrough = g->p[GYRO_FEEDTHROUGH];
@@ -855,7 +855,7 @@ static inline void tangent_drive_feedthrough(const gyro_view *g, const gyro_tang
     out[1] = d_u_y*feedthrough + d_v_y;
 }
 
-static inline void tangent_parasitic_capacitance(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_parasitic_capacitance(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double parasitic_ratio = g->p[GYRO_PARASITIC_RATIO];
@@ -865,7 +865,7 @@ static inline void tangent_parasitic_capacitance(const gyro_view *g, const gyro_
     out[1] = d_v_y/(parasitic_ratio + 1);
 }
 
-static inline void tangent_pickoff_gain_mismatch(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_pickoff_gain_mismatch(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double pickoff_gain_mismatch = g->p[GYRO_PICKOFF_GAIN_MISMATCH];
@@ -875,7 +875,7 @@ static inline void tangent_pickoff_gain_mismatch(const gyro_view *g, const gyro_
     out[1] = d_v_y*(pickoff_gain_mismatch + 1);
 }
 
-static inline void tangent_pickoff_misalignment(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_pickoff_misalignment(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double pickoff_misalignment = g->p[GYRO_PICKOFF_MISALIGNMENT];
@@ -885,7 +885,7 @@ static inline void tangent_pickoff_misalignment(const gyro_view *g, const gyro_t
     out[1] = d_q_x*pickoff_misalignment + d_q_y;
 }
 
-static inline void tangent_pickoff_mismatch(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_pickoff_mismatch(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double pickoff_inverse_gap = g->p[GYRO_PICKOFF_INVERSE_GAP];
@@ -898,7 +898,7 @@ static inline void tangent_pickoff_mismatch(const gyro_view *g, const gyro_tange
     out[1] = d_q_y*(2*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_inverse_gap*pickoff_mismatch*q_y*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + 2*pickoff_inverse_gap*pickoff_mismatch*q_y/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1) + 1);
 }
 
-static inline void tangent_pickoff_nonlinearity(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_pickoff_nonlinearity(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double pickoff_inverse_gap = g->p[GYRO_PICKOFF_INVERSE_GAP];
@@ -910,7 +910,7 @@ static inline void tangent_pickoff_nonlinearity(const gyro_view *g, const gyro_t
     out[1] = d_q_y*(2*pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y/((-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)*(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1)) + 1.0/(-pickoff_inverse_gap*pickoff_inverse_gap*q_y*q_y + 1));
 }
 
-static inline void tangent_play(const gyro_view *g, const gyro_tangent *d, double *out)
+static inline void tangent_effect_play(const gyro_view *g, const gyro_tangent *d, double *out)
 {
     (void)g, (void)d;
     const double d_play_x = d->remembered_now[GYRO_MEMORY_PLAY_X];
@@ -948,55 +948,55 @@ static inline void tangent_laws(gyro_view *g, const double value[GYRO_N_VARIABLE
         effect_thermal_lag(g);
     }
     if (g->active[GYRO_EFFECT_DAMPING_STEP]) {
-        tangent_damping_step(g, d, out);
+        tangent_effect_damping_step(g, d, out);
         effect_damping_step(g);
         d->p[GYRO_DXX] = out[0];
         d->p[GYRO_DYY] = out[1];
         d->p[GYRO_DXY] = out[2];
     }
     if (g->active[GYRO_EFFECT_DIELECTRIC_CHARGING]) {
-        tangent_dielectric_charging(g, d, out);
+        tangent_effect_dielectric_charging(g, d, out);
         effect_dielectric_charging(g);
         d->p[GYRO_V_BIAS] = out[0];
     }
     if (g->active[GYRO_EFFECT_STRESS_RELAXATION]) {
-        recall_stress_relaxation(g);
-        tangent_recall_stress_relaxation(g, d);
-        tangent_stress_relaxation(g, d, out);
+        recall_effect_stress_relaxation(g);
+        tangent_recall_effect_stress_relaxation(g, d);
+        tangent_effect_stress_relaxation(g, d, out);
         effect_stress_relaxation(g);
         d->p[GYRO_KXX] = out[0];
         d->p[GYRO_KYY] = out[1];
         d->p[GYRO_KXY] = out[2];
     }
     if (g->active[GYRO_EFFECT_THERMAL_DAMPING]) {
-        tangent_thermal_damping(g, d, out);
+        tangent_effect_thermal_damping(g, d, out);
         effect_thermal_damping(g);
         d->p[GYRO_DXX] = out[0];
         d->p[GYRO_DYY] = out[1];
         d->p[GYRO_DXY] = out[2];
     }
     if (g->active[GYRO_EFFECT_THERMAL_GAIN]) {
-        tangent_thermal_gain(g, d, out);
+        tangent_effect_thermal_gain(g, d, out);
         effect_thermal_gain(g);
         d->p[GYRO_SENSE_GAIN_X] = out[0];
         d->p[GYRO_SENSE_GAIN_Y] = out[1];
     }
     if (g->active[GYRO_EFFECT_THERMAL_PHASE]) {
-        tangent_thermal_phase(g, d, out);
+        tangent_effect_thermal_phase(g, d, out);
         effect_thermal_phase(g);
         d->p[GYRO_AMPLIFIER_TIME_CONSTANT] = out[0];
     }
     if (g->active[GYRO_EFFECT_THERMAL_STIFFNESS]) {
-        tangent_thermal_stiffness(g, d, out);
+        tangent_effect_thermal_stiffness(g, d, out);
         effect_thermal_stiffness(g);
         d->p[GYRO_KXX] = out[0];
         d->p[GYRO_KXY] = out[1];
         d->p[GYRO_KYY] = out[2];
     }
     if (g->active[GYRO_EFFECT_THERMAL_HYSTERESIS]) {
-        recall_thermal_hysteresis(g);
-        tangent_recall_thermal_hysteresis(g, d);
-        tangent_thermal_hysteresis(g, d, out);
+        recall_effect_thermal_hysteresis(g);
+        tangent_recall_effect_thermal_hysteresis(g, d);
+        tangent_effect_thermal_hysteresis(g, d, out);
         effect_thermal_hysteresis(g);
         d->p[GYRO_KYY] = out[0];
         d->p[GYRO_DXX] = out[1];
@@ -1004,21 +1004,21 @@ static inline void tangent_laws(gyro_view *g, const double value[GYRO_N_VARIABLE
         d->p[GYRO_DXY] = out[3];
     }
     if (g->active[GYRO_EFFECT_AGEING]) {
-        tangent_ageing(g, d, out);
+        tangent_effect_ageing(g, d, out);
         effect_ageing(g);
         d->p[GYRO_DXY] = out[0];
     }
     if (g->active[GYRO_EFFECT_BIAS_WALK]) {
-        recall_bias_walk(g);
-        tangent_recall_bias_walk(g, d);
-        tangent_bias_walk(g, d, out);
+        recall_effect_bias_walk(g);
+        tangent_recall_effect_bias_walk(g, d);
+        tangent_effect_bias_walk(g, d, out);
         effect_bias_walk(g);
         d->p[GYRO_DXY] = out[0];
     }
     if (g->active[GYRO_EFFECT_TURN_ON_OFFSET]) {
-        recall_turn_on_offset(g);
-        tangent_recall_turn_on_offset(g, d);
-        tangent_turn_on_offset(g, d, out);
+        recall_effect_turn_on_offset(g);
+        tangent_recall_effect_turn_on_offset(g, d);
+        tangent_effect_turn_on_offset(g, d, out);
         effect_turn_on_offset(g);
         d->p[GYRO_DXY] = out[0];
     }
@@ -1030,9 +1030,9 @@ static inline void tangent_actuate(gyro_view *g, gyro_tangent *d)
     double out[2], moved[2];
     (void)g, (void)d, (void)out, (void)moved;
     if (g->active[GYRO_EFFECT_PLAY]) {
-        recall_play(g);
-        tangent_recall_play(g, d);
-        tangent_play(g, d, moved);
+        recall_effect_play(g);
+        tangent_recall_effect_play(g, d);
+        tangent_effect_play(g, d, moved);
         effect_play(g, out);
         g->u[0] = out[0];
         d->u[0] = moved[0];
@@ -1040,7 +1040,7 @@ static inline void tangent_actuate(gyro_view *g, gyro_tangent *d)
         d->u[1] = moved[1];
     }
     if (g->active[GYRO_EFFECT_ACTUATOR_NONLINEARITY]) {
-        tangent_actuator_nonlinearity(g, d, moved);
+        tangent_effect_actuator_nonlinearity(g, d, moved);
         effect_actuator_nonlinearity(g, out);
         g->u[0] = out[0];
         d->u[0] = moved[0];
@@ -1048,7 +1048,7 @@ static inline void tangent_actuate(gyro_view *g, gyro_tangent *d)
         d->u[1] = moved[1];
     }
     if (g->active[GYRO_EFFECT_ACTUATOR_GAIN_MISMATCH]) {
-        tangent_actuator_gain_mismatch(g, d, moved);
+        tangent_effect_actuator_gain_mismatch(g, d, moved);
         effect_actuator_gain_mismatch(g, out);
         g->u[0] = out[0];
         d->u[0] = moved[0];
@@ -1056,7 +1056,7 @@ static inline void tangent_actuate(gyro_view *g, gyro_tangent *d)
         d->u[1] = moved[1];
     }
     if (g->active[GYRO_EFFECT_ACTUATOR_MISALIGNMENT]) {
-        tangent_actuator_misalignment(g, d, moved);
+        tangent_effect_actuator_misalignment(g, d, moved);
         effect_actuator_misalignment(g, out);
         g->u[0] = out[0];
         d->u[0] = moved[0];
@@ -1075,7 +1075,7 @@ static inline void tangent_pick_off(gyro_view *g, gyro_tangent *d)
     d->q[0] = d->s[GYRO_STATE_X];
     d->q[1] = d->s[GYRO_STATE_Y];
     if (g->active[GYRO_EFFECT_PICKOFF_MISALIGNMENT]) {
-        tangent_pickoff_misalignment(g, d, moved);
+        tangent_effect_pickoff_misalignment(g, d, moved);
         effect_pickoff_misalignment(g, out);
         g->q[0] = out[0];
         d->q[0] = moved[0];
@@ -1087,7 +1087,7 @@ static inline void tangent_pick_off(gyro_view *g, gyro_tangent *d)
         const double moving[2] = {d->q[0], d->q[1]};
         double sum[2] = {entering[0], entering[1]}, slope[2] = {moving[0], moving[1]};
         if (g->active[GYRO_EFFECT_PICKOFF_MISMATCH]) {
-            tangent_pickoff_mismatch(g, d, moved);
+            tangent_effect_pickoff_mismatch(g, d, moved);
             effect_pickoff_mismatch(g, out);
             sum[0] += out[0] - entering[0];
             slope[0] += moved[0] - moving[0];
@@ -1095,7 +1095,7 @@ static inline void tangent_pick_off(gyro_view *g, gyro_tangent *d)
             slope[1] += moved[1] - moving[1];
         }
         if (g->active[GYRO_EFFECT_PICKOFF_NONLINEARITY]) {
-            tangent_pickoff_nonlinearity(g, d, moved);
+            tangent_effect_pickoff_nonlinearity(g, d, moved);
             effect_pickoff_nonlinearity(g, out);
             sum[0] += out[0] - entering[0];
             slope[0] += moved[0] - moving[0];
@@ -1107,14 +1107,14 @@ static inline void tangent_pick_off(gyro_view *g, gyro_tangent *d)
         g->q[1] = sum[1];
         d->q[1] = slope[1];
     }
-    tangent_ideal_pickoff(g, d, moved);
+    tangent_effect_ideal_pickoff(g, d, moved);
     effect_ideal_pickoff(g, out);
     g->v[0] = out[0];
     d->v[0] = moved[0];
     g->v[1] = out[1];
     d->v[1] = moved[1];
     if (g->active[GYRO_EFFECT_PICKOFF_GAIN_MISMATCH]) {
-        tangent_pickoff_gain_mismatch(g, d, moved);
+        tangent_effect_pickoff_gain_mismatch(g, d, moved);
         effect_pickoff_gain_mismatch(g, out);
         g->v[0] = out[0];
         d->v[0] = moved[0];
@@ -1122,7 +1122,7 @@ static inline void tangent_pick_off(gyro_view *g, gyro_tangent *d)
         d->v[1] = moved[1];
     }
     if (g->active[GYRO_EFFECT_PARASITIC_CAPACITANCE]) {
-        tangent_parasitic_capacitance(g, d, moved);
+        tangent_effect_parasitic_capacitance(g, d, moved);
         effect_parasitic_capacitance(g, out);
         g->v[0] = out[0];
         d->v[0] = moved[0];
@@ -1130,7 +1130,7 @@ static inline void tangent_pick_off(gyro_view *g, gyro_tangent *d)
         d->v[1] = moved[1];
     }
     if (g->active[GYRO_EFFECT_DRIVE_FEEDTHROUGH]) {
-        tangent_drive_feedthrough(g, d, moved);
+        tangent_effect_drive_feedthrough(g, d, moved);
         effect_drive_feedthrough(g, out);
         g->v[0] = out[0];
         d->v[0] = moved[0];
@@ -1147,53 +1147,53 @@ static inline void tangent_rate(const gyro_view *g, const gyro_tangent *d, doubl
     rate[GYRO_STATE_HYSTERESIS_Z_Y] = 0.0;
     rate[GYRO_STATE_PARASITIC] = 0.0;
     rate[GYRO_STATE_PARASITIC_DOT] = 0.0;
-    tangent_coriolis(g, d, force, rate);
-    tangent_damping(g, d, force, rate);
-    tangent_suspension(g, d, force, rate);
+    tangent_effect_coriolis(g, d, force, rate);
+    tangent_effect_damping(g, d, force, rate);
+    tangent_effect_suspension(g, d, force, rate);
     if (g->active[GYRO_EFFECT_ANGULAR_GAIN]) {
-        tangent_angular_gain(g, d, force, rate);
+        tangent_effect_angular_gain(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_COMB_FRINGE]) {
-        tangent_comb_fringe(g, d, force, rate);
+        tangent_effect_comb_fringe(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_CONSTANT_FORCE]) {
-        tangent_constant_force(g, d, force, rate);
+        tangent_effect_constant_force(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_CONTACT_STOP]) {
-        tangent_contact_stop(g, d, force, rate);
+        tangent_effect_contact_stop(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS]) {
-        tangent_cross_cubic_stiffness(g, d, force, rate);
+        tangent_effect_cross_cubic_stiffness(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_CUBIC_STIFFNESS]) {
-        tangent_cubic_stiffness(g, d, force, rate);
+        tangent_effect_cubic_stiffness(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_DRY_FRICTION]) {
-        tangent_dry_friction(g, d, force, rate);
+        tangent_effect_dry_friction(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING]) {
-        tangent_electrostatic_softening(g, d, force, rate);
+        tangent_effect_electrostatic_softening(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_FRAME_ROTATION]) {
-        tangent_frame_rotation(g, d, force, rate);
+        tangent_effect_frame_rotation(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_HYSTERESIS]) {
-        tangent_hysteresis(g, d, force, rate);
+        tangent_effect_hysteresis(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_LINEAR_ACCELERATION]) {
-        tangent_linear_acceleration(g, d, force, rate);
+        tangent_effect_linear_acceleration(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_NONLINEAR_DAMPING]) {
-        tangent_nonlinear_damping(g, d, force, rate);
+        tangent_effect_nonlinear_damping(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_PARASITIC_MODE]) {
-        tangent_parasitic_mode(g, d, force, rate);
+        tangent_effect_parasitic_mode(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS]) {
-        tangent_quadratic_stiffness(g, d, force, rate);
+        tangent_effect_quadratic_stiffness(g, d, force, rate);
     }
     if (g->active[GYRO_EFFECT_SQUEEZE_FILM]) {
-        tangent_squeeze_film(g, d, force, rate);
+        tangent_effect_squeeze_film(g, d, force, rate);
     }
     rate[GYRO_STATE_X] = d->s[GYRO_STATE_X_DOT];
     rate[GYRO_STATE_Y] = d->s[GYRO_STATE_Y_DOT];
@@ -1221,7 +1221,7 @@ static inline void tangent_flow(const gyro_view *g, const gyro_tangent *d, doubl
         rate[i] = 0.0;
     }
     if (g->active[GYRO_EFFECT_STRESS_RELAXATION]) {
-        tangent_flow_stress_relaxation(g, d, rate);
+        tangent_flow_effect_stress_relaxation(g, d, rate);
     }
 }
 
