@@ -49,30 +49,48 @@ def read_record(
 
 
 def _columns(headings: Sequence[str], named: Sequence[str], carrier: float | None) -> list[str]:
-    for name in named:
-        if name not in headings:
-            raise InputError(f"--column {name}: no such column{nearest(name, headings)} ({_all(headings)})")
+    found = [_heading(headings, name) for name in named]
     wanted = 1 if carrier is None else 2
-    if named:
-        if len(named) != wanted:
+    if found:
+        if len(found) != wanted:
             raise InputError(
-                f"{len(named)} columns named: give one voltage, or with --carrier two, --column I --column Q"
+                f"{len(found)} columns named: give one voltage, or with --carrier two, --column I --column Q"
             )
-        if len(set(named)) < len(named):
+        if len(set(found)) < len(found):
             raise InputError(f"--column {named[0]} twice: I and Q are two columns")
-        return list(named)
-    lower = {heading.lower(): heading for heading in headings}
+        return found
+    bare = {_bare(heading).lower(): heading for heading in headings}
+    pair = next(([bare[name] for name in pair] for pair in PAIRS if set(pair) <= set(bare)), None)
     if wanted == 2:
-        for pair in PAIRS:
-            if set(pair) <= set(lower):
-                return [lower[name] for name in pair]
-        raise InputError(f"which columns are I and Q? Give --column I --column Q ({_all(headings)})")
-    bare = {name.split("[")[0].split("(")[0].strip(): heading for name, heading in lower.items()}
+        if pair is None:
+            raise InputError(f"which columns are I and Q? Give --column HEADING --column HEADING ({_all(headings)})")
+        return pair
     guess = next((bare[name] for name in VOLTAGES if name in bare), None)
     others = [heading for name, heading in bare.items() if name not in ("t", "time", "timestamp")]
+    if guess is None and pair is not None:
+        raise InputError(
+            f"{pair[0]!r} and {pair[1]!r} are I and Q: around which carrier? Give --carrier HZ, or the one voltage by "
+            "--column NAME"
+        )
     if guess is None and len(others) != 1:
         raise InputError(f"which column is the sense voltage? Give --column NAME ({_all(headings)})")
     return [guess or others[0]]
+
+
+def _heading(headings: Sequence[str], name: str) -> str:
+    """The heading that is ``name``, with its unit or without. Raises InputError where none is, or several are."""
+    if name in headings:
+        return name
+    fitting = [heading for heading in headings if _bare(heading) == name]
+    if len(fitting) != 1:
+        what = "several such columns" if fitting else "no such column"
+        raise InputError(f"--column {name}: {what}{nearest(name, headings)} ({_all(headings)})")
+    return fitting[0]
+
+
+def _bare(heading: str) -> str:
+    """Without its unit."""
+    return heading.split("[")[0].split("(")[0].strip()
 
 
 def _voltage(table: pl.DataFrame, path: Path, heading: str) -> Floats:

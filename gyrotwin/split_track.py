@@ -32,7 +32,7 @@ def follow(
     found = follow_split(record, question, block, progress)
     table = frame(found)
     summary = summarise(found, table, record, name, question.q is not None)
-    summary["warnings"] = unchecked(question.mass, question.sense_gain)
+    summary["warnings"] = [*unchecked(question.mass, question.sense_gain), *found.doubts]
     files: dict[str, Writer] = {
         "summary.json": write_json(summary),
         "track.csv": table.write_csv,

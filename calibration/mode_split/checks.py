@@ -148,6 +148,18 @@ def unchecked(mass: float | None, gain: float | None) -> list[str]:
     ]
 
 
+def taken_drive(record: VoltageRecord, f_x: float) -> tuple[str, ...]:
+    """What to know of a drive line at ``f_x`` [Hz] that nobody has given: it may be the image of a faster one, and the
+    split is then mirrored or not as the sample rate has it."""
+    if record.is_complex:
+        return ()
+    return (
+        f"the strongest line, at {f_x:.7g} Hz, is taken for the drive's: of a drive beyond {record.rate / 2:.6g} Hz, "
+        "sampled without a filter, it would be the image, and the sign of the split could be wrong; give "
+        "--drive-frequency",
+    )
+
+
 def check_thermal(ratio: float) -> None:
     """Raises InputError for a hump that is not thermal."""
     if not 1 / THERMAL <= ratio <= THERMAL:

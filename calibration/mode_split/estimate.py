@@ -13,6 +13,7 @@ from calibration.mode_split.checks import (
     check_steps,
     check_thermal,
     other_line,
+    taken_drive,
     thermal_ratio,
     unfolded,
 )
@@ -149,30 +150,42 @@ def find_split(record: VoltageRecord, question: Question = Question()) -> Analys
     Raises InputError where the record is too short for Q or for the resolution asked (it says how long it must be),
     and NothingFoundError where no hump stands out.
     """
-    check_rate(record, question.drive_frequency)
-    check_steps(record)
-    record, clear = unfolded(record, question.drive_frequency, question.unfold)
-    f_x = find_line(record) if question.drive_frequency is None else question.drive_frequency
-    if not record.is_complex:
-        check_levels(record.values.real, f_x / record.rate)
-    check_length(record.duration, f_x, question.q)
-    part = envelope(record, f_x, min(question.span_about(f_x), clear or np.inf))
+    part, f_x, doubts = about_line(record, question, record.duration, "the record")
     if question.guard >= 0.9 * part.band:
         raise InputError(
             f"--guard {question.guard:g}: it leaves nothing of the band of ±{part.band:.4g} Hz that is searched; give "
             "the bandwidth of the rate, some tens of Hz"
         )
-    doubts = () if question.drive_frequency is None else other_line(record, part, f_x)
     try:
         spectrum = line_spectrum(part, f_x, question.guard)
     except InputError as error:
-        raise InputError("; ".join((str(error), *doubts))) from None
+        raise InputError("; ".join((str(error), *(doubts if question.drive_frequency else ())))) from None
     split = estimate(spectrum, question)
     check_steady(part, split, question)
     check_resolution(split, question.resolution)
     if question.mass is not None and question.sense_gain is not None:
         check_thermal(thermal_ratio(split.model, question.mass, question.sense_gain, question.temperature))
     return Analysis(split, part, spectrum, doubts)
+
+
+def about_line(
+    record: VoltageRecord, question: Question, length: float, what: str
+) -> tuple[Envelope, float, tuple[str, ...]]:
+    """The part of a record about its drive line, where that is [Hz], and what to know of it.
+
+    Raises InputError for a record that would give a wrong answer without a word, and where a ``length`` [s] of it,
+    named by ``what``, can't resolve the line width.
+    """
+    given = question.drive_frequency
+    check_rate(record, given)
+    check_steps(record)
+    record, clear = unfolded(record, given, question.unfold)
+    f_x = find_line(record) if given is None else given
+    if not record.is_complex:
+        check_levels(record.values.real, f_x / record.rate)
+    check_length(length, f_x, question.q, what)
+    part = envelope(record, f_x, min(question.span_about(f_x), clear or np.inf))
+    return part, f_x, taken_drive(record, f_x) if given is None else other_line(record, part, f_x)
 
 
 def estimate(spectrum: Spectrum, question: Question, near: tuple[float, float] | None = None) -> Split:

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from calibration.mode_split.checks import check_thermal, thermal_ratio
-from calibration.mode_split.estimate import NothingFoundError, Question, check_length
-from calibration.mode_split.record import Envelope, VoltageRecord, envelope, find_line
+from calibration.mode_split.estimate import NothingFoundError, Question, about_line, check_length
+from calibration.mode_split.record import Envelope, VoltageRecord
 from calibration.mode_split.tracking import SplitTracker, Tracked, block_split, track
 from gyro_model.errors import InputError
 from gyro_model.progress import Progress
@@ -25,13 +25,15 @@ STEADIEST: Final = 1e-6
 @dataclass(frozen=True)
 class Track:
     """A whole track. steps: from the first block with a hump on; blocks: in the record; block: length of one [s]; q: of
-    the sense mode, given or the median over blocks; wander: as in ``SplitTracker``, the most likely one."""
+    the sense mode, given or the median over blocks; wander: as in ``SplitTracker``, the most likely one; doubts:
+    what to know of the record."""
 
     steps: list[Tracked]
     blocks: int
     block: float
     q: float
     wander: float
+    doubts: tuple[str, ...] = ()
 
 
 def follow_split(
@@ -50,9 +52,7 @@ def follow_split(
             f"the record is {record.duration:.4g} s long: a track of blocks of {block:g} s needs at least "
             f"{FEWEST_BLOCKS} of them; record {FEWEST_BLOCKS * block:.4g} s or more, or give a shorter --track"
         )
-    f_x = question.drive_frequency or find_line(record)
-    check_length(block, f_x, question.q, "a block of the track")
-    part = envelope(record, f_x, question.span_about(f_x))
+    part, f_x, doubts = about_line(record, question, block, "a block of the track")
     known = replace(question, drive_frequency=f_x)
     count = int(part.duration / block)
     looks = 0 if question.q else min(count, Q_BLOCKS)
@@ -71,7 +71,7 @@ def follow_split(
         found = [thermal_ratio(step.block.model, mass, gain, kelvin) for step in first if step.block is not None]
         check_thermal(float(np.median(found)))
     wander = likely_wander(first, block, half_width, loosest)
-    return Track(_filtered(first, block, half_width, wander)[0], count, block, q, wander)
+    return Track(_filtered(first, block, half_width, wander)[0], count, block, q, wander, doubts)
 
 
 def likely_wander(steps: Sequence[Tracked], block: float, half_width: float, loosest: float) -> float:

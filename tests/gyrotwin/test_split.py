@@ -65,13 +65,15 @@ def test_the_answer_has_an_interval_that_holds_the_truth(folder: Path) -> None:
 def test_a_hump_that_was_not_held_against_kt_is_said_everywhere(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    [text] = json.loads((folder / "out" / "summary.json").read_text())["warnings"]
+    text, image = json.loads((folder / "out" / "summary.json").read_text())["warnings"]
     assert "not checked against kT" in text
+    assert "it would be the image" in image
     assert f"Warning: {text}" in (folder / "out" / "report.html").read_text(encoding="utf-8")
     capsys.readouterr()
     split(folder / "record.parquet", "--track", "2", "--q", "500", "--out", tmp_path / "track")
     assert f"warning: {text}" in capsys.readouterr().out
     assert f"Warning: {text}" in (tmp_path / "track" / "report.html").read_text(encoding="utf-8")
+    assert image in json.loads((tmp_path / "track" / "summary.json").read_text())["warnings"]
     assert ("warning", text) in gt.split(folder / "record.parquet").headline()
 
 
@@ -147,6 +149,8 @@ def test_no_hump_is_said_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixtu
         ({"t": T, "v": RECORD.values}, ["--q", 50000], "record at least 133 s"),
         ({"t": T, "v": RECORD.values}, ["--resolution", 0.01], "record at least"),
         ({"t": T, "v": RECORD.values}, ["--column", "w"], "--column w: no such column"),
+        ({"t": T, "a [V]": T, "a [mV]": T}, ["--column", "a"], "--column a: several such columns"),
+        ({"t": T, "I [V]": T, "Q [V]": T}, [], "around which carrier? Give --carrier HZ"),
         ({"t": T, "v": RECORD.values}, ["--sample-rate", 9000], "t steps at 8000 Hz"),
         ({"t": T, "a": T, "b": T}, [], "which column is the sense voltage"),
         ({"v": RECORD.values}, [], "no column is the time"),
@@ -173,6 +177,16 @@ def test_bad_input_is_one_line(
 
 def test_missing_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "does not exist" in refused(capsys, tmp_path, tmp_path / "none.csv")
+
+
+def test_i_and_q_are_named_with_their_unit_or_without(tmp_path: Path) -> None:
+    z = make_envelope(SenseAxis(f_x=3000.0, f_y=3003.0, q=5000.0), 60.0, 1)
+    columns = {"t": np.arange(len(z.values)) / z.rate, "Q [mV]": 1e3 * z.values.imag, "I [V]": z.values.real}
+    path = table(tmp_path / "r.parquet", **columns)
+    for k, named in enumerate([[], ["--column", "I", "--column", "Q"]]):
+        split(path, "--carrier", 3000, *named, "--out", tmp_path / f"out{k}")
+        summary = json.loads((tmp_path / f"out{k}" / "summary.json").read_text())
+        assert summary["split"]["value"] == pytest.approx(3.0, abs=0.1)
 
 
 def test_one_column_is_not_i_and_q(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from benchmarks.split_records import SenseAxis, make_record
-from calibration.mode_split import NothingFoundError, Question, VoltageRecord, find_split
+from calibration.mode_split import NothingFoundError, Question, VoltageRecord, find_split, follow_split
 from calibration.mode_split.checks import check_levels, check_steps, thermal_ratio, unchecked
 from calibration.mode_split.model import SplitModel
 from gyro_model.errors import InputError
@@ -110,6 +110,25 @@ def test_what_was_not_given_to_hold_the_hump_against_kt_is_named() -> None:
     assert "not checked against kT" in text
     assert text.endswith("give --mass and --sense-gain")
     assert unchecked(2e-8, None)[0].endswith("give --sense-gain")
+
+
+def test_a_drive_that_nobody_gave_may_be_an_image() -> None:
+    found = find_split(folded(1), Question())
+    assert found.split.split == pytest.approx(-30.0, abs=1.0)
+    [text] = found.doubts
+    assert "the sign of the split could be wrong; give --drive-frequency" in text
+    assert find_split(record(), Question(drive_frequency=3000.0)).doubts == ()
+
+
+def test_a_track_asks_of_a_record_what_a_split_asks() -> None:
+    with pytest.raises(InputError, match=r"folded to 2000 Hz, and mirrored.*--unfold"):
+        follow_split(folded(1), Question(q=500.0, drive_frequency=3000.0), 2.0)
+    found = follow_split(folded(1), Question(q=500.0, drive_frequency=3000.0, unfold=True), 2.0)
+    assert found.steps[-1].split == pytest.approx(30.0, abs=2.0)
+    values = record().values.real
+    edge = 0.5 * float(np.abs(values).max())
+    with pytest.raises(InputError, match="clipped"):
+        follow_split(VoltageRecord(np.clip(values, -edge, edge), 20000.0), Question(q=500.0), 2.0)
 
 
 def rounded_under_a_carrier(drive: float) -> VoltageRecord:
