@@ -16,14 +16,16 @@ REPEATED: Final = 3
 """So many samples of one value at the top are no chance where no other value comes twice."""
 
 
-def clip_level(records: Sequence[Record], residuals: Sequence[Floats], chance: float) -> float | None:
+def clip_level(
+    records: Sequence[Record], residuals: Sequence[Floats], chance: float, held_out: Sequence[Record] = ()
+) -> float | None:
     """The level [V] at which samples are clipped, None where none are.
 
-    Flat tops say it; so do equal values at the top where no other comes twice; and so does a top that falls short of
-    the simulation (residuals v - v_sim, (n, axes) each) by more than any other sample is off. chance: the probability
-    at which what it cut off is none.
+    Flat tops say it, those of ``held_out`` runs too, since no fit is asked for them; so do equal values at the top
+    where no other comes twice; and so does a top that falls short of the simulation (residuals v - v_sim, (n, axes)
+    each) by more than any other sample is off. chance: the probability at which what it cut off is none.
     """
-    flat = np.concatenate([np.abs(r.v[flat_tops(r.v)]) for r in records])
+    flat = np.concatenate([np.abs(r.v[flat_tops(r.v)]) for r in (*records, *held_out)])
     if flat.size:
         return float(np.median(flat))
     v = np.concatenate([r.v.ravel() for r in records])

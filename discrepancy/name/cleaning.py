@@ -18,7 +18,8 @@ CLEANED: Final = 3
 def mask_clipped(search: "Search") -> None:
     """Looks for clipped samples beside the present model, and takes them out of everything else."""
     if search.clip is None and search.fitter is search.whole:
-        level = clip_level(search.dataset.fit, search.at.residuals, search.criteria.clip_chance)
+        data, chance = search.dataset, search.criteria.clip_chance
+        level = clip_level(data.fit, search.at.residuals, chance, data.held_out)
         if level is not None:
             search.progress(f"samples clipped at {level:.6g} V")
             search.take_clipped(level)

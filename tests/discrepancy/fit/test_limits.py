@@ -26,6 +26,13 @@ def test_one_clipped_sample_is_enough_when_it_is_cut_by_more_than_noise() -> Non
     assert not masked(record, limit).valid.all()
 
 
+def test_a_clip_that_held_out_runs_alone_meet_is_found() -> None:
+    record, left = measured(10.0)
+    loud, _ = measured(0.9)
+    assert clip_level([record], [left], 1e-6, [loud]) == 0.9
+    assert clip_level([record], [left], 1e-6, [measured(10.0, seed=1)[0]]) is None
+
+
 def test_no_clip_is_found_in_twenty_records_without_one() -> None:
     for seed in range(20):
         record, left = measured(10.0, seed)
