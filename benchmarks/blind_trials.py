@@ -9,6 +9,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
 
@@ -27,7 +28,7 @@ console = Console(width=None if sys.stdout.isatty() else 160)
 def main(
     kind: Annotated[str, typer.Option(help=f"Of {','.join(KINDS)}.")] = ",".join(KINDS),
     limit: Annotated[int | None, typer.Option(min=1, help="At most so many trials of each kind.")] = None,
-    every: Annotated[int, typer.Option(min=1, help="Of each kind every so many-th trial.")] = 1,
+    every: Annotated[int, typer.Option(min=1, help="Of each kind one trial in so many, drawn by a fixed seed.")] = 1,
     only: Annotated[str, typer.Option(help="Trials whose name contains this.")] = "",
     seed_block: Annotated[str, typer.Option(help="tune, to choose thresholds on, or report.")] = "report",
     jobs: Annotated[int, typer.Option(min=1, help="Processes at a time.")] = 2,
@@ -52,8 +53,12 @@ def main(
 
 
 def _drawn(kind: str, block: str, only: str, every: int, limit: int | None) -> Iterator[Entry]:
-    named = (entry for entry in entries((kind,), block) if only in entry.name)
-    return islice(islice(named, 0, None, every), limit)
+    """One trial in ``every``. Drawn: the plan goes through effects and difficulties in turn, and equal strides from
+    trial to trial would always meet the same ones. A larger share holds every smaller one."""
+    named = [entry for entry in entries((kind,), block) if only in entry.name]
+    share = -(-len(named) // every)
+    drawn = np.random.default_rng(1).permutation(len(named))[:share] if every > 1 else range(share)
+    return islice((named[i] for i in drawn), limit)
 
 
 def run(chosen: Sequence[Entry], jobs: int, ask: Ask, target: Path) -> None:
