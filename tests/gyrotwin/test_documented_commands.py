@@ -7,22 +7,9 @@ from typing import Any
 import pytest
 
 from gyrotwin.cli import load_command
+from tests.docs.documented import PAGES, commands
 
-ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-
-
-def commands() -> list[tuple[str, str]]:
-    """Pages and the commands that stand on a line of their own, in code, comments left out."""
-    found = []
-    for page in PAGES:
-        fenced = False
-        for line in page.read_text(encoding="utf-8").splitlines():
-            fenced ^= line.startswith("```")
-            text = line.strip().removeprefix("$ ").removeprefix(".venv/bin/")
-            if (fenced or line.startswith("    ")) and text.startswith("gyrotwin "):
-                found.append((page.name, " ".join(shlex.split(text, comments=True))))
-    return sorted(set(found))
+COMMANDS = sorted({(page.name, text) for page in PAGES for text in commands(page)})
 
 
 def parse(text: str) -> Any:
@@ -36,7 +23,7 @@ def parse(text: str) -> Any:
     return context
 
 
-@pytest.mark.parametrize(("page", "text"), commands())
+@pytest.mark.parametrize(("page", "text"), COMMANDS)
 def test_options_and_arguments_are_there(page: str, text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # Files that a command before it writes are there only for a user who types both.
     for word in shlex.split(text):
@@ -54,4 +41,4 @@ def test_a_mistyped_option_is_found() -> None:
 
 
 def test_there_are_commands_to_look_at() -> None:
-    assert len(commands()) >= 20
+    assert len(COMMANDS) >= 20
