@@ -30,11 +30,13 @@ from gyro_model import (
 )
 from gyro_model.clocked import clocked_model
 from gyro_model.compiling import WHOLE, check_zig, compile_for, compile_library, write_whole
+from gyro_model.component.interface import KINDS
+from gyro_model.component.wrap import component
 from gyro_model.envelope import envelope_model
 from gyro_model.errors import InputError
 from gyro_model.form import Form
 from gyro_model.model import Model, load_model
-from gyro_model.platforms import WASM, own_platform, platform_of
+from gyro_model.platforms import COMPONENT, WASM, own_platform, platform_of, platforms_of
 from gyro_model.progress import Progress
 from gyro_model.sensor import SensorModel
 from gyro_model.whole_file import whole_file
@@ -161,23 +163,29 @@ def build_form(
     there already are of this model and hold the libraries asked for.
 
     platforms: names from ``gyro_model.platforms``, compiled by zig; none: this machine's, by its own compiler. With
-    wasm32 among them ``wasm32/NAME.wasm`` holds the functions of FMI 3.0. compiled: called after each library. Raises
+    wasm32-wasip2 among them the FMU for FMI 3.0 holds a component, with wasm32 ``wasm32/NAME.wasm`` the functions of
+    FMI 3.0. compiled: called after each library. Raises
     InputError where there is no compiler or it fails.
     """
     folder = folder or default_folder(model)
     token = model_token(model)
     fmus = {fmi: folder / fmi / f"{model.NAME}.fmu" for fmi in model.STANDARDS}
-    wanted = tuple(name for name in platforms if name != WASM.fmi3) if platforms else (own_platform(),)
-    stale = [fmi for fmi, path in fmus.items() if force or not _fits(path, token, wanted, fmi)]
+    wanted = {fmi: _inside(platforms, fmi) for fmi in fmus}
+    stale = [fmi for fmi, path in fmus.items() if force or not _fits(path, token, wanted[fmi] or [own_platform()], fmi)]
     if stale or WASM.fmi3 in platforms:
         with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
             write_sources(model, Path(name))
             for fmi in stale:
-                _build_one(model, token, fmi, fmus[fmi], Path(name), wanted if platforms else (), compiled)
+                _build_one(model, token, fmi, fmus[fmi], Path(name), wanted[fmi], compiled)
             if WASM.fmi3 in platforms:
                 _compile_module(Path(name), _module_path(model, folder))
                 compiled()
     return fmus
+
+
+def _inside(platforms: Sequence[str], fmi: str) -> list[str]:
+    """Those of which an FMU can hold a library."""
+    return [name for name in platforms if name != WASM.fmi3 and getattr(platform_of(name), fmi)]
 
 
 def build_module(model: Form | None = None, folder: Path | None = None) -> Path:
@@ -209,6 +217,13 @@ def _compile_module(sources: Path, path: Path) -> None:
         file.write(made.read_bytes())
 
 
+def _compile_component(sources: Path, files: Sequence[str], library: Path, description: str) -> None:
+    """The component of an FMU for FMI 3.0, with the kinds of instances that its ``description`` has."""
+    compile_for(COMPONENT, sources, [*files, str(handwritten_folder() / "component" / "component.c")], library)
+    kinds = [kind for kind in KINDS if f"<{kind.element}" in description]
+    library.write_bytes(component(library.read_bytes(), kinds))
+
+
 def build_all(
     model: Model | None = None,
     folder: Path | None = None,
@@ -220,8 +235,8 @@ def build_all(
     """The FMUs of all forms of ``model``. progress: told the libraries compiled so far, and all where none is up to
     date. Raises InputError as ``build_form`` does."""
     every = forms(model or load_model())
-    inside = len(set(platforms) - {WASM.fmi3}) if platforms else 1
-    total = sum(len(form.STANDARDS) * inside + (WASM.fmi3 in platforms) for form in every)
+    libraries = {fmi: len(_inside(platforms, fmi)) or 1 for form in every for fmi in form.STANDARDS}
+    total = sum(libraries[fmi] for form in every for fmi in form.STANDARDS) + len(every) * (WASM.fmi3 in platforms)
     count = itertools.count(1)
     paths: list[Path] = []
     for form in every:
@@ -238,12 +253,6 @@ def token_of(path: Path) -> str | None:
     except (OSError, KeyError, zipfile.BadZipFile, ET.ParseError):
         return None
     return root.get("guid") or root.get("instantiationToken")
-
-
-def platforms_of(path: Path) -> set[str]:
-    """The folders in binaries/ of the FMU at ``path``."""
-    with zipfile.ZipFile(path) as archive:
-        return {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
 
 
 def _fits(path: Path, token: str, platforms: Sequence[str], fmi: str) -> bool:
@@ -298,7 +307,8 @@ def _build_one(
             build_description = generate_xml.build_description(model, files)
             (root / "sources" / "buildDescription.xml").write_text(build_description, encoding="utf-8")
         (root / "modelDescription.xml").write_text(description, encoding="utf-8")
-        for place, data in generate_package.package_files(model, fmi).items():
+        announced = generate_package.component_files() if COMPONENT.fmi3 in platforms else {}
+        for place, data in (generate_package.package_files(model, fmi) | announced).items():
             (root / place).parent.mkdir(parents=True, exist_ok=True)
             (root / place).write_bytes(data)
         for platform in map(platform_of, platforms or (own_platform(),)):
@@ -306,7 +316,9 @@ def _build_one(
                 LOGGER.info("compiling the %s FMU for %s on %s ...", model.NAME, fmi.upper(), platform.fmi3)
             library = root / "binaries" / getattr(platform, fmi) / f"{model.NAME}{platform.suffix}"
             library.parent.mkdir(parents=True)
-            if platforms:
+            if platform == COMPONENT:
+                _compile_component(sources, whole, library, description)
+            elif platforms:
                 compile_for(platform, sources, whole, library)
             else:
                 compile_library(sources, whole, library)

@@ -10,8 +10,9 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from gyro_model.component.wrap import PAGES, STACK
 from gyro_model.errors import InputError
-from gyro_model.platforms import Platform
+from gyro_model.platforms import COMPONENT, WASM, Platform
 
 # Strict arithmetic: contraction to fused multiply-add would make platforms differ in the last bit. Nothing asks for
 # errno, so that a root is one instruction.
@@ -22,7 +23,17 @@ WHOLE = "whole.c"
 _ZIG = (sys.executable, "-m", "ziglang", "cc")
 # malloc and free for an importer's arrays, the table for its callbacks.
 _WASM_EXPORTS = ("export-dynamic", "export=malloc", "export=free", "export-table")
-_KINDS = {".wasm": ("-mexec-model=reactor", *(f"-Wl,--{name}" for name in _WASM_EXPORTS)), ".dll": ("-shared",)}
+_REACTOR = "-mexec-model=reactor"
+_PAGE = 0x10000
+_KINDS = {
+    WASM.fmi3: (_REACTOR, *(f"-Wl,--{name}" for name in _WASM_EXPORTS)),
+    # Its memory is that of a module before it.
+    COMPONENT.fmi3: (
+        _REACTOR,
+        *("-Wl,--import-memory", f"-Wl,--initial-memory={PAGES * _PAGE}", f"-Wl,-z,stack-size={STACK * _PAGE}"),
+    ),
+    "x86_64-windows": ("-shared",),
+}
 
 
 def find_compiler() -> list[str]:
@@ -63,7 +74,7 @@ def compile_for(platform: Platform, sources: Path, files: Sequence[str], library
     """The same for any platform that zig knows, and without the C library's mathematics. Raises InputError where the
     package ziglang is missing."""
     check_zig(platform)
-    kind = _KINDS.get(platform.suffix, ("-shared", "-fPIC"))
+    kind = _KINDS.get(platform.fmi3, ("-shared", "-fPIC"))
     with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
         # Elsewhere first: beside a library for Windows zig leaves other files. Stripped of names and dates, so that
         # equal sources give equal libraries.

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyro_model.errors import InputError
+from gyro_model.platforms import own_platform, platform_of, platforms_of
 
 Floats = NDArray[np.float64]
 Reader = Callable[[str], bytes]
@@ -25,7 +26,7 @@ Reader = Callable[[str], bytes]
 FOLDER: Final = "extra/org.fmi-standard.fmi-ls-ref"
 EXPERIMENTS: Final = "experiments.exp"
 SSV: Final = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
-_LS: Final = "http://fmi-standard.org/fmi-ls-manifest"
+LS: Final = "http://fmi-standard.org/fmi-ls-manifest"
 _TOLERANCES: Final = "gyrotwin.tolerances"
 
 
@@ -103,15 +104,18 @@ def parameter_set(name: str, parameters: Mapping[str, float], units: Mapping[str
     return xml_bytes(root)
 
 
+def layered_standard(name: str, version: str, description: str) -> dict[str, str]:
+    """The attributes by which the manifest of a layered standard says which it is."""
+    ET.register_namespace("fmi-ls", LS)
+    about = {"name": name, "version": version, "description": description}
+    return {f"{{{LS}}}fmi-ls-{key}": value for key, value in about.items()}
+
+
 def manifest() -> bytes:
     """``fmi-ls-manifest.xml`` of an FMU with an experiments file beside it."""
-    ET.register_namespace("fmi-ls", _LS)
-    about = {
-        "name": "org.fmi-standard.fmi-ls-ref",
-        "version": "1.0.0-alpha.1",
-        "description": "Layered Standard providing information on related files included in an FMU.",
-    }
-    root = ET.Element("fmiReferences", {f"{{{_LS}}}fmi-ls-{key}": value for key, value in about.items()})
+    description = "Layered Standard providing information on related files included in an FMU."
+    about = layered_standard("org.fmi-standard.fmi-ls-ref", "1.0.0-alpha.1", description)
+    root = ET.Element("fmiReferences", about)
     ET.SubElement(
         root,
         "Related",
@@ -202,6 +206,9 @@ def verify(fmu: Path) -> list[Residual]:
     try:
         with zipfile.ZipFile(fmu) as archive:
             experiments = read_experiments(lambda name: archive.read(f"{FOLDER}/{name}"))
+        ours, held = platform_of(own_platform()), platforms_of(fmu)
+        if not held & {ours.fmi2, ours.fmi3}:
+            raise InputError(f"{fmu}: no library for {ours.fmi3}, this machine; there are {', '.join(sorted(held))}")
         description = fmpy.read_model_description(str(fmu))
         folder = fmpy.extract(str(fmu))
     except (OSError, zipfile.BadZipFile) as error:

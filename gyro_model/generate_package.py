@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 from gyro_model import VERSION, icon
 from gyro_model.errors import InputError
-from gyro_model.experiments import FOLDER, manifest, packaged_experiments
+from gyro_model.experiments import FOLDER, LS, layered_standard, manifest, packaged_experiments, xml_bytes
 from gyro_model.form import Form
 from gyro_model.generate_xml import text_of
 from gyro_model.quantities import Quantity
@@ -39,6 +39,15 @@ def package_files(model: Form, fmi: str) -> dict[str, bytes]:
         "terminalsAndIcons/icon.png": icon.png(),
         "terminalsAndIcons/icon.svg": icon.svg().encode(),
     }
+
+
+def component_files() -> dict[str, bytes]:
+    """What announces a WebAssembly component, by path in the FMU: the draft of fmi-ls-wasm has another name for it than
+    FMI 3.0."""
+    name = "org.modelica.fmi-ls-wasm"
+    about = layered_standard(name, "0.1.0", "FMI Layered Standard for WebAssembly")
+    data = xml_bytes(ET.Element(f"{{{LS}}}fmiLayeredStandardManifest", about))
+    return {f"extra/{name}/{file}": data for file in ("manifest.xml", "fmi-ls-manifest.xml")}
 
 
 def _licence() -> Path:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gyro_model import generate_package, generate_xml
 from gyro_model.build import Fmus, build, issue_date, model_token, pack
+from gyro_model.platforms import COMPONENT
 from gyro_model.sensor import SensorModel
 
 STARTS = "resources/starts.txt"
@@ -30,8 +31,10 @@ def write_sensor_fmu(parameters: Mapping[str, float], fmi: str, path: Path) -> N
     sensor = SensorModel().starting_at(parameters)
     starts = starts_file(sensor)
     token = f"{model_token(SensorModel())}+{hash_of(starts):016x}"
+    # A component reads no files, so it can't have start values of its own.
+    component = (f"binaries/{COMPONENT.fmi3}/", *generate_package.component_files())
     with zipfile.ZipFile(getattr(build(SensorModel()), fmi)) as archive:
-        files = {name: archive.read(name) for name in archive.namelist()}
+        files = {name: archive.read(name) for name in archive.namelist() if not name.startswith(component)}
     if fmi == "fmi2":
         sources = sorted(name.removeprefix("sources/") for name in files if name.endswith(".c"))
         description = generate_xml.fmi2(sensor, token, issue_date(), sources)

@@ -36,8 +36,9 @@ def build(
     force : bool
         Build even where they are up to date.
     platforms : str or sequence of str
-        Platforms to hold libraries for, compiled by zig: "all", or names such as x86_64-windows; wasm32 is a module
-        beside the FMUs. None: this machine's, by its own compiler.
+        Platforms to hold libraries for, compiled by zig: "all", or names such as x86_64-windows; wasm32-wasip2 is a
+        WebAssembly component inside those for FMI 3.0, wasm32 a module beside them. None: this machine's, by its own
+        compiler.
     progress : callable
         Called after each library with how many are compiled, and how many there are in all.
 

@@ -14,7 +14,11 @@ from gyrotwin.progress import shown_progress
 def build(
     force: Annotated[bool, typer.Option("--force", help="Build even where the FMUs are up to date.")] = False,
     platforms: Annotated[
-        str, typer.Option(help="Libraries for other platforms too, by zig: all, or some of " + ", ".join(NAMES) + ".")
+        str,
+        typer.Option(
+            help=f"Libraries for other platforms too, by zig: all, or some of {', '.join(NAMES)}. wasm32-wasip2 is a "
+            "WebAssembly component in the FMUs for FMI 3.0, wasm32 a module beside them."
+        ),
     ] = "",
     ssp: Annotated[
         Path | None, typer.Option(help="Also a system structure package (SSP) with the parameters of each device.")

@@ -210,7 +210,7 @@ HEADERS = {
 def test_every_platform_is_in_one_fmu(form: str, everywhere: Path) -> None:
     for fmi in ("fmi2", "fmi3"):
         path = everywhere / fmi / f"{FORMS[form].NAME}.fmu"
-        assert platforms_of(path) == {getattr(platform, fmi) for platform in PLATFORMS.values()}
+        assert platforms_of(path) == {getattr(platform, fmi) for platform in PLATFORMS.values()} - {""}
         with zipfile.ZipFile(path) as archive:
             for name, (magic, at, processor) in HEADERS.items():
                 p = PLATFORMS[name]
