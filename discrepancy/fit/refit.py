@@ -63,6 +63,9 @@ EXACTLY: Final = 1e-3
 NEARER, SLOW = 0.5, 4
 """A fit that has a goal is given up after so many steps in a row that each left more than this share of the way to
 it: near a minimum what is left falls by its square."""
+ATTEMPTS: Final = 10
+"""Dampings tried until a step lowers the cost. With columns of an earlier point one is: new ones cost as much as a few
+tries, and are what a step that fails lacks."""
 PATIENT: Final = 5
 HELD: Final = 1e-2
 SHORTER: Final = (0.3, 0.1, 0.03, 0.01)
@@ -314,12 +317,13 @@ class Fitter:
                 far = self._far(at, goal)
                 if creeping == CREEPING or slow == SLOW or at.left < SETTLED or at.grams is None or far:
                     break
-                moved, damping = self._lower(at, damping)
+                moved, after = self._lower(at, damping, attempts=1 if near else ATTEMPTS)
                 if moved is None:
                     if not near:
                         break
                     at, near = self.with_grams(at), False
                     continue
+                damping = after
                 gained = (at.cost - moved.cost) / (at.left * at.variance)
                 creeping = creeping + 1 if gained < CREEP else 0
                 slow = slow + 1 if moved.cost - goal > NEARER * (at.cost - goal) > 0 else 0
@@ -337,9 +341,9 @@ class Fitter:
     def _far(at: Fitted, goal: float) -> bool:
         return at.cost - HOPE * at.left * at.variance > goal
 
-    def _lower(self, at: Fitted, damping: float) -> tuple[Fitted | None, float]:
-        """A step that lowers the cost, None where none does, and the damping for the next one."""
-        for attempt in range(10):
+    def _lower(self, at: Fitted, damping: float, attempts: int) -> tuple[Fitted | None, float]:
+        """A step that lowers the cost, None where none of so many attempts does, and the damping for the next one."""
+        for attempt in range(attempts):
             moved = self.evaluated(self._moved(at, damping))
             if moved.cost < at.cost:
                 return moved, damping / 10 if damping > 1e-6 else 0.0
