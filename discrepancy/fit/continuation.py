@@ -28,6 +28,9 @@ GROWTH: Final = 4
 """By which pieces grow: a frequency known to 1e-2 rad over one piece is known to 4e-2 over the next."""
 FEW, ROUNDS, LAST_ROUNDS = 3, 8, 30
 """Steps before a fit under another filter, at a length that is not the last, and at the last."""
+AT_FIRST, FIRST = 0.05, 1e-5
+"""Shares of the cost that a first model may leave to further steps, before its filter is chosen and under it. It is to
+show what it lacks: a hundredth of ``material`` is no part of that, and what long runs lack is far above their noise."""
 SLIP: Final = 2.0
 """By how much more a longer piece may be off than a shorter one and count as in step: a model that lacks something is
 off at any length."""
@@ -63,6 +66,14 @@ def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, 
         ends = [direct, *([now] if best[0] is whole and now is not None else [])]
         return whole, min(ends, key=lambda end: end.variance)
     return best
+
+
+def roughly_settled(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
+    """As ``settled``, for a first model of long runs: no further than what it lacks is seen by, where whole runs stay
+    in step."""
+    begun = started(whole, replace(at, whiten=whole.plain(at.parameters)))
+    direct = whitened(whole, whole.fit(begun, share=AT_FIRST), share=FIRST)
+    return (whole, direct) if whole.off(direct) < _astray(whole, direct) else settled(whole, at)
 
 
 def nearly_settled(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
@@ -106,14 +117,14 @@ def grown(whole: Fitter, at: Fitted) -> Fitted:
     return whole.evaluated(replace(now, whiten=at.whiten))
 
 
-def whitened(fitter: Fitter, at: Fitted) -> Fitted:
-    """``at`` fitted under the whitening that its own residuals ask for."""
+def whitened(fitter: Fitter, at: Fitted, share: float = 0.0) -> Fitted:
+    """``at`` fitted under the whitening that its own residuals ask for, to a ``share`` of the cost."""
     for _ in range(3):
         setting = at.whiten.setting
         again = fitter.whitened(at)
         if setting.like(again.whiten.setting):
             break
-        at = fitter.fit(again)
+        at = fitter.fit(again, share=share)
     return at
 
 

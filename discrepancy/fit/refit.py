@@ -303,19 +303,20 @@ class Fitter:
         assert at.grams is not None
         return at.cost - float(at.grams[:, -1, -1].sum())
 
-    def fit(self, at: Fitted, rounds: int = 30, goal: float = np.inf) -> Fitted:
-        """The minimum near ``at``, linearised there. ``left`` says how far it is from a minimum: above SETTLED the
-        rounds were used up, no step helped, steps crept, the time was over, or none could reach the ``goal``, a cost
-        below which alone the fit matters."""
+    def fit(self, at: Fitted, rounds: int = 30, goal: float = np.inf, share: float = 0.0) -> Fitted:
+        """The minimum near ``at``, linearised there, to a ``share`` of the cost. ``left`` says how far it is from a
+        minimum: above SETTLED that was enough, the rounds were used up, no step helped, steps crept, the time was over,
+        or none could reach the ``goal``, a cost below which alone the fit matters."""
+        enough = max(SETTLED, share * at.count)
         damping, creeping, slow, near = 0.0, 0, 0, False
         try:
             at = self.with_grams(at) if at.cost < np.inf else at
             for _ in range(rounds):
-                if near and (at.left < SETTLED or self._far(at, goal)):
+                if near and (at.left < enough or self._far(at, goal)):
                     # Old columns show no end and no hope.
                     at, near = self.with_grams(at), False
                 far = self._far(at, goal)
-                if creeping == CREEPING or slow == SLOW or at.left < SETTLED or at.grams is None or far:
+                if creeping == CREEPING or slow == SLOW or at.left < enough or at.grams is None or far:
                     break
                 moved, after = self._lower(at, damping, attempts=1 if near else ATTEMPTS)
                 if moved is None:

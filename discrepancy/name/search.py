@@ -13,7 +13,7 @@ from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.late import lateness
-from discrepancy.fit.continuation import ROUNDS, beginnings, nearly_settled, settled
+from discrepancy.fit.continuation import ROUNDS, beginnings, nearly_settled, roughly_settled, settled
 from discrepancy.fit.defect import Blemish, Data, Found, Level, effect_of
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.limits import masked
@@ -148,7 +148,8 @@ class Search:
                 self._stage("refit")
                 self.refitted_state = store.fit_state(self.whole, self.whole, self.refitted)
                 self._take_delay(late.delay)
-            self._go_on_or_keep(self.at)
+            # Long runs are fitted once more before they are looked at as a whole.
+            self._go_on_or_keep(self.at, roughly_settled if self.shortest > 1 else settled)
             self._until(NAME)
             self.attempt("defects of single samples", self._tidy)
             if late:
