@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from discrepancy.data.algebra import inverse_scaled
 from discrepancy.data.record import Floats
@@ -34,7 +34,7 @@ class Score:
     @property
     def probability(self) -> float:
         """Of so large a statistic where the effect is absent."""
-        return float(chi2.sf(self.statistic, self.freedom))
+        return float(chdtrc(self.freedom, self.statistic))
 
     @property
     def gain(self) -> float:
