@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
 CLEANED: Final = 3
 """Looks at most for blemishes, one after the other."""
+SEEN: Final = 0.1
+"""Of what a blemish has to earn, that it does before anything is fitted anew: what is in the record is far off any
+model that was fitted to it."""
 
 
 def mask_clipped(search: "Search") -> None:
@@ -40,6 +43,15 @@ def _cleaned(search: "Search", blemish: Blemish) -> bool:
     if found is None:
         return False
     before = copy(vars(search))
+    # Worth a line of the report, and beyond what its numbers take away by chance.
+    needed = max(search.criteria.material, (2 * sum(map(len, found.data)) + EARNED) / search.at.count)
+    search.take_blemish(blemish, found.data)
+    cleaned = search.whole
+    beside = cleaned.evaluated(search.at).unlikely
+    vars(search).update(before)
+    search.simulator.forget(cleaned.records)
+    if beside > search.at.unlikely - SEEN * needed:
+        return False
     # Both fitted alike: a filter that is chosen anew changes the likelihood by more than what is taken out.
     search.go_on(search.at, nearly_settled)
     unlikely = min(search.at.unlikely, before["at"].unlikely)
@@ -47,9 +59,7 @@ def _cleaned(search: "Search", blemish: Blemish) -> bool:
     search.take_blemish(blemish, found.data)
     # The filter is to be that of what is left now.
     search.go_on(search.whole.evaluated(search.at), nearly_settled)
-    # Worth a line of the report, and beyond what its numbers take away by chance.
-    sure = (2 * sum(map(len, found.data)) + EARNED) / search.at.count
-    if search.at.unlikely >= unlikely - max(search.criteria.material, sure):
+    if search.at.unlikely >= unlikely - needed:
         vars(search).update(before)
         return False
     search.progress(f"record: {blemish.id} taken out")
