@@ -258,7 +258,7 @@ class Search:
             if accepted is None or (not accepted and self.number == 1):
                 break
             if not accepted:
-                self.shortest = max(n for n in parts(self.dataset.fit) if n < self.number)
+                self.shortest = self._fewer_parts()
                 continue
             if any(a.on_the_way for a in self.accepted[:-1]):
                 # Filters and delays differ by little, which shows only beside what else is missing.
@@ -268,6 +268,18 @@ class Search:
             self.attempt("defects of single samples", self._tidy)
             self._save()
         self.steps.append(Step({c.effect.id: s for c, s in best_of(self.scored, self.criteria)}, None))
+
+    def _fewer_parts(self) -> int:
+        """Into how many parts runs are cut for longer openings, of which the present ones let expect that something
+        material is sure; 1, the whole, where none are."""
+        fewer = [n for n in parts(self.dataset.fit) if n < self.number]
+        material = [(c, s) for c, s in self.scored if s.share >= self.criteria.material]
+
+        def expected(number: int) -> bool:
+            grown = [(c, replace(s, statistic=s.statistic * self.number / number)) for c, s in material]
+            return any(sure(c, s, self.criteria) for c, s in grown)
+
+        return next(filter(expected, fewer), 1)
 
     def _save(self) -> None:
         """Hands out the state, and goes on from what a resumed search would have."""

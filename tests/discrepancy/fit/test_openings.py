@@ -2,24 +2,29 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hidden_sets import MODEL, RATE, made, names
 from hypothesis import given
 from hypothesis import strategies as st
 
+from discrepancy.criteria import Criteria
 from discrepancy.data.record import Floats, Record
 from discrepancy.diagnose import diagnose
 from discrepancy.fit import openings
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.openings import LEAST, LONG, TRIED, parts
-from discrepancy.fit.refit import Fitter
+from discrepancy.fit.refit import SETTLED, Fitter
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name import competition
 from discrepancy.name.further import Wider
+from discrepancy.name.score import Score
+from discrepancy.name.search import Search
 from discrepancy.tell.answer import Diagnosis
 
 WHOLE, SHORT = 10**9, 1_000
@@ -58,6 +63,36 @@ def test_two_effects_are_found_with_less_simulated(monkeypatch: pytest.MonkeyPat
         samples[tried] = simulated
     # The start, the last scan, which is one of three, and fits of the accepted effects are over whole runs.
     assert samples[4 * SHORT] < 0.9 * samples[WHOLE]
+
+
+@pytest.mark.parametrize(
+    ("statistic", "share", "expected"),
+    [
+        (7.0, 1e-2, 5),  # 28 in openings four times as long, beyond the 23.9 that one test in a million has by chance
+        (5.0, 1e-2, 1),  # 20
+        (7.0, 1e-4, 1),  # sure in time, and not worth a parameter
+    ],
+)
+def test_openings_grow_to_those_that_may_show_something(statistic: float, share: float, expected: int) -> None:
+    result = Score(statistic, 1, share, (1.0,), (1.0,), 1.0, 1.0)
+    # 30 runs of 40,000 samples are cut into 20 parts, 5, and 1.
+    runs = SimpleNamespace(fit=[SimpleNamespace(t=range(40_000))] * 30)
+    scored = [(SimpleNamespace(trials=1), result)]
+    search: Any = SimpleNamespace(dataset=runs, number=20, scored=scored, criteria=Criteria())
+    assert Search._fewer_parts(search) == expected
+
+
+def test_a_first_fit_ends_at_its_share_of_the_cost() -> None:
+    data = made({}, samples=2000)
+    with Simulator(MODEL, jobs=1) as simulator:
+        fitter = Fitter(simulator, data.fit)
+        begun = fitter.begin(data.nominal)
+        p = {**begun.parameters, "kxx": 1.02 * begun.parameters["kxx"]}
+        far = fitter.evaluated(replace(begun, parameters=p, whiten=fitter.plain(p)))
+        rough, fine = fitter.fit(far, share=0.05), fitter.fit(far)
+    assert fine.left < SETTLED < rough.left < 0.05 * rough.count
+    # Near a minimum what is left is what a step promises, to the tenth that is not linear.
+    assert rough.cost - fine.cost == pytest.approx(rough.left * rough.variance, rel=0.1)
 
 
 def test_what_shows_after_the_openings_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
