@@ -12,7 +12,7 @@ from discrepancy.data.linear_fit import mode_frequencies
 from discrepancy.data.record import Floats
 from discrepancy.data.repeats import repeated_noise
 from discrepancy.fit.colour import gain
-from discrepancy.fit.defect import Defect, distortion_names, disturbances, effect_of, quantity_of
+from discrepancy.fit.defect import Defect, distortion_names, disturbances, effect_of
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.limits import SAME
 from discrepancy.fit.locate import located
@@ -27,6 +27,7 @@ from discrepancy.name.score import Score
 from discrepancy.tell.answer import Diagnosis, Finding, Stage, Value, Verdict
 from discrepancy.tell.backbone import bent
 from discrepancy.tell.experiment import Experiment, next_experiment
+from discrepancy.tell.intervals import WIDTH, intervals
 from discrepancy.tell.left_modes import left_modes
 from discrepancy.tell.limits import Limits
 from discrepancy.tell.run_gains import unlike_gains
@@ -45,7 +46,6 @@ SCALED, ONE_FACTOR = 5e-3, 0.05
 """Mass and stiffness off nominal by more than a mass is known to, and all by one factor, to this share of it: three
 values of 2 % each agree so by chance once in a thousand times."""
 POWER: Final = 0.95
-WIDTH: Final = float(norm.ppf(0.975))
 
 
 def assemble(search: "Search", limits: Limits) -> Diagnosis:
@@ -59,7 +59,7 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
     clipped = _clipping(search)
     parameters = {**search.at.parameters, **{k: v.value for f in clipped for k, v in f.parameters.items()}}
     stages = _stages(search, parameters, [f.id for f in clipped])
-    device = _device(search)
+    device = intervals(search)
     experiments = _experiments(search, noise, limits)
     weak = unasked(search)
     named = [
@@ -170,18 +170,6 @@ def _total(search: "Search", white: float) -> float:
     """Rms of a noise [V] whose white part is known."""
     colour = search.at.whiten.setting.colour
     return white * gain(colour) ** 0.5 if colour else white
-
-
-def _device(search: "Search") -> dict[str, Value]:
-    """Every fitted parameter with its interval, within what its fit could reach."""
-    result = {}
-    reach = {free.name: free for free in search.at.free}
-    for name, deviation in search.fitter.deviations(search.at).items():
-        value, quantity = search.at.parameters[name], quantity_of(search.simulator.model, name)
-        bounds = max(quantity.low, reach[name].low), min(quantity.high, reach[name].high)
-        low, high = (float(np.clip(value + side * WIDTH * deviation, *bounds)) for side in (-1, 1))
-        result[name] = Value(value, low, high, quantity.unit)
-    return result
 
 
 def _finding(
