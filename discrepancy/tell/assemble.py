@@ -31,7 +31,7 @@ from discrepancy.tell.intervals import WIDTH, intervals
 from discrepancy.tell.left_modes import left_modes
 from discrepancy.tell.limits import Limits
 from discrepancy.tell.run_gains import unlike_gains
-from discrepancy.tell.verdict import Remainder, probability, remainder, sane, worse_without
+from discrepancy.tell.verdict import Remainder, improbable, probability, remainder, sane, worse_without
 from gyro_model.anatomy import Effect, Force, Map
 
 if TYPE_CHECKING:
@@ -78,17 +78,18 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
     known = _disturbances(search)
     noises, absurd = sane(_noises(search, noise, known), search)
     clock.until = search.criteria.time_limit
-    worse = worse_without(search, stages, gaps)
+    worse = worse_without(search, effects, stages, gaps)
     clock.until = float("inf")
     rest = remainder(search, stages, gaps, absurd)
-    doubts = (*absurd.values(), *worse.values(), *_doubts(search, rest, last))
+    effects = tuple(replace(f, probability=probability(search, f, rest, stages, f.id in worse)) for f in effects)
+    hardly = improbable(search, effects)
+    doubts = (*absurd.values(), *dict.fromkeys(worse.values()), *hardly, *_doubts(search, rest, last))
     verdict: Verdict = "missing effects" if effects else "nothing missing"
     # What was not tested is not said: neither that a name stands nor, while something may be, that nothing is missing.
     open_ended = bool(search.undone) and rest.share > search.criteria.left
     untested = not search.scored or open_ended or search.unsure
-    if rest.significant or untested or (effects and worse):
+    if rest.significant or untested or (effects and worse) or hardly:
         verdict = "partly explained" if effects else "unexplained"
-    effects = tuple(replace(f, probability=probability(search, f, rest, stages, f.id in worse)) for f in effects)
     rivals = {entry.id: entry.rivals for entry in search.accepted
               if entry.rivals and not (entry.of_record or entry.id in weak)}  # fmt: skip
     return Diagnosis(

@@ -1,6 +1,6 @@
 """What a finished search may claim: what is left beside noise, which names are in doubt, how probable each is."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -123,8 +123,10 @@ def _with_start_known(search: "Search", last: Stage) -> float:
     return misfits(runs, {run.name: start_known(search.simulator, run, last.parameters) for run in runs})[""]
 
 
-def worse_without(search: "Search", stages: tuple[Stage, ...], gaps: Mapping[str, Any]) -> dict[str, str]:
-    """Of the effects named, those that make held-out runs worse, and by how much; each is refitted without."""
+def worse_without(search: "Search", effects: Sequence[Finding], stages: tuple[Stage, ...], gaps: Mapping[str, Any]
+                  ) -> dict[str, str]:  # fmt: skip
+    """Of the ``effects`` named, those that make held-out runs worse, and by how much; each is refitted without. Where
+    none does by itself and held-out runs are worse than with no effect, all of them do."""
     limit, worse = search.criteria.worse, {}
     final = gaps["final"]
     steps = {b.name: b.misfit[""] > limit * a.misfit[""] for a, b in pairwise(stages)}
@@ -134,9 +136,16 @@ def worse_without(search: "Search", stages: tuple[Stage, ...], gaps: Mapping[str
         search.progress(f"held-out runs without {entry.id}")
         beside = search.attempt(f"held-out runs without {entry.id}", partial(_misfit_without, search, entry))
         if beside is not None and not final <= limit * beside:
-            both = f"misfit {beside:.3g} without it, {final:.3g} with it"
-            worse[entry.id] = f"{entry.id} makes the held-out runs worse: {both}"
+            worse[entry.id] = f"{entry.id} makes the held-out runs worse: {_compared(beside, final)}"
+    if effects and not worse and not final <= limit * gaps["refit"]:
+        names = ", ".join(finding.id for finding in effects)
+        said = f"the held-out runs are worse with {names} than without: {_compared(gaps['refit'], final)}"
+        worse = {finding.id: said for finding in effects}
     return worse
+
+
+def _compared(without: float, final: float) -> str:
+    return f"misfit {without:.4g} without, {final:.4g} with, {final / without - 1:+.2g} of it"
 
 
 def _misfit_without(search: "Search", entry: "Accepted") -> float:
@@ -156,7 +165,7 @@ def probability(
     what the name only imitates, and a name that unseen data do not bear out is likely wrong: both take from it.
     """
     entry = next((a for a in search.accepted if a.id == finding.id), None)
-    weights = [float(np.exp(-0.5 * max(chi_square, 0.0))) for chi_square in entry.behind.values()] if entry else []
+    weights = list(_weights(entry).values()) if entry else []
     if entry and not entry.asked and entry.id not in search.partners:
         weights.append(1.0)
     found = (1 - search.criteria.prior_none) / (1 + sum(weights))
@@ -165,6 +174,25 @@ def probability(
     if rest.above:
         found *= _brought(finding.id, rest, stages)
     return 0.2 * found if worse else found
+
+
+def _weights(entry: "Accepted") -> dict[str, float]:
+    """Of each rival that was refitted, by id, how probable it is over the name."""
+    return {name: float(np.exp(-0.5 * max(chi_square, 0.0))) for name, chi_square in entry.behind.items()}
+
+
+def improbable(search: "Search", effects: Sequence[Finding]) -> list[str]:
+    """Of the names, with the probabilities that they have, those that are hardly what is missing, even together with
+    those that the data can't tell from them: a line for each."""
+    found = []
+    for finding in effects:
+        entry = next((a for a in search.accepted if a.id == finding.id), None)
+        weights = _weights(entry) if entry else {}
+        either = finding.probability * (1 + sum(weights.get(name, 0.0) for name in finding.either))
+        if either < search.criteria.improbable:
+            others = "".join(f" or {name}" for name in finding.either)
+            found.append(f"{finding.id}{others} is hardly what is missing: its probability is {either:.2g}")
+    return found
 
 
 def _brought(name: str, rest: Remainder, stages: tuple[Stage, ...]) -> float:

@@ -8,7 +8,7 @@ import pytest
 from discrepancy.criteria import Criteria
 from discrepancy.tell.answer import Finding, Stage
 from discrepancy.tell.assemble import _scaled
-from discrepancy.tell.verdict import Remainder, probability
+from discrepancy.tell.verdict import Remainder, improbable, probability, worse_without
 
 CLEAN = Remainder(share=0.0, ratio=1.0, above=False, significant=False)
 
@@ -42,6 +42,49 @@ def test_of_what_stays_above_noise_the_one_that_brought_little_is_in_doubt() -> 
     assert of("small", search(), rest, 1.0, 0.02, 0.012) == pytest.approx(sure * (1 - 1.35e-4 / 3.91e-4))
     assert of("large", search(), rest, 1.0, 0.02, 0.012) == pytest.approx(sure, abs=1e-3)
     assert of("small", search(), CLEAN, 1.0, 0.02, 0.012) == pytest.approx(sure)
+
+
+def judged(monkeypatch: pytest.MonkeyPatch, without: float, *misfits: float, **criteria: float) -> dict[str, str]:
+    """What is said of "large" and "small" where held-out runs have these ``misfits`` at each stage, and one of
+    ``without`` as soon as either is taken out again."""
+    monkeypatch.setattr("discrepancy.tell.verdict._misfit_without", lambda search, entry: without)
+    names = [SimpleNamespace(id=name, of_record=False) for name in ("large", "small")]
+    found: Any = SimpleNamespace(accepted=names, criteria=Criteria.of(criteria), progress=lambda text: None,
+                                 attempt=lambda what, work: work())  # fmt: skip
+    gaps = {"refit": misfits[0], "final": misfits[-1]}
+    return worse_without(found, [Finding(n.id, (), {}) for n in names], stages(*misfits), gaps)
+
+
+def test_an_effect_that_makes_held_out_runs_worse_is_in_doubt_however_little_it_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert judged(monkeypatch, 0.3, 1.0, 0.5, 0.2) == {}
+    # The second stage is 0.4 % worse than the first, and than without that effect.
+    worse = judged(monkeypatch, 0.5, 1.0, 0.5, 0.502)
+    assert list(worse) == ["small"]
+    assert "misfit 0.5 without, 0.502 with" in worse["small"]
+    assert judged(monkeypatch, 0.5, 1.0, 0.5, 0.502, worse=1.02) == {}
+
+
+def test_effects_of_which_none_makes_held_out_runs_worse_may_do_so_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    worse = judged(monkeypatch, 2.0, 1.0, 1.1, 1.05)
+    assert set(worse) == {"large", "small"}
+    assert len(set(worse.values())) == 1
+    assert "large, small" in worse["small"]
+
+
+def test_a_name_that_its_own_probability_calls_improbable_is_in_doubt() -> None:
+    def said(probability: float, either: tuple[str, ...], **behind: float) -> list[str]:
+        return improbable(search(True, **behind), [Finding("large", either, {}, probability=probability)])
+
+    assert said(0.99, ()) == []
+    # Three that fit alike have a quarter each of what is sure together: that is what ``either`` says.
+    assert said(0.25, ("a", "b", "c"), a=0.0, b=0.0, c=0.0) == []
+    [line] = said(0.08, ("a",), a=0.0)
+    assert line.startswith("large or a is hardly what is missing")
+    assert "0.16" in line
+    # A rival that is no ``either`` takes from the name and gives it nothing.
+    assert len(said(0.25, (), a=0.0)) == 1
 
 
 def test_only_values_that_a_laboratory_states_say_that_the_force_is_off() -> None:
