@@ -16,8 +16,8 @@ RIVALS: Final = 6
 @dataclass(frozen=True)
 class Accepted:
     """An effect in the model: how it was probed, the share of the residual's square it took, and rivals (parameters by
-    id) that fit as well; behind: by how much each rival that was refitted fits worse, as a chi-square; asked: whether
-    all effects were tried in its place."""
+    id) that fit as well or are as probable; behind: by how much each rival that was refitted fits worse, as a
+    chi-square; asked: whether all effects were tried in its place."""
 
     candidate: Candidate
     share: float

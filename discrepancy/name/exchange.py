@@ -110,7 +110,8 @@ def _exchange_one(search: "Search", place: int, entry: Accepted, among: Kind | N
         tried = [*search.instead[entry.id].tried, (entry.id, entry.candidate.shapes)]
         search.instead = {**search.instead, head: Instead(search.at.parameters, tried, fits)}
     close = costs[head] + search.criteria.even
-    even = {i: dict(at.parameters) for i, (at, _) in fits.items() if costs[i] < close}
+    # One with fewer parameters that is as probable though it fits a little worse is told from the name by no data.
+    even = {i: dict(at.parameters) for i, (at, _) in fits.items() if costs[i] < close or prices[i] <= prices[head]}
     behind = {i: prices[i] - prices[head] for i in fits}
     search.accepted[place] = Accepted(candidate, entry.share, even, behind, entry.asked or not among)
 

@@ -1,13 +1,17 @@
 """Rivals: which are fitted before one is named, and which in its place."""
 
 from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hidden_sets import MODEL, made
 
+from discrepancy.criteria import Criteria
 from discrepancy.data.record import Floats, Record
 from discrepancy.fit.simulate import Simulator
-from discrepancy.name.accepted import Refit
+from discrepancy.name.accepted import Accepted, Refit
+from discrepancy.name.columns import Candidate, Probe
 from discrepancy.name.competition import refitted
 from discrepancy.name.exchange import exchange
 from discrepancy.name.search import Search
@@ -43,3 +47,30 @@ def test_one_that_promises_no_more_waits_and_is_tried_in_the_end(monkeypatch: py
         before, simulated = dict(entry.rivals), 0
         exchange(search)
         assert (dict(search.accepted[0].rivals), simulated) == (before, 0)
+
+
+@pytest.mark.parametrize(("worse", "named"), [(8.0, True), (11.0, True), (14.0, False)])
+def test_a_rival_as_probable_as_the_name_is_its_either(
+    monkeypatch: pytest.MonkeyPatch, worse: float, named: bool
+) -> None:
+    """A misalignment has one parameter, a cubic spring two: 12 of chi-square make up for the second."""
+
+    def candidate(name: str) -> Candidate:
+        effect = MODEL.effect(name)
+        return Candidate(effect, tuple(Probe(q, 1.0, 1) for q in effect.sizes), {})
+
+    def fit(chi_square: float) -> Any:
+        return SimpleNamespace(count=1, unlikely=chi_square, parameters={})
+
+    cubic, other = Accepted(candidate("cubic_stiffness"), 0.1, {}), candidate("actuator_misalignment")
+    monkeypatch.setattr(
+        "discrepancy.name.exchange._refitted_instead", lambda *_: {other.effect.id: (fit(worse), other)}
+    )
+    monkeypatch.setattr("discrepancy.name.exchange.own_filter", lambda fitter, at: at)
+    search: Any = SimpleNamespace(at=fit(0.0), fitter=None, criteria=Criteria(), accepted=[cubic], partners=set(),
+                                  instead={}, simulator=SimpleNamespace(clock=SimpleNamespace(check=lambda: None)),
+                                  attempt=lambda what, work: work())  # fmt: skip
+    exchange(search)
+    [entry] = search.accepted
+    assert entry.id == "cubic_stiffness"
+    assert (other.effect.id in entry.rivals) == named
