@@ -27,7 +27,7 @@ SI: Final = {"t": "s", "u_x": "N", "u_y": "N", "v_x": "V", "v_y": "V", "omega_z"
              "a_x": "m/s2", "a_y": "m/s2", "v_bias": "V"}  # fmt: skip
 
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
-    "t": ("t", "time", "zeit", "timestamp"),
+    "t": ("t", "time", "zeit", "timestamp", "x_value"),
     "u_x": ("u_x", "ux", "fx", "f_x", "force_x", "drive_x", "u1", "u", "force", "input", "v1"),
     "u_y": ("u_y", "uy", "fy", "f_y", "force_y", "drive_y", "u2"),
     "v_x": ("v_x", "vx", "sense_x", "out_x", "y1", "output", "v2"),

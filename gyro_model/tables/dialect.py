@@ -17,6 +17,8 @@ SEPARATORS: Final = (",", ";", "\t", "|", " ")
 """A space stands for any white space."""
 NUMBERS: Final = 0.7
 """Share of the cells of a table that must be numbers; a column of remarks among four is text."""
+SHORTEST_BLOCK: Final = 0.1
+"""Of the longest block of lines with numbers: shorter ones above it are preamble; remarks may part a table."""
 _UNIT: Final = re.compile(r"[\[(]?\s*[A-Za-zµμ°/%²^0-9.·*-]{1,10}\s*[\])]?")
 
 
@@ -75,14 +77,22 @@ def dialect_of(text: str) -> Dialect:
         share = sum(shares[k] for k in table) / max(sum(1 for row in rows if row != [""]), 1)
         if not table:
             continue
-        # A line of a preamble may hold as many numbers, but no second one follows it.
-        first = next((k for k in table if k + 1 in table), table[0])
+        first = _first(table)
         own = _headed(rows, first, width, separator, decimal)
         # Of two that read as many numbers, the one that makes more columns of them, then the one that has headings.
         worth = share + 1e-3 * min(width, 50) + 5e-4 * bool(own.headings)
         if worth > best + 1e-9:
             best, found = worth, own
     return found
+
+
+def _first(table: list[int]) -> int:
+    """The line with which a table begins whose lines are ``table``, rising: that of its first long block. A preamble
+    may hold a line or a few with as many numbers (step and start of each channel), but not as long a block."""
+    starts = [k for k in table if k - 1 not in table]
+    lengths = [sum(start <= k < end for k in table) for start, end in itertools.pairwise([*starts, table[-1] + 1])]
+    long = max(2, SHORTEST_BLOCK * max(lengths))
+    return next((start for start, length in zip(starts, lengths, strict=True) if length >= long), table[0])
 
 
 def _share(row: list[str], decimal: str) -> float:
@@ -115,7 +125,7 @@ def _headed(rows: list[list[str]], first: int, width: int, separator: str, decim
     """The dialect with the headings that stand above the first numbers."""
     above = [row for row in rows[:first] if row not in ([""], [])][-2:]
     # A comment mark stands before the headings, not in them.
-    above = [[cell.lstrip("#%").strip() for cell in row] for row in above]
+    above = [[cell.lstrip("#%*").strip() for cell in row] for row in above]
     above = [row[1:] if len(row) == width + 1 and not row[0] else row for row in above]
     last = above[-1] if above else []
     if len(last) != width or all(is_number(cell, decimal) for cell in last if cell):

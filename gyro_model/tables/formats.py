@@ -29,7 +29,7 @@ def npz(path: Path, content: bytes) -> Columns:
 
 
 def mat(path: Path, content: bytes) -> Columns:
-    """MATLAB: variables that are vectors or matrices; version 7.3 is HDF5."""
+    """MATLAB: variables that are vectors or matrices, also within structs, by path; version 7.3 is HDF5."""
     from scipy.io import loadmat
 
     if content[:8] == b"\x89HDF\r\n\x1a\n" or content[512:520] == b"\x89HDF\r\n\x1a\n":
@@ -85,6 +85,9 @@ def frame_of(path: Path, content: bytes) -> pl.DataFrame:
 
 
 def _of_array(name: str, array: np.ndarray) -> Columns:
+    if array.dtype.names and array.dtype.hasobject:  # a struct of MATLAB
+        fields = [(f"{name}.{field}", array[field]) for field in array.dtype.names] if array.size == 1 else []
+        return {key: column for path, inner in fields for key, column in _of_array(path, inner.item()).items()}
     if array.dtype.names:
         return {field: np.ravel(array[field]) for field in array.dtype.names if array[field].dtype.kind in "fiu"}
     if array.dtype.kind not in "fiub" or array.ndim not in (1, 2) or array.size < 2:

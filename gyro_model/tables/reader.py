@@ -13,7 +13,7 @@ from gyro_model.tables.dialect import Dialect, decoded, dialect_of
 from gyro_model.tables.formats import READERS, frame_of
 from gyro_model.tables.table import Table
 
-TEXT: Final = (".csv", ".csv.gz", ".txt", ".tsv", ".dat", ".asc")
+TEXT: Final = (".csv", ".csv.gz", ".txt", ".tsv", ".dat", ".asc", ".lvm")
 SUFFIXES: Final = (*TEXT, ".parquet", *READERS)
 """What a table's name ends in. Text under another name is read as .csv."""
 

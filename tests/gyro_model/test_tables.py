@@ -9,6 +9,7 @@ import polars as pl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.io import savemat
 
 from gyro_model.errors import InputError
 from gyro_model.tables import Table, read_table
@@ -162,3 +163,32 @@ def test_a_preamble_may_hold_numbers_and_channels_one_name(tmp_path: Path) -> No
     frame = read_table(tmp_path / "scope.csv").frame
     assert frame.columns == ["Channel [Unit]", "Force [V]", "Channel [Unit] (2)", "Force [V] (2)"]
     assert frame["Force [V] (2)"].to_list() == [2, 4]
+
+
+def test_lines_of_steps_and_starts_above_a_long_table_are_preamble(tmp_path: Path) -> None:
+    # As LabVIEW writes a measurement file: two lines with as many numbers as the table, and then its headings.
+    steps = ["X_Dimension\tTime\tTime\t", "X0\t0.0\t0.0\t", "Delta_X\t0.1\t0.1\t"]
+    rows = [f"{0.1 * k:.1f}\t{k % 3}\t{k % 5}\t" for k in range(60)]
+    lines = ["LabVIEW Measurement\t", "Channels\t2\t\t", *steps, "*X_Value\tForce\tMotion\tComment", *rows]
+    path = tmp_path / "measured.lvm"
+    path.write_text("\r\n".join(lines), encoding="utf-8")
+    read = read_table(path)
+    assert read.headings[:3] == ["X_Value", "Force", "Motion"]
+    assert len(read) == 60
+
+
+def test_a_remark_near_the_begin_of_a_table_does_not_cut_it(tmp_path: Path) -> None:
+    rows = [f"{k}\t{k % 3}" for k in range(60)]
+    path = tmp_path / "remarked.txt"
+    path.write_text("\n".join(["t\tu", *rows[:20], "paused\there", *rows[20:]]), encoding="utf-8")
+    read = read_table(path)
+    assert read.headings == ["t", "u"]
+    assert len(read) == 61
+
+
+def test_vectors_within_structs_of_matlab_are_columns_by_path(tmp_path: Path) -> None:
+    wave = np.arange(9.0)
+    savemat(
+        tmp_path / "beam.mat", {"steel": {"out": {"acc": np.stack((wave, -wave)), "time": wave, "note": "by hand"}}}
+    )
+    assert read_table(tmp_path / "beam.mat").headings == ["steel.out.acc 1", "steel.out.acc 2", "steel.out.time"]
