@@ -35,6 +35,11 @@ SLIP: Final = 2.0
 """By how much more a longer piece may be off than a shorter one and count as in step: a model that lacks something is
 off at any length."""
 
+LEAVES: Final = 1.25
+"""By how much more a fit may be off under the filter of a noise than without: noise moves parameters by their
+deviations, which changes what is left by less than that; a mode that the model lacks, taken for a thermal motion, made
+it 2.7 times as much."""
+
 
 def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, Fitted]:
     """``at`` fitted and whitened: over the whole runs, or, where no such fit stays in step, over the longest pieces
@@ -118,13 +123,18 @@ def grown(whole: Fitter, at: Fitted) -> Fitted:
 
 
 def whitened(fitter: Fitter, at: Fitted, share: float = 0.0) -> Fitted:
-    """``at`` fitted under the whitening that its own residuals ask for, to a ``share`` of the cost."""
+    """``at`` fitted under the whitening that its own residuals ask for, to a ``share`` of the cost. Where that fit
+    leaves the motion, since it predicts a sample ahead what the model lacks, ``at`` as it was, whitened for scores
+    only."""
     for _ in range(3):
         setting = at.whiten.setting
         again = fitter.whitened(at)
         if setting.like(again.whiten.setting):
             break
-        at = fitter.fit(again, share=share)
+        fitted = fitter.fit(again, share=share)
+        if fitter.off(fitted) > max(IN_STEP, LEAVES * fitter.off(at)):
+            return again
+        at = fitted
     return at
 
 

@@ -26,6 +26,9 @@ FAR_OFF: Final = 100.0
 """Times the square that the fit leaves: a fit without an effect that can't come below it is not finished, since what is
 ten times as far off on the runs to fit is no better on others."""
 
+FAR_FROM_THERMAL: Final = 1000.0
+"""Times the thermal force beyond which by how much is not told."""
+
 LOUDER: Final = 3.0
 """Times the noise of the runs to fit, in proportion to the motion where that is larger, that is still believed to be
 noise of held-out runs. Chosen, not measured: one clipped run showed 36 times."""
@@ -48,9 +51,11 @@ def sane(noises: Mapping[str, Value], search: "Search") -> tuple[dict[str, Value
     thermal, clock = noises.get("thermal_force"), noises.get("sampling_jitter")
     rate = search.dataset.fit[0].sample_rate
     if thermal and thermal.low > limits.thermal:
+        # Of a mass of grams and more any misfit is millions of times it: the number would say nothing.
+        times = f"{thermal.value:.2g}" if thermal.value < FAR_FROM_THERMAL else f"over {FAR_FROM_THERMAL:.0f}"
         absurd["thermal_force"] = (
-            f"the residual is not thermal noise: it shakes the mass {thermal.value:.2g} times as strongly; "
-            "look for a force that acts on the device and is not in the record"
+            f"the residual is no thermal noise, but {times} times as strong a force on the mass: one that is not in "
+            "the record, or motion that the model lacks"
         )
     if clock and clock.low * rate > limits.jitter:
         absurd["sampling_jitter"] = (

@@ -1,0 +1,42 @@
+"""Fits of runs that hold more than the model: they stay with the motion, whatever a noise filter takes for noise."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hidden_sets import MODEL
+from scipy.signal import cont2discrete, lfilter, ss2tf
+
+from discrepancy.data.dataset import Dataset
+from discrepancy.data.linear_start import linear_start
+from discrepancy.data.record import make_record
+from discrepancy.fit.simulate import Simulator
+from discrepancy.name.search import Search
+
+RATE, SAMPLES, Q = 100.0, 800, 100.0
+OWN, OTHER, RESIDUE = 12.67, 5.82, -0.75
+
+
+def _answer(u: np.ndarray, frequency: float) -> np.ndarray:
+    """The displacement per stiffness of a mode to a force that is held between samples."""
+    w = 2 * np.pi * frequency
+    state = np.array([[0.0, 1.0], [-(w**2), -w / Q]]), np.array([[0.0], [w**2]]), np.eye(2)[:1], np.zeros((1, 1))
+    numerator, denominator = ss2tf(*cont2discrete(state, 1 / RATE)[:4])
+    return np.asarray(lfilter(numerator[0], denominator, u))
+
+
+def test_a_mode_that_no_effect_can_be_is_left_without_spoiling_the_fit() -> None:
+    # The second mode answers with the other sign, as far from where a structure is driven: no force on the mass does.
+    u = np.random.default_rng(1).standard_normal(SAMPLES)
+    own, other = _answer(u, OWN), RESIDUE * _answer(u, OTHER)
+    record = make_record("1", np.arange(SAMPLES) / RATE, u[:, None], (own + other)[:, None], sample_rate=RATE)
+    nominal = linear_start([record], (1.0,))
+    assert nominal is not None
+    with Simulator(MODEL, 1) as simulator:
+        search = Search(simulator, Dataset(Path(), nominal, (record,)), lambda _: None)
+        search.begin()
+        assert search.fitter is search.whole
+        # What is left is the other mode; a fit that predicted a sample ahead left 1.67 times as much.
+        assert search.fitter.off(search.at) < 1.1 * np.std(other) / np.std(own + other)
+        frequency = np.sqrt(search.at.parameters["kxx"] / search.at.parameters["m"]) / (2 * np.pi)
+        assert frequency == pytest.approx(OWN, rel=0.01)
