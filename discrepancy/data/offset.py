@@ -1,4 +1,5 @@
-"""A sensor that shows where it stands: an offset far beyond the motion is no answer to any force, and is taken off.
+"""A sensor that shows where it stands: an offset far beyond the motion is no answer to any force, and is taken off; of
+a sensor of velocity or acceleration a far smaller one is none.
 
 Left in, mass, stiffness and initial states imitate it, and nothing else is seen beside.
 """
@@ -17,6 +18,9 @@ from gyro_model.quantities import Quantity
 BEYOND: Final = 3.0
 """Times the motion's rms that the mean voltage of every run is, at the least. What an asymmetric spring or pickoff
 makes of a motion is below the motion itself."""
+MOVING: Final = 0.05
+"""The same of a velocity or an acceleration: their mean over a run is what the end differs from the begin by, over its
+length, which of a mass that a spring holds is 0.01 of the motion's rms after 45 periods."""
 SAME: Final = 1.0
 """Times the motion's rms by which the means of the runs may differ: else the mass itself has moved."""
 STILL: Final = 0.03
@@ -34,23 +38,25 @@ class Levelled(NamedTuple):
 
 
 def levelled(records: Sequence[Record], stated: Mapping[str, float], model: Model) -> Levelled:
-    """The runs without an offset far beyond the motion of those to fit, which alone are looked at; all the runs as they
+    """The runs without an offset beyond the motion of those to fit, which alone are looked at; all the runs as they
     are where the lab states what is always there (``stated``: nominal values)."""
     own, said = tuple(records), []
     left: dict[str, float] = {}
     fit = [record for record in own if record.role == "fit"]
     unlike = len({record.axes for record in own}) > 1
-    if not fit or unlike or any(r.order for r in own) or not _still(fit) or _standing(stated, model):
+    if not fit or unlike or not _still(fit) or _standing(stated, model):
         return Levelled(own, {}, ())
     for axis, name in enumerate("xy"[: own[0].axes]):
         means = np.array([np.mean(r.v[r.valid, axis]) for r in fit])
         motion = max(float(np.std(r.v[r.valid, axis])) for r in fit)
-        if np.ptp(means) > SAME * motion or np.abs(means).min() <= BEYOND * motion or motion == 0:
+        least = MOVING if fit[0].order else BEYOND
+        if np.ptp(means) > SAME * motion or np.abs(means).min() <= least * motion or motion == 0:
             continue
         offset = np.zeros(own[0].axes)
         offset[axis] = float(np.mean(means))
         own = tuple(replace(record, v=record.v - offset) for record in own)
-        left |= {q.name: LEFT * motion for q in _offsets(model, axis)}
+        # What acts on the pickoff of the model adds to a position alone.
+        left |= {} if fit[0].order else {q.name: LEFT * motion for q in _offsets(model, axis)}
         times = abs(offset[axis]) / motion
         said.append(f"v_{name} stands at {offset[axis]:.6g} V, {times:.3g} times its motion: taken off as an offset")
     return Levelled(own, left, tuple(said))

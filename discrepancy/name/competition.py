@@ -36,9 +36,11 @@ def rivals(search: "Search", worth: list[Scored]) -> list[Scored]:
     """Those whose refit could be the best, all that the linear scores leave open, in the order of their refits.
 
     A plain one is soon fitted, and tells one that has shapes, which could imitate it, how far it has to come; of an
-    effect and a defect of the record that promise the same the effect is named.
+    effect and a defect of the record that promise the same the effect is named, of a force on the mass and the
+    electronics the electronics (``best_refit``).
     """
-    return sorted(_close(search, worth), key=lambda entry: (len(entry[0].searched), _of_record(entry[0])))
+    return sorted(_close(search, worth), key=lambda entry: (len(entry[0].searched), _of_record(entry[0]),
+                                                            isinstance(entry[0].effect, Force)))  # fmt: skip
 
 
 def _close(search: "Search", worth: list[Scored]) -> list[Scored]:

@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from discrepancy.data.offset import levelled
-from discrepancy.data.record import Record, make_record
+from discrepancy.data.record import Record, Senses, make_record
 from gyro_model.model import load_model
 
 MODEL = load_model()
@@ -37,8 +38,22 @@ def test_what_may_be_the_device_s_own_stays() -> None:
         [run(1.0)],
         [run(17.0, force=0.5)],
         [run(17.0), run(27.0, seed=2)],
-        [replace(run(17.0), senses="velocity")],
     ):
         assert levelled(runs, {}, MODEL) == (tuple(runs), {}, ())
     own = next(q for e in MODEL.effects if e.id == "amplifier_offset" for q in e.sizes)
     assert levelled([run(17.0)], {own.name: 17.0}, MODEL).said == ()
+
+
+@pytest.mark.parametrize("senses", ["velocity", "acceleration"])
+def test_the_mean_of_a_velocity_or_an_acceleration_is_the_sensor_s(senses: Senses) -> None:
+    # As an accelerometer under gravity or without its zero; a free decay is no different.
+    for force in (1.0, 0.0):
+        own = replace(run(0.3), senses=senses, u=force * run(0.3).u)
+        [levelled_run], left, said = levelled([own], {}, MODEL)
+        assert abs(levelled_run.v.mean()) < 1e-12
+        assert not left
+        assert "v_x stands at 0.299987 V" in said[0]
+    # A force with a mean may turn or push a mass on and on; and a motion that ends elsewhere has a small mean.
+    for stays in (run(0.3, force=0.5), run(0.02)):
+        own = replace(stays, senses=senses)
+        assert levelled([own], {}, MODEL) == ((own,), {}, ())

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from hidden_sets import MODEL, made
@@ -10,10 +10,12 @@ from hidden_sets import MODEL, made
 from discrepancy.criteria import Criteria
 from discrepancy.data.record import Floats, Record
 from discrepancy.fit.simulate import Simulator
+from discrepancy.name import competition
 from discrepancy.name.accepted import Accepted, Refit
 from discrepancy.name.columns import Candidate, Probe
 from discrepancy.name.competition import refitted
 from discrepancy.name.exchange import exchange
+from discrepancy.name.score import Score
 from discrepancy.name.search import Search
 
 DELAY = 2e-8
@@ -74,3 +76,11 @@ def test_a_rival_as_probable_as_the_name_is_its_either(
     [entry] = search.accepted
     assert entry.id == "cubic_stiffness"
     assert (other.effect.id in entry.rivals) == named
+
+
+def test_of_what_promises_the_same_the_electronics_come_before_a_force(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Under a decay nothing but the electronics' offset or a constant force moves the mean, and neither is told apart.
+    found = [Candidate(MODEL.effect(name), (), {}) for name in ("constant_force", "amplifier_offset")]
+    monkeypatch.setattr(competition, "_close", lambda _, worth: worth)
+    ordered = competition.rivals(cast("Search", None), [(c, cast("Score", None)) for c in found])
+    assert [c.effect.id for c, _ in ordered] == ["amplifier_offset", "constant_force"]
