@@ -69,6 +69,9 @@ class Criteria:
     prior_none: float = 0.01
     """Probability, before the data, that what is missing is in no file though a name fits: 3 of 252 single effects were
     named wrong in blind trials."""
+    believed: float = 0.05
+    """Probability below which an effect is not named where something is left: what leaves most of what it was to
+    explain is one of many that imitate a part."""
     time_limit: float = 110.0
     """Seconds after which a diagnosis ends with what it knows, and says what it has not tried: as they pass on cores
     that do nothing else, so that no load of the machine changes an answer (``Clock``). 120 are bearable; the last part,
@@ -100,7 +103,7 @@ BOUNDS: Final[Mapping[str, Bounds]] = {
     "even": (0.0, 1e15), "simpler": (0.0, 100.0), "unseen": (0.0, 20.0), "left": (0.0, 1.0),
     "open_white": (1.0, 100.0), "open_coloured": (1.0, 100.0), "far_above": (1.0, 1e6), "noise_chance": (1e-15, 0.1),
     "worse": (1.0, 10.0), "improbable": (0.0, 1.0), "thermal": (1.0, 1e6), "jitter": (1e-6, 1.0), "timer": (1e-6, 1.0),
-    "coloured": (0.1, 1e6), "prior_none": (0.0, 0.5), "time_limit": (1.0, 1e6),
+    "coloured": (0.1, 1e6), "prior_none": (0.0, 0.5), "believed": (0.0, 1.0), "time_limit": (1.0, 1e6),
     "design_time": (0.1, 1e5)}  # fmt: skip
 """What each may be."""
 

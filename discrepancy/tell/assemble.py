@@ -31,7 +31,7 @@ from discrepancy.tell.intervals import WIDTH, intervals
 from discrepancy.tell.left_modes import left_modes
 from discrepancy.tell.limits import Limits
 from discrepancy.tell.run_gains import unlike_gains
-from discrepancy.tell.verdict import Remainder, improbable, probability, remainder, sane, worse_without
+from discrepancy.tell.verdict import Remainder, imitating, improbable, probability, remainder, sane, worse_without
 from gyro_model.anatomy import Effect, Force, Map
 
 if TYPE_CHECKING:
@@ -82,24 +82,37 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
     clock.until = float("inf")
     rest = remainder(search, stages, gaps, absurd)
     effects = tuple(replace(f, probability=probability(search, f, rest, stages, f.id in worse)) for f in effects)
-    hardly = improbable(search, effects)
-    doubts = (*absurd.values(), *dict.fromkeys(worse.values()), *hardly, *_doubts(search, rest, last))
+    # A clip is seen in the samples themselves, and takes nothing away.
+    seen = {f.id for f in clipped}
+    parts = imitating([f for f in effects if f.id not in seen], rest, worse, search.criteria)
+    effects = tuple(f for f in effects if f not in parts)
+    hardly = improbable(search, [f for f in effects if f.id not in seen])
+    doubts = (*absurd.values(), *dict.fromkeys(worse.values()), *map(_imitates, parts), *hardly,
+              *_doubts(search, rest, last))  # fmt: skip
     verdict: Verdict = "missing effects" if effects else "nothing missing"
     # What was not tested is not said: neither that a name stands nor, while something may be, that nothing is missing.
     open_ended = bool(search.undone) and rest.share > search.criteria.left
     untested = not search.scored or open_ended or search.unsure
-    if rest.significant or untested or (effects and worse) or hardly:
+    if rest.significant or untested or worse or parts or hardly:
         verdict = "partly explained" if effects else "unexplained"
     rivals = {entry.id: entry.rivals for entry in search.accepted
-              if entry.rivals and not (entry.of_record or entry.id in weak)}  # fmt: skip
+              if entry.rivals and entry.id in {f.id for f in effects}}  # fmt: skip
     return Diagnosis(
-        verdict, effects, _immaterial(search, weak), noises, gaps, places, _detectable(search),
+        verdict, effects, (*_immaterial(search, weak), *parts), noises, gaps, places, _detectable(search),
         {name: value for name, value in device.items() if name not in distortion_names()},
         {name: value for name, value in parameters.items() if name not in distortion_names()},
         rivals, tuple(search.steps), stages, removed, _absent(search), doubts, rest.share,
         (*_record(search, device), *known), search.criteria, bent(runs, whole, last, search.at.parameters), experiments,
         model=search.simulator.model,
     )  # fmt: skip
+
+
+def _imitates(finding: Finding) -> str:
+    """That what was taken into the model is no name for what is missing."""
+    return (
+        f"{finding.id} is in the model, but is hardly what is missing (probability {finding.probability:.2g}): much is "
+        "left, of which it may imitate a part"
+    )
 
 
 def _whole(search: "Search", at: Fitted) -> Sequence[Floats]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from discrepancy.criteria import Criteria
 from discrepancy.data.repeats import repeated_noise
 from discrepancy.fit.colour import gain
 from discrepancy.fit.locate import noise_level
@@ -198,6 +199,15 @@ def improbable(search: "Search", effects: Sequence[Finding]) -> list[str]:
             others = "".join(f" or {name}" for name in finding.either)
             found.append(f"{finding.id}{others} is hardly what is missing: its probability is {either:.2g}")
     return found
+
+
+def believed(
+    findings: Sequence[Finding], rest: Remainder, criteria: Criteria
+) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
+    """Of effects in the model those that are named, and those that are too improbable for that where something is
+    left."""
+    imitating = tuple(f for f in findings if rest.significant and f.probability < criteria.believed)
+    return tuple(f for f in findings if f not in imitating), imitating
 
 
 def _brought(name: str, rest: Remainder, stages: tuple[Stage, ...]) -> float:

@@ -8,7 +8,7 @@ import pytest
 from discrepancy.criteria import Criteria
 from discrepancy.tell.answer import Finding, Stage
 from discrepancy.tell.assemble import _scaled
-from discrepancy.tell.verdict import Remainder, improbable, probability, worse_without
+from discrepancy.tell.verdict import Remainder, believed, improbable, probability, worse_without
 
 CLEAN = Remainder(share=0.0, ratio=1.0, above=False, significant=False)
 
@@ -85,6 +85,20 @@ def test_a_name_that_its_own_probability_calls_improbable_is_in_doubt() -> None:
     assert "0.16" in line
     # A rival that is no ``either`` takes from the name and gives it nothing.
     assert len(said(0.25, (), a=0.0)) == 1
+
+
+def test_what_leaves_most_and_is_improbable_is_not_named() -> None:
+    # As of a motor whose flexible link no effect is: a feedthrough takes a sixth of what is left.
+    left = Remainder(share=0.83, ratio=37.0, above=True, significant=True)
+    found = search(asked=True)
+    chance = {name: of(name, found, left, 0.66, 0.61, 0.60) for name in ("large", "small")}
+    findings = [Finding(name, (), {}, probability=value) for name, value in chance.items()]
+    assert believed(findings, left, Criteria()) == ((), tuple(findings))
+    # Where nothing is left a name stands, however many rivals fit as well; so does what has taken most.
+    assert believed(findings, CLEAN, Criteria()) == (tuple(findings), ())
+    most = Remainder(share=0.1, ratio=5.0, above=True, significant=True)
+    sure = Finding("large", (), {}, probability=of("large", search(), most, 0.66, 0.2, 0.2))
+    assert believed([sure], most, Criteria()) == ((sure,), ())
 
 
 def test_only_values_that_a_laboratory_states_say_that_the_force_is_off() -> None:
