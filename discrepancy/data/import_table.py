@@ -17,6 +17,7 @@ from scipy.interpolate import make_interp_spline
 from discrepancy.data.dataset import FILE, FORMAT, load_dataset
 from discrepancy.data.hold import Better, better_hold
 from discrepancy.data.record import MINIMUM_SAMPLES, MOST_MISSING, Floats, Senses, measured_rate
+from discrepancy.data.release import released
 from discrepancy.data.table import COLUMNS, numbers, read_table
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
@@ -225,8 +226,26 @@ def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
     if "t" not in columns:
         columns = {"t": np.arange(len(table)) / float(request.sample_rate or 1.0)} | columns
     pieces, said = _cut(path, columns, said)
+    if not any(sources[column].heading for column in FORCES if column in sources):
+        pieces, said = _let_go(pieces, said)
     moved = {c: source.unit for c, source in sources.items() if c in ("v_x", "v_y") and source.unit in SENSED}
     return [piece._replace(moved=moved) for piece in pieces], said
+
+
+def _let_go(pieces: Sequence[Piece], said: list[str]) -> tuple[list[Piece], list[str]]:
+    """Free decays from where they were let go, and where that was; what is too short then stays as it was."""
+    found = []
+    for piece in pieces:
+        begin = released([values for column, values in piece.columns.items() if column in ("v_x", "v_y")])
+        if 0 < begin <= len(piece.columns["t"]) - MINIMUM_SAMPLES:
+            since = piece.columns["t"][begin] - piece.columns["t"][0]
+            said = [
+                *said,
+                f"{piece.name}: begins {since:.4g} s later, where it was let go: no force is recorded before",
+            ]
+            piece = piece._replace(columns={column: values[begin:] for column, values in piece.columns.items()})
+        found.append(piece)
+    return found, said
 
 
 def _numbers(table: pl.DataFrame, heading: str, path: Path) -> Floats:
