@@ -110,8 +110,8 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
 def _imitates(finding: Finding) -> str:
     """That what was taken into the model is no name for what is missing."""
     return (
-        f"{finding.id} is in the model, but is hardly what is missing (probability {finding.probability:.2g}): much is "
-        "left, of which it may imitate a part"
+        f"{finding.id} is in the model, but is hardly what is missing (probability {finding.probability:.2g}): it may "
+        "imitate a part of that"
     )
 
 

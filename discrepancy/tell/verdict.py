@@ -1,6 +1,6 @@
 """What a finished search may claim: what is left beside noise, which names are in doubt, how probable each is."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -202,11 +202,12 @@ def improbable(search: "Search", effects: Sequence[Finding]) -> list[str]:
 
 
 def believed(
-    findings: Sequence[Finding], rest: Remainder, criteria: Criteria
+    findings: Sequence[Finding], rest: Remainder, worse: Collection[str], criteria: Criteria
 ) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
-    """Of effects in the model those that are named, and those that are too improbable for that where something is
-    left."""
-    imitating = tuple(f for f in findings if rest.significant and f.probability < criteria.believed)
+    """Of effects in the model those that are named, and those that are too improbable for that where something is left
+    or held-out runs get ``worse`` by them."""
+    open_still = {f.id for f in findings if rest.above or rest.significant or f.id in worse}
+    imitating = tuple(f for f in findings if f.id in open_still and f.probability < criteria.believed)
     return tuple(f for f in findings if f not in imitating), imitating
 
 
