@@ -133,11 +133,11 @@ def worse_without(search: "Search", effects: Sequence[Finding], stages: tuple[St
                   ) -> dict[str, str]:  # fmt: skip
     """Of the ``effects`` named, those that make held-out runs worse, and by how much; each is refitted without. Where
     none does by itself and held-out runs are worse than with no effect, all of them do."""
-    limit, worse = search.criteria.worse, {}
+    limit, worse, named = search.criteria.worse, {}, {finding.id for finding in effects}
     final = gaps["final"]
     steps = {b.name: b.misfit[""] > limit * a.misfit[""] for a, b in pairwise(stages)}
     for entry in search.accepted:
-        if entry.of_record or not (steps.get(entry.id) or final > limit * gaps["refit"]):
+        if entry.id not in named or not (steps.get(entry.id) or final > limit * gaps["refit"]):
             continue
         search.progress(f"held-out runs without {entry.id}")
         beside = search.attempt(f"held-out runs without {entry.id}", partial(_misfit_without, search, entry))
@@ -201,14 +201,13 @@ def improbable(search: "Search", effects: Sequence[Finding]) -> list[str]:
     return found
 
 
-def believed(
+def imitating(
     findings: Sequence[Finding], rest: Remainder, worse: Collection[str], criteria: Criteria
-) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
-    """Of effects in the model those that are named, and those that are too improbable for that where something is left
-    or held-out runs get ``worse`` by them."""
+) -> tuple[Finding, ...]:
+    """Of effects in the model those that are too improbable for a name where something is left or held-out runs get
+    ``worse`` by them."""
     open_still = {f.id for f in findings if rest.above or rest.significant or f.id in worse}
-    imitating = tuple(f for f in findings if f.id in open_still and f.probability < criteria.believed)
-    return tuple(f for f in findings if f not in imitating), imitating
+    return tuple(f for f in findings if f.id in open_still and f.probability < criteria.believed)
 
 
 def _brought(name: str, rest: Remainder, stages: tuple[Stage, ...]) -> float:

@@ -8,7 +8,7 @@ import pytest
 from discrepancy.criteria import Criteria
 from discrepancy.tell.answer import Finding, Stage
 from discrepancy.tell.assemble import _scaled
-from discrepancy.tell.verdict import Remainder, believed, improbable, probability, worse_without
+from discrepancy.tell.verdict import Remainder, imitating, improbable, probability, worse_without
 
 CLEAN = Remainder(share=0.0, ratio=1.0, above=False, significant=False)
 
@@ -93,14 +93,14 @@ def test_what_leaves_most_and_is_improbable_is_not_named() -> None:
     found = search(asked=True)
     chance = {name: of(name, found, left, 0.66, 0.61, 0.60) for name in ("large", "small")}
     findings = [Finding(name, (), {}, probability=value) for name, value in chance.items()]
-    assert believed(findings, left, (), Criteria()) == ((), tuple(findings))
+    assert imitating(findings, left, (), Criteria()) == tuple(findings)
     # Where nothing is left a name stands, however many rivals fit as well; so does what has taken most.
-    assert believed(findings, CLEAN, (), Criteria()) == (tuple(findings), ())
+    assert imitating(findings, CLEAN, (), Criteria()) == ()
     # Nor is one named that no more than held-out runs speak against.
-    assert believed(findings, CLEAN, ["small"], Criteria()) == ((findings[0],), (findings[1],))
+    assert imitating(findings, CLEAN, ["small"], Criteria()) == (findings[1],)
     most = Remainder(share=0.1, ratio=5.0, above=True, significant=True)
     sure = Finding("large", (), {}, probability=of("large", search(), most, 0.66, 0.2, 0.2))
-    assert believed([sure], most, (), Criteria()) == ((sure,), ())
+    assert imitating([sure], most, (), Criteria()) == ()
 
 
 def test_only_values_that_a_laboratory_states_say_that_the_force_is_off() -> None:
