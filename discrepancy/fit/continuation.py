@@ -132,7 +132,9 @@ def whitened(fitter: Fitter, at: Fitted, share: float = 0.0) -> Fitted:
         if setting.like(again.whiten.setting):
             break
         fitted = fitter.fit(again, share=share)
-        if fitter.off(fitted) > max(IN_STEP, LEAVES * fitter.off(at)):
+        # What a free mass is off by has added up over the run: however little of the way it went that is, it counts.
+        enough = 0.0 if unsprung(fitter, at) else IN_STEP
+        if fitter.off(fitted) > max(enough, LEAVES * fitter.off(at)):
             return again
         at = fitted
     return at
@@ -168,6 +170,11 @@ def _period(whole: Fitter, at: Fitted) -> float:
 def _hardly_held(whole: Fitter, at: Fitted) -> bool:
     """Whether runs have so few periods that what a model lacks adds up over them."""
     return min(len(record.t) for record in whole.records) < GROWTH * SHORTEST * _period(whole, at)
+
+
+def unsprung(whole: Fitter, at: Fitted) -> bool:
+    """Whether no run is as long as a period: the mass goes where forces push it, and none holds it."""
+    return max(len(record.t) for record in whole.records) < _period(whole, at)
 
 
 def _astray(whole: Fitter, at: Fitted) -> float:

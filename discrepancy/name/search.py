@@ -13,7 +13,8 @@ from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.late import lateness
-from discrepancy.fit.continuation import ROUNDS, beginnings, nearly_settled, roughly_settled, settled
+from discrepancy.data.resisted import PLAINLY, resisted
+from discrepancy.fit.continuation import ROUNDS, beginnings, nearly_settled, roughly_settled, settled, unsprung
 from discrepancy.fit.defect import Blemish, Data, Found, Level, effect_of
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.limits import masked
@@ -28,14 +29,17 @@ from discrepancy.name.columns import (
     Kind,
     Library,
     Probes,
+    fading,
     finer,
     nameable,
     on_the_way,
+    without_part,
 )
 from discrepancy.name.competition import best_refit, longer, near, own_filter, refitted, rivals, weak
 from discrepancy.name.exchange import delete, exchange, fade
 from discrepancy.name.more_modes import Copy
 from discrepancy.name.question import ask
+from discrepancy.name.resistance import Resistance, resistance
 from discrepancy.name.scan import Scan, Scored, best_of, scanned, sure
 from discrepancy.name.score import Score, Step
 from discrepancy.terms.effect_file import Term
@@ -148,11 +152,14 @@ class Search:
                 self._stage("refit")
                 self.refitted_state = store.fit_state(self.whole, self.whole, self.refitted)
                 self._take_delay(late.delay)
+            elif unsprung(self.whole, self.at):
+                self._take_resistance()
+            early = len(self.accepted)
             # Long runs are fitted once more before they are looked at as a whole.
             self._go_on_or_keep(self.at, roughly_settled if self.shortest > 1 else settled)
             self._until(NAME)
             self.attempt("defects of single samples", self._tidy)
-            if late:
+            if early:
                 self._stage(self.accepted[-1].id)
             else:
                 self.refitted = self.at
@@ -174,6 +181,38 @@ class Search:
         self.steps.append(Step({}, candidate.effect.id))
         self.progress(f"accepted {candidate.effect.id}: without it no model stays in step")
         self.at = delayed
+
+    def _take_resistance(self) -> None:
+        """Takes friction and a constant force into the model of a mass that no spring holds before anything else is
+        scored, where its motion plainly shows them: without them mass and damping go astray, and all else imitates what
+        they do."""
+        told = resisted(self.dataset.fit, self.nominal["sense_gain_x"])
+        if told is None or not (told.friction or told.constant):
+            return
+        plain = self.whole.fit(replace(self.at, whiten=self.whole.plain(self.at.parameters)))
+        sizes = {Resistance.FRICTION: told.friction, Resistance.CONSTANT: told.constant}
+        begun, taken = self.at, []
+        for candidate in self.library.candidates(self.whole, self.at, self.present, lambda e: bool(resistance(e))):
+            size = sizes.pop(resistance(candidate.effect), 0.0)
+            if not size:
+                continue
+            part = fading(candidate)
+            own = without_part(candidate, part) if part else candidate
+            taken.append(own)
+            values = {**begun.parameters, **own.shapes, own.probes[0].quantity.name: size}
+            begun = replace(begun, parameters=values, free=(*begun.free, *own.free(self.whole.period)))
+        values = {**begun.parameters, "m": told.m, "dxx": told.d}
+        resisting = self.whole.fit(self.whole.evaluated(replace(begun, parameters=values, whiten=plain.whiten)))
+        if not taken or self.whole.off(resisting) > PLAINLY * self.whole.off(plain):
+            return
+        self.refitted = plain
+        self._stage_of("refit", plain)
+        self.refitted_state = store.fit_state(self.whole, self.whole, plain)
+        for own in taken:
+            self.accepted.append(Accepted(own, 1 - resisting.cost / plain.cost, {}))
+            self.steps.append(Step({}, own.effect.id))
+            self.progress(f"accepted {own.effect.id}: no mass without a spring moves so without it")
+        self.at = resisting
 
     def _tidy(self) -> None:
         """Takes out of the record what the present model shows to be none of the device's."""
@@ -364,7 +403,10 @@ class Search:
         return f"refit with {', '.join(ids[:RIVALS])}" if ids else "refit"
 
     def _stage(self, name: str) -> None:
-        self.stages.append((name, dict(self.at.parameters)))
+        self._stage_of(name, self.at)
+
+    def _stage_of(self, name: str, at: Fitted) -> None:
+        self.stages.append((name, dict(at.parameters)))
 
     def look(self, among: Kind | None = None) -> None:
         """Scores every candidate, or those ``among`` which alone it looks, at the present fit, on the shortest openings

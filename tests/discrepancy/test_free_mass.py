@@ -7,13 +7,16 @@ import pytest
 
 from discrepancy.data.dataset import Dataset, load_dataset
 from discrepancy.data.linear_start import linear_start
-from discrepancy.data.record import Record, make_record
+from discrepancy.data.record import Record, Role, make_record
 from discrepancy.diagnose import diagnose
+from discrepancy.fit.simulate import Simulator
+from discrepancy.name.search import Search
 from gyro_model.model import load_model
 
 RATE, SAMPLES, FINE = 1000.0, 8000, 10
 MASS, VISCOUS, COULOMB, CONSTANT = 95.0, 200.0, 20.0, 3.0
 NOISE = 5e-6
+INERTIA, DRAG, FRICTION, ENCODER = 1.4e-4, 1.4e-4, 0.03, 6e-4
 
 
 def _moves(rng: np.random.Generator) -> np.ndarray:
@@ -81,3 +84,34 @@ def test_a_folder_without_nominal_values_is_taken(tmp_path: Path, runs: tuple[Re
         lines += ["[[run]]", f'file = "{run.name}.csv"', f"sample_rate = {RATE}"]
     (tmp_path / "dataset.toml").write_text("\n".join(lines), encoding="utf-8")
     assert "is empty" in " ".join(load_dataset(tmp_path).notes)
+
+
+def test_what_resists_a_motor_that_turns_one_way_is_in_the_model_first() -> None:
+    runs = tuple(_motor(steps, role) for steps, role in (((0.05, 0.07), "fit"), ((0.06, 0.055), "held-out")))
+    nominal = linear_start(runs[:1], (1.0,))
+    assert nominal is not None
+    model = load_model()
+    with Simulator(model, 1) as simulator:
+        search = Search(simulator, Dataset(Path(), nominal, runs), lambda _: None)
+        search.begin()
+        [entry] = search.accepted
+        # No sample of a motion one way tells friction from a constant force against it.
+        assert entry.id in ("dry_friction", "constant_force")
+        assert search.at.parameters["m"] == pytest.approx(INERTIA, rel=0.02)
+        assert search.at.parameters["dxx"] == pytest.approx(DRAG, rel=0.02)
+        assert search.fitter.off(search.at) < 1e-3
+        # The model without ended at bounds: it is the one that the answer is held against.
+        assert search.fitter.off(search.refitted) > 10 * search.fitter.off(search.at)
+
+
+def _motor(steps: tuple[float, float], role: Role) -> Record:
+    """An inertia on an encoder, at first at rest, that a torque drives in two steps against friction."""
+    x, v = 0.0, 0.0
+    seen, u = np.empty(SAMPLES), np.repeat(steps, SAMPLES // 2)
+    for k in range(SAMPLES):
+        seen[k] = x
+        for _ in range(FINE):
+            after = max(v + (u[k] - FRICTION - DRAG * v) / INERTIA / RATE / FINE, 0.0)
+            x, v = x + 0.5 * (v + after) / RATE / FINE, after
+    seen = ENCODER * np.round(seen / ENCODER)
+    return make_record(role, np.arange(SAMPLES) / RATE, u[:, None], seen[:, None], sample_rate=RATE, role=role)
