@@ -345,7 +345,8 @@ def _doubts(search: "Search", rest: "Remainder", residuals: Sequence[Floats]) ->
         number = len(search.fitter.records) // len(search.whole.records)
         found.append(f"no model stays in step with a whole run: the fit is one of pieces, {number} a run")
     if search.at.left > 10 * SETTLED:
-        found.append(f"the fit stopped short of a minimum: a further step would gain {search.at.left:.2g} variances")
+        gain = f": a further step would gain {search.at.left:.2g} variances" if np.isfinite(search.at.left) else ""
+        found.append(f"the fit stopped short of a minimum{gain}")
     for free in search.at.free:
         value = search.at.parameters[free.name]
         # At zero a part of an effect is not there, as friction of the other axis: nothing is wrong with that.
