@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Final
 
-from sympy import Symbol
+from sympy import Expr, Symbol, simplify, sympify
 
 from gyro_model import symbols
-from gyro_model.c_printing import STAMP, effect_macro, macro, state_macro
+from gyro_model.c_printing import STAMP, c_expression, effect_macro, macro, state_macro
 from gyro_model.effect_functions import Places, added_forces
 from gyro_model.effect_series import Series, both_axes, has_series, pair_macro, square_macro
 from gyro_model.linear_forces import is_linear
@@ -45,6 +45,9 @@ def expansions(model: Model) -> str:
     follows = ", ".join("0" if symbol in held else "1" for symbol in read) or "1"
     copies = "".join(f"    read[{i}] = g->p[{macro(symbol.name)}];\n" for i, symbol in enumerate(read))
     bouc_wens = _bouc_wens(list(series.values()))
+    slopes = "".join(
+        f"    slope[{i}] = {slope};\n" for i, slope in enumerate(_slopes(list(series.values()), set(read)))
+    )
     most = [max(1, sum(one.counts()[i] for one in series.values())) for i in range(4)]
     squared = "".join(f"    {square_macro(square)},\n" for square in shared)
     shares = "".join(
@@ -95,6 +98,14 @@ enum {{ GYRO_BOUC_WENS = {len(bouc_wens)} }};
 static const gyro_bouc_wen bouc_wens[GYRO_BOUC_WENS + 1] = {{
 {"".join(f"    {{{one}}},{chr(10)}" for one in bouc_wens)}    {{0}}
 }};
+
+/* What each of these brings of the force of its axis [N]; no number where anything else moves that, or how it
+   follows. */
+static inline void bouc_wen_slopes(const gyro_view *g, double slope[GYRO_BOUC_WENS + 1])
+{{
+    (void)g;
+    slope[0] = 0.0;
+{slopes}}}
 
 /* One of a pair of series. */
 typedef struct {{
@@ -231,6 +242,31 @@ def _bouc_wens(series: Sequence[Series]) -> list[str]:
                     ", ".join([effect_macro(one.effect), pair_macro(pair), f"{lane}, {axis}", *places, *values])
                 )
     return rows
+
+
+def _slopes(series: Sequence[Series], changing: set[Symbol]) -> list[str]:
+    """The derivative of the force of its axis by each of these states, in C: NAN unless the force of the effect is made
+    of such states alone, each on the axis that it follows, and nothing in it is in ``changing``."""
+    slopes = []
+    for one in series:
+        states = {state.symbol: state for state in one.effect.states}
+        own = [states[symbol] for pair in one.own for symbol in dict.fromkeys(pair)]
+        followed = [(state.symbol, state.follows) for state in own if state.follows]
+        forces = [sympify(expr) for expr in one.effect.force]
+        by = [forces[_MOTION[0].index(follows.of)].diff(z) for z, follows in followed]
+        rest = list(forces)
+        for (z, follows), slope in zip(followed, by, strict=True):
+            rest[_MOTION[0].index(follows.of)] -= slope * z
+        factors = set().union(*(slope.free_symbols for slope in by))
+        read = factors.union(*(follows[1:] for _, follows in followed))
+        alone = not factors & one.moving and not read & changing and [simplify(expr) for expr in rest] == [0, 0]
+        slopes += [_read(slope) if alone and len(followed) == len(states) else "NAN" for slope in by]
+    return slopes
+
+
+def _read(expr: Expr) -> str:
+    """An expression of parameters, read from the view."""
+    return c_expression(expr.xreplace({s: Symbol(f"g->p[{macro(s.name)}]", real=True) for s in expr.free_symbols}))
 
 
 def _names(pairs: Sequence[Pair], first: str = "") -> str:

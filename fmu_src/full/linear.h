@@ -11,6 +11,7 @@
 #define GYRO_LINEAR_H
 
 #include "generated/effects.h"
+#include "pair.h"
 
 /* Up to this size of A h the series ends after the power GYRO_FIRST_POWER + i: there (A h)^(n+1)/(n+1)! <= 1e-17. */
 enum { GYRO_FIRST_POWER = 4, GYRO_HIGHEST_POWER = 18 };
@@ -54,6 +55,20 @@ static inline gyro_linear linear_of(const gyro_view *g)
     find_slopes(g, linear.slope);
     find_still(g, linear.still);
     return linear;
+}
+
+/* The linear force of both axes by pairs: how it goes with place and speed, each of the own axis and of the other, and what does not move. */
+typedef struct {
+    gyro_pair place[2], speed[2], still;
+} gyro_linear_pair;
+
+static inline gyro_linear_pair pairs_of(const gyro_linear *linear)
+{
+    const double *to_x = linear->slope[0], *to_y = linear->slope[1];
+    const gyro_linear_pair pairs = {{pair_of(to_x[0], to_y[2]), pair_of(to_x[2], to_y[0])},
+                                    {pair_of(to_x[1], to_y[3]), pair_of(to_x[3], to_y[1])},
+                                    pair_of(linear->still[0], linear->still[1])};
+    return pairs;
 }
 
 /* Whether a step h [s] need not be divided too often. */

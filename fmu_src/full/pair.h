@@ -14,6 +14,7 @@
 
 #define GYRO_PAIR_VECTORS 1
 
+#define GYRO_BOTH(a) {(a), (a)} /* a constant */
 typedef double gyro_pair __attribute__((vector_size(16)));
 typedef long long gyro_pair_bits __attribute__((vector_size(16)));
 static inline gyro_pair pair_of(double a, double b) { return (gyro_pair){a, b}; }
@@ -26,6 +27,7 @@ static inline gyro_pair pair_size(gyro_pair a) { return (gyro_pair)((gyro_pair_b
 
 #else
 
+#define GYRO_BOTH(a) {{(a), (a)}}
 typedef struct {
     double lane[2];
 } gyro_pair;

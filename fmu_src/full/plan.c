@@ -5,12 +5,19 @@
 
 #include "plant.h"
 
-void gyro_drop(gyro_instance *g)
+static void drop_late(gyro_instance *g)
 {
     free(g->late);
     g->late = NULL;
     g->late_first = 0;
     g->late_room = 0;
+}
+
+void gyro_drop(gyro_instance *g)
+{
+    drop_late(g);
+    free(g->plan.table);
+    g->plan.table = NULL;
 }
 
 /* Which noises and lags there are, and how the motion goes on where nothing bends it. */
@@ -91,7 +98,7 @@ size_t gyro_room(const gyro_instance *g) { return (size_t)g->memory.n_late * siz
 gyro_status gyro_make_room(gyro_instance *g)
 {
     gyro_status status = GYRO_OK;
-    gyro_drop(g);
+    drop_late(g);
     if (g->memory.n_late > 0) {
         g->late = calloc((size_t)g->memory.n_late, sizeof *g->late);
         g->late_room = g->late != NULL ? g->memory.n_late : 0;

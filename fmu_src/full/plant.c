@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "collocation.h"
 #include "noise.h"
 #include "taylor.h"
 
@@ -343,7 +344,24 @@ void gyro_first_sample(gyro_instance *g)
     gyro_put_out(g);
 }
 
-void gyro_plan_series(gyro_instance *g) { plan_series(&g->plan.series, &g->view); }
+void gyro_plan_series(gyro_instance *g)
+{
+    gyro_followers *all = &g->plan.followers;
+    plan_series(&g->plan.series, &g->view);
+    find_followers(all, &g->plan.series, &g->view);
+    /* The lag asks for the motion between the ends of a step, which values leave open. */
+    all->holds = all->holds && !g->plan.any_lag;
+    if (all->holds && g->plan.table == NULL) {
+        g->plan.table = malloc(sizeof *g->plan.table);
+        if (g->plan.table != NULL) {
+            gyro_tabulate_bouc_wen(g->plan.table, all->n);
+        }
+    } else if (all->holds && g->plan.table->n != all->n) {
+        gyro_tabulate_bouc_wen(g->plan.table, all->n);
+    }
+    /* Without the memory for it series do. */
+    all->holds = all->holds && g->plan.table != NULL;
+}
 
 /* The lag over the part of a step h [s] from time t that the latest series has gone, from `begin` of the step on; states and laws of the view
    end at the end. `start` shape (GYRO_N_STATES): the states at `begin`. */
@@ -439,8 +457,11 @@ static int move_by(gyro_instance *g, double end, double h, int lags)
     gyro_view *view = &g->view;
     const double t = gyro_time_of(g, g->memory.clock.settled);
     gyro_course course;
-    const int by_series = view->any_curved && g->plan.series.holds && find_course(view, g->value, t, end, h, &course);
-    if (by_series) {
+    const int by_values = g->plan.followers.holds && !view->moving && move_by_values(view, &g->plan.followers, g->plan.table, h);
+    const int by_series = !by_values && view->any_curved && g->plan.series.holds && find_course(view, g->value, t, end, h, &course);
+    if (by_values) {
+        /* It is there. */
+    } else if (by_series) {
         move_by_series(g, &course, t, h, lags);
     } else {
         move_by_halves(g, t, h, lags);

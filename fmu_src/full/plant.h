@@ -4,6 +4,7 @@
 #ifndef GYRO_PLANT_H
 #define GYRO_PLANT_H
 
+#include "bouc_wen_table.h"
 #include "generated/effects.h"
 #include "effect_memories.h"
 #include "events.h"
@@ -26,6 +27,8 @@ typedef struct {
     gyro_pink_plan pink; /* where any_draw */
     gyro_propagator propagator; /* of the steps between cuts of the grid, where steady */
     gyro_series_plan series; /* of the forces that bend the motion */
+    gyro_followers followers; /* where they are all that do, and do it by values */
+    gyro_bouc_wen_table *table; /* of them; NULL: there is none */
     gyro_lag lag;        /* weights for the latest step and time constants; where any_lag */
     unsigned char any_delay;
     unsigned char any_lag;
@@ -85,7 +88,7 @@ void gyro_start_lag(gyro_instance *g);
 /* What effects remember at the time of the view, the force being that which acts, stands from now on. */
 void gyro_remember(gyro_instance *g);
 
-/* Finds which forces bend the motion, and room for their series. */
+/* Finds which forces bend the motion, room for their series, and whether values of them do. */
 void gyro_plan_series(gyro_instance *g);
 
 /* Draws the numbers of one effect for the latest sample. */

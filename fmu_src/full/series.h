@@ -72,6 +72,21 @@ typedef struct {
     gyro_bouc_wen_curve curve[GYRO_N_STATES]; /* of states that follow a displacement */
 } gyro_series_plan;
 
+/* One axis: what follows its displacement, and its force over that [N]. */
+typedef struct {
+    const gyro_bouc_wen *of; /* NULL: none */
+    double slope, per_length;
+    double scale[2];  /* |c|^(1/n) toward zero and away from it */
+    double back[2];   /* one over that */
+    int curve[2];     /* of the table */
+} gyro_follower;
+
+typedef struct {
+    gyro_follower axis[2];
+    double n;
+    int holds; /* 1: they are all that bends the motion */
+} gyro_followers;
+
 /* The value of a polynomial of degree n at t, and its rate. */
 static inline double value_at(const double *c, int n, double t)
 {

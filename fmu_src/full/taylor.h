@@ -120,20 +120,6 @@ static inline void shift_course(const gyro_course *course, double begin, gyro_li
     from[2] = sum_of_linear(&none, rest * rest, bend);
 }
 
-/* The linear force of both axes by pairs: how it goes with place and speed, each of the own axis and of the other, and what does not move. */
-typedef struct {
-    gyro_pair place[2], speed[2], still;
-} gyro_linear_pair;
-
-static inline gyro_linear_pair pairs_of(const gyro_linear *linear)
-{
-    const double *to_x = linear->slope[0], *to_y = linear->slope[1];
-    const gyro_linear_pair pairs = {{pair_of(to_x[0], to_y[2]), pair_of(to_x[2], to_y[0])},
-                                    {pair_of(to_x[1], to_y[3]), pair_of(to_x[3], to_y[1])},
-                                    pair_of(linear->still[0], linear->still[1])};
-    return pairs;
-}
-
 /* Coefficient k of the linear force, where it does not change. */
 static inline gyro_pair linear_force(const gyro_linear_pair *linear, const gyro_series *s, int k)
 {

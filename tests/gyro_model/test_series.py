@@ -47,6 +47,14 @@ CASES = {
     },
     "hysteresis of the motion that it turns": {"hysteresis_x": 2e-5, "hysteresis_length": 3e-7, "hysteresis_n": 1.4},
     "hysteresis that weakens": {"hysteresis_x": 2e-6, "hysteresis_beta": 0.6, "hysteresis_gamma": -0.5},
+    "hysteresis whose values are read, in parts that a delay cuts": {
+        "hysteresis_x": 1e-6, "hysteresis_y": 2.4e-6, "hysteresis_beta": 0.7, "hysteresis_gamma": 0.4,
+        "hysteresis_n": 1.6, "actuator_delay": 3.6e-6,
+    },
+    "hysteresis that stiffens, of one axis": {
+        "hysteresis_y": 4e-6, "hysteresis_length": 5e-7, "hysteresis_beta": 0.9, "hysteresis_gamma": -0.3,
+        "hysteresis_n": 2.3,
+    },
     "a stop that is met softly": {"stop_stiffness": 500.0, "stop_gap": 7e-7},
     "a film at its gap": {"squeeze_x": 1e-6, "squeeze_y": 1e-6, "squeeze_gap": 1.2e-6},
     "a mode that is fast against a step": {"parasitic_coupling": 5.0, "parasitic_frequency": 1.5e5},

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{e5ac7b31-66a1-03f6-85c1-843edf3c59ff}"
+#define GYRO_TOKEN "{a3ec316c-af0e-61b8-8eb6-80fde99a82a4}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

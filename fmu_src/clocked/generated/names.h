@@ -138,6 +138,7 @@
 #define gyro_states GyroscopeClocked_gyro_states
 #define gyro_swap_values GyroscopeClocked_gyro_swap_values
 #define gyro_tabulate GyroscopeClocked_gyro_tabulate
+#define gyro_tabulate_bouc_wen GyroscopeClocked_gyro_tabulate_bouc_wen
 #define gyro_take_inputs GyroscopeClocked_gyro_take_inputs
 #define gyro_take_values GyroscopeClocked_gyro_take_values
 #define gyro_tan GyroscopeClocked_gyro_tan

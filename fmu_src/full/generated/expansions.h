@@ -44,6 +44,16 @@ static const gyro_bouc_wen bouc_wens[GYRO_BOUC_WENS + 1] = {
     {0}
 };
 
+/* What each of these brings of the force of its axis [N]; no number where anything else moves that, or how it
+   follows. */
+static inline void bouc_wen_slopes(const gyro_view *g, double slope[GYRO_BOUC_WENS + 1])
+{
+    (void)g;
+    slope[0] = 0.0;
+    slope[0] = -g->p[GYRO_HYSTERESIS_X];
+    slope[1] = -g->p[GYRO_HYSTERESIS_Y];
+}
+
 /* One of a pair of series. */
 typedef struct {
     const gyro_pair *row;
