@@ -193,7 +193,8 @@ def run(options: Options) -> Report:
     before = load()
     times = measure(cases())
     table = Table("set, step of 5 µs, get, over RK4 in 1 µs steps in C", cost_rows(times))
-    dear = {name: cases()[name] for name in ("dry_friction", "hysteresis", EVERY)}
+    # Of hysteresis a method may spare the rates: its force is read from a table.
+    dear = {name: cases()[name] for name in ("dry_friction", EVERY)}
     parts = Table("what no method spares", part_rows(times, measure_parts(dear), values_asked(dear)))
     notes = [
         f"{REPEATS} repeats of {CALLS} calls each, in turns with as many of the yardstick, in processor time; each "
