@@ -119,7 +119,8 @@ def _with_left_out(search: "Search", entry: "Accepted") -> dict[str, _Mixture]:
     now, effect = search.at.parameters, entry.candidate.effect
     grid = search.library.grids.of([part.size, *part.shapes], search.at)
     sizes = np.clip(grid.middle[part.size.name] * np.geomspace(1 / ABOUT, ABOUT, SIZES), 0.0, part.size.high)
-    scales = {q.name: now[q.name] for q in effect.sizes if now[q.name] != 0.0}
+    # A record of one axis has no parameters of y.
+    scales = {q.name: now[q.name] for q in effect.sizes if now.get(q.name, 0.0) != 0.0}
     fits = _fits(search, entry, part, grid.middle, scales, sizes)
     parts: dict[str, list[_Mixture]] = {}
     for fit in fits:
