@@ -32,9 +32,13 @@ def mask_clipped(search: "Search") -> None:
 def clean(search: "Search") -> None:
     """Takes blemishes of the record out that the fit is better without. A large one hides others, so that each
     that is gone asks for another look."""
+    before = len(search.found)
     for _ in range(CLEANED):
         if search.fitter is not search.whole or not any([_cleaned(search, blemish) for blemish in blemishes()]):
-            return
+            break
+    if len(search.found) > before:
+        # Each was fitted near its minimum only, and what is left there would be looked for among effects.
+        search.go_on(search.at)
 
 
 def _cleaned(search: "Search", blemish: Blemish) -> bool:
