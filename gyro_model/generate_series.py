@@ -252,6 +252,8 @@ def _slopes(series: Sequence[Series], changing: set[Symbol]) -> list[str]:
         states = {state.symbol: state for state in one.effect.states}
         own = [states[symbol] for pair in one.own for symbol in dict.fromkeys(pair)]
         followed = [(state.symbol, state.follows) for state in own if state.follows]
+        if not followed:
+            continue
         forces = [sympify(expr) for expr in one.effect.force]
         by = [forces[_MOTION[0].index(follows.of)].diff(z) for z, follows in followed]
         rest = list(forces)

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from itertools import combinations_with_replacement
 
-from sympy import Expr, Symbol, diff
+from sympy import Expr, Symbol, diff, sympify
 
 from gyro_model import symbols
 from gyro_model.anatomy import Effect, Force
@@ -16,9 +16,12 @@ from gyro_model.model import Model
 
 def is_curved(exprs: Iterable[Expr], signals: Sequence[Symbol]) -> bool:
     """Whether some expression is not affine in ``signals``."""
-    pairs = tuple(combinations_with_replacement(signals, 2))
     # A derivative that is zero in disguise only has its effect followed the longer way, which is as right.
-    return any(diff(expr, *pair) != 0 for expr in exprs for pair in pairs)
+    return any(
+        diff(expr, *pair) != 0
+        for expr in map(sympify, exprs)
+        for pair in combinations_with_replacement([s for s in signals if s in expr.free_symbols], 2)
+    )
 
 
 def is_linear(effect: Force, model: Model) -> bool:
