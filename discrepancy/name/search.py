@@ -5,7 +5,7 @@ from copy import copy
 from dataclasses import replace
 from functools import partial
 from math import inf
-from typing import Any, Final, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 from scipy.stats import chi2
 
@@ -57,6 +57,22 @@ Settle = Callable[[Fitter, Fitted], tuple[Fitter, Fitted]]
 Result = TypeVar("Result")
 
 
+class Look(NamedTuple):
+    """What decides the scores of candidates: where they are looked for, and beside what."""
+
+    library: Library
+    fitter: Fitter
+    at: Fitted
+    among: Kind | None
+    present: Sequence[str]
+    neutral: Sequence[Mapping[str, float]]
+
+    def same(self, other: "Look") -> bool:
+        """Whether scores are the same; a fit is the same only if it is one object."""
+        places = zip(self[:4], other[:4], strict=True)
+        return all(a is b for a, b in places) and (self.present, self.neutral) == (other.present, other.neutral)
+
+
 class Search:
     """The state of a search: what is accepted, and the model fitted with it (``at``, over the runs of ``fitter``);
     ``terms``: by further search, what it added to the model; ``copies``: effects that wait for others."""
@@ -93,6 +109,7 @@ class Search:
         self.accepted: list[Accepted] = []
         self.refused: set[str] = set()
         self.scored: list[Scored] = []
+        self.looked: Look | None = None
         self.steps: list[Step] = []
         self.stages: list[tuple[str, dict[str, float]]] = [("nominal", dict(self.nominal))]
 
@@ -410,10 +427,13 @@ class Search:
 
     def look(self, among: Kind | None = None) -> None:
         """Scores every candidate, or those ``among`` which alone it looks, at the present fit, on the shortest openings
-        that may show one."""
+        that may show one. What was last asked is not asked again."""
         number = self.shortest if self.fitter is self.whole else 1
         if number != self.number:
             self._open(number)
+        asked = Look(self.library, self.fitter, self.at, among, self.present, [a.neutral for a in self.accepted])
+        if self.looked and asked.same(self.looked):
+            return
         self.view = opened(self.opening, self.at) if number > 1 else Opening(self.fitter, self.at)
         found = self.library.candidates(*self.view, self.present, among)
         self.scan, self.among = self._scanned(found), among
@@ -428,6 +448,7 @@ class Search:
                     break
                 self.scored += more
                 sharper = max(more, key=lambda entry: entry[1].gain)[0]
+        self.looked = asked
 
     def _scanned(self, found: Sequence[Candidate]) -> Scan:
         return scanned(*self.view, [entry.neutral for entry in self.accepted], found)
