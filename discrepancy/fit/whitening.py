@@ -10,6 +10,7 @@ is generalised least squares (T. Kailath, IEEE Trans. Automatic Control 13, 1968
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -107,18 +108,32 @@ class Whitener:
 def whitener(p: Mapping[str, float], axes: int, period: float, setting: Setting, length: int = 1) -> Whitener:
     """The filter of a device with parameters ``p`` (FMU names, SI) for runs of up to ``length`` samples. The motion is
     known at the start, where every fit has it free."""
-    if axes == 2 and not setting.bandwidth and setting.corner:
-        # Each channel has a flicker of its own.
-        one = whitener(p, 1, period, setting, length)
-        return Whitener(setting, _twice(one.transition), _twice(one.seen), _twice(one.gains), _twice(one.roots))
+    if not setting.bandwidth and setting.corner:
+        return _of_flicker(axes, period, setting, length)
     if setting.parts == 0:
         return Whitener(setting, np.zeros((0, 0)), np.zeros((axes, 0)), np.zeros((1, 0, axes)), np.eye(axes)[None])
-    parts = [_motion(p, axes, period, setting.bandwidth)] if setting.bandwidth else []
+    parts = [_motion(p, axes, period, setting.bandwidth)]
     parts += [_flicker(axes, period, setting.corner, length)] if setting.corner else []
+    return _steady(setting, parts, length)
+
+
+@lru_cache(maxsize=64)
+def _of_flicker(axes: int, period: float, setting: Setting, length: int) -> Whitener:
+    """The filter of a flicker alone. Kept: no device is in it, and each fit tries the same ones."""
+    if axes == 2:
+        # Each channel has a flicker of its own.
+        one = _of_flicker(1, period, setting, length)
+        return Whitener(setting, _twice(one.transition), _twice(one.seen), _twice(one.gains), _twice(one.roots))
+    return _steady(setting, [_flicker(axes, period, setting.corner, length)], length)
+
+
+def _steady(setting: Setting, parts: Sequence["_Part"], length: int) -> Whitener:
+    """The filter of ``parts`` side by side."""
     transition = block_diag(*(part[0] for part in parts))
     drift, start = block_diag(*(part[1] for part in parts)), block_diag(*(part[2] for part in parts))
     seen = np.hstack([part[3] for part in parts])
     kept = min(length, LEARNT)
+    axes = len(seen)
     gains, roots = np.zeros((kept, len(transition), axes)), np.zeros((kept, axes, axes))
     used = _gains(transition, drift, start, seen, gains, roots)
     return Whitener(setting, transition, seen, gains[:used].copy(), roots[:used].copy())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from discrepancy.fit.whitening import Setting, _flicker, likeliest, misfit_under
+from discrepancy.fit.whitening import Setting, _flicker, likeliest, misfit_under, whitener
 
 PERIOD, SAMPLES = 5e-6, 12_000
 DEVICE = {"m": 1.8e-7, "kxx": 63.955, "kyy": 95.92, "kxy": 12.779, "dxx": 1.8e-6, "dyy": 1.8e-6, "dxy": 3.6e-7,
@@ -76,3 +76,10 @@ def test_lags_have_the_density_of_flicker_up_to_half_the_sample_rate(length: int
     # A sum of lags is flat at half the rate, where a²/f is not: 14 % there, 4 % rms; the mean is what a takes over.
     assert abs(off.mean()) < 0.005
     assert off.std() < 0.05
+
+
+def test_the_filter_of_a_flicker_is_made_once() -> None:
+    setting, other = Setting(0.0, 100.0), {**DEVICE, "kxx": 64.0}
+    assert whitener(DEVICE, 2, PERIOD, setting, SAMPLES) is whitener(other, 2, PERIOD, setting, SAMPLES)
+    moving = Setting(30.0, 100.0)
+    assert whitener(DEVICE, 2, PERIOD, moving, SAMPLES) is not whitener(other, 2, PERIOD, moving, SAMPLES)
