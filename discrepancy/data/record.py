@@ -15,6 +15,7 @@ Bools = NDArray[np.bool_]
 Role = Literal["fit", "held-out"]
 Hold = Literal["zero", "first", "band-limited"]
 Senses = Literal["position", "velocity", "acceleration"]
+SENSES: Final[tuple[Senses, ...]] = get_args(Senses)
 
 CONDITIONS: Final = ("omega_z", "temperature", "a_x", "a_y", "v_bias")
 """Inputs beside the forces, as the FMU names them; a record may hold any of them."""
@@ -56,7 +57,7 @@ class Record:
         try:
             _check_choice("role", self.role, get_args(Role))
             _check_choice("hold", self.hold, get_args(Hold))
-            _check_choice("senses", self.senses, get_args(Senses))
+            _check_choice("senses", self.senses, SENSES)
             self._check_shapes()
             self._check_numbers()
             check_time(self.t, self.sample_rate)
@@ -71,7 +72,7 @@ class Record:
     @property
     def order(self) -> int:
         """The derivative of the position that the sensors sense."""
-        return get_args(Senses).index(self.senses)
+        return SENSES.index(self.senses)
 
     @property
     def channels(self) -> dict[str, Floats]:

@@ -11,7 +11,7 @@ One file each in ``defects/``, found by a scan of that folder. Three kinds:
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import ClassVar, Final, NamedTuple
 
@@ -71,7 +71,7 @@ class Defect:
         if not (self.parameters and self.signature and self.source):
             raise InputError(f"defect {self.id}: give parameters, signature and source")
 
-    @property
+    @cached_property
     def sizes(self) -> tuple[Quantity, ...]:
         """The parameters that switch it on."""
         return tuple(q for q in self.parameters if q.role == "size")

@@ -175,7 +175,7 @@ class Simulator:
         def one(job: Job) -> Floats:
             return self.run(*job)
 
-        return list(self._pool.map(self.clock.shared(one), jobs))
+        return self._on_threads(self._pool, one, jobs)
 
     def try_all(self, jobs: Sequence[Job], *, rough: bool = False) -> list[Floats | None]:
         """``run`` of each job, in parallel; None where the FMU refuses its parameters or the motion leaves all
@@ -188,11 +188,19 @@ class Simulator:
                 return None
             return v if np.isfinite(v).all() else None
 
-        return list(self._pool.map(self.clock.shared(attempt), jobs))
+        return self._on_threads(self._pool, attempt, jobs)
 
     def each(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
         """``function`` of each item, in parallel; it may simulate, which runs on threads of its own."""
-        return list(self._callers.map(self.clock.shared(function), items))
+        return self._on_threads(self._callers, function, items)
+
+    def _on_threads(
+        self, pool: ThreadPoolExecutor, work: Callable[[Item], Result], items: Iterable[Item]
+    ) -> list[Result]:
+        if len(self._all) == 1:
+            # Handing a short run to another thread costs a third of it.
+            return [work(item) for item in items]
+        return list(pool.map(self.clock.shared(work), items))
 
     def cut(self, record: Record, number: int) -> tuple[Record, ...]:
         """``record`` in ``number`` records of equal length, each under the force that it has in the whole."""
