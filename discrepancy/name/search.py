@@ -443,7 +443,8 @@ class Search:
             sharper = candidate
             # A resonance or an instant on a coarse grid: ever finer about the best point, where it may matter.
             while result.probability < 0.01 and result.gain > 0.2 * best[0][1].gain and sharper.trials < FINEST:
-                more = self._scanned(finer(sharper)).scores()
+                closer = finer(sharper)
+                more = self._scanned(closer).scores() if closer else []
                 if not more:
                     break
                 self.scored += more

@@ -1,6 +1,6 @@
 """Rivals: which are fitted before one is named, and which in its place."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -10,12 +10,16 @@ from hidden_sets import MODEL, made
 
 from discrepancy.criteria import Criteria
 from discrepancy.data.record import Floats, Record
+from discrepancy.fit.fitted import Fitted
+from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name import competition
+from discrepancy.name import search as search_module
 from discrepancy.name.accepted import Accepted, Refit
 from discrepancy.name.columns import Candidate, Probe
 from discrepancy.name.competition import refitted
 from discrepancy.name.exchange import exchange
+from discrepancy.name.scan import Scan
 from discrepancy.name.score import Score
 from discrepancy.name.search import Search
 
@@ -53,6 +57,24 @@ def test_the_same_fit_is_not_scanned_twice(simulated: list[Mapping[str, float]])
             search.look()
             assert simulated
             simulated.clear()
+
+
+def test_what_has_no_finer_grid_is_not_scanned_for_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = []
+    plain = search_module.scanned
+
+    def noted(fitter: Fitter, at: Fitted, removals: Sequence[Mapping[str, float]], own: Sequence[Candidate]) -> Scan:
+        found.append(len(own))
+        return plain(fitter, at, removals, own)
+
+    monkeypatch.setattr(search_module, "scanned", noted)
+    with Simulator(MODEL, 1) as simulator:
+        search = Search(simulator, made({"actuator_delay": DELAY}), lambda _: None)
+        search.begin()
+        search.look()
+        assert search.significant()
+        assert found
+        assert all(found)
 
 
 def test_one_that_promises_no_more_waits_and_is_tried_in_the_end(simulated: list[Mapping[str, float]]) -> None:
