@@ -207,10 +207,9 @@ static void move_lag(gyro_instance *g, const gyro_end *start, double t, double f
 }
 
 /* The voltage and its rate behind the lag, by the lag's own equation: tau v' = v_in - v. */
-static void pass_lag(gyro_instance *g)
+static void pass_lag(gyro_instance *g, double tau)
 {
     gyro_view *view = &g->view;
-    const double tau = lag_time_constant(view);
     for (int axis = 0; axis < 2; axis++) {
         if (tau > 0.0) {
             view->v_rate[axis] = (view->v[axis] - g->memory.lagged[axis]) / tau;
@@ -262,13 +261,15 @@ static void take_sample(gyro_instance *g)
     if (view->any_renewed && g->memory.clock.sample > 0) {
         renew(g);
     }
-    if (view->any_rate) {
+    const double tau = g->plan.any_lag ? lag_time_constant(view) : 0.0;
+    if (view->any_rate && !(tau > 0.0)) {
         pick_off_moving(view);
-    } else if (!g->plan.any_lag) {
+    } else if (view->any_rate || !g->plan.any_lag) {
+        /* Behind a lag the rate follows from the voltages on both sides. */
         pick_off(view);
     }
     if (g->plan.any_lag) {
-        pass_lag(g);
+        pass_lag(g, tau);
     }
     if (view->any_rate) {
         amplify_moving(view);

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{48704d2c-8389-3799-66b1-01c16a6d98d5}"
+#define GYRO_TOKEN "{602bf09d-90f2-76fb-d04c-e110451ebb0e}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
