@@ -1,0 +1,107 @@
+"""Motion that forces bend, held against what it must equal: hysteresis by values against hysteresis by series, and
+devices whose bent force is another one's in a limit."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from fmu_importer import OK, Fmu, Instance
+from numpy.typing import NDArray
+
+Residual = Callable[[str, float, float], None]
+
+STEP, COUNT = 5e-6, 160
+STATES = ("x", "y", "x_dot", "y_dot")
+START = {"x_start": 1e-6, "y_start": -4e-7, "y_dot_start": 6e-3}
+
+# Both ways are right to 1e-8 rad a second of phase: 8e-12 of the motion in 160 steps of 5 µs, 3e-11 in those of 20 µs.
+SAME = 3e-11
+
+HYSTERESIS = {
+    "nearly linear": {"hysteresis_x": 2e-6, "hysteresis_y": 1e-6, "hysteresis_length": 2e-6},
+    "n = 2": {"hysteresis_x": 1e-6, "hysteresis_y": 2e-6, "hysteresis_length": 5e-7, "hysteresis_n": 2.0},
+    "sharp": {"hysteresis_x": 1e-6, "hysteresis_y": 1e-6, "hysteresis_length": 3e-7, "hysteresis_n": 12.0},
+    "of one axis": {"hysteresis_y": 2e-6, "hysteresis_length": 4e-7, "hysteresis_n": 1.7},
+    "no bend towards zero": {
+        "hysteresis_x": 1e-6, "hysteresis_y": 2e-6, "hysteresis_length": 5e-7, "hysteresis_beta": 0.5,
+        "hysteresis_gamma": 0.5, "hysteresis_n": 1.4,
+    },
+    "stiffening": {
+        "hysteresis_x": 1e-6, "hysteresis_length": 5e-7, "hysteresis_beta": 0.3, "hysteresis_gamma": -0.2,
+        "hysteresis_n": 1.4,
+    },
+    "hardly a motion": {
+        "hysteresis_x": 1e-6, "hysteresis_length": 1e-7, "hysteresis_n": 1.5, "x_start": 0.0, "y_start": 0.0,
+        "y_dot_start": 0.0,
+    },
+    "steps that turn the motion far": {"hysteresis_x": 2e-6, "hysteresis_length": 6e-7, "internal_step": 1e-5},
+    "steps too long for values": {"hysteresis_x": 2e-6, "hysteresis_length": 6e-7, "internal_step": 2e-5},
+}  # fmt: skip
+
+
+def motion(fmu: Fmu, push: float = 5e-6, **values: float) -> NDArray[np.float64]:
+    """The states after each step [SI], shape (steps, 4), under a random force of the size ``push`` [N]."""
+    rng = np.random.default_rng(43)
+    step = values.get("internal_step", STEP)
+    rows = []
+    with Instance(fmu) as gyro:
+        gyro.start(**{**START, "sample_period": step, **values})
+        for k in range(COUNT):
+            gyro.set(u_x=push * rng.standard_normal(), u_y=push * rng.standard_normal(), omega_z=3.0)
+            assert gyro.step(k * step, step) == OK, gyro.log
+            rows.append(gyro.get(*STATES))
+    return np.array(rows)
+
+
+def difference(found: NDArray[np.float64], wanted: NDArray[np.float64]) -> float:
+    """The largest, over the size of each state."""
+    return float(np.max(np.abs(found - wanted) / np.max(np.abs(wanted), axis=0)))
+
+
+# What makes a step take series: a spring of 1 N/m³, 1e-14 of the device's own at a micron, and a lag, which no state
+# knows of.
+BY_SERIES = {"k3_x": 1.0, "amplifier_time_constant": 1e-6}
+
+
+@pytest.mark.parametrize("name", BY_SERIES)
+@pytest.mark.parametrize("case", HYSTERESIS)
+def test_hysteresis_by_values_is_hysteresis_by_series(
+    case: str, name: str, fmus: dict[int, Fmu], residual: Residual
+) -> None:
+    device = HYSTERESIS[case]
+    found, wanted = motion(fmus[3], **device), motion(fmus[3], **device, **{name: BY_SERIES[name]})
+    residual(case, difference(found, wanted), SAME)
+
+
+@pytest.mark.parametrize("others", [{}, {"k3_x": 1.0}], ids=["by values", "by series"])
+@pytest.mark.parametrize("n", [1.0, 1.5, 2.0])
+def test_hysteresis_that_nothing_bends_is_a_spring(
+    n: float, others: dict[str, float], fmus: dict[int, Fmu], residual: Residual
+) -> None:
+    # L z' = x', so that z = (x - x_0)/L: a spring of h/L with its rest where the motion began.
+    h, length, k = 1e-6, 5e-7, 63.955
+    shape = {"hysteresis_length": length, "hysteresis_beta": 0.0, "hysteresis_gamma": 0.0, "hysteresis_n": n}
+    found = motion(fmus[3], hysteresis_x=h, **shape, **others)
+    wanted = motion(fmus[3], kxx=k + h / length, force_x=h * START["x_start"] / length)
+    residual("states", difference(found, wanted), SAME)
+
+
+def test_a_stribeck_speed_that_is_never_left_is_more_friction(fmus: dict[int, Fmu], residual: Residual) -> None:
+    # exp(-(v/v_s)²) is 1 - 1e-12 at 0.01 m/s; friction is a thirtieth of the force.
+    friction = {"friction_x": 2e-6, "friction_y": 1e-6}
+    found = motion(fmus[3], **friction, stribeck=0.5, stribeck_speed=1e4)
+    wanted = motion(fmus[3], **{name: 1.5 * value for name, value in friction.items()})
+    residual("states", difference(found, wanted), SAME)
+
+
+def test_a_state_brings_its_hysteresis_with_it(fmus: dict[int, Fmu]) -> None:
+    # The curves that values are read from are those of another exponent.
+    with Instance(fmus[3]) as sharp, Instance(fmus[3]) as other:
+        sharp.start(**START, **HYSTERESIS["sharp"])
+        other.start(**START, **HYSTERESIS["of one axis"])
+        sharp.run(0, 20)
+        other.run(0, 10)
+        saved = sharp.save()
+        assert other.restore(saved) == OK
+        assert other.run(20, 60) == sharp.run(20, 60)
+        sharp.free_saved(saved)
