@@ -2,10 +2,8 @@
 
        s + h (r + h/2 A (r + h/3 A (r + ...))),  r = A s + b.
 
-   The number of terms follows from the size of A h, so that what is left out is below rounding whatever the stiffness and the rate.
-
-   Where laws change A within the step, each of its halves has the mean of two values that makes the error of order 4 in how A changes: the
-   parts per million by which a temperature moves it in 5 us leave 1e-13 of a step's motion. */
+   The number of terms follows from the size of A h, so that what is left out is below rounding whatever the stiffness and the rate. Where laws
+   change A within the step, taylor.h does it. */
 
 #ifndef GYRO_LINEAR_H
 #define GYRO_LINEAR_H
@@ -112,70 +110,14 @@ static inline void propagate(gyro_view *g, gyro_linear *linear, double h)
     g->s[GYRO_STATE_Y_DOT] = w;
 }
 
-/* The nodes of Gauss on [0, 1], and the weights of what holds there for the two halves of a step: S. Blanes, P. C. Moan, Fourth- and
-   sixth-order commutator-free Magnus integrators, Applied Numerical Mathematics 56, 2006, eq. 23, times two for a half. */
-static const double GYRO_LAW_NODES[2] = {0.21132486540518713, 0.78867513459481287};
-static const double GYRO_LAW_WEIGHTS[2] = {1.0773502691896257, -0.077350269189625731};
-
-/* What holds in the half of a step nearer to the node at which `near` does. */
-static inline gyro_linear in_half(const gyro_linear *near, const gyro_linear *far)
+/* Moves the states by h [s], every force being linear and held. Gives 0 where it would have to be divided too often, and then has moved
+   nothing. */
+static inline int propagate_linear(gyro_view *g, double h)
 {
-    gyro_linear half;
-    for (int axis = 0; axis < 2; axis++) {
-        half.still[axis] = GYRO_LAW_WEIGHTS[0] * near->still[axis] + GYRO_LAW_WEIGHTS[1] * far->still[axis];
-        for (int i = 0; i < 4; i++) {
-            half.slope[axis][i] = GYRO_LAW_WEIGHTS[0] * near->slope[axis][i] + GYRO_LAW_WEIGHTS[1] * far->slope[axis][i];
-        }
-    }
-    return half;
-}
-
-/* How far laws may bend the course of the slopes within a step, over the slopes, to be left to two nodes: those leave less than a hundredth
-   of it, of which (w h)^2 moves the states. A lag of ms bends by 1e-10, one of us by more, and then steps are halved. */
-static const double GYRO_LAW_BEND = 1e-9;
-
-/* Whether the slopes at both nodes lie on a line with those at the start. */
-static inline int is_even(gyro_linear *start, const gyro_linear at[2], double inverse_mass)
-{
-    const double along = GYRO_LAW_NODES[0] / (GYRO_LAW_NODES[1] - GYRO_LAW_NODES[0]);
-    const double frequency = bound_of(start->slope, inverse_mass);
-    double most = 0.0;
-    for (int axis = 0; axis < 2; axis++) {
-        double bend[4];
-        for (int i = 0; i < 4; i++) {
-            const double near = at[0].slope[axis][i], far = at[1].slope[axis][i];
-            bend[i] = size_of(start->slope[axis][i] - (near - along * (far - near)));
-        }
-        most = larger(most, bend[0] + bend[2] + frequency * (bend[1] + bend[3]));
-    }
-    return most * inverse_mass <= GYRO_LAW_BEND * frequency * frequency;
-}
-
-/* Moves the states by h [s] from time t, every force being linear; laws change parameters where `moving`. Gives 0 where it would have to be
-   divided too often, and then has moved nothing. */
-static inline int propagate_linear(gyro_view *g, const double *value, double t, double h)
-{
-    int gentle;
-    if (g->moving) {
-        gyro_linear start = linear_of(g), at[2];
-        for (int node = 0; node < 2; node++) {
-            g->t = t + GYRO_LAW_NODES[node] * h;
-            g->since = GYRO_LAW_NODES[node] * h;
-            apply_laws(g, value);
-            at[node] = linear_of(g);
-        }
-        gyro_linear first = in_half(&at[0], &at[1]), second = in_half(&at[1], &at[0]);
-        gentle = is_even(&start, at, g->inverse_mass) && is_gentle(&first, g->inverse_mass, 0.5 * h) && is_gentle(&second, g->inverse_mass, 0.5 * h);
-        if (gentle) {
-            propagate(g, &first, 0.5 * h);
-            propagate(g, &second, 0.5 * h);
-        }
-    } else {
-        gyro_linear linear = linear_of(g);
-        gentle = is_gentle(&linear, g->inverse_mass, h);
-        if (gentle) {
-            propagate(g, &linear, h);
-        }
+    gyro_linear linear = linear_of(g);
+    const int gentle = is_gentle(&linear, g->inverse_mass, h);
+    if (gentle) {
+        propagate(g, &linear, h);
     }
     return gentle;
 }

@@ -440,7 +440,7 @@ static void move_by_halves(gyro_instance *g, double t, double h, int lags)
         if (tabulated) {
             gyro_apply(&g->plan.propagator, view);
             at.done = GYRO_WHOLE;
-        } else if (!view->any_curved && at.done == 0 && propagate_linear(view, g->value, t, h)) {
+        } else if (!view->any_curved && !view->moving && at.done == 0 && propagate_linear(view, h)) {
             at.done = GYRO_WHOLE;
         } else {
             integrate_next(view, g->value, t, h, &at);
@@ -459,7 +459,8 @@ static int move_by(gyro_instance *g, double end, double h, int lags)
     const double t = gyro_time_of(g, g->memory.clock.settled);
     gyro_course course;
     const int by_values = g->plan.followers.holds && !view->moving && move_by_values(view, &g->plan.followers, g->plan.table, h);
-    const int by_series = !by_values && view->any_curved && g->plan.series.holds && find_course(view, g->value, t, end, h, &course);
+    const int curves = view->any_curved || view->moving;
+    const int by_series = !by_values && curves && g->plan.series.holds && find_course(view, g->value, t, end, h, &course);
     if (by_values) {
         /* It is there. */
     } else if (by_series) {

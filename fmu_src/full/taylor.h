@@ -1,6 +1,6 @@
-/* The motion while forces bend it: its Taylor series in time, of so many terms that what is left out is some 1e-14 of a state, which is 1e-9 rad
-   a second. Where so many don't do, near a singularity in the complex plane, the same terms hold for a shorter step, and the rest of the step
-   follows from there.
+/* The motion while forces bend it, or laws change them within the step: its Taylor series in time, of so many terms that what is left out is some
+   1e-14 of a state, which is 1e-9 rad a second. Where so many don't do, near a singularity in the complex plane, the same terms hold for a
+   shorter step, and the rest of the step follows from there.
 
    Where a force has a corner (friction that turns round, a stop that is met) the step ends at the corner, found on the polynomial, so that
    every series is of one branch. What has no series, or corners closer than a thousandth of a step, is left to the stages of integrator.h.
@@ -486,7 +486,7 @@ static inline int find_course(gyro_view *g, const double *value, double t, doubl
         gyro_linear middle = linear_of(g);
         course->smooth = lay_changed(course, changed);
         even = lay_course(course, &start, &middle, &end, g->inverse_mass);
-        for (int i = 0; i < GYRO_SERIES_READ; i++) {
+        for (int i = 0; g->any_curved && i < GYRO_SERIES_READ; i++) {
             change[i] = last[i] - first[i];
             even = even && fabs(change[i]) <= GYRO_READ_CHANGE[series_follows[i]] * fabs(first[i]);
         }

@@ -1,5 +1,5 @@
-"""Motion that forces bend, held against what it must equal: hysteresis by values against hysteresis by series, and
-devices whose bent force is another one's in a limit."""
+"""Motion that forces bend and laws change, held against what it must equal: hysteresis by values against hysteresis by
+series, devices whose bent force is another one's in a limit, long steps against short ones."""
 
 from collections.abc import Callable
 
@@ -105,3 +105,27 @@ def test_a_state_brings_its_hysteresis_with_it(fmus: dict[int, Fmu]) -> None:
         assert other.restore(saved) == OK
         assert other.run(20, 60) == sharp.run(20, 60)
         sharp.free_saved(saved)
+
+
+# A thirtieth of what laws may bend the stiffness in a step off a line, 1e-9 of it, is left of a parabola. The frequency
+# changes by half of that, through the 200 rad of 10 ms.
+LAWS = 3e-9
+
+
+@pytest.mark.parametrize("internal_step", [1e-4, 1e-3])
+def test_a_linear_device_that_warms_needs_no_short_steps(
+    internal_step: float, fmus: dict[int, Fmu], residual: Residual
+) -> None:
+    # From the first millisecond on, the stiffness on its way to 4 % less, the damping to 20 % more.
+    warming = {"structure_lag": 2.0, "tck": -1e-3, "tck_split": 4e-4, "tcd": 5e-3, "temperature": 300.0}
+    rows = []
+    for step in (5e-6, internal_step):
+        rng = np.random.default_rng(44)
+        with Instance(fmus[3]) as gyro:
+            gyro.start(**START, **warming, internal_step=step, sample_period=1e-3)
+            for k in range(11):
+                gyro.set(u_x=5e-6 * rng.standard_normal(), u_y=5e-6 * rng.standard_normal())
+                gyro.set(temperature=300.0 if k == 0 else 340.0)
+                assert gyro.step(k * 1e-3, 1e-3) == OK, gyro.log
+                rows.append(gyro.get(*STATES))
+    residual("states", difference(np.array(rows[11:]), np.array(rows[:11])), LAWS)

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{12e05dc9-3172-13f1-c337-8a64169a19b3}"
+#define GYRO_TOKEN "{654508d4-cc7f-d3ce-935c-fe8559df0c7c}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{602bf09d-90f2-76fb-d04c-e110451ebb0e}"
+#define GYRO_TOKEN "{3e68816a-5009-4056-0164-b5f71344b921}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
