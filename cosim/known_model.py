@@ -162,10 +162,10 @@ class KnownModel:
         along = {q: rate for q, rate in zip(self.states, rates, strict=True)}
         curve = Matrix([sum(v.diff(q) * rate for q, rate in along.items()) for v in pickoff_rate])
         jet = Matrix([*pickoff, *pickoff_rate, *curve])
-        seen = self._seen(linear, rates.jacobian(force), actuated, pickoff, amplified)
+        seen = self._seen(linear, rates.jacobian(force), actuated, pickoff, amplified, late)
         return {
-            # What the voltages see of the linear device at rest, how they see a position, and both by the parameters.
-            "seen": ("[12 + 12 * NP]", (*seen, *seen.jacobian(parameters))),
+            # The linear device at rest, and that by the parameters.
+            "seen": ("[22 + 22 * NP]", (*seen, *seen.jacobian(parameters))),
             # Value, slope and curvature in time, then their derivatives by the states, in one: they share their terms.
             "jet": ("[6 + 6 * NS]", (*jet, *jet.jacobian(states))),
             "jet_by_parameter": ("[6 * NP]", tuple(jet.jacobian(parameters))),
@@ -197,16 +197,27 @@ class KnownModel:
             "temperature_lag": ("[2]", self._temperature_lags),
         }
 
-    def _seen(self, linear: Matrix, by_force: Matrix, actuated: Matrix, pickoff: Matrix, amplified: Matrix) -> Matrix:
-        """Of accelerations -kappa q + b u and voltages c q, all at rest: c kappa c⁻¹ and c b, then c, row by row."""
+    def _seen(
+        self, linear: Matrix, by_force: Matrix, actuated: Matrix, pickoff: Matrix, amplified: Matrix, late: Matrix
+    ) -> Matrix:
+        """Of accelerations -kappa q - delta q' + b u and voltages c q + d u, all at rest: c, d, b, kappa, delta, row by
+        row, then the delay and the lag."""
         rest = dict.fromkeys((*self.states, *_COMMANDS, symbols.v_x, symbols.v_y), 0)
         positions = [self.states.index(q) for q, _ in self._moving_pairs]
         velocities = [self.states.index(q_dot) for _, q_dot in self._moving_pairs]
-        c = (amplified.jacobian(Matrix([symbols.v_x, symbols.v_y])) * pickoff.jacobian(Matrix(self.states))).subs(rest)
-        c = c.extract([0, 1], positions)
-        kappa = -linear.extract(velocities, positions)
-        b = by_force.extract(velocities, [0, 1]) * actuated.jacobian(Matrix(_COMMANDS)).subs(rest)
-        return Matrix([*(c * kappa * c.inv()), *(c * b), *c])
+        through = amplified.jacobian(Matrix([symbols.v_x, symbols.v_y]))
+        acts = actuated.jacobian(Matrix(_COMMANDS)).subs(rest)
+        c = (through * pickoff.jacobian(Matrix(self.states))).subs(rest).extract([0, 1], positions)
+        d = (through * pickoff.jacobian(Matrix(_COMMANDS))).subs(rest) * acts
+        b = by_force.extract(velocities, [0, 1]) * acts
+        kappa, delta = (-linear.extract(velocities, of) for of in (positions, velocities))
+        return Matrix([*c, *d, *b, *kappa, *delta, *late])
+
+    @cached_property
+    def _seen_by_voltages(self) -> tuple[Expr, ...]:
+        """Of the linear device at rest how voltages follow from positions and forces, and when."""
+        linear = self._functions["seen"][1][:22]
+        return (*linear[:8], *linear[20:])
 
     @cached_property
     def value_names(self) -> tuple[str, ...]:
@@ -297,7 +308,7 @@ class KnownModel:
             "HAS_DELAY": int(any(isinstance(e, Delay) for e in effects)),
             "HAS_THERMAL": int(any(self._functions["thermal"][1])),
             "FEEDS": int(any(self._functions["pick_off_by_force"][1])),
-            "READS": int(any(c.has(*self.parameters) for c in self._functions["seen"][1][8:12])),
+            "READS": int(any(c.has(*self.parameters) for c in self._seen_by_voltages)),
             "BENT": int(any(self._functions["bend"][1])),
             "LINEAR_ACTUATOR": int(all(not e.diff(*[s] * 2) for e in self._functions["actuate"][1] for s in _COMMANDS)),
         }

@@ -37,7 +37,7 @@ counts as none [rad/s]; drift_limit: largest standard deviation of the pattern's
 kHz, so that 1.35 is 11 standard deviations off and leaves room for what a sudden change of the rate does; start_high:
 of what the last whole start left, 32768 numbers, 13 standard deviations; whiteness:
 largest mean product of neighbouring innovations; patience: time over which all must hold before the flag is set
-[s]."""
+[s]; WINDOW after innovations have withdrawn it."""
 
 
 INNOVATIONS: Final = "innovations"
@@ -49,7 +49,8 @@ DOUBTS: Final = 2
 NOTHING: Final = 1e-3
 """Of what innovations should be: a filter for which they are so small takes its own state for unknown."""
 WINDOW: Final = 0.1
-"""Over which a drift of the angle is meant [s]."""
+"""Over which a drift of the angle is meant [s]. All must hold for as long again where innovations have withdrawn the
+flag: a fit that is none looks like one for some hundredths of a second."""
 
 
 class Verdict(NamedTuple):
@@ -78,6 +79,7 @@ class Monitor:
     valid: bool = False
     _good_since: float | None = None
     _doubts: int = 0
+    _patience: float = 0.0
     _bent: list[tuple[float, float]] = field(default_factory=list)
     _previous: list[tuple[float, Floats]] = field(default_factory=list)
 
@@ -99,10 +101,12 @@ class Monitor:
             self._good_since = None
             if self.valid:
                 self.withdrawn.append((t, reason))
+                self._patience = WINDOW if reason.startswith(INNOVATIONS) else self._patience
             self.valid = False
         else:
             self._good_since = t if self._good_since is None else self._good_since
-            if not self.valid and t - self._good_since < self.settings["patience"] - 0.5 * self.period:
+            patience = max(self.settings["patience"], self._patience)
+            if not self.valid and t - self._good_since < patience - 0.5 * self.period:
                 reason = "not yet: all has been well for too short a time"
             else:
                 self.valid = True

@@ -9,6 +9,7 @@
 #include "take_up.h"
 
 #define EFFORT 2.0   /* samples filtered again for each new one, in the long run */
+#define STEPPED 6.0  /* deviations of its walk by which a rate that is told has stepped */
 #define EFFORT_MAX 2000000.0 /* saved up at most */
 
 static void advance(filter *f, const double u[2], const double in[IN])
@@ -118,8 +119,16 @@ void filter_step(filter *f, const double u[2], const double v[2], const double i
 void filter_step_told(filter *f, const double u[2], const double *z_true, const double in[IN])
 {
     advance(f, u, in);
+    const double change = z_true[OMEGA] - f->now.z[OMEGA];
     memcpy(f->now.z, z_true, (OMEGA + 1) * sizeof *z_true);
     if (f->sample > f->origin) {
+        /* Nobody tells when a rate steps: taken for its walk, a step would be a clock by which to tell a delay from a lag. It may as well have come a
+           sample later. */
+        const int steps = change * change > STEPPED * STEPPED * f->walk * f->walk * f->m.period;
+        if (steps || f->sample == f->jumped_at + 1) {
+            f->now.P[OMEGA][OMEGA] += f->settings.omega_jump * f->settings.omega_jump;
+        }
+        f->jumped_at = steps ? f->sample : f->jumped_at;
         double expected[2], C[2][NZ], by_p[2 * NP], noise[2];
         filter_expect(f, expected, C, by_p, noise);
         for (int a = 0; a < 2; a++) {

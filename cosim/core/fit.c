@@ -3,6 +3,7 @@
 #include "block.h"
 #include "correction.h"
 #include "known_model.h"
+#include "late.h"
 #include "prediction.h"
 #include "rate.h"
 #include "restart.h"
@@ -27,6 +28,10 @@
 #define OFF 1.0       /* deviations beside its fit from which a start has not found it */
 #define FASTEST 1e4  /* rate that is no device's [rad/s]: far from the device it explains more than constants do */
 #define FARTHEST 10.0 /* standard deviations of the design that an effect may be away from it */
+#define SETTLING 256   /* samples at the beginning of a start that tell a long one nothing where voltages lag: the motion is as unknown there as the
+                          design leaves it, and the product of its error and one of the lag, which slopes leave out, would pass for knowledge */
+#define LONG 4096      /* samples of a long one */
+#define SEES 256       /* samples that tell what voltages see at some frequencies: fewer tell the motion alone, in which that is no straight way */
 #define WATCHED 0.005 /* over which innovations are averaged [s] */
 #define FIRST 4      /* samples of the first block at its first fit: of some tenths of a period what moves is nearly linear in the stiffness */
 #define FEWEST 16    /* samples of another block */
@@ -83,6 +88,7 @@ static double filter_again(filter *f)
             rate_drop_recent(f);
             rate_open(f);
         }
+        f->rows = HAS_LAG && place == SETTLING && f->in_block >= LONG ? 0 : f->rows;
     }
     for (int64_t r = 0; r < f->rows; r++) {
         total += f->r[r] * f->r[r];
@@ -150,8 +156,11 @@ static double descend(filter *f, const double step[NP], double limit, double res
         part = part > SHORTEST && f->effort > reserve ? part : 0.0;
         for (int i = 0; i < NP; i++) {
             way[i] = part * step[i];
+            f->eta[i] = from[i] + way[i];
         }
-        straight_step(f, from, way, f->eta);
+        if (f->in_block >= SEES) {
+            straight_step(f, from, way, f->eta);
+        }
         block_set_constants(f, f->eta, change);
         const double next = block_squared(f->eta) + filter_again(f);
         if (part <= 0.0 || next < limit) {
@@ -193,22 +202,14 @@ static double find_step(const filter *f, double L[NP][NP], const double b[NP], d
     return block_distance(L, end, f->eta);
 }
 
-/* Finds the constants that a start and what was known before it make most likely, filtering it again up to ROUNDS times: Gauss-Newton on |eta|^2 +
-   |r(eta)|^2, with p = p_begun + W eta. Leaves the start filtered there and the Cholesky factor of its Hessian in L. Returns how many deviations
-   away its slopes say that the most likely ones are. */
-static double find_start(filter *f, double L[NP][NP])
+/* Gauss-Newton on |eta|^2 + |r(eta)|^2 from f->eta, where that is `cost`, filtering a start again up to ROUNDS times, p = p_begun + W eta. Leaves the
+   start filtered where it ends, the sum there in `cost` and the Cholesky factor of its Hessian in L. Returns how many deviations away its slopes say
+   that the most likely constants are. */
+static double come_down(filter *f, int whole, double L[NP][NP], double *cost, double *trace)
 {
-    const int whole = f->in_block >= (int64_t)f->settings.start;
     const double reserve = whole ? 0.0 : FOR_WHOLE * f->settings.start;
-    double b[NP], step[NP], moved, cost = block_squared(f->eta);
-    if (whole) {
-        /* As later rounds are: with the walk of the rate as it is by now. */
-        (void)filter_again(f);
-    }
-    for (int64_t r = 0; r < f->rows; r++) {
-        cost += f->r[r] * f->r[r];
-    }
-    double trace = inform(f, whole, L, b);
+    double b[NP], step[NP], moved;
+    *trace = inform(f, whole, L, b);
     for (int round = 0, ends = 0;; round++) {
         moved = find_step(f, L, b, step);
         if (ends || round > ROUNDS) {
@@ -216,10 +217,52 @@ static double find_start(filter *f, double L[NP][NP])
         }
         ends = moved < MOVED || f->effort <= reserve;
         /* What is found before the start is complete need not be best, and may have to climb to become better. */
-        const double next = descend(f, step, whole ? cost + WORTH : 1.001 * cost + 1.0, reserve);
-        ends |= whole && cost - next < WORTH;
-        cost = next;
-        trace = inform(f, whole, L, b);
+        const double next = descend(f, step, whole ? *cost + WORTH : 1.001 * *cost + 1.0, reserve);
+        ends |= whole && *cost - next < WORTH;
+        *cost = next;
+        *trace = inform(f, whole, L, b);
+    }
+    return moved;
+}
+
+/* Goes to eta and filters the start again; returns its sum. */
+static double go_to(filter *f, const double eta[NP])
+{
+    double change[NP];
+    memcpy(f->eta, eta, sizeof f->eta);
+    block_set_constants(f, f->eta, change);
+    return block_squared(f->eta) + filter_again(f);
+}
+
+/* Finds the constants that a start and what was known before it make most likely. A whole one is looked for from elsewhere, too, where it
+   may have come to rest on the way. */
+static double find_start(filter *f, double L[NP][NP])
+{
+    const int whole = f->in_block >= (int64_t)f->settings.start;
+    double cost = block_squared(f->eta), trace, step[NP];
+    if (whole) {
+        /* As later rounds are: with the walk of the rate as it is by now. */
+        (void)filter_again(f);
+    }
+    for (int64_t r = 0; r < f->rows; r++) {
+        cost += f->r[r] * f->r[r];
+    }
+    double moved = come_down(f, whole, L, &cost, &trace);
+    for (int way = 0; whole && way < LATE_WAYS; way++) {
+        if (late_elsewhere(f, way, step)) {
+            double found[NP], other[NP], b[NP];
+            memcpy(found, f->eta, sizeof found);
+            straight_step(f, found, step, other);
+            double there = go_to(f, other);
+            const double off = come_down(f, whole, L, &there, &trace);
+            if (there < cost - WORTH) {
+                cost = there;
+                moved = off;
+            } else {
+                cost = go_to(f, found);
+                trace = inform(f, whole, L, b);
+            }
+        }
     }
     note_fit(f, cost, trace);
     return moved;

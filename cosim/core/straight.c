@@ -1,36 +1,25 @@
 #include "straight.h"
 
 #include "block.h"
-#include "known_model.h"
+#include "linear.h"
+#include "prediction.h"
 
-#define SEEN 8        /* entries of c kappa c^-1 and c b */
-#define INDEPENDENT 1e-6 /* share of its squared length that an entry must not have in common with others */
+#define INDEPENDENT 1e-6 /* share of its squared length that an entry must not have in common with others: not what a lag does in its third power,
+                            where the way would bend too much */
 #define ROUNDS 4      /* of Newton at most; the way is short, two are usual */
 #define CLOSE 1e-12   /* of an entry, where they end */
 
-/* Where p is, what the voltages see there, and how they see the position. */
-typedef struct {
-    double seen[SEEN], by_p[SEEN][NP]; /* in units of what was seen where the block began */
-    double c[2][2], c_by_p[4][NP];     /* [V/m] */
-} view;
+#define LATEST 5         /* commands under way that count: no more than a radian of an oscillation that is sampled thirty times a period */
 
-static void look(const known *k, const double *unit, view *v)
-{
-    const double rest[NS] = {0}, none[2] = {0.0, 0.0};
-    double out[12 + 12 * NP];
-    known_seen(k, rest, none, 0.0, out);
-    for (int i = 0; i < SEEN; i++) {
-        const double scale = unit ? unit[i] : 1.0;
-        v->seen[i] = out[i] / scale;
-        for (int q = 0; q < NP; q++) {
-            v->by_p[i][q] = out[12 + i * NP + q] / scale;
-        }
-    }
-    for (int i = 0; i < 4; i++) {
-        v->c[i / 2][i % 2] = out[SEEN + i];
-        memcpy(v->c_by_p[i], out + 12 + (SEEN + i) * NP, sizeof v->c_by_p[i]);
-    }
-}
+#define FREQUENCIES 4
+#define SEEN (8 * FREQUENCIES)
+static const double AT[FREQUENCIES] = {0.16, 0.73, 1.0, 1.3}; /* of the oscillation's frequency: about where the tones are, and the pattern */
+
+/* Where p is, and what the voltages see there. */
+typedef struct {
+    linear at, by[NP];
+    double seen[SEEN], by_p[SEEN][NP]; /* in units of look_from */
+} view;
 
 /* A Cholesky factor of J P J', its entries in the order in which they count most; those that follow from others are left out. */
 typedef struct {
@@ -41,12 +30,17 @@ typedef struct {
 /* J P J' at a view, P being the variances of the design. */
 static void variance_seen(const filter *f, const view *v, double A[SEEN][SEEN])
 {
+    double root[SEEN][NP];
     for (int a = 0; a < SEEN; a++) {
-        for (int b = 0; b < SEEN; b++) {
-            A[a][b] = 0.0;
+        for (int q = 0; q < NP; q++) {
+            root[a][q] = v->by_p[a][q] * f->prior[q];
+        }
+        for (int b = 0; b <= a; b++) {
+            double total = 0.0;
             for (int q = 0; q < NP; q++) {
-                A[a][b] += v->by_p[a][q] * v->by_p[b][q] * f->prior[q] * f->prior[q];
+                total += root[a][q] * root[b][q];
             }
+            A[a][b] = A[b][a] = total;
         }
     }
 }
@@ -165,63 +159,97 @@ static void add_of(const double *M, double *x, int stride)
     }
 }
 
+/* How the voltages will see the motion of a device. A delay of more periods than LATEST is taken for none: what is uncertain of it is a small part. */
+static void form_sight(const filter *f, const linear *at, sight *s)
+{
+    double commands[2 * LATEST];
+    const double periods = larger(at->delay, 0.0) / f->m.period, whole = floor(periods);
+    const int count = whole < LATEST ? (int)whole + 1 : 1;
+    for (int i = 0; i < count; i++) {
+        memcpy(commands + 2 * i, filter_command(f, f->sample - 1 - i), 2 * sizeof *commands);
+    }
+    sight_form(s, at, commands, count, whole < LATEST ? (periods - whole) * f->m.period : 0.0, f->m.period);
+}
+
 /* Motion and slopes at `now` are those that the voltages see as they would have seen them at `was`, p being `change` away by a straight line.
    `back` [NP * NP] takes changes of p as they are now to what they were, less themselves. */
 static void carry_motion(filter *f, const view *was, const view *now, const double change[NP], const double *back)
 {
     moving *n = &f->now;
-    const double det = now->c[0][0] * now->c[1][1] - now->c[0][1] * now->c[1][0];
-    const double inverse[2][2] = {{now->c[1][1] / det, -now->c[0][1] / det}, {-now->c[1][0] / det, now->c[0][0] / det}};
-    for (int part = 0; part < 2; part++) {
-        /* Positions x, y, then velocities. */
-        const int at[2] = {part, 2 + part};
-        double q[2], volts[2], slopes[2][NP], fresh[2];
-        for (int a = 0; a < 2; a++) {
-            q[a] = n->z[at[a]];
-            for (int p = 0; p < NP; p++) {
-                q[a] -= n->Y[at[a]][p] * change[p];
-            }
-        }
-        for (int a = 0; a < 2; a++) {
-            volts[a] = was->c[a][0] * n->z[at[0]] + was->c[a][1] * n->z[at[1]];
-            for (int p = 0; p < NP; p++) {
-                const double by = was->c_by_p[2 * a][p] * q[0] + was->c_by_p[2 * a + 1][p] * q[1];
-                volts[a] += by * change[p];
-                slopes[a][p] = was->c[a][0] * n->Y[at[0]][p] + was->c[a][1] * n->Y[at[1]][p] + by;
-            }
-            add_times(slopes[a], back);
-        }
-        for (int a = 0; a < 2; a++) {
-            fresh[a] = inverse[a][0] * volts[0] + inverse[a][1] * volts[1];
-        }
+    sight before, after;
+    double z[MOTION], y[MOTION], slopes[MOTION][NP], own[MOTION][NP], unused[MOTION];
+    form_sight(f, &was->at, &before);
+    form_sight(f, &now->at, &after);
+    for (int i = 0; i < MOTION; i++) {
+        z[i] = n->z[i];
         for (int p = 0; p < NP; p++) {
-            for (int a = 0; a < 2; a++) {
-                slopes[a][p] -= now->c_by_p[2 * a][p] * fresh[0] + now->c_by_p[2 * a + 1][p] * fresh[1];
-            }
-            for (int a = 0; a < 2; a++) {
-                n->Y[at[a]][p] = inverse[a][0] * slopes[0][p] + inverse[a][1] * slopes[1][p];
-            }
-        }
-        for (int a = 0; a < 2; a++) {
-            n->z[at[a]] = fresh[a];
+            z[i] -= n->Y[i][p] * change[p];
         }
     }
-    for (int i = 4; i < NZ; i++) {
-        add_times(n->Y[i], back);
+    sight_see(&before, was->by, z, y, slopes);
+    for (int p = 0; p < NP; p++) {
+        double moved[MOTION], seen[MOTION];
+        for (int i = 0; i < MOTION; i++) {
+            moved[i] = n->Y[i][p];
+        }
+        sight_change(&before, moved, seen);
+        for (int i = 0; i < MOTION; i++) {
+            slopes[i][p] += seen[i];
+            y[i] += slopes[i][p] * change[p];
+        }
+    }
+    sight_back(&after, y, n->z);
+    sight_see(&after, now->by, n->z, unused, own);
+    for (int i = 0; i < NZ; i++) {
+        add_times(i < MOTION ? slopes[i] : n->Y[i], back);
+    }
+    for (int p = 0; p < NP; p++) {
+        double seen[MOTION], moved[MOTION];
+        for (int i = 0; i < MOTION; i++) {
+            seen[i] = slopes[i][p] - own[i][p];
+        }
+        sight_change_back(&after, seen, moved);
+        for (int i = 0; i < MOTION; i++) {
+            n->Y[i][p] = moved[i];
+        }
     }
 }
 
-/* What was seen at `from`, in units of its largest entry of either kind. */
-static void look_from(const known *from, double unit[SEEN], view *v)
+/* The device of `k`, seen at frequencies about that of the oscillation, in some `unit` [SEEN]. */
+static void look(const filter *f, const known *k, const double unit[SEEN], view *v)
 {
-    look(from, NULL, v);
+    const double pace = sqrt(f->first.P[1][1] / f->first.P[0][0]);
+    linear_of(k, &v->at, v->by);
+    for (int j = 0; j < FREQUENCIES; j++) {
+        linear_command(&v->at, v->by, AT[j] * pace, v->seen + 8 * j, v->by_p + 8 * j);
+    }
     for (int i = 0; i < SEEN; i++) {
-        unit[i] = 0.0;
-        for (int j = i / 4 * 4; j < i / 4 * 4 + 4; j++) {
-            unit[i] = larger(unit[i], fabs(v->seen[j]));
+        v->seen[i] /= unit[i];
+        for (int q = 0; q < NP; q++) {
+            v->by_p[i][q] /= unit[i];
         }
     }
-    look(from, unit, v);
+}
+
+/* Looks at `from`. The unit becomes the deviation that the design leaves to the largest entry at its frequency, or that entry where it is more. */
+static void look_from(const filter *f, const known *from, double unit[SEEN], view *v)
+{
+    double size[FREQUENCIES] = {0.0};
+    for (int i = 0; i < SEEN; i++) {
+        unit[i] = 1.0;
+    }
+    look(f, from, unit, v);
+    for (int i = 0; i < SEEN; i++) {
+        double variance = 0.0;
+        for (int q = 0; q < NP; q++) {
+            variance += v->by_p[i][q] * v->by_p[i][q] * f->prior[q] * f->prior[q];
+        }
+        size[i / 8] = larger(size[i / 8], larger(fabs(v->seen[i]), sqrt(variance)));
+    }
+    for (int i = 0; i < SEEN; i++) {
+        unit[i] = size[i / 8];
+    }
+    look(f, from, unit, v);
 }
 
 /* Moves `to`, which stands `change` away from where `was` was seen, to the nearest p where what is seen has moved along a straight line; `now`:
@@ -231,7 +259,7 @@ static void go(const filter *f, const view *was, const double *unit, const doubl
     double missing[SEEN], step[NP];
     for (int round = 0;; round++) {
         double most = 0.0;
-        look(to, unit, now);
+        look(f, to, unit, now);
         for (int i = 0; i < SEEN; i++) {
             missing[i] = was->seen[i] - now->seen[i];
             for (int q = 0; q < NP; q++) {
@@ -245,6 +273,43 @@ static void go(const filter *f, const view *was, const double *unit, const doubl
         least_change(f, now, missing, 1, step);
         for (int q = 0; q < NP; q++) {
             to->p[q] += step[q];
+        }
+    }
+}
+
+/* back = (1 + along)^-1 - 1, both [NP * NP], by elimination in units of the prior. */
+static void turn_back(const filter *f, const double *along, double *back)
+{
+    double A[NP][NP], B[NP][NP];
+    for (int i = 0; i < NP; i++) {
+        for (int j = 0; j < NP; j++) {
+            A[i][j] = along[i * NP + j] * f->prior[j] / f->prior[i] + (i == j ? 1.0 : 0.0);
+            B[i][j] = i == j ? 1.0 : 0.0;
+        }
+    }
+    for (int k = 0; k < NP; k++) {
+        int pivot = k;
+        for (int i = k + 1; i < NP; i++) {
+            pivot = fabs(A[i][k]) > fabs(A[pivot][k]) ? i : pivot;
+        }
+        for (int j = 0; j < NP; j++) {
+            const double a = A[k][j], b = B[k][j];
+            A[k][j] = A[pivot][j];
+            B[k][j] = B[pivot][j];
+            A[pivot][j] = a;
+            B[pivot][j] = b;
+        }
+        for (int i = 0; i < NP; i++) {
+            const double factor = i == k ? 0.0 : A[i][k] / A[k][k];
+            for (int j = 0; j < NP && factor != 0.0; j++) {
+                A[i][j] -= factor * A[k][j];
+                B[i][j] -= factor * B[k][j];
+            }
+        }
+    }
+    for (int i = 0; i < NP; i++) {
+        for (int j = 0; j < NP; j++) {
+            back[i * NP + j] = (B[i][j] / A[i][i] - (i == j ? 1.0 : 0.0)) * f->prior[i] / f->prior[j];
         }
     }
 }
@@ -265,7 +330,7 @@ void straight_step(const filter *f, const double eta[NP], const double step[NP],
         to.p[i] = block_constant_at(f, trial, i);
         change[i] = to.p[i] - from.p[i];
     }
-    look_from(&from, unit, &was);
+    look_from(f, &from, unit, &was);
     go(f, &was, unit, change, &to, &now);
     for (int i = 0; i < NP; i++) {
         change[i] = to.p[i] - f->p_begun[i];
@@ -282,7 +347,7 @@ void straight_follow(filter *f)
         return;
     }
     memcpy(begun.p, f->p_begun, sizeof begun.p);
-    look_from(&begun, unit, &was);
+    look_from(f, &begun, unit, &was);
     for (int q = 0; q < NP; q++) {
         change[q] = f->k.p[q] - f->p_begun[q];
     }
@@ -293,10 +358,7 @@ void straight_follow(filter *f)
         }
     }
     least_change(f, &now, differ, NP, along);
-    for (int i = 0; i < SEEN * NP; i++) {
-        differ[i] = -differ[i];
-    }
-    least_change(f, &was, differ, NP, back);
+    turn_back(f, along, back);
     carry_motion(f, &was, &now, change, back);
     for (int64_t r = f->rows; r < f->rows + f->kept; r++) {
         add_times(f->H[r], back);

@@ -1,7 +1,7 @@
 /* Constants that samples show by what they make together, the gain of an actuator times that of a pickoff, are known along a curve: within the
-   deviation of one of them the others move by hundreds of theirs. What the voltages see of the linear device at rest does not bend: with the
-   accelerations -kappa q + b u and the voltages c q those are the entries of c kappa c^-1 and c b. A block that is folded moves them along a straight
-   line, and motion and slopes with them as the voltages see them (docs/theory/loop.md). */
+   deviation of one of them the others move by hundreds of theirs. So it is with a delay, a lag and a feedthrough. Which command goes with a voltage,
+   frequency by frequency, does not bend: a block that is folded moves that along a straight line, and the motion and its slopes as the voltages will see
+   them (docs/theory/loop.md). */
 
 #ifndef STRAIGHT_H
 #define STRAIGHT_H

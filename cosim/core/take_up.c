@@ -3,9 +3,8 @@
 #include <complex.h>
 
 #include "known_model.h"
+#include "linear.h"
 #include "prediction.h"
-
-#define MOTION 4 /* positions and velocities come first */
 
 /* Solves a x = b for 2 x 2 a, `columns` right-hand sides [2 * columns], in place. */
 static void solve_pair(const double a[4], double *b, int columns)
@@ -61,6 +60,29 @@ void filter_open_states(filter *f)
             f->now.P[i][j] = f->now.P[j][i] = 0.0;
         }
         f->now.P[i][i] = creal(swing[i] * conj(swing[i]));
+    }
+}
+
+/* A voltage l that lags by tau is that of the position l + tau x' - tau^2 x''. Of x' nothing is known but the design's deviation, of x'' that of the
+   oscillation, and of tau its own: what x'' does is left open. */
+static void open_lag(filter *f)
+{
+    moving *n = &f->now;
+    const double none[2] = {0.0, 0.0}, size = sqrt(f->first.P[0][0]), pace = sqrt(f->first.P[1][1]) / size, tau = f->m.lag;
+    double late_by_p[2 * NP], open = 0.0;
+    known_late_by_parameter(&f->k, n->z, none, n->z[OMEGA], late_by_p);
+    for (int i = 0; i < NP; i++) {
+        open = hypot(open, late_by_p[NP + i] * f->prior[i]);
+    }
+    const double most = fabs(tau) + open, bent = most * most * pace * pace * size;
+    for (int q = 0; q < MOTION; q += 2) {
+        const int v = q + 1;
+        n->P[q][q] += tau * tau * n->P[v][v] + bent * bent;
+        n->P[q][v] = n->P[v][q] = tau * n->P[v][v];
+        for (int i = 0; i < NP; i++) {
+            n->Y[q][i] += n->z[v] * late_by_p[NP + i];
+        }
+        n->z[q] += tau * n->z[v];
     }
 }
 
@@ -135,14 +157,22 @@ void filter_take_up(filter *f, const double v[2])
             }
         }
     }
+    if (HAS_LAG) {
+        open_lag(f);
+    }
 }
 
 void filter_take_up_told(filter *f)
 {
-    const double *z = f->now.z;
-    double u[2], l[2], v[2];
+    const double *z = f->now.z, x = z[0], y = z[2];
+    double u[2], l[2], jet[6 + 6 * NS], v[2], tau = HAS_LAG ? f->m.lag : 0.0;
     known_actuate(&f->k, z, filter_command(f, 0), z[OMEGA], u);
-    known_pick_off(&f->k, z, u, z[OMEGA], l);
+    known_jet(&f->k, z, u, z[OMEGA], jet);
+    for (int a = 0; a < 2; a++) {
+        l[a] = jet[a] - tau * jet[2 + a] + tau * tau * jet[4 + a];
+    }
     known_amplify(&f->k, z, l, z[OMEGA], v);
     filter_take_up(f, v);
+    f->now.z[0] = x;
+    f->now.z[2] = y;
 }

@@ -1,11 +1,14 @@
 #include "unseen.h"
 
 #include "block.h"
+#include "linear.h"
 
 #define LEFT 0.1       /* share of the variance along a direction that a start must leave for it to count */
 #define CANCELLED 3e-5 /* of large terms that cancel; rounding, and constants that move by their deviation, leave up to 1.2e-5, a rate that begins to
                           change by 1 rad/s in a second 4e-5 */
 #define CANCEL 1e-3    /* of its terms: what a start shows at most of a direction along which they cancel */
+#define TOLD 0.15      /* squared deviations along a direction of what comes late that a start must tell for blocks to tell more */
+#define READS_ON 0.05  /* share of what the design leaves open of the reading that a direction of the gauge moves at least */
 #define BLOCKS 10      /* in a row that must show something: what the motion still owes to constants before the last fit dies away in fewer */
 #define SWEEPS 20      /* of rotations at most; 6 to 8 are usual */
 #define DIAGONAL 1e-24 /* sum of squares off the diagonal at which rotations end */
@@ -117,13 +120,33 @@ static double shown(const filter *f, int m, double *terms)
     return net;
 }
 
+/* Whether a direction changes how voltages read the position, beside what the design leaves open of that: a rate that changes tells it, and a start in
+   which none did shows nothing. A delay, a lag and a feedthrough that stand for each other are told by the tones instead, by what goes with the square
+   of the lag, at any time as well as in the start. */
+static int moves_reading(const filter *f, const double n[NP])
+{
+    linear at, by[NP];
+    double most = 0.0;
+    linear_of(&f->k, &at, by);
+    for (int c = 0; c < 4; c++) {
+        double change = 0.0, open = 0.0;
+        for (int i = 0; i < NP; i++) {
+            change += by[i].c[c] * n[i];
+            open += by[i].c[c] * by[i].c[c] * f->prior[i] * f->prior[i];
+        }
+        most = larger(most, open > 0.0 ? change * change / open : 0.0);
+    }
+    return most > READS_ON * READS_ON;
+}
+
 /* Keeps those whose terms cancel. What merely does little pretends nothing, and may do more later. */
 static void keep_cancelling(filter *f)
 {
     int kept = 0;
     for (int m = 0; m < f->unseen_count; m++) {
         double terms;
-        if (shown(f, m, &terms) < CANCEL * CANCEL * terms) {
+        const double net = shown(f, m, &terms);
+        if (net < CANCEL * CANCEL * terms && (net < TOLD || moves_reading(f, f->unseen[m]))) {
             memmove(f->unseen[kept++], f->unseen[m], sizeof f->unseen[m]);
         }
     }
@@ -205,7 +228,8 @@ void unseen_look(filter *f)
     int hidden = 0;
     for (int m = 0; m < f->unseen_count; m++) {
         double terms;
-        f->shown[m] = shown(f, m, &terms) > CANCELLED * CANCELLED * terms ? f->shown[m] + 1 : 0;
+        const int shows = shown(f, m, &terms) > CANCELLED * CANCELLED * terms && moves_reading(f, f->unseen[m]);
+        f->shown[m] = shows ? f->shown[m] + 1 : 0;
     }
     for (int m = 0; m < f->unseen_count; m++) {
         if (f->shown[m] < BLOCKS) {
