@@ -234,8 +234,8 @@ static double go_to(filter *f, const double eta[NP])
     return block_squared(f->eta) + filter_again(f);
 }
 
-/* Finds the constants that a start and what was known before it make most likely. A whole one is looked for from elsewhere, too, where it
-   may have come to rest on the way. */
+/* Finds the constants that a start and what was known before it make most likely. A whole one that ends with a delay beside whole periods
+   is looked for on their other side, too. */
 static double find_start(filter *f, double L[NP][NP])
 {
     const int whole = f->in_block >= (int64_t)f->settings.start;
@@ -248,20 +248,18 @@ static double find_start(filter *f, double L[NP][NP])
         cost += f->r[r] * f->r[r];
     }
     double moved = come_down(f, whole, L, &cost, &trace);
-    for (int way = 0; whole && way < LATE_WAYS; way++) {
-        if (late_elsewhere(f, way, step)) {
-            double found[NP], other[NP], b[NP];
-            memcpy(found, f->eta, sizeof found);
-            straight_step(f, found, step, other);
-            double there = go_to(f, other);
-            const double off = come_down(f, whole, L, &there, &trace);
-            if (there < cost - WORTH) {
-                cost = there;
-                moved = off;
-            } else {
-                cost = go_to(f, found);
-                trace = inform(f, whole, L, b);
-            }
+    if (whole && late_other_side(f, step)) {
+        double found[NP], other[NP], b[NP];
+        memcpy(found, f->eta, sizeof found);
+        straight_step(f, found, step, other);
+        double there = go_to(f, other);
+        const double off = come_down(f, whole, L, &there, &trace);
+        if (there < cost - WORTH) {
+            cost = there;
+            moved = off;
+        } else {
+            cost = go_to(f, found);
+            trace = inform(f, whole, L, b);
         }
     }
     note_fit(f, cost, trace);

@@ -3,10 +3,7 @@
 #include "block.h"
 #include "known_model.h"
 
-#define BESIDE 0.03      /* periods beside whole ones at which a delay may be on the wrong side, and how far on the other one it is looked for */
-#define NEXT_TO_NONE 0.3 /* share of delay and lag together below which the lag is */
-#define OTHER 0.6        /* share that is taken for the lag instead: what tells them apart goes with its third power */
-#define TOO_SHORT 0.1    /* deviations of the design that are not worth looking for */
+#define BESIDE 0.03 /* periods beside whole ones at which a delay may be on the wrong side, and how far on the other one it is looked for */
 
 /* The constant that a row of derivatives follows most, in deviations of the design; -1: none. */
 static int most_of(const filter *f, const double row[NP])
@@ -26,21 +23,14 @@ static double across_whole_periods(double delay, double period)
     return whole >= 1.0 && fabs(beside) <= BESIDE ? -(beside + copysign(BESIDE, beside)) * period : 0.0;
 }
 
-int late_elsewhere(const filter *f, int way, double step[NP])
+int late_other_side(const filter *f, double step[NP])
 {
     const double none[2] = {0.0, 0.0}, *z = f->now.z;
     double late[2], by_p[2 * NP], change[NP] = {0.0};
     known_late(&f->k, z, none, z[OMEGA], late);
     known_late_by_parameter(&f->k, z, none, z[OMEGA], by_p);
     const int delay = most_of(f, by_p), lag = most_of(f, by_p + NP);
-    const double both = late[0] + late[1];
-    double more = 0.0;
-    if (delay >= 0 && way == 0) {
-        more = across_whole_periods(late[0], f->m.period);
-    } else if (delay >= 0 && lag >= 0 && late[1] < NEXT_TO_NONE * both) {
-        more = -(OTHER * both - late[1]);
-        more = -more > TOO_SHORT * fabs(by_p[NP + lag]) * f->prior[lag] ? more : 0.0;
-    }
+    const double more = delay < 0 ? 0.0 : across_whole_periods(late[0], f->m.period);
     if (more != 0.0) {
         change[delay] = more / by_p[delay];
         if (lag >= 0) {

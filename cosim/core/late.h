@@ -1,17 +1,12 @@
-/* Where a start may come to rest though the device is elsewhere.
-
-   A feedthrough makes a step of the voltage when the delayed command changes: where the delay is whole periods the fit has a kink, and a start may end
-   beside it on the wrong side. And a delay and a lag stand for each other to the second power of the lag: where the lag is zero nothing tells that it
-   should not be. */
+/* A feedthrough makes a step of the voltage when the delayed command changes. Where that is at a sample, the delay being whole periods, the fit has a kink,
+   and a start may come to rest beside it on the wrong side. */
 
 #ifndef LATE_H
 #define LATE_H
 
 #include "filter.h"
 
-#define LATE_WAYS 2
-
-/* Whether the constants are at such a place; `step`: the change of eta that leads to where the fit should be looked for as well. */
-int late_elsewhere(const filter *f, int way, double step[NP]);
+/* Whether the delay is nearly whole periods; `step`: the change of eta that leads to their other side, the lag making up for it. */
+int late_other_side(const filter *f, double step[NP]);
 
 #endif
