@@ -29,6 +29,8 @@ MEASURED: Final = ("temperature", "a_x", "a_y", "v_bias")
 """Inputs of the plant that the loop measures, in the order of ``in`` of the C."""
 
 _STATE, _FORCE, _ESTIMATED, _KNOWN = "s", "f", "p", "c"
+_SEEN: Final = 5 * 4 + 2
+"""Entries of the linear device at rest: five matrices, the delay and the lag."""
 
 
 def can_be_estimated(model: Model, name: str) -> bool:
@@ -165,7 +167,7 @@ class KnownModel:
         seen = self._seen(linear, rates.jacobian(force), actuated, pickoff, amplified, late)
         return {
             # The linear device at rest, and that by the parameters.
-            "seen": ("[22 + 22 * NP]", (*seen, *seen.jacobian(parameters))),
+            "seen": (f"[{_SEEN} + {_SEEN} * NP]", (*seen, *seen.jacobian(parameters))),
             # Value, slope and curvature in time, then their derivatives by the states, in one: they share their terms.
             "jet": ("[6 + 6 * NS]", (*jet, *jet.jacobian(states))),
             "jet_by_parameter": ("[6 * NP]", tuple(jet.jacobian(parameters))),
@@ -216,7 +218,7 @@ class KnownModel:
     @cached_property
     def _seen_by_voltages(self) -> tuple[Expr, ...]:
         """Of the linear device at rest how voltages follow from positions and forces, and when."""
-        linear = self._functions["seen"][1][:22]
+        linear = self._functions["seen"][1][:_SEEN]
         return (*linear[:8], *linear[20:])
 
     @cached_property
