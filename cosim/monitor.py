@@ -54,15 +54,16 @@ flag: a fit that is none looks like one for some hundredths of a second."""
 
 
 class Verdict(NamedTuple):
-    """valid now; reason why not (else empty); predicted standard deviations: of the angle's drift, the pattern at its
-    worst angle and its reading as it is learnt, of the turning where the pattern stands [rad/s], and of the reading
-    [rad]."""
+    """valid now; reason why not (else empty); predicted standard deviations: of the angle's drift over WINDOW, the
+    pattern at its worst angle, with its reading as it is learnt and the steps of the rate, of the turning where the
+    pattern stands [rad/s], of the reading, and of what the angle has lost in steps of the rate so far [rad]."""
 
     valid: bool
     reason: str
     drift_sigma: float
     drift_sigma_now: float
     bend_sigma: float
+    step_sigma: float
 
 
 @dataclass
@@ -81,6 +82,7 @@ class Monitor:
     _doubts: int = 0
     _patience: float = 0.0
     _bent: list[tuple[float, float]] = field(default_factory=list)
+    _stepped: list[tuple[float, float]] = field(default_factory=list)
     _previous: list[tuple[float, Floats]] = field(default_factory=list)
 
     def judge(self, t: float, estimate: Floats, deviation: Floats, inputs: Floats, phi: float) -> Verdict:
@@ -88,7 +90,8 @@ class Monitor:
         the angle of the pattern [rad]."""
         drift = self._drift(estimate, deviation, inputs, phi)
         largest = hypot(drift["turning"], self._mending(t, drift["bending"]))
-        sigmas = largest, drift["turning_now"], drift["bending"]
+        steps = self.health()["steps"]
+        sigmas = hypot(largest, self._stepping(t, steps)), drift["turning_now"], drift["bending"], sqrt(steps)
         reason = self._doubt(t, estimate, deviation, largest, drift["unseen"])
         if reason and not reason.startswith(DRIFTS):
             self._bent.clear()
@@ -120,6 +123,15 @@ class Monitor:
         self._bent.append((t, bending))
         since, was = self._bent[0]
         return sqrt(max(was**2 - bending**2, 0.0) / ((t - since) * WINDOW)) if t > since else 0.0
+
+    def _stepping(self, t: float, variance: float) -> float:
+        """Deviation of the slope over WINDOW that steps of the rate give the angle's error [rad/s], ``variance`` being
+        what all of them have left: a step of 1 at the share u of a time T gives the straight line of least squares the
+        slope 6 u (1 - u)/T, in the mean square 1.2/T^2. No drift that goes on: it is in no limit."""
+        while len(self._stepped) > 1 and self._stepped[1][0] <= t - WINDOW:
+            self._stepped.pop(0)
+        self._stepped.append((t, variance))
+        return sqrt(1.2 * max(variance - self._stepped[0][1], 0.0)) / WINDOW
 
     def _doubt(self, t: float, estimate: Floats, deviation: Floats, turning: float, unseen: float) -> str:
         set_ = self.settings

@@ -75,9 +75,10 @@ class Recorder:
         self._trace = Trace(-(-run.samples // self.every))
         self._start: list[pl.DataFrame] = []
         self._motion: list[tuple[Floats, ...]] = []
-        self._verdict = Verdict(False, "the run has only begun", np.inf, np.inf, np.inf)
+        self._verdict = Verdict(False, "the run has only begun", np.inf, np.inf, np.inf, 0.0)
         self._valid_samples = self._samples = 0
         self._angle_deviation = 0.0
+        self._steps_before = 0.0
         self._turned = 0.0
         self._zero = np.nan
         self._judged_at = 0.0
@@ -147,11 +148,17 @@ class Recorder:
         if self._verdict.valid and not was and self.converged_at is None:
             # The flag holds from the next sample on.
             self.converged_at = float(t) + self.run.period
+            self._steps_before = self._verdict.step_sigma
         if self.converged_at is not None and np.isfinite(self._verdict.drift_sigma_now):
             self._angle_deviation += self._verdict.drift_sigma_now * (
                 t + self.run.period - max(self._judged_at, self.converged_at)
             )
         self._judged_at = float(t) + self.run.period
+
+    def _angle_sigma(self) -> float:
+        """Deviation of the angle [rad]: what drift, reading and steps of the rate since it was first valid leave."""
+        steps = np.sqrt(self._verdict.step_sigma**2 - self._steps_before**2) if self.converged_at is not None else 0.0
+        return float(np.hypot(np.hypot(self._angle_deviation, self._verdict.bend_sigma), steps))
 
     def _angle_true(self, converged: NDArray[np.bool_], omega_z: Floats) -> Floats:
         """Integral of exactly the held rate [rad], zero where the angle was valid first and NaN before."""
@@ -198,7 +205,7 @@ class Recorder:
             "converged": np.full(len(t), self._verdict.valid),
             "drift_sigma": np.full(len(t), self._verdict.drift_sigma),
             "drift_sigma_now": np.full(len(t), self._verdict.drift_sigma_now),
-            "angle_sigma": np.full(len(t), np.hypot(self._angle_deviation, self._verdict.bend_sigma)),
+            "angle_sigma": np.full(len(t), self._angle_sigma()),
             "v_x": plant[:, 0],
             "v_y": plant[:, 1],
             "u_x": control[:, 0],

@@ -3,7 +3,6 @@
 #include "edge_fit.h"
 #include "foucault.h"
 #include "known_model.h"
-#include "step_time.h"
 
 #define STEP 1.0       /* change of the rate that is a step [rad/s] */
 #define SUDDEN 1e-4    /* within this time [s] */
@@ -116,9 +115,12 @@ static void review(edge *e, const double *estimate, filter *f)
     if (!turns_evenly(e, begin) || !is_even(e, before, &after)) {
         return;
     }
-    const double at = step_time(f, e->seen - samples_in(e, LATEST), e->seen, e->seen + samples_in(e, LOOKED), rate_at(e, &after, (double)e->seen));
-    if (at >= 0.0) {
-        e->turned += turned_in(e, estimate, at, before, &after);
+    const double rate = rate_at(e, &after, (double)e->seen);
+    const step_found found = step_time(f, e->seen - samples_in(e, LATEST), e->seen, e->seen + samples_in(e, LOOKED), rate, e->unlikely);
+    if (found.at >= 0.0) {
+        const double by_sample = coupling_of(e, estimate) * (after.mean - before) * e->period;
+        e->turned += turned_in(e, estimate, found.at, before, &after);
+        f->steps += by_sample * by_sample * found.variance;
     }
 }
 

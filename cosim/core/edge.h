@@ -11,6 +11,7 @@
 
 #include "filter.h"
 #include "pattern.h"
+#include "step_time.h"
 
 #define EDGE_PAST 16384 /* samples kept; a power of two */
 
@@ -29,6 +30,7 @@ typedef struct {
     int64_t seen;     /* sample at which a step showed; below zero: none is under review */
     int64_t reviewed; /* sample from which on no step is known */
     double turned;    /* angle by which steps have turned the pattern [rad] */
+    double unlikely[SHARES]; /* what steps have told of the package's share of the Euler force */
 } edge;
 
 static inline const edge_sample *sample_at(const edge *e, int64_t k) { return &e->past[k & (EDGE_PAST - 1)]; }

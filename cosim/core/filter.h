@@ -80,6 +80,7 @@ typedef struct {
     double surprises, restarts, wait, share;
     double roaming, roamed_from, roamed_variance; /* of the slope of the rate: mean square of its change per time [rad2/s5]; at the stretch's beginning */
     int64_t roamed_at;                            /* sample at which that was */
+    double steps; /* variance that what steps of the rate have turned the pattern by leaves to the angle [rad^2] */
     int64_t jumped_at; /* sample at which the rate was last taken to have jumped; -1 before the first */
     double forget[NP], moving[NP]; /* rate at which each constant, the others given, is forgotten [1/s]; running excess of its squared motion */
     double unseen[NP][NP];     /* changes of p that no sample of the start shows, row by row; those come first of which none shows something now */

@@ -9,7 +9,11 @@
 
 #define HOPELESS 1000.0  /* above the least: less likely by exp(-500) */
 #define SURELY 9.0       /* by which it must be less for a share that is neither none nor all: three standard deviations */
+#define MOST 100.0     /* by which one step may speak against a share: what it is taken for may be wrong */
+#define BETWEEN 8        /* times between a sample and the next that are looked at */
 #define UNEXPLAINED 2.0  /* mean squared innovation over its variance of what is no step */
+
+static double share_of(int i) { return (double)i / (SHARES - 1); }
 
 /* Corrects z and P of one axis with the innovation e; returns e^2/S + log S. */
 static double correct(moving *n, const double *c, double noise, double e, double *squared)
@@ -116,72 +120,113 @@ static double parabola(double none, double half, double whole, double share)
     return none + share * (4.0 * half - 3.0 * none - whole) + 2.0 * share * share * (none - 2.0 * half + whole);
 }
 
-/* With the most likely share: innovations are linear in it, so that three shares tell of all. */
-static account freely(account none, account half, account whole)
+/* With a share of the Euler force. Innovations are linear in it, so that the accounts of none, a half and the whole tell of all. */
+static account with_share(const account three[3], double share)
 {
-    const double bend = none.unlikely - 2.0 * half.unlikely + whole.unlikely, slope = 4.0 * half.unlikely - 3.0 * none.unlikely - whole.unlikely;
-    const double share = bend > 0.0 ? smaller(larger(-0.25 * slope / bend, 0.0), 1.0) : none.unlikely < whole.unlikely ? 0.0 : 1.0;
-    return (account){parabola(none.unlikely, half.unlikely, whole.unlikely, share), parabola(none.squared, half.squared, whole.squared, share)};
+    return (account){parabola(three[0].unlikely, three[1].unlikely, three[2].unlikely, share), parabola(three[0].squared, three[1].squared, three[2].squared, share)};
 }
 
-/* The time at which a step explains the samples best, by a parabola through the least and its neighbours, a[i] being that of the sample seen - i;
-   below zero where it is none inside. */
-static double most_likely(const search *s, const account *a, int count, account *best)
+/* How a step with some share explains the samples: at its most likely time, which is inside or not; and when it was by all times together. */
+typedef struct {
+    account as;
+    int inside;
+    step_found when;
+} explained;
+
+/* three[i]: accounts of the sample seen - i. Between samples a parabola through three of them tells. */
+static explained explain(const search *s, account (*three)[3], int count, double share)
 {
-    double at = -1.0;
-    best->unlikely = HUGE_VAL;
+    explained e = {with_share(three[0], share), 0, {0.0, 0.0}};
+    double total = 0.0, first = 0.0, second = 0.0;
     for (int i = 1; i < count - 1; i++) {
-        const double later = a[i - 1].unlikely, here = a[i].unlikely, earlier = a[i + 1].unlikely;
-        if (here <= later && here <= earlier && here < best->unlikely) {
-            const double bend = later - 2.0 * here + earlier, off = bend > 0.0 ? 0.5 * (later - earlier) / bend : 0.0;
-            /* A step between two samples: as badly as the nearest explains it, the parabola does not. */
-            const double gained = 0.5 * bend * off * off;
-            best->unlikely = here - gained;
-            best->squared = a[i].squared - gained / (2.0 * (double)(s->looked - s->seen + i));
-            at = (double)(s->seen - i) - off;
+        const account here = with_share(three[i], share);
+        const double later = with_share(three[i - 1], share).unlikely, earlier = with_share(three[i + 1], share).unlikely;
+        const double slope = 0.5 * (earlier - later), bend = later - 2.0 * here.unlikely + earlier;
+        for (int j = 0; j < BETWEEN; j++) {
+            const double off = ((double)j + 0.5) / BETWEEN - 0.5, more = off * (slope + 0.5 * bend * off);
+            const account at = {here.unlikely + more, here.squared + more / (2.0 * (double)(s->looked - s->seen + i))};
+            if (at.unlikely < e.as.unlikely) {
+                /* Weights are relative to the least so far. */
+                const double fall = exp(0.5 * (at.unlikely - e.as.unlikely));
+                total *= fall;
+                first *= fall;
+                second *= fall;
+                e.as = at;
+                e.inside = 1;
+            }
+            const double weight = exp(0.5 * (e.as.unlikely - at.unlikely)), back = (double)i + off;
+            total += weight;
+            first += weight * back;
+            second += weight * back * back;
         }
     }
-    return at;
-}
-
-/* The same with the share of the Euler force that most packages have, none or all, or with another one where that is far more likely. Earlier times
-   are looked at until they are out of the question. */
-static double time_of(filter *f, const search *s, double *squared)
-{
-    account none[TIMES], whole[TIMES], any[TIMES], best[3];
-    double least = HUGE_VAL;
-    int count = 0;
-    for (int64_t k = s->seen; k >= s->earliest && (count == 0 || !(any[count - 1].unlikely > least + HOPELESS)); k--, count++) {
-        none[count] = account_of(f, s, k, 0.0);
-        whole[count] = account_of(f, s, k, 1.0);
-        any[count] = freely(none[count], account_of(f, s, k, 0.5), whole[count]);
-        least = smaller(least, any[count].unlikely);
+    if (e.inside) {
+        const double mean = first / total;
+        e.when = (step_found){(double)s->seen - mean, second / total - mean * mean};
     }
-    const double at[3] = {most_likely(s, none, count, &best[0]), most_likely(s, whole, count, &best[1]), most_likely(s, any, count, &best[2])};
-    int taken = best[1].unlikely < best[0].unlikely;
-    taken = best[2].unlikely < best[taken].unlikely - SURELY ? 2 : taken;
-    *squared = best[taken].squared;
-    return at[taken];
+    return e;
 }
 
-double step_time(filter *f, int64_t earliest, int64_t seen, int64_t looked, double after)
+/* Accounts of the samples back from where the step has shown, until they are out of the question; returns how many. */
+static int look_back(filter *f, const search *s, account (*three)[3])
+{
+    double least = HUGE_VAL, here = 0.0;
+    int count = 0;
+    for (int64_t k = s->seen; k >= s->earliest && !(here > least + HOPELESS); k--, count++) {
+        here = HUGE_VAL;
+        for (int i = 0; i < 3; i++) {
+            three[count][i] = account_of(f, s, k, 0.5 * i);
+        }
+        for (int i = 0; i < SHARES; i++) {
+            here = smaller(here, with_share(three[count], share_of(i)).unlikely);
+        }
+        least = smaller(least, here);
+    }
+    return count;
+}
+
+/* With the share that most packages have, none or all, or with another one where that is far more likely by this step and those before: a package
+   has one. */
+static explained explain_best(filter *f, const search *s, double unlikely[SHARES])
+{
+    account three[TIMES][3];
+    explained with[SHARES];
+    double total[SHARES], least = HUGE_VAL;
+    const int count = look_back(f, s, three);
+    int any = 0;
+    for (int i = 0; i < SHARES; i++) {
+        with[i] = explain(s, three, count, share_of(i));
+        least = smaller(least, with[i].as.unlikely);
+    }
+    for (int i = 0; i < SHARES; i++) {
+        total[i] = unlikely[i] + smaller(with[i].as.unlikely - least, MOST);
+        any = total[i] < total[any] ? i : any;
+    }
+    const int usual = total[SHARES - 1] < total[0] ? SHARES - 1 : 0, taken = total[any] < total[usual] - SURELY ? any : usual;
+    if (with[taken].inside && with[taken].as.squared < UNEXPLAINED) {
+        memcpy(unlikely, total, sizeof total);
+    }
+    return with[taken];
+}
+
+step_found step_time(filter *f, int64_t earliest, int64_t seen, int64_t looked, double after, double unlikely[SHARES])
 {
     const int64_t sample = f->sample, from = (earliest - 1) / EVERY * EVERY;
     const moving now = f->now;
     const motion m = f->m;
     const known k = f->k;
-    double squared = 0.0;
     const search s = {.earliest = earliest, .seen = seen, .looked = looked, .after = after, .variance = now.P[OMEGA][OMEGA]};
+    const step_found none = {-1.0, 0.0};
     if (sample - from >= RECENT || seen - earliest >= TIMES || from <= f->origin) {
-        return -1.0;
+        return none;
     }
     memset(f->now.Y, 0, sizeof f->now.Y);
     go_back(f, &f->past[from / EVERY % (RECENT / EVERY)]);
     stand_still(f, &s, from);
-    const double at = time_of(f, &s, &squared);
+    const explained e = explain_best(f, &s, unlikely);
     f->sample = sample;
     f->now = now;
     f->m = m;
     f->k = k;
-    return squared < UNEXPLAINED ? at : -1.0;
+    return e.inside && e.as.squared < UNEXPLAINED ? e.when : none;
 }

@@ -1,7 +1,7 @@
 """The loop as a whole, at reduced length: what the scenarios promise; nothing depends on how a run is cut."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import polars as pl
@@ -12,7 +12,7 @@ from cosim import master
 from cosim.metrics import Summary, summarise
 from cosim.recorder import Result, true_parameters
 from cosim.run import Run
-from gyro_model.device import design_device, load_device, write_device
+from gyro_model.device import Device, design_device, load_device, write_device
 from gyro_model.errors import InputError
 
 
@@ -229,8 +229,8 @@ def test_lab_finds_devices_of_other_frequency_and_damping(name: str, tmp_path: P
 
 
 # Steps of 10 rad/s turn the pattern by up to 0.015 deg at 3 kHz where there is no Euler force, and kick it by about as
-# much before the rate is known. Left are the drift, 0.1 deg/s over 12 ms, and a third of a sample, 0.001 deg. Of seed 6
-# two times of a step explain nearly the same.
+# much before the rate is known. Left are the drift, 0.1 deg/s over 12 ms, and a third of a sample, 0.001 deg. Where two
+# times explain a step alike their mean is taken: 5 samples apart, it is 0.007 deg off.
 @pytest.mark.parametrize(
     ("known", "euler", "device", "seed"),
     [
@@ -255,7 +255,8 @@ def test_a_step_of_the_rate_does_not_shift_the_angle(
     )
     jumps = jumps_at_edges(run, result)
     assert len(jumps) >= 4
-    assert np.abs(jumps).max() <= 0.004
+    assert np.sort(np.abs(jumps))[-2] <= 0.004
+    assert np.abs(jumps).max() <= 0.008
 
 
 def jumps_at_edges(run: Run, result: Result) -> list[float]:
@@ -276,6 +277,26 @@ def test_a_step_of_the_rate_under_a_converter_at_its_end_does_not_shift_the_angl
     assert len(jumps) >= 4
     # Samples at the converter's end, taken at their word, put the step at another time: up to 0.029.
     assert np.abs(jumps).max() <= 0.005
+
+
+SLOW: Final = {
+    **{"m": 3.8685e-09, "kxx": 0.35471, "kyy": 0.29559, "kxy": 0.024062, "dxx": 1.0876e-08, "dyy": 8.8489e-09},
+    **{"dxy": 1.9245e-09, "sense_gain_x": 1e6, "sense_gain_y": 1e6, "sense_noise": 2e-05, "x_start": 1e-06},
+    **{"actuator_delay": 4.7524e-06, "amplifier_time_constant": 7.8665e-07, "feedthrough": 7.1097},
+    **{"actuator_gain_mismatch": 0.020838, "pickoff_gain_mismatch": 0.016232, "actuator_misalignment": 0.016317},
+    **{"pickoff_misalignment": 0.00090287, "offset_x": 0.001916, "offset_y": 0.0090667, "offset_drift": 0.004647},
+    **{"pickoff_inverse_gap": 4713.1, "pickoff_mismatch": -0.048766, "k3_x": 1.1243e06, "k3_y": 7.8004e07},
+    **{"adc_lsb": 2.446e-05, "sampling_jitter": 1.2979e-09, "flicker_noise": 4.7501e-06},
+}
+"""1.5 kHz, 3.9 ug, with flicker: a step of the rate leaves few samples that tell its time."""
+
+
+def test_steps_tell_one_share_of_the_euler_force(tmp_path: Path) -> None:
+    """The step at 0.7 s alone is explained better by a fifth of that force, eight samples earlier."""
+    write_device(Device("slow", SLOW), tmp_path / "slow.toml")
+    run, result = simulated("constant", device=str(tmp_path / "slow.toml"), design="lab", seed=1, duration=0.72)
+    # 0.028 where each step is by itself; 0.003 rms are what the mean rate of a millisecond leaves.
+    assert np.abs(jumps_at_edges(run, result)).max() <= 0.01
 
 
 def test_large_steps_between_two_samples_do_not_shift_the_angle(tmp_path: Path) -> None:
