@@ -14,6 +14,7 @@
 #define ROUNDS 8     /* filterings of a block at most */
 #define MOVED 0.3    /* change of p in its new standard deviations, all together, that is worth another one */
 #define WORTH 0.1      /* fall of the sum of squares that is worth another one */
+#define AHEAD 4        /* whole steps more that may bring what the first one has not */
 #define SHORTEST 0.003 /* part of a step that is worth a filtering */
 #define FOR_WHOLE 10.0 /* filterings of a whole start that are saved up for it */
 #define FORGET_SHARE 0.05 /* of a block in the running mean that forgetting follows */
@@ -144,31 +145,6 @@ static void note_fit(filter *f, double cost, double trace)
     watch(f);
 }
 
-/* Moves f->eta by `step`, or by a part of it, or not at all: to where the sum of squares is below `limit`. Leaves the start filtered there and
-   returns the sum. */
-static double descend(filter *f, const double step[NP], double limit, double reserve)
-{
-    double from[NP];
-    memcpy(from, f->eta, sizeof from);
-    for (double part = 1.0;; part *= 0.3) {
-        double way[NP], change[NP];
-        /* The last way left is none. */
-        part = part > SHORTEST && f->effort > reserve ? part : 0.0;
-        for (int i = 0; i < NP; i++) {
-            way[i] = part * step[i];
-            f->eta[i] = from[i] + way[i];
-        }
-        if (f->in_block >= SEES) {
-            straight_step(f, from, way, f->eta);
-        }
-        block_set_constants(f, f->eta, change);
-        const double next = block_squared(f->eta) + filter_again(f);
-        if (part <= 0.0 || next < limit) {
-            return next;
-        }
-    }
-}
-
 /* The information of a start; what a whole one does not see is found first, and left out. */
 static double inform(filter *f, int whole, double L[NP][NP], double b[NP])
 {
@@ -202,6 +178,58 @@ static double find_step(const filter *f, double L[NP][NP], const double b[NP], d
     return block_distance(L, end, f->eta);
 }
 
+/* f->eta becomes `from` and a `way` from there, straight in what the voltages see; the start is filtered there. Returns the sum of squares. */
+static double go_along(filter *f, const double from[NP], const double way[NP])
+{
+    double change[NP];
+    for (int i = 0; i < NP; i++) {
+        f->eta[i] = from[i] + way[i];
+    }
+    if (f->in_block >= SEES) {
+        straight_step(f, from, way, f->eta);
+    }
+    block_set_constants(f, f->eta, change);
+    return block_squared(f->eta) + filter_again(f);
+}
+
+/* Goes on by whole steps from where one has led, the sum of squares there being `cost`, until that is below `limit` or they climb on: along a curved
+   valley the first one climbs its side, and the next come down to its bottom, while shortened ones creep. Returns the sum. */
+static double go_on(filter *f, double cost, double limit, double reserve)
+{
+    const double first = cost;
+    double L[NP][NP], b[NP], from[NP], way[NP];
+    for (int more = 0; more < AHEAD && cost <= first && !(cost < limit) && f->effort > reserve; more++) {
+        (void)block_information(f, L, b);
+        (void)find_step(f, L, b, way);
+        memcpy(from, f->eta, sizeof from);
+        cost = go_along(f, from, way);
+    }
+    return cost;
+}
+
+/* Moves f->eta by `step` and, where it `goes_on`, some more, or by a part of it, or not at all: to where the sum of squares is below `limit`. Leaves
+   the start filtered there and returns the sum. */
+static double descend(filter *f, const double step[NP], double limit, double reserve, int goes_on)
+{
+    double from[NP];
+    memcpy(from, f->eta, sizeof from);
+    for (double part = 1.0;; part *= 0.3) {
+        double way[NP];
+        /* The last way left is none. */
+        part = part > SHORTEST && f->effort > reserve ? part : 0.0;
+        for (int i = 0; i < NP; i++) {
+            way[i] = part * step[i];
+        }
+        double next = go_along(f, from, way);
+        if (goes_on && part == 1.0) {
+            next = go_on(f, next, limit, reserve);
+        }
+        if (part <= 0.0 || next < limit) {
+            return next;
+        }
+    }
+}
+
 /* Gauss-Newton on |eta|^2 + |r(eta)|^2 from f->eta, where that is `cost`, filtering a start again up to ROUNDS times, p = p_begun + W eta. Leaves the
    start filtered where it ends, the sum there in `cost` and the Cholesky factor of its Hessian in L. Returns how many deviations away its slopes say
    that the most likely constants are. */
@@ -210,15 +238,16 @@ static double come_down(filter *f, int whole, double L[NP][NP], double *cost, do
     const double reserve = whole ? 0.0 : FOR_WHOLE * f->settings.start;
     double b[NP], step[NP], moved;
     *trace = inform(f, whole, L, b);
-    for (int round = 0, ends = 0;; round++) {
+    for (int round = 0, ends = 0, stuck = 0;; round++) {
         moved = find_step(f, L, b, step);
-        if (ends || round > ROUNDS) {
+        /* What no sample seemed to show may have come to light in the last step. */
+        if (stuck || (ends && (!whole || moved < OFF)) || round > ROUNDS) {
             break;
         }
         ends = moved < MOVED || f->effort <= reserve;
         /* What is found before the start is complete need not be best, and may have to climb to become better. */
-        const double next = descend(f, step, whole ? *cost + WORTH : 1.001 * *cost + 1.0, reserve);
-        ends |= whole && *cost - next < WORTH;
+        const double next = descend(f, step, whole ? *cost + WORTH : 1.001 * *cost + 1.0, reserve, whole && moved > OFF);
+        stuck = whole && *cost - next < WORTH && !ends;
         *cost = next;
         *trace = inform(f, whole, L, b);
     }
