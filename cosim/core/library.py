@@ -44,7 +44,7 @@ HEALTH_NAMES: Final = (
 some milliseconds, less what known pink noise makes of both; time of the last restart from the design [s]; restarts
 lately; random walk of the rate [rad/s per sqrt(s)]; share of the innovation's variance that the constants explain;
 fastest forgetting [1/s]; what pink noise makes of the product of neighbours, in the mean; mean squared innovation
-that the last whole start left, infinite where it ended more than a deviation beside its fit, or is not over yet with
+that the last whole start left, infinite where it ended 1.5 deviations beside its fit or more, or is not over yet with
 more than the seven to find; variance that steps of the rate have left to the angle so far, by when they were
 [rad^2]."""
 

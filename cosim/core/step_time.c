@@ -123,7 +123,8 @@ static double parabola(double none, double half, double whole, double share)
 /* With a share of the Euler force. Innovations are linear in it, so that the accounts of none, a half and the whole tell of all. */
 static account with_share(const account three[3], double share)
 {
-    return (account){parabola(three[0].unlikely, three[1].unlikely, three[2].unlikely, share), parabola(three[0].squared, three[1].squared, three[2].squared, share)};
+    return (account){parabola(three[0].unlikely, three[1].unlikely, three[2].unlikely, share),
+                     parabola(three[0].squared, three[1].squared, three[2].squared, share)};
 }
 
 /* How a step with some share explains the samples: at its most likely time, which is inside or not; and when it was by all times together. */
