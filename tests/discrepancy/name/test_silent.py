@@ -13,6 +13,7 @@ from discrepancy.name.columns import Library, Probe
 from discrepancy.trial_runs import write_trial
 from gyro_model.device import load_device
 from gyro_model.model import load_model
+from gyro_model.quantities import Quantity
 
 MODEL = load_model()
 
@@ -33,7 +34,7 @@ def probed(
     found: set[str] = set()
     probe = columns._Scale.probe
 
-    def noted(self: columns._Scale, q: columns.Quantity, *given: object) -> Probe | None:
+    def noted(self: columns._Scale, q: Quantity, *given: object) -> Probe | None:
         found.add(q.name)
         return probe(self, q, *given)  # type: ignore[arg-type]
 
