@@ -245,7 +245,10 @@ class Simulator:
 
     def _first(self, record: Record) -> int:
         """Which sample of its run a record begins with."""
-        return self._parts[id(record)][2].start if id(record) in self._parts else 0
+        if id(record) not in self._parts:
+            return 0
+        _, whole, own = self._parts[id(record)]
+        return own.start + self._first(whole)
 
     def forget(self, records: Sequence[Record]) -> None:
         """Frees what is kept of records that will not be simulated again."""

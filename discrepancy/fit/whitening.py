@@ -46,6 +46,8 @@ ALIKE: Final = 0.03
 """By which numbers of two autoregressions may differ and filter alike: three deviations of one from 10,000 samples."""
 STEADY: Final = 1e-10
 """Relative change of a gain from which it stays."""
+SIDE_BY_SIDE: Final = 16
+"""Columns that are filtered at once where there are as many: each alone would wait for what comes out of it."""
 
 
 Each = Callable[[Callable[["Setting"], float], Sequence["Setting"]], Iterable[float]]
@@ -96,7 +98,8 @@ class Whitener:
         if self.setting.parts == 0:
             return v
         out = np.empty_like(v) if out is None else out
-        _filter(self.transition, self.seen, self.gains, self.roots, np.ascontiguousarray(v), valid, out)
+        run = _filter if len(v) < SIDE_BY_SIDE else _filter_many
+        run(self.transition, self.seen, self.gains, self.roots, np.ascontiguousarray(v), valid, out)
         return out
 
     def log_determinants(self, n: int) -> float:
@@ -396,3 +399,44 @@ def _filter(transition, seen, gains, roots, v, valid, out):  # type: ignore[no-u
                 moved[i] = total
             for i in range(size):
                 state[i] = moved[i]
+
+
+@njit(cache=True, nogil=True)
+def _filter_many(transition, seen, gains, roots, v, valid, out):  # type: ignore[no-untyped-def]
+    columns, n, axes = v.shape
+    size = len(transition)
+    used, count = _places(transition)
+    for begin in range(0, columns, SIDE_BY_SIDE):
+        width = min(SIDE_BY_SIDE, columns - begin)
+        state, moved = np.zeros((size, width)), np.zeros((size, width))
+        error, total = np.zeros((axes, width)), np.zeros(width)
+        for k in range(n):
+            at = min(k, len(gains) - 1)
+            for i in range(axes):
+                if not valid[k]:
+                    error[i] = 0.0
+                    continue
+                for c in range(width):
+                    error[i, c] = v[begin + c, k, i]
+                for j in range(size):
+                    _add(error[i], -seen[i, j], state[j])
+            for i in range(size):
+                for j in range(axes):
+                    _add(state[i], gains[at, i, j], error[j])
+            for i in range(axes):
+                total[:] = 0.0
+                for j in range(i + 1):
+                    _add(total, roots[at, i, j], error[j])
+                for c in range(width):
+                    out[begin + c, k, i] = total[c]
+            for i in range(size):
+                moved[i] = 0.0
+                for place in range(count[i]):
+                    _add(moved[i], transition[i, used[i, place]], state[used[i, place]])
+            state, moved = moved, state
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _add(to, factor, what):  # type: ignore[no-untyped-def]
+    for c in range(len(to)):
+        to[c] += factor * what[c]

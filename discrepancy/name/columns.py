@@ -20,7 +20,7 @@ from discrepancy.fit.defect import Defect, Distortion, distortions
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.refit import Fitter
 from discrepancy.name.grids import FINER, Grids, around, free_shape
-from gyro_model.anatomy import SLOTS, Delay, Effect, Force, Lag, Law, Map
+from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map
 from gyro_model.model import Model
 from gyro_model.quantities import Quantity
 from gyro_model.units import dimension
@@ -154,18 +154,22 @@ def is_gauge(effect: Effect) -> bool:
 
 Probes = dict[tuple[str, str], tuple[Probe, float]]
 """By a size's name and the id of the partner beside which it acts: a probe and the change [V rms] it is for."""
+Silent = dict[tuple[str, str], frozenset[str]]
+"""By the ids of an effect and of the partner beside which it was tried, if any: what could have woken it and has
+not."""
 
 
 class Library:
     """All candidates of a model; to ``kept`` it adds the probes that it finds, which serve other parts of the runs and
-    later scans: they are off by less than what makes a quotient wrong."""
+    later scans: they are off by less than what makes a quotient wrong; to ``silent`` what changes nothing, which serves
+    other parts only where conditions are steady."""
 
-    def __init__(self, fitter: Fitter, kept: Probes | None = None) -> None:
+    def __init__(self, fitter: Fitter, kept: Probes | None = None, silent: Silent | None = None) -> None:
         self.model, self.records = fitter.simulator.model, fitter.records
         self.period = fitter.period
         self.grids = Grids(self.records, fitter.period)
         self.kept: Probes = {} if kept is None else kept
-        self._silent: dict[str, frozenset[str]] = {}
+        self._silent: Silent = silent if silent is not None and _steady(self.records) else {}
 
     def candidates(
         self, fitter: Fitter, at: Fitted, present: Sequence[str], among: Kind | None = None
@@ -182,24 +186,41 @@ class Library:
         ]
         for effect in tried:
             if effect.id not in present and (among is None or among(effect)):
-                # What changes nothing may do so only once something else is in.
-                known = self._silent.get(effect.id) == frozenset(present)
-                own = [] if known else self._of(effect, scale, at)
+                own = self._heard(effect, scale, at, present)
                 found += own
-                if not own:
-                    silent.append(effect)
-                    self._silent[effect.id] = frozenset(present)
+                silent += [] if own else [effect]
         for effect in silent:
             still: set[str] = set()
             for partner in list(found):
                 if isinstance(effect, Defect) or isinstance(partner.effect, Defect):
                     continue
                 if partner.partner is None and partner.effect.id not in still and _linked(effect, partner.effect):
-                    own = self._of(effect, scale, at, partner)
+                    own = self._heard(effect, scale, at, present, partner)
                     found += [replace(c, partner=partner) for c in own]
                     # What is silent beside an event at the start is so beside a later one.
                     still |= set() if own else {partner.effect.id}
         return found
+
+    def _heard(self, effect: Effect | Defect, scale: "_Scale", at: Fitted, present: Sequence[str],
+               partner: Candidate | None = None) -> list[Candidate]:  # fmt: skip
+        """Its candidates; none, untried, where it changed nothing before and nothing has come in that could wake it."""
+        key = effect.id, partner.effect.id if partner else ""
+        wakers = self._wakers([effect, *([partner.effect] if partner else [])], present)
+        own = [] if self._silent.get(key) == wakers else self._of(effect, scale, at, partner)
+        if not own:
+            self._silent[key] = wakers
+        return own
+
+    def _wakers(self, asleep: Sequence[Effect | Defect], present: Sequence[str]) -> frozenset[str]:
+        """Ids of those ``present`` that share a symbol with one ``asleep``, or with one that does."""
+        symbols = set().union(*(_touched(e) for e in asleep if not isinstance(e, Defect)))
+        apart = [e for e in self.model.effects if e.id in present]
+        found: set[str] = set()
+        while near := [e for e in apart if not symbols.isdisjoint(_touched(e))]:
+            found |= {e.id for e in near}
+            symbols = symbols.union(*(_touched(e) for e in near))
+            apart = [e for e in apart if e.id not in found]
+        return frozenset(found)
 
     def _of(
         self, effect: Effect | Defect, scale: "_Scale", at: Fitted, partner: Candidate | None = None
@@ -285,6 +306,21 @@ def _linked(effect: Effect, partner: Effect) -> bool:
     return bool(reads & {q.name for q in partner.sizes} or writes & {s.name for s in partner.symbols})
 
 
+def _touched(effect: Effect) -> set[str]:
+    """Names of all that an effect reads or writes."""
+    symbols = {s.name for s in effect.symbols} | {q.name for q in effect.parameters}
+    if isinstance(effect, Law):
+        symbols |= {s.name for s in effect.changes}
+    if isinstance(effect, Follow):
+        symbols |= {s.name for s in effect.follows}
+    return symbols
+
+
+def _steady(records: Sequence[Record]) -> bool:
+    """Whether no condition of the runs changes: what changes nothing at their start then never does."""
+    return all(np.ptp(c) == 0 for r in records for c in r.conditions.values())
+
+
 class _Scale:
     """Finds probes that change the voltage of the runs by as much as a difference quotient should."""
 
@@ -297,7 +333,8 @@ class _Scale:
         self.natural = np.array([p["m"], length, 1 / w, p["m"] * length**2 * w**3 / volt, 1.0, 1.0])
         self.whole = self._trials(at, max(len(r.t) for r in fitter.records))
         self.head = self._trials(at, HEAD)
-        self.steady = all(np.ptp(c) == 0 for r in fitter.records for c in r.conditions.values())
+        self.steady = _steady(fitter.records)
+        self._heads: dict[tuple[tuple[str, float], ...], list[Floats]] = {}
 
     def _trials(self, at: Fitted, samples: int) -> list["_Trial"]:
         """The fit on the first samples of each run."""
@@ -323,6 +360,9 @@ class _Scale:
         q, step, power = first.quantity, abs(first.step), first.power
         farthest = min(room, FARTHEST * self._natural(q))
         sign = np.sign(first.step)
+        # Of pairs few show anything: the largest step says so at once.
+        if base and self._change(q, shapes, base, sign * farthest, trials) < 1e-6 * self.target:
+            return None
         for _ in range(ATTEMPTS):
             change = self._change(q, shapes, base, sign * step, trials)
             if 0.3 < change / self.target < 3 and power:
@@ -349,16 +389,25 @@ class _Scale:
         value = float(np.clip(q.start + step, q.low, q.high))
         simulate = self.fitter.simulator.try_all
         runs = simulate([(t.record, {**t.parameters, **base, **shapes, q.name: value}) for t in trials])
-        beside = [t.v for t in trials]
-        if base:
-            found = simulate([(t.record, {**t.parameters, **base}) for t in trials])
-            beside = [v if v is not None else b for v, b in zip(found, beside, strict=True)]
-        square = 0.0
+        square, beside = 0.0, self._beside(base, trials)
         for v, b in zip(runs, beside, strict=True):
             if v is None:
                 return float("inf")
             square += float(np.sum((v - b) ** 2))
         return float(np.sqrt(square / sum(v.size for v in beside)))
+
+    def _beside(self, base: Mapping[str, float], trials: list["_Trial"]) -> list[Floats]:
+        """The voltage with the changes ``base`` alone; that of the starts of runs is kept for the next step."""
+        if not base:
+            return [t.v for t in trials]
+        key = tuple(base.items())
+        if trials is self.head and key in self._heads:
+            return self._heads[key]
+        found = self.fitter.simulator.try_all([(t.record, {**t.parameters, **base}) for t in trials])
+        beside = [t.v if v is None else v for t, v in zip(trials, found, strict=True)]
+        if trials is self.head:
+            self._heads[key] = beside
+        return beside
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ from discrepancy.name.columns import (
     Kind,
     Library,
     Probes,
+    Silent,
     fading,
     finer,
     nameable,
@@ -102,6 +103,7 @@ class Search:
         self.waiting: list[Refit] = []
         self.shortest, self.number = parts(dataset.fit)[0], 1
         self.probes: Probes = {}
+        self.silent: Silent = {}
         self.instead: Mapping[str, Instead] = {}
         self._take(dataset)
         noise = {q.name for e in simulator.model.effects if e.noise for q in e.sizes}
@@ -143,7 +145,7 @@ class Search:
         """Looks for effects in the first of ``number`` parts of each run from now on, by the probes that are known."""
         self.number = number
         self.opening = self.whole if number == 1 else beginnings(self.whole, number)
-        self.library = Library(self.opening, self.probes)
+        self.library = Library(self.opening, self.probes, self.silent)
 
     def take_clipped(self, level: float) -> None:
         self.clip = level

@@ -83,3 +83,11 @@ def test_the_filter_of_a_flicker_is_made_once() -> None:
     assert whitener(DEVICE, 2, PERIOD, setting, SAMPLES) is whitener(other, 2, PERIOD, setting, SAMPLES)
     moving = Setting(30.0, 100.0)
     assert whitener(DEVICE, 2, PERIOD, moving, SAMPLES) is not whitener(other, 2, PERIOD, moving, SAMPLES)
+
+
+@pytest.mark.parametrize("setting", [Setting(300.0, 0.0), Setting(0.0, 40.0), Setting(300.0, 40.0)])
+def test_columns_are_filtered_side_by_side_as_each_alone(setting: Setting) -> None:
+    rng = np.random.default_rng(1)
+    v, valid = rng.normal(size=(37, 200, 2)), rng.random(200) > 0.1
+    filtered = whitener(DEVICE, 2, PERIOD, setting, 200)
+    np.testing.assert_array_equal(filtered(v, valid), np.concatenate([filtered(own[None], valid) for own in v]))
