@@ -12,6 +12,7 @@ from discrepancy.data.linear_fit import mode_frequencies
 from discrepancy.data.record import Floats
 from discrepancy.data.repeats import repeated_noise
 from discrepancy.fit.colour import gain
+from discrepancy.fit.continuation import unsprung
 from discrepancy.fit.defect import Defect, distortion_names, disturbances, effect_of
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.limits import SAME
@@ -237,6 +238,9 @@ def _stages(search: "Search", final: Mapping[str, float], last: list[str]) -> tu
     """Every stage of the model on the held-out runs; the last one has the final parameters."""
     kept = {"nominal", "refit", *(a.id for a in search.accepted)}
     named = [(name, p) for name, p in search.stages if name in kept]
+    if search.accepted and named[-1][0] == "refit":
+        # The stage in which an effect came in may have had the name of another that went.
+        named.append((search.accepted[-1].id, dict(final)))
     named = (
         [*named[:-1], (named[-1][0], dict(final))] if not last else [*named, *((name, dict(final)) for name in last)]
     )
@@ -293,8 +297,9 @@ def _immaterial(search: "Search", weak: Mapping[str, "Dropped"]) -> tuple[Findin
     slight = [_slight(c, s) for c, s in best_of(search.scored, search.criteria)
               if sure(c, s, search.criteria) and s.share < search.criteria.material
               and c.effect.id not in search.present and not isinstance(c.effect, Defect)]  # fmt: skip
-    taken_out = (*search.dropped, *weak.values())
-    dropped = [_dropped(entry) for entry in taken_out if not isinstance(entry.candidate.effect, Defect)]
+    # What was taken out again and again is listed as it was last.
+    taken_out = {entry.candidate.effect.id: entry for entry in (*search.dropped, *weak.values())}
+    dropped = [_dropped(entry) for entry in taken_out.values() if not isinstance(entry.candidate.effect, Defect)]
     return (*(f for f in slight if f.id not in {d.id for d in dropped}), *dropped)
 
 
@@ -349,8 +354,10 @@ def _doubts(search: "Search", rest: "Remainder", residuals: Sequence[Floats]) ->
         found.append(f"the fit stopped short of a minimum{gain}")
     for free in search.at.free:
         value = search.at.parameters[free.name]
-        # At zero a part of an effect is not there, as friction of the other axis: nothing is wrong with that.
-        if value in (free.low, free.high) and value != 0.0:
+        # At zero a part of an effect is not there, as friction of the other axis: nothing is wrong with that. Nor is it
+        # with a spring that is none.
+        none = value == 0.0 or (free.name in ("kxx", "kyy") and unsprung(search.whole, search.at))
+        if value in (free.low, free.high) and not none:
             found.append(f"{free.name} = {value:.6g} stands at the bound of what it can be")
     return tuple(found)
 
