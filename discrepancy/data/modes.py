@@ -113,8 +113,8 @@ def _counted(runs: _Runs, axes: int) -> tuple[list[Mode], list[Mode]]:
     needed = [p for p in beside if _left(runs, poles[poles != p]) > TWICE * left]
     further = _modes(np.array(needed), runs.step)
     # What is as broad as it is apart stands for how the decay of a mode is not that of a linear one.
-    own = [mode.frequency for mode in first] if decays else []
-    return first, [m for m in further if all(abs(m.frequency - f) > 0.5 * m.frequency / m.quality for f in own)]
+    narrow = [mode.frequency for mode in first] if decays else []
+    return first, [m for m in further if all(abs(m.frequency - f) > 0.5 * m.frequency / m.quality for f in narrow)]
 
 
 def _of_one(runs: _Runs, known: Sequence[float]) -> list[float]:

@@ -1,6 +1,6 @@
 """What a finished search says: parameters with intervals, noise, misfit on held-out runs, what would have been seen."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -12,7 +12,7 @@ from discrepancy.data.linear_fit import mode_frequencies
 from discrepancy.data.record import Floats
 from discrepancy.data.repeats import repeated_noise
 from discrepancy.fit.colour import gain
-from discrepancy.fit.continuation import unsprung
+from discrepancy.fit.continuation import LAST_ROUNDS, unsprung
 from discrepancy.fit.defect import Defect, distortion_names, disturbances, effect_of
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.limits import SAME
@@ -96,6 +96,12 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
     untested = not search.scored or open_ended or search.unsure
     if rest.significant or untested or worse or parts or hardly:
         verdict = "partly explained" if effects else "unexplained"
+    final = search.at.parameters
+    withdrawn = {f.id for f in parts} | weak.keys()
+    if withdrawn:
+        _withdraw(search, withdrawn)
+        device = intervals(search)
+        parameters = {**search.at.parameters, **{k: v.value for f in clipped for k, v in f.parameters.items()}}
     rivals = {entry.id: entry.rivals for entry in search.accepted
               if entry.rivals and entry.id in {f.id for f in effects}}  # fmt: skip
     return Diagnosis(
@@ -103,16 +109,28 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
         {name: value for name, value in device.items() if name not in distortion_names()},
         {name: value for name, value in parameters.items() if name not in distortion_names()},
         rivals, tuple(search.steps), stages, removed, _absent(search), doubts, rest.share,
-        (*_record(search, device), *known), search.criteria, bent(runs, whole, last, search.at.parameters), experiments,
+        (*_record(search, device), *known), search.criteria, bent(runs, whole, last, final), experiments,
         model=search.simulator.model,
     )  # fmt: skip
+
+
+def _withdraw(search: "Search", ids: Collection[str]) -> None:
+    """Takes effects out of the model that are no names, and refits the rest: the improved device holds nothing that the
+    answer does not stand by. What others need to act stays with them."""
+    staying = {a.candidate.partner.effect.id for a in search.accepted if a.candidate.partner and a.id not in ids}
+    gone = [a for a in search.accepted if a.id in ids and a.id not in staying]
+    for entry in gone:
+        search.at = search.without_effect(search.at, entry)
+    search.accepted = [a for a in search.accepted if a not in gone]
+    if gone:
+        search.at = search.fitter.fit(search.at, LAST_ROUNDS)
 
 
 def _imitates(finding: Finding) -> str:
     """That what was taken into the model is no name for what is missing."""
     return (
-        f"{finding.id} is in the model, but is hardly what is missing (probability {finding.probability:.2g}): it may "
-        "imitate a part of that"
+        f"{finding.id} was taken into the model, but is hardly what is missing "
+        f"(probability {finding.probability:.2g}): it may imitate a part of that, and the improved device is without it"
     )
 
 
