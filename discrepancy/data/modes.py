@@ -43,6 +43,12 @@ LEAST: Final = 2e-6
 one matters; filters and decimation leave a tenth of that."""
 ENOUGH: Final = 0.3
 """Share of what a model with one mode an axis leaves, below which further modes bring it."""
+HARMONICS: Final = (2, 3, 5)
+"""Of a mode, at which its own decay has peaks where its spring is not linear."""
+PARTS: Final = 8
+"""Of a decay, in each of which its frequency is taken."""
+BENT: Final = 0.3
+"""Relative change of a frequency over a decay, at most."""
 TWICE: Final = 2.0
 """Times what all leave, that is left without one that counts."""
 
@@ -97,9 +103,41 @@ def _counted(runs: _Runs, axes: int) -> tuple[list[Mode], list[Mode]]:
     left, poles = best
     first = _modes(own, runs.step)
     known = [mode.frequency for mode in first]
+    decays = not any(u.any() for u, _ in runs.pairs)
+    if decays:
+        if not known:
+            # What rings at no frequency of its own is no mode that others could stand beside.
+            return [], []
+        known += _of_one(runs, known)
     beside = [p for p in poles if (m := _mode(p, runs.step)) and all(apart(m.frequency, own) for own in known)]
     needed = [p for p in beside if _left(runs, poles[poles != p]) > TWICE * left]
-    return first, _modes(np.array(needed), runs.step)
+    further = _modes(np.array(needed), runs.step)
+    # What is as broad as it is apart stands for how the decay of a mode is not that of a linear one.
+    narrow = [mode.frequency for mode in first] if decays else []
+    return first, [m for m in further if all(abs(m.frequency - f) > 0.5 * m.frequency / m.quality for f in narrow)]
+
+
+def _of_one(runs: _Runs, known: Sequence[float]) -> list[float]:
+    """Frequencies [Hz] that modes at ``known`` ones [Hz] may have in free decays: harmonics, and all through which a
+    mode goes whose spring is not linear, as parts of the decays see it."""
+    found = [number * own for own in known for number in HARMONICS]
+    course = [f for _, v in runs.pairs for axis in v.T for part in np.array_split(axis, PARTS)
+              if (f := _at_one_frequency(part, runs.step))]  # fmt: skip
+    for own in known:
+        near = [own, *(f for f in course if abs(f / own - 1) < BENT)]
+        # A part has gone on from where it began: once more as far beyond on either side.
+        beyond = max(near) / min(near)
+        steps = int(3 * np.log(beyond) / APART) + 1
+        found += np.geomspace(min(near) / beyond, max(near) * beyond, steps + 1).tolist()
+    return found
+
+
+def _at_one_frequency(v: Floats, step: float) -> float | None:
+    """The frequency [Hz] at which a voltage (n,) rings, taken for a single mode; None where it does not."""
+    before = np.column_stack((v[1:-1], v[:-2]))
+    a, b = np.linalg.lstsq(before, v[2:], rcond=None)[0]
+    pole = complex(np.roots([1.0, -a, -b])[0])
+    return abs(float(np.angle(pole))) / (2 * np.pi * step) or None
 
 
 def _modes(poles: Complexes, step: float) -> list[Mode]:
@@ -124,12 +162,13 @@ def _in_band(records: Sequence[Record]) -> _Runs:
     rate = records[0].sample_rate
     top = ABOVE * max(band_of(record) for record in records)
     number = max(1, int(rate / (RATE * top)))
+    decays = not any(record.u.any() for record in records)
     pairs = []
     for record in (r for r in records if r.sample_rate == rate):
         # What is held until the next sample acts half a step later.
         late = 0.5 * (record.u + np.vstack((record.u[:1], record.u[:-1]))) if record.hold == "zero" else record.u
         u, v = (_fewer(a, number)[:SAMPLES] for a in (late, record.v))
-        if len(u) > 4 * ROWS and u.any():
+        if len(u) > 4 * ROWS and (u.any() or decays):
             pairs.append((u, v - v.mean(axis=0)))
     scales = [np.sqrt(np.mean([np.mean(a**2, axis=0) for a in side], axis=0)) for side in zip(*pairs, strict=True)]
     return _Runs([(u / _or_one(scales[0]), v / _or_one(scales[1])) for u, v in pairs], number / rate)

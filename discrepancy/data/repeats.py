@@ -22,6 +22,8 @@ LIKELY: Final = 0.999
 """Autocorrelation at a lag from which it is tried as a period."""
 PERIODS: Final = 3
 """At least: the motion settles over the first."""
+ROUNDED: Final = 1e-9
+"""Of a force's rms, up to which it does not change."""
 SETTLED: Final = 1.5
 """Times the last difference of two periods, in rms, from which an earlier one has not settled."""
 
@@ -37,7 +39,8 @@ def period_of(u: Floats) -> int | None:
     n = len(u)
     centred = u - u.mean(axis=0)
     total = float(np.sum(centred**2))
-    if total == 0:
+    # The mean of a force that never changes is off by its rounding, which repeats.
+    if total <= ROUNDED**2 * float(np.sum(u**2)):
         return None
     size = next_fast_len(2 * n, real=True)
     product = irfft((np.abs(rfft(centred, size, axis=0)) ** 2).sum(axis=1), size)[: n // PERIODS + 1]

@@ -20,6 +20,10 @@ AT_REST: Final = 0.02
 """Of the highest speed, over which the sign changes: below, a smoothed speed is as well at rest."""
 
 
+BACK: Final = 0.02
+"""Share of the way that smoothed noise goes back while a mass moves one way."""
+
+
 class Resisted(NamedTuple):
     """mass [kg], damping [N s/m]; friction and constant force [N], 0 where it does not plainly show; left: of the
     motion's rms."""
@@ -32,19 +36,39 @@ class Resisted(NamedTuple):
 
 
 def resisted(records: Sequence[Record], gain: float) -> Resisted | None:
-    """What moves and resists a mass without a spring, for a sensor of ``gain`` [V/m]; None for two axes, a sensor that
-    shows no position, where no force acted, and where no mass explains the motion."""
+    """What moves and resists a mass without a spring, by the fewest forces, for a sensor of ``gain`` [V/m]; None as
+    ``alternatives`` has none."""
+    return fewest(alternatives(records, gain))
+
+
+def alternatives(records: Sequence[Record], gain: float) -> list[Resisted]:
+    """The same with neither, with either and with both of the forces, the fewest first, as far as a mass explains the
+    motion; none for two axes, a sensor that shows no position, and where no force acted."""
     if any(record.axes > 1 or record.order or not record.u.any() for record in records):
-        return None
+        return []
     columns, target = _joined(records, gain)
-    tried = [
+    return [
         found
         for friction, constant in ((False, False), (True, False), (False, True), (True, True))
         if (found := _solved(columns[:, [True, True, friction, constant]], target, friction, constant)) is not None
     ]
-    least = min((found.left for found in tried), default=0.0)
-    # The fewest forces that leave no more than twice what all do.
-    return next((found for found in tried if PLAINLY * found.left <= least), None)
+
+
+def fewest(found: Sequence[Resisted]) -> Resisted | None:
+    """Of alternatives the one of fewest forces that leaves no more than twice what all do; None of none."""
+    least = min((own.left for own in found), default=0.0)
+    return next((own for own in found if PLAINLY * own.left <= least), None)
+
+
+def one_way(records: Sequence[Record]) -> bool:
+    """Whether no run turns round, so that a friction is a constant force against the motion while it moves."""
+    for record in records:
+        part = max(len(record.t) // SMOOTHED, 1)
+        steps = np.diff(uniform_filter1d(record.v, 2 * part + 1, axis=0, mode="nearest")[::part], axis=0)
+        ahead, back = np.clip(steps, 0, None).sum(axis=0), np.clip(-steps, 0, None).sum(axis=0)
+        if (np.minimum(ahead, back) > BACK * (ahead + back)).any():
+            return False
+    return True
 
 
 def _joined(records: Sequence[Record], gain: float) -> tuple[Floats, Floats]:
@@ -69,8 +93,13 @@ def _solved(columns: Floats, target: Floats, friction: bool, constant: bool) -> 
     if not (size > 0).all():
         return None
     found = np.linalg.lstsq(columns / size, target, rcond=None)[0] / size
+    if found[1] < 0:
+        # Friction alone slows it: a damping then comes out on either side of zero.
+        undamped = np.array([True, False, *[True] * (columns.shape[1] - 2)])
+        found[~undamped] = 0.0
+        found[undamped] = np.linalg.lstsq((columns / size)[:, undamped], target, rcond=None)[0] / size[undamped]
     left = float(np.linalg.norm(target - columns @ found) / np.linalg.norm(target))
-    if found[0] <= 0 or found[1] < 0:
+    if found[0] <= 0:
         return None
     m, more = 1 / found[0], list(found[2:] / found[0])
     f, c = more.pop(0) if friction else 0.0, more.pop(0) if constant else 0.0

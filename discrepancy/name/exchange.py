@@ -14,6 +14,7 @@ from discrepancy.fit.openings import opened, parts
 from discrepancy.name.accepted import RIVALS, Accepted, Instead
 from discrepancy.name.columns import Candidate, Kind, fading, without_part
 from discrepancy.name.competition import own_filter, price, price_of_shapes
+from discrepancy.name.resisting import alike, other_resistances
 from discrepancy.name.scan import Scored, best_of, other_forms
 from discrepancy.name.score import Score, score
 
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 CLEAR: Final = 30.0
 """Times the gain that an effect needs to stay, from which no refit without it is tried: what is not linear in it does
 not make up for so much."""
+ALIKE: Final = 4.0
+"""Times the square that a constant force leaves of a motion one way, up to which friction may be what it is, and the
+other way round: where the mass sets out the friction of the model is smoother than that of a bearing."""
 
 
 def fade(search: "Search", place: int) -> None:
@@ -113,6 +117,10 @@ def _exchange_one(search: "Search", place: int, entry: Accepted, among: Kind | N
     # One with fewer parameters that is as probable though it fits a little worse is told from the name by no data.
     even = {i: dict(at.parameters) for i, (at, _) in fits.items() if costs[i] < close or prices[i] <= prices[head]}
     behind = {i: prices[i] - prices[head] for i in fits}
+    # How the smoothed friction of the model sets out tells it from none that is sharper.
+    same = [i for i in fits if i in alike(search, {entry.id, *entry.rivals})]
+    even |= {i: dict(fits[i][0].parameters) for i in same}
+    behind |= {i: min(behind[i], 0.0) for i in same}
     search.accepted[place] = Accepted(candidate, entry.share, even, behind, entry.asked or not among)
 
 
@@ -126,6 +134,7 @@ def _refitted_instead(search: "Search", entry: Accepted, among: Kind | None) -> 
     if not stand_ins:
         return fits
     goal = search.at.cost + search.criteria.even * search.at.variance
+    same = alike(search, {entry.id, *entry.rivals})
     base, number = search.without_effect(search.at, entry), parts(search.fitter.records)[0]
     trial = opened(beginnings(search.fitter, number), search.at) if number > 1 else None
     least = trial.at.cost + 4 * search.criteria.even * trial.at.variance if trial else np.inf
@@ -134,8 +143,9 @@ def _refitted_instead(search: "Search", entry: Accepted, among: Kind | None) -> 
         if trial and trial.of(begun, least).cost > least:
             continue
         search.progress(f"{candidate.effect.id} in place of {entry.id}")
-        at = search.fitter.fit(begun, rounds, goal)
-        if at.cost < min(goal, fits[candidate.effect.id][0].cost if candidate.effect.id in fits else np.inf):
+        enough = ALIKE * search.at.cost if candidate.effect.id in same else goal
+        at = search.fitter.fit(begun, rounds, enough)
+        if at.cost < min(enough, fits[candidate.effect.id][0].cost if candidate.effect.id in fits else np.inf):
             fits[candidate.effect.id] = at, candidate
     if trial:
         search.simulator.forget(trial.fitter.records)
@@ -161,8 +171,9 @@ def _stand_ins(search: "Search", entry: Accepted, among: Kind | None) -> list[Sc
     least = _takes(search, entry, among)
     others = [i for i, f in enumerate(search.scan.at.free) if f.name not in entry.names]
     further = {name for name, copy in search.copies.items() if copy.further and copy.after == entry.id}
-    near = [(c, s) for c, s in search.scan.scores(others, search.accepted.index(entry))
-            if s.gain > least.gain - 4 * search.criteria.even * least.inflation - 0.1 * least.gain
-            and c.effect.id not in further]  # fmt: skip
+    scored = search.scan.scores(others, search.accepted.index(entry))
+    enough = least.gain - 4 * search.criteria.even * least.inflation - 0.1 * least.gain
+    near = [(c, s) for c, s in scored if s.gain > enough and c.effect.id not in further]
     best = best_of(near, search.criteria)[:RIVALS]
-    return [*best, *(form for c, _ in best for form in other_forms(c, near))]
+    forms = [form for c, _ in best for form in other_forms(c, near)]
+    return [*other_resistances(search, entry, scored), *best, *forms]

@@ -13,7 +13,6 @@ from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.late import lateness
-from discrepancy.data.resisted import PLAINLY, resisted
 from discrepancy.fit.continuation import ROUNDS, beginnings, nearly_settled, roughly_settled, settled, unsprung
 from discrepancy.fit.defect import Blemish, Data, Found, Level, effect_of
 from discrepancy.fit.fitted import Fitted, Free
@@ -30,17 +29,15 @@ from discrepancy.name.columns import (
     Library,
     Probes,
     Silent,
-    fading,
     finer,
     nameable,
     on_the_way,
-    without_part,
 )
 from discrepancy.name.competition import best_refit, longer, near, own_filter, refitted, rivals, weak
 from discrepancy.name.exchange import delete, exchange, fade
 from discrepancy.name.more_modes import Copy
 from discrepancy.name.question import ask
-from discrepancy.name.resistance import Resistance, resistance
+from discrepancy.name.resisting import alike, resisting
 from discrepancy.name.scan import Scan, Scored, best_of, scanned, sure
 from discrepancy.name.score import Score, Step
 from discrepancy.terms.effect_file import Term
@@ -205,33 +202,17 @@ class Search:
         """Takes friction and a constant force into the model of a mass that no spring holds before anything else is
         scored, where its motion plainly shows them: without them mass and damping go astray, and all else imitates what
         they do."""
-        told = resisted(self.dataset.fit, self.nominal["sense_gain_x"])
-        if told is None or not (told.friction or told.constant):
+        found = resisting(self)
+        if found is None:
             return
-        plain = self.whole.fit(replace(self.at, whiten=self.whole.plain(self.at.parameters)))
-        sizes = {Resistance.FRICTION: told.friction, Resistance.CONSTANT: told.constant}
-        begun, taken = self.at, []
-        for candidate in self.library.candidates(self.whole, self.at, self.present, lambda e: bool(resistance(e))):
-            size = sizes.pop(resistance(candidate.effect), 0.0)
-            if not size:
-                continue
-            part = fading(candidate)
-            own = without_part(candidate, part) if part else candidate
-            taken.append(own)
-            values = {**begun.parameters, **own.shapes, own.probes[0].quantity.name: size}
-            begun = replace(begun, parameters=values, free=(*begun.free, *own.free(self.whole.period)))
-        values = {**begun.parameters, "m": told.m, "dxx": told.d}
-        resisting = self.whole.fit(self.whole.evaluated(replace(begun, parameters=values, whiten=plain.whiten)))
-        if not taken or self.whole.off(resisting) > PLAINLY * self.whole.off(plain):
-            return
-        self.refitted = plain
-        self._stage_of("refit", plain)
-        self.refitted_state = store.fit_state(self.whole, self.whole, plain)
-        for own in taken:
-            self.accepted.append(Accepted(own, 1 - resisting.cost / plain.cost, {}))
+        self.refitted = found.plain
+        self._stage_of("refit", found.plain)
+        self.refitted_state = store.fit_state(self.whole, self.whole, found.plain)
+        for own in found.taken:
+            self.accepted.append(Accepted(own, 1 - found.at.cost / found.plain.cost, {}))
             self.steps.append(Step({}, own.effect.id))
             self.progress(f"accepted {own.effect.id}: no mass without a spring moves so without it")
-        self.at = resisting
+        self.at = found.at
 
     def _tidy(self) -> None:
         """Takes out of the record what the present model shows to be none of the device's."""
@@ -465,6 +446,8 @@ class Search:
         """Takes the best effect that is both significant and material into the model; False where there is none."""
         # What a further search could not tell from its term comes in only in its place.
         out = {term.id for own in self.terms for term in own[1:]} | {d.candidate.effect.id for d in self.dropped}
+        # One of two that no sample tells apart can only come in the place of the other.
+        out |= set(alike(self, self.names))
         worth = [(c, s) for c, s in self.significant() if c.effect.id not in out]
         if not worth:
             return False

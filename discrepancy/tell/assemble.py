@@ -1,6 +1,6 @@
 """What a finished search says: parameters with intervals, noise, misfit on held-out runs, what would have been seen."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -12,6 +12,7 @@ from discrepancy.data.linear_fit import mode_frequencies
 from discrepancy.data.record import Floats
 from discrepancy.data.repeats import repeated_noise
 from discrepancy.fit.colour import gain
+from discrepancy.fit.continuation import LAST_ROUNDS, unsprung
 from discrepancy.fit.defect import Defect, distortion_names, disturbances, effect_of
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.limits import SAME
@@ -95,6 +96,12 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
     untested = not search.scored or open_ended or search.unsure
     if rest.significant or untested or worse or parts or hardly:
         verdict = "partly explained" if effects else "unexplained"
+    final = search.at.parameters
+    withdrawn = {f.id for f in parts} | weak.keys()
+    if withdrawn:
+        _withdraw(search, withdrawn)
+        device = intervals(search)
+        parameters = {**search.at.parameters, **{k: v.value for f in clipped for k, v in f.parameters.items()}}
     rivals = {entry.id: entry.rivals for entry in search.accepted
               if entry.rivals and entry.id in {f.id for f in effects}}  # fmt: skip
     return Diagnosis(
@@ -102,16 +109,28 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
         {name: value for name, value in device.items() if name not in distortion_names()},
         {name: value for name, value in parameters.items() if name not in distortion_names()},
         rivals, tuple(search.steps), stages, removed, _absent(search), doubts, rest.share,
-        (*_record(search, device), *known), search.criteria, bent(runs, whole, last, search.at.parameters), experiments,
+        (*_record(search, device), *known), search.criteria, bent(runs, whole, last, final), experiments,
         model=search.simulator.model,
     )  # fmt: skip
+
+
+def _withdraw(search: "Search", ids: Collection[str]) -> None:
+    """Takes effects out of the model that are no names, and refits the rest: the improved device holds nothing that the
+    answer does not stand by. What others need to act stays with them."""
+    staying = {a.candidate.partner.effect.id for a in search.accepted if a.candidate.partner and a.id not in ids}
+    gone = [a for a in search.accepted if a.id in ids and a.id not in staying]
+    for entry in gone:
+        search.at = search.without_effect(search.at, entry)
+    search.accepted = [a for a in search.accepted if a not in gone]
+    if gone:
+        search.at = search.fitter.fit(search.at, LAST_ROUNDS)
 
 
 def _imitates(finding: Finding) -> str:
     """That what was taken into the model is no name for what is missing."""
     return (
-        f"{finding.id} is in the model, but is hardly what is missing (probability {finding.probability:.2g}): it may "
-        "imitate a part of that"
+        f"{finding.id} was taken into the model, but is hardly what is missing "
+        f"(probability {finding.probability:.2g}): it may imitate a part of that, and the improved device is without it"
     )
 
 
@@ -237,6 +256,9 @@ def _stages(search: "Search", final: Mapping[str, float], last: list[str]) -> tu
     """Every stage of the model on the held-out runs; the last one has the final parameters."""
     kept = {"nominal", "refit", *(a.id for a in search.accepted)}
     named = [(name, p) for name, p in search.stages if name in kept]
+    if search.accepted and named[-1][0] == "refit":
+        # The stage in which an effect came in may have had the name of another that went.
+        named.append((search.accepted[-1].id, dict(final)))
     named = (
         [*named[:-1], (named[-1][0], dict(final))] if not last else [*named, *((name, dict(final)) for name in last)]
     )
@@ -293,8 +315,9 @@ def _immaterial(search: "Search", weak: Mapping[str, "Dropped"]) -> tuple[Findin
     slight = [_slight(c, s) for c, s in best_of(search.scored, search.criteria)
               if sure(c, s, search.criteria) and s.share < search.criteria.material
               and c.effect.id not in search.present and not isinstance(c.effect, Defect)]  # fmt: skip
-    taken_out = (*search.dropped, *weak.values())
-    dropped = [_dropped(entry) for entry in taken_out if not isinstance(entry.candidate.effect, Defect)]
+    # What was taken out again and again is listed as it was last.
+    taken_out = {entry.candidate.effect.id: entry for entry in (*search.dropped, *weak.values())}
+    dropped = [_dropped(entry) for entry in taken_out.values() if not isinstance(entry.candidate.effect, Defect)]
     return (*(f for f in slight if f.id not in {d.id for d in dropped}), *dropped)
 
 
@@ -349,8 +372,10 @@ def _doubts(search: "Search", rest: "Remainder", residuals: Sequence[Floats]) ->
         found.append(f"the fit stopped short of a minimum{gain}")
     for free in search.at.free:
         value = search.at.parameters[free.name]
-        # At zero a part of an effect is not there, as friction of the other axis: nothing is wrong with that.
-        if value in (free.low, free.high) and value != 0.0:
+        # At zero a part of an effect is not there, as friction of the other axis: nothing is wrong with that. Nor is it
+        # with a spring that is none.
+        none = value == 0.0 or (free.name in ("kxx", "kyy") and unsprung(search.whole, search.at))
+        if value in (free.low, free.high) and not none:
             found.append(f"{free.name} = {value:.6g} stands at the bound of what it can be")
     return tuple(found)
 

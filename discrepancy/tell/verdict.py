@@ -11,6 +11,7 @@ import numpy as np
 from discrepancy.criteria import Criteria
 from discrepancy.data.repeats import repeated_noise
 from discrepancy.fit.colour import gain
+from discrepancy.fit.continuation import unsprung
 from discrepancy.fit.locate import noise_level
 from discrepancy.fit.measures import misfits, start_fitted, start_known
 from discrepancy.fit.noise import unlike_flicker
@@ -103,7 +104,7 @@ def remainder(
         return Remainder(1.0, float("inf"), True, True)
     limit = limits.open_coloured if memory > 0 else limits.open_white
     if final > limit * noise:
-        final = min(final, _with_start_known(search, last))
+        final = min(final, _with_starts_known(search, last.parameters))
     share = float(np.clip((final**2 - noise**2) / max(refit**2, 1e-300), 0.0, 1.0))
     ratio = final / max(noise, 1e-300)
     enough = share > limits.left or ratio > limits.far_above
@@ -123,10 +124,10 @@ def _at_most(search: "Search") -> float:
     return LOUDER * max(level, repeated_noise(search.dataset.records) or 0.0)
 
 
-def _with_start_known(search: "Search", last: Stage) -> float:
-    """The misfit of a stage on held-out runs whose initial states are fitted to all of them."""
+def _with_starts_known(search: "Search", parameters: Mapping[str, float]) -> float:
+    """The misfit on held-out runs whose initial states are fitted to all of them."""
     runs = search.dataset.held_out
-    return misfits(runs, {run.name: start_known(search.simulator, run, last.parameters) for run in runs})[""]
+    return misfits(runs, {run.name: start_known(search.simulator, run, parameters) for run in runs})[""]
 
 
 def worse_without(search: "Search", effects: Sequence[Finding], stages: tuple[Stage, ...], gaps: Mapping[str, Any]
@@ -140,10 +141,14 @@ def worse_without(search: "Search", effects: Sequence[Finding], stages: tuple[St
         if entry.id not in named or not (steps.get(entry.id) or final > limit * gaps["refit"]):
             continue
         search.progress(f"held-out runs without {entry.id}")
-        beside = search.attempt(f"held-out runs without {entry.id}", partial(_misfit_without, search, entry))
-        if beside is not None and not final <= limit * beside:
+        without = search.attempt(f"held-out runs without {entry.id}", partial(_without, search, entry))
+        if without is None:
+            continue
+        beside = _with_starts_found(search, without)
+        if not final <= limit * beside and _also_known(search, without, stages[-1].parameters):
             worse[entry.id] = f"{entry.id} makes the held-out runs worse: {_compared(beside, final)}"
-    if effects and not worse and not final <= limit * gaps["refit"]:
+    together = effects and not worse and not final <= limit * gaps["refit"]
+    if together and _also_known(search, stages[1].parameters, stages[-1].parameters):
         names = ", ".join(finding.id for finding in effects)
         said = f"the held-out runs are worse with {names} than without: {_compared(gaps['refit'], final)}"
         worse = {finding.id: said for finding in effects}
@@ -154,12 +159,25 @@ def _compared(without: float, final: float) -> str:
     return f"misfit {without:.4g} without, {final:.4g} with, {final / without - 1:+.2g} of it"
 
 
-def _misfit_without(search: "Search", entry: "Accepted") -> float:
-    """On the held-out runs, of the model refitted without an effect. Raises OutOfTime."""
+def _without(search: "Search", entry: "Accepted") -> Mapping[str, float]:
+    """The parameters of the model refitted without an effect. Raises OutOfTime."""
     hopeless = FAR_OFF * search.at.cost
-    less = search.fitter.fit(search.without_effect(search.at, entry), ROUNDS, hopeless).parameters
+    return search.fitter.fit(search.without_effect(search.at, entry), ROUNDS, hopeless).parameters
+
+
+def _with_starts_found(search: "Search", parameters: Mapping[str, float]) -> float:
+    """The misfit on held-out runs whose first samples give their initial states."""
     runs = search.dataset.held_out
-    return misfits(runs, {run.name: start_fitted(search.simulator, run, less) for run in runs})[""]
+    return misfits(runs, {run.name: start_fitted(search.simulator, run, parameters) for run in runs})[""]
+
+
+def _also_known(search: "Search", without: Mapping[str, float], final: Mapping[str, float]) -> bool:
+    """Whether held-out runs are worse with the ``final`` parameters also where all of a run gives its initial state: of
+    a mass that no spring holds the first samples tell the speed badly, which adds up beside any model."""
+    if not unsprung(search.whole, search.at):
+        return True
+    limit = search.criteria.worse
+    return not _with_starts_known(search, final) <= limit * _with_starts_known(search, without)
 
 
 def probability(

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numba import njit
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from discrepancy.data.checks import modes
@@ -91,10 +92,49 @@ def test_two_modes_are_two_however_the_first_bends(kind: str, bend: float) -> No
         assert not list(modes(runs))
 
 
-def test_a_record_without_force_shows_none() -> None:
-    runs, _ = records([3000, 3800], [2000, 2000], 0.0, 1, "noise")
-    still = [make_record(r.name, r.t, 0 * r.u, r.v, sample_rate=RATE) for r in runs]
-    assert further_modes(still) == ([], [])
+def decay(seed: int, *parts: tuple[float, float, float], noise: float = 1e-3) -> Record:
+    """A free decay of modes, each with its frequency [Hz], quality factor and first amplitude [V]."""
+    rng, t = np.random.default_rng(seed), np.arange(8000) / RATE
+    v = noise * rng.standard_normal(len(t))
+    for frequency, quality, amplitude in parts:
+        rate = np.pi * frequency / quality
+        v += amplitude * np.exp(-rate * t) * np.cos(2 * np.pi * frequency * t + rng.uniform(0, 6))
+    return make_record("ring", t, np.zeros((len(t), 1)), v[:, None], sample_rate=RATE)
+
+
+def bent_decay(seed: int, cubic: float, square: float, friction: float) -> Record:
+    """A free decay of one mode of 2 kHz and Q 150 with springs x³ and x², in shares of the linear one at first, and a
+    dry friction."""
+    w, t = 2 * np.pi * 2000.0, np.arange(8000) / RATE
+
+    def slope(_: float, s: Floats) -> Floats:
+        force = s[0] + cubic * s[0] ** 3 + square * s[0] ** 2 + friction * np.tanh(1e3 * s[1] / w)
+        return np.array([s[1], -w / 150 * s[1] - w**2 * force])
+
+    v = solve_ivp(slope, (0, t[-1]), [1.0, 0.0], t_eval=t, method="LSODA", rtol=1e-8, atol=1e-10).y[0]
+    v += 1e-4 * np.random.default_rng(seed).standard_normal(len(t))
+    return make_record("ring", t, np.zeros((len(t), 1)), v[:, None], sample_rate=RATE)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_modes_of_a_free_decay_are_told_with_frequency_and_quality(seed: int) -> None:
+    own, more = further_modes([decay(seed, (2000, 150, 1.0), (4700, 200, 0.1))])
+    assert [mode.frequency for mode in own] == pytest.approx([2000], rel=1e-2)
+    [mode] = more
+    assert mode.frequency == pytest.approx(4700, rel=1e-3)
+    assert mode.quality == pytest.approx(200, rel=0.05)
+    own, more = further_modes([decay(seed, (2000, 150, 1.0), (3320, 120, 0.2), (5600, 200, 0.1))])
+    assert [mode.frequency for mode in more] == pytest.approx([3320, 5600], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("cubic", "square", "friction"),
+    [(0, 0, 0), (0.02, 0, 0), (0.1, 0, 0), (0.3, 0, 0), (0.5, 0, 0), (-0.2, 0, 0), (0.05, 0.2, 0), (0, 0, 0.005),
+     (0.3, 0, 0.01)],
+)  # fmt: skip
+def test_one_mode_is_one_however_its_decay_bends(cubic: float, square: float, friction: float) -> None:
+    for seed in range(2):
+        assert further_modes([bent_decay(seed, cubic, square, friction)])[1] == []
 
 
 def test_modes_come_in_the_order_of_their_frequencies() -> None:

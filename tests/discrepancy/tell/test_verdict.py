@@ -47,10 +47,13 @@ def test_of_what_stays_above_noise_the_one_that_brought_little_is_in_doubt() -> 
 def judged(monkeypatch: pytest.MonkeyPatch, without: float, *misfits: float, **criteria: float) -> dict[str, str]:
     """What is said of "large" and "small" where held-out runs have these ``misfits`` at each stage, and one of
     ``without`` as soon as either is taken out again."""
-    monkeypatch.setattr("discrepancy.tell.verdict._misfit_without", lambda search, entry: without)
+    monkeypatch.setattr("discrepancy.tell.verdict._without", lambda search, entry: {})
+    monkeypatch.setattr("discrepancy.tell.verdict._with_starts_found", lambda search, parameters: without)
+    # Of a mass that a spring holds.
+    monkeypatch.setattr("discrepancy.tell.verdict.unsprung", lambda whole, at: False)
     names = [SimpleNamespace(id=name, of_record=False) for name in ("large", "small")]
     found: Any = SimpleNamespace(accepted=names, criteria=Criteria.of(criteria), progress=lambda text: None,
-                                 attempt=lambda what, work: work())  # fmt: skip
+                                 whole=None, at=None, attempt=lambda what, work: work())  # fmt: skip
     gaps = {"refit": misfits[0], "final": misfits[-1]}
     return worse_without(found, [Finding(n.id, (), {}) for n in names], stages(*misfits), gaps)
 
