@@ -27,6 +27,7 @@ from gyro_model import (
     generate_series,
     generate_tangent,
     generate_xml,
+    kept_token,
 )
 from gyro_model.clocked import clocked_model
 from gyro_model.compiling import WHOLE, check_zig, compile_for, compile_library, write_whole
@@ -81,7 +82,7 @@ def handwritten_files(model: Form) -> dict[str, Path]:
 
 def generated_files(model: Form) -> dict[str, str]:
     """Every generated text by its path in the sources of the FMU, the token filled in."""
-    return _generated_files(model, model_token(model))
+    return _generated_files(model, made_token(model))
 
 
 def _generated_files(model: Form, token: str) -> dict[str, str]:
@@ -107,7 +108,7 @@ def committed_files(model: Model) -> dict[Path, str]:
     folder = handwritten_folder()
     files: dict[Path, str] = {}
     for form in forms(model):
-        for layer, texts in _generated_layers(form, model_token(form)).items():
+        for layer, texts in _generated_layers(form, made_token(form)).items():
             files |= {folder / layer / name: text for name, text in texts.items()}
     return files | generate_docs.reference_page(CHECKOUT, model)
 
@@ -119,17 +120,33 @@ def forms(model: Model) -> tuple[Form, ...]:
 
 def model_token(model: Form) -> str:
     """Names a model: a digest of all its C and XML, so that an FMU of other effects, bounds or code has another
-    token."""
+    token. It is the one that is kept on disk, or else made."""
+    key = _token_key(model)
+    return (key and kept_token.kept(key)) or made_token(model)
+
+
+def made_token(model: Form) -> str:
+    """The token from all that is generated, whatever is kept on disk; it is kept there from now on."""
     digest = hashlib.sha256(_generated_text(model))
     for path in handwritten_files(model).values():
         digest.update(path.read_bytes())
     code = digest.hexdigest()
-    return f"{{{code[:8]}-{code[8:12]}-{code[12:16]}-{code[16:20]}-{code[20:32]}}}"
+    token = f"{{{code[:8]}-{code[8:12]}-{code[12:16]}-{code[16:20]}-{code[20:32]}}}"
+    key = _token_key(model)
+    if key and kept_token.kept(key) != token:
+        kept_token.keep(key, token)
+    return token
+
+
+def _token_key(model: Form) -> str | None:
+    """What the token of ``model`` is kept under; None where it is not kept."""
+    handwritten = ((name, path.read_bytes()) for name, path in handwritten_files(model).items())
+    return kept_token.key_of(model, (*handwritten, *generate_package.finished_files(model).items()))
 
 
 @lru_cache(maxsize=8)
 def _generated_text(model: Form) -> bytes:
-    """All that is generated for a model. Kept: printing some hundred effects takes a second, at each load of an FMU."""
+    """All that is generated for a model: printing some hundred effects takes seconds."""
     describe = {"fmi2": lambda: generate_xml.fmi2(model, "", "", ()), "fmi3": lambda: generate_xml.fmi3(model, "", "")}
     texts = [*_generated_files(model, "").values(), *(describe[fmi]() for fmi in model.STANDARDS)]
     files = [generate_package.package_files(model, fmi) for fmi in model.STANDARDS]
@@ -173,6 +190,7 @@ def build_form(
     wanted = {fmi: _inside(platforms, fmi) for fmi in fmus}
     stale = [fmi for fmi, path in fmus.items() if force or not _fits(path, token, wanted[fmi] or [own_platform()], fmi)]
     if stale or WASM.fmi3 in platforms:
+        token = made_token(model)
         with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
             write_sources(model, Path(name))
             for fmi in stale:
