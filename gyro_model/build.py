@@ -82,24 +82,29 @@ def handwritten_files(model: Form) -> dict[str, Path]:
 
 def generated_files(model: Form) -> dict[str, str]:
     """Every generated text by its path in the sources of the FMU, the token filled in."""
-    return _generated_files(model, made_token(model))
+    return _joined(_generated_layers(model, made_token(model)))
 
 
-def _generated_files(model: Form, token: str) -> dict[str, str]:
-    layers = _generated_layers(model, token)
+def _joined(layers: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
     return {name: text for files in layers.values() for name, text in files.items()}
 
 
 def _generated_layers(model: Form, token: str) -> dict[str, dict[str, str]]:
     """The generated texts by layer, then by path in the sources; the tables are the last layer's."""
     headers = (path.read_text(encoding="utf-8") for path in handwritten_files(model).values() if path.suffix == ".h")
-    layers = {name: {file: write(model) for file, write in WRITERS.get(name, {}).items()} for name in model.LAYERS}
+    layers = {layer: dict(texts) for layer, texts in _printed(model).items()}
     layers[model.LAYERS[-1]] |= {
         f"{GENERATED}/names.h": generate_c.names(model, headers),
         f"{GENERATED}/model.h": generate_c.header(model, token),
         f"{GENERATED}/model.c": generate_c.table(model),
     }
     return layers
+
+
+@lru_cache(maxsize=8)
+def _printed(model: Form) -> Mapping[str, Mapping[str, str]]:
+    """What ``WRITERS`` write by layer: some hundred effects take seconds."""
+    return {name: {file: write(model) for file, write in WRITERS.get(name, {}).items()} for name in model.LAYERS}
 
 
 def committed_files(model: Model) -> dict[Path, str]:
@@ -139,16 +144,19 @@ def made_token(model: Form) -> str:
 
 
 def _token_key(model: Form) -> str | None:
-    """What the token of ``model`` is kept under; None where it is not kept."""
+    """What the token of ``model`` is kept under; None where it is not kept: start values are those of one device, and
+    its FMU is built for once."""
+    if model.starts:
+        return None
     handwritten = ((name, path.read_bytes()) for name, path in handwritten_files(model).items())
     return kept_token.key_of(model, (*handwritten, *generate_package.finished_files(model).items()))
 
 
 @lru_cache(maxsize=8)
 def _generated_text(model: Form) -> bytes:
-    """All that is generated for a model: printing some hundred effects takes seconds."""
+    """All that is generated for a model, but for the token that follows from it."""
     describe = {"fmi2": lambda: generate_xml.fmi2(model, "", "", ()), "fmi3": lambda: generate_xml.fmi3(model, "", "")}
-    texts = [*_generated_files(model, "").values(), *(describe[fmi]() for fmi in model.STANDARDS)]
+    texts = [*_joined(_generated_layers(model, "")).values(), *(describe[fmi]() for fmi in model.STANDARDS)]
     files = [generate_package.package_files(model, fmi) for fmi in model.STANDARDS]
     return "".join(texts).encode() + b"".join(data for package in files for data in package.values())
 

@@ -112,7 +112,6 @@ def test_whatever_is_generated_from_has_a_key_of_its_own(folder: Path, monkeypat
     models = [
         *forms(MODEL),
         Model(MODEL.effects[:-1]),
-        MODEL.starting_at({"m": 3e-7}),
         holding(replace(EFFECT, doc="another text")),
         holding(replace(EFFECT, parameters=(replace(k3, high=1e15), *EFFECT.parameters[1:]))),
         holding(replace(EFFECT, force=(2 * EFFECT.force[0], EFFECT.force[1]))),
@@ -139,6 +138,12 @@ def test_what_its_fields_do_not_state_is_not_kept(folder: Path, makings: list[st
     assert model_token(model) == model_token(model) == made_token(model)
     assert makings == [model.NAME] * 2
     assert not folder.exists()
+
+
+def test_the_model_of_one_device_is_not_kept(folder: Path) -> None:
+    started = MODEL.starting_at({"m": 3e-7})
+    assert building._token_key(started) is None
+    assert model_token(started) == made_token(started) != made_token(MODEL)
 
 
 def test_a_form_of_ones_own_is_not_kept() -> None:
