@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-import mpmath  # type: ignore[import-untyped]
+import mpmath
 import numpy as np
 from numpy.typing import NDArray
 

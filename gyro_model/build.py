@@ -27,6 +27,7 @@ from gyro_model import (
     generate_series,
     generate_tangent,
     generate_xml,
+    kept_token,
 )
 from gyro_model.clocked import clocked_model
 from gyro_model.compiling import WHOLE, check_zig, compile_for, compile_library, write_whole
@@ -81,18 +82,17 @@ def handwritten_files(model: Form) -> dict[str, Path]:
 
 def generated_files(model: Form) -> dict[str, str]:
     """Every generated text by its path in the sources of the FMU, the token filled in."""
-    return _generated_files(model, model_token(model))
+    return _joined(_generated_layers(model, made_token(model)))
 
 
-def _generated_files(model: Form, token: str) -> dict[str, str]:
-    layers = _generated_layers(model, token)
+def _joined(layers: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
     return {name: text for files in layers.values() for name, text in files.items()}
 
 
 def _generated_layers(model: Form, token: str) -> dict[str, dict[str, str]]:
     """The generated texts by layer, then by path in the sources; the tables are the last layer's."""
     headers = (path.read_text(encoding="utf-8") for path in handwritten_files(model).values() if path.suffix == ".h")
-    layers = {name: {file: write(model) for file, write in WRITERS.get(name, {}).items()} for name in model.LAYERS}
+    layers = {layer: dict(texts) for layer, texts in _printed(model).items()}
     layers[model.LAYERS[-1]] |= {
         f"{GENERATED}/names.h": generate_c.names(model, headers),
         f"{GENERATED}/model.h": generate_c.header(model, token),
@@ -101,13 +101,19 @@ def _generated_layers(model: Form, token: str) -> dict[str, dict[str, str]]:
     return layers
 
 
+@lru_cache(maxsize=8)
+def _printed(model: Form) -> Mapping[str, Mapping[str, str]]:
+    """What ``WRITERS`` write by layer: some hundred effects take seconds."""
+    return {name: {file: write(model) for file, write in WRITERS.get(name, {}).items()} for name in model.LAYERS}
+
+
 def committed_files(model: Model) -> dict[Path, str]:
     """What a checkout holds of generated text, by path: the C of all forms, of which some share layers, and the page of
     the FMUs with its tables."""
     folder = handwritten_folder()
     files: dict[Path, str] = {}
     for form in forms(model):
-        for layer, texts in _generated_layers(form, model_token(form)).items():
+        for layer, texts in _generated_layers(form, made_token(form)).items():
             files |= {folder / layer / name: text for name, text in texts.items()}
     return files | generate_docs.reference_page(CHECKOUT, model)
 
@@ -119,19 +125,38 @@ def forms(model: Model) -> tuple[Form, ...]:
 
 def model_token(model: Form) -> str:
     """Names a model: a digest of all its C and XML, so that an FMU of other effects, bounds or code has another
-    token."""
+    token. It is the one that is kept on disk, or else made."""
+    key = _token_key(model)
+    return (key and kept_token.kept(key)) or made_token(model)
+
+
+def made_token(model: Form) -> str:
+    """The token from all that is generated, whatever is kept on disk; it is kept there from now on."""
     digest = hashlib.sha256(_generated_text(model))
     for path in handwritten_files(model).values():
         digest.update(path.read_bytes())
     code = digest.hexdigest()
-    return f"{{{code[:8]}-{code[8:12]}-{code[12:16]}-{code[16:20]}-{code[20:32]}}}"
+    token = f"{{{code[:8]}-{code[8:12]}-{code[12:16]}-{code[16:20]}-{code[20:32]}}}"
+    key = _token_key(model)
+    if key and kept_token.kept(key) != token:
+        kept_token.keep(key, token)
+    return token
+
+
+def _token_key(model: Form) -> str | None:
+    """What the token of ``model`` is kept under; None where it is not kept: start values are those of one device, and
+    its FMU is built for once."""
+    if model.starts:
+        return None
+    handwritten = ((name, path.read_bytes()) for name, path in handwritten_files(model).items())
+    return kept_token.key_of(model, (*handwritten, *generate_package.finished_files(model).items()))
 
 
 @lru_cache(maxsize=8)
 def _generated_text(model: Form) -> bytes:
-    """All that is generated for a model. Kept: printing some hundred effects takes a second, at each load of an FMU."""
+    """All that is generated for a model, but for the token that follows from it."""
     describe = {"fmi2": lambda: generate_xml.fmi2(model, "", "", ()), "fmi3": lambda: generate_xml.fmi3(model, "", "")}
-    texts = [*_generated_files(model, "").values(), *(describe[fmi]() for fmi in model.STANDARDS)]
+    texts = [*_joined(_generated_layers(model, "")).values(), *(describe[fmi]() for fmi in model.STANDARDS)]
     files = [generate_package.package_files(model, fmi) for fmi in model.STANDARDS]
     return "".join(texts).encode() + b"".join(data for package in files for data in package.values())
 
@@ -173,6 +198,7 @@ def build_form(
     wanted = {fmi: _inside(platforms, fmi) for fmi in fmus}
     stale = [fmi for fmi, path in fmus.items() if force or not _fits(path, token, wanted[fmi] or [own_platform()], fmi)]
     if stale or WASM.fmi3 in platforms:
+        token = made_token(model)
         with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
             write_sources(model, Path(name))
             for fmi in stale:

@@ -24,13 +24,8 @@ _TERMINALS = {
 
 def package_files(model: Form, fmi: str) -> dict[str, bytes]:
     """The files by path in the FMU; ``fmi`` is "fmi2" or "fmi3". Raises InputError where the licence is missing."""
-    files = {
-        "documentation/index.html": documentation(model).encode(),
-        "documentation/licenses/license.txt": _licence().read_bytes(),
-    }
-    traces = {} if model.starts else packaged_experiments(model.TRACES or model.NAME)
-    if traces:
-        files |= {f"{FOLDER}/{name}": data for name, data in traces.items()}
+    files = {"documentation/index.html": documentation(model).encode()} | finished_files(model)
+    if any(name.startswith(f"{FOLDER}/") for name in files):
         files[f"{FOLDER}/fmi-ls-manifest.xml"] = manifest()
     if fmi == "fmi2":
         return files | {"model.png": icon.png()}
@@ -38,6 +33,16 @@ def package_files(model: Form, fmi: str) -> dict[str, bytes]:
         "terminalsAndIcons/terminalsAndIcons.xml": terminals(model).encode(),
         "terminalsAndIcons/icon.png": icon.png(),
         "terminalsAndIcons/icon.svg": icon.svg().encode(),
+    }
+
+
+def finished_files(model: Form) -> dict[str, bytes]:
+    """Those of ``package_files`` that are not generated: the licence and the reference traces. Raises InputError where
+    the licence is missing."""
+    traces = {} if model.starts else packaged_experiments(model.TRACES or model.NAME)
+    return {
+        "documentation/licenses/license.txt": _licence().read_bytes(),
+        **{f"{FOLDER}/{name}": data for name, data in traces.items()},
     }
 
 

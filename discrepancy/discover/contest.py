@@ -113,9 +113,9 @@ class Terms:
         self.simulator.__exit__(None, None, None)
 
     def excerpt(self, fitter: Fitter, at: Fitted, samples: int) -> tuple[Fitter, Fitted]:
-        """``at`` on a piece of each run, where it moves most, all together so many samples: what is missing shows
-        most there. It is the first piece where an effect remembers what went before."""
-        number = max(1, sum(len(r.t) for r in fitter.records) // samples)
+        """``at`` on a piece of each run, where it moves most, all together at most so many samples: what is missing
+        shows most there. It is the first piece where an effect remembers what went before."""
+        number = math.ceil(sum(len(r.t) for r in fitter.records) / samples)
         pieces = [self.simulator.cut(r, number)[: 1 if _remembers(fitter.simulator.model, at) else None]
                   for r in fitter.records]  # fmt: skip
         cut = [max(own, key=lambda p: float(np.mean(p.v**4))) for own in pieces]
@@ -153,7 +153,7 @@ class Terms:
         names = [set[str](), *({q.name for q in sizes} for sizes in own)]
         found = self.candidates(at)
         if min(len(r.t) for r in fitter.records) >= SCREEN * LEAST:
-            part = self.excerpt(fitter, at, sum(len(r.t) for r in fitter.records) // SCREEN)
+            part = self.excerpt(fitter, at, math.ceil(sum(len(r.t) for r in fitter.records) / SCREEN))
             found = _promising(found, self._scans(*part, found, removals, names))
             self.simulator.forget(part[0].records)
         return self._scans(fitter, at, found, removals, names)

@@ -96,7 +96,7 @@ def forms(axes: int) -> tuple[Form, ...]:
     """The library for records of 1 (x alone) or 2 axes: simplest first."""
     found: dict[Pair, None] = {}
     for product in sorted(_products(), key=lambda e: (_degree(e), len(e.free_symbols), str(e))):
-        found[product, product.subs(OTHER, simultaneous=True)] = None
+        found[product, product.xreplace(OTHER)] = None
     pairs = [((a, Integer(0)), (Integer(0), b)) for a, b in found]
     parts: list[tuple[Pair, ...]] = [*pairs, *_potentials()]
     if axes == 1:
@@ -150,8 +150,9 @@ def known(model: Model, library: Iterable[Form]) -> dict[str, Known]:
     effects = [(e, _slopes(e)) for e in model.effects if not (e.nominal or e.noise) and _acts_as_force(e)]
     found = {}
     for form in library:
+        both = tuple(sum(part[axis] for part in form.parts) for axis in (0, 1))
         for effect, slopes in effects:
-            sizes = tuple(_size_of(form, part, slopes) for part in form.parts)
+            sizes = tuple(_size_of(part, both, slopes) for part in form.parts)
             if any(sizes):
                 found[form.id] = effect, sizes
     return found
@@ -173,14 +174,14 @@ def _slopes(effect: Effect) -> dict[str, tuple[Expr, ...]]:
     return {q.name: tuple(e.diff(q.symbol).subs(neutral) for e in terms) for q in effect.sizes}
 
 
-def _size_of(form: Form, part: Pair, slopes: Mapping[str, Sequence[Expr]]) -> str | None:
-    """One size may stand for the parts of both axes, as that of an actuator curve does."""
-    both = tuple(sum(p[axis] for p in form.parts) for axis in (0, 1))
+def _size_of(part: Pair, both: Sequence[Expr], slopes: Mapping[str, Sequence[Expr]]) -> str | None:
+    """One size may stand for the parts of ``both`` axes, as that of an actuator curve does."""
     return next((name for name, slope in slopes.items() if _parallel(slope, part) or _parallel(slope, both)), None)
 
 
 def _parallel(a: Sequence[Expr], b: Sequence[Expr]) -> bool:
-    if any((p == 0) != (q == 0) for p, q in zip(a, b, strict=True)):
+    # A quotient that is a number has the same symbols above and below: most pairs end here, and a quotient is dear.
+    if any((p == 0) != (q == 0) or p.free_symbols != q.free_symbols for p, q in zip(a, b, strict=True)):
         return False
     ratios = {p / q for p, q in zip(a, b, strict=True) if q != 0}
     return len(ratios) == 1 and next(iter(ratios)).is_number

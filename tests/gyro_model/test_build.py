@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,7 +36,7 @@ from sympy import (
 
 from gyro_model import build as building
 from gyro_model import compiling
-from gyro_model.build import Fmus, build, build_all, default_folder, model_token, token_of
+from gyro_model.build import Fmus, build, build_all, default_folder, made_token, model_token, token_of
 from gyro_model.c_printing import c_expression
 from gyro_model.effect_points import MODEL
 from gyro_model.envelope import envelope_model
@@ -69,25 +70,29 @@ def changed(effect_id: str, **changes: object) -> Model:
     return Model(tuple(mended if e is effect else e for e in MODEL.effects))
 
 
-def test_token_names_the_model() -> None:
-    token = model_token(MODEL)
-    assert token == model_token(MODEL)
+@pytest.mark.parametrize("token_of_model", [model_token, made_token])
+def test_token_names_the_model(token_of_model: Callable[[Model], str]) -> None:
+    token = token_of_model(MODEL)
+    assert token == token_of_model(MODEL)
     others = [
         Model(tuple(e for e in MODEL.effects if e.id != "cubic_stiffness")),
         changed("cubic_stiffness", high=1e15),
         changed("cubic_stiffness", description="another text"),
         changed("cubic_stiffness", unit="N/m2"),
     ]
-    assert len({token, *map(model_token, others)}) == 1 + len(others)
+    assert len({token, *map(token_of_model, others)}) == 1 + len(others)
 
 
-def test_token_names_the_handwritten_c(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+@pytest.mark.parametrize("token_of_model", [model_token, made_token])
+def test_token_names_the_handwritten_c(
+    token_of_model: Callable[[Model], str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     shutil.copytree(building.handwritten_folder(), tmp_path, dirs_exist_ok=True)
-    token = model_token(MODEL)
+    token = token_of_model(MODEL)
     monkeypatch.setattr(building, "handwritten_folder", lambda: tmp_path)
-    assert model_token(MODEL) == token
+    assert token_of_model(MODEL) == token
     (tmp_path / "core.c").write_text((tmp_path / "core.c").read_text(encoding="utf-8") + "\n", encoding="utf-8")
-    assert model_token(MODEL) != token
+    assert token_of_model(MODEL) != token
 
 
 def test_an_fmu_that_fits_is_left_alone(fmus: Fmus, monkeypatch: pytest.MonkeyPatch) -> None:

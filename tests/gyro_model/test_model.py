@@ -7,7 +7,7 @@ import pytest
 from gyro_runner import Runner
 
 from gyro_model.anatomy import SLOTS
-from gyro_model.build import build, generated_files, model_token
+from gyro_model.build import build, generated_files, made_token
 from gyro_model.device import Device
 from gyro_model.effect_points import MODEL
 from gyro_model.errors import InputError
@@ -70,7 +70,7 @@ def test_stages_are_the_six() -> None:
 def test_a_user_file_joins_the_model_and_acts(tmp_path: Path, plant: Runner) -> None:
     model = load_model(write(tmp_path, QUINTIC))
     assert model.effect("quintic").doc.startswith("Quintic")
-    assert model_token(model) != model_token(MODEL)
+    assert made_token(model) != made_token(MODEL)
     runner = Runner(build(model, tmp_path / "fmus").fmi3, tmp_path / "extracted")
     t = np.arange(101) * 5e-6
     parameters = {"x_start": 1e-6, "k5": 2e25}
@@ -209,7 +209,7 @@ def test_other_starts_make_another_model_with_the_same_neutral_values() -> None:
     cubic = started.parameter("k3_x")
     assert (started.start(cubic), cubic.start) == (2e9, 0.0)
     assert started.start(started.parameter("m")) == MODEL.parameter("m").start
-    assert model_token(started) != model_token(MODEL)
+    assert made_token(started) != made_token(MODEL)
     assert generated_files(started)["generated/effects.h"] == generated_files(MODEL)["generated/effects.h"]
     assert Device("d", {}, model=started).acts(started.effect("cubic_stiffness"))
     with pytest.raises(InputError, match="did you mean 'k3_x'"):
