@@ -73,6 +73,10 @@ class Design:
     @property
     def all_values(self) -> dict[str, float]:
         """Every parameter of the model: the design's value, or the neutral one."""
+        return dict(self._all_values)
+
+    @cached_property
+    def _all_values(self) -> dict[str, float]:
         return {q.name: q.start for q in self.model.quantities if q.role not in ("input", "output")} | dict(self.values)
 
     @cached_property

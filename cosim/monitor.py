@@ -28,6 +28,8 @@ MONITOR: Final = {
     "chi2_high": 1.35,
     "start_high": 1.1,
     "whiteness": 0.25,
+    "lasting_chi2": 1.1,
+    "lasting_whiteness": 0.1,
     "patience": 0.01,
 }
 """agreement: largest relative change of a constant over `patience`, and its largest relative standard deviation, cross
@@ -36,8 +38,9 @@ counts as none [rad/s]; drift_limit: largest standard deviation of the pattern's
 (0.5 deg/s); chi2_low, chi2_high: of the squared innovation over its variance, a mean over 5 ms, 2000 numbers at 200
 kHz, so that 1.35 is 11 standard deviations off and leaves room for what a sudden change of the rate does; start_high:
 of what the last whole start left, 32768 numbers, 13 standard deviations; whiteness:
-largest mean product of neighbouring innovations; patience: time over which all must hold before the flag is set
-[s]; WINDOW after innovations have withdrawn it."""
+largest mean product of neighbouring innovations; lasting_chi2, lasting_whiteness: the same over LASTING, in which jumps
+of the rate even out: 20,000 numbers, 10 and 14 standard deviations; patience: time over which all must hold before the
+flag is set [s]; WINDOW after innovations have withdrawn it."""
 
 
 INNOVATIONS: Final = "innovations"
@@ -46,6 +49,9 @@ DOUBTS: Final = 2
 """Judgements in a row, 5 ms apart, at which innovations that are not as they should be withdraw the flag."""
 
 
+LASTING: Final = 0.05
+"""Over which innovations may not go on beside what they should be [s]: constants that do not fit leave little of that,
+and turn the pattern all the same."""
 NOTHING: Final = 1e-3
 """Of what innovations should be: a filter for which they are so small takes its own state for unknown."""
 WINDOW: Final = 0.1
@@ -83,6 +89,7 @@ class Monitor:
     _patience: float = 0.0
     _bent: list[tuple[float, float]] = field(default_factory=list)
     _stepped: list[tuple[float, float]] = field(default_factory=list)
+    _lately: list[tuple[float, Floats]] = field(default_factory=list)
     _previous: list[tuple[float, Floats]] = field(default_factory=list)
 
     def judge(self, t: float, estimate: Floats, deviation: Floats, inputs: Floats, phi: float) -> Verdict:
@@ -95,6 +102,9 @@ class Monitor:
         reason = self._doubt(t, estimate, deviation, largest, drift["unseen"])
         if reason and not reason.startswith(DRIFTS):
             self._bent.clear()
+        if reason and not reason.startswith((DRIFTS, INNOVATIONS)):
+            self._lately.clear()
+        reason = reason or self._lasting_doubt(t)
         self._previous.append((t, estimate[KXX : M + 1].copy()))
         self._doubts = self._doubts + 1 if reason else 0
         if self.valid and 0 < self._doubts < DOUBTS and reason.startswith(INNOVATIONS):
@@ -168,6 +178,27 @@ class Monitor:
         if not turning <= set_["drift_limit"]:
             most = "gauge: turn the device or the pattern" if unseen > 0.5 * turning else "weak tones"
             return f"{DRIFTS} by {np.rad2deg(turning):.2g} deg/s (1 sigma): {most}"
+        return ""
+
+    def _lasting_doubt(self, t: float) -> str:
+        """What is wrong of the innovations in the mean over LASTING; empty where nothing is, over less than half of it,
+        and for an observer of one's own, whose innovations are measured on a device that is known less."""
+        if not isinstance(self.observer, CoreObserver):
+            return ""
+        health = self.health()
+        self._lately.append((t, np.array([health["chi2"], health["white_x"], health["white_y"]])))
+        while self._lately[0][0] <= t - LASTING:
+            self._lately.pop(0)
+        if t - self._lately[0][0] < 0.5 * LASTING:
+            return ""
+        chi2, *white = np.mean([found for _, found in self._lately], axis=0).tolist()
+        pink = max(health["pink_x"], health["pink_y"])
+        over = f"over {1e3 * LASTING:g} ms"
+        if not chi2 <= self.settings["lasting_chi2"] + pink:
+            return f"{INNOVATIONS} are {sqrt(chi2):.3g} times what they should be {over}{self._hint()}"
+        for axis, product in zip(("x", "y"), white, strict=True):
+            if not abs(product) <= self.settings["lasting_whiteness"] + pink:
+                return f"{INNOVATIONS} of {axis} are not white: neighbours correlate by {product:.2g} {over}"
         return ""
 
     def health(self) -> dict[str, float]:

@@ -265,12 +265,11 @@ def true_parameters(device: Device, t: Floats, held: Floats | None = None) -> di
         values |= {name: held[:, i] for i, name in enumerate(INPUT_NAMES)}
         values |= {"temperature_structure": values["temperature"], "temperature_circuit": values["temperature"]}
     result: dict[str, Floats] = {name: np.full(len(t), values[name]) for name in PARAMETER_NAMES}
-    for law in device.model.laws:
-        if device.acts(law):
-            passed = t >= values[law.event.name] if law.event is not None else np.zeros(len(t))
-            known = {**values, **result, "t": t, "after": np.asarray(passed, dtype=float)}
-            if law.memories:
-                known |= remembered(law, t, known)
-            changed = evaluate(law, known, law.made())
-            result |= {name: np.broadcast_to(value, t.shape) for name, value in changed.items() if name in result}
+    for law in device.acting_laws:
+        passed = t >= values[law.event.name] if law.event is not None else np.zeros(len(t))
+        known = {**values, **result, "t": t, "after": np.asarray(passed, dtype=float)}
+        if law.memories:
+            known |= remembered(law, t, known)
+        changed = evaluate(law, known, law.made())
+        result |= {name: np.broadcast_to(value, t.shape) for name, value in changed.items() if name in result}
     return result

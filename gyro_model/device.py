@@ -7,11 +7,12 @@ format = 1, name, [parameters], optional [intervals] (name = [low, high], 95 %),
 import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import atan2, cos, hypot, inf, isfinite, pi, radians, sin, sqrt
 from pathlib import Path
 from typing import Any
 
-from gyro_model.anatomy import Effect
+from gyro_model.anatomy import Effect, Law
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import Model, load_model
 from gyro_model.toml_text import read_toml_file
@@ -77,6 +78,10 @@ class Device:
     @property
     def all_parameters(self) -> dict[str, float]:
         """Every FMU parameter: this device's value, or the FMU's start value."""
+        return dict(self._all_parameters)
+
+    @cached_property
+    def _all_parameters(self) -> dict[str, float]:
         starts = {q.name: self.model.start(q) for q in self.model.quantities if q.role not in ("input", "output")}
         return starts | dict(self.parameters)
 
@@ -172,6 +177,11 @@ class Device:
         """Whether ``effect`` acts in this device: it is nominal, a size parameter differs from neutral, or a law that
         acts changes one."""
         return effect.nominal or any(map(self._switched_on, (effect, *self.model.wakers(effect))))
+
+    @cached_property
+    def acting_laws(self) -> tuple[Law, ...]:
+        """The laws of its parameters that act."""
+        return tuple(law for law in self.model.laws if self.acts(law))
 
     def _switched_on(self, effect: Effect) -> bool:
         return any(self.parameters.get(q.name, self.model.start(q)) != q.start for q in effect.sizes)

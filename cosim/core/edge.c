@@ -90,6 +90,12 @@ static int turns_evenly(const edge *e, int64_t begin)
     return fabs(before / (double)(middle - begin) - after / (double)(e->count - 1 - middle)) < UNEVEN * e->period;
 }
 
+/* What a step to `after` turns the pattern by at most, without an Euler force [rad]. */
+static double largest_turn(const edge *e, double before, const later *after)
+{
+    return 0.5 * fabs(after->mean - before) / sqrt(sample_at(e, e->seen)->omega_squared);
+}
+
 /* Whether the rate after a step from `before` is what it is taken for. Until it has settled that is how it went on. Where it changes by d more from
    one half of a time T to the other and did so from the step, the orientation errs by d T (1 + SETTLED/T)^2: this must be less than what a step
    without an Euler force can turn it by, times NOISY. A slope that begins or ends is no step at all. Nor is a pulse, with
@@ -97,7 +103,7 @@ static int turns_evenly(const edge *e, int64_t begin)
 static int is_even(const edge *e, double before, const later *after)
 {
     const int64_t middle = (after->first + e->count) / 2;
-    const double turned = 0.5 * fabs(after->mean - before) / sqrt(sample_at(e, e->seen)->omega_squared), beyond = 1.0 + SETTLED / SPAN;
+    const double turned = largest_turn(e, before, after), beyond = 1.0 + SETTLED / SPAN;
     const double change = mean_rate(e, middle, e->count) - mean_rate(e, after->first, middle) - 0.5 * SPAN * after->slope;
     const int64_t from = e->seen + samples_in(e, LOOKED);
     const double taken = rate_at(e, after, 0.5 * (double)(from + after->first)) * (double)(after->first - from) * e->period;
@@ -105,23 +111,27 @@ static int is_even(const edge *e, double before, const later *after)
     return fabs(change) * SPAN * beyond * beyond < NOISY * turned && fabs(beside) < larger(NOISY * turned, PULSE);
 }
 
-/* Finds when the step was, and takes out what it turned the pattern by. */
+/* Samples that must have gone by since the last step. */
+static int64_t needed(const edge *e) { return samples_in(e, LATEST + MARGIN + 2.0 * SPAN); }
+
+/* Finds when the step was, and takes out what it turned the pattern by; where it can't, that is left uncertain. */
 static void review(edge *e, const double *estimate, filter *f)
 {
     const int64_t first = e->seen - samples_in(e, LATEST + MARGIN);
     const int64_t begin = first - fewer(samples_in(e, FITTED), first - e->reviewed);
     const double before = mean_rate(e, first - samples_in(e, SPAN), first);
     const later after = later_rate(e, f);
-    if (!turns_evenly(e, begin) || !is_even(e, before, &after)) {
-        return;
+    step_found found = {-1.0, 0.0};
+    if (e->seen > e->reviewed + needed(e) && turns_evenly(e, begin) && is_even(e, before, &after)) {
+        const double rate = rate_at(e, &after, (double)e->seen);
+        found = step_time(f, e->seen - samples_in(e, LATEST), e->seen, e->seen + samples_in(e, LOOKED), rate, e->unlikely);
     }
-    const double rate = rate_at(e, &after, (double)e->seen);
-    const step_found found = step_time(f, e->seen - samples_in(e, LATEST), e->seen, e->seen + samples_in(e, LOOKED), rate, e->unlikely);
+    double left = largest_turn(e, before, &after);
     if (found.at >= 0.0) {
-        const double by_sample = coupling_of(e, estimate) * (after.mean - before) * e->period;
         e->turned += turned_in(e, estimate, found.at, before, &after);
-        f->steps += by_sample * by_sample * found.variance;
+        left = coupling_of(e, estimate) * (after.mean - before) * e->period * sqrt(found.variance);
     }
+    f->steps += left * left;
 }
 
 void edge_start(edge *e, const double *values, double period)
@@ -147,11 +157,11 @@ void edge_follow(edge *e, const double *estimate, const double in[IN], const dou
     now->omega_squared = omega_squared;
     now->turned = turned;
     memcpy(e->k.in, in, sizeof e->k.in);
-    const int64_t needed = samples_in(e, LATEST + MARGIN + 2.0 * SPAN), wait = samples_in(e, SETTLED + SPAN), sudden = samples_in(e, SUDDEN);
-    if (samples_in(e, FITTED) + needed + wait >= EDGE_PAST) {
+    const int64_t wait = samples_in(e, SETTLED + SPAN), sudden = samples_in(e, SUDDEN);
+    if (samples_in(e, FITTED) + needed(e) + wait >= EDGE_PAST) {
         return;
     }
-    if (f != NULL && e->seen < 0 && e->count > e->reviewed + needed &&
+    if (f != NULL && e->seen < 0 && e->count > needed(e) &&
         (f->jumped_at == f->sample || fabs(now->rate - sample_at(e, e->count - sudden)->rate) > STEP)) {
         e->seen = e->count;
     }
