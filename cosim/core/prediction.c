@@ -180,6 +180,13 @@ static void move_lag(const frame *w, const piece *part, const passage *way, cons
 }
 
 /* P becomes F P F' and the noise of the motion. Rate and slope follow from themselves alone, and the slope enters nothing but the rate. */
+/* Whether the damping takes energy of every motion. Estimates of few samples need not, and the noise force goes with its root. */
+static int is_damped(const known *k)
+{
+    const double *d = k->p + 3;
+    return d[0] > 0.0 && d[1] > 0.0 && d[0] * d[1] > d[2] * d[2];
+}
+
 static void predict_covariance(filter *f, double F[NZ][NZ], const passage *way)
 {
     moving *n = &f->now;
@@ -208,7 +215,7 @@ static void predict_covariance(filter *f, double F[NZ][NZ], const passage *way)
     }
     n->P[OMEGA][OMEGA] += f->walk * f->walk * f->m.period;
     n->P[SLOPE][SLOPE] += f->slope_walk * f->slope_walk * f->m.period;
-    if (HAS_THERMAL) {
+    if (HAS_THERMAL && is_damped(&f->k)) {
         known_thermal(&f->k, way->s[NODES - 1], none, n->z[OMEGA], thermal);
         for (int i = 0; i < NS; i++) {
             for (int j = 0; j < NS; j++) {
