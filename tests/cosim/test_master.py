@@ -279,6 +279,13 @@ def test_a_step_of_the_rate_under_a_converter_at_its_end_does_not_shift_the_angl
     assert np.abs(jumps).max() <= 0.005
 
 
+# A fit of 32 samples made the damping negative, whose root is the noise force: it was infinite, and nothing was found.
+@pytest.mark.parametrize("seed", [13, 21, 34])
+def test_a_start_goes_through_dampings_that_are_none(seed: int) -> None:
+    _, result = simulated("constant", device="tuning_fork_as_built", design="lab", seed=seed, duration=0.11)
+    assert result.converged_at is not None
+
+
 SLOW: Final = {
     **{"m": 3.8685e-09, "kxx": 0.35471, "kyy": 0.29559, "kxy": 0.024062, "dxx": 1.0876e-08, "dyy": 8.8489e-09},
     **{"dxy": 1.9245e-09, "sense_gain_x": 1e6, "sense_gain_y": 1e6, "sense_noise": 2e-05, "x_start": 1e-06},
