@@ -118,7 +118,7 @@ def test_a_rival_as_probable_as_the_name_is_its_either(
     )
     monkeypatch.setattr("discrepancy.name.exchange.own_filter", lambda fitter, at: at)
     search: Any = SimpleNamespace(at=fit(0.0), fitter=None, criteria=Criteria(), accepted=[cubic], partners=set(),
-                                  instead={}, simulator=SimpleNamespace(clock=SimpleNamespace(check=lambda: None)),
+                                  instead={}, simulator=SimpleNamespace(clock=SimpleNamespace(check=lambda: None), model=MODEL),
                                   attempt=lambda what, work: work())  # fmt: skip
     exchange(search)
     [entry] = search.accepted
