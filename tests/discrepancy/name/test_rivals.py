@@ -117,8 +117,9 @@ def test_a_rival_as_probable_as_the_name_is_its_either(
         "discrepancy.name.exchange._refitted_instead", lambda *_: {other.effect.id: (fit(worse), other)}
     )
     monkeypatch.setattr("discrepancy.name.exchange.own_filter", lambda fitter, at: at)
+    simulator = SimpleNamespace(clock=SimpleNamespace(check=lambda: None), model=MODEL)
     search: Any = SimpleNamespace(at=fit(0.0), fitter=None, criteria=Criteria(), accepted=[cubic], partners=set(),
-                                  instead={}, simulator=SimpleNamespace(clock=SimpleNamespace(check=lambda: None), model=MODEL),
+                                  instead={}, simulator=simulator,
                                   attempt=lambda what, work: work())  # fmt: skip
     exchange(search)
     [entry] = search.accepted
