@@ -98,7 +98,7 @@ static double largest_turn(const edge *e, double before, const later *after)
 
 /* Whether the rate after a step from `before` is what it is taken for. Until it has settled that is how it went on. Where it changes by d more from
    one half of a time T to the other and did so from the step, the orientation errs by d T (1 + SETTLED/T)^2: this must be less than what a step
-   without an Euler force can turn it by, times NOISY. A slope that begins or ends is no step at all. Nor is a pulse, with
+   without an Euler force can turn it by, times NOISY, or than noise makes of it. A slope that begins or ends is no step at all. Nor is a pulse, with
    a second step before the rate has settled: what the rate swept meanwhile tells it. */
 static int is_even(const edge *e, double before, const later *after)
 {
@@ -108,7 +108,8 @@ static int is_even(const edge *e, double before, const later *after)
     const int64_t from = e->seen + samples_in(e, LOOKED);
     const double taken = rate_at(e, after, 0.5 * (double)(from + after->first)) * (double)(after->first - from) * e->period;
     const double beside = sample_at(e, after->first)->swept - sample_at(e, from)->swept - taken;
-    return fabs(change) * SPAN * beyond * beyond < NOISY * turned && fabs(beside) < larger(NOISY * turned, PULSE);
+    const double limit = larger(NOISY * turned, PULSE);
+    return fabs(change) * SPAN * beyond * beyond < limit && fabs(beside) < limit;
 }
 
 /* Samples that must have gone by since the last step. */
