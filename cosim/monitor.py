@@ -38,9 +38,9 @@ counts as none [rad/s]; drift_limit: largest standard deviation of the pattern's
 (0.5 deg/s); chi2_low, chi2_high: of the squared innovation over its variance, a mean over 5 ms, 2000 numbers at 200
 kHz, so that 1.35 is 11 standard deviations off and leaves room for what a sudden change of the rate does; start_high:
 of what the last whole start left, 32768 numbers, 13 standard deviations; whiteness:
-largest mean product of neighbouring innovations; lasting_chi2, lasting_whiteness: the same over LASTING, in which jumps
-of the rate even out: 20,000 numbers, 10 and 14 standard deviations; patience: time over which all must hold before the
-flag is set [s]; WINDOW after innovations have withdrawn it."""
+largest mean product of neighbouring innovations; lasting_chi2, lasting_whiteness: the same over LASTING, in which
+jumps of the rate even out: 20,000 numbers and 10,000 an axis, 10 standard deviations each; patience: time over which
+all must hold before the flag is set [s]; WINDOW after innovations have withdrawn it."""
 
 
 INNOVATIONS: Final = "innovations"

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rails import Rails
 
 from discrepancy.data.dataset import Dataset, load_dataset
 from discrepancy.data.linear_start import linear_start
@@ -34,18 +35,12 @@ def _moves(rng: np.random.Generator) -> np.ndarray:
 def _record(number: int) -> Record:
     rng = np.random.default_rng(number)
     wanted, x, v = _moves(rng), 0.0, 0.0
+    rails = Rails(MASS, VISCOUS, COULOMB, 1 / RATE / FINE)
     seen, u = np.empty(SAMPLES), np.empty(SAMPLES)
     for k in range(SAMPLES):
         seen[k] = x
         u[k] = MASS * (900 * (wanted[k] - x) - 60 * (x - seen[k - 1]) * RATE * (k > 0))
-        for _ in range(FINE):
-            f = u[k] + CONSTANT - VISCOUS * v
-            if v == 0 and abs(f) <= COULOMB:
-                continue
-            after = v + (f - COULOMB * np.sign(v or f)) / MASS / RATE / FINE
-            # Where it would turn it stops: friction holds it until the force exceeds that.
-            after = 0.0 if v * after < 0 else after
-            x, v = x + 0.5 * (v + after) / RATE / FINE, after
+        x, v = rails.slide(x, v, u[k] + CONSTANT, FINE)
     seen += NOISE * rng.standard_normal(SAMPLES)
     role = "held-out" if number == 1 else "fit"
     return make_record(f"{number}", np.arange(SAMPLES) / RATE, u[:, None], seen[:, None], sample_rate=RATE, role=role)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rails import Rails
 
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.linear_start import linear_start
@@ -27,15 +28,10 @@ def cart(seed: int, friction: float, role: str, *, turns: bool, damping: float =
     one = np.where(t < 2, np.sin(0.5 * np.pi * t) ** 2, 0) + 0.3 * (t > 0.4)
     u = PUSH * (1 - 0.1 * (seed % 3)) * (swing if turns else one)
     x, v, seen = 0.0, 0.0, np.empty(SAMPLES)
+    rails = Rails(MASS, damping, friction, 1 / RATE / FINE)
     for k in range(SAMPLES):
         seen[k] = x
-        for _ in range(FINE):
-            f = u[k] - damping * v
-            if v == 0 and abs(f) <= friction:
-                continue
-            after = v + (f - friction * np.sign(v or f)) / MASS / RATE / FINE
-            after = 0.0 if v * after < 0 else after
-            x, v = x + 0.5 * (v + after) / RATE / FINE, after
+        x, v = rails.slide(x, v, u[k], FINE)
     seen += NOISE * rng.standard_normal(SAMPLES)
     return make_record(f"{seed}", t, u[:, None], seen[:, None], sample_rate=RATE, role=role)
 
