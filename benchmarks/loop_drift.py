@@ -64,10 +64,15 @@ def drift_between_edges(result: Result, run: Run, span: tuple[float, float] = SP
 
 
 def predicted(result: Result, span: tuple[float, float] = SPAN) -> float:
-    """The loop's own standard deviation of its drift [deg/s]: rms over ``span`` [s]; infinite where it had none."""
-    t, sigma = result.trace["t"].to_numpy(), result.trace["drift_sigma_now"].to_numpy()
+    """The loop's own standard deviation of its drift [deg/s]: of the turning, rms over ``span`` [s], together with the
+    slope that what the pattern strays by in it gives a straight line of least squares (``Monitor``); infinite where it
+    had none."""
+    t, turning, strayed = (result.trace[name].to_numpy() for name in ("t", "drift_sigma_now", "stray_sigma"))
     inside = (t >= span[0]) & (t < span[1])
-    return float(np.rad2deg(np.sqrt(np.mean(np.square(sigma[inside]))))) if inside.any() else np.inf
+    if not inside.any():
+        return np.inf
+    walked = 1.2 * (strayed[inside][-1] ** 2 - strayed[inside][0] ** 2) / (span[1] - span[0]) ** 2
+    return float(np.rad2deg(np.sqrt(np.mean(np.square(turning[inside])) + walked)))
 
 
 def bound(result: Result, span: tuple[float, float] = SPAN) -> float:

@@ -61,15 +61,16 @@ flag: a fit that is none looks like one for some hundredths of a second."""
 
 class Verdict(NamedTuple):
     """valid now; reason why not (else empty); predicted standard deviations: of the angle's drift over WINDOW, the
-    pattern at its worst angle, with its reading as it is learnt and the steps of the rate, of the turning where the
-    pattern stands [rad/s], of the reading, and of what the angle has lost in steps of the rate so far [rad]."""
+    pattern at its worst angle, with its reading as it is learnt, its random walk and the steps of the rate; of the
+    turning where the pattern stands [rad/s]; of the reading, and of what the pattern has strayed by so far, by noise
+    that the force feeds back and by steps of the rate [rad]."""
 
     valid: bool
     reason: str
     drift_sigma: float
     drift_sigma_now: float
     bend_sigma: float
-    step_sigma: float
+    stray_sigma: float
 
 
 @dataclass
@@ -88,7 +89,7 @@ class Monitor:
     _doubts: int = 0
     _patience: float = 0.0
     _bent: list[tuple[float, float]] = field(default_factory=list)
-    _stepped: list[tuple[float, float]] = field(default_factory=list)
+    _strayed: list[tuple[float, float]] = field(default_factory=list)
     _lately: list[tuple[float, Floats]] = field(default_factory=list)
     _previous: list[tuple[float, Floats]] = field(default_factory=list)
 
@@ -97,14 +98,15 @@ class Monitor:
         the angle of the pattern [rad]."""
         drift = self._drift(estimate, deviation, inputs, phi)
         largest = hypot(drift["turning"], self._mending(t, drift["bending"]))
-        steps = self.health()["steps"]
-        sigmas = hypot(largest, self._stepping(t, steps)), drift["turning_now"], drift["bending"], sqrt(steps)
-        reason = self._doubt(t, estimate, deviation, largest, drift["unseen"])
+        health = self.health()
+        strayed = health["strayed"] / self._gain**2
+        sigmas = hypot(largest, self._straying(t, strayed)), drift["turning_now"], drift["bending"], sqrt(strayed)
+        reason = self._doubt(t, health, estimate, deviation, largest, drift["unseen"])
         if reason and not reason.startswith(DRIFTS):
             self._bent.clear()
         if reason and not reason.startswith((DRIFTS, INNOVATIONS)):
             self._lately.clear()
-        reason = reason or self._lasting_doubt(t)
+        reason = reason or self._lasting_doubt(t, health)
         self._previous.append((t, estimate[KXX : M + 1].copy()))
         self._doubts = self._doubts + 1 if reason else 0
         if self.valid and 0 < self._doubts < DOUBTS and reason.startswith(INNOVATIONS):
@@ -134,20 +136,28 @@ class Monitor:
         since, was = self._bent[0]
         return sqrt(max(was**2 - bending**2, 0.0) / ((t - since) * WINDOW)) if t > since else 0.0
 
-    def _stepping(self, t: float, variance: float) -> float:
-        """Deviation of the slope over WINDOW that steps of the rate give the angle's error [rad/s], ``variance`` being
-        what all of them have left: a step of 1 at the share u of a time T gives the straight line of least squares the
-        slope 6 u (1 - u)/T, in the mean square 1.2/T^2. No drift that goes on: it is in no limit."""
-        while len(self._stepped) > 1 and self._stepped[1][0] <= t - WINDOW:
-            self._stepped.pop(0)
-        self._stepped.append((t, variance))
-        return sqrt(1.2 * max(variance - self._stepped[0][1], 0.0)) / WINDOW
+    def _straying(self, t: float, variance: float) -> float:
+        """Deviation of the slope over WINDOW that what the pattern strays by gives the angle's error [rad/s],
+        ``variance`` being that of all so far. Noise and steps of the rate are steps of the angle at any time: one of 1
+        at the share u of a time T gives the straight line of least squares the slope 6 u (1 - u)/T, in the mean square
+        1.2/T^2. No drift that goes on: it is in no limit."""
+        while len(self._strayed) > 1 and self._strayed[1][0] <= t - WINDOW:
+            self._strayed.pop(0)
+        self._strayed.append((t, variance))
+        return sqrt(1.2 * max(variance - self._strayed[0][1], 0.0)) / WINDOW
 
-    def _doubt(self, t: float, estimate: Floats, deviation: Floats, turning: float, unseen: float) -> str:
+    def _doubt(
+        self,
+        t: float,
+        health: Mapping[str, float],
+        estimate: Floats,
+        deviation: Floats,
+        turning: float,
+        unseen: float,
+    ) -> str:
         set_ = self.settings
         if not np.isfinite(estimate).all():
             return "an estimate is no number"
-        health = self.health()
         if health["restarted_at"] >= 0 and t - health["restarted_at"] < set_["patience"]:
             return "the observer lost the device and began again from the design"
         # Pink noise below a hundred hertz is another one in each window, up to a few times its mean.
@@ -180,12 +190,11 @@ class Monitor:
             return f"{DRIFTS} by {np.rad2deg(turning):.2g} deg/s (1 sigma): {most}"
         return ""
 
-    def _lasting_doubt(self, t: float) -> str:
+    def _lasting_doubt(self, t: float, health: Mapping[str, float]) -> str:
         """What is wrong of the innovations in the mean over LASTING; empty where nothing is, over less than half of it,
         and for an observer of one's own, whose innovations are measured on a device that is known less."""
         if not isinstance(self.observer, CoreObserver):
             return ""
-        health = self.health()
         self._lately.append((t, np.array([health["chi2"], health["white_x"], health["white_y"]])))
         while self._lately[0][0] <= t - LASTING:
             self._lately.pop(0)
@@ -242,6 +251,9 @@ class Monitor:
             found = estimate_drift(self.lib, known, estimate, deviation, inputs, stiffness, phi)
         if not np.isfinite(list(found.values())).all():
             return dict.fromkeys(found, float("inf")) | {"unseen": 0.0}
-        # The angle is read as the pattern's over the angular gain.
-        gain = max(abs(self.design.all_values["angular_gain"]), 1e-300)
-        return {name: value / gain for name, value in found.items()}
+        return {name: value / self._gain for name, value in found.items()}
+
+    @property
+    def _gain(self) -> float:
+        """The angle is read as the pattern's over the angular gain."""
+        return max(abs(self.design.all_values["angular_gain"]), 1e-300)

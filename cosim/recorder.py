@@ -78,7 +78,7 @@ class Recorder:
         self._verdict = Verdict(False, "the run has only begun", np.inf, np.inf, np.inf, 0.0)
         self._valid_samples = self._samples = 0
         self._angle_deviation = 0.0
-        self._steps_before = 0.0
+        self._strayed_before = 0.0
         self._turned = 0.0
         self._zero = np.nan
         self._judged_at = 0.0
@@ -148,7 +148,7 @@ class Recorder:
         if self._verdict.valid and not was and self.converged_at is None:
             # The flag holds from the next sample on.
             self.converged_at = float(t) + self.run.period
-            self._steps_before = self._verdict.step_sigma
+            self._strayed_before = self._verdict.stray_sigma
         if self.converged_at is not None and np.isfinite(self._verdict.drift_sigma_now):
             self._angle_deviation += self._verdict.drift_sigma_now * (
                 t + self.run.period - max(self._judged_at, self.converged_at)
@@ -156,9 +156,9 @@ class Recorder:
         self._judged_at = float(t) + self.run.period
 
     def _angle_sigma(self) -> float:
-        """Deviation of the angle [rad]: what drift, reading and steps of the rate since it was first valid leave."""
-        steps = np.sqrt(self._verdict.step_sigma**2 - self._steps_before**2) if self.converged_at is not None else 0.0
-        return float(np.hypot(np.hypot(self._angle_deviation, self._verdict.bend_sigma), steps))
+        """Deviation of the angle [rad]: what drift, reading and straying since it was first valid leave."""
+        strayed = np.sqrt(self._verdict.stray_sigma**2 - self._strayed_before**2) if self.converged_at is not None else 0.0
+        return float(np.hypot(np.hypot(self._angle_deviation, self._verdict.bend_sigma), strayed))
 
     def _angle_true(self, converged: NDArray[np.bool_], omega_z: Floats) -> Floats:
         """Integral of exactly the held rate [rad], zero where the angle was valid first and NaN before."""
@@ -205,6 +205,7 @@ class Recorder:
             "converged": np.full(len(t), self._verdict.valid),
             "drift_sigma": np.full(len(t), self._verdict.drift_sigma),
             "drift_sigma_now": np.full(len(t), self._verdict.drift_sigma_now),
+            "stray_sigma": np.full(len(t), self._verdict.stray_sigma),
             "angle_sigma": np.full(len(t), self._angle_sigma()),
             "v_x": plant[:, 0],
             "v_y": plant[:, 1],

@@ -176,7 +176,7 @@ def plain_health(lib: Library, part: Part) -> dict[str, float]:
         "white_y": float(white[1]),
         "restarted_at": -1.0,
         "start": 1.0,
-        "steps": 0.0,
+        "strayed": 0.0,
         **pink,
     }
 

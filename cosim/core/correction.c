@@ -64,9 +64,14 @@ double filter_correct_axis(filter *f, const double *c, const double *by_p, doubl
         double *mean = f->inverse + ((f->rows - 1) & 1);
         *mean += NOISE_SHARE * (1.0 / S - *mean);
     }
+    double strays = 0.0;
+    for (int i = 0; i < NZ; i++) {
+        strays += c[i] * n->stray[i];
+    }
     for (int i = 0; i < NZ; i++) {
         gain[i] = Pc[i] / S;
         n->z[i] += gain[i] * e;
+        n->stray[i] -= gain[i] * strays;
         for (int q = 0; q < NP; q++) {
             n->Y[i][q] -= gain[i] * h[q];
         }

@@ -132,7 +132,7 @@ static void review(edge *e, const double *estimate, filter *f)
         e->turned += turned_in(e, estimate, found.at, before, &after);
         left = coupling_of(e, estimate) * (after.mean - before) * e->period * sqrt(found.variance);
     }
-    f->steps += left * left;
+    f->strayed += left * left;
 }
 
 void edge_start(edge *e, const double *values, double period)

@@ -47,6 +47,7 @@ typedef struct {
     double z[NZ];      /* [SI] */
     double P[NZ][NZ];  /* covariance of z for given p */
     double Y[NZ][NP];  /* dz/dp */
+    double stray[NZ];  /* covariance of the error of z with what the pattern has strayed by (stray.c) [rad times SI] */
     double sum[2], sum_variance[2]; /* of the corrections of the rate and of its slope lately, fading */
 } moving;
 
@@ -80,7 +81,7 @@ typedef struct {
     double surprises, restarts, wait, share;
     double roaming, roamed_from, roamed_variance; /* of the slope of the rate: mean square of its change per time [rad2/s5]; at the stretch's beginning */
     int64_t roamed_at;                            /* sample at which that was */
-    double steps; /* variance that what steps of the rate have turned the pattern by leaves to the angle [rad^2] */
+    double strayed; /* variance of what the pattern has turned by that is no turn of the device, by noise and by steps of the rate [rad^2] */
     int64_t jumped_at; /* sample at which the rate was last taken to have jumped; -1 before the first */
     double forget[NP], moving[NP]; /* rate at which each constant, the others given, is forgotten [1/s]; running excess of its squared motion */
     double unseen[NP][NP];     /* changes of p that no sample of the start shows, row by row; those come first of which none shows something now */

@@ -2,6 +2,7 @@
 
 #include "drift.h"
 #include "known_model.h"
+#include "stray.h"
 #include "unseen.h"
 
 #if defined(_WIN32)
@@ -106,8 +107,8 @@ EXPORT void core_foucault_start(void *memory, const double *settings, const doub
 
 /* What a filter has found: p [NP], W [NP * NP] row by row, and its health: chi2, neighbours of either axis, time of the last restart [s], restarts
    lately, walk of the rate, share of the innovation's variance that p explains, fastest forgetting, product of neighbours that pink noise makes,
-   mean squared innovation that the last whole start left, infinite where it ended beside its fit or is not over, variance that steps of the rate have
-   left to the angle. */
+   mean squared innovation that the last whole start left, infinite where it ended beside its fit or is not over, variance of what the pattern has
+   strayed by. */
 EXPORT void core_filter_found(const void *memory, double *p, double *W, double *health)
 {
     const filter *f = memory;
@@ -118,7 +119,7 @@ EXPORT void core_filter_found(const void *memory, double *p, double *W, double *
         forget = larger(forget, f->forget[i]);
     }
     const double values[HEALTH_SIZE] = {f->chi2, f->white[0], f->white[1], f->restarted_at, f->restarts, f->walk, f->share, forget, f->pink[0], f->pink[1],
-                                        f->left, f->steps};
+                                        f->left, f->strayed};
     memcpy(health, values, sizeof values);
 }
 
@@ -254,7 +255,11 @@ EXPORT int64_t core_loop_run(loop *l, int64_t first, int64_t count, const double
         l->observer(l->observer_memory, l->input, l->output, in, l->estimate, l->deviation);
         double *control = row + 2 * ESTIMATE_SIZE;
         l->controller(l->controller_memory, t, l->estimate, l->deviation, in, control);
-        edge_follow(&l->edge, l->estimate, in, control + 2, control + 8, control[6], control[7], l->observer == core_filter_step ? l->observer_memory : NULL);
+        filter *own = l->observer == core_filter_step ? l->observer_memory : NULL;
+        if (own != NULL && l->controller == core_foucault_step) {
+            stray_by_force(own, l->controller_memory, control + 2);
+        }
+        edge_follow(&l->edge, l->estimate, in, control + 2, control + 8, control[6], control[7], own);
         control[7] += l->edge.turned;
         memcpy(row, l->estimate, sizeof l->estimate);
         memcpy(row + ESTIMATE_SIZE, l->deviation, sizeof l->deviation);

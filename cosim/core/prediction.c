@@ -213,6 +213,14 @@ static void predict_covariance(filter *f, double F[NZ][NZ], const passage *way)
         }
         n->P[i][SLOPE] = n->P[SLOPE][i] = FP[i][SLOPE];
     }
+    double stray[SLOPE];
+    for (int i = 0; i < SLOPE; i++) {
+        stray[i] = i == OMEGA ? T * n->stray[SLOPE] : 0.0;
+        for (int r = 0; r < SLOPE; r++) {
+            stray[i] += F[i][r] * n->stray[r];
+        }
+    }
+    memcpy(n->stray, stray, sizeof stray);
     n->P[OMEGA][OMEGA] += f->walk * f->walk * f->m.period;
     n->P[SLOPE][SLOPE] += f->slope_walk * f->slope_walk * f->m.period;
     if (HAS_THERMAL && is_damped(&f->k)) {

@@ -87,6 +87,7 @@ def test_blocks_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
         "converged",
         "drift_sigma",
         "drift_sigma_now",
+        "stray_sigma",
         "angle_sigma",
         "angle",
         "angle_true",
