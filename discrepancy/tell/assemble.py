@@ -92,8 +92,7 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
               *_doubts(search, rest, last))  # fmt: skip
     verdict: Verdict = "missing effects" if effects else "nothing missing"
     # What was not tested is not said: neither that a name stands nor, while something may be, that nothing is missing.
-    open_ended = bool(search.undone) and rest.share > search.criteria.left
-    untested = not search.scored or open_ended or search.unsure
+    untested = not search.scored or search.unsure
     if rest.significant or untested or worse or parts or hardly:
         verdict = "partly explained" if effects else "unexplained"
     final = search.at.parameters

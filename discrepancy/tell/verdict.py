@@ -39,7 +39,7 @@ noise of held-out runs. Chosen, not measured: one clipped run showed 36 times.""
 class Remainder(NamedTuple):
     """What the final model leaves of the held-out runs: share of the refit's residual power, noise taken off; ratio of
     the final misfit to that of the noise; above: whether that is more than noise; significant: whether it is also
-    enough to say that something is left."""
+    enough to say that something is left, or more than a stopped search may leave and still stand by its names."""
 
     share: float
     ratio: float
@@ -110,7 +110,8 @@ def remainder(
     enough = share > limits.left or ratio > limits.far_above
     # What has the memory of a noise, and can be none, is there however little it stands out of the white noise.
     beyond = ratio > limit or bool(without)
-    significant = (beyond and enough) or search.fitter is not search.whole
+    stopped = bool(search.undone) and share > limits.left
+    significant = (beyond and enough) or stopped or search.fitter is not search.whole
     return Remainder(share, float(ratio), ratio > limit, bool(significant))
 
 

@@ -3,9 +3,11 @@
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from discrepancy.criteria import Criteria
+from discrepancy.tell import verdict
 from discrepancy.tell.answer import Finding, Stage
 from discrepancy.tell.assemble import _scaled
 from discrepancy.tell.verdict import Remainder, imitating, improbable, probability, worse_without
@@ -113,3 +115,24 @@ def test_only_values_that_a_laboratory_states_say_that_the_force_is_off() -> Non
         at = SimpleNamespace(parameters={"m": 1.1, "kxx": 2.2})
         found: Any = SimpleNamespace(dataset=dataset, at=at)
         assert any("force_scale were -9.09%" in doubt for doubt in _scaled(found)) == said
+
+
+@pytest.mark.parametrize(("undone", "believed"), [([], True), (["another term in the place of a name"], False)])
+def test_a_stopped_search_does_not_stand_by_names_beside_what_it_leaves(
+    monkeypatch: pytest.MonkeyPatch, undone: list[str], believed: bool
+) -> None:
+    """Noise with a memory may be 1.4 times as much; of a search that ended, not of one that has not tried all."""
+    monkeypatch.setattr(verdict, "_memory", lambda *_: 1.0)
+    monkeypatch.setattr(verdict, "_at_most", lambda _: np.inf)
+    monkeypatch.setattr(verdict, "repeated_noise", lambda _: None)
+    run = SimpleNamespace(v=np.ones((4, 2)), valid=np.ones(4, bool))
+    stopped = search()
+    stopped.dataset = SimpleNamespace(held_out=(run,), records=())
+    stopped.fitter = stopped.whole = SimpleNamespace(signal=1.0)
+    stopped.undone = undone
+    found = stages(2.4, 2.2, 2.0)
+    rest = verdict.remainder(stopped, found, {"noise_floor": 1.0, "final": 2.0, "refit": 2.4}, {})
+    assert rest.share == pytest.approx(2.0 / 2.4**2) and not rest.above
+    assert rest.significant != believed
+    name = probability(stopped, Finding("large", (), {}), rest, found)
+    assert (name > 0.9) == believed and (name <= 0.5) != believed
