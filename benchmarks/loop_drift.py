@@ -71,7 +71,7 @@ def predicted(result: Result, span: tuple[float, float] = SPAN) -> float:
     inside = (t >= span[0]) & (t < span[1])
     if not inside.any():
         return np.inf
-    walked = 1.2 * (strayed[inside][-1] ** 2 - strayed[inside][0] ** 2) / (span[1] - span[0]) ** 2
+    walked = 1.2 * max(strayed[inside][-1] ** 2 - strayed[inside][0] ** 2, 0.0) / (span[1] - span[0]) ** 2
     return float(np.rad2deg(np.sqrt(np.mean(np.square(turning[inside])) + walked)))
 
 

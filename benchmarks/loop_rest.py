@@ -119,8 +119,8 @@ def _angle(unit: UnitC, run: Run, first: int, estimate: Floats, control: Floats)
     )
     t: Floats = np.arange(first, first + count, dtype=np.float64) * np.float64(run.period)
     gain, always = run.design.all_values["angular_gain"], np.ones(count, dtype=bool)
-    x, x_dot, y, y_dot = np.ascontiguousarray(estimate[:, :4].T)
-    block = Block(t, x, x_dot, y, y_dot, forced, near, columns["omega_squared"], always, gain, columns["turned"])
+    states = np.ascontiguousarray(estimate[:, :4].T)
+    block = Block(t, states, forced, near, columns["omega_squared"], always, gain, columns["turned"])
     return unit.process(block)[0]
 
 

@@ -20,7 +20,9 @@ of 32 uN on the reference device reach 0.73 um. Below that B errs, by up to 0.5 
 0.7 um and 6 deg at 0.5 um.
 """
 
-from typing import Final, NamedTuple, Protocol
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,19 +31,16 @@ from scipy import signal
 from cosim.angle_filters import Filter, Floats, Shape, band_pass, low_pass
 
 
-class Block(NamedTuple):
+@dataclass(frozen=True)
+class Block:
     """What the loop records over n consecutive samples; the arrays are not changed.
 
-    t [s]; x, x_dot, y, y_dot: estimates at t [m, m/s]; forced: the observer's response to the tones
-    x, x_dot, y, y_dot, shape (4, n); near: the part of it at tones near the oscillation; omega_squared = k/m [1/s^2];
-    converged: bool; lambda_: the angular gain [1]; turned: angle by which the controller has turned the pattern
-    [rad]."""
+    t [s]; states: estimates of x, x_dot, y, y_dot at t [m, m/s], shape (4, n); forced: the observer's response to the
+    tones, likewise; near: the part of it at tones near the oscillation; omega_squared = k/m [1/s^2]; converged: bool;
+    lambda_: the angular gain [1]; turned: angle by which the controller has turned the pattern [rad]."""
 
     t: Floats
-    x: Floats
-    x_dot: Floats
-    y: Floats
-    y_dot: Floats
+    states: Floats
     forced: Floats
     near: Floats
     omega_squared: Floats
@@ -49,13 +48,20 @@ class Block(NamedTuple):
     lambda_: float
     turned: Floats
 
-    def states(self) -> Floats:
-        """Return x, x_dot, y, y_dot, shape (4, n), as an array of its own."""
-        return np.stack((self.x, self.x_dot, self.y, self.y_dot))
-
+    @cached_property
     def filterable(self) -> Floats:
-        """Return the states without the response to tones near the oscillation, which no filter could tell from it."""
-        return self.states() - self.near
+        """The states without the response to tones near the oscillation, which no filter could tell from it."""
+        return self.states - self.near
+
+    @cached_property
+    def free(self) -> tuple[Floats, Floats]:
+        """Phi within +-pi/2 [rad] and quality, shape (n,), of the pattern without its response to the tones."""
+        return orientation(self.states - self.forced, self.omega_squared)
+
+    @cached_property
+    def frequency_hz(self) -> Floats:
+        """Of the oscillation that the observer has found, shape (n,)."""
+        return np.sqrt(self.omega_squared) / (2 * np.pi)
 
 
 class AngleUnit(Protocol):
@@ -131,12 +137,11 @@ class UnitA(_PatternUnit):
 
     def process(self, block: Block) -> tuple[Floats, Floats]:
         """Angle [rad] and quality, see AngleUnit."""
-        phi, quality = self._pattern.phi(self._filtered(block), block.omega_squared)
-        return self._pattern.angle(phi, block), quality
+        raw, quality = orientation(self._filtered(block), block.omega_squared)
+        return self._pattern.angle(self._pattern.unwrapped(raw), block), quality
 
     def _filtered(self, block: Block) -> Floats:
-        states, follows = block.filterable(), self._follows(block)
-        frequency_hz = np.sqrt(block.omega_squared) / (2 * np.pi)
+        states, follows, frequency_hz = block.filterable.copy(), self._follows(block), block.frequency_hz
         begin = 0
         while begin < len(frequency_hz):
             away = _away(frequency_hz[begin:], self.filter.centre_hz, self.filter.sample_rate) & follows[begin:]
@@ -170,9 +175,10 @@ class UnitB(_PatternUnit):
         """Angle [rad] and quality, see AngleUnit."""
         # Of the values phi + n pi the one nearest the pattern without the tones is taken. From sample to sample a half
         # turn would be counted whenever the tones outgrow the pattern for a moment, and never taken back.
-        near, _ = self._near.phi(block.states() - block.forced, block.omega_squared)
-        signals = np.stack(self._pattern.phi(block.filterable(), block.omega_squared, near))
-        phi, quality = self._filtered(signals, np.sqrt(block.omega_squared) / (2 * np.pi), self._follows(block))
+        near = self._near.unwrapped(block.free[0])
+        raw, quality = orientation(block.filterable, block.omega_squared)
+        signals = np.stack((raw + np.pi * np.rint((near - raw) / np.pi), quality))
+        phi, quality = self._filtered(signals, block.frequency_hz, self._follows(block))
         # The lag-free low-pass overshoots; quality is a ratio.
         return self._pattern.angle(phi, block), np.clip(quality, 0.0, 1.0)
 
@@ -215,8 +221,8 @@ class UnitC(_PatternUnit):
 
     def process(self, block: Block) -> tuple[Floats, Floats]:
         """Angle [rad] and quality, see AngleUnit."""
-        phi, quality = self._pattern.phi(block.states() - block.forced, block.omega_squared)
-        return self._pattern.angle(phi, block), quality
+        raw, quality = block.free
+        return self._pattern.angle(self._pattern.unwrapped(raw), block), quality
 
 
 UNIT_NAMES: Final = ("A", "B", "C")
@@ -244,20 +250,15 @@ class Pattern:
         self._last = np.nan
         self.zero = np.nan
 
-    def phi(self, states: Floats, omega_squared: Floats, near: Floats | None = None) -> tuple[Floats, Floats]:
-        """Return phi [rad], unwrapped, and quality, shape (n,), of x, x', y, y', shape (4, n).
-
-        near: an angle that tells which of the values phi + n pi to take; else the last one does.
-        """
-        raw, quality = orientation(states, omega_squared)
-        if near is not None:
-            phi = raw + np.pi * np.rint((near - raw) / np.pi)
-        else:
-            before = raw[:1] if np.isnan(self._last) else np.array([self._last])
-            phi = np.unwrap(np.concatenate((before, raw)), period=np.pi)[1:]
-        if len(phi):
-            self._last = float(phi[-1])
-        return phi, quality
+    def unwrapped(self, raw: Floats) -> Floats:
+        """Return phi [rad], shape (n,), which goes on from the last one, of its values ``raw`` within +-pi/2."""
+        if not len(raw):
+            return raw
+        first = raw[0] if np.isnan(self._last) else self._last
+        jumps = np.rint(np.diff(raw, prepend=first) / np.pi)
+        phi = raw - np.pi * np.cumsum(jumps) if jumps.any() else raw
+        self._last = float(phi[-1])
+        return phi
 
     def angle(self, phi: Floats, block: Block) -> Floats:
         """Return theta [rad] of `phi`: zero at the first converged sample, NaN before."""
@@ -298,7 +299,8 @@ def orientation(states: Floats, omega_squared: Floats) -> tuple[Floats, Floats]:
         energy_x = omega_squared * x * x + x_dot * x_dot
         energy_y = omega_squared * y * y + y_dot * y_dot
         total = energy_x + energy_y
-        straight = np.hypot(energy_x - energy_y, cross)
+        difference = energy_x - energy_y
+        straight = np.hypot(difference, cross)
         # Rounding may take the ratio of a straight line past 1 by an ulp.
         quality = np.minimum(np.divide(straight, total, out=np.zeros_like(total), where=total > 0), 1.0)
-        return 0.5 * np.arctan2(cross, energy_x - energy_y), quality
+        return 0.5 * np.arctan2(cross, difference), quality

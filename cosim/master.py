@@ -15,6 +15,8 @@ from gyro_model.progress import Progress
 
 BLOCK_DURATION: Final = 0.005
 """Length of a block [s]: the flag is set and withdrawn at its end; Ctrl-C is heard and progress told."""
+GATHERED: Final = 4
+"""Blocks that are recorded at once: of one alone, calls would take longer than what they do."""
 
 
 def simulate(run: Run, progress: Progress | None = None) -> Result:
@@ -32,15 +34,20 @@ def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
     monitor = Monitor(run.observer, run.design, loop.lib, loop.observer, run.period, run.monitor_settings())
     recorder = Recorder(run, loop.lib, monitor)
     size = max(round(BLOCK_DURATION * run.sample_rate), 1)
-    rows = np.empty((min(size, run.samples), loop.width))
+    rows = np.empty((min(GATHERED * size, run.samples), loop.width))
     clock = _Clock()
+    begun = 0  # sample at which the rows that are not recorded yet begin
     for first in range(0, run.samples, size):
-        count = min(size, run.samples - first)
+        count, place = min(size, run.samples - first), first - begun
         held = np.ascontiguousarray(run.scenario.inputs(first, count, run.period))
-        done = loop.step(first, held, rows)
+        done = loop.step(first, held, rows[place : place + count])
         # The sample before a step that the plant refuses was still taken, even the first of the run.
         taken = min(done + 1, count)
-        recorder.keep(first, rows[:taken], held[:taken])
+        recorder.judge(first, rows[place : place + taken], held[:taken])
+        last = done < count or first + count == run.samples
+        if last or place + count == GATHERED * size:
+            recorder.keep(begun, rows[: place + taken])
+            begun = first + count
         clock.tick(taken)
         if done < count:
             recorder.stop((first + done) * run.period, plant.complaint())

@@ -1,5 +1,6 @@
 """What is kept of a run: the trace, its first samples at full rate, and what the Cramer-Rao bound needs."""
 
+from math import sqrt
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -27,6 +28,22 @@ START_DURATION: Final = 3e-3
 BOUND_DURATION: Final = 1.0
 """The Cramer-Rao bound is computed along the first part of a run [s]; it keeps 88 bytes a sample."""
 BOUND_TIMES: Final = 60
+
+
+class _Judged(NamedTuple):
+    """A block that has been judged: the inputs held over each sample, as cosim.scenarios.INPUT_NAMES, and what had been
+    said until then and held throughout: whether the angle is valid, the standard deviations of ``Verdict`` [rad/s, rad]
+    and that of the angle [rad]."""
+
+    held: Floats
+    converged: bool
+    drift_sigma: float
+    drift_sigma_now: float
+    stray_sigma: float
+    angle_sigma: float
+
+
+_SAID: Final = _Judged._fields[1:]
 
 
 class Validity(NamedTuple):
@@ -76,38 +93,63 @@ class Recorder:
         self._start: list[pl.DataFrame] = []
         self._motion: list[tuple[Floats, ...]] = []
         self._verdict = Verdict(False, "the run has only begun", np.inf, np.inf, np.inf, 0.0)
+        self._judged: list[_Judged] = []
         self._valid_samples = self._samples = 0
         self._angle_deviation = 0.0
-        self._strayed_before = 0.0
+        self._strayed_before = np.inf
         self._turned = 0.0
         self._zero = np.nan
         self._judged_at = 0.0
         self._stopped = ""
 
-    def keep(self, first: int, rows: Floats, held: Floats) -> None:
-        """Keeps the rows (estimates, deviations, control, outputs of the plant) of the samples from ``first`` on and
-        the inputs held over each, as cosim.scenarios.INPUT_NAMES; then lets the monitor judge."""
-        if not len(rows):
-            return
-        run = self.run
+    def judge(self, first: int, rows: Floats, held: Floats) -> None:
+        """Lets the monitor judge at the end of a block: its rows, one at least, the samples from ``first`` on, and the
+        inputs held over each, as cosim.scenarios.INPUT_NAMES."""
+        verdict, count = self._verdict, len(self.names)
+        sigmas = verdict.drift_sigma, verdict.drift_sigma_now, verdict.stray_sigma
+        self._judged.append(_Judged(held, verdict.valid, *sigmas, self._angle_sigma()))
+        t, end = (first + len(rows) - 1) * self.run.period, (first + len(rows)) * self.run.period
+        estimate, deviation = rows[-1, :count].copy(), rows[-1, count : 2 * count].copy()
+        measured = np.array([*held[-1, 1:], held[-1, 1], held[-1, 1]])
+        self._verdict = self.monitor.judge(t, estimate, deviation, measured, self._pattern_at(rows[-1]))
+        if self._verdict.valid and self.converged_at is None:
+            # The flag holds from the next sample on.
+            self.converged_at = end
+            self._strayed_before = self._verdict.stray_sigma
+        if self.converged_at is not None and np.isfinite(self._verdict.drift_sigma_now):
+            self._angle_deviation += self._verdict.drift_sigma_now * (end - max(self._judged_at, self.converged_at))
+        self._judged_at = end
+
+    def _pattern_at(self, row: Floats) -> float:
+        """Where the pattern stands [rad]."""
+        estimate, control, _ = self._parts(row[None])
+        free = (estimate[:, : len(STATE_NAMES)] - control[:, 2:6]).T
+        phi, _ = orientation(free, control[:, CONTROL_NAMES.index("omega_squared")])
+        return float(phi[0])
+
+    def keep(self, first: int, rows: Floats) -> None:
+        """Keeps the rows (estimates, deviations, control, outputs of the plant) of the blocks from ``first`` on that have
+        been judged since."""
+        run, judged = self.run, self._judged
+        self._judged = []
         t: Floats = np.arange(first, first + len(rows), dtype=np.float64) * np.float64(run.period)
         estimate, control, plant = self._parts(rows)
-        converged = np.full(len(rows), self._verdict.valid)
-        omega_z = held[:, 0]
-        angles, phi = self._angles(t, estimate, control, converged)
+        held = np.concatenate([block.held for block in judged])
+        said = {name: np.repeat([getattr(b, name) for b in judged], [len(b.held) for b in judged]) for name in _SAID}
+        angles = self._angles(t, estimate, control, said["converged"])
         true_states = plant[:, -len(STATE_NAMES) :]
         if first * run.period < START_DURATION:
             count = round(START_DURATION * run.sample_rate)
             self._start.append(self._start_frame(t, true_states, estimate, held)[:count])
         if first * run.period < BOUND_DURATION:
-            self._motion.append((true_states.copy(), control[:, :2].copy(), held.copy()))
+            self._motion.append((true_states.copy(), control[:, :2].copy(), held))
         kept = slice(-first % self.every, None, self.every)
-        angle_true = self._angle_true(converged, omega_z)
+        angle_true = self._angle_true(said["converged"], held[:, 0])
         if len(t[kept]):
-            self._trace.add(self._columns(t[kept], rows[kept], held[kept], angle_true[kept], angles, kept))
+            said = {name: values[kept] for name, values in said.items()}
+            self._trace.add(self._columns(t[kept], rows[kept], held[kept], angle_true[kept], angles, said, kept))
         self._samples += len(rows)
-        self._valid_samples += int(converged.sum())
-        self._judge(t[-1], rows[-1], held[-1], phi)
+        self._valid_samples += sum(len(block.held) for block in judged if block.converged)
 
     def stop(self, t: float, complaint: str) -> None:
         """The plant could not go on at ``t`` [s]."""
@@ -139,26 +181,11 @@ class Recorder:
             rows[:, 2 * count + len(CONTROL_NAMES) :],
         )
 
-    def _judge(self, t: float, row: Floats, held: Floats, phi: float) -> None:
-        count = len(self.names)
-        measured = np.array([*held[1:], held[1], held[1]])
-        was = self._verdict.valid
-        estimate, deviation = row[:count].copy(), row[count : 2 * count].copy()
-        self._verdict = self.monitor.judge(float(t), estimate, deviation, measured, phi)
-        if self._verdict.valid and not was and self.converged_at is None:
-            # The flag holds from the next sample on.
-            self.converged_at = float(t) + self.run.period
-            self._strayed_before = self._verdict.stray_sigma
-        if self.converged_at is not None and np.isfinite(self._verdict.drift_sigma_now):
-            self._angle_deviation += self._verdict.drift_sigma_now * (
-                t + self.run.period - max(self._judged_at, self.converged_at)
-            )
-        self._judged_at = float(t) + self.run.period
-
     def _angle_sigma(self) -> float:
         """Deviation of the angle [rad]: what drift, reading and straying since it was first valid leave."""
-        strayed = np.sqrt(self._verdict.stray_sigma**2 - self._strayed_before**2) if self.converged_at is not None else 0.0
-        return float(np.hypot(np.hypot(self._angle_deviation, self._verdict.bend_sigma), strayed))
+        # Within a cycle the variance may fall.
+        strayed = max(self._verdict.stray_sigma**2 - self._strayed_before**2, 0.0)
+        return sqrt(self._angle_deviation**2 + self._verdict.bend_sigma**2 + strayed)
 
     def _angle_true(self, converged: NDArray[np.bool_], omega_z: Floats) -> Floats:
         """Integral of exactly the held rate [rad], zero where the angle was valid first and NaN before."""
@@ -170,16 +197,15 @@ class Recorder:
 
     def _angles(
         self, t: Floats, estimate: Floats, control: Floats, converged: NDArray[np.bool_]
-    ) -> tuple[dict[str, tuple[Floats, Floats]], float]:
-        """Angle [rad] and quality of each unit, and where the pattern stands in the end [rad]."""
-        x, x_dot, y, y_dot = np.ascontiguousarray(estimate[:, : len(STATE_NAMES)].T)
+    ) -> dict[str, tuple[Floats, Floats]]:
+        """Angle [rad] and quality of each unit."""
+        states = np.ascontiguousarray(estimate[:, : len(STATE_NAMES)].T)
         forced = np.ascontiguousarray(control[:, 2:6].T)
         omega_squared = np.ascontiguousarray(control[:, CONTROL_NAMES.index("omega_squared")])
         turned = np.ascontiguousarray(control[:, CONTROL_NAMES.index("turned")])
         near = np.ascontiguousarray(control[:, CONTROL_NAMES.index("near_x") :].T)
-        block = Block(t, x, x_dot, y, y_dot, forced, near, omega_squared, converged, self.angular_gain, turned)
-        phi, _ = orientation((block.states() - block.forced)[:, -1:], block.omega_squared[-1:])
-        return {name: unit.process(block) for name, unit in self.units.items()}, float(phi[0])
+        block = Block(t, states, forced, near, omega_squared, converged, self.angular_gain, turned)
+        return {name: unit.process(block) for name, unit in self.units.items()}
 
     def _columns(
         self,
@@ -188,6 +214,7 @@ class Recorder:
         held: Floats,
         angle_true: Floats,
         angles: dict[str, tuple[Floats, Floats]],
+        said: dict[str, NDArray[Any]],
         kept: slice,
     ) -> dict[str, NDArray[Any]]:
         estimate, control, plant = self._parts(rows)
@@ -202,11 +229,7 @@ class Recorder:
             "angle": angle[kept],
             "angle_quality": quality[kept],
             "turned": control[:, CONTROL_NAMES.index("turned")],
-            "converged": np.full(len(t), self._verdict.valid),
-            "drift_sigma": np.full(len(t), self._verdict.drift_sigma),
-            "drift_sigma_now": np.full(len(t), self._verdict.drift_sigma_now),
-            "stray_sigma": np.full(len(t), self._verdict.stray_sigma),
-            "angle_sigma": np.full(len(t), self._angle_sigma()),
+            **said,
             "v_x": plant[:, 0],
             "v_y": plant[:, 1],
             "u_x": control[:, 0],

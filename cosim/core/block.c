@@ -10,8 +10,9 @@ void block_row_in_eta(const filter *f, const double row[NP], double g[NP])
     for (int j = 0; j < NP; j++) {
         g[j] = 0.0;
     }
+    /* Over whole rows, zeros too: loops of one length run several numbers at a time. */
     for (int i = 0; i < NP; i++) {
-        for (int j = i; j < NP; j++) {
+        for (int j = 0; j < NP; j++) {
             g[j] += f->W[i][j] * row[i];
         }
     }
@@ -70,7 +71,7 @@ double block_information(const filter *f, double L[NP][NP], double b[NP])
             rotate_in(L, g);
         } else {
             for (int i = 0; i < NP; i++) {
-                for (int j = 0; j <= i; j++) {
+                for (int j = 0; j < NP; j++) {
                     L[i][j] += g[i] * g[j];
                 }
             }
@@ -78,6 +79,9 @@ double block_information(const filter *f, double L[NP][NP], double b[NP])
     }
     if (!f->growing) {
         factor(L);
+        for (int i = 0; i < NP; i++) {
+            memset(&L[i][i] + 1, 0, (size_t)(NP - 1 - i) * sizeof L[i][i]);
+        }
     }
     return trace;
 }

@@ -30,7 +30,7 @@ static double uncertainty(const filter *f, const double *h)
 double filter_correct_axis(filter *f, const double *c, const double *by_p, double noise, double e)
 {
     moving *n = &f->now;
-    double Pc[NZ], gain[NZ], h[NP], S = noise, surprise = 0.0;
+    double Pc[NZ] = {0.0}, gain[NZ], h[NP], S = noise, surprise = 0.0, strays = 0.0;
     double *row = f->H[f->rows], *told = f->r + f->rows;
     f->rows++;
     if (noise >= UNTOLD) {
@@ -40,16 +40,19 @@ double filter_correct_axis(filter *f, const double *c, const double *by_p, doubl
     }
     memcpy(h, by_p, sizeof h);
     for (int i = 0; i < NZ; i++) {
-        Pc[i] = 0.0;
+        if (c[i] == 0.0) {
+            continue;
+        }
         for (int j = 0; j < NZ; j++) {
-            Pc[i] += n->P[i][j] * c[j];
+            Pc[j] += c[i] * n->P[i][j];
         }
+        for (int q = 0; q < NP; q++) {
+            h[q] += c[i] * n->Y[i][q];
+        }
+        strays += c[i] * n->stray[i];
+    }
+    for (int i = 0; i < NZ; i++) {
         S += c[i] * Pc[i];
-        if (c[i] != 0.0) {
-            for (int q = 0; q < NP; q++) {
-                h[q] += c[i] * n->Y[i][q];
-            }
-        }
     }
     const double root = 1.0 / sqrt(S);
     if (e * e > OUTLIER * S) {
@@ -63,10 +66,6 @@ double filter_correct_axis(filter *f, const double *c, const double *by_p, doubl
         /* Trials of a start may have lost their numbers. */
         double *mean = f->inverse + ((f->rows - 1) & 1);
         *mean += NOISE_SHARE * (1.0 / S - *mean);
-    }
-    double strays = 0.0;
-    for (int i = 0; i < NZ; i++) {
-        strays += c[i] * n->stray[i];
     }
     for (int i = 0; i < NZ; i++) {
         gain[i] = Pc[i] / S;

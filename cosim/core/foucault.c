@@ -130,6 +130,9 @@ static void form(foucault *c, const double *estimate)
         const double amplitude = tone_amplitude(s, i);
         hold_respond(&c->loop, c->frequency[i], i % 2, amplitude, c->period, lead, c->phasor[i]);
         hold_respond_within(&c->loop, phi, gamma, c->frequency[i], i % 2, amplitude, lead, c->phasor[i], c->phasor_now[i]);
+        const double w = 2.0 * PI * c->frequency[i];
+        c->late[i] = (phase){sin(w * (double)(c->delay_samples + 1) * c->period), cos(w * (double)(c->delay_samples + 1) * c->period)};
+        c->ahead[i] = (phase){sin(w * lead), cos(w * lead)};
     }
     c->formed = 1;
 }
@@ -260,11 +263,10 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
         if (amplitude == 0.0) {
             continue;
         }
-        const double w = 2.0 * PI * c->frequency[i];
         /* The command keeps its phase whatever the delay is taken for: a tone that moved with each estimate would shake the pattern. */
-        const double late = (double)(c->delay_samples + 1) * c->period; /* age of the command that acts when a sample is taken */
-        const double sine = sin(w * t), cosine = cos(w * t), sine_d = sin(w * late), cosine_d = cos(w * late);
-        const double sine_late = sine * cosine_d - cosine * sine_d, cosine_late = cosine * cosine_d + sine * sine_d;
+        const double w = 2.0 * PI * c->frequency[i], sine = sin(w * t), cosine = cos(w * t);
+        const phase late = c->late[i];
+        const double sine_late = sine * late.cosine - cosine * late.sine, cosine_late = cosine * late.cosine + sine * late.sine;
         for (int j = 0; j < 4; j++) {
             const double response = share * (c->phasor_now[i][2 * j] * sine_late + c->phasor_now[i][2 * j + 1] * cosine_late);
             forced[j] += response;
@@ -272,7 +274,7 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
             ahead[j] += share * (c->phasor[i][2 * j] * sine + c->phasor[i][2 * j + 1] * cosine);
         }
         /* The tones are taken at mid-hold, so that the held staircase has their true phase. */
-        added[i % 2] += amplitude * (sine * cos(w * half) + cosine * sin(w * half));
+        added[i % 2] += amplitude * (sine * c->ahead[i].cosine + cosine * c->ahead[i].sine);
     }
     if (set->coriolis_compensation != 0.0) {
         added[0] -= 2.0 * mass * c->coupling * omega_z * ahead[3];

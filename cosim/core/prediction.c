@@ -57,6 +57,26 @@ typedef struct {
     double phi[NS][NS], psi[NS], D[NS][NP];
 } slopes;
 
+/* Adds m B to, all NS x NS, to `out`, few entries of B being there; without `to` m B. With m = weight phi(h - s) and to = phi(s) the sum over the nodes
+   is the integral of phi(h - s) B phi(s): what a bend B does to first order. */
+static void add_bend(const double *B, const double *to, const double *m, double out[NS][NS])
+{
+    for (int i = 0; i < NS; i++) {
+        for (int r = 0; r < NS; r++) {
+            const double b = B[i * NS + r];
+            if (b == 0.0) {
+                continue;
+            }
+            for (int a = 0; a < NS; a++) {
+                const double through = m[a * NS + i] * b;
+                for (int j = 0; j < NS; j++) {
+                    out[a][j] += through * (to == NULL ? (r == j ? 1.0 : 0.0) : to[r * NS + j]);
+                }
+            }
+        }
+    }
+}
+
 static void find_slopes(const known *k, double h, const passage *way, double omega_z, slopes *d)
 {
     const double none[2] = {0.0, 0.0};
@@ -82,26 +102,8 @@ static void find_slopes(const known *k, double h, const passage *way, double ome
             }
         }
         if (BENT) {
-            /* To first order in the bend B: the integral of phi(h - s) B phi(s). */
-            double moved[NS][NS];
             known_bend_by_state(k, way->s[n], none, omega_z, bent);
-            for (int i = 0; i < NS; i++) {
-                for (int j = 0; j < NS; j++) {
-                    moved[i][j] = n == 0 ? bent[i * NS + j] : 0.0;
-                    for (int r = 0; r < NS && n > 0; r++) {
-                        moved[i][j] += bent[i * NS + r] * passage_to(way, n)[r * NS + j];
-                    }
-                }
-            }
-            for (int i = 0; i < NS; i++) {
-                for (int j = 0; j < NS; j++) {
-                    double total = ends ? moved[i][j] : 0.0;
-                    for (int r = 0; r < NS && !ends; r++) {
-                        total += from[i * NS + r] * moved[r][j];
-                    }
-                    d->phi[i][j] += weight * total;
-                }
-            }
+            add_bend(bent, n == 0 ? NULL : passage_to(way, n), m, d->phi);
         }
     }
 }
@@ -191,33 +193,35 @@ static void predict_covariance(filter *f, double F[NZ][NZ], const passage *way)
 {
     moving *n = &f->now;
     const double none[2] = {0.0, 0.0}, *g = way->force, T = f->m.period;
-    double FP[NZ][NZ], thermal[4];
-    for (int j = 0; j < NZ; j++) {
-        for (int i = 0; i < SLOPE; i++) {
-            double total = 0.0;
-            for (int r = 0; r < SLOPE; r++) {
-                total += F[i][r] * n->P[r][j];
+    double FP[NZ][NZ], turned[NZ][NZ], thermal[4];
+    /* Sums run along rows, side by side: one after the other they would wait for each other. */
+    F[OMEGA][SLOPE] = T;
+    memset(FP, 0, sizeof FP);
+    for (int i = 0; i < NZ; i++) {
+        for (int r = 0; r < NZ; r++) {
+            for (int j = 0; j < NZ; j++) {
+                FP[i][j] += F[i][r] * n->P[r][j];
             }
-            FP[i][j] = total;
+            turned[i][r] = F[r][i];
         }
-        FP[OMEGA][j] += T * n->P[SLOPE][j];
-        FP[SLOPE][j] = n->P[SLOPE][j];
+    }
+    memset(n->P, 0, sizeof n->P);
+    for (int i = 0; i < NZ; i++) {
+        for (int r = 0; r < NZ; r++) {
+            for (int j = 0; j < NZ; j++) {
+                n->P[i][j] += FP[i][r] * turned[r][j];
+            }
+        }
     }
     for (int i = 0; i < NZ; i++) {
-        for (int j = i; j < SLOPE; j++) {
-            double total = j == OMEGA ? T * FP[i][SLOPE] : 0.0;
-            for (int r = 0; r < SLOPE; r++) {
-                total += FP[i][r] * F[j][r];
-            }
-            n->P[i][j] = n->P[j][i] = total;
+        for (int j = 0; j < i; j++) {
+            n->P[i][j] = n->P[j][i];
         }
-        n->P[i][SLOPE] = n->P[SLOPE][i] = FP[i][SLOPE];
     }
-    double stray[SLOPE];
-    for (int i = 0; i < SLOPE; i++) {
-        stray[i] = i == OMEGA ? T * n->stray[SLOPE] : 0.0;
-        for (int r = 0; r < SLOPE; r++) {
-            stray[i] += F[i][r] * n->stray[r];
+    double stray[NZ] = {0.0};
+    for (int r = 0; r < NZ; r++) {
+        for (int i = 0; i < NZ; i++) {
+            stray[i] += turned[r][i] * n->stray[r];
         }
     }
     memcpy(n->stray, stray, sizeof stray);

@@ -1,5 +1,6 @@
 """Angle units against a pattern whose angle is known in closed form."""
 
+from dataclasses import fields, replace
 from itertools import pairwise
 
 import numpy as np
@@ -41,11 +42,10 @@ def pattern(theta, theta_dot, tones=True, minor=0.0, converged_from=SETTLED, lam
             reach = force / (STIFFNESS * (1 - (w / OMEGA) ** 2))
             forced[2 * axis] = reach * np.sin(w * t)
             forced[2 * axis + 1] = reach * w * np.cos(w * t)
-    x, y = z.real + forced[0], z.imag + forced[2]
-    x_dot, y_dot = z_dot.real + forced[1], z_dot.imag + forced[3]
+    states = np.stack((z.real, z_dot.real, z.imag, z_dot.imag)) + forced
     converged = t >= converged_from - 1e-9
     squared = np.full(n, OMEGA**2)
-    return Block(t, x, x_dot, y, y_dot, forced, np.zeros((4, n)), squared, converged, lambda_, np.zeros(n))
+    return Block(t, states, forced, np.zeros((4, n)), squared, converged, lambda_, np.zeros(n))
 
 
 def steady(rate, duration, **options):
@@ -62,8 +62,8 @@ def swing(frequency, amplitude, duration, **options):
 def parts(block: Block, cuts: list[int]) -> list[Block]:
     """The block divided before each of the sample indexes."""
     edges = [0, *sorted(cuts), len(block.t)]
-    arrays = block._replace(lambda_=np.empty(0))
-    return [Block(*(a[..., low:high] for a in arrays))._replace(lambda_=block.lambda_) for low, high in pairwise(edges)]
+    arrays = {f.name: getattr(block, f.name) for f in fields(block) if f.name != "lambda_"}
+    return [replace(block, **{name: a[..., low:high] for name, a in arrays.items()}) for low, high in pairwise(edges)]
 
 
 # What the tones leave in a still angle [deg rms], measured 0.005 (A) and 0.011 (B); C subtracts
@@ -115,7 +115,7 @@ def test_zero_at_convergence_and_no_number_before(name):
 
 def test_convergence_is_remembered():
     block, _ = steady(5.0, 0.1)
-    late = block._replace(converged=(block.t >= SETTLED) & (block.t < 0.05))
+    late = replace(block, converged=(block.t >= SETTLED) & (block.t < 0.05))
     for name in UNIT_NAMES:
         expected, _ = make_units(SAMPLE_RATE, FREQUENCY)[name].process(block)
         angle, _ = make_units(SAMPLE_RATE, FREQUENCY)[name].process(late)
@@ -132,7 +132,7 @@ def test_angular_gain_divides_the_angle():
 def test_what_the_controller_turned_is_taken_off():
     block, theta = steady(5.0, 0.2, tones=False)
     # A pattern that the rate turns by -5 rad/s, and the controller says that it did -7 rad/s of it.
-    told = block._replace(turned=-7.0 * block.t)
+    told = replace(block, turned=-7.0 * block.t)
     angle, _ = make_units(SAMPLE_RATE, FREQUENCY)["C"].process(told)
     first = int(block.converged.argmax())
     expected = (theta - 7.0 * block.t)[first:]
@@ -147,8 +147,7 @@ def test_tones_near_the_oscillation_are_taken_off_before_any_filter(name):
     near = 0.3e-6 * np.outer([1.0, 0.0, 0.5, 0.0], np.sin(w * plain.t)) + 0.3e-6 * w * np.outer(
         [0.0, 1.0, 0.0, 0.5], np.cos(w * plain.t)
     )
-    x, x_dot, y, y_dot = plain.states() + near
-    toned = plain._replace(x=x, x_dot=x_dot, y=y, y_dot=y_dot, near=near, forced=plain.forced + near)
+    toned = replace(plain, states=plain.states + near, near=near, forced=plain.forced + near)
     expected, quality = make_units(SAMPLE_RATE, FREQUENCY)[name].process(plain)
     angle, with_tones = make_units(SAMPLE_RATE, FREQUENCY)[name].process(toned)
     # Added and subtracted again: rounding of 1e-6 m in 1e-16, which the band-pass leaves as it is.
