@@ -99,8 +99,8 @@ class Monitor:
         drift = self._drift(estimate, deviation, inputs, phi)
         largest = hypot(drift["turning"], self._mending(t, drift["bending"]))
         health = self.health()
-        strayed = health["strayed"] / self._gain**2
-        sigmas = hypot(largest, self._straying(t, strayed)), drift["turning_now"], drift["bending"], sqrt(max(strayed, 0.0))
+        strayed = max(health["strayed"], 0.0) / self._gain**2
+        sigmas = hypot(largest, self._straying(t, strayed)), drift["turning_now"], drift["bending"], sqrt(strayed)
         reason = self._doubt(t, health, estimate, deviation, largest, drift["unseen"])
         if reason and not reason.startswith(DRIFTS):
             self._bent.clear()

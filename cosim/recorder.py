@@ -128,8 +128,8 @@ class Recorder:
         return float(phi[0])
 
     def keep(self, first: int, rows: Floats) -> None:
-        """Keeps the rows (estimates, deviations, control, outputs of the plant) of the blocks from ``first`` on that have
-        been judged since."""
+        """Keeps the rows (estimates, deviations, control, outputs of the plant) of the samples from ``first`` on, all
+        judged by now."""
         run, judged = self.run, self._judged
         self._judged = []
         t: Floats = np.arange(first, first + len(rows), dtype=np.float64) * np.float64(run.period)
