@@ -14,8 +14,8 @@ from gyro_model.errors import InputError
 T = np.arange(0, 1, 1e-3)
 
 
-def result_of(error_deg, valid=None, sigma_deg=0.1):
-    """A result whose angle C errs by ``error_deg``."""
+def result_of(error_deg, valid=None, sigma_deg=0.1, walk_deg=0.0):
+    """A result whose angle C errs by ``error_deg``, and of which the loop says a drift and a walk [deg/s^0.5]."""
     columns = {
         "t": T,
         "angle_C": np.deg2rad(error_deg),
@@ -23,6 +23,7 @@ def result_of(error_deg, valid=None, sigma_deg=0.1):
         "converged": np.ones_like(T, dtype=bool) if valid is None else valid,
         "drift_sigma": np.deg2rad(np.full_like(T, sigma_deg)),
         "drift_sigma_now": np.deg2rad(np.full_like(T, sigma_deg)),
+        "stray_sigma": np.deg2rad(walk_deg * np.sqrt(T)),
     }
     return SimpleNamespace(trace=pl.DataFrame(columns), bounds=None)
 
@@ -32,6 +33,15 @@ def test_drift_is_the_slope_over_the_second_half():
     assert loop_drift.drift(result_of(error)) == pytest.approx(0.2)
     assert loop_drift.predicted(result_of(error)) == pytest.approx(0.1)
     assert loop_drift.drift(result_of(np.where(T < 0.6, np.nan, error))) == np.inf
+
+
+def test_a_walk_is_predicted_to_drift_as_it_does():
+    walk, count = 0.03, 4000
+    steps = walk * np.sqrt(T[1]) * np.random.default_rng(1).standard_normal((count, len(T)))
+    drifts = [loop_drift.slope(T[T >= 0.5], error[T >= 0.5]) for error in np.cumsum(steps, axis=1)]
+    predicted = loop_drift.predicted(result_of(0 * T, sigma_deg=0.0, walk_deg=walk))
+    # Five deviations of a root mean square of `count` numbers, and the one of 500 steps that a difference lacks.
+    assert np.std(drifts) == pytest.approx(predicted, rel=5 / np.sqrt(2 * count) + 0.002)
 
 
 def test_steps_at_edges_are_no_drift_between_edges():
