@@ -2,6 +2,7 @@
 
 #include "prediction.h"
 
+#include "covariance.h"
 #include "known_model.h"
 
 #define TURN 1.0     /* change of the rate from which the motion is formed anew [rad/s] */
@@ -181,63 +182,6 @@ static void move_lag(const frame *w, const piece *part, const passage *way, cons
     }
 }
 
-/* P becomes F P F' and the noise of the motion. Rate and slope follow from themselves alone, and the slope enters nothing but the rate. */
-/* Whether the damping takes energy of every motion. Estimates of few samples need not, and the noise force goes with its root. */
-static int is_damped(const known *k)
-{
-    const double *d = k->p + 3;
-    return d[0] > 0.0 && d[1] > 0.0 && d[0] * d[1] > d[2] * d[2];
-}
-
-static void predict_covariance(filter *f, double F[NZ][NZ], const passage *way)
-{
-    moving *n = &f->now;
-    const double none[2] = {0.0, 0.0}, *g = way->force, T = f->m.period;
-    double FP[NZ][NZ], turned[NZ][NZ], thermal[4];
-    /* Sums run along rows, side by side: one after the other they would wait for each other. */
-    F[OMEGA][SLOPE] = T;
-    memset(FP, 0, sizeof FP);
-    for (int i = 0; i < NZ; i++) {
-        for (int r = 0; r < NZ; r++) {
-            for (int j = 0; j < NZ; j++) {
-                FP[i][j] += F[i][r] * n->P[r][j];
-            }
-            turned[i][r] = F[r][i];
-        }
-    }
-    memset(n->P, 0, sizeof n->P);
-    for (int i = 0; i < NZ; i++) {
-        for (int r = 0; r < NZ; r++) {
-            for (int j = 0; j < NZ; j++) {
-                n->P[i][j] += FP[i][r] * turned[r][j];
-            }
-        }
-    }
-    for (int i = 0; i < NZ; i++) {
-        for (int j = 0; j < i; j++) {
-            n->P[i][j] = n->P[j][i];
-        }
-    }
-    double stray[NZ] = {0.0};
-    for (int r = 0; r < NZ; r++) {
-        for (int i = 0; i < NZ; i++) {
-            stray[i] += turned[r][i] * n->stray[r];
-        }
-    }
-    memcpy(n->stray, stray, sizeof stray);
-    n->P[OMEGA][OMEGA] += f->walk * f->walk * f->m.period;
-    n->P[SLOPE][SLOPE] += f->slope_walk * f->slope_walk * f->m.period;
-    if (HAS_THERMAL && is_damped(&f->k)) {
-        known_thermal(&f->k, way->s[NODES - 1], none, n->z[OMEGA], thermal);
-        for (int i = 0; i < NS; i++) {
-            for (int j = 0; j < NS; j++) {
-                n->P[i][j] += g[i * 2] * (thermal[0] * g[j * 2] + thermal[1] * g[j * 2 + 1]) +
-                              g[i * 2 + 1] * (thermal[2] * g[j * 2] + thermal[3] * g[j * 2 + 1]);
-            }
-        }
-    }
-}
-
 /* Moves z and its slopes through a piece; F becomes the piece's derivative by z. */
 static void move_through(const frame *w, const piece *part, const acting *force, const double *tau_by_p, double F[NZ][NZ], passage *way)
 {
@@ -344,7 +288,7 @@ void filter_predict(filter *f)
     for (int q = 0; q < NP; q++) {
         n->Y[OMEGA][q] += f->m.period * n->Y[SLOPE][q];
     }
-    predict_covariance(f, F, &way);
+    covariance_predict(f, F, &way);
 }
 
 /* What the sample should be, its derivatives by z and by p, and its noise [V2]. */
