@@ -14,6 +14,7 @@
 #define WORTH 0.1      /* fall of the sum of squares that is worth another one */
 #define AHEAD 4        /* whole steps more that may bring what the first one has not */
 #define SHORTEST 0.003 /* part of a step that is worth a filtering */
+#define EARLY 0.25     /* part of a start that tells which of several lags it is: a filtering of all takes four times as long */
 #define SETTLING 256   /* samples at the beginning of a start that tell a long one nothing where voltages lag: the motion is as unknown there as the
                           design leaves it, and the product of its error and one of the lag, which slopes leave out, would pass for knowledge */
 #define LONG 4096      /* samples of a long one */
@@ -173,6 +174,21 @@ static double go_to(filter *f, const double eta[NP])
     return block_squared(f->eta) + filter_again(f);
 }
 
+/* Looks for a better fit where `step` leads from that which has been found, d; leaves the start at the better one. */
+static descent look_there(filter *f, int whole, double L[NP][NP], descent d, const double step[NP])
+{
+    double found[NP], other[NP], b[NP];
+    memcpy(found, f->eta, sizeof found);
+    straight_step(f, found, step, other);
+    const descent there = come_down(f, whole, L, go_to(f, other));
+    if (there.cost < d.cost - WORTH) {
+        return there;
+    }
+    d.cost = go_to(f, found);
+    d.trace = inform(f, whole, L, b);
+    return d;
+}
+
 descent descent_find(filter *f, double L[NP][NP])
 {
     const int whole = f->in_block >= (int64_t)f->settings.start;
@@ -185,16 +201,13 @@ descent descent_find(filter *f, double L[NP][NP])
         cost += f->r[r] * f->r[r];
     }
     descent d = come_down(f, whole, L, cost);
-    if (whole && late_other_side(f, step)) {
-        double found[NP], other[NP], b[NP];
-        memcpy(found, f->eta, sizeof found);
-        straight_step(f, found, step, other);
-        const descent there = come_down(f, whole, L, go_to(f, other));
-        if (there.cost < d.cost - WORTH) {
-            return there;
+    for (int which = 0; which < LATE_LAGS && f->in_block == (int64_t)(EARLY * f->settings.start); which++) {
+        if (late_other_lag(f, which, step)) {
+            d = look_there(f, whole, L, d, step);
         }
-        d.cost = go_to(f, found);
-        d.trace = inform(f, whole, L, b);
+    }
+    if (whole && late_other_side(f, step)) {
+        d = look_there(f, whole, L, d, step);
     }
     return d;
 }

@@ -3,6 +3,8 @@
 #include "block.h"
 #include "known_model.h"
 
+#define APART 0.3 /* of the design's deviation of the lag, from which on another one is looked at */
+static const double ELSEWHERE[LATE_LAGS] = {-1.7, 0.0, 2.0}; /* deviations of the design from the lag that it expects, where others are */
 #define BESIDE 0.03 /* periods beside whole ones at which a delay may be on the wrong side, and how far on the other one it is looked for */
 
 /* The constant that a row of derivatives follows most, in deviations of the design; -1: none. */
@@ -23,20 +25,57 @@ static double across_whole_periods(double delay, double period)
     return whole >= 1.0 && fabs(beside) <= BESIDE ? -(beside + copysign(BESIDE, beside)) * period : 0.0;
 }
 
-int late_other_side(const filter *f, double step[NP])
+/* Delay and lag [s], and for each the constant that it follows most and its slope by it; -1: none. */
+typedef struct {
+    double delay, lag;
+    int delay_at, lag_at;
+    double delay_by, lag_by;
+} lateness;
+
+static lateness lateness_of(const filter *f, const known *k)
 {
     const double none[2] = {0.0, 0.0}, *z = f->now.z;
-    double late[2], by_p[2 * NP], change[NP] = {0.0};
-    known_late(&f->k, z, none, z[OMEGA], late);
-    known_late_by_parameter(&f->k, z, none, z[OMEGA], by_p);
+    double late[2], by_p[2 * NP];
+    known_late(k, z, none, z[OMEGA], late);
+    known_late_by_parameter(k, z, none, z[OMEGA], by_p);
     const int delay = most_of(f, by_p), lag = most_of(f, by_p + NP);
-    const double more = delay < 0 ? 0.0 : across_whole_periods(late[0], f->m.period);
+    return (lateness){late[0], late[1], delay, lag, delay < 0 ? 0.0 : by_p[delay], lag < 0 ? 0.0 : by_p[NP + lag]};
+}
+
+/* The change of eta by a delay that is `more` [s] and a lag that is `less`. */
+static void change_to(const filter *f, const lateness *at, double more, double less, double step[NP])
+{
+    double change[NP] = {0.0};
+    change[at->delay_at] = more / at->delay_by;
+    if (at->lag_at >= 0) {
+        change[at->lag_at] = -less / at->lag_by;
+    }
+    block_scale(f, change, step);
+}
+
+int late_other_side(const filter *f, double step[NP])
+{
+    const lateness now = lateness_of(f, &f->k);
+    const double more = now.delay_at < 0 ? 0.0 : across_whole_periods(now.delay, f->m.period);
     if (more != 0.0) {
-        change[delay] = more / by_p[delay];
-        if (lag >= 0) {
-            change[lag] = -smaller(more, late[1]) / by_p[NP + lag];
-        }
-        block_scale(f, change, step);
+        change_to(f, &now, more, smaller(more, now.lag), step);
     }
     return more != 0.0;
+}
+
+int late_other_lag(const filter *f, int which, double step[NP])
+{
+    const lateness now = lateness_of(f, &f->k);
+    if (now.delay_at < 0 || now.lag_at < 0) {
+        return 0;
+    }
+    known design = f->k;
+    memcpy(design.p, f->first_p, sizeof design.p);
+    const double deviation = fabs(now.lag_by) * f->prior[now.lag_at], other = lateness_of(f, &design).lag + ELSEWHERE[which] * deviation;
+    const double less = smaller(now.lag - larger(other, 0.0), now.lag);
+    if (fabs(less) < APART * deviation || now.delay + less < 0.0) {
+        return 0;
+    }
+    change_to(f, &now, less, less, step);
+    return 1;
 }

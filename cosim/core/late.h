@@ -9,4 +9,10 @@
 /* Whether the delay is nearly whole periods; `step`: the change of eta that leads to their other side, the lag making up for it. */
 int late_other_side(const filter *f, double step[NP]);
 
+#define LATE_LAGS 3 /* other lags that are looked at */
+
+/* Whether the lag is not near that one of LATE_LAGS that the design allows; `step`: the change of eta to there, the delay making up for it. A delay, a lag
+   and a feedthrough look alike to the second order in the lag, and a fit along them may have several minima. */
+int late_other_lag(const filter *f, int which, double step[NP]);
+
 #endif
