@@ -96,6 +96,20 @@ static double largest_turn(const edge *e, double before, const later *after)
     return 0.5 * fabs(after->mean - before) / sqrt(sample_at(e, e->seen)->omega_squared);
 }
 
+/* What the tones have turned the pattern by until the step showed, SUDDEN at most: the Coriolis force on the motion that they force, 2 m ΔΩ v, was not
+   cancelled [rad]. */
+static double kicked(const edge *e, double before, const later *after)
+{
+    const int64_t count = samples_in(e, SPAN);
+    double forced = 0.0, free = 0.0;
+    for (int64_t k = e->seen - count; k < e->seen; k++) {
+        const double v = cabs(sample_at(e, k)->forced.v), u = cabs(sample_at(e, k)->free.v);
+        forced += v * v;
+        free += u * u;
+    }
+    return free > 0.0 ? 2.0 * fabs(after->mean - before) * SUDDEN * sqrt(forced / free) : 0.0;
+}
+
 /* Whether the rate after a step from `before` is what it is taken for. Until it has settled that is how it went on. Where it changes by d more from
    one half of a time T to the other and did so from the step, the orientation errs by d T (1 + SETTLED/T)^2: this must be less than what a step
    without an Euler force can turn it by, times NOISY, or than noise makes of it. A slope that begins or ends is no step at all. Nor is a pulse, with
@@ -127,7 +141,7 @@ static void review(edge *e, const double *estimate, filter *f)
         const double rate = rate_at(e, &after, (double)e->seen);
         found = step_time(f, e->seen - samples_in(e, LATEST), e->seen, e->seen + samples_in(e, LOOKED), rate, e->unlikely);
     }
-    double left = largest_turn(e, before, &after);
+    double left = hypot(largest_turn(e, before, &after), kicked(e, before, &after));
     if (found.at >= 0.0) {
         e->turned += turned_in(e, estimate, found.at, before, &after);
         left = coupling_of(e, estimate) * (after.mean - before) * e->period * sqrt(found.variance);

@@ -163,7 +163,8 @@ static explained explain(const search *s, account (*three)[3], int count, double
     }
     if (e.inside) {
         const double mean = first / total;
-        e.when = (step_found){(double)s->seen - mean, second / total - mean * mean};
+        /* Of one sample alone rounding may leave less than nothing. */
+        e.when = (step_found){(double)s->seen - mean, larger(second / total - mean * mean, 0.0)};
     }
     return e;
 }
