@@ -1,5 +1,6 @@
 """What the measures of the loop are made of: drift, lies, random devices, effects drawn by seed."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from benchmarks import loop_circle, loop_devices, loop_drift, loop_effects, loop_rates, loop_rest
 from benchmarks.closed_loop import sample_rows
 from cosim.design import load_design
+from cosim.master import simulate
 from gyro_model.errors import InputError
 
 T = np.arange(0, 1, 1e-3)
@@ -173,3 +175,14 @@ def test_shares_of_a_sample_add_up():
     for line in sample_rows(timed=400, settling=400, repeats=1):
         values = line.values
         assert values["whole"] == pytest.approx(values["plant"] + values["observer"] + values["controller"])
+
+
+def test_a_start_finds_the_lag_among_several_at_which_it_would_fit(residual):
+    """A feedthrough of -9.2 V/N and a delay just below a period: the loop that looked at one lag ended at 2.3 us."""
+    run = replace(loop_devices.the_run(1045, 3), duration=0.1)
+    trace, device = simulate(run).trace, run.device.all_parameters
+    # A tenth of a second knows it to 0.1 us; the next fit is 2.2 us away.
+    error = abs(trace["est_amplifier_time_constant"][-1] - device["amplifier_time_constant"])
+    residual("lag [us]", 1e6 * error, 0.5)
+    # What such a lag is taken for: tau^2/2 of the gain.
+    residual("feedthrough [V/N]", abs(trace["est_feedthrough"][-1] - device["feedthrough"]), 1.0)
