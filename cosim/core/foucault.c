@@ -118,6 +118,8 @@ static void form(foucault *c, const double *estimate)
     motion_form_piece(&c->half, &c->k, 0.0, 0.5 * c->period);
     const double angle = 0.5 * c->period * sqrt(omega_squared);
     c->boost = compensate ? angle / sin(angle) : 1.0;
+    c->omega = sqrt(omega_squared);
+    c->turn = (phase){sin(c->omega * c->period), cos(c->omega * c->period)};
     if (!c->formed) {
         /* Once: a tone that moved with each estimate would be no tone. */
         place_tones(c, sqrt(omega_squared) / (2.0 * PI));

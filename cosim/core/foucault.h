@@ -20,7 +20,7 @@
 #define ESTIMATE_M 11
 #define ESTIMATE_SIZE (12 + NP - 7 + NS - 4)
 
-/* Of a tone, over a time that stays as it is while the gains do. */
+/* Of an oscillation, over a time that stays as it is while the gains do. */
 typedef struct {
     double sine, cosine;
 } phase;
@@ -40,6 +40,8 @@ typedef struct {
     double phasor[TONES][8];   /* responses to the tones where a command begins to act */
     double phasor_now[TONES][8]; /* and at the sample before the next one does, in the same phase */
     double frequency[TONES];   /* of the tones [Hz] */
+    double omega;              /* of the isotropic oscillator [rad/s] */
+    phase turn;                /* of it over a period */
     phase late[TONES];         /* over the age of the command that acts when a sample is taken */
     phase ahead[TONES];        /* from a sample to mid-hold */
     double near_share;         /* of the second pair's amplitude */

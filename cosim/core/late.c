@@ -72,7 +72,7 @@ int late_other_lag(const filter *f, int which, double step[NP])
     known design = f->k;
     memcpy(design.p, f->first_p, sizeof design.p);
     const double deviation = fabs(now.lag_by) * f->prior[now.lag_at], other = lateness_of(f, &design).lag + ELSEWHERE[which] * deviation;
-    const double less = smaller(now.lag - larger(other, 0.0), now.lag);
+    const double less = now.lag - larger(other, 0.0);
     if (fabs(less) < APART * deviation || now.delay + less < 0.0) {
         return 0;
     }

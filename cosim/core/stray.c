@@ -24,15 +24,14 @@ static void angle_by_state(const double s[4], double omega_squared, double by[4]
    together until then. */
 static void turn_by_estimates(const foucault *c, const double *z, const double forced[4], double by[NZ])
 {
-    const double omega_squared = c->settings.k / c->in_use[6], angle = sqrt(omega_squared) * c->period, w = sqrt(omega_squared);
-    const double cosine = cos(angle), sine = sin(angle);
+    const double w = c->omega, cosine = c->turn.cosine, sine = c->turn.sine;
     double end[4], by_end[4], by_force[2] = {0.0, 0.0};
     for (int i = 0; i < 4; i += 2) {
         const double q = z[i] - forced[i], q_dot = z[i + 1] - forced[i + 1];
         end[i] = cosine * q + sine * q_dot / w;
         end[i + 1] = cosine * q_dot - w * sine * q;
     }
-    angle_by_state(end, omega_squared, by_end);
+    angle_by_state(end, w * w, by_end);
     for (int j = 0; j < 4; j++) {
         by_force[0] += by_end[j] * c->loop.gamma[2 * j];
         by_force[1] += by_end[j] * c->loop.gamma[2 * j + 1];
@@ -47,7 +46,7 @@ static void turn_by_estimates(const foucault *c, const double *z, const double f
 void stray_by_force(filter *f, const foucault *c, const double forced[4])
 {
     moving *n = &f->now;
-    double by[NZ], Pb[NZ];
+    double by[NZ], Pb[NZ], more = 0.0;
     if (!c->formed) {
         return;
     }
@@ -57,8 +56,10 @@ void stray_by_force(filter *f, const foucault *c, const double forced[4])
         for (int j = 0; j < NZ; j++) {
             Pb[i] += n->P[i][j] * by[j];
         }
-        f->strayed += by[i] * (2.0 * n->stray[i] + Pb[i]);
+        more += by[i] * (2.0 * n->stray[i] + Pb[i]);
     }
+    /* What has lost its numbers begins anew; the sum goes on. */
+    f->strayed += isfinite(more) ? more : 0.0;
     for (int i = 0; i < NZ; i++) {
         n->stray[i] += Pb[i];
     }
