@@ -6,6 +6,7 @@ that stops, the flag is withdrawn and says why."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import hypot, sqrt
 from typing import Final, NamedTuple
 
@@ -162,9 +163,9 @@ class Monitor:
             return "the observer lost the device and began again from the design"
         # Pink noise below a hundred hertz is another one in each window, up to a few times its mean.
         pink = max(health["pink_x"], health["pink_y"])
-        if health["chi2"] < min(self._chi2_low(), NOTHING):
+        if health["chi2"] < min(self._chi2_low, NOTHING):
             return f"the observer has lost the device{self._hint()}"
-        if not self._chi2_low() <= health["chi2"] <= set_["chi2_high"] + pink:
+        if not self._chi2_low <= health["chi2"] <= set_["chi2_high"] + pink:
             return f"{INNOVATIONS} are {sqrt(max(health['chi2'], 0)):.3g} times what they should be{self._hint()}"
         if not health["start"] <= set_["start_high"] + pink:
             left = f": it left innovations {sqrt(health['start']):.3g} times what they should be"
@@ -220,6 +221,7 @@ class Monitor:
         alone = not any(name not in PARAMETER_NAMES for name in self.design.deviations)
         return "; something acts that the design does not know, try --design lab" if alone else ""
 
+    @cached_property
     def _chi2_low(self) -> float:
         """What innovations must reach at least; nothing where the noise that the filter is told is only its floor."""
         values = self.design.all_values
