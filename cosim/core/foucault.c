@@ -128,6 +128,7 @@ static void form(foucault *c, const double *estimate)
     double phi[16], gamma[8];
     const double lead = compensate ? 0.5 * c->period : 0.0;
     transition_over(a, b, 4, c->period - c->rest.duration, phi, gamma);
+    hold_straighten(&c->loop, phi, gamma, c->omega, c->rest.duration, c->straight);
     for (int i = 0; i < TONES; i++) {
         const double amplitude = tone_amplitude(s, i);
         hold_respond(&c->loop, c->frequency[i], i % 2, amplitude, c->period, lead, c->phasor[i]);
@@ -349,7 +350,13 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
         lose(c);
     }
     memcpy(c->u[c->count & (PAST - 1)], out->u, sizeof out->u);
-    memcpy(out->forced, forced, sizeof forced);
+    for (int i = 0; i < 4; i++) {
+        double straight = 0.0;
+        for (int j = 0; j < 4; j++) {
+            straight += c->straight[4 * i + j] * (estimate[j] - forced[j]);
+        }
+        out->forced[i] = isfinite(straight) ? estimate[i] - straight : forced[i];
+    }
     memcpy(out->near, near, sizeof near);
     out->omega_squared = omega_squared;
     out->turned = c->turned;

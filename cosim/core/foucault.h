@@ -38,6 +38,7 @@ typedef struct {
     double delay;              /* [s] */
     double boost;
     double phasor[TONES][8];   /* responses to the tones where a command begins to act */
+    double straight[16];       /* 4 x 4: the pattern as an oscillator would have it at a sample, by how it is there (hold.h) */
     double phasor_now[TONES][8]; /* and at the sample before the next one does, in the same phase */
     double frequency[TONES];   /* of the tones [Hz] */
     double omega;              /* of the isotropic oscillator [rad/s] */
@@ -60,7 +61,7 @@ typedef struct {
 /* What a step gives. */
 typedef struct {
     double u[2];          /* command [N] */
-    double forced[4];     /* response to the tones at t_k: x, x', y, y' [m, m/s] */
+    double forced[4];     /* response to the tones at t_k, and what held forces make of the pattern there: x, x', y, y' [m, m/s] */
     double near[4];       /* the part of it that is due to the second pair, near the loop's own frequency */
     double omega_squared; /* k/m of the isotropic oscillator [1/s2] */
     double turned;        /* angle by which the pattern has been turned electronically [rad] */

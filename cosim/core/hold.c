@@ -172,3 +172,48 @@ void hold_respond_within(const held_loop *h, const double *phi, const double *ga
         }
     }
 }
+
+/* The free loop after a time: phi + gamma gain, row by row. */
+static void free_loop(const held_loop *h, const double *phi, const double *gamma, double out[4][4])
+{
+    for (int i = 0; i < 4; i++) {
+        for (int j = 0; j < 4; j++) {
+            out[i][j] = phi[4 * i + j] + gamma[2 * i] * h->gain[j] + gamma[2 * i + 1] * h->gain[4 + j];
+        }
+    }
+}
+
+void hold_straighten(const held_loop *h, const double *phi, const double *gamma, double w, double rest, double straight[16])
+{
+    const double cosine = cos(w * rest), sine = sin(w * rest);
+    double way[4][4], whole[4][4], a[4][8];
+    free_loop(h, phi, gamma, way);
+    free_loop(h, h->phi, h->gamma, whole);
+    /* straight way = back whole: columns of the transposed system. Its diagonal is near 1. */
+    for (int j = 0; j < 4; j++) {
+        for (int i = 0; i < 4; i++) {
+            a[j][i] = way[i][j];
+        }
+        for (int i = 0; i < 4; i += 2) {
+            a[j][4 + i] = cosine * whole[i][j] - sine / w * whole[i + 1][j];
+            a[j][5 + i] = w * sine * whole[i][j] + cosine * whole[i + 1][j];
+        }
+    }
+    for (int i = 0; i < 4; i++) {
+        const double scale = 1.0 / a[i][i];
+        for (int j = 0; j < 8; j++) {
+            a[i][j] *= scale;
+        }
+        for (int r = 0; r < 4; r++) {
+            const double factor = r == i ? 0.0 : a[r][i];
+            for (int j = 0; j < 8; j++) {
+                a[r][j] -= factor * a[i][j];
+            }
+        }
+    }
+    for (int i = 0; i < 4; i++) {
+        for (int j = 0; j < 4; j++) {
+            straight[4 * i + j] = a[j][4 + i];
+        }
+    }
+}

@@ -30,4 +30,9 @@ void hold_respond(const held_loop *h, double frequency, int axis, double amplitu
 void hold_respond_within(const held_loop *h, const double *phi, const double *gamma, double frequency, int axis, double amplitude, double lead,
                          const double *phasor, double *within);
 
+/* Writes the 4 x 4 matrix that makes of the loop's free motion, between two changes of its force, what an oscillator of angular frequency w [rad/s] would
+   be there that is as the loop at the second of them, `rest` [s] later: phi [16] and gamma [8] are those since the first. Held forces bend the motion in
+   between, each axis by as much as of its stiffness is cancelled. */
+void hold_straighten(const held_loop *h, const double *phi, const double *gamma, double w, double rest, double straight[16]);
+
 #endif
