@@ -191,9 +191,13 @@ class Recorder:
         """Integral of exactly the held rate [rad], zero where the angle was valid first and NaN before."""
         turned = self._turned + np.concatenate(([0.0], np.cumsum(omega_z))) * self.run.period
         self._turned = float(turned[-1])
+        first = 0
         if np.isnan(self._zero) and converged.any():
-            self._zero = float(turned[converged.argmax()])
-        return turned[:-1] - self._zero
+            first = int(converged.argmax())
+            self._zero = float(turned[first])
+        angle: Floats = turned[:-1] - self._zero
+        angle[:first] = np.nan
+        return angle
 
     def _angles(
         self, t: Floats, estimate: Floats, control: Floats, converged: NDArray[np.bool_]
