@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.metrics import angle_metrics
+from cosim.monitor import strayed_slope
 from cosim.recorder import Result
 from cosim.run import Run
 
@@ -65,14 +66,13 @@ def drift_between_edges(result: Result, run: Run, span: tuple[float, float] = SP
 
 def predicted(result: Result, span: tuple[float, float] = SPAN) -> float:
     """The loop's own standard deviation of its drift [deg/s]: of the turning, rms over ``span`` [s], together with the
-    slope that what the pattern strays by in it gives a straight line of least squares (``Monitor``); infinite where it
-    had none."""
+    slope that what the pattern strays by in it gives (``strayed_slope``); infinite where it had none."""
     t, turning, strayed = (result.trace[name].to_numpy() for name in ("t", "drift_sigma_now", "stray_sigma"))
     inside = (t >= span[0]) & (t < span[1])
     if not inside.any():
         return np.inf
-    walked = 1.2 * max(strayed[inside][-1] ** 2 - strayed[inside][0] ** 2, 0.0) / (span[1] - span[0]) ** 2
-    return float(np.rad2deg(np.sqrt(np.mean(np.square(turning[inside])) + walked)))
+    walked = strayed_slope(float(strayed[inside][-1] ** 2 - strayed[inside][0] ** 2), span[1] - span[0])
+    return float(np.rad2deg(np.hypot(np.sqrt(np.mean(np.square(turning[inside]))), walked)))
 
 
 def bound(result: Result, span: tuple[float, float] = SPAN) -> float:

@@ -35,9 +35,10 @@ from cosim.angle_filters import Filter, Floats, Shape, band_pass, low_pass
 class Block:
     """What the loop records over n consecutive samples; the arrays are not changed.
 
-    t [s]; states: estimates of x, x_dot, y, y_dot at t [m, m/s], shape (4, n); forced: the observer's response to the
-    tones, likewise; near: the part of it at tones near the oscillation; omega_squared = k/m [1/s^2]; converged: bool;
-    lambda_: the angular gain [1]; turned: angle by which the controller has turned the pattern [rad]."""
+    t [s]; states: estimates of x, x_dot, y, y_dot at t [m, m/s], shape (4, n); forced: the response to the tones and
+    what held forces bend of the pattern there, likewise; near: the part of it at tones near the oscillation;
+    omega_squared = k/m [1/s^2]; converged: bool; lambda_: the angular gain [1]; turned: angle by which the controller
+    has turned the pattern [rad]."""
 
     t: Floats
     states: Floats

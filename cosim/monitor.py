@@ -60,6 +60,13 @@ WINDOW: Final = 0.1
 flag: a fit that is none looks like one for some hundredths of a second."""
 
 
+def strayed_slope(variance: float, span: float) -> float:
+    """Standard deviation of the slope [rad/s] of a straight line of least squares over ``span`` [s] in which an angle
+    has strayed by ``variance`` [rad^2]: by steps at any time, of which one of 1 at the share u gives it the slope
+    6 u (1 - u)/span, in the mean square 1.2/span^2. Within a cycle of the oscillation the variance may fall: none."""
+    return sqrt(1.2 * max(variance, 0.0)) / span
+
+
 class Verdict(NamedTuple):
     """valid now; reason why not (else empty); predicted standard deviations: of the angle's drift over WINDOW, the
     pattern at its worst angle, with its reading as it is learnt, its random walk and the steps of the rate; of the
@@ -139,13 +146,11 @@ class Monitor:
 
     def _straying(self, t: float, variance: float) -> float:
         """Deviation of the slope over WINDOW that what the pattern strays by gives the angle's error [rad/s],
-        ``variance`` being that of all so far. Noise and steps of the rate are steps of the angle at any time: one of 1
-        at the share u of a time T gives the straight line of least squares the slope 6 u (1 - u)/T, in the mean square
-        1.2/T^2. No drift that goes on: it is in no limit."""
+        ``variance`` being that of all so far. No drift that goes on: it is in no limit."""
         while len(self._strayed) > 1 and self._strayed[1][0] <= t - WINDOW:
             self._strayed.pop(0)
         self._strayed.append((t, variance))
-        return sqrt(1.2 * max(variance - self._strayed[0][1], 0.0)) / WINDOW
+        return strayed_slope(variance - self._strayed[0][1], WINDOW)
 
     def _doubt(
         self,

@@ -43,6 +43,7 @@ static void factor(double J[NP][NP])
         }
         J[j][j] = sqrt(larger(J[j][j], 1.0)); /* J is at least the identity */
         for (int i = j + 1; i < NP; i++) {
+            J[j][i] = 0.0;
             for (int k = 0; k < j; k++) {
                 J[i][j] -= J[i][k] * J[j][k];
             }
@@ -79,9 +80,6 @@ double block_information(const filter *f, double L[NP][NP], double b[NP])
     }
     if (!f->growing) {
         factor(L);
-        for (int i = 0; i < NP; i++) {
-            memset(&L[i][i] + 1, 0, (size_t)(NP - 1 - i) * sizeof L[i][i]);
-        }
     }
     return trace;
 }

@@ -189,6 +189,13 @@ static descent look_there(filter *f, int whole, double L[NP][NP], descent d, con
     return d;
 }
 
+/* Whether this is the first fit that has an early part of the start; blocks double. */
+static int is_early(const filter *f)
+{
+    const double early = EARLY * f->settings.start, samples = (double)f->in_block;
+    return samples >= early && samples < 2.0 * early;
+}
+
 descent descent_find(filter *f, double L[NP][NP])
 {
     const int whole = f->in_block >= (int64_t)f->settings.start;
@@ -201,7 +208,7 @@ descent descent_find(filter *f, double L[NP][NP])
         cost += f->r[r] * f->r[r];
     }
     descent d = come_down(f, whole, L, cost);
-    for (int which = 0; which < LATE_LAGS && f->in_block == (int64_t)(EARLY * f->settings.start); which++) {
+    for (int which = 0; which < LATE_LAGS && is_early(f); which++) {
         if (late_other_lag(f, which, step)) {
             d = look_there(f, whole, L, d, step);
         }

@@ -116,13 +116,13 @@ static void form(foucault *c, const double *estimate)
     motion_form_piece(&c->rest, &c->k, 0.0, c->delay - (double)c->delay_samples * c->period);
     motion_form_piece(&c->step, &c->k, 0.0, c->period);
     motion_form_piece(&c->half, &c->k, 0.0, 0.5 * c->period);
-    const double angle = 0.5 * c->period * sqrt(omega_squared);
-    c->boost = compensate ? angle / sin(angle) : 1.0;
     c->omega = sqrt(omega_squared);
+    const double angle = 0.5 * c->period * c->omega;
+    c->boost = compensate ? angle / sin(angle) : 1.0;
     c->turn = (phase){sin(c->omega * c->period), cos(c->omega * c->period)};
     if (!c->formed) {
         /* Once: a tone that moved with each estimate would be no tone. */
-        place_tones(c, sqrt(omega_squared) / (2.0 * PI));
+        place_tones(c, c->omega / (2.0 * PI));
     }
     /* A sample lies so long after a command has begun to act. */
     double phi[16], gamma[8];

@@ -32,6 +32,12 @@ static void solve_for_force(const double *rate, const double *phi, const double 
     }
 }
 
+/* An entry of the free loop over a time: phi + gamma gain. */
+static double loop_entry(const held_loop *h, const double *phi, const double *gamma, int i, int j)
+{
+    return phi[4 * i + j] + gamma[2 * i] * h->gain[j] + gamma[2 * i + 1] * h->gain[4 + j];
+}
+
 /* l_a (phi + gamma gain) r_b, or with the conjugate of r_b (`twin`); r = (1, i omega), l = (1, -i/omega)/2: the oscillator turning
    exp(i omega t). */
 static double complex mode(const held_loop *h, double omega, int a, int b, int twin)
@@ -42,8 +48,7 @@ static double complex mode(const held_loop *h, double omega, int a, int b, int t
     for (int i = 0; i < 2; i++) {
         for (int j = 0; j < 2; j++) {
             const int row = 2 * a + i, column = 2 * b + j;
-            const double loop = h->phi[4 * row + column] + h->gamma[2 * row] * h->gain[column] + h->gamma[2 * row + 1] * h->gain[4 + column];
-            total += left[i] * loop * right[j];
+            total += left[i] * loop_entry(h, h->phi, h->gamma, row, column) * right[j];
         }
     }
     return total;
@@ -99,27 +104,27 @@ void hold_form(held_loop *h, const double *a, const double *b, const double *rat
     }
 }
 
-/* Solves the 8 x 8 system a[:, :8] z = a[:, 8] in place (Gauss-Jordan, row pivots). */
-static void eliminate(double a[8][9])
+/* Solves a[:, :n] z = a[:, n:] in place, a [n * columns] row by row (Gauss-Jordan, row pivots). */
+static void eliminate(double *a, int n, int columns)
 {
-    for (int i = 0; i < 8; i++) {
+    for (int i = 0; i < n; i++) {
         int pivot = i;
-        for (int r = i + 1; r < 8; r++) {
-            pivot = fabs(a[r][i]) > fabs(a[pivot][i]) ? r : pivot;
+        for (int r = i + 1; r < n; r++) {
+            pivot = fabs(a[r * columns + i]) > fabs(a[pivot * columns + i]) ? r : pivot;
         }
-        for (int j = 0; j < 9; j++) {
-            const double swapped = a[i][j];
-            a[i][j] = a[pivot][j];
-            a[pivot][j] = swapped;
+        for (int j = 0; j < columns; j++) {
+            const double swapped = a[i * columns + j];
+            a[i * columns + j] = a[pivot * columns + j];
+            a[pivot * columns + j] = swapped;
         }
-        const double scale = 1.0 / a[i][i];
-        for (int j = 0; j < 9; j++) {
-            a[i][j] *= scale;
+        const double scale = 1.0 / a[i * columns + i];
+        for (int j = 0; j < columns; j++) {
+            a[i * columns + j] *= scale;
         }
-        for (int r = 0; r < 8; r++) {
-            const double factor = r == i ? 0.0 : a[r][i];
-            for (int j = 0; j < 9; j++) {
-                a[r][j] -= factor * a[i][j];
+        for (int r = 0; r < n; r++) {
+            const double factor = r == i ? 0.0 : a[r * columns + i];
+            for (int j = 0; j < columns; j++) {
+                a[r * columns + j] -= factor * a[i * columns + j];
             }
         }
     }
@@ -132,7 +137,7 @@ void hold_respond(const held_loop *h, double frequency, int axis, double amplitu
     double a[8][9];
     for (int i = 0; i < 4; i++) {
         for (int j = 0; j < 4; j++) {
-            const double loop = h->phi[4 * i + j] + h->gamma[2 * i] * h->gain[j] + h->gamma[2 * i + 1] * h->gain[4 + j];
+            const double loop = loop_entry(h, h->phi, h->gamma, i, j);
             /* (exp(i angle) - loop) phasor = force, real and imaginary part */
             const double real = (i == j ? cos(angle) : 0.0) - loop, imaginary = i == j ? sin(angle) : 0.0;
             a[i][j] = real;
@@ -144,7 +149,7 @@ void hold_respond(const held_loop *h, double frequency, int axis, double amplitu
         a[i][8] = push * cos_lead;
         a[4 + i][8] = push * sin_lead;
     }
-    eliminate(a);
+    eliminate(&a[0][0], 8, 9);
     for (int i = 0; i < 4; i++) {
         phasor[2 * i] = a[i][8];
         phasor[2 * i + 1] = a[4 + i][8];
@@ -173,44 +178,22 @@ void hold_respond_within(const held_loop *h, const double *phi, const double *ga
     }
 }
 
-/* The free loop after a time: phi + gamma gain, row by row. */
-static void free_loop(const held_loop *h, const double *phi, const double *gamma, double out[4][4])
-{
-    for (int i = 0; i < 4; i++) {
-        for (int j = 0; j < 4; j++) {
-            out[i][j] = phi[4 * i + j] + gamma[2 * i] * h->gain[j] + gamma[2 * i + 1] * h->gain[4 + j];
-        }
-    }
-}
-
 void hold_straighten(const held_loop *h, const double *phi, const double *gamma, double w, double rest, double straight[16])
 {
     const double cosine = cos(w * rest), sine = sin(w * rest);
-    double way[4][4], whole[4][4], a[4][8];
-    free_loop(h, phi, gamma, way);
-    free_loop(h, h->phi, h->gamma, whole);
-    /* straight way = back whole: columns of the transposed system. Its diagonal is near 1. */
+    double a[4][8];
+    /* straight way = back whole, transposed: way to where the motion is straightened, whole over a period, back by the oscillator. */
     for (int j = 0; j < 4; j++) {
         for (int i = 0; i < 4; i++) {
-            a[j][i] = way[i][j];
+            a[j][i] = loop_entry(h, phi, gamma, i, j);
         }
         for (int i = 0; i < 4; i += 2) {
-            a[j][4 + i] = cosine * whole[i][j] - sine / w * whole[i + 1][j];
-            a[j][5 + i] = w * sine * whole[i][j] + cosine * whole[i + 1][j];
+            const double q = loop_entry(h, h->phi, h->gamma, i, j), q_dot = loop_entry(h, h->phi, h->gamma, i + 1, j);
+            a[j][4 + i] = cosine * q - sine / w * q_dot;
+            a[j][5 + i] = w * sine * q + cosine * q_dot;
         }
     }
-    for (int i = 0; i < 4; i++) {
-        const double scale = 1.0 / a[i][i];
-        for (int j = 0; j < 8; j++) {
-            a[i][j] *= scale;
-        }
-        for (int r = 0; r < 4; r++) {
-            const double factor = r == i ? 0.0 : a[r][i];
-            for (int j = 0; j < 8; j++) {
-                a[r][j] -= factor * a[i][j];
-            }
-        }
-    }
+    eliminate(&a[0][0], 4, 8);
     for (int i = 0; i < 4; i++) {
         for (int j = 0; j < 4; j++) {
             straight[4 * i + j] = a[j][4 + i];

@@ -4,8 +4,10 @@
 #include "known_model.h"
 
 #define APART 0.3 /* of the design's deviation of the lag, from which on another one is looked at */
-static const double ELSEWHERE[LATE_LAGS] = {-1.7, 0.0, 2.0}; /* deviations of the design from the lag that it expects, where others are */
 #define BESIDE 0.03 /* periods beside whole ones at which a delay may be on the wrong side, and how far on the other one it is looked for */
+
+/* Where other lags are looked at: deviations of the design from the lag that it expects. */
+static const double ELSEWHERE[LATE_LAGS] = {-1.7, 0.0, 2.0};
 
 /* The constant that a row of derivatives follows most, in deviations of the design; -1: none. */
 static int most_of(const filter *f, const double row[NP])

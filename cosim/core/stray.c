@@ -3,7 +3,7 @@
 
        s+ = s + b e,   E s^2+ = E s^2 + 2 b g + b P b',   g+ = g + P b'
 
-   Between samples g goes with e: g = F g, and where a sample corrects e it corrects g (prediction.c, correction.c). */
+   Between samples g goes with e: g = F g, and where a sample corrects e it corrects g (covariance.c, correction.c). */
 
 #include "stray.h"
 

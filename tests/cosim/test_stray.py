@@ -7,7 +7,7 @@ from cosim.master import simulate
 from gyrotwin.tasks.run import Request, prepare
 
 BAND = (40.0, 160.0)
-"""Where a random walk is above what the reading of the angle adds, and below the turning of the edges [Hz]."""
+"""Where a random walk is above what the reading of the angle adds, and a drift is below it [Hz]."""
 SPAN = 0.05
 """Of a piece whose spectrum is taken [s]."""
 
@@ -39,7 +39,7 @@ def test_the_walk_of_the_angle_is_predicted(device, design, residual):
     measured, count = walk_of(t[late], (trace["angle_C"] - trace["angle_true"]).to_numpy()[late])
     predicted = np.sqrt((strayed[late][-1] - strayed[late][0]) / (t[late][-1] - t[late][0]))
     # Neighbouring bins of a windowed piece share half of what they hold: of `count` some 2/3 are independent, with a
-    # deviation of 1 each; a root has half of that. Three deviations; beside them 20 % for jitter and rounding, which
-    # are not white.
+    # deviation of 1 each; a root has half of that. Three deviations; beside them 20 %, half of what four random devices
+    # were off by and more (0.7 to 1.1 of the prediction).
     limit = 0.2 + 3 * 0.5 / np.sqrt(2 / 3 * count)
     residual(f"walk of {device}, of the prediction", abs(measured / predicted - 1), limit)
