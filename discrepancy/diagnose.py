@@ -31,8 +31,6 @@ from gyro_model.progress import Steps
 
 AGAIN: Final = 3
 """Times at most that effects are looked for anew beside names that questions have changed."""
-TWICE: Final = 2.0
-"""Times the share that the best effect takes, that a term has to take to come before it."""
 
 
 def diagnose(
@@ -92,14 +90,19 @@ def diagnose(
             for term in chain(*search.terms):
                 term.write(further.folder)
 
+        refuted: set[str] = set()
+
         def widened(against: Sequence[str], least: float) -> bool:
             if further is None:
                 return False
             room = max_effects - sum(not a.of_record for a in search.accepted)
-            ask = partial(further, search.fitter, search.at, against, room, least)
+            # What a filter tracks as a motion may be what is missing.
+            at = search.fitter.fit(search.fitter.still(search.at)) if least else search.at
+            ask = partial(further, search.fitter, at, against, room, least)
             wider = search.attempt("terms that are in no file", ask)
             if wider is None:
                 return False
+            refuted.update(wider.wrong)
             own = search.simulator
             wide = simulator(own.model, wider.terms) if wider.terms else own
             return bool(search.attempt("refit with a new term", partial(search.widen, wide, wider.terms, wider.wrong)))
@@ -109,7 +112,7 @@ def diagnose(
             while search.weak:
                 # It may be a part of what a term explains in full; names are questioned in the end.
                 if len(search.terms) < max_effects:
-                    widened((), TWICE * search.weak)
+                    widened((), search.weak)
                 search.extend(max_effects, patient=True)
 
         def settled() -> None:
@@ -135,6 +138,8 @@ def diagnose(
         while further and len(search.terms) < max_effects and not search.in_vain:
             if not search.attempt("another term in the place of a name", replaced):
                 break
+        # Those that stayed because there was no time for the other term.
+        search.refuted = refuted & search.names
         again = AGAIN
         # What comes in after a question is questioned as well.
         while search.question() and again:

@@ -134,7 +134,7 @@ def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
 
 def _asked(request: "Request") -> "Request":
     """The request with what the first table does not tell, asked on the terminal."""
-    from discrepancy.data.import_table import FORCES, NO_FORCE, guess_sources, missing_columns, read_lab_table
+    from discrepancy.data.import_table import FORCES, NONE, guess_sources, missing_columns, read_lab_table
 
     headings = read_lab_table(request.files[0]).columns
     while missing := missing_columns(guess_sources(headings, request), request.sample_rate):
@@ -143,7 +143,7 @@ def _asked(request: "Request") -> "Request":
             rate = typer.prompt("No column is the time. Samples a second", type=float)
             request = replace(request, sample_rate=rate if rate > 0 else None)
         else:
-            other = f", or {NO_FORCE} if no force acted" if missing[0] in FORCES else ""
+            other = f", or {NONE} if no force acted" if missing[0] in FORCES else ""
             heading = typer.prompt(f"Which heading is {missing[0]}{other}")
             request = replace(request, maps={**request.maps, missing[0]: heading})
     return request

@@ -50,6 +50,8 @@ deviations."""
 
 NO_SPRING: Final = 0.1
 """Of a period over a run, below which a spring that turns the motion by no more is none."""
+NO_DAMPING: Final = 0.1
+"""Of its speed that a mass loses over a run, below which a damping that takes no more is none."""
 
 SHORT: Final = 100
 """Periods of the lowest mode: four windows of the weak form, the fewest whose scatter says something."""
@@ -334,7 +336,7 @@ def excitation(dataset: Dataset) -> Iterator[Finding]:
     """Refuses runs that leave a nominal parameter with a Cramér–Rao bound above 50 %, and names it; warns above 10
     %."""
     bounds = cramer_rao_bounds(dataset.fit, dataset.nominal)
-    bounds = {name: bound for name, bound in bounds.items() if not _no_spring(dataset, name, bound)}
+    bounds = {name: bound for name, bound in bounds.items() if not _none(dataset, name, bound)}
     poor = sorted((name for name in bounds if bounds[name] > BOUND_WARNED), key=lambda name: -bounds[name])
     refused = [name for name in poor if bounds[name] > BOUND_REFUSED]
     if refused:
@@ -346,11 +348,13 @@ def excitation(dataset: Dataset) -> Iterator[Finding]:
         yield Finding("excitation", "", f"weak excitation: Cramér–Rao bound of {_listed(poor, bounds)}")
 
 
-def _no_spring(dataset: Dataset, name: str, bound: float) -> bool:
-    """Whether a stiffness is known to be none over these runs: how much of itself it is known to says nothing then."""
+def _none(dataset: Dataset, name: str, bound: float) -> bool:
+    """Whether a stiffness or damping is known to be none over these runs: how much of itself it is known to says
+    nothing then."""
     duration = max(len(record.t) / record.sample_rate for record in dataset.fit)
-    least = dataset.nominal["m"] * (2 * np.pi * NO_SPRING / duration) ** 2
-    return name in ("kxx", "kyy") and (1 + bound) * dataset.nominal[name] < least
+    least = {"k": (2 * np.pi * NO_SPRING / duration) ** 2, "d": NO_DAMPING / duration}
+    direct = name in ("kxx", "kyy", "dxx", "dyy")
+    return direct and (1 + bound) * dataset.nominal[name] < least[name[0]] * dataset.nominal["m"]
 
 
 def _listed(names: list[str], bounds: Mapping[str, float]) -> str:

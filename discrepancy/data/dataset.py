@@ -39,7 +39,8 @@ class Dataset:
     states, to be fitted beside mass, stiffness and damping; estimated: names of nominal values that the lab does not
     state, from the record's own response.
 
-    Raises InputError where runs differ in axes, none is left to fit, or a nominal value is missing or impossible.
+    Raises InputError where runs differ in axes, one holds no motion, none is left to fit, or a nominal value is missing
+    or impossible.
     """
 
     folder: Path
@@ -54,6 +55,9 @@ class Dataset:
         if not self.records:
             raise InputError("no run: add a [[run]] with file and sample_rate")
         for record in self.records:
+            # A part of a run may well stand still.
+            if not (record.u.any() or record.v.any()):
+                raise InputError(f"run {record.name}: u and v are zero throughout, which is no motion; leave it out")
             if record.axes != self.axes:
                 first = self.records[0].name
                 raise InputError(

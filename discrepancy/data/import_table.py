@@ -47,8 +47,9 @@ LONGEST_HOLE: Final = 20
 """Rows missing at once that are masked; a longer hole, over which the force is not known, cuts the run."""
 LEFT_OUT: Final = 7
 """Every such row is left out to see how well a rule fills it from those beside: further apart than a spline reaches."""
-NO_FORCE: Final = "none"
-"""In the place of a heading: no force acted, as in a free decay, or on the axis that is only sensed."""
+NONE: Final = "none"
+"""In the place of a heading: no force acted, as in a free decay, or on the axis that is only sensed; of other columns
+that the table has none."""
 FRAGMENT: Final = 0.05
 """Share of the longest run below which what a hole leaves is no run of its own, and of all rows to be held out."""
 HELD_OUT: Final = 0.2
@@ -138,8 +139,11 @@ def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source
             if not fitting:
                 continue
             heading = fitting[0]
-        elif heading == NO_FORCE and heading not in headings and column in FORCES:
+        elif heading == NONE and heading not in headings and column in FORCES:
             sources[column] = Source("", 0.0, 0.0, SI[column])
+            continue
+        elif heading == NONE and heading not in headings:
+            # It has a heading that looks like this column's, and is none.
             continue
         elif heading not in headings:
             raise InputError(
@@ -147,7 +151,7 @@ def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source
             )
         sources[column] = Source(heading, *_scale(column, heading, request.scales.get(column)))
     for column, units in BY_UNIT.items():
-        if column in sources or {"u_y", "v_y"} & set(sources):
+        if column in {*sources, *request.maps} or {"u_y", "v_y"} & set(sources):
             continue
         left = [h for h in headings if _unit(h) in units and h not in {source.heading for source in sources.values()}]
         if len(left) == 1:
@@ -207,7 +211,7 @@ def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
     sources = guess_sources(table.columns, request)
     for column in missing_columns(sources, request.sample_rate):
         other = ", or --sample-rate HZ" if column == "t" else ""
-        other = f", or --map {column}={NO_FORCE} if no force acted" if column in FORCES else other
+        other = f", or --map {column}={NONE} if no force acted" if column in FORCES else other
         raise InputError(
             f"{path}: which heading is {column}? Give --map {column}=HEADING{other} ({_all(table.columns)})"
         )
@@ -269,7 +273,8 @@ def _cut(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[li
     step = np.diff(t[rows])
     if not (step > 0).all():
         raise InputError(
-            f"{path}: time does not increase after {t[rows][int(np.argmax(step <= 0))]:.9g} s: sort the rows"
+            f"{path}: time does not increase after {t[rows][int(np.argmax(step <= 0))]:.9g} s: sort the rows, or, of "
+            f"stamps that are rounded, give --map t={NONE} and --sample-rate HZ"
         )
     borders = np.flatnonzero(step > 1.5 * np.median(step)) + 1
     parts = np.split(rows, borders)
@@ -458,9 +463,10 @@ def _scale(column: str, heading: str, given: str | None) -> tuple[float, float, 
     if not unit:
         return 1.0, 0.0, SI[column]
     if unit not in units:
+        drive = f"; --scale {column}=1 takes what drives for a force of {column}'s size" if column in FORCES else ""
         raise InputError(
             f"{column} = {heading!r}: {unit!r} is no unit of it; "
-            f"give --scale {column}=NUMBER or one of {', '.join(units)}"
+            f"give --scale {column}=NUMBER or one of {', '.join(units)}{drive}"
         )
     return units[unit]
 

@@ -13,7 +13,7 @@ from scipy.signal import csd, welch
 
 from discrepancy.data.linear_fit import LOWEST, PERIODS, Complexes, axis_scales, equations, joined_form
 from discrepancy.data.record import Floats, Record
-from discrepancy.data.resisted import resisted
+from discrepancy.data.resisted import alternatives
 
 WINDOWS: Final = 8
 """Of a run, for its spectra."""
@@ -61,7 +61,7 @@ def sensor_gains(records: Sequence[Record]) -> list[float]:
 def _hardly_held(records: Sequence[Record], gains: Sequence[float]) -> dict[str, float] | None:
     """The same of masses that hardly any spring holds, so that no mode is seen: windows are then a part of a run."""
     duration = min(len(record.t) / record.sample_rate for record in records)
-    told = resisted(records, gains[0])
+    told = min(alternatives(records, gains[0]), key=lambda own: own.left, default=None)
     if told is not None and told.left <= BADLY:
         least = told.m * (2 * np.pi * LEAST / duration) ** 2
         return _values([0.0], gains) | _passive({"m": told.m, "kxx": least, "dxx": told.d}, {"m": told.m})

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from discrepancy.data.record import Record
+from discrepancy.data.record import Record, unheld
 from gyro_model.anatomy import SLOTS, Map
 from gyro_model.model import Model
 from gyro_model.quantities import Quantity
@@ -44,7 +44,8 @@ def levelled(records: Sequence[Record], stated: Mapping[str, float], model: Mode
     left: dict[str, float] = {}
     fit = [record for record in own if record.role == "fit"]
     unlike = len({record.axes for record in own}) > 1
-    if not fit or unlike or not _still(fit) or _standing(stated, model):
+    free = any(r.senses == "velocity" and unheld(r.u, r.v) for r in fit)
+    if not fit or unlike or free or not _still(fit) or _standing(stated, model):
         return Levelled(own, {}, ())
     for axis, name in enumerate("xy"[: own[0].axes]):
         means = np.array([np.mean(r.v[r.valid, axis]) for r in fit])

@@ -26,6 +26,9 @@ MINIMUM_SAMPLES: Final = 100
 MOST_MISSING: Final = 0.2
 """Share of the samples of v that may be missing: beyond, windows between them get rare."""
 
+DRIVEN: Final = 1e-3
+"""Of the force in the band where it is strongest, each two octaves wide, from which a band counts as driven."""
+
 RATE_TOLERANCE: Final = 1e-3
 """Relative. A crystal is good to 1e-4 and a time column printed with a few digits to less over a whole record; 1e-3
 would already shift k/m by 2e-3."""
@@ -104,8 +107,6 @@ class Record:
                     f"column {name} holds no finite number in data row {row + 1} ({len(finite) - int(finite.sum())} "
                     "such rows): cut the run there into two files, or mend the rows"
                 )
-        if not (self.u.any() or self.v.any()):
-            raise InputError("u and v are zero throughout: the run holds no motion; leave it out")
 
 
 def make_record(
@@ -123,8 +124,9 @@ def make_record(
     """A record from arrays: t (n,) [s], u [N] and v [V] (n,) or (n, axes), conditions (n,).
 
     sample_rate: by default what t says. Velocity and acceleration of a mass that is held have no mean, which is taken
-    out; ``reference`` is the frequency at which they are strongest. Clipped samples are found and masked, and so are
-    those without a number in v, up to MOST_MISSING of them. Raises InputError as ``Record`` does.
+    out but of a velocity that is ``unheld``; ``reference`` is the frequency at which they are strongest. Clipped
+    samples are found and masked, and so are those without a number in v, up to MOST_MISSING of them. Raises InputError
+    as ``Record`` does.
     """
     time = np.ascontiguousarray(t, dtype=np.float64)
     force, voltage = (_columns(values) for values in (u, v))
@@ -140,14 +142,27 @@ def make_record(
     if senses != "position":
         # Under a window that no oscillation of a few periods has a mean in.
         window = valid * np.sin(np.pi * (np.arange(len(time)) + 0.5) / len(time)) ** 6
-        voltage = voltage - window @ voltage / window.sum()
+        if senses == "acceleration" or not unheld(force, voltage):
+            voltage = voltage - window @ voltage / window.sum()
         reference = _strongest(voltage, rate or measured_rate(time))
     return Record(name, role, hold, rate, time, force, voltage, given, valid, senses, reference)  # type: ignore[arg-type]
 
 
+def unheld(u: Floats, v: Floats) -> bool:
+    """Whether velocities v (n, axes) answer most to the slowest part of a force u (n, axes), as those of a mass that no
+    spring holds do: one that is held hardly moves then."""
+    window = np.hanning(len(u))[:, None]
+    force, answer = (np.sum(np.abs(np.fft.rfft((s - s.mean(axis=0)) * window, axis=0)) ** 2, axis=1) for s in (u, v))
+    octave = np.log2(np.arange(1, len(force))).astype(int) // 2
+    pushed, moved = np.bincount(octave, force[1:]), np.bincount(octave, answer[1:])
+    driven = pushed > DRIVEN * pushed.max()
+    ratio = moved[driven] / pushed[driven]
+    return bool(pushed.max() > 0 and driven[0] and ratio[0] == ratio.max())
+
+
 def _strongest(v: Floats, rate: float) -> float:
     """The frequency [rad/s] at which v (n, axes) is strongest."""
-    spectrum = np.abs(np.fft.rfft(v * np.hanning(len(v))[:, None], axis=0)).sum(axis=1)
+    spectrum = np.abs(np.fft.rfft((v - v.mean(axis=0)) * np.hanning(len(v))[:, None], axis=0)).sum(axis=1)
     return 2 * np.pi * max(int(np.argmax(spectrum)), 1) * rate / len(v)
 
 

@@ -1,7 +1,8 @@
 """A mass that hardly any spring holds, by integrals of its motion.
 
 x = ∬(u - f sign x' + c)/m - d/m ∫x + a + b t is linear in 1/m, d/m, f/m, c/m and each run's a, b. No derivative of what
-was measured is taken, and no window is needed, of which so short a motion has none.
+was measured is taken, and no window is needed, of which so short a motion has none. While friction holds the mass at
+rest it takes up all of the force. Of a sensor of velocity it is the derivative of this.
 """
 
 from collections.abc import Sequence
@@ -43,15 +44,15 @@ def resisted(records: Sequence[Record], gain: float) -> Resisted | None:
 
 def alternatives(records: Sequence[Record], gain: float) -> list[Resisted]:
     """The same with neither, with either and with both of the forces, the fewest first, as far as a mass explains the
-    motion; none for two axes, a sensor that shows no position, and where no force acted."""
-    if any(record.axes > 1 or record.order or not record.u.any() for record in records):
+    motion; none for two axes, a sensor of acceleration, and where no force acted."""
+    if any(record.axes > 1 or record.order > 1 or not record.u.any() for record in records):
         return []
     columns, target = _joined(records, gain)
-    return [
-        found
+    found = (
+        _solved(columns[:, [not friction, friction, True, friction, constant]], target, friction, constant)
         for friction, constant in ((False, False), (True, False), (False, True), (True, True))
-        if (found := _solved(columns[:, [True, True, friction, constant]], target, friction, constant)) is not None
-    ]
+    )
+    return [own for own in found if own is not None]
 
 
 def fewest(found: Sequence[Resisted]) -> Resisted | None:
@@ -64,7 +65,8 @@ def one_way(records: Sequence[Record]) -> bool:
     """Whether no run turns round, so that a friction is a constant force against the motion while it moves."""
     for record in records:
         part = max(len(record.t) // SMOOTHED, 1)
-        steps = np.diff(uniform_filter1d(record.v, 2 * part + 1, axis=0, mode="nearest")[::part], axis=0)
+        way = np.cumsum(record.v, axis=0) if record.order else record.v
+        steps = np.diff(uniform_filter1d(way, 2 * part + 1, axis=0, mode="nearest")[::part], axis=0)
         ahead, back = np.clip(steps, 0, None).sum(axis=0), np.clip(-steps, 0, None).sum(axis=0)
         if (np.minimum(ahead, back) > BACK * (ahead + back)).any():
             return False
@@ -72,19 +74,24 @@ def one_way(records: Sequence[Record]) -> bool:
 
 
 def _joined(records: Sequence[Record], gain: float) -> tuple[Floats, Floats]:
-    """Columns of force, damping, friction and constant, and the motion, with each run's own start taken out."""
+    """Columns of the force, of the force while the mass moves, of damping, friction and constant, and the motion, with
+    each run's own start taken out."""
     columns, targets = [], []
     for record in records:
-        n, step = len(record.t), 1 / record.sample_rate
-        x, t = record.v[:, 0] / gain, np.arange(len(record.t)) / record.sample_rate
-        speed = np.gradient(uniform_filter1d(x, 2 * (n // SMOOTHED) + 1, mode="nearest"))
+        n, step, free = len(record.t), 1 / record.sample_rate, record.order == 0
+        moved, t = record.v[:, 0] * record.reference**record.order / gain, np.arange(n) * step
+        smooth = uniform_filter1d(moved, 2 * (n // SMOOTHED) + 1, mode="nearest")
+        speed = np.gradient(smooth) if free else smooth
         sign = np.tanh(speed / max(AT_REST * float(np.abs(speed).max()), 1e-300))
         u = record.u[:, 0] if record.hold == "zero" else 0.5 * (record.u[:, 0] + np.append(record.u[1:, 0], 0.0))
-        push = _integral(np.concatenate(([0.0], np.cumsum(u[:-1]) * step)), step)
-        own = np.column_stack((push, -_integral(x - x[0], step), -_integral(_integral(sign, step), step), 0.5 * t**2))
-        start = np.linalg.qr(np.column_stack((np.ones(n), t)))[0]
+        way = moved - moved[0] if free else _integral(moved, step)
+        push, moving = (np.concatenate(([0.0], np.cumsum(f[:-1]) * step)) for f in (u, u * np.abs(sign)))
+        # What each gives to the speed, or to the position.
+        given = (push, moving, -way, -_integral(sign, step), t)
+        own = np.column_stack([_integral(column, step) for column in given] if free else given)
+        start = np.linalg.qr(np.column_stack((np.ones(n), t))[:, : 1 + free])[0]
         columns.append((own - start @ (start.T @ own))[record.valid])
-        targets.append((x - start @ (start.T @ x))[record.valid])
+        targets.append((moved - start @ (start.T @ moved))[record.valid])
     return np.vstack(columns), np.concatenate(targets)
 
 

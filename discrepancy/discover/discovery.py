@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from discrepancy.discover.contest import Entry, Terms, ranked
 from discrepancy.fit.continuation import IN_STEP, settled, started
 from discrepancy.fit.fitted import Fitted
+from discrepancy.fit.locate import no_noise
 from discrepancy.fit.refit import Fitter
 from discrepancy.terms.effect_file import Term, peaks_of
 from discrepancy.terms.library import Form
@@ -50,7 +51,7 @@ def discover(
     fitter: Fitter, at: Fitted, folder: Path, progress: Steps | None = None, least: float = 0.0
 ) -> Discovery | None:
     """The term that explains best what is left of ``at``; None where none is significant and material, or none takes
-    at least so much of the residual's square.
+    at least the share ``least`` of what is surely no noise.
 
     New ones are written to ``folder``, which holds nothing but effect files, as ``discovered_1`` or the first numbers
     that the model does not have. Raises InputError where the FMU can't be built or the folder not written.
@@ -66,9 +67,9 @@ def discover(
     coefficients, variance = len(best.contestant.candidate.probes), best.fitted.variance
     if not before.cost - best.fitted.cost > chi2.isf(fitter.criteria.term_chance, coefficients) * variance:
         return None
-    share = 1 - best.fitted.cost / before.cost
-    if share < least:
+    if before.cost - best.fitted.cost < least * no_noise(before, short.records):
         return None
+    share = 1 - best.fitted.cost / before.cost
     tell(f"found {best.contestant.form.text}")
     # By price: a term that holds the best one as a special case fits it always, and is no other.
     alike = [e for e in entries[1:] if e.price(variance) < best.price(variance) + fitter.criteria.even][:ALIKE]

@@ -26,12 +26,13 @@ class TermSearch:
 
     def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], room: int, least: float = 0.0) -> Wider | None:
         """The term, or the wrong names alone where an effect of the model fits best in their place; None where there
-        is neither, the term takes less than ``least`` of the residual's square, or there is no ``room`` for one but in
-        the place of a wrong name. Raises InputError where the FMU can't be built or the folder not written."""
-        against = rivals(fitter, at, named, self.progress)
-        wrong = tuple(against.names)
+        is neither, the term takes less than the share ``least`` of what is surely no noise, or there is no ``room`` for
+        one but in the place of a wrong name. Raises InputError where the FMU can't be built or the folder not
+        written."""
+        against = rivals(fitter, at, named, self.progress) if named else None
+        wrong = tuple(against.names) if against else ()
         start = without(fitter, at, wrong) if wrong else at
-        if not wrong and (room < 1 or not (against.beside or is_open(fitter, start))):
+        if not wrong and (room < 1 or (against and not (against.beside or is_open(fitter, start)))):
             return None
         found = discover(fitter, start, self.folder, self.progress, least)
         if found is None:

@@ -97,8 +97,11 @@ def started(fitter: Fitter, at: Fitted) -> Fitted:
 def with_starts(fitter: Fitter, at: Fitted, rounds: int) -> Fitted:
     """The parameters of ``at``, held, with initial states fitted to the runs of ``fitter``: from rest, or, where that
     ends astray, to beginnings that grow, since a frequency that depends on the amplitude is far off at rest."""
-    rest = replace(at, starts=fitter.at_rest, free=(), whiten=fitter.plain(at.parameters))
-    found = fitter.fit(fitter.evaluated(rest), rounds)
+    rest = fitter.evaluated(replace(at, starts=fitter.at_rest, free=(), whiten=fitter.plain(at.parameters)))
+    if not fitter.signal:
+        # What shows no motion at all is at rest.
+        return rest
+    found = fitter.fit(rest, rounds)
     if fitter.off(found) < ASTRAY:
         return found
     now = rest

@@ -22,6 +22,7 @@ from scipy.stats import chi2
 from discrepancy.data.conditions import Split, association, operating_conditions, split
 from discrepancy.data.linear_fit import mode_frequencies
 from discrepancy.data.record import Floats, Record
+from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.noise import HANN, NO_MEMORY, noise_of, without_memory
 from discrepancy.fit.whitening import Setting, Whitener, lifted, whitener
 from gyro_model.symbols import BOLTZMANN
@@ -167,6 +168,14 @@ def noise_level(
         power = np.abs(np.fft.rfft(residual * window, axis=0)) ** 2 / np.sum(window**2)
         means += [float(np.mean(part)) for part in np.array_split(power, 16)]
     return float(np.sqrt(np.quantile(means, 0.25)))
+
+
+def no_noise(at: Fitted, records: Sequence[Record]) -> float:
+    """What of the cost of a fit is surely no noise [V²]; a motion that its filter tracks is none."""
+    given = at.residuals, records, at.parameters, at.whiten.setting
+    noise = noise_of(*given)
+    level = noise.high if noise else noise_level(*given)
+    return max(at.cost - level**2 * at.count, 0.0)
 
 
 def _block_time(record: Record, lowest: float) -> float:

@@ -35,6 +35,9 @@ HANN: Final = 35 / 18
 PIECES, SHORTEST = 15, 512
 """Pieces of a run, each half in the next, so that all of a run counts alike but a sixteenth at both ends: one window
 over a run whose motion grew saw 4/5 of the noise of a jittering clock. No piece is of fewer samples."""
+GROUPS: Final = 1000
+"""Of samples that move about as fast, each taken as one: neighbours' slopes are then alike to a thousandth of the
+largest."""
 NO_MEMORY: Final = Setting()
 
 
@@ -192,19 +195,27 @@ def jitter(at: Fitted, records: Sequence[Record]) -> Level | None:
         # White noise of v makes a slope of its own; two of four neighbours' mean is far below that of the motion.
         slopes.append(slope[record.valid].ravel() ** 2)
         errors.append(at.whiten(residual[None], record.valid)[0][record.valid].ravel() ** 2)
-    slope, error = np.concatenate(slopes), np.concatenate(errors)
-    unit = float(error.mean() / slope.mean())
+    slope, error, count = _alike(np.concatenate(slopes), np.concatenate(errors))
+    unit = float(np.average(error, weights=count) / np.average(slope, weights=count))
+    top = float(np.log(np.average(error, weights=count)))
 
     def cost(a: float) -> float:
         # The white part is whatever fits best beside it.
         def beside(log_white: float) -> float:
             variance = np.exp(log_white) + a**2 * slope
-            return float(np.sum(np.log(variance) + error / variance))
+            return float(count @ (np.log(variance) + error / variance))
 
-        top = float(np.log(error.mean()))
         return float(minimize_scalar(beside, bounds=(top - 8, top + 1), method="bounded", options={"xatol": 1e-4}).fun)
 
     return _likeliest(cost, float(np.sqrt(unit)))
+
+
+def _alike(slope: Floats, error: Floats) -> tuple[Floats, Floats, Floats]:
+    """Means over groups of nearly equal ``slope``, and how many each has: all that the likelihood asks for."""
+    order = np.argsort(slope)
+    begins = np.unique(np.linspace(0, len(slope), GROUPS, endpoint=False).astype(int))
+    count = np.diff(begins, append=len(slope)).astype(float)
+    return np.add.reduceat(slope[order], begins) / count, np.add.reduceat(error[order], begins) / count, count
 
 
 def thermal(at: Fitted, records: Sequence[Record]) -> Level | None:

@@ -110,7 +110,7 @@ class Fitter:
         self.axes = self.records[0].axes
         self.period = 1 / self.records[0].sample_rate
         self.state_names = STATES[: 2 * self.axes]
-        self.signal = float(np.sqrt(np.mean([np.mean(r.v**2) for r in self.records])))
+        self.signal = _rms(self.records) or _rms([simulator.run_of(record) for record in self.records])
         self._kept: dict[int, _Kept] = {}
 
     def begin(
@@ -172,6 +172,13 @@ class Fitter:
         found = likeliest(at.parameters, self.period, at.residuals, valid, self.simulator.each, flicker=off < FAINT,
                           colour=colour)  # fmt: skip
         return self._costed(replace(at, whiten=found))
+
+    def still(self, at: Fitted) -> Fitted:
+        """``at`` under its filter without the motion that it tracks, not fitted under it."""
+        setting = at.whiten.setting
+        if not setting.bandwidth:
+            return at
+        return self._costed(replace(at, whiten=self.whitener(at.parameters, replace(setting, bandwidth=0.0))))
 
     def off(self, at: Fitted) -> float:
         """The residual over the signal, rms; where nothing moves there is none to be off."""
@@ -428,6 +435,10 @@ class Fitter:
         size = np.sqrt(np.diag(self.covariance(linear)))
         size = np.where(square > UNSEEN * np.max(square, initial=0.0), size, np.inf)
         return {free.name: float(value) for free, value in zip(at.free, size, strict=True)}
+
+
+def _rms(records: Sequence[Record]) -> float:
+    return float(np.sqrt(np.mean([np.mean(r.v**2) for r in records])))
 
 
 def passive(p: Mapping[str, float], axes: int) -> dict[str, float]:

@@ -216,6 +216,10 @@ class Simulator:
         self._parts[id(part)] = part, record, own
         return part
 
+    def run_of(self, record: Record) -> Record:
+        """The run that ``record`` is a part of, itself where it is none."""
+        return self.run_of(self._parts[id(record)][1]) if id(record) in self._parts else record
+
     def _held_back(self, parameters: Mapping[str, float]) -> bool:
         return any(parameters.get(q.name, q.start) != q.start for q in self._late)
 

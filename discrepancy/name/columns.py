@@ -39,6 +39,9 @@ Kind = Callable[[Effect | Defect], bool]
 """Says of an effect whether it is one of those that are asked for."""
 HEAD: Final = 2000
 """Samples at the start of each run on which a probe is tried first."""
+LONGER: Final = 2
+"""Times as long as that, from which a probe is tried on whole runs too: what grows from their start is larger there, up
+to six times in runs of twice the length, which is no matter for a quotient."""
 
 
 def on_the_way(effect: Effect | Defect) -> bool:
@@ -331,7 +334,8 @@ class _Scale:
         length = volt / abs(p["sense_gain_x"])
         # Natural units of kg, m, s, A, K, 1: a probe's first guess is 1e-4 of them.
         self.natural = np.array([p["m"], length, 1 / w, p["m"] * length**2 * w**3 / volt, 1.0, 1.0])
-        self.whole = self._trials(at, max(len(r.t) for r in fitter.records))
+        longest = max(len(r.t) for r in fitter.records)
+        self.whole, self.longer = self._trials(at, longest), longest > LONGER * HEAD
         self.head = self._trials(at, HEAD)
         self.steady = _steady(fitter.records)
         self._heads: dict[tuple[tuple[str, float], ...], list[Floats]] = {}
@@ -352,6 +356,8 @@ class _Scale:
         roughly = self._searched(first, shapes, base, self.head, room)
         if roughly is None and self.steady:
             return None
+        if roughly is not None and not self.longer:
+            return roughly
         return self._searched(roughly or first, shapes, base, self.whole, room)
 
     def _searched(self, first: Probe, shapes: Mapping[str, float], base: Mapping[str, float], trials: list["_Trial"],

@@ -11,8 +11,7 @@ from discrepancy.criteria import Criteria
 from discrepancy.fit.continuation import IN_STEP, LAST_ROUNDS, beginnings, grown, whitened
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
-from discrepancy.fit.locate import noise_level
-from discrepancy.fit.noise import noise_of
+from discrepancy.fit.locate import no_noise
 from discrepancy.fit.openings import LONG, Opening, opened
 from discrepancy.fit.refit import AS_PROMISED, Fitter
 from discrepancy.name.accepted import RIVALS, Refit
@@ -26,8 +25,11 @@ if TYPE_CHECKING:
 RIVAL_SHARE: Final = 0.5
 """A rival is refitted, where the simulation is not close, if it takes at least this part of the best one's share of the
 residual: there, linear scores tell half the truth."""
-WEAK: Final = 0.3
-"""Share of what is no noise in the residual, below which an effect may only imitate what is missing."""
+WEAK: Final = 0.999
+"""Share of what is surely no noise in the residual, below which an effect may only imitate what is missing, or be a
+part of it: of motions near a sine x² x' took 0.977 of what a drag x'|x'| makes, and 0.998 of a drag x'³."""
+HALF: Final = 0.5
+"""Of what an effect leaves of that, a term has to take so much besides all that the effect takes, to come before it."""
 PART: Final = 1e-2
 """Of its usual size, by which a part of an effect that may vanish is probed: so little that its square is no matter."""
 
@@ -149,14 +151,16 @@ def _needed(criteria: Criteria, fit: Refit) -> float:
     return float(chi2.isf(chance, fit.score.freedom)) * fit.score.inflation
 
 
-def weak(search: "Search", view: Opening, best: Refit) -> bool:
-    """Whether the best is an effect of a file and takes little of what is surely no noise."""
+def weak(search: "Search", view: Opening, best: Refit) -> float:
+    """The share of what is surely no noise that a term has to take to come before the best effect; 0 where that is no
+    effect of a file, or takes nearly all of it. A motion that a filter tracks is no noise here: it may be what is
+    missing."""
     if best.candidate.effect.id in {term.id for own in search.terms for term in own}:
-        return False
-    given = view.at.residuals, view.fitter.records, view.at.parameters
-    noise = noise_of(*given)
-    level = noise.high if noise else noise_level(*given)
-    return bool(view.at.cost - best.at.cost < WEAK * (view.at.cost - level**2 * view.at.count))
+        return 0.0
+    before, after = view.fitter.still(view.at), view.fitter.still(best.at)
+    surely = no_noise(before, view.fitter.records)
+    taken = (before.cost - after.cost) / surely if surely > 0 else 1.0
+    return taken + HALF * (1 - taken) if taken < WEAK else 0.0
 
 
 def near(criteria: Criteria, fits: Sequence[Refit], chi_square: float) -> list[Refit]:

@@ -25,4 +25,5 @@ class Further(Protocol):
 
     def __call__(self, fitter: Fitter, at: Fitted, named: Sequence[str], room: int, least: float) -> Wider | None:
         """What it finds beside the effects ``named`` in the fit ``at``, where there is ``room`` for so many more, or in
-        their place; None where nothing is, or a new term takes less than ``least`` of the residual's square."""
+        their place; None where nothing is, or a new term takes less than the share ``least`` of what is surely no
+        noise."""

@@ -73,7 +73,8 @@ class Look(NamedTuple):
 
 class Search:
     """The state of a search: what is accepted, and the model fitted with it (``at``, over the runs of ``fitter``);
-    ``terms``: by further search, what it added to the model; ``copies``: effects that wait for others."""
+    ``terms``: by further search, what it added to the model; ``copies``: effects that wait for others; ``refuted``: ids
+    of those in the model in whose place a term fits better that there was no time to take in."""
 
     def __init__(
         self,
@@ -107,6 +108,7 @@ class Search:
         self.nominal = {name: value for name, value in dataset.nominal.items() if name not in noise}
         self.accepted: list[Accepted] = []
         self.refused: set[str] = set()
+        self.refuted: set[str] = set()
         self.scored: list[Scored] = []
         self.looked: Look | None = None
         self.steps: list[Step] = []
@@ -457,8 +459,9 @@ class Search:
         begun = [Refit(self.with_effect(*view, c, s), c, s) for c, s in close]
         fits = self.waiting or refitted(self, view, begun, elsewhere=True)
         self.waiting, best = [], best_refit(self.criteria, view, fits)
-        if best and patient and not self.offered and weak(self, view, best):
-            self.weak, self.waiting = 1 - best.at.cost / view.at.cost, fits
+        self.weak = weak(self, view, best) if best and patient and not self.offered else 0.0
+        if self.weak:
+            self.waiting = fits
             return False
         while best and view.fitter is not self.fitter:
             left = near(self.criteria, fits, 4 * self.criteria.even)
@@ -493,8 +496,7 @@ class Search:
         if self.fitter is not self.whole or not setting.bandwidth:
             return False
         before, unlikely = self._kept(), self.at.unlikely
-        still = self.fitter.whitener(self.at.parameters, replace(setting, bandwidth=0.0))
-        self.at = self.fitter.fit(self.fitter.evaluated(replace(self.at, whiten=still)))
+        self.at = self.fitter.fit(self.fitter.still(self.at))
         self.look()
         if self._accept(patient=False):
             candidate = self.accepted[-1].candidate

@@ -82,7 +82,8 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
     worse = worse_without(search, effects, stages, gaps)
     clock.until = float("inf")
     rest = remainder(search, stages, gaps, absurd)
-    effects = tuple(replace(f, probability=probability(search, f, rest, stages, f.id in worse)) for f in effects)
+    against = search.refuted | worse.keys()
+    effects = tuple(replace(f, probability=probability(search, f, rest, stages, f.id in against)) for f in effects)
     # A clip is seen in the samples themselves, and takes nothing away.
     seen = {f.id for f in clipped}
     parts = imitating([f for f in effects if f.id not in seen], rest, worse, search.criteria)
@@ -346,6 +347,7 @@ def _doubts(search: "Search", rest: "Remainder", residuals: Sequence[Floats]) ->
         instead = [name for name in entry.rivals if _of_record(search, name)]
         if instead and not entry.of_record:
             found.append(f"{entry.id} may also be the record's: {', '.join(instead)} fits as well in its place")
+    found += [f"a term that is in no file fits better in the place of {name}" for name in sorted(search.refuted)]
     found += _scaled(search)
     if rest.significant:
         found += [str(finding) for finding in modes(search.measured.fit)]

@@ -23,7 +23,7 @@ from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter
 from discrepancy.name.columns import Candidate, Fading, Probe, fading
 from discrepancy.name.competition import PART
-from discrepancy.name.grids import ABOUT
+from discrepancy.name.grids import ABOUT, Grids
 from discrepancy.name.scan import scanned
 from discrepancy.tell.answer import Value
 
@@ -104,10 +104,15 @@ def intervals(search: "Search") -> dict[str, Value]:
     return result
 
 
+def _grids(search: "Search") -> Grids:
+    """Those on the runs, or pieces, of the final fit: it may have ended while openings were searched."""
+    return Grids(search.fitter.records, search.fitter.period)
+
+
 def left_out(search: "Search", entry: "Accepted") -> Fading | None:
     """The part of an effect in the model that was left out of it, None where there is none."""
     shapes = [q for q in entry.candidate.effect.parameters if q.role == "shape"]
-    part = fading(replace(entry.candidate, searched=search.library.grids.of(shapes, search.at).moved))
+    part = fading(replace(entry.candidate, searched=_grids(search).of(shapes, search.at).moved))
     return None if part is None or part.size.name in {free.name for free in search.at.free} else part
 
 
@@ -117,7 +122,7 @@ def _with_left_out(search: "Search", entry: "Accepted") -> dict[str, _Mixture]:
     if part is None:
         return {}
     now, effect = search.at.parameters, entry.candidate.effect
-    grid = search.library.grids.of([part.size, *part.shapes], search.at)
+    grid = _grids(search).of([part.size, *part.shapes], search.at)
     sizes = np.clip(grid.middle[part.size.name] * np.geomspace(1 / ABOUT, ABOUT, SIZES), 0.0, part.size.high)
     # A record of one axis has no parameters of y.
     scales = {q.name: now[q.name] for q in effect.sizes if now.get(q.name, 0.0) != 0.0}

@@ -142,14 +142,13 @@ def worse_without(search: "Search", effects: Sequence[Finding], stages: tuple[St
         if entry.id not in named or not (steps.get(entry.id) or final > limit * gaps["refit"]):
             continue
         search.progress(f"held-out runs without {entry.id}")
-        without = search.attempt(f"held-out runs without {entry.id}", partial(_without, search, entry))
-        if without is None:
-            continue
-        beside = _with_starts_found(search, without)
-        if not final <= limit * beside and _also_known(search, without, stages[-1].parameters):
+        compare = partial(_beside_without, search, entry, final, stages[-1].parameters)
+        beside = search.attempt(f"held-out runs without {entry.id}", compare)
+        if beside is not None:
             worse[entry.id] = f"{entry.id} makes the held-out runs worse: {_compared(beside, final)}"
     together = effects and not worse and not final <= limit * gaps["refit"]
-    if together and _also_known(search, stages[1].parameters, stages[-1].parameters):
+    also = partial(_also_known, search, stages[1].parameters, stages[-1].parameters)
+    if together and search.attempt("held-out runs without any effect", also):
         names = ", ".join(finding.id for finding in effects)
         said = f"the held-out runs are worse with {names} than without: {_compared(gaps['refit'], final)}"
         worse = {finding.id: said for finding in effects}
@@ -158,6 +157,15 @@ def worse_without(search: "Search", effects: Sequence[Finding], stages: tuple[St
 
 def _compared(without: float, final: float) -> str:
     return f"misfit {without:.4g} without, {final:.4g} with, {final / without - 1:+.2g} of it"
+
+
+def _beside_without(search: "Search", entry: "Accepted", final: float, parameters: Mapping[str, float]) -> float | None:
+    """The held-out misfit without an effect, None where that is no better than ``final``, that of ``parameters``.
+    Raises OutOfTime."""
+    without = _without(search, entry)
+    beside = _with_starts_found(search, without)
+    worse = not final <= search.criteria.worse * beside and _also_known(search, without, parameters)
+    return beside if worse else None
 
 
 def _without(search: "Search", entry: "Accepted") -> Mapping[str, float]:
@@ -182,12 +190,13 @@ def _also_known(search: "Search", without: Mapping[str, float], final: Mapping[s
 
 
 def probability(
-    search: "Search", finding: Finding, rest: Remainder, stages: tuple[Stage, ...], worse: bool = False
+    search: "Search", finding: Finding, rest: Remainder, stages: tuple[Stage, ...], against: bool = False
 ) -> float:
     """Of a name against its rivals, each weighed by the likelihood of its refit, and against none of them.
 
     Where the rivals were not tried, one as good as the name is reckoned with. What is left when all is named may be
-    what the name only imitates, and a name that unseen data do not bear out is likely wrong: both take from it.
+    what the name only imitates, and one that unseen data or a better term speak ``against`` is likely wrong: both take
+    from it.
     """
     entry = next((a for a in search.accepted if a.id == finding.id), None)
     weights = list(_weights(entry).values()) if entry else []
@@ -198,7 +207,7 @@ def probability(
         found *= 1 - max(rest.share, 0.5)
     if rest.above:
         found *= _brought(finding.id, rest, stages)
-    return 0.2 * found if worse else found
+    return 0.2 * found if against else found
 
 
 def _weights(entry: "Accepted") -> dict[str, float]:
@@ -216,7 +225,8 @@ def improbable(search: "Search", effects: Sequence[Finding]) -> list[str]:
         either = finding.probability * (1 + sum(weights.get(name, 0.0) for name in finding.either))
         if either < search.criteria.improbable:
             others = "".join(f" or {name}" for name in finding.either)
-            found.append(f"{finding.id}{others} is hardly what is missing: its probability is {either:.2g}")
+            said = "is hardly what is missing" if entry is None or entry.asked else "was not held against all others"
+            found.append(f"{finding.id}{others} {said}: its probability is {either:.2g}")
     return found
 
 

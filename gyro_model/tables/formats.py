@@ -86,8 +86,9 @@ def frame_of(path: Path, content: bytes) -> pl.DataFrame:
 
 def _of_array(name: str, array: np.ndarray) -> Columns:
     if array.dtype.names and array.dtype.hasobject:  # a struct of MATLAB
-        fields = [(f"{name}.{field}", array[field]) for field in array.dtype.names] if array.size == 1 else []
-        return {key: column for path, inner in fields for key, column in _of_array(path, inner.item()).items()}
+        names = array.dtype.names if array.size == 1 else ()
+        fields = [(f"{name}.{field}", np.asarray(array[field].item())) for field in names]
+        return {key: column for path, inner in fields for key, column in _of_array(path, inner).items()}
     if array.dtype.names:
         return {field: np.ravel(array[field]) for field in array.dtype.names if array[field].dtype.kind in "fiu"}
     if array.dtype.kind not in "fiub" or array.ndim not in (1, 2) or array.size < 2:

@@ -192,3 +192,14 @@ def test_vectors_within_structs_of_matlab_are_columns_by_path(tmp_path: Path) ->
         tmp_path / "beam.mat", {"steel": {"out": {"acc": np.stack((wave, -wave)), "time": wave, "note": "by hand"}}}
     )
     assert read_table(tmp_path / "beam.mat").headings == ["steel.out.acc 1", "steel.out.acc 2", "steel.out.time"]
+
+
+def test_what_is_no_array_within_a_struct_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of an object of MATLAB's, whose fields scipy gives as bytes."""
+    from scipy import io
+
+    wave = np.arange(9.0)
+    made = np.array((b"MCOS", wave), [("kind", object), ("wave", object)])
+    monkeypatch.setattr(io, "loadmat", lambda *_, **__: {"own": made.reshape(1, 1)})
+    (tmp_path / "own.mat").write_bytes(bytes(600))
+    assert read_table(tmp_path / "own.mat").headings == ["own.wave"]

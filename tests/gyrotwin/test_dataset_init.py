@@ -300,6 +300,22 @@ def test_one_axis_may_be_driven_and_both_sensed(tmp_path: Path) -> None:
     assert not record.u[:, 1].any()
 
 
+def test_a_heading_that_only_looks_like_a_column_may_be_left_out(tmp_path: Path) -> None:
+    pl.DataFrame({"t": T, "u_x": WAVE, "v_x": WAVE, "omega_z": WAVE}).write_csv(tmp_path / "motor.csv")
+    init(tmp_path / "motor.csv", "--out", tmp_path / "set", "--map", "omega_z=none", "--nominal", "reference")
+    assert "omega_z" not in load_dataset(tmp_path / "set").records[0].conditions
+
+
+def test_rounded_times_may_be_left_out(tmp_path: Path) -> None:
+    twice = [*T[:9], T[8], *T[10:]]
+    pl.DataFrame({"t": twice, "u_x": WAVE, "v_x": WAVE}).write_csv(tmp_path / "motor.csv")
+    given = "--out", tmp_path / "set", "--nominal", "reference"
+    with pytest.raises(InputError, match=r"--map t=none and --sample-rate HZ"):
+        init(tmp_path / "motor.csv", *given)
+    init(tmp_path / "motor.csv", *given, "--map", "t=none", "--sample-rate", "1000")
+    assert load_dataset(tmp_path / "set").records[0].sample_rate == 1000.0
+
+
 def test_none_is_a_heading_where_there_is_one(tmp_path: Path) -> None:
     pl.DataFrame({"t": T, "v_x": WAVE, "none": WAVE}).write_csv(tmp_path / "drive.csv")
     init(tmp_path / "drive.csv", "--out", tmp_path / "set", "--map", "u_x=none", "--nominal", "reference")

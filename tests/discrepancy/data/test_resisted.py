@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from discrepancy.data.checks import excitation
 from discrepancy.data.dataset import Dataset
@@ -18,12 +19,13 @@ RATE, SAMPLES, FINE = 1000.0, 10_000, 20
 MASS, DAMPING = 1.4e-4, 1.4e-4
 
 
-def motor(force: Callable[[float], float], friction: float = 0.0, constant: float = 0.0) -> Record:
-    """An inertia on an encoder, turned by ``force`` of time, which is held between samples."""
+def motor(force: Callable[[float], float], friction: float = 0.0, constant: float = 0.0, senses: str = "position"
+          ) -> Record:  # fmt: skip
+    """An inertia on an encoder, or a tachometer, turned by ``force`` of time, which is held between samples."""
     x, v = 0.0, 0.0
     seen, u = np.empty(SAMPLES), np.array([force(k / RATE) for k in range(SAMPLES)])
     for k in range(SAMPLES):
-        seen[k] = x
+        seen[k] = x if senses == "position" else v
         for _ in range(FINE):
             f = u[k] + constant - DAMPING * v
             if v == 0 and abs(f) <= friction:
@@ -32,7 +34,7 @@ def motor(force: Callable[[float], float], friction: float = 0.0, constant: floa
             after = 0.0 if v * after < 0 else after
             x, v = x + 0.5 * (v + after) / RATE / FINE, after
     seen = 6e-4 * np.round(seen / 6e-4)
-    return make_record("motor", np.arange(SAMPLES) / RATE, u[:, None], seen[:, None], sample_rate=RATE)
+    return make_record("motor", np.arange(SAMPLES) / RATE, u[:, None], seen[:, None], sample_rate=RATE, senses=senses)
 
 
 def stairs(t: float) -> float:
@@ -41,6 +43,12 @@ def stairs(t: float) -> float:
 
 def back_and_forth(t: float) -> float:
     return 0.05 * float(np.sin(2 * np.pi * 0.3 * t)) + 0.03 * float(np.sin(2 * np.pi * 0.77 * t))
+
+
+def with_rests(t: float) -> float:
+    """Strokes there and back, between which the force is less than what holds the mass."""
+    phase = t % 2.5
+    return 0.05 * float(np.sign(np.sin(0.8 * np.pi * t))) if phase % 1.25 < 0.3 else 0.02
 
 
 @pytest.mark.parametrize(
@@ -72,9 +80,32 @@ def test_a_friction_of_most_of_the_force_does_not_lead_the_start_astray() -> Non
     assert nominal["dxx"] == pytest.approx(DAMPING, rel=0.05)
 
 
+@pytest.mark.parametrize("senses", ["position", "velocity"])
+def test_while_friction_holds_a_mass_no_force_moves_it(senses: str) -> None:
+    run = motor(with_rests, 0.03, senses=senses)
+    found = resisted([run], run.reference**run.order)
+    assert found is not None
+    # With the force of the rests among what moves it the mass was twice as large.
+    assert found.m == pytest.approx(MASS, rel=0.1)
+    # Where it stops and sets out the speed is smoothed over a hundredth of the run.
+    assert found.friction == pytest.approx(0.03, rel=0.3)
+    assert abs(found.constant) < 0.1 * found.friction
+
+
+def test_the_mean_speed_of_a_mass_that_nothing_holds_is_its_own() -> None:
+    one_way = motor(stairs, 0.03, senses="velocity")
+    assert one_way.v.mean() > one_way.v.std() > 0
+    # A spring that holds it makes an offset of the sensor of all that is steady.
+    t = np.arange(SAMPLES) / RATE
+    u = np.random.default_rng(3).standard_normal(SAMPLES)
+    held = lfilter([0.0, 1.0, -1.0], [1.0, -1.9, 0.99], u)
+    record = make_record("held", t, u, held + 5 * held.std(), sample_rate=RATE, senses="velocity")
+    assert abs(record.v.mean()) < 0.1 * record.v.std()
+
+
 def test_other_sensors_and_decays_are_left_to_others() -> None:
     own = motor(stairs)
-    for other in (replace(own, senses="velocity"), replace(own, u=0 * own.u)):
+    for other in (replace(own, senses="acceleration"), replace(own, u=0 * own.u)):
         assert resisted([other], 1.0) is None
 
 
@@ -84,5 +115,13 @@ def test_a_spring_that_is_none_need_not_be_known() -> None:
     assert nominal is not None
     # Known to no more than a few times of next to nothing, it was refused as too poor an excitation.
     nominal = {**nominal, "kxx": 1e-3 * nominal["kxx"]}
-    assert cramer_rao_bounds((own,), nominal)["kxx"] > 0.5
+    bounds = cramer_rao_bounds((own,), nominal)
+    assert bounds["kxx"] > 0.5
     assert not [finding for finding in excitation(Dataset(Path(), nominal, (own,))) if "kxx" in finding.message]
+
+
+def test_a_damping_that_is_none_need_not_be_known() -> None:
+    own = motor(with_rests, 0.03)
+    nominal = {"m": MASS, "kxx": 1e-3 * MASS, "dxx": 1e-9, "sense_gain_x": 1.0}
+    assert cramer_rao_bounds((own,), nominal)["dxx"] > 0.5
+    assert not [finding for finding in excitation(Dataset(Path(), nominal, (own,))) if "dxx" in finding.message]

@@ -10,6 +10,9 @@ from scipy.signal import cont2discrete, lfilter, ss2tf
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.linear_start import linear_start
 from discrepancy.data.record import make_record
+from discrepancy.fit.continuation import beginnings, started
+from discrepancy.fit.measures import start_fitted
+from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name.search import Search
 
@@ -23,6 +26,22 @@ def _answer(u: np.ndarray, frequency: float) -> np.ndarray:
     state = np.array([[0.0, 1.0], [-(w**2), -w / Q]]), np.array([[0.0], [w**2]]), np.eye(2)[:1], np.zeros((1, 1))
     numerator, denominator = ss2tf(*cont2discrete(state, 1 / RATE)[:4])
     return np.asarray(lfilter(numerator[0], denominator, u))
+
+
+def test_a_run_that_stands_still_at_first_begins_at_rest() -> None:
+    u = np.random.default_rng(2).standard_normal(SAMPLES)
+    u[: SAMPLES // 2] = 0.0
+    record = make_record("1", np.arange(SAMPLES) / RATE, u[:, None], _answer(u, OWN)[:, None], sample_rate=RATE)
+    w = 2 * np.pi * OWN
+    device = {"m": w**-2, "kxx": 1.0, "dxx": 1 / (w * Q), "sense_gain_x": 1.0}
+    with Simulator(MODEL, 1) as simulator:
+        residual, _ = start_fitted(simulator, record, device)
+        assert np.std(residual) < 1e-6 * np.std(record.v)
+        # As of the openings of such a run: what steps are made for is that of the run.
+        whole = Fitter(simulator, (record,))
+        still = beginnings(whole, 4)
+        assert not still.records[0].v.any()
+        assert still.fit(started(still, whole.begin(device))).cost < 1e-12 * still.signal**2
 
 
 def test_a_mode_that_no_effect_can_be_is_left_without_spoiling_the_fit() -> None:

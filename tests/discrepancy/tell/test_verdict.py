@@ -1,11 +1,13 @@
 """What a name is worth: its probability by rivals, by what is left and by what it brought."""
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.tell import verdict
 from discrepancy.tell.answer import Finding, Stage
@@ -88,6 +90,8 @@ def test_a_name_that_its_own_probability_calls_improbable_is_in_doubt() -> None:
     [line] = said(0.08, ("a",), a=0.0)
     assert line.startswith("large or a is hardly what is missing")
     assert "0.16" in line
+    [line] = improbable(search(False), [Finding("large", (), {}, probability=0.25)])
+    assert line.startswith("large was not held against all others")
     # A rival that is no ``either`` takes from the name and gives it nothing.
     assert len(said(0.25, (), a=0.0)) == 1
 
@@ -136,3 +140,25 @@ def test_a_stopped_search_does_not_stand_by_names_beside_what_it_leaves(
     assert rest.significant != believed
     name = probability(stopped, Finding("large", (), {}), rest, found)
     assert (name > 0.9) == believed and (name <= 0.5) != believed
+
+
+def test_a_comparison_for_which_there_is_no_time_leaves_the_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    def late(*_: object) -> float:
+        raise OutOfTime
+
+    monkeypatch.setattr(verdict, "_with_starts_found", late)
+    monkeypatch.setattr(verdict, "_without", lambda *_: {})
+    undone: list[str] = []
+
+    def attempt(what: str, work: Callable[[], object]) -> object:
+        try:
+            return work()
+        except OutOfTime:
+            undone.append(what)
+            return None
+
+    stopped = search()
+    stopped.progress, stopped.attempt = (lambda _: None), attempt
+    found = tuple(Finding(name, (), {}) for name in ("large", "small"))
+    assert worse_without(stopped, found, stages(1.0, 1.1, 1.2), {"final": 0.9, "refit": 1.0}) == {}
+    assert undone == ["held-out runs without large", "held-out runs without small"]
