@@ -29,7 +29,8 @@ class TermSearch:
         is neither, the term takes less than the share ``least`` of what is surely no noise, or there is no ``room`` for
         one but in the place of a wrong name. Raises InputError where the FMU can't be built or the folder not
         written."""
-        against = rivals(fitter, at, named, self.progress) if named else None
+        # Before a name is taken in none is questioned, and that something is left is known.
+        against = None if least else rivals(fitter, at, named, self.progress)
         wrong = tuple(against.names) if against else ()
         start = without(fitter, at, wrong) if wrong else at
         if not wrong and (room < 1 or (against and not (against.beside or is_open(fitter, start)))):
