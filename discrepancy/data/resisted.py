@@ -79,7 +79,8 @@ def _joined(records: Sequence[Record], gain: float) -> tuple[Floats, Floats]:
     columns, targets = [], []
     for record in records:
         n, step, free = len(record.t), 1 / record.sample_rate, record.order == 0
-        moved, t = record.v[:, 0] * record.reference**record.order / gain, np.arange(n) * step
+        moved: Floats = record.v[:, 0] * record.reference**record.order / gain
+        t: Floats = step * np.arange(n, dtype=np.float64)
         smooth = uniform_filter1d(moved, 2 * (n // SMOOTHED) + 1, mode="nearest")
         speed = np.gradient(smooth) if free else smooth
         sign = np.tanh(speed / max(AT_REST * float(np.abs(speed).max()), 1e-300))
