@@ -78,19 +78,19 @@ def _joined(records: Sequence[Record], gain: float) -> tuple[Floats, Floats]:
     each run's own start taken out."""
     columns, targets = [], []
     for record in records:
-        n, step, free = len(record.t), 1 / record.sample_rate, record.order == 0
+        n, step, position = len(record.t), 1 / record.sample_rate, record.order == 0
         moved: Floats = record.v[:, 0] * record.reference**record.order / gain
         t: Floats = step * np.arange(n, dtype=np.float64)
         smooth = uniform_filter1d(moved, 2 * (n // SMOOTHED) + 1, mode="nearest")
-        speed = np.gradient(smooth) if free else smooth
+        speed = np.gradient(smooth) if position else smooth
         sign = np.tanh(speed / max(AT_REST * float(np.abs(speed).max()), 1e-300))
         u = record.u[:, 0] if record.hold == "zero" else 0.5 * (record.u[:, 0] + np.append(record.u[1:, 0], 0.0))
-        way = moved - moved[0] if free else _integral(moved, step)
+        way = moved - moved[0] if position else _integral(moved, step)
         push, moving = (np.concatenate(([0.0], np.cumsum(f[:-1]) * step)) for f in (u, u * np.abs(sign)))
         # What each gives to the speed, or to the position.
         given = (push, moving, -way, -_integral(sign, step), t)
-        own = np.column_stack([_integral(column, step) for column in given] if free else given)
-        start = np.linalg.qr(np.column_stack((np.ones(n), t))[:, : 1 + free])[0]
+        own = np.column_stack([_integral(column, step) for column in given] if position else given)
+        start = np.linalg.qr(np.column_stack((np.ones(n), t))[:, : 1 + position])[0]
         columns.append((own - start @ (start.T @ own))[record.valid])
         targets.append((moved - start @ (start.T @ moved))[record.valid])
     return np.vstack(columns), np.concatenate(targets)
