@@ -153,8 +153,8 @@ def unheld(u: Floats, v: Floats) -> bool:
     spring holds do: one that is held hardly moves then."""
     window = np.hanning(len(u))[:, None]
     force, answer = (np.sum(np.abs(np.fft.rfft((s - s.mean(axis=0)) * window, axis=0)) ** 2, axis=1) for s in (u, v))
-    octave = np.log2(np.arange(1, len(force))).astype(int) // 2
-    pushed, moved = np.bincount(octave, force[1:]), np.bincount(octave, answer[1:])
+    band = np.log2(np.arange(1, len(force))).astype(int) // 2
+    pushed, moved = np.bincount(band, force[1:]), np.bincount(band, answer[1:])
     driven = pushed > DRIVEN * pushed.max()
     ratio = moved[driven] / pushed[driven]
     return bool(pushed.max() > 0 and driven[0] and ratio[0] == ratio.max())

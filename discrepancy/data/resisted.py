@@ -36,15 +36,10 @@ class Resisted(NamedTuple):
     left: float
 
 
-def resisted(records: Sequence[Record], gain: float) -> Resisted | None:
-    """What moves and resists a mass without a spring, by the fewest forces, for a sensor of ``gain`` [V/m]; None as
-    ``alternatives`` has none."""
-    return fewest(alternatives(records, gain))
-
-
 def alternatives(records: Sequence[Record], gain: float) -> list[Resisted]:
-    """The same with neither, with either and with both of the forces, the fewest first, as far as a mass explains the
-    motion; none for two axes, a sensor of acceleration, and where no force acted."""
+    """What moves and resists a mass without a spring, for a sensor of ``gain`` [V/m], with neither, with either and
+    with both of friction and a constant force, the fewest first, as far as a mass explains the motion; none for two
+    axes, a sensor of acceleration, and where no force acted."""
     if any(record.axes > 1 or record.order > 1 or not record.u.any() for record in records):
         return []
     columns, target = _joined(records, gain)

@@ -13,7 +13,7 @@ from discrepancy.data.dataset import Dataset
 from discrepancy.data.excitation import cramer_rao_bounds
 from discrepancy.data.linear_start import linear_start
 from discrepancy.data.record import Record, make_record
-from discrepancy.data.resisted import resisted
+from discrepancy.data.resisted import Resisted, alternatives, fewest
 
 RATE, SAMPLES, FINE = 1000.0, 10_000, 20
 MASS, DAMPING = 1.4e-4, 1.4e-4
@@ -35,6 +35,11 @@ def motor(force: Callable[[float], float], friction: float = 0.0, constant: floa
             x, v = x + 0.5 * (v + after) / RATE / FINE, after
     seen = 6e-4 * np.round(seen / 6e-4)
     return make_record("motor", np.arange(SAMPLES) / RATE, u[:, None], seen[:, None], sample_rate=RATE, senses=senses)
+
+
+def resisted(runs: list[Record], gain: float) -> Resisted | None:
+    """What resists by the fewest forces."""
+    return fewest(alternatives(runs, gain))
 
 
 def stairs(t: float) -> float:
