@@ -96,8 +96,7 @@ def diagnose(
             if further is None:
                 return False
             room = max_effects - sum(not a.of_record for a in search.accepted)
-            # What a filter tracks as a motion may be what is missing.
-            at = search.fitter.fit(search.fitter.still(search.at)) if least else search.at
+            at = search.untracked() if least else search.at
             ask = partial(further, search.fitter, at, against, room, least)
             wider = search.attempt("terms that are in no file", ask)
             if wider is None:

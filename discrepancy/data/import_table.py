@@ -139,11 +139,10 @@ def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source
             if not fitting:
                 continue
             heading = fitting[0]
-        elif heading == NONE and heading not in headings and column in FORCES:
-            sources[column] = Source("", 0.0, 0.0, SI[column])
-            continue
         elif heading == NONE and heading not in headings:
-            # It has a heading that looks like this column's, and is none.
+            # Of other columns the table has a heading that only looks like one.
+            if column in FORCES:
+                sources[column] = Source("", 0.0, 0.0, SI[column])
             continue
         elif heading not in headings:
             raise InputError(

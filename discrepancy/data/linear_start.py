@@ -61,6 +61,7 @@ def sensor_gains(records: Sequence[Record]) -> list[float]:
 def _hardly_held(records: Sequence[Record], gains: Sequence[float]) -> dict[str, float] | None:
     """The same of masses that hardly any spring holds, so that no mode is seen: windows are then a part of a run."""
     duration = min(len(record.t) / record.sample_rate for record in records)
+    # All that may resist: of steps of a torque that fits as well without, the mass came out five times too large.
     told = min(alternatives(records, gains[0]), key=lambda own: own.left, default=None)
     if told is not None and told.left <= BADLY:
         least = told.m * (2 * np.pi * LEAST / duration) ** 2

@@ -36,8 +36,8 @@ PIECES, SHORTEST = 15, 512
 """Pieces of a run, each half in the next, so that all of a run counts alike but a sixteenth at both ends: one window
 over a run whose motion grew saw 4/5 of the noise of a jittering clock. No piece is of fewer samples."""
 GROUPS: Final = 1000
-"""Of samples that move about as fast, each taken as one: neighbours' slopes are then alike to a thousandth of the
-largest."""
+"""Of samples that move about as fast, each taken as one: the size of a jitter changed by less than 1e-4 of it in a
+sine, a beat and a motion that grew."""
 NO_MEMORY: Final = Setting()
 
 

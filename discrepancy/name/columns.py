@@ -354,7 +354,8 @@ class _Scale:
         room = abs((q.high if sign > 0 else q.low) - q.start)
         first = Probe(q, sign * min(self._natural(q), 0.5 * room), 0)
         roughly = self._searched(first, shapes, base, self.head, room)
-        if self.steady if roughly is None else not self.longer:
+        enough = self.steady if roughly is None else not self.longer
+        if enough:
             return roughly
         return self._searched(roughly or first, shapes, base, self.whole, room)
 

@@ -489,6 +489,11 @@ class Search:
         self._go_on_or_keep(best.at, nearly_settled if self.number > 1 else settled)
         return True
 
+    def untracked(self) -> Fitted:
+        """The present fit, anew where its filter tracks a motion, which may be what is missing: without that."""
+        still = self.fitter.still(self.at)
+        return still if still is self.at else self.fitter.fit(still)
+
     def _accept_behind_noise(self) -> bool:
         """The same where the filter takes a part of the motion for noise, which may be what is missing: the best beside
         no such noise, if the residuals are then likelier."""
@@ -496,7 +501,7 @@ class Search:
         if self.fitter is not self.whole or not setting.bandwidth:
             return False
         before, unlikely = self._kept(), self.at.unlikely
-        self.at = self.fitter.fit(self.fitter.still(self.at))
+        self.at = self.untracked()
         self.look()
         if self._accept(patient=False):
             candidate = self.accepted[-1].candidate

@@ -347,7 +347,10 @@ def _doubts(search: "Search", rest: "Remainder", residuals: Sequence[Floats]) ->
         instead = [name for name in entry.rivals if _of_record(search, name)]
         if instead and not entry.of_record:
             found.append(f"{entry.id} may also be the record's: {', '.join(instead)} fits as well in its place")
-    found += [f"a term that is in no file fits better in the place of {name}" for name in sorted(search.refuted)]
+    found += [
+        f"another term fits better in the place of {name}, and there was no time to take it in"
+        for name in sorted(search.refuted)
+    ]
     found += _scaled(search)
     if rest.significant:
         found += [str(finding) for finding in modes(search.measured.fit)]

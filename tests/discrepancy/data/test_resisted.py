@@ -90,7 +90,7 @@ def test_while_friction_holds_a_mass_no_force_moves_it(senses: str) -> None:
     run = motor(with_rests, 0.03, senses=senses)
     found = resisted([run], run.reference**run.order)
     assert found is not None
-    # With the force of the rests among what moves it the mass was twice as large.
+    # With the force of the rests among what moves it the mass was 1.6 times as large at best, beside a constant force.
     assert found.m == pytest.approx(MASS, rel=0.1)
     # Where it stops and sets out the speed is smoothed over a hundredth of the run.
     assert found.friction == pytest.approx(0.03, rel=0.3)
@@ -120,8 +120,7 @@ def test_a_spring_that_is_none_need_not_be_known() -> None:
     assert nominal is not None
     # Known to no more than a few times of next to nothing, it was refused as too poor an excitation.
     nominal = {**nominal, "kxx": 1e-3 * nominal["kxx"]}
-    bounds = cramer_rao_bounds((own,), nominal)
-    assert bounds["kxx"] > 0.5
+    assert cramer_rao_bounds((own,), nominal)["kxx"] > 0.5
     assert not [finding for finding in excitation(Dataset(Path(), nominal, (own,))) if "kxx" in finding.message]
 
 

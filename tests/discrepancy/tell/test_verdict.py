@@ -37,6 +37,9 @@ def test_rivals_take_by_their_likelihood() -> None:
     # A rival that fits as well has half; one that was not tried may.
     assert of("large", search(rival=0.0), CLEAN, 1.0, 0.1, 0.01) == pytest.approx(sure / 2)
     assert of("large", search(asked=False), CLEAN, 1.0, 0.1, 0.01) == pytest.approx(sure / 2)
+    # Unseen data, or a better term, speak against it.
+    doubted = probability(search(), Finding("large", (), {}), CLEAN, stages(1.0, 0.1, 0.01), True)
+    assert doubted == pytest.approx(0.2 * sure) and doubted < Criteria().improbable
 
 
 def test_of_what_stays_above_noise_the_one_that_brought_little_is_in_doubt() -> None:
