@@ -13,6 +13,8 @@ from gyrotwin.terminal_table import Table
 PARTLY: Final = "partly explained"
 MOST_RUNS: Final = 4
 """Held-out runs that get a column of their own."""
+LEAST: Final = 1e-3
+"""Share of power that is told as a number."""
 
 
 def results(report: Mapping[str, Any], found: Diagnosis) -> RenderableType:
@@ -39,7 +41,8 @@ def verdict(report: Mapping[str, Any]) -> str:
         before = significant(report["misfit"]["refit"])
         them = "it" if len(ids) == 1 else "them"
         goes = "falls" if gap <= report["misfit"]["refit"] else "rises"
-        rest = f" {report['left']:.1%} of the residual's power is left." if report["verdict"] == PARTLY else ""
+        share = f"{report['left']:.1%}" if report["left"] >= LEAST else f"Less than {LEAST:.1%}"
+        rest = f" {share} of the residual's power is left." if report["verdict"] == PARTLY else ""
         part = "In part, the" if report["verdict"] == PARTLY else "The"
         return (
             f"{part} model lacks {listed}: with {them} the misfit on held-out runs {goes} from {before} to "

@@ -103,8 +103,9 @@ def modes(records: Sequence[Record]) -> Iterator[Finding]:
     if more:
         yield Finding(
             "modes", "",
-            f"more modes than the model has: {_at(more)} beside {_at(own)}; they are looked for as parasitic modes on "
-            "each axis; what else they do is left, or limit force and record to the band of the modes you want",
+            f"more modes than the model has: {_at(more)}{f' beside {_at(own)}' if own else ''}; they are looked for as "
+            "parasitic modes on each axis; what else they do is left, or limit force and record to the band of the "
+            "modes you want",
         )  # fmt: skip
 
 

@@ -5,17 +5,16 @@ Automatica 30, 1994: the past of force and voltage as instruments). The response
 mode counts for what of the voltage is not explained without it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.signal import decimate, lfilter
+from scipy.signal import decimate
 from threadpoolctl import threadpool_limits
 
+from discrepancy.data.modal import Complexes, Modal, Runs, or_one, refined
 from discrepancy.data.record import Floats, Record
-
-Complexes = NDArray[np.complex128]
 
 MOST: Final = 6
 """Further modes that are looked for."""
@@ -51,6 +50,11 @@ BENT: Final = 0.3
 """Relative change of a frequency over a decay, at most."""
 TWICE: Final = 2.0
 """Times what all leave, that is left without one that counts."""
+BETTER: Final = 1.2
+"""Times what a model of more states leaves, that is left without these."""
+
+PATIENCE: Final = 2
+"""Models of more states that bring nothing in a row, after which none is tried."""
 
 
 class Mode(NamedTuple):
@@ -58,13 +62,6 @@ class Mode(NamedTuple):
 
     frequency: float
     quality: float
-
-
-class _Runs(NamedTuple):
-    """forces and voltages: of each run in the band, (n, axes), without unit; step [s]."""
-
-    pairs: list[tuple[Floats, Floats]]
-    step: float
 
 
 def further_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
@@ -86,38 +83,75 @@ def answering(records: Sequence[Record]) -> list[Mode]:
     if not runs.pairs or not any(u.any() for u, _ in runs.pairs):
         return []
     with threadpool_limits(1, "blas"):
-        tried = [(_left(runs, poles), poles) for poles in _poles(runs, [2 * (1 + extra) for extra in range(MOST + 1)])]
-        left, poles = min(tried, key=lambda found: found[0])
-        needed = [p for p in poles if _mode(p, runs.step) and _left(runs, poles[poles != p]) > TWICE * left]
-    return _modes(np.array(needed), runs.step) if left < ENOUGH else []
+        found = _fitted(runs, [2 * (1 + extra) for extra in range(MOST + 1)])
+        return _modes(_needed(runs, found, found.both), runs.step) if found.left < ENOUGH else []
 
 
-def _counted(runs: _Runs, axes: int) -> tuple[list[Mode], list[Mode]]:
-    own, *more = _poles(runs, [2 * (axes + extra) for extra in range(MOST + 1)])
-    least = _left(runs, own)
-    if least < LEAST:
-        return _modes(own, runs.step), []
-    best: tuple[float, Complexes] = (ENOUGH * least, own)
-    for poles in more:
-        best = min(best, (_left(runs, poles), poles), key=lambda found: found[0])
-    left, poles = best
-    first = _modes(own, runs.step)
-    known = [mode.frequency for mode in first]
+def _counted(runs: Runs, axes: int) -> tuple[list[Mode], list[Mode]]:
+    own, *_ = orders = [2 * (axes + extra) for extra in range(MOST + 1)]
+    least = _fitted(runs, [own])
+    first = _modes(least.both, runs.step)
+    if least.left < LEAST:
+        return first, []
+    found = _fitted(runs, orders)
+    if found.left > ENOUGH * least.left:
+        return first, []
     decays = not any(u.any() for u, _ in runs.pairs)
     if decays:
-        if not known:
-            # What rings at no frequency of its own is no mode that others could stand beside.
-            return [], []
-        known += _of_one(runs, known)
-    beside = [p for p in poles if (m := _mode(p, runs.step)) and all(apart(m.frequency, own) for own in known)]
-    needed = [p for p in beside if _left(runs, poles[poles != p]) > TWICE * left]
-    further = _modes(np.array(needed), runs.step)
+        # One pole for all of them is broader than any.
+        first = _own(runs, found, first)
+    if decays and not first:
+        # What rings at no frequency of its own is no mode that others could stand beside.
+        return [], []
+    known = [mode.frequency for mode in first]
+    known += _of_one(runs, known) if decays else []
+    beside = [p for p in found.both if (m := _mode(p, runs.step)) and all(apart(m.frequency, own) for own in known)]
+    further = _modes(_needed(runs, found, beside), runs.step)
     # What is as broad as it is apart stands for how the decay of a mode is not that of a linear one.
     narrow = [mode.frequency for mode in first] if decays else []
     return first, [m for m in further if all(abs(m.frequency - f) > 0.5 * m.frequency / m.quality for f in narrow)]
 
 
-def _of_one(runs: _Runs, known: Sequence[float]) -> list[float]:
+def _fitted(runs: Runs, orders: Sequence[int]) -> Modal:
+    """The model of as many states as it takes: of more where they bring what is left down, and no two of its poles
+    stand for one mode that the least model has."""
+    first, *more = _poles(runs, orders)
+    best, in_vain = refined(runs, first), 0
+    alike = _alike(best, runs.step)
+    for poles in more:
+        model = refined(runs, poles)
+        better = BETTER * model.left < best.left and _alike(model, runs.step) <= alike
+        best, in_vain = (model, 0) if better else (best, in_vain + 1)
+        if in_vain == PATIENCE:
+            break
+    return best
+
+
+def _alike(model: Modal, step: float) -> int:
+    """How many modes of a model stand beside another."""
+    frequencies = [mode.frequency for mode in _modes(model.both, step)]
+    return sum(not apart(a, b) for a, b in pairwise(frequencies))
+
+
+def _own(runs: Runs, model: Modal, rough: Sequence[Mode]) -> list[Mode]:
+    """The mode of a model that is nearest to a ``rough`` one, or without which most is left; none where it has none."""
+    if rough:
+        modes = _modes(model.both, runs.step)
+        return sorted(modes, key=lambda mode: abs(np.log(mode.frequency / rough[0].frequency)))[:1]
+    poles = model.both
+    ringing = [p for p in poles if _mode(p, runs.step)]
+    most = max(ringing, key=lambda p: Modal(runs, poles[poles != p]).left, default=None)
+    return [] if most is None else _modes(np.array([most]), runs.step)
+
+
+def _needed(runs: Runs, model: Modal, among: Iterable[complex]) -> Complexes:
+    """The poles ``among`` those of a model without which much more is left."""
+    poles = model.both
+    return np.array([p for p in among
+                     if _mode(p, runs.step) and Modal(runs, poles[poles != p]).left > TWICE * model.left])  # fmt: skip
+
+
+def _of_one(runs: Runs, known: Sequence[float]) -> list[float]:
     """Frequencies [Hz] that modes at ``known`` ones [Hz] may have in free decays: harmonics, and all through which a
     mode goes whose spring is not linear, as parts of the decays see it."""
     found = [number * own for own in known for number in HARMONICS]
@@ -157,7 +191,7 @@ def apart(a: float, b: float) -> bool:
     return abs(a / b - 1) > APART
 
 
-def _in_band(records: Sequence[Record]) -> _Runs:
+def _in_band(records: Sequence[Record]) -> Runs:
     """The runs without what is above the modes, at a rate that is enough for them."""
     rate = records[0].sample_rate
     top = ABOVE * max(band_of(record) for record in records)
@@ -171,16 +205,15 @@ def _in_band(records: Sequence[Record]) -> _Runs:
         if len(u) > 4 * ROWS and (u.any() or decays):
             pairs.append((u, v - v.mean(axis=0)))
     scales = [np.sqrt(np.mean([np.mean(a**2, axis=0) for a in side], axis=0)) for side in zip(*pairs, strict=True)]
-    return _Runs([(u / _or_one(scales[0]), v / _or_one(scales[1])) for u, v in pairs], number / rate)
-
-
-def _or_one(scale: Floats) -> Floats:
-    return np.where(scale > 0, scale, 1.0)
+    return Runs([(u / or_one(scales[0]), v / or_one(scales[1])) for u, v in pairs], number / rate)
 
 
 def band_of(record: Record) -> float:
     """The frequency [Hz] below which almost all of the voltage's power is."""
-    power = np.abs(np.fft.rfft((record.v - record.v.mean(axis=0)) * np.hanning(len(record.v))[:, None], axis=0)) ** 2
+    count = len(record.v)
+    # What dies away first is at the beginning of a free decay.
+    window = np.hanning(count) if record.u.any() else np.hanning(2 * count)[count:]
+    power = np.abs(np.fft.rfft((record.v - record.v.mean(axis=0)) * window[:, None], axis=0)) ** 2
     share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
     last = int((share < 1 - POWER).sum(axis=0).max())
     return max(last, 1) * record.sample_rate / len(record.v)
@@ -196,7 +229,7 @@ def _fewer(signal: Floats, number: int) -> Floats:
     return np.asarray(decimate(signal, number, taps, "fir", axis=0)[TAPS:-TAPS])
 
 
-def _poles(runs: _Runs, orders: Sequence[int]) -> list[Complexes]:
+def _poles(runs: Runs, orders: Sequence[int]) -> list[Complexes]:
     """The poles of models of so many states."""
     instants = sum(len(u) - 2 * ROWS for u, _ in runs.pairs)
     stride, rows = max(1, instants // INSTANTS), []
@@ -216,21 +249,3 @@ def _poles(runs: _Runs, orders: Sequence[int]) -> list[Complexes]:
         # One that grows is none of a device at rest; its mirror image has the same peak.
         found.append(np.where(np.abs(poles) > 1, 1 / np.conj(poles), poles))
     return found
-
-
-def _left(runs: _Runs, poles: Complexes) -> float:
-    """The share of the voltage's power that a model of these poles leaves, its residues and starts by least squares."""
-    upper = [p for p in poles if p.imag >= 0]
-    columns, targets = [], []
-    for u, v in runs.pairs:
-        # Without a pole these have no rows.
-        own = np.reshape([lfilter([0.0, 1.0], [1.0, -p], a) for p in upper for a in u.T], (-1, len(u)))
-        free = np.reshape([p ** np.arange(len(u)) for p in upper], (-1, len(u)))
-        start = np.linalg.qr(np.vstack((free.real, free.imag, np.ones(len(u)))).T)[0]
-        made = np.vstack((np.real(own), np.imag(own), u.T)).T
-        columns.append(made - start @ (start.T @ made))
-        targets.append(v - start @ (start.T @ v))
-    made, target = np.vstack(columns), np.vstack(targets)
-    made = made / _or_one(np.linalg.norm(made, axis=0))
-    error = target - made @ np.linalg.lstsq(made, target, rcond=1e-12)[0]
-    return float(np.mean(error**2) / np.mean(np.vstack([v for _, v in runs.pairs]) ** 2))

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from discrepancy.data.record import Floats
+from discrepancy.data.record import MINIMUM_SAMPLES, Floats
 from discrepancy.fit.continuation import started
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter
@@ -113,9 +113,11 @@ class Terms:
         self.simulator.__exit__(None, None, None)
 
     def excerpt(self, fitter: Fitter, at: Fitted, samples: int) -> tuple[Fitter, Fitted]:
-        """``at`` on a piece of each run, where it moves most, all together at most so many samples: what is missing
-        shows most there. It is the first piece where an effect remembers what went before."""
-        number = math.ceil(sum(len(r.t) for r in fitter.records) / samples)
+        """``at`` on a piece of each run, where it moves most, all together at most so many samples, or the shortest
+        that there can be: what is missing shows most there. It is the first piece where an effect remembers what went
+        before."""
+        shortest = min(len(r.t) for r in fitter.records) // MINIMUM_SAMPLES
+        number = min(math.ceil(sum(len(r.t) for r in fitter.records) / samples), shortest)
         pieces = [self.simulator.cut(r, number)[: 1 if _remembers(fitter.simulator.model, at) else None]
                   for r in fitter.records]  # fmt: skip
         cut = [max(own, key=lambda p: float(np.mean(p.v**4))) for own in pieces]

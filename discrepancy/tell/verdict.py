@@ -205,7 +205,7 @@ def probability(
     found = (1 - search.criteria.prior_none) / (1 + sum(weights))
     if rest.significant:
         found *= 1 - max(rest.share, 0.5)
-    if rest.above:
+    if rest.above or rest.significant:
         found *= _brought(finding.id, rest, stages)
     return 0.2 * found if against else found
 
@@ -244,5 +244,6 @@ def _brought(name: str, rest: Remainder, stages: tuple[Stage, ...]) -> float:
     little where much is left fits what another would fit better."""
     final = stages[-1].misfit[""]
     noise = final / max(rest.ratio, 1.0)
-    before = next((a.misfit[""] for a, b in pairwise(stages) if b.name == name), np.inf)
+    # One that came in the place of another has no stage of its own.
+    before = next((a.misfit[""] for a, b in pairwise(stages) if b.name == name), stages[1].misfit[""])
     return float(np.clip(1 - (final**2 - noise**2) / max(before**2 - noise**2, 1e-300), 0.0, 1.0))

@@ -204,6 +204,15 @@ def test_clipping_is_masked_and_said(runs: tuple[Record, ...]) -> None:
 
 
 PHASE = 2 * np.pi * np.arange(4000) / 64
+
+
+def _moves(way: int, rest: int) -> Floats:
+    """A mass moved to the same place and back, three times, without a jerk; so many samples on its way, and at rest."""
+    s = np.linspace(0, 1, way)
+    there = 10 * s**3 - 15 * s**4 + 6 * s**5
+    return np.tile(np.concatenate([there, np.ones(rest), there[::-1], np.zeros(rest)]), 3)
+
+
 UNCLIPPED = {
     "sine": np.sin(PHASE),
     "sine, 8 bits": np.round(127 * np.sin(1.0001 * PHASE)) / 127,
@@ -212,6 +221,7 @@ UNCLIPPED = {
     "settled": np.round(1e3 * (1 - np.exp(-np.arange(4000) / 50))),
     "lightly damped, 12 bits": np.round(2047 * np.exp(-np.arange(4000) / 3e3) * np.sin(PHASE)),
     "never positive": -np.abs(np.random.default_rng(4).standard_normal(4000)),
+    "brought to rest, three times": np.round(1e4 * _moves(300, 200)) / 1e4,
 }
 
 
@@ -225,6 +235,16 @@ def test_flat_tops_at_one_end(samples_a_period: float) -> None:
     v = np.sin(2 * np.pi * np.arange(4000) / samples_a_period)
     tops = flat_tops(np.minimum(v, 0.9)[:, None])[:, 0]
     assert np.array_equal(tops, v >= 0.9)
+
+
+@pytest.mark.parametrize("limit", [0.3, 0.6, 0.95])
+@pytest.mark.parametrize("seed", range(4))
+def test_flat_tops_under_noise_and_beside_another_mode(limit: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    v = 0.8 * np.sin(0.6 * PHASE) + 0.2 * np.sin(2.3 * PHASE + seed) + 1e-3 * rng.standard_normal(len(PHASE))
+    limit *= v.max()
+    tops = flat_tops(np.round(1e4 * np.minimum(v, limit))[:, None])[:, 0]
+    assert tops[v > limit].all() and not tops[v < limit - 1e-4].any()
 
 
 def test_noise_level_is_that_of_the_generator(runs: tuple[Record, ...]) -> None:

@@ -1,7 +1,7 @@
 """Modes counted from records of a linear system whose modes are known: states under a held force are exact."""
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from discrepancy.data.checks import modes
-from discrepancy.data.modes import _in_band, _left, further_modes
+from discrepancy.data.modal import Modal, refined
+from discrepancy.data.modes import _in_band, further_modes
 from discrepancy.data.record import Floats, Record, make_record
 
 RATE, SAMPLES, GAIN, MASS = 200_000.0, 12_000, 1e6, 1e-7
@@ -127,6 +128,26 @@ def test_modes_of_a_free_decay_are_told_with_frequency_and_quality(seed: int) ->
     assert [mode.frequency for mode in more] == pytest.approx([3320, 5600], rel=1e-3)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_mode_far_below_the_others_keeps_its_quality(seed: int) -> None:
+    # 40 samples, as many as a subspace sees ahead, are less than a period of the lowest.
+    own, more = further_modes([decay(seed, (900, 55, 1.0), (5800, 50, 0.4), (16000, 45, 0.3), noise=1e-4)])
+    found = [*own, *more]
+    assert [mode.frequency for mode in found] == pytest.approx([900, 5800, 16000], rel=1e-3)
+    assert [mode.quality for mode in found] == pytest.approx([55, 50, 45], rel=0.05)
+
+
+def test_poles_end_where_no_move_fits_better() -> None:
+    true = np.array([2000.0, 3320.0])
+    runs = _in_band([decay(1, (2000, 150, 1.0), (3320, 120, 0.2))])
+    model = refined(runs, np.exp(2 * np.pi * runs.step * true * (1.003j - 0.02)))
+    assert np.angle(model.poles) / (2 * np.pi * runs.step) == pytest.approx(true, rel=1e-4)
+    for i, way in product(range(2), (1.0, -1.0, 1j, -1j)):
+        moved = model.poles.copy()
+        moved[i] *= np.exp(0.02 * way * np.log(np.abs(moved[i])))
+        assert Modal(runs, moved).left > model.left
+
+
 @pytest.mark.parametrize(
     ("cubic", "square", "friction"),
     [(0, 0, 0), (0.02, 0, 0), (0.1, 0, 0), (0.3, 0, 0), (0.5, 0, 0), (-0.2, 0, 0), (0.05, 0.2, 0), (0, 0, 0.005),
@@ -146,4 +167,4 @@ def test_modes_come_in_the_order_of_their_frequencies() -> None:
 def test_of_a_model_without_poles_all_is_left() -> None:
     runs = _in_band(records([3000.0, 4000.0], [100.0, 100.0], 0.1, 1, "noise")[0])
     # A force that acts on a resonance is in quadrature with most of its answer.
-    assert 0.5 < _left(runs, np.array([], np.complex128)) <= 1.0
+    assert 0.5 < Modal(runs, np.array([], np.complex128)).left <= 1.0

@@ -51,6 +51,20 @@ def test_of_what_stays_above_noise_the_one_that_brought_little_is_in_doubt() -> 
     assert of("small", search(), CLEAN, 1.0, 0.02, 0.012) == pytest.approx(sure)
 
 
+def test_a_name_that_came_in_the_place_of_another_counts_what_all_brought() -> None:
+    rest = Remainder(share=0.9, ratio=2.0, above=False, significant=True)
+    found = of("small", search(), rest, 1.0, 0.99, 0.98)
+    replaced = SimpleNamespace(accepted=[SimpleNamespace(id="other", behind={}, asked=True)], partners=set(),
+                               criteria=Criteria())  # fmt: skip
+    other = probability(
+        replaced, Finding("other", (), {}), rest, (Stage("nominal", {}, {"": 9.0}, {}), *stages(1.0, 0.99, 0.98))
+    )
+    # Of the square that is not noise, 1 - 0.49², 1 - 0.98² are gone.
+    sure = 1 - Criteria().prior_none
+    assert other == pytest.approx(sure * 0.1 * (1 - 0.98**2) / (1 - 0.49**2))
+    assert found < other
+
+
 def judged(monkeypatch: pytest.MonkeyPatch, without: float, *misfits: float, **criteria: float) -> dict[str, str]:
     """What is said of "large" and "small" where held-out runs have these ``misfits`` at each stage, and one of
     ``without`` as soon as either is taken out again."""
