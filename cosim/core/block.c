@@ -133,6 +133,21 @@ void block_widen(filter *f, int i, double wide)
     }
 }
 
+void block_make_triangular(double W[NP][NP])
+{
+    for (int i = NP - 1; i > 0; i--) {
+        for (int j = 0; j < i; j++) {
+            const double size = hypot(W[i][i], W[i][j]);
+            const double c = size > 0.0 ? W[i][i] / size : 1.0, t = size > 0.0 ? W[i][j] / size : 0.0;
+            for (int k = 0; k <= i; k++) {
+                const double own = W[k][i], other = W[k][j];
+                W[k][i] = c * own + t * other;
+                W[k][j] = c * other - t * own;
+            }
+        }
+    }
+}
+
 void block_shrink(filter *f, double L[NP][NP])
 {
     for (int i = 0; i < NP; i++) {

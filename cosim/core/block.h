@@ -26,6 +26,9 @@ void block_solve(double L[NP][NP], const double b[NP], double x[NP], double half
 /* W becomes W L^-T, which is upper triangular again. */
 void block_shrink(filter *f, double L[NP][NP]);
 
+/* W is upper triangular again, by rotations of its columns. */
+void block_make_triangular(double W[NP][NP]);
+
 /* Variance of p_i. */
 double block_variance(const filter *f, int i);
 

@@ -156,6 +156,7 @@ void fit_fold(filter *f, double L[NP][NP])
     }
     block_shrink(f, L);
     if (!f->growing) {
+        unseen_follow(f);
         straight_follow(f);
     }
     for (int i = 0; i < NP; i++) {

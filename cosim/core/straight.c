@@ -115,22 +115,6 @@ static void least_change(const filter *f, const view *v, const double *by, int c
     }
 }
 
-/* W is upper triangular again, by rotations of its columns. */
-static void make_triangular(double W[NP][NP])
-{
-    for (int i = NP - 1; i > 0; i--) {
-        for (int j = 0; j < i; j++) {
-            const double size = hypot(W[i][i], W[i][j]);
-            const double c = size > 0.0 ? W[i][i] / size : 1.0, t = size > 0.0 ? W[i][j] / size : 0.0;
-            for (int k = 0; k <= i; k++) {
-                const double own = W[k][i], other = W[k][j];
-                W[k][i] = c * own + t * other;
-                W[k][j] = c * other - t * own;
-            }
-        }
-    }
-}
-
 /* row += row M, M [NP * NP]. */
 static void add_times(double row[NP], const double *M)
 {
@@ -369,5 +353,5 @@ void straight_follow(filter *f)
     for (int j = 0; j < NP; j++) {
         add_of(along, &f->W[0][j], NP);
     }
-    make_triangular(f->W);
+    block_make_triangular(f->W);
 }

@@ -102,15 +102,43 @@ static void separate(filter *f)
     }
 }
 
-/* What the block's rows show of direction m, and the terms that it is the sum of, both in squared deviations. */
-static double shown(const filter *f, int m, double *terms)
+static double dot(const double a[NP], const double b[NP])
+{
+    double sum = 0.0;
+    for (int i = 0; i < NP; i++) {
+        sum += a[i] * b[i];
+    }
+    return sum;
+}
+
+/* a += factor b. */
+static void add(double a[NP], double factor, const double b[NP])
+{
+    for (int i = 0; i < NP; i++) {
+        a[i] += factor * b[i];
+    }
+}
+
+/* p = W x: a change of p given in units of W. */
+static void change_of(const filter *f, const double x[NP], double p[NP])
+{
+    for (int i = 0; i < NP; i++) {
+        p[i] = 0.0;
+        for (int j = i; j < NP; j++) {
+            p[i] += f->W[i][j] * x[j];
+        }
+    }
+}
+
+/* What the block's rows show of direction n, and the terms that it is the sum of, both in squared deviations. */
+static double shown(const filter *f, const double n[NP], double *terms)
 {
     double net = 0.0;
     *terms = 0.0;
     for (int64_t r = 0; r < f->rows; r++) {
         double sum = 0.0, sizes = 0.0;
         for (int i = 0; i < NP; i++) {
-            const double term = f->H[r][i] * f->unseen[m][i];
+            const double term = f->H[r][i] * n[i];
             sum += term;
             sizes += fabs(term);
         }
@@ -118,6 +146,14 @@ static double shown(const filter *f, int m, double *terms)
         *terms += sizes * sizes;
     }
     return net;
+}
+
+/* Whether the block shows nothing of direction n. */
+static int cancels(const filter *f, const double n[NP])
+{
+    double terms;
+    const double net = shown(f, n, &terms);
+    return net <= CANCELLED * CANCELLED * terms;
 }
 
 /* Whether a direction changes how voltages read the position, beside what the design leaves open of that: a rate that changes tells it, and a start in
@@ -145,7 +181,7 @@ static void keep_cancelling(filter *f)
     int kept = 0;
     for (int m = 0; m < f->unseen_count; m++) {
         double terms;
-        const double net = shown(f, m, &terms);
+        const double net = shown(f, f->unseen[m], &terms);
         if (net < CANCEL * CANCEL * terms && (net < TOLD || moves_reading(f, f->unseen[m]))) {
             memmove(f->unseen[kept++], f->unseen[m], sizeof f->unseen[m]);
         }
@@ -162,13 +198,7 @@ void unseen_find(filter *f, double L[NP][NP])
     memset(f->shown, 0, sizeof f->shown);
     for (int m = 0; m < NP; m++) {
         if (K[m][m] > LEFT) {
-            double *change = f->unseen[f->unseen_count++];
-            for (int i = 0; i < NP; i++) {
-                change[i] = 0.0;
-                for (int j = i; j < NP; j++) {
-                    change[i] += f->W[i][j] * V[m][j];
-                }
-            }
+            change_of(f, V[m], f->unseen[f->unseen_count++]);
         }
     }
     separate(f);
@@ -183,13 +213,7 @@ void unseen_scale(filter *f)
         double *d = f->unseen_eta[m];
         block_scale(f, f->unseen[m], d);
         for (int b = 0; b < m; b++) {
-            double along = 0.0;
-            for (int j = 0; j < NP; j++) {
-                along += d[j] * f->unseen_eta[b][j];
-            }
-            for (int j = 0; j < NP; j++) {
-                d[j] -= along * f->unseen_eta[b][j];
-            }
+            add(d, -dot(d, f->unseen_eta[b]), f->unseen_eta[b]);
         }
         const double size = sqrt(block_squared(d));
         for (int j = 0; j < NP; j++) {
@@ -201,13 +225,7 @@ void unseen_scale(filter *f)
 void unseen_leave_out(const filter *f, double x[NP])
 {
     for (int m = 0; m < f->hidden; m++) {
-        double along = 0.0;
-        for (int j = 0; j < NP; j++) {
-            along += x[j] * f->unseen_eta[m][j];
-        }
-        for (int j = 0; j < NP; j++) {
-            x[j] -= along * f->unseen_eta[m][j];
-        }
+        add(x, -dot(x, f->unseen_eta[m]), f->unseen_eta[m]);
     }
 }
 
@@ -227,8 +245,7 @@ void unseen_look(filter *f)
 {
     int hidden = 0;
     for (int m = 0; m < f->unseen_count; m++) {
-        double terms;
-        const int shows = shown(f, m, &terms) > CANCELLED * CANCELLED * terms && moves_reading(f, f->unseen[m]);
+        const int shows = !cancels(f, f->unseen[m]) && moves_reading(f, f->unseen[m]);
         f->shown[m] = shows ? f->shown[m] + 1 : 0;
     }
     for (int m = 0; m < f->unseen_count; m++) {
@@ -240,14 +257,52 @@ void unseen_look(filter *f)
     unseen_scale(f);
 }
 
+/* What is missing for the rows of the block and of those before it to cancel along W d: the least change, in units of what is known of the other
+   constants. None where the block shows something of it. */
+static void find_turn(const filter *f, const double d[NP], double turn[NP])
+{
+    double n[NP], sum[NP] = {0.0}, x[NP];
+    change_of(f, d, n);
+    const int follows = cancels(f, n);
+    for (int64_t r = 0; r < f->rows && follows; r++) {
+        add(sum, -dot(f->H[r], n), f->H[r]);
+    }
+    block_row_in_eta(f, sum, x);
+    change_of(f, x, turn);
+}
+
+void unseen_follow(filter *f)
+{
+    double turn[NP][NP];
+    unseen_scale(f);
+    for (int m = 0; m < f->hidden; m++) {
+        find_turn(f, f->unseen_eta[m], turn[m]);
+    }
+    for (int k = 0; k < f->hidden; k++) {
+        double d[NP];
+        block_scale(f, f->unseen[k], d);
+        for (int m = 0; m < f->hidden; m++) {
+            add(f->unseen[k], dot(d, f->unseen_eta[m]), turn[m]);
+        }
+    }
+    for (int m = 0; m < f->hidden; m++) {
+        for (int i = 0; i < NP; i++) {
+            add(f->W[i], turn[m][i], f->unseen_eta[m]);
+        }
+    }
+    if (f->hidden > 0) {
+        block_make_triangular(f->W);
+    }
+}
+
 void unseen_columns(const filter *f, double columns[NP][NP])
 {
-    for (int i = 0; i < NP; i++) {
-        for (int m = 0; m < NP; m++) {
-            columns[i][m] = 0.0;
-            for (int j = i; j < NP && m < f->unseen_count; j++) {
-                columns[i][m] += f->W[i][j] * f->unseen_eta[m][j];
-            }
+    memset(columns, 0, NP * sizeof *columns);
+    for (int m = 0; m < f->unseen_count; m++) {
+        double n[NP];
+        change_of(f, f->unseen_eta[m], n);
+        for (int i = 0; i < NP; i++) {
+            columns[i][m] = n[i];
         }
     }
 }

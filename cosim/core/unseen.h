@@ -16,6 +16,10 @@ void unseen_scale(filter *f);
 /* Whether the block shows something of each of them, as those before it did; of the others it pretends to. */
 void unseen_look(filter *f);
 
+/* Turns those of which nothing is shown, and W with them, by what the block, which has gone into W, tells of the other constants: of an offset's drift
+   a start can't say how little belongs to them, and what does grows with time. */
+void unseen_follow(filter *f);
+
 /* Leaves what is along those of which nothing is shown out of x, a change of p in units of W. */
 void unseen_leave_out(const filter *f, double x[NP]);
 
