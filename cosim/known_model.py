@@ -134,6 +134,19 @@ class KnownModel:
         return tuple(map(expand, self._own(self.dynamics.rates_under_force[: len(self.states)])))
 
     @cached_property
+    def _pickoff_rate(self) -> Matrix:
+        """Slope of the voltages in time: they move with the positions, at the velocities; a held force adds nothing."""
+        pickoff = self._own(self.dynamics.picked_off)
+        return Matrix([sum(v.diff(q) * q_dot for q, q_dot in self._moving_pairs) for v in pickoff])
+
+    @cached_property
+    def _jets(self) -> Matrix:
+        """Value, slope and curvature in time of the voltages at the pickoff, of either axis."""
+        along = dict(zip(self.states, self.rates, strict=True))
+        curve = [sum(v.diff(q) * rate for q, rate in along.items()) for v in self._pickoff_rate]
+        return Matrix([*self._own(self.dynamics.picked_off), *self._pickoff_rate, *curve])
+
+    @cached_property
     def constants(self) -> tuple[Symbol, ...]:
         """The parameters that are known, by name in the model's order, as far as an expression uses them."""
         used = frozenset().union(*(expr.free_symbols for exprs in self._functions.values() for expr in exprs[1]))
@@ -159,18 +172,11 @@ class KnownModel:
         still = {symbol: 0 for symbol in (*self.states, *force)}
         linear = rates.jacobian(states).subs(still)
         bend = Matrix([expand(rate.subs(dict.fromkeys(force, 0))) for rate in rates - linear * states])
-        # Voltages move with the positions, at the velocities; a held force adds nothing.
-        pickoff_rate = Matrix([sum(v.diff(q) * q_dot for q, q_dot in self._moving_pairs) for v in pickoff])
-        along = {q: rate for q, rate in zip(self.states, rates, strict=True)}
-        curve = Matrix([sum(v.diff(q) * rate for q, rate in along.items()) for v in pickoff_rate])
-        jet = Matrix([*pickoff, *pickoff_rate, *curve])
+        pickoff_rate = self._pickoff_rate
         seen = self._seen(linear, rates.jacobian(force), actuated, pickoff, amplified, late)
         return {
             # The linear device at rest, and that by the parameters.
             "seen": (f"[{_SEEN} + {_SEEN} * NP]", (*seen, *seen.jacobian(parameters))),
-            # Value, slope and curvature in time, then their derivatives by the states, in one: they share their terms.
-            "jet": ("[6 + 6 * NS]", (*jet, *jet.jacobian(states))),
-            "jet_by_parameter": ("[6 * NP]", tuple(jet.jacobian(parameters))),
             "bend": ("[NS]", tuple(bend)),
             "bend_by_state": ("[NS * NS]", tuple(bend.jacobian(states))),
             "rate_by_state": ("[NS * NS]", tuple(linear)),
@@ -324,8 +330,8 @@ class KnownModel:
         ]
         lines += ['#include "known.h"']
         for name, (shape, exprs) in self._functions.items():
-            sparse = name.endswith("_by_parameter") and name not in ("values_by_parameter", "late_by_parameter")
-            lines.append(self._spread(name, exprs) if sparse else self._function(name, shape, exprs))
+            lines.append(self._spread(name, exprs) if name in _SPREAD else self._function(name, shape, exprs))
+        lines.append(self._jet())
         return "\n".join([*lines, "#endif", ""])
 
     def sizes_header(self) -> str:
@@ -349,10 +355,36 @@ class KnownModel:
         body += [f"    out[{i}] = {c_expression(expr)};" for i, expr in enumerate(reduced)]
         return "\n".join([*body, "}"])
 
+    def _jet(self) -> str:
+        """The function that writes the jets and their derivatives by the states, and adds to ``by_p``, a row an axis,
+        those by the parameters times the ``weight`` of value, slope and curvature: in one, they share their terms."""
+        plain = [*self._jets, *self._jets.jacobian(Matrix(self.states))]
+        slopes = list(self._jets.jacobian(Matrix(self.parameters)))
+        present = [i for i, expr in enumerate(slopes) if expr != 0]
+        pairs, reduced = cse([*plain, *(slopes[i] for i in present)], numbered_symbols("w"), optimizations="basic")
+        adds: dict[int, list[str]] = {}
+        for i, expr in zip(present, reduced[len(plain) :], strict=True):
+            row, q = divmod(i, len(self.parameters))
+            adds.setdefault(row % 2 * len(self.parameters) + q, []).append(f"weight[{row // 2}]*({c_expression(expr)})")
+        used = frozenset().union(*(e.free_symbols for e in (*reduced, *(e for _, e in pairs))))
+        sources = {symbol.name: text for symbol, text in self._sources().items() if symbol in used}
+        return "\n".join([
+            "static inline void known_jet(const known *k, const double *s, const double *f, double omega_z,",
+            "                             const double weight[3], double out[6 + 6 * NS], double by_p[2 * NP])",
+            "{",
+            "    (void)k, (void)s, (void)f, (void)omega_z, (void)weight, (void)by_p;",
+            *(f"    const double {name} = {text};" for name, text in sources.items()),
+            *(f"    const double {symbol.name} = {c_expression(expr)};" for symbol, expr in pairs),
+            *(f"    out[{i}] = {c_expression(expr)};" for i, expr in enumerate(reduced[: len(plain)])),
+            *(f"    by_p[{place}] += {' + '.join(terms)};" for place, terms in adds.items()),
+            "}",
+        ])  # fmt: skip
+
     def _spread(self, name: str, exprs: Sequence[Expr]) -> str:
-        """A function that adds m J to ``out`` for the Jacobian J by the parameters, whose many zeros it leaves out: m
-        has as many columns as J has rows; out has NP columns."""
-        count = len(self.parameters)
+        """A function that adds m J to ``out`` for a Jacobian J by the parameters or states, whose many zeros it leaves
+        out: m has as many columns as J has rows, and out as many as J."""
+        by_state = name.endswith("_by_state")
+        columns, count = ("NS", len(self.states)) if by_state else ("NP", len(self.parameters))
         present = [(divmod(i, count), expr) for i, expr in enumerate(exprs) if expr != 0]
         pairs, reduced = cse([expr for _, expr in present], numbered_symbols("w"), optimizations="basic")
         used = frozenset().union(*(e.free_symbols for e in (*reduced, *(e for _, e in pairs))), frozenset())
@@ -371,7 +403,8 @@ class KnownModel:
         if present:
             body.append("    for (int r = 0; r < rows; r++) {")
             body += [
-                f"        out[r * NP + {q}] += m[r * {rows} + {row}] * j{i};" for i, ((row, q), _) in enumerate(present)
+                f"        out[r * {columns} + {q}] += m[r * {rows} + {row}] * j{i};"
+                for i, ((row, q), _) in enumerate(present)
             ]
             body.append("    }")
         return "\n".join([*body, "}"])
@@ -402,6 +435,8 @@ class KnownModel:
         return self.constants
 
 
+_SPREAD: Final = ("actuate_by_parameter", "pick_off_by_parameter", "amplify_by_parameter", "bend_by_state")
+"""What is written as a function of ``_spread``."""
 _COMMANDS: Final = (symbols.u_x, symbols.u_y)
 # Density a²/f one-sided, at the resonance of x, as the variance of white noise up to half the sample rate.
 _PINK_SHARE: Final = pi * sqrt(symbols.m / symbols.kxx) / symbols.sample_period

@@ -16,7 +16,8 @@ from gyro_model.progress import Progress
 BLOCK_DURATION: Final = 0.005
 """Length of a block [s]: the flag is set and withdrawn at its end; Ctrl-C is heard and progress told."""
 GATHERED: Final = 4
-"""Blocks that are recorded at once: of one alone, calls would take longer than what they do."""
+"""Blocks whose inputs are made at once, and which are recorded at once: of one alone, calls would take longer than what
+they do."""
 
 
 def simulate(run: Run, progress: Progress | None = None) -> Result:
@@ -36,24 +37,24 @@ def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
     size = max(round(BLOCK_DURATION * run.sample_rate), 1)
     rows = np.empty((min(GATHERED * size, run.samples), loop.width))
     clock = _Clock()
-    begun = 0  # sample at which the rows that are not recorded yet begin
-    for first in range(0, run.samples, size):
-        count, place = min(size, run.samples - first), first - begun
-        held = np.ascontiguousarray(run.scenario.inputs(first, count, run.period))
-        done = loop.step(first, held, rows[place : place + count])
-        # The sample before a step that the plant refuses was still taken, even the first of the run.
-        taken = min(done + 1, count)
-        recorder.judge(first, rows[place : place + taken], held[:taken])
-        last = done < count or first + count == run.samples
-        if last or place + count == GATHERED * size:
-            recorder.keep(begun, rows[: place + taken])
-            begun = first + count
-        clock.tick(taken)
+    for begun in range(0, run.samples, len(rows)):
+        inputs = run.scenario.inputs(begun, min(len(rows), run.samples - begun), run.period)
+        for place in range(0, len(inputs), size):
+            held = inputs[place : place + size]
+            first, count = begun + place, len(held)
+            done = loop.step(first, held, rows[place : place + count])
+            # The sample before a step that the plant refuses was still taken, even the first of the run.
+            taken = min(done + 1, count)
+            recorder.judge(first, rows[place : place + taken], held[:taken])
+            clock.tick(taken)
+            if done < count:
+                recorder.stop((first + done) * run.period, plant.complaint())
+                break
+            if progress is not None:
+                progress((first + count) * run.period, run.duration)
+        recorder.keep(begun, rows[: place + taken], inputs[: place + taken])
         if done < count:
-            recorder.stop((first + done) * run.period, plant.complaint())
             break
-        if progress is not None:
-            progress((first + count) * run.period, run.duration)
     return recorder.result(clock.wall_time())
 
 

@@ -7,7 +7,8 @@ that stops, the flag is withdrawn and says why."""
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import hypot, sqrt
+from math import hypot, isfinite, sqrt
+from statistics import fmean
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -98,7 +99,7 @@ class Monitor:
     _patience: float = 0.0
     _bent: list[tuple[float, float]] = field(default_factory=list)
     _strayed: list[tuple[float, float]] = field(default_factory=list)
-    _lately: list[tuple[float, Floats]] = field(default_factory=list)
+    _lately: list[tuple[float, tuple[float, float, float]]] = field(default_factory=list)
     _previous: list[tuple[float, Floats]] = field(default_factory=list)
 
     def judge(self, t: float, estimate: Floats, deviation: Floats, inputs: Floats, phi: float) -> Verdict:
@@ -201,12 +202,12 @@ class Monitor:
         and for an observer of one's own, whose innovations are measured on a device that is known less."""
         if not isinstance(self.observer, CoreObserver):
             return ""
-        self._lately.append((t, np.array([health["chi2"], health["white_x"], health["white_y"]])))
+        self._lately.append((t, (health["chi2"], health["white_x"], health["white_y"])))
         while self._lately[0][0] <= t - LASTING:
             self._lately.pop(0)
         if t - self._lately[0][0] < 0.5 * LASTING:
             return ""
-        chi2, *white = np.mean([found for _, found in self._lately], axis=0).tolist()
+        chi2, *white = (fmean(column) for column in zip(*(found for _, found in self._lately), strict=True))
         pink = max(health["pink_x"], health["pink_y"])
         over = f"over {1e3 * LASTING:g} ms"
         if not chi2 <= self.settings["lasting_chi2"] + pink:
@@ -256,11 +257,11 @@ class Monitor:
         else:
             known = known_values(self.design.without_estimates(), self.lib, self.period)
             found = estimate_drift(self.lib, known, estimate, deviation, inputs, stiffness, phi)
-        if not np.isfinite(list(found.values())).all():
+        if not all(map(isfinite, found.values())):
             return dict.fromkeys(found, float("inf")) | {"unseen": 0.0}
         return {name: value / self._gain for name, value in found.items()}
 
-    @property
+    @cached_property
     def _gain(self) -> float:
         """The angle is read as the pattern's over the angular gain."""
         return max(abs(self.design.all_values["angular_gain"]), 1e-300)

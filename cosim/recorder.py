@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from cosim.angle import UNIT_NAMES, AngleUnit, Block, make_units, orientation
+from cosim.angle import UNIT_NAMES, AngleUnit, Block, make_units, orientation_at
 from cosim.bound import Bound, Motion, at_the_truth, bound
 from cosim.core.library import CONTROL_NAMES, Library
 from cosim.layout import KXX, OMEGA_Z, PARAMETER_NAMES, STATE_NAMES
@@ -31,11 +31,10 @@ BOUND_TIMES: Final = 60
 
 
 class _Judged(NamedTuple):
-    """A block that has been judged: the inputs held over each sample, as cosim.scenarios.INPUT_NAMES, and what had been
-    said until then and held throughout: whether the angle is valid, the standard deviations of ``Verdict`` [rad/s, rad]
-    and that of the angle [rad]."""
+    """A block that has been judged: its samples, and what had been said until then and held throughout: whether the
+    angle is valid, the standard deviations of ``Verdict`` [rad/s, rad] and that of the angle [rad]."""
 
-    held: Floats
+    samples: int
     converged: bool
     drift_sigma: float
     drift_sigma_now: float
@@ -107,7 +106,7 @@ class Recorder:
         inputs held over each, as cosim.scenarios.INPUT_NAMES."""
         verdict, count = self._verdict, len(self.names)
         sigmas = verdict.drift_sigma, verdict.drift_sigma_now, verdict.stray_sigma
-        self._judged.append(_Judged(held, verdict.valid, *sigmas, self._angle_sigma()))
+        self._judged.append(_Judged(len(rows), verdict.valid, *sigmas, self._angle_sigma()))
         t, end = (first + len(rows) - 1) * self.run.period, (first + len(rows)) * self.run.period
         estimate, deviation = rows[-1, :count].copy(), rows[-1, count : 2 * count].copy()
         measured = np.array([*held[-1, 1:], held[-1, 1], held[-1, 1]])
@@ -122,20 +121,19 @@ class Recorder:
 
     def _pattern_at(self, row: Floats) -> float:
         """Where the pattern stands [rad]."""
-        estimate, control, _ = self._parts(row[None])
-        free = (estimate[:, : len(STATE_NAMES)] - control[:, 2:6]).T
-        phi, _ = orientation(free, control[:, CONTROL_NAMES.index("omega_squared")])
-        return float(phi[0])
+        estimate, control = row[: len(STATE_NAMES)], row[2 * len(self.names) :]
+        free = (estimate - control[2:6]).tolist()
+        return orientation_at(free, float(control[CONTROL_NAMES.index("omega_squared")]))
 
-    def keep(self, first: int, rows: Floats) -> None:
+    def keep(self, first: int, rows: Floats, held: Floats) -> None:
         """Keeps the rows (estimates, deviations, control, outputs of the plant) of the samples from ``first`` on, all
-        judged by now."""
+        judged by now, with the inputs held over each."""
         run, judged = self.run, self._judged
         self._judged = []
         t: Floats = np.arange(first, first + len(rows), dtype=np.float64) * np.float64(run.period)
         estimate, control, plant = self._parts(rows)
-        held = np.concatenate([block.held for block in judged])
-        said = {name: np.repeat([getattr(b, name) for b in judged], [len(b.held) for b in judged]) for name in _SAID}
+        counts = [block.samples for block in judged]
+        said = {name: np.repeat([getattr(block, name) for block in judged], counts) for name in _SAID}
         angles = self._angles(t, estimate, control, said["converged"])
         true_states = plant[:, -len(STATE_NAMES) :]
         if first * run.period < START_DURATION:
@@ -149,7 +147,7 @@ class Recorder:
             said = {name: values[kept] for name, values in said.items()}
             self._trace.add(self._columns(t[kept], rows[kept], held[kept], angle_true[kept], angles, said, kept))
         self._samples += len(rows)
-        self._valid_samples += sum(len(block.held) for block in judged if block.converged)
+        self._valid_samples += sum(block.samples for block in judged if block.converged)
 
     def stop(self, t: float, complaint: str) -> None:
         """The plant could not go on at ``t`` [s]."""
@@ -204,10 +202,9 @@ class Recorder:
     ) -> dict[str, tuple[Floats, Floats]]:
         """Angle [rad] and quality of each unit."""
         states = np.ascontiguousarray(estimate[:, : len(STATE_NAMES)].T)
-        forced = np.ascontiguousarray(control[:, 2:6].T)
-        omega_squared = np.ascontiguousarray(control[:, CONTROL_NAMES.index("omega_squared")])
-        turned = np.ascontiguousarray(control[:, CONTROL_NAMES.index("turned")])
-        near = np.ascontiguousarray(control[:, CONTROL_NAMES.index("near_x") :].T)
+        controls = np.ascontiguousarray(control.T)
+        forced, near = controls[2:6], controls[CONTROL_NAMES.index("near_x") :]
+        omega_squared, turned = (controls[CONTROL_NAMES.index(name)] for name in ("omega_squared", "turned"))
         block = Block(t, states, forced, near, omega_squared, converged, self.angular_gain, turned)
         return {name: unit.process(block) for name, unit in self.units.items()}
 

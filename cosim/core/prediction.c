@@ -6,6 +6,7 @@
 #include "known_model.h"
 
 #define TURN 1.0     /* change of the rate from which the motion is formed anew [rad/s] */
+#define MOVES(r) ((r) == 0 || (r) == 2) /* x, y: their rates are states, whatever p is */
 
 /* What a motion is followed with: a device, its motion, the moving values z [NZ] and their slopes by p. */
 typedef struct {
@@ -40,71 +41,69 @@ static acting force_of(const filter *f, const frame *w, int64_t sample)
 /* The force after the change of the delayed force within the period that ends at the present sample. */
 static acting force_after(const filter *f, const frame *w) { return force_of(f, w, f->sample - 1 - w->m->delay_samples); }
 
-/* Adds phi g to `out`, both NS rows of NP. */
-static void add_through(const double *phi, double g[NS][NP], double weight, double out[NS][NP])
-{
-    for (int i = 0; i < NS; i++) {
-        for (int j = 0; j < NS; j++) {
-            const double through = weight * phi[i * NS + j];
-            for (int q = 0; q < NP; q++) {
-                out[i][q] += through * g[j][q];
-            }
-        }
-    }
-}
-
-/* What a piece did: the derivatives of the states at its end by those at its start (phi), the rate (psi) and p (D). */
+/* What a piece did: the derivatives of the states at its end by those at its start (phi), by the rate of turn (psi) and by what adds to
+   their own rates at the nodes (by_rate). */
 typedef struct {
-    double phi[NS][NS], psi[NS], D[NS][NP];
+    double phi[NS][NS], psi[NS], by_rate[NODES][NS][NS];
 } slopes;
 
-/* Adds m B to, all NS x NS, to `out`, few entries of B being there; without `to` m B. With m = weight phi(h - s) and to = phi(s) the sum over the nodes
-   is the integral of phi(h - s) B phi(s): what a bend B does to first order. */
-static void add_bend(const double *B, const double *to, const double *m, double out[NS][NS])
+static void find_slopes(const known *k, double h, const passage *way, double omega_z, slopes *d)
 {
-    for (int i = 0; i < NS; i++) {
-        for (int r = 0; r < NS; r++) {
-            const double b = B[i * NS + r];
-            if (b == 0.0) {
-                continue;
+    const double none[2] = {0.0, 0.0};
+    double w[NS];
+    memcpy(d->phi, way->whole, sizeof d->phi);
+    memset(d->psi, 0, sizeof d->psi);
+    for (int n = 0; n < NODES; n++) {
+        const double weight = h * NODE_WEIGHT[n], *from = passage_from(way, n);
+        const int ends = n == NODES - 1;
+        known_rate_by_omega(k, way->s[n], none, omega_z, w);
+        for (int i = 0; i < NS; i++) {
+            for (int j = 0; j < NS; j++) {
+                d->by_rate[n][i][j] = weight * (ends ? (i == j ? 1.0 : 0.0) : from[i * NS + j]);
+                d->psi[i] += d->by_rate[n][i][j] * w[j];
             }
-            for (int a = 0; a < NS; a++) {
-                const double through = m[a * NS + i] * b;
-                for (int j = 0; j < NS; j++) {
-                    out[a][j] += through * (to == NULL ? (r == j ? 1.0 : 0.0) : to[r * NS + j]);
+        }
+        if (BENT && n == 0) {
+            spread_bend_by_state(k, way->s[n], none, omega_z, &d->by_rate[n][0][0], NS, &d->phi[0][0]);
+        } else if (BENT) {
+            /* To first order: what leads to the node, the bend there, and what leads on. */
+            const double *to = passage_to(way, n);
+            double bent[NS][NS] = {{0.0}};
+            spread_bend_by_state(k, way->s[n], none, omega_z, &d->by_rate[n][0][0], NS, &bent[0][0]);
+            for (int i = 0; i < NS; i++) {
+                for (int r = 0; r < NS; r++) {
+                    for (int j = 0; j < NS; j++) {
+                        d->phi[i][j] += bent[i][r] * to[r * NS + j];
+                    }
                 }
             }
         }
     }
 }
 
-static void find_slopes(const known *k, double h, const passage *way, double omega_z, slopes *d)
+/* The slopes by p of the states at the end of a piece, from those at its start. */
+static void move_slopes(const frame *w, const passage *way, double omega_z, const slopes *d, double from[NS][NP])
 {
-    const double none[2] = {0.0, 0.0};
-    double w[NS], bent[NS * NS];
-    memset(d, 0, sizeof *d);
-    for (int i = 0; i < NS; i++) {
-        memcpy(d->phi[i], way->whole + NS * i, sizeof d->phi[i]);
-    }
+    const double none[2] = {0.0, 0.0}, *turn = w->Y[OMEGA];
+    double rates[NODES][NS][NP];
     for (int n = 0; n < NODES; n++) {
-        const double weight = h * NODE_WEIGHT[n], *from = passage_from(way, n);
-        const int ends = n == NODES - 1;
-        double m[NS * NS];
-        for (int i = 0; i < NS; i++) {
+        known_rate_by_parameter(w->k, way->s[n], none, omega_z, &rates[n][0][0]);
+    }
+    /* One sum a number: added up part by part, each number would be stored and fetched a dozen times. */
+    for (int i = 0; i < NS; i++) {
+        for (int q = 0; q < NP; q++) {
+            double total = d->psi[i] * turn[q];
             for (int j = 0; j < NS; j++) {
-                m[i * NS + j] = weight * (ends ? (i == j ? 1.0 : 0.0) : from[i * NS + j]);
+                total += d->phi[i][j] * from[j][q];
             }
-        }
-        spread_rate_by_parameter(k, way->s[n], none, omega_z, m, NS, &d->D[0][0]);
-        known_rate_by_omega(k, way->s[n], none, omega_z, w);
-        for (int i = 0; i < NS; i++) {
-            for (int j = 0; j < NS; j++) {
-                d->psi[i] += m[i * NS + j] * w[j];
+            for (int n = 0; n < NODES; n++) {
+                for (int r = 0; r < NS; r++) {
+                    if (!MOVES(r)) {
+                        total += d->by_rate[n][i][r] * rates[n][r][q];
+                    }
+                }
             }
-        }
-        if (BENT) {
-            known_bend_by_state(k, way->s[n], none, omega_z, bent);
-            add_bend(bent, n == 0 ? NULL : passage_to(way, n), m, d->phi);
+            w->Y[i][q] = total;
         }
     }
 }
@@ -127,24 +126,20 @@ static void add_force_in_voltage(const known *k, const double *s, const acting *
 static void add_end(const known *k, const double *s, const acting *force, double omega_z, const double *weight, const double *by_tau, double h,
                     double value[2], double value_by_tau[2], double M[2 * NS], double *Y)
 {
-    const double scale[3] = {1.0, h, h * h};
-    double jet[6 + 6 * NS], m[2 * 6];
-    known_jet(k, s, force->f, omega_z, jet);
+    const double scale[3] = {1.0, h, h * h}, scaled[3] = {weight[0], weight[1] * h, weight[2] * h * h};
+    double jet[6 + 6 * NS];
+    known_jet(k, s, force->f, omega_z, scaled, jet, Y);
     memset(M, 0, 2 * NS * sizeof *M);
-    memset(m, 0, sizeof m);
     for (int i = 0; i < 3; i++) {
-        const double w = weight[i] * scale[i];
         for (int a = 0; a < 2; a++) {
             const int row = 2 * i + a;
-            value[a] += w * jet[row];
+            value[a] += scaled[i] * jet[row];
             value_by_tau[a] += by_tau[i] * scale[i] * jet[row];
-            m[6 * a + row] = w;
             for (int j = 0; j < NS; j++) {
-                M[a * NS + j] += w * jet[6 + row * NS + j];
+                M[a * NS + j] += scaled[i] * jet[6 + row * NS + j];
             }
         }
     }
-    spread_jet_by_parameter(k, s, force->f, omega_z, m, 2, Y);
     add_force_in_voltage(k, s, force, omega_z, weight[0], Y);
 }
 
@@ -191,19 +186,15 @@ static void move_through(const frame *w, const piece *part, const acting *force,
     motion_move(part, w->k, omega_z - w->m->omega_z, omega_z, force->f, w->z, way);
     find_slopes(w->k, part->duration, way, omega_z, &d);
     memcpy(from, w->Y, sizeof from);
+    move_slopes(w, way, omega_z, &d, from);
+    spread_actuate_by_parameter(w->k, w->z, force->u, omega_z, way->force, NS, &w->Y[0][0]);
     memset(F, 0, NZ * sizeof *F);
     F[OMEGA][OMEGA] = F[SLOPE][SLOPE] = 1.0;
     for (int i = 0; i < NS; i++) {
         memcpy(F[i], d.phi[i], sizeof d.phi[i]);
         F[i][OMEGA] = d.psi[i];
-        d.D[i][INVERSE_MASS] += mass * (way->force[2 * i] * force->f[0] + way->force[2 * i + 1] * force->f[1]);
-        for (int q = 0; q < NP; q++) {
-            d.D[i][q] += d.psi[i] * w->Y[OMEGA][q];
-        }
+        w->Y[i][INVERSE_MASS] += mass * (way->force[2 * i] * force->f[0] + way->force[2 * i + 1] * force->f[1]);
     }
-    spread_actuate_by_parameter(w->k, w->z, force->u, omega_z, way->force, NS, &d.D[0][0]);
-    add_through(&d.phi[0][0], from, 1.0, d.D);
-    memcpy(w->Y, d.D, sizeof d.D);
     memcpy(w->z, way->s[NODES - 1], sizeof way->s[NODES - 1]);
     if (HAS_LAG) {
         move_lag(w, part, way, force, tau_by_p, from, F);

@@ -165,9 +165,10 @@ void filter_take_up(filter *f, const double v[2])
 void filter_take_up_told(filter *f)
 {
     const double *z = f->now.z, x = z[0], y = z[2];
-    double u[2], l[2], jet[6 + 6 * NS], v[2], tau = HAS_LAG ? f->m.lag : 0.0;
+    const double none[3] = {0.0, 0.0, 0.0};
+    double u[2], l[2], jet[6 + 6 * NS], by_p[2 * NP] = {0.0}, v[2], tau = HAS_LAG ? f->m.lag : 0.0;
     known_actuate(&f->k, z, filter_command(f, 0), z[OMEGA], u);
-    known_jet(&f->k, z, u, z[OMEGA], jet);
+    known_jet(&f->k, z, u, z[OMEGA], none, jet, by_p);
     for (int a = 0; a < 2; a++) {
         l[a] = jet[a] - tau * jet[2 + a] + tau * tau * jet[4 + a];
     }
