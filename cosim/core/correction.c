@@ -27,6 +27,34 @@ static double uncertainty(const filter *f, const double *h)
     return total;
 }
 
+/* What is seen late of z is w = (1 + lag A)^-1 z: by another lag the same correction of w is another one of z. The gain depends on p that way, which
+   counts where the motion is hardly known. */
+static void shift_slopes(filter *f, const double gain[NZ], double e)
+{
+    const motion *m = &f->m;
+    double moved[NS], twice[NS];
+    if (!HAS_LAG) {
+        return;
+    }
+    for (int i = 0; i < NS; i++) {
+        moved[i] = 0.0;
+        for (int j = 0; j < NS; j++) {
+            moved[i] += m->a[i * NS + j] * gain[j];
+        }
+    }
+    for (int i = 0; i < NS; i++) {
+        twice[i] = 0.0;
+        for (int j = 0; j < NS; j++) {
+            twice[i] += m->a[i * NS + j] * moved[j];
+        }
+    }
+    for (int i = 0; i < NS; i++) {
+        for (int q = 0; q < NP; q++) {
+            f->now.Y[i][q] += m->lag_by_p[q] * (moved[i] - m->lag * twice[i]) * e;
+        }
+    }
+}
+
 double filter_correct_axis(filter *f, const double *c, const double *by_p, double noise, double e)
 {
     moving *n = &f->now;
@@ -75,6 +103,7 @@ double filter_correct_axis(filter *f, const double *c, const double *by_p, doubl
             n->Y[i][q] -= gain[i] * h[q];
         }
     }
+    shift_slopes(f, gain, e);
     for (int i = 0; i < NZ; i++) {
         for (int j = 0; j < NZ; j++) {
             n->P[i][j] -= gain[i] * Pc[j];

@@ -15,9 +15,6 @@
 #define AHEAD 4        /* whole steps more that may bring what the first one has not */
 #define SHORTEST 0.003 /* part of a step that is worth a filtering */
 #define EARLY 0.25     /* part of a start that tells which of several lags it is: a filtering of all takes four times as long */
-#define SETTLING 256   /* samples at the beginning of a start that tell a long one nothing where voltages lag: the motion is as unknown there as the
-                          design leaves it, and the product of its error and one of the lag, which slopes leave out, would pass for knowledge */
-#define LONG 4096      /* samples of a long one */
 #define SEES 256       /* samples that tell what voltages see at some frequencies: fewer tell the motion alone, in which that is no straight way */
 
 /* Filters the block again from its beginning at the constants as they are now; returns the sum of squared innovations. */
@@ -50,7 +47,6 @@ static double filter_again(filter *f)
             rate_drop_recent(f);
             rate_open(f);
         }
-        f->rows = HAS_LAG && place == SETTLING && f->in_block >= LONG ? 0 : f->rows;
     }
     for (int64_t r = 0; r < f->rows; r++) {
         total += f->r[r] * f->r[r];

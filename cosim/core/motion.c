@@ -140,6 +140,7 @@ static void form_motion(motion *m, const known *k, double omega_z, double period
     const double rest[NS] = {0}, none[2] = {0.0, 0.0};
     m->period = period;
     m->omega_z = omega_z;
+    known_rate_by_state(k, rest, none, omega_z, m->a);
     known_rate_by_force(k, rest, none, omega_z, m->b);
     m->lag = lag;
     m->delay_samples = delay > 0.0 && delay < 1e-2 ? (int64_t)(delay / period) : 0;
@@ -160,8 +161,10 @@ static void form_motion(motion *m, const known *k, double omega_z, double period
 void motion_form(motion *m, const known *k, double omega_z, double period)
 {
     const double rest[NS] = {0}, none[2] = {0.0, 0.0};
-    double late[2];
+    double late[2], late_by_p[2 * NP];
     known_late(k, rest, none, omega_z, late);
+    known_late_by_parameter(k, rest, none, omega_z, late_by_p);
+    memcpy(m->lag_by_p, late_by_p + NP, sizeof m->lag_by_p);
     form_motion(m, k, omega_z, period, HAS_DELAY ? late[0] : 0.0, HAS_LAG ? late[1] : 0.0);
 }
 

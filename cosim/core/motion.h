@@ -29,11 +29,13 @@ typedef struct {
 typedef struct {
     double period;         /* [s] */
     double omega_z;        /* rate at which it is formed [rad/s] */
+    double a[NS * NS];     /* rate by states, of what is linear */
     double b[NS * 2];      /* rate by force */
     piece pieces[2];       /* until the change of the delayed force, and from then on; without a delay the second is the period */
     int64_t delay_samples; /* whole periods of the delay */
     double delay_rest;     /* the rest of it [s] */
     double lag;            /* time constant of the amplifier [s] */
+    double lag_by_p[NP];   /* its derivatives by p */
 } motion;
 
 /* What the linear part leaves out, and derivatives, are integrated over a piece by the rule of Lobatto with four nodes: order 6, its error is
