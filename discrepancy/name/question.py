@@ -38,7 +38,7 @@ def _failing(search: "Search") -> Dropped | None:
     failing = []
     for entry, gain in zip(entries, gains, strict=True):
         weak = _neutral(search, entry, deviations)
-        if weak is not None and not _shows(search, entry):
+        if weak is not None:
             failing.append((gain, weak))
         elif gain < search.criteria.unseen:
             reason = f"data that its fit did not see improve by {gain:.1f} deviations only"
@@ -57,11 +57,14 @@ def unasked(search: "Search") -> dict[str, Dropped]:
 
 
 def _neutral(search: "Search", entry: Accepted, deviations: Mapping[str, float]) -> Dropped | None:
-    """An effect whose sizes have 95 % intervals that all hold neutral; None for another."""
+    """An effect whose sizes have 95 % intervals that all hold neutral, and that shows by no other parameter; None for
+    another."""
     sizes = _sizes(search, entry, deviations)
     neutral = {q.name: q.start for q in entry.candidate.effect.sizes}
     weak = all(abs(value - neutral[name]) < 1.96 * d for name, (value, d) in sizes.items())
-    return Dropped(entry.candidate, "its interval holds neutral", sizes, entry.share) if sizes and weak else None
+    if not sizes or not weak or _shows(search, entry):
+        return None
+    return Dropped(entry.candidate, "its interval holds neutral", sizes, entry.share)
 
 
 def _sizes(search: "Search", entry: Accepted, deviations: Mapping[str, float]) -> dict[str, tuple[float, float]]:

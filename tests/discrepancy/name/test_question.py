@@ -2,6 +2,8 @@
 
 from types import SimpleNamespace
 
+import pytest
+
 from discrepancy.name.question import unasked
 from gyro_model.model import load_model
 
@@ -24,11 +26,23 @@ def searched(*, questioned: bool, partners: frozenset[str] = frozenset()) -> Sim
     )
 
 
-def test_a_name_whose_interval_holds_neutral_is_none_where_time_ran_out() -> None:
+def shows(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
+    """Of these effects all parameters together explain something."""
+    monkeypatch.setattr("discrepancy.name.question._shows", lambda search, entry: entry.id in names)
+
+
+def test_a_name_whose_interval_holds_neutral_is_none_where_time_ran_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    shows(monkeypatch)
     weak = unasked(searched(questioned=False))
     # One size that is not neutral is enough to stand.
     assert list(weak) == ["nonlinear_damping"]
     assert weak["nonlinear_damping"].sizes == {"d2_x": (2.0, 1.5), "d2_y": (1.0, 1.0)}
+
+
+def test_a_name_whose_parameters_show_together_stands_though_time_ran_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Of a friction over a high speed the data show the ratio alone, and each by itself may be neutral.
+    shows(monkeypatch, "nonlinear_damping")
+    assert unasked(searched(questioned=False)) == {}
 
 
 def test_who_was_asked_or_stands_with_a_partner_is_not_asked_here() -> None:
