@@ -21,7 +21,7 @@ ASTRAY: Final = 0.3
 """Residual over signal from which a fit of whole runs may have ended a turn off; below, what is left is what the model
 lacks."""
 ADDS_UP: Final = 0.1
-"""The same of a mass that hardly any spring holds, which can't be a turn off. Without a friction of a fiftieth of the
+"""The same of a mass that no spring holds, which can't be a turn off. Without a friction of a fiftieth of the
 force a model of carts left 0.03 to 0.07 of whole runs, and it was found; of a fifteenth 0.11 to 0.24."""
 SHORTEST: Final = 12.0
 """Periods of the lowest mode in the shortest piece: four states a piece, eight shared parameters."""
@@ -185,7 +185,9 @@ def unsprung(whole: Fitter, at: Fitted) -> bool:
 
 def _astray(whole: Fitter, at: Fitted) -> float:
     """Residual over signal from which a fit of whole runs is questioned."""
-    return ADDS_UP if _hardly_held(whole, at) else ASTRAY
+    if unsprung(whole, at):
+        return ADDS_UP
+    return IN_STEP if _hardly_held(whole, at) else ASTRAY
 
 
 def _rounds(number: int) -> int:
