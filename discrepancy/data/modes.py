@@ -99,7 +99,7 @@ def _counted(runs: Runs, axes: int) -> tuple[list[Mode], list[Mode]]:
     decays = not any(u.any() for u, _ in runs.pairs)
     if decays:
         # One pole for all of them is broader than any.
-        first = _own(runs, found, first)
+        first = _own(runs, found, first, axes)
     if decays and not first:
         # What rings at no frequency of its own is no mode that others could stand beside.
         return [], []
@@ -133,15 +133,17 @@ def _alike(model: Modal, step: float) -> int:
     return sum(not apart(a, b) for a, b in pairwise(frequencies))
 
 
-def _own(runs: Runs, model: Modal, rough: Sequence[Mode]) -> list[Mode]:
-    """The mode of a model that is nearest to a ``rough`` one, or without which most is left; none where it has none."""
-    if rough:
-        modes = _modes(model.both, runs.step)
-        return sorted(modes, key=lambda mode: abs(np.log(mode.frequency / rough[0].frequency)))[:1]
+def _own(runs: Runs, model: Modal, rough: Sequence[Mode], axes: int) -> list[Mode]:
+    """The modes of a model, one an axis, that are nearest to ``rough`` ones, and those without which most is left where
+    these are fewer."""
     poles = model.both
-    ringing = [p for p in poles if _mode(p, runs.step)]
-    most = max(ringing, key=lambda p: Modal(runs, poles[poles != p]).left, default=None)
-    return [] if most is None else _modes(np.array([most]), runs.step)
+    ringing = [(_mode(p, runs.step), Modal(runs, poles[poles != p]).left) for p in poles]
+    modes = [mode for mode, _ in sorted(ringing, key=lambda found: -found[1]) if mode]
+    own: list[Mode] = []
+    for near in rough:
+        rest = [mode for mode in modes if mode not in own]
+        own += sorted(rest, key=lambda mode: abs(np.log(mode.frequency / near.frequency)))[:1]
+    return sorted([*own, *(mode for mode in modes if mode not in own)][:axes])
 
 
 def _needed(runs: Runs, model: Modal, among: Iterable[complex]) -> Complexes:

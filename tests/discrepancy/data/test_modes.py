@@ -1,6 +1,7 @@
 """Modes counted from records of a linear system whose modes are known: states under a held force are exact."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
@@ -135,6 +136,14 @@ def test_a_mode_far_below_the_others_keeps_its_quality(seed: int) -> None:
     found = [*own, *more]
     assert [mode.frequency for mode in found] == pytest.approx([900, 5800, 16000], rel=1e-3)
     assert [mode.quality for mode in found] == pytest.approx([55, 50, 45], rel=0.05)
+
+
+def test_in_a_free_decay_of_two_axes_each_has_a_mode_of_its_own() -> None:
+    x, y = (decay(seed, part, noise=1e-4) for seed, part in enumerate([(2000, 150, 1.0), (3320, 120, 0.5)]))
+    both = replace(x, u=np.zeros((len(x.t), 2)), v=np.hstack((x.v, y.v)))
+    own, more = further_modes([both])
+    assert [mode.frequency for mode in own] == pytest.approx([2000, 3320], rel=1e-3)
+    assert more == []
 
 
 def test_poles_end_where_no_move_fits_better() -> None:
