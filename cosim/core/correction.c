@@ -27,8 +27,8 @@ static double uncertainty(const filter *f, const double *h)
     return total;
 }
 
-/* What is seen late of z is w = (1 + lag A)^-1 z: by another lag the same correction of w is another one of z. The gain depends on p that way, which
-   counts where the motion is hardly known. */
+/* What is seen late of z is w = (1 + lag A)^-1 z: by another lag the same correction of w is another one of z, A (1 + lag A)^-1 gain e by the lag, here to
+   the second power of A. The gain depends on p that way, which counts where the motion is hardly known. */
 static void shift_slopes(filter *f, const double gain[NZ], double e)
 {
     const motion *m = &f->m;

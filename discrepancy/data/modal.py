@@ -77,9 +77,8 @@ class Modal:
                 own.append(p * slope @ residues[i] + alone[:, i, None] * free[i])
             changes.append(np.stack(own, axis=1))
         # A frequency turns the pole, a decay shortens it.
-        turned, shortened = ([part(c).reshape(len(c), -1) for c in changes] for part in (_turned, _shortened))
-        columns = [self._across(part).reshape(len(self._error), -1, self._error.shape[1])
-                   for part in (turned, shortened)]  # fmt: skip
+        columns = [self._across([(way * c).real.reshape(len(c), -1) for c in changes])
+                   .reshape(len(self._error), -1, self._error.shape[1]) for way in (1j, -1.0)]  # fmt: skip
         slopes = np.concatenate(columns, axis=1).transpose(0, 2, 1).reshape(self._error.size, -1)
         found = np.linalg.lstsq(slopes, self._error.ravel(), rcond=SURE)[0]
         return np.asarray(found.reshape(2, -1))
@@ -141,11 +140,3 @@ def _alone(poles: Complexes, count: int) -> Complexes:
     """Powers of poles, (n, poles)."""
     # Far sooner than by ``**``, which takes the logarithm anew for each.
     return np.asarray(np.exp(np.arange(count)[:, None] * np.log(poles.astype(np.complex128) + TINY)))
-
-
-def _turned(change: Complexes) -> Floats:
-    return np.asarray(-change.imag)
-
-
-def _shortened(change: Complexes) -> Floats:
-    return np.asarray(-change.real)

@@ -255,7 +255,9 @@ def _clipping(search: "Search") -> list[Finding]:
 def _stages(search: "Search", final: Mapping[str, float], last: list[str]) -> tuple[Stage, ...]:
     """Every stage of the model on the held-out runs; the last one has the final parameters."""
     kept = {"nominal", "refit", *(a.id for a in search.accepted)}
-    named = [(name, p) for name, p in search.stages if name in kept]
+    # Where what came in went again at once, a stage bears the name of the one before: it is that one, fitted further.
+    further = [later for later, _ in search.stages[1:]]
+    named = [(name, p) for i, (name, p) in enumerate(search.stages) if name in kept and name not in further[i:]]
     if search.accepted and named[-1][0] == "refit":
         # The stage in which an effect came in may have had the name of another that went.
         named.append((search.accepted[-1].id, dict(final)))

@@ -1,4 +1,4 @@
-"""The effects are those of the specification: ids, parameters, neutral values and defaults of its table."""
+"""The effects are those of the product's specification: ids, parameters, neutral values and defaults of its tables."""
 
 import re
 from pathlib import Path
@@ -8,7 +8,8 @@ import pytest
 
 from gyro_model.effect_points import MODEL
 
-SPECIFICATION = Path(__file__).parents[3] / "shared" / "SYSTEM.md"
+BESIDE = Path(__file__).parents[3] / "shared"
+"""A folder beside the checkout, where a page with the tables of sections 8 and 11 may lie."""
 
 
 class Named(NamedTuple):
@@ -33,9 +34,10 @@ def more() -> dict[str, str]:
 
 def rows(begin: str, end: str) -> list[list[str]]:
     """The cells of the table between two headings."""
-    if not SPECIFICATION.is_file():
+    pages = [page.read_text(encoding="utf-8") for page in BESIDE.glob("*.md")]
+    section = next((page.partition(begin)[2].partition(end)[0] for page in pages if f"\n{begin}" in page), None)
+    if section is None:
         pytest.skip("the specification is not beside this checkout")
-    section = SPECIFICATION.read_text(encoding="utf-8").partition(begin)[2].partition(end)[0]
     lines = [line for line in section.splitlines() if line[:1] == "|"]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
 

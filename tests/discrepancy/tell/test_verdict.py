@@ -11,7 +11,7 @@ from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.tell import verdict
 from discrepancy.tell.answer import Finding, Stage
-from discrepancy.tell.assemble import _scaled
+from discrepancy.tell.assemble import _scaled, _stages
 from discrepancy.tell.verdict import Remainder, imitating, improbable, probability, worse_without
 
 CLEAN = Remainder(share=0.0, ratio=1.0, above=False, significant=False)
@@ -179,3 +179,17 @@ def test_a_comparison_for_which_there_is_no_time_leaves_the_name(monkeypatch: py
     found = tuple(Finding(name, (), {}) for name in ("large", "small"))
     assert worse_without(stopped, found, stages(1.0, 1.1, 1.2), {"final": 0.9, "refit": 1.0}) == {}
     assert undone == ["held-out runs without large", "held-out runs without small"]
+
+
+def test_a_stage_of_a_name_stands_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("discrepancy.tell.assemble.start_fitted", lambda simulator, run, parameters: ([], {}))
+    monkeypatch.setattr("discrepancy.tell.assemble.misfits", lambda runs, residuals: {"": 0.0})
+    came = [("nominal", 0.0), ("refit", 1.0), ("large", 2.0), ("gone", 3.0), ("large", 4.0), ("small", 5.0)]
+    found = SimpleNamespace(
+        **vars(search()),
+        stages=[(name, {"m": value}) for name, value in came],
+        simulator=None,
+        dataset=SimpleNamespace(held_out=[]),
+    )
+    told = [(stage.name, stage.parameters["m"]) for stage in _stages(found, {"m": 9.0}, [])]
+    assert told == [("nominal", 0.0), ("refit", 1.0), ("large", 4.0), ("small", 9.0)]
