@@ -96,8 +96,12 @@ def diagnose(
             if further is None:
                 return False
             room = max_effects - sum(not a.of_record for a in search.accepted)
-            at = search.untracked() if least else search.at
-            ask = partial(further, search.fitter, at, against, room, least)
+            if least:
+                # On the openings that showed the effect, which leave more there.
+                fitter, at = search.view.fitter, search.untracked(search.view)
+            else:
+                fitter, at = search.fitter, search.at
+            ask = partial(further, fitter, at, against, room, least)
             wider = search.attempt("terms that are in no file", ask)
             if wider is None:
                 return False
@@ -124,12 +128,12 @@ def diagnose(
                     break
 
         def replaced() -> bool:
-            before = search.fitter.off(search.at)
+            before = search.astray
             if not widened([a.id for a in search.accepted if not a.of_record], 0.0):
                 return False
             settled()
             # A name is not given up for one that there was no time to take in.
-            if search.late and search.fitter.off(search.at) > before:
+            if search.late and search.astray > before:
                 raise OutOfTime
             return True
 

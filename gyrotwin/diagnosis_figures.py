@@ -50,12 +50,12 @@ class Heat(Panel):
 
 @dataclass(frozen=True)
 class Bars(Panel):
-    """Bars over ``names``, a dot for each run: dots {run: values}; ``floor``: a dashed level or None."""
+    """Bars over ``names`` (None: no bar), a dot for each run: dots {run: values}; ``floor``: a dashed level or None."""
 
     names: list[str] = field(default_factory=list)
-    values: list[float] = field(default_factory=list)
+    values: list[float | None] = field(default_factory=list)
     texts: list[str] = field(default_factory=list)
-    dots: dict[str, list[float]] = field(default_factory=dict)
+    dots: dict[str, list[float | None]] = field(default_factory=dict)
     floor: float | None = None
     height: int = 340
 
@@ -63,11 +63,12 @@ class Bars(Panel):
 def misfit_figure(found: Diagnosis, floor: float | None) -> Figure:
     """The misfit on held-out runs at every stage, beside the noise floor."""
     names = [stage_label(stage.name) for stage in found.stages]
-    whole = [float(stage.misfit[""]) for stage in found.stages]
+    whole = [_finite(stage.misfit[""]) for stage in found.stages]
     runs = [run for run in found.stages[0].misfit if run]
-    dots = {run: [float(stage.misfit[run]) for stage in found.stages] for run in runs} if len(runs) > 1 else {}
-    texts = [f"{value:.3g}" for value in whole]
-    lowest, highest = min(v for v in (*whole, floor or whole[0])), max(whole)
+    dots = {run: [_finite(stage.misfit[run]) for stage in found.stages] for run in runs} if len(runs) > 1 else {}
+    texts = ["left all bounds" if value is None else f"{value:.3g}" for value in whole]
+    drawn = [value for value in whole if value is not None] or [1.0]
+    lowest, highest = min(*drawn, floor or drawn[0]), max(drawn)
     panel = Bars(
         "", "misfit [1]", [], y_log=True, wide=True, names=names, values=whole, texts=texts, dots=dots, floor=floor,
         y_range=[float(np.log10(lowest / 4)), float(np.log10(highest * 2))],
@@ -93,13 +94,13 @@ def map_figure(data: Dataset, found: Diagnosis, noise: float | None) -> Figure:
     before, after = found.stages[min(1, len(found.stages) - 1)], found.stages[-1]
     record = max(data.held_out, key=lambda held: before.misfit[held.name])
     run = record.name
-    level = noise or _quiet_level(after.residuals[run])
+    level = noise or _quiet_level(_left(after.residuals[run], record))
     pairs = [("after the refit", before), ("improved model", after)]
     if before is after:
         pairs = pairs[1:]
     harmonics = 4 * float(mode_frequencies(after.parameters, record.axes)[-1])
     maps = [
-        (axis, title, *_map(stage.residuals[run][:, axis], record, level, harmonics))
+        (axis, title, *_map(_left(stage.residuals[run], record)[:, axis], record, level, harmonics))
         for axis in range(record.axes)
         for title, stage in pairs
     ]
@@ -132,6 +133,15 @@ def map_figure(data: Dataset, found: Diagnosis, noise: float | None) -> Figure:
         [],
         panels,
     )
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _left(residual: Floats, record: Record) -> Floats:
+    """A residual (n, axes) [V] with all of the voltage where the simulated motion has left all bounds."""
+    return np.where(np.isfinite(residual), residual, record.v)
 
 
 def _map(residual: Floats, record: Record, level: float, top: float) -> tuple[Floats, Floats, Floats]:
@@ -205,16 +215,16 @@ def spectrum_figure(data: Dataset, found: Diagnosis, noise: float | None) -> Fig
     for axis in range(record.axes):
         signals = {"measured": ("truth", record.v[:, axis])}
         if before is not after:
-            signals["residual after the refit"] = ("before", before.residuals[run][:, axis])
+            signals["residual after the refit"] = ("before", _left(before.residuals[run], record)[:, axis])
         for role, (name, change) in zip(EFFECT_COLOURS, found.removed.items(), strict=False):
-            signals[f"effect of {name}"] = (role, change[run][:, axis])
-        signals["residual, improved model"] = ("after", after.residuals[run][:, axis])
+            signals[f"effect of {name}"] = (role, _left(change[run], record)[:, axis])
+        signals["residual, improved model"] = ("after", _left(after.residuals[run], record)[:, axis])
         lines = [line(name, role, *_density(v, record.sample_rate)) for name, (role, v) in signals.items()]
         lines = [own for own in lines if own.x]
         if noise:
             f = np.array([lines[0].x[0], lines[0].x[-1]], dtype=float)
             lines.append(line("noise of the sensor", "limit", f, np.full(2, noise * np.sqrt(2 / record.sample_rate))))
-        shown_range = _range(after.residuals[run][:, axis], lines, record.sample_rate)
+        shown_range = _range(signals["residual, improved model"][1], lines, record.sample_rate)
         panels.append(
             Panel(
                 "f [Hz]",

@@ -138,12 +138,21 @@ def whitened(fitter: Fitter, at: Fitted, share: float = 0.0) -> Fitted:
         if setting.like(again.whiten.setting):
             break
         fitted = fitter.fit(again, share=share)
-        # What a free mass is off by has added up over the run: however little of the way it went that is, it counts.
-        enough = 0.0 if unsprung(fitter, at) else IN_STEP
-        if fitter.off(fitted) > max(enough, LEAVES * fitter.off(at)):
+        if leaves(fitter, fitted, at, IN_STEP):
             return again
         at = fitted
     return at
+
+
+def leaves(fitter: Fitter, at: Fitted, before: Fitted, enough: float = ASTRAY) -> bool:
+    """Whether ``at``, a fit that may predict a sample ahead, has left the motion that ``before`` was nearer to.
+    ``enough``: residual over signal up to which a model of many periods has not."""
+    if unsprung(fitter, before):
+        # What a free mass is off by has added up over the run: however little of the way it went that is, it counts.
+        enough = 0.0
+    elif _hardly_held(fitter, before):
+        enough = min(enough, IN_STEP)
+    return fitter.off(at) > max(enough, LEAVES * fitter.off(before))
 
 
 def cut(whole: Fitter, number: int) -> Fitter:

@@ -125,8 +125,10 @@ class Simulator:
             bench.close()
 
     def like(self, model: Model) -> "Simulator":
-        """One of another model, with as many threads and the same clock."""
-        return Simulator(model, len(self._all), self.clock)
+        """One of another model, with as many threads, the same clock and the same parts of runs."""
+        other = Simulator(model, len(self._all), self.clock)
+        other._parts.update(self._parts)
+        return other
 
     def run(self, record: Record, parameters: Mapping[str, float], *, rough: bool = False) -> Floats:
         """The voltage [V] (n, axes) that the model gives under the record's inputs, noise off.

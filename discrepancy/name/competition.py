@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from discrepancy.criteria import Criteria
-from discrepancy.fit.continuation import IN_STEP, LAST_ROUNDS, LEAVES, beginnings, grown, whitened
+from discrepancy.fit.continuation import IN_STEP, LAST_ROUNDS, beginnings, grown, leaves, whitened
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.locate import no_noise
@@ -82,9 +82,9 @@ def refitted(
         gained = (view.at.cost - fits[-1].at.cost) / fits[-1].at.variance
         if _linear(fit.candidate) and abs(gained / fit.score.gain - 1) < AS_PROMISED:
             brought = max(brought, promised)
-    # A fit that predicts a sample ahead what the model lacks may leave the motion: by that no effect is missing.
-    least = LEAVES * view.fitter.off(view.at)
-    return [fit for fit in fits if view.fitter.off(fit.at) <= least]
+    # A fit that predicts a sample ahead what the model lacks may leave the motion: by that no effect is missing. What
+    # a model in step lacks besides takes it as far: an angular gain without the cubic spring, from 0.011 to 0.020.
+    return [fit for fit in fits if not leaves(view.fitter, fit.at, view.at)]
 
 
 def _simplest(criteria: Criteria, ends: Sequence[Fitted], inflation: float) -> Fitted:

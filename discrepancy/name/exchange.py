@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.stats import chi2
 
-from discrepancy.fit.continuation import LAST_ROUNDS, ROUNDS, beginnings, nearly_settled
+from discrepancy.fit.continuation import LAST_ROUNDS, ROUNDS, beginnings, leaves, nearly_settled
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.openings import opened, parts
@@ -64,7 +64,9 @@ def _delete_needless(search: "Search", entry: Accepted, among: Kind | None) -> N
     fitted = search.fitter.fit(search.without_effect(search.at, entry))
     search.simulator.clock.check()
     gain = fitted.cost - search.at.cost
-    if gain < needed or gain < search.criteria.material * fitted.cost:
+    # Where a filter predicts a sample ahead the cost may hardly rise while the motion is lost.
+    lost = leaves(search.fitter, fitted, search.at)
+    if not lost and (gain < needed or gain < search.criteria.material * fitted.cost):
         search.progress(f"deleted {entry.id}")
         search.accepted.remove(entry)
         search.go_on(fitted)
@@ -145,7 +147,8 @@ def _refitted_instead(search: "Search", entry: Accepted, among: Kind | None) -> 
         search.progress(f"{candidate.effect.id} in place of {entry.id}")
         enough = ALIKE * search.at.cost if candidate.effect.id in same else goal
         at = search.fitter.fit(begun, rounds, enough)
-        if at.cost < min(enough, fits[candidate.effect.id][0].cost if candidate.effect.id in fits else np.inf):
+        best = fits[candidate.effect.id][0].cost if candidate.effect.id in fits else np.inf
+        if at.cost < min(enough, best) and not leaves(search.fitter, at, search.at):
             fits[candidate.effect.id] = at, candidate
     if trial:
         search.simulator.forget(trial.fitter.records)

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from discrepancy.fit.continuation import leaves
 from discrepancy.name.accepted import Accepted, Dropped
 from discrepancy.name.exchange import first_of_its_kind
 from discrepancy.name.scan import sure
@@ -14,25 +15,33 @@ if TYPE_CHECKING:
     from discrepancy.name.search import Search
 
 
-def ask(search: "Search") -> None:
-    """Takes out every effect that data which its fit did not see do not support, or whose interval holds neutral: the
-    weakest first, the rest refitted. Raises OutOfTime."""
-    while failing := _failing(search):
-        search.progress(f"took out {failing.candidate.effect.id}: {failing.reason}")
+def ask(search: "Search") -> bool:
+    """Takes out the weakest effect that data which its fit did not see do not support, or whose interval holds neutral,
+    the rest refitted; False where every one stands. Raises OutOfTime."""
+    for failing in _failing(search):
         entry = next(a for a in search.accepted if a.candidate is failing.candidate)
+        fitted = search.fitter.fit(search.without_effect(search.at, entry))
+        search.simulator.clock.check()
+        # What a filter predicts a sample ahead it does not miss, though the motion is lost without it.
+        if leaves(search.fitter, fitted, search.at):
+            continue
+        search.progress(f"took out {entry.id}: {failing.reason}")
         search.dropped.append(failing)
         search.accepted.remove(entry)
-        search.go_on(search.without_effect(search.at, entry))
+        search.at = fitted
         first_of_its_kind(search, entry)
+        return True
     search.simulator.clock.check()
     search.questioned = True
+    return False
 
 
-def _failing(search: "Search") -> Dropped | None:
+def _failing(search: "Search") -> list[Dropped]:
+    """The effects that fail, the weakest first."""
     partners = search.partners
     entries = [a for a in search.accepted if a.id not in partners]
     if not entries:
-        return None
+        return []
     deviations = search.fitter.deviations(search.at)
     gains = unseen_gains(search.fitter, search.at, [(a.names, a.neutral) for a in entries])
     failing = []
@@ -43,7 +52,7 @@ def _failing(search: "Search") -> Dropped | None:
         elif gain < search.criteria.unseen:
             reason = f"data that its fit did not see improve by {gain:.1f} deviations only"
             failing.append((gain, Dropped(entry.candidate, reason, _sizes(search, entry, deviations), entry.share)))
-    return min(failing, key=lambda f: f[0])[1] if failing else None
+    return [dropped for _, dropped in sorted(failing, key=lambda f: f[0])]
 
 
 def unasked(search: "Search") -> dict[str, Dropped]:

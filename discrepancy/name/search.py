@@ -260,6 +260,12 @@ class Search:
         return bool(last) and not {term.id for term in last} & {a.id for a in self.accepted}
 
     @property
+    def astray(self) -> tuple[int, float]:
+        """How far the present fit is from the motion: pieces that it needs to stay in step, and residual over signal,
+        which is less in shorter ones."""
+        return len(self.fitter.records), self.fitter.off(self.at)
+
+    @property
     def late(self) -> bool:
         """Whether the time for the present part is used up."""
         return self.simulator.clock.late
@@ -489,10 +495,11 @@ class Search:
         self._go_on_or_keep(best.at, nearly_settled if self.number > 1 else settled)
         return True
 
-    def untracked(self) -> Fitted:
-        """The present fit, anew where its filter tracks a motion, which may be what is missing: without that."""
-        still = self.fitter.still(self.at)
-        return still if still is self.at else self.fitter.fit(still)
+    @staticmethod
+    def untracked(view: Opening) -> Fitted:
+        """A fit, anew where its filter tracks a motion, which may be what is missing: without that."""
+        still = view.fitter.still(view.at)
+        return still if still is view.at else view.fitter.fit(still)
 
     def _accept_behind_noise(self) -> bool:
         """The same where the filter takes a part of the motion for noise, which may be what is missing: the best beside
@@ -501,7 +508,7 @@ class Search:
         if self.fitter is not self.whole or not setting.bandwidth:
             return False
         before, unlikely = self._kept(), self.at.unlikely
-        self.at = self.untracked()
+        self.at = self.untracked(Opening(self.fitter, self.at))
         self.look()
         if self._accept(patient=False):
             candidate = self.accepted[-1].candidate
@@ -553,6 +560,9 @@ class Search:
         time for it."""
         before = self.names
         self._until(QUESTION)
-        self.attempt("names held against data that no fit saw", partial(ask, self))
+        while self.attempt("names held against data that no fit saw", partial(ask, self)):
+            pass
+        if self.names < before:
+            self._go_on_or_keep(self.at)
         self._until(NAME)
         return self.names < before and not self.late

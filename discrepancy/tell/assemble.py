@@ -102,6 +102,9 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
         _withdraw(search, withdrawn)
         device = intervals(search)
         parameters = {**search.at.parameters, **{k: v.value for f in clipped for k, v in f.parameters.items()}}
+        # What stands is as large as the improved device has it.
+        effects = tuple(replace(f, parameters={n: device.get(n, own) for n, own in f.parameters.items()})
+                        for f in effects)  # fmt: skip
     rivals = {entry.id: entry.rivals for entry in search.accepted
               if entry.rivals and entry.id in {f.id for f in effects}}  # fmt: skip
     return Diagnosis(

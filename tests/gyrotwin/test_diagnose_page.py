@@ -6,11 +6,14 @@ from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from cubic_case import QUINTIC
 
+from discrepancy.data.record import make_record
+from discrepancy.tell.answer import Stage
 from gyro_model.model import load_model
-from gyrotwin import diagnosis_report
+from gyrotwin import diagnosis_figures, diagnosis_report
 from gyrotwin.numbers import hertz, uncertain
 
 VOID = {"area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "track", "wbr"}
@@ -80,6 +83,23 @@ def test_the_page_shows_everything(answer: SimpleNamespace, page: Page) -> None:
     for panel in data["map"]:
         # Base64: four letters for three cells.
         assert len(panel["levels"]) == 4 * -(-len(panel["columns"]) * len(panel["rows"]) // 3)
+
+
+def test_figures_of_a_motion_that_leaves_all_bounds_are_drawn() -> None:
+    t, device = np.arange(2000) / 1e5, {"m": 1e-7, "kxx": 40.0}
+    v = np.sin(2 * np.pi * 3e3 * t)[:, None]
+    run = make_record("held.csv", t, np.cos(2 * np.pi * 3e3 * t)[:, None], v, sample_rate=1e5)
+    lost = np.where(t[:, None] < 1e-2, 0.1 * v, np.nan)
+    ends = (("nominal", 0.5, 0.5 * v), ("refit", np.inf, lost), ("k3", np.nan, lost))
+    stages = [Stage(name, device, {"": gap, "held.csv": gap}, {"held.csv": left}) for name, gap, left in ends]
+    found = SimpleNamespace(stages=stages, removed={"k3": {"held.csv": lost}})
+    data = SimpleNamespace(held_out=(run,), axes=1)
+    bars = diagnosis_figures.misfit_figure(found, None)  # type: ignore[arg-type]
+    others = (diagnosis_figures.map_figure(data, found, None), diagnosis_figures.spectrum_figure(data, found, None))  # type: ignore[arg-type]
+    for figure in (bars, *others):
+        json.dumps(figure.data(), allow_nan=False)
+    assert bars.data()[0]["values"] == [0.5, None, None]
+    assert bars.data()[0]["texts"] == ["0.5", "left all bounds", "left all bounds"]
 
 
 def test_numbers() -> None:

@@ -1,6 +1,7 @@
 """Fits of runs that hold more than the model: they stay with the motion, whatever a noise filter takes for noise."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.signal import cont2discrete, lfilter, ss2tf
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.linear_start import linear_start
 from discrepancy.data.record import make_record
-from discrepancy.fit.continuation import beginnings, started
+from discrepancy.fit.continuation import beginnings, leaves, started
 from discrepancy.fit.measures import start_fitted
 from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
@@ -59,3 +60,25 @@ def test_a_mode_that_no_effect_can_be_is_left_without_spoiling_the_fit() -> None
         assert search.fitter.off(search.at) < 1.1 * np.std(other) / np.std(own + other)
         frequency = np.sqrt(search.at.parameters["kxx"] / search.at.parameters["m"]) / (2 * np.pi)
         assert frequency == pytest.approx(OWN, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "before", "after", "left"),
+    [
+        # An angular gain without the cubic spring beside it, in 600 periods: it is what is missing.
+        (3000.0, 0.011, 0.020, False),
+        (3000.0, 0.30, 0.50, True),
+        # Forty periods, in which what is missing adds up.
+        (200.0, 0.011, 0.019, False),
+        (200.0, 0.067, 0.297, True),
+        # Less than one: a motor without a spring.
+        (2.0, 0.011, 0.020, True),
+        (2.0, 0.011, 0.013, False),
+    ],
+)
+def test_what_leaves_the_motion(frequency: float, before: float, after: float, left: bool) -> None:
+    run = SimpleNamespace(t=np.arange(40_000) / 2e5, sample_rate=2e5)
+    fitter = SimpleNamespace(records=(run,), axes=1, off=lambda at: at.off)
+    device = {"m": (2 * np.pi * frequency) ** -2, "kxx": 1.0}
+    fits = [SimpleNamespace(parameters=device, off=off) for off in (after, before)]
+    assert leaves(fitter, *fits) is left  # type: ignore[arg-type]
