@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 def ask(search: "Search") -> bool:
     """Takes out the weakest effect that data which its fit did not see do not support, or whose interval holds neutral,
     the rest refitted; False where every one stands. Raises OutOfTime."""
-    for failing in _failing(search):
+    for failing, neutral in _failing(search):
         entry = next(a for a in search.accepted if a.candidate is failing.candidate)
         fitted = search.fitter.fit(search.without_effect(search.at, entry))
         search.simulator.clock.check()
         # What a filter predicts a sample ahead it does not miss, though the motion is lost without it.
-        if leaves(search.fitter, fitted, search.at):
+        if not neutral and leaves(search.fitter, fitted, search.at):
             continue
         search.progress(f"took out {entry.id}: {failing.reason}")
         search.dropped.append(failing)
@@ -36,8 +36,8 @@ def ask(search: "Search") -> bool:
     return False
 
 
-def _failing(search: "Search") -> list[Dropped]:
-    """The effects that fail, the weakest first."""
+def _failing(search: "Search") -> list[tuple[Dropped, bool]]:
+    """The effects that fail, the weakest first, and whether that is because their intervals hold neutral."""
     partners = search.partners
     entries = [a for a in search.accepted if a.id not in partners]
     if not entries:
@@ -48,11 +48,12 @@ def _failing(search: "Search") -> list[Dropped]:
     for entry, gain in zip(entries, gains, strict=True):
         weak = _neutral(search, entry, deviations)
         if weak is not None:
-            failing.append((gain, weak))
+            failing.append((gain, weak, True))
         elif gain < search.criteria.unseen:
             reason = f"data that its fit did not see improve by {gain:.1f} deviations only"
-            failing.append((gain, Dropped(entry.candidate, reason, _sizes(search, entry, deviations), entry.share)))
-    return [dropped for _, dropped in sorted(failing, key=lambda f: f[0])]
+            dropped = Dropped(entry.candidate, reason, _sizes(search, entry, deviations), entry.share)
+            failing.append((gain, dropped, False))
+    return [(dropped, neutral) for _, dropped, neutral in sorted(failing, key=lambda f: f[0])]
 
 
 def unasked(search: "Search") -> dict[str, Dropped]:
@@ -71,7 +72,7 @@ def _neutral(search: "Search", entry: Accepted, deviations: Mapping[str, float])
     sizes = _sizes(search, entry, deviations)
     neutral = {q.name: q.start for q in entry.candidate.effect.sizes}
     weak = all(abs(value - neutral[name]) < 1.96 * d for name, (value, d) in sizes.items())
-    if not sizes or not weak or _shows(search, entry):
+    if not sizes or not weak or (len(entry.names) > 1 and _shows(search, entry)):
         return None
     return Dropped(entry.candidate, "its interval holds neutral", sizes, entry.share)
 

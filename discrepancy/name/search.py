@@ -562,7 +562,8 @@ class Search:
         self._until(QUESTION)
         while self.attempt("names held against data that no fit saw", partial(ask, self)):
             pass
-        if self.names < before:
-            self._go_on_or_keep(self.at)
         self._until(NAME)
-        return self.names < before and not self.late
+        again = self.names < before and not self.late
+        if again:
+            self._go_on_or_keep(self.at)
+        return again
