@@ -328,11 +328,29 @@ class KnownModel:
             "#ifndef KNOWN_MODEL_H",
             "#define KNOWN_MODEL_H",
         ]
-        lines += ['#include "known.h"']
+        lines += ['#include "known.h"', self._flat()]
         for name, (shape, exprs) in self._functions.items():
             lines.append(self._spread(name, exprs) if name in _SPREAD else self._function(name, shape, exprs))
         lines.append(self._jet())
         return "\n".join([*lines, "#endif", ""])
+
+    def _flat(self) -> str:
+        """The function that says of each estimated constant whether the device is flat in it at its lowest value, the
+        other effects being neutral: the inverse of a gap acts by its square."""
+        late = (self.dynamics.delay, self.dynamics.time_constant)
+        chain = self._own((*self.dynamics.actuated, *self.dynamics.picked_off, *self.dynamics.amplified, *late))
+        estimated = [self.model.parameter(name) for name in self.estimated]
+        neutral = {q.symbol: q.start for q in estimated}
+        slopes = [[e.diff(q.symbol).subs({**neutral, q.symbol: q.low}) for e in (*self.rates, *chain)]
+                  if q.low > -inf else [1] for q in estimated]  # fmt: skip
+        flat = [*[0] * len(PER_MASS), *(int(not any(own)) for own in slopes), 0]
+        return "\n".join([
+            "static inline int known_is_flat(int i)",
+            "{",
+            f"    static const char flat[NP] = {{{', '.join(map(str, flat))}}};",
+            "    return flat[i];",
+            "}",
+        ])  # fmt: skip
 
     def sizes_header(self) -> str:
         """The C header ``sizes.h``."""

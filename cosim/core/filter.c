@@ -3,6 +3,7 @@
 #include "block.h"
 #include "correction.h"
 #include "fit.h"
+#include "known_model.h"
 #include "prediction.h"
 #include "rate.h"
 #include "restart.h"
@@ -11,6 +12,7 @@
 #define EFFORT 2.0   /* samples filtered again for each new one, in the long run */
 #define STEPPED 6.0  /* deviations of its walk by which a rate that is told has stepped */
 #define EFFORT_MAX 2000000.0 /* saved up at most */
+#define FLAT 0.01    /* deviations of the design above its lowest value that a constant stays which shows by its square: at that value it has no slope */
 
 static void advance(filter *f, const double u[2], const double in[IN])
 {
@@ -165,5 +167,6 @@ void filter_start(filter *f, const filter_settings *settings, const double *c, c
     f->restarted_at = -1.0;
     for (int i = 0; i < NP; i++) {
         f->prior[i] = sqrt(block_variance(f, i));
+        f->lowest[i] += known_is_flat(i) ? FLAT * f->prior[i] : 0.0;
     }
 }

@@ -173,6 +173,14 @@ def test_fingerprint_tells_structures_apart_and_values_not():
     assert KnownModel(model, ("cubic_stiffness",), ("k3_x",)).fingerprint() == first.fingerprint()
 
 
+def test_what_shows_by_its_square_is_flat_at_its_lowest_value():
+    # A gap's voltage goes by 1/g squared, of pairs that differ by 1/g times that difference, which may be none.
+    acting = ("amplifier_bandwidth", "cubic_stiffness", "pickoff_mismatch", "pickoff_nonlinearity")
+    estimated = ("amplifier_time_constant", "k3_x", "pickoff_inverse_gap", "pickoff_mismatch")
+    header = KnownModel(load_model(), acting, estimated).header()
+    assert "flat[NP] = {0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0};" in header
+
+
 def test_settings_stand_in_the_order_of_the_c():
     # The structure is written from the same table: its names, in order, are the array's.
     assert list(FILTER.values()) == OBSERVER.settings_array().tolist()
