@@ -62,11 +62,13 @@ class Bars(Panel):
 
 def misfit_figure(found: Diagnosis, floor: float | None) -> Figure:
     """The misfit on held-out runs at every stage, beside the noise floor."""
-    names = [stage_label(stage.name) for stage in found.stages]
     whole = [_finite(stage.misfit[""]) for stage in found.stages]
+    # A bar that is not there bears no text.
+    names = [stage_label(stage.name) + ("<br>left all bounds" if value is None else "")
+             for stage, value in zip(found.stages, whole, strict=True)]  # fmt: skip
     runs = [run for run in found.stages[0].misfit if run]
     dots = {run: [_finite(stage.misfit[run]) for stage in found.stages] for run in runs} if len(runs) > 1 else {}
-    texts = ["left all bounds" if value is None else f"{value:.3g}" for value in whole]
+    texts = ["" if value is None else f"{value:.3g}" for value in whole]
     drawn = [value for value in whole if value is not None] or [1.0]
     lowest, highest = min(*drawn, floor or drawn[0]), max(drawn)
     panel = Bars(

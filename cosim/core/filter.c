@@ -12,7 +12,9 @@
 #define EFFORT 2.0   /* samples filtered again for each new one, in the long run */
 #define STEPPED 6.0  /* deviations of its walk by which a rate that is told has stepped */
 #define EFFORT_MAX 2000000.0 /* saved up at most */
-#define FLAT 0.01    /* deviations of the design above its lowest value that a constant stays which shows by its square: at that value it has no slope */
+/* Deviations of the design above its lowest value that a constant stays which shows by its square, and has no slope there: of the inverse of a gap under
+   `lab` as far as a gap of 8 mm, 2e-8 of the voltage at 1 um. */
+#define FLAT 0.01
 
 static void advance(filter *f, const double u[2], const double in[IN])
 {

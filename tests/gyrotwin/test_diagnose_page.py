@@ -99,7 +99,7 @@ def test_figures_of_a_motion_that_leaves_all_bounds_are_drawn() -> None:
     for figure in (bars, *others):
         json.dumps(figure.data(), allow_nan=False)
     assert bars.data()[0]["values"] == [0.5, None, None]
-    assert bars.data()[0]["texts"] == ["0.5", "left all bounds", "left all bounds"]
+    assert bars.data()[0]["names"] == ["nominal", "refit<br>left all bounds", "+ k3<br>left all bounds"]
 
 
 def test_numbers() -> None:
