@@ -15,9 +15,9 @@ from gyro_model.progress import Progress
 
 BLOCK_DURATION: Final = 0.005
 """Length of a block [s]: the flag is set and withdrawn at its end; Ctrl-C is heard and progress told."""
-GATHERED: Final = 4
-"""Blocks whose inputs are made at once, and which are recorded at once: of one alone, calls would take longer than what
-they do."""
+GATHERED: Final = 16_000
+"""Samples whose inputs are made at once, and which are recorded at once, in whole blocks: of a few, calls would take
+longer than what they do; of more, the rows, of some 100 numbers, would take more than 13 MB."""
 
 
 def simulate(run: Run, progress: Progress | None = None) -> Result:
@@ -35,7 +35,7 @@ def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
     monitor = Monitor(run.observer, run.design, loop.lib, loop.observer, run.period, run.monitor_settings())
     recorder = Recorder(run, loop.lib, monitor)
     size = max(round(BLOCK_DURATION * run.sample_rate), 1)
-    rows = np.empty((min(GATHERED * size, run.samples), loop.width))
+    rows = np.empty((min(max(GATHERED // size, 1) * size, run.samples), loop.width))
     clock = _Clock()
     for begun in range(0, run.samples, len(rows)):
         inputs = run.scenario.inputs(begun, min(len(rows), run.samples - begun), run.period)
