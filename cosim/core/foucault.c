@@ -66,12 +66,19 @@ static void corner(const double *a, double *out)
     }
 }
 
+/* Whether the constants are others than those that the control signal was formed with. */
+static int has_moved(const foucault *c, const double *estimate)
+{
+    return memcmp(c->formed_with, estimate + ESTIMATE_KXX, sizeof c->formed_with) != 0;
+}
+
 /* Forms the control signal from the current estimates. */
 static void form(foucault *c, const double *estimate)
 {
     const foucault_settings *s = &c->settings;
     const double mass = estimate[ESTIMATE_M], *constants = estimate + ESTIMATE_KXX;
     const double rest[NS] = {0}, none[2] = {0.0, 0.0};
+    c->followed_at = has_moved(c, estimate) ? c->count : c->followed_at;
     memcpy(c->in_use, constants, sizeof c->in_use);
     memcpy(c->formed_with, constants, sizeof c->formed_with);
     memcpy(c->formed_in, c->k.in, sizeof c->formed_in);
@@ -225,10 +232,11 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     const int64_t soon = every / 10 > 0 ? every / 10 : 1;
     memcpy(c->k.in, in, sizeof c->k.in);
     c->k.t = t;
-    /* At once where the constants change: feedback on an older delay than the one that the state was found with turns the pattern. */
-    const int changed = memcmp(c->formed_with, estimate + ESTIMATE_KXX, sizeof c->formed_with) != 0 || memcmp(c->formed_in, in, sizeof c->formed_in) != 0;
-    const int old = c->count - c->formed_at >= every || (c->count % soon == 0 && has_jumped(c, estimate, deviation));
-    const int due = c->formed ? changed && old : c->count % WAIT == 0;
+    /* At once where the constants change: feedback on an older delay than the one that the state was found with turns the pattern. So inputs that
+       change all the time have a clock of their own. */
+    const int old = c->count - c->followed_at >= every || (c->count % soon == 0 && has_jumped(c, estimate, deviation));
+    const int other = memcmp(c->formed_in, in, sizeof c->formed_in) != 0 && c->count - c->formed_at >= every;
+    const int due = c->formed ? (has_moved(c, estimate) && old) || other : c->count % WAIT == 0;
     if (due && is_known(c, estimate, deviation)) {
         form(c, estimate);
     } else if (due && !(deviation[ESTIMATE_M] < LOST * set->trust * estimate[ESTIMATE_M])) {

@@ -49,6 +49,7 @@ typedef struct {
     double in_use[7];          /* the seven constants in the gains */
     double formed_with[NP], formed_in[IN]; /* all constants and inputs in them */
     int64_t formed_at;         /* sample at which they were formed */
+    int64_t followed_at;       /* sample at which constants that had changed were taken last */
     double u[PAST][2];         /* commands, by sample */
     int64_t count;
     double period;

@@ -5,12 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from plant import PERIOD, REFERENCE, TONES, K, begin, device_with, sampled, told
+from plant import MEASURED, PERIOD, REFERENCE, TONES, K, begin, device_with, sampled, told
 from runs import drift, simulated
 
 from cosim.controllers.foucault import CONTROLLER
 from cosim.core.library import CONTROL_NAMES
-from cosim.layout import OMEGA_Z, PARAMETER_NAMES, X, Y
+from cosim.layout import OMEGA_Z, PARAMETER_NAMES, M, X, Y
 from gyro_model.device import write_device
 
 FORCED = CONTROL_NAMES.index("forced_x")
@@ -291,6 +291,20 @@ def test_nothing_is_cancelled_until_stiffness_and_mass_are_known():
     np.testing.assert_allclose(outputs[:100, :2], tones, rtol=1e-12, atol=1e-18)
     # The cancelled stiffness of 1 um across is far above the tones' first part.
     assert np.abs(outputs[150:, 1]).max() > 10e-6
+
+
+def test_a_constant_is_followed_at_once_though_inputs_change_at_every_sample():
+    loop = begin(told(device_with()), update_period=2e-4)
+    estimate, deviation, inputs = truth(), np.zeros(12), MEASURED.copy()
+    used = []
+    for k in range(200):
+        inputs[0] += 1e-3
+        # No multiple of the 40 samples at which inputs are followed.
+        estimate[M] = REFERENCE[6] * (1.001 if k >= 157 else 1.0)
+        loop.control(k, estimate, deviation, inputs)
+        used.append(loop.output[OMEGA_SQUARED])
+    np.testing.assert_allclose(used[:157], K / REFERENCE[6], rtol=1e-12)
+    np.testing.assert_allclose(used[157:], K / REFERENCE[6] / 1.001, rtol=1e-12)
 
 
 def test_an_estimate_that_is_no_number_leaves_the_device_alone():
