@@ -56,9 +56,11 @@ class Bound:
     drift: Array
 
 
-def bound(motion: Motion, design: Design, times: Array, omega_walk: float = OMEGA_WALK) -> Bound:
+def bound(
+    motion: Motion, design: Design, times: Array, omega_walk: float = OMEGA_WALK, stiffness: float | None = None
+) -> Bound:
     """The bound at ``times`` [s], rising, for a device that is as ``design.values`` say, known beforehand within
-    ``design.deviations``.
+    ``design.deviations``, and made an isotropic oscillator of ``stiffness`` [N/m], by default the design's.
 
     Raises ValueError for a time that the motion does not reach.
     """
@@ -66,7 +68,7 @@ def bound(motion: Motion, design: Design, times: Array, omega_walk: float = OMEG
     if index.size and (index.min() < 0 or index.max() >= len(motion.states)):
         last = (len(motion.states) - 1) * motion.period
         raise ValueError(f"times = {times} s: choose times from 0 to {last} s, where the motion ends")
-    growing = GrowingBound(design, motion.period, omega_walk)
+    growing = GrowingBound(design, motion.period, omega_walk, stiffness)
     names = growing.names
     values, omega, drift = np.empty((len(index), len(names))), np.empty(len(index)), np.empty(len(index))
     begin = 0
@@ -80,8 +82,10 @@ def bound(motion: Motion, design: Design, times: Array, omega_walk: float = OMEG
 class GrowingBound:
     """The bound along a motion that comes in parts, so that a long one need not be kept."""
 
-    def __init__(self, design: Design, period: float, omega_walk: float = OMEGA_WALK) -> None:
-        self._design = design
+    def __init__(
+        self, design: Design, period: float, omega_walk: float = OMEGA_WALK, stiffness: float | None = None
+    ) -> None:
+        self._design, self.stiffness = design, design.stiffness if stiffness is None else stiffness
         self._lib = library(design.known_model)
         self._memory = self._lib.memory("filter")
         # Nothing is filtered again where the truth is told: the start ends with its first block.
@@ -115,10 +119,10 @@ class GrowingBound:
 
     def deviations(self) -> tuple[Array, float, float]:
         """Of the ``names``, SI, of the rate [rad/s], and of the pattern's turning [rad/s], at the last sample."""
-        return _deviations(self._lib, self._design, self._memory)
+        return _deviations(self._lib, self._design, self._memory, self.stiffness)
 
 
-def _deviations(lib: Library, design: Design, memory: Array) -> tuple[Array, float, float]:
+def _deviations(lib: Library, design: Design, memory: Array, stiffness: float) -> tuple[Array, float, float]:
     count, size = lib.sizes["NP"], lib.moving_size
     p, root, health = np.zeros(count), np.zeros((count, count)), np.zeros(len(HEALTH_NAMES))
     lib.call.core_filter_found(pointer(memory), pointer(p), pointer(root), pointer(health))
@@ -127,7 +131,7 @@ def _deviations(lib: Library, design: Design, memory: Array) -> tuple[Array, flo
     to_values = _to_values(p, design)
     rate = lib.sizes["NS"]
     omega = np.sqrt(own[rate, rate] + np.sum((slopes[rate] @ root) ** 2))
-    drift = filter_drift(lib, memory, design.stiffness, 0.0)
+    drift = filter_drift(lib, memory, stiffness, 0.0)
     return np.sqrt(np.sum((to_values @ root) ** 2, axis=1)), float(omega), drift["turning"]
 
 

@@ -189,8 +189,10 @@ def _complete(data: Mapping[str, Any], device: Device, seed: int) -> Design:
         if high > low and (name in PARAMETER_NAMES or can_be_estimated(model, name)):
             deviations[name] = (high - low) / SIGMAS
     controller = dict(tables["controller"])
-    if "tone2_deflection" in controller:
-        controller["tone2_amplitude"] = controller.pop("tone2_deflection") * controller.get("k", values["kxx"])
+    for tone in ("tone", "tone2"):
+        if f"{tone}_deflection" in controller:
+            deflection = controller.pop(f"{tone}_deflection")
+            controller[f"{tone}_amplitude"] = deflection * controller.get("k", values["kxx"])
     return Design(str(data["name"]), values, deviations, model, controller, dict(tables["monitor"]))
 
 

@@ -67,6 +67,13 @@ def strayed_slope(variance: float, span: float) -> float:
     return sqrt(1.2 * max(variance, 0.0)) / span
 
 
+class Pattern(NamedTuple):
+    """Where it stands, ``phi`` [rad], and k/m of the isotropic oscillator that it is one of [1/s^2]."""
+
+    phi: float
+    omega_squared: float
+
+
 class Verdict(NamedTuple):
     """valid now; reason why not (else empty); predicted standard deviations: of the angle's drift over WINDOW, the
     pattern at its worst angle, with its reading as it is learnt, its random walk and the steps of the rate; of the
@@ -101,10 +108,10 @@ class Monitor:
     _lately: list[tuple[float, tuple[float, float, float]]] = field(default_factory=list)
     _previous: list[tuple[float, Floats]] = field(default_factory=list)
 
-    def judge(self, t: float, estimate: Floats, deviation: Floats, inputs: Floats, phi: float) -> Verdict:
+    def judge(self, t: float, estimate: Floats, deviation: Floats, inputs: Floats, pattern: Pattern) -> Verdict:
         """The verdict at ``t`` [s] on the last estimates of a block and their deviations, with the measured inputs and
-        the angle of the pattern [rad]."""
-        drift = self._drift(estimate, deviation, inputs, phi)
+        the pattern there."""
+        drift = self._drift(estimate, deviation, inputs, pattern)
         largest = hypot(drift["turning"], self._mending(t, drift["bending"]))
         health = self.health()
         strayed = max(health["strayed"], 0.0) / self._gain**2
@@ -249,9 +256,9 @@ class Monitor:
         tolerance[3:6] = np.maximum(tolerance[3:6], turning_mass * np.array([4.0, 4.0, 2.0]))
         return tolerance
 
-    def _drift(self, estimate: Floats, deviation: Floats, inputs: Floats, phi: float) -> dict[str, float]:
+    def _drift(self, estimate: Floats, deviation: Floats, inputs: Floats, pattern: Pattern) -> dict[str, float]:
         """Standard deviations by DRIFT_NAMES, of the angle; infinite where they are no numbers."""
-        stiffness = self.design.stiffness
+        stiffness, phi = pattern.omega_squared * float(estimate[M]), pattern.phi
         if isinstance(self.observer, CoreObserver):
             found = filter_drift(self.lib, self.part.memory, stiffness, phi)
         else:

@@ -12,7 +12,7 @@ from cosim.bound import Bound, Motion, at_the_truth, bound
 from cosim.core.library import CONTROL_NAMES, Library
 from cosim.layout import KXX, OMEGA_Z, PARAMETER_NAMES, STATE_NAMES
 from cosim.metrics import Bounds
-from cosim.monitor import Monitor, Verdict
+from cosim.monitor import Monitor, Pattern, Verdict
 from cosim.observers.record import CoreObserver
 from cosim.run import Run
 from cosim.scenarios import INPUT_NAMES
@@ -91,6 +91,7 @@ class Recorder:
         self._trace = Trace(-(-run.samples // self.every))
         self._start: list[pl.DataFrame] = []
         self._motion: list[tuple[Floats, ...]] = []
+        self._omega_squared = np.nan
         self._verdict = Verdict(False, "the run has only begun", np.inf, np.inf, np.inf, 0.0)
         self._judged: list[_Judged] = []
         self._valid_samples = self._samples = 0
@@ -119,11 +120,10 @@ class Recorder:
             self._angle_deviation += self._verdict.drift_sigma_now * (end - max(self._judged_at, self.converged_at))
         self._judged_at = end
 
-    def _pattern_at(self, row: Floats) -> float:
-        """Where the pattern stands [rad]."""
+    def _pattern_at(self, row: Floats) -> Pattern:
         estimate, control = row[: len(STATE_NAMES)], row[2 * len(self.names) :]
-        free = (estimate - control[2:6]).tolist()
-        return orientation_at(free, float(control[CONTROL_NAMES.index("omega_squared")]))
+        free, omega_squared = (estimate - control[2:6]).tolist(), float(control[CONTROL_NAMES.index("omega_squared")])
+        return Pattern(orientation_at(free, omega_squared), omega_squared)
 
     def keep(self, first: int, rows: Floats, held: Floats) -> None:
         """Keeps the rows (estimates, deviations, control, outputs of the plant) of the samples from ``first`` on, all
@@ -141,6 +141,7 @@ class Recorder:
             self._start.append(self._start_frame(t, true_states, estimate, held)[:count])
         if first * run.period < BOUND_DURATION:
             self._motion.append((true_states.copy(), control[:, :2].copy(), held))
+            self._omega_squared = float(control[-1, CONTROL_NAMES.index("omega_squared")])
         kept = slice(-first % self.every, None, self.every)
         angle_true = self._angle_true(said["converged"], held[:, 0])
         if len(t[kept]):
@@ -270,7 +271,8 @@ class Recorder:
         ):
             return None
         times = np.geomspace(1e-3, last, BOUND_TIMES)
-        found: Bound = bound(Motion(states, forces, held[:, 0], held[:, 1:], run.period), design, times)
+        motion = Motion(states, forces, held[:, 0], held[:, 1:], run.period)
+        found: Bound = bound(motion, design, times, stiffness=self._omega_squared * run.device.all_parameters["m"])
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = found.values[:, : len(PARAMETER_NAMES)] / np.abs([design.values[n] for n in PARAMETER_NAMES])
         effects = {name: found.values[:, found.names.index(name)] for name in self.extra_names}

@@ -10,7 +10,12 @@
 #define ROOM 1.5 /* times the energy that is held: above, the second pair waits for the energy loop */
 #define NEWTON 3  /* steps in which the actuators are inverted; their curve is weak */
 
-static double tone_amplitude(const foucault_settings *s, int i) { return i < 2 ? s->tone_amplitude : s->tone2_amplitude; }
+/* Of tone i [N]: what it deflects does not depend on the oscillator's stiffness. */
+static double tone_amplitude(const foucault *c, int i)
+{
+    const double told = i < 2 ? c->settings.tone_amplitude : c->settings.tone2_amplitude;
+    return told * c->stiffness / c->settings.k;
+}
 
 /* Places the tones for a loop at `frequency` [Hz]: where they are told, else at their ratios to it. */
 static void place_tones(foucault *c, double frequency)
@@ -84,7 +89,12 @@ static void form(foucault *c, const double *estimate)
     memcpy(c->formed_in, c->k.in, sizeof c->formed_in);
     c->formed_at = c->count;
     known_coordinates(&c->k, constants, none, 0.0, c->k.p);
-    const double omega_squared = s->k / mass;
+    if (!c->formed && s->found_stiffness != 0.0 && constants[0] + constants[1] > 0.0) {
+        /* What is cancelled acts by all that is not known of the chain: a delay makes damping of it. Of the device's own mean stiffness little has to
+           be. Once, since another k is another frequency. */
+        c->stiffness = 0.5 * s->found_stiffness * (constants[0] + constants[1]);
+    }
+    const double omega_squared = c->stiffness / mass;
     const int compensate = s->hold_compensation != 0.0;
     double a[16], b[8], wide_b[NS * 2], late[2];
     known_rate_by_state(&c->k, rest, none, 0.0, c->a);
@@ -95,7 +105,7 @@ static void form(foucault *c, const double *estimate)
     double rate[8];
     for (int i = 0; i < 2; i++) {
         for (int j = 0; j < 4; j++) {
-            rate[4 * i + j] = -mass * a[4 * (2 * i + 1) + j] - (j == 2 * i ? s->k : 0.0);
+            rate[4 * i + j] = -mass * a[4 * (2 * i + 1) + j] - (j == 2 * i ? c->stiffness : 0.0);
         }
     }
     /* The gain without a rate of turn and its slope: the rate changes faster than the signal is formed. */
@@ -137,7 +147,7 @@ static void form(foucault *c, const double *estimate)
     transition_over(a, b, 4, c->period - c->rest.duration, phi, gamma);
     hold_straighten(&c->loop, phi, gamma, c->omega, c->rest.duration, c->straight);
     for (int i = 0; i < TONES; i++) {
-        const double amplitude = tone_amplitude(s, i);
+        const double amplitude = tone_amplitude(c, i);
         hold_respond(&c->loop, c->frequency[i], i % 2, amplitude, c->period, lead, c->phasor[i]);
         hold_respond_within(&c->loop, phi, gamma, c->frequency[i], i % 2, amplitude, lead, c->phasor[i], c->phasor_now[i]);
         const double w = 2.0 * PI * c->frequency[i];
@@ -215,7 +225,7 @@ static void wait_with_tones(foucault *c, double t, foucault_output *out)
 {
     memset(out, 0, sizeof *out);
     for (int i = 0; i < TONES; i++) {
-        out->u[i % 2] += (i < 2 ? 1.0 : c->near_share) * tone_amplitude(&c->settings, i) * sin(2.0 * PI * c->frequency[i] * t);
+        out->u[i % 2] += (i < 2 ? 1.0 : c->near_share) * tone_amplitude(c, i) * sin(2.0 * PI * c->frequency[i] * t);
     }
     const double omega = 2.0 * PI * c->settings.first_frequency;
     out->omega_squared = omega * omega;
@@ -246,7 +256,7 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
         wait_with_tones(c, t, out);
         return;
     }
-    const double mass = c->in_use[6], omega_z = estimate[4], omega_squared = set->k / mass;
+    const double mass = c->in_use[6], omega_z = estimate[4], omega_squared = c->stiffness / mass;
 
     /* The state when this command begins to act: first the force that acts now, then those under way. */
     double s[NS], f[2];
@@ -270,7 +280,7 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     }
     const double near_share = c->near_share * c->near_share * (3.0 - 2.0 * c->near_share);
     for (int i = 0; i < TONES; i++) {
-        const double share = i < 2 ? 1.0 : near_share, amplitude = share * tone_amplitude(set, i);
+        const double share = i < 2 ? 1.0 : near_share, amplitude = share * tone_amplitude(c, i);
         if (amplitude == 0.0) {
             continue;
         }
@@ -384,5 +394,6 @@ void foucault_start(foucault *c, const foucault_settings *settings, const double
         c->reversal_every = c->reversal_every < c->reversal_takes ? c->reversal_takes : c->reversal_every;
     }
     c->near_share = 1.0;
+    c->stiffness = settings->k;
     place_tones(c, settings->first_frequency);
 }

@@ -29,6 +29,7 @@ typedef struct {
     foucault_settings settings;
     known k;
     held_loop loop;
+    double stiffness;          /* of the isotropic oscillator [N/m] */
     double by_omega[8];        /* change of the gain with the rate */
     double by_own_rate[8];     /* and with that at which the controller turns the pattern */
     double coupling;           /* Coriolis coupling relative to that of a point mass [1] */

@@ -40,6 +40,7 @@ FILTER_LIMITS: Final = {"block": (16.0, 200.0), "settle": (0.0, 1000.0), "start"
 
 FOUCAULT: Final = {
     "k": 63.955,
+    "found_stiffness": 0.0,
     "amplitude": 1e-6,
     "tone_amplitude": 0.0,
     "tone_x": 0.0,
@@ -68,8 +69,9 @@ FOUCAULT: Final = {
     "coriolis_compensation": 1.0,
     "first_frequency": 3000.0,
 }
-"""k: stiffness of the isotropic oscillator [N/m]; amplitude: of the pattern [m]; tone_amplitude, tone2_amplitude: of
-the tones along either axis [N]; tone_x, tone_y, tone2_x, tone2_y: their frequencies [Hz], where zero the loop's own
+"""k: stiffness of the isotropic oscillator [N/m]; found_stiffness: 1 takes the mean of kxx and kyy in its place, as they
+are found when they are first known; amplitude: of the pattern [m]; tone_amplitude, tone2_amplitude: of the tones along
+either axis [N], at a stiffness of k; tone_x, tone_y, tone2_x, tone2_y: their frequencies [Hz], where zero the loop's own
 frequency times the ratio of that name; update_period: between two U_n [s]; jump: a relative change of a constant that
 is worth a new U_n at a tenth of the period; turn_limit: an error of the damping that turns the pattern by no more
 than this counts as none [rad/s] (half of what 1 % of the reference device's dxy does); trust: stiffness and mass are
