@@ -69,18 +69,19 @@ FOUCAULT: Final = {
     "coriolis_compensation": 1.0,
     "first_frequency": 3000.0,
 }
-"""k: stiffness of the isotropic oscillator [N/m]; found_stiffness: 1 takes the mean of kxx and kyy in its place, as they
-are found when they are first known; amplitude: of the pattern [m]; tone_amplitude, tone2_amplitude: of the tones along
-either axis [N], at a stiffness of k; tone_x, tone_y, tone2_x, tone2_y: their frequencies [Hz], where zero the loop's own
-frequency times the ratio of that name; update_period: between two U_n [s]; jump: a relative change of a constant that
-is worth a new U_n at a tenth of the period; turn_limit: an error of the damping that turns the pattern by no more
-than this counts as none [rad/s] (half of what 1 % of the reference device's dxy does); trust: stiffness and mass are
-cancelled once their standard deviation is below this share; energy_loop: 1 holds the energy at that of `amplitude`,
-at energy_rate [1/s]; quadrature_loop: 1 keeps the orbit straight, at quadrature_rate [1/s]; loop_smoothing: time
-constant of what both act on [s]; carousel_rate: turns the pattern electronically [rad/s]; reversal_period: time from
-one reversal of the modes to the next, none where zero [s]; reversal_rate: at which the pattern then turns by a right
-angle [rad/s]; force_limit: largest feedback over k times amplitude; hold_compensation, coriolis_compensation: 0 leaves
-them out; first_frequency: of the oscillator by the nominal mass [Hz]."""
+"""k: stiffness of the isotropic oscillator [N/m]; found_stiffness: where not zero, so many times the mean of kxx and
+kyy in its place, as they are found when they are first known; amplitude: of the pattern [m]; tone_amplitude,
+tone2_amplitude: of the tones along either axis [N], at a stiffness of k; tone_x, tone_y, tone2_x, tone2_y: their
+frequencies [Hz], where zero the loop's own frequency times the ratio of that name; update_period: between two U_n
+[s]; jump: a relative change of a constant that is worth a new U_n at a tenth of the period; turn_limit: an error of
+the damping that turns the pattern by no more than this counts as none [rad/s] (half of what 1 % of the reference
+device's dxy does); trust: stiffness and mass are cancelled once their standard deviation is below this share;
+energy_loop: 1 holds the energy at that of `amplitude`, at energy_rate [1/s]; quadrature_loop: 1 keeps the orbit
+straight, at quadrature_rate [1/s]; loop_smoothing: time constant of what both act on [s]; carousel_rate: turns the
+pattern electronically [rad/s]; reversal_period: time from one reversal of the modes to the next, none where zero
+[s]; reversal_rate: at which the pattern then turns by a right angle [rad/s]; force_limit: largest feedback over k
+times amplitude; hold_compensation, coriolis_compensation: 0 leaves them out; first_frequency: of the oscillator by
+the nominal mass [Hz]."""
 
 FOUCAULT_LIMITS: Final = {"reversal_period": (0.0, 1e5), "reversal_rate": (1e-3, 1e3)}
 

@@ -119,6 +119,22 @@ def test_falls_with_time_and_rises_with_what_is_unknown():
     assert (extended.drift >= plain.drift * (1 - 1e-9)).all()
 
 
+def test_drift_is_that_of_the_oscillator_that_the_loop_makes():
+    motion, times = exact_motion(np.full(40, 5.0)), np.array([1.9e-4])
+    sure = {name: 1e-6 * value for name, value in WIDE.items()}
+    late = replace(
+        told(device_with(sense_noise=NOISE, amplifier_time_constant=4e-6)),
+        deviations={**sure, "amplifier_time_constant": 1e-9},
+    )
+    usual, same, other = (bound(motion, late, times, stiffness=k) for k in (None, late.stiffness, 4 * late.stiffness))
+    assert usual.drift == same.drift
+    # Seen through 1/(1 + i omega tau), tau turns the motion's phase by omega/(1 + (omega tau)^2), here at twice the
+    # frequency. The dampings are not quite sure: 5e-5.
+    square = (4e-6) ** 2 * late.stiffness / REFERENCE[6]
+    assert other.drift[0] / usual.drift[0] == pytest.approx((1 + square) / (1 + 4 * square), rel=1e-3)
+    np.testing.assert_array_equal(other.values, usual.values)
+
+
 def test_is_taken_at_the_true_values_with_the_deviations_of_the_design():
     device = device_with(sense_noise=NOISE)
     drawn = load_design("lab", device, 3)

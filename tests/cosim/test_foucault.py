@@ -307,6 +307,21 @@ def test_a_constant_is_followed_at_once_though_inputs_change_at_every_sample():
     np.testing.assert_allclose(used[157:], K / REFERENCE[6] / 1.001, rtol=1e-12)
 
 
+def test_found_stiffness_is_taken_once_and_scales_the_tones():
+    tones = {"tone_amplitude": 32e-6, "tone_x": 450.0, "tone_y": 500.0}
+    found = 0.8 * (REFERENCE[0] + REFERENCE[1]) / 2
+    loop = begin(told(device_with()), found_stiffness=0.8, **tones)
+    told_so = begin(told(device_with()), **{**tones, "k": found, "tone_amplitude": 32e-6 * found / K})
+    estimate, deviation = truth(), np.zeros(12)
+    for k in range(3000):
+        loop.control(k, estimate, deviation)
+        told_so.control(k, estimate, deviation)
+        # Another estimate is no reason for another frequency.
+        estimate[5] = REFERENCE[0] * (1.01 if k >= 1000 else 1.0)
+    assert loop.output[OMEGA_SQUARED] == pytest.approx(found / REFERENCE[6], rel=1e-12)
+    np.testing.assert_allclose(loop.output, told_so.output, rtol=1e-9, atol=1e-15)
+
+
 def test_an_estimate_that_is_no_number_leaves_the_device_alone():
     def lose(k, estimate, deviation):
         if 50 <= k < 60:
