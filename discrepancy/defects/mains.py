@@ -44,6 +44,9 @@ ON_LINES: Final = 0.9
 """Share of what a force has at low frequencies, on lines and half way between them, from which a short run is driven on
 them: of a force without lines it is a half."""
 
+FAR: Final = 100.0
+"""By which a residual's line must stand further out of the bins around it than the force's does to be none of its: a
+wrong model leaves of a smooth force what is smooth, but for a resonance."""
 LINE: Final = 1e-6
 """Share of the force's power from which a line of it counts: its answer, by a model that is wrong by 1 %, is then 1e-5
 of the voltage."""
@@ -119,15 +122,19 @@ def _on_lines(record: Record, f0: float) -> float:
 
 def _driven(record: Record, f0: float) -> list[int]:
     """Harmonics at which the force has a line of its own: what a wrong model leaves there is a line too."""
+    power, lines = _force(record, f0)
+    return [n for n, (here, beside) in lines.items() if here > LINE * power and here > ALONE * beside]
+
+
+def _force(record: Record, f0: float) -> tuple[float, dict[int, tuple[float, float]]]:
+    """The force's power, and by harmonic that on its line and in the bins around it, in the median."""
     power = (np.abs(np.fft.rfft(record.u * np.hanning(len(record.u))[:, None], axis=0)) ** 2).sum(axis=1)
-    spacing, found = record.sample_rate / len(record.u), []
+    spacing, lines = record.sample_rate / len(record.u), {}
     for n in _below(record):
         k = round(n * f0 / spacing)
-        here = power[max(k - 2, 0) : k + 3].max()
         beside = np.concatenate((power[max(k - 2 - AROUND, 0) : max(k - 2, 0)], power[k + 3 : k + 3 + AROUND]))
-        if here > LINE * power.sum() and here > ALONE * np.median(beside):
-            found.append(n)
-    return found
+        lines[n] = float(power[max(k - 2, 0) : k + 3].max()), float(np.median(beside))
+    return float(power.sum()), lines
 
 
 def _apart(records: Sequence[Record], residuals: Sequence[Floats], f0: float, chance: float) -> list[int]:
@@ -204,16 +211,20 @@ def _gains(records: Sequence[Record], residuals: Sequence[Floats], f0: float) ->
         power = np.abs(np.fft.rfft(usable * np.hanning(len(usable))[:, None], axis=0)) ** 2
         spacing = record.sample_rate / len(usable)
         driven = _below(record) if _on_lines(record, f0) > DRIVE else _driven(record, f0)
-        for n in (n for n in _below(record) if n not in driven):
-            runs[n - 1] += 1
+        _, lines = _force(record, f0)
+        for n in _below(record):
             k = round(n * f0 / spacing)
             around = [i for i in range(max(k - AROUND, 1), k + AROUND + 1) if abs(i - k) > 2 and i < len(power)]
             if len(around) >= AROUND // 2:
                 beside = [i for i in _beside(k, f0 / spacing) if 0 < i < len(power)]
                 alone = power[k] > ALONE * power[beside].max(axis=0)
                 # The median of an exponential distribution is ln 2 of its mean, which is two degrees.
-                level = np.median(power[around], axis=0) / np.log(2)
-                gains[n - 1] += float(np.sum(alone * 2 * power[k] / np.maximum(level, 1e-300)))
+                level = np.maximum(np.median(power[around], axis=0) / np.log(2), 1e-300)
+                here, beside_force = lines[n]
+                if n in driven and not (power[k] / level * beside_force).max() > FAR * here:
+                    continue
+                runs[n - 1] += 1
+                gains[n - 1] += float(np.sum(alone * 2 * power[k] / level))
     return gains, np.maximum(runs, 1)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import butter, freqs, lfilter
+from scipy.signal import butter, freqs, lfilter, sosfilt
 
 from discrepancy.criteria import Criteria
 from discrepancy.data.record import Floats, Record, make_record
@@ -182,6 +182,17 @@ def test_a_line_that_the_drive_has_is_no_mains() -> None:
     tones = np.sin(2 * np.pi * f * T[:, None]).sum(axis=1) + 0.2 * np.cos(2 * np.pi * 100 * T)
     driven = [replace(run, u=tones[:, None] * np.ones(2)) for run in runs]
     assert blemish("mains").find(driven, residuals, Criteria()) is None
+
+
+def test_mains_beside_a_slow_drive_are_found_and_what_follows_the_drive_is_none() -> None:
+    # Most of the force's power is about the lines, but it has none of its own there.
+    line = 5 * NOISE * np.cos(2 * np.pi * 250 * T)[:, None] * np.ones(2)
+    slow = sosfilt(butter(4, 350, fs=RATE, output="sos"), np.random.default_rng(7).standard_normal((N, 2)), axis=0)
+    slow /= slow.std()
+    for hum, wrong, shown in ((line, 0.5 * NOISE, True), (0 * line, 5 * NOISE, False)):
+        runs, residuals = records([hum + wrong * slow] * 2)
+        driven = [replace(run, u=slow) for run in runs]
+        assert (blemish("mains").find(driven, residuals, Criteria()) is not None) is shown
 
 
 def test_outliers_are_masked() -> None:
