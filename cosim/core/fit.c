@@ -12,6 +12,7 @@
 #define FORGET_SIGMAS 5.0 /* standard deviations at which it counts as moving */
 #define FORGET_MIN 0.1 /* where forgetting begins [1/s] */
 #define FORGOTTEN 1e-3 /* below which forgetting is none [1/s] */
+#define HELD 5.0       /* deviations from its lowest value, the others given, within which a constant may be held by it */
 #define LEARNED 1e-9   /* share of what is known of a constant that a block must add to say whether it moves */
 #define LOST 1e4     /* mean squared innovation of a whole start that has found nothing */
 #define TRIES 3        /* further starts at most where one ends beside its fit, and so claims what it does not know */
@@ -135,9 +136,10 @@ static void adapt_forgetting(filter *f, double L[NP][NP], double conditional[NP]
             left += half[j] * half[j];
         }
         conditional[i] = 1.0 / size;
-        /* What the block says nothing of does not show whether it moves. */
+        /* What the block says nothing of does not show whether it moves; nor does what stands at its lowest value, which holds it and pushes others. */
         const double learned = size - left;
-        const double ratio = learned > LEARNED * size ? smaller(shift * shift / learned, 10.0) : 1.0;
+        const int speaks = learned > LEARNED * size && f->k.p[i] - f->lowest[i] > HELD * sqrt(conditional[i]);
+        const double ratio = speaks ? smaller(shift * shift / learned, 10.0) : 1.0;
         f->moving[i] += FORGET_SHARE * (ratio - 1.0 - f->moving[i]);
         if (f->moving[i] > FORGET_SIGMAS * noise) {
             f->forget[i] = smaller(larger(f->forget[i], FORGET_MIN) * exp(rate * f->moving[i]), f->settings.forget_max);
