@@ -31,9 +31,10 @@ def walk_of(t, error):
 
 @pytest.mark.parametrize(("device", "design"), [("reference", "plain"), ("reference_as_built", "lab")])
 def test_the_walk_of_the_angle_is_predicted(device, design, residual):
-    """With the stiffness that the design takes, which the device is off by some tens of per cent; noise of the sensor
-    goes through what is cancelled of it."""
-    trace = simulate(prepare(Request("spin", device, design, seed=3, duration=0.8))).trace
+    """With the nominal stiffness, which the device is off by some tens of per cent: noise of the sensor goes through
+    what is cancelled of it. With that which `lab` finds the walk is a third, below what the reading adds."""
+    own = ("controller.found_stiffness=0",)
+    trace = simulate(prepare(Request("spin", device, design, seed=3, duration=0.8, settings=own))).trace
     t, strayed = trace["t"].to_numpy(), trace["stray_sigma"].to_numpy() ** 2
     late = t > 0.3
     measured, count = walk_of(t[late], (trace["angle_C"] - trace["angle_true"]).to_numpy()[late])

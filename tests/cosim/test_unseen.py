@@ -1,5 +1,6 @@
 """What no sample shows: actuators against pickoffs, on a linear device at a rate that stands still."""
 
+import polars as pl
 import pytest
 from runs import drift, simulated
 
@@ -50,6 +51,14 @@ def test_what_a_changing_rate_shows_is_looked_at_again(seed, residual) -> None:
     # More, and four times what is predicted, would be a lie: seed 8 drifted by 0.89 where the rate had no slope. Of
     # seeds 4 to 10 seed 4 is worst, 0.38; the rms is 0.16.
     residual("drift from the first valid angle on [deg/s]", abs(drift(result)), 0.5)
+
+
+def test_what_stands_at_its_lowest_value_is_not_taken_for_moving() -> None:
+    # A delay and a lag that are none were pushed below it by noise and held there; what stands for them, the dampings,
+    # was forgotten until the innovations said so.
+    _, result = simulated("rest", design="lab", seed=21, duration=0.8)
+    late = result.trace.filter(pl.col("t") > 0.2)
+    assert late["drift_sigma"].max() < 1.1 * result.bounds.drift[-1]
 
 
 def test_a_device_with_imperfections_shows_everything_at_rest() -> None:
