@@ -1,15 +1,15 @@
 """How numbers of a result are written, in the terminal and in the report."""
 
 import re
-from math import floor, isfinite, log10
+from math import floor, isfinite, isnan, log10
 
 MISSING = "–"
 _POWERS = str.maketrans("23456789", "²³⁴⁵⁶⁷⁸⁹")
 
 
 def significant(value: float | None, digits: int = 3) -> str:
-    """Return `value` with so many significant digits, or a dash for None; whole up to five places, never -0."""
-    if value is None:
+    """Return `value` with so many significant digits, a dash for None or NaN; whole up to five places, never -0."""
+    if value is None or isnan(value):
         return MISSING
     text = f"{value + 0.0:.{digits}g}"
     return f"{float(text):.0f}" if "e+0" in text and abs(value) < 1e5 else text

@@ -10,7 +10,8 @@ DEAD = 1e-13
 
 def inverse_scaled(matrix: Floats, damping: float = 0.0) -> Floats:
     """The inverse of a gram matrix; dead columns and directions get zero. damping: added to the unit diagonal."""
-    size = np.sqrt(np.diag(matrix))
+    # Rounding may leave less than nothing of a dead column.
+    size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     size = np.where(size > 0, size, 1.0)
     values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
     kept = values > DEAD * values[-1] if len(values) else np.zeros(0, np.bool_)

@@ -39,7 +39,8 @@ def _build() -> Json:
             "left": NUMBER_OR_NULL | {"description": "share of the residual's power that is left, noise taken off"},
             "record": findings | {"description": f"defects of the measurement: {known}"},
             "effects": findings | {"description": "missing effects, largest first"},
-            "immaterial": findings | {"description": "significant, but not worth a parameter"},
+            "immaterial": findings
+            | {"description": "what showed and is no name: not worth a parameter, or taken out again"},
             "noise": mapping({"$ref": "#/$defs/value"}),
             "misfit": {
                 "type": "object",
