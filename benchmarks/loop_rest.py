@@ -19,7 +19,7 @@ from cosim.angle import Block, UnitC
 from cosim.bound import GrowingBound, Motion, at_the_truth
 from cosim.core.library import CONTROL_NAMES
 from cosim.master import BLOCK_DURATION
-from cosim.monitor import Monitor, Pattern
+from cosim.monitor import Monitor, Orbit
 from cosim.run import Run
 from gyro_model.errors import InputError
 from gyrotwin.tasks.run import Request, prepare
@@ -87,9 +87,9 @@ def _measured(design: str, seed: int, run: Run, loop: SteppedLoop) -> Outcome:
         last = rows[-1]
         measured = np.array([*held[-1, 1:], held[-1, 1], held[-1, 1]])
         t = (first + size - 1) * run.period
-        pattern = Pattern(phi, float(control[-1, CONTROL_NAMES.index("omega_squared")]))
-        verdict = monitor.judge(t, last[: loop.size].copy(), last[loop.size : 2 * loop.size].copy(), measured, pattern)
-        growing.stiffness = pattern.omega_squared * run.device.all_parameters["m"]
+        orbit = Orbit(phi, float(control[-1, CONTROL_NAMES.index("omega_squared")]))
+        verdict = monitor.judge(t, last[: loop.size].copy(), last[loop.size : 2 * loop.size].copy(), measured, orbit)
+        growing.stiffness = orbit.omega_squared * run.device.all_parameters["m"]
         bounds.append(growing.deviations()[2])
         sigmas.append(verdict.drift_sigma)
         flags.append(verdict.valid)

@@ -67,7 +67,7 @@ def strayed_slope(variance: float, span: float) -> float:
     return sqrt(1.2 * max(variance, 0.0)) / span
 
 
-class Pattern(NamedTuple):
+class Orbit(NamedTuple):
     """Where it stands, ``phi`` [rad], and k/m of the isotropic oscillator that it is one of [1/s^2]."""
 
     phi: float
@@ -108,10 +108,10 @@ class Monitor:
     _lately: list[tuple[float, tuple[float, float, float]]] = field(default_factory=list)
     _previous: list[tuple[float, Floats]] = field(default_factory=list)
 
-    def judge(self, t: float, estimate: Floats, deviation: Floats, inputs: Floats, pattern: Pattern) -> Verdict:
+    def judge(self, t: float, estimate: Floats, deviation: Floats, inputs: Floats, orbit: Orbit) -> Verdict:
         """The verdict at ``t`` [s] on the last estimates of a block and their deviations, with the measured inputs and
-        the pattern there."""
-        drift = self._drift(estimate, deviation, inputs, pattern)
+        the pattern's orbit there."""
+        drift = self._drift(estimate, deviation, inputs, orbit)
         largest = hypot(drift["turning"], self._mending(t, drift["bending"]))
         health = self.health()
         strayed = max(health["strayed"], 0.0) / self._gain**2
@@ -256,9 +256,9 @@ class Monitor:
         tolerance[3:6] = np.maximum(tolerance[3:6], turning_mass * np.array([4.0, 4.0, 2.0]))
         return tolerance
 
-    def _drift(self, estimate: Floats, deviation: Floats, inputs: Floats, pattern: Pattern) -> dict[str, float]:
+    def _drift(self, estimate: Floats, deviation: Floats, inputs: Floats, orbit: Orbit) -> dict[str, float]:
         """Standard deviations by DRIFT_NAMES, of the angle; infinite where they are no numbers."""
-        stiffness, phi = pattern.omega_squared * float(estimate[M]), pattern.phi
+        stiffness, phi = orbit.omega_squared * float(estimate[M]), orbit.phi
         if isinstance(self.observer, CoreObserver):
             found = filter_drift(self.lib, self.part.memory, stiffness, phi)
         else:

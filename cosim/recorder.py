@@ -12,7 +12,7 @@ from cosim.bound import Bound, Motion, at_the_truth, bound
 from cosim.core.library import CONTROL_NAMES, Library
 from cosim.layout import KXX, OMEGA_Z, PARAMETER_NAMES, STATE_NAMES
 from cosim.metrics import Bounds
-from cosim.monitor import Monitor, Pattern, Verdict
+from cosim.monitor import Monitor, Orbit, Verdict
 from cosim.observers.record import CoreObserver
 from cosim.run import Run
 from cosim.scenarios import INPUT_NAMES
@@ -111,7 +111,7 @@ class Recorder:
         t, end = (first + len(rows) - 1) * self.run.period, (first + len(rows)) * self.run.period
         estimate, deviation = rows[-1, :count].copy(), rows[-1, count : 2 * count].copy()
         measured = np.array([*held[-1, 1:], held[-1, 1], held[-1, 1]])
-        self._verdict = self.monitor.judge(t, estimate, deviation, measured, self._pattern_at(rows[-1]))
+        self._verdict = self.monitor.judge(t, estimate, deviation, measured, self._orbit_at(rows[-1]))
         if self._verdict.valid and self.converged_at is None:
             # The flag holds from the next sample on.
             self.converged_at = end
@@ -120,10 +120,10 @@ class Recorder:
             self._angle_deviation += self._verdict.drift_sigma_now * (end - max(self._judged_at, self.converged_at))
         self._judged_at = end
 
-    def _pattern_at(self, row: Floats) -> Pattern:
+    def _orbit_at(self, row: Floats) -> Orbit:
         estimate, control = row[: len(STATE_NAMES)], row[2 * len(self.names) :]
         free, omega_squared = (estimate - control[2:6]).tolist(), float(control[CONTROL_NAMES.index("omega_squared")])
-        return Pattern(orientation_at(free, omega_squared), omega_squared)
+        return Orbit(orientation_at(free, omega_squared), omega_squared)
 
     def keep(self, first: int, rows: Floats, held: Floats) -> None:
         """Keeps the rows (estimates, deviations, control, outputs of the plant) of the samples from ``first`` on, all
