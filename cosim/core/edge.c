@@ -90,15 +90,15 @@ static int turns_evenly(const edge *e, int64_t begin)
     return fabs(before / (double)(middle - begin) - after / (double)(e->count - 1 - middle)) < UNEVEN * e->period;
 }
 
-/* What a step to `after` turns the pattern by at most, without an Euler force [rad]. */
-static double largest_turn(const edge *e, double before, const later *after)
+/* What a step of the rate by `change` [rad/s] turns the pattern by at most, without an Euler force [rad]. */
+static double largest_turn(const edge *e, double change)
 {
-    return 0.5 * fabs(after->mean - before) / sqrt(sample_at(e, e->seen)->omega_squared);
+    return 0.5 * fabs(change) / sqrt(sample_at(e, e->seen)->omega_squared);
 }
 
 /* What the tones have turned the pattern by until the step showed, SUDDEN at most: the Coriolis force on the motion that they force, 2 m ΔΩ v, was not
    cancelled [rad]. */
-static double kicked(const edge *e, double before, const later *after)
+static double kicked(const edge *e, double change)
 {
     const int64_t count = samples_in(e, SPAN);
     double forced = 0.0, free = 0.0;
@@ -107,7 +107,24 @@ static double kicked(const edge *e, double before, const later *after)
         forced += v * v;
         free += u * u;
     }
-    return free > 0.0 ? 2.0 * fabs(after->mean - before) * SUDDEN * sqrt(forced / free) : 0.0;
+    return free > 0.0 ? 2.0 * fabs(change) * SUDDEN * sqrt(forced / free) : 0.0;
+}
+
+static double left_by(const edge *e, double change) { return hypot(largest_turn(e, change), kicked(e, change)); }
+
+/* What is left uncertain of the pattern where what the rate did from `before` on can't be reviewed [rad]: as of one step, or of two, of which the
+   second takes a part of the first back. */
+static double left_open(const edge *e, double before, const later *after)
+{
+    const int64_t count = samples_in(e, MARGIN);
+    double left = left_by(e, after->mean - before);
+    for (int64_t k = e->seen + count; k + count <= after->first; k += count) {
+        const double rate = mean_rate(e, k, k + count);
+        if ((rate - before) * (after->mean - rate) < 0.0) {
+            left = larger(left, hypot(left_by(e, rate - before), left_by(e, after->mean - rate)));
+        }
+    }
+    return left;
 }
 
 /* Whether the rate after a step from `before` is what it is taken for. Until it has settled that is how it went on. Where it changes by d more from
@@ -117,7 +134,7 @@ static double kicked(const edge *e, double before, const later *after)
 static int is_even(const edge *e, double before, const later *after)
 {
     const int64_t middle = (after->first + e->count) / 2;
-    const double turned = largest_turn(e, before, after), beyond = 1.0 + SETTLED / SPAN;
+    const double turned = largest_turn(e, after->mean - before), beyond = 1.0 + SETTLED / SPAN;
     const double change = mean_rate(e, middle, e->count) - mean_rate(e, after->first, middle) - 0.5 * SPAN * after->slope;
     const int64_t from = e->seen + samples_in(e, LOOKED);
     const double taken = rate_at(e, after, 0.5 * (double)(from + after->first)) * (double)(after->first - from) * e->period;
@@ -141,7 +158,7 @@ static void review(edge *e, const double *estimate, filter *f)
         const double rate = rate_at(e, &after, (double)e->seen);
         found = step_time(f, e->seen - samples_in(e, LATEST), e->seen, e->seen + samples_in(e, LOOKED), rate, e->unlikely);
     }
-    double left = hypot(largest_turn(e, before, &after), kicked(e, before, &after));
+    double left = left_open(e, before, &after);
     if (found.at >= 0.0) {
         e->turned += turned_in(e, estimate, found.at, before, &after);
         left = coupling_of(e, estimate) * (after.mean - before) * e->period * sqrt(found.variance);
