@@ -14,8 +14,8 @@
 #define NOISY 4.0      /* after a step the mean rates of half a millisecond differ by 0.03 rad/s of noise, 0.7 of what a step of 10 rad/s may turn by */
 #define PULSE 3e-4     /* angle that the rate sweeps beside what it is taken for that is no noise: of the latter are 7e-5, a rate that is open errs by 0.25 rad/s [rad] */
 #define SLOPES 3.0      /* standard deviations from which on the slope of the rate after a step is one */
-#define LEFT 0.02       /* share of what the tones kick the pattern by that a review leaves: the millisecond that it reads is no whole beat of the two. Of kicks of
-                          0.13 deg 0.002 to 0.006 were left, rms, on random devices under `lab` */
+#define LEFT 0.02       /* share of what the tones kick the pattern by (kicked) that a review leaves. It goes with the phase of the tones at the step; on four random
+                          devices under `lab`, of kicks of 0.13 deg, 0.003 to 0.005 were left, rms */
 #define LOOKED 2e-4    /* of the samples after the step has shown that tell its time [s] */
 
 static int64_t fewer(int64_t a, int64_t b) { return a < b ? a : b; }

@@ -90,8 +90,8 @@ static void form(foucault *c, const double *estimate)
     c->formed_at = c->count;
     known_coordinates(&c->k, constants, none, 0.0, c->k.p);
     if (!c->formed && s->found_stiffness != 0.0 && constants[0] + constants[1] > 0.0) {
-        /* What is cancelled acts by all that is not known of the chain: a delay makes damping of it. Of the device's own mean stiffness little has to
-           be. Once, since another k is another frequency. */
+        /* With a nominal stiffness that is half off, delay and lag are told several times less well (docs/theory/loop.md). Once, since another k is
+           another frequency. */
         c->stiffness = 0.5 * s->found_stiffness * (constants[0] + constants[1]);
     }
     const double omega_squared = c->stiffness / mass;

@@ -315,10 +315,12 @@ SLOW: Final = {
 def test_steps_tell_one_share_of_the_euler_force(tmp_path: Path) -> None:
     """The step at 0.7 s alone is explained better by a fifth of that force, eight samples earlier."""
     write_device(Device("slow", SLOW), tmp_path / "slow.toml")
-    run, result = simulated("constant", device=str(tmp_path / "slow.toml"), design="lab", seed=1, duration=0.72)
-    # 0.028 where each step is by itself; 0.008 rms and less are what the mean rate of a millisecond leaves beside tones
-    # that are 300 Hz from the oscillation.
-    assert np.abs(jumps_at_edges(run, result)).max() <= 0.02
+    # Tones as near as those of `lab` leave more of each step, up to 0.012, whatever is taken for its share.
+    farther = ("controller.tone2_x_ratio=0.73", "controller.tone2_y_ratio=1.3")
+    device = str(tmp_path / "slow.toml")
+    run, result = simulated("constant", *farther, device=device, design="lab", seed=1, duration=0.72)
+    # 0.028 where each step is by itself; 0.003 rms are what the mean rate of a millisecond leaves.
+    assert np.abs(jumps_at_edges(run, result)).max() <= 0.01
 
 
 def test_large_steps_between_two_samples_do_not_shift_the_angle(tmp_path: Path) -> None:
