@@ -20,6 +20,7 @@ from discrepancy.data.linear_start import BADLY, response
 from discrepancy.data.record import Floats, Record
 from discrepancy.fit.colour import autoregression
 from discrepancy.fit.fitted import Fitted, Free, bare
+from discrepancy.fit.quotients import Point, Quotients
 from discrepancy.fit.simulate import Job, Simulator
 from discrepancy.fit.whitening import Setting, Whitener, likeliest, whitener
 from gyro_model.errors import InputError
@@ -48,8 +49,6 @@ would take an offset for a part of it."""
 CLOSE: Final = 0.05
 """The same below which noise is seen alone where the motion has nothing: above, what is simulated and what is left are
 alike at too many frequencies."""
-FAR: Final = 1e6
-"""Times the signal from which a motion has left all bounds: no step of a quotient is so large."""
 HOPE: Final = 10.0
 """Times what the next step promises, that all steps together may bring."""
 CREEP, CREEPING = 0.05, 5
@@ -111,6 +110,7 @@ class Fitter:
         self.period = 1 / self.records[0].sample_rate
         self.state_names = STATES[: 2 * self.axes]
         self.signal = _rms(self.records) or _rms([simulator.run_of(record) for record in self.records])
+        self.quotients = Quotients(simulator, self.signal)
         self._kept: dict[int, _Kept] = {}
 
     def begin(
@@ -196,43 +196,29 @@ class Fitter:
         chosen = range(len(self.records)) if only is None else (only,)
         return [(self.records[i], {**at.parameters, **at.starts[i], **changes}) for i in chosen]
 
-    def columns(self, at: Fitted, run: int, probes: Sequence[Mapping[str, float]], found: Floats | None = None
-                ) -> Floats:  # fmt: skip
-        """What each set of changed parameters adds to the simulated voltage of a run: (probes, n, axes) [V], put into
-        ``found`` where it is given; zero where the FMU refuses one or the motion leaves all bounds."""
-        base = self.records[run].v - at.residuals[run]
-        result = np.empty((len(probes), *base.shape)) if found is None else found
-        simulator, limit = self.simulator, FAR * self.signal
-        rough = simulator.late(at.parameters)
-        near = [rough and not simulator.refines(changes) for changes in probes]
-        for which, beside in ((False, base), (True, self._rough(at, run) if any(near) else base)):
-            chosen = [i for i, own in enumerate(near) if own is which]
-            jobs = [job for i in chosen for job in self._jobs(at, probes[i], run)]
-            for i, v in zip(chosen, simulator.try_all(jobs, rough=which), strict=True):
-                if v is None or np.abs(v).max() > limit:
-                    result[i] = 0
-                else:
-                    np.subtract(v, beside, out=result[i])
-        return result
+    def _point(self, at: Fitted, run: int) -> Point:
+        record = self.records[run]
+        return Point(record, {**at.parameters, **at.starts[run]}, record.v - at.residuals[run])
 
-    def _rough(self, at: Fitted, run: int) -> Floats:
-        """The voltage of a run in whole steps."""
-        ((record, parameters),) = self._jobs(at, {}, run)
-        return self.simulator.run(record, parameters, rough=True)
+    def columns(self, at: Fitted, run: int, probes: Sequence[Mapping[str, float]]) -> Floats:
+        """What each set of changed parameters adds to the simulated voltage of a run: (probes, n, axes) [V]."""
+        return self.quotients.columns(self._point(at, run), probes)
 
-    def _derivatives(self, at: Fitted, run: int, found: Floats, *, near: bool) -> None:
-        """By each state of this run and each free parameter, a full ``step`` of it, put into ``found`` (p, n, axes)
-        [V]; ``near``: those of the last point serve."""
-        here = {**at.parameters, **at.starts[run]}
-        steps = self._state_steps(at, run) | {free.name: self._side(at, free) * free.step for free in at.free}
+    def _fill(self, at: Fitted, run: int, extra: Sequence[Mapping[str, float]], columns: Floats, *, near: bool) -> None:
+        """Columns (p, n, axes) [V] by each state of this run and each free parameter, a full ``step`` of it, then of
+        the ``extra`` probes; ``near``: those of the last point serve for the model's own."""
+        point, steps = self._point(at, run), self._steps(at)
+        here = point.parameters
         kept = self._kept.get(run)
         if kept is None or (here not in kept.points and not near):
             kept = self._kept[run] = _Kept([here], {})
         new = [n for n, step in steps.items() if not 1 / ALIKE < kept.columns.get(n, (0.0,))[0] / step < ALIKE]
-        made = self.columns(at, run, [{name: here[name] + steps[name]} for name in new])
-        kept.columns.update({name: (steps[name], column) for name, column in zip(new, made, strict=True)})
-        sizes = self._state_steps(at, run) | {free.name: free.step for free in at.free}
-        for column, (name, size) in zip(found, sizes.items(), strict=True):
+        made = {name: np.empty_like(point.v) for name in new}
+        own = [{name: here[name] + steps[name]} for name in new]
+        self.quotients.fill(point, [*own, *extra], [*made.values(), *columns[len(steps) :]])
+        kept.columns.update({name: (steps[name], column) for name, column in made.items()})
+        sizes = self._state_steps(at) | {free.name: free.step for free in at.free}
+        for column, (name, size) in zip(columns, sizes.items(), strict=False):
             step, quotient = kept.columns[name]
             np.multiply(quotient, size / step, out=column)
 
@@ -252,7 +238,11 @@ class Fitter:
         cross = free.name in ("kxy", "dxy") and p[free.name] > 0
         return -1.0 if cross or p[free.name] + free.step > free.high else 1.0
 
-    def _state_steps(self, at: Fitted, run: int) -> dict[str, float]:
+    def _steps(self, at: Fitted) -> dict[str, float]:
+        """Of difference quotients, by name."""
+        return self._state_steps(at) | {free.name: self._side(at, free) * free.step for free in at.free}
+
+    def _state_steps(self, at: Fitted) -> dict[str, float]:
         size = LINEAR * self.signal / abs(at.parameters["sense_gain_x"])
         speed = size * float(np.sqrt(at.parameters["kxx"] / at.parameters["m"]))
         return {name: speed if "dot" in name else size for name in self.state_names}
@@ -263,6 +253,9 @@ class Fitter:
 
         Steps of ``free`` that have become too large or small for their difference quotients are set anew.
         """
+        points = [self._point(at, run) for run in range(len(self.records))]
+        own = [{name: points[0].parameters[name] + step} for name, step in self._steps(at).items()]
+        self.quotients.compare(points, [*own, *extra])
         runs = self.simulator.each(lambda run: self._linear(at, run, extra, near), range(len(self.records)))
         grams, fills = [g for run in runs for g in run.grams], [run.fill for run in runs]
         square = np.sum([run.square for run in runs], axis=0)
@@ -273,8 +266,7 @@ class Fitter:
         own = states + len(at.free)
         # One array, filtered in place: with some hundred columns it is most of the memory.
         columns = np.empty((own + len(extra) + 1, n, axes))
-        self._derivatives(at, run, columns[:own], near=near)
-        self.columns(at, run, extra, columns[own:-1])
+        self._fill(at, run, extra, columns[:-1], near=near)
         columns[-1] = at.residuals[run]
         square = np.sum(columns[states:own] ** 2, axis=(1, 2))
         flat = at.whiten(columns, self.records[run].valid, columns).reshape(len(columns), -1)
@@ -408,7 +400,7 @@ class Fitter:
         starts = []
         for run, start in enumerate(at.starts):
             change = share * at.fill[run][:, -1] - at.fill[run][:, : at.known] @ step
-            sizes = self._state_steps(at, run)
+            sizes = self._state_steps(at)
             starts.append({name: start[name] + sizes[name] * float(c) for name, c in zip(start, change, strict=True)})
         return bare(replace(at, parameters=parameters, starts=tuple(starts)))
 

@@ -1,29 +1,32 @@
 """Simulates measured runs with the FMU, many at a time: one instance a thread, the loop over samples compiled."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from math import ceil
 from queue import SimpleQueue
-from time import thread_time
+from time import perf_counter, thread_time
 from types import TracebackType
-from typing import Final, Self, TypeVar
+from typing import Any, Final, Self, TypeVar
 
 import numpy as np
 from numba import njit
 from scipy.fft import irfft, next_fast_len, rfft
 
 from cosim.exchange import exchange
-from cosim.fmu import HANDLE_SIZE, Plant
+from cosim.fmu import HANDLE_SIZE, INSTANCE, Plant
 from discrepancy.clock import Clock
 from discrepancy.data.record import CONDITIONS, Floats, Record
 from discrepancy.fit.defect import Distortion, Timing, distortion_names, distortions
+from discrepancy.fit.variation import Driven, Motion, Seen
 from gyro_model.anatomy import Delay, Lag
-from gyro_model.build import build
+from gyro_model.build import build_form
 from gyro_model.errors import InputError
 from gyro_model.model import Model
+from gyro_model.varied import varied_model
 
 OVERSAMPLING: Final = 3
 """Steps a sample where u runs between samples. What their hold shrinks is made up for (``between``); images of a force
@@ -44,8 +47,8 @@ BACKWARD: Final = np.array([25, -48, 36, -16, 3]) / 12
 """Of the last five points, the derivative at the last times their step: right to (w step)^4/5, 4e-5 of an acceleration
 at thirteen samples a period. The force changes at each sample, so that no point after it counts."""
 PIECE, QUICK = 500, 2e-3
-"""Samples after which a run first asks whether there is time for more, and the processor time [s] of a piece below
-which the next is twice as long: so that asking is nothing beside, and stiff runs are asked in time."""
+"""Samples after which a run first asks whether there is time for more, and the time [s] of a piece below which the next
+is twice as long: so that asking is nothing beside, and stiff runs are asked in time."""
 STIFFEST: Final = 2e-5
 """Processor time [s] a step of a run that is followed to its end. Linear steps take 0.1 µs, those of forces with
 corners 2 µs; what takes more is stiff, as friction of a mass at rest over a speed of 1e-7 of its motion's (400 µs:
@@ -78,6 +81,16 @@ def _run(handle, inputs, values, outputs, start, step, stride, v, first, last): 
 class _Bench(Plant):
     """A plant that starts anew without loading the FMU again."""
 
+    @property
+    def library(self) -> Any:
+        """The FMU's, with the functions of fmu_src/varied."""
+        return self._fmu.dll
+
+    @property
+    def instance(self) -> int:
+        """Its address."""
+        return int(self.handle[INSTANCE])
+
     def restart(self, parameters: Mapping[str, float], start: float) -> None:
         self._fmu.reset()
         try:
@@ -96,12 +109,14 @@ class Simulator:
 
     def __init__(self, model: Model, jobs: int | None = None, clock: Clock | None = None) -> None:
         """Builds the FMU where that has not been done. Raises InputError as ``build`` does."""
-        path = build(model).fmi3
+        form = varied_model(model)
+        path = build_form(form)["fmi3"]
         self.model = model
         count = jobs or os.cpu_count() or 1
         self.clock = clock or Clock(count)
+        self.seen = Seen()
         self._benches: SimpleQueue[_Bench] = SimpleQueue()
-        self._all = [_Bench(path, {}, model) for _ in range(count)]
+        self._all = [_Bench(path, {}, form) for _ in range(count)]
         for bench in self._all:
             self._benches.put(bench)
         self._pool, self._callers = ThreadPoolExecutor(count), ThreadPoolExecutor(count)
@@ -140,9 +155,15 @@ class Simulator:
         steps took too long (STIFFEST). Raises OutOfTime where the clock says so.
         """
         self.clock.check()
+        with self._bench() as bench:
+            return self._on(bench, record, parameters, rough)
+
+    @contextmanager
+    def _bench(self) -> Iterator[_Bench]:
+        """A plant that no other thread uses."""
         bench = self._benches.get()
         try:
-            return self._on(bench, record, parameters, rough)
+            yield bench
         finally:
             self._benches.put(bench)
 
@@ -151,14 +172,16 @@ class Simulator:
         slow."""
         # The first of all is compiled.
         piece(0, 0)
-        done, last, length, begun = 0, len(v) - 1, PIECE, thread_time()
-        so_far = begun
+        done, last, length, begun = 0, len(v) - 1, PIECE, perf_counter()
+        so_far, processor = begun, thread_time()
         while done < last:
             self.clock.check()
             until = min(done + length, last)
             reached = piece(done, until)
-            before, so_far = so_far, thread_time()
-            if reached < until or so_far - begun > TICKS + STIFFEST * each * until:
+            before, so_far = so_far, perf_counter()
+            most = TICKS + STIFFEST * each * until
+            # To ask for processor time takes as long as some hundred steps, and it is never more than what passes.
+            if reached < until or (so_far - begun > most and thread_time() - processor > most):
                 v[reached + 1 :] = np.nan
                 return
             done, length = until, 2 * length if so_far - before < QUICK else length
@@ -191,6 +214,44 @@ class Simulator:
             return v if np.isfinite(v).all() else None
 
         return self._on_threads(self._pool, attempt, jobs)
+
+    def follow(self, record: Record, parameters: Mapping[str, float]) -> Motion | None:
+        """The motion of a run, along which ``vary`` goes; None where more acts than that follows. Raises InputError as
+        ``run`` does."""
+        self.clock.check()
+        if record.order == 2 or self._held_back(parameters) or any(d.acts(parameters) for d in distortions()):
+            return None
+        driven = self._inputs(record, 1)
+        values, names, step = driven
+        with self._bench() as bench:
+            references = bench.value_references(names)
+            motion = Motion(Driven(references, values, float(record.t[0]), step, len(values) // len(record.t)))
+            _begin(bench, record, parameters, driven, 1)
+            return motion if motion.follow(bench.library, bench.instance) else None
+
+    def vary(self, motion: Motion, record: Record, parameters: Mapping[str, float]) -> Floats | None:
+        """What these parameters add to the voltage [V] (n, axes) of a run that was followed with others, to first order
+        in what they add to its motion; None where the FMU refuses them or where more acts than is followed."""
+        if self._held_back(parameters) or any(d.acts(parameters) for d in distortions()):
+            return None
+        with self._bench() as bench:
+            try:
+                whole = _begin(bench, record, parameters, self._inputs(record, 1), 1)
+            except InputError:
+                return None
+            found = motion.varied(bench.library, bench.instance, speeds=record.order == 1)
+        if found is None or not np.isfinite(found).all():
+            return None
+        found = found[:, : record.axes]
+        return found * _speed_gains(record, whole) if record.order else np.ascontiguousarray(found)
+
+    def vary_all(self, motion: Motion, jobs: Sequence[Job]) -> list[Floats | None]:
+        """``vary`` of each job, in parallel."""
+
+        def one(job: Job) -> Floats | None:
+            return self.vary(motion, *job)
+
+        return self._on_threads(self._pool, one, jobs)
 
     def each(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
         """``function`` of each item, in parallel; it may simulate, which runs on threads of its own."""
@@ -267,24 +328,21 @@ class Simulator:
     def _on(self, bench: _Bench, record: Record, parameters: Mapping[str, float], rough: bool) -> Floats:
         acting = [d for d in distortions() if d.acts(parameters)]
         sizes = {q.name: parameters.get(q.name, q.start) for d in acting for q in d.parameters}
-        parameters = {name: value for name, value in parameters.items() if name not in distortion_names()}
         timing = Timing(self._first(record), 1 / record.sample_rate)
         forced = tuple((q.name, sizes[q.name]) for d in acting if d.force for q in d.parameters)
         fine = any(d.within for d in acting)
         split = fine or any(d.split for d in acting) or record.order == 2
         split |= self._held_back(parameters) and not rough
-        values, names, step = self._inputs(record, SPLIT if split else 1, forced)
+        driven = self._inputs(record, SPLIT if split else 1, forced)
+        values, names, step = driven
         stride = len(values) // len(record.t)
         beyond = max((d.beyond(len(record.t), timing, sizes) for d in acting if d.beyond), default=0)
         values = np.concatenate((values, np.repeat(values[-1:], beyond * stride, axis=0))) if beyond else values
-        whole = both_axes(parameters) if record.axes == 1 else parameters
-        first = dict(zip(names, values[0].tolist(), strict=True))
         # A held force bends the motion anew at each sample: no curve through the samples knows what is between.
         each = 1 if fine or record.order == 2 else stride
         outputs = OUTPUTS if record.order == 0 else SPEEDS
-        clock = {"internal_step": step, "sample_period": step * each}
         start = float(record.t[0])
-        bench.restart({**whole, **clock, **first}, start)
+        whole = _begin(bench, record, parameters, driven, each)
         v = np.full(((len(record.t) + beyond) * (stride // each), 2), np.nan)
         v[0] = bench.get(outputs)
         references = bench.value_references(names)
@@ -292,12 +350,30 @@ class Simulator:
         self._run_pieces(v, each, partial(_run, bench.handle, references, values, readings, start, step, each, v))
         v = v[:, : record.axes]
         if record.order:
-            v = v * [whole[f"sense_gain_{axis}"] / record.reference**record.order for axis in "xy"[: record.axes]]
+            v = v * _speed_gains(record, whole)
         if fine:
             v = _voltage(v, [d for d in acting if d.within], Timing(timing.first * stride, step), sizes)
         v = v[:: stride // each] if record.order < 2 else _slope(v, stride, step)
         v = _voltage(v, [d for d in acting if not d.within], timing, sizes)
         return np.ascontiguousarray(v[: len(record.t)])
+
+
+def _begin(bench: _Bench, record: Record, parameters: Mapping[str, float], driven: _Driven, each: int
+           ) -> Mapping[str, float]:  # fmt: skip
+    """Initialises a plant for a run, sampled every ``each`` steps; gives the parameters of both axes."""
+    values, names, step = driven
+    parameters = {name: value for name, value in parameters.items() if name not in distortion_names()}
+    whole = both_axes(parameters) if record.axes == 1 else parameters
+    clock = {"internal_step": step, "sample_period": step * each}
+    first = dict(zip(names, values[0].tolist(), strict=True))
+    bench.restart({**whole, **clock, **first}, float(record.t[0]))
+    return whole
+
+
+def _speed_gains(record: Record, whole: Mapping[str, float]) -> Floats:
+    """Voltage per speed or acceleration of each axis."""
+    gains = [whole[f"sense_gain_{axis}"] / record.reference**record.order for axis in "xy"[: record.axes]]
+    return np.array(gains)
 
 
 def _parting() -> tuple[Distortion, ...]:

@@ -1,0 +1,172 @@
+"""What changed parameters add to the voltage of runs: difference quotients by simulation, or by the variation of a
+motion (``variation.py``) for those kinds of columns that it has been seen to give as simulation does."""
+
+from collections.abc import Mapping, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from sympy import sympify
+
+from discrepancy.data.record import Floats, Record
+from discrepancy.fit.defect import distortion_names
+from discrepancy.fit.simulate import Simulator
+from discrepancy.fit.variation import Kind, Motion
+from gyro_model import symbols
+from gyro_model.anatomy import Effect, Force, Law, Map
+from gyro_model.model import Model
+
+FAR: Final = 1e6
+"""Times the signal from which a motion has left all bounds: no step of a quotient is so large."""
+FEWEST: Final = 5
+"""Columns of a run for which its motion is followed: that takes as long as two simulations."""
+FIRST_ORDER: Final = 1e-3
+"""Of the signal: what a column that is larger adds to the motion bends it by more than first order."""
+ALIKE: Final = 3e-3
+"""Share of a column's rms by which the two ways may differ: a quotient's own curvature and rounding make 1e-3 of it,
+and a share of this size costs a score its square."""
+
+Changes = Mapping[str, float]
+
+
+class Point(NamedTuple):
+    """A run at some parameters [SI], initial state included, and the voltage (n, axes) [V] that they give."""
+
+    record: Record
+    parameters: Mapping[str, float]
+    v: Floats
+
+    def changed(self, changes: Changes) -> tuple[Record, Mapping[str, float]]:
+        """For the simulator."""
+        return self.record, {**self.parameters, **changes}
+
+
+class Quotients:
+    """Columns of runs of a ``simulator``; signal: theirs [V rms]."""
+
+    def __init__(self, simulator: Simulator, signal: float) -> None:
+        self.simulator, self.signal = simulator, signal
+        self._names = _Names(simulator.model)
+        self._kinds, self._bases = simulator.seen.kinds, simulator.seen.bases
+
+    def compare(self, points: Sequence[Point], probes: Sequence[Changes]) -> None:
+        """Tries those ``probes`` both ways of which the names do not say that the variation serves, and one for each
+        new base, on the first run that shows them."""
+        base = self._names.acting(points[0].parameters)
+        if len(probes) < FEWEST or not self._bases.get(base, True):
+            return
+        new = {kind: own for own in probes if (kind := self._names.kind(own)) not in self._kinds}
+        new = {kind: own for kind, own in new.items() if not self._names.smooth(own)}
+        if base not in self._bases:
+            new[self._names.kind(probes[0])] = probes[0]
+        for point in points:
+            if not new:
+                break
+            motion = self.simulator.follow(point.record, point.parameters)
+            if motion is None:
+                self._bases[base] = False
+                break
+            new = self._tried(point, motion, base, new)
+
+    def _tried(self, point: Point, motion: Motion, base: frozenset[str], new: Mapping[Kind, Changes]
+               ) -> dict[Kind, Changes]:  # fmt: skip
+        """Compares both ways on one run; gives what that does not show."""
+        varied = self.simulator.vary_all(motion, [point.changed(own) for own in new.values()])
+        columns = dict(zip(new, varied, strict=True))
+        self._kinds.update({kind: False for kind, column in columns.items() if column is None})
+        shown = {kind: column for kind, column in columns.items() if column is not None}
+        simulated = self.simulator.try_all([point.changed(new[kind]) for kind in shown])
+        for (kind, column), v in zip(shown.items(), simulated, strict=True):
+            quotient = v - point.v if v is not None else np.full_like(column, np.inf)
+            # What is too large for the first order, as the first guess of a step, is no test.
+            if quotient.any() and self._small(quotient):
+                alike = _rms(column - quotient) <= ALIKE * _rms(quotient)
+                self._kinds.setdefault(kind, alike)
+                self._bases[base] = self._bases.get(base, False) or alike
+        return {kind: own for kind, own in new.items() if kind not in self._kinds}
+
+    def _small(self, column: Floats) -> bool:
+        return bool(np.abs(column).max() <= FIRST_ORDER * self.signal)
+
+    def columns(self, point: Point, probes: Sequence[Changes]) -> Floats:
+        """What each set of changed parameters adds: (probes, n, axes) [V]."""
+        result = np.empty((len(probes), *point.v.shape))
+        self.fill(point, probes, list(result))
+        return result
+
+    def fill(self, point: Point, probes: Sequence[Changes], found: Sequence[Floats]) -> None:
+        """Puts what each set of changed parameters adds into ``found``, arrays (n, axes) [V]; zero where the FMU
+        refuses one or the motion leaves all bounds."""
+        left = self._vary(point, probes, found)
+        simulator, limit = self.simulator, FAR * self.signal
+        rough = simulator.late(point.parameters)
+        near = [rough and not simulator.refines(probes[i]) for i in left]
+        for which, beside in ((False, point.v), (True, self._rough(point) if any(near) else point.v)):
+            chosen = [i for i, own in zip(left, near, strict=True) if own is which]
+            jobs = [point.changed(probes[i]) for i in chosen]
+            for i, v in zip(chosen, simulator.try_all(jobs, rough=which), strict=True):
+                if v is None or np.abs(v).max() > limit:
+                    found[i][:] = 0
+                else:
+                    np.subtract(v, beside, out=found[i])
+
+    def _rough(self, point: Point) -> Floats:
+        """The voltage of a run in whole steps."""
+        return self.simulator.run(point.record, point.parameters, rough=True)
+
+    def _vary(self, point: Point, probes: Sequence[Changes], found: Sequence[Floats]) -> list[int]:
+        """Fills in the columns that the variation gives; numbers of the others."""
+        names = self._names
+        served = self._bases.get(names.acting(point.parameters), False)
+        chosen = [i for i, own in enumerate(probes) if served and self._kinds.get(names.kind(own), names.smooth(own))]
+        motion = self.simulator.follow(point.record, point.parameters) if len(chosen) >= FEWEST else None
+        if motion is None:
+            return list(range(len(probes)))
+        columns = self.simulator.vary_all(motion, [point.changed(probes[i]) for i in chosen])
+        left = set(range(len(probes))) - set(chosen)
+        for i, column in zip(chosen, columns, strict=True):
+            if column is not None and self._small(column):
+                found[i][:] = column
+            else:
+                left.add(i)
+        return sorted(left)
+
+
+def _rms(v: Floats) -> float:
+    return float(np.sqrt(np.mean(v**2)))
+
+
+def is_smooth(effect: Effect) -> bool:
+    """Whether an effect acts without a corner, an event or anything that it carries along, so that what it changes is
+    as smooth as the motion."""
+    if effect.memories:
+        return False
+    if isinstance(effect, Force):
+        motion = (symbols.x, symbols.x_dot, symbols.y, symbols.y_dot)
+        rational = all(sympify(term).is_rational_function(*motion) for term in effect.force)
+        return rational and not effect.states and effect.impulse is None
+    # What a map changes is found at the samples themselves; the force is held between them.
+    return isinstance(effect, Map) or (isinstance(effect, Law) and effect.event is None)
+
+
+class _Names:
+    """What the parameters of a model are."""
+
+    def __init__(self, model: Model) -> None:
+        own = [q for effect in model.effects for q in effect.parameters]
+        self._starts = {q.name: q.start for q in own if q.role == "size"}
+        self._shapes = {q.name for q in own if q.role == "shape"}
+        rough = {q.name for effect in model.effects if not is_smooth(effect) for q in effect.parameters}
+        self._rough = rough | distortion_names()
+
+    def acting(self, parameters: Mapping[str, float]) -> frozenset[str]:
+        """Names of the sizes that are not neutral."""
+        return frozenset(name for name, start in self._starts.items() if parameters.get(name, start) != start)
+
+    def kind(self, changes: Changes) -> Kind:
+        """Of a column."""
+        alone = self._shapes.issuperset(changes)
+        return tuple(sorted((n, v if n in self._shapes and not alone else None) for n, v in changes.items()))
+
+    def smooth(self, changes: Changes) -> bool:
+        """Whether what they change is as smooth as the motion."""
+        return self._rough.isdisjoint(changes)

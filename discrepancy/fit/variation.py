@@ -1,0 +1,91 @@
+"""Columns of a run by the variation of its motion: what other parameters add, to first order in what they add.
+
+The motion is found once; each column then takes the rates of the other parameters along it (``fmu_src/varied``), which
+costs a fifth of a simulation.
+"""
+
+import ctypes
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from discrepancy.data.record import Floats
+
+MOTION, NODES = 4, 2
+"""States of the motion, and places in a step at which rates are known."""
+
+
+Kind = tuple[tuple[str, float | None], ...]
+"""Of a column: names of what it changes, and of shapes beside a size their values."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Where the variation has given a column as a simulation does: ``kinds`` of columns, and ``bases``, sizes that act
+    in the motion; False where it has not."""
+
+    kinds: dict[Kind, bool] = field(default_factory=dict)
+    bases: dict[frozenset[str], bool] = field(default_factory=dict)
+
+
+class _Run(ctypes.Structure):
+    """``gyro_run`` of fmu_src/varied/variation.h."""
+
+    _fields_ = [
+        *((name, ctypes.c_int64) for name in ("steps", "stride", "n_inputs")),
+        *((name, ctypes.c_void_p) for name in ("inputs", "values")),
+        *((name, ctypes.c_double) for name in ("start", "step")),
+        *((name, ctypes.c_void_p) for name in ("state", "voltage", "motion", "rate", "passage", "weight")),
+    ]
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What drives a run: values (steps, inputs) held over steps of ``step`` [s] from ``start`` [s], ``stride`` a
+    sample; inputs: value references."""
+
+    inputs: NDArray[np.uint32]
+    values: Floats
+    start: float
+    step: float
+    stride: int
+
+    @property
+    def samples(self) -> int:
+        """Of the run."""
+        return len(self.values) // self.stride
+
+
+class Motion:
+    """A run's motion, as ``gyro_follow`` finds it."""
+
+    def __init__(self, driven: Driven) -> None:
+        steps = (driven.samples - 1) * driven.stride
+        shapes = {
+            "state": (steps + 1, MOTION),
+            "voltage": (steps + 1, 2),
+            "motion": (steps, NODES, MOTION),
+            "rate": (steps, NODES, 2),
+            "passage": (steps, MOTION, MOTION),
+            "weight": (NODES, MOTION, 2),
+        }
+        self._driven, self._found = driven, {name: np.empty(shape) for name, shape in shapes.items()}
+        self._run = _Run(
+            steps, driven.stride, len(driven.inputs), driven.inputs.ctypes.data, driven.values.ctypes.data,
+            driven.start, driven.step, *(found.ctypes.data for found in self._found.values()),
+        )  # fmt: skip
+
+    def follow(self, library: Any, instance: int) -> bool:
+        """Runs an initialised instance; False where something acts that can't be followed."""
+        return bool(library.gyro_follow(ctypes.c_void_p(instance), ctypes.byref(self._run)))
+
+    def varied(self, library: Any, instance: int, *, speeds: bool) -> Floats | None:
+        """What the parameters of another initialised instance add to the voltage (samples, 2) [V], or to ``speeds``
+        [m/s]; None where something acts that can't be followed."""
+        column = np.empty((self._driven.samples, 2))
+        found = library.gyro_vary(
+            ctypes.c_void_p(instance), ctypes.byref(self._run), int(speeds), ctypes.c_void_p(column.ctypes.data)
+        )
+        return column if found else None

@@ -1,0 +1,41 @@
+/* What a diagnosis calls beside the functions of FMI 3.0: columns of a run by the variation of its motion. */
+
+#ifndef GYRO_VARIATION_H
+#define GYRO_VARIATION_H
+
+#include <stdint.h>
+
+#if defined(_WIN32)
+#define GYRO_EXPORTED __declspec(dllexport)
+#elif defined(__GNUC__)
+#define GYRO_EXPORTED __attribute__((visibility("default")))
+#else
+#define GYRO_EXPORTED
+#endif
+
+/* A run of `steps` steps, `stride` a sample. What stands below `step` is found by gyro_follow, for which there is room. */
+typedef struct {
+    int64_t steps;
+    int64_t stride;
+    int64_t n_inputs;
+    const uint32_t *inputs; /* value references, shape (n_inputs) */
+    const double *values;   /* held over each step, shape (steps, n_inputs), SI */
+    double start;           /* s */
+    double step;            /* s */
+    double *state;          /* x, x', y, y' at the ends of steps, shape (steps + 1, 4), SI */
+    double *voltage;        /* sampled there, shape (steps + 1, 2), V */
+    double *motion;         /* the states at two nodes within each step, shape (steps, 2, 4), SI */
+    double *rate;           /* of x' and y' there, shape (steps, 2, 2), m/s^2 */
+    double *passage;        /* of a difference over each step: after by before, shape (steps, 4, 4), SI */
+    double *weight;         /* what rates add to a difference over a step: by node, state and axis, shape (2, 4, 2), s^2 and s */
+} gyro_run;
+
+/* Runs an initialised instance of FMI 3.0 whose sample period and internal step are `step`. Gives 0 where it fails, or where something acts that
+   carries more than the motion from step to step. */
+GYRO_EXPORTED int gyro_follow(void *instance, const gyro_run *run);
+
+/* What the parameters of another initialised instance add to the voltage [V] of a run, or to the speeds [m/s], at samples: `column`, shape
+   (steps / stride + 1, 2). Gives 0 where something acts as above, but for forces with states of their own. */
+GYRO_EXPORTED int gyro_vary(void *instance, const gyro_run *run, int speeds, double *column);
+
+#endif

@@ -1,0 +1,193 @@
+"""Columns by the variation of a motion, against quotients of simulations and sensitivities of the reference."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import pytest
+
+from discrepancy.data.record import Record, make_record
+from discrepancy.fit.quotients import FEWEST, Point, Quotients, is_smooth
+from discrepancy.fit.simulate import Simulator
+from discrepancy.name.columns import nameable
+from gyro_model.anatomy import Delay, Effect, Follow, Force, Lag
+from gyro_model.device import load_device
+from gyro_model.model import load_model
+from gyro_model.quantities import Quantity
+from gyro_model.reference import sensitivities
+
+MODEL = load_model()
+DEVICE = load_device("reference").all_parameters | {
+    "x_start": 2e-7, "y_start": -1e-7, "sense_noise": 0.0, "k3_x": 2e8, "angular_gain": 0.9,
+}  # fmt: skip
+SAMPLES, PERIOD = 3000, 5e-6
+SMALL: Final = 1e-6
+"""Change of the voltage over the voltage that a size is moved by: its square is then far below what is asked."""
+AGREES: Final = 2e-3
+"""Of a column: at 60 samples a period a smooth one is right to 1e-5 and a quotient of SMALL is rounded to 1e-7; dry
+friction changes its sign within a step or two, which makes 1.3e-3."""
+
+
+@pytest.fixture(scope="module")
+def simulator() -> Iterator[Simulator]:
+    with Simulator(MODEL, jobs=1) as made:
+        yield made
+
+
+def record(samples: int = SAMPLES, hold: str = "zero", *, axes: int = 2) -> Record:
+    """Two tones on each axis, a rate, temperature and bias that change, and acceleration."""
+    t = np.arange(samples) * PERIOD
+    u = 2e-5 * np.sin(2 * np.pi * t[:, None] * [3100.0, 3350.0] + [0.0, 1.0])[:, :axes]
+    conditions = {
+        "omega_z": 3.0 * np.sin(2 * np.pi * 200 * t) if axes == 2 else np.zeros(samples),
+        "temperature": 300.0 + 20.0 * t / t[-1],
+        "v_bias": 5.0 + np.sin(2 * np.pi * 300 * t),
+        "a_x": np.full(samples, 9.81),
+    }
+    return make_record("run", t, u, u, conditions=conditions, sample_rate=1 / PERIOD, hold=hold)
+
+
+def probe(simulator: Simulator, run: Record, base: Mapping[str, float], q: Quantity, shapes: Mapping[str, float]
+          ) -> dict[str, float] | None:  # fmt: skip
+    """A change of ``q`` that moves the voltage by SMALL; None where none does."""
+    v = simulator.run(run, base)
+    step = 1e-3 * (q.typical if q.typical else 1.0)
+    for _ in range(8):
+        sign = -1.0 if q.start + step > q.high else 1.0
+        changes = {**shapes, q.name: base.get(q.name, q.start) + sign * step}
+        change = np.linalg.norm(simulator.run(run, {**base, **changes}) - v) / np.linalg.norm(v)
+        if not np.isfinite(change) or change > 10 * SMALL:
+            step *= 0.1 if not np.isfinite(change) else SMALL / change
+        elif change < 0.1 * SMALL:
+            step *= 1e3 if change < 1e-12 else SMALL / change
+        else:
+            return changes
+    return None
+
+
+def both(simulator: Simulator, run: Record, base: Mapping[str, float], changes: Mapping[str, float]
+         ) -> tuple[np.ndarray, np.ndarray | None]:  # fmt: skip
+    motion = simulator.follow(run, base)
+    assert motion is not None
+    quotient = simulator.run(run, {**base, **changes}) - simulator.run(run, base)
+    return quotient, simulator.vary(motion, run, {**base, **changes})
+
+
+def is_carried(effect: Effect) -> bool:
+    """Whether an effect carries more than the motion from step to step, or acts between steps."""
+    jumps = isinstance(effect, Force) and effect.impulse is not None
+    return isinstance(effect, Delay | Lag | Follow) or bool(effect.memories) or jumps
+
+
+SIZES = [(e, q) for e in nameable(MODEL, limits=False) for q in e.sizes]
+
+
+@pytest.mark.parametrize(("effect", "q"), SIZES, ids=[q.name for _, q in SIZES])
+def test_every_size_is_as_by_simulation_or_is_not_followed(simulator: Simulator, effect: Effect, q: Quantity) -> None:
+    run = record()
+    shapes = {s.name: s.typical for s in effect.parameters if s.role == "shape" and s.typical}
+    if effect.id == "damping_step":
+        shapes["damping_step_time"] = 1000 * PERIOD
+    changes = probe(simulator, run, DEVICE, q, shapes)
+    if changes is None:
+        pytest.skip("changes nothing here alone")
+    quotient, varied = both(simulator, run, DEVICE, changes)
+    if is_carried(effect) or simulator.late(changes):
+        assert varied is None
+    elif effect.id == "hysteresis":
+        # Its states are far from linear in what drives them, so that it is no variation of anything: a kind to refuse.
+        assert varied is not None and np.linalg.norm(varied - quotient) > AGREES * np.linalg.norm(quotient)
+    else:
+        assert varied is not None
+        assert np.linalg.norm(varied - quotient) < AGREES * np.linalg.norm(quotient)
+
+
+@pytest.mark.parametrize("name", ["m", "kxx", "kyy", "kxy", "dxx", "dxy", "x_start", "y_dot_start", "sense_gain_x"])
+def test_every_nominal_parameter_is_as_by_simulation(simulator: Simulator, name: str) -> None:
+    run, size = record(), {"kxy": DEVICE["kxx"], "dxy": DEVICE["dxx"], "x_start": 1e-6, "y_dot_start": 0.02}
+    changes = {name: DEVICE[name] + 1e-7 * size.get(name, DEVICE[name])}
+    quotient, varied = both(simulator, run, DEVICE, changes)
+    assert varied is not None
+    assert np.linalg.norm(varied - quotient) < 1e-4 * np.linalg.norm(quotient)
+
+
+def test_it_is_the_sensitivity_of_the_reference(simulator: Simulator) -> None:
+    """By DOP853 on the variational equation, of which no line is C."""
+    names, run = ("kxx", "dxy", "k3_x", "m"), record(300)
+    device = load_device("reference").with_parameters({n: v for n, v in DEVICE.items() if n != "sense_noise"})
+    inputs = {"u_x": run.u[:, 0], "u_y": run.u[:, 1], **run.conditions}
+    exact = sensitivities(device, names, run.t, inputs)
+    motion = simulator.follow(run, DEVICE)
+    assert motion is not None
+    for i, name in enumerate(names):
+        step = 1e-6 * abs(DEVICE[name] or DEVICE["dxx"])
+        varied = simulator.vary(motion, run, {**DEVICE, name: DEVICE[name] + step})
+        assert varied is not None
+        true = exact[:, [0, 2], i] * [DEVICE["sense_gain_x"], DEVICE["sense_gain_y"]]
+        # Fourth order at 60 samples a period: (w h)^4/4320 = 3e-8; the rates' rounding, 1e-16, over a step of 1e-6; the
+        # curvature of 1/m.
+        assert np.abs(varied / step - true).max() < 1e-5 * np.abs(true).max(), name
+
+
+@pytest.mark.parametrize("hold", ["first", "band-limited"])
+def test_a_force_that_runs_between_samples(simulator: Simulator, hold: str) -> None:
+    quotient, varied = both(simulator, record(hold=hold), DEVICE, {"k3_y": 1e5})
+    assert varied is not None
+    assert np.linalg.norm(varied - quotient) < 1e-4 * np.linalg.norm(quotient)
+
+
+def test_a_speed_and_a_single_axis(simulator: Simulator) -> None:
+    run = replace(record(axes=1), senses="velocity", reference=2 * np.pi * 3000)
+    quotient, varied = both(simulator, run, DEVICE, {"k3_x": 2.0001e8})
+    assert varied is not None and varied.shape == (SAMPLES, 1)
+    assert np.linalg.norm(varied - quotient) < 1e-4 * np.linalg.norm(quotient)
+
+
+@pytest.mark.parametrize(
+    "base", [{"actuator_delay": 1e-6}, {"play": 1e-6}, {"hysteresis_x": 1e-6}, {"clock_skew": 1e-6}]
+)
+def test_a_motion_that_carries_more_is_not_followed(simulator: Simulator, base: Mapping[str, float]) -> None:
+    assert simulator.follow(record(), {**DEVICE, **base}) is None
+
+
+def probes() -> list[dict[str, float]]:
+    near = 1 + 1e-7
+    return [{name: near * DEVICE[name]} for name in ("kxx", "kyy", "dxx", "dyy", "m")]
+
+
+def test_kinds_that_it_does_not_give_are_simulated(simulator: Simulator) -> None:
+    parasitic = {"parasitic_coupling": 1e-3, "parasitic_frequency": 5000.0, "parasitic_q": 50.0}
+    own = [*probes(), {"hysteresis_x": 1e-12}, {"play": 1e-12}, parasitic]
+    run = record()
+    point, signal = Point(run, DEVICE, simulator.run(run, DEVICE)), 0.2
+    with Simulator(MODEL, jobs=1) as fresh:
+        quotients = Quotients(fresh, signal)
+        assert len(own) >= FEWEST
+        before = quotients.columns(point, own)
+        quotients.compare([point], own)
+        kinds = {kind[0][0]: good for kind, good in fresh.seen.kinds.items()}
+        assert kinds["hysteresis_x"] is kinds["play"] is False
+        assert kinds["parasitic_coupling"] is True
+        assert list(fresh.seen.bases.values()) == [True]
+        after = quotients.columns(point, own)
+    assert np.array_equal(before[5:7], after[5:7])
+    assert not np.array_equal(before[0], after[0])
+    for one, other in zip(before, after, strict=True):
+        assert np.linalg.norm(one - other) < AGREES * np.linalg.norm(one)
+
+
+def test_a_large_change_is_simulated_and_no_test_of_a_kind(simulator: Simulator) -> None:
+    run, stiffer = record(), {"k3_y": 1e9}
+    point = Point(run, DEVICE, simulator.run(run, DEVICE))
+    with Simulator(MODEL, jobs=1) as fresh:
+        quotients = Quotients(fresh, 0.2)
+        quotients.compare([point], [*probes(), stiffer])
+        columns = quotients.columns(point, [*probes(), stiffer])
+    assert np.array_equal(columns[-1], simulator.run(run, {**DEVICE, **stiffer}) - point.v)
+
+
+def test_smooth_effects_are_those_without_corner_event_or_memory() -> None:
+    smooth = {e.id for e in MODEL.effects if is_smooth(e)}
+    assert {"cubic_stiffness", "thermal_stiffness", "pickoff_nonlinearity", "electrostatic_softening"} <= smooth
+    assert not smooth & {"dry_friction", "contact_stop", "damping_step", "play", "parasitic_mode", "frame_rotation"}

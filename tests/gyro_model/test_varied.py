@@ -1,0 +1,41 @@
+"""GyroscopeVaried: what a diagnosis runs is Gyroscope, and its library exports two functions more."""
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from gyro_model import build as building
+from gyro_model import compiling
+from gyro_model.experiments import verify
+from gyro_model.varied import varied_model
+
+
+@pytest.fixture(scope="module")
+def fmu() -> Path:
+    return building.build_form(varied_model())["fmi3"]
+
+
+def test_it_meets_the_traces_of_the_full_model(fmu: Path) -> None:
+    residuals = verify(fmu)
+    assert residuals
+    assert all(r.met for r in residuals)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="lists the dynamic symbols of ELF")
+def test_it_exports_its_two_functions_beside_those_of_fmi(fmu: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(fmu) as archive:
+        [library] = [name for name in archive.namelist() if name.endswith(".so")]
+        archive.extract(library, tmp_path)
+    command = ["nm", "-D", "--defined-only", str(tmp_path / library)]
+    listing = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    exported = {line.split()[-1] for line in listing.splitlines()}
+    assert {name for name in exported if not name.startswith("fmi3")} == {"gyro_follow", "gyro_vary"}
+
+
+def test_its_c_compiles_without_a_warning(tmp_path: Path) -> None:
+    building.write_sources(varied_model(), tmp_path)
+    strict = ("-Werror", "-Wshadow", "-Wstrict-prototypes", "-Wvla", "-O1")
+    compiling.compile_library(tmp_path, building.c_files(tmp_path, "fmi3"), tmp_path / "strict.so", strict)
