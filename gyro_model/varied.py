@@ -8,7 +8,7 @@ from gyro_model.model import Model, load_model
 
 @dataclass(frozen=True, eq=False)
 class VariedModel(Model):
-    """The model of the same ``effects``; its library exports gyro_follow and gyro_vary (``fmu_src/varied``)."""
+    """The model of the same ``effects``; its library exports gyro_follow and gyro_vary too (``fmu_src/varied``)."""
 
     NAME: ClassVar[str] = "GyroscopeVaried"
     DESCRIPTION: ClassVar[str] = f"{Model.DESCRIPTION}; for diagnoses"

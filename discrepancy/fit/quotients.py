@@ -10,7 +10,7 @@ from sympy import sympify
 from discrepancy.data.record import Floats, Record
 from discrepancy.fit.defect import distortion_names
 from discrepancy.fit.simulate import Simulator
-from discrepancy.fit.variation import Kind, Motion
+from discrepancy.fit.variation import Kind
 from gyro_model import symbols
 from gyro_model.anatomy import Effect, Force, Law, Map
 from gyro_model.model import Model
@@ -19,6 +19,10 @@ FAR: Final = 1e6
 """Times the signal from which a motion has left all bounds: no step of a quotient is so large."""
 FEWEST: Final = 5
 """Columns of a run for which its motion is followed: that takes as long as two simulations."""
+HEAD: Final = 4000
+"""Samples at the start of a run on which a kind is tried, and only where nothing shows there on all of it."""
+SHOWN: Final = 1e-11
+"""Of the signal: below, a change is the rounding of two runs, 1e-13 of it."""
 FIRST_ORDER: Final = 1e-3
 """Of the signal: what a column that is larger adds to the motion bends it by more than first order."""
 ALIKE: Final = 3e-3
@@ -54,32 +58,42 @@ class Quotients:
         base = self._names.acting(points[0].parameters)
         if len(probes) < FEWEST or not self._bases.get(base, True):
             return
-        new = {kind: own for own in probes if (kind := self._names.kind(own)) not in self._kinds}
-        new = {kind: own for kind, own in new.items() if not self._names.smooth(own)}
+        new: Mapping[Kind, Changes] = {self._names.kind(own): own for own in probes}
+        new = {kind: own for kind, own in new.items() if kind not in self._kinds and not self._names.smooth(own)}
         if base not in self._bases:
-            new[self._names.kind(probes[0])] = probes[0]
+            new = {**new, self._names.kind(probes[0]): probes[0]}
         for point in points:
-            if not new:
-                break
-            motion = self.simulator.follow(point.record, point.parameters)
-            if motion is None:
-                self._bases[base] = False
-                break
-            new = self._tried(point, motion, base, new)
+            new = self._tried(point, base, self._tried_early(point, base, new))
 
-    def _tried(self, point: Point, motion: Motion, base: frozenset[str], new: Mapping[Kind, Changes]
-               ) -> dict[Kind, Changes]:  # fmt: skip
+    def _tried_early(self, point: Point, base: frozenset[str], new: Mapping[Kind, Changes]) -> Mapping[Kind, Changes]:
+        """``_tried`` on the first HEAD samples."""
+        record, parameters, v = point
+        if not new or len(v) <= HEAD:
+            return new
+        head = self.simulator.part(record, 0, HEAD)
+        try:
+            return self._tried(Point(head, parameters, v[:HEAD]), base, new)
+        finally:
+            self.simulator.forget([head])
+
+    def _tried(self, point: Point, base: frozenset[str], new: Mapping[Kind, Changes]) -> Mapping[Kind, Changes]:
         """Compares both ways on one run; gives what that does not show."""
-        varied = self.simulator.vary_all(motion, [point.changed(own) for own in new.values()])
+        motion = self.simulator.follow(point.record, point.parameters) if new else None
+        if motion is None:
+            if new:
+                self._bases[base] = False
+            return {}
+        varied = self.simulator.vary(motion, [point.changed(own) for own in new.values()])
         columns = dict(zip(new, varied, strict=True))
         self._kinds.update({kind: False for kind, column in columns.items() if column is None})
         shown = {kind: column for kind, column in columns.items() if column is not None}
         simulated = self.simulator.try_all([point.changed(new[kind]) for kind in shown])
         for (kind, column), v in zip(shown.items(), simulated, strict=True):
             quotient = v - point.v if v is not None else np.full_like(column, np.inf)
+            size = _rms(quotient)
             # What is too large for the first order, as the first guess of a step, is no test.
-            if quotient.any() and self._small(quotient):
-                alike = _rms(column - quotient) <= ALIKE * _rms(quotient)
+            if size > SHOWN * self.signal and self._small(quotient):
+                alike = _rms(column - quotient) <= ALIKE * size
                 self._kinds.setdefault(kind, alike)
                 self._bases[base] = self._bases.get(base, False) or alike
         return {kind: own for kind, own in new.items() if kind not in self._kinds}
@@ -121,7 +135,7 @@ class Quotients:
         motion = self.simulator.follow(point.record, point.parameters) if len(chosen) >= FEWEST else None
         if motion is None:
             return list(range(len(probes)))
-        columns = self.simulator.vary_all(motion, [point.changed(probes[i]) for i in chosen])
+        columns = self.simulator.vary(motion, [point.changed(probes[i]) for i in chosen])
         left = set(range(len(probes))) - set(chosen)
         for i, column in zip(chosen, columns, strict=True):
             if column is not None and self._small(column):

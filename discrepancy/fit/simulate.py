@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from math import ceil
@@ -21,7 +21,7 @@ from cosim.fmu import HANDLE_SIZE, INSTANCE, Plant
 from discrepancy.clock import Clock
 from discrepancy.data.record import CONDITIONS, Floats, Record
 from discrepancy.fit.defect import Distortion, Timing, distortion_names, distortions
-from discrepancy.fit.variation import Driven, Motion, Seen
+from discrepancy.fit.variation import Driven, Motion, Seen, Traveller
 from gyro_model.anatomy import Delay, Lag
 from gyro_model.build import build_form
 from gyro_model.errors import InputError
@@ -229,29 +229,38 @@ class Simulator:
             _begin(bench, record, parameters, driven, 1)
             return motion if motion.follow(bench.library, bench.instance) else None
 
-    def vary(self, motion: Motion, record: Record, parameters: Mapping[str, float]) -> Floats | None:
-        """What these parameters add to the voltage [V] (n, axes) of a run that was followed with others, to first order
-        in what they add to its motion; None where the FMU refuses them or where more acts than is followed."""
-        if self._held_back(parameters) or any(d.acts(parameters) for d in distortions()):
-            return None
-        with self._bench() as bench:
-            try:
-                whole = _begin(bench, record, parameters, self._inputs(record, 1), 1)
-            except InputError:
-                return None
-            found = motion.varied(bench.library, bench.instance, speeds=record.order == 1)
-        if found is None or not np.isfinite(found).all():
-            return None
-        found = found[:, : record.axes]
-        return found * _speed_gains(record, whole) if record.order else np.ascontiguousarray(found)
+    def vary(self, motion: Motion, jobs: Sequence[Job]) -> list[Floats | None]:
+        """What the parameters of each job add to the voltage [V] (n, axes) of the run that was followed, to first order
+        in what they add to its motion, in parallel; None where the FMU refuses them, more acts than is followed, or the
+        motion leaves all bounds."""
 
-    def vary_all(self, motion: Motion, jobs: Sequence[Job]) -> list[Floats | None]:
-        """``vary`` of each job, in parallel."""
+        def some(own: Sequence[Job]) -> list[Floats | None]:
+            self.clock.check()
+            return self._vary(motion, own)
 
-        def one(job: Job) -> Floats | None:
-            return self.vary(motion, *job)
+        each = -(-len(jobs) // len(self._all))
+        parts = [jobs[i : i + each] for i in range(0, len(jobs), each)] if jobs else []
+        return [column for part in self._on_threads(self._pool, some, parts) for column in part]
 
-        return self._on_threads(self._pool, one, jobs)
+    def _vary(self, motion: Motion, jobs: Sequence[Job]) -> list[Floats | None]:
+        gains: list[float | Floats] = []
+        travellers: dict[int, Traveller] = {}
+        for number, (record, parameters) in enumerate(jobs):
+            acting = self._held_back(parameters) or any(d.acts(parameters) for d in distortions())
+            with self._bench() as bench, suppress(InputError):
+                whole = both_axes(parameters) if record.axes == 1 else parameters
+                gains.append(_speed_gains(record, whole) if record.order else 1.0)
+                if not acting:
+                    _begin(bench, record, parameters, self._inputs(record, 1), 1)
+                    traveller = motion.depart(bench.instance)
+                    travellers |= {number: traveller} if traveller is not None else {}
+        result: list[Floats | None] = [None] * len(jobs)
+        columns = motion.varied(list(travellers.values()), speeds=jobs[0][0].order == 1)
+        for number, column in zip(travellers, columns, strict=True):
+            if np.isfinite(column).all():
+                record = jobs[number][0]
+                result[number] = np.ascontiguousarray(column[:, : record.axes]) * gains[number]
+        return result
 
     def each(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
         """``function`` of each item, in parallel; it may simulate, which runs on threads of its own."""

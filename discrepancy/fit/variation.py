@@ -5,6 +5,7 @@ costs a fifth of a simulation.
 """
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -58,6 +59,10 @@ class Driven:
         return len(self.values) // self.stride
 
 
+Traveller = NDArray[np.float64]
+"""As ``gyro_depart`` makes it."""
+
+
 class Motion:
     """A run's motion, as ``gyro_follow`` finds it."""
 
@@ -72,6 +77,7 @@ class Motion:
             "weight": (NODES, MOTION, 2),
         }
         self._driven, self._found = driven, {name: np.empty(shape) for name, shape in shapes.items()}
+        self._library: Any = None
         self._run = _Run(
             steps, driven.stride, len(driven.inputs), driven.inputs.ctypes.data, driven.values.ctypes.data,
             driven.start, driven.step, *(found.ctypes.data for found in self._found.values()),
@@ -79,13 +85,24 @@ class Motion:
 
     def follow(self, library: Any, instance: int) -> bool:
         """Runs an initialised instance; False where something acts that can't be followed."""
+        self._library = library
         return bool(library.gyro_follow(ctypes.c_void_p(instance), ctypes.byref(self._run)))
 
-    def varied(self, library: Any, instance: int, *, speeds: bool) -> Floats | None:
-        """What the parameters of another initialised instance add to the voltage (samples, 2) [V], or to ``speeds``
-        [m/s]; None where something acts that can't be followed."""
-        column = np.empty((self._driven.samples, 2))
-        found = library.gyro_vary(
-            ctypes.c_void_p(instance), ctypes.byref(self._run), int(speeds), ctypes.c_void_p(column.ctypes.data)
+    def depart(self, instance: int) -> Traveller | None:
+        """What goes along it with the parameters of another initialised instance; None where something acts that can't
+        be followed."""
+        made = np.zeros(-(-self._library.gyro_traveller_size() // 8))
+        found = self._library.gyro_depart(
+            ctypes.c_void_p(instance), ctypes.byref(self._run), ctypes.c_void_p(made.ctypes.data)
         )
-        return column if found else None
+        return made if found else None
+
+    def varied(self, travellers: Sequence[Traveller], *, speeds: bool) -> Floats:
+        """What each adds to the voltage [V], or to ``speeds`` [m/s]: (travellers, samples, 2). It uses them up."""
+        columns = np.empty((len(travellers), self._driven.samples, 2))
+        addresses = ctypes.c_void_p * len(travellers)
+        self._library.gyro_vary(
+            ctypes.byref(self._run), ctypes.c_int64(len(travellers)),
+            addresses(*(t.ctypes.data for t in travellers)), int(speeds), addresses(*(c.ctypes.data for c in columns)),
+        )  # fmt: skip
+        return columns

@@ -35,6 +35,9 @@ static const double PASSAGE_LEAVES = 1e-11;
 /* Terms of a series whose size is not known: enough for a mode at ten times the rate of the steps. */
 enum { TERMS = 200 };
 
+/* Steps that all columns go before the next: 300 bytes each. */
+enum { TOGETHER = 512 };
+
 typedef struct {
     double of[MOST][MOST];
 } matrix;
@@ -118,11 +121,20 @@ static passing passing_of(int n, const matrix *a, double h, double part)
     return made;
 }
 
+/* The states that effects add, of which a small force on the motion comes: linear, driven by the motion of the run. */
+typedef struct {
+    passing to[NODES]; /* the nodes of a step */
+    passing whole;
+    double state[MOST];
+} driven;
+
 /* A view of an instance that is taken along a run. */
 typedef struct {
     gyro_view view;
     double value[GYRO_N_VARIABLES]; /* as set, SI */
     double event[GYRO_N_EFFECTS];   /* when each effect switches, s */
+    double difference[MOTION];      /* of its motion and that of the run, SI */
+    driven own;                     /* where a force with states acts */
 } traveller;
 
 /* 0 where something acts that carries more than the states from step to step, or acts between them. */
@@ -332,13 +344,6 @@ int gyro_follow(void *instance, const gyro_run *run)
     return followed;
 }
 
-/* The states that effects add, of which a small force on the motion comes: linear, driven by the motion of the run. */
-typedef struct {
-    passing to[NODES]; /* the nodes of a step */
-    passing whole;
-    double state[MOST];
-} driven;
-
 static void set_own(gyro_view *view, const double own[])
 {
     for (int i = 0; i < OWN; i++) {
@@ -346,8 +351,9 @@ static void set_own(gyro_view *view, const double own[])
     }
 }
 
-static void begin_driven(traveller *at, const gyro_run *run, driven *own)
+static void begin_own(traveller *at, const gyro_run *run)
 {
+    driven *own = &at->own;
     double rest[GYRO_N_STATES], rate[GYRO_N_STATES], one[MOST] = {0.0};
     matrix slope = matrix_of(OWN, 0.0);
     come_to(at, run, 0);
@@ -385,8 +391,9 @@ static void pass_own(const passing *over, const double before[], double forcing[
 }
 
 /* Own states at the nodes of a step, from what drives them there, and at its end, which stay. */
-static void drive_own(traveller *at, const gyro_run *run, int64_t step, driven *own, double found[NODES][MOST])
+static void drive_own(traveller *at, const gyro_run *run, int64_t step, double found[NODES][MOST])
 {
+    driven *own = &at->own;
     static const double none[MOST] = {0.0};
     double rate[GYRO_N_STATES], forcing[NODES][MOST], end[MOST] = {0.0};
     for (int node = 0; node < NODES; node++) {
@@ -405,13 +412,14 @@ static void drive_own(traveller *at, const gyro_run *run, int64_t step, driven *
 }
 
 /* What a step makes of the difference. */
-static void vary_step(traveller *at, const gyro_run *run, int64_t step, driven *own, double difference[MOTION])
+static void vary_step(traveller *at, const gyro_run *run, int64_t step)
 {
-    const double *passage = run->passage + step * MOTION * MOTION;
+    const double *passage = run->passage + step * MOTION * MOTION, *difference = at->difference;
+    const int driven_too = at->view.any_state;
     double states[NODES][MOST], rate[GYRO_N_STATES], after[MOTION];
     come_to(at, run, step);
-    if (own != NULL) {
-        drive_own(at, run, step, own, states);
+    if (driven_too) {
+        drive_own(at, run, step, states);
     }
     for (int i = 0; i < MOTION; i++) {
         after[i] = passage[4 * i] * difference[0] + passage[4 * i + 1] * difference[1] + passage[4 * i + 2] * difference[2] +
@@ -420,7 +428,7 @@ static void vary_step(traveller *at, const gyro_run *run, int64_t step, driven *
     for (int node = 0; node < NODES; node++) {
         const double *base = run->rate + (step * NODES + node) * 2, *weight = run->weight + node * MOTION * 2;
         look_from(at, run, step, PLACE[node], run->motion + (step * NODES + node) * MOTION);
-        if (own != NULL) {
+        if (driven_too) {
             set_own(&at->view, states[node]);
         }
         state_rate(&at->view, rate);
@@ -429,21 +437,21 @@ static void vary_step(traveller *at, const gyro_run *run, int64_t step, driven *
             after[i] += weight[2 * i] * x + weight[2 * i + 1] * y;
         }
     }
-    memcpy(difference, after, sizeof after);
+    memcpy(at->difference, after, sizeof after);
 }
 
 /* A sample's part of the column, after `step` steps of which the view has the inputs of the last. */
-static void take_difference(traveller *at, const gyro_run *run, int64_t step, const double difference[MOTION], int speeds, double out[2])
+static void take_difference(traveller *at, const gyro_run *run, int64_t step, int speeds, double out[2])
 {
     if (speeds) {
-        out[0] = difference[GYRO_STATE_X_DOT];
-        out[1] = difference[GYRO_STATE_Y_DOT];
+        out[0] = at->difference[GYRO_STATE_X_DOT];
+        out[1] = at->difference[GYRO_STATE_Y_DOT];
     } else {
         gyro_view *view = &at->view;
         const double *base = run->voltage + 2 * step;
         double state[MOTION];
         for (int i = 0; i < MOTION; i++) {
-            state[i] = run->state[step * MOTION + i] + difference[i];
+            state[i] = run->state[step * MOTION + i] + at->difference[i];
         }
         look_from(at, run, step - 1, 1.0, state);
         pick_off(view);
@@ -454,30 +462,41 @@ static void take_difference(traveller *at, const gyro_run *run, int64_t step, co
     }
 }
 
-int gyro_vary(void *instance, const gyro_run *run, int speeds, double *column)
+int64_t gyro_traveller_size(void) { return (int64_t)sizeof(traveller); }
+
+int gyro_depart(void *instance, const gyro_run *run, void *made)
 {
     const gyro_instance *g = ((fmi_instance *)instance)->core;
     const int followed = is_followed(g);
     if (followed) {
-        traveller at;
-        driven own;
-        double difference[MOTION];
-        set_off(g, &at);
+        traveller *at = made;
+        set_off(g, at);
         for (int i = 0; i < MOTION; i++) {
-            difference[i] = at.view.s[i] - run->state[i];
+            at->difference[i] = at->view.s[i] - run->state[i];
         }
-        driven *states = at.view.any_state ? &own : NULL;
-        if (states != NULL) {
-            begin_driven(&at, run, states);
+        if (at->view.any_state) {
+            begin_own(at, run);
         }
-        come_to(&at, run, 0);
-        take_difference(&at, run, 0, difference, speeds, column);
-        for (int64_t step = 0; step < run->steps; step++) {
-            vary_step(&at, run, step, states, difference);
-            if ((step + 1) % run->stride == 0) {
-                take_difference(&at, run, step + 1, difference, speeds, column + 2 * ((step + 1) / run->stride));
+        come_to(at, run, 0);
+    }
+    return followed;
+}
+
+void gyro_vary(const gyro_run *run, int64_t n, void *const travellers[], int speeds, double *const columns[])
+{
+    for (int64_t i = 0; i < n; i++) {
+        take_difference(travellers[i], run, 0, speeds, columns[i]);
+    }
+    /* All along a part of the run before any goes on, so that it stays near the processor. */
+    for (int64_t first = 0; first < run->steps; first += TOGETHER) {
+        const int64_t last = first + TOGETHER < run->steps ? first + TOGETHER : run->steps;
+        for (int64_t i = 0; i < n; i++) {
+            for (int64_t step = first; step < last; step++) {
+                vary_step(travellers[i], run, step);
+                if ((step + 1) % run->stride == 0) {
+                    take_difference(travellers[i], run, step + 1, speeds, columns[i] + 2 * ((step + 1) / run->stride));
+                }
             }
         }
     }
-    return followed;
 }

@@ -34,8 +34,14 @@ typedef struct {
    carries more than the motion from step to step. */
 GYRO_EXPORTED int gyro_follow(void *instance, const gyro_run *run);
 
-/* What the parameters of another initialised instance add to the voltage [V] of a run, or to the speeds [m/s], at samples: `column`, shape
-   (steps / stride + 1, 2). Gives 0 where something acts as above, but for forces with states of their own. */
-GYRO_EXPORTED int gyro_vary(void *instance, const gyro_run *run, int speeds, double *column);
+/* Bytes of what goes along a run with the parameters of another instance. */
+GYRO_EXPORTED int64_t gyro_traveller_size(void);
+
+/* Makes a traveller of another initialised instance. Gives 0 where something acts as above, but for forces with states of their own. */
+GYRO_EXPORTED int gyro_depart(void *instance, const gyro_run *run, void *made);
+
+/* What the parameters of n travellers add to the voltage [V] of a run, or to the speeds [m/s], at samples: columns of shape (steps / stride + 1, 2).
+   It uses them up. */
+GYRO_EXPORTED void gyro_vary(const gyro_run *run, int64_t n, void *const travellers[], int speeds, double *const columns[]);
 
 #endif

@@ -71,7 +71,8 @@ def both(simulator: Simulator, run: Record, base: Mapping[str, float], changes: 
     motion = simulator.follow(run, base)
     assert motion is not None
     quotient = simulator.run(run, {**base, **changes}) - simulator.run(run, base)
-    return quotient, simulator.vary(motion, run, {**base, **changes})
+    [varied] = simulator.vary(motion, [(run, {**base, **changes})])
+    return quotient, varied
 
 
 def is_carried(effect: Effect) -> bool:
@@ -122,7 +123,7 @@ def test_it_is_the_sensitivity_of_the_reference(simulator: Simulator) -> None:
     assert motion is not None
     for i, name in enumerate(names):
         step = 1e-6 * abs(DEVICE[name] or DEVICE["dxx"])
-        varied = simulator.vary(motion, run, {**DEVICE, name: DEVICE[name] + step})
+        [varied] = simulator.vary(motion, [(run, {**DEVICE, name: DEVICE[name] + step})])
         assert varied is not None
         true = exact[:, [0, 2], i] * [DEVICE["sense_gain_x"], DEVICE["sense_gain_y"]]
         # Fourth order at 60 samples a period: (w h)^4/4320 = 3e-8; the rates' rounding, 1e-16, over a step of 1e-6; the
