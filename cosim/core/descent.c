@@ -15,6 +15,10 @@
 #define AHEAD 4        /* whole steps more that may bring what the first one has not */
 #define SHORTEST 0.003 /* part of a step that is worth a filtering */
 #define EARLY 0.25     /* part of a start that tells which of several lags it is: a filtering of all takes four times as long */
+#define TELLING 64     /* samples from which a fit beside whole periods, or that leaves more than noise, is looked for elsewhere */
+#define ASTRAY 5.0     /* deviations from what noise makes by which its sum of squares is then more */
+#define AGAIN 3        /* times that a look goes on where it has not come to rest */
+#define FAR_OFF 2.0    /* mean squared innovation up to which that is worth it */
 #define SEES 256       /* samples that tell what voltages see at some frequencies: fewer tell the motion alone, in which that is no straight way */
 
 /* Filters the block again from its beginning at the constants as they are now; returns the sum of squared innovations. */
@@ -173,16 +177,32 @@ static double go_to(filter *f, const double eta[NP])
 /* Looks for a better fit where `step` leads from that which has been found, d; leaves the start at the better one. */
 static descent look_there(filter *f, int whole, double L[NP][NP], descent d, const double step[NP])
 {
-    double found[NP], other[NP], b[NP];
+    double found[NP], lowest[NP], other[NP], b[NP];
     memcpy(found, f->eta, sizeof found);
+    memcpy(lowest, f->lowest, sizeof lowest);
+    memcpy(f->lowest, f->first_lowest, sizeof f->lowest);
     straight_step(f, found, step, other);
-    const descent there = come_down(f, whole, L, go_to(f, other));
+    const double cost = go_to(f, other);
+    late_keep_side(f);
+    descent there = come_down(f, whole, L, cost);
+    for (int more = 0; more < AGAIN && there.off > OFF && there.cost > d.cost - WORTH && there.cost < FAR_OFF * (double)f->rows; more++) {
+        there = come_down(f, whole, L, there.cost);
+    }
     if (there.cost < d.cost - WORTH) {
         return there;
     }
+    memcpy(f->lowest, lowest, sizeof lowest);
     d.cost = go_to(f, found);
     d.trace = inform(f, whole, L, b);
     return d;
+}
+
+/* Beside whole periods of delay: goes on from where the fit has come to rest, which may be at their kink, on this side of it, and looks on the other. */
+static descent look_on_both_sides(filter *f, int whole, double L[NP][NP], descent d, const double step[NP])
+{
+    late_keep_side(f);
+    d = come_down(f, whole, L, d.cost);
+    return look_there(f, whole, L, d, step);
 }
 
 /* Whether this is the first fit that has an early part of the start; blocks double. */
@@ -204,13 +224,14 @@ descent descent_find(filter *f, double L[NP][NP])
         cost += f->r[r] * f->r[r];
     }
     descent d = come_down(f, whole, L, cost);
-    for (int which = 0; which < LATE_LAGS && is_early(f); which++) {
+    const int astray = !whole && f->in_block >= TELLING && d.cost > (double)f->rows + ASTRAY * sqrt(2.0 * (double)f->rows);
+    for (int which = 0; which < LATE_LAGS && (astray || is_early(f)); which++) {
         if (late_other_lag(f, which, step)) {
             d = look_there(f, whole, L, d, step);
         }
     }
-    if (whole && late_other_side(f, step)) {
-        d = look_there(f, whole, L, d, step);
+    if ((whole || f->in_block >= TELLING) && late_other_side(f, step)) {
+        d = look_on_both_sides(f, whole, L, d, step);
     }
     return d;
 }

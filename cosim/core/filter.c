@@ -157,7 +157,7 @@ void filter_start(filter *f, const filter_settings *settings, const double *c, c
     memcpy(f->k.c, c, NC * sizeof *c);
     memcpy(f->first_p, p, sizeof f->first_p);
     memcpy(f->first_W, W, sizeof f->first_W);
-    memcpy(f->lowest, lowest, sizeof f->lowest);
+    memcpy(f->first_lowest, lowest, sizeof f->first_lowest);
     f->m.period = period;
     for (int i = 0; i < NZ; i++) {
         f->first.z[i] = z[i];
@@ -169,6 +169,7 @@ void filter_start(filter *f, const filter_settings *settings, const double *c, c
     f->restarted_at = -1.0;
     for (int i = 0; i < NP; i++) {
         f->prior[i] = sqrt(block_variance(f, i));
-        f->lowest[i] += known_is_flat(i) ? FLAT * f->prior[i] : 0.0;
+        f->first_lowest[i] += known_is_flat(i) ? FLAT * f->prior[i] : 0.0;
+        f->lowest[i] = f->first_lowest[i];
     }
 }

@@ -56,7 +56,7 @@ typedef struct {
     motion m;
     filter_settings settings;
     double prior[NP]; /* standard deviation of p at the start */
-    double lowest[NP]; /* of p */
+    double lowest[NP], first_lowest[NP]; /* of p, and by the design */
     moving now, begun; /* at present, and where the block began */
     double W[NP][NP];     /* covariance of p where the block began = W W', upper triangular */
     double W_now[NP][NP]; /* at the last fit of the block */

@@ -4,6 +4,7 @@
 #include "known_model.h"
 
 #define APART 0.3 /* of the design's deviation of the lag, from which on another one is looked at */
+#define ABOVE 0.002 /* periods by which it is then above them */
 #define BESIDE 0.03 /* periods beside whole ones at which a delay may be on the wrong side, and how far on the other one it is looked for */
 
 /* Where other lags are looked at: deviations of the design from the lag that it expects. */
@@ -20,11 +21,19 @@ static int most_of(const filter *f, const double row[NP])
     return most;
 }
 
-/* How much more the delay would be on the other side of whole periods; zero where it is not beside them. */
+/* Periods that a delay is beyond a whole number of them, that is not 0; HUGE_VAL where it is not beside one. */
+static double beyond_whole(double delay, double period)
+{
+    const double periods = delay / period, whole = floor(periods + 0.5), beyond = periods - whole;
+    return whole >= 1.0 && fabs(beyond) <= BESIDE ? beyond : HUGE_VAL;
+}
+
+/* How much more the delay would be on the other side of whole periods; zero where it is not beside them. A command that a processor sends on at the next
+   sample is late by just whole periods, which counts as above. */
 static double across_whole_periods(double delay, double period)
 {
-    const double periods = delay / period, whole = floor(periods + 0.5), beside = periods - whole;
-    return whole >= 1.0 && fabs(beside) <= BESIDE ? -(beside + copysign(BESIDE, beside)) * period : 0.0;
+    const double beyond = beyond_whole(delay, period);
+    return beyond == HUGE_VAL ? 0.0 : beyond < 0.0 ? (ABOVE - beyond) * period : -(beyond + BESIDE) * period;
 }
 
 /* Delay and lag [s], and for each the constant that it follows most and its slope by it; -1: none. */
@@ -63,6 +72,18 @@ int late_other_side(const filter *f, double step[NP])
         change_to(f, &now, more, smaller(more, now.lag), step);
     }
     return more != 0.0;
+}
+
+void late_keep_side(filter *f)
+{
+    const lateness now = lateness_of(f, &f->k);
+    memcpy(f->lowest, f->first_lowest, sizeof f->lowest);
+    const double beyond = now.delay_at < 0 ? HUGE_VAL : beyond_whole(now.delay, f->m.period);
+    if (beyond != HUGE_VAL && beyond >= 0.0 && now.delay_by > 0.0) {
+        /* By a rounding more, so that it is above. */
+        const double whole = f->k.p[now.delay_at] - (beyond - 1e-9) * f->m.period / now.delay_by;
+        f->lowest[now.delay_at] = larger(whole, f->lowest[now.delay_at]);
+    }
 }
 
 int late_other_lag(const filter *f, int which, double step[NP])

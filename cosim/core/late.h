@@ -9,6 +9,10 @@
 /* Whether the delay is nearly whole periods; `step`: the change of eta that leads to their other side, the lag making up for it. */
 int late_other_side(const filter *f, double step[NP]);
 
+/* The delay stays above whole periods from now on where it stands beside and above them, and may go anywhere else: a step across would change what it is
+   told of the feedthrough. */
+void late_keep_side(filter *f);
+
 #define LATE_LAGS 3 /* other lags that are looked at */
 
 /* Whether the lag is not near that one of LATE_LAGS that the design allows; `step`: the change of eta to there, the delay making up for it. A delay, a lag

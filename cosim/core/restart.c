@@ -37,6 +37,7 @@ void restart_from_design(filter *f)
 {
     f->restarted_at = f->k.t;
     memcpy(f->k.p, f->first_p, sizeof f->k.p);
+    memcpy(f->lowest, f->first_lowest, sizeof f->lowest);
     memcpy(f->W, f->first_W, sizeof f->W);
     memcpy(f->W_now, f->first_W, sizeof f->W_now);
     f->now = f->first;
