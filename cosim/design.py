@@ -150,6 +150,7 @@ def load_design(name: str, device: Device, seed: int) -> Design:
 
     Raises InputError where there is none or it is wrong.
     """
+    seed = int(device.model.parameter("seed").check(seed))
     packaged = packaged_designs()
     path = packaged.get(name, Path(name))
     if not path.is_file():

@@ -46,6 +46,10 @@ all must hold before the flag is set [s]; WINDOW after innovations have withdraw
 
 INNOVATIONS: Final = "innovations"
 DRIFTS: Final = "the angle may drift"
+LOST: Final = ("the observer", "an estimate")
+LOSSES: Final = (INNOVATIONS, "the start has not found", *LOST)
+"""How reasons begin with which the motion itself may be another one than the estimated, and those of no motion at
+all."""
 DOUBTS: Final = 2
 """Judgements in a row, 5 ms apart, at which innovations that are not as they should be withdraw the flag."""
 
@@ -78,7 +82,8 @@ class Verdict(NamedTuple):
     """valid now; reason why not (else empty); predicted standard deviations: of the angle's drift over WINDOW, the
     pattern at its worst angle, with its reading as it is learnt, its random walk and the steps of the rate; of the
     turning where the pattern stands [rad/s]; of the reading, and of what the pattern has strayed by so far, by noise
-    that the force feeds back and by steps of the rate [rad]."""
+    that the force feeds back and by steps of the rate [rad]; astray: how far the estimated motion may be beside the
+    true one [m], zero while innovations are as they should be."""
 
     valid: bool
     reason: str
@@ -86,6 +91,7 @@ class Verdict(NamedTuple):
     drift_sigma_now: float
     bend_sigma: float
     stray_sigma: float
+    astray: float = 0.0
 
 
 @dataclass
@@ -117,6 +123,7 @@ class Monitor:
         strayed = max(health["strayed"], 0.0) / self._gain**2
         sigmas = hypot(largest, self._straying(t, strayed)), drift["turning_now"], drift["bending"], sqrt(strayed)
         reason = self._doubt(t, health, estimate, deviation, largest, drift["unseen"])
+        astray = self._astray(reason, health, deviation) if reason.startswith(LOSSES) else 0.0
         if reason and not reason.startswith(DRIFTS):
             self._bent.clear()
         if reason and not reason.startswith((DRIFTS, INNOVATIONS)):
@@ -126,7 +133,7 @@ class Monitor:
         self._doubts = self._doubts + 1 if reason else 0
         if self.valid and 0 < self._doubts < DOUBTS and reason.startswith(INNOVATIONS):
             # A jump of the rate shows in the innovations for a moment.
-            return Verdict(True, "", *sigmas)
+            return Verdict(True, "", *sigmas, astray)
         if reason:
             self._good_since = None
             if self.valid:
@@ -140,7 +147,18 @@ class Monitor:
                 reason = "not yet: all has been well for too short a time"
             else:
                 self.valid = True
-        return Verdict(self.valid, reason, *sigmas)
+        return Verdict(self.valid, reason, *sigmas, astray)
+
+    def _astray(self, reason: str, health: Mapping[str, float], deviation: Floats) -> float:
+        """The size of the innovations as a displacement [m]; of an observer of one's own, what they are of what it
+        takes its positions for; infinite for one that has lost the device."""
+        if reason.startswith(LOST):
+            return float("inf")
+        values = self.design.all_values
+        found = health["innovation"] / abs(values["sense_gain_x"])
+        if np.isnan(found) and not isinstance(self.observer, CoreObserver):
+            found = sqrt(max(health["chi2"], 1.0)) * float(np.max(deviation[[0, 2]]))
+        return found if isfinite(found) else float("inf")
 
     def _mending(self, t: float, bending: float) -> float:
         """Deviation of the rate at which the reading of the angle moves while it is learnt how it bends [rad/s]: what a

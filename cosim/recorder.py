@@ -1,6 +1,6 @@
 """What is kept of a run: the trace, its first samples at full rate, and what the Cramer-Rao bound needs."""
 
-from math import sqrt
+from math import pi, sqrt
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -76,6 +76,10 @@ class Result(NamedTuple):
     extra_names: tuple[str, ...]
 
 
+UNKNOWN: Final = pi / sqrt(12)
+"""Standard deviation [rad] of a pattern that may stand anywhere: it is the same after half a turn."""
+
+
 class Recorder:
     """Takes the rows of the loop block by block, and the monitor's verdict after each."""
 
@@ -118,7 +122,19 @@ class Recorder:
             self._strayed_before = self._verdict.stray_sigma
         if self.converged_at is not None and np.isfinite(self._verdict.drift_sigma_now):
             self._angle_deviation += self._verdict.drift_sigma_now * (end - max(self._judged_at, self.converged_at))
+        if self.converged_at is not None and self._verdict.astray:
+            self._angle_deviation += self._misled(rows) * len(rows) * self.run.period
         self._judged_at = end
+
+    def _misled(self, rows: Floats) -> float:
+        """How fast the force may turn the pattern [rad/s] where the estimated motion is astray: F/(2 m w a) by a force
+        F all across a motion of amplitude a, of which that is a share."""
+        values, plant = self.run.design.all_values, self._parts(rows)[2]
+        command = rows[:, 2 * len(self.names) : 2 * len(self.names) + 2]
+        force, voltage = (float(np.sqrt(2 * np.max(np.mean(pair**2, axis=0)))) for pair in (command, plant[:, :2]))
+        amplitude = voltage / values["sense_gain_x"]
+        share = min(self._verdict.astray / amplitude, 1.0) if amplitude > 0 else 1.0
+        return share * force / (4 * np.pi * values["m"] * self.run.design.oscillation_hz * max(amplitude, 1e-12))
 
     def _orbit_at(self, row: Floats) -> Orbit:
         estimate, control = row[: len(STATE_NAMES)], row[2 * len(self.names) :]
@@ -184,7 +200,8 @@ class Recorder:
         """Deviation of the angle [rad]: what drift, reading and straying since it was first valid leave."""
         # Within a cycle the variance may fall.
         strayed = max(self._verdict.stray_sigma**2 - self._strayed_before**2, 0.0)
-        return sqrt(self._angle_deviation**2 + self._verdict.bend_sigma**2 + strayed)
+        found = sqrt(self._angle_deviation**2 + self._verdict.bend_sigma**2 + strayed)
+        return found if self.converged_at is None else min(found, UNKNOWN)
 
     def _angle_true(self, converged: NDArray[np.bool_], omega_z: Floats) -> Floats:
         """Integral of exactly the held rate [rad], zero where the angle was valid first and NaN before."""

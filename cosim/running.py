@@ -166,7 +166,8 @@ def estimate_drift(
 
 
 def plain_health(lib: Library, part: Part) -> dict[str, float]:
-    """The innovations of an observer of one's own, seen from outside."""
+    """The innovations of an observer of one's own, seen from outside: over what they should be, whose size is not
+    known."""
     chi2, white = ctypes.c_double(), np.zeros(2)
     lib.call.core_plain_found(pointer(part.memory), ctypes.byref(chi2), pointer(white))
     pink = {"pink_x": 0.0, "pink_y": 0.0}
@@ -177,6 +178,7 @@ def plain_health(lib: Library, part: Part) -> dict[str, float]:
         "restarted_at": -1.0,
         "start": 1.0,
         "strayed": 0.0,
+        "innovation": float("nan"),
         **pink,
     }
 

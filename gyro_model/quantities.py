@@ -81,11 +81,12 @@ class Quantity:
 
     def check(self, value: float) -> float:
         """``value`` as a float. Raises InputError where it is not a finite number within the bounds, naming them."""
+        unit = "" if self.unit == "1" else f" in {self.unit}"
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not -LARGEST <= value <= LARGEST:
-            raise InputError(f"{self.name} = {value!r}: give a finite number in {self.unit}")
+            raise InputError(f"{self.name} = {value!r}: give a finite number{unit}")
         if not self.low <= value <= self.high:
-            bounds = f"from {self.low:g} to {self.high:g}"
-            raise InputError(f"{self.name} = {value:g}: give a number {bounds} in {self.unit}")
+            bounds = f"from {self.low:.10g} to {self.high:.10g}"
+            raise InputError(f"{self.name} = {value:.10g}: give a number {bounds}{unit}")
         if self.integer and value != int(value):
             raise InputError(f"{self.name} = {value:g}: give a whole number")
         return float(value)

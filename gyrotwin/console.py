@@ -1,13 +1,17 @@
 """The results of a run as tables in the terminal."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from gyrotwin.numbers import degrees, microseconds, milliseconds, relative, significant, with_error
 from gyrotwin.terminal_table import Table
+
+LOST: Final = 51.9
+"""Standard deviation of an angle [deg] from which the pattern may stand anywhere: of half a turn over the root of
+12."""
 
 
 def results(summary: Mapping[str, Any]) -> RenderableType:
@@ -44,6 +48,10 @@ def _validity(summary: Mapping[str, Any]) -> Text:
     text.append(f"\npredicted drift ±{degrees(predicted['drift_sigma_now_deg_per_s'], '°/s')}")
     text.append(f", at the pattern's worst angle ±{degrees(predicted['drift_sigma_deg_per_s'], '°/s')}")
     text.append(f", angle ±{degrees(predicted['angle_sigma_deg'])} (1 σ)")
+    if (predicted["angle_sigma_deg"] or 0.0) > LOST:
+        text.append(
+            "\nthe angle is lost: while the observer had lost the device, the force may have turned the pattern"
+        )
     return text
 
 

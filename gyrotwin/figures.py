@@ -158,7 +158,7 @@ def bound_figure(trace: pl.DataFrame, bounds: Bounds, scenario: str) -> Figure:
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = error / bounds.relative_at(middle)[:, index]
         lines.append(line(name, name, middle, ratio))
-    lines.append(line("bound", "limit", t[[1, -1]], np.ones(2)))
+    lines.append(line("bound", "limit", t[[min(1, len(t) - 1), -1]], np.ones(2)))
     panel = Panel("t [s]", "rms error / bound", lines, x_log=log, y_log=True, wide=True)
     return Figure(
         "bound",

@@ -206,8 +206,10 @@ static double reversal_rate(const foucault *c)
     if (c->reversal_every == 0 || c->count % c->reversal_every < c->reversal_every - c->reversal_takes) {
         return 0.0;
     }
-    const int64_t turn = c->count / c->reversal_every % 4;
-    const double rate = 0.5 * PI / ((double)c->reversal_takes * c->period);
+    /* Over a sine's square: a rate that begins at once would kick the pattern by rate/(2 w), and again where it ends. */
+    const int64_t turn = c->count / c->reversal_every % 4, begun = c->count % c->reversal_every - (c->reversal_every - c->reversal_takes);
+    const double share = ((double)begun + 0.5) / (double)c->reversal_takes, rising = sin(PI * share);
+    const double rate = PI / ((double)c->reversal_takes * c->period) * rising * rising;
     return turn == 0 || turn == 3 ? rate : -rate;
 }
 

@@ -38,7 +38,7 @@ the isotropic oscillator [1/s^2], angle by which it has turned the pattern elect
 response that is due to tones near the oscillator's own frequency."""
 HEALTH_NAMES: Final = (
     *("chi2", "white_x", "white_y", "restarted_at", "restarts", "walk", "share", "forget"),
-    *("pink_x", "pink_y", "start", "strayed"),
+    *("pink_x", "pink_y", "start", "strayed", "innovation"),
 )
 """What the filter says of itself: mean squared innovation over its variance and mean product of neighbouring ones, over
 some milliseconds, less what known pink noise makes of both; time of the last restart from the design [s]; restarts
@@ -46,7 +46,7 @@ lately; random walk of the rate [rad/s per sqrt(s)]; share of the innovation's v
 fastest forgetting [1/s]; what pink noise makes of the product of neighbours, in the mean; mean squared innovation
 that the last whole start left, infinite where it ended 1.5 deviations beside its fit or more, or is not over yet with
 more than the seven to find; variance of what the pattern has turned by so far that is no turn of the device, by noise
-that the force feeds back and by steps of the rate [rad^2]."""
+that the force feeds back and by steps of the rate [rad^2]; innovation lately, rms [V]."""
 
 DRIFT_NAMES: Final = ("turning", "turning_now", "bending", "unseen")
 """Standard deviations that come of unknown constants: of the pattern's turning at its worst angle and where it stands

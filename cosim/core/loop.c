@@ -11,7 +11,7 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 #define FIT_TRUSTED 20.0 /* mean squared innovation of a start whose constants may be used */
-#define HEALTH_SIZE 12
+#define HEALTH_SIZE 13
 #define DRIFT_SIZE 4
 #define FMI_WORST_USABLE 1 /* OK or warning */
 
@@ -108,7 +108,7 @@ EXPORT void core_foucault_start(void *memory, const double *settings, const doub
 /* What a filter has found: p [NP], W [NP * NP] row by row, and its health: chi2, neighbours of either axis, time of the last restart [s], restarts
    lately, walk of the rate, share of the innovation's variance that p explains, fastest forgetting, product of neighbours that pink noise makes,
    mean squared innovation that the last whole start left, infinite where it ended beside its fit or is not over, variance of what the pattern has
-   strayed by. */
+   strayed by, innovation [V], rms. */
 EXPORT void core_filter_found(const void *memory, double *p, double *W, double *health)
 {
     const filter *f = memory;
@@ -119,7 +119,7 @@ EXPORT void core_filter_found(const void *memory, double *p, double *W, double *
         forget = larger(forget, f->forget[i]);
     }
     const double values[HEALTH_SIZE] = {f->chi2, f->white[0], f->white[1], f->restarted_at, f->restarts, f->walk, f->share, forget, f->pink[0], f->pink[1],
-                                        f->left, f->strayed};
+                                        f->left, f->strayed, sqrt(larger(f->chi2, 0.0) / (0.5 * (f->inverse[0] + f->inverse[1])))};
     memcpy(health, values, sizeof values);
 }
 

@@ -1,0 +1,92 @@
+"""What turns the pattern unseen: a delay of whole periods, a device that is lost, a turn of the loop's own."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim.master import simulate
+from cosim.recorder import UNKNOWN
+from gyrotwin.tasks.run import Request, prepare
+
+STEP = """format = 1
+name = "warmer"
+description = "the gain of the pickoffs changes by 0.15 % at once"
+duration = 0.9
+angle_unit = "C"
+
+[omega_z]
+kind = "square"
+amplitude = 5.0
+frequency = 10.0
+
+[temperature]
+kind = "steps"
+times = [0.0, 0.52]
+values = [25.0, 28.0]
+unit = "degC"
+"""
+WINDOW = 0.1
+
+
+def error_of(trace: object) -> np.ndarray:
+    """Of angle C [rad]; NaN before it is valid."""
+    return (trace["angle_C"] - trace["angle_true"]).to_numpy()  # type: ignore[index]
+
+
+def worst_drift(trace: object) -> float:
+    """Over any WINDOW in which the angle is valid, over what may be: 0.5 deg/s and 4 times the prediction."""
+    t, valid = trace["t"].to_numpy(), trace["converged"].to_numpy()  # type: ignore[index]
+    error, sigma = error_of(trace), trace["drift_sigma"].to_numpy()  # type: ignore[index]
+    length = round(WINDOW / (t[1] - t[0]))
+    worst = 0.0
+    for begin in range(0, len(t) - length, length // 20):
+        own = slice(begin, begin + length)
+        if valid[own].all():
+            slope = np.polyfit(t[own] - t[begin], error[own], 1)[0]
+            worst = max(worst, abs(slope) / max(np.deg2rad(0.5), 4 * float(np.sqrt(np.mean(sigma[own] ** 2)))))
+    return worst
+
+
+@pytest.mark.parametrize(
+    ("settings", "rate"),
+    [(("actuator_delay=5e-6", "feedthrough=10"), 200e3), (("actuator_delay=2.5e-6", "feedthrough=-6"), 400e3)],
+    ids=["200 kHz", "400 kHz"],
+)
+def test_a_delay_of_a_whole_period_is_found_on_its_side(settings: tuple[str, ...], rate: float) -> None:
+    """A command that the processor sends on at the next sample, without a lag: the feedthrough has a kink there."""
+    run = prepare(Request("constant", design="lab", settings=settings, sample_rate=rate, duration=0.4, seed=880021))
+    result = simulate(run)
+    delay = float(settings[0].partition("=")[2])
+    # Both of these drifted by more than 0.9 deg/s while the flag said 0.1, with the delay on the other side.
+    assert result.converged_at is not None and result.converged_at < 0.2
+    assert result.trace["est_actuator_delay"][-1] == pytest.approx(delay, abs=2e-9)
+    assert worst_drift(result.trace) < 1
+
+
+def test_the_angle_of_a_device_that_was_lost_is_not_known(tmp_path: Path) -> None:
+    path = tmp_path / "warmer.toml"
+    path.write_text(STEP, encoding="utf-8")
+    settings = ("tcg=5e-4", "circuit_lag=0.02")
+    run = prepare(Request(str(path), device="reference_as_built", design="lab", settings=settings, seed=880053))
+    trace = simulate(run).trace
+    # The observer begins anew from the design some times, while the force acts on what it takes for the motion.
+    assert abs(error_of(trace)[-1]) > np.deg2rad(10)
+    assert trace["angle_sigma"][-1] == UNKNOWN
+    before = trace.filter((trace["t"] < 0.5) & trace["converged"])
+    assert before["angle_sigma"].max() < np.deg2rad(0.1)
+
+
+def test_a_change_that_the_observer_follows_leaves_the_angle_known() -> None:
+    trace = simulate(prepare(Request("varying", design="lab", seed=3))).trace
+    error, sigma = abs(error_of(trace)[-1]), trace["angle_sigma"][-1]
+    assert error < 3 * sigma < np.deg2rad(5)
+
+
+def test_a_reversal_does_not_kick_the_pattern() -> None:
+    settings = ("controller.reversal_period=0.2",)
+    request = Request(
+        "constant", device="whole_angle_as_built", design="lab", settings=settings, duration=0.8, seed=770244
+    )
+    # At once to 20 rad/s it was kicked by 20/(2 w) = 0.036 deg where the turn begins and where it ends: 1.4 here.
+    assert worst_drift(simulate(prepare(request)).trace) < 0.5
