@@ -80,8 +80,8 @@ energy_loop: 1 holds the energy at that of `amplitude`, at energy_rate [1/s]; qu
 straight, at quadrature_rate [1/s]; loop_smoothing: time constant of what both act on [s]; carousel_rate: turns the
 pattern electronically [rad/s]; reversal_period: time from one reversal of the modes to the next, none where zero
 [s]; reversal_rate: at which the pattern then turns by a right angle, in the mean [rad/s]; force_limit: largest
-feedback over k times amplitude; hold_compensation, coriolis_compensation: 0 leaves them out; first_frequency: of the oscillator by
-the nominal mass [Hz]."""
+feedback over k times amplitude; hold_compensation, coriolis_compensation: 0 leaves them out; first_frequency: of the
+oscillator by the nominal mass [Hz]."""
 
 FOUCAULT_LIMITS: Final = {"reversal_period": (0.0, 1e5), "reversal_rate": (1e-3, 1e3)}
 
