@@ -242,7 +242,8 @@ def _believed(nominal: dict[str, float], records: tuple[Record, ...]) -> tuple[d
         found = found or linear_start(fit, [nominal.get(n, gain) for n, gain in zip(gains, assumed, strict=True)])
     if found is None:
         absent = ", ".join(name for name in needed if name not in given)
-        raise InputError(f"[nominal] lacks {absent}, and no linear model of the runs gives them: is v the answer to u? "
+        why = "is v the answer to u" if driven else "do the runs ring for some ten periods at a small amplitude"
+        raise InputError(f"[nominal] lacks {absent}, and no linear model of the runs gives them: {why}? "
                          "Fill them in, or name the device that has them")  # fmt: skip
     said = ""
     if "m" in given:

@@ -260,7 +260,7 @@ def _numbers(table: pl.DataFrame, heading: str, path: Path) -> Floats:
 
 def _cut(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[list[Piece], list[str]]:
     """The runs between holes of t and rows that hold no number; those too short are left out, and it is said."""
-    columns, said = _filled(path, columns, said)
+    columns, said = _filled(path, *_once(path, columns, said))
     t = columns["t"]
     # A sample of v that is missing is masked later; anything else that is missing ends a run.
     needed = [values for column, values in columns.items() if not column.startswith("v_") or column == "v_bias"]
@@ -291,6 +291,15 @@ def _cut(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[li
         said = [*said, f"{path.name}: {cut}{lost} of {len(t)} rows left out"]
     pieces = [Piece(n, path, {c: v[part] for c, v in columns.items()}) for n, part in zip(names, parts, strict=True)]
     return pieces, said
+
+
+def _once(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[Mapping[str, Floats], list[str]]:
+    """The columns without rows that repeat the one before in time and all else: a logger wrote them twice."""
+    twice = np.concatenate(([False], np.all([np.diff(values) == 0 for values in columns.values()], axis=0)))
+    if not twice.any():
+        return columns, said
+    said = [*said, f"{path.name}: {int(twice.sum())} rows left out that repeat the row before, its time too"]
+    return {column: values[~twice] for column, values in columns.items()}, said
 
 
 def _filled(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[Mapping[str, Floats], list[str]]:

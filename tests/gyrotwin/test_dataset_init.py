@@ -320,3 +320,13 @@ def test_none_is_a_heading_where_there_is_one(tmp_path: Path) -> None:
     pl.DataFrame({"t": T, "v_x": WAVE, "none": WAVE}).write_csv(tmp_path / "drive.csv")
     init(tmp_path / "drive.csv", "--out", tmp_path / "set", "--map", "u_x=none", "--nominal", "reference")
     assert load_dataset(tmp_path / "set").records[0].u.any()
+
+
+def test_a_row_written_twice_counts_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = np.repeat(np.arange(N), np.where(np.isin(np.arange(N), [300, 700]), 2, 1))
+    table = {name: np.asarray(values)[rows] for name, values in LAB.items()}
+    pl.DataFrame(table).write_csv(tmp_path / "one.csv")
+    init(tmp_path / "one.csv", lab_table(tmp_path, "two.csv"), "--out", tmp_path / "set")
+    assert "2 rows left out that repeat the row before" in capsys.readouterr().out
+    [record] = load_dataset(tmp_path / "set").fit
+    assert record.v == pytest.approx(0.1 * np.stack((WAVE, 2 * WAVE), 1), rel=1e-14, abs=1e-30)

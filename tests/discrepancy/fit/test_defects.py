@@ -15,6 +15,7 @@ from discrepancy.fit.defect import (
     Defect,
     Distortion,
     Disturbance,
+    Found,
     Timing,
     blemishes,
     defects,
@@ -507,3 +508,19 @@ def test_noise_of_a_measured_force(noise: float, shaken: float, seen: bool, monk
     assert (levels is not None) == seen
     if levels:
         assert levels["force_noise"].value == pytest.approx(1e-8)
+
+
+@pytest.mark.parametrize("lost", [3, -4])
+def test_samples_lost_in_a_held_out_run_are_found_where_a_period_has_ten(lost: int) -> None:
+    """Noise hides them from the run's own prediction, and to first order they are not what they are."""
+    t, k = np.arange(4000), 1700
+    wave = np.column_stack([np.sin(2 * np.pi * t / 10.3), np.cos(2 * np.pi * t / 9.1)])
+    rows = np.clip(np.concatenate((t[:k], t[k:] + lost)), 0, len(t) - 1)
+    v = wave[rows] + 0.05 * np.random.default_rng(5).standard_normal(wave.shape)
+    late = make_record("a", t / RATE, wave, v, sample_rate=RATE)
+    own = blemish("missing_samples")
+    assert own.again is not None
+    place, number = own.again(Found((), {}), late, v - wave)
+    assert number == lost
+    assert abs(place - k) <= 3
+    assert own.again(Found((), {}), replace(late, v=wave + (v - wave[rows])), v - wave[rows]) == ()
