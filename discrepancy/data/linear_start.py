@@ -6,7 +6,7 @@ The gain of the sensors is a gauge: m, k and d are those of the gain that is giv
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.signal import csd, welch
@@ -105,6 +105,41 @@ def response(
     """m, k, d by the weak form in windows as for ``values`` from the harmonic ``lowest`` on, and the share of the force
     that they leave unexplained; None where there is no such window. ``bent``: beside forces x³ and x² x' of each axis,
     without which a device that swings by itself, or is far from linear, has hardly a response."""
+    told = _told(records, values, driven, lowest, bent=bent)
+    return told and (dict(zip(told.names, told.solution, strict=False)), told.left)
+
+
+class Bent(NamedTuple):
+    """m, k, d beside forces -k3 x³ and -d2 x² x' of each axis, (k3, d2) [N/m³, N.s/m³], and the share of the force that
+    all leave unexplained."""
+
+    linear: dict[str, float]
+    cubic: tuple[tuple[float, float], ...]
+    left: float
+
+
+def bent_response(records: Sequence[Record], values: Mapping[str, float]) -> Bent | None:
+    """That of driven runs by the weak form; None where it has no window."""
+    told = _told(records, values, driven=True, lowest=0, bent=True)
+    if told is None:
+        return None
+    count = len(told.names)
+    # The second column is the derivative of the first, 3 x² x'.
+    cubic = tuple((k3, 3 * d2) for k3, d2 in zip(told.solution[count::2], told.solution[count + 1 :: 2], strict=True))
+    return Bent(dict(zip(told.names, told.solution, strict=False)), cubic, told.left)
+
+
+class _Told(NamedTuple):
+    """Of a weak form: the parameters' names, their values and those of other columns, the share of the force left."""
+
+    names: tuple[str, ...]
+    solution: list[float]
+    left: float
+
+
+def _told(
+    records: Sequence[Record], values: Mapping[str, float], driven: bool, lowest: int, *, bent: bool
+) -> _Told | None:
     form = joined_form(records, values, lowest)
     if form is None:
         return None
@@ -126,8 +161,7 @@ def response(
         return None
     solution = np.linalg.lstsq(a / size, b, rcond=None)[0]
     left = float(np.sum((b - a / size @ solution) ** 2) / np.sum(b**2))
-    found = dict(zip(names, (solution / size).tolist(), strict=False))
-    return found, left
+    return _Told(names, (solution / size).tolist(), left)
 
 
 def _cubes(records: Sequence[Record], values: Mapping[str, float], lowest: int) -> Complexes:

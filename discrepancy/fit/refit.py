@@ -122,7 +122,7 @@ class Fitter:
         form = joined_form(records, nominal)
         parameters = dict(nominal)
         if form is not None:
-            parameters |= _damped(_response(records, form, nominal), nominal)
+            parameters |= damped(_response(records, form, nominal), nominal)
         one = self.axes == 1
         names: tuple[str, ...] = ("m", "kxx", "dxx") if one else ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
         if not any(r.u.any() for r in self.records):
@@ -458,7 +458,7 @@ def _response(records: Sequence[Record], form: WeakForm, nominal: Mapping[str, f
     return linear.values
 
 
-def _damped(values: Mapping[str, float], nominal: Mapping[str, float]) -> dict[str, float]:
+def damped(values: Mapping[str, float], nominal: Mapping[str, float]) -> dict[str, float]:
     """Damping well inside what a passive device has, so that a search can leave from there in every direction."""
     d = {name: max(values[name], 0.2 * nominal[name]) for name in values if name in ("dxx", "dyy")}
     if "dxy" in values:

@@ -51,6 +51,15 @@ class Accepted:
         return on_the_way(self.candidate.effect)
 
 
+class Taken(NamedTuple):
+    """A fit with effects that are in the model before anything else is scored, the candidates that they are, and the
+    fit without."""
+
+    at: Fitted
+    taken: Sequence[Candidate]
+    plain: Fitted
+
+
 class Refit(NamedTuple):
     """A model with an effect that is on trial in it."""
 

@@ -3,13 +3,13 @@ the place of the other."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from discrepancy.criteria import Criteria
 from discrepancy.data.resisted import PLAINLY, Resisted, alternatives, fewest, one_way
 from discrepancy.fit.continuation import unsprung
 from discrepancy.fit.fitted import Fitted
-from discrepancy.name.accepted import Accepted
+from discrepancy.name.accepted import Accepted, Taken
 from discrepancy.name.columns import Candidate, fading, nameable, without_part
 from discrepancy.name.resistance import Resistance, resistance
 from discrepancy.name.scan import Scored
@@ -18,15 +18,7 @@ if TYPE_CHECKING:
     from discrepancy.name.search import Search
 
 
-class Resisting(NamedTuple):
-    """A fit with forces that resist a mass, the candidates that they are, and the fit without."""
-
-    at: Fitted
-    taken: Sequence[Candidate]
-    plain: Fitted
-
-
-def resisting(search: "Search") -> Resisting | None:
+def resisting(search: "Search") -> Taken | None:
     """The model with those of friction and a constant force that fit best, where integrals of the motion plainly show
     that there is such a force; None where they do not."""
     whole = search.whole
@@ -74,9 +66,7 @@ def other_resistances(search: "Search", entry: Accepted, scored: Sequence[Scored
     return list(others.values())
 
 
-def _fitted(
-    search: "Search", forces: Mapping[Resistance, Candidate], told: Resisted, plain: Fitted
-) -> Resisting | None:
+def _fitted(search: "Search", forces: Mapping[Resistance, Candidate], told: Resisted, plain: Fitted) -> Taken | None:
     """The fit that begins with the forces of ``told``; None where it has none, or no file has one."""
     sizes = {Resistance.FRICTION: told.friction, Resistance.CONSTANT: told.constant}
     wanted = {kind: size for kind, size in sizes.items() if size}
@@ -88,10 +78,10 @@ def _fitted(
         free += own.free(search.whole.period)
     values |= {"m": told.m, "dxx": told.d}
     begun = replace(search.at, parameters=values, free=tuple(free), whiten=plain.whiten)
-    return Resisting(search.whole.fit(search.whole.evaluated(begun)), taken, plain)
+    return Taken(search.whole.fit(search.whole.evaluated(begun)), taken, plain)
 
 
-def _price(criteria: Criteria, end: Resisting) -> float:
+def _price(criteria: Criteria, end: Taken) -> float:
     """What a fit leaves, and what its forces have to bring, as a chi-square."""
     return end.at.count * end.at.unlikely + criteria.simpler * len(end.taken)
 

@@ -21,7 +21,8 @@ from discrepancy.fit.openings import Opening, opened, parts
 from discrepancy.fit.refit import DEFAULT, Fitter
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name import checkpoint as store
-from discrepancy.name.accepted import RIVALS, Accepted, Dropped, Instead, Refit
+from discrepancy.name.accepted import RIVALS, Accepted, Dropped, Instead, Refit, Taken
+from discrepancy.name.bending import bending
 from discrepancy.name.cleaning import clean, mask_clipped
 from discrepancy.name.columns import (
     Candidate,
@@ -171,7 +172,9 @@ class Search:
                 self.refitted_state = store.fit_state(self.whole, self.whole, self.refitted)
                 self._take_delay(late.delay)
             elif unsprung(self.whole, self.at):
-                self._take_resistance()
+                self._take_in_first(resisting(self))
+            else:
+                self._take_in_first(bending(self))
             early = len(self.accepted)
             # Long runs are fitted once more before they are looked at as a whole.
             self._go_on_or_keep(self.at, roughly_settled if self.shortest > 1 else settled)
@@ -200,11 +203,9 @@ class Search:
         self.progress(f"accepted {candidate.effect.id}: without it no model stays in step")
         self.at = delayed
 
-    def _take_resistance(self) -> None:
-        """Takes friction and a constant force into the model of a mass that no spring holds before anything else is
-        scored, where its motion plainly shows them: without them mass and damping go astray, and all else imitates what
-        they do."""
-        found = resisting(self)
+    def _take_in_first(self, found: Taken | None) -> None:
+        """Takes effects into the model before anything else is scored, without which the linear parameters go astray,
+        so that all else would imitate what they do."""
         if found is None:
             return
         self.refitted = found.plain
@@ -213,7 +214,7 @@ class Search:
         for own in found.taken:
             self.accepted.append(Accepted(own, 1 - found.at.cost / found.plain.cost, {}))
             self.steps.append(Step({}, own.effect.id))
-            self.progress(f"accepted {own.effect.id}: no mass without a spring moves so without it")
+            self.progress(f"accepted {own.effect.id}: without it the linear model is of another mass")
         self.at = found.at
 
     def _tidy(self) -> None:

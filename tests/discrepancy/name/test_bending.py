@@ -1,0 +1,70 @@
+"""A response that is bent far from a linear one: what bends it is in the model before a linear fit goes astray."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from discrepancy.data.dataset import Dataset
+from discrepancy.data.linear_start import bent_response
+from discrepancy.data.record import Floats, Record, make_record
+from discrepancy.diagnose import diagnose
+from gyro_model.model import load_model
+
+M, K, D, K3 = 5e-3, 16.9e3, 0.131, 8.4e10
+"""292 Hz, Q = 70; at the motion below K3 makes 3 % of the spring's force in the mean, and its stiffness 9 % more."""
+RATE, SAMPLES = 8000.0, 9000
+
+
+def moved(u: Floats, d2: float = 0.0) -> Floats:
+    """The mass from rest under a held force, by 16 steps of RK4 a sample: no line of it is the FMU's."""
+    h, state, found = 1 / (16 * RATE), np.zeros(2), np.empty(len(u))
+
+    def rate(s: Floats, force: float) -> Floats:
+        return np.array([s[1], (force - D * s[1] - K * s[0] - K3 * s[0] ** 3 - d2 * s[0] ** 2 * s[1]) / M])
+
+    for i, force in enumerate(u):
+        found[i] = state[0]
+        for _ in range(16):
+            a = rate(state, force)
+            b = rate(state + h / 2 * a, force)
+            c = rate(state + h / 2 * b, force)
+            state = state + h / 6 * (a + 2 * b + 2 * c + rate(state + h * c, force))
+    return found
+
+
+def run(name: str, role: str, seed: int, d2: float = 0.0) -> Record:
+    rng, t = np.random.default_rng(seed), np.arange(SAMPLES) / RATE
+    frequency = rng.uniform(100, 500, 40)
+    u = 0.03 * np.sin(2 * np.pi * frequency * t[:, None] + rng.uniform(0, 2 * np.pi, 40)).sum(axis=1)
+    x = moved(u, d2)
+    v = x + 5e-3 * x.std() * rng.standard_normal(SAMPLES)
+    return make_record(name, t, u, v, role=role, sample_rate=RATE)
+
+
+@pytest.fixture(scope="module")
+def dataset() -> Dataset:
+    runs = (run("a", "fit", 1), run("b", "held-out", 2))
+    return Dataset(Path("here"), {"m": M / 3, "kxx": K / 3, "dxx": D, "sense_gain_x": 1.0}, runs)
+
+
+def test_the_weak_form_finds_mass_and_spring_beside_a_cube(dataset: Dataset) -> None:
+    told = bent_response(dataset.fit, dataset.nominal)
+    assert told is not None
+    # A hold of a force over a sample, 27 a period, and noise of 5e-3: some 1e-3 each.
+    assert told.linear["m"] == pytest.approx(M, rel=5e-3)
+    assert told.linear["kxx"] == pytest.approx(K, rel=5e-3)
+    [(k3, d2)] = told.cubic
+    assert k3 == pytest.approx(K3, rel=2e-2)
+    assert abs(d2) * 1e-12 < 0.1 * D
+    assert told.left < 1e-2
+
+
+def test_a_cubic_spring_far_from_linear_is_named(dataset: Dataset) -> None:
+    found = diagnose(dataset, load_model(), jobs=1).report()
+    assert [e["id"] for e in found["effects"]] == ["cubic_stiffness"]
+    value = found["effects"][0]["parameters"]["k3_x"]
+    # 1.96 deviations, and what RK4 of 16 steps a sample is off by.
+    assert value["low"] * 0.999 <= K3 <= value["high"] * 1.001
+    assert value["value"] == pytest.approx(K3, rel=5e-3)
+    assert found["verdict"] == "missing effects"
