@@ -137,6 +137,16 @@ typedef struct {
     driven own;                     /* where a force with states acts */
 } traveller;
 
+/* Whether the sizes of a run can be those of one, and its inputs are inputs. */
+static int is_run(const gyro_run *run)
+{
+    int good = run->steps >= 0 && run->stride >= 1 && run->n_inputs >= 0 && run->n_inputs <= GYRO_N_INPUTS;
+    for (int64_t i = 0; good && i < run->n_inputs; i++) {
+        good = run->inputs[i] < GYRO_N_INPUTS;
+    }
+    return good;
+}
+
 /* 0 where something acts that carries more than the states from step to step, or acts between them. */
 static int is_followed(const gyro_instance *g)
 {
@@ -329,9 +339,11 @@ int gyro_follow(void *instance, const gyro_run *run)
     fmi_instance *f = instance;
     gyro_instance *g = f->core;
     const size_t n = (size_t)run->n_inputs;
-    int followed = is_followed(g) && !g->view.any_state;
-    memcpy(run->state, g->view.s, MOTION * sizeof(double));
-    memcpy(run->voltage, g->memory.sample, sizeof g->memory.sample);
+    int followed = is_run(run) && is_followed(g) && !g->view.any_state;
+    if (followed) {
+        memcpy(run->state, g->view.s, MOTION * sizeof(double));
+        memcpy(run->voltage, g->memory.sample, sizeof g->memory.sample);
+    }
     for (int64_t step = 0; step < run->steps && followed; step++) {
         const double *values = run->values + step * run->n_inputs, from = run->start + (double)step * run->step;
         followed = fmi_set(f, "gyro_follow", GYRO_REAL, run->inputs, n, values, n) == FMI_OK && fmi_step(f, "gyro_follow", from, run->step) == FMI_OK;
@@ -467,7 +479,7 @@ int64_t gyro_traveller_size(void) { return (int64_t)sizeof(traveller); }
 int gyro_depart(void *instance, const gyro_run *run, void *made)
 {
     const gyro_instance *g = ((fmi_instance *)instance)->core;
-    const int followed = is_followed(g);
+    const int followed = is_run(run) && is_followed(g);
     if (followed) {
         traveller *at = made;
         set_off(g, at);
