@@ -2,6 +2,7 @@
 motion (``variation.py``) for those kinds of columns that it has been seen to give as simulation does."""
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -49,7 +50,7 @@ class Quotients:
 
     def __init__(self, simulator: Simulator, signal: float) -> None:
         self.simulator, self.signal = simulator, signal
-        self._names = _Names(simulator.model)
+        self._names = _names_of(simulator.model)
         self._kinds, self._bases = simulator.seen.kinds, simulator.seen.bases
 
     def compare(self, points: Sequence[Point], probes: Sequence[Changes]) -> None:
@@ -184,3 +185,9 @@ class _Names:
     def smooth(self, changes: Changes) -> bool:
         """Whether what they change is as smooth as the motion."""
         return self._rough.isdisjoint(changes)
+
+
+@lru_cache(maxsize=8)
+def _names_of(model: Model) -> _Names:
+    """Kept, since fits of pieces are many and a library of terms is long."""
+    return _Names(model)
