@@ -129,10 +129,10 @@ class Recorder:
     def _misled(self, rows: Floats) -> float:
         """How fast the force may turn the pattern [rad/s] where the estimated motion is astray: F/(2 m w a) by a force
         F all across a motion of amplitude a, of which that is a share."""
-        values, plant = self.run.design.all_values, self._parts(rows)[2]
-        command = rows[:, 2 * len(self.names) : 2 * len(self.names) + 2]
-        force, voltage = (float(np.sqrt(2 * np.max(np.mean(pair**2, axis=0)))) for pair in (command, plant[:, :2]))
-        amplitude = voltage / values["sense_gain_x"]
+        values, (_, control, plant) = self.run.design.all_values, self._parts(rows)
+        pairs = control[:, :2], plant[:, :2]
+        force, voltage = (float(np.sqrt(2 * np.max(np.mean(pair**2, axis=0)))) for pair in pairs)
+        amplitude = voltage / abs(values["sense_gain_x"])
         share = min(self._verdict.astray / amplitude, 1.0) if amplitude > 0 else 1.0
         return share * force / (4 * np.pi * values["m"] * self.run.design.oscillation_hz * max(amplitude, 1e-12))
 

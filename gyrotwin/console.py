@@ -1,17 +1,18 @@
 """The results of a run as tables in the terminal."""
 
 from collections.abc import Mapping
+from math import degrees as degrees_of
 from typing import Any, Final
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from cosim.recorder import UNKNOWN
 from gyrotwin.numbers import degrees, microseconds, milliseconds, relative, significant, with_error
 from gyrotwin.terminal_table import Table
 
-LOST: Final = 51.9
-"""Standard deviation of an angle [deg] from which the pattern may stand anywhere: of half a turn over the root of
-12."""
+LOST: Final = 0.999 * degrees_of(UNKNOWN)
+"""Standard deviation of an angle [deg] from which the pattern may stand anywhere, but for rounding."""
 
 
 def results(summary: Mapping[str, Any]) -> RenderableType:

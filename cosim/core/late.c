@@ -4,8 +4,8 @@
 #include "known_model.h"
 
 #define APART 0.3 /* of the design's deviation of the lag, from which on another one is looked at */
-#define ABOVE 0.002 /* periods by which it is then above them */
-#define BESIDE 0.03 /* periods beside whole ones at which a delay may be on the wrong side, and how far on the other one it is looked for */
+#define BESIDE 0.03 /* periods beside whole ones at which a delay may be on the wrong side, and how far below them it is looked for */
+#define ABOVE 0.002 /* periods above whole ones at which it is looked for there: a delay that is just whole is as good as there */
 
 /* Where other lags are looked at: deviations of the design from the lag that it expects. */
 static const double ELSEWHERE[LATE_LAGS] = {-1.7, 0.0, 2.0};
@@ -21,7 +21,7 @@ static int most_of(const filter *f, const double row[NP])
     return most;
 }
 
-/* Periods that a delay is beyond a whole number of them, that is not 0; HUGE_VAL where it is not beside one. */
+/* Periods by which a delay is beyond a whole number of them, 1 or more; HUGE_VAL where it is not beside one. */
 static double beyond_whole(double delay, double period)
 {
     const double periods = delay / period, whole = floor(periods + 0.5), beyond = periods - whole;

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
+from discrepancy.criteria import Criteria
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.name.columns import Candidate, on_the_way
@@ -58,6 +59,10 @@ class Taken(NamedTuple):
     at: Fitted
     taken: Sequence[Candidate]
     plain: Fitted
+
+    def price(self, criteria: Criteria) -> float:
+        """What the fit leaves, and what its effects have to bring, as a chi-square."""
+        return self.at.count * self.at.unlikely + criteria.simpler * len(self.taken)
 
 
 class Refit(NamedTuple):

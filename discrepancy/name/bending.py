@@ -52,8 +52,7 @@ def bending(search: "Search") -> Taken | None:
     ends = [
         _fitted(search, own, told, plain) for count in range(1, len(known) + 1) for own in combinations(known, count)
     ]
-    price = search.criteria.simpler
-    best = min(ends, key=lambda end: end.at.count * end.at.unlikely + price * len(end.taken), default=None)
+    best = min(ends, key=lambda end: end.price(search.criteria), default=None)
     return best if best and whole.off(best.at) <= PLAINLY * whole.off(plain) else None
 
 
@@ -77,5 +76,7 @@ def _sizes(effect: Effect | Defect, told: Bent) -> dict[str, float]:
         for q in effect.sizes:
             slope = sympify(term).diff(q.symbol)
             found.update((q.name, c) for monomial, c in zip(monomials, cubic, strict=True) if slope + monomial == 0)
-    whole = all(sympify(term).free_symbols & {q.symbol for q in effect.sizes} for term in effect.force)
-    return found if found and whole else {}
+    # Of the axes that are measured: one that has another size is not known by these.
+    acting = set().union(*(sympify(term).free_symbols for term in effect.force[: len(told.cubic)]))
+    known = {q.name for q in effect.sizes if q.symbol in acting} == found.keys()
+    return found if known else {}

@@ -5,7 +5,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from discrepancy.criteria import Criteria
 from discrepancy.data.resisted import PLAINLY, Resisted, alternatives, fewest, one_way
 from discrepancy.fit.continuation import unsprung
 from discrepancy.fit.fitted import Fitted
@@ -34,7 +33,7 @@ def resisting(search: "Search") -> Taken | None:
     if one_way(search.dataset.fit):
         found = [told for told in found if not (told.friction and told.constant)]
     ends = [end for told in found if (end := _fitted(search, forces, told, plain)) is not None]
-    best = min(ends, key=lambda end: _price(search.criteria, end), default=None)
+    best = min(ends, key=lambda end: end.price(search.criteria), default=None)
     return best if best and whole.off(best.at) <= PLAINLY * whole.off(plain) else None
 
 
@@ -79,11 +78,6 @@ def _fitted(search: "Search", forces: Mapping[Resistance, Candidate], told: Resi
     values |= {"m": told.m, "dxx": told.d}
     begun = replace(search.at, parameters=values, free=tuple(free), whiten=plain.whiten)
     return Taken(search.whole.fit(search.whole.evaluated(begun)), taken, plain)
-
-
-def _price(criteria: Criteria, end: Taken) -> float:
-    """What a fit leaves, and what its forces have to bring, as a chi-square."""
-    return end.at.count * end.at.unlikely + criteria.simpler * len(end.taken)
 
 
 def _whole(candidate: Candidate) -> Candidate:
