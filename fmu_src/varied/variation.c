@@ -15,6 +15,7 @@
 
 #include "fmi_common.h"
 #include "generated/tangent.h"
+#include "hermite.h"
 #include "linear.h"
 #include "plant.h"
 
@@ -227,14 +228,11 @@ static void find_motion(const gyro_run *run, int64_t step, double rate[2][2])
     const double *a = run->state + step * MOTION, *b = a + MOTION, h = run->step;
     double *motion = run->motion + step * NODES * MOTION;
     for (int node = 0; node < NODES; node++) {
-        const double c = PLACE[node], d = 1.0 - c;
         for (int axis = 0; axis < 2; axis++) {
             const int x = 2 * axis, v = x + 1;
-            const double from_a = a[x] * (1.0 + c * (3.0 + 6.0 * c)) + h * c * (a[v] * (1.0 + 3.0 * c) + 0.5 * h * c * rate[0][axis]);
-            const double from_b = b[x] * (1.0 + d * (3.0 + 6.0 * d)) - h * d * (b[v] * (1.0 + 3.0 * d) - 0.5 * h * d * rate[1][axis]);
-            motion[node * MOTION + x] = d * d * d * from_a + c * c * c * from_b;
-            motion[node * MOTION + v] = d * d * ((1.0 + 2.0 * c) * a[v] + c * h * rate[0][axis]) +
-                                        c * c * ((1.0 + 2.0 * d) * b[v] - d * h * rate[1][axis]);
+            const gyro_jet from = {a[x], a[v], rate[0][axis]}, to = {b[x], b[v], rate[1][axis]};
+            motion[node * MOTION + x] = quintic(from, to, h, PLACE[node]);
+            motion[node * MOTION + v] = cubic(a[v], rate[0][axis], b[v], rate[1][axis], h, PLACE[node]);
         }
     }
 }

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{654508d4-cc7f-d3ce-935c-fe8559df0c7c}"
+#define GYRO_TOKEN "{b737c69a-4bd3-447a-a945-b37e24f4f907}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308

@@ -8,7 +8,7 @@
 #include "names.h"
 
 /* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{3e68816a-5009-4056-0164-b5f71344b921}"
+#define GYRO_TOKEN "{a25a4c09-356e-6dde-168b-7753934e5ced}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
