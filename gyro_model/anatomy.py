@@ -164,6 +164,14 @@ class Effect:
         if self.memories and self.stage not in ("parameter law", "actuator"):
             raise InputError(f"effect {self.id}: laws and maps of the actuators remember; others have states or none")
 
+        usual = {p.name for p in self.parameters if p.search is not None and p.search.kind == "usual"}
+        for p in self.parameters:
+            if p.search is not None and p.search.kind == "rest" and p.search.of not in usual:
+                raise InputError(
+                    f"effect {self.id}: {p.name} is the rest to {p.search.of!r}{nearest(p.search.of, usual)}; name a "
+                    "shape of the effect with search=Grid.usual"
+                )
+
     @property
     def stage(self) -> str:
         """The stage that the effect belongs to (docs/theory/effects.md)."""

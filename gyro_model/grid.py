@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 from gyro_model.errors import InputError, nearest
 
-Kind = Literal["log", "resonance", "quality", "instant"]
+Kind = Literal["log", "resonance", "quality", "instant", "usual", "rest"]
 SCALES = (
     "itself", "1", "duration", "x", "y", "x_dot", "y_dot", "u_x", "u_y", "temperature", "v_bias", "omega_z", "dxx",
 )  # fmt: skip
@@ -18,7 +18,9 @@ class Grid:
 
     ``kind`` log: ``points`` in equal ratios from ``low`` to ``high``, times the scale ``of``. resonance: likewise,
     times the highest mode's frequency, and ever finer about the best. quality: the quality factor ``low`` of such a
-    resonance, as broad as its grid is coarse. instant: ``points`` over a run, likewise finer.
+    resonance, as broad as its grid is coarse. instant: ``points`` over a run, likewise finer. usual: none but the
+    parameter's own, which a fit moves once the effect is in the model and the data ask for it. rest: what moves so that
+    its sum with the shape ``of`` stays.
 
     Scales: ``itself``, the parameter's own typical value; ``1``, as it stands; ``duration`` of the longest run [s]; by
     how much a signal moves in the runs at most: ``x``, ``y`` and their rates count for either axis, an input for
@@ -32,12 +34,13 @@ class Grid:
     of: str = "itself"
 
     instant: ClassVar["Grid"]
+    usual: ClassVar["Grid"]
     around: ClassVar["Grid"]
 
     def __post_init__(self) -> None:
         if not (isfinite(self.high) and 0 < self.low <= self.high and self.points >= 1):
             raise InputError(f"grid from {self.low} to {self.high}: give 0 < low <= high and a number of points")
-        if self.of not in SCALES:
+        if self.kind != "rest" and self.of not in SCALES:
             raise InputError(f"grid of {self.of!r}: no such scale{nearest(self.of, SCALES)}")
 
     @classmethod
@@ -55,6 +58,18 @@ class Grid:
         """The quality factor of the searched resonance: as broad as its grid is ``coarse``."""
         return cls("quality", coarse, coarse)
 
+    @classmethod
+    def rest(cls, of: str) -> "Grid":
+        """What moves against the shape ``of`` of the same effect, so that their sum stays: where a scale that no sample
+        shows is held by it."""
+        return cls("rest", of=of)
+
+    @property
+    def tried(self) -> bool:
+        """Whether a search tries values of it."""
+        return self.kind not in ("usual", "rest")
+
 
 Grid.instant = Grid("instant", points=16)
+Grid.usual = Grid("usual")
 Grid.around = Grid.log(0.1, 10.0)

@@ -67,7 +67,11 @@ def _friction(rng: np.random.Generator, plant: Plant, scale: Scale) -> Mapping[s
 
 
 def _hysteresis(rng: np.random.Generator, plant: Plant, scale: Scale) -> Mapping[str, float]:
-    return {"hysteresis_length": scale.q * 10 ** rng.uniform(-1.2, 0.3)}
+    """Half of them with another sharpness, half with other shares of the limit."""
+    sharp = 1 + rng.uniform(0.3, 2.0) * rng.integers(2)
+    loss = 0.5 + rng.uniform(-0.4, 0.5) * rng.integers(2)
+    return {"hysteresis_length": scale.q * 10 ** rng.uniform(-1.2, 0.3), "hysteresis_n": float(sharp),
+            "hysteresis_beta": float(loss), "hysteresis_gamma": float(1 - loss)}  # fmt: skip
 
 
 class Effect(NamedTuple):

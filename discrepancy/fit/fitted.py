@@ -12,13 +12,20 @@ from discrepancy.fit.whitening import Whitener
 @dataclass(frozen=True)
 class Free:
     """A parameter to fit: ``step`` of its difference quotient, bounds; SI. ``factor``: a positive one is changed by at
-    most so much at once."""
+    most so much at once; ``against``: a parameter that moves the other way, so that their sum stays."""
 
     name: str
     step: float
     low: float = -np.inf
     high: float = np.inf
     factor: float = np.inf
+    against: str = ""
+
+    def at(self, value: float, parameters: Mapping[str, float]) -> dict[str, float]:
+        """What changes of ``parameters`` where this one is ``value``."""
+        if not self.against:
+            return {self.name: value}
+        return {self.name: value, self.against: parameters[self.against] + parameters[self.name] - value}
 
     def bounded(self, before: float, after: float) -> float:
         """``after``, or how far the parameter may go on its way there."""

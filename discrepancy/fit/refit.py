@@ -214,7 +214,7 @@ class Fitter:
             kept = self._kept[run] = _Kept([here], {})
         new = [n for n, step in steps.items() if not 1 / ALIKE < kept.columns.get(n, (0.0,))[0] / step < ALIKE]
         made = {name: np.empty_like(point.v) for name in new}
-        own = [{name: here[name] + steps[name]} for name in new]
+        own = self._changes(at, here, {name: steps[name] for name in new})
         self.quotients.fill(point, [*own, *extra], [*made.values(), *columns[len(steps) :]])
         kept.columns.update({name: (steps[name], column) for name, column in made.items()})
         sizes = self._state_steps(at) | {free.name: free.step for free in at.free}
@@ -242,6 +242,15 @@ class Fitter:
         """Of difference quotients, by name."""
         return self._state_steps(at) | {free.name: self._side(at, free) * free.step for free in at.free}
 
+    @staticmethod
+    def _changes(at: Fitted, here: Mapping[str, float], steps: Mapping[str, float]) -> list[dict[str, float]]:
+        """What each of the ``steps`` [SI], by name, changes of the parameters ``here``."""
+        free = {own.name: own for own in at.free}
+        return [
+            free[name].at(here[name] + step, here) if name in free else {name: here[name] + step}
+            for name, step in steps.items()
+        ]
+
     def _state_steps(self, at: Fitted) -> dict[str, float]:
         size = LINEAR * self.signal / abs(at.parameters["sense_gain_x"])
         speed = size * float(np.sqrt(at.parameters["kxx"] / at.parameters["m"]))
@@ -254,7 +263,7 @@ class Fitter:
         Steps of ``free`` that have become too large or small for their difference quotients are set anew.
         """
         points = [self._point(at, run) for run in range(len(self.records))]
-        own = [{name: points[0].parameters[name] + step} for name, step in self._steps(at).items()]
+        own = self._changes(at, points[0].parameters, self._steps(at))
         self.quotients.compare(points, [*own, *extra])
         runs = self.simulator.each(lambda run: self._linear(at, run, extra, near), range(len(self.records)))
         grams, fills = [g for run in runs for g in run.grams], [run.fill for run in runs]
@@ -393,7 +402,8 @@ class Fitter:
         parameters = dict(at.parameters)
         for free, change in zip(at.free, step, strict=True):
             # A step to a bound may miss it by a rounding.
-            parameters[free.name] = float(np.clip(parameters[free.name] + free.step * change, free.low, free.high))
+            value = float(np.clip(parameters[free.name] + free.step * change, free.low, free.high))
+            parameters.update(free.at(value, parameters))
         parameters = passive(parameters, self.axes)
         # What passivity took back counts for the states as well.
         step = np.array([(parameters[f.name] - at.parameters[f.name]) / f.step for f in at.free])

@@ -58,7 +58,7 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
     longest = max(len(r.t) for r in dataset.fit)
     parameters = _parameters(model)
     free = _Table({"name": _one_of(settable), "step": _number(0.0, above=True), "low": _bound, "high": _bound,
-                   "factor": _number(1.0, infinite=True)})  # fmt: skip
+                   "factor": _number(1.0, infinite=True), "against": _one_of({*settable, ""})})  # fmt: skip
 
     def candidate(value: Any, where: str) -> None:
         _Table({"effect": _one_of(effects), "probes": _list_of(_row(_one_of(settable), _number(), power)),

@@ -52,7 +52,7 @@ class Grids:
 
     def of(self, shapes: Sequence[Quantity], at: Fitted) -> Points:
         """The grid over all of ``shapes`` that are searched."""
-        searched = [q for q in shapes if q.search is not None]
+        searched = [q for q in shapes if q.search is not None and q.search.tried]
         axes: list[Floats] = []
         ends: dict[str, tuple[float, float]] = {}
         for q in searched:
@@ -129,6 +129,13 @@ def free_shape(q: Quantity, value: float, period: float, ends: tuple[float, floa
         # One that may vanish is moved as a size is.
         return Free(q.name, 1e-3 * value, 0.0, q.high)
     return Free(q.name, 1e-3 * value, max(q.low, ends[0] / SHORTEST), min(q.high, ends[1] * FARTHEST), STRIDE)
+
+
+def free_usual(q: Quantity, shapes: Sequence[Quantity], values: Mapping[str, float]) -> Free:
+    """A shape that stands at its usual one of ``values``, for a refit; ``shapes``: all of its effect."""
+    against = "".join(o.name for o in shapes if o.search and o.search.kind == "rest" and o.search.of == q.name)
+    ends = max(q.low, q.typical / SHORTEST), min(q.high, q.typical * FARTHEST)
+    return Free(q.name, 1e-3 * values[q.name], *ends, STRIDE, against)
 
 
 def around(values: Mapping[str, float], moved: Sequence[Quantity], spacing: float) -> list[dict[str, float]]:

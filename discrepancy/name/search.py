@@ -41,6 +41,7 @@ from discrepancy.name.question import ask
 from discrepancy.name.resisting import alike, resisting
 from discrepancy.name.scan import Scan, Scored, best_of, scanned, sure
 from discrepancy.name.score import Score, Step
+from discrepancy.name.shaping import shape
 from discrepancy.terms.effect_file import Term
 from gyro_model.anatomy import Delay
 from gyro_model.errors import InputError
@@ -308,6 +309,7 @@ class Search:
             if not accepted:
                 self.shortest = self._fewer_parts()
                 continue
+            shape(self)
             if any(a.on_the_way for a in self.accepted[:-1]):
                 # Filters and delays differ by little, which shows only beside what else is missing.
                 exchange(self, on_the_way)

@@ -18,9 +18,10 @@ H_Y = size("hysteresis_y", "N", "largest hysteretic force, y axis", low=0.0, nom
 LENGTH = shape(
     "hysteresis_length", "m", 1e-6, "way on which the force builds up", low=1e-12, search=Grid.log(0.03, 3, of="x")
 )
-BETA = shape("hysteresis_beta", "1", 0.5, "share of the limit that dissipates", search=None)
-GAMMA = shape("hysteresis_gamma", "1", 0.5, "share of the limit that bends", search=None)
-SHARPNESS = shape("hysteresis_n", "1", 1.0, "sharpness of the limit", low=1.0, high=100.0, search=None)
+BETA = shape("hysteresis_beta", "1", 0.5, "share of the limit that dissipates", search=Grid.usual)
+# Of h, L, β and γ one is a scale of z that no sample shows: β + γ = 1 makes h the largest force.
+GAMMA = shape("hysteresis_gamma", "1", 0.5, "share of the limit that bends", search=Grid.rest("hysteresis_beta"))
+SHARPNESS = shape("hysteresis_n", "1", 1.0, "sharpness of the limit", low=1.0, high=100.0, search=Grid.usual)
 beta, gamma, n = BETA.symbol, GAMMA.symbol, SHARPNESS.symbol
 z_x, z_y = Symbol("hysteresis_z_x", real=True), Symbol("hysteresis_z_y", real=True)
 
