@@ -6,6 +6,7 @@ turn. Pieces with initial states of their own are too short for that; what they 
 continuity, which nothing needs in the end, when a piece is a run).
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -25,6 +26,8 @@ ADDS_UP: Final = 0.1
 force a model of carts left 0.03 to 0.07 of whole runs, and it was found; of a fifteenth 0.11 to 0.24."""
 SHORTEST: Final = 12.0
 """Periods of the lowest mode in the shortest piece: four states a piece, eight shared parameters."""
+FIRST_PERIODS: Final = 2.0
+"""Over which a device of any damping is followed by a linear one."""
 FEWEST, MOST = 100, 64
 """Samples of a piece, and pieces of a run of few periods: of a mass that hardly any spring holds."""
 GROWTH: Final = 4
@@ -99,7 +102,8 @@ def started(fitter: Fitter, at: Fitted) -> Fitted:
 
 def with_starts(fitter: Fitter, at: Fitted, rounds: int) -> Fitted:
     """The parameters of ``at``, held, with initial states fitted to the runs of ``fitter``: from rest, or, where that
-    ends astray, to beginnings that grow, since a frequency that depends on the amplitude is far off at rest."""
+    ends astray, from how a linear device sets out and to beginnings that grow: a frequency that depends on the
+    amplitude is far off at rest, and a friction lets nothing go there."""
     rest = fitter.evaluated(replace(at, starts=fitter.at_rest, free=(), whiten=fitter.plain(at.parameters)))
     if not fitter.signal:
         # What shows no motion at all is at rest.
@@ -107,12 +111,23 @@ def with_starts(fitter: Fitter, at: Fitted, rounds: int) -> Fitted:
     found = fitter.fit(rest, rounds)
     if fitter.off(found) < ASTRAY:
         return found
-    now = rest
+    now = replace(rest, starts=_set_out(fitter, rest, rounds))
     for number in reversed(_numbers(fitter, at)):
         part = beginnings(fitter, number) if number > 1 else fitter
         now = part.fit(part.evaluated(now), rounds)
         fitter.simulator.forget(part.records if number > 1 else ())
     return min((found, now), key=lambda end: end.cost)
+
+
+def _set_out(fitter: Fitter, at: Fitted, rounds: int) -> tuple[Mapping[str, float], ...]:
+    """The initial states with which a linear device follows the first periods of each run."""
+    own = {q.name for effect in fitter.simulator.model.effects for q in effect.sizes}
+    linear = {name: value for name, value in at.parameters.items() if name not in own}
+    length = max(FIRST_PERIODS * _period(fitter, at), FEWEST)
+    part = beginnings(fitter, max(int(min(len(r.t) for r in fitter.records) / length), 1))
+    found = part.fit(part.evaluated(replace(at, parameters=linear, starts=part.at_rest)), rounds)
+    fitter.simulator.forget(part.records)
+    return found.starts
 
 
 def grown(whole: Fitter, at: Fitted) -> Fitted:

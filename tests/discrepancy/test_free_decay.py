@@ -11,6 +11,8 @@ from discrepancy.data.dataset import Dataset
 from discrepancy.data.linear_start import linear_start
 from discrepancy.data.record import Record, make_record
 from discrepancy.diagnose import diagnose
+from discrepancy.fit.measures import start_fitted
+from discrepancy.fit.simulate import Simulator
 from gyro_model.model import load_model
 
 RATE, SAMPLES, FREQUENCY, Q = 100e3, 24_000, 5000.0, 1000.0
@@ -50,3 +52,20 @@ def test_a_cubic_stiffness_is_found_and_stays_in_step(runs: tuple[Record, ...]) 
     value = finding.parameters["k3_x"]
     # Four deviations instead of the two of the interval; its width is 1e-5 of the value.
     assert abs(value.value - true) < value.high - value.low < 1e-4 * true
+
+
+def test_a_decay_by_friction_alone_sets_out_from_where_it_was_let_go() -> None:
+    """From rest the friction lets no force of the spring go: no fit of initial states that begins there ends elsewhere.
+    The motion is that of C. A. Coulomb: half turns about where the spring holds the friction, one way and the other."""
+    stiffness, held, amplitude, turn = 400.0, 0.02, 1.0, 20.0
+    t = np.arange(4000) / 1000.0
+    half = np.floor(turn * t / np.pi)
+    amplitudes = np.maximum(amplitude - (2 * half + 1) * held, 0.0)
+    v = amplitudes * np.cos(turn * t) + held * (-1) ** half
+    record = make_record("a", t, np.zeros((len(t), 1)), v[:, None], sample_rate=1000.0, hold="zero")
+    own = {"m": stiffness / turn**2, "kxx": stiffness, "dxx": 1e-6, "sense_gain_x": 1.0,
+           "friction_x": held * stiffness, "friction_speed": 1e-3}  # fmt: skip
+    with Simulator(load_model(), jobs=1) as simulator:
+        residual, unscored = start_fitted(simulator, record, own)
+    # The model's friction turns over within 1e-3 m/s of 20 m/s, twice a turn.
+    assert np.sqrt(np.mean(residual[unscored:] ** 2)) < 1e-2 * np.sqrt(np.mean(v**2))

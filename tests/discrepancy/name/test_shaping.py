@@ -91,5 +91,5 @@ def test_a_rest_is_one_to_a_shape_of_its_effect() -> None:
     others = tuple(q for q in effect.parameters if q is not gamma)
     assert beta.search == Grid.usual
     lost = replace(gamma, search=Grid.rest("hysteresis_bta"))
-    with pytest.raises(InputError, match="hysteresis_gamma is the rest to 'hysteresis_bta'.*hysteresis_beta"):
+    with pytest.raises(InputError, match=r"hysteresis_gamma is the rest to 'hysteresis_bta'.*hysteresis_beta"):
         replace(effect, parameters=(*others, lost))
