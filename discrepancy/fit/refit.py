@@ -59,6 +59,9 @@ AS_PROMISED: Final = 0.05
 about as much, and what is left after the next step is the square of it."""
 EXACTLY: Final = 1e-3
 """The same, below which the columns count as those of the point that was reached: deviations are then right to it."""
+PART: Final = 0.1
+"""Residual over signal from which they do not: columns are in proportion to the motion, and from rest, where a decay
+shows neither stiffness nor damping, a fit of the initial states brings all that it promised."""
 NEARER, SLOW = 0.5, 4
 """A fit that has a goal is given up after so many steps in a row that each left more than this share of the way to
 it: near a minimum what is left falls by its square."""
@@ -336,7 +339,7 @@ class Fitter:
                 gained = (at.cost - moved.cost) / (at.left * at.variance)
                 creeping = creeping + 1 if gained < CREEP else 0
                 slow = slow + 1 if moved.cost - goal > NEARER * (at.cost - goal) > 0 else 0
-                exact = abs(gained - 1) < EXACTLY
+                exact = abs(gained - 1) < EXACTLY and self.off(at) < PART
                 near = abs(gained - 1) < AS_PROMISED and not exact
                 if exact:
                     self._vouch(moved)
