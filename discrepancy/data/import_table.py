@@ -17,7 +17,7 @@ from scipy.interpolate import make_interp_spline
 from discrepancy.data.dataset import FILE, FORMAT, load_dataset
 from discrepancy.data.hold import Better, better_hold
 from discrepancy.data.record import MINIMUM_SAMPLES, MOST_MISSING, Floats, Senses, measured_rate
-from discrepancy.data.release import released
+from discrepancy.data.release import cut_off, released
 from discrepancy.data.table import COLUMNS, numbers, read_table
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
@@ -239,12 +239,15 @@ def _let_go(pieces: Sequence[Piece], said: list[str]) -> tuple[list[Piece], list
     """Free decays from where they were let go, and where that was; what is too short then stays as it was."""
     found = []
     for piece in pieces:
-        begin = released([values for column, values in piece.columns.items() if column in ("v_x", "v_y")])
+        shown = [values for column, values in piece.columns.items() if column in ("v_x", "v_y")]
+        begin, how = released(shown), "let go"
+        if not begin:
+            begin, how = cut_off(shown), "left alone by a drive"
         if 0 < begin <= len(piece.columns["t"]) - MINIMUM_SAMPLES:
             since = piece.columns["t"][begin] - piece.columns["t"][0]
             said = [
                 *said,
-                f"{piece.name}: begins {since:.4g} s later, where it was let go: no force is recorded before",
+                f"{piece.name}: begins {since:.4g} s later, where it was {how}: no force is recorded before",
             ]
             piece = piece._replace(columns={column: values[begin:] for column, values in piece.columns.items()})
         found.append(piece)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from discrepancy.data.release import released
+from discrepancy.data.release import cut_off, released
 
 RATE, SAMPLES = 1000.0, 20_000
 T = np.arange(SAMPLES) / RATE
@@ -29,3 +29,31 @@ def test_a_record_that_begins_with_the_motion_is_whole() -> None:
     beat = np.exp(-0.05 * T) * np.sin(2 * np.pi * 0.05 * T + 0.1) * np.sin(2 * np.pi * 5 * T)
     for v in (decay(T), beat, 1e3 * NOISE):
         assert released([v + NOISE]) == 0
+
+
+def driven(off: float, begin: float = 0.0) -> np.ndarray:
+    """A drive at 40 Hz that nobody recorded, on from ``begin`` [s] to ``off`` [s], of a device that follows in 0.5 s."""
+    loud = np.where(T < off, 1 - np.exp(-np.maximum(T - begin, 0.0) / 0.5), np.exp(-(T - off) / 2.0))
+    return np.asarray(np.where(T < begin - 5.0, 1.0, loud) * np.cos(2 * np.pi * 40.0 * T))
+
+
+@pytest.mark.parametrize("begin", [-10.0, 1.0])
+def test_a_drive_that_nobody_recorded_is_cut_off(begin: float) -> None:
+    sample = cut_off([driven(9.0, begin) + NOISE])
+    # The block in which it ends and a part of the next one: blocks have 200 samples.
+    assert 9000 <= sample <= 9400
+    assert cut_off([0.1 * driven(9.0, begin), driven(9.0, begin) + NOISE]) == sample
+
+
+def test_no_drive_is_seen_in_a_decay() -> None:
+    carrier = np.cos(2 * np.pi * 40.0 * T)
+    loud = {
+        "viscous": np.exp(-0.1 * T),
+        "dry": np.maximum(1 - 0.06 * T, 0.0),
+        "of the square of the speed": 1 / (1 + T),
+        "of two modes": np.exp(-0.05 * T) * np.abs(np.cos(2 * np.pi * 0.03 * (T - 6.0))),
+        "none": np.ones_like(T),
+    }
+    assert {kind: cut_off([own * carrier + NOISE]) for kind, own in loud.items()} == dict.fromkeys(loud, 0)
+    assert cut_off([decay(T) + NOISE]) == 0
+    assert cut_off([NOISE]) == 0
