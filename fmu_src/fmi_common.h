@@ -93,7 +93,7 @@ struct fmi_instance {
 typedef struct {
     const char *call;
     const char *name;
-    const char *token;      /* must be GYRO_TOKEN, or that with the hash of the start values that the FMU brings */
+    const char *token;      /* must be gyro_token, or that with the hash of the start values that the FMU brings */
     const char *resources;  /* where those lie: the folder resources/ as a path or URI; may be NULL */
     const char *refusal;    /* why this kind of instance does not exist; NULL: it does */
     int logging_on;

@@ -68,7 +68,7 @@ static uint64_t hash(uint64_t h, const unsigned char *bytes, size_t size)
 
 static uint64_t checksum(const unsigned char *bytes, size_t size)
 {
-    uint64_t h = hash(UINT64_C(14695981039346656037), (const unsigned char *)GYRO_TOKEN, strlen(GYRO_TOKEN));
+    uint64_t h = hash(UINT64_C(14695981039346656037), (const unsigned char *)gyro_token, strlen(gyro_token));
     return hash(h, bytes + AT_STATE, size - AT_STATE);
 }
 

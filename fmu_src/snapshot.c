@@ -11,7 +11,7 @@ static const uint64_t VERSION = 3;
 typedef struct {
     uint64_t magic;
     uint64_t version;
-    uint64_t model;    /* hash of GYRO_TOKEN */
+    uint64_t model;    /* hash of gyro_token */
     uint64_t length;   /* of everything, bytes */
     uint64_t checksum; /* of what follows the header */
 } snapshot_header;
@@ -50,7 +50,7 @@ void gyro_save(const gyro_instance *g, unsigned char *bytes)
             at += parts[i].size;
         }
     }
-    const snapshot_header header = {MAGIC, VERSION, hash_of(GYRO_TOKEN, strlen(GYRO_TOKEN)), size,
+    const snapshot_header header = {MAGIC, VERSION, hash_of(gyro_token, strlen(gyro_token)), size,
                                     hash_of(bytes + sizeof header, size - sizeof header)};
     memcpy(bytes, &header, sizeof header);
 }
@@ -64,7 +64,7 @@ static gyro_status check_snapshot(gyro_instance *g, const unsigned char *bytes, 
     }
     if (size < sizeof header || header.magic != MAGIC) {
         status = gyro_refuse(g, "state of %zu bytes: not a saved gyroscope; give bytes that this FMU wrote", size);
-    } else if (header.version != VERSION || header.model != hash_of(GYRO_TOKEN, strlen(GYRO_TOKEN))) {
+    } else if (header.version != VERSION || header.model != hash_of(gyro_token, strlen(gyro_token))) {
         status = gyro_refuse(g, "state of another model or version: give bytes that this very FMU wrote");
     } else if (header.length != size || header.checksum != hash_of(bytes + sizeof header, size - sizeof header)) {
         status = gyro_refuse(g, "state of %zu bytes is damaged: length or checksum differ from its header", size);

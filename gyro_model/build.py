@@ -30,7 +30,7 @@ from gyro_model import (
     kept_token,
 )
 from gyro_model.clocked import clocked_model
-from gyro_model.compiling import WHOLE, check_zig, compile_for, compile_library, write_whole
+from gyro_model.compiling import WHOLE, check_zig, compile_for, compile_library, compile_object, write_whole
 from gyro_model.component.interface import KINDS
 from gyro_model.component.wrap import component
 from gyro_model.envelope import envelope_model
@@ -47,6 +47,7 @@ PACKAGE = Path(__file__).parent
 CHECKOUT = PACKAGE.parent
 GENERATED = "generated"
 EFFECTS = f"{GENERATED}/effects.h"
+TABLE = f"{GENERATED}/model.c"
 WRITERS: dict[str, dict[str, Callable[[Any], str]]] = {
     "device": {EFFECTS: generate_effects.effects},
     "full": {
@@ -95,8 +96,8 @@ def _generated_layers(model: Form, token: str) -> dict[str, dict[str, str]]:
     layers = {layer: dict(texts) for layer, texts in _printed(model).items()}
     layers[model.LAYERS[-1]] |= {
         f"{GENERATED}/names.h": generate_c.names(model, headers),
-        f"{GENERATED}/model.h": generate_c.header(model, token),
-        f"{GENERATED}/model.c": generate_c.table(model),
+        f"{GENERATED}/model.h": generate_c.header(model),
+        TABLE: generate_c.table(model, token),
     }
     return layers
 
@@ -238,7 +239,7 @@ def _module_path(model: Form, folder: Path) -> Path:
 
 def _compile_module(sources: Path, path: Path) -> None:
     made = sources / path.name
-    compile_for(WASM, sources, [write_whole(sources, c_files(sources, "fmi3"))], made)
+    compile_for(WASM, sources, _in_two(sources, c_files(sources, "fmi3")), made)
     with whole_file(path) as file:
         file.write(made.read_bytes())
 
@@ -313,19 +314,26 @@ def c_files(folder: Path, fmi: str) -> list[str]:
     )
 
 
+def _in_two(sources: Path, files: Sequence[str]) -> list[str]:
+    """A file that includes all C ``files`` but the table of variables, and that table."""
+    return [write_whole(sources, [name for name in files if name != TABLE]), TABLE]
+
+
 def _build_one(
     model: Form, token: str, fmi: str, path: Path, sources: Path, platforms: Sequence[str], compiled: Callable[[], None]
 ) -> None:
     """Packs an FMU of the C in ``sources`` with libraries for ``platforms``; none: for this machine. ``compiled`` is
     called after each."""
-    if not platforms:
+
+    def begin() -> None:
         LOGGER.info("compiling the %s FMU for %s, once for this model, some 5 s ...", model.NAME, fmi.upper())
+
     files = c_files(sources, fmi)
     other = {"fmi2": "fmi3.c", "fmi3": "fmi2.c"}[fmi]
     with tempfile.TemporaryDirectory(prefix="gyrotwin-") as name:
-        root = Path(name)
+        root = Path(name) / "fmu"
         shutil.copytree(sources, root / "sources", ignore=shutil.ignore_patterns(other, WHOLE))
-        whole = [write_whole(sources, files)]
+        whole = _in_two(sources, files)
         if fmi == "fmi2":
             description = generate_xml.fmi2(model, token, issue_date(), files)
         else:
@@ -347,7 +355,9 @@ def _build_one(
             elif platforms:
                 compile_for(platform, sources, whole, library)
             else:
-                compile_library(sources, whole, library)
+                made = Path(name) / "whole.o"
+                compile_object(sources, whole[0], TABLE, made, begin)
+                compile_library(sources, [str(made), TABLE], library)
             compiled()
         pack({p.relative_to(root).as_posix(): p.read_bytes() for p in root.rglob("*") if p.is_file()}, path)
 

@@ -1,5 +1,6 @@
 """Compiles C into a library: for this machine by its own compiler, for any platform by zig."""
 
+import hashlib
 import importlib.util
 import os
 import shlex
@@ -7,12 +8,17 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
+
+import platformdirs
 
 from gyro_model.component.wrap import PAGES, STACK
 from gyro_model.errors import InputError
 from gyro_model.platforms import COMPONENT, WASM, Platform
+from gyro_model.whole_file import whole_file
 
 # Strict arithmetic: contraction to fused multiply-add would make platforms differ in the last bit. Nothing asks for
 # errno, so that a root is one instruction.
@@ -20,6 +26,9 @@ STRICT = ("-ffp-contract=off", "-fno-math-errno")
 FLAGS = ("-std=c99", "-O3", *STRICT, "-fvisibility=hidden", "-Wall", "-Wextra", "-Wpedantic")
 
 WHOLE = "whole.c"
+MOST_KEPT = 40
+"""Objects of half a megabyte each."""
+_POSITION = () if sys.platform == "win32" else ("-fPIC",)
 _ZIG = (sys.executable, "-m", "ziglang", "cc")
 # malloc and free for an importer's arrays, the table for its callbacks.
 _WASM_EXPORTS = ("export-dynamic", "export=malloc", "export=free", "export-table")
@@ -60,8 +69,40 @@ def fmi_headers() -> Path:
 def compile_library(sources: Path, files: Sequence[str], library: Path, extra: Sequence[str] = ()) -> None:
     """Compiles the C ``files`` in the folder ``sources`` into a shared ``library`` for this machine. Raises InputError
     with the compiler's first words."""
-    position, math = ((), ()) if sys.platform == "win32" else (("-fPIC",), ("-lm",))
-    _compile([*find_compiler(), *FLAGS, *extra, *position, "-shared"], sources, files, library, math)
+    math = () if sys.platform == "win32" else ("-lm",)
+    _compile([*find_compiler(), *FLAGS, *extra, *_POSITION, "-shared"], sources, files, library, math)
+
+
+def compile_object(sources: Path, file: str, besides: str, made: Path, begin: Callable[[], None]) -> None:
+    """Makes the object of a C ``file`` in ``sources`` that does not include ``besides``: one that is kept of the same
+    texts by the same compiler, else compiled after ``begin`` was called, which is most of the time of a library. Raises
+    InputError as ``compile_library`` does."""
+    compiler = find_compiler()
+    command = [*compiler, *FLAGS, *_POSITION, "-c"]
+    digest = hashlib.sha256(repr((command, _version(tuple(compiler)), file)).encode())
+    for root in (sources, fmi_headers()):
+        for path in sorted(root.rglob("*.[ch]")):
+            name = path.relative_to(root).as_posix()
+            if name != besides:
+                text = path.read_bytes()
+                digest.update(f"{name} {len(text)} ".encode() + text)
+    kept = Path(platformdirs.user_cache_dir("gyrotwin")) / "objects" / f"{digest.hexdigest()}.o"
+    with suppress(OSError):
+        made.write_bytes(kept.read_bytes())
+        return
+    begin()
+    _compile(command, sources, [file], made)
+    with suppress(OSError):
+        with whole_file(kept) as whole:
+            whole.write(made.read_bytes())
+        for old in sorted(kept.parent.glob("*.o"), key=lambda path: path.stat().st_mtime)[:-MOST_KEPT]:
+            old.unlink(missing_ok=True)
+
+
+@cache
+def _version(compiler: tuple[str, ...]) -> bytes:
+    """What a compiler says that it is."""
+    return subprocess.run([*compiler, "--version"], capture_output=True, check=False).stdout
 
 
 def write_whole(sources: Path, files: Sequence[str]) -> str:

@@ -11,8 +11,8 @@ from gyro_model.form import Form
 _KINDS = {"input": "GYRO_INPUT", "output": "GYRO_OUTPUT"}
 
 
-def header(model: Form, token: str) -> str:
-    """``model.h``: the indexes of variables, and the token that names this model."""
+def header(model: Form) -> str:
+    """``model.h``: the indexes of variables."""
     kinds = "\n".join(
         f"    {macro(q.name)} = {index}, /* [{q.unit}] {q.role}: {q.description} */"
         for index, q in enumerate(model.quantities)
@@ -26,9 +26,6 @@ def header(model: Form, token: str) -> str:
 #include <stdint.h>
 
 #include "names.h"
-
-/* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{token}"
 
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
@@ -72,6 +69,9 @@ typedef struct {{
 #pragma GCC visibility push(hidden)
 #endif
 
+/* Names this model, effects, bounds and start values included; an FMU of another model has another token. */
+extern const char gyro_token[];
+
 /* Shape (GYRO_N_VARIABLES), by value reference. */
 extern const gyro_variable gyro_variables[GYRO_N_VARIABLES];
 
@@ -96,8 +96,9 @@ extern const char *const gyro_local_names[GYRO_N_LOCALS + 1];
 """
 
 
-def table(model: Form) -> str:
-    """``model.c``: the table of variables."""
+def table(model: Form, token: str) -> str:
+    """``model.c``: the table of variables, and the token that names this model. It alone knows start values, so that
+    the rest of a library serves every device."""
     kinds = {q.name: _KINDS.get(q.role, "GYRO_PARAMETER") for q in model.quantities}
     kinds |= dict.fromkeys(model.tunable, "GYRO_TUNABLE")
     rows = "\n".join(
@@ -111,6 +112,8 @@ def table(model: Form) -> str:
     local = "".join(f'    "{name}",\n' for name in names)
     return f"""{STAMP}
 #include "model.h"
+
+const char gyro_token[] = "{token}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {{
 {shown or "    {0u, 0u, 0.0},"}
@@ -136,7 +139,7 @@ def names(model: Form, headers: Iterable[str]) -> str:
     declared = {name for text in headers for name in _SHARED.findall(text)}
     lines = "\n".join(
         f"#define {name} {model.NAME}_{name}"
-        for name in sorted(declared | {"gyro_variables", "gyro_states", "gyro_local_names"})
+        for name in sorted(declared | {"gyro_token", "gyro_variables", "gyro_states", "gyro_local_names"})
     )
     return f"""{STAMP}
 /* What the files of this FMU share carries its name, so that it can be linked with others into one program; define

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from math import isfinite
+from math import isfinite, isnan, nan
 from typing import Any, Literal
 
 from discrepancy.criteria import Criteria
@@ -32,7 +32,7 @@ class Finding:
 
     forces: sympy text by ``force_x``, ``force_y``, empty where it is no force; share of the residual's square that it
     takes away; next_experiment: what would tell it from the others; probability: of this name against its rivals and
-    against none of them.
+    against none of them; NaN of what is no name.
     """
 
     id: str
@@ -41,7 +41,7 @@ class Finding:
     forces: Mapping[str, str] = field(default_factory=dict)
     share: float = 0.0
     next_experiment: str = ""
-    probability: float = 0.0
+    probability: float = nan
 
 
 @dataclass(frozen=True)
@@ -124,9 +124,9 @@ class Diagnosis:
 
 def _listed(finding: Finding) -> dict[str, Any]:
     values = {name: asdict(value) for name, value in finding.parameters.items()}
+    said = {} if isnan(finding.probability) else {"probability": finding.probability}
     more = {"next_experiment": finding.next_experiment} if finding.either else {}
-    return {"id": finding.id, "either": list(finding.either), "probability": finding.probability, "parameters": values,
-            **finding.forces, **more}  # fmt: skip
+    return {"id": finding.id, "either": list(finding.either), **said, "parameters": values, **finding.forces, **more}
 
 
 def _plain(value: Any) -> Any:

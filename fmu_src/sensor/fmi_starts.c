@@ -3,7 +3,7 @@
        name bits
 
    name: of an input or parameter; bits: of the double in SI, 16 hexadecimal digits, the same in every locale; what follows is for readers.
-   The token is then GYRO_TOKEN, '+' and the hash of the file, 16 hexadecimal digits: a file that the modelDescription.xml does not belong to is
+   The token is then gyro_token, '+' and the hash of the file, 16 hexadecimal digits: a file that the modelDescription.xml does not belong to is
    refused. */
 
 #include "fmi_common.h"
@@ -165,13 +165,13 @@ static fmi_status read_starts(fmi_instance *f, const fmi_request *r, uint64_t ha
 fmi_status fmi_check_token(fmi_instance *f, const fmi_request *r)
 {
     const char *token = r->token != NULL ? r->token : "NULL";
-    const size_t own = strlen(GYRO_TOKEN);
-    const char *more = strncmp(token, GYRO_TOKEN, own) == 0 ? token + own : NULL;
+    const size_t own = strlen(gyro_token);
+    const char *more = strncmp(token, gyro_token, own) == 0 ? token + own : NULL;
     uint64_t hash = 0;
     fmi_status status = FMI_OK;
     if (more == NULL || (*more != '\0' && !(strlen(more) == HEX_DIGITS + 1 && *more == '+' && read_hex(more + 1, &hash)))) {
         status = fmi_fail(f, r->call, "the token is %.60s, this library belongs to %s; use the modelDescription.xml of the same FMU", token,
-                          GYRO_TOKEN);
+                          gyro_token);
     } else if (*more != '\0') {
         status = read_starts(f, r, hash);
     }

@@ -17,13 +17,13 @@ def _build() -> Json:
         {
             "id": TEXT,
             "either": array(TEXT) | {"description": "others that the data can't tell from it"},
-            "probability": NUMBER | {"minimum": 0, "maximum": 1},
+            "probability": NUMBER | {"minimum": 0, "maximum": 1, "description": "of a name"},
             "parameters": mapping({"$ref": "#/$defs/value"}),
             "force_x": TEXT,
             "force_y": TEXT,
             "next_experiment": TEXT | {"description": "what would tell it from the others"},
         },
-        ("id", "either", "probability", "parameters"),
+        ("id", "either", "parameters"),
     )
     findings = array({"$ref": "#/$defs/finding"})
     known = ", ".join(defect.id for defect in defects())

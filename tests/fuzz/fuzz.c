@@ -35,7 +35,7 @@ static void log_message(fmi2ComponentEnvironment e, fmi2String name, fmi2Status 
 static instance make(int logging, int wrong)
 {
     static const fmi2CallbackFunctions callbacks = {log_message, NULL, NULL, NULL, NULL};
-    return fmi2Instantiate("fuzz", wrong == 1 || wrong >= 4 ? fmi2ModelExchange : fmi2CoSimulation, wrong == 2 ? "{other}" : GYRO_TOKEN, NULL,
+    return fmi2Instantiate("fuzz", wrong == 1 || wrong >= 4 ? fmi2ModelExchange : fmi2CoSimulation, wrong == 2 ? "{other}" : gyro_token, NULL,
                            wrong == 3 ? NULL : &callbacks, fmi2False, logging);
 }
 
@@ -136,9 +136,9 @@ static void update(fmi3InstanceEnvironment e, fmi3Float64 time, fmi3Boolean set,
 static instance make(int logging, int wrong)
 {
     if (wrong >= 4) {
-        return fmi3InstantiateModelExchange("fuzz", GYRO_TOKEN, NULL, false, logging, NULL, log_message);
+        return fmi3InstantiateModelExchange("fuzz", gyro_token, NULL, false, logging, NULL, log_message);
     }
-    return fmi3InstantiateCoSimulation("fuzz", wrong == 2 ? "{other}" : GYRO_TOKEN, NULL, false, logging, wrong == 1, logging, NULL, 0, NULL,
+    return fmi3InstantiateCoSimulation("fuzz", wrong == 2 ? "{other}" : gyro_token, NULL, false, logging, wrong == 1, logging, NULL, 0, NULL,
                                        wrong == 3 ? NULL : log_message, logging ? update : NULL);
 }
 
@@ -248,7 +248,7 @@ static void mend(unsigned char *bytes, size_t size)
     }
     if (size >= OUTER) {
         memcpy(bytes + 8, &length, 8);
-        const uint64_t outer = hash(hash(first, (const unsigned char *)GYRO_TOKEN, strlen(GYRO_TOKEN)), bytes + 24, size - 24);
+        const uint64_t outer = hash(hash(first, (const unsigned char *)gyro_token, strlen(gyro_token)), bytes + 24, size - 24);
         memcpy(bytes + 16, &outer, 8);
     }
 }

@@ -41,7 +41,7 @@ static void live(unsigned which, unsigned steps, double last[2])
     const unsigned seed_at = GYRO_SEED, force_at = 0;
     const int seed = 7;
     fmi3FMUState state = NULL, carried = NULL;
-    fmi3Instance c = fmi3InstantiateCoSimulation("life", GYRO_TOKEN, NULL, false, false, false, false, NULL, 0, NULL, NULL, NULL);
+    fmi3Instance c = fmi3InstantiateCoSimulation("life", gyro_token, NULL, false, false, false, false, NULL, 0, NULL, NULL, NULL);
     fmi3SetInt32(c, &seed_at, 1, &seed, 1);
     make_busy(c);
     fmi3EnterInitializationMode(c, false, 0.0, 0.0, false, 0.0);

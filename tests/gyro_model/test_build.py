@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import platformdirs
 import pytest
 from sympy import (
     Abs,
@@ -148,6 +149,26 @@ def test_equal_models_give_equal_files(fmus: Fmus, tmp_path: Path) -> None:
     again = build(folder=tmp_path, force=True)
     for first, second in zip(fmus, again, strict=True):
         assert first.read_bytes() == second.read_bytes(), "time or place of the build is in the file"
+
+
+def test_another_device_is_linked_with_what_is_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    commands: list[list[str]] = []
+
+    def compile_nothing(command: list[str], sources: Path, files: list[str], made: Path, *_: object) -> None:
+        commands.append([Path(file).name for file in files])
+        made.write_bytes(b"object")
+
+    monkeypatch.setattr(platformdirs, "user_cache_dir", lambda _: str(tmp_path / "cache"))
+    monkeypatch.setattr(compiling, "_compile", compile_nothing)
+    build(replace(MODEL, starts=(("kxx", 60.0),)), tmp_path / "one")
+    assert commands == [["whole.c"], ["whole.o", "model.c"]] * 2
+    commands.clear()
+    build(replace(MODEL, starts=(("kxx", 61.0),)), tmp_path / "other")
+    assert commands == [["whole.o", "model.c"]] * 2
+    commands.clear()
+    # Other code is none of what is kept.
+    building.build_form(SensorModel(), tmp_path / "sensor")
+    assert commands[0] == ["whole.c"]
 
 
 @pytest.fixture

@@ -2,6 +2,8 @@
 
 #include "model.h"
 
+const char gyro_token[] = "{dfc8e079-833a-07d9-5e9f-9dd519da24d7}";
+
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 122u, 1e-06},
     {11u, 123u, 0.02},

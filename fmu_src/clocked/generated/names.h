@@ -147,6 +147,7 @@
 #define gyro_ticks GyroscopeClocked_gyro_ticks
 #define gyro_time GyroscopeClocked_gyro_time
 #define gyro_time_of GyroscopeClocked_gyro_time_of
+#define gyro_token GyroscopeClocked_gyro_token
 #define gyro_tune GyroscopeClocked_gyro_tune
 #define gyro_unstart GyroscopeClocked_gyro_unstart
 #define gyro_update GyroscopeClocked_gyro_update

@@ -2,6 +2,8 @@
 
 #include "model.h"
 
+const char gyro_token[] = "{af27dd50-a690-1eed-4e79-9edaae6f52f4}";
+
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {0u, 0u, 0.0},
 };

@@ -141,6 +141,7 @@
 #define gyro_ticks GyroscopeEnvelope_gyro_ticks
 #define gyro_time GyroscopeEnvelope_gyro_time
 #define gyro_time_of GyroscopeEnvelope_gyro_time_of
+#define gyro_token GyroscopeEnvelope_gyro_token
 #define gyro_tune GyroscopeEnvelope_gyro_tune
 #define gyro_unstart GyroscopeEnvelope_gyro_unstart
 #define gyro_update GyroscopeEnvelope_gyro_update

@@ -2,6 +2,8 @@
 
 #include "model.h"
 
+const char gyro_token[] = "{626aa564-37a0-d666-3ed8-7f2c153442f7}";
+
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 122u, 1e-06},
     {11u, 123u, 0.02},

@@ -7,9 +7,6 @@
 
 #include "names.h"
 
-/* Names this model, effects and bounds included; an FMU of another model has another token. */
-#define GYRO_TOKEN "{a25a4c09-356e-6dde-168b-7753934e5ced}"
-
 /* Stands for "no bound" in gyro_variables. */
 #define GYRO_UNBOUNDED 1e308
 
@@ -162,6 +159,9 @@ typedef struct {
 #if defined(__GNUC__)
 #pragma GCC visibility push(hidden)
 #endif
+
+/* Names this model, effects, bounds and start values included; an FMU of another model has another token. */
+extern const char gyro_token[];
 
 /* Shape (GYRO_N_VARIABLES), by value reference. */
 extern const gyro_variable gyro_variables[GYRO_N_VARIABLES];

@@ -147,6 +147,7 @@
 #define gyro_ticks Gyroscope_gyro_ticks
 #define gyro_time Gyroscope_gyro_time
 #define gyro_time_of Gyroscope_gyro_time_of
+#define gyro_token Gyroscope_gyro_token
 #define gyro_tune Gyroscope_gyro_tune
 #define gyro_unstart Gyroscope_gyro_unstart
 #define gyro_update Gyroscope_gyro_update

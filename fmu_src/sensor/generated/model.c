@@ -2,6 +2,8 @@
 
 #include "model.h"
 
+const char gyro_token[] = "{711de841-a61c-a047-3eb2-7eda768c9304}";
+
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {0u, 0u, 0.0},
 };

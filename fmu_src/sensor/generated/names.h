@@ -137,6 +137,7 @@
 #define gyro_ticks GyroscopeSensor_gyro_ticks
 #define gyro_time GyroscopeSensor_gyro_time
 #define gyro_time_of GyroscopeSensor_gyro_time_of
+#define gyro_token GyroscopeSensor_gyro_token
 #define gyro_transition_of GyroscopeSensor_gyro_transition_of
 #define gyro_tune GyroscopeSensor_gyro_tune
 #define gyro_turn_on GyroscopeSensor_gyro_turn_on

@@ -32,7 +32,7 @@ def test_a_record_that_begins_with_the_motion_is_whole() -> None:
 
 
 def driven(off: float, begin: float = 0.0) -> np.ndarray:
-    """A drive at 40 Hz that nobody recorded, on from ``begin`` [s] to ``off`` [s], of a device that follows in 0.5 s."""
+    """A device that follows in 0.5 s a drive at 40 Hz, on from ``begin`` [s] to ``off`` [s], that nobody recorded."""
     loud = np.where(off > T, 1 - np.exp(-np.maximum(T - begin, 0.0) / 0.5), np.exp(-(T - off) / 2.0))
     return np.asarray(np.where(begin - 5.0 > T, 1.0, loud) * np.cos(2 * np.pi * 40.0 * T))
 
