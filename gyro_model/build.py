@@ -23,6 +23,7 @@ from gyro_model import (
     generate_docs,
     generate_effects,
     generate_envelope,
+    generate_forces,
     generate_package,
     generate_series,
     generate_tangent,
@@ -55,6 +56,7 @@ WRITERS: dict[str, dict[str, Callable[[Any], str]]] = {
         f"{GENERATED}/tangent.h": generate_tangent.tangent,
     },
     "envelope": {f"{GENERATED}/envelope.h": generate_envelope.envelope},
+    "varied": {f"{GENERATED}/forces.h": generate_forces.forces},
 }
 """What is generated for a layer of C beside the tables of the FMU's variables, by its path in the sources."""
 

@@ -176,9 +176,10 @@ def guarded(effect: Effect, lines: str) -> str:
     return f"if (g->active[{effect_macro(effect)}]) {{\n{textwrap.indent(lines, '    ')}}}\n"
 
 
-def force_call(effect: Force) -> str:
-    """The call that adds the force of ``effect``."""
-    return f"effect_{effect.id}(g, force{', rate' if effect.states else ''});\n"
+def force_call(effect: Force, place: str = "") -> str:
+    """The call that adds the force of ``effect``, at a ``place`` of an array."""
+    rate = f", rate{place}" if effect.states else ""
+    return f"effect_{effect.id}(g, force{place}{rate});\n"
 
 
 def follows_of(model: Model) -> list[Follow]:

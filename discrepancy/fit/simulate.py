@@ -225,9 +225,10 @@ class Simulator:
         values, names, step = driven
         with self._bench() as bench:
             references = bench.value_references(names)
-            motion = Motion(Driven(references, values, float(record.t[0]), step, len(values) // len(record.t)))
+            driven_by = Driven(references, values, float(record.t[0]), step, len(values) // len(record.t))
+            motion = Motion(bench.library, driven_by)
             _begin(bench, record, parameters, driven, 1)
-            return motion if motion.follow(bench.library, bench.instance) else None
+            return motion if motion.follow(bench.instance) else None
 
     def vary(self, motion: Motion, jobs: Sequence[Job]) -> list[Floats | None]:
         """What the parameters of each job add to the voltage [V] (n, axes) of the run that was followed, to first order

@@ -38,7 +38,7 @@ class _Run(ctypes.Structure):
         *((name, ctypes.c_int64) for name in ("steps", "stride", "n_inputs")),
         *((name, ctypes.c_void_p) for name in ("inputs", "values")),
         *((name, ctypes.c_double) for name in ("start", "step")),
-        *((name, ctypes.c_void_p) for name in ("state", "voltage", "motion", "rate", "passage", "weight")),
+        *((name, ctypes.c_void_p) for name in ("state", "voltage", "motion", "rate", "passage", "base", "weight")),
     ]
 
 
@@ -66,32 +66,36 @@ Traveller = NDArray[np.float64]
 class Motion:
     """A run's motion, as ``gyro_follow`` finds it."""
 
-    def __init__(self, driven: Driven) -> None:
+    def __init__(self, library: Any, driven: Driven) -> None:
         steps = (driven.samples - 1) * driven.stride
-        shapes = {
+        self._library = library
+        shapes: dict[str, tuple[int, ...]] = {
             "state": (steps + 1, MOTION),
             "voltage": (steps + 1, 2),
             "motion": (steps, NODES, MOTION),
             "rate": (steps, NODES, 2),
             "passage": (steps, MOTION, MOTION),
+            "base": (self._size(),),
             "weight": (NODES, MOTION, 2),
         }
         self._driven, self._found = driven, {name: np.empty(shape) for name, shape in shapes.items()}
-        self._library: Any = None
         self._run = _Run(
             steps, driven.stride, len(driven.inputs), driven.inputs.ctypes.data, driven.values.ctypes.data,
             driven.start, driven.step, *(found.ctypes.data for found in self._found.values()),
         )  # fmt: skip
 
-    def follow(self, library: Any, instance: int) -> bool:
+    def _size(self) -> int:
+        """Of a traveller, in numbers."""
+        return -(-int(self._library.gyro_traveller_size()) // 8)
+
+    def follow(self, instance: int) -> bool:
         """Runs an initialised instance; False where something acts that can't be followed."""
-        self._library = library
-        return bool(library.gyro_follow(ctypes.c_void_p(instance), ctypes.byref(self._run)))
+        return bool(self._library.gyro_follow(ctypes.c_void_p(instance), ctypes.byref(self._run)))
 
     def depart(self, instance: int) -> Traveller | None:
         """What goes along it with the parameters of another initialised instance; None where something acts that can't
         be followed."""
-        made = np.zeros(-(-self._library.gyro_traveller_size() // 8))
+        made = np.zeros(self._size())
         found = self._library.gyro_depart(
             ctypes.c_void_p(instance), ctypes.byref(self._run), ctypes.c_void_p(made.ctypes.data)
         )

@@ -27,6 +27,7 @@ typedef struct {
     double *motion;         /* the states at two nodes within each step, shape (steps, 2, 4), SI */
     double *rate;           /* of x' and y' there, shape (steps, 2, 2), m/s^2 */
     double *passage;        /* of a difference over each step: after by before, shape (steps, 4, 4), SI */
+    void *base;             /* the view of the run, with room for gyro_traveller_size() bytes */
     double *weight;         /* what rates add to a difference over a step: by node, state and axis, shape (2, 4, 2), s^2 and s */
 } gyro_run;
 

@@ -1,0 +1,51 @@
+/* A view at the nodes of a part of a run. Used by variation.c and by generated/forces.h. */
+
+#ifndef GYRO_NODES_H
+#define GYRO_NODES_H
+
+#include "matrices.h"
+#include "variation.h"
+
+/* Nodes of some steps of a run, as those come. */
+typedef struct {
+    const gyro_run *run;
+    int64_t first;                             /* step */
+    int64_t n;                                 /* nodes */
+    const double (*motion)[MOTION];            /* shape (n, 4), SI */
+    const double (*own)[MOST];                 /* states that effects add, shape (n, OWN), SI; NULL: none moves */
+} gyro_nodes;
+
+static inline void take_inputs(gyro_view *g, const gyro_run *run, int64_t step)
+{
+    const double *values = run->values + step * run->n_inputs;
+    for (int64_t i = 0; i < run->n_inputs; i++) {
+        g->p[run->inputs[i]] = values[i];
+    }
+}
+
+/* The force in the view, as its parameters are. */
+static inline void bring_command(gyro_view *g)
+{
+    g->u[0] = g->p[GYRO_U_X];
+    g->u[1] = g->p[GYRO_U_Y];
+    actuate(g);
+}
+
+/* Inputs at a node, which stay over its step, where no law acts. */
+static inline void bring_inputs(gyro_view *g, const gyro_nodes *at, int64_t i)
+{
+    if (i % NODES == 0) {
+        take_inputs(g, at->run, at->first + i / NODES);
+        take_made(g, g->p);
+    }
+}
+
+/* Time, inputs and command at a node, where no law acts. */
+static inline void bring_all(gyro_view *g, const gyro_nodes *at, int64_t i)
+{
+    g->t = at->run->start + ((double)(at->first + i / NODES) + PLACE[i % NODES]) * at->run->step;
+    bring_inputs(g, at, i);
+    bring_command(g);
+}
+
+#endif

@@ -1,0 +1,109 @@
+/* What is taken along a run: a view of an instance. Used by follow.c and variation.c. */
+
+#ifndef GYRO_TRAVELLER_H
+#define GYRO_TRAVELLER_H
+
+#include <string.h>
+
+#include "fmi_common.h"
+#include "generated/forces.h"
+#include "generated/tangent.h"
+#include "plant.h"
+
+/* The states that effects add, of which a small force on the motion comes: linear, driven by the motion of the run. */
+typedef struct {
+    int n;
+    int place[MOST];   /* of each in the states */
+    passing to[NODES]; /* the nodes of a step */
+    passing whole;
+    double state[MOST];
+} driven;
+
+/* A view of an instance that is taken along a run. */
+typedef struct {
+    gyro_view view;
+    double value[GYRO_N_VARIABLES]; /* as set, SI */
+    int n_events;                   /* effects that switch */
+    int switches[GYRO_N_EFFECTS];   /* these, by effect */
+    double event[GYRO_N_EFFECTS];   /* when each does, s */
+    double difference[MOTION];      /* of its motion and that of the run, SI */
+    driven own;                     /* where a force with states acts */
+    double lighter;                 /* mass of the run over its own, less 1 */
+    int lawful;                     /* a law acts: each force may be another than that of the run */
+    int maps;                       /* a map acts, here or in the run */
+    int n_added, n_left;            /* forces here, and of the run, where they are not the same */
+    int added[GYRO_N_FORCES], left[GYRO_N_FORCES];
+} traveller;
+
+/* Whether the sizes of a run can be those of one, and its inputs are inputs. */
+static inline int is_run(const gyro_run *run)
+{
+    int good = run->steps >= 0 && run->stride >= 1 && run->n_inputs >= 0 && run->n_inputs <= GYRO_N_INPUTS;
+    for (int64_t i = 0; good && i < run->n_inputs; i++) {
+        good = run->inputs[i] < GYRO_N_INPUTS;
+    }
+    return good;
+}
+
+/* 0 where something acts that carries more than the states from step to step, or acts between them. */
+static inline int is_followed(const gyro_instance *g)
+{
+    int lagging = 0;
+    for (int i = 0; i < GYRO_N_LAGGING; i++) {
+        lagging |= g->view.active[follow_effects[i]];
+    }
+    return !(g->plan.any_delay || g->plan.any_lag || g->view.any_memory || g->view.any_impulse || g->view.any_rate || lagging);
+}
+
+static inline void set_off(const gyro_instance *g, traveller *at)
+{
+    at->view = g->view;
+    memcpy(at->value, g->value, sizeof at->value);
+    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
+        at->event[effect] = INFINITY;
+        at->view.after[effect] = 0.0;
+    }
+    event_times(&at->view, at->event);
+    at->n_events = 0;
+    for (int effect = 0; effect < GYRO_N_EFFECTS; effect++) {
+        at->switches[at->n_events] = effect;
+        at->n_events += at->event[effect] < INFINITY;
+    }
+}
+
+/* Inputs and events of a step; an event within it counts from its nearer end. */
+static inline void come_to(traveller *at, const gyro_run *run, int64_t step)
+{
+    gyro_view *view = &at->view;
+    take_inputs(view, run, step);
+    if (view->any_law) {
+        const double *values = run->values + step * run->n_inputs, middle = run->start + ((double)step + 0.5) * run->step;
+        for (int64_t i = 0; i < run->n_inputs; i++) {
+            at->value[run->inputs[i]] = values[i];
+        }
+        for (int i = 0; i < at->n_events; i++) {
+            const int effect = at->switches[i];
+            view->after[effect] = middle >= at->event[effect] ? 1.0 : 0.0;
+        }
+    } else {
+        take_made(view, view->p);
+        bring_command(view);
+    }
+}
+
+/* The view at a part of a step, in a state of the motion. */
+static inline void look_from(traveller *at, const gyro_run *run, int64_t step, double part, const double state[MOTION])
+{
+    gyro_view *view = &at->view;
+    for (int i = 0; i < MOTION; i++) {
+        view->s[i] = state[i];
+    }
+    view->t = run->start + ((double)step + part) * run->step;
+    if (view->any_law) {
+        view->since = part * run->step;
+        apply_laws(view, at->value);
+        bring_command(view);
+    }
+}
+
+#endif
