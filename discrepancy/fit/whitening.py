@@ -46,7 +46,7 @@ ALIKE: Final = 0.03
 """By which numbers of two autoregressions may differ and filter alike: three deviations of one from 10,000 samples."""
 STEADY: Final = 1e-10
 """Relative change of a gain from which it stays."""
-SIDE_BY_SIDE: Final = 16
+SIDE_BY_SIDE: Final = 8
 """Columns that are filtered at once where there are as many: each alone would wait for what comes out of it."""
 
 
@@ -358,9 +358,9 @@ def _gains(transition, drift, start, seen, gains, roots):  # type: ignore[no-unt
 @njit(cache=True, nogil=True)
 def _places(matrix):  # type: ignore[no-untyped-def]
     """Of each row the columns that are not zero, and how many there are."""
-    size = len(matrix)
-    column, count = np.zeros((size, size), np.int64), np.zeros(size, np.int64)
-    for i in range(size):
+    rows, size = matrix.shape
+    column, count = np.zeros((rows, size), np.int64), np.zeros(rows, np.int64)
+    for i in range(rows):
         for j in range(size):
             if matrix[i, j] != 0:
                 column[i, count[i]] = j
@@ -406,10 +406,12 @@ def _filter_many(transition, seen, gains, roots, v, valid, out):  # type: ignore
     columns, n, axes = v.shape
     size = len(transition)
     used, count = _places(transition)
+    shown, shows = _places(seen)
     for begin in range(0, columns, SIDE_BY_SIDE):
         width = min(SIDE_BY_SIDE, columns - begin)
-        state, moved = np.zeros((size, width)), np.zeros((size, width))
-        error, total = np.zeros((axes, width)), np.zeros(width)
+        # All as wide as is known before: the compiler then takes some columns in one operation.
+        state, moved = np.zeros((size, SIDE_BY_SIDE)), np.zeros((size, SIDE_BY_SIDE))
+        error, total = np.zeros((axes, SIDE_BY_SIDE)), np.zeros(SIDE_BY_SIDE)
         for k in range(n):
             at = min(k, len(gains) - 1)
             for i in range(axes):
@@ -418,8 +420,8 @@ def _filter_many(transition, seen, gains, roots, v, valid, out):  # type: ignore
                     continue
                 for c in range(width):
                     error[i, c] = v[begin + c, k, i]
-                for j in range(size):
-                    _add(error[i], -seen[i, j], state[j])
+                for place in range(shows[i]):
+                    _add(error[i], -seen[i, shown[i, place]], state[shown[i, place]])
             for i in range(size):
                 for j in range(axes):
                     _add(state[i], gains[at, i, j], error[j])
@@ -438,5 +440,5 @@ def _filter_many(transition, seen, gains, roots, v, valid, out):  # type: ignore
 
 @njit(cache=True, nogil=True, inline="always")
 def _add(to, factor, what):  # type: ignore[no-untyped-def]
-    for c in range(len(to)):
+    for c in range(SIDE_BY_SIDE):
         to[c] += factor * what[c]
