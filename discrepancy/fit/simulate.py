@@ -255,13 +255,13 @@ class Simulator:
         return [column for part in self._on_threads(self._pool, some, parts) for column in part]
 
     def _vary(self, motion: Motion, jobs: Sequence[Job]) -> list[Floats | None]:
-        gains: list[float | Floats] = []
+        gains: list[Floats | None] = []
         travellers: dict[int, Traveller] = {}
         for number, (record, parameters) in enumerate(jobs):
             acting = self._held_back(parameters) or any(d.acts(parameters) for d in distortions())
             with self._bench() as bench, suppress(InputError):
                 device = _device(record, parameters)
-                gains.append(_speed_gains(record, device) if record.order else 1.0)
+                gains.append(_speed_gains(record, device) if record.order else None)
                 if not acting:
                     _begin(bench, record, device, self._inputs(record, 1), 1)
                     traveller = motion.depart(bench.instance)
@@ -270,8 +270,8 @@ class Simulator:
         columns = motion.varied(list(travellers.values()), speeds=jobs[0][0].order == 1)
         for number, column in zip(travellers, columns, strict=True):
             if np.isfinite(column).all():
-                record = jobs[number][0]
-                result[number] = np.ascontiguousarray(column[:, : record.axes]) * gains[number]
+                own, gain = np.ascontiguousarray(column[:, : jobs[number][0].axes]), gains[number]
+                result[number] = own if gain is None else own * gain
         return result
 
     def each(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:

@@ -36,16 +36,14 @@ static void find_motion(const gyro_run *run, int64_t step, double rate[2][2])
     }
 }
 
-/* How the rates of the motion go with its states, in the view as it is. */
-static void find_slope(const gyro_view *view, matrix *slope)
+/* How the rates of the motion go with its states, in the view as it is; `along` is zero, which takes as long to make. */
+static void find_slope(const gyro_view *view, gyro_tangent *along, matrix *slope)
 {
     double rate[GYRO_N_STATES];
-    gyro_tangent along;
-    memset(&along, 0, sizeof along);
     for (int j = 0; j < MOTION; j++) {
-        along.s[j] = 1.0;
-        tangent_rate(view, &along, rate);
-        along.s[j] = 0.0;
+        along->s[j] = 1.0;
+        tangent_rate(view, along, rate);
+        along->s[j] = 0.0;
         for (int i = 0; i < MOTION; i++) {
             slope->of[i][j] = rate[i];
         }
@@ -97,6 +95,8 @@ static void linearise(const gyro_instance *g, const gyro_run *run)
 {
     traveller *at = run->base;
     matrix mean = matrix_of(MOTION, 0.0), exponents = mean, passage = mean;
+    gyro_tangent along;
+    memset(&along, 0, sizeof along);
     set_off(g, at);
     for (int64_t step = 0; step < run->steps; step++) {
         const double *start = run->state + step * MOTION, *motion = run->motion + step * NODES * MOTION;
@@ -110,7 +110,7 @@ static void linearise(const gyro_instance *g, const gyro_run *run)
         for (int node = 0; node < NODES; node++) {
             find_rates(at, run, step, PLACE[node], motion + node * MOTION, run->rate + (step * NODES + node) * 2);
             if (!alike) {
-                find_slope(&at->view, &slope[node]);
+                find_slope(&at->view, &along, &slope[node]);
             }
         }
         if (!alike) {
