@@ -9,6 +9,7 @@ from scipy.signal import butter, lsim
 
 from discrepancy.clock import Clock, OutOfTime
 from discrepancy.data.record import Record, make_record
+from discrepancy.fit import simulate
 from discrepancy.fit.simulate import Simulator
 from gyro_model.model import load_model
 
@@ -159,3 +160,21 @@ def test_a_part_of_a_part_lies_where_it_is_in_the_run(simulator: Simulator, rest
     inner = simulator.part(simulator.part(resting, 200, 600), 100, 250)
     assert simulator._first(inner) == 300
     np.testing.assert_array_equal(inner.t, resting.t[300:450])
+
+
+def test_what_changes_the_voltage_alone_is_no_other_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun: list[int] = []
+    begin = simulate._begin
+    monkeypatch.setattr(simulate, "_begin", lambda *of: begun.append(1) or begin(*of))
+    run, filtered = record("zero", 40.0), [OSCILLATOR | {"voltage_filter": tau} for tau in (1e-4, 2e-4)]
+    with Simulator(load_model(), jobs=1) as own, Simulator(load_model(), jobs=1) as fresh:
+        first, second = (own.run(run, p) for p in filtered)
+        assert len(begun) == 1
+        np.testing.assert_array_equal(second, fresh.run(run, filtered[1]))
+        # What is given out is not what is kept.
+        plain = own.run(run, OSCILLATOR)
+        plain[:] = 0.0
+        np.testing.assert_array_equal(own.run(run, OSCILLATOR), fresh.run(run, OSCILLATOR))
+        assert np.std(first - second) > 1e-3 * np.std(second)
+        # Another device is another run.
+        assert not np.array_equal(own.run(run, OSCILLATOR | {"kxx": 1.01}), own.run(run, OSCILLATOR))

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -134,6 +135,44 @@ def test_it_is_the_sensitivity_of_the_reference(simulator: Simulator) -> None:
 @pytest.mark.parametrize("hold", ["first", "band-limited"])
 def test_a_force_that_runs_between_samples(simulator: Simulator, hold: str) -> None:
     quotient, varied = both(simulator, record(hold=hold), DEVICE, {"k3_y": 1e5})
+    assert varied is not None
+    assert np.linalg.norm(varied - quotient) < 1e-4 * np.linalg.norm(quotient)
+
+
+SWELL = """
+'''A force that swells.'''
+
+from sympy import sin
+
+from gyro_model.anatomy import Energy, Force, Limit
+from gyro_model.quantities import shape, size
+from gyro_model.symbols import t, x
+
+SWELL = size("swell", "N", "amplitude", nominal=1e-7, display="µN")
+RATE = shape("swell_rate", "1/s", 2000.0, "angular frequency", low=1.0, search=None)
+force = SWELL.symbol * sin(RATE.symbol * t)
+EFFECT = Force(
+    id="swell",
+    parameters=(SWELL, RATE),
+    force=(force, 0),
+    energy=Energy(stored=-force * x),
+    signature="a line at 318 Hz",
+    host_experiment="no drive",
+    limits=(
+        Limit(
+            why="at the start",
+            at={"swell": 1e-6, "swell_rate": 2000.0, "t": 0.0},
+            gives={"force_x": 0.0, "force_y": 0.0},
+        ),
+    ),
+)
+"""
+
+
+def test_a_force_that_goes_with_time(tmp_path: Path) -> None:
+    (tmp_path / "swell.py").write_text(SWELL)
+    with Simulator(load_model(tmp_path), jobs=1) as own:
+        quotient, varied = both(own, record(), DEVICE, {"swell": 1e-10, "swell_rate": 2000.0})
     assert varied is not None
     assert np.linalg.norm(varied - quotient) < 1e-4 * np.linalg.norm(quotient)
 
