@@ -66,7 +66,7 @@ def run(options: Options) -> Report:
     run = sine_run("ekf", 1, 1.0)
     delays = [
         f"{name} {1e6 * unit.filter.group_delay:.1f} µs"
-        for name, unit in make_units(run.sample_rate, run.design.oscillation_hz).items()
+        for name, unit in make_units(run.sample_rate, run.oscillation_hz).items()
         if unit.filter is not None
     ]
     notes = [

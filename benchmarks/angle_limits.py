@@ -40,7 +40,7 @@ def units_alone(run: Run, converged_at: float, mass_error: float = 0.0) -> dict[
     angle_true = turned - turned[converged.argmax()]
     edges = run.scenario.edges_until(run.duration)
     result = {}
-    for name, unit in make_units(run.sample_rate, run.design.oscillation_hz).items():
+    for name, unit in make_units(run.sample_rate, run.oscillation_hz).items():
         angle, _ = unit.process(block)
         found = angle_metrics(t, angle, angle_true, omega_z, converged_at, edges)
         result[name] = float(found["rms_deg"] or 0.0)

@@ -18,6 +18,7 @@ from cosim.core.settings import FILTER
 from cosim.design import Design
 from cosim.layout import PARAMETER_NAMES
 from cosim.running import filter_drift, start_filter
+from cosim.setting import defaults
 
 Array = npt.NDArray[np.float64]
 
@@ -95,7 +96,7 @@ class GrowingBound:
             "slope_walk_min": 0.0,
             "slope_walk_max": 0.0,
         }
-        settings = np.array(list((FILTER | walks).values()))
+        settings = np.array(list((defaults(FILTER) | walks).values()))
         start_filter(self._lib, design, period, settings, self._memory, slope_deviation=0.0)
         self.names = self._lib.known.value_names
         self._force = np.zeros(2)

@@ -22,6 +22,7 @@ from cosim.layout import PARAMETER_NAMES
 from gyro_model.device import Device, interval, read_toml, write_file
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import Model
+from gyro_model.quantities import Quantity
 
 Floats = NDArray[np.float64]
 
@@ -185,6 +186,7 @@ def _complete(data: Mapping[str, Any], device: Device, seed: int) -> Design:
             raise InputError(
                 f"interval {name}: it is a gauge of the loop, or its start; give pickoff_gain_mismatch or a value"
             )
+        _check_width(quantity, low, high)
         values[name] = given.get(name, min(max(0.5 * (low + high), quantity.low), quantity.high))
         # What the loop can't find out it takes as known.
         if high > low and (name in PARAMETER_NAMES or can_be_estimated(model, name)):
@@ -195,6 +197,18 @@ def _complete(data: Mapping[str, Any], device: Device, seed: int) -> Design:
             deflection = controller.pop(f"{tone}_deflection")
             controller[f"{tone}_amplitude"] = deflection * controller.get("k", values["kxx"])
     return Design(str(data["name"]), values, deviations, model, controller, dict(tables["monitor"]))
+
+
+def _check_width(quantity: Quantity, low: float, high: float) -> None:
+    """Raises InputError where an interval is none of ``quantity``: beside all that it can be, or wider. One that
+    reaches beyond an end is: it stands for a deviation about a value that may be near there."""
+    beside = high < quantity.low or low > quantity.high
+    # The ends of one that a design has written are rounded.
+    if beside or high - low > (quantity.high - quantity.low) * (1 + 1e-9):
+        raise InputError(
+            f"interval {quantity.name} = [{low:g}, {high:g}] {quantity.unit}: it can be {quantity.low:g} to "
+            f"{quantity.high:g} {quantity.unit} at all; give an interval within that, in {quantity.unit}"
+        )
 
 
 def _drawn(device: Device, seed: int) -> dict[str, float]:

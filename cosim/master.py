@@ -32,7 +32,8 @@ def simulate(run: Run, progress: Progress | None = None) -> Result:
 
 def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
     loop = CompiledLoop(run, plant)
-    monitor = Monitor(run.observer, run.design, loop.lib, loop.observer, run.period, run.monitor_settings())
+    settings, tones = run.monitor_settings(), run.told_tones()
+    monitor = Monitor(run.observer, run.design, loop.lib, loop.observer, run.period, settings, tones)
     recorder = Recorder(run, loop.lib, monitor)
     size = max(round(BLOCK_DURATION * run.sample_rate), 1)
     rows = np.empty((min(max(GATHERED // size, 1) * size, run.samples), loop.width))

@@ -7,31 +7,33 @@ that stops, the flag is withdrawn and says why."""
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import hypot, isfinite, sqrt
+from math import hypot, isfinite, pi, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cosim.core.library import Library
+from cosim.core.settings import NEAR
 from cosim.design import Design
 from cosim.layout import KXX, PARAMETER_NAMES, M
 from cosim.observers.record import CoreObserver, Observer
 from cosim.running import Part, estimate_drift, filter_drift, filter_health, known_values, plain_health
+from cosim.setting import Setting, Table
 
 Floats = NDArray[np.float64]
 
-MONITOR: Final = {
-    "agreement": 0.01,
-    "turn_limit": 5e-3,
-    "drift_limit": 8.7e-3,
-    "chi2_low": 0.5,
-    "chi2_high": 1.35,
-    "start_high": 1.1,
-    "whiteness": 0.25,
-    "lasting_chi2": 1.1,
-    "lasting_whiteness": 0.1,
-    "patience": 0.01,
+MONITOR: Final[Table] = {
+    "agreement": Setting(0.01, 1e-6, 1.0),
+    "turn_limit": Setting(5e-3, 0.0, 1.0, "rad/s"),
+    "drift_limit": Setting(8.7e-3, 0.0, 100.0, "rad/s"),
+    "chi2_low": Setting(0.5, 0.0, 1.0, why="innovations as they should be have 1"),
+    "chi2_high": Setting(1.35, 1.0, 1e6, why="innovations as they should be have 1"),
+    "start_high": Setting(1.1, 1.0, 1e6, why="innovations as they should be have 1"),
+    "whiteness": Setting(0.25, 0.0, 1.0, why="it is a correlation"),
+    "lasting_chi2": Setting(1.1, 1.0, 1e6, why="innovations as they should be have 1"),
+    "lasting_whiteness": Setting(0.1, 0.0, 1.0, why="it is a correlation"),
+    "patience": Setting(0.01, 5e-3, 1e3, "s", why="the flag is judged every 5 ms"),
 }
 """agreement: largest relative change of a constant over `patience`, and its largest relative standard deviation, cross
 terms relative to their geometric mean; turn_limit: an error of the damping that turns the pattern by no more than this
@@ -72,10 +74,12 @@ def strayed_slope(variance: float, span: float) -> float:
 
 
 class Orbit(NamedTuple):
-    """Where it stands, ``phi`` [rad], and k/m of the isotropic oscillator that it is one of [1/s^2]."""
+    """Where it stands, ``phi`` [rad], k/m of the isotropic oscillator that it is one of [1/s^2], and how fast it may be
+    turned by what the force has lacked lately, having met its limit [rad/s]."""
 
     phi: float
     omega_squared: float
+    pushed: float = 0.0
 
 
 class Verdict(NamedTuple):
@@ -96,7 +100,8 @@ class Verdict(NamedTuple):
 
 @dataclass
 class Monitor:
-    """Judges a running loop block by block; ``withdrawn`` lists when the flag was taken back, and why."""
+    """Judges a running loop block by block; ``withdrawn`` lists when the flag was taken back, and why. tones: their
+    frequencies where the user has told them [Hz]."""
 
     observer: Observer | CoreObserver
     design: Design
@@ -104,6 +109,7 @@ class Monitor:
     part: Part
     period: float
     settings: Mapping[str, float]
+    tones: tuple[float, ...] = ()
     withdrawn: list[tuple[float, str]] = field(default_factory=list)
     valid: bool = False
     _good_since: float | None = None
@@ -122,7 +128,7 @@ class Monitor:
         health = self.health()
         strayed = max(health["strayed"], 0.0) / self._gain**2
         sigmas = hypot(largest, self._straying(t, strayed)), drift["turning_now"], drift["bending"], sqrt(strayed)
-        reason = self._doubt(t, health, estimate, deviation, largest, drift["unseen"])
+        reason = self._doubt(t, health, estimate, deviation, largest, drift["unseen"]) or self._force_doubt(orbit)
         astray = self._astray(reason, health, deviation) if reason.startswith(LOSSES) else 0.0
         if reason and not reason.startswith(DRIFTS):
             self._bent.clear()
@@ -219,6 +225,20 @@ class Monitor:
         if not turning <= set_["drift_limit"]:
             most = "gauge: turn the device or the pattern" if unseen > 0.5 * turning else "weak tones"
             return f"{DRIFTS} by {np.rad2deg(turning):.2g} deg/s (1 sigma): {most}"
+        return ""
+
+    def _force_doubt(self, orbit: Orbit) -> str:
+        """What is wrong of the force; empty where nothing is."""
+        if not orbit.pushed <= self.settings["drift_limit"]:
+            by = f"what it lacks may turn the pattern by {np.rad2deg(orbit.pushed):.2g} deg/s"
+            return f"the force meets its limit, {by}: raise controller.force_limit, or use weaker tones"
+        own = sqrt(max(orbit.omega_squared, 0.0)) / (2 * pi)
+        for tone in self.tones:
+            if abs(tone - own) < NEAR * own:
+                return (
+                    f"a tone of {tone:.4g} Hz is too near the pattern's own frequency, {own:.4g} Hz: give another "
+                    "controller.tone_x, tone_y, tone2_x or tone2_y"
+                )
         return ""
 
     def _lasting_doubt(self, t: float, health: Mapping[str, float]) -> str:

@@ -86,7 +86,7 @@ class Recorder:
     def __init__(self, run: Run, lib: Library, monitor: Monitor) -> None:
         self.run = run
         self.monitor = monitor
-        self.units = make_units(run.sample_rate, run.design.oscillation_hz)
+        self.units = make_units(run.sample_rate, run.oscillation_hz)
         self.angular_gain = run.design.all_values["angular_gain"]
         self.every = run.trace_every
         self.converged_at: float | None = None
@@ -115,31 +115,45 @@ class Recorder:
         t, end = (first + len(rows) - 1) * self.run.period, (first + len(rows)) * self.run.period
         estimate, deviation = rows[-1, :count].copy(), rows[-1, count : 2 * count].copy()
         measured = np.array([*held[-1, 1:], held[-1, 1], held[-1, 1]])
-        self._verdict = self.monitor.judge(t, estimate, deviation, measured, self._orbit_at(rows[-1]))
+        orbit = self._orbit(rows)
+        self._verdict = self.monitor.judge(t, estimate, deviation, measured, orbit)
         if self._verdict.valid and self.converged_at is None:
             # The flag holds from the next sample on.
             self.converged_at = end
             self._strayed_before = self._verdict.stray_sigma
         if self.converged_at is not None and np.isfinite(self._verdict.drift_sigma_now):
             self._angle_deviation += self._verdict.drift_sigma_now * (end - max(self._judged_at, self.converged_at))
-        if self.converged_at is not None and self._verdict.astray:
-            self._angle_deviation += self._misled(rows) * len(rows) * self.run.period
+        if self.converged_at is not None:
+            self._angle_deviation += (orbit.pushed + self._misled(rows)) * len(rows) * self.run.period
         self._judged_at = end
 
     def _misled(self, rows: Floats) -> float:
-        """How fast the force may turn the pattern [rad/s] where the estimated motion is astray: F/(2 m w a) by a force
-        F all across a motion of amplitude a, of which that is a share."""
-        values, (_, control, plant) = self.run.design.all_values, self._parts(rows)
-        pairs = control[:, :2], plant[:, :2]
-        force, voltage = (float(np.sqrt(2 * np.max(np.mean(pair**2, axis=0)))) for pair in pairs)
-        amplitude = voltage / abs(values["sense_gain_x"])
+        """How fast the force may turn the pattern [rad/s] where the estimated motion is astray, by the share of the
+        amplitude that it is."""
+        if not self._verdict.astray:
+            return 0.0
+        _, control, plant = self._parts(rows)
+        amplitude = self._amplitude(plant)
         share = min(self._verdict.astray / amplitude, 1.0) if amplitude > 0 else 1.0
-        return share * force / (4 * np.pi * values["m"] * self.run.design.oscillation_hz * max(amplitude, 1e-12))
+        return share * self._turning(_swing(control[:, :2]), amplitude)
 
-    def _orbit_at(self, row: Floats) -> Orbit:
-        estimate, control = row[: len(STATE_NAMES)], row[2 * len(self.names) :]
+    def _amplitude(self, plant: Floats) -> float:
+        """Of the motion, by the outputs of the plant [m]."""
+        return _swing(plant[:, :2]) / abs(self.run.design.all_values["sense_gain_x"])
+
+    def _turning(self, force: float, amplitude: float) -> float:
+        """How fast a force [N] all across a motion of that amplitude [m] may turn the pattern [rad/s]: F/(2 m w a)."""
+        mass = self.run.design.all_values["m"]
+        return force / (4 * np.pi * mass * self.run.oscillation_hz * max(amplitude, 1e-12))
+
+    def _orbit(self, rows: Floats) -> Orbit:
+        """Where the pattern stands at the end of a block, and how fast what the force has lacked in it may turn it."""
+        _, controls, plant = self._parts(rows)
+        estimate, control = rows[-1, : len(STATE_NAMES)], controls[-1]
         free, omega_squared = (estimate - control[2:6]).tolist(), float(control[CONTROL_NAMES.index("omega_squared")])
-        return Orbit(orientation_at(free, omega_squared), omega_squared)
+        lacking = float(np.mean(controls[:, CONTROL_NAMES.index("lacking")]))
+        pushed = self._turning(lacking, self._amplitude(plant)) if lacking else 0.0
+        return Orbit(orientation_at(free, omega_squared), omega_squared, pushed)
 
     def keep(self, first: int, rows: Floats, held: Floats) -> None:
         """Keeps the rows (estimates, deviations, control, outputs of the plant) of the samples from ``first`` on, all
@@ -221,7 +235,8 @@ class Recorder:
         """Angle [rad] and quality of each unit."""
         states = np.ascontiguousarray(estimate[:, : len(STATE_NAMES)].T)
         controls = np.ascontiguousarray(control.T)
-        forced, near = controls[2:6], controls[CONTROL_NAMES.index("near_x") :]
+        first = CONTROL_NAMES.index("near_x")
+        forced, near = controls[2:6], controls[first : first + len(STATE_NAMES)]
         omega_squared, turned = (controls[CONTROL_NAMES.index(name)] for name in ("omega_squared", "turned"))
         block = Block(t, states, forced, near, omega_squared, converged, self.angular_gain, turned)
         return {name: unit.process(block) for name, unit in self.units.items()}
@@ -294,6 +309,11 @@ class Recorder:
             relative = found.values[:, : len(PARAMETER_NAMES)] / np.abs([design.values[n] for n in PARAMETER_NAMES])
         effects = {name: found.values[:, found.names.index(name)] for name in self.extra_names}
         return Bounds(times, relative, found.omega, found.drift, effects)
+
+
+def _swing(pair: Floats) -> float:
+    """Amplitude of the larger of two oscillations, shape (n, 2)."""
+    return float(np.sqrt(2 * np.max(np.mean(pair**2, axis=0))))
 
 
 def true_parameters(device: Device, t: Floats, held: Floats | None = None) -> dict[str, Floats]:

@@ -1,7 +1,7 @@
 """Observers and controllers of one's own in plain Python, before their compiled code runs: that would read and write
 beyond its arrays unseen, plain Python says where."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import FunctionType
 from typing import Any, Final
@@ -116,7 +116,7 @@ def _rehearse(
         return
 
 
-def _remedy(stage: str, settings: Mapping[str, float], kind: str, name: str, size: int, index: Any) -> str:
+def _remedy(stage: str, settings: Iterable[str], kind: str, name: str, size: int, index: Any) -> str:
     said = f"{stage} uses {name}[{index}], but {name} has size {size}"
     if name == "memory":
         more = f" of {index + 1} or more" if isinstance(index, int) and index >= 0 else ""

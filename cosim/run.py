@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.controllers.record import Controller, CoreController
+from cosim.core.settings import TONES
 from cosim.design import Design
 from cosim.monitor import MONITOR
-from cosim.observers.record import CoreObserver, Observer, settings_array
+from cosim.observers.record import CoreObserver, Observer
 from cosim.scenarios import Scenario
+from cosim.setting import complete
 from gyro_model.device import Device
 from gyro_model.errors import InputError
 
@@ -55,9 +57,15 @@ class Run:
             raise InputError(
                 f"trace rate {self.trace_rate:g} Hz: give one up to the sample rate {self.sample_rate:g} Hz"
             )
-        self.controller.settings_array(**self.controller_settings())
+        for name in ("sense_gain_x", "sense_gain_y"):
+            if not self.design.all_values[name]:
+                raise InputError(f"{name} = 0 V/m: the loop sees the motion by it; give another gain")
+        if isinstance(self.controller, CoreController):
+            self.controller.settings_array(self.sample_rate, **self.controller_settings())
+        else:
+            self.controller.settings_array(**self.controller_settings())
         self.observer.settings_array(**self.observer_settings())
-        settings_array("monitor", MONITOR, self._of("monitor"))
+        self.monitor_settings()
 
     def _of(self, part: str) -> dict[str, float]:
         return dict(self.settings.get(part, {}))
@@ -78,6 +86,17 @@ class Run:
         rate = self.trace_rate or min(TRACE_RATE, TRACE_ROWS / self.duration)
         return max(round(self.sample_rate / rate), 1)
 
+    @property
+    def stiffness(self) -> float:
+        """Stiffness of the isotropic oscillator that the controller makes of the device [N/m]: what the user set, or
+        the design's."""
+        return float(self._of("controller").get("k", self.design.stiffness))
+
+    @property
+    def oscillation_hz(self) -> float:
+        """Its frequency, as far as the nominal mass tells."""
+        return float(np.sqrt(max(self.stiffness, 0.0) / self.design.values["m"]) / (2 * np.pi))
+
     def plant_parameters(self) -> dict[str, float]:
         """The FMU parameters: the device's, sample period, seed, and an internal step that divides the period."""
         return plant_parameters(self.device, self.period, self.seed)
@@ -88,21 +107,28 @@ class Run:
 
     def controller_settings(self) -> dict[str, float]:
         """Settings of the controller: from the design, then what the user set."""
-        design = self.design
         told: dict[str, float] = {
-            "k": design.stiffness,
-            "amplitude": design.amplitude,
-            "tone_amplitude": TONE_DEFLECTION * design.stiffness,
+            "k": self.stiffness,
+            "amplitude": self.design.amplitude,
+            "tone_amplitude": TONE_DEFLECTION * self.stiffness,
             "energy_loop": float(self.duration > LONG_RUN),
-            "first_frequency": design.oscillation_hz,
-            **design.controller,
+            "first_frequency": self.oscillation_hz,
+            **self.design.controller,
         }
         known = {name: value for name, value in told.items() if name in self.controller.settings}
         return known | self._of("controller")
 
+    def told_tones(self) -> tuple[float, ...]:
+        """Frequencies of the tones that do not go with the loop's own [Hz]."""
+        if not isinstance(self.controller, CoreController):
+            return ()
+        told = complete(self.controller.name, self.controller.settings, self.controller_settings())
+        return tuple(told[name] for name, pair in TONES.items() if told[name] and told[f"{pair}_amplitude"])
+
     def monitor_settings(self) -> dict[str, float]:
-        """Settings of the monitor: from the design, then what the user set."""
-        return {**MONITOR, **self.design.monitor, **self._of("monitor")}
+        """Settings of the monitor: from the design, then what the user set. Raises InputError for an unknown name, and
+        for a value that can't be."""
+        return complete("monitor", MONITOR, {**self.design.monitor, **self._of("monitor")})
 
 
 TONE_DEFLECTION: Final = 0.5e-6

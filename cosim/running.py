@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.controllers.record import OUTPUT_SIZE, Controller, CoreController
-from cosim.core.library import DRIFT_NAMES, HEALTH_NAMES, Library, library, pointer
+from cosim.core.library import CONTROL_NAMES, DRIFT_NAMES, HEALTH_NAMES, Library, library, pointer
 from cosim.design import Design
 from cosim.layout import ESTIMATE_SIZE, KXX, OMEGA_Z, PARAMETER_NAMES, M
 from cosim.observers.record import NOISE_RMS, SENSE_GAIN_X, SENSE_GAIN_Y, SENSOR_SIZE, CoreObserver, Observer
@@ -81,7 +81,7 @@ def begin_controller(
     """The controller, ready for the first sample."""
     if isinstance(controller, CoreController):
         memory = lib.memory("foucault")
-        values, known = controller.settings_array(**settings), known_values(design, lib, period)
+        values, known = controller.settings_array(1 / period, **settings), known_values(design, lib, period)
         lib.call.core_foucault_start(pointer(memory), pointer(values), pointer(known), ctypes.c_double(period))
         return Part(lib.address("core_foucault_step").value or 0, memory)
     return _bridged_controller(controller, design, period, settings)
@@ -341,7 +341,7 @@ def _bridged_controller(controller: Controller, design: Design, period: float, s
         control[0], control[1] = out[0], out[1]
         for i in range(5):
             control[2 + i] = out[4 + i]
-        for i in range(7, 12):
+        for i in range(7, len(CONTROL_NAMES)):
             control[i] = 0.0
 
     def again() -> None:

@@ -3,6 +3,6 @@
 from typing import Final
 
 from cosim.controllers.record import CoreController
-from cosim.core.settings import FOUCAULT, FOUCAULT_LIMITS, check_reversal
+from cosim.core.settings import FOUCAULT, check_foucault
 
-CONTROLLER: Final = CoreController("foucault", FOUCAULT, FOUCAULT_LIMITS, check_reversal)
+CONTROLLER: Final = CoreController("foucault", FOUCAULT, check_foucault)

@@ -1,12 +1,14 @@
 """What a controller is: a record of two compiled functions on flat arrays, or the loop's own in C."""
 
 from collections.abc import Callable, Mapping
+from math import inf
 from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from cosim.observers.record import limited_settings_array, settings_array
+from cosim.observers.record import settings_array
+from cosim.setting import Setting, Table, complete
 
 INIT_SIGNATURE: Final = "void(f8[::1], f8[::1], f8)"
 STEP_SIGNATURE: Final = "void(f8[::1], f8[::1], f8, f8[::1], f8[::1], f8[::1])"
@@ -31,30 +33,29 @@ class Controller(NamedTuple):
 
     name: str
     memory_size: int
-    settings: dict[str, float]
+    settings: Mapping[str, float | Setting]
     init: Callable[..., None]
     step: Callable[..., None]
 
     def settings_array(self, **changes: float) -> npt.NDArray[np.float64]:
         """Return the settings as the flat array of `init` and `step`, with `changes` made.
 
-        Raises InputError for a name that the controller does not have.
+        Raises InputError for a name that the controller does not have, and for a value that can't be.
         """
         return settings_array(self.name, self.settings, changes)
 
 
 class CoreController(NamedTuple):
-    """The loop's own controller, in C (cosim/core/foucault.c). limits: of settings; check: what they must be
-    together, InputError where they are not."""
+    """The loop's own controller, in C (cosim/core/foucault.c). check: of what its settings must be together, at a
+    sample rate [Hz]; InputError where they are not."""
 
     name: str
-    settings: Mapping[str, float]
-    limits: Mapping[str, tuple[float, float]]
-    check: Callable[[Mapping[str, float]], None]
+    settings: Table
+    check: Callable[[Mapping[str, float], float], None]
 
-    def settings_array(self, **changes: float) -> npt.NDArray[np.float64]:
+    def settings_array(self, sample_rate: float = inf, **changes: float) -> npt.NDArray[np.float64]:
         """Return the settings in their order, with `changes` made. Raises InputError for an unknown name, and for
-        values that can't be."""
-        values = limited_settings_array(self.name, self.settings, changes, self.limits)
-        self.check({**self.settings, **changes})
-        return values
+        values that can't be, or not at `sample_rate` [Hz]."""
+        values = complete(self.name, self.settings, changes)
+        self.check(values, sample_rate)
+        return np.array(list(values.values()))

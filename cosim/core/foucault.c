@@ -352,6 +352,7 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
 
     /* Wrong first estimates must not drive the device away. */
     const double limit = set->force_limit * set->k * set->amplitude, size = sqrt(feedback[0] * feedback[0] + feedback[1] * feedback[1]);
+    out->lacking = larger(size - limit, 0.0);
     if (size > limit) {
         feedback[0] *= limit / size;
         feedback[1] *= limit / size;
@@ -360,6 +361,7 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
                               feedback[1] + c->loop.mix[2] * added[0] + c->loop.mix[3] * added[1]};
     invert(c, s, wanted, out->u);
     const double command = sqrt(out->u[0] * out->u[0] + out->u[1] * out->u[1]);
+    out->lacking += larger(command - 1.5 * limit, 0.0);
     if (command > 1.5 * limit) {
         out->u[0] *= 1.5 * limit / command;
         out->u[1] *= 1.5 * limit / command;

@@ -67,6 +67,7 @@ typedef struct {
     double near[4];       /* the part of it that is due to the second pair, near the loop's own frequency */
     double omega_squared; /* k/m of the isotropic oscillator [1/s2] */
     double turned;        /* angle by which the pattern has been turned electronically [rad] */
+    double lacking;       /* force that its limit has taken away [N] */
 } foucault_output;
 
 void foucault_start(foucault *c, const foucault_settings *settings, const double *known_values, double period);

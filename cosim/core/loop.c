@@ -74,6 +74,7 @@ EXPORT void core_foucault_step(void *memory, double t, const double *estimate, c
     control[6] = out.omega_squared;
     control[7] = out.turned;
     memcpy(control + 8, out.near, sizeof out.near);
+    control[12] = out.lacking;
 }
 
 EXPORT size_t core_filter_size(void) { return sizeof(filter); }

@@ -3,7 +3,7 @@
 
 from typing import Final
 
-from cosim.core.settings import FILTER, FILTER_LIMITS
+from cosim.core.settings import FILTER, check_filter
 from cosim.observers.record import CoreObserver
 
-OBSERVER: Final = CoreObserver("ekf", FILTER, FILTER_LIMITS)
+OBSERVER: Final = CoreObserver("ekf", FILTER, check_filter)

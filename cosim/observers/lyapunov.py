@@ -62,22 +62,23 @@ from cosim.propagation import (
     taylor_order,
     theta_of,
 )
+from cosim.setting import Setting
 
 N: Final = THETA_SIZE
 BLOCK: Final = 64
 
 SETTINGS: Final = {
-    "settling": 6e-4,
-    "settling_moving": 2e-4,
-    "damping_max": 0.8,
-    "omega_walk": 5.0,
-    "memory_stiffness": 3.0,
-    "memory_damping": 1.0,
-    "residual_memory": 20.0,
-    "patience": 5.0,
-    "relearn": 0.6,
-    "noise_memory": 15.0,
-    "slope_memory": 3.0,
+    "settling": Setting(6e-4, 1e-6, 1.0, "s"),
+    "settling_moving": Setting(2e-4, 1e-6, 1.0, "s"),
+    "damping_max": Setting(0.8, 1e-3, 10.0),
+    "omega_walk": Setting(5.0, 0.0, 1e4, "rad/s/√s"),
+    "memory_stiffness": Setting(3.0, 1e-4, 1e6, "s"),
+    "memory_damping": Setting(1.0, 1e-4, 1e6, "s"),
+    "residual_memory": Setting(20.0, 1.0, 1e6, "samples", why="a memory of less than a sample is none"),
+    "patience": Setting(5.0, 0.0, 1e6, "periods"),
+    "relearn": Setting(0.6, 1e-3, 1e6, "periods"),
+    "noise_memory": Setting(15.0, 0.1, 1e6, "periods"),
+    "slope_memory": Setting(3.0, 0.1, 1e6, "periods"),
 }
 """settling [s]: time constant at which the gain lets the state error die while omega_z rests; settling_moving [s]: the
 least while omega_z moves; damping_max: damping ratio that the gain gives the observer at most, while the innovation

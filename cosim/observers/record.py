@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gyro_model.errors import InputError, nearest
+from cosim.setting import Setting, Table, complete
 
 INIT_SIGNATURE: Final = "void(f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8)"
 STEP_SIGNATURE: Final = "void(f8[::1], f8[::1], f8, f8, f8, f8, f8[::1], f8[::1])"
@@ -30,57 +30,46 @@ class Observer(NamedTuple):
         held over [t_{k-1}, t_k) (ignored at k = 0), v is sample k [V]. Writes the estimate and its
         standard deviation at t_k, in the same order, and allocates nothing.
 
+    settings: their defaults by name, or each as a Setting, which also says what it can be.
+
     What the design knows beyond springs and dampers (delay, actuators, pickoff, amplifier) is taken out of u and v
     before the observer sees them.
     """
 
     name: str
     memory_size: int
-    settings: dict[str, float]
+    settings: Mapping[str, float | Setting]
     init: Callable[..., None]
     step: Callable[..., None]
 
     def settings_array(self, **changes: float) -> npt.NDArray[np.float64]:
         """Return the settings as the flat array of `init` and `step`, with `changes` made.
 
-        Raises InputError for a name that the observer does not have.
+        Raises InputError for a name that the observer does not have, and for a value that can't be.
         """
         return settings_array(self.name, self.settings, changes)
 
 
 class CoreObserver(NamedTuple):
-    """The loop's own observer, in C (cosim/core/filter.c): it estimates whatever the design says."""
+    """The loop's own observer, in C (cosim/core/filter.c): it estimates whatever the design says. check: of what its
+    settings must be together, InputError where they are not."""
 
     name: str
-    settings: Mapping[str, float]
-    limits: Mapping[str, tuple[float, float]]
+    settings: Table
+    check: Callable[[Mapping[str, float]], None]
 
     def settings_array(self, **changes: float) -> npt.NDArray[np.float64]:
-        """Return the settings in their order, with `changes` made. Raises InputError for an unknown name, and for a
-        value beyond what the memory of the C is made for."""
-        return limited_settings_array(self.name, self.settings, changes, self.limits)
+        """Return the settings in their order, with `changes` made. Raises InputError for an unknown name, and for
+        values that can't be."""
+        values = complete(self.name, self.settings, changes)
+        self.check(values)
+        return np.array(list(values.values()))
 
 
-def limited_settings_array(
-    owner: str,
-    defaults: Mapping[str, float],
-    changes: Mapping[str, float],
-    limits: Mapping[str, tuple[float, float]],
+def settings_array(
+    owner: str, settings: Mapping[str, float | Setting], changes: Mapping[str, float]
 ) -> npt.NDArray[np.float64]:
-    """As ``settings_array``; raises InputError for a value beyond ``limits`` too."""
-    values = settings_array(owner, defaults, changes)
-    for name, (low, high) in limits.items():
-        value = changes.get(name, low)
-        if not low <= value <= high:
-            raise InputError(f"{owner}: setting {name} = {value:g}: give {low:g} to {high:g}")
-    return values
-
-
-def settings_array(owner: str, defaults: Mapping[str, float], changes: Mapping[str, float]) -> npt.NDArray[np.float64]:
-    """Return the values of `defaults` with `changes` made, in the order of `defaults`."""
-    for name, value in changes.items():
-        if name not in defaults:
-            raise InputError(f"{owner} has no setting {name!r} (= {value}){nearest(name, defaults)}")
-        if not np.isfinite(value):
-            raise InputError(f"{owner}: setting {name!r} is {value}; give a finite number")
-    return np.array([changes.get(name, value) for name, value in defaults.items()], dtype=float)
+    """Return the values of `settings` with `changes` made, in their order. Raises InputError for an unknown name, and
+    for a value that can't be."""
+    table = {name: given if isinstance(given, Setting) else Setting(given) for name, given in settings.items()}
+    return np.array(list(complete(owner, table, changes).values()), dtype=float)

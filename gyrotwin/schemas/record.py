@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from math import isfinite
 from typing import Any, Final, NamedTuple
 
+from cosim.setting import Setting
 from gyro_model.quantities import Quantity
 
 Json = dict[str, Any]
@@ -46,6 +47,13 @@ def quantity(found: Quantity) -> Json:
     return {"type": kind, "description": f"{found.description} [{found.unit}]"} | {
         key: value for key, value in bounds.items() if isfinite(value)
     }
+
+
+def setting(found: Setting) -> Json:
+    """The value of a setting, with its unit and bounds."""
+    unit = {"description": f"[{found.unit}]"} if found.unit else {}
+    bounds = {"minimum": 0.0 if found.zero else found.low, "maximum": found.high}
+    return NUMBER | unit | {key: value for key, value in bounds.items() if isfinite(value)}
 
 
 def interval(found: Quantity) -> Json:

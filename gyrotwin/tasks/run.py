@@ -165,7 +165,7 @@ def execute(run: Run, folder: Path, progress: Progress | None = None) -> dict[st
 def filters_of(run: Run, result: Result) -> list[Filter]:
     """The filters of the angle units, then others of the same bands to compare them with."""
     own = [unit.filter for unit in result.units.values() if unit.filter is not None]
-    hertz = run.design.oscillation_hz
+    hertz = run.oscillation_hz
     return own + [design(run.sample_rate, hertz, "butterworth") for design in (band_pass, low_pass)]
 
 

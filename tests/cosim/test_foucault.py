@@ -337,7 +337,7 @@ def test_force_is_bounded_while_estimates_are_wrong():
         estimate[:4] *= 100.0
 
     _, outputs = run(10, [1e-6, 0, 0, 0], change=wrong)
-    limit = CONTROLLER.settings["force_limit"] * K * 1e-6
+    limit = CONTROLLER.settings["force_limit"].default * K * 1e-6
     # Beside the feedback there are the two tones of 32 uN.
     assert np.hypot(outputs[:, 0], outputs[:, 1]).max() < limit + 2 * 32e-6
 

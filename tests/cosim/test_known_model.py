@@ -12,6 +12,7 @@ from cosim.known_model import KnownModel
 from cosim.layout import PARAMETER_NAMES
 from cosim.observers.ekf import OBSERVER
 from cosim.running import Part, filter_health, known_values, observe, prior
+from cosim.setting import defaults
 from gyro_model.errors import InputError
 from gyro_model.model import load_model
 from gyro_model.reference import simulate
@@ -183,7 +184,7 @@ def test_what_shows_by_its_square_is_flat_at_its_lowest_value():
 
 def test_settings_stand_in_the_order_of_the_c():
     # The structure is written from the same table: its names, in order, are the array's.
-    assert list(FILTER.values()) == OBSERVER.settings_array().tolist()
+    assert list(defaults(FILTER).values()) == OBSERVER.settings_array().tolist()
     assert OBSERVER.settings_array(settle=3.0)[list(FILTER).index("settle")] == 3.0
 
 

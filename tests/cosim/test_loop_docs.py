@@ -30,6 +30,14 @@ def test_a_table_names_no_setting_that_is_not_there(part: str) -> None:
     assert named == set(TABLES[part])
 
 
+@pytest.mark.parametrize("part", TABLES)
+def test_a_table_says_what_its_settings_can_be(part: str) -> None:
+    for row in rows(part).splitlines()[2:]:
+        names, _, can_be, _ = (cell.strip() for cell in row.strip("|").split("|"))
+        shown = [TABLES[part][name].shown for name in re.findall(r"`(\w+)`", names)]
+        assert can_be == (shown[0] if len(set(shown)) == 1 else "; ".join(shown)), names
+
+
 def test_every_packaged_design_is_there() -> None:
     assert all(f"`{name}`" in TEXT for name in packaged_designs())
 
