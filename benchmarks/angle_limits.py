@@ -36,7 +36,7 @@ def units_alone(run: Run, converged_at: float, mass_error: float = 0.0) -> dict[
     converged = t >= converged_at
     states = np.stack((x * along, x_dot * along, x * across, x_dot * across))
     none = np.zeros((4, len(t)))
-    block = Block(t, states, none, none, np.full(len(t), w * w), converged, 1.0, np.zeros(len(t)))
+    block = Block(t, states, none, none, np.full(len(t), w * w), converged, 1.0, np.zeros(len(t)), np.zeros(len(t)))
     angle_true = turned - turned[converged.argmax()]
     edges = run.scenario.edges_until(run.duration)
     result = {}

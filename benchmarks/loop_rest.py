@@ -18,6 +18,7 @@ from calibration.analysis.allan import OCTAVE, angle_allan
 from cosim.angle import Block, UnitC
 from cosim.bound import GrowingBound, Motion, at_the_truth
 from cosim.core.library import CONTROL_NAMES
+from cosim.layout import OMEGA_Z
 from cosim.master import BLOCK_DURATION
 from cosim.monitor import Monitor, Orbit
 from cosim.run import Run
@@ -122,7 +123,8 @@ def _angle(unit: UnitC, run: Run, first: int, estimate: Floats, control: Floats)
     t: Floats = np.arange(first, first + count, dtype=np.float64) * np.float64(run.period)
     gain, always = run.design.all_values["angular_gain"], np.ones(count, dtype=bool)
     states = np.ascontiguousarray(estimate[:, :4].T)
-    block = Block(t, states, forced, near, columns["omega_squared"], always, gain, columns["turned"])
+    turn = gain * estimate[:, OMEGA_Z] + columns["own_rate"]
+    block = Block(t, states, forced, near, columns["omega_squared"], always, gain, columns["turned"], turn)
     return unit.process(block)[0]
 
 

@@ -8,8 +8,10 @@ body, so the reported angle is theta = -(phi - phi at convergence) / lambda.
 A: band-pass the four states, then phi. B: phi, then low-pass. C: subtract the observer's response
 to the two tones, then phi, no filter.
 
-x' of a turning pattern also holds Omega y, which ripples phi by Omega/(2 w), 0.008 deg at 5 rad/s,
-at twice the oscillation frequency and with zero mean; it is left in.
+x' of a pattern that turns against the package also holds that turn times y, which would ripple phi by
+turn/(2 w) at twice the oscillation frequency, 0.008 deg at 5 rad/s and 0.15 deg at 100 rad/s. The mean
+would be zero, but not what a single sample finds, and one sets the angle's zero. A and C take it out by
+the estimated rate, B by its low-pass.
 
 Why B works although the tones bend phi by tens of degrees: with z = x + j x'/w and likewise y, phi
 is half the argument of (z_x + j z_y)(z_x* + j z_y*). The factors are the pattern, a + b and a - b
@@ -42,7 +44,8 @@ class Block:
     t [s]; states: estimates of x, x_dot, y, y_dot at t [m, m/s], shape (4, n); forced: the response to the tones and
     what held forces bend of the pattern there, likewise; near: the part of it at tones near the oscillation;
     omega_squared = k/m [1/s^2]; converged: bool; lambda_: the angular gain [1]; turned: angle by which the controller
-    has turned the pattern [rad]."""
+    has turned the pattern [rad]; turn: rate at which the pattern turns against the package, by the estimated
+    rate and by the controller, backwards [rad/s]."""
 
     t: Floats
     states: Floats
@@ -52,6 +55,7 @@ class Block:
     converged: NDArray[np.bool_]
     lambda_: float
     turned: Floats
+    turn: Floats
 
     @cached_property
     def filterable(self) -> Floats:
@@ -61,7 +65,7 @@ class Block:
     @cached_property
     def free(self) -> tuple[Floats, Floats]:
         """Phi within +-pi/2 [rad] and quality, shape (n,), of the pattern without its response to the tones."""
-        return orientation(self.states - self.forced, self.omega_squared)
+        return orientation(at_rest(self.states - self.forced, self.turn), self.omega_squared)
 
     @cached_property
     def frequency_hz(self) -> Floats:
@@ -142,7 +146,7 @@ class UnitA(_PatternUnit):
 
     def process(self, block: Block) -> tuple[Floats, Floats]:
         """Angle [rad] and quality, see AngleUnit."""
-        raw, quality = orientation(self._filtered(block), block.omega_squared)
+        raw, quality = orientation(at_rest(self._filtered(block), block.turn), block.omega_squared)
         return self._pattern.angle(self._pattern.unwrapped(raw), block), quality
 
     def _filtered(self, block: Block) -> Floats:
@@ -292,6 +296,13 @@ def sine_lag(t: Floats, angle: Floats, angle_true: Floats, frequency_hz: float =
     fitted, *_ = np.linalg.lstsq(basis, np.stack((angle[valid], angle_true[valid]), axis=1))
     measured, true = fitted[2] - 1j * fitted[3]
     return float(-np.angle(measured / true) / (2 * np.pi * frequency_hz))
+
+
+def at_rest(states: Floats, turn: Floats) -> Floats:
+    """x, x', y, y', shape (4, n), with the velocities as one sees them who turns with the pattern: z' + i turn z,
+    z = x + i y; ``turn`` against the package [rad/s], shape (n,)."""
+    x, x_dot, y, y_dot = states
+    return np.stack((x, x_dot - turn * y, y, y_dot + turn * x))
 
 
 def orientation_at(state: Iterable[float], omega_squared: float) -> float:

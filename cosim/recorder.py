@@ -238,7 +238,8 @@ class Recorder:
         first = CONTROL_NAMES.index("near_x")
         forced, near = controls[2:6], controls[first : first + len(STATE_NAMES)]
         omega_squared, turned = (controls[CONTROL_NAMES.index(name)] for name in ("omega_squared", "turned"))
-        block = Block(t, states, forced, near, omega_squared, converged, self.angular_gain, turned)
+        turn = self.angular_gain * estimate[:, OMEGA_Z] + controls[CONTROL_NAMES.index("own_rate")]
+        block = Block(t, states, forced, near, omega_squared, converged, self.angular_gain, turned, turn)
         return {name: unit.process(block) for name, unit in self.units.items()}
 
     def _columns(

@@ -382,6 +382,7 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     memcpy(out->near, near, sizeof near);
     out->omega_squared = omega_squared;
     out->turned = c->turned;
+    out->own_rate = own_rate;
     c->count++;
 }
 

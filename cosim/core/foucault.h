@@ -68,6 +68,7 @@ typedef struct {
     double omega_squared; /* k/m of the isotropic oscillator [1/s2] */
     double turned;        /* angle by which the pattern has been turned electronically [rad] */
     double lacking;       /* force that its limit has taken away [N] */
+    double own_rate;      /* at which the pattern is turned electronically [rad/s] */
 } foucault_output;
 
 void foucault_start(foucault *c, const foucault_settings *settings, const double *known_values, double period);

@@ -75,6 +75,7 @@ EXPORT void core_foucault_step(void *memory, double t, const double *estimate, c
     control[7] = out.turned;
     memcpy(control + 8, out.near, sizeof out.near);
     control[12] = out.lacking;
+    control[13] = out.own_rate;
 }
 
 EXPORT size_t core_filter_size(void) { return sizeof(filter); }

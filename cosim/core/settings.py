@@ -108,8 +108,8 @@ the oscillator having no losses, and looks like the pattern: on the reference de
 of what is told at 0.1 beside it, 1.7 at 0.08, 3.4 at 0.05, 5.6 at 0.033 and 70 at none."""
 TURNING: Final = 0.01
 """Fastest electronic turn over the oscillation's angular frequency. It is formed to first order in the rate: on the
-reference device 150 rad/s left up to 0.33 deg/s of drift, 370 rad/s 0.47 deg/s and a degree of angle, 1000 rad/s 1.4
-deg/s and 3000 rad/s no pattern."""
+reference device 150 rad/s left up to 0.32 deg/s of drift, 370 rad/s 0.45, 600 rad/s 0.68 and 1000 rad/s 1.4 deg/s, and
+3000 rad/s no pattern."""
 
 
 def check_foucault(settings: Mapping[str, float], sample_rate: float = inf) -> None:

@@ -62,3 +62,18 @@ def test_knees_of_the_rate_are_no_steps(tmp_path, residual) -> None:
     # Knees taken for steps shift the angle by a degree each, 10 deg/s over a window. Left are kicks by the tones where
     # two knees nearly meet and the rate lags by 1 rad/s for some samples.
     residual("drift [deg/s]", max(abs(d) for d, _ in found), 2.0)
+
+
+def test_a_fast_rate_leaves_no_offset(tmp_path) -> None:
+    # The angle's zero is one sample. Read with velocities as the package sees them, it was 0.11 deg off at 100 rad/s.
+    square = 'kind = "square"\namplitude = 3.0\nfrequency = 20.0\nuntil = 0.15'
+    ramp = 'kind = "ramps"\nfrom = 0.15\ntimes = [0.15, 0.25]\nvalues = [0.0, 100.0]'
+    path = tmp_path / "rate.toml"
+    path.write_text(f"{HEAD}duration = 0.35\n[[omega_z]]\n{square}\n[[omega_z]]\n{ramp}\n")
+    _, result = simulated(str(path), "x_start=1e-6", design="plain", seed=2)
+    last = result.trace.tail(200)
+    error = (last["angle_C"] - last["angle_true"]).to_numpy()
+    # Of the seed 0.6 of what is told is left.
+    assert abs(error.mean()) < 3.0 * last["angle_sigma"].to_numpy().mean()
+    # The ripple at twice the oscillation was 0.14 deg rms; 0.004 of it is left, by noise and constants.
+    assert np.rad2deg(error.std()) < 0.01
