@@ -75,11 +75,12 @@ def strayed_slope(variance: float, span: float) -> float:
 
 class Orbit(NamedTuple):
     """Where it stands, ``phi`` [rad], k/m of the isotropic oscillator that it is one of [1/s^2], and how fast it may be
-    turned by what the force has lacked lately, having met its limit [rad/s]."""
+    turned by what the force has lacked lately, having met its limit, and by gains older than the constants [rad/s]."""
 
     phi: float
     omega_squared: float
     pushed: float = 0.0
+    behind: float = 0.0
 
 
 class Verdict(NamedTuple):
@@ -117,6 +118,7 @@ class Monitor:
     _patience: float = 0.0
     _bent: list[tuple[float, float]] = field(default_factory=list)
     _strayed: list[tuple[float, float]] = field(default_factory=list)
+    _behind: list[tuple[float, float]] = field(default_factory=list)
     _lately: list[tuple[float, tuple[float, float, float]]] = field(default_factory=list)
     _previous: list[tuple[float, Floats]] = field(default_factory=list)
 
@@ -127,8 +129,15 @@ class Monitor:
         largest = hypot(drift["turning"], self._mending(t, drift["bending"]))
         health = self.health()
         strayed = max(health["strayed"], 0.0) / self._gain**2
-        sigmas = hypot(largest, self._straying(t, strayed)), drift["turning_now"], drift["bending"], sqrt(strayed)
-        reason = self._doubt(t, health, estimate, deviation, largest, drift["unseen"]) or self._force_doubt(orbit)
+        reason = self._doubt(t, health, estimate, deviation, largest, drift["unseen"])
+        lagging = self._lagging(t, orbit.behind / self._gain, alone=bool(reason))
+        sigmas = (
+            hypot(largest, self._straying(t, strayed), lagging),
+            drift["turning_now"],
+            drift["bending"],
+            sqrt(strayed),
+        )
+        reason = reason or self._force_doubt(orbit, lagging)
         astray = self._astray(reason, health, deviation) if reason.startswith(LOSSES) else 0.0
         if reason and not reason.startswith(DRIFTS):
             self._bent.clear()
@@ -183,6 +192,16 @@ class Monitor:
         self._strayed.append((t, variance))
         return strayed_slope(variance - self._strayed[0][1], WINDOW)
 
+    def _lagging(self, t: float, behind: float, *, alone: bool) -> float:
+        """Mean over WINDOW of the rate at which gains older than the constants turn the pattern [rad/s], ``alone``: of
+        the last block: what a start has done is over with it."""
+        if alone:
+            self._behind.clear()
+        while len(self._behind) > 1 and self._behind[1][0] <= t - WINDOW:
+            self._behind.pop(0)
+        self._behind.append((t, behind))
+        return sum(rate for _, rate in self._behind) / len(self._behind)
+
     def _doubt(
         self,
         t: float,
@@ -227,11 +246,16 @@ class Monitor:
             return f"{DRIFTS} by {np.rad2deg(turning):.2g} deg/s (1 sigma): {most}"
         return ""
 
-    def _force_doubt(self, orbit: Orbit) -> str:
+    def _force_doubt(self, orbit: Orbit, lagging: float) -> str:
         """What is wrong of the force; empty where nothing is."""
         if not orbit.pushed <= self.settings["drift_limit"]:
             by = f"what it lacks may turn the pattern by {np.rad2deg(orbit.pushed):.2g} deg/s"
             return f"the force meets its limit, {by}: raise controller.force_limit, or use weaker tones"
+        if not lagging <= self.settings["drift_limit"]:
+            return (
+                f"the force lags what the observer knows and turns the pattern by {np.rad2deg(lagging):.2g} deg/s: "
+                "give a shorter controller.update_period"
+            )
         own = sqrt(max(orbit.omega_squared, 0.0)) / (2 * pi)
         for tone in self.tones:
             if abs(tone - own) < NEAR * own:

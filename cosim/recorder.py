@@ -124,7 +124,7 @@ class Recorder:
         if self.converged_at is not None and np.isfinite(self._verdict.drift_sigma_now):
             self._angle_deviation += self._verdict.drift_sigma_now * (end - max(self._judged_at, self.converged_at))
         if self.converged_at is not None:
-            self._angle_deviation += (orbit.pushed + self._misled(rows)) * len(rows) * self.run.period
+            self._angle_deviation += (orbit.pushed + orbit.behind + self._misled(rows)) * len(rows) * self.run.period
         self._judged_at = end
 
     def _misled(self, rows: Floats) -> float:
@@ -151,9 +151,9 @@ class Recorder:
         _, controls, plant = self._parts(rows)
         estimate, control = rows[-1, : len(STATE_NAMES)], controls[-1]
         free, omega_squared = (estimate - control[2:6]).tolist(), float(control[CONTROL_NAMES.index("omega_squared")])
-        lacking = float(np.mean(controls[:, CONTROL_NAMES.index("lacking")]))
+        lacking, behind = (float(np.mean(controls[:, CONTROL_NAMES.index(name)])) for name in ("lacking", "behind"))
         pushed = self._turning(lacking, self._amplitude(plant)) if lacking else 0.0
-        return Orbit(orientation_at(free, omega_squared), omega_squared, pushed)
+        return Orbit(orientation_at(free, omega_squared), omega_squared, pushed, behind)
 
     def keep(self, first: int, rows: Floats, held: Floats) -> None:
         """Keeps the rows (estimates, deviations, control, outputs of the plant) of the samples from ``first`` on, all

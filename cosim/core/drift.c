@@ -65,6 +65,18 @@ static void across(pair g, double out[3])
     out[2] = 0.5 * creal(g.e[1][1] - g.e[0][0]);
 }
 
+/* G of the force per motion. */
+static pair turning_by(const known *k, double omega, pair force, pair impedance)
+{
+    pair g;
+    for (int i = 0; i < 2; i++) {
+        for (int j = 0; j < 2; j++) {
+            g.e[i][j] = (force.e[i][j] - impedance.e[i][j]) * k->p[INVERSE_MASS] / (2.0 * I * omega);
+        }
+    }
+    return g;
+}
+
 void drift_of(const known *k, const known *taken, double stiffness, double rate[3], double bend[3])
 {
     const double mass = 1.0 / taken->p[INVERSE_MASS], omega = sqrt(stiffness / mass);
@@ -74,14 +86,17 @@ void drift_of(const known *k, const known *taken, double stiffness, double rate[
     /* The feedback makes the dynamic stiffness vanish on the device as taken. */
     const pair read = product(inverse(H_taken), H);
     const pair force = product(product(A, inverse(A_taken)), product(Z_taken, read));
-    pair g;
-    for (int i = 0; i < 2; i++) {
-        for (int j = 0; j < 2; j++) {
-            g.e[i][j] = (force.e[i][j] - Z.e[i][j]) * k->p[INVERSE_MASS] / (2.0 * I * omega);
-        }
-    }
-    across(g, rate);
+    across(turning_by(k, omega, force, Z), rate);
     across(read, bend);
+}
+
+void drift_of_force(const known *k, const known *taken, double stiffness, double rate[3])
+{
+    const double omega = sqrt(stiffness * taken->p[INVERSE_MASS]);
+    pair Z, A, H, Z_taken, A_taken, H_taken;
+    responses(k, omega, &Z, &A, &H);
+    responses(taken, omega, &Z_taken, &A_taken, &H_taken);
+    across(turning_by(k, omega, product(product(A, inverse(A_taken)), Z_taken), Z), rate);
 }
 
 /* Root of v' C v for v = (1, cos a, sin a), C the sum of squares of `columns`. */

@@ -1,5 +1,6 @@
 #include "foucault.h"
 
+#include "drift.h"
 #include "known_model.h"
 
 #define CROSS 0.1 /* a cross term may be zero: it counts as no smaller than this part of its geometric mean */
@@ -77,6 +78,19 @@ static int has_moved(const foucault *c, const double *estimate)
     return memcmp(c->formed_with, estimate + ESTIMATE_KXX, sizeof c->formed_with) != 0;
 }
 
+/* How fast the pattern is turned at its worst angle by gains that are older than the constants by which the motion is read [rad/s]. */
+static void look_behind(foucault *c, const double *estimate)
+{
+    const double *constants = estimate + ESTIMATE_KXX, none[2] = {0.0, 0.0};
+    known now = c->k, then = c->k;
+    double rate[3];
+    memcpy(c->compared, constants, sizeof c->compared);
+    known_coordinates(&c->k, constants, none, 0.0, now.p);
+    known_coordinates(&c->k, c->formed_with, none, 0.0, then.p);
+    drift_of_force(&now, &then, c->stiffness, rate);
+    c->behind = fabs(rate[0]) + hypot(rate[1], rate[2]);
+}
+
 /* Forms the control signal from the current estimates. */
 static void form(foucault *c, const double *estimate)
 {
@@ -88,6 +102,8 @@ static void form(foucault *c, const double *estimate)
     memcpy(c->formed_with, constants, sizeof c->formed_with);
     memcpy(c->formed_in, c->k.in, sizeof c->formed_in);
     c->formed_at = c->count;
+    memcpy(c->compared, constants, sizeof c->compared);
+    c->behind = 0.0;
     known_coordinates(&c->k, constants, none, 0.0, c->k.p);
     if (!c->formed && s->found_stiffness != 0.0 && constants[0] + constants[1] > 0.0) {
         /* With a nominal stiffness that is half off, delay and lag are told several times less well (docs/theory/loop.md). Once, since another k is
@@ -258,6 +274,9 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
         wait_with_tones(c, t, out);
         return;
     }
+    if (memcmp(c->compared, estimate + ESTIMATE_KXX, sizeof c->compared) != 0) {
+        look_behind(c, estimate);
+    }
     const double mass = c->in_use[6], omega_z = estimate[4], omega_squared = c->stiffness / mass;
 
     /* The state when this command begins to act: first the force that acts now, then those under way. */
@@ -383,6 +402,7 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
     out->omega_squared = omega_squared;
     out->turned = c->turned;
     out->own_rate = own_rate;
+    out->behind = c->behind;
     c->count++;
 }
 

@@ -49,6 +49,8 @@ typedef struct {
     double near_share;         /* of the second pair's amplitude */
     double in_use[7];          /* the seven constants in the gains */
     double formed_with[NP], formed_in[IN]; /* all constants and inputs in them */
+    double compared[NP];       /* constants that they were last compared with */
+    double behind;             /* as in foucault_output */
     int64_t formed_at;         /* sample at which they were formed */
     int64_t followed_at;       /* sample at which constants that had changed were taken last */
     double u[PAST][2];         /* commands, by sample */
@@ -69,6 +71,7 @@ typedef struct {
     double turned;        /* angle by which the pattern has been turned electronically [rad] */
     double lacking;       /* force that its limit has taken away [N] */
     double own_rate;      /* at which the pattern is turned electronically [rad/s] */
+    double behind;        /* at which it is turned, at its worst angle, by gains that are older than the constants [rad/s] */
 } foucault_output;
 
 void foucault_start(foucault *c, const foucault_settings *settings, const double *known_values, double period);

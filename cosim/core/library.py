@@ -31,12 +31,13 @@ VECTORS: Final = ("avx2", "fma")
 processor makes its own."""
 CONTROL_NAMES: Final = (
     *("u_x", "u_y", "forced_x", "forced_x_dot", "forced_y", "forced_y_dot", "omega_squared", "turned"),
-    *("near_x", "near_x_dot", "near_y", "near_y_dot", "lacking", "own_rate"),
+    *("near_x", "near_x_dot", "near_y", "near_y_dot", "lacking", "own_rate", "behind"),
 )
 """What a controller gives at a sample: command [N], response to the tones and what held forces bend [m, m/s], k/m of
 the isotropic oscillator [1/s^2], angle by which it has turned the pattern electronically [rad]; the part of the
 response that is due to tones near the oscillator's own frequency; the force that its limit has taken away [N]; the
-rate at which it turns the pattern electronically [rad/s]."""
+rate at which it turns the pattern electronically, and at which gains turn it that are older than the constants, at its
+worst angle [rad/s]."""
 HEALTH_NAMES: Final = (
     *("chi2", "white_x", "white_y", "restarted_at", "restarts", "walk", "share", "forget"),
     *("pink_x", "pink_y", "start", "strayed", "innovation"),

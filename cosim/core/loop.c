@@ -76,6 +76,7 @@ EXPORT void core_foucault_step(void *memory, double t, const double *estimate, c
     memcpy(control + 8, out.near, sizeof out.near);
     control[12] = out.lacking;
     control[13] = out.own_rate;
+    control[14] = out.behind;
 }
 
 EXPORT size_t core_filter_size(void) { return sizeof(filter); }

@@ -140,3 +140,23 @@ def test_a_tone_at_the_patterns_own_frequency_makes_no_valid_angle() -> None:
     _, result = simulated("constant", "controller.tone_x=2900", duration=0.1)
     assert result.converged_at is None
     assert result.validity.reason.startswith("a tone of 2900 Hz is too near the pattern's own frequency, 3000 Hz")
+
+
+# The force lags delay and lag, which move together while they are told apart: it turned the pattern by 4 deg/s, with
+# the flag up and 0.11 deg/s told.
+def test_gains_older_than_the_constants_make_no_valid_angle() -> None:
+    lab = {"device": "reference_as_built", "design": "lab", "seed": 2, "duration": 0.2}
+    _, result = simulated("constant", "controller.update_period=1e-3", **lab)
+    # Up for 10 ms until the first constants that came too late.
+    assert not result.validity.now
+    assert result.validity.share < 0.1
+    said = result.validity.reason
+    assert said.startswith("the force lags what the observer knows and turns the pattern by")
+    # 3 to 5 deg/s were measured while the flag did not look, seeds 1 to 3; it tells of the worst angle, 22 deg/s.
+    assert float(said.partition("pattern by ")[2].partition(" ")[0]) > 3.0
+
+
+def test_an_update_period_within_a_block_works() -> None:
+    lab = {"device": "reference_as_built", "design": "lab", "seed": 1, "duration": 0.2}
+    _, result = simulated("constant", "controller.update_period=8e-4", **lab)
+    assert result.validity.now
