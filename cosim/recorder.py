@@ -1,6 +1,6 @@
 """What is kept of a run: the trace, its first samples at full rate, and what the Cramer-Rao bound needs."""
 
-from math import pi, sqrt
+from math import nan, pi, sqrt
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -211,11 +211,14 @@ class Recorder:
         )
 
     def _angle_sigma(self) -> float:
-        """Deviation of the angle [rad]: what drift, reading and straying since it was first valid leave."""
+        """Deviation of the angle [rad]: what drift, reading and straying since it was first valid leave; NaN before,
+        when there is no angle."""
+        if self.converged_at is None:
+            return nan
         # Within a cycle the variance may fall.
         strayed = max(self._verdict.stray_sigma**2 - self._strayed_before**2, 0.0)
         found = sqrt(self._angle_deviation**2 + self._verdict.bend_sigma**2 + strayed)
-        return found if self.converged_at is None else min(found, UNKNOWN)
+        return min(found, UNKNOWN)
 
     def _angle_true(self, converged: NDArray[np.bool_], omega_z: Floats) -> Floats:
         """Integral of exactly the held rate [rad], zero where the angle was valid first and NaN before."""

@@ -1,18 +1,14 @@
 """The results of a run as tables in the terminal."""
 
 from collections.abc import Mapping
-from math import degrees as degrees_of
-from typing import Any, Final
+from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from cosim.recorder import UNKNOWN
+from gyrotwin.angle_remarks import angle_remarks
 from gyrotwin.numbers import degrees, microseconds, milliseconds, relative, significant, with_error
 from gyrotwin.terminal_table import Table
-
-LOST: Final = 0.999 * degrees_of(UNKNOWN)
-"""Standard deviation of an angle [deg] from which the pattern may stand anywhere, but for rounding."""
 
 
 def results(summary: Mapping[str, Any]) -> RenderableType:
@@ -49,10 +45,8 @@ def _validity(summary: Mapping[str, Any]) -> Text:
     text.append(f"\npredicted drift ±{degrees(predicted['drift_sigma_now_deg_per_s'], '°/s')}")
     text.append(f", at the pattern's worst angle ±{degrees(predicted['drift_sigma_deg_per_s'], '°/s')}")
     text.append(f", angle ±{degrees(predicted['angle_sigma_deg'])} (1 σ)")
-    if (predicted["angle_sigma_deg"] or 0.0) > LOST:
-        text.append(
-            "\nthe angle is lost: while the observer had lost the device, the force may have turned the pattern"
-        )
+    for remark in angle_remarks(summary):
+        text.append(f"\n{remark}")
     return text
 
 

@@ -15,6 +15,7 @@ from cosim.angle_filters import Filter
 from cosim.metrics import Bounds
 from gyro_model.whole_file import whole_file
 from gyrotwin import figures, numbers
+from gyrotwin.angle_remarks import angle_remarks
 from gyrotwin.curve_figures import draw
 
 SI_UNITS: Final = {"k": "N/m", "d": "N·s/m", "m": "kg"}
@@ -42,6 +43,7 @@ def render(
     shown = run_figures(summary, trace, bounds, filters, trace if start is None else start)
     page = template("report.html.j2").render(
         summary=summary,
+        remarks=angle_remarks(summary),
         figures=shown,
         data=as_json({figure.id: figure.data() for figure in shown}),
         units={name: SI_UNITS[name[0]] for name in summary["parameters"]},

@@ -90,3 +90,13 @@ def test_a_reversal_does_not_kick_the_pattern() -> None:
     )
     # At once to 20 rad/s it was kicked by 20/(2 w) = 0.036 deg where the turn begins and where it ends: 1.15 here.
     assert worst_drift(simulate(prepare(request)).trace) < 0.5
+
+
+@pytest.mark.parametrize("observer", ["ekf", "lyapunov"])
+def test_there_is_no_deviation_of_an_angle_that_there_is_not_yet(observer: str) -> None:
+    result = simulate(prepare(Request("constant", observer=observer, seed=4, duration=0.2)))
+    t, sigma = (result.trace[name].to_numpy() for name in ("t", "angle_sigma"))
+    assert result.converged_at is not None
+    # Nothing was known by then, though it was said to be zero.
+    assert np.isnan(sigma[t < result.converged_at - 1e-9]).all()
+    assert (sigma[t > result.converged_at + 6e-3] > 0.0).all()

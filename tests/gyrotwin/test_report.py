@@ -251,3 +251,28 @@ def test_terminal_tables(converged_at):
     for name in (*PARAMETER_NAMES, "A (chosen)", "constant, seed 4"):
         assert name in text
     assert ("80.0 ms" in text) == (converged_at is not None)
+
+
+@pytest.mark.parametrize(("sigma_deg", "lost"), [(51.962, True), (0.05, False), (None, False)])
+def test_a_lost_angle_is_said_in_table_and_report(tmp_path, sigma_deg, lost):
+    summary, trace, bounds = made_up_run()
+    summary["predicted"]["angle_sigma_deg"] = sigma_deg
+    assert ("The angle is lost" in shown(summary)) == lost
+    render(summary, trace, bounds, filters(), tmp_path / "report.html")
+    assert ("The angle is lost" in (tmp_path / "report.html").read_text(encoding="utf-8")) == lost
+
+
+@pytest.mark.parametrize(("rms_deg", "missing"), [(None, True), (0.01, False)])
+def test_why_figures_of_the_angle_are_missing_is_said(tmp_path, rms_deg, missing):
+    summary, trace, bounds = made_up_run()
+    summary["angle"] = summary["angle"] | {"rms_deg": rms_deg}
+    assert ("give a higher --trace-rate" in shown(summary).replace("\n", " ")) == missing
+    render(summary, trace, bounds, filters(), tmp_path / "report.html")
+    assert ("give a higher --trace-rate" in (tmp_path / "report.html").read_text(encoding="utf-8")) == missing
+
+
+def shown(summary):
+    """The tables as the terminal shows them."""
+    console = Console(file=io.StringIO(), width=250)
+    console.print(results(summary))
+    return console.file.getvalue()
