@@ -59,10 +59,11 @@ class Quantity:
             raise InputError(f"quantity {self.name}: start {self.start} is outside [{self.low}, {self.high}]")
         if not (isfinite(self.nominal) and self.nominal >= 0.0):
             raise InputError(f"quantity {self.name}: nominal {self.nominal} is no size; give a positive number")
-        if self.search is not None and self.search.of == "itself" and self.search.kind == "log" and not self.typical:
+        scaled = self.search is not None and self.search.of == "itself" and self.search.kind in ("log", "usual")
+        if scaled and not self.typical:
             raise InputError(
-                f"shape {self.name}: starts at 0, about which there is nothing to search; say search=Grid.instant, "
-                'Grid.log(low, high, of="x"), or search=None'
+                f"shape {self.name}: starts at 0, about which there is nothing to search; say nominal=, how large it "
+                'typically is, search=Grid.instant, Grid.log(low, high, of="x"), or search=None'
             )
         known = DISPLAYED.get(self.unit, {})
         if self.display and self.display not in known:

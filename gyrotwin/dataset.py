@@ -134,7 +134,8 @@ def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
 
 def _asked(request: "Request") -> "Request":
     """The request with what the first table does not tell, asked on the terminal."""
-    from discrepancy.data.import_table import FORCES, NONE, guess_sources, missing_columns, read_lab_table
+    from discrepancy.data.import_table import FORCES, guess_sources, missing_columns, read_lab_table
+    from discrepancy.data.pieces import NONE
 
     headings = read_lab_table(request.files[0]).columns
     while missing := missing_columns(guess_sources(headings, request), request.sample_rate):

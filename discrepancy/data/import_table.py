@@ -4,20 +4,18 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
-from scipy.interpolate import make_interp_spline
 
 from discrepancy.data.dataset import FILE, FORMAT, load_dataset
 from discrepancy.data.hold import Better, better_hold
-from discrepancy.data.record import MINIMUM_SAMPLES, MOST_MISSING, Floats, Senses, measured_rate
-from discrepancy.data.release import cut_off, released
+from discrepancy.data.pieces import FRAGMENT, NONE, Piece, cut, let_go, triggered
+from discrepancy.data.record import MINIMUM_SAMPLES, SENSES, Floats, Senses, measured_rate
 from discrepancy.data.table import COLUMNS, numbers, read_table
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import load_model
@@ -43,20 +41,8 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
 
 FORCES: Final = ("u_x", "u_y")
 
-LONGEST_HOLE: Final = 20
-"""Rows missing at once that are masked; a longer hole, over which the force is not known, cuts the run."""
-LEFT_OUT: Final = 7
-"""Every such row is left out to see how well a rule fills it from those beside: further apart than a spline reaches."""
-NONE: Final = "none"
-"""In the place of a heading: no force acted, as in a free decay, or on the axis that is only sensed; of other columns
-that the table has none."""
-FRAGMENT: Final = 0.05
-"""Share of the longest run below which what a hole leaves is no run of its own, and of all rows to be held out."""
 HELD_OUT: Final = 0.2
 """Share of a single run that is cut off its end and held out."""
-
-Rule = Callable[[Floats, Floats, Floats], Floats]
-"""Values at rows from those that are given at others."""
 
 _HEADING: Final = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 
@@ -98,15 +84,6 @@ class Request:
     nominal: Mapping[str, float] = field(default_factory=dict)
     held_out: Path | None = None
     force: bool = False
-
-
-class Piece(NamedTuple):
-    """One run to be written: columns (n,) in SI; moved: unit of those of v that hold a motion."""
-
-    name: str
-    source: Path
-    columns: Mapping[str, Floats]
-    moved: Mapping[str, str] = MappingProxyType({})
 
 
 def read_lab_table(path: Path) -> pl.DataFrame:
@@ -228,30 +205,14 @@ def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
                if source.heading else np.zeros(len(table)) for column, source in sources.items()}  # fmt: skip
     if "t" not in columns:
         columns = {"t": np.arange(len(table)) / float(request.sample_rate or 1.0)} | columns
-    pieces, said = _cut(path, columns, said)
+    pieces, said = cut(path, columns, said)
     if not any(sources[column].heading for column in FORCES if column in sources):
-        pieces, said = _let_go(pieces, said)
+        pieces, said = let_go(pieces, said)
+    else:
+        senses = SENSED.get(sources["v_x"].unit, request.senses or "position")
+        pieces, said = triggered(pieces, said, SENSES.index(senses))
     moved = {c: source.unit for c, source in sources.items() if c in ("v_x", "v_y") and source.unit in SENSED}
     return [piece._replace(moved=moved) for piece in pieces], said
-
-
-def _let_go(pieces: Sequence[Piece], said: list[str]) -> tuple[list[Piece], list[str]]:
-    """Free decays from where they were let go, and where that was; what is too short then stays as it was."""
-    found = []
-    for piece in pieces:
-        shown = [values for column, values in piece.columns.items() if column in ("v_x", "v_y")]
-        begin, how = released(shown), "let go"
-        if not begin:
-            begin, how = cut_off(shown), "left alone by a drive"
-        if 0 < begin <= len(piece.columns["t"]) - MINIMUM_SAMPLES:
-            since = piece.columns["t"][begin] - piece.columns["t"][0]
-            said = [
-                *said,
-                f"{piece.name}: begins {since:.4g} s later, where it was {how}: no force is recorded before",
-            ]
-            piece = piece._replace(columns={column: values[begin:] for column, values in piece.columns.items()})
-        found.append(piece)
-    return found, said
 
 
 def _numbers(table: pl.DataFrame, heading: str, path: Path) -> Floats:
@@ -259,110 +220,6 @@ def _numbers(table: pl.DataFrame, heading: str, path: Path) -> Floats:
         return numbers(table, heading)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-
-
-def _cut(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[list[Piece], list[str]]:
-    """The runs between holes of t and rows that hold no number; those too short are left out, and it is said."""
-    columns, said = _filled(path, *_once(path, columns, said))
-    t = columns["t"]
-    # A sample of v that is missing is masked later; anything else that is missing ends a run.
-    needed = [values for column, values in columns.items() if not column.startswith("v_") or column == "v_bias"]
-    whole = np.all([np.isfinite(values) for values in needed], axis=0)
-    whole &= ~_long_gaps(columns)
-    rows = np.flatnonzero(whole)
-    if len(rows) < MINIMUM_SAMPLES:
-        raise InputError(f"{path}: {len(rows)} rows hold numbers in every column; a run needs {MINIMUM_SAMPLES}")
-    step = np.diff(t[rows])
-    if not (step > 0).all():
-        raise InputError(
-            f"{path}: time does not increase after {t[rows][int(np.argmax(step <= 0))]:.9g} s: sort the rows, or, of "
-            f"stamps that are rounded, give --map t={NONE} and --sample-rate HZ"
-        )
-    borders = np.flatnonzero(step > 1.5 * np.median(step)) + 1
-    parts = np.split(rows, borders)
-    least = max(MINIMUM_SAMPLES, FRAGMENT * max(map(len, parts)))
-    parts = [part for part in parts if len(part) >= least]
-    if not parts:
-        raise InputError(f"{path}: holes leave no stretch of {MINIMUM_SAMPLES} rows")
-    stem = path.name
-    for suffix in sorted(LAB_SUFFIXES, key=len, reverse=True):
-        stem = stem.removesuffix(suffix)
-    names = [f"{stem}.parquet"] if len(parts) == 1 else [f"{stem}-{i}.parquet" for i in range(1, len(parts) + 1)]
-    lost = len(t) - sum(map(len, parts))
-    if len(borders) or lost:
-        cut = f"cut into {len(parts)} runs at holes of its time; " if len(parts) > 1 else ""
-        said = [*said, f"{path.name}: {cut}{lost} of {len(t)} rows left out"]
-    pieces = [Piece(n, path, {c: v[part] for c, v in columns.items()}) for n, part in zip(names, parts, strict=True)]
-    return pieces, said
-
-
-def _once(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[Mapping[str, Floats], list[str]]:
-    """The columns without rows that repeat the one before in time and all else: a logger wrote them twice."""
-    twice = np.concatenate(([False], np.all([np.diff(values) == 0 for values in columns.values()], axis=0)))
-    if not twice.any():
-        return columns, said
-    said = [*said, f"{path.name}: {int(twice.sum())} rows left out that repeat the row before, its time too"]
-    return {column: values[~twice] for column, values in columns.items()}, said
-
-
-def _filled(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[Mapping[str, Floats], list[str]]:
-    """The columns with rows put in where a few are missing from the time: v is missing there, the rest goes on."""
-    t = columns["t"]
-    step = np.diff(t)
-    if not (np.isfinite(t).all() and (step > 0).all() and len(t) > 2):
-        return columns, said
-    period = float(np.median(step))
-    counts = np.maximum(np.rint(step / period).astype(int) - 1, 0)
-    counts[counts > LONGEST_HOLE] = 0
-    if not 0 < counts.sum() <= MOST_MISSING * len(t):
-        return columns, said
-    place = np.repeat(np.arange(len(step)) + 1, counts)
-    known = np.insert(np.ones(len(t), np.bool_), place, False)
-    k = np.arange(len(known), dtype=np.float64)
-    filled = {column: np.insert(values, place, np.nan) if column in ("v_x", "v_y") else _between(k, known, values)
-              for column, values in columns.items()}  # fmt: skip
-    return filled, [*said, f"{path.name}: {len(place)} missing rows are put in with v masked"]
-
-
-def _between(k: Floats, known: np.ndarray, values: Floats) -> Floats:
-    """A column at rows ``k`` of which some are ``known``, by the rule that gives known rows best from those beside."""
-    whole = np.isfinite(values)
-    if whole.sum() < MINIMUM_SAMPLES:
-        return np.insert(values, np.flatnonzero(~known) - np.arange((~known).sum()), np.nan)
-    at, given = k[known][whole], values[whole]
-    left_out = np.zeros(len(at), np.bool_)
-    left_out[LEFT_OUT:-LEFT_OUT:LEFT_OUT] = True
-
-    def error(rule: Rule) -> float:
-        return float(np.sum((rule(at[~left_out], given[~left_out], at[left_out]) - given[left_out]) ** 2))
-
-    between = min((_held, _straight, _smooth), key=error)(at, given, k)
-    between[known] = values
-    return between
-
-
-def _held(at: Floats, given: Floats, k: Floats) -> Floats:
-    return given[np.maximum(np.searchsorted(at, k, side="right") - 1, 0)]
-
-
-def _straight(at: Floats, given: Floats, k: Floats) -> Floats:
-    return np.interp(k, at, given)
-
-
-def _smooth(at: Floats, given: Floats, k: Floats) -> Floats:
-    return np.asarray(make_interp_spline(at, given, k=5)(np.clip(k, at[0], at[-1])))
-
-
-def _long_gaps(columns: Mapping[str, Floats]) -> np.ndarray:
-    """Rows in stretches without v that are too long to mask."""
-    gaps = ~np.all([np.isfinite(columns[c]) for c in ("v_x", "v_y") if c in columns], axis=0)
-    if gaps.mean() > MOST_MISSING:
-        return np.asarray(gaps)
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], gaps.astype(int), [0]))))
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        if end - begin <= LONGEST_HOLE:
-            gaps[begin:end] = False
-    return np.asarray(gaps)
 
 
 def _held_out(pieces: list[Piece], request: Request) -> tuple[list[Piece], set[str], str]:

@@ -101,6 +101,9 @@ def intervals(search: "Search") -> dict[str, Value]:
         ends += [mixed[name].quantile(share) for share in (TAIL, 1 - TAIL)] if name in mixed else []
         low, high = (float(np.clip(end, *bounds)) for end in (min(ends), max(ends)))
         result[name] = Value(value, low, high, quantity.unit)
+        if reach[name].against:
+            rest = at.parameters[reach[name].against]
+            result[reach[name].against] = Value(rest, rest + value - high, rest + value - low, quantity.unit)
     return result
 
 

@@ -66,7 +66,7 @@ def test_a_hysteresis_is_found_whatever_its_shares_and_its_sharpness(beta: float
     # The scale of its state that makes the shares sum to one.
     scale = (beta + gamma) ** (-1 / n)
     true = {"hysteresis_x": H * scale, "hysteresis_length": LENGTH * scale, "hysteresis_beta": beta / (beta + gamma)}
-    true |= {"hysteresis_n": n} if n > 1 else {}
+    true |= {"hysteresis_gamma": gamma / (beta + gamma)} | ({"hysteresis_n": n} if n > 1 else {})
     assert set(effect.parameters) == set(true)
     for name, value in true.items():
         own = effect.parameters[name]
