@@ -156,7 +156,7 @@ def test_gains_older_than_the_constants_make_no_valid_angle() -> None:
     assert float(said.partition("pattern by ")[2].partition(" ")[0]) > 3.0
 
 
-def test_an_update_period_within_a_block_works() -> None:
+def test_an_update_period_of_half_a_block_works() -> None:
     lab = {"device": "reference_as_built", "design": "lab", "seed": 1, "duration": 0.2}
-    _, result = simulated("constant", "controller.update_period=8e-4", **lab)
+    _, result = simulated("constant", "controller.update_period=5e-4", **lab)
     assert result.validity.now
