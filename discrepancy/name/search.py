@@ -41,7 +41,7 @@ from discrepancy.name.question import ask
 from discrepancy.name.resisting import alike, resisting
 from discrepancy.name.scan import Scan, Scored, best_of, scanned, sure
 from discrepancy.name.score import Score, Step
-from discrepancy.name.shaping import shape
+from discrepancy.name.shaping import movable, shaped
 from discrepancy.terms.effect_file import Term
 from gyro_model.anatomy import Delay
 from gyro_model.errors import InputError
@@ -296,6 +296,8 @@ class Search:
             refused = bool(self.waiting)
             if not refused:
                 self.attempt("scores of all effects", self.look)
+                if movable(self) and self.attempt("shapes of effects in the model", partial(shaped, self)):
+                    continue
             self.weak = 0.0
             if self.late or self.full:
                 break
@@ -309,7 +311,6 @@ class Search:
             if not accepted:
                 self.shortest = self._fewer_parts()
                 continue
-            shape(self)
             if any(a.on_the_way for a in self.accepted[:-1]):
                 # Filters and delays differ by little, which shows only beside what else is missing.
                 exchange(self, on_the_way)

@@ -1,11 +1,11 @@
 """Shapes of an effect in the model that stand at their usual values until the data ask for others."""
 
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 from discrepancy.fit.continuation import nearly_settled
-from discrepancy.fit.fitted import bare
+from discrepancy.fit.fitted import Fitted, bare
 from discrepancy.name.columns import Candidate
 from discrepancy.name.grids import free_usual
 from discrepancy.name.score import score
@@ -15,14 +15,22 @@ if TYPE_CHECKING:
     from discrepancy.name.search import Search
 
 
-def shape(search: "Search") -> None:
-    """Fits the shapes of all effects in the model that would make the residual significantly and materially less, one
-    after the other."""
-    for place, entry in enumerate(search.accepted):
-        more = True
-        while more and _usual(entry.candidate):
-            more = bool(search.attempt(f"shapes of {entry.id}", partial(_shape_one, search, place)))
-            entry = search.accepted[place]
+def movable(search: "Search") -> bool:
+    """Whether an effect in the model has such shapes."""
+    return any(_usual(entry.candidate) for entry in search.accepted)
+
+
+def shaped(search: "Search") -> bool:
+    """Fits the shape of an effect in the model that takes most, where that is more than any effect which is not would
+    take: what only imitates a part of what is missing has shapes with which it imitates more. False where there is
+    none."""
+    others = max((result.gain for _, result in search.significant()), default=0.0)
+    found = [(gain, place, q) for place in range(len(search.accepted)) for gain, q in _gains(search, place)
+             if gain > others]  # fmt: skip
+    if not found:
+        return False
+    _, place, moved = max(found, key=lambda own: own[0])
+    return _fitted(search, place, moved)
 
 
 def _usual(candidate: Candidate) -> list[Quantity]:
@@ -31,31 +39,44 @@ def _usual(candidate: Candidate) -> list[Quantity]:
             if q.search is not None and q.search.kind == "usual" and q not in candidate.searched]  # fmt: skip
 
 
-def _shape_one(search: "Search", place: int) -> bool:
-    """Fits the one that shows most; False where none is worth it."""
-    entry, fitter, at, criteria = search.accepted[place], search.fitter, search.at, search.criteria
-    usual = _usual(entry.candidate)
-    values = {q.name: at.parameters.get(q.name, q.start) for q in entry.candidate.effect.parameters}
-    free = [free_usual(q, entry.candidate.effect.parameters, values) for q in usual]
-    wider = bare(replace(at, parameters={**at.parameters, **values}, free=(*at.free, *free)))
-    linear = fitter.with_grams(wider)
+def _freed(at: Fitted, candidate: Candidate, moved: Sequence[Quantity]) -> Fitted:
+    """``at`` with shapes of an effect free too, not fitted."""
+    own = candidate.effect.parameters
+    values = {q.name: at.parameters.get(q.name, q.start) for q in own}
+    free = (*at.free, *(free_usual(q, own, values) for q in moved))
+    return bare(replace(at, parameters={**at.parameters, **values}, free=free))
+
+
+def _gains(search: "Search", place: int) -> list[tuple[float, Quantity]]:
+    """What each shape of an effect that no fit has moved would take, to first order, where that is significant and
+    material and its bounds let it."""
+    candidate, (fitter, at), criteria = search.accepted[place].candidate, search.view, search.criteria
+    usual = _usual(candidate)
+    if not usual:
+        return []
+    linear = fitter.with_grams(_freed(at, candidate, usual))
     assert linear.grams is not None
     found = []
-    for i, q in enumerate(usual):
-        result, own = score(linear.grams, at.known, [at.known + i], at.count), linear.free[at.known + i]
-        aim = values[q.name] + own.step * sum(result.amplitudes)
+    for i, q in enumerate(usual, at.known):
+        result, free = score(linear.grams, at.known, [i], at.count), linear.free[i]
+        value = linear.parameters[q.name]
+        aim = value + free.step * sum(result.amplitudes)
         sure = result.probability < criteria.effect_chance and result.share >= criteria.material
-        if sure and own.bounded(values[q.name], aim) != values[q.name]:
-            found.append((result.gain, i))
-    if not found:
-        return False
-    best = max(found)[1]
-    fitted = fitter.fit(replace(wider, free=(*at.free, free[best])))
+        if sure and free.bounded(value, aim) != value:
+            found.append((result.gain, q))
+    return found
+
+
+def _fitted(search: "Search", place: int, moved: Quantity) -> bool:
+    """Goes on with that shape fitted, unless it brings too little."""
+    entry, at, criteria = search.accepted[place], search.at, search.criteria
+    fitted = search.fitter.fit(_freed(at, entry.candidate, [moved]))
     search.simulator.clock.check()
     if at.cost - fitted.cost < max(criteria.simpler * fitted.variance, criteria.material * at.cost):
         return False
-    search.progress(f"fitted {usual[best].name} of {entry.id}")
-    candidate = replace(entry.candidate, searched=(*entry.candidate.searched, usual[best]))
+    search.progress(f"fitted {moved.name} of {entry.id}")
+    candidate = replace(entry.candidate, searched=(*entry.candidate.searched, moved))
     search.accepted[place] = replace(entry, candidate=candidate)
     search.go_on(fitted, nearly_settled)
+    search.stages[-1] = search.stages[-1][0], dict(search.at.parameters)
     return True
