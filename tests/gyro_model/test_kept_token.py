@@ -96,7 +96,7 @@ def test_a_wrong_token_lasts_until_it_is_made(folder: Path) -> None:
     wrong = "{12345678-1234-1234-1234-123456789abc}"
     kept_token.keep(file.name, wrong)
     assert model_token(MODEL) == wrong
-    assert f'"{token}"' in building.generated_files(MODEL)["generated/model.h"], "what is generated asks no file"
+    assert f'"{token}"' in building.generated_files(MODEL)["generated/model.c"], "what is generated asks no file"
     assert model_token(MODEL) == token
 
 
