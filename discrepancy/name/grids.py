@@ -1,7 +1,7 @@
 """The values of shape parameters that a search tries: what the grids of an effect file mean on given runs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Final
 
@@ -134,11 +134,7 @@ def free_shape(q: Quantity, value: float, period: float, ends: tuple[float, floa
 def free_usual(q: Quantity, shapes: Sequence[Quantity], values: Mapping[str, float]) -> Free:
     """A shape that stands at its usual one of ``values``, for a refit; ``shapes``: all of its effect."""
     against = "".join(o.name for o in shapes if o.search and o.search.kind == "rest" and o.search.of == q.name)
-    value, step = values[q.name], 1e-3 * q.typical
-    if value <= 0.0:
-        return Free(q.name, step, q.low, q.high, against=against)
-    ends = max(q.low, q.typical / SHORTEST), min(q.high, q.typical * FARTHEST)
-    return Free(q.name, step, *ends, STRIDE, against)
+    return replace(free_shape(q, values[q.name], 0.0, (q.typical, q.typical)), against=against)
 
 
 def around(values: Mapping[str, float], moved: Sequence[Quantity], spacing: float) -> list[dict[str, float]]:

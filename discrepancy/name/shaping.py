@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def movable(search: "Search") -> bool:
     """Whether an effect in the model has such shapes."""
-    return any(_usual(entry.candidate) for entry in search.accepted)
+    return any(unmoved(entry.candidate) for entry in search.accepted)
 
 
 def shaped(search: "Search") -> bool:
@@ -33,14 +33,14 @@ def shaped(search: "Search") -> bool:
     return _fitted(search, place, moved)
 
 
-def _usual(candidate: Candidate) -> list[Quantity]:
-    """Those of its shapes that no fit has moved yet."""
+def unmoved(candidate: Candidate) -> list[Quantity]:
+    """Its shapes that stand at their usual values, since no fit has moved them."""
     return [q for q in candidate.effect.parameters
             if q.search is not None and q.search.kind == "usual" and q not in candidate.searched]  # fmt: skip
 
 
-def _freed(at: Fitted, candidate: Candidate, moved: Sequence[Quantity]) -> Fitted:
-    """``at`` with shapes of an effect free too, not fitted."""
+def freed(at: Fitted, candidate: Candidate, moved: Sequence[Quantity]) -> Fitted:
+    """``at`` with shapes of an effect free too, the last, not fitted."""
     own = candidate.effect.parameters
     values = {q.name: at.parameters.get(q.name, q.start) for q in own}
     free = (*at.free, *(free_usual(q, own, values) for q in moved))
@@ -51,10 +51,10 @@ def _gains(search: "Search", place: int) -> list[tuple[float, Quantity]]:
     """What each shape of an effect that no fit has moved would take, to first order, where that is significant and
     material and its bounds let it."""
     candidate, (fitter, at), criteria = search.accepted[place].candidate, search.view, search.criteria
-    usual = _usual(candidate)
+    usual = unmoved(candidate)
     if not usual:
         return []
-    linear = fitter.with_grams(_freed(at, candidate, usual))
+    linear = fitter.with_grams(freed(at, candidate, usual))
     assert linear.grams is not None
     found = []
     for i, q in enumerate(usual, at.known):
@@ -70,7 +70,7 @@ def _gains(search: "Search", place: int) -> list[tuple[float, Quantity]]:
 def _fitted(search: "Search", place: int, moved: Quantity) -> bool:
     """Goes on with that shape fitted, unless it brings too little."""
     entry, at, criteria = search.accepted[place], search.at, search.criteria
-    fitted = search.fitter.fit(_freed(at, entry.candidate, [moved]))
+    fitted = search.fitter.fit(freed(at, entry.candidate, [moved]))
     search.simulator.clock.check()
     if at.cost - fitted.cost < max(criteria.simpler * fitted.variance, criteria.material * at.cost):
         return False

@@ -1,201 +1,43 @@
-"""95 % intervals of what was fitted, which count what was left out of an effect.
+"""95 % intervals of what was fitted, which count what was not: a part that was left out of an effect, and shapes that
+no fit has moved.
 
-A part of an effect that does not earn its parameters, as the Stribeck part of a weak dry friction, is left out, and
-the others make up for it. What they may be with it in is a mixture: its parameters, over a decade about where the
-effect's file has a search begin, are as probable beforehand everywhere on a logarithmic scale, and weighed by the
-likelihood of the model linearised at the fit (J. A. Hoeting et al., Bayesian model averaging: a tutorial, Statistical
-Science 14, 1999). An interval holds both that of the fit and that of the mixture.
+Both are mixtures over what was not fitted (J. A. Hoeting et al., Bayesian model averaging: a tutorial, Statistical
+Science 14, 1999). An interval holds that of the fit and those of the mixtures.
 """
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.stats import norm
 
-from discrepancy.data.algebra import inverse_scaled
-from discrepancy.data.record import Floats
 from discrepancy.fit.defect import quantity_of
-from discrepancy.fit.fitted import Fitted
-from discrepancy.fit.refit import Fitter
-from discrepancy.name.columns import Candidate, Fading, Probe, fading
-from discrepancy.name.competition import PART
-from discrepancy.name.grids import ABOUT, Grids
-from discrepancy.name.scan import scanned
 from discrepancy.tell.answer import Value
+from discrepancy.tell.left_out import beside_left_out
+from discrepancy.tell.mixture import TAIL, Mixture
+from discrepancy.tell.unmoved import beside_unmoved
 
 if TYPE_CHECKING:
-    from discrepancy.name.accepted import Accepted
     from discrepancy.name.search import Search
 
-TAIL: Final = 0.025
 WIDTH: Final = float(norm.isf(TAIL))
-SIZES: Final = 50
-"""Sizes of a part that are weighed: 7 % from one to the next, little beside what data tell of one they do not show."""
-FAR: Final = 8.0
-"""Standard deviations beyond all means, where a quantile is sought: TAIL lies within."""
-NEAR: Final = 1e-6
-"""Of that range, by which a quantile may be off."""
-
-
-class _Beside(NamedTuple):
-    """The model beside a part at one place of its shapes, by names of what can move, the part's size last: ``change``
-    from the fit, ``slopes``: how far each goes with the part's size, and covariance, SI; gain: what it takes from the
-    sum of squares, in variances of an innovation."""
-
-    names: Sequence[str]
-    change: Floats
-    slopes: Floats
-    covariance: Floats
-    gain: float
-
-    @property
-    def shows(self) -> bool:
-        """Whether the part changes anything that the others do not."""
-        return bool(self.covariance[-1, -1] > 0)
-
-    @property
-    def deviations(self) -> Floats:
-        """Of each parameter where the part's size is known."""
-        taken = self.covariance[:, -1] ** 2 / self.covariance[-1, -1]
-        return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance) - taken, 0.0)))
-
-    def changes(self, amounts: Floats) -> Floats:
-        """The most likely change of each parameter (n, p) with the part at each of ``amounts`` (n)."""
-        return self.change + np.outer(amounts - self.change[-1], self.slopes)
-
-    def likelihood(self, amounts: Floats) -> Floats:
-        """Of the part at each of ``amounts``, as a logarithm."""
-        return np.asarray(self.gain - (amounts - self.change[-1]) ** 2 / self.covariance[-1, -1]) / 2
-
-
-class _Mixture(NamedTuple):
-    """Normal distributions: weight, mean, deviation of each."""
-
-    weights: Floats
-    means: Floats
-    deviations: Floats
-
-    def quantile(self, share: float) -> float:
-        """Below which so much of it lies."""
-        far = FAR * self.deviations
-        ends = float((self.means - far).min()), float((self.means + far).max())
-        return float(brentq(partial(self._below, share), *ends, xtol=NEAR * (ends[1] - ends[0])))
-
-    def _below(self, share: float, x: float) -> float:
-        return float(self.weights @ norm.cdf((x - self.means) / self.deviations)) - share
 
 
 def intervals(search: "Search") -> dict[str, Value]:
     """Every fitted parameter with its interval, within what its fit could reach."""
     at, result = search.at, {}
     reach = {free.name: free for free in at.free}
-    mixed = {name: own for entry in search.accepted for name, own in _with_left_out(search, entry).items()}
+    mixed: dict[str, list[Mixture]] = {}
+    for entry in search.accepted:
+        for name, own in (*beside_left_out(search, entry).items(), *beside_unmoved(search, entry)):
+            mixed.setdefault(name, []).append(own)
     for name, deviation in search.fitter.deviations(at).items():
         value, quantity = at.parameters[name], quantity_of(search.simulator.model, name)
         bounds = max(quantity.low, reach[name].low), min(quantity.high, reach[name].high)
         ends = [value - WIDTH * deviation, value + WIDTH * deviation]
-        ends += [mixed[name].quantile(share) for share in (TAIL, 1 - TAIL)] if name in mixed else []
+        ends += [end for own in mixed.get(name, ()) for end in own.ends]
         low, high = (float(np.clip(end, *bounds)) for end in (min(ends), max(ends)))
         result[name] = Value(value, low, high, quantity.unit)
         if reach[name].against:
             rest = at.parameters[reach[name].against]
             result[reach[name].against] = Value(rest, rest + value - high, rest + value - low, quantity.unit)
     return result
-
-
-def _grids(search: "Search") -> Grids:
-    """Those on the runs, or pieces, of the final fit: it may have ended while openings were searched."""
-    return Grids(search.fitter.records, search.fitter.period)
-
-
-def left_out(search: "Search", entry: "Accepted") -> Fading | None:
-    """The part of an effect in the model that was left out of it, None where there is none."""
-    shapes = [q for q in entry.candidate.effect.parameters if q.role == "shape"]
-    part = fading(replace(entry.candidate, searched=_grids(search).of(shapes, search.at).moved))
-    return None if part is None or part.size.name in {free.name for free in search.at.free} else part
-
-
-def _with_left_out(search: "Search", entry: "Accepted") -> dict[str, _Mixture]:
-    """What each parameter of an effect may be beside a part of the effect that was left out."""
-    part = left_out(search, entry)
-    if part is None:
-        return {}
-    now, effect = search.at.parameters, entry.candidate.effect
-    grid = _grids(search).of([part.size, *part.shapes], search.at)
-    sizes = np.clip(grid.middle[part.size.name] * np.geomspace(1 / ABOUT, ABOUT, SIZES), 0.0, part.size.high)
-    # A record of one axis has no parameters of y.
-    scales = {q.name: now[q.name] for q in effect.sizes if now.get(q.name, 0.0) != 0.0}
-    fits = _fits(search, entry, part, grid.middle, scales, sizes)
-    parts: dict[str, list[_Mixture]] = {}
-    for fit in fits:
-        amounts = _amounts(fit, scales, sizes)
-        likelihood, changes = fit.likelihood(amounts), fit.changes(amounts)
-        for i, (name, deviation) in enumerate(zip(fit.names[:-1], fit.deviations, strict=False)):
-            if name in {q.name for q in effect.parameters} and deviation > 0 and len(amounts):
-                own = _Mixture(likelihood, now[name] + changes[:, i], np.full(len(amounts), deviation))
-                parts.setdefault(name, []).append(own)
-    return {name: _joined(own) for name, own in parts.items()}
-
-
-def _joined(parts: Sequence[_Mixture]) -> _Mixture:
-    """One mixture of several, whose weights are logarithms."""
-    logs, means, deviations = (np.concatenate(column) for column in zip(*parts, strict=True))
-    weights = np.exp(logs - logs.max())
-    return _Mixture(weights / weights.sum(), means, deviations)
-
-
-def _amounts(fit: _Beside, scales: Mapping[str, float], sizes: Floats) -> Floats:
-    """The part at each of ``sizes`` in units of the fit's. What shows is the product of the part's size and those of
-    the effect, which are ``scales`` at the fit: a friction with a large Stribeck part is itself smaller."""
-    places = [i for i, name in enumerate(fit.names) if name in scales]
-    if not places:
-        return sizes
-    own = np.array([scales[fit.names[i]] for i in places])
-    slope = float(np.mean(fit.slopes[places] / own))
-    none = 1 + float(np.mean((fit.change[places] - fit.slopes[places] * fit.change[-1]) / own))
-    # The effect's sizes are none + slope * amount of those at the fit, and the amount is that times the part's size.
-    room = 1 - sizes * slope
-    return sizes[room > 0] * none / room[room > 0]
-
-
-def _fits(search: "Search", entry: "Accepted", part: Fading, middle: Mapping[str, float], scales: Mapping[str, float],
-          sizes: Floats) -> list[_Beside]:  # fmt: skip
-    """The model beside the part at places of its shapes about their ``middle``."""
-    probe = Probe(part.size, part.size.typical * PART, 1)
-    points = search.library.grids.wider(part.shapes, middle)
-    columns = [Candidate(entry.candidate.effect, (probe,), point) for point in points]
-    found = []
-    for at, batch in scanned(search.fitter, search.at, [], columns).batches:
-        for number in range(len(batch)):
-            fit, held = _solved(search.fitter, at, at.known + number, probe), set[str]()
-            while fit.shows and (out := _out(fit, at, sizes) - scales.keys()):
-                held |= out
-                fit = _solved(search.fitter, at, at.known + number, probe, held)
-            found += [fit] if fit.shows else []
-    return found
-
-
-def _solved(fitter: Fitter, at: Fitted, column: int, probe: Probe, held: Collection[str] = ()) -> _Beside:
-    """The minimum of the linearised model with one further ``column``, the parameters ``held`` where they are."""
-    assert at.grams is not None
-    own = [i for i, free in enumerate(at.free) if free.name not in held]
-    chosen = [*own, column, at.grams.shape[1] - 1]
-    part = replace(probe.free(), step=probe.step)
-    one = replace(at, free=(*(at.free[i] for i in own), part), grams=at.grams[:, chosen][:, :, chosen])
-    total = at.grams.sum(axis=0)[np.ix_(chosen, chosen)]
-    inverse, units = inverse_scaled(total[:-1, :-1]), np.array([free.step for free in one.free])
-    steps = inverse @ total[:-1, -1]
-    slopes = inverse[:, -1] / max(float(inverse[-1, -1]), 1e-300) * units / probe.step
-    gain = float(steps @ total[:-1, -1]) / at.variance
-    return _Beside([free.name for free in one.free], steps * units, slopes, fitter.covariance(one), gain)
-
-
-def _out(fit: _Beside, at: Fitted, sizes: Floats) -> set[str]:
-    """What would leave its bounds with the best of ``sizes`` of the part."""
-    best = np.clip(fit.change[-1:], sizes[0], sizes[-1])
-    change = dict(zip(fit.names, fit.changes(best)[0], strict=True))
-    return {f.name for f in at.free if not f.low <= at.parameters[f.name] + change.get(f.name, 0.0) <= f.high}

@@ -13,7 +13,9 @@ from discrepancy.fit.simulate import Simulator
 from discrepancy.name.accepted import Accepted
 from discrepancy.name.columns import fading, without_part
 from discrepancy.name.search import Search
-from discrepancy.tell.intervals import WIDTH, _amounts, _Beside, _Mixture, intervals, left_out
+from discrepancy.tell.intervals import WIDTH, intervals
+from discrepancy.tell.left_out import _amounts, _Beside, left_out
+from discrepancy.tell.mixture import Mixture
 
 HIDDEN = {"friction_x": 3e-8, "friction_y": 3e-8, "friction_speed": 2e-3, "stribeck": 0.6, "stribeck_speed": 6e-3}
 """A friction whose Stribeck part shows too little to earn two parameters."""
@@ -67,7 +69,7 @@ def test_a_part_that_is_fitted_is_not_left_out(plain: Search) -> None:
 def test_a_mixture_lies_between_its_parts() -> None:
     # SI values are small: a quantile is found to a share of the deviations, whatever their unit.
     for unit in (1.0, 1e-12):
-        both = _Mixture(np.array([0.5, 0.5]), unit * np.array([-3.0, 3.0]), unit * np.array([1.0, 1.0]))
+        both = Mixture(np.array([0.5, 0.5]), unit * np.array([-3.0, 3.0]), unit * np.array([1.0, 1.0]))
         assert both.quantile(0.5) == pytest.approx(0.0, abs=1e-4 * unit)
         # 95 % of the lower half: one in twenty of a normal distribution, 1.645 below its mean.
         assert both.quantile(0.025) == pytest.approx(-4.645 * unit, rel=1e-3)
