@@ -96,9 +96,9 @@ def read_lab_table(path: Path) -> pl.DataFrame:
 
 
 def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source]:
-    """The source of every column that is mapped by hand or has a heading or a unit that tells it. Raises
-    InputError for a heading or a column that does not exist, two headings for one column, and a unit that does not
-    fit."""
+    """The source of every column that is mapped by hand or has a heading or a unit that tells it, and of the voltage
+    where that is what a single heading is left for. Raises InputError for a heading or a column that does not exist,
+    two headings for one column, and a unit that does not fit."""
     for option, given in (("--map", request.maps), ("--scale", request.scales)):
         for column in given:
             if column not in COLUMNS:
@@ -132,6 +132,9 @@ def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source
         left = [h for h in headings if _unit(h) in units and h not in {source.heading for source in sources.values()}]
         if len(left) == 1:
             sources[column] = Source(left[0], *_scale(column, left[0], request.scales.get(column)))
+    left = [h for h in headings if h not in {source.heading for source in sources.values()}]
+    if missing_columns(sources, request.sample_rate) == ["v_x"] and len(left) == 1 and "v_x" not in request.maps:
+        sources["v_x"] = Source(left[0], *_scale("v_x", left[0], request.scales.get("v_x")))
     return sources
 
 

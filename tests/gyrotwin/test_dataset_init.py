@@ -100,6 +100,17 @@ def test_of_two_columns_with_a_unit_of_motion_none_is_taken(tmp_path: Path) -> N
         init(tmp_path / "one.csv", "--out", tmp_path / "set")
 
 
+def test_the_only_heading_left_is_the_voltage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pl.DataFrame({"time": T, "force": WAVE, "disp": WAVE}).write_csv(tmp_path / "one.csv")
+    init(tmp_path / "one.csv", "--out", tmp_path / "set")
+    assert "v_x = 'disp' [V]" in capsys.readouterr().out
+    # Neither a table whose time or force is not known nor one with two such headings says which it is.
+    for headings in (["when", "force", "disp"], ["time", "push", "disp"], ["time", "force", "disp", "other"]):
+        pl.DataFrame({name: T if i == 0 else WAVE for i, name in enumerate(headings)}).write_csv(tmp_path / "two.csv")
+        with pytest.raises(InputError, match="which heading is"):
+            init(tmp_path / "two.csv", "--out", tmp_path / "other")
+
+
 def test_a_single_table_is_cut_for_the_held_out_run(tmp_path: Path) -> None:
     init(lab_table(tmp_path), "--out", tmp_path / "set", "--nominal", "reference")
     data = load_dataset(tmp_path / "set")
