@@ -17,7 +17,8 @@ from gyro_model.errors import InputError
 from gyro_model.model import EFFECTS_FOLDER, Model
 
 MOST: Final = 2
-"""Resonances on an axis beside its own mode: with two axes six modes in all."""
+"""Resonances on an axis beside its own mode: with two axes six modes in all. A record of one axis has as many as it
+shows."""
 
 _TEXT: Final = '''"""{title}"""
 
@@ -64,12 +65,13 @@ def copies(model: Model, records: tuple[Record, ...]) -> Mapping[str, Copy]:
     """Copies of the packaged resonant forces of ``model`` that it does not have yet, by id: for the modes that
     ``records`` show beside one an axis from the first, others for when the force itself is in the model."""
     seen = len(further_modes(records)[1])
-    turns = (False, True) if records[0].axes == 2 else (False,)
+    one = records[0].axes == 1
+    turns, most = (False,) if one else (False, True), max(MOST, seen) if one else MOST
     own, found = {e.id for e in model.effects}, {}
     for effect in (e for e in model.effects if isinstance(e, Force) and _resonates(e)):
         for turned in turns:
             before = "" if turned and seen else effect.id
-            for place in range(1 if turned else 2, MOST + 1):
+            for place in range(1 if turned else 2, most + 1):
                 suffix = ("_y" if turned else "") + (f"_{place}" if place > 1 else "")
                 if effect.id + suffix not in own:
                     found[effect.id + suffix] = Copy(effect, suffix, turned, before, place > 1)

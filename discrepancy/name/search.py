@@ -39,6 +39,7 @@ from discrepancy.name.exchange import delete, exchange, fade
 from discrepancy.name.more_modes import Copy
 from discrepancy.name.question import ask
 from discrepancy.name.resisting import alike, resisting
+from discrepancy.name.resonating import resonating
 from discrepancy.name.scan import Scan, Scored, best_of, scanned, sure
 from discrepancy.name.score import Score, Step
 from discrepancy.name.shaping import movable, shaped
@@ -175,7 +176,7 @@ class Search:
             elif unsprung(self.whole, self.at):
                 self._take_in_first(resisting(self))
             else:
-                self._take_in_first(bending(self))
+                self._take_in_first(resonating(self) or bending(self))
             early = len(self.accepted)
             # Long runs are fitted once more before they are looked at as a whole.
             self._go_on_or_keep(self.at, roughly_settled if self.shortest > 1 else settled)

@@ -1,0 +1,124 @@
+"""A structure of several modes as a mass that carries resonators, from how it answers to forces at the sensors' places.
+
+    X = Σ φ_i φ_iᵀ / (s² + 2 ζ_i w_i s + w_i²) F,  Σ φ_i φ_iᵀ = 1/m
+
+Turned by an orthogonal matrix whose first rows are √m φ, the modes are the mass and what it carries: the frequencies of
+the rest are those of the structure while the mass is held, its antiresonances (J. P. Den Hartog, Mechanical Vibrations,
+1956, section 3.2). A fit of one mode an axis ends at the mass of that mode, of which the structure is only a part, so
+that no further resonance fits beside it.
+"""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.signal import cont2discrete, lfilter
+
+from discrepancy.data.modes import Mode
+from discrepancy.data.record import Floats, Record
+
+OF_ONE: Final = 0.3
+"""Of what a mode answers with, that the product of one shape with itself may leave: no mode answers otherwise where
+sensors are at the places of the forces."""
+
+
+class Absorber(NamedTuple):
+    """frequency [Hz] and quality factor of a resonator alone, and the spring [N/m] that couples it to each axis,
+    scaled to the mass."""
+
+    frequency: float
+    quality: float
+    coupling: Floats
+
+    @property
+    def axis(self) -> int:
+        """The axis to which it is coupled most."""
+        return int(np.abs(self.coupling).argmax())
+
+
+class Carried(NamedTuple):
+    """m [kg], stiffness [N/m] and damping [N.s/m] (axes, axes) of the mass, and its resonators, that which is coupled
+    most first."""
+
+    m: float
+    k: Floats
+    d: Floats
+    absorbers: tuple[Absorber, ...]
+
+
+def carried(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[float]) -> Carried | None:
+    """The structure of ``modes`` that driven records show, for sensors of so many ``gains`` [V/m], one an axis; None
+    where the modes do not answer as at the places of the forces."""
+    shapes = _shapes(_residues(records, modes) / np.asarray(gains))
+    if shapes is None:
+        return None
+    axes = len(gains)
+    inverse_mass = shapes.T @ shapes
+    m = axes / float(np.trace(inverse_mass))
+    # Columns: the mass along each axis, then the rest, in any order.
+    turn = np.linalg.qr(shapes, mode="complete")[0]
+    turn[:, :axes] *= np.sign((turn[:, :axes] * shapes).sum(axis=0))
+    w = 2 * np.pi * np.array([mode.frequency for mode in modes])
+    stiffness = turn.T @ np.diag(w**2) @ turn
+    damping = turn.T @ np.diag(w / [mode.quality for mode in modes]) @ turn
+    squares, own = eigh(stiffness[axes:, axes:])
+    losses, couplings = np.diag(own.T @ damping[axes:, axes:] @ own), m * stiffness[:axes, axes:] @ own
+    absorbers = [
+        Absorber(float(speed / (2 * np.pi)), float(speed / loss), coupling)
+        for speed, loss, coupling in zip(np.sqrt(squares), losses, couplings.T, strict=True)
+    ]
+    absorbers.sort(key=lambda a: -float(np.abs(a.coupling).max()))
+    return Carried(m, m * stiffness[:axes, :axes], m * damping[:axes, :axes], tuple(absorbers))
+
+
+def _shapes(residues: Floats) -> Floats | None:
+    """The modes' shapes (modes, axes) [1/kg½] whose products with themselves are the ``residues`` (modes, axes, axes);
+    None where one's are not such."""
+    shapes = []
+    for own in residues:
+        values, vectors = eigh((own + own.T) / 2)
+        shape = vectors[:, -1] * np.sqrt(max(values[-1], 0.0))
+        if np.linalg.norm(own - np.outer(shape, shape)) > OF_ONE * np.linalg.norm(own):
+            return None
+        shapes.append(shape)
+    return np.array(shapes)
+
+
+def _residues(records: Sequence[Record], modes: Sequence[Mode]) -> Floats:
+    """By how much each mode answers with each voltage to each force, (modes, forces, voltages) [V/(N.s²)], by least
+    squares beside how the runs begin and a mean."""
+    axes, made, told = records[0].axes, [], []
+    for record in records:
+        answers = np.hstack([_answers(record, mode) for mode in modes])
+        starts = np.linalg.qr(_starts(record, modes))[0]
+        columns = np.hstack((answers, record.v))
+        columns -= starts @ (starts.T @ columns)
+        made.append(columns[:, :-axes])
+        told.append(columns[:, -axes:])
+    found = np.linalg.lstsq(np.vstack(made), np.vstack(told), rcond=None)[0]
+    return np.asarray(found.reshape(len(modes), axes, axes))
+
+
+def _starts(record: Record, modes: Sequence[Mode]) -> Floats:
+    """What modes do by themselves, and a mean, (n, 2 * modes + 1)."""
+    t = np.arange(len(record.t)) / record.sample_rate
+    columns = [np.ones_like(t)]
+    for mode in modes:
+        w, loss = 2 * np.pi * mode.frequency, 0.5 / mode.quality
+        own = np.exp(w * complex(-loss, (1 - loss**2) ** 0.5) * t)
+        columns += [own.real, own.imag]
+    return np.column_stack(columns)
+
+
+def _answers(record: Record, mode: Mode) -> Floats:
+    """The motion (n, forces) of a mode of 1 kg under each force, as the sensors take it: its displacement, speed or
+    acceleration."""
+    w = 2 * np.pi * mode.frequency
+    pulled = [-(w**2), -w / mode.quality]
+    seen, through = [([1.0, 0.0], 0.0), ([0.0, 1.0], 0.0), (pulled, 1.0)][record.order]
+    system = np.array([[0.0, 1.0], pulled]), np.array([[0.0], [1.0]]), np.array([seen]), np.array([[through]])
+    method = "zoh" if record.hold == "zero" else "foh"
+    a, b, c, d, _ = cont2discrete(system, 1 / record.sample_rate, method)
+    numerator = np.poly(a - b @ c) + (d[0, 0] - 1) * np.poly(a)
+    return np.asarray(lfilter(numerator, np.poly(a), record.u, axis=0)) / record.reference**record.order

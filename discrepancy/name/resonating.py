@@ -1,0 +1,99 @@
+"""Resonators that a mass carries: in its model before anything else is scored, since a linear fit ends at the mass of
+one mode an axis, beside which no column shows another."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import pi, sqrt
+from typing import TYPE_CHECKING, Final
+
+from sympy import solve
+
+from discrepancy.data.absorbers import Absorber, Carried, carried
+from discrepancy.data.modes import further_modes
+from discrepancy.fit.continuation import grown
+from discrepancy.fit.defect import Defect
+from discrepancy.fit.refit import passive
+from discrepancy.name.accepted import Taken
+from discrepancy.name.columns import Candidate
+from gyro_model import symbols
+from gyro_model.anatomy import Effect, Force
+
+if TYPE_CHECKING:
+    from discrepancy.name.search import Search
+
+PLAINLY: Final = 0.25
+"""Times the residual of the fit of one mode an axis that theirs leaves at most, to be taken before anything else is
+scored."""
+
+
+def resonating(search: "Search") -> Taken | None:
+    """The model with a resonator for each further mode of the runs, as far as there are files for them, where these
+    answer as a mass that carries them and a fit with them leaves plainly less; None where not."""
+    records, whole = search.dataset.fit, search.whole
+    gains = [search.nominal[f"sense_gain_{axis}"] for axis in "xy"[: whole.axes]]
+    first, further = further_modes(records) if any(r.u.any() for r in records) else ([], [])
+    told = carried(records, sorted([*first, *further]), gains) if further else None
+    if told is None:
+        return None
+    taken = _taken(search, told)
+    if not taken:
+        return None
+    values = passive({**search.at.parameters, "m": told.m, **_of_mass(search, told)}, whole.axes)
+    free = [*search.at.free]
+    for own, sizes in taken:
+        values |= {**own.shapes, **sizes}
+        free += own.free(whole.period)
+    plain = whole.fit(replace(search.at, whiten=whole.plain(search.at.parameters)))
+    begun = replace(search.at, parameters=values, free=tuple(free), whiten=plain.whiten)
+    found = Taken(whole.fit(grown(whole, begun)), [own for own, _ in taken], plain)
+    return found if whole.off(found.at) <= PLAINLY * whole.off(plain) else None
+
+
+def _of_mass(search: "Search", told: Carried) -> dict[str, float]:
+    """Stiffness and damping of the mass, damped at least as it is now."""
+    now, found = search.at.parameters, {}
+    for i, j, axes in ((0, 0, "xx"), (1, 1, "yy"), (0, 1, "xy"))[: 2 * search.whole.axes - 1]:
+        found[f"k{axes}"] = float(told.k[i, j])
+        found[f"d{axes}"] = float(told.d[i, j]) if i != j else max(float(told.d[i, j]), now[f"d{axes}"])
+    return found
+
+
+def _taken(search: "Search", told: Carried) -> list[tuple[Candidate, dict[str, float]]]:
+    """Effects that are the absorbers, each with its size; those that are coupled least are left out where there are
+    fewer such effects."""
+    waiting = [name for name in search.copies if name in search.present]
+    present = [name for name in search.present if name not in waiting]
+    known = search.library.candidates(search.whole, search.at, present, lambda e: _axis(e) is not None)
+    ready = {c.effect.id: c for c in known}
+    taken = []
+    for absorber in told.absorbers:
+        fitting = [c for c in ready.values() if _axis(c.effect) == absorber.axis]
+        if fitting:
+            own = ready.pop(fitting[0].effect.id)
+            values = _as(own.effect, absorber, told.m)
+            shapes = {name: values.pop(name) for name in own.shapes}
+            taken.append((replace(own, shapes=shapes), values))
+    return taken
+
+
+def _axis(effect: Effect | Defect) -> int | None:
+    """The axis on which it is a resonator and nothing else; None where it is none."""
+    if not isinstance(effect, Force) or len(effect.sizes) != 1 or not effect.states:
+        return None
+    kinds = [q.search.kind for q in effect.parameters if q.search is not None]
+    acting: Sequence[int] = [axis for axis, term in enumerate(effect.force) if term != 0]
+    return acting[0] if sorted(kinds) == ["quality", "resonance"] and len(acting) == 1 else None
+
+
+def _as(effect: Effect | Defect, absorber: Absorber, mass: float) -> dict[str, float]:
+    """The size and the shapes of such an effect with which it is the ``absorber`` of a ``mass`` [kg]."""
+    assert isinstance(effect, Force)
+    of = {"resonance": absorber.frequency, "quality": absorber.quality}
+    shapes = {q.name: of[q.search.kind] for q in effect.parameters if q.search is not None}
+    given = {q.symbol: shapes.get(q.name, 1.0) for q in effect.parameters}
+    given |= {symbols.m: mass, symbols.x: 1.0, symbols.y: 1.0}
+    # At rest it takes from the stiffness of the mass, in proportion to the square of its size, which acts both ways.
+    at_rest = solve([s.rate.subs(given) for s in effect.states], [s.symbol for s in effect.states])
+    of_one = float(effect.force[absorber.axis].subs(given).subs(at_rest))
+    takes = float(absorber.coupling[absorber.axis]) ** 2 / (mass * (2 * pi * absorber.frequency) ** 2)
+    return {**shapes, effect.sizes[0].name: sqrt(takes / of_one)}

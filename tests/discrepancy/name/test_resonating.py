@@ -1,0 +1,42 @@
+"""Structures of more modes than the model has, of which no part is the FMU's."""
+
+from pathlib import Path
+
+import numpy as np
+from structures import Structure, chain
+
+from discrepancy.data.dataset import Dataset
+from discrepancy.diagnose import diagnose
+from discrepancy.tell.answer import Diagnosis
+from gyro_model.model import load_model
+
+
+def answer(structure: Structure, *, begin: int = 0) -> Diagnosis:
+    fit, held_out = structure.record("a", "fit", 1, 1e-3), structure.record("b", "held-out", 2, 1e-3, begin)
+    # Values of a fit of one mode, as the record's own response gives them where nobody believes any.
+    nominal = {"m": 0.68, "kxx": 4.26e4, "dxx": 6.5, "sense_gain_x": 1.0}
+    return diagnose(Dataset(Path("here"), nominal, (fit, held_out)), load_model())
+
+
+def test_a_chain_of_masses_is_a_mass_with_parasitic_modes() -> None:
+    structure = chain()
+    found = answer(structure)
+    assert found.verdict == "missing effects"
+    assert {effect.id for effect in found.effects} == {"parasitic_mode", "parasitic_mode_2"}
+    own = {name: value for effect in found.effects for name, value in effect.parameters.items()}
+    frequencies = sorted((own["parasitic_frequency"], own["parasitic_frequency_2"]), key=lambda f: f.value)
+    for told, true in zip(frequencies, structure.frequencies(held=[0]), strict=True):
+        # Twice the 95 % interval: one of 16,000 leaves it by chance.
+        assert abs(told.value - true) < told.high - told.low
+        assert told.high - told.low < 1e-3 * true
+    for name, true in (("m", 1.0), ("kxx", 7e4), ("dxx", 5.0)):
+        assert abs(found.device[name].value / true - 1) < 1e-3
+    assert all(effect.probability > 0.9 for effect in found.effects)
+
+
+def test_a_sensor_at_another_place_than_the_force_gives_no_false_name() -> None:
+    found = answer(chain(driven=0, sensed=2))
+    assert found.verdict in ("unexplained", "partly explained")
+    assert not [effect for effect in found.effects if effect.probability > 0.5]
+    assert any("more modes" in doubt or "as modes" in doubt for doubt in found.doubts)
+    assert np.isfinite(found.left)
