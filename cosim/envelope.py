@@ -11,6 +11,7 @@ from typing import Final
 from cosim.fmu import Plant
 from gyro_model.build import build
 from gyro_model.envelope import INTERNAL_STEP, envelope_model
+from gyro_model.errors import InputError
 from gyro_model.model import Model
 from gyro_model.quantities import PARAMETERS
 
@@ -56,6 +57,13 @@ def open_envelope(
     that of the x axis alone. Raises InputError as ``cosim.fmu.open_plant`` does.
     """
     form = envelope_model(model)
+    for effect in form.effects:
+        for q in effect.starts:
+            if parameters.get(q.name, 0.0) != 0.0:
+                raise InputError(
+                    f"{q.name} = {parameters[q.name]:g}: the envelope form takes what {effect.id} does once it has "
+                    "settled; give 0, or use the full plant"
+                )
     first = carrier or sqrt(parameters["kxx"] / parameters["m"]) / (2 * pi)
     own = envelope_parameters(parameters, internal_step, first)
     return EnvelopePlant(build(form).fmi3, own | {"carrier_frequency": first}, form)

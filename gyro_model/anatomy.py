@@ -80,14 +80,16 @@ class BoucWen(NamedTuple):
 
 @dataclass(frozen=True)
 class State:
-    """A continuous state that an effect brings along, zero at the start: ``rate`` is its time derivative. ``follows``
-    says the same of one that is a Bouc-Wen hysteresis."""
+    """A continuous state that an effect brings along: ``rate`` is its time derivative. ``follows`` says the same of one
+    that is a Bouc-Wen hysteresis. ``start``: the parameter that says its value as the run begins; None: zero, as it is
+    where the effect begins to act later."""
 
     symbol: Symbol
     unit: str
     description: str
     rate: Expr
     follows: BoucWen | None = None
+    start: Quantity | None = None
 
 
 @dataclass(frozen=True)
@@ -181,6 +183,11 @@ class Effect:
     def sizes(self) -> tuple[Quantity, ...]:
         """The parameters that switch the effect on."""
         return tuple(p for p in self.parameters if p.role == "size")
+
+    @property
+    def starts(self) -> tuple[Quantity, ...]:
+        """The parameters that are states of the effect as the run begins."""
+        return tuple(p for p in self.parameters if p.role == "start")
 
     def terms(self) -> dict[str, Expr]:
         """The expressions of the effect by the name that a limit case uses."""

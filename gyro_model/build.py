@@ -26,6 +26,7 @@ from gyro_model import (
     generate_forces,
     generate_package,
     generate_series,
+    generate_starts,
     generate_tangent,
     generate_xml,
     kept_token,
@@ -53,6 +54,7 @@ WRITERS: dict[str, dict[str, Callable[[Any], str]]] = {
     "device": {EFFECTS: generate_effects.effects},
     "full": {
         f"{GENERATED}/expansions.h": generate_series.expansions,
+        f"{GENERATED}/starts.h": generate_starts.starts,
         f"{GENERATED}/tangent.h": generate_tangent.tangent,
     },
     "envelope": {f"{GENERATED}/envelope.h": generate_envelope.envelope},

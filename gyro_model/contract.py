@@ -99,6 +99,27 @@ def documentation(effect: Effect, model: Model) -> None:
             _fail(effect, f"{what} is empty: say it in words")
 
 
+def starts(effect: Effect, model: Model) -> None:
+    """What a state starts at is a parameter of the effect that says nothing else: in its unit, zero by default, used by
+    no term and by no other state."""
+    stated = [(s, s.start) for s in getattr(effect, "states", ()) if s.start is not None]
+    for state, start in stated:
+        name = f"the start of {state.symbol.name}, {start.name},"
+        if start not in effect.parameters:
+            _fail(effect, f"{name} is not among its parameters: add it there")
+        if start.role != "start":
+            _fail(effect, f"{name} is a {start.role}: make it by gyro_model.quantities.start")
+        if start.unit != state.unit:
+            _fail(effect, f"{name} is in {start.unit}: give it in {state.unit}, as the state is")
+        if start.start != 0.0:
+            _fail(effect, f"{name} is {start.start:g} by default: let it be 0, where no run is another")
+    for start in effect.starts:
+        if sum(own == start for _, own in stated) != 1:
+            _fail(effect, f"{start.name} is a start: give it to one state, State(..., start=...)")
+        if start.symbol in effect.symbols:
+            _fail(effect, f"{start.name} is a start, and a term uses it: add a shape for that")
+
+
 def limit_cases(effect: Effect, model: Model) -> None:
     """The terms give what the limit cases, computed by hand, say; each size is used by one."""
     for limit in effect.limits:
@@ -273,5 +294,5 @@ def _fail(effect: Effect, reason: str) -> None:
 
 
 CHECKS: Final[tuple[Callable[[Effect, Model], None], ...]] = (
-    documentation, limit_cases, neutral_size, memory, dimensions, energy, noise, passive,
+    documentation, starts, limit_cases, neutral_size, memory, dimensions, energy, noise, passive,
 )  # fmt: skip

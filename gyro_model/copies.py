@@ -33,14 +33,19 @@ def copied(effect: Force, suffix: str, *, turned: bool = False) -> Force:
     text = {old.name: symbol.name for old, symbol in new.items()}
     text |= {f"d_{s.symbol.name}": f"d_{s.symbol.name}{suffix}" for s in effect.states} | (TERMS if turned else {})
     beside = ", x and y exchanged" if turned else ", a further one"
+    own = {q: replace(q, name=q.name + suffix, description=q.description + beside) for q in effect.parameters}
     return replace(
         effect,
         id=effect.id + suffix,
-        parameters=tuple(
-            replace(q, name=q.name + suffix, description=q.description + beside) for q in effect.parameters
-        ),
+        parameters=tuple(own.values()),
         states=tuple(
-            replace(s, symbol=names[s.symbol], description=s.description + beside, rate=_in(s.rate, new))
+            replace(
+                s,
+                symbol=names[s.symbol],
+                description=s.description + beside,
+                rate=_in(s.rate, new),
+                start=own[s.start] if s.start else None,
+            )
             for s in effect.states
         ),
         force=_pair(effect.force, new, turned),

@@ -5,7 +5,8 @@ voltages go out as such pairs; every other quantity, and all parameters of the d
 full model. ``fmu_src/envelope`` says how it moves.
 
 What the envelope form leaves out, beside the harmonics above the third: the settling of delay and amplifier lag, and of
-states that an effect brings (they follow at the carrier at once); voltages other than those at the carrier, so that
+states that an effect brings (they follow at the carrier at once, whatever they start at, which is therefore no
+parameter); voltages other than those at the carrier, so that
 offset and drift show only where the converter clips; the noise of a sample is white around the carrier, a flicker
 noise of density a²/f too, and rounding is white noise of lsb²/12 a sample.
 """
@@ -160,7 +161,7 @@ class EnvelopeModel(Model):
     @cached_property
     def quantities(self) -> tuple[Quantity, ...]:
         """Every FMI variable; the index is its value reference: inputs, outputs, parameters, then effect by effect."""
-        own = (p for effect in self.effects for p in effect.parameters)
+        own = (p for effect in self.effects for p in effect.parameters if p.role != "start")
         return (*ENVELOPE_INPUTS, *ENVELOPE_OUTPUTS, *ENVELOPE_PARAMETERS, *own)
 
 

@@ -26,7 +26,7 @@ def variables(model: Model) -> str:
         for e in model.effects
         if not e.nominal
     )
-    parts.append(_table(("Effect", "stage", "parameters [unit] = neutral, (shape)", "what"), effects))
+    parts.append(_table(("Effect", "stage", "parameters [unit] = neutral, (shape or start)", "what"), effects))
     return "\n".join(parts)
 
 

@@ -88,7 +88,7 @@ def documentation(model: Form) -> str:
         "Inputs": [q for q in model.quantities if q.role == "input"],
         "Outputs": [q for q in model.quantities if q.role == "output"],
         "Parameters": [q for q in model.quantities if q.role == "parameter"],
-        "Parameters of effects": [q for q in model.quantities if q.role in ("size", "shape")],
+        "Parameters of effects": [q for q in model.quantities if q.role in ("size", "shape", "start")],
     }
     heading = ("name", "unit", "shown in", "start", "lowest", "highest", "nominal", "changes", "what")
     tables = "".join(
@@ -97,7 +97,9 @@ def documentation(model: Form) -> str:
     effects = (
         (
             f"<code>{e.id}</code>",
-            "always acts" if e.nominal else ", ".join(f"<code>{q.name}</code>" for q in e.parameters),
+            "always acts"
+            if e.nominal
+            else ", ".join(f"<code>{q.name}</code>" for q in e.parameters if q.name in model.by_name),
             escape(e.stage),
             f"<pre>{escape(e.doc.strip())}</pre>",
         )

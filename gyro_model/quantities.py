@@ -15,9 +15,9 @@ from gyro_model.errors import InputError, nearest
 from gyro_model.grid import Grid
 from gyro_model.units import DISPLAYED, dimension
 
-__all__ = ["INPUTS", "OUTPUTS", "PARAMETERS", "Grid", "Quantity", "shape", "size"]
+__all__ = ["INPUTS", "OUTPUTS", "PARAMETERS", "Grid", "Quantity", "shape", "size", "start"]
 
-Role = Literal["input", "output", "parameter", "size", "shape"]
+Role = Literal["input", "output", "parameter", "size", "shape", "start"]
 Terminal = Literal["mechanical", "electrical", "inertial", "thermal", ""]
 
 
@@ -30,11 +30,12 @@ class Quantity:
     """One number with a name: ``start`` is its value where nobody sets it (for a size parameter: neutral).
 
     ``low`` and ``high`` are inclusive bounds in ``unit``. ``role`` is ``input``, ``output``, ``parameter`` (the
-    nominal device and the simulation), ``size`` (switches an effect on) or ``shape`` (of an effect; switches
-    nothing). ``nominal`` is how large it typically is [unit]; 0: as large as ``start``. ``display`` is the unit in
-    which a tool shows it, of ``gyro_model.units.DISPLAYED``; ``terminal`` groups inputs and outputs by what they
-    connect to. ``search``: how a search for the effect tries it; None: it leaves a shape as it is, a size near neutral.
-    ``discrete``: an input or output that changes at instants.
+    nominal device and the simulation), ``size`` (switches an effect on), ``shape`` (of an effect; switches nothing) or
+    ``start`` (a state of an effect as the run begins; switches nothing). ``nominal`` is how large it typically is
+    [unit]; 0: as large as ``start``. ``display`` is the unit in which a tool shows it, of
+    ``gyro_model.units.DISPLAYED``; ``terminal`` groups inputs and outputs by what they connect to. ``search``: how a
+    search for the effect tries it; None: it leaves a shape as it is, a size near neutral. ``discrete``: an input or
+    output that changes at instants.
     """
 
     name: str
@@ -129,6 +130,12 @@ def shape(
     it was tried."""
     more = {"nominal": nominal, "display": display, "search": search, "integer": integer}
     return Quantity(name, unit, start, description, "shape", low, high, **more)  # type: ignore[arg-type]
+
+
+def start(name: str, unit: str, description: str, *, nominal: float = 0.0, display: str = "") -> Quantity:
+    """A parameter that is a state of its effect as the run begins (``State.start``), zero by default; it switches
+    nothing."""
+    return Quantity(name, unit, 0.0, description, "start", nominal=nominal, display=display)
 
 
 def _of_role(role: Role) -> Callable[..., Quantity]:

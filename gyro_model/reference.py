@@ -138,7 +138,8 @@ class _Simulation:
 
     def _start(self) -> Floats:
         state = np.zeros(len(self.names))
-        state[:4] = [self.values[f"{name}_start"] for name in self.names[:4]]
+        for name, start in self.dynamics.starts.items():
+            state[self.names.index(name)] = self.values[start]
         for follower in self.dynamics.followers:
             state[self.names.index(follower.state.name)] = self.inputs[follower.source.name][0]
         context = self._context(0, self.t[0], self._force(self.t[0]), 0)
@@ -235,8 +236,8 @@ def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Map
     """Derivatives of the states at ``t`` by the parameters ``names``: shape (n, states, len(names)), by the
     variational equation.
 
-    S' = (∂f/∂s) S + ∂f/∂p, S = 0 at the start. Raises InputError as ``simulate`` does, and for a device with a
-    delay, a lag, impulses or what remembers.
+    S' = (∂f/∂s) S + ∂f/∂p; at the start S is 1 where p is what the state starts at, else 0. Raises InputError as
+    ``simulate`` does, and for a device with a delay, a lag, impulses or what remembers.
     """
     simulation = _Simulation(device, t, inputs, no_noise)
     left_out = [
@@ -251,6 +252,9 @@ def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Map
     by_parameter = simulation._compiled(tuple(dynamics.parameter_jacobian(names)))
     state = np.zeros(n * (1 + len(names)))
     state[:n] = simulation._start()
+    for own, start in dynamics.starts.items():
+        if start in names:
+            state[n + simulation.names.index(own) * len(names) + names.index(start)] = 1.0
     rows = [state]
     for k in range(len(t) - 1):
         acting = simulation._force(0.5 * (t[k] + t[k + 1]))

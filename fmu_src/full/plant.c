@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "collocation.h"
+#include "generated/starts.h"
 #include "hermite.h"
 #include "noise.h"
 #include "taylor.h"
@@ -323,6 +324,7 @@ void gyro_first_sample(gyro_instance *g)
     view->s[GYRO_STATE_X_DOT] = g->value[GYRO_X_DOT_START];
     view->s[GYRO_STATE_Y] = g->value[GYRO_Y_START];
     view->s[GYRO_STATE_Y_DOT] = g->value[GYRO_Y_DOT_START];
+    start_states(view, g->value);
     g->memory.acting[0] = g->value[GYRO_U_X];
     g->memory.acting[1] = g->value[GYRO_U_Y];
     if (view->any_law) {

@@ -32,16 +32,17 @@ static void set_own(gyro_view *view, const double own[])
 static void begin_own(traveller *at, const gyro_run *run)
 {
     driven *own = &at->own;
-    double rest[GYRO_N_STATES], rate[GYRO_N_STATES], one[MOST] = {0.0};
+    double rest[GYRO_N_STATES], rate[GYRO_N_STATES], none[MOST] = {0.0};
     own->n = 0;
     for (int i = 0; i < OWN; i++) {
         own->place[own->n] = MOTION + i;
+        own->state[own->n] = at->view.s[MOTION + i];
         own->n += at->view.active[gyro_owners[i]];
     }
     matrix slope = matrix_of(own->n, 0.0);
     come_to(at, run, 0);
     look_from(at, run, 0, 0.0, run->state);
-    set_own(&at->view, one);
+    set_own(&at->view, none);
     state_rate(&at->view, rest);
     for (int j = 0; j < own->n; j++) {
         double *state = &at->view.s[own->place[j]];
@@ -56,7 +57,6 @@ static void begin_own(traveller *at, const gyro_run *run)
         own->to[node] = passing_of(own->n, &slope, run->step, PLACE[node]);
     }
     own->whole = passing_of(own->n, &slope, run->step, 1.0);
-    memset(own->state, 0, sizeof own->state);
 }
 
 /* Own states after a part of a step, by their rates at its nodes. */

@@ -9,7 +9,7 @@ nowhere. A model of one mode, linear, that does not follow the temperature.
 from sympy import Rational, Symbol, pi
 
 from gyro_model.anatomy import Energy, Force, Limit, State
-from gyro_model.quantities import Grid, shape, size
+from gyro_model.quantities import Grid, shape, size, start
 from gyro_model.symbols import m, x
 
 COUPLING = size("parasitic_coupling", "N/m", "spring that couples the parasitic mode to x", nominal=1.0)
@@ -23,6 +23,8 @@ FREQUENCY = shape(
     display="kHz",
 )
 QUALITY = shape("parasitic_q", "1", 1000.0, "quality factor of the parasitic mode", low=1e-3, search=Grid.quality())
+START = start("parasitic_start", "m", "displacement of the parasitic mode at the start", nominal=1e-6, display="µm")
+DOT_START = start("parasitic_dot_start", "m/s", "its velocity at the start", nominal=0.02, display="mm/s")
 
 kappa = COUPLING.symbol
 w = 2 * pi * FREQUENCY.symbol
@@ -30,10 +32,16 @@ q, q_dot = Symbol("parasitic", real=True), Symbol("parasitic_dot", real=True)
 
 EFFECT = Force(
     id="parasitic_mode",
-    parameters=(COUPLING, FREQUENCY, QUALITY),
+    parameters=(COUPLING, FREQUENCY, QUALITY, START, DOT_START),
     states=(
-        State(q, "m", "displacement of the parasitic mode", rate=q_dot),
-        State(q_dot, "m/s", "its velocity", rate=-(w / QUALITY.symbol) * q_dot - w**2 * q - (kappa / m) * x),
+        State(q, "m", "displacement of the parasitic mode", rate=q_dot, start=START),
+        State(
+            q_dot,
+            "m/s",
+            "its velocity",
+            rate=-(w / QUALITY.symbol) * q_dot - w**2 * q - (kappa / m) * x,
+            start=DOT_START,
+        ),
     ),
     force=(-kappa * q, 0),
     energy=Energy(

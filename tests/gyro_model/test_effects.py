@@ -36,7 +36,7 @@ def test_documents_itself(effect: Effect) -> None:
         assert limit.why.strip()
     for quantity in effect.parameters:
         assert quantity.description.strip()
-        assert quantity.role in ("size", "shape")
+        assert quantity.role in ("size", "shape", "start")
 
 
 def test_every_dimensional_constant_is_declared() -> None:
