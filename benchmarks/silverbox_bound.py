@@ -50,7 +50,7 @@ def at_once(folder: Path, model: Model, data: Dataset, effects: Sequence[Mapping
                 unseen = Fitter(terms.simulator, (run,))
                 there = started(unseen, replace(at, residuals=(), whiten=unseen.plain(at.parameters)))
                 [columns] = _columns(unseen, there, at.free, changes)
-                states = len(unseen.state_names)
+                states = len(unseen.state_names(there))
                 rest = there.residuals[0].ravel() - amplitudes[states:] @ columns[states:]
                 left[run.name] = rest - _least(columns[:states], rest) @ columns[:states]
             left[""] = at.residuals[0].ravel() - amplitudes @ fitted
@@ -64,7 +64,7 @@ def _columns(fitter: Fitter, at: Fitted, free: Sequence[Free], changes: Sequence
         here = {**at.parameters, **start}
         size = 1e-5 * fitter.signal / abs(here["sense_gain_x"])
         speed = size * float(np.sqrt(here["kxx"] / here["m"]))
-        steps = {name: speed if "dot" in name else size for name in fitter.state_names}
+        steps = {name: speed if "dot" in name else size for name in fitter.state_names(at)}
         steps |= {f.name: f.step for f in free}
         probes = [*({name: here[name] + step} for name, step in steps.items()), *changes]
         found.append(fitter.columns(at, run, probes).reshape(len(probes), -1))

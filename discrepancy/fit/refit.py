@@ -111,7 +111,7 @@ class Fitter:
         self.simulator, self.records, self.blocks, self.criteria = simulator, tuple(records), blocks, criteria
         self.axes = self.records[0].axes
         self.period = 1 / self.records[0].sample_rate
-        self.state_names = STATES[: 2 * self.axes]
+        self._stateful = [e for e in simulator.model.effects if e.starts]
         self.signal = _rms(self.records) or _rms([simulator.run_of(record) for record in self.records])
         self.quotients = Quotients(simulator, self.signal)
         self._kept: dict[int, _Kept] = {}
@@ -145,7 +145,13 @@ class Fitter:
     @property
     def at_rest(self) -> tuple[Mapping[str, float], ...]:
         """Initial states of zero for every run."""
-        return tuple(dict.fromkeys(self.state_names, 0.0) for _ in self.records)
+        return tuple(dict.fromkeys(STATES[: 2 * self.axes], 0.0) for _ in self.records)
+
+    def state_names(self, at: Fitted) -> list[str]:
+        """Of the initial states that a fit of ``at`` finds: those of the device, and of effects that act."""
+        now = at.parameters
+        acting = (e for e in self._stateful if any(now.get(q.name, q.start) != q.start for q in e.sizes))
+        return [*STATES[: 2 * self.axes], *(q.name for e in acting for q in e.starts)]
 
     def evaluated(self, at: Fitted) -> Fitted:
         """``at`` with residuals and cost of its parameters."""
@@ -250,14 +256,14 @@ class Fitter:
         """What each of the ``steps`` [SI], by name, changes of the parameters ``here``."""
         free = {own.name: own for own in at.free}
         return [
-            free[name].at(here[name] + step, here) if name in free else {name: here[name] + step}
+            free[name].at(here[name] + step, here) if name in free else {name: here.get(name, 0.0) + step}
             for name, step in steps.items()
         ]
 
     def _state_steps(self, at: Fitted) -> dict[str, float]:
         size = LINEAR * self.signal / abs(at.parameters["sense_gain_x"])
         speed = size * float(np.sqrt(at.parameters["kxx"] / at.parameters["m"]))
-        return {name: speed if "dot" in name else size for name in self.state_names}
+        return {name: speed if "dot" in name else size for name in self.state_names(at)}
 
     def with_grams(self, at: Fitted, extra: Sequence[Mapping[str, float]] = (), *, near: bool = False) -> Fitted:
         """``at`` linearised, with columns in the order: free, ``extra`` probes (changed parameters), residual; the
@@ -274,7 +280,7 @@ class Fitter:
         return self._rescaled(replace(at, grams=np.array(grams), fill=tuple(fills)), square)
 
     def _linear(self, at: Fitted, run: int, extra: Sequence[Mapping[str, float]], near: bool) -> "_Linear":
-        states, (n, axes) = len(self.state_names), at.residuals[run].shape
+        states, (n, axes) = len(self.state_names(at)), at.residuals[run].shape
         own = states + len(at.free)
         # One array, filtered in place: with some hundred columns it is most of the memory.
         columns = np.empty((own + len(extra) + 1, n, axes))
@@ -410,11 +416,11 @@ class Fitter:
         parameters = passive(parameters, self.axes)
         # What passivity took back counts for the states as well.
         step = np.array([(parameters[f.name] - at.parameters[f.name]) / f.step for f in at.free])
-        starts = []
+        sizes, starts = self._state_steps(at), []
         for run, start in enumerate(at.starts):
             change = share * at.fill[run][:, -1] - at.fill[run][:, : at.known] @ step
-            sizes = self._state_steps(at)
-            starts.append({name: start[name] + sizes[name] * float(c) for name, c in zip(start, change, strict=True)})
+            moved = zip(sizes.items(), change, strict=True)
+            starts.append({**start, **{name: start.get(name, 0.0) + size * float(c) for (name, size), c in moved}})
         return bare(replace(at, parameters=parameters, starts=tuple(starts)))
 
     def covariance(self, at: Fitted) -> Floats:

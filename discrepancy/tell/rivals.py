@@ -46,7 +46,7 @@ class Rival:
         free = (*nominal.free, *self._sizes(name))
         at = fitter.with_grams(replace(fitter.fit(begun, rounds=2), free=free))
         assert at.grams is not None
-        self.free, self.states = at.free, fitter.state_names
+        self.free, self.states = at.free, fitter.state_names(at)
         step = np.array([own.step for own in at.free])
         # A linearisation chooses its own steps: only by the unit are two of them alike.
         known = at.grams.sum(axis=0)[:-1, :-1] / np.outer(step, step) / noise**2
