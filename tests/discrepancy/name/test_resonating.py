@@ -40,3 +40,10 @@ def test_a_sensor_at_another_place_than_the_force_gives_no_false_name() -> None:
     assert not [effect for effect in found.effects if effect.probability > 0.5]
     assert any("more modes" in doubt or "as modes" in doubt for doubt in found.doubts)
     assert np.isfinite(found.left)
+
+
+def test_a_run_may_begin_in_mid_motion() -> None:
+    found = answer(chain(), begin=1500)
+    assert {effect.id for effect in found.effects} == {"parasitic_mode", "parasitic_mode_2"}
+    # Six states of the start are told by its first 50 samples, which adds less than the noise itself.
+    assert found.misfit["final"] < 1.5e-3
