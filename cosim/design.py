@@ -167,6 +167,9 @@ def _complete(data: Mapping[str, Any], device: Device, seed: int) -> Design:
     model = device.model
     tables: dict[str, dict[str, Any]] = {key: data.get(key, {}) for key in TABLES}
     given = {name: model.parameter(name).check(value) for name, value in tables["parameters"].items()}
+    for name in (*given, *tables["intervals"]):
+        if model.parameter(name).role == "start":
+            raise InputError(f"{name}: no loop knows what a device does as it starts; leave it out of the design")
     stated = [*FROM_DEVICE, *(q.name for e in model.effects if e.noise for q in e.parameters)]
     values = {name: device.all_parameters[name] for name in stated} | _drawn(device, seed) | given
     reference = tables["reference"]

@@ -10,7 +10,7 @@ from typing import Final
 
 from cosim.fmu import Plant
 from gyro_model.build import build
-from gyro_model.envelope import INTERNAL_STEP, envelope_model
+from gyro_model.envelope import INTERNAL_STEP, EnvelopeModel, envelope_model
 from gyro_model.errors import InputError
 from gyro_model.model import Model
 from gyro_model.quantities import PARAMETERS
@@ -44,6 +44,18 @@ def envelope_parameters(parameters: Mapping[str, float], internal_step: float, c
     return own | {"internal_step": internal_step}
 
 
+def _settled(parameters: Mapping[str, float], form: EnvelopeModel) -> dict[str, float]:
+    """``parameters`` without what states of effects start at. Raises InputError where they don't start at rest."""
+    owner = {q.name: effect.id for effect in form.effects for q in effect.starts}
+    for name in owner.keys() & parameters.keys():
+        if parameters[name] != 0.0:
+            raise InputError(
+                f"{name} = {parameters[name]:g}: the envelope form shows {owner[name]} settled, wherever it starts; "
+                "give 0, or use the full plant"
+            )
+    return {name: value for name, value in parameters.items() if name not in owner}
+
+
 def open_envelope(
     parameters: Mapping[str, float],
     internal_step: float = INTERNAL_STEP.start,
@@ -54,16 +66,10 @@ def open_envelope(
     FMU built where that has not been done.
 
     internal_step: [s], the period of noise draws and unit of time. carrier: first carrier_frequency [Hz]; by default
-    that of the x axis alone. Raises InputError as ``cosim.fmu.open_plant`` does.
+    that of the x axis alone. Raises InputError as ``cosim.fmu.open_plant`` does, and where a state of an effect does
+    not start at zero.
     """
     form = envelope_model(model)
-    for effect in form.effects:
-        for q in effect.starts:
-            if parameters.get(q.name, 0.0) != 0.0:
-                raise InputError(
-                    f"{q.name} = {parameters[q.name]:g}: the envelope form takes what {effect.id} does once it has "
-                    "settled; give 0, or use the full plant"
-                )
     first = carrier or sqrt(parameters["kxx"] / parameters["m"]) / (2 * pi)
-    own = envelope_parameters(parameters, internal_step, first)
+    own = envelope_parameters(_settled(parameters, form), internal_step, first)
     return EnvelopePlant(build(form).fmi3, own | {"carrier_frequency": first}, form)

@@ -34,16 +34,18 @@ _SEEN: Final = 5 * 4 + 2
 
 
 def can_be_estimated(model: Model, name: str) -> bool:
-    """Whether the loop can find a parameter of an effect: not where it is a time at which something happens, a lag of a
-    temperature, noise, what remembers, the converter's limit, or the angular gain, which nothing but the angle shows;
-    nor of a force that saturates or has a corner, whose slope the filter can't hold over a sample."""
+    """Whether the loop can find a parameter of an effect: not where it is a time at which something happens, a state at
+    the start, a lag of a temperature, noise, what remembers, the converter's limit, or the angular gain, which nothing
+    but the angle shows; nor of a force that saturates or has a corner, whose slope the filter can't hold over a
+    sample."""
     effect = next((e for e in model.effects if any(q.name == name for q in e.parameters)), None)
     if effect is None or effect.noise or effect.nominal or effect.memories or isinstance(effect, Follow):
         return False
     if isinstance(effect, Force) and (uses_command(effect) or any(e.has(Application) for e in effect.terms().values())):
         return False
     timed = isinstance(effect, Law) and effect.event is not None and effect.event.name == name
-    return not timed and name not in ("angular_gain", "adc_limit")
+    begun = name in (q.name for q in effect.starts)
+    return not (timed or begun) and name not in ("angular_gain", "adc_limit")
 
 
 def uses_command(effect: Effect) -> bool:

@@ -78,7 +78,7 @@ def write_trial(
         raise InputError(f"seed = {seed}: give 0 to {LARGEST_SEED // total - 1}")
     rng = np.random.default_rng(seed)
     true = device.with_parameters(hidden).all_parameters
-    starts = {name: 0.0 for name in true if name.endswith("_start")}
+    starts = dict.fromkeys(device.model.start_of.values(), 0.0)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

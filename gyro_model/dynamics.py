@@ -79,12 +79,6 @@ class Dynamics:
         return ("m", "m/s", "m", "m/s", *own, *lagging, *(memory.unit for memory in self.flowing))
 
     @cached_property
-    def starts(self) -> dict[str, str]:
-        """By the name of a state that of the parameter that it starts at; the others start at zero."""
-        own = {s.symbol.name: s.start.name for e in self._of(Force) for s in e.states if s.start}
-        return {symbol.name: f"{symbol.name}_start" for symbol in symbols.STATES} | own
-
-    @cached_property
     def flowing(self) -> tuple[Memory, ...]:
         """What acting effects remember that flows, as states."""
         return tuple(memory for e in self.effects for memory in e.memories if memory.flows)

@@ -127,6 +127,12 @@ class Model(Form):
         return tuple(state for effect in self.effects if isinstance(effect, Force) for state in effect.states)
 
     @cached_property
+    def start_of(self) -> dict[str, str]:
+        """By the name of a state of the motion that of the parameter it starts at; the others start at zero."""
+        own = {state.symbol.name: state.start.name for state in self.states if state.start}
+        return {symbol.name: f"{symbol.name}_start" for symbol in symbols.STATES} | own
+
+    @cached_property
     def memories(self) -> tuple[Memory, ...]:
         """What effects remember, that which flows first."""
         every = (memory for effect in self.effects for memory in effect.memories)

@@ -64,6 +64,8 @@ class _Simulation:
         self.normals = normals
         self.dynamics = Dynamics(tuple(e.id for e in device.model.effects if device.acts(e)), device.model)
         self.names = [state.name for state in self.dynamics.states]
+        known = device.model.start_of
+        self.starts = {place: known[name] for place, name in enumerate(self.names) if name in known}
         self.at_once = {f.state: f.source for f in self.dynamics.followers if self.values[f.time_constant.name] == 0}
         self.temperatures = self._compiled(self.dynamics.temperatures)
         self.rate = self._compiled(self.dynamics.rates)
@@ -138,8 +140,8 @@ class _Simulation:
 
     def _start(self) -> Floats:
         state = np.zeros(len(self.names))
-        for name, start in self.dynamics.starts.items():
-            state[self.names.index(name)] = self.values[start]
+        for place, start in self.starts.items():
+            state[place] = self.values[start]
         for follower in self.dynamics.followers:
             state[self.names.index(follower.state.name)] = self.inputs[follower.source.name][0]
         context = self._context(0, self.t[0], self._force(self.t[0]), 0)
@@ -252,9 +254,9 @@ def sensitivities(device: Device, names: tuple[str, ...], t: Floats, inputs: Map
     by_parameter = simulation._compiled(tuple(dynamics.parameter_jacobian(names)))
     state = np.zeros(n * (1 + len(names)))
     state[:n] = simulation._start()
-    for own, start in dynamics.starts.items():
+    for place, start in simulation.starts.items():
         if start in names:
-            state[n + simulation.names.index(own) * len(names) + names.index(start)] = 1.0
+            state[n + place * len(names) + names.index(start)] = 1.0
     rows = [state]
     for k in range(len(t) - 1):
         acting = simulation._force(0.5 * (t[k] + t[k + 1]))

@@ -63,13 +63,14 @@ def random_device(model: Form, rng: random.Random) -> dict[str, float]:
 
 
 def _effects(model: Model, rng: random.Random) -> dict[str, float]:
-    """Sizes and shapes of some effects."""
+    """Sizes, shapes and starts of some effects."""
     refused = refused_effects(model) if model is FORMS["envelope"] else ()
     effects = [e for e in model.effects if not e.nominal and e.limits and e not in refused]
     values: dict[str, float] = {}
     for effect in rng.sample(effects, rng.choice((0, 1, 2, 4, 8, 16))):
         numbers = np.random.default_rng(rng.randrange(1 << 30))
         values |= active_parameters(effect, numbers, model)
+        values |= {q.name: q.typical * rng.uniform(-1.0, 1.0) for q in effect.starts}
     return values
 
 

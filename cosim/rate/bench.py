@@ -33,8 +33,6 @@ LONG: Final = 100.0
 AGREE: Final = 1e-3
 """Envelope and full FMU agree where bias over full scale and scale factor differ by less than this, or by less than the
 noise."""
-FROM_REST: Final = dict.fromkeys(("x_start", "x_dot_start", "y_start", "y_dot_start"), 0.0)
-"""A mass that does not swing."""
 NOISES: Final = ("sense_noise", "adc_quantisation", "thermal_force")
 """Noises of which ``noise_limits`` knows."""
 SURE: Final = 4.0
@@ -66,7 +64,7 @@ class ColdRun(RateRun):
 
     def plant_parameters(self) -> dict[str, float]:
         """Parameters of the FMU, at rest at the start."""
-        return super().plant_parameters() | FROM_REST
+        return super().plant_parameters() | dict.fromkeys(self.device.model.start_of.values(), 0.0)
 
 
 class Record(NamedTuple):

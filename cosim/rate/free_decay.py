@@ -57,7 +57,7 @@ def free_decay(device: Device, amplitude: float, seed: int, carrier: float, samp
     # Slow decays are sampled as seldom as the split allows.
     interval = min(max(interval, slowest / MOST_SAMPLES), longest)
     no_force = dict.fromkeys(("u_x_i", "u_x_q", "u_y_i", "u_y_q"), 0.0)
-    start = {"x_start": amplitude, "y_start": amplitude, "x_dot_start": 0.0, "y_dot_start": 0.0}
+    start = dict.fromkeys(device.model.start_of.values(), 0.0) | {"x_start": amplitude, "y_start": amplitude}
     parameters = {
         **device.parameters,
         **plant_parameters(device, 1 / sample_rate, seed),

@@ -4,16 +4,17 @@ from collections.abc import Mapping
 from functools import partial
 from math import inf
 
-from cosim.rate.bench import FROM_REST
 from cosim.rate.courses import Course
 from cosim.scenarios import Scenario
 from gyro_model.errors import InputError
+from gyro_model.model import load_model
 
 
 def courses_of(scenario: Scenario) -> Mapping[str, Course]:
     """The inputs that ``scenario`` gives, by name. Where the mass begins does not matter: the drive loop brings it to
     its amplitude. Raises InputError where it sets other parameters: the device does that."""
-    others = [name for name in scenario.parameters if name not in FROM_REST]
+    starts = load_model().start_of.values()
+    others = [name for name in scenario.parameters if name not in starts]
     if others:
         raise InputError(
             f"scenario {scenario.name} sets {', '.join(others)}: rate mode takes inputs alone from a "

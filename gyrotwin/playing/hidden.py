@@ -64,7 +64,7 @@ def experiment_of(device: Device) -> Experiment:
 def known_parameters(device: Device) -> dict[str, float]:
     """The device as it is known, at rest and without noise [SI]."""
     noise = {q.name: q.start for effect in device.model.effects if effect.noise for q in effect.sizes}
-    return {name: 0.0 if name.endswith("_start") else value for name, value in device.all_parameters.items()} | noise
+    return device.all_parameters | dict.fromkeys(device.model.start_of.values(), 0.0) | noise
 
 
 def hideable(device: Device, experiment: Experiment, sliders: Sequence[Slider]) -> list[Range]:

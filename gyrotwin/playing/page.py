@@ -198,7 +198,7 @@ def _neutral(model: Model) -> dict[str, float]:
 
 
 def _at_rest(device: Device) -> dict[str, float]:
-    return {name: 0.0 if name in STARTS else value for name, value in device.all_parameters.items()}
+    return device.all_parameters | dict.fromkeys(device.model.start_of.values(), 0.0)
 
 
 def _split(model: Model, values: Mapping[str, float]) -> tuple[list[tuple[int, float]], list[tuple[int, int]]]:

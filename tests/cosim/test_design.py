@@ -95,6 +95,8 @@ WRONG = {
     "out of bounds": ("[parameters]\nactuator_delay = -1e-6\n", "actuator_delay"),
     "gauge": ("[intervals]\nsense_gain_x = [0.9e6, 1.1e6]\n", "pickoff_gain_mismatch or a value"),
     "start": ("[intervals]\nx_start = [0.9e-6, 1.1e-6]\n", "or its start"),
+    "start of an effect": ("[parameters]\nparasitic_start = 1e-7\n", "parasitic_start: no loop knows"),
+    "and its interval": ("[intervals]\nparasitic_dot_start = [0.0, 1e-3]\n", "parasitic_dot_start: no loop knows"),
     "nothing that acts": ("[intervals]\nelectrode_gap = [1e-5, 2e-5]\n", "no acting effect has it"),
 }
 
@@ -144,7 +146,7 @@ def test_nothing_but_the_design_reaches_the_loop(name: str, tmp_path: Path) -> N
     changeable = [
         q
         for q in model.quantities
-        if q.role in ("parameter", "size", "shape") and not q.integer and "step" not in q.name
+        if q.role in ("parameter", "size", "shape", "start") and not q.integer and "step" not in q.name
     ]
     assert len(changeable) > 50
     for quantity in changeable:

@@ -58,3 +58,9 @@ def test_wrong_parameters_are_named():
         open_envelope(DEVICE | {"k3x": 1.0})
     with pytest.raises(InputError, match=r"internal_step = 20: give a value from 1e-06 to 10"):
         open_envelope(DEVICE, internal_step=20.0)
+
+
+def test_states_of_effects_start_at_rest() -> None:
+    with pytest.raises(InputError, match=r"parasitic_dot_start = 0\.02: the envelope form .* give 0"):
+        open_envelope(DEVICE | {"parasitic_dot_start": 0.02})
+    open_envelope(DEVICE | {"parasitic_start": 0.0, "parasitic_dot_start": 0.0}).close()

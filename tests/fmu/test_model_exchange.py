@@ -25,6 +25,7 @@ DEVICES: dict[str, dict[str, float]] = {
     "delay": {"actuator_delay": 47.3e-6, "feedthrough": 1e3},
     "turning": {"frame_rotation": 1.0, "angular_gain": 0.8},
     "mode": {"parasitic_coupling": 8.0, "parasitic_frequency": 4100.0},
+    "begun mode": {"parasitic_coupling": 8.0, "parasitic_start": 2e-6, "parasitic_dot_start": -0.02},
     "play": {"play": 7e-7},
     "memories": {
         "thermal_hysteresis": 0.1,

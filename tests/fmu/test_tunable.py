@@ -134,8 +134,11 @@ def test_flicker_noise_that_is_switched_off_goes_on_where_it_was(fmus: dict[int,
     assert not np.any(np.isin(first[:, 0], again[:, 0]))
 
 
-def test_a_mode_that_is_switched_off_and_on_begins_at_rest(fmus: dict[int, Fmu]) -> None:
-    with started(fmus[3], parasitic_coupling=5.0) as gyro, started(fmus[3]) as fresh:
+# Wherever the run begins, and whether the effect acts there.
+@pytest.mark.parametrize("own", [{"parasitic_coupling": 5.0}, {}])
+def test_a_mode_that_is_switched_on_begins_at_rest(fmus: dict[int, Fmu], own: dict[str, float]) -> None:
+    begun = {"parasitic_start": 2e-6, "parasitic_dot_start": 0.02}
+    with started(fmus[3], **own, **begun) as gyro, started(fmus[3]) as fresh:
         run(gyro, 0, SWITCH)
         gyro.set(parasitic_coupling=0.0)
         state = dict(zip(OUTPUTS, run(gyro, SWITCH, SWITCH + 1)[-1], strict=True))

@@ -27,7 +27,11 @@ GOOD = 'format = 1\nname = "mine"\n[parameters]\nm = 2e-7\nkxx = 64.0\n'
 
 positive = st.floats(1e-300, 1e100)
 # The matrices stay as they are: that they are passive is a property of three numbers together.
-free = [q for q in MODEL.quantities if q.role in ("parameter", "size", "shape") and q.name not in ("kxx", "kyy", "kxy")]
+free = [
+    q
+    for q in MODEL.quantities
+    if q.role in ("parameter", "size", "shape", "start") and q.name not in ("kxx", "kyy", "kxy")
+]
 free = [q for q in free if q.name not in ("dxx", "dyy", "dxy")]
 
 

@@ -66,7 +66,7 @@ def test_the_page_is_small_and_asks_no_network(page: Path) -> None:
 def test_every_input_and_every_number_of_every_effect_has_a_slider(page: Path) -> None:
     data, text = held(page), page.read_text()
     sliders = {s["name"]: s for group in data["sliders"].values() for s in group}
-    wanted = {q.name for q in MODEL.quantities if q.role in ("input", "size", "shape")}
+    wanted = {q.name for q in MODEL.quantities if q.role in ("input", "size", "shape", "start")}
     assert wanted <= set(sliders)
     for effect in MODEL.effects:
         assert (f'data-sliders="{effect.id}"' in text) == bool(effect.parameters)
