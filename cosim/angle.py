@@ -25,7 +25,7 @@ of 32 uN on the reference device reach 0.73 um. Below that B errs, by up to 0.5 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from math import atan2
+from math import atan2, nan
 from typing import Final, Protocol, TypeVar
 
 import numpy as np
@@ -281,6 +281,21 @@ class Pattern:
         angle = (self.zero - (phi - block.turned)) / block.lambda_
         angle[:first] = np.nan
         return angle
+
+
+def ripple(phi: Floats, cycle: int) -> float:
+    """Root mean square [rad] of what ``phi``, shape (n,), has beside its mean over ``cycle`` samples; NaN of fewer.
+
+    What goes with twice the oscillation a device does not turn by, but a single sample finds it.
+    """
+    # An odd number lies around its middle.
+    width = max(cycle, 2) // 2 * 2 + 1
+    if len(phi) < width:
+        return nan
+    sums = np.cumsum(np.concatenate(([0.0], phi - phi[0])))
+    mean = (sums[width:] - sums[:-width]) / width
+    beside = phi[width // 2 : len(phi) - width // 2] - phi[0] - mean
+    return float(np.sqrt(np.mean(beside**2)))
 
 
 def sine_lag(t: Floats, angle: Floats, angle_true: Floats, frequency_hz: float = 20.0) -> float:

@@ -12,7 +12,7 @@ from math import inf
 from pathlib import Path
 from typing import Final
 
-from sympy import Expr, Matrix, Symbol, cse, expand, log, numbered_symbols, pi, sqrt
+from sympy import Expr, Matrix, Max, Symbol, cse, expand, log, numbered_symbols, pi, sqrt
 from sympy.core.function import Application
 
 from cosim.layout import PARAMETER_NAMES
@@ -175,7 +175,7 @@ class KnownModel:
         linear = rates.jacobian(states).subs(still)
         bend = Matrix([expand(rate.subs(dict.fromkeys(force, 0))) for rate in rates - linear * states])
         pickoff_rate = self._pickoff_rate
-        seen = self._seen(linear, rates.jacobian(force), actuated, pickoff, amplified, late)
+        seen = self._seen(linear, rates.jacobian(force), actuated, pickoff, amplified, late.applyfunc(_without_bounds))
         return {
             # The linear device at rest, and that by the parameters.
             "seen": (f"[{_SEEN} + {_SEEN} * NP]", (*seen, *seen.jacobian(parameters))),
@@ -315,6 +315,7 @@ class KnownModel:
             "NP": len(self.parameters),
             "NC": max(len(self.constants), 1),
             "HAS_LAG": int(any(isinstance(e, Lag) for e in effects)),
+            "LAG_ENDS": int(self.dynamics.time_constant.has(Max)),
             "HAS_DELAY": int(any(isinstance(e, Delay) for e in effects)),
             "HAS_THERMAL": int(any(self._functions["thermal"][1])),
             "FEEDS": int(any(self._functions["pick_off_by_force"][1])),
@@ -465,6 +466,11 @@ _FOLLOWED: Final = 10.0
 # Integral of 1/f from there to half the sample rate, and of cos(2 pi f T)/f: Ci(pi) - Ci(2 pi f T), the latter small.
 _PINK_VARIANCE: Final = -log(2 * _FOLLOWED * symbols.sample_period)
 _PINK_NEIGHBOURS: Final = 0.0737 - 0.5772 - log(2 * pi * _FOLLOWED * symbols.sample_period)
+
+
+def _without_bounds(expr: Expr) -> Expr:
+    """``expr`` where no bound is reached: Max(e, 0) as e."""
+    return expr.replace(Max, lambda *terms: sum(term for term in terms if not term.is_number))
 
 
 @cache

@@ -1,13 +1,13 @@
 """What is kept of a run: the trace, its first samples at full rate, and what the Cramer-Rao bound needs."""
 
-from math import nan, pi, sqrt
+from math import isfinite, nan, pi, sqrt
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from cosim.angle import UNIT_NAMES, AngleUnit, Block, make_units, orientation_at
+from cosim.angle import UNIT_NAMES, AngleUnit, Block, make_units, orientation_at, ripple
 from cosim.bound import Bound, Motion, at_the_truth, bound
 from cosim.core.library import CONTROL_NAMES, Library
 from cosim.layout import KXX, OMEGA_Z, PARAMETER_NAMES, STATE_NAMES
@@ -101,6 +101,7 @@ class Recorder:
         self._valid_samples = self._samples = 0
         self._angle_deviation = 0.0
         self._strayed_before = np.inf
+        self._ripple = self._ripple_before = 0.0
         self._turned = 0.0
         self._zero = np.nan
         self._judged_at = 0.0
@@ -116,11 +117,13 @@ class Recorder:
         estimate, deviation = rows[-1, :count].copy(), rows[-1, count : 2 * count].copy()
         measured = np.array([*held[-1, 1:], held[-1, 1], held[-1, 1]])
         orbit = self._orbit(rows)
+        self._ripple = self._rippled(rows)
         self._verdict = self.monitor.judge(t, estimate, deviation, measured, orbit)
         if self._verdict.valid and self.converged_at is None:
             # The flag holds from the next sample on.
             self.converged_at = end
             self._strayed_before = self._verdict.stray_sigma
+            self._ripple_before = self._ripple
         if self.converged_at is not None and np.isfinite(self._verdict.drift_sigma_now):
             self._angle_deviation += self._verdict.drift_sigma_now * (end - max(self._judged_at, self.converged_at))
         if self.converged_at is not None:
@@ -211,13 +214,14 @@ class Recorder:
         )
 
     def _angle_sigma(self) -> float:
-        """Deviation of the angle [rad]: what drift, reading and straying since it was first valid leave; NaN before,
-        when there is no angle."""
+        """Deviation of the angle [rad]: what drift, reading and straying since it was first valid leave, and the ripple
+        of the two readings that an angle is the difference of; NaN before, when there is no angle."""
         if self.converged_at is None:
             return nan
         # Within a cycle the variance may fall.
         strayed = max(self._verdict.stray_sigma**2 - self._strayed_before**2, 0.0)
-        found = sqrt(self._angle_deviation**2 + self._verdict.bend_sigma**2 + strayed)
+        rippled = self._ripple**2 + self._ripple_before**2
+        found = sqrt(self._angle_deviation**2 + self._verdict.bend_sigma**2 + strayed + rippled)
         return min(found, UNKNOWN)
 
     def _angle_true(self, converged: NDArray[np.bool_], omega_z: Floats) -> Floats:
@@ -236,14 +240,26 @@ class Recorder:
         self, t: Floats, estimate: Floats, control: Floats, converged: NDArray[np.bool_]
     ) -> dict[str, tuple[Floats, Floats]]:
         """Angle [rad] and quality of each unit."""
+        block = self._block(t, estimate, control, converged)
+        return {name: unit.process(block) for name, unit in self.units.items()}
+
+    def _block(self, t: Floats, estimate: Floats, control: Floats, converged: NDArray[np.bool_]) -> Block:
+        """What the angle units read."""
         states = np.ascontiguousarray(estimate[:, : len(STATE_NAMES)].T)
         controls = np.ascontiguousarray(control.T)
         first = CONTROL_NAMES.index("near_x")
         forced, near = controls[2:6], controls[first : first + len(STATE_NAMES)]
         omega_squared, turned = (controls[CONTROL_NAMES.index(name)] for name in ("omega_squared", "turned"))
         turn = self.angular_gain * estimate[:, OMEGA_Z] + controls[CONTROL_NAMES.index("own_rate")]
-        block = Block(t, states, forced, near, omega_squared, converged, self.angular_gain, turned, turn)
-        return {name: unit.process(block) for name, unit in self.units.items()}
+        return Block(t, states, forced, near, omega_squared, converged, self.angular_gain, turned, turn)
+
+    def _rippled(self, rows: Floats) -> float:
+        """Ripple of what unit C reads in a block [rad]; as before where it reads no number."""
+        estimate, control, _ = self._parts(rows)
+        block = self._block(np.zeros(len(rows)), estimate, control, np.zeros(len(rows), dtype=np.bool_))
+        cycle = self.run.sample_rate / self.run.oscillation_hz
+        found = ripple(np.unwrap(block.free[0], period=pi), round(cycle))
+        return found if isfinite(found) else self._ripple
 
     def _columns(
         self,

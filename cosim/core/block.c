@@ -118,12 +118,14 @@ void block_scale(const filter *f, const double p[NP], double d[NP])
     }
 }
 
-void block_widen(filter *f, int i, double wide)
+void block_widen(filter *f, const double wide[NP])
 {
     double v[NP];
-    memset(v, 0, sizeof v);
-    v[i] = wide;
-    for (int k = i; k >= 0; k--) {
+    memcpy(v, wide, sizeof v);
+    for (int k = NP - 1; k >= 0; k--) {
+        if (v[k] == 0.0) {
+            continue;
+        }
         const double r = sqrt(f->W[k][k] * f->W[k][k] + v[k] * v[k]), c = f->W[k][k] / r, s = v[k] / r;
         for (int j = 0; j <= k; j++) {
             const double w = f->W[j][k];

@@ -17,8 +17,8 @@ void block_halve(double L[NP][NP], const double b[NP], double half[NP]);
 /* d = W^-1 p: a change of p in units of W. */
 void block_scale(const filter *f, const double p[NP], double d[NP]);
 
-/* Adds the variance of p_i that the standard deviation `wide` stands for. */
-void block_widen(filter *f, int i, double wide);
+/* Adds the covariance wide wide'. */
+void block_widen(filter *f, const double wide[NP]);
 
 /* Solves L L' x = b; also gives L^-1 b. */
 void block_solve(double L[NP][NP], const double b[NP], double x[NP], double half[NP]);

@@ -30,15 +30,27 @@ static pair inverse(pair a)
     return b;
 }
 
-/* Dynamic stiffness K - m omega^2 + i omega D as it acts, force per command, voltage per displacement. */
-static void responses(const known *k, double omega, pair *impedance, pair *actuator, pair *pickoff)
+/* Delay and lag [s] of p as they are near k: beyond the end of a lag nothing has been seen. */
+static void late_near(const known *k, const double p[NP], double late[2])
+{
+    const double rest[NS] = {0}, none[2] = {0.0, 0.0};
+    double by_p[2 * NP];
+    known_late(k, rest, none, 0.0, late);
+    known_late_by_parameter(k, rest, none, 0.0, by_p);
+    for (int q = 0; q < NP; q++) {
+        late[0] += by_p[q] * (p[q] - k->p[q]);
+        late[1] += by_p[NP + q] * (p[q] - k->p[q]);
+    }
+}
+
+/* Dynamic stiffness K - m omega^2 + i omega D as it acts, force per command, voltage per displacement, which come late by `late` [s]. */
+static void responses(const known *k, const double late[2], double omega, pair *impedance, pair *actuator, pair *pickoff)
 {
     const double rest[NS] = {0}, none[2] = {0.0, 0.0};
     const double mass = 1.0 / k->p[INVERSE_MASS];
-    double a[NS * NS], J[4], late[2], C[2 * NS], Cf[4];
+    double a[NS * NS], J[4], C[2 * NS], Cf[4];
     known_rate_by_state(k, rest, none, 0.0, a);
     known_actuate_by_command(k, rest, none, 0.0, J);
-    known_late(k, rest, none, 0.0, late);
     known_pick_off_by_state(k, rest, none, 0.0, C);
     known_pick_off_by_force(k, rest, none, 0.0, Cf);
     for (int i = 0; i < 2; i++) {
@@ -80,9 +92,12 @@ static pair turning_by(const known *k, double omega, pair force, pair impedance)
 void drift_of(const known *k, const known *taken, double stiffness, double rate[3], double bend[3])
 {
     const double mass = 1.0 / taken->p[INVERSE_MASS], omega = sqrt(stiffness / mass);
+    double late[2], late_taken[2];
     pair Z, A, H, Z_taken, A_taken, H_taken;
-    responses(k, omega, &Z, &A, &H);
-    responses(taken, omega, &Z_taken, &A_taken, &H_taken);
+    late_near(taken, k->p, late);
+    late_near(taken, taken->p, late_taken);
+    responses(k, late, omega, &Z, &A, &H);
+    responses(taken, late_taken, omega, &Z_taken, &A_taken, &H_taken);
     /* The feedback makes the dynamic stiffness vanish on the device as taken. */
     const pair read = product(inverse(H_taken), H);
     const pair force = product(product(A, inverse(A_taken)), product(Z_taken, read));
@@ -92,10 +107,13 @@ void drift_of(const known *k, const known *taken, double stiffness, double rate[
 
 void drift_of_force(const known *k, const known *taken, double stiffness, double rate[3])
 {
-    const double omega = sqrt(stiffness * taken->p[INVERSE_MASS]);
+    const double omega = sqrt(stiffness * taken->p[INVERSE_MASS]), rest[NS] = {0}, none[2] = {0.0, 0.0};
+    double late[2], late_taken[2];
     pair Z, A, H, Z_taken, A_taken, H_taken;
-    responses(k, omega, &Z, &A, &H);
-    responses(taken, omega, &Z_taken, &A_taken, &H_taken);
+    known_late(k, rest, none, 0.0, late);
+    known_late(taken, rest, none, 0.0, late_taken);
+    responses(k, late, omega, &Z, &A, &H);
+    responses(taken, late_taken, omega, &Z_taken, &A_taken, &H_taken);
     across(turning_by(k, omega, product(product(A, inverse(A_taken)), Z_taken), Z), rate);
 }
 

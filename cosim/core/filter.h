@@ -62,6 +62,7 @@ typedef struct {
     double W_now[NP][NP]; /* at the last fit of the block */
     double eta[NP];       /* p = p_begun + W eta at that fit */
     double p_begun[NP];
+    double reopened[NP]; /* deviation of p that the block must not take away: along it a lag ends (no_lag.h) */
     double H[2 * START_MAX][NP]; /* measurement rows of the block over the root of their variance */
     double r[2 * START_MAX];     /* innovations over it */
     double v[START_MAX][2], in[START_MAX][IN];

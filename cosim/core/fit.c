@@ -3,6 +3,7 @@
 #include "block.h"
 #include "descent.h"
 #include "known_model.h"
+#include "no_lag.h"
 #include "prediction.h"
 #include "restart.h"
 #include "straight.h"
@@ -102,6 +103,7 @@ static void find_block(filter *f, double L[NP][NP])
         cost += f->r[r] * f->r[r];
     }
     (void)descent_step(f, L, b, step);
+    no_lag_look(f, L, step);
     for (int i = 0; i < NP; i++) {
         f->eta[i] += step[i];
     }
@@ -158,13 +160,17 @@ void fit_fold(filter *f, double L[NP][NP])
     }
     block_shrink(f, L);
     if (!f->growing) {
+        block_widen(f, f->reopened);
+        memset(f->reopened, 0, sizeof f->reopened);
         unseen_follow(f);
         straight_follow(f);
     }
     for (int i = 0; i < NP; i++) {
         if (f->forget[i] > FORGOTTEN) {
             /* Added, not scaled: the scaled row of one of two constants that move together would pass for knowledge of both. */
-            block_widen(f, i, sqrt(2.0 * f->forget[i] * (double)f->in_block * f->m.period * conditional[i]));
+            double wide[NP] = {0.0};
+            wide[i] = sqrt(2.0 * f->forget[i] * (double)f->in_block * f->m.period * conditional[i]);
+            block_widen(f, wide);
         }
     }
     memcpy(f->W_now, f->W, sizeof f->W_now);

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from cosim.angle import UNIT_NAMES, AngleUnit, Block, make_units, sine_lag
+from cosim.angle import UNIT_NAMES, AngleUnit, Block, make_units, ripple, sine_lag
 from cosim.angle_filters import Filter, band_pass, low_pass
 from gyro_model.errors import InputError
 
@@ -274,3 +274,15 @@ def test_filters_follow_the_oscillation_that_the_observer_found(name, off):
     lag = sine_lag(block.t[settled], angle[settled], theta[settled])
     # As for the filter designed there at once; away from its centre the same filter is 0.6 ms off.
     assert lag == pytest.approx(unit.filter.swing_lag(20.0), abs=2e-6)
+
+
+def test_the_ripple_is_what_goes_with_twice_the_oscillation() -> None:
+    t = np.arange(2000) / SAMPLE_RATE
+    cycle = round(SAMPLE_RATE / FREQUENCY)
+    # A turn is none, and neither is an angle however large: 1e6 rad leave 1e-10 of rounding.
+    assert ripple(1e6 + 100.0 * t, cycle) < 1e-9
+    found = ripple(10.0 * t + 3e-4 * np.sin(2 * OMEGA * t), cycle)
+    # 67 samples are 1.005 cycles, over which the sine has a mean of 0.005 of its amplitude; the record begins and ends
+    # at some phase of 58 of its cycles.
+    assert found == pytest.approx(3e-4 / np.sqrt(2), rel=0.02)
+    assert np.isnan(ripple(np.zeros(cycle - 1), cycle))
