@@ -376,7 +376,7 @@ class KnownModel:
     def _jet(self) -> str:
         """The function that writes the jets and their derivatives by the states, and adds to ``by_p``, a row an axis,
         those by the parameters times the ``weight`` of value, slope and curvature: in one, they share their terms. It
-        does so at POINTS points side by side, of which each array has one number after another."""
+        does so at POINTS points side by side: of each number an array has that of every point, one after another."""
         plain = [*self._jets, *self._jets.jacobian(Matrix(self.states))]
         slopes = list(self._jets.jacobian(Matrix(self.parameters)))
         present = [i for i, expr in enumerate(slopes) if expr != 0]
@@ -390,8 +390,9 @@ class KnownModel:
         sources = {symbol.name: text for symbol, text in self._sources().items() if symbol in used}
         own = {name: text[:-1] + " * POINTS + i]" for name, text in sources.items() if text[:2] in ("s[", "f[")}
         return "\n".join([
-            "static inline void known_jet(const known *k, const double *restrict s, const double *restrict f, double omega_z,",
-            "                             const double *restrict weight, double *restrict out, double *restrict by_p)",
+            "static inline void known_jet(const known *k, const double *restrict s, const double *restrict f,",
+            "                             double omega_z, const double *restrict weight, double *restrict out,",
+            "                             double *restrict by_p)",
             "{",
             "    (void)k, (void)s, (void)f, (void)omega_z, (void)weight, (void)by_p;",
             *(f"    const double {name} = {text};" for name, text in sources.items() if name not in own),
