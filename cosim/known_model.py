@@ -378,7 +378,8 @@ class KnownModel:
 
     def _jet(self) -> str:
         """The function that writes the jets and their derivatives by the states, and adds to ``by_p``, a row an axis,
-        those by the parameters times the ``weight`` of value, slope and curvature: in one, they share their terms."""
+        those by the parameters times the ``weight`` of value, slope and curvature: in one, they share their terms. It
+        does so at POINTS points side by side: of each number an array has that of every point, one after another."""
         plain = [*self._jets, *self._jets.jacobian(Matrix(self.states))]
         slopes = list(self._jets.jacobian(Matrix(self.parameters)))
         present = [i for i, expr in enumerate(slopes) if expr != 0]
@@ -386,18 +387,24 @@ class KnownModel:
         adds: dict[int, list[str]] = {}
         for i, expr in zip(present, reduced[len(plain) :], strict=True):
             row, q = divmod(i, len(self.parameters))
-            adds.setdefault(row % 2 * len(self.parameters) + q, []).append(f"weight[{row // 2}]*({c_expression(expr)})")
+            place = row % 2 * len(self.parameters) + q
+            adds.setdefault(place, []).append(f"weight[{row // 2} * POINTS + i]*({c_expression(expr)})")
         used = frozenset().union(*(e.free_symbols for e in (*reduced, *(e for _, e in pairs))))
         sources = {symbol.name: text for symbol, text in self._sources().items() if symbol in used}
+        own = {name: text[:-1] + " * POINTS + i]" for name, text in sources.items() if text[:2] in ("s[", "f[")}
         return "\n".join([
-            "static inline void known_jet(const known *k, const double *s, const double *f, double omega_z,",
-            "                             const double weight[3], double out[6 + 6 * NS], double by_p[2 * NP])",
+            "static inline void known_jet(const known *k, const double *restrict s, const double *restrict f,",
+            "                             double omega_z, const double *restrict weight, double *restrict out,",
+            "                             double *restrict by_p)",
             "{",
             "    (void)k, (void)s, (void)f, (void)omega_z, (void)weight, (void)by_p;",
-            *(f"    const double {name} = {text};" for name, text in sources.items()),
-            *(f"    const double {symbol.name} = {c_expression(expr)};" for symbol, expr in pairs),
-            *(f"    out[{i}] = {c_expression(expr)};" for i, expr in enumerate(reduced[: len(plain)])),
-            *(f"    by_p[{place}] += {' + '.join(terms)};" for place, terms in adds.items()),
+            *(f"    const double {name} = {text};" for name, text in sources.items() if name not in own),
+            "    for (int i = 0; i < POINTS; i++) {",
+            *(f"        const double {name} = {text};" for name, text in own.items()),
+            *(f"        const double {symbol.name} = {c_expression(expr)};" for symbol, expr in pairs),
+            *(f"        out[{i} * POINTS + i] = {c_expression(expr)};" for i, expr in enumerate(reduced[: len(plain)])),
+            *(f"        by_p[{place} * POINTS + i] += {' + '.join(terms)};" for place, terms in adds.items()),
+            "    }",
             "}",
         ])  # fmt: skip
 

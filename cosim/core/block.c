@@ -7,15 +7,14 @@
 
 void block_row_in_eta(const filter *f, const double row[NP], double g[NP])
 {
-    for (int j = 0; j < NP; j++) {
-        g[j] = 0.0;
-    }
+    double sum[NP] = {0.0};
     /* Over whole rows, zeros too: loops of one length run several numbers at a time. */
     for (int i = 0; i < NP; i++) {
         for (int j = 0; j < NP; j++) {
-            g[j] += f->W[i][j] * row[i];
+            sum[j] += f->W[i][j] * row[i];
         }
     }
+    memcpy(g, sum, sizeof sum);
     unseen_leave_out(f, g);
 }
 

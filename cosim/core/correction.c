@@ -82,7 +82,7 @@ double filter_correct_axis(filter *f, const double *c, const double *by_p, doubl
     for (int i = 0; i < NZ; i++) {
         S += c[i] * Pc[i];
     }
-    const double root = 1.0 / sqrt(S);
+    const double inverse = 1.0 / S, root = sqrt(inverse);
     if (e * e > OUTLIER * S) {
         surprise = e * e / (S + uncertainty(f, h));
     }
@@ -90,13 +90,13 @@ double filter_correct_axis(filter *f, const double *c, const double *by_p, doubl
         row[q] = h[q] * root;
     }
     *told = e * root;
-    if (isfinite(1.0 / S)) {
+    if (isfinite(inverse)) {
         /* Trials of a start may have lost their numbers. */
         double *mean = f->inverse + ((f->rows - 1) & 1);
-        *mean += NOISE_SHARE * (1.0 / S - *mean);
+        *mean += NOISE_SHARE * (inverse - *mean);
     }
     for (int i = 0; i < NZ; i++) {
-        gain[i] = Pc[i] / S;
+        gain[i] = Pc[i] * inverse;
         n->z[i] += gain[i] * e;
         n->stray[i] -= gain[i] * strays;
         for (int q = 0; q < NP; q++) {

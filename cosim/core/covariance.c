@@ -9,39 +9,45 @@ static int is_damped(const known *k)
     return d[0] > 0.0 && d[1] > 0.0 && d[0] * d[1] > d[2] * d[2];
 }
 
+/* out = F M. The rate follows itself and its slope, which stays; the states follow states and rate; the lagging voltages these, and themselves.
+   Sums run along rows, side by side: one after the other they would wait for each other. */
+static void follow(double F[NZ][NZ], double M[NZ][NZ], double out[restrict NZ][NZ])
+{
+    for (int i = 0; i < SLOPE; i++) {
+        const int also = i == OMEGA ? SLOPE : i;
+        for (int j = 0; j < NZ; j++) {
+            double sum = 0.0;
+            for (int r = 0; r < LAG; r++) {
+                sum += F[i][r] * M[r][j];
+            }
+            out[i][j] = i < OMEGA ? sum : sum + F[i][also] * M[also][j];
+        }
+    }
+    memcpy(out[SLOPE], M[SLOPE], sizeof out[SLOPE]);
+}
+
 void covariance_predict(filter *f, double F[NZ][NZ], const passage *way)
 {
     moving *n = &f->now;
     const double none[2] = {0.0, 0.0}, *g = way->force, T = f->m.period;
     double FP[NZ][NZ], transposed[NZ][NZ], thermal[4];
-    /* Sums run along rows, side by side: one after the other they would wait for each other. */
     F[OMEGA][SLOPE] = T;
-    memset(FP, 0, sizeof FP);
+    follow(F, n->P, FP);
     for (int i = 0; i < NZ; i++) {
-        for (int r = 0; r < NZ; r++) {
-            for (int j = 0; j < NZ; j++) {
-                FP[i][j] += F[i][r] * n->P[r][j];
-            }
-            transposed[i][r] = F[r][i];
+        for (int j = 0; j < NZ; j++) {
+            transposed[i][j] = FP[j][i];
         }
     }
-    memset(n->P, 0, sizeof n->P);
-    for (int i = 0; i < NZ; i++) {
-        for (int r = 0; r < NZ; r++) {
-            for (int j = 0; j < NZ; j++) {
-                n->P[i][j] += FP[i][r] * transposed[r][j];
-            }
-        }
-    }
+    follow(F, transposed, n->P);
     for (int i = 0; i < NZ; i++) {
         for (int j = 0; j < i; j++) {
             n->P[i][j] = n->P[j][i];
         }
     }
     double stray[NZ] = {0.0};
-    for (int r = 0; r < NZ; r++) {
-        for (int i = 0; i < NZ; i++) {
-            stray[i] += transposed[r][i] * n->stray[r];
+    for (int i = 0; i < NZ; i++) {
+        for (int r = 0; r < NZ; r++) {
+            stray[i] += F[i][r] * n->stray[r];
         }
     }
     memcpy(n->stray, stray, sizeof stray);

@@ -9,7 +9,13 @@
 #define ONSET 2e-2 /* in which the second pair of tones comes up again [s]: at once it would turn the pattern by as much as its own motion, within 5 ms on a
                       straight line by 2 degrees */
 #define ROOM 1.5 /* times the energy that is held: above, the second pair waits for the energy loop */
+#define AFRESH 64 /* samples after which the tones' phases are worked out anew: turned on until then, they err by 1e-14 */
 #define NEWTON 3  /* steps in which the actuators are inverted; their curve is weak */
+
+static phase phase_of(double angle) { return (phase){sin(angle), cos(angle)}; }
+
+/* `a` further on by `b`. */
+static phase turned_by(phase a, phase b) { return (phase){a.sine * b.cosine + a.cosine * b.sine, a.cosine * b.cosine - a.sine * b.sine}; }
 
 /* Of tone i [N]: what it deflects does not depend on the oscillator's stiffness. */
 static double tone_amplitude(const foucault *c, int i)
@@ -27,6 +33,18 @@ static void place_tones(foucault *c, double frequency)
     for (int i = 0; i < TONES; i++) {
         c->frequency[i] = told[i] > 0.0 ? told[i] : ratio[i] * frequency;
     }
+}
+
+/* Where the tones stand at the present sample, at t [s]. */
+static void turn_tones(foucault *c, double t)
+{
+    const int afresh = c->count % AFRESH == 0 || c->tones_at != c->count - 1;
+    for (int i = 0; i < TONES; i++) {
+        const double w = 2.0 * PI * c->frequency[i];
+        c->tone_step[i] = afresh ? phase_of(w * c->period) : c->tone_step[i];
+        c->tone[i] = afresh ? phase_of(w * t) : turned_by(c->tone[i], c->tone_step[i]);
+    }
+    c->tones_at = c->count;
 }
 
 /* The change of constant i that `share` of it stands for. An error of dxy turns the pattern by dxy/(2 m) at most, one of dxx or dyy by half of
@@ -152,7 +170,7 @@ static void form(foucault *c, const double *estimate)
     c->omega = sqrt(omega_squared);
     const double angle = 0.5 * c->period * c->omega;
     c->boost = compensate ? angle / sin(angle) : 1.0;
-    c->turn = (phase){sin(c->omega * c->period), cos(c->omega * c->period)};
+    c->turn = phase_of(c->omega * c->period);
     if (!c->formed) {
         /* Once: a tone that moved with each estimate would be no tone. */
         place_tones(c, c->omega / (2.0 * PI));
@@ -167,8 +185,8 @@ static void form(foucault *c, const double *estimate)
         hold_respond(&c->loop, c->frequency[i], i % 2, amplitude, c->period, lead, c->phasor[i]);
         hold_respond_within(&c->loop, phi, gamma, c->frequency[i], i % 2, amplitude, lead, c->phasor[i], c->phasor_now[i]);
         const double w = 2.0 * PI * c->frequency[i];
-        c->late[i] = (phase){sin(w * (double)(c->delay_samples + 1) * c->period), cos(w * (double)(c->delay_samples + 1) * c->period)};
-        c->ahead[i] = (phase){sin(w * lead), cos(w * lead)};
+        c->late[i] = phase_of(-w * (double)(c->delay_samples + 1) * c->period);
+        c->ahead[i] = phase_of(w * lead);
     }
     c->formed = 1;
 }
@@ -300,23 +318,22 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
         c->near_share = smaller(c->near_share + c->period / ONSET, 1.0);
     }
     const double near_share = c->near_share * c->near_share * (3.0 - 2.0 * c->near_share);
+    turn_tones(c, t);
     for (int i = 0; i < TONES; i++) {
         const double share = i < 2 ? 1.0 : near_share, amplitude = share * tone_amplitude(c, i);
         if (amplitude == 0.0) {
             continue;
         }
         /* The command keeps its phase whatever the delay is taken for: a tone that moved with each estimate would shake the pattern. */
-        const double w = 2.0 * PI * c->frequency[i], sine = sin(w * t), cosine = cos(w * t);
-        const phase late = c->late[i];
-        const double sine_late = sine * late.cosine - cosine * late.sine, cosine_late = cosine * late.cosine + sine * late.sine;
+        const phase now = c->tone[i], late = turned_by(now, c->late[i]);
         for (int j = 0; j < 4; j++) {
-            const double response = share * (c->phasor_now[i][2 * j] * sine_late + c->phasor_now[i][2 * j + 1] * cosine_late);
+            const double response = share * (c->phasor_now[i][2 * j] * late.sine + c->phasor_now[i][2 * j + 1] * late.cosine);
             forced[j] += response;
             near[j] += i < 2 ? 0.0 : response;
-            ahead[j] += share * (c->phasor[i][2 * j] * sine + c->phasor[i][2 * j + 1] * cosine);
+            ahead[j] += share * (c->phasor[i][2 * j] * now.sine + c->phasor[i][2 * j + 1] * now.cosine);
         }
         /* The tones are taken at mid-hold, so that the held staircase has their true phase. */
-        added[i % 2] += amplitude * (sine * c->ahead[i].cosine + cosine * c->ahead[i].sine);
+        added[i % 2] += amplitude * turned_by(now, c->ahead[i]).sine;
     }
     if (set->coriolis_compensation != 0.0) {
         added[0] -= 2.0 * mass * c->coupling * omega_z * ahead[3];
@@ -361,13 +378,14 @@ void foucault_step(foucault *c, const double *estimate, const double *deviation,
         }
         c->turned -= own_rate * c->period;
     }
-    double middle[NS], beyond[2];
-    memcpy(middle, s, sizeof middle);
-    memset(f, 0, sizeof f);
-    move(c, &c->half, omega_z, feedback, middle);
-    cancel_rest(c, middle, omega_z, mass, beyond);
-    feedback[0] += c->boost * beyond[0];
-    feedback[1] += c->boost * beyond[1];
+    if (BENT || NS > 4) {
+        double middle[NS], beyond[2];
+        memcpy(middle, s, sizeof middle);
+        move(c, &c->half, omega_z, feedback, middle);
+        cancel_rest(c, middle, omega_z, mass, beyond);
+        feedback[0] += c->boost * beyond[0];
+        feedback[1] += c->boost * beyond[1];
+    }
 
     /* Wrong first estimates must not drive the device away. */
     const double limit = set->force_limit * set->k * set->amplitude, size = sqrt(feedback[0] * feedback[0] + feedback[1] * feedback[1]);

@@ -42,9 +42,11 @@ typedef struct {
     double straight[16];       /* 4 x 4: the pattern as an oscillator would have it at a sample, by how it is there (hold.h) */
     double phasor_now[TONES][8]; /* and at the sample before the next one does, in the same phase */
     double frequency[TONES];   /* of the tones [Hz] */
+    phase tone[TONES], tone_step[TONES]; /* where they stand at a sample, and over a period */
+    int64_t tones_at;          /* sample at which they stand there */
     double omega;              /* of the isotropic oscillator [rad/s] */
     phase turn;                /* of it over a period */
-    phase late[TONES];         /* over the age of the command that acts when a sample is taken */
+    phase late[TONES];         /* back over the age of the command that acts when a sample is taken */
     phase ahead[TONES];        /* from a sample to mid-hold */
     double near_share;         /* of the second pair's amplitude */
     double in_use[7];          /* the seven constants in the gains */

@@ -39,6 +39,7 @@ typedef struct {
 } known;
 
 #define INVERSE_MASS (NP - 1)
+#define POINTS 4 /* at which the voltages' jets are worked out side by side, by one instruction where the processor has it: both ends of two pieces */
 
 static inline double larger(double a, double b) { return a > b ? a : b; }
 static inline double smaller(double a, double b) { return a < b ? a : b; }
@@ -47,6 +48,13 @@ static inline double smaller(double a, double b) { return a < b ? a : b; }
 static inline double rate_coupling(const double *still, const double *turning, double rate)
 {
     return 0.25 * (turning[NS + 3] - still[NS + 3] - turning[3 * NS + 1] + still[3 * NS + 1]) / rate;
+}
+/* Puts `values` [count] in the place of a point in out [count * POINTS]. */
+static inline void put_point(double *out, int count, int point, const double *values)
+{
+    for (int i = 0; i < count; i++) {
+        out[i * POINTS + point] = values[i];
+    }
 }
 static inline double unit_step(double a) { return a > 0.0 ? 1.0 : a < 0.0 ? 0.0 : 0.5; }
 

@@ -25,7 +25,8 @@ from gyro_model.whole_file import whole_file
 Floats = NDArray[np.float64]
 
 FOLDER: Final = Path(__file__).parent
-FLAGS: Final = ("-O3", "-fno-math-errno", "-ffp-contract=fast", "-Wno-unused-function")
+# A product or quotient of complex numbers is not looked at for infinities: none is near the ends of the numbers.
+FLAGS: Final = ("-O3", "-fno-math-errno", "-ffp-contract=fast", "-fcx-limited-range", "-Wno-unused-function")
 VECTORS: Final = ("avx2", "fma")
 """Instructions that are used where the processor has them; the library is named after the flags, so that another
 processor makes its own."""

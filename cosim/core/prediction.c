@@ -121,70 +121,83 @@ static void add_force_in_voltage(const known *k, const double *s, const acting *
     }
 }
 
-/* Adds what one end of a piece of duration h contributes to the lagging voltages: the weights [3] of value, slope and curvature, as they stand and
-   by tau; and their derivatives: M [2 * NS] by the states, Y [2 * NP] by p. */
-static void add_end(const known *k, const double *s, const acting *force, double omega_z, const double *weight, const double *by_tau, double h,
-                    double value[2], double value_by_tau[2], double M[2 * NS], double *Y)
+/* What the ends of the pieces contribute to the lagging voltages, side by side: start and end of the first piece, then of the second. Value and its
+   derivatives by tau, by the states and by p, a row an axis. */
+typedef struct {
+    double value[2 * POINTS], by_tau[2 * POINTS], by_state[2 * NS * POINTS], by_p[2 * NP * POINTS];
+} contributions;
+
+static void find_contributions(const frame *w, int first, const passage ways[2], const acting forces[2], contributions *e)
 {
-    const double scale[3] = {1.0, h, h * h}, scaled[3] = {weight[0], weight[1] * h, weight[2] * h * h};
-    double jet[6 + 6 * NS];
-    known_jet(k, s, force->f, omega_z, scaled, jet, Y);
-    memset(M, 0, 2 * NS * sizeof *M);
-    for (int i = 0; i < 3; i++) {
+    double s[NS * POINTS], f[2 * POINTS], weight[3 * POINTS], by_tau[3 * POINTS], jet[(6 + 6 * NS) * POINTS];
+    memset(e, 0, sizeof *e);
+    for (int i = 0; i < POINTS; i++) {
+        /* Without a first piece the second stands in its place, unused. */
+        const int n = i / 2 < first ? first : i / 2, ends = i % 2;
+        const lagging *l = &w->m->pieces[n].lag;
+        const double h = w->m->pieces[n].duration, scale[3] = {1.0, h, h * h};
+        put_point(s, NS, i, ways[n].s[ends ? NODES - 1 : 0]);
+        put_point(f, 2, i, forces[n].f);
+        for (int r = 0; r < 3; r++) {
+            weight[r * POINTS + i] = scale[r] * (ends ? l->end : l->start)[r];
+            by_tau[r * POINTS + i] = scale[r] * (ends ? l->end_by_tau : l->start_by_tau)[r];
+        }
+    }
+    known_jet(w->k, s, f, w->z[OMEGA], weight, jet, e->by_p);
+    for (int r = 0; r < 3; r++) {
         for (int a = 0; a < 2; a++) {
-            const int row = 2 * i + a;
-            value[a] += scaled[i] * jet[row];
-            value_by_tau[a] += by_tau[i] * scale[i] * jet[row];
+            const int row = 2 * r + a;
+            for (int i = 0; i < POINTS; i++) {
+                e->value[a * POINTS + i] += weight[r * POINTS + i] * jet[row * POINTS + i];
+                e->by_tau[a * POINTS + i] += by_tau[r * POINTS + i] * jet[row * POINTS + i];
+            }
             for (int j = 0; j < NS; j++) {
-                M[a * NS + j] += scaled[i] * jet[6 + row * NS + j];
+                for (int i = 0; i < POINTS; i++) {
+                    e->by_state[(a * NS + j) * POINTS + i] += weight[r * POINTS + i] * jet[(6 + row * NS + j) * POINTS + i];
+                }
             }
         }
     }
-    add_force_in_voltage(k, s, force, omega_z, weight[0], Y);
 }
 
-/* Moves the lagging voltages through a piece, with their rows of Y and of F; `from` are the rows of Y of the states at its start. */
-static void move_lag(const frame *w, const piece *part, const passage *way, const acting *force, const double *tau_by_p, double from[NS][NP],
-                     double F[NZ][NZ])
+/* Moves the lagging voltages through the piece n, with their rows of Y and of F; `from` are the rows of Y of the states at its start. */
+static void move_lag(const frame *w, int n, const passage *way, const acting *force, const contributions *e, const double *tau_by_p,
+                     double from[NS][NP], double F[NZ][NZ])
 {
-    const lagging *l = &part->lag;
+    const lagging *l = &w->m->pieces[n].lag;
     const double omega_z = w->z[OMEGA];
-    double *z = w->z + LAG, *Y = w->Y[LAG], by_tau[2], M0[2 * NS], M1[2 * NS];
+    double *z = w->z + LAG, *Y = w->Y[LAG];
     for (int a = 0; a < 2; a++) {
-        by_tau[a] = l->stay_by_tau * z[a];
-        z[a] *= l->stay;
-    }
-    for (int q = 0; q < 2 * NP; q++) {
-        Y[q] *= l->stay;
-    }
-    add_end(w->k, way->s[0], force, omega_z, l->start, l->start_by_tau, part->duration, z, by_tau, M0, Y);
-    add_end(w->k, way->s[NODES - 1], force, omega_z, l->end, l->end_by_tau, part->duration, z, by_tau, M1, Y);
-    for (int a = 0; a < 2; a++) {
+        const double *by_state = e->by_state + a * NS * POINTS + 2 * n, *by_p = e->by_p + a * NP * POINTS + 2 * n;
+        const double by_tau = l->stay_by_tau * z[a] + e->by_tau[a * POINTS + 2 * n] + e->by_tau[a * POINTS + 2 * n + 1];
+        z[a] = l->stay * z[a] + e->value[a * POINTS + 2 * n] + e->value[a * POINTS + 2 * n + 1];
         F[LAG + a][LAG + a] = l->stay;
         for (int q = 0; q < NP; q++) {
-            double total = by_tau[a] * tau_by_p[q];
+            double total = l->stay * Y[a * NP + q] + by_tau * tau_by_p[q] + by_p[q * POINTS] + by_p[q * POINTS + 1];
             for (int j = 0; j < NS; j++) {
-                total += M0[a * NS + j] * from[j][q] + M1[a * NS + j] * w->Y[j][q];
+                total += by_state[j * POINTS] * from[j][q] + by_state[j * POINTS + 1] * w->Y[j][q];
             }
-            Y[a * NP + q] += total;
+            Y[a * NP + q] = total;
         }
         for (int j = 0; j < NS; j++) {
-            F[LAG + a][j] += M0[a * NS + j];
+            F[LAG + a][j] += by_state[j * POINTS];
             for (int r = 0; r < NS + 1; r++) {
-                F[LAG + a][r] += M1[a * NS + j] * F[j][r];
+                F[LAG + a][r] += by_state[j * POINTS + 1] * F[j][r];
             }
         }
     }
+    add_force_in_voltage(w->k, way->s[0], force, omega_z, l->start[0], Y);
+    add_force_in_voltage(w->k, way->s[NODES - 1], force, omega_z, l->end[0], Y);
 }
 
-/* Moves z and its slopes through a piece; F becomes the piece's derivative by z. */
-static void move_through(const frame *w, const piece *part, const acting *force, const double *tau_by_p, double F[NZ][NZ], passage *way)
+/* Moves z and its slopes through the piece n, `way` being that of the states; F becomes the piece's derivative by z. */
+static void move_through(const frame *w, int n, const acting *force, const contributions *e, const double *tau_by_p, double F[NZ][NZ],
+                         const passage *way)
 {
     const double omega_z = w->z[OMEGA], mass = 1.0 / w->k->p[INVERSE_MASS];
     double from[NS][NP];
     slopes d;
-    motion_move(part, w->k, omega_z - w->m->omega_z, omega_z, force->f, w->z, way);
-    find_slopes(w->k, part->duration, way, omega_z, &d);
+    find_slopes(w->k, w->m->pieces[n].duration, way, omega_z, &d);
     memcpy(from, w->Y, sizeof from);
     move_slopes(w, way, omega_z, &d, from);
     spread_actuate_by_parameter(w->k, w->z, force->u, omega_z, way->force, NS, &w->Y[0][0]);
@@ -197,7 +210,7 @@ static void move_through(const frame *w, const piece *part, const acting *force,
     }
     memcpy(w->z, way->s[NODES - 1], sizeof way->s[NODES - 1]);
     if (HAS_LAG) {
-        move_lag(w, part, way, force, tau_by_p, from, F);
+        move_lag(w, n, way, force, e, tau_by_p, from, F);
     }
 }
 
@@ -225,41 +238,49 @@ static void change_force(const frame *w, const double before[2], const double af
 }
 
 /* Moves what a frame follows over the period that ends at the present sample. */
-static void carry(const filter *f, const frame *w, double F[NZ][NZ], passage *way)
+static void carry(const filter *f, const frame *w, double F[NZ][NZ], passage *last)
 {
-    const double none[2] = {0.0, 0.0};
-    double late_by_p[2 * NP];
-    const acting after = force_after(f, w);
+    const motion *m = w->m;
+    const int first = HAS_DELAY && m->pieces[0].duration > 0.0 ? 0 : 1;
+    const double none[2] = {0.0, 0.0}, omega_z = w->z[OMEGA];
+    double late_by_p[2 * NP], early[NZ][NZ], late[NZ][NZ];
+    const acting after = force_after(f, w), before = HAS_DELAY ? force_of(f, w, f->sample - 2 - m->delay_samples) : after;
+    const acting forces[2] = {before, after};
+    passage ways[2];
+    contributions e;
     if (HAS_DELAY || HAS_LAG) {
-        known_late_by_parameter(w->k, w->z, none, w->z[OMEGA], late_by_p);
+        known_late_by_parameter(w->k, w->z, none, omega_z, late_by_p);
+    }
+    for (int n = first; n < 2; n++) {
+        motion_move(&m->pieces[n], w->k, omega_z - m->omega_z, omega_z, forces[n].f, n > first ? ways[0].s[NODES - 1] : w->z, &ways[n]);
+    }
+    if (HAS_LAG) {
+        find_contributions(w, first, ways, forces, &e);
+    }
+    if (first == 0) {
+        move_through(w, 0, &before, &e, late_by_p + NP, early, &ways[0]);
     }
     if (HAS_DELAY) {
-        const acting before = force_of(f, w, f->sample - 2 - w->m->delay_samples);
-        const int split = w->m->pieces[0].duration > 0.0;
-        double first[NZ][NZ], second[NZ][NZ], early[NS * 2];
-        if (split) {
-            move_through(w, &w->m->pieces[0], &before, late_by_p + NP, first, way);
-            memcpy(early, way->force, sizeof early);
-        }
         change_force(w, before.f, after.f, late_by_p);
-        move_through(w, &w->m->pieces[1], &after, late_by_p + NP, split ? second : F, way);
-        for (int i = 0; split && i < NZ; i++) {
+    }
+    move_through(w, 1, &after, &e, late_by_p + NP, first == 0 ? late : F, &ways[1]);
+    *last = ways[1];
+    if (first == 0) {
+        for (int i = 0; i < NZ; i++) {
             for (int j = 0; j < NZ; j++) {
                 F[i][j] = 0.0;
                 for (int r = 0; r < NZ; r++) {
-                    F[i][j] += second[i][r] * first[r][j];
+                    F[i][j] += late[i][r] * early[r][j];
                 }
             }
         }
         /* A noise force acts over both pieces. */
-        for (int i = 0; split && i < NS; i++) {
+        for (int i = 0; i < NS; i++) {
             for (int j = 0; j < NS; j++) {
-                way->force[2 * i] += way->whole[i * NS + j] * early[2 * j];
-                way->force[2 * i + 1] += way->whole[i * NS + j] * early[2 * j + 1];
+                last->force[2 * i] += last->whole[i * NS + j] * ways[0].force[2 * j];
+                last->force[2 * i + 1] += last->whole[i * NS + j] * ways[0].force[2 * j + 1];
             }
         }
-    } else {
-        move_through(w, &w->m->pieces[1], &after, late_by_p + NP, F, way);
     }
 }
 

@@ -26,7 +26,7 @@ typedef struct {
 static void rotate_in(double R[NP][NP], double sides[NP][NP], double row[NP], double *side, int count)
 {
     for (int k = 0; k < NP; k++) {
-        const double size = hypot(R[k][k], row[k]), c = R[k][k] / size, t = row[k] / size;
+        const double inverse = 1.0 / sqrt(R[k][k] * R[k][k] + row[k] * row[k]), c = R[k][k] * inverse, t = row[k] * inverse;
         for (int j = k; j < NP; j++) {
             const double own = R[k][j], other = row[j];
             R[k][j] = c * own + t * other;
@@ -158,14 +158,9 @@ static void carry_motion(filter *f, const view *was, const view *now, const doub
     }
 }
 
-/* The device of `k`, seen at frequencies about that of the oscillation, in some `unit` [SEEN]. */
-static void look(const filter *f, const known *k, const double unit[SEEN], view *v)
+/* What is seen, in units of `unit` [SEEN]. */
+static void scale(view *v, const double unit[SEEN])
 {
-    const double pace = sqrt(f->first.P[1][1] / f->first.P[0][0]);
-    linear_of(k, &v->at, v->by);
-    for (int j = 0; j < FREQUENCIES; j++) {
-        linear_command(&v->at, v->by, AT[j] * pace, v->seen + 8 * j, v->by_p + 8 * j);
-    }
     for (int i = 0; i < SEEN; i++) {
         v->seen[i] /= unit[i];
         for (int q = 0; q < NP; q++) {
@@ -174,14 +169,21 @@ static void look(const filter *f, const known *k, const double unit[SEEN], view 
     }
 }
 
+/* The device of `k`, seen at frequencies about that of the oscillation [SI]. */
+static void look(const filter *f, const known *k, view *v)
+{
+    const double pace = sqrt(f->first.P[1][1] / f->first.P[0][0]);
+    linear_of(k, &v->at, v->by);
+    for (int j = 0; j < FREQUENCIES; j++) {
+        linear_command(&v->at, v->by, AT[j] * pace, v->seen + 8 * j, v->by_p + 8 * j);
+    }
+}
+
 /* Looks at `from`. The unit becomes the deviation that the design leaves to the largest entry at its frequency, or that entry where it is more. */
 static void look_from(const filter *f, const known *from, double unit[SEEN], view *v)
 {
     double size[FREQUENCIES] = {0.0};
-    for (int i = 0; i < SEEN; i++) {
-        unit[i] = 1.0;
-    }
-    look(f, from, unit, v);
+    look(f, from, v);
     for (int i = 0; i < SEEN; i++) {
         double variance = 0.0;
         for (int q = 0; q < NP; q++) {
@@ -192,7 +194,7 @@ static void look_from(const filter *f, const known *from, double unit[SEEN], vie
     for (int i = 0; i < SEEN; i++) {
         unit[i] = size[i / 8];
     }
-    look(f, from, unit, v);
+    scale(v, unit);
 }
 
 /* Moves `to`, which stands `change` away from where `was` was seen, to the most likely p where what is seen has moved along a straight line, none
@@ -203,7 +205,8 @@ static void go(const filter *f, const view *was, const double *unit, const doubl
     int held[NP] = {0};
     for (int round = 0, ends = 0;; round++) {
         double missing[SEEN], bend[NP];
-        look(f, to, unit, now);
+        look(f, to, now);
+        scale(now, unit);
         if (ends || round >= ROUNDS) {
             break;
         }

@@ -165,12 +165,17 @@ void filter_take_up(filter *f, const double v[2])
 void filter_take_up_told(filter *f)
 {
     const double *z = f->now.z, x = z[0], y = z[2];
-    const double none[3] = {0.0, 0.0, 0.0};
-    double u[2], l[2], jet[6 + 6 * NS], by_p[2 * NP] = {0.0}, v[2], tau = HAS_LAG ? f->m.lag : 0.0;
+    const double none[3 * POINTS] = {0.0};
+    double u[2], l[2], s_at[NS * POINTS], u_at[2 * POINTS], jet[(6 + 6 * NS) * POINTS], by_p[2 * NP * POINTS] = {0.0}, v[2];
+    const double tau = HAS_LAG ? f->m.lag : 0.0;
     known_actuate(&f->k, z, filter_command(f, 0), z[OMEGA], u);
-    known_jet(&f->k, z, u, z[OMEGA], none, jet, by_p);
+    for (int i = 0; i < POINTS; i++) {
+        put_point(s_at, NS, i, z);
+        put_point(u_at, 2, i, u);
+    }
+    known_jet(&f->k, s_at, u_at, z[OMEGA], none, jet, by_p);
     for (int a = 0; a < 2; a++) {
-        l[a] = jet[a] - tau * jet[2 + a] + tau * tau * jet[4 + a];
+        l[a] = jet[a * POINTS] - tau * jet[(2 + a) * POINTS] + tau * tau * jet[(4 + a) * POINTS];
     }
     known_amplify(&f->k, z, l, z[OMEGA], v);
     filter_take_up(f, v);
