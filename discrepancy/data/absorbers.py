@@ -24,12 +24,13 @@ sensors are at the places of the forces."""
 
 
 class Absorber(NamedTuple):
-    """frequency [Hz] and quality factor of a resonator alone, and the spring [N/m] that couples it to each axis,
-    scaled to the mass."""
+    """frequency [Hz] and quality factor of a resonator alone; the spring [N/m] that couples it to each axis, scaled to
+    the mass; joint: the share of the speed of each axis in that which damps it."""
 
     frequency: float
     quality: float
     coupling: Floats
+    joint: Floats
 
     @property
     def axis(self) -> int:
@@ -38,8 +39,8 @@ class Absorber(NamedTuple):
 
 
 class Carried(NamedTuple):
-    """m [kg], stiffness [N/m] and damping [N.s/m] (axes, axes) of the mass, and its resonators, that which is coupled
-    most first."""
+    """m [kg], stiffness [N/m] and damping [N.s/m] (axes, axes) of the mass without joints, and its resonators, that
+    which is coupled most first."""
 
     m: float
     k: Floats
@@ -63,13 +64,16 @@ def carried(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[fl
     stiffness = turn.T @ np.diag(w**2) @ turn
     damping = turn.T @ np.diag(w / [mode.quality for mode in modes]) @ turn
     squares, own = eigh(stiffness[axes:, axes:])
+    own *= np.where((stiffness[:axes, axes:] @ own).sum(axis=0) < 0, -1.0, 1.0)
     losses, couplings = np.diag(own.T @ damping[axes:, axes:] @ own), m * stiffness[:axes, axes:] @ own
+    joints = damping[:axes, axes:] @ own / losses
     absorbers = [
-        Absorber(float(speed / (2 * np.pi)), float(speed / loss), coupling)
-        for speed, loss, coupling in zip(np.sqrt(squares), losses, couplings.T, strict=True)
+        Absorber(float(speed / (2 * np.pi)), float(speed / loss), coupling, joint)
+        for speed, loss, coupling, joint in zip(np.sqrt(squares), losses, couplings.T, joints.T, strict=True)
     ]
     absorbers.sort(key=lambda a: -float(np.abs(a.coupling).max()))
-    return Carried(m, m * stiffness[:axes, :axes], m * damping[:axes, :axes], tuple(absorbers))
+    own_damping = damping[:axes, :axes] - joints * losses @ joints.T
+    return Carried(m, m * stiffness[:axes, :axes], m * own_damping, tuple(absorbers))
 
 
 def _shapes(residues: Floats) -> Floats | None:

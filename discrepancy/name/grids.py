@@ -133,6 +133,9 @@ def free_shape(q: Quantity, value: float, period: float, ends: tuple[float, floa
 
 def free_usual(q: Quantity, shapes: Sequence[Quantity], values: Mapping[str, float]) -> Free:
     """A shape that stands at its usual one of ``values``, for a refit; ``shapes``: all of its effect."""
+    if not values[q.name]:
+        # One that is usually absent is moved as a size is.
+        return Free(q.name, 1e-3 * q.typical, q.low, q.high)
     against = "".join(o.name for o in shapes if o.search and o.search.kind == "rest" and o.search.of == q.name)
     return replace(free_shape(q, values[q.name], 0.0, (q.typical, q.typical)), against=against)
 

@@ -15,6 +15,7 @@ from discrepancy.fit.defect import Defect
 from discrepancy.fit.refit import passive
 from discrepancy.name.accepted import Taken
 from discrepancy.name.columns import Candidate
+from discrepancy.name.shaping import freed, unmoved
 from gyro_model import symbols
 from gyro_model.anatomy import Effect, Force
 
@@ -45,8 +46,26 @@ def resonating(search: "Search") -> Taken | None:
         free += own.free(whole.period)
     plain = whole.fit(replace(search.at, whiten=whole.plain(search.at.parameters)))
     begun = replace(search.at, parameters=values, free=tuple(free), whiten=plain.whiten)
-    found = Taken(whole.fit(grown(whole, begun)), [own for own, _ in taken], plain)
+    stiff = Taken(whole.fit(grown(whole, begun)), [own for own, _ in taken], plain)
+    found = _better(search, stiff, _jointed(search, stiff))
     return found if whole.off(found.at) <= PLAINLY * whole.off(plain) else None
+
+
+def _jointed(search: "Search", stiff: Taken) -> Taken:
+    """The same with the usual shapes of the resonators fitted too: what couples them is no spring alone."""
+    at, taken = stiff.at, []
+    for own in stiff.taken:
+        usual = unmoved(own)
+        at = freed(at, own, usual)
+        taken.append(replace(own, searched=(*own.searched, *usual)))
+    return Taken(search.whole.fit(at), taken, stiff.plain)
+
+
+def _better(search: "Search", stiff: Taken, jointed: Taken) -> Taken:
+    """The second where it is worth its further parameters."""
+    more = len(jointed.at.free) - len(stiff.at.free)
+    gained = stiff.at.count * (stiff.at.unlikely - jointed.at.unlikely)
+    return jointed if gained > search.criteria.simpler * more else stiff
 
 
 def _of_mass(search: "Search", told: Carried) -> dict[str, float]:
@@ -80,7 +99,7 @@ def _axis(effect: Effect | Defect) -> int | None:
     """The axis on which it is a resonator and nothing else; None where it is none."""
     if not isinstance(effect, Force) or len(effect.sizes) != 1 or not effect.states:
         return None
-    kinds = [q.search.kind for q in effect.parameters if q.search is not None]
+    kinds = [q.search.kind for q in effect.parameters if q.search is not None and q.search.tried]
     acting: Sequence[int] = [axis for axis, term in enumerate(effect.force) if term != 0]
     return acting[0] if sorted(kinds) == ["quality", "resonance"] and len(acting) == 1 else None
 
@@ -89,9 +108,9 @@ def _as(effect: Effect | Defect, absorber: Absorber, mass: float) -> dict[str, f
     """The size and the shapes of such an effect with which it is the ``absorber`` of a ``mass`` [kg]."""
     assert isinstance(effect, Force)
     of = {"resonance": absorber.frequency, "quality": absorber.quality}
-    shapes = {q.name: of[q.search.kind] for q in effect.parameters if q.search is not None}
-    given = {q.symbol: shapes.get(q.name, 1.0) for q in effect.parameters}
-    given |= {symbols.m: mass, symbols.x: 1.0, symbols.y: 1.0}
+    shapes = {q.name: of[q.search.kind] for q in effect.parameters if q.search is not None and q.search.tried}
+    given = {q.symbol: shapes.get(q.name, 1.0 if q.role == "size" else q.start) for q in effect.parameters}
+    given |= {symbols.m: mass, symbols.x: 1.0, symbols.y: 1.0, symbols.x_dot: 0.0, symbols.y_dot: 0.0}
     # At rest it takes from the stiffness of the mass, in proportion to the square of its size, which acts both ways.
     at_rest = solve([s.rate.subs(given) for s in effect.states], [s.symbol for s in effect.states])
     of_one = float(effect.force[absorber.axis].subs(given).subs(at_rest))

@@ -2,22 +2,22 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{bc6b4f1b-5d8b-c1ff-b2bc-1d2af6a9d855}";
+const char gyro_token[] = "{e6414674-caa0-6f97-aff1-8c34154a6ba6}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
-    {9u, 124u, 1e-06},
-    {11u, 125u, 0.02},
-    {10u, 126u, 1e-06},
-    {12u, 127u, 0.02},
-    {115u, 128u, 1.0},
+    {9u, 125u, 1e-06},
+    {11u, 126u, 0.02},
+    {10u, 127u, 1e-06},
+    {12u, 128u, 0.02},
     {116u, 129u, 1.0},
-    {117u, 130u, 1e-06},
-    {118u, 131u, 0.02},
-    {119u, 132u, 1.0},
+    {117u, 130u, 1.0},
+    {118u, 131u, 1e-06},
+    {119u, 132u, 0.02},
     {120u, 133u, 1.0},
-    {121u, 134u, 298.15},
+    {121u, 134u, 1.0},
     {122u, 135u, 298.15},
     {123u, 136u, 298.15},
+    {124u, 137u, 298.15},
 };
 
 const char *const gyro_local_names[GYRO_N_LOCALS + 1] = {
@@ -131,6 +131,7 @@ const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {
     {"parasitic_coupling", GYRO_TUNABLE, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"parasitic_frequency", GYRO_PARAMETER, GYRO_REAL, 5000.0, 0.001, GYRO_UNBOUNDED},
     {"parasitic_q", GYRO_PARAMETER, GYRO_REAL, 1000.0, 0.001, GYRO_UNBOUNDED},
+    {"parasitic_joint", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"parasitic_start", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"parasitic_dot_start", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"pickoff_gain_mismatch", GYRO_TUNABLE, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},

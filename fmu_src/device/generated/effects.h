@@ -434,10 +434,11 @@ static inline void effect_nonlinear_damping(const gyro_view *g, double force[2])
 
 /* A parasitic mode: another mass on its own spring, coupled to the x axis.
 
-       q'' + (w/Q) q' + w² q = -(κ/m) x,  F_x = -κ q,  w = 2π · frequency
+       q'' + (w/Q) (q' + r x') + w² q = -(κ/m) x,  F_x = -κ q - r m (w/Q) (q' + r x'),  w = 2π · frequency
 
    The mode is scaled to the proof mass, so that the coupling is one symmetric spring κ and no energy appears from
-   nowhere. A model of one mode, linear, that does not follow the temperature. */
+   nowhere. A damper between both masses, as a joint is, sees x besides, by the share r. A model of one mode, linear, that
+   does not follow the temperature. */
 static inline void effect_parasitic_mode(const gyro_view *g, double force[2], double *rate)
 {
     const double m = g->p[GYRO_M];
@@ -445,11 +446,13 @@ static inline void effect_parasitic_mode(const gyro_view *g, double force[2], do
     const double parasitic_coupling = g->p[GYRO_PARASITIC_COUPLING];
     const double parasitic_dot = g->s[GYRO_STATE_PARASITIC_DOT];
     const double parasitic_frequency = g->p[GYRO_PARASITIC_FREQUENCY];
+    const double parasitic_joint = g->p[GYRO_PARASITIC_JOINT];
     const double parasitic_q = g->p[GYRO_PARASITIC_Q];
     const double x = g->s[GYRO_STATE_X];
-    force[0] += -parasitic*parasitic_coupling;
+    const double x_dot = g->s[GYRO_STATE_X_DOT];
+    force[0] += -2*3.141592653589793*m*parasitic_frequency*parasitic_joint*(parasitic_dot + parasitic_joint*x_dot)/parasitic_q - parasitic*parasitic_coupling;
     rate[GYRO_STATE_PARASITIC] = parasitic_dot;
-    rate[GYRO_STATE_PARASITIC_DOT] = -4*3.141592653589793*3.141592653589793*parasitic*parasitic_frequency*parasitic_frequency - 2*3.141592653589793*parasitic_dot*parasitic_frequency/parasitic_q - parasitic_coupling*x/m;
+    rate[GYRO_STATE_PARASITIC_DOT] = -4*3.141592653589793*3.141592653589793*parasitic*parasitic_frequency*parasitic_frequency - 2*3.141592653589793*parasitic_frequency*(parasitic_dot + parasitic_joint*x_dot)/parasitic_q - parasitic_coupling*x/m;
 }
 
 /* Quadratic stiffness of the suspension, axis by axis: one that is not the same in both directions.

@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{af27dd50-a690-1eed-4e79-9edaae6f52f4}";
+const char gyro_token[] = "{a1f4de27-bae5-13b7-800a-fcc04c746967}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {0u, 0u, 0.0},
@@ -104,6 +104,7 @@ const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {
     {"parasitic_coupling", GYRO_TUNABLE, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"parasitic_frequency", GYRO_PARAMETER, GYRO_REAL, 5000.0, 0.001, GYRO_UNBOUNDED},
     {"parasitic_q", GYRO_PARAMETER, GYRO_REAL, 1000.0, 0.001, GYRO_UNBOUNDED},
+    {"parasitic_joint", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"pickoff_gain_mismatch", GYRO_TUNABLE, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"pickoff_misalignment", GYRO_TUNABLE, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"pickoff_mismatch", GYRO_TUNABLE, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},

@@ -8,8 +8,8 @@
 
 /* Room for what all forces of the model ask for together. */
 enum {
-    GYRO_SERIES_ROWS = 40,
-    GYRO_SERIES_CONSTANTS = 36,
+    GYRO_SERIES_ROWS = 42,
+    GYRO_SERIES_CONSTANTS = 39,
     GYRO_SERIES_CORNERS = 8,
     GYRO_SERIES_BOUNDS = 6,
     GYRO_SERIES_READ = 2
@@ -26,8 +26,9 @@ enum {
     GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT,
     GYRO_STATE_PAIRS = 5,
     GYRO_PAIR_X_AND_X = GYRO_STATE_PAIRS,
+    GYRO_PAIR_X_DOT_AND_X_DOT,
     GYRO_PAIR_Y_AND_X,
-    GYRO_SERIES_PAIRS = 7
+    GYRO_SERIES_PAIRS = 8
 };
 
 /* What effects share. */
@@ -84,6 +85,7 @@ static inline void pair_states(gyro_series *s, int k)
     (void)s;
     (void)k;
     s->of[GYRO_PAIR_X_AND_X][k] = pair_of(lane_of(s->of[GYRO_PAIR_X_AND_Y][k], 0), lane_of(s->of[GYRO_PAIR_X_AND_Y][k], 0));
+    s->of[GYRO_PAIR_X_DOT_AND_X_DOT][k] = pair_of(lane_of(s->of[GYRO_PAIR_X_DOT_AND_Y_DOT][k], 0), lane_of(s->of[GYRO_PAIR_X_DOT_AND_Y_DOT][k], 0));
     s->of[GYRO_PAIR_Y_AND_X][k] = pair_of(lane_of(s->of[GYRO_PAIR_X_AND_Y][k], 1), lane_of(s->of[GYRO_PAIR_X_AND_Y][k], 0));
 }
 
@@ -175,7 +177,7 @@ static const gyro_series_size series_sizes[GYRO_N_EFFECTS] = {
     {0, 0, 0, 0, 0}, /* linear_acceleration */
     {1, 1, 0, 0, 1}, /* nonlinear_damping */
     {0, 0, 0, 0, 0}, /* parasitic_capacitance */
-    {0, 4, 0, 0, 0}, /* parasitic_mode */
+    {2, 7, 0, 0, 0}, /* parasitic_mode */
     {0, 0, 0, 0, 0}, /* pickoff_gain_mismatch */
     {0, 0, 0, 0, 0}, /* pickoff_misalignment */
     {0, 0, 0, 0, 0}, /* pickoff_mismatch */
@@ -473,10 +475,13 @@ static GYRO_INLINE void series_effect_parasitic_mode(const gyro_view *g, gyro_se
     const double m = g->p[GYRO_M];
     const double parasitic_coupling = g->p[GYRO_PARASITIC_COUPLING];
     const double parasitic_frequency = g->p[GYRO_PARASITIC_FREQUENCY];
+    const double parasitic_joint = g->p[GYRO_PARASITIC_JOINT];
     const double parasitic_q = g->p[GYRO_PARASITIC_Q];
     const gyro_pair *x = s->of[GYRO_PAIR_X_AND_X];
+    const gyro_pair *x_dot = s->of[GYRO_PAIR_X_DOT_AND_X_DOT];
     const gyro_pair *parasitic = s->of[GYRO_PAIR_PARASITIC_AND_PARASITIC];
     const gyro_pair *parasitic_dot = s->of[GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT];
+    gyro_pair(*w)[GYRO_TERMS] = s->w + at->row;
     gyro_pair *c = s->c + at->constant;
     (void)g;
     (void)at;
@@ -484,16 +489,31 @@ static GYRO_INLINE void series_effect_parasitic_mode(const gyro_view *g, gyro_se
     (void)h;
     (void)force;
     if (k == 0) {
-        c[0] = both(-parasitic_coupling);
+        c[0] = both(-2*3.141592653589793*m*parasitic_frequency*parasitic_joint/parasitic_q);
     }
-    *force = pair_sum(*force, on_axis(0, pair_product(c[0], parasitic[k])));
+    gyro_pair sum_1 = both(0.0);
+    if (!is_zero(c[0])) {
+        if (k == 0) {
+            c[1] = both(parasitic_joint);
+        }
+        w[0][k] = pair_sum(parasitic_dot[k], pair_product(c[1], x_dot[k]));
+        sum_1 = pair_product(c[0], w[0][k]);
+    }
+    if (k == 0) {
+        c[2] = both(-parasitic_coupling);
+    }
+    *force = pair_sum(*force, on_axis(0, pair_sum(sum_1, pair_product(c[2], parasitic[k]))));
     s->of[GYRO_PAIR_PARASITIC_AND_PARASITIC][k + 1] = pair_product(both(h), parasitic_dot[k]);
     if (k == 0) {
-        c[1] = both(-4*3.141592653589793*3.141592653589793*parasitic_frequency*parasitic_frequency);
-        c[2] = both(-2*3.141592653589793*parasitic_frequency/parasitic_q);
-        c[3] = both(-parasitic_coupling/m);
+        c[3] = both(-4*3.141592653589793*3.141592653589793*parasitic_frequency*parasitic_frequency);
+        c[4] = both(-2*3.141592653589793*parasitic_frequency/parasitic_q);
+        c[5] = both(parasitic_joint);
     }
-    s->of[GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT][k + 1] = pair_product(both(h), pair_sum(pair_sum(pair_product(c[1], parasitic[k]), pair_product(c[2], parasitic_dot[k])), pair_product(c[3], x[k])));
+    w[1][k] = pair_sum(parasitic_dot[k], pair_product(c[5], x_dot[k]));
+    if (k == 0) {
+        c[6] = both(-parasitic_coupling/m);
+    }
+    s->of[GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT][k + 1] = pair_product(both(h), pair_sum(pair_sum(pair_product(c[3], parasitic[k]), pair_product(c[4], w[1][k])), pair_product(c[6], x[k])));
 }
 
 static GYRO_INLINE void series_effect_quadratic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,

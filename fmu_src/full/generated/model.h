@@ -96,50 +96,51 @@ enum {
     GYRO_PARASITIC_COUPLING = 81, /* [N/m] size: spring that couples the parasitic mode to x */
     GYRO_PARASITIC_FREQUENCY = 82, /* [Hz] shape: frequency of the parasitic mode alone */
     GYRO_PARASITIC_Q = 83, /* [1] shape: quality factor of the parasitic mode */
-    GYRO_PARASITIC_START = 84, /* [m] start: displacement of the parasitic mode at the start */
-    GYRO_PARASITIC_DOT_START = 85, /* [m/s] start: its velocity at the start */
-    GYRO_PICKOFF_GAIN_MISMATCH = 86, /* [1] size: relative excess of the y pickoff gain */
-    GYRO_PICKOFF_MISALIGNMENT = 87, /* [1] size: part of each displacement that the other pickoff sees */
-    GYRO_PICKOFF_MISMATCH = 88, /* [1] size: relative mismatch of the pair of sensing capacitors */
-    GYRO_PICKOFF_INVERSE_GAP = 89, /* [1/m] size: one over the gap of the sensing capacitors */
-    GYRO_PLAY = 90, /* [N] size: half width of the actuator's backlash */
-    GYRO_K2_X = 91, /* [N/m2] size: quadratic stiffness, x axis */
-    GYRO_K2_Y = 92, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SAMPLING_JITTER = 93, /* [s] size: rms error of the sampling instant */
-    GYRO_SENSE_NOISE = 94, /* [V] size: white noise, rms a sample */
-    GYRO_SQUEEZE_X = 95, /* [N.s/m] size: damping of the film at rest, x axis */
-    GYRO_SQUEEZE_Y = 96, /* [N.s/m] size: damping of the film at rest, y axis */
-    GYRO_SQUEEZE_GAP = 97, /* [m] shape: gap of the film */
-    GYRO_RELAXATION = 98, /* [1/K] size: change of stiffness with the lagging temperature */
-    GYRO_RELAXATION_TIME = 99, /* [s] shape: time constant of the relaxing stress */
-    GYRO_TCD = 100, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 101, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 102, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_THERMAL_HYSTERESIS = 103, /* [1] size: by what warming changes split and damping, relative; cooling as much back */
-    GYRO_THERMAL_HYSTERESIS_WIDTH_1 = 104, /* [K] shape: half width of play operator 1 */
-    GYRO_THERMAL_HYSTERESIS_WIDTH_2 = 105, /* [K] shape: half width of play operator 2 */
-    GYRO_THERMAL_HYSTERESIS_WIDTH_3 = 106, /* [K] shape: half width of play operator 3 */
-    GYRO_STRUCTURE_LAG = 107, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 108, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 109, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 110, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 111, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 112, /* [K] shape: temperature at which parameters are as given */
-    GYRO_TURN_ON = 113, /* [1] size: cross damping of a turn-on, rms, over √(dxx dyy) */
+    GYRO_PARASITIC_JOINT = 84, /* [1] shape: share of the speed of x in that which damps the mode */
+    GYRO_PARASITIC_START = 85, /* [m] start: displacement of the parasitic mode at the start */
+    GYRO_PARASITIC_DOT_START = 86, /* [m/s] start: its velocity at the start */
+    GYRO_PICKOFF_GAIN_MISMATCH = 87, /* [1] size: relative excess of the y pickoff gain */
+    GYRO_PICKOFF_MISALIGNMENT = 88, /* [1] size: part of each displacement that the other pickoff sees */
+    GYRO_PICKOFF_MISMATCH = 89, /* [1] size: relative mismatch of the pair of sensing capacitors */
+    GYRO_PICKOFF_INVERSE_GAP = 90, /* [1/m] size: one over the gap of the sensing capacitors */
+    GYRO_PLAY = 91, /* [N] size: half width of the actuator's backlash */
+    GYRO_K2_X = 92, /* [N/m2] size: quadratic stiffness, x axis */
+    GYRO_K2_Y = 93, /* [N/m2] size: quadratic stiffness, y axis */
+    GYRO_SAMPLING_JITTER = 94, /* [s] size: rms error of the sampling instant */
+    GYRO_SENSE_NOISE = 95, /* [V] size: white noise, rms a sample */
+    GYRO_SQUEEZE_X = 96, /* [N.s/m] size: damping of the film at rest, x axis */
+    GYRO_SQUEEZE_Y = 97, /* [N.s/m] size: damping of the film at rest, y axis */
+    GYRO_SQUEEZE_GAP = 98, /* [m] shape: gap of the film */
+    GYRO_RELAXATION = 99, /* [1/K] size: change of stiffness with the lagging temperature */
+    GYRO_RELAXATION_TIME = 100, /* [s] shape: time constant of the relaxing stress */
+    GYRO_TCD = 101, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 102, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 103, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_THERMAL_HYSTERESIS = 104, /* [1] size: by what warming changes split and damping, relative; cooling as much back */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_1 = 105, /* [K] shape: half width of play operator 1 */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_2 = 106, /* [K] shape: half width of play operator 2 */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_3 = 107, /* [K] shape: half width of play operator 3 */
+    GYRO_STRUCTURE_LAG = 108, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 109, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 110, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 111, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 112, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 113, /* [K] shape: temperature at which parameters are as given */
+    GYRO_TURN_ON = 114, /* [1] size: cross damping of a turn-on, rms, over √(dxx dyy) */
     GYRO_N_INPUTS = 7, /* which come first */
-    GYRO_N_VARIABLES = 114
+    GYRO_N_VARIABLES = 115
 };
 
 /* The motion as a differential equation: continuous states, the voltages behind the amplifier's lag, what lags, what
    flows. Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {
     GYRO_N_CONTINUOUS = 13,
-    GYRO_FIRST_LOCAL = 115, /* value reference */
+    GYRO_FIRST_LOCAL = 116, /* value reference */
     GYRO_N_LOCALS = 22
 };
 
 /* Output clocks, which tick at samples; value references beyond all other variables. */
-enum { GYRO_FIRST_CLOCK = 137, GYRO_N_CLOCKS = 0 };
+enum { GYRO_FIRST_CLOCK = 138, GYRO_N_CLOCKS = 0 };
 
 typedef enum {
     GYRO_INPUT,
