@@ -275,7 +275,7 @@ def test_nothing_is_expected_where_the_balance_does_not_know_an_effect(bench: Be
 
 
 def test_a_bench_turns_on_from_rest_whatever_the_device_file_lets_begin() -> None:
-    swinging = Bench(device(x_start=SWING), plan=PLAN)
+    swinging = Bench(device(x_start=SWING, parasitic_start=SWING), plan=PLAN)
     found = figures(swinging, "turn_on")
     assert found["turn_on_lock"].holds
     assert found["turn_on_lock"].value > 2 * Q_X / (2 * pi * F_X) * 0.05
