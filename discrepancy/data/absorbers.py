@@ -25,7 +25,7 @@ sensors are at the places of the forces."""
 
 class Absorber(NamedTuple):
     """frequency [Hz] and quality factor of a resonator alone; the spring [N/m] that couples it to each axis, scaled to
-    the mass; joint: the share of the speed of each axis in that which damps it."""
+    the mass; joint: how much of its damping lies along the spring to each axis, 0 where its damper is on the ground."""
 
     frequency: float
     quality: float
@@ -66,13 +66,15 @@ def carried(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[fl
     squares, own = eigh(stiffness[axes:, axes:])
     own *= np.where((stiffness[:axes, axes:] @ own).sum(axis=0) < 0, -1.0, 1.0)
     losses, couplings = np.diag(own.T @ damping[axes:, axes:] @ own), m * stiffness[:axes, axes:] @ own
-    joints = damping[:axes, axes:] @ own / losses
+    dragged, followed = damping[:axes, axes:] @ own / losses, couplings / (m * squares)
     absorbers = [
         Absorber(float(speed / (2 * np.pi)), float(speed / loss), coupling, joint)
-        for speed, loss, coupling, joint in zip(np.sqrt(squares), losses, couplings.T, joints.T, strict=True)
+        for speed, loss, coupling, joint in zip(
+            np.sqrt(squares), losses, couplings.T, (dragged / followed).T, strict=True
+        )
     ]
     absorbers.sort(key=lambda a: -float(np.abs(a.coupling).max()))
-    own_damping = damping[:axes, :axes] - joints * losses @ joints.T
+    own_damping = damping[:axes, :axes] - dragged * losses @ dragged.T
     return Carried(m, m * stiffness[:axes, :axes], m * own_damping, tuple(absorbers))
 
 

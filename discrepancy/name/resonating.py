@@ -1,10 +1,10 @@
 """Resonators that a mass carries: in its model before anything else is scored, since a linear fit ends at the mass of
 one mode an axis, beside which no column shows another."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import pi, sqrt
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sympy import solve
 
@@ -12,6 +12,7 @@ from discrepancy.data.absorbers import Absorber, Carried, carried
 from discrepancy.data.modes import further_modes
 from discrepancy.fit.continuation import grown
 from discrepancy.fit.defect import Defect
+from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import passive
 from discrepancy.name.accepted import Taken
 from discrepancy.name.columns import Candidate
@@ -27,6 +28,14 @@ PLAINLY: Final = 0.25
 scored."""
 
 
+class _Resonator(NamedTuple):
+    """An effect with its shapes, its sizes by name, and how much of its damping lies along its spring."""
+
+    candidate: Candidate
+    sizes: Mapping[str, float]
+    joint: float
+
+
 def resonating(search: "Search") -> Taken | None:
     """The model with a resonator for each further mode of the runs, as far as there are files for them, where these
     answer as a mass that carries them and a fit with them leaves plainly less; None where not."""
@@ -36,36 +45,35 @@ def resonating(search: "Search") -> Taken | None:
     told = carried(records, sorted([*first, *further]), gains) if further else None
     if told is None:
         return None
-    taken = _taken(search, told)
+    taken = _resonators(search, told)
     if not taken:
         return None
-    values = passive({**search.at.parameters, "m": told.m, **_of_mass(search, told)}, whole.axes)
-    free = [*search.at.free]
-    for own, sizes in taken:
-        values |= {**own.shapes, **sizes}
-        free += own.free(whole.period)
     plain = whole.fit(replace(search.at, whiten=whole.plain(search.at.parameters)))
-    begun = replace(search.at, parameters=values, free=tuple(free), whiten=plain.whiten)
-    stiff = Taken(whole.fit(grown(whole, begun)), [own for own, _ in taken], plain)
-    found = _better(search, stiff, _jointed(search, stiff))
+    stiff, jointed = (_fitted(search, told, taken, plain, jointed=own) for own in (False, True))
+    more = len(jointed.at.free) - len(stiff.at.free)
+    gained = stiff.at.count * (stiff.at.unlikely - jointed.at.unlikely)
+    found = jointed if gained > search.criteria.simpler * more else stiff
     return found if whole.off(found.at) <= PLAINLY * whole.off(plain) else None
 
 
-def _jointed(search: "Search", stiff: Taken) -> Taken:
-    """The same with the usual shapes of the resonators fitted too: what couples them is no spring alone."""
-    at, taken = stiff.at, []
-    for own in stiff.taken:
-        usual = unmoved(own)
-        at = freed(at, own, usual)
-        taken.append(replace(own, searched=(*own.searched, *usual)))
-    return Taken(search.whole.fit(at), taken, stiff.plain)
-
-
-def _better(search: "Search", stiff: Taken, jointed: Taken) -> Taken:
-    """The second where it is worth its further parameters."""
-    more = len(jointed.at.free) - len(stiff.at.free)
-    gained = stiff.at.count * (stiff.at.unlikely - jointed.at.unlikely)
-    return jointed if gained > search.criteria.simpler * more else stiff
+def _fitted(
+    search: "Search", told: Carried, resonators: Sequence[_Resonator], plain: Fitted, *, jointed: bool
+) -> Taken:
+    """The fit that begins with what is ``told``; ``jointed``: with usual shapes of the resonators free as well, since
+    what couples them is no spring alone."""
+    whole, now = search.whole, search.at
+    at = replace(now, parameters={**now.parameters, "m": told.m, **_of_mass(search, told)}, whiten=plain.whiten)
+    taken = []
+    for own in resonators:
+        candidate, joints = own.candidate, unmoved(own.candidate) if jointed else []
+        at = replace(at, parameters={**at.parameters, **candidate.shapes, **own.sizes},
+                     free=(*at.free, *candidate.free(whole.period)))  # fmt: skip
+        if joints:
+            at = freed(at, candidate, joints)
+            at = replace(at, parameters={**at.parameters, **dict.fromkeys((q.name for q in joints), own.joint)})
+        taken.append(replace(candidate, searched=(*candidate.searched, *joints)))
+    at = replace(at, parameters=passive(at.parameters, whole.axes))
+    return Taken(whole.fit(grown(whole, at)), taken, plain)
 
 
 def _of_mass(search: "Search", told: Carried) -> dict[str, float]:
@@ -77,22 +85,22 @@ def _of_mass(search: "Search", told: Carried) -> dict[str, float]:
     return found
 
 
-def _taken(search: "Search", told: Carried) -> list[tuple[Candidate, dict[str, float]]]:
-    """Effects that are the absorbers, each with its size; those that are coupled least are left out where there are
-    fewer such effects."""
+def _resonators(search: "Search", told: Carried) -> list[_Resonator]:
+    """Effects that are the absorbers; those that are coupled least are left out where there are fewer such effects."""
     waiting = [name for name in search.copies if name in search.present]
     present = [name for name in search.present if name not in waiting]
     known = search.library.candidates(search.whole, search.at, present, lambda e: _axis(e) is not None)
     ready = {c.effect.id: c for c in known}
-    taken = []
+    found = []
     for absorber in told.absorbers:
         fitting = [c for c in ready.values() if _axis(c.effect) == absorber.axis]
         if fitting:
             own = ready.pop(fitting[0].effect.id)
             values = _as(own.effect, absorber, told.m)
             shapes = {name: values.pop(name) for name in own.shapes}
-            taken.append((replace(own, shapes=shapes), values))
-    return taken
+            joint = float(absorber.joint[absorber.axis])
+            found.append(_Resonator(replace(own, shapes=shapes), values, joint))
+    return found
 
 
 def _axis(effect: Effect | Defect) -> int | None:

@@ -1,10 +1,11 @@
 """A parasitic mode: another mass on its own spring, coupled to the x axis.
 
-    q'' + (w/Q) (q' + r x') + w² q = -(κ/m) x,  F_x = -κ q - r m (w/Q) (q' + r x'),  w = 2π · frequency
+    q'' + (w/Q) (q' + ρ s x') + w² q = -(κ/m) x,  F_x = -κ q - ρ s m (w/Q) (q' + ρ s x'),
+    s = κ/(m w²),  w = 2π · frequency
 
 The mode is scaled to the proof mass, so that the coupling is one symmetric spring κ and no energy appears from
-nowhere. A damper between both masses, as a joint is, sees x besides, by the share r. A model of one mode, linear, that
-does not follow the temperature.
+nowhere. At rest the mode follows x by -s: ρ = 1 is a joint, whose damper lies along the spring between both masses,
+ρ = 0 a damper to the ground. A model of one mode, linear, that does not follow the temperature.
 """
 
 from sympy import Rational, Symbol, pi
@@ -25,15 +26,21 @@ FREQUENCY = shape(
 )
 QUALITY = shape("parasitic_q", "1", 1000.0, "quality factor of the parasitic mode", low=1e-3, search=Grid.quality())
 JOINT = shape(
-    "parasitic_joint", "1", 0.0, "share of the speed of x in that which damps the mode", nominal=1.0, search=Grid.usual
+    "parasitic_joint",
+    "1",
+    0.0,
+    "damping of the mode along its coupling, else to ground",
+    nominal=1.0,
+    search=Grid.usual,
 )
 START = start("parasitic_start", "m", "displacement of the parasitic mode at the start", nominal=1e-6, display="µm")
 DOT_START = start("parasitic_dot_start", "m/s", "its velocity at the start", nominal=0.02, display="mm/s")
 
-kappa, r = COUPLING.symbol, JOINT.symbol
+kappa = COUPLING.symbol
 w = 2 * pi * FREQUENCY.symbol
 q, q_dot = Symbol("parasitic", real=True), Symbol("parasitic_dot", real=True)
-damped = (w / QUALITY.symbol) * (q_dot + r * x_dot)
+along = JOINT.symbol * kappa / (m * w**2)
+damped = (w / QUALITY.symbol) * (q_dot + along * x_dot)
 
 EFFECT = Force(
     id="parasitic_mode",
@@ -48,10 +55,10 @@ EFFECT = Force(
             start=DOT_START,
         ),
     ),
-    force=(-kappa * q - r * m * damped, 0),
+    force=(-kappa * q - along * m * damped, 0),
     energy=Energy(
         stored=Rational(1, 2) * m * (q_dot**2 + w**2 * q**2) + kappa * q * x,
-        dissipated=m * (w / QUALITY.symbol) * (q_dot + r * x_dot) ** 2,
+        dissipated=m * (w / QUALITY.symbol) * (q_dot + along * x_dot) ** 2,
     ),
     signature="a second resonance in x, with an antiresonance beside it",
     host_experiment="off-resonance drive near the parasitic frequency",
@@ -62,9 +69,21 @@ EFFECT = Force(
             gives={"force_x": -6e-9, "force_y": 0.0, "d_parasitic": 0.0, "d_parasitic_dot": -20.11843525281307},
         ),
         Limit(
-            why="a joint of 1/2 at 2 mm/s sees 1 mm/s of x: 2π·1000/100 · 1e-3 = 0.0628 m/s², half of it on 1e-7 kg",
-            at={"parasitic_joint": 0.5, "m": 1e-7, "x_dot": 2e-3, "parasitic_frequency": 1000.0, "parasitic_q": 100.0},
-            gives={"force_x": -3.141592653589793e-9, "d_parasitic_dot": -0.06283185307179587},
+            why="s = 1.9739208802178716/(1e-7 · (2π·1000)²) = 1/2, of 2 mm/s 1 mm/s: 2π·1000/100 · 1e-3 = 0.0628 m/s²",
+            at={
+                "parasitic_coupling": 1.9739208802178716,
+                "parasitic_joint": 1.0,
+                "m": 1e-7,
+                "x_dot": 2e-3,
+                "parasitic_frequency": 1000.0,
+                "parasitic_q": 100.0,
+            },
+            gives={
+                "force_x": -3.141592653589793e-9,
+                "force_y": 0.0,
+                "d_parasitic": 0.0,
+                "d_parasitic_dot": -0.06283185307179587,
+            },
         ),
     ),
 )

@@ -119,7 +119,8 @@ def with_starts(first: Quantity | None, second: Quantity | None, *own: Quantity)
     """The parasitic mode with other starts of its states, and parameters of them."""
     position, speed = MODE.states
     states: tuple[State, ...] = (replace(position, start=first), replace(speed, start=second))
-    return replace(MODE, states=states, parameters=(*MODE.parameters[:3], *own))
+    others = (q for q in MODE.parameters if q.role != "start")
+    return replace(MODE, states=states, parameters=(*others, *own))
 
 
 PLACE, SPEED = MODE.starts

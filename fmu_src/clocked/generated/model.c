@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{e6414674-caa0-6f97-aff1-8c34154a6ba6}";
+const char gyro_token[] = "{b6054853-0640-8c19-4917-614afe67c35a}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 125u, 1e-06},

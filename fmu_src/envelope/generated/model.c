@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{a1f4de27-bae5-13b7-800a-fcc04c746967}";
+const char gyro_token[] = "{f626402c-ce10-61f3-caae-a6ed604238fc}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {0u, 0u, 0.0},

@@ -103,7 +103,7 @@ enum {
     GYRO_PARASITIC_COUPLING = 88, /* [N/m] size: spring that couples the parasitic mode to x */
     GYRO_PARASITIC_FREQUENCY = 89, /* [Hz] shape: frequency of the parasitic mode alone */
     GYRO_PARASITIC_Q = 90, /* [1] shape: quality factor of the parasitic mode */
-    GYRO_PARASITIC_JOINT = 91, /* [1] shape: share of the speed of x in that which damps the mode */
+    GYRO_PARASITIC_JOINT = 91, /* [1] shape: damping of the mode along its coupling, else to ground */
     GYRO_PICKOFF_GAIN_MISMATCH = 92, /* [1] size: relative excess of the y pickoff gain */
     GYRO_PICKOFF_MISALIGNMENT = 93, /* [1] size: part of each displacement that the other pickoff sees */
     GYRO_PICKOFF_MISMATCH = 94, /* [1] size: relative mismatch of the pair of sensing capacitors */

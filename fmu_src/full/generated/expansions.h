@@ -489,25 +489,23 @@ static GYRO_INLINE void series_effect_parasitic_mode(const gyro_view *g, gyro_se
     (void)h;
     (void)force;
     if (k == 0) {
-        c[0] = both(-2*3.141592653589793*m*parasitic_frequency*parasitic_joint/parasitic_q);
+        c[0] = both(-parasitic_coupling);
+        c[1] = both(-1.0/2.0*parasitic_coupling*parasitic_joint/(3.141592653589793*parasitic_frequency*parasitic_q));
     }
-    gyro_pair sum_1 = both(0.0);
-    if (!is_zero(c[0])) {
+    gyro_pair sum_1 = pair_product(c[0], parasitic[k]);
+    if (!is_zero(c[1])) {
         if (k == 0) {
-            c[1] = both(parasitic_joint);
+            c[2] = both((1.0/4.0)*parasitic_coupling*parasitic_joint/((3.141592653589793*3.141592653589793)*(parasitic_frequency*parasitic_frequency)*m));
         }
-        w[0][k] = pair_sum(parasitic_dot[k], pair_product(c[1], x_dot[k]));
-        sum_1 = pair_product(c[0], w[0][k]);
+        w[0][k] = pair_sum(parasitic_dot[k], pair_product(c[2], x_dot[k]));
+        sum_1 = pair_sum(sum_1, pair_product(c[1], w[0][k]));
     }
-    if (k == 0) {
-        c[2] = both(-parasitic_coupling);
-    }
-    *force = pair_sum(*force, on_axis(0, pair_sum(sum_1, pair_product(c[2], parasitic[k]))));
+    *force = pair_sum(*force, on_axis(0, sum_1));
     s->of[GYRO_PAIR_PARASITIC_AND_PARASITIC][k + 1] = pair_product(both(h), parasitic_dot[k]);
     if (k == 0) {
         c[3] = both(-4*3.141592653589793*3.141592653589793*parasitic_frequency*parasitic_frequency);
         c[4] = both(-2*3.141592653589793*parasitic_frequency/parasitic_q);
-        c[5] = both(parasitic_joint);
+        c[5] = both((1.0/4.0)*parasitic_coupling*parasitic_joint/((3.141592653589793*3.141592653589793)*(parasitic_frequency*parasitic_frequency)*m));
     }
     w[1][k] = pair_sum(parasitic_dot[k], pair_product(c[5], x_dot[k]));
     if (k == 0) {

@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{114750b1-b8e5-5f7f-9fa1-fce71e1c83dd}";
+const char gyro_token[] = "{e0b39884-3f66-5752-f629-8e067ddacba4}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 125u, 1e-06},

@@ -96,7 +96,7 @@ enum {
     GYRO_PARASITIC_COUPLING = 81, /* [N/m] size: spring that couples the parasitic mode to x */
     GYRO_PARASITIC_FREQUENCY = 82, /* [Hz] shape: frequency of the parasitic mode alone */
     GYRO_PARASITIC_Q = 83, /* [1] shape: quality factor of the parasitic mode */
-    GYRO_PARASITIC_JOINT = 84, /* [1] shape: share of the speed of x in that which damps the mode */
+    GYRO_PARASITIC_JOINT = 84, /* [1] shape: damping of the mode along its coupling, else to ground */
     GYRO_PARASITIC_START = 85, /* [m] start: displacement of the parasitic mode at the start */
     GYRO_PARASITIC_DOT_START = 86, /* [m/s] start: its velocity at the start */
     GYRO_PICKOFF_GAIN_MISMATCH = 87, /* [1] size: relative excess of the y pickoff gain */

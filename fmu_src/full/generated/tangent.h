@@ -743,9 +743,9 @@ static inline void tangent_effect_parasitic_mode(const gyro_view *g, const gyro_
     const double d_parasitic_dot = d->s[GYRO_STATE_PARASITIC_DOT];
     const double d_x = d->s[GYRO_STATE_X];
     const double d_x_dot = d->s[GYRO_STATE_X_DOT];
-    force[0] += -d_parasitic*parasitic_coupling - 2*3.141592653589793*d_parasitic_dot*m*parasitic_frequency*parasitic_joint/parasitic_q - 2*3.141592653589793*d_x_dot*m*parasitic_frequency*parasitic_joint*parasitic_joint/parasitic_q;
+    force[0] += -d_parasitic*parasitic_coupling - 1.0/2.0*d_parasitic_dot*parasitic_coupling*parasitic_joint/(3.141592653589793*parasitic_frequency*parasitic_q) - 1.0/8.0*d_x_dot*parasitic_coupling*parasitic_coupling*parasitic_joint*parasitic_joint/((3.141592653589793*3.141592653589793*3.141592653589793)*(parasitic_frequency*parasitic_frequency*parasitic_frequency)*m*parasitic_q);
     rate[GYRO_STATE_PARASITIC] = d_parasitic_dot;
-    rate[GYRO_STATE_PARASITIC_DOT] = -4*3.141592653589793*3.141592653589793*d_parasitic*parasitic_frequency*parasitic_frequency - 2*3.141592653589793*d_parasitic_dot*parasitic_frequency/parasitic_q - d_x*parasitic_coupling/m - 2*3.141592653589793*d_x_dot*parasitic_frequency*parasitic_joint/parasitic_q;
+    rate[GYRO_STATE_PARASITIC_DOT] = -4*3.141592653589793*3.141592653589793*d_parasitic*parasitic_frequency*parasitic_frequency - 2*3.141592653589793*d_parasitic_dot*parasitic_frequency/parasitic_q - d_x*parasitic_coupling/m - 1.0/2.0*d_x_dot*parasitic_coupling*parasitic_joint/(3.141592653589793*m*parasitic_frequency*parasitic_q);
 }
 
 static inline void tangent_effect_quadratic_stiffness(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
