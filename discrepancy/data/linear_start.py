@@ -137,9 +137,11 @@ class Bent(NamedTuple):
     left: float
 
 
-def bent_response(records: Sequence[Record], values: Mapping[str, float]) -> Bent | None:
-    """That of driven runs by the weak form; None where it has no window."""
-    told = _told(records, values, driven=True, lowest=0, bent=True)
+def bent_response(records: Sequence[Record], values: Mapping[str, float], periods: float = PERIODS) -> Bent | None:
+    """That of runs by the weak form in windows of so many ``periods``, without a force for a mass that is known; None
+    where it has no window."""
+    driven = any(record.u.any() for record in records)
+    told = _told(records, values, driven, 0, periods, bent=True)
     if told is None:
         return None
     count = len(told.names)
