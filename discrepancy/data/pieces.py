@@ -24,8 +24,9 @@ that the table has none."""
 OFF_GRID, UNEVEN = 0.25, 0.05
 """Of a sample period, beyond which a step between samples is no multiple of it, and share of all steps that are such
 from which on the stamps are uneven: lost rows leave multiples, and the jitter of a timer is less."""
-WITHIN: Final = 0.95
-"""Share of the steps that are at most the even one put in their place."""
+WITHIN, FAR = 0.99, 3.0
+"""Share of the steps that are at most the even one put in their place, and times that one, from which on no sample lies
+near."""
 ENDED: Final = 0.02
 """Of the largest motion of a free decay, below which nothing is left to judge a model by."""
 FRAGMENT: Final = 0.05
@@ -162,7 +163,7 @@ def _even(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[M
     period = float(f"{np.quantile(step, WITHIN):.3g}")
     even = t[0] + period * np.arange(int((t[-1] - t[0]) / period) + 1)
     after = np.clip(np.searchsorted(t, even), 1, len(t) - 1)
-    far = t[after] - t[after - 1] > 2 * period
+    far = t[after] - t[after - 1] > FAR * period
     resampled = {"t": even}
     for column, values in columns.items():
         whole = np.isfinite(values)
