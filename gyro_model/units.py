@@ -134,9 +134,20 @@ MEASURED: Final[Mapping[str, Mapping[str, Conversion]]] = {
         **dict.fromkeys(("h", "hr", "hour", "hours"), Conversion(3600.0)),
     },
     "N": {f"{p}N": Conversion(x) for p, x in _PREFIX.items()},
+    "N.m": {f"{p}N{dot}m": Conversion(x) for dot in (".", "", " ", "*", "·") for p, x in _PREFIX.items()},
     "V": {f"{p}V": Conversion(x) for p, x in _PREFIX.items()},
     "m": {"pm": Conversion(1e-12), **{f"{p}m": Conversion(x) for p, x in _PREFIX.items()}},
     "m/s": {f"{p}m/s": Conversion(x) for p, x in _PREFIX.items()},
+    "rad": {
+        "rad": Conversion(1.0),
+        "mrad": Conversion(1e-3),
+        **dict.fromkeys(("deg", "°", "degree", "degrees"), Conversion(_DEGREE)),
+    },
+    "rad/s2": {
+        f"{angle}/s{two}": Conversion(x)
+        for two in ("2", "^2", "²")
+        for angle, x in (("rad", 1.0), ("deg", _DEGREE), ("°", _DEGREE))
+    },
     "rad/s": {
         "deg/s": Conversion(_DEGREE),
         "rad/s": Conversion(1.0),

@@ -14,7 +14,7 @@ import polars as pl
 
 from discrepancy.data.dataset import FILE, FORMAT, load_dataset
 from discrepancy.data.hold import Better, better_hold
-from discrepancy.data.pieces import FRAGMENT, NONE, Piece, cut, let_go, triggered
+from discrepancy.data.pieces import FRAGMENT, NONE, Piece, cut, let_go, moving_until, triggered
 from discrepancy.data.record import MINIMUM_SAMPLES, SENSES, Floats, Senses, measured_rate
 from discrepancy.data.table import COLUMNS, numbers, read_table
 from gyro_model.errors import InputError, nearest
@@ -26,10 +26,10 @@ SI: Final = {"t": "s", "u_x": "N", "u_y": "N", "v_x": "V", "v_y": "V", "omega_z"
              "a_x": "m/s2", "a_y": "m/s2", "v_bias": "V"}  # fmt: skip
 
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
-    "t": ("t", "time", "zeit", "timestamp", "x_value"),
+    "t": ("t", "time", "zeit", "timestamp", "x_value", "elapsed_time", *MEASURED["s"]),
     "u_x": ("u_x", "ux", "fx", "f_x", "force_x", "drive_x", "u1", "u", "force", "input", "v1"),
     "u_y": ("u_y", "uy", "fy", "f_y", "force_y", "drive_y", "u2"),
-    "v_x": ("v_x", "vx", "sense_x", "out_x", "y1", "output", "v2"),
+    "v_x": ("v_x", "vx", "sense_x", "out_x", "y1", "output", "v2", "position", "displacement", "angle", "theta"),
     "v_y": ("v_y", "vy", "sense_y", "out_y", "y2"),
     "omega_z": ("omega_z", "omega", "wz", "rate", "rate_z", "gyro_z"),
     "temperature": ("temperature", "temp", "t_amb"),
@@ -39,7 +39,10 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Headings, without unit and case, that are taken for a column; V1 in and V2 out as in the Silverbox record."""
 
-FORCES: Final = ("u_x", "u_y")
+OF_TWO_AXES: Final = ("omega", "rate")
+"""Names of a turn rate in a table of two axes; in one of a single axis it is as likely the motion's own speed."""
+
+FORCES, MOTIONS = ("u_x", "u_y"), ("v_x", "v_y")
 
 HELD_OUT: Final = 0.2
 """Share of a single run that is cut off its end and held out."""
@@ -47,11 +50,15 @@ HELD_OUT: Final = 0.2
 _HEADING: Final = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?\s*")
 
 
-SENSED: Final[Mapping[str, Senses]] = {"m": "position", "m/s": "velocity", "m/s2": "acceleration"}
+SENSED: Final[Mapping[str, Senses]] = {"m": "position", "m/s": "velocity", "m/s2": "acceleration",
+                                      "rad": "position", "rad/s": "velocity", "rad/s2": "acceleration"}  # fmt: skip
 """What a sensor senses whose voltage is given in such a unit."""
+TORQUE: Final = "N.m"
+TURNING: Final = (TORQUE, *(unit for unit in SENSED if unit.startswith("rad")))
+"""Units of what turns: the equations are those of what slides, with a moment of inertia for the mass."""
 
 BY_UNIT: Final[Mapping[str, frozenset[str]]] = {
-    "u_x": frozenset(MEASURED["N"]),
+    "u_x": frozenset(unit for si in ("N", TORQUE) for unit in MEASURED[si]),
     "v_x": frozenset(unit for si in ("V", *SENSED) for unit in MEASURED[si]),
 }
 """Where no heading tells force or voltage of a single axis, the only column left with such a unit is taken for it."""
@@ -108,9 +115,11 @@ def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source
         heading = request.maps.get(column)
         if heading is None:
             taken = set(request.maps.values())
-            fitting = [h for h in headings if h not in taken and _bare(h) in ALIASES[column]]
+            fitting = [h for h in headings if h not in taken and _bare(h, column) in ALIASES[column]]
             # The column's own name goes before its other names.
-            fitting = [h for h in fitting if _bare(h) == column] or fitting
+            fitting = [h for h in fitting if _bare(h, column) == column] or fitting
+            if not _two_axes(sources):
+                fitting = [h for h in fitting if _bare(h, column) not in OF_TWO_AXES]
             if len(fitting) > 1:
                 raise InputError(f"{column} may be {' or '.join(map(repr, fitting))}: choose by --map {column}=HEADING")
             if not fitting:
@@ -127,21 +136,30 @@ def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source
             )
         sources[column] = Source(heading, *_scale(column, heading, request.scales.get(column)))
     for column, units in BY_UNIT.items():
-        if column in {*sources, *request.maps} or {"u_y", "v_y"} & set(sources):
+        if column in {*sources, *request.maps} or _two_axes(sources):
             continue
-        left = [h for h in headings if _unit(h) in units and h not in {source.heading for source in sources.values()}]
+        left = [h for h in _left(headings, sources) if _parts(h, column)[1] in units]
         if len(left) == 1:
             sources[column] = Source(left[0], *_scale(column, left[0], request.scales.get(column)))
-    left = [h for h in headings if h not in {source.heading for source in sources.values()}]
-    if missing_columns(sources, request.sample_rate) == ["v_x"] and len(left) == 1 and "v_x" not in request.maps:
+    left = _left(headings, sources)
+    if missing_columns(sources, request.sample_rate) == ["v_x"] and "v_x" not in request.maps and len(left) == 1:
         sources["v_x"] = Source(left[0], *_scale("v_x", left[0], request.scales.get("v_x")))
     return sources
+
+
+def _left(headings: Sequence[str], sources: Mapping[str, Source]) -> list[str]:
+    used = {source.heading for source in sources.values()}
+    return [heading for heading in headings if heading not in used]
+
+
+def _two_axes(sources: Mapping[str, Source]) -> bool:
+    return bool({"u_y", "v_y"} & set(sources))
 
 
 def missing_columns(sources: Mapping[str, Source], sample_rate: float | None) -> list[str]:
     """What must still be named: u_x and v_x, both of y if one is there, and t unless the sample rate is given."""
     needed = ["u_x", "v_x"] if sample_rate else ["t", "u_x", "v_x"]
-    if "u_y" in sources or "v_y" in sources:
+    if _two_axes(sources):
         needed += ["u_y", "v_y"]
     return [column for column in needed if column not in sources]
 
@@ -198,10 +216,13 @@ def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
         f"{column} = 0: no force acted" if not source.heading else
         f"{column} = {source.heading!r}" + (f" * {source.factor:g}" if source.factor != 1 else "")
         + (f" + {source.offset:g}" if source.offset else "") + f" [{source.unit}]"
-        + (f": a sensor of 1 V for 1 {source.unit}, sense_gain_{column[-1]} = 1" if source.unit in SENSED else "")
+        + (f": a sensor of 1 V for 1 {source.unit}, sense_gain_{column[-1]} = 1"
+           if column in MOTIONS and source.unit in SENSED else "")
         for column, source in sources.items()
     ]  # fmt: skip
-    unused = [name for name in table.columns if name not in {source.heading for source in sources.values()}]
+    if any(sources[column].unit in TURNING for column in (*FORCES, *MOTIONS) if column in sources):
+        said.append("it turns: read m as a moment of inertia [kg.m2], k in N.m/rad, d in N.m.s/rad, forces in N.m")
+    unused = _left(table.columns, sources)
     if unused:
         said.append(f"not used: {', '.join(map(repr, unused))}; --map COLUMN=HEADING takes one in")
     columns = {column: source.factor * _numbers(table, source.heading, path) + source.offset
@@ -214,7 +235,7 @@ def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
     else:
         senses = SENSED.get(sources["v_x"].unit, request.senses or "position")
         pieces, said = triggered(pieces, said, SENSES.index(senses))
-    moved = {c: source.unit for c, source in sources.items() if c in ("v_x", "v_y") and source.unit in SENSED}
+    moved = {c: source.unit for c, source in sources.items() if c in MOTIONS and source.unit in SENSED}
     return [piece._replace(moved=moved) for piece in pieces], said
 
 
@@ -242,13 +263,15 @@ def _held_out(pieces: list[Piece], request: Request) -> tuple[list[Piece], set[s
         return pieces, {long[-1].name}, f"held out: {long[-1].name}, {last}"
     [single] = pieces
     n = len(single.columns["t"])
-    border = round((1 - HELD_OUT) * n)
+    moving = moving_until(single)
+    border = round((1 - HELD_OUT) * moving)
     if n - border < MINIMUM_SAMPLES:
         raise InputError(f"{single.source}: {n} rows are too few to hold out a fifth; give a second file")
     stem = single.name.removesuffix(".parquet")
     parts = [single._replace(name=f"{stem}-{word}.parquet", columns={c: v[rows] for c, v in single.columns.items()})
              for word, rows in (("fit", slice(None, border)), ("held-out", slice(border, None)))]  # fmt: skip
-    return parts, {parts[1].name}, f"held out: the last fifth of the only run, {parts[1].name}"
+    what = "the only run" if moving == n else "what moves of the only run, and the rest after it"
+    return parts, {parts[1].name}, f"held out: the last fifth of {what}, {parts[1].name}"
 
 
 def _toml(pieces: list[Piece], rates: Mapping[str, float], held_out: set[str], request: Request) -> str:
@@ -283,7 +306,7 @@ def _moved(pieces: Sequence[Piece]) -> Mapping[str, str]:
 
 
 def _units(piece: Piece) -> str:
-    return ", ".join(f"in {piece.moved.get(c, 'V')}" for c in ("v_x", "v_y") if c in piece.columns)
+    return ", ".join(f"in {piece.moved.get(c, 'V')}" for c in MOTIONS if c in piece.columns)
 
 
 def _write(folder: Path, pieces: list[Piece], text: str) -> None:
@@ -304,22 +327,42 @@ def _write(folder: Path, pieces: list[Piece], text: str) -> None:
         shutil.rmtree(beside, ignore_errors=True)
 
 
-def _bare(heading: str) -> str:
+def _bare(heading: str, column: str) -> str:
     """A heading without unit: lower case, with _ for space and dash."""
-    match = _HEADING.fullmatch(heading)
-    return re.sub(r"[\s\-]+", "_", (match[1] if match else heading).strip().lower())
+    return re.sub(r"[\s\-]+", "_", _parts(heading, column)[0].strip().lower())
 
 
-def _unit(heading: str) -> str | None:
-    """The unit in brackets behind a heading; None where there is none."""
+def _parts(heading: str, column: str) -> tuple[str, str | None]:
+    """Name and unit in a heading: in brackets, or one of the column's behind a slash, as in t/ms, or an underscore."""
     match = _HEADING.fullmatch(heading)
-    return match[2] if match else None
+    if match and match[2]:
+        return match[1], match[2]
+    units = _units_of(column)
+    if heading in units:
+        return heading, heading
+    name, slash, unit = heading.partition("/")
+    if slash and name.strip() and unit.strip() in units:
+        return name, unit.strip()
+    name, _, unit = heading.strip().rpartition("_")
+    # Another single letter is more often a name, as in v_m.
+    if name and unit in units and (len(unit) > 1 or unit == "s" == SI[column]):
+        return name, unit
+    return heading, None
+
+
+def _units_of(column: str) -> dict[str, tuple[float, float, str]]:
+    """(factor, offset, SI unit) by each unit in which a column may be given."""
+    choices: tuple[str, ...] = (SI[column],)
+    if column in MOTIONS:
+        choices = (SI[column], *SENSED)
+    elif column in FORCES:
+        choices = (SI[column], TORQUE)
+    return {name: (*factors, si) for si in choices for name, factors in MEASURED[si].items()}
 
 
 def _scale(column: str, heading: str, given: str | None) -> tuple[float, float, str]:
     """(factor, offset, unit) by --scale, else by the unit in the heading, else SI."""
-    choices = (SI[column], *SENSED) if column in ("v_x", "v_y") else (SI[column],)
-    units = {name: (*factors, si) for si in choices for name, factors in MEASURED[si].items()}
+    units = _units_of(column)
     if given is not None:
         if given in units:
             return units[given]
@@ -330,7 +373,7 @@ def _scale(column: str, heading: str, given: str | None) -> tuple[float, float, 
         if factor == 0 or not np.isfinite(factor):
             raise InputError(f"--scale {column}={given}: give a number or one of {', '.join(units)}")
         return factor, 0.0, SI[column]
-    unit = _unit(heading)
+    unit = _parts(heading, column)[1]
     if not unit:
         return 1.0, 0.0, SI[column]
     if unit not in units:

@@ -54,11 +54,13 @@ class WeakForm:
     turning: Complexes
 
 
-def weak_form(record: Record, nominal: Mapping[str, float], lowest: int = 0, power: int = 1) -> WeakForm | None:
-    """The weak form of a run from the harmonic ``lowest`` of a window on, windows with clipped samples out; q is the
-    displacement to a ``power``. None where not one window is left."""
+def weak_form(
+    record: Record, nominal: Mapping[str, float], lowest: int = 0, power: int = 1, periods: float = PERIODS
+) -> WeakForm | None:
+    """The weak form of a run from the harmonic ``lowest`` of a window of so many ``periods`` of the lowest mode on,
+    windows with clipped samples out; q is the displacement to a ``power``. None where not one window is left."""
     modes = mode_frequencies(nominal, record.axes)
-    n = int(PERIODS * record.sample_rate / modes[0])
+    n = int(periods * record.sample_rate / modes[0])
     if n < 2 * PERIODS or n > len(record.t):
         return None
     record = _from_rest(record, n)
@@ -113,10 +115,15 @@ def _force(record: Record, window: "_Window", starts: NDArray[np.int_], square: 
 
 
 def joined_form(
-    records: Sequence[Record], nominal: Mapping[str, float], lowest: int = 0, power: int = 1
+    records: Sequence[Record],
+    nominal: Mapping[str, float],
+    lowest: int = 0,
+    power: int = 1,
+    periods: float = PERIODS,
 ) -> WeakForm | None:
     """The weak form of all runs, as ``weak_form``; None where not one window is left."""
-    forms = [form for form in (weak_form(record, nominal, lowest, power) for record in records) if form is not None]
+    runs = (weak_form(record, nominal, lowest, power, periods) for record in records)
+    forms = [form for form in runs if form is not None]
     arrays = zip(*((f.force, f.q, f.velocity, f.acceleration, f.turning) for f in forms), strict=True)
     return WeakForm(*(np.concatenate(parts, axis=1) for parts in arrays)) if forms else None
 

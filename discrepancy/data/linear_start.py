@@ -17,6 +17,9 @@ from discrepancy.data.resisted import alternatives
 
 WINDOWS: Final = 8
 """Of a run, for its spectra."""
+FEW_PERIODS: Final = 8
+"""Of the lowest mode in a window, where no run is as long as one of PERIODS: from the mode's harmonic, the eighth, to
+LOWEST is the half width of a window's lobe."""
 ROUNDS: Final = 3
 """Of the fit, whose weights follow the values found."""
 BADLY: Final = 0.7
@@ -34,13 +37,23 @@ QUALITY: Final = 1e5
 def linear_start(records: Sequence[Record], gains: Sequence[float]) -> dict[str, float] | None:
     """Nominal values by FMU name, SI, for sensors of so many ``gains`` [V/m]; None where no linear model explains the
     runs."""
-    axes = records[0].axes
     driven = any(record.u.any() for record in records)
-    values = _values([_peak(records, axis, driven) for axis in range(axes)], gains)
+    found = _held(records, gains, driven, WINDOWS, PERIODS)
+    if found is None and driven:
+        found = _hardly_held(records, gains)
+    return found or _held(records, gains, driven, 1, FEW_PERIODS)
+
+
+def _held(
+    records: Sequence[Record], gains: Sequence[float], driven: bool, windows: int, periods: float
+) -> dict[str, float] | None:
+    """The same of masses on springs, whose modes are seen in so many ``windows`` of a run and fitted in windows of so
+    many ``periods``."""
+    values = _values([_peak(records, axis, driven, windows) for axis in range(records[0].axes)], gains)
     for _ in range(ROUNDS):
-        found = _solved(records, values, driven, LOWEST)
+        found = _solved(records, values, driven, LOWEST, periods)
         if found is None or any(found[k] <= 0 for k in ("kxx", "kyy") if k in found):
-            return _hardly_held(records, gains) if driven else None
+            return None
         values |= _passive(found, values)
     return values
 
@@ -86,11 +99,11 @@ def _values(peaks: Sequence[float], gains: Sequence[float]) -> dict[str, float]:
 
 
 def _solved(
-    records: Sequence[Record], values: Mapping[str, float], driven: bool, lowest: int
+    records: Sequence[Record], values: Mapping[str, float], driven: bool, lowest: int, periods: float = PERIODS
 ) -> dict[str, float] | None:
     """m, k, d as ``response``; None where they explain too little."""
     for bent in (False, True):
-        told = response(records, values, driven, lowest, bent=bent)
+        told = response(records, values, driven, lowest, periods, bent=bent)
         if told is None:
             return None
         found, left = told
@@ -100,12 +113,18 @@ def _solved(
 
 
 def response(
-    records: Sequence[Record], values: Mapping[str, float], driven: bool, lowest: int, *, bent: bool = False
+    records: Sequence[Record],
+    values: Mapping[str, float],
+    driven: bool,
+    lowest: int,
+    periods: float = PERIODS,
+    *,
+    bent: bool = False,
 ) -> tuple[dict[str, float], float] | None:
     """m, k, d by the weak form in windows as for ``values`` from the harmonic ``lowest`` on, and the share of the force
     that they leave unexplained; None where there is no such window. ``bent``: beside forces x³ and x² x' of each axis,
     without which a device that swings by itself, or is far from linear, has hardly a response."""
-    told = _told(records, values, driven, lowest, bent=bent)
+    told = _told(records, values, driven, lowest, periods, bent=bent)
     return told and (dict(zip(told.names, told.solution, strict=False)), told.left)
 
 
@@ -118,9 +137,11 @@ class Bent(NamedTuple):
     left: float
 
 
-def bent_response(records: Sequence[Record], values: Mapping[str, float]) -> Bent | None:
-    """That of driven runs by the weak form; None where it has no window."""
-    told = _told(records, values, driven=True, lowest=0, bent=True)
+def bent_response(records: Sequence[Record], values: Mapping[str, float], periods: float = PERIODS) -> Bent | None:
+    """That of runs by the weak form in windows of so many ``periods``, without a force for a mass that is known; None
+    where it has no window."""
+    driven = any(record.u.any() for record in records)
+    told = _told(records, values, driven, 0, periods, bent=True)
     if told is None:
         return None
     count = len(told.names)
@@ -138,9 +159,15 @@ class _Told(NamedTuple):
 
 
 def _told(
-    records: Sequence[Record], values: Mapping[str, float], driven: bool, lowest: int, *, bent: bool
+    records: Sequence[Record],
+    values: Mapping[str, float],
+    driven: bool,
+    lowest: int,
+    periods: float = PERIODS,
+    *,
+    bent: bool,
 ) -> _Told | None:
-    form = joined_form(records, values, lowest)
+    form = joined_form(records, values, lowest, periods=periods)
     if form is None:
         return None
     one = len(form.force) == 1
@@ -154,7 +181,7 @@ def _told(
     if not driven:
         columns, target, names = columns[:, 1:], target - values["m"] * columns[:, 0], names[1:]
     if bent:
-        columns = np.column_stack((columns, _cubes(records, values, lowest)))
+        columns = np.column_stack((columns, _cubes(records, values, lowest, periods)))
     a, b = np.vstack((columns.real, columns.imag)), np.concatenate((target.real, target.imag))
     size = np.linalg.norm(a, axis=0)
     if not (size > 0).all() or not np.isfinite(a).all():
@@ -164,9 +191,9 @@ def _told(
     return _Told(names, (solution / size).tolist(), left)
 
 
-def _cubes(records: Sequence[Record], values: Mapping[str, float], lowest: int) -> Complexes:
+def _cubes(records: Sequence[Record], values: Mapping[str, float], lowest: int, periods: float) -> Complexes:
     """Columns of x³ and 3 x² x' in the equation of each axis."""
-    form = joined_form(records, values, lowest, power=3)
+    form = joined_form(records, values, lowest, 3, periods)
     assert form is not None
     axes, rows = form.q.shape
     columns = np.zeros((axes, rows, 2 * axes), np.complex128)
@@ -188,10 +215,10 @@ def _passive(found: dict[str, float], values: Mapping[str, float]) -> dict[str, 
     return found
 
 
-def _peak(records: Sequence[Record], axis: int, driven: bool) -> float:
+def _peak(records: Sequence[Record], axis: int, driven: bool, windows: int = WINDOWS) -> float:
     """The frequency [Hz] at which a channel answers most to the force, or, without one, is strongest."""
     ratios: list[Floats] = []
-    length = min(len(record.t) for record in records) // WINDOWS
+    length = min(len(record.t) for record in records) // windows
     for record in records:
         v, rate = record.v[:, axis] - record.v[:, axis].mean(), record.sample_rate
         f, out = welch(v, rate, nperseg=length)

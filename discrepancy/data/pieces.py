@@ -21,6 +21,14 @@ LEFT_OUT: Final = 7
 NONE: Final = "none"
 """In the place of a heading: no force acted, as in a free decay, or on the axis that is only sensed; of other columns
 that the table has none."""
+OFF_GRID, UNEVEN = 0.25, 0.05
+"""Of a sample period, beyond which a step between samples is no multiple of it, and share of all steps that are such
+from which on the stamps are uneven: lost rows leave multiples, and the jitter of a timer is less."""
+WITHIN, FAR = 0.99, 3.0
+"""Share of the steps that are at most the even one put in their place, and times that one, from which on no sample lies
+near."""
+ENDED: Final = 0.02
+"""Of the largest motion of a free decay, below which nothing is left to judge a model by."""
 FRAGMENT: Final = 0.05
 """Share of the longest run below which what a hole leaves is no run of its own, and of all rows to be held out."""
 
@@ -71,9 +79,22 @@ def let_go(pieces: Sequence[Piece], said: list[str]) -> tuple[list[Piece], list[
     return found, said
 
 
+def moving_until(piece: Piece) -> int:
+    """The number of samples until the motion of a free decay has ended; all of a run under a force."""
+    n = len(piece.columns["t"])
+    if any(np.any(piece.columns[c]) for c in ("u_x", "u_y") if c in piece.columns):
+        return n
+    last = MINIMUM_SAMPLES
+    for values in (piece.columns[c] for c in ("v_x", "v_y") if c in piece.columns):
+        known = np.flatnonzero(np.isfinite(values))
+        size = np.abs(values[known] - np.median(values[known[-MINIMUM_SAMPLES:]]))
+        last = max(last, int(known[np.flatnonzero(size >= ENDED * size.max())[-1]]) + 1)
+    return last
+
+
 def cut(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[list[Piece], list[str]]:
     """The runs between holes of t and rows that hold no number; those too short are left out, and it is said."""
-    columns, said = _filled(path, *_once(path, columns, said))
+    columns, said = _filled(path, *_even(path, *_once(path, columns, said)))
     t = columns["t"]
     # A sample of v that is missing is masked later; anything else that is missing ends a run.
     needed = [values for column, values in columns.items() if not column.startswith("v_") or column == "v_bias"]
@@ -83,12 +104,14 @@ def cut(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[lis
     if len(rows) < MINIMUM_SAMPLES:
         raise InputError(f"{path}: {len(rows)} rows hold numbers in every column; a run needs {MINIMUM_SAMPLES}")
     step = np.diff(t[rows])
-    if not (step > 0).all():
+    anew = _restarts(t[rows])
+    if not (step[~anew] > 0).all():
+        step = np.where(anew, 1.0, step)
         raise InputError(
             f"{path}: time does not increase after {t[rows][int(np.argmax(step <= 0))]:.9g} s: sort the rows, or, of "
             f"stamps that are rounded, give --map t={NONE} and --sample-rate HZ"
         )
-    borders = np.flatnonzero(step > 1.5 * np.median(step)) + 1
+    borders = np.flatnonzero((step > 1.5 * np.median(step)) | anew) + 1
     parts = np.split(rows, borders)
     least = max(MINIMUM_SAMPLES, FRAGMENT * max(map(len, parts)))
     parts = [part for part in parts if len(part) >= least]
@@ -100,10 +123,22 @@ def cut(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[lis
     names = [f"{stem}.parquet"] if len(parts) == 1 else [f"{stem}-{i}.parquet" for i in range(1, len(parts) + 1)]
     lost = len(t) - sum(map(len, parts))
     if len(borders) or lost:
-        cut = f"cut into {len(parts)} runs at holes of its time; " if len(parts) > 1 else ""
+        where = "where its time begins anew" if anew.any() else "at holes of its time"
+        cut = f"cut into {len(parts)} runs {where}; " if len(parts) > 1 else ""
         said = [*said, f"{path.name}: {cut}{lost} of {len(t)} rows left out"]
     pieces = [Piece(n, path, {c: v[part] for c, v in columns.items()}) for n, part in zip(names, parts, strict=True)]
     return pieces, said
+
+
+def _restarts(t: Floats) -> np.ndarray:
+    """Whether a step of the time (n - 1,) is a fall from one run to the begin of the next, as of several runs in one
+    table: by half of the run before at least, after which time rises as long as a run must be."""
+    anew = np.diff(t) < 0
+    borders = [0, *(np.flatnonzero(anew) + 1), len(t)]
+    for begin, end, after in zip(borders, borders[1:], borders[2:], strict=False):
+        long = min(end - begin, after - end) >= MINIMUM_SAMPLES
+        anew[end - 1] = long and t[end - 1] - t[end] > 0.5 * (t[end - 1] - t[begin])
+    return np.asarray(anew)
 
 
 def _once(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[Mapping[str, Floats], list[str]]:
@@ -115,11 +150,36 @@ def _once(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[M
     return {column: values[~twice] for column, values in columns.items()}, said
 
 
+def _even(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[Mapping[str, Floats], list[str]]:
+    """The columns at even times where a logger stamped samples as they came: by the rule that gives each best; v is
+    missing where no sample lies near."""
+    t = columns["t"]
+    step = np.diff(t)
+    if not (len(t) > 2 * LEFT_OUT * MINIMUM_SAMPLES and np.isfinite(t).all() and (step > 0).all()):
+        return columns, said
+    periods = step / np.median(step)
+    if np.mean(np.abs(periods - np.rint(periods)) > OFF_GRID) < UNEVEN:
+        return columns, said
+    period = float(f"{np.quantile(step, WITHIN):.3g}")
+    even = t[0] + period * np.arange(int((t[-1] - t[0]) / period) + 1)
+    after = np.clip(np.searchsorted(t, even), 1, len(t) - 1)
+    far = t[after] - t[after - 1] > FAR * period
+    resampled = {"t": even}
+    for column, values in columns.items():
+        whole = np.isfinite(values)
+        if column == "t" or whole.sum() < MINIMUM_SAMPLES:
+            continue
+        own = _best_rule(t[whole], values[whole])(t[whole], values[whole], even)
+        resampled[column] = np.where(far, np.nan, own) if column in ("v_x", "v_y") else own
+    return resampled, [*said, f"{path.name}: its stamps are uneven, {step.min():.3g} to {step.max():.3g} s apart: "
+                              f"interpolated to every {period:g} s"]  # fmt: skip
+
+
 def _filled(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[Mapping[str, Floats], list[str]]:
     """The columns with rows put in where a few are missing from the time: v is missing there, the rest goes on."""
     t = columns["t"]
     step = np.diff(t)
-    if not (np.isfinite(t).all() and (step > 0).all() and len(t) > 2):
+    if not (np.isfinite(t).all() and (step[~_restarts(t)] > 0).all() and len(t) > 2):
         return columns, said
     period = float(np.median(step))
     counts = np.maximum(np.rint(step / period).astype(int) - 1, 0)
@@ -140,15 +200,20 @@ def _between(k: Floats, known: np.ndarray, values: Floats) -> Floats:
     if whole.sum() < MINIMUM_SAMPLES:
         return np.insert(values, np.flatnonzero(~known) - np.arange((~known).sum()), np.nan)
     at, given = k[known][whole], values[whole]
+    between = _best_rule(at, given)(at, given, k)
+    between[known] = values
+    return between
+
+
+def _best_rule(at: Floats, given: Floats) -> Rule:
+    """The rule that gives values, left out in turn, best from those beside."""
     left_out = np.zeros(len(at), np.bool_)
     left_out[LEFT_OUT:-LEFT_OUT:LEFT_OUT] = True
 
     def error(rule: Rule) -> float:
         return float(np.sum((rule(at[~left_out], given[~left_out], at[left_out]) - given[left_out]) ** 2))
 
-    between = min((_held, _straight, _smooth), key=error)(at, given, k)
-    between[known] = values
-    return between
+    return min((_held, _straight, _smooth), key=error)
 
 
 def _held(at: Floats, given: Floats, k: Floats) -> Floats:

@@ -170,6 +170,12 @@ def leaves(fitter: Fitter, at: Fitted, before: Fitted, enough: float = ASTRAY) -
     return fitter.off(at) > max(enough, LEAVES * fitter.off(before))
 
 
+def shortest(whole: Fitter, at: Fitted) -> tuple[int, Fitter]:
+    """Into how many pieces runs are cut at most, and a fitter of these."""
+    number = _numbers(whole, at)[-1]
+    return number, cut(whole, number)
+
+
 def cut(whole: Fitter, number: int) -> Fitter:
     """A fitter of the runs of ``whole``, each in ``number`` pieces."""
     if number == 1:

@@ -50,12 +50,15 @@ def _start(simulator: Simulator, record: Record, parameters: Mapping[str, float]
 
 
 def misfits(records: Sequence[Record], residuals: Mapping[str, tuple[Floats, int]]) -> dict[str, float]:
-    """rms(v - v_sim)/rms(v) of each run by name and of all as ``""``; residuals as ``start_fitted`` gives them."""
+    """rms(v - v_sim)/rms(v) of each run by name and of all as ``""``; residuals as ``start_fitted`` gives them. Where
+    nothing moves after the start, as of a decay that has ended by then, v of the start counts in."""
     result, errors, signals = {}, 0.0, 0.0
     for record in records:
         residual, n = residuals[record.name]
         usable = record.valid & (np.arange(len(record.t)) >= n)
         error, signal = float(np.sum(residual[usable] ** 2)), float(np.sum(record.v[usable] ** 2))
+        # No run is still throughout (Dataset).
+        signal = signal or float(np.sum(record.v[record.valid] ** 2))
         result[record.name] = float(np.sqrt(error / signal))
         errors, signals = errors + error, signals + signal
     return result | {"": float(np.sqrt(errors / signals))}

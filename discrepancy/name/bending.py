@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Final
 
 from sympy import sympify
 
-from discrepancy.data.linear_fit import fit, joined_form
-from discrepancy.data.linear_start import Bent, bent_response
-from discrepancy.fit.continuation import grown
+from discrepancy.data.linear_fit import PERIODS, fit, joined_form
+from discrepancy.data.linear_start import FEW_PERIODS, Bent, bent_response
+from discrepancy.fit.continuation import ROUNDS, grown, shortest, with_starts
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
-from discrepancy.fit.refit import damped
+from discrepancy.fit.refit import Fitter, damped
 from discrepancy.name.accepted import Taken
-from discrepancy.name.columns import Candidate
+from discrepancy.name.columns import Candidate, Library
 from gyro_model import symbols
 from gyro_model.anatomy import Effect, Force
 
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 FAR: Final = 0.2
 """Share of the force that a linear model leaves unexplained, from which its fit may end at another mass: at 0.12 one
 was found, at 0.28 none."""
+LOST: Final = 0.5
+"""Residual over signal, rms, from which a linear fit to pieces of a decay has lost the motion: out of step by a twelfth
+of a turn. Of a decay the inertia is the force, of which a spring that bends leaves little to see."""
 STRAIGHTER: Final = 0.25
 """Share of that which forces of third order may leave, to be what bends the response."""
 PLAINLY: Final = 0.25
@@ -38,33 +41,65 @@ def bending(search: "Search") -> Taken | None:
     """The model with those effects that are forces of third order in the motion of one axis, where a weak form says
     that they bend the response and a fit with them leaves plainly less; None where not."""
     records, whole = search.dataset.fit, search.whole
-    if not any(r.u.any() for r in records):
-        return None
-    form, told = joined_form(records, search.nominal), bent_response(records, search.nominal)
+    driven = any(r.u.any() for r in records)
+    # In a decay, whose frequency goes with its amplitude, fewer periods are alike.
+    periods = PERIODS if driven else FEW_PERIODS
+    form, told = joined_form(records, search.nominal, periods=periods), bent_response(records, search.nominal, periods)
     if form is None or told is None:
         return None
     linear = fit(form, search.nominal)
     upright = all(told.linear[name] > 0 for name in ("m", "kxx", "kyy") if name in told.linear)
-    if linear.unexplained < FAR or told.left > STRAIGHTER * linear.unexplained or not upright:
+    if (driven and linear.unexplained < FAR) or told.left > STRAIGHTER * linear.unexplained or not upright:
         return None
-    known = search.library.candidates(whole, search.at, search.present, lambda e: bool(_sizes(e, told)))
     plain = whole.fit(replace(search.at, whiten=whole.plain(search.at.parameters)))
-    ends = [
-        _fitted(search, own, told, plain) for count in range(1, len(known) + 1) for own in combinations(known, count)
-    ]
+    if driven:
+        return _of_driven(search, told, plain)
+    return _of_decays(search, told, plain)
+
+
+def _of_driven(search: "Search", told: Bent, plain: Fitted) -> Taken | None:
+    whole, ends = search.whole, []
+    for taken in _choices(search, whole, search.at, told):
+        begun = replace(_begun(search, search.at, taken, told), whiten=plain.whiten)
+        ends.append(Taken(whole.fit(grown(whole, begun)), taken, plain))
     best = min(ends, key=lambda end: end.price(search.criteria), default=None)
     return best if best and whole.off(best.at) <= PLAINLY * whole.off(plain) else None
 
 
-def _fitted(search: "Search", taken: Sequence[Candidate], told: Bent, plain: Fitted) -> Taken:
-    """The fit that begins with the forces of ``told``."""
-    values, free = {**search.at.parameters, **damped(told.linear, search.nominal)}, [*search.at.free]
+def _of_decays(search: "Search", told: Bent, plain: Fitted) -> Taken | None:
+    """The same of free decays, judged over the shortest pieces: what is left to a force of third order puts it out of
+    step in longer ones, and a linear model is in none."""
+    whole = search.whole
+    number, pieces = shortest(whole, search.at)
+    linear = with_starts(pieces, search.at, ROUNDS)
+    if pieces.off(linear) < LOST:
+        return None
+    ends = []
+    for taken in _choices(search, pieces, linear, told):
+        # The weak form has fitted all but the initial states.
+        ends.append(Taken(with_starts(pieces, _begun(search, search.at, taken, told), ROUNDS), taken, plain))
+    best = min(ends, key=lambda end: end.price(search.criteria), default=None)
+    if best is None or pieces.off(best.at) > PLAINLY * pieces.off(linear):
+        return None
+    begun = _begun(search, search.at, best.taken, told)
+    return best._replace(at=whole.evaluated(replace(begun, starts=best.at.starts[::number])))
+
+
+def _choices(search: "Search", fitter: Fitter, at: Fitted, told: Bent) -> list[tuple[Candidate, ...]]:
+    """The effects that are such forces, alone and together."""
+    library = Library(fitter)
+    known = library.candidates(fitter, at, search.present, lambda e: bool(_sizes(e, told)))
+    return [own for count in range(1, len(known) + 1) for own in combinations(known, count)]
+
+
+def _begun(search: "Search", at: Fitted, taken: Sequence[Candidate], told: Bent) -> Fitted:
+    """``at`` with the forces of ``told``."""
+    values, free = {**at.parameters, **damped(told.linear, search.nominal)}, [*at.free]
     for own in taken:
         sizes = _sizes(own.effect, told)
         values |= {p.quantity.name: sizes[p.quantity.name] for p in own.probes}
         free += own.free(search.whole.period)
-    begun = replace(search.at, parameters=values, free=tuple(free), whiten=plain.whiten)
-    return Taken(search.whole.fit(grown(search.whole, begun)), taken, plain)
+    return replace(at, parameters=values, free=tuple(free))
 
 
 def _sizes(effect: Effect | Defect, told: Bent) -> dict[str, float]:

@@ -214,9 +214,9 @@ class Search:
         self._stage_of("refit", found.plain)
         self.refitted_state = store.fit_state(self.whole, self.whole, found.plain)
         for own in found.taken:
-            self.accepted.append(Accepted(own, 1 - found.at.cost / found.plain.cost, {}))
+            self.accepted.append(Accepted(own, max(1 - found.at.cost / found.plain.cost, 0.0), {}))
             self.steps.append(Step({}, own.effect.id))
-            self.progress(f"accepted {own.effect.id}: without it the linear model is of another mass")
+            self.progress(f"accepted {own.effect.id}: without it the linear model goes astray")
         self.at = found.at
 
     def _tidy(self) -> None:

@@ -3,6 +3,7 @@
 import gzip
 import re
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -52,7 +53,8 @@ def parsed(content: bytes) -> pl.DataFrame:
     dialect = dialect_of(text)
     # The type of a column is guessed from all its rows: a first row of integers must not decide.
     if dialect.plain:
-        return pl.read_csv(text.encode(), infer_schema_length=None)
+        frame = _without_blanks(pl.read_csv(text.encode(), infer_schema_length=None))
+        return _named(frame, [name.strip() for name in frame.columns])
     return _unusual(text, dialect)
 
 
@@ -64,11 +66,18 @@ def _unusual(text: str, dialect: Dialect) -> pl.DataFrame:
     body = "\n".join(line for line in lines if line.strip())
     frame = pl.read_csv(body.encode(), infer_schema_length=None, separator=separator, has_header=False,
                         decimal_comma=dialect.decimal == ",")  # fmt: skip
-    # Blanks around a cell make text of it.
+    return _named(_without_blanks(frame), dialect.headings or [""] * frame.width)
+
+
+def _without_blanks(frame: pl.DataFrame) -> pl.DataFrame:
+    """The frame with numbers in place of text that blanks around a cell made of them."""
     frame = frame.with_columns(pl.col(pl.String).str.strip_chars())
     numbers = [name for name in frame.columns if frame[name].dtype == pl.String and _all_numbers(frame[name])]
-    frame = frame.with_columns(pl.col(numbers).cast(pl.Float64, strict=False))
-    names = dialect.headings or tuple(f"column {k}" for k in range(1, frame.width + 1))
+    return frame.with_columns(pl.col(numbers).cast(pl.Float64, strict=False))
+
+
+def _named(frame: pl.DataFrame, names: Sequence[str]) -> pl.DataFrame:
+    """The frame under ``names``, one a column, empty where a column has none; equal ones are told apart."""
     named = [name or f"column {k}" for k, name in enumerate(names, 1)]
     # Channels that nobody selected bear one name.
     unique = [f"{name} ({named[:k].count(name) + 1})" if name in named[:k] else name for k, name in enumerate(named)]

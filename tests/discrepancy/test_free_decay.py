@@ -15,6 +15,8 @@ from discrepancy.diagnose import diagnose
 from discrepancy.fit.measures import start_fitted
 from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
+from discrepancy.name.bending import bending
+from discrepancy.name.search import Search
 from gyro_model.model import load_model
 
 RATE, SAMPLES, FREQUENCY, Q = 100e3, 24_000, 5000.0, 1000.0
@@ -86,3 +88,27 @@ def test_a_linear_decay_is_fitted_to_its_minimum() -> None:
         deviation = fitter.deviations(found)
     # Four deviations: one in 8,000 draws is farther off, and the nominal damping is 11 of them off.
     assert abs(found.parameters["dxx"] - 2 * s) < 4 * deviation["dxx"] < 0.4 * 2 * s * 0.002
+
+
+def test_a_pendulum_let_go_near_a_right_angle_softens() -> None:
+    """No linear model stays in step with a dozen of its periods: sin x is x - x³/6 and little more."""
+    rng, rate = np.random.default_rng(4), 50.0
+    t = np.arange(2500) / rate
+    w = 2 * np.pi
+
+    def slope(_: float, s: np.ndarray) -> np.ndarray:
+        return np.array([s[1], -0.1 * s[1] - w**2 * np.sin(s[0])])
+
+    x = solve_ivp(slope, (0, t[-1]), [1.5, 0.0], t_eval=t, method="DOP853", rtol=1e-10, atol=1e-12).y[0]
+    v = x + 2e-3 * rng.standard_normal(len(t))
+    record = make_record("a", t, np.zeros((len(t), 1)), v[:, None], sample_rate=rate, hold="zero")
+    nominal = linear_start([record], (1.0,))
+    assert nominal is not None
+    with Simulator(load_model(), jobs=1) as simulator:
+        search = Search(simulator, Dataset(Path(), nominal, (record,)), lambda _: None)
+        search.at = search.whole.begin(search.nominal)
+        found = bending(search)
+    assert found is not None
+    assert "cubic_stiffness" in [own.effect.id for own in found.taken]
+    # Between the slope at rest, 1/6, and that of the best cubic up to 1.5, 0.145.
+    assert 0.14 < -found.at.parameters["k3_x"] / found.at.parameters["kxx"] < 0.167

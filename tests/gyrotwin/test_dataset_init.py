@@ -246,7 +246,7 @@ WRONG: dict[str, tuple[dict[str, object], list[str], str]] = {
     "heading": ({}, ["--map", "v_x=sense z [mV]"], "'sense x [mV]'"),
     "column": ({}, ["--map", "vx=remark"], "'v_x'"),
     "text of --map": ({}, ["--map", "v_x"], "COLUMN=VALUE"),
-    "scale": ({}, ["--scale", "v_x=deg/s"], "mV"),
+    "scale": ({}, ["--scale", "v_x=degC"], "mV"),
     "unit of a heading": ({"sense x [mV]": None, "sense x [counts]": WAVE}, [], "--scale v_x=NUMBER"),
     "two headings": ({"v_x out": None, "vx": WAVE}, [], "--map v_x=HEADING"),
     "text in a column": ({"F_x [uN]": ["low"] * N}, [], "'low'"),
