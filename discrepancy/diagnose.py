@@ -15,6 +15,7 @@ from discrepancy import MOST_EFFECTS
 from discrepancy.clock import Clock, OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
+from discrepancy.data.modes import further_modes
 from discrepancy.fit.refit import DEFAULT
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name import checkpoint as store
@@ -63,7 +64,8 @@ def diagnose(
             return stack.enter_context(Simulator(joined(model, [term.effect for term in terms]), jobs, clock))
 
         clock = Clock(jobs or os.cpu_count() or 1)
-        more = copies(model, dataset.fit)
+        modes = further_modes(dataset.fit)
+        more = copies(model, dataset.fit[0].axes, len(modes[1]))
         model = with_copies(model, more)
         settings = {"max_effects": max_effects, "seed": seed, "further": further is not None, **asdict(criteria)}
         key = store.digest(dataset, model, settings) if checkpoint else ""
@@ -72,7 +74,7 @@ def diagnose(
         def begun(state: Mapping[str, Any] | None) -> Search:
             terms = state["terms"] if state else []
             search = Search(simulator(model, chain(*terms)), dataset, tell, terms, criteria)
-            search.copies = more
+            search.copies, search.modes = more, modes
             if checkpoint is not None:
                 search.keep = lambda state: store.save(checkpoint, key, state)
             search.begin(state)

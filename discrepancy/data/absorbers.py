@@ -50,11 +50,11 @@ class Carried(NamedTuple):
 
 def carried(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[float]) -> Carried | None:
     """The structure of ``modes`` that driven records show, for sensors of so many ``gains`` [V/m], one an axis; None
-    where the modes do not answer as at the places of the forces."""
-    shapes = _shapes(_residues(records, modes) / np.asarray(gains))
+    where the modes do not answer as at the places of the forces, or are no more than the axes."""
+    axes = len(gains)
+    shapes = _shapes(_residues(records, modes) / np.asarray(gains)) if len(modes) > axes else None
     if shapes is None:
         return None
-    axes = len(gains)
     inverse_mass = shapes.T @ shapes
     m = axes / float(np.trace(inverse_mass))
     # Columns: the mass along each axis, then the rest, in any order.

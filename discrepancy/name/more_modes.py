@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from discrepancy.data.modes import further_modes
-from discrepancy.data.record import Record
 from discrepancy.terms.effect_file import joined
 from gyro_model.anatomy import Effect, Force
 from gyro_model.copies import copied
@@ -61,12 +59,11 @@ class Copy:
         return path
 
 
-def copies(model: Model, records: tuple[Record, ...]) -> Mapping[str, Copy]:
-    """Copies of the packaged resonant forces of ``model`` that it does not have yet, by id: for the modes that
-    ``records`` show beside one an axis from the first, others for when the force itself is in the model."""
-    seen = len(further_modes(records)[1])
-    one = records[0].axes == 1
-    turns, most = (False,) if one else (False, True), max(MOST, seen) if one else MOST
+def copies(model: Model, axes: int, seen: int) -> Mapping[str, Copy]:
+    """Copies of the packaged resonant forces of ``model`` that it does not have yet, by id: for the modes that records
+    of so many ``axes`` show beside one an axis, ``seen``, from the first, others for when the force itself is in the
+    model."""
+    turns, most = ((False,), max(MOST, seen)) if axes == 1 else ((False, True), MOST)
     own, found = {e.id for e in model.effects}, {}
     for effect in (e for e in model.effects if isinstance(e, Force) and _resonates(e)):
         for turned in turns:

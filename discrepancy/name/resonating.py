@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 from sympy import solve
 
 from discrepancy.data.absorbers import Absorber, Carried, carried
-from discrepancy.data.modes import further_modes
 from discrepancy.fit.continuation import grown
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
@@ -41,8 +40,9 @@ def resonating(search: "Search") -> Taken | None:
     answer as a mass that carries them and a fit with them leaves plainly less; None where not."""
     records, whole = search.dataset.fit, search.whole
     gains = [search.nominal[f"sense_gain_{axis}"] for axis in "xy"[: whole.axes]]
-    first, further = further_modes(records) if any(r.u.any() for r in records) else ([], [])
-    told = carried(records, sorted([*first, *further]), gains) if further else None
+    first, further = search.modes
+    driven = any(r.u.any() for r in records)
+    told = carried(records, sorted([*first, *further]), gains) if driven and further else None
     if told is None:
         return None
     taken = _resonators(search, told)

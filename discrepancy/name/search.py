@@ -13,6 +13,7 @@ from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.late import lateness
+from discrepancy.data.modes import Mode
 from discrepancy.fit.continuation import ROUNDS, beginnings, nearly_settled, roughly_settled, settled, unsprung
 from discrepancy.fit.defect import Blemish, Data, Found, Level, effect_of
 from discrepancy.fit.fitted import Fitted, Free
@@ -54,6 +55,8 @@ FINEST: Final = 70
 BEGIN, NAME, QUESTION = 0.35, 0.8, 0.9
 """Shares of the time after which the nominal model is left as it is, nothing further is named, no name questioned."""
 
+FIRST: Final = "effects without which a linear fit goes astray"
+
 Settle = Callable[[Fitter, Fitted], tuple[Fitter, Fitted]]
 Result = TypeVar("Result")
 
@@ -76,8 +79,9 @@ class Look(NamedTuple):
 
 class Search:
     """The state of a search: what is accepted, and the model fitted with it (``at``, over the runs of ``fitter``);
-    ``terms``: by further search, what it added to the model; ``copies``: effects that wait for others; ``refuted``: ids
-    of those in the model in whose place a term fits better that there was no time to take in."""
+    ``terms``: by further search, what it added to the model; ``modes``: those that the runs show, one an axis and
+    further ones; ``copies``: effects that wait for others; ``refuted``: ids of those in the model in whose place a term
+    fits better that there was no time to take in."""
 
     def __init__(
         self,
@@ -94,6 +98,7 @@ class Search:
         self.keep: Callable[[Mapping[str, Any]], None] | None = None
         self.refitted_state: Mapping[str, Any] | None = None
         self.copies: Mapping[str, Copy] = {}
+        self.modes: tuple[list[Mode], list[Mode]] = [], []
         self.clip: float | None = None
         self.measured = dataset
         self.found: list[tuple[Blemish, Found]] = []
@@ -173,10 +178,11 @@ class Search:
                 self._stage("refit")
                 self.refitted_state = store.fit_state(self.whole, self.whole, self.refitted)
                 self._take_delay(late.delay)
-            elif unsprung(self.whole, self.at):
-                self._take_in_first(resisting(self))
             else:
-                self._take_in_first(resonating(self) or bending(self))
+                kinds: tuple[Callable[[Search], Taken | None], ...]
+                kinds = (resisting,) if unsprung(self.whole, self.at) else (resonating, bending)
+                found = (self.attempt(FIRST, partial(kind, self)) for kind in kinds)
+                self._take_in_first(next((own for own in found if own), None))
             early = len(self.accepted)
             # Long runs are fitted once more before they are looked at as a whole.
             self._go_on_or_keep(self.at, roughly_settled if self.shortest > 1 else settled)

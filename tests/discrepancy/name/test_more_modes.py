@@ -6,6 +6,7 @@ import numpy as np
 from scipy.signal import cont2discrete
 
 from discrepancy.data.dataset import Dataset
+from discrepancy.data.modes import further_modes
 from discrepancy.data.record import make_record
 from discrepancy.diagnose import diagnose
 from discrepancy.discover.term_search import TermSearch
@@ -71,7 +72,8 @@ def test_a_mode_on_each_axis_is_named_with_its_file(tmp_path: Path) -> None:
 
 
 def test_a_copy_waits_for_its_turn() -> None:
-    more = copies(load_model(), _dataset().records[:1])
+    assert len(further_modes(_dataset().records[:1])[1]) == 2
+    more = copies(load_model(), 2, 2)
     # The response shows the further modes, so that one on y may come first.
     assert {name: copy.after for name, copy in more.items()} == {
         "parasitic_mode_2": "parasitic_mode",
@@ -81,6 +83,10 @@ def test_a_copy_waits_for_its_turn() -> None:
 
 
 def test_a_model_that_has_a_copy_gets_no_other_of_its_name(tmp_path: Path) -> None:
-    records = _dataset().records[:1]
-    copies(load_model(), records)["parasitic_mode_y"].write(tmp_path)
-    assert set(copies(load_model(tmp_path), records)) == {"parasitic_mode_2", "parasitic_mode_y_2"}
+    copies(load_model(), 2, 0)["parasitic_mode_y"].write(tmp_path)
+    assert set(copies(load_model(tmp_path), 2, 0)) == {"parasitic_mode_2", "parasitic_mode_y_2"}
+
+
+def test_a_record_of_one_axis_has_as_many_copies_as_it_shows_modes() -> None:
+    assert set(copies(load_model(), 1, 0)) == {"parasitic_mode_2"}
+    assert list(copies(load_model(), 1, 4)) == ["parasitic_mode_2", "parasitic_mode_3", "parasitic_mode_4"]

@@ -1,21 +1,24 @@
 """Structures of more modes than the model has, of which no part is the FMU's."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from structures import Structure, chain
 
+from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
 from discrepancy.diagnose import diagnose
+from discrepancy.name.search import FIRST
 from discrepancy.tell.answer import Diagnosis
 from gyro_model.model import load_model
 
 
-def answer(structure: Structure, *, begin: int = 0) -> Diagnosis:
+def answer(structure: Structure, *, begin: int = 0, **more: Any) -> Diagnosis:
     fit, held_out = structure.record("a", "fit", 1, 1e-3), structure.record("b", "held-out", 2, 1e-3, begin)
     # Values of a fit of one mode, as the record's own response gives them where nobody believes any.
     nominal = {"m": 0.68, "kxx": 4.26e4, "dxx": 6.5, "sense_gain_x": 1.0}
-    return diagnose(Dataset(Path("here"), nominal, (fit, held_out)), load_model())
+    return diagnose(Dataset(Path("here"), nominal, (fit, held_out)), load_model(), **more)
 
 
 def test_a_chain_of_masses_is_a_mass_with_parasitic_modes() -> None:
@@ -47,3 +50,11 @@ def test_a_run_may_begin_in_mid_motion() -> None:
     assert {effect.id for effect in found.effects} == {"parasitic_mode", "parasitic_mode_2"}
     # Six states of the start are told by its first 50 samples, which adds less than the noise itself.
     assert found.misfit["final"] < 1.5e-3
+
+
+def test_without_the_time_for_it_the_model_stays_as_it_was() -> None:
+    lines: list[str] = []
+    found = answer(chain(), criteria=Criteria(time_limit=1), progress=lines.append)
+    assert f"out of time: {FIRST}" in lines
+    assert found.verdict == "unexplained"
+    assert any(FIRST in doubt for doubt in found.doubts)
