@@ -131,3 +131,14 @@ def test_a_masked_sample_beyond_the_first_windows_costs_no_model() -> None:
     assert found is not None
     # The bin of the spectrum's peak, 0.14 Hz, is the coarsest of what the first round knows.
     assert np.sqrt(found["kxx"] / found["m"]) == pytest.approx(w, rel=0.02)
+
+
+def test_a_timer_that_stalls_is_no_other_rate_in_a_part_of_a_run() -> None:
+    t = np.arange(120) / 50.0
+    t[30:] += 4e-3
+    ring = np.cos(9.0 * t)[:, None]
+    assert make_record("a", t, np.zeros_like(ring), ring, sample_rate=50.0, hold="zero").sample_rate == 50.0
+    # Of a run this long a hundredth is another clock.
+    t = np.arange(6000) / 49.5
+    with pytest.raises(InputError, match=r"t steps at 49\.5 Hz"):
+        make_record("a", t, np.zeros((6000, 1)), np.cos(t)[:, None], sample_rate=50.0, hold="zero")
