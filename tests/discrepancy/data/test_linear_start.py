@@ -117,3 +117,28 @@ def test_a_blow_soon_after_the_begin_of_a_run_is_seen() -> None:
     # One blow, a thousandth of noise: a start, as above.
     assert found["m"] == pytest.approx(m, rel=0.02)
     assert found["kxx"] == pytest.approx(m * w**2, rel=0.02)
+
+
+def test_a_masked_sample_beyond_the_first_windows_costs_no_model() -> None:
+    """A decay of ten periods: the windows of a second round reach the sample, those of the first do not."""
+    t, w, s = np.arange(354) / 50.0, 2 * np.pi * 1.49, 0.3
+    v = np.exp(-s * t) * np.cos(w * t)
+    valid = np.ones(len(t), np.bool_)
+    valid[262::5] = False
+    record = make_record("a", t, np.zeros((len(t), 1)), v[:, None], sample_rate=50.0, hold="zero")
+    record = replace(record, valid=valid)
+    found = linear_start([record], [1.0])
+    assert found is not None
+    # The bin of the spectrum's peak, 0.14 Hz, is the coarsest of what the first round knows.
+    assert np.sqrt(found["kxx"] / found["m"]) == pytest.approx(w, rel=0.02)
+
+
+def test_a_timer_that_stalls_is_no_other_rate_in_a_part_of_a_run() -> None:
+    t = np.arange(120) / 50.0
+    t[30:] += 4e-3
+    ring = np.cos(9.0 * t)[:, None]
+    assert make_record("a", t, np.zeros_like(ring), ring, sample_rate=50.0, hold="zero").sample_rate == 50.0
+    # Of a run this long a hundredth is another clock.
+    t = np.arange(6000) / 49.5
+    with pytest.raises(InputError, match=r"t steps at 49\.5 Hz"):
+        make_record("a", t, np.zeros((6000, 1)), np.cos(t)[:, None], sample_rate=50.0, hold="zero")
