@@ -339,9 +339,10 @@ def test_large_steps_between_two_samples_do_not_shift_the_angle(tmp_path: Path) 
         for edge in edges
     ]
     # A tenth of a sample of 5 us is 0.001 deg where the rate steps by 30 rad/s; the kicks of the tones are 0.04 deg.
-    # The third leaves 0.0062, at 200,000 rows a second as well.
+    # Noise leaves 0.0005 to 0.0165 at single edges (seeds 3 to 10), and as much differs where sums are only taken in
+    # another order: what is told, 0.008, is one deviation of it.
     assert len(jumps) == 4
-    assert np.abs(jumps).max() <= 0.007
+    assert np.abs(jumps).max() <= 3 * np.rad2deg(result.trace["angle_sigma"][-1]) < 0.03
 
 
 def test_an_offset_that_wanders_is_forgotten_alone(tmp_path: Path) -> None:
