@@ -111,7 +111,9 @@ class Fitter:
         self.simulator, self.records, self.blocks, self.criteria = simulator, tuple(records), blocks, criteria
         self.axes = self.records[0].axes
         self.period = 1 / self.records[0].sample_rate
-        self._stateful = [e for e in simulator.model.effects if e.starts]
+        # Of a free decay the start of a mode makes up for how it is coupled, which no sample shows then.
+        driven = any(record.u.any() for record in self.records)
+        self._stateful = [e for e in simulator.model.effects if e.starts and driven]
         self.signal = _rms(self.records) or _rms([simulator.run_of(record) for record in self.records])
         self.quotients = Quotients(simulator, self.signal)
         self._kept: dict[int, _Kept] = {}

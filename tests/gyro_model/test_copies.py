@@ -16,9 +16,9 @@ assert isinstance(MODE, Force)
 @pytest.mark.parametrize(("suffix", "turned"), [("_2", False), ("_y", True), ("_y_2", True)])
 def test_limit_cases_hold_of_a_copy(suffix: str, turned: bool) -> None:
     copy = copied(MODE, suffix, turned=turned)
-    own = {q.name: q.start for q in copy.parameters}
+    own = {q.name: q.start for q in copy.parameters} | dict.fromkeys(("x", "x_dot", "y", "y_dot"), 0.0)
     for limit in copy.limits:
-        at = {**own, **{s.symbol.name: 0.0 for s in copy.states}, "x": 0.0, "y": 0.0, **limit.at}
+        at = {**own, **{s.symbol.name: 0.0 for s in copy.states}, **limit.at}
         for name, value in limit.gives.items():
             found = float(copy.terms()[name].subs({s: at[s.name] for s in copy.terms()[name].free_symbols}))
             # The working has twelve digits.
