@@ -14,7 +14,7 @@ from discrepancy.fit.continuation import ROUNDS, grown, shortest, with_starts
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter, damped
-from discrepancy.name.accepted import Taken
+from discrepancy.name.accepted import PLAINLY, Taken
 from discrepancy.name.columns import Candidate, Library
 from gyro_model import symbols
 from gyro_model.anatomy import Effect, Force
@@ -30,8 +30,6 @@ LOST: Final = 0.5
 of a turn. Of a decay the inertia is the force, of which a spring that bends leaves little to see."""
 STRAIGHTER: Final = 0.25
 """Share of that which forces of third order may leave, to be what bends the response."""
-PLAINLY: Final = 0.25
-"""Times the residual of the linear fit that theirs leaves at most, to be taken before anything else is scored."""
 
 MONOMIALS: Final = tuple((x**3, x**2 * v) for x, v in ((symbols.x, symbols.x_dot), (symbols.y, symbols.y_dot)))
 """Of each axis, in the order of ``Bent.cubic``."""

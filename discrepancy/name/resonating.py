@@ -4,7 +4,7 @@ one mode an axis, beside which no column shows another."""
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import pi, sqrt
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from sympy import solve
 
@@ -13,7 +13,7 @@ from discrepancy.fit.continuation import grown
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import passive
-from discrepancy.name.accepted import Taken
+from discrepancy.name.accepted import PLAINLY, Taken
 from discrepancy.name.columns import Candidate
 from discrepancy.name.shaping import freed, unmoved
 from gyro_model import symbols
@@ -21,10 +21,6 @@ from gyro_model.anatomy import Effect, Force
 
 if TYPE_CHECKING:
     from discrepancy.name.search import Search
-
-PLAINLY: Final = 0.25
-"""Times the residual of the fit of one mode an axis that theirs leaves at most, to be taken before anything else is
-scored."""
 
 
 class _Resonator(NamedTuple):

@@ -8,7 +8,7 @@ linearised at the fit.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,14 +20,11 @@ from discrepancy.name.columns import Candidate, Fading, Probe, fading
 from discrepancy.name.competition import PART
 from discrepancy.name.grids import ABOUT, Grids
 from discrepancy.name.scan import scanned
-from discrepancy.tell.mixture import Mixture, joined
+from discrepancy.tell.mixture import PLACES, Mixture, joined
 
 if TYPE_CHECKING:
     from discrepancy.name.accepted import Accepted
     from discrepancy.name.search import Search
-
-SIZES: Final = 50
-"""Sizes of a part that are weighed: 7 % from one to the next, little beside what data tell of one they do not show."""
 
 
 class _Beside(NamedTuple):
@@ -80,7 +77,7 @@ def beside_left_out(search: "Search", entry: "Accepted") -> dict[str, Mixture]:
         return {}
     now, effect = search.at.parameters, entry.candidate.effect
     grid = _grids(search).of([part.size, *part.shapes], search.at)
-    sizes = np.clip(grid.middle[part.size.name] * np.geomspace(1 / ABOUT, ABOUT, SIZES), 0.0, part.size.high)
+    sizes = np.clip(grid.middle[part.size.name] * np.geomspace(1 / ABOUT, ABOUT, PLACES), 0.0, part.size.high)
     # A record of one axis has no parameters of y.
     scales = {q.name: now[q.name] for q in effect.sizes if now.get(q.name, 0.0) != 0.0}
     fits = _fits(search, entry, part, grid.middle, scales, sizes)

@@ -12,6 +12,9 @@ from discrepancy.data.record import Floats
 
 TAIL: Final = 0.025
 """Beyond either end of a 95 % interval."""
+PLACES: Final = 50
+"""Over a factor of ABOUT both ways, that are weighed: 7 % from one to the next, little beside what data tell of what
+they do not show."""
 FAR: Final = 8.0
 """Standard deviations beyond all means, where a quantile is sought: TAIL lies within."""
 NEAR: Final = 1e-6

@@ -15,14 +15,12 @@ from discrepancy.data.record import Floats
 from discrepancy.fit.fitted import Fitted, bare
 from discrepancy.name.grids import ABOUT, WIDER
 from discrepancy.name.shaping import freed, unmoved
-from discrepancy.tell.mixture import Mixture, joined
+from discrepancy.tell.mixture import PLACES, Mixture, joined
 
 if TYPE_CHECKING:
     from discrepancy.name.accepted import Accepted
     from discrepancy.name.search import Search
 
-BETWEEN: Final = 50
-"""Places that are weighed: 7 % from one to the next."""
 UNLIKELY: Final = 20.0
 """Variances of an innovation that a fit takes more than the best, from which its place has no weight: exp(-10)."""
 ROUNDS: Final = 4
@@ -45,7 +43,7 @@ def _over(search: "Search", at: Fitted) -> Iterator[tuple[str, Mixture]]:
     # The root of what a place costs is linear where the cost is a parabola.
     best = int(costs.argmin())
     apart = np.sign(np.arange(len(costs)) - best) * np.sqrt(costs - costs[best])
-    places = np.geomspace(values[0], values[-1], BETWEEN)
+    places = np.geomspace(values[0], values[-1], PLACES)
 
     def between(column: Floats) -> Floats:
         return np.interp(np.log(places), np.log(values), column)
