@@ -21,6 +21,7 @@
 #define UNFIT 1.035    /* mean squared innovation that a device as the design means it does not leave: 32768 numbers leave 1 by 0.008 */
 #define FASTEST 1e4  /* rate that is no device's [rad/s]: far from the device it explains more than constants do */
 #define FARTHEST 10.0 /* standard deviations of the design that an effect may be away from it */
+#define ASTRAY 0.5   /* share of the fastest forgetting at which a damping has gone astray; one that noise begins dies away at a tenth */
 #define WATCHED 0.005 /* over which innovations are averaged [s] */
 #define FIRST 4      /* samples of the first block at its first fit: of some tenths of a period what moves is nearly linear in the stiffness */
 #define FEWEST 16    /* samples of another block */
@@ -213,6 +214,21 @@ static void end_start(filter *f, double L[NP][NP], double off)
     f->left = off > OFF ? HUGE_VAL : f->chi2;
 }
 
+/* Whether a damping seems to move. So it does where the blocks after a start go astray: along what it hardly told, which bends, and away from what it told
+   well, until each block pulls further the same way. */
+static int goes_astray(const filter *f)
+{
+    const double most = larger(larger(f->forget[3], f->forget[4]), f->forget[5]);
+    return NP > SEVEN && most > ASTRAY * f->settings.forget_max;
+}
+
+/* Whether another start is to tell what the last one could not. Dampings that do move ask for one alone. */
+static int looks_again(const filter *f)
+{
+    const int unfit = f->left > UNFIT && (f->tries < TRIES || !isfinite(f->left));
+    return (unfit || (f->tries == 0 && goes_astray(f))) && f->effort > FOR_WHOLE * f->settings.start;
+}
+
 void fit_end(filter *f)
 {
     double L[NP][NP];
@@ -233,7 +249,7 @@ void fit_end(filter *f)
         unseen_look(f);
         find_block(f, L);
         fit_fold(f, L);
-        if (f->left > UNFIT && (f->tries < TRIES || !isfinite(f->left)) && f->effort > FOR_WHOLE * f->settings.start) {
+        if (looks_again(f)) {
             f->tries++;
             restart_to_look(f);
         }

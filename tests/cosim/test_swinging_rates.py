@@ -1,12 +1,15 @@
 """The flag under rates that are no steps: what is valid does not drift beyond what is said."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from runs import simulated
+from runs import run_of, simulated
 
+from cosim.master import simulate
 from cosim.recorder import Result
+from cosim.scenarios import Sine
 
 WINDOW = 0.1
 """[s]"""
@@ -53,6 +56,18 @@ def test_a_sine_of_the_rate_does_not_pass_for_damping(amplitude, frequency, tmp_
     # It drifted by 1.4 and 2.1 deg/s, 20 and 37 of its predicted deviations, 2.8 and 4.2 of what a flag may hide. Of
     # the seeds 0 to 29 one goes over that, by a twelfth.
     residual("drift over what a flag may hide", max(abs(d) / max(0.5, 4 * sigma) for d, sigma in found), 1.0)
+
+
+def test_a_filter_that_goes_astray_looks_again(tmp_path, residual) -> None:
+    # 3.6e-3 of a gain is what the start leaves. Blocks after it went 0.0155 off while they claimed 5e-4, and dampings
+    # seemed to move: the angle drifted by 0.6 to 0.7 deg/s, 0.06 deg/s being told.
+    run = run_of("rest", device="reference", design="lab", seed=100231, duration=0.6)
+    rate = Sine(1.3447519049050746, 0.6454084913731706, 126.11456682201087)
+    found = simulate(replace(run, scenario=replace(run.scenario, courses={"omega_z": (rate,)})))
+    gain = found.trace["est_actuator_gain_mismatch"].to_numpy()[-1]
+    # Another start leaves 1e-3 to 2e-3 of it.
+    residual("gain mismatch", abs(gain), 0.006)
+    assert all(abs(drift) < max(0.5, 4 * sigma) for drift, sigma in windows(found))
 
 
 def test_knees_of_the_rate_are_no_steps(tmp_path, residual) -> None:
