@@ -90,6 +90,7 @@ typedef struct {
     double unseen_eta[NP][NP]; /* what they span, in units of W, orthonormal */
     int shown[NP]; /* blocks in a row that showed something of them */
     int unseen_count, hidden;
+    int hardly_told; /* whether the start told some direction of the reading but a little */
     double left; /* mean squared innovation that the last whole start has left; infinite where it has ended beside its fit or is not whole yet */
     int tries; /* starts taken because one had ended beside its fit */
     int lost;               /* whether a whole start has found no device */

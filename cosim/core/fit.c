@@ -214,12 +214,12 @@ static void end_start(filter *f, double L[NP][NP], double off)
     f->left = off > OFF ? HUGE_VAL : f->chi2;
 }
 
-/* Whether a damping seems to move. So it does where the blocks after a start go astray: along what it hardly told, which bends, and away from what it told
-   well, until each block pulls further the same way. */
+/* Whether a damping seems to move since the blocks after a start go astray: along what it hardly told, which bends, and away from what it told well, until
+   each block pulls further the same way. */
 static int goes_astray(const filter *f)
 {
     const double most = larger(larger(f->forget[3], f->forget[4]), f->forget[5]);
-    return NP > SEVEN && most > ASTRAY * f->settings.forget_max;
+    return f->hardly_told && most > ASTRAY * f->settings.forget_max;
 }
 
 /* Whether another start is to tell what the last one could not. Dampings that do move ask for one alone. */

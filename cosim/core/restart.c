@@ -55,7 +55,7 @@ void restart_from_design(filter *f)
     f->lost = 0;
     f->tries = 0;
     f->left = UNTRUE;
-    f->unseen_count = f->hidden = 0;
+    f->unseen_count = f->hidden = f->hardly_told = 0;
     f->fit = 2.0 * FITS;
     f->growing = 1;
     f->origin = f->since = f->sample + 1;
@@ -74,7 +74,7 @@ void restart_to_look(filter *f)
     memcpy(f->W, f->first_W, sizeof f->W);
     f->rows = f->kept = 0;
     f->left = HUGE_VAL;
-    f->unseen_count = f->hidden = 0;
+    f->unseen_count = f->hidden = f->hardly_told = 0;
     f->since = f->sample;
     f->growing = 1;
     fit_begin(f);
@@ -113,7 +113,7 @@ static void restart(filter *f)
     memcpy(f->W_now, f->W, sizeof f->W_now);
     f->since = f->sample;
     f->left = UNTRUE;
-    f->unseen_count = f->hidden = 0;
+    f->unseen_count = f->hidden = f->hardly_told = 0;
     f->growing = 1;
     fit_begin(f);
 }

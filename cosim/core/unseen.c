@@ -4,6 +4,7 @@
 #include "linear.h"
 
 #define LEFT 0.1       /* share of the variance along a direction that a start must leave for it to count */
+#define PART 0.005     /* share from which on a start tells a direction but a little */
 #define CANCELLED 3e-5 /* of large terms that cancel; rounding, and constants that move by their deviation, leave up to 1.2e-5, a rate that begins to
                           change by 1 rad/s in a second 4e-5 */
 #define CANCEL 1e-3    /* of its terms: what a start shows at most of a direction along which they cancel */
@@ -194,11 +195,15 @@ void unseen_find(filter *f, double L[NP][NP])
     double K[NP][NP], V[NP][NP];
     left_variance(L, K);
     eigenvectors(K, V);
-    f->unseen_count = 0;
+    f->unseen_count = f->hardly_told = 0;
     memset(f->shown, 0, sizeof f->shown);
     for (int m = 0; m < NP; m++) {
+        double n[NP];
+        change_of(f, V[m], n);
         if (K[m][m] > LEFT) {
-            change_of(f, V[m], f->unseen[f->unseen_count++]);
+            memcpy(f->unseen[f->unseen_count++], n, sizeof n);
+        } else if (K[m][m] > PART && moves_reading(f, n)) {
+            f->hardly_told = 1;
         }
     }
     separate(f);
