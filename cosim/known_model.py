@@ -37,7 +37,7 @@ def can_be_estimated(model: Model, name: str) -> bool:
     """Whether the loop can find a parameter of an effect: not where it is a time at which something happens, a state at
     the start, a lag of a temperature, noise, what remembers, the converter's limit, or the angular gain, which nothing
     but the angle shows; nor of a force that saturates or has a corner, whose slope the filter can't hold over a
-    sample."""
+    sample, nor where it is how much of the command acts."""
     effect = next((e for e in model.effects if any(q.name == name for q in e.parameters)), None)
     if effect is None or effect.noise or effect.nominal or effect.memories or isinstance(effect, Follow):
         return False
@@ -45,12 +45,21 @@ def can_be_estimated(model: Model, name: str) -> bool:
         return False
     timed = isinstance(effect, Law) and effect.event is not None and effect.event.name == name
     begun = name in (q.name for q in effect.starts)
+    if isinstance(effect, Force) and _commanded(e.diff(model.parameter(name).symbol) for e in effect.terms().values()):
+        return False
     return not (timed or begun) and name not in ("angular_gain", "adc_limit")
 
 
 def uses_command(effect: Effect) -> bool:
-    """Whether ``effect`` is a force that depends on the command."""
-    return isinstance(effect, Force) and effect.stage == "actuator"
+    """Whether ``effect`` is a force that changes with the motion as the command does."""
+    if not isinstance(effect, Force):
+        return False
+    moving = (*symbols.STATES, *(state.symbol for state in effect.states))
+    return _commanded(e.diff(q) for e in effect.terms().values() for q in moving)
+
+
+def _commanded(exprs: Iterable[Expr]) -> bool:
+    return any(not e.free_symbols.isdisjoint(_COMMANDS) for e in exprs)
 
 
 @dataclass(frozen=True)

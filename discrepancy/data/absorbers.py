@@ -2,6 +2,9 @@
 
     X = Σ φ_i φ_iᵀ / (s² + 2 ζ_i w_i s + w_i²) F,  Σ φ_i φ_iᵀ = 1/m
 
+One force and one sensor at two places have residues φ_i χ_i of either sign, of which φ_i = √|φ_i χ_i| is taken: nothing
+that they show tells what either is alone.
+
 Turned by an orthogonal matrix whose first rows are √m φ, the modes are the mass and what it carries: the frequencies of
 the rest are those of the structure while the mass is held, its antiresonances (J. P. Den Hartog, Mechanical Vibrations,
 1956, section 3.2). A fit of one mode an axis ends at the mass of that mode, of which the structure is only a part, so
@@ -25,12 +28,14 @@ sensors are at the places of the forces."""
 
 class Absorber(NamedTuple):
     """frequency [Hz] and quality factor of a resonator alone; the spring [N/m] that couples it to each axis, scaled to
-    the mass; joint: how much of its damping lies along the spring to each axis, 0 where its damper is on the ground."""
+    the mass; joint: how much of its damping lies along the spring to each axis, 0 where its damper is on the ground;
+    drive: the share of the force that acts on it."""
 
     frequency: float
     quality: float
     coupling: Floats
     joint: Floats
+    drive: float
 
     @property
     def axis(self) -> int:
@@ -50,13 +55,13 @@ class Carried(NamedTuple):
 
 def carried(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[float]) -> Carried | None:
     """The structure of ``modes`` that driven records show, for sensors of so many ``gains`` [V/m], one an axis; None
-    where the modes do not answer as at the places of the forces, or are no more than the axes."""
+    where the modes are no more than the axes, or those of several forces do not answer as at the places of the forces.
+    """
     axes = len(gains)
-    shapes = _shapes(_residues(records, modes) / np.asarray(gains)) if len(modes) > axes else None
-    if shapes is None:
+    residues = _residues(records, modes) / np.asarray(gains) if len(modes) > axes else None
+    shapes = None if residues is None else _shapes(residues)
+    if residues is None or shapes is None:
         return None
-    inverse_mass = shapes.T @ shapes
-    m = axes / float(np.trace(inverse_mass))
     # Columns: the mass along each axis, then the rest, in any order.
     turn = np.linalg.qr(shapes, mode="complete")[0]
     turn[:, :axes] *= np.sign((turn[:, :axes] * shapes).sum(axis=0))
@@ -64,13 +69,17 @@ def carried(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[fl
     stiffness = turn.T @ np.diag(w**2) @ turn
     damping = turn.T @ np.diag(w / [mode.quality for mode in modes]) @ turn
     squares, own = eigh(stiffness[axes:, axes:])
-    own *= np.where((stiffness[:axes, axes:] @ own).sum(axis=0) < 0, -1.0, 1.0)
+    apart = bool((residues < 0).any()) and axes == 1
+    pushed = (residues[:, 0, 0] / turn[:, 0]) @ turn if apart else np.zeros(len(modes))
+    facing = pushed[axes:] @ own if apart else (stiffness[:axes, axes:] @ own).sum(axis=0)
+    own *= np.where(facing < 0, -1.0, 1.0)
+    m = 1 / float(pushed[0] + np.abs(facing).sum()) if apart else axes / float((shapes**2).sum())
     losses, couplings = np.diag(own.T @ damping[axes:, axes:] @ own), m * stiffness[:axes, axes:] @ own
     dragged, followed = damping[:axes, axes:] @ own / losses, couplings / (m * squares)
     absorbers = [
-        Absorber(float(speed / (2 * np.pi)), float(speed / loss), coupling, joint)
-        for speed, loss, coupling, joint in zip(
-            np.sqrt(squares), losses, couplings.T, (dragged / followed).T, strict=True
+        Absorber(float(speed / (2 * np.pi)), float(speed / loss), coupling, joint, float(drive))
+        for speed, loss, coupling, joint, drive in zip(
+            np.sqrt(squares), losses, couplings.T, (dragged / followed).T, m * (pushed[axes:] @ own), strict=True
         )
     ]
     absorbers.sort(key=lambda a: -float(np.abs(a.coupling).max()))
@@ -79,8 +88,10 @@ def carried(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[fl
 
 
 def _shapes(residues: Floats) -> Floats | None:
-    """The modes' shapes (modes, axes) [1/kg½] whose products with themselves are the ``residues`` (modes, axes, axes);
-    None where one's are not such."""
+    """The modes' shapes (modes, axes) [1/kg½] whose products with themselves are the ``residues`` (modes, axes, axes),
+    of one axis but for the sign; None where one's are not such."""
+    if residues.shape[1:] == (1, 1):
+        return np.asarray(np.sqrt(np.abs(residues[:, :, 0])))
     shapes = []
     for own in residues:
         values, vectors = eigh((own + own.T) / 2)
