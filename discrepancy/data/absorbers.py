@@ -2,8 +2,8 @@
 
     X = Σ φ_i φ_iᵀ / (s² + 2 ζ_i w_i s + w_i²) F,  Σ φ_i φ_iᵀ = 1/m
 
-One force and one sensor at two places have residues φ_i χ_i of either sign, of which φ_i = √|φ_i χ_i| is taken: nothing
-that they show tells what either is alone.
+One force and one sensor at two places have residues φ_i χ_i of either sign. Nothing that they show tells what either
+is alone: φ_i = √|φ_i χ_i| is taken, and OPPOSED times as much where it is negative.
 
 Turned by an orthogonal matrix whose first rows are √m φ, the modes are the mass and what it carries: the frequencies of
 the rest are those of the structure while the mass is held, its antiresonances (J. P. Den Hartog, Mechanical Vibrations,
@@ -24,6 +24,10 @@ from discrepancy.data.record import Floats, Record
 OF_ONE: Final = 0.3
 """Of what a mode answers with, that the product of one shape with itself may leave: no mode answers otherwise where
 sensors are at the places of the forces."""
+OPPOSED: Final = 0.5
+"""Of the shape of a mode that answers against the force. Any would do but 1: of two masses with the force on one and
+the sensor on the other both modes answer alike but for the sign, so that mass and resonator would have one frequency,
+where the response shows only the sum of their damping."""
 
 
 class Absorber(NamedTuple):
@@ -55,7 +59,8 @@ class Carried(NamedTuple):
 
 def carried(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[float]) -> Carried | None:
     """The structure of ``modes`` that driven records show, for sensors of so many ``gains`` [V/m], one an axis; None
-    where the modes are no more than the axes, or those of several forces do not answer as at the places of the forces.
+    where the modes are no more than the axes, those of several forces do not answer as at the places of the forces, or
+    the mass would not be positive, as where a sensor is connected the other way round.
     """
     axes = len(gains)
     residues = _residues(records, modes) / np.asarray(gains) if len(modes) > axes else None
@@ -74,6 +79,8 @@ def carried(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[fl
     facing = pushed[axes:] @ own if apart else (stiffness[:axes, axes:] @ own).sum(axis=0)
     own *= np.where(facing < 0, -1.0, 1.0)
     m = 1 / float(pushed[0] + np.abs(facing).sum()) if apart else axes / float((shapes**2).sum())
+    if m <= 0:
+        return None
     losses, couplings = np.diag(own.T @ damping[axes:, axes:] @ own), m * stiffness[:axes, axes:] @ own
     dragged, followed = damping[:axes, axes:] @ own / losses, couplings / (m * squares)
     absorbers = [
@@ -91,7 +98,7 @@ def _shapes(residues: Floats) -> Floats | None:
     """The modes' shapes (modes, axes) [1/kg½] whose products with themselves are the ``residues`` (modes, axes, axes),
     of one axis but for the sign; None where one's are not such."""
     if residues.shape[1:] == (1, 1):
-        return np.asarray(np.sqrt(np.abs(residues[:, :, 0])))
+        return np.asarray(np.where(residues < 0, OPPOSED, 1.0) * np.sqrt(np.abs(residues)))[:, :, 0]
     shapes = []
     for own in residues:
         values, vectors = eigh((own + own.T) / 2)
