@@ -45,6 +45,10 @@ def test_so_it_is_where_the_sensor_is_elsewhere_than_the_force(driven: int, sens
     assert {effect.id for effect in found.effects} == {"parasitic_mode", "parasitic_mode_2"}
     assert all(effect.probability > 0.9 for effect in found.effects)
     assert not found.doubts
+    own = {name: value for effect in found.effects for name, value in effect.parameters.items()}
+    for name in ("parasitic_drive", "parasitic_drive_2"):
+        # No fit moves it: it has no interval, and is told all the same.
+        assert own[name].low == own[name].value == own[name].high == found.parameters[name] != 0
     # Noise of 1e-3, whose rms over 6000 samples is known to 1 %.
     assert found.misfit["final"] < 1.05e-3
 
