@@ -37,7 +37,7 @@ def can_be_estimated(model: Model, name: str) -> bool:
     """Whether the loop can find a parameter of an effect: not where it is a time at which something happens, a state at
     the start, a lag of a temperature, noise, what remembers, the converter's limit, or the angular gain, which nothing
     but the angle shows; nor of a force that saturates or has a corner, whose slope the filter can't hold over a
-    sample."""
+    sample, nor where it acts on the command alone, as a share of it does."""
     effect = next((e for e in model.effects if any(q.name == name for q in e.parameters)), None)
     if effect is None or effect.noise or effect.nominal or effect.memories or isinstance(effect, Follow):
         return False
@@ -45,12 +45,23 @@ def can_be_estimated(model: Model, name: str) -> bool:
         return False
     timed = isinstance(effect, Law) and effect.event is not None and effect.event.name == name
     begun = name in (q.name for q in effect.starts)
+    if isinstance(effect, Force):
+        slopes = [e.diff(model.parameter(name).symbol) for e in effect.terms().values()]
+        if _commanded(slopes) and not any(slope.subs(dict.fromkeys(_COMMANDS, 0)) for slope in slopes):
+            return False
     return not (timed or begun) and name not in ("angular_gain", "adc_limit")
 
 
 def uses_command(effect: Effect) -> bool:
-    """Whether ``effect`` is a force that depends on the command."""
-    return isinstance(effect, Force) and effect.stage == "actuator"
+    """Whether ``effect`` is a force that changes with the motion as the command does."""
+    if not isinstance(effect, Force):
+        return False
+    moving = (*symbols.STATES, *(state.symbol for state in effect.states))
+    return _commanded(e.diff(q) for e in effect.terms().values() for q in moving)
+
+
+def _commanded(exprs: Iterable[Expr]) -> bool:
+    return any(not e.free_symbols.isdisjoint(_COMMANDS) for e in exprs)
 
 
 @dataclass(frozen=True)
@@ -185,7 +196,8 @@ class KnownModel:
             "pick_off_rate": ("[2]", tuple(pickoff_rate)),
             "rate_by_force": ("[NS * 2]", tuple(rates.jacobian(force))),
             "rate_by_omega": ("[NS]", tuple(rates.diff(symbols.omega_z).subs(dict.fromkeys(force, 0)))),
-            "rate_by_parameter": ("[NS * NP]", tuple(rates.subs(dict.fromkeys(force, 0)).jacobian(parameters))),
+            # But for what the force does by way of one over the mass alone, which the filter knows beforehand.
+            "rate_by_parameter": ("[NS * NP]", tuple(rates.jacobian(parameters) - self._by_inverse_mass)),
             "actuate": ("[2]", tuple(actuated)),
             "actuate_by_command": ("[2 * 2]", tuple(actuated.jacobian(force))),
             "actuate_by_parameter": ("[2 * NP]", tuple(actuated.jacobian(parameters))),
@@ -206,6 +218,15 @@ class KnownModel:
             "thermal": ("[2 * 2]", self._thermal),
             "temperature_lag": ("[2]", self._temperature_lags),
         }
+
+    @cached_property
+    def _by_inverse_mass(self) -> Matrix:
+        """The slopes of the rates by the parameters where forces act as one over the mass."""
+        slopes = Matrix.zeros(len(self.states), len(self.parameters))
+        for row, rate in enumerate(self.rates):
+            forced = rate - rate.subs(dict.fromkeys(_COMMANDS, 0))
+            slopes[row, -1] = expand(forced / self.parameters[-1])
+        return slopes
 
     def _seen(
         self, linear: Matrix, by_force: Matrix, actuated: Matrix, pickoff: Matrix, amplified: Matrix, late: Matrix

@@ -127,7 +127,8 @@ class Memory:
 
 @dataclass(frozen=True)
 class Energy:
-    """The power balance of a force: force·velocity + d(stored)/dt + dissipated = 0, ``dissipated`` never negative.
+    """The power balance of a force while nothing drives: force·velocity + d(stored)/dt + dissipated = 0, ``dissipated``
+    never negative.
 
     Both zero for a gyroscopic force. ``None`` in place of an Energy: the force exchanges energy with the outside.
     """
@@ -269,8 +270,8 @@ class Force(Effect):
     """Adds a force [N] to each axis. A force that uses ``normal_x, normal_y`` is drawn anew at each sample and held.
 
     ``impulse`` [N·s] acts at once where a held input changes, before the step in which the new value holds; what the
-    first step finds is no change. In ``u_x, u_y``, the force as the actuators give it, a force belongs to the
-    actuators' stage.
+    first step finds is no change. In ``u_x, u_y``, the force as the actuators give it, a force without states belongs
+    to the actuators' stage.
     """
 
     force: Pair
@@ -281,7 +282,7 @@ class Force(Effect):
     @property
     def stage(self) -> str:
         """The stage that the force belongs to."""
-        return "actuator" if self.symbols & set(U) else "force"
+        return "actuator" if self.symbols & set(U) and not self.states else "force"
 
     def made(self) -> dict[str, Expr]:
         impulse = dict(zip(("impulse_x", "impulse_y"), self.impulse or (), strict=False))

@@ -74,6 +74,8 @@ def _effects(effects: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _value(p: Mapping[str, Any]) -> str:
+    if p["low"] is not None and p["low"] == p["high"]:
+        return f"{significant(p['value'], 5)} (held)"
     bounded = p["low"] is not None and p["high"] is not None
     return uncertain(p["value"], p["low"], p["high"]) if bounded else significant(p["value"], 5)
 

@@ -81,13 +81,14 @@ static void find_slopes(const known *k, double h, const passage *way, double ome
     }
 }
 
-/* The slopes by p of the states at the end of a piece, from those at its start. */
-static void move_slopes(const frame *w, const passage *way, double omega_z, const slopes *d, double from[NS][NP])
+/* The slopes by p of the states at the end of a piece under the force f, from those at its start; without those by way of the force that
+   go as one over the mass. */
+static void move_slopes(const frame *w, const passage *way, double omega_z, const double f[2], const slopes *d, double from[NS][NP])
 {
-    const double none[2] = {0.0, 0.0}, *turn = w->Y[OMEGA];
+    const double *turn = w->Y[OMEGA];
     double rates[NODES][NS][NP];
     for (int n = 0; n < NODES; n++) {
-        known_rate_by_parameter(w->k, way->s[n], none, omega_z, &rates[n][0][0]);
+        known_rate_by_parameter(w->k, way->s[n], f, omega_z, &rates[n][0][0]);
     }
     /* One sum a number: added up part by part, each number would be stored and fetched a dozen times. */
     for (int i = 0; i < NS; i++) {
@@ -199,7 +200,7 @@ static void move_through(const frame *w, int n, const acting *force, const contr
     slopes d;
     find_slopes(w->k, w->m->pieces[n].duration, way, omega_z, &d);
     memcpy(from, w->Y, sizeof from);
-    move_slopes(w, way, omega_z, &d, from);
+    move_slopes(w, way, omega_z, force->f, &d, from);
     spread_actuate_by_parameter(w->k, w->z, force->u, omega_z, way->force, NS, &w->Y[0][0]);
     memset(F, 0, NZ * sizeof *F);
     F[OMEGA][OMEGA] = F[SLOPE][SLOPE] = 1.0;

@@ -6,14 +6,15 @@ from dataclasses import replace
 from math import pi, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
-from sympy import solve
+from sympy import Symbol, solve
 
 from discrepancy.data.absorbers import Absorber, Carried, carried
+from discrepancy.data.modes import ENOUGH
 from discrepancy.fit.continuation import grown
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import passive
-from discrepancy.name.accepted import PLAINLY, Taken
+from discrepancy.name.accepted import Taken
 from discrepancy.name.columns import Candidate
 from discrepancy.name.shaping import freed, unmoved
 from gyro_model import symbols
@@ -24,10 +25,11 @@ if TYPE_CHECKING:
 
 
 class _Resonator(NamedTuple):
-    """An effect with its shapes, its sizes by name, and how much of its damping lies along its spring."""
+    """An effect with its shapes, values of sizes and of shapes that nothing moves, by name, and how much of its damping
+    lies along its spring."""
 
     candidate: Candidate
-    sizes: Mapping[str, float]
+    values: Mapping[str, float]
     joint: float
 
 
@@ -49,7 +51,7 @@ def resonating(search: "Search") -> Taken | None:
     more = len(jointed.at.free) - len(stiff.at.free)
     gained = stiff.at.count * (stiff.at.unlikely - jointed.at.unlikely)
     found = jointed if gained > search.criteria.simpler * more else stiff
-    return found if whole.off(found.at) <= PLAINLY * whole.off(plain) else None
+    return found if whole.off(found.at) ** 2 <= ENOUGH * whole.off(plain) ** 2 else None
 
 
 def _fitted(
@@ -62,7 +64,7 @@ def _fitted(
     taken = []
     for own in resonators:
         candidate, joints = own.candidate, unmoved(own.candidate) if jointed else []
-        at = replace(at, parameters={**at.parameters, **candidate.shapes, **own.sizes},
+        at = replace(at, parameters={**at.parameters, **candidate.shapes, **own.values},
                      free=(*at.free, *candidate.free(whole.period)))  # fmt: skip
         if joints:
             at = freed(at, candidate, joints)
@@ -109,14 +111,27 @@ def _axis(effect: Effect | Defect) -> int | None:
 
 
 def _as(effect: Effect | Defect, absorber: Absorber, mass: float) -> dict[str, float]:
-    """The size and the shapes of such an effect with which it is the ``absorber`` of a ``mass`` [kg]."""
+    """The size and the shapes of such an effect with which it is the ``absorber`` of a ``mass`` [kg], by name."""
     assert isinstance(effect, Force)
-    of = {"resonance": absorber.frequency, "quality": absorber.quality}
+    axis, of = absorber.axis, {"resonance": absorber.frequency, "quality": absorber.quality}
     shapes = {q.name: of[q.search.kind] for q in effect.parameters if q.search is not None and q.search.tried}
     given = {q.symbol: shapes.get(q.name, 1.0 if q.role == "size" else q.start) for q in effect.parameters}
-    given |= {symbols.m: mass, symbols.x: 1.0, symbols.y: 1.0, symbols.x_dot: 0.0, symbols.y_dot: 0.0}
+    given |= dict.fromkeys((symbols.u_x, symbols.u_y, symbols.x_dot, symbols.y_dot), 0.0)
+    given |= {symbols.m: mass, symbols.x: 1.0, symbols.y: 1.0}
     # At rest it takes from the stiffness of the mass, in proportion to the square of its size, which acts both ways.
     at_rest = solve([s.rate.subs(given) for s in effect.states], [s.symbol for s in effect.states])
-    of_one = float(effect.force[absorber.axis].subs(given).subs(at_rest))
-    takes = float(absorber.coupling[absorber.axis]) ** 2 / (mass * (2 * pi * absorber.frequency) ** 2)
-    return {**shapes, effect.sizes[0].name: sqrt(takes / of_one)}
+    of_one = float(effect.force[axis].subs(given).subs(at_rest))
+    coupling = float(absorber.coupling[axis])
+    size = coupling / sqrt(mass * of_one) / (2 * pi * absorber.frequency)
+    return {**shapes, effect.sizes[0].name: size, **_driven(effect, absorber, given | {effect.sizes[0].symbol: size})}
+
+
+def _driven(effect: Force, absorber: Absorber, given: Mapping[Symbol, float]) -> dict[str, float]:
+    """The shape, by name, that says how much of the drive acts on such an effect, where it has one and the ``absorber``
+    is driven; it takes as much from the mass as it is."""
+    command = (symbols.u_x, symbols.u_y)[absorber.axis]
+    taken = -effect.force[absorber.axis].diff(command)
+    shares = [q for q in effect.parameters if taken.has(q.symbol) and q.role == "shape" and q.search is None]
+    if not shares or not absorber.drive:
+        return {}
+    return {shares[0].name: absorber.drive / float(taken.subs({**given, shares[0].symbol: 1.0}))}

@@ -27,10 +27,13 @@ CHAIN = {
     **{"pickoff_misalignment": -0.02, "offset_x": 0.01, "offset_drift": 0.4, "pickoff_inverse_gap": 5e4},
     "pickoff_mismatch": 0.05,
 }
+DRIVEN_MODE = {"parasitic_coupling": 20.0, "parasitic_frequency": 3300.0, "parasitic_drive": 1.5}
+"""A mode on which four tenths of the force act."""
 COUNT = 100
 STEPS = {
     **{"actuator_delay": 1e-10, "amplifier_time_constant": 1e-10, "feedthrough": 1e-2, "k3_x": 1e6, "k3_y": 1e6},
     **{"offset_x": 1e-5, "offset_drift": 1e-3, "pickoff_inverse_gap": 10.0},
+    **{"parasitic_coupling": 1e-4, "parasitic_frequency": 1e-2},
 }
 """Changes for a difference quotient [SI]; of ratios 1e-5, of k/m, d/m and 1/m 1e-6, 1e-4 and 1e-6 of them."""
 
@@ -56,7 +59,8 @@ def filtered(design, p, u, v):
     settings = OBSERVER.settings_array(surprise=1e300, slope_walk_min=0.0, slope_walk_max=1e3)
     size = lib.moving_size
     z, dz = np.zeros(size), np.full(size, 1.0)
-    dz[:5] = [1e-6, 0.019, 1e-6, 0.019, 10.0]
+    states = lib.sizes["NS"]
+    dz[: states + 1] = [*(1e-6, 0.019) * (states // 2), 10.0]
     _, root = prior(design, lib)
     arrays = (settings, known_values(design, lib, PERIOD), z, dz, p, root * 1e-12, np.full_like(p, -1e300))
     lib.call.core_filter_start(pointer(memory), *map(pointer, arrays), ctypes.c_double(PERIOD))
@@ -66,15 +70,16 @@ def filtered(design, p, u, v):
         observe(part, u[max(k - 1, 0)], v[k], MEASURED, estimate, deviation)
     slopes, own = np.zeros((size, len(p))), np.zeros((size, size))
     lib.call.core_filter_slopes(pointer(memory), pointer(slopes), pointer(own))
-    return estimate[:5].copy(), slopes[:5]
+    return estimate[:5].copy(), slopes[[0, 1, 2, 3, states]]
 
 
 # At the truth and without noise the innovations vanish, and with them what the gains owe to the constants, which the
 # slopes leave out on purpose.
-@pytest.mark.parametrize("effects", [{}, CHAIN], ids=["textbook", "chain"])
+@pytest.mark.parametrize("effects", [{}, CHAIN, DRIVEN_MODE], ids=["textbook", "chain", "driven mode"])
 def test_slopes_are_the_derivatives_of_the_state(effects, residual):
     u, v = recorded(device_with(sense_noise=0.0, **effects))
-    design = told(device_with(sense_noise=2e-5, **effects), dict.fromkeys(effects, 1e-9))
+    estimated = dict.fromkeys((name for name in effects if name != "parasitic_drive"), 1e-9)
+    design = told(device_with(sense_noise=2e-5, **effects), estimated)
     lib = library(design.known_model)
     p, _ = prior(design, lib)
     _, slopes = filtered(design, p, u, v)

@@ -8,7 +8,7 @@ from plant import MEASURED, PERIOD, device_with, told
 
 from cosim.core.library import HEALTH_NAMES, library, pointer
 from cosim.core.settings import FILTER
-from cosim.known_model import KnownModel
+from cosim.known_model import KnownModel, can_be_estimated, uses_command
 from cosim.layout import PARAMETER_NAMES
 from cosim.observers.ekf import OBSERVER
 from cosim.running import Part, filter_health, known_values, observe, prior
@@ -54,6 +54,7 @@ DEVICES = {
         **{"tck_split": -1e-5, "tcd": 2.5e-3, "tcg": -2e-4, "parasitic_coupling": 0.5, "parasitic_frequency": 3300.0},
         **{"amplifier_time_constant": 1e-6, "tcp": 3e-9},
     },
+    "driven mode": {"parasitic_coupling": 0.5, "parasitic_frequency": 3300.0, "parasitic_drive": 1.5},
 }
 
 
@@ -147,6 +148,7 @@ def test_a_wrong_parameter_is_seen_by_the_comparison():
         (("dry_friction",), ("friction_x",), "without an interval"),
         (("contact_stop",), ("stop_stiffness",), "without an interval"),
         (("hysteresis",), (), "leave it out of the design"),
+        (("parasitic_mode",), ("parasitic_drive",), "without an interval"),
         (("play",), (), "effect play: .* leave it out of the design"),
         (("thermal_hysteresis",), (), "effect thermal_hysteresis: .* leave it out of the design"),
         (("stress_relaxation",), (), "effect stress_relaxation: .* leave it out of the design"),
@@ -156,6 +158,16 @@ def test_a_wrong_parameter_is_seen_by_the_comparison():
 def test_what_can_not_be_estimated_is_refused(acting, estimated, expected):
     with pytest.raises(InputError, match=expected):
         KnownModel(load_model(), acting, estimated)
+
+
+def test_of_a_mode_on_which_the_command_acts_all_but_its_share_can_be_estimated():
+    model = load_model()
+    mode = model.effect("parasitic_mode")
+    names = [q.name for q in mode.parameters if q not in mode.starts]
+    assert {n for n in names if not can_be_estimated(model, n)} == {"parasitic_drive"}
+    assert not uses_command(model.effect("parasitic_mode"))
+    assert not can_be_estimated(model, "comb_fringe")
+    assert uses_command(model.effect("comb_fringe"))
 
 
 def test_fingerprint_tells_structures_apart_and_values_not():

@@ -97,50 +97,51 @@ enum {
     GYRO_PARASITIC_FREQUENCY = 82, /* [Hz] shape: frequency of the parasitic mode alone */
     GYRO_PARASITIC_Q = 83, /* [1] shape: quality factor of the parasitic mode */
     GYRO_PARASITIC_JOINT = 84, /* [1] shape: damping of the mode along its coupling, else to ground */
-    GYRO_PARASITIC_START = 85, /* [m] start: displacement of the parasitic mode at the start */
-    GYRO_PARASITIC_DOT_START = 86, /* [m/s] start: its velocity at the start */
-    GYRO_PICKOFF_GAIN_MISMATCH = 87, /* [1] size: relative excess of the y pickoff gain */
-    GYRO_PICKOFF_MISALIGNMENT = 88, /* [1] size: part of each displacement that the other pickoff sees */
-    GYRO_PICKOFF_MISMATCH = 89, /* [1] size: relative mismatch of the pair of sensing capacitors */
-    GYRO_PICKOFF_INVERSE_GAP = 90, /* [1/m] size: one over the gap of the sensing capacitors */
-    GYRO_PLAY = 91, /* [N] size: half width of the actuator's backlash */
-    GYRO_K2_X = 92, /* [N/m2] size: quadratic stiffness, x axis */
-    GYRO_K2_Y = 93, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SAMPLING_JITTER = 94, /* [s] size: rms error of the sampling instant */
-    GYRO_SENSE_NOISE = 95, /* [V] size: white noise, rms a sample */
-    GYRO_SQUEEZE_X = 96, /* [N.s/m] size: damping of the film at rest, x axis */
-    GYRO_SQUEEZE_Y = 97, /* [N.s/m] size: damping of the film at rest, y axis */
-    GYRO_SQUEEZE_GAP = 98, /* [m] shape: gap of the film */
-    GYRO_RELAXATION = 99, /* [1/K] size: change of stiffness with the lagging temperature */
-    GYRO_RELAXATION_TIME = 100, /* [s] shape: time constant of the relaxing stress */
-    GYRO_TCD = 101, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 102, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 103, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_THERMAL_HYSTERESIS = 104, /* [1] size: by what warming changes split and damping, relative; cooling as much back */
-    GYRO_THERMAL_HYSTERESIS_WIDTH_1 = 105, /* [K] shape: half width of play operator 1 */
-    GYRO_THERMAL_HYSTERESIS_WIDTH_2 = 106, /* [K] shape: half width of play operator 2 */
-    GYRO_THERMAL_HYSTERESIS_WIDTH_3 = 107, /* [K] shape: half width of play operator 3 */
-    GYRO_STRUCTURE_LAG = 108, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 109, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 110, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 111, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 112, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 113, /* [K] shape: temperature at which parameters are as given */
-    GYRO_TURN_ON = 114, /* [1] size: cross damping of a turn-on, rms, over √(dxx dyy) */
+    GYRO_PARASITIC_DRIVE = 85, /* [1] shape: share of the drive on x that acts on the mode instead, over how far the mode follows x at rest */
+    GYRO_PARASITIC_START = 86, /* [m] start: displacement of the parasitic mode at the start */
+    GYRO_PARASITIC_DOT_START = 87, /* [m/s] start: its velocity at the start */
+    GYRO_PICKOFF_GAIN_MISMATCH = 88, /* [1] size: relative excess of the y pickoff gain */
+    GYRO_PICKOFF_MISALIGNMENT = 89, /* [1] size: part of each displacement that the other pickoff sees */
+    GYRO_PICKOFF_MISMATCH = 90, /* [1] size: relative mismatch of the pair of sensing capacitors */
+    GYRO_PICKOFF_INVERSE_GAP = 91, /* [1/m] size: one over the gap of the sensing capacitors */
+    GYRO_PLAY = 92, /* [N] size: half width of the actuator's backlash */
+    GYRO_K2_X = 93, /* [N/m2] size: quadratic stiffness, x axis */
+    GYRO_K2_Y = 94, /* [N/m2] size: quadratic stiffness, y axis */
+    GYRO_SAMPLING_JITTER = 95, /* [s] size: rms error of the sampling instant */
+    GYRO_SENSE_NOISE = 96, /* [V] size: white noise, rms a sample */
+    GYRO_SQUEEZE_X = 97, /* [N.s/m] size: damping of the film at rest, x axis */
+    GYRO_SQUEEZE_Y = 98, /* [N.s/m] size: damping of the film at rest, y axis */
+    GYRO_SQUEEZE_GAP = 99, /* [m] shape: gap of the film */
+    GYRO_RELAXATION = 100, /* [1/K] size: change of stiffness with the lagging temperature */
+    GYRO_RELAXATION_TIME = 101, /* [s] shape: time constant of the relaxing stress */
+    GYRO_TCD = 102, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 103, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 104, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_THERMAL_HYSTERESIS = 105, /* [1] size: by what warming changes split and damping, relative; cooling as much back */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_1 = 106, /* [K] shape: half width of play operator 1 */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_2 = 107, /* [K] shape: half width of play operator 2 */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_3 = 108, /* [K] shape: half width of play operator 3 */
+    GYRO_STRUCTURE_LAG = 109, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 110, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 111, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 112, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 113, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 114, /* [K] shape: temperature at which parameters are as given */
+    GYRO_TURN_ON = 115, /* [1] size: cross damping of a turn-on, rms, over √(dxx dyy) */
     GYRO_N_INPUTS = 7, /* which come first */
-    GYRO_N_VARIABLES = 115
+    GYRO_N_VARIABLES = 116
 };
 
 /* The motion as a differential equation: continuous states, the voltages behind the amplifier's lag, what lags, what
    flows. Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {
     GYRO_N_CONTINUOUS = 13,
-    GYRO_FIRST_LOCAL = 116, /* value reference */
+    GYRO_FIRST_LOCAL = 117, /* value reference */
     GYRO_N_LOCALS = 22
 };
 
 /* Output clocks, which tick at samples; value references beyond all other variables. */
-enum { GYRO_FIRST_CLOCK = 138, GYRO_N_CLOCKS = 1 };
+enum { GYRO_FIRST_CLOCK = 139, GYRO_N_CLOCKS = 1 };
 
 typedef enum {
     GYRO_INPUT,

@@ -434,26 +434,30 @@ static inline void effect_nonlinear_damping(const gyro_view *g, double force[2])
 
 /* A parasitic mode: another mass on its own spring, coupled to the x axis.
 
-       q'' + (w/Q) (q' + ρ s x') + w² q = -(κ/m) x,  F_x = -κ q - ρ s m (w/Q) (q' + ρ s x'),
-       s = κ/(m w²),  w = 2π · frequency
+       q'' + (w/Q) (q' + ρ s x') + w² q = -(κ/m) x + σ s u_x/m,  s = κ/(m w²),  w = 2π · frequency
+       F_x = -κ q - ρ s m (w/Q) (q' + ρ s x') - σ s u_x
 
    The mode is scaled to the proof mass, so that the coupling is one symmetric spring κ and no energy appears from
    nowhere. At rest the mode follows x by -s: ρ = 1 is a joint, whose damper lies along the spring between both masses,
-   ρ = 0 a damper to the ground. A model of one mode, linear, that does not follow the temperature. */
+   ρ = 0 a damper to the ground. The drive acts at x + σ s (q - x): on the mass alone where σ = 0, on the mode alone where
+   σ s = 1. Where one force and one sensor are at two places of a structure, nothing they show tells σ: it is a gauge. A
+   model of one mode, linear, that does not follow the temperature. */
 static inline void effect_parasitic_mode(const gyro_view *g, double force[2], double *rate)
 {
     const double m = g->p[GYRO_M];
     const double parasitic = g->s[GYRO_STATE_PARASITIC];
     const double parasitic_coupling = g->p[GYRO_PARASITIC_COUPLING];
     const double parasitic_dot = g->s[GYRO_STATE_PARASITIC_DOT];
+    const double parasitic_drive = g->p[GYRO_PARASITIC_DRIVE];
     const double parasitic_frequency = g->p[GYRO_PARASITIC_FREQUENCY];
     const double parasitic_joint = g->p[GYRO_PARASITIC_JOINT];
     const double parasitic_q = g->p[GYRO_PARASITIC_Q];
+    const double u_x = g->u[0];
     const double x = g->s[GYRO_STATE_X];
     const double x_dot = g->s[GYRO_STATE_X_DOT];
-    force[0] += -parasitic*parasitic_coupling - 1.0/2.0*parasitic_coupling*parasitic_joint*(parasitic_dot + (1.0/4.0)*parasitic_coupling*parasitic_joint*x_dot/((3.141592653589793*3.141592653589793)*(parasitic_frequency*parasitic_frequency)*m))/(3.141592653589793*parasitic_frequency*parasitic_q);
+    force[0] += -parasitic*parasitic_coupling - 1.0/2.0*parasitic_coupling*parasitic_joint*(parasitic_dot + (1.0/4.0)*parasitic_coupling*parasitic_joint*x_dot/((3.141592653589793*3.141592653589793)*(parasitic_frequency*parasitic_frequency)*m))/(3.141592653589793*parasitic_frequency*parasitic_q) - 1.0/4.0*parasitic_coupling*parasitic_drive*u_x/((3.141592653589793*3.141592653589793)*(parasitic_frequency*parasitic_frequency)*m);
     rate[GYRO_STATE_PARASITIC] = parasitic_dot;
-    rate[GYRO_STATE_PARASITIC_DOT] = -4*3.141592653589793*3.141592653589793*parasitic*parasitic_frequency*parasitic_frequency - 2*3.141592653589793*parasitic_frequency*(parasitic_dot + (1.0/4.0)*parasitic_coupling*parasitic_joint*x_dot/((3.141592653589793*3.141592653589793)*(parasitic_frequency*parasitic_frequency)*m))/parasitic_q - parasitic_coupling*x/m;
+    rate[GYRO_STATE_PARASITIC_DOT] = -4*3.141592653589793*3.141592653589793*parasitic*parasitic_frequency*parasitic_frequency - 2*3.141592653589793*parasitic_frequency*(parasitic_dot + (1.0/4.0)*parasitic_coupling*parasitic_joint*x_dot/((3.141592653589793*3.141592653589793)*(parasitic_frequency*parasitic_frequency)*m))/parasitic_q - parasitic_coupling*x/m + (1.0/4.0)*parasitic_coupling*parasitic_drive*u_x/((3.141592653589793*3.141592653589793)*(m*m)*(parasitic_frequency*parasitic_frequency));
 }
 
 /* Quadratic stiffness of the suspension, axis by axis: one that is not the same in both directions.

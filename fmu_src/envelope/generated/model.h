@@ -104,48 +104,49 @@ enum {
     GYRO_PARASITIC_FREQUENCY = 89, /* [Hz] shape: frequency of the parasitic mode alone */
     GYRO_PARASITIC_Q = 90, /* [1] shape: quality factor of the parasitic mode */
     GYRO_PARASITIC_JOINT = 91, /* [1] shape: damping of the mode along its coupling, else to ground */
-    GYRO_PICKOFF_GAIN_MISMATCH = 92, /* [1] size: relative excess of the y pickoff gain */
-    GYRO_PICKOFF_MISALIGNMENT = 93, /* [1] size: part of each displacement that the other pickoff sees */
-    GYRO_PICKOFF_MISMATCH = 94, /* [1] size: relative mismatch of the pair of sensing capacitors */
-    GYRO_PICKOFF_INVERSE_GAP = 95, /* [1/m] size: one over the gap of the sensing capacitors */
-    GYRO_PLAY = 96, /* [N] size: half width of the actuator's backlash */
-    GYRO_K2_X = 97, /* [N/m2] size: quadratic stiffness, x axis */
-    GYRO_K2_Y = 98, /* [N/m2] size: quadratic stiffness, y axis */
-    GYRO_SAMPLING_JITTER = 99, /* [s] size: rms error of the sampling instant */
-    GYRO_SENSE_NOISE = 100, /* [V] size: white noise, rms a sample */
-    GYRO_SQUEEZE_X = 101, /* [N.s/m] size: damping of the film at rest, x axis */
-    GYRO_SQUEEZE_Y = 102, /* [N.s/m] size: damping of the film at rest, y axis */
-    GYRO_SQUEEZE_GAP = 103, /* [m] shape: gap of the film */
-    GYRO_RELAXATION = 104, /* [1/K] size: change of stiffness with the lagging temperature */
-    GYRO_RELAXATION_TIME = 105, /* [s] shape: time constant of the relaxing stress */
-    GYRO_TCD = 106, /* [1/K] size: temperature coefficient of damping */
-    GYRO_THERMAL_FORCE = 107, /* [1] size: thermal noise force times this (1: physical) */
-    GYRO_TCG = 108, /* [1/K] size: temperature coefficient of the pickoff gain */
-    GYRO_THERMAL_HYSTERESIS = 109, /* [1] size: by what warming changes split and damping, relative; cooling as much back */
-    GYRO_THERMAL_HYSTERESIS_WIDTH_1 = 110, /* [K] shape: half width of play operator 1 */
-    GYRO_THERMAL_HYSTERESIS_WIDTH_2 = 111, /* [K] shape: half width of play operator 2 */
-    GYRO_THERMAL_HYSTERESIS_WIDTH_3 = 112, /* [K] shape: half width of play operator 3 */
-    GYRO_STRUCTURE_LAG = 113, /* [s] size: time constant of the structure's temperature */
-    GYRO_CIRCUIT_LAG = 114, /* [s] size: time constant of the circuit's temperature */
-    GYRO_TCP = 115, /* [s/K] size: change of the amplifier's time constant with temperature */
-    GYRO_TCK = 116, /* [1/K] size: temperature coefficient of stiffness */
-    GYRO_TCK_SPLIT = 117, /* [1/K] size: what the y axis has beyond tck */
-    GYRO_T_REF = 118, /* [K] shape: temperature at which parameters are as given */
-    GYRO_TURN_ON = 119, /* [1] size: cross damping of a turn-on, rms, over √(dxx dyy) */
+    GYRO_PARASITIC_DRIVE = 92, /* [1] shape: share of the drive on x that acts on the mode instead, over how far the mode follows x at rest */
+    GYRO_PICKOFF_GAIN_MISMATCH = 93, /* [1] size: relative excess of the y pickoff gain */
+    GYRO_PICKOFF_MISALIGNMENT = 94, /* [1] size: part of each displacement that the other pickoff sees */
+    GYRO_PICKOFF_MISMATCH = 95, /* [1] size: relative mismatch of the pair of sensing capacitors */
+    GYRO_PICKOFF_INVERSE_GAP = 96, /* [1/m] size: one over the gap of the sensing capacitors */
+    GYRO_PLAY = 97, /* [N] size: half width of the actuator's backlash */
+    GYRO_K2_X = 98, /* [N/m2] size: quadratic stiffness, x axis */
+    GYRO_K2_Y = 99, /* [N/m2] size: quadratic stiffness, y axis */
+    GYRO_SAMPLING_JITTER = 100, /* [s] size: rms error of the sampling instant */
+    GYRO_SENSE_NOISE = 101, /* [V] size: white noise, rms a sample */
+    GYRO_SQUEEZE_X = 102, /* [N.s/m] size: damping of the film at rest, x axis */
+    GYRO_SQUEEZE_Y = 103, /* [N.s/m] size: damping of the film at rest, y axis */
+    GYRO_SQUEEZE_GAP = 104, /* [m] shape: gap of the film */
+    GYRO_RELAXATION = 105, /* [1/K] size: change of stiffness with the lagging temperature */
+    GYRO_RELAXATION_TIME = 106, /* [s] shape: time constant of the relaxing stress */
+    GYRO_TCD = 107, /* [1/K] size: temperature coefficient of damping */
+    GYRO_THERMAL_FORCE = 108, /* [1] size: thermal noise force times this (1: physical) */
+    GYRO_TCG = 109, /* [1/K] size: temperature coefficient of the pickoff gain */
+    GYRO_THERMAL_HYSTERESIS = 110, /* [1] size: by what warming changes split and damping, relative; cooling as much back */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_1 = 111, /* [K] shape: half width of play operator 1 */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_2 = 112, /* [K] shape: half width of play operator 2 */
+    GYRO_THERMAL_HYSTERESIS_WIDTH_3 = 113, /* [K] shape: half width of play operator 3 */
+    GYRO_STRUCTURE_LAG = 114, /* [s] size: time constant of the structure's temperature */
+    GYRO_CIRCUIT_LAG = 115, /* [s] size: time constant of the circuit's temperature */
+    GYRO_TCP = 116, /* [s/K] size: change of the amplifier's time constant with temperature */
+    GYRO_TCK = 117, /* [1/K] size: temperature coefficient of stiffness */
+    GYRO_TCK_SPLIT = 118, /* [1/K] size: what the y axis has beyond tck */
+    GYRO_T_REF = 119, /* [K] shape: temperature at which parameters are as given */
+    GYRO_TURN_ON = 120, /* [1] size: cross damping of a turn-on, rms, over √(dxx dyy) */
     GYRO_N_INPUTS = 10, /* which come first */
-    GYRO_N_VARIABLES = 120
+    GYRO_N_VARIABLES = 121
 };
 
 /* The motion as a differential equation: continuous states, the voltages behind the amplifier's lag, what lags, what
    flows. Variables beyond those above and `time` show the states that are no outputs, and all rates. */
 enum {
     GYRO_N_CONTINUOUS = 1,
-    GYRO_FIRST_LOCAL = 121, /* value reference */
+    GYRO_FIRST_LOCAL = 122, /* value reference */
     GYRO_N_LOCALS = 0
 };
 
 /* Output clocks, which tick at samples; value references beyond all other variables. */
-enum { GYRO_FIRST_CLOCK = 121, GYRO_N_CLOCKS = 0 };
+enum { GYRO_FIRST_CLOCK = 122, GYRO_N_CLOCKS = 0 };
 
 typedef enum {
     GYRO_INPUT,

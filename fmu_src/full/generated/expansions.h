@@ -9,7 +9,7 @@
 /* Room for what all forces of the model ask for together. */
 enum {
     GYRO_SERIES_ROWS = 42,
-    GYRO_SERIES_CONSTANTS = 39,
+    GYRO_SERIES_CONSTANTS = 41,
     GYRO_SERIES_CORNERS = 8,
     GYRO_SERIES_BOUNDS = 6,
     GYRO_SERIES_READ = 2
@@ -177,7 +177,7 @@ static const gyro_series_size series_sizes[GYRO_N_EFFECTS] = {
     {0, 0, 0, 0, 0}, /* linear_acceleration */
     {1, 1, 0, 0, 1}, /* nonlinear_damping */
     {0, 0, 0, 0, 0}, /* parasitic_capacitance */
-    {2, 7, 0, 0, 0}, /* parasitic_mode */
+    {2, 9, 0, 0, 0}, /* parasitic_mode */
     {0, 0, 0, 0, 0}, /* pickoff_gain_mismatch */
     {0, 0, 0, 0, 0}, /* pickoff_misalignment */
     {0, 0, 0, 0, 0}, /* pickoff_mismatch */
@@ -474,9 +474,11 @@ static GYRO_INLINE void series_effect_parasitic_mode(const gyro_view *g, gyro_se
 {
     const double m = g->p[GYRO_M];
     const double parasitic_coupling = g->p[GYRO_PARASITIC_COUPLING];
+    const double parasitic_drive = g->p[GYRO_PARASITIC_DRIVE];
     const double parasitic_frequency = g->p[GYRO_PARASITIC_FREQUENCY];
     const double parasitic_joint = g->p[GYRO_PARASITIC_JOINT];
     const double parasitic_q = g->p[GYRO_PARASITIC_Q];
+    const double u_x = g->u[0];
     const gyro_pair *x = s->of[GYRO_PAIR_X_AND_X];
     const gyro_pair *x_dot = s->of[GYRO_PAIR_X_DOT_AND_X_DOT];
     const gyro_pair *parasitic = s->of[GYRO_PAIR_PARASITIC_AND_PARASITIC];
@@ -500,18 +502,22 @@ static GYRO_INLINE void series_effect_parasitic_mode(const gyro_view *g, gyro_se
         w[0][k] = pair_sum(parasitic_dot[k], pair_product(c[2], x_dot[k]));
         sum_1 = pair_sum(sum_1, pair_product(c[1], w[0][k]));
     }
-    *force = pair_sum(*force, on_axis(0, sum_1));
+    if (k == 0) {
+        c[3] = both(-1.0/4.0*parasitic_coupling*parasitic_drive*u_x/((3.141592653589793*3.141592653589793)*(parasitic_frequency*parasitic_frequency)*m));
+    }
+    *force = pair_sum(*force, on_axis(0, pair_sum(sum_1, first_only(k, c[3]))));
     s->of[GYRO_PAIR_PARASITIC_AND_PARASITIC][k + 1] = pair_product(both(h), parasitic_dot[k]);
     if (k == 0) {
-        c[3] = both(-4*3.141592653589793*3.141592653589793*parasitic_frequency*parasitic_frequency);
-        c[4] = both(-2*3.141592653589793*parasitic_frequency/parasitic_q);
-        c[5] = both((1.0/4.0)*parasitic_coupling*parasitic_joint/((3.141592653589793*3.141592653589793)*(parasitic_frequency*parasitic_frequency)*m));
+        c[4] = both(-4*3.141592653589793*3.141592653589793*parasitic_frequency*parasitic_frequency);
+        c[5] = both(-2*3.141592653589793*parasitic_frequency/parasitic_q);
+        c[6] = both((1.0/4.0)*parasitic_coupling*parasitic_joint/((3.141592653589793*3.141592653589793)*(parasitic_frequency*parasitic_frequency)*m));
     }
-    w[1][k] = pair_sum(parasitic_dot[k], pair_product(c[5], x_dot[k]));
+    w[1][k] = pair_sum(parasitic_dot[k], pair_product(c[6], x_dot[k]));
     if (k == 0) {
-        c[6] = both(-parasitic_coupling/m);
+        c[7] = both(-parasitic_coupling/m);
+        c[8] = both((1.0/4.0)*parasitic_coupling*parasitic_drive*u_x/((3.141592653589793*3.141592653589793)*(m*m)*(parasitic_frequency*parasitic_frequency)));
     }
-    s->of[GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT][k + 1] = pair_product(both(h), pair_sum(pair_sum(pair_product(c[3], parasitic[k]), pair_product(c[4], w[1][k])), pair_product(c[6], x[k])));
+    s->of[GYRO_PAIR_PARASITIC_DOT_AND_PARASITIC_DOT][k + 1] = pair_product(both(h), pair_sum(pair_sum(pair_sum(pair_product(c[4], parasitic[k]), pair_product(c[5], w[1][k])), pair_product(c[7], x[k])), first_only(k, c[8])));
 }
 
 static GYRO_INLINE void series_effect_quadratic_stiffness(const gyro_view *g, gyro_series *s, const gyro_series_place *at, int k,

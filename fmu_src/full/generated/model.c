@@ -2,22 +2,22 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{e0b39884-3f66-5752-f629-8e067ddacba4}";
+const char gyro_token[] = "{527b4ada-58df-4b00-80c8-82306d210872}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
-    {9u, 125u, 1e-06},
-    {11u, 126u, 0.02},
-    {10u, 127u, 1e-06},
-    {12u, 128u, 0.02},
-    {116u, 129u, 1.0},
+    {9u, 126u, 1e-06},
+    {11u, 127u, 0.02},
+    {10u, 128u, 1e-06},
+    {12u, 129u, 0.02},
     {117u, 130u, 1.0},
-    {118u, 131u, 1e-06},
-    {119u, 132u, 0.02},
-    {120u, 133u, 1.0},
+    {118u, 131u, 1.0},
+    {119u, 132u, 1e-06},
+    {120u, 133u, 0.02},
     {121u, 134u, 1.0},
-    {122u, 135u, 298.15},
+    {122u, 135u, 1.0},
     {123u, 136u, 298.15},
     {124u, 137u, 298.15},
+    {125u, 138u, 298.15},
 };
 
 const char *const gyro_local_names[GYRO_N_LOCALS + 1] = {
@@ -132,6 +132,7 @@ const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {
     {"parasitic_frequency", GYRO_PARAMETER, GYRO_REAL, 5000.0, 0.001, GYRO_UNBOUNDED},
     {"parasitic_q", GYRO_PARAMETER, GYRO_REAL, 1000.0, 0.001, GYRO_UNBOUNDED},
     {"parasitic_joint", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
+    {"parasitic_drive", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"parasitic_start", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"parasitic_dot_start", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"pickoff_gain_mismatch", GYRO_TUNABLE, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},

@@ -736,16 +736,18 @@ static inline void tangent_effect_parasitic_mode(const gyro_view *g, const gyro_
     (void)g, (void)d, (void)force, (void)rate;
     const double m = g->p[GYRO_M];
     const double parasitic_coupling = g->p[GYRO_PARASITIC_COUPLING];
+    const double parasitic_drive = g->p[GYRO_PARASITIC_DRIVE];
     const double parasitic_frequency = g->p[GYRO_PARASITIC_FREQUENCY];
     const double parasitic_joint = g->p[GYRO_PARASITIC_JOINT];
     const double parasitic_q = g->p[GYRO_PARASITIC_Q];
     const double d_parasitic = d->s[GYRO_STATE_PARASITIC];
     const double d_parasitic_dot = d->s[GYRO_STATE_PARASITIC_DOT];
+    const double d_u_x = d->u[0];
     const double d_x = d->s[GYRO_STATE_X];
     const double d_x_dot = d->s[GYRO_STATE_X_DOT];
-    force[0] += -d_parasitic*parasitic_coupling - 1.0/2.0*d_parasitic_dot*parasitic_coupling*parasitic_joint/(3.141592653589793*parasitic_frequency*parasitic_q) - 1.0/8.0*d_x_dot*parasitic_coupling*parasitic_coupling*parasitic_joint*parasitic_joint/((3.141592653589793*3.141592653589793*3.141592653589793)*(parasitic_frequency*parasitic_frequency*parasitic_frequency)*m*parasitic_q);
+    force[0] += -d_parasitic*parasitic_coupling - 1.0/2.0*d_parasitic_dot*parasitic_coupling*parasitic_joint/(3.141592653589793*parasitic_frequency*parasitic_q) - 1.0/4.0*d_u_x*parasitic_coupling*parasitic_drive/((3.141592653589793*3.141592653589793)*(parasitic_frequency*parasitic_frequency)*m) - 1.0/8.0*d_x_dot*parasitic_coupling*parasitic_coupling*parasitic_joint*parasitic_joint/((3.141592653589793*3.141592653589793*3.141592653589793)*(parasitic_frequency*parasitic_frequency*parasitic_frequency)*m*parasitic_q);
     rate[GYRO_STATE_PARASITIC] = d_parasitic_dot;
-    rate[GYRO_STATE_PARASITIC_DOT] = -4*3.141592653589793*3.141592653589793*d_parasitic*parasitic_frequency*parasitic_frequency - 2*3.141592653589793*d_parasitic_dot*parasitic_frequency/parasitic_q - d_x*parasitic_coupling/m - 1.0/2.0*d_x_dot*parasitic_coupling*parasitic_joint/(3.141592653589793*m*parasitic_frequency*parasitic_q);
+    rate[GYRO_STATE_PARASITIC_DOT] = -4*3.141592653589793*3.141592653589793*d_parasitic*parasitic_frequency*parasitic_frequency - 2*3.141592653589793*d_parasitic_dot*parasitic_frequency/parasitic_q + (1.0/4.0)*d_u_x*parasitic_coupling*parasitic_drive/((3.141592653589793*3.141592653589793)*(m*m)*(parasitic_frequency*parasitic_frequency)) - d_x*parasitic_coupling/m - 1.0/2.0*d_x_dot*parasitic_coupling*parasitic_joint/(3.141592653589793*m*parasitic_frequency*parasitic_q);
 }
 
 static inline void tangent_effect_quadratic_stiffness(const gyro_view *g, const gyro_tangent *d, double force[2], double *rate)
