@@ -288,8 +288,13 @@ class Fitter:
         columns = np.empty((own + len(extra) + 1, n, axes))
         self._fill(at, run, extra, columns[:-1], near=near)
         columns[-1] = at.residuals[run]
-        square = np.sum(columns[states:own] ** 2, axis=(1, 2))
-        flat = at.whiten(columns, self.records[run].valid, columns).reshape(len(columns), -1)
+        # A change after which the device swings ever more has a column that is no slope.
+        with np.errstate(over="ignore", invalid="ignore"):
+            square = np.sum(columns[states:own] ** 2, axis=(1, 2))
+            flat = at.whiten(columns, self.records[run].valid, columns).reshape(len(columns), -1)
+            wild = ~np.isfinite(np.einsum("ij,ij->i", flat, flat))
+        wild[-1] = False
+        flat[wild], square[wild[states:own]] = 0.0, 0.0
         edges = np.linspace(0, n, self.blocks + 1).astype(int) * axes
         grams = [flat[:, begin:end] @ flat[:, begin:end].T for begin, end in pairwise(edges)]
         total = np.sum(grams, axis=0)

@@ -1,4 +1,4 @@
-"""Columns beside a delay or a lag: in whole steps they are what they are in parts of a step."""
+"""Columns beside a delay or a lag, in whole steps and in parts of a step, and columns that grow without bounds."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -35,3 +35,30 @@ def test_they_agree_with_those_in_parts_of_a_step(
     for name, one, other in zip(PROBES, rough, fine, strict=True):
         # The staircase of a force, by a part of a step: 1e-6 of the column, far below what a step of a fit is right to.
         assert np.linalg.norm(one - other) < 1e-6 * np.linalg.norm(other), name
+
+
+@pytest.mark.parametrize("beyond", [np.inf, 1e200])
+def test_a_change_under_which_the_device_swings_ever_more_has_no_column(
+    beyond: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_trial(load_device("reference"), {}, tmp_path / "trial", runs=2, samples=2000)
+    dataset = load_dataset(path.parent)
+    fill = Fitter._fill
+
+    def swinging(self, at, run, extra, columns, *, near):  # type: ignore[no-untyped-def]
+        fill(self, at, run, extra, columns, near=near)
+        columns[-1, 1000:] = beyond
+
+    with Simulator(load_model(), 1) as simulator:
+        fitter = Fitter(simulator, dataset.fit)
+        begun = fitter.begin(dataset.nominal)
+        steady = fitter.with_grams(begun)
+        monkeypatch.setattr(Fitter, "_fill", swinging)
+        at = fitter.with_grams(begun)
+    assert at.grams is not None
+    assert steady.grams is not None
+    last = at.grams.shape[1] - 2
+    assert not at.grams[:, last].any()
+    others = [i for i in range(at.grams.shape[1]) if i != last]
+    # The scale of a column follows from its own size.
+    np.testing.assert_allclose(at.grams[:, others][:, :, others], steady.grams[:, others][:, :, others], rtol=1e-9)
