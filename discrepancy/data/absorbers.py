@@ -95,7 +95,8 @@ def _turned(modes: Sequence[Mode], residues: Floats, shapes: Floats, *, apart: b
     facing = pushed[axes:] @ own if apart else (stiffness[:axes, axes:] @ own).sum(axis=0)
     own *= np.where(facing < 0, -1.0, 1.0)
     m = 1 / float(pushed[0] + np.abs(facing).sum()) if apart else axes / float((shapes**2).sum())
-    if m <= 0:
+    # A mode that does not answer at all leaves no number.
+    if not m > 0:
         return None
     losses, couplings = np.diag(own.T @ damping[axes:, axes:] @ own), m * stiffness[:axes, axes:] @ own
     dragged, followed = damping[:axes, axes:] @ own / losses, couplings / (m * squares)
