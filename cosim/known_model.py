@@ -53,10 +53,11 @@ def can_be_estimated(model: Model, name: str) -> bool:
 
 
 def uses_command(effect: Effect) -> bool:
-    """Whether ``effect`` is a force that changes with the motion as the command does."""
+    """Whether ``effect`` is a force of the command that no constant matrix gives: the motion changes it, or the command
+    itself does."""
     if not isinstance(effect, Force):
         return False
-    moving = (*symbols.STATES, *(state.symbol for state in effect.states))
+    moving = (*symbols.STATES, *(state.symbol for state in effect.states), *_COMMANDS)
     return _commanded(e.diff(q) for e in effect.terms().values() for q in moving)
 
 

@@ -18,7 +18,6 @@
 #define LAG (NS + 1)
 #define SLOPE (NS + 1 + LAGGED) /* of the rate; no sample shows it at once */
 #define NZ (SLOPE + 1)
-#define SEVEN 7          /* constants of the plant; beside them there may be effects */
 #define BLOCK_MAX 200
 #define START_MAX 16384 /* samples of the start at most */
 #define QUEUE 65536     /* commands kept; a power of two, above START_MAX and 1 ms of delay at 1e7 samples a second */

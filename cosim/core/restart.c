@@ -6,6 +6,7 @@
 #include "rate.h"
 #include "take_up.h"
 
+#define SEVEN 7      /* constants of the plant; beside them there may be effects */
 #define UNTRUE (NP > SEVEN ? HUGE_VAL : 1.0) /* what a start has left that is not whole yet: with effects beside the seven it claims more than it knows */
 #define UNFOUND 1e6  /* running mean of squared innovations of a device that has not been found yet */
 

@@ -14,11 +14,6 @@ RIVALS: Final = 6
 """At most so many effects are refitted before one is named, or in the place of one."""
 
 
-PLAINLY: Final = 0.25
-"""Times the residual of the fit without, that one with effects leaves at most, to be taken before anything else is
-scored."""
-
-
 @dataclass(frozen=True)
 class Accepted:
     """An effect in the model: how it was probed, the share of the residual's square it took, and rivals (parameters by

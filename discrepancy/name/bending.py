@@ -14,7 +14,7 @@ from discrepancy.fit.continuation import ROUNDS, grown, shortest, with_starts
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter, damped
-from discrepancy.name.accepted import PLAINLY, Taken
+from discrepancy.name.accepted import Taken
 from discrepancy.name.columns import Candidate, Library
 from gyro_model import symbols
 from gyro_model.anatomy import Effect, Force
@@ -28,6 +28,9 @@ was found, at 0.28 none."""
 LOST: Final = 0.5
 """Residual over signal, rms, from which a linear fit to pieces of a decay has lost the motion: out of step by a twelfth
 of a turn. Of a decay the inertia is the force, of which a spring that bends leaves little to see."""
+PLAINLY: Final = 0.25
+"""Times the residual of the fit without, that one with effects leaves at most, to be taken before anything else is
+scored."""
 STRAIGHTER: Final = 0.25
 """Share of that which forces of third order may leave, to be what bends the response."""
 

@@ -213,13 +213,13 @@ def _finding(
 ) -> Finding:
     effect, now = entry.candidate.effect, search.at.parameters
     # A shape that no fit moves says what the effect is all the same, where it is not the usual one.
-    held = {q.name: now[q.name] for q in effect.parameters
-            if q.role == "shape" and q.name not in device and now.get(q.name, q.start) != q.start}  # fmt: skip
-    values = {
-        q.name: device.get(q.name) or Value(held[q.name], held[q.name], held[q.name], q.unit)
+    held = {
+        q.name: Value(now[q.name], now[q.name], now[q.name], q.unit)
         for q in effect.parameters
-        if q.name in device or q.name in held
+        if q.role == "shape" and q.search is None and now.get(q.name, q.start) != q.start
     }
+    told = {**held, **device}
+    values = {q.name: told[q.name] for q in effect.parameters if q.name in told}
     text = experiments[entry.id].text if entry.id in experiments else ""
     return Finding(effect.id, tuple(entry.rivals), values, forces(effect), entry.share, text)
 

@@ -1,6 +1,7 @@
 """The device as the loop knows it, written as C, against the reference simulation; and what can't be known."""
 
 import ctypes
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from cosim.setting import defaults
 from gyro_model.errors import InputError
 from gyro_model.model import load_model
 from gyro_model.reference import simulate
+from gyro_model.symbols import u_x, u_y, y
 
 COUNT = 64
 """Samples of a prediction, one period of x alone."""
@@ -168,6 +170,12 @@ def test_of_a_mode_on_which_the_command_acts_all_but_its_share_can_be_estimated(
     assert not uses_command(model.effect("parasitic_mode"))
     assert not can_be_estimated(model, "comb_fringe")
     assert uses_command(model.effect("comb_fringe"))
+
+
+@pytest.mark.parametrize(("force", "refused"), [(u_x, False), (u_x**2, True), (u_x * u_y, True), (u_x * y, True)])
+def test_a_force_of_the_command_must_be_linear_in_it(force, refused):
+    effect = replace(load_model().effect("comb_fringe"), force=(force, 0))
+    assert uses_command(effect) is refused
 
 
 def test_fingerprint_tells_structures_apart_and_values_not():
