@@ -20,7 +20,8 @@ class Grid:
     times the highest mode's frequency, and ever finer about the best. quality: the quality factor ``low`` of such a
     resonance, as broad as its grid is coarse. instant: ``points`` over a run, likewise finer. usual: none but the
     parameter's own, which a fit moves once the effect is in the model and the data ask for it. rest: what moves so that
-    its sum with the shape ``of`` stays.
+    its sum with the shape ``of`` stays; where it may be ``alone``, within these bounds, it is tried so too, at twice
+    the nearer to zero, while ``of`` stays as usual.
 
     Scales: ``itself``, the parameter's own typical value; ``1``, as it stands; ``duration`` of the longest run [s]; by
     how much a signal moves in the runs at most: ``x``, ``y`` and their rates count for either axis, an input for
@@ -32,6 +33,7 @@ class Grid:
     high: float = 1.0
     points: int = 1
     of: str = "itself"
+    alone: tuple[float, float] | None = None
 
     instant: ClassVar["Grid"]
     usual: ClassVar["Grid"]
@@ -42,6 +44,8 @@ class Grid:
             raise InputError(f"grid from {self.low} to {self.high}: give 0 < low <= high and a number of points")
         if self.kind != "rest" and self.of not in SCALES:
             raise InputError(f"grid of {self.of!r}: no such scale{nearest(self.of, SCALES)}")
+        if self.alone and not self.alone[0] <= 2 * self.alone[1] < 0:
+            raise InputError(f"grid alone within {self.alone}: give two negative bounds, twice the second within them")
 
     @classmethod
     def log(cls, low: float, high: float, of: str = "itself", points: int = 5) -> "Grid":
@@ -59,10 +63,10 @@ class Grid:
         return cls("quality", coarse, coarse)
 
     @classmethod
-    def rest(cls, of: str) -> "Grid":
+    def rest(cls, of: str, alone: tuple[float, float] | None = None) -> "Grid":
         """What moves against the shape ``of`` of the same effect, so that their sum stays: where a scale that no sample
-        shows is held by it."""
-        return cls("rest", of=of)
+        shows is held by it; ``alone``: bounds, both negative, within which no scale makes that sum what it is."""
+        return cls("rest", of=of, alone=alone)
 
     @property
     def tried(self) -> bool:

@@ -233,7 +233,7 @@ class Library:
             return [
                 Candidate(effect, (Probe(effect.sizes[0], level, STEEP),), {}, trials=len(levels)) for level in levels
             ]
-        grid = self.grids.of([q for q in effect.parameters if q.role == "shape"], at)
+        grid, *others = self.grids.forms([q for q in effect.parameters if q.role == "shape"], at)
         base = {k: v for change in partner.changes() for k, v in change.items()} if partner else {}
         probes = []
         for q in effect.sizes:
@@ -243,8 +243,9 @@ class Library:
                 self.kept[key] = probe, scale.target
                 probes.append(probe)
         own, far = tuple(probes), [p for q in probes for p in self._far(q.quantity, at)]
-        trials = len(grid.values) + len(far)
-        points = [Candidate(effect, own, s, grid.moved, trials, None, grid.spacing, grid.ends) for s in grid.values]
+        trials = sum(len(form.values) for form in (grid, *others)) + len(far)
+        points = [Candidate(effect, own, s, form.moved, trials, None, form.spacing, form.ends)
+                  for form in (grid, *others) for s in form.values]  # fmt: skip
         points += [Candidate(effect, (p,), grid.middle, grid.moved, trials, ends=grid.ends) for p in far]
         return points if probes else []
 

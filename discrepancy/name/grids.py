@@ -67,6 +67,15 @@ class Grids:
         moved = tuple(q for q in searched if not q.integer)
         return Points(values, moved, spacing, values[0 if instants else len(values) // 4], ends)
 
+    def forms(self, shapes: Sequence[Quantity], at: Fitted) -> list[Points]:
+        """The grid of an effect, and for each shape that may move alone a further one: its middle, with that shape."""
+        usual, found = self.of(shapes, at), []
+        for q in shapes:
+            if q.search is not None and q.search.alone:
+                point = {**usual.values[len(usual.values) // 2], q.name: 2 * q.search.alone[1]}
+                found.append(replace(usual, values=(point,), moved=(*usual.moved, q)))
+        return [usual, *found]
+
     @staticmethod
     def wider(shapes: Sequence[Quantity], middle: Mapping[str, float]) -> list[dict[str, float]]:
         """Points of ``shapes`` over a decade about a point ``middle`` of their grids."""
@@ -125,6 +134,8 @@ def free_shape(q: Quantity, value: float, period: float, ends: tuple[float, floa
     if q.search.kind == "instant":
         # An instant may go anywhere.
         return Free(q.name, period, max(q.low, 0.0), q.high)
+    if q.search.alone:
+        return Free(q.name, 1e-3 * abs(value), *q.search.alone)
     if q.low == 0.0:
         # One that may vanish is moved as a size is.
         return Free(q.name, 1e-3 * value, 0.0, q.high)

@@ -34,9 +34,11 @@ def shaped(search: "Search") -> bool:
 
 
 def unmoved(candidate: Candidate) -> list[Quantity]:
-    """Its shapes that stand at their usual values, since no fit has moved them."""
+    """Its shapes that stand at their usual values, since no fit has moved them; nor does one to which another, that
+    moves alone, is the rest: it would move a scale."""
+    moved = {name for q in candidate.searched for name in (q.name, q.search.of if q.search else "")}
     return [q for q in candidate.effect.parameters
-            if q.search is not None and q.search.kind == "usual" and q not in candidate.searched]  # fmt: skip
+            if q.search is not None and q.search.kind == "usual" and q.name not in moved]  # fmt: skip
 
 
 def freed(at: Fitted, candidate: Candidate, moved: Sequence[Quantity]) -> Fitted:

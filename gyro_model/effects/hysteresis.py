@@ -20,7 +20,14 @@ LENGTH = shape(
 )
 BETA = shape("hysteresis_beta", "1", 0.5, "share of the limit that dissipates", search=Grid.usual)
 # Of h, L, β and γ one is a scale of z that no sample shows: β + γ = 1 makes h the largest force.
-GAMMA = shape("hysteresis_gamma", "1", 0.5, "share of the limit that bends", search=Grid.rest("hysteresis_beta"))
+# Where β + γ is negative there is no limit, and no scale makes it 1: z grows ever faster.
+GAMMA = shape(
+    "hysteresis_gamma",
+    "1",
+    0.5,
+    "share of the limit that bends",
+    search=Grid.rest("hysteresis_beta", alone=(-500.0, -0.5)),
+)
 SHARPNESS = shape("hysteresis_n", "1", 1.0, "sharpness of the limit", low=1.0, high=100.0, search=Grid.usual)
 beta, gamma, n = BETA.symbol, GAMMA.symbol, SHARPNESS.symbol
 z_x, z_y = Symbol("hysteresis_z_x", real=True), Symbol("hysteresis_z_y", real=True)

@@ -75,6 +75,27 @@ def test_a_shape_without_a_search_stays(swing):
     assert points.moved == ()
 
 
+def test_a_shape_that_may_move_alone_is_tried_in_the_middle_of_the_others(swing):
+    grids, at = swing
+    own = [
+        replace(searched(Grid.log(0.1, 10, points=3)), name="length"),
+        replace(searched(Grid.usual, 0.5), name="share"),
+        replace(searched(Grid.rest("share", alone=(-50.0, -0.5)), 0.5, -np.inf), name="rest"),
+    ]
+    usual, alone = grids.forms(own, at)
+    assert len(usual.values) == 3 and [q.name for q in usual.moved] == ["length"]
+    assert alone.values == ({"length": 1e-3, "rest": -1.0},)
+    assert [q.name for q in alone.moved] == ["length", "rest"]
+    free = free_shape(own[2], -1.0, 1e-5, (-1.0, -1.0))
+    assert free.bounded(-1.0, 3.0) == -0.5 and free.bounded(-1.0, -1e3) == -50.0
+
+
+@pytest.mark.parametrize("alone", [(-1.0, -0.6), (-1.0, 0.0), (0.5, 1.0)])
+def test_a_shape_moves_alone_within_negative_bounds(alone):
+    with pytest.raises(InputError, match="two negative bounds"):
+        Grid.rest("share", alone=alone)
+
+
 def test_many_grids_do_not_multiply_without_end(swing):
     grids, at = swing
     many = [replace(searched(Grid.log(0.1, 10, points=5)), name=f"shape_{i}") for i in range(4)]

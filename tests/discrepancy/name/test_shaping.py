@@ -10,6 +10,8 @@ from discrepancy.data.dataset import Dataset
 from discrepancy.data.record import Floats, Record, make_record
 from discrepancy.diagnose import diagnose
 from discrepancy.fit.fitted import Free
+from discrepancy.name.columns import Candidate
+from discrepancy.name.shaping import unmoved
 from discrepancy.tell.answer import Diagnosis
 from gyro_model.errors import InputError
 from gyro_model.grid import Grid
@@ -72,6 +74,29 @@ def test_a_hysteresis_is_found_whatever_its_shares_and_its_sharpness(beta: float
         own = effect.parameters[name]
         # 95 % intervals of four parameters each: one in ten would miss by chance, none by as much again.
         assert abs(own.value - value) < own.high - own.low, name
+
+
+@pytest.mark.parametrize(("beta", "gamma"), [(0.8, -1.1), (0.3, -1.5)])
+def test_a_hysteresis_without_a_limit_is_named_alone(beta: float, gamma: float) -> None:
+    # No scale of its state makes the shares sum to one; with beta as usual, by half over beta, it is this.
+    found = answer(beta, gamma, 1.0)
+    [effect] = found.effects
+    assert effect.id == "hysteresis" and found.verdict == "missing effects"
+    scale = 0.5 / beta
+    true = {"hysteresis_x": H * scale, "hysteresis_length": LENGTH * scale, "hysteresis_gamma": gamma * scale}
+    assert set(effect.parameters) == set(true)
+    for name, value in true.items():
+        own = effect.parameters[name]
+        assert abs(own.value - value) < own.high - own.low, name
+
+
+def test_a_shape_to_which_another_is_the_rest_does_not_move_a_scale() -> None:
+    effect = load_model().effect("hysteresis")
+    own = {q.name: q for q in effect.parameters}
+    usual = Candidate(effect, (), {}, (own["hysteresis_length"],))
+    alone = replace(usual, searched=(own["hysteresis_length"], own["hysteresis_gamma"]))
+    assert [q.name for q in unmoved(usual)] == ["hysteresis_beta", "hysteresis_n"]
+    assert [q.name for q in unmoved(alone)] == ["hysteresis_n"]
 
 
 def test_shapes_stay_where_the_data_ask_for_no_others() -> None:
