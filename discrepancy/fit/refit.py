@@ -111,9 +111,8 @@ class Fitter:
         self.simulator, self.records, self.blocks, self.criteria = simulator, tuple(records), blocks, criteria
         self.axes = self.records[0].axes
         self.period = 1 / self.records[0].sample_rate
-        # Of a free decay the start of a mode makes up for how it is coupled, which no sample shows then.
-        driven = any(record.u.any() for record in self.records)
-        self._stateful = [e for e in simulator.model.effects if e.starts and driven]
+        self._driven = any(record.u.any() for record in self.records)
+        self._stateful = [e for e in simulator.model.effects if e.starts]
         self.signal = _rms(self.records) or _rms([simulator.run_of(record) for record in self.records])
         self.quotients = Quotients(simulator, self.signal)
         self._kept: dict[int, _Kept] = {}
@@ -151,9 +150,11 @@ class Fitter:
 
     def state_names(self, at: Fitted) -> list[str]:
         """Of the initial states that a fit of ``at`` finds: those of the device, and of effects that act."""
-        now = at.parameters
+        now, free = at.parameters, {own.name for own in at.free}
         acting = (e for e in self._stateful if any(now.get(q.name, q.start) != q.start for q in e.sizes))
-        return [*STATES[: 2 * self.axes], *(q.name for e in acting for q in e.starts)]
+        # Of a free decay the start of a mode makes up for how it is coupled, which no sample shows then.
+        shown = (e for e in acting if self._driven or free.isdisjoint(q.name for q in e.sizes))
+        return [*STATES[: 2 * self.axes], *(q.name for e in shown for q in e.starts)]
 
     def evaluated(self, at: Fitted) -> Fitted:
         """``at`` with residuals and cost of its parameters."""

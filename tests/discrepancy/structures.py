@@ -24,8 +24,11 @@ class Structure:
         scaled = self.stiffness[np.ix_(free, free)] / np.sqrt(np.outer(self.masses[free], self.masses[free]))
         return np.asarray(np.sqrt(np.linalg.eigvalsh(scaled)) / (2 * np.pi))
 
-    def record(self, name: str, role: str, seed: int, noise: float, begin: int = 0) -> Record:
-        """A run from rest under a multisine of its own, from the sample ``begin`` on; noise over the motion, rms."""
+    def record(
+        self, name: str, role: str, seed: int, noise: float, begin: int = 0, *, released: bool = False
+    ) -> Record:
+        """A run from rest under a multisine of its own, from the sample ``begin`` on, at which the force ends where the
+        structure is ``released``; noise over the motion, rms."""
         rng, n, axes = np.random.default_rng(seed), len(self.masses), len(self.driven)
         own = np.block([[np.zeros((n, n)), np.eye(n)],
                         [-self.stiffness / self.masses[:, None], -DAMPING * np.eye(n)]])  # fmt: skip
@@ -38,6 +41,8 @@ class Structure:
         lines = 2 * np.pi * np.arange(5.0, 90.0, 0.67)
         phase = rng.uniform(0, 2 * np.pi, (axes, len(lines)))
         u = 5.0 * np.stack([np.sin(lines * t[:, None] + own).sum(axis=1) for own in phase], axis=1)
+        if released:
+            u[begin:] = 0.0
         state, v = np.zeros(2 * n), np.empty((count, axes))
         for i in range(count):
             v[i] = state[self.sensed]

@@ -14,8 +14,11 @@ from discrepancy.tell.answer import Diagnosis
 from gyro_model.model import load_model
 
 
-def answer(structure: Structure, *, begin: int = 0, sense_gain_x: float = 1.0, **more: Any) -> Diagnosis:
-    fit, held_out = structure.record("a", "fit", 1, 1e-3), structure.record("b", "held-out", 2, 1e-3, begin)
+def answer(
+    structure: Structure, *, begin: int = 0, released: bool = False, sense_gain_x: float = 1.0, **more: Any
+) -> Diagnosis:
+    fit = structure.record("a", "fit", 1, 1e-3)
+    held_out = structure.record("b", "held-out", 2, 1e-3, begin, released=released)
     # Values of a fit of one mode, as the record's own response gives them where nobody believes any.
     nominal = {"m": 0.68, "kxx": 4.26e4, "dxx": 6.5, "sense_gain_x": sense_gain_x}
     dataset = Dataset(Path("here"), nominal, (fit, held_out), estimated=("m", "kxx", "dxx"))
@@ -58,6 +61,14 @@ def test_a_run_may_begin_in_mid_motion() -> None:
     assert {effect.id for effect in found.effects} == {"parasitic_mode", "parasitic_mode_2"}
     # Six states of the start are told by its first 50 samples, which adds less than the noise itself.
     assert found.misfit["final"] < 1.5e-3
+
+
+def test_a_free_decay_from_there_tells_how_the_modes_began() -> None:
+    found = answer(chain(), begin=1500, released=True)
+    assert found.verdict == "missing effects"
+    assert {effect.id for effect in found.effects} == {"parasitic_mode", "parasitic_mode_2"}
+    # With the modes at rest 0.44 of it is left, 46 times the noise.
+    assert found.misfit["final"] < 1.5 * found.misfit["noise_floor"]
 
 
 def test_without_the_time_for_it_the_model_stays_as_it_was() -> None:
