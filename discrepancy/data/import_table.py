@@ -289,7 +289,7 @@ def _toml(pieces: list[Piece], rates: Mapping[str, float], held_out: set[str], r
         rate = request.sample_rate or float(f"{rates[piece.name]:.6g}")
         lines += ["", "[[run]]", f'file = "{piece.name}"', f"sample_rate = {float(rate)!r}"]
         lines += ['role = "held-out"'] if piece.name in held_out else []
-        lines += [f'hold = "{request.hold}"'] if request.hold not in ("", "zero") else []
+        lines += [f'hold = "{request.hold}"'] if request.hold else []
         lines += [f'senses = "{senses}"'] if senses != "position" else []
     return "\n".join(lines) + "\n"
 

@@ -3,10 +3,10 @@
 import re
 from collections.abc import Callable, Collection, Mapping
 from math import isfinite, isnan
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 from discrepancy.data.dataset import Dataset
-from discrepancy.data.record import MINIMUM_SAMPLES
+from discrepancy.data.record import MINIMUM_SAMPLES, Hold
 from discrepancy.fit.colour import ORDERS
 from discrepancy.fit.defect import defects, distortion_names, quantity_of
 from discrepancy.fit.openings import parts
@@ -94,6 +94,7 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
         "terms": _list_of(lambda *_: None),
         "refused": _list_of(_one_of(effects)),
         "clip": _optional(_number(0.0, above=True)),
+        "hold": _one_of(get_args(Hold)),
         "blemishes": _list_of(_row(_one_of(effects), _list_of(_list_of(_number(), longest)), _mapping(settable | {
             q.name for d in defects() for q in d.parameters}, _row(_number(), _number(), _number())))),
         "at": fit,

@@ -14,6 +14,7 @@ from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.late import lateness
 from discrepancy.data.modes import Mode
+from discrepancy.data.record import Hold
 from discrepancy.fit.continuation import ROUNDS, beginnings, nearly_settled, roughly_settled, settled, unsprung
 from discrepancy.fit.defect import Blemish, Data, Found, Level, effect_of
 from discrepancy.fit.fitted import Fitted, Free
@@ -37,6 +38,7 @@ from discrepancy.name.columns import (
 )
 from discrepancy.name.competition import best_refit, longer, near, own_filter, refitted, rivals, weak
 from discrepancy.name.exchange import delete, exchange, fade
+from discrepancy.name.holding import let_run_on
 from discrepancy.name.more_modes import Copy
 from discrepancy.name.question import ask
 from discrepancy.name.resisting import alike, resisting
@@ -158,6 +160,10 @@ class Search:
         self.clip = level
         self._take(replace(self.dataset, records=tuple(masked(record, level) for record in self.dataset.records)))
 
+    def take_hold(self, hold: Hold) -> None:
+        """Goes on with forces that ran so between samples."""
+        self._take(replace(self.dataset, records=tuple(replace(r, hold=hold) for r in self.dataset.records)))
+
     def take_blemish(self, blemish: Blemish, data: Sequence[Data]) -> None:
         """Goes on with the runs to fit without what ``data`` say."""
         cleaned = dict(zip((r.name for r in self.dataset.fit), data, strict=True))
@@ -227,6 +233,7 @@ class Search:
 
     def _tidy(self) -> None:
         """Takes out of the record what the present model shows to be none of the device's."""
+        let_run_on(self)
         mask_clipped(self)
         clean(self)
 
@@ -349,6 +356,7 @@ class Search:
             "terms": store.terms_state(self.terms),
             "refused": sorted(self.refused),
             "clip": self.clip,
+            "hold": self.dataset.records[0].hold,
             "blemishes": [
                 [b.id, list(map(list, f.data)), {k: list(v) for k, v in f.levels.items()}] for b, f in self.found
             ],
@@ -368,6 +376,8 @@ class Search:
 
     def _restore(self, state: Mapping[str, Any]) -> None:
         model = self.simulator.model
+        if state["hold"] != self.dataset.records[0].hold:
+            self.take_hold(state["hold"])
         if state["clip"] is not None and self.clip is None:
             self.take_clipped(state["clip"])
         for name, data, levels in state["blemishes"][len(self.found) :]:

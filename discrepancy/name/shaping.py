@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from discrepancy.fit.continuation import nearly_settled
 from discrepancy.fit.fitted import Fitted, bare
 from discrepancy.name.columns import Candidate
-from discrepancy.name.grids import free_usual
+from discrepancy.name.grids import free_shape, free_usual
 from discrepancy.name.score import score
 from gyro_model.quantities import Quantity
 
@@ -69,10 +69,24 @@ def _gains(search: "Search", place: int) -> list[tuple[float, Quantity]]:
     return found
 
 
+def _alone(at: Fitted, candidate: Candidate, moved: Quantity) -> list[tuple[Quantity, Fitted]]:
+    """``at`` with a shape free that is the rest to ``moved`` and may move alone, not fitted."""
+    found = []
+    for q in candidate.effect.parameters:
+        if q.search is not None and q.search.alone and q.search.of == moved.name:
+            value = 2 * q.search.alone[1]
+            parameters = {**at.parameters, moved.name: moved.start, q.name: value}
+            free = (*at.free, free_shape(q, value, 0.0, (value, value)))
+            found.append((q, bare(replace(at, parameters=parameters, free=free))))
+    return found
+
+
 def _fitted(search: "Search", place: int, moved: Quantity) -> bool:
-    """Goes on with that shape fitted, unless it brings too little."""
+    """Goes on with that shape fitted, or with what is the rest to it alone, unless it brings too little."""
     entry, at, criteria = search.accepted[place], search.at, search.criteria
-    fitted = search.fitter.fit(freed(at, entry.candidate, [moved]))
+    fits = [(moved, search.fitter.fit(freed(at, entry.candidate, [moved])))]
+    fits += [(q, search.fitter.fit(search.fitter.evaluated(own))) for q, own in _alone(at, entry.candidate, moved)]
+    moved, fitted = min(fits, key=lambda own: own[1].cost)
     search.simulator.clock.check()
     if at.cost - fitted.cost < max(criteria.simpler * fitted.variance, criteria.material * at.cost):
         return False

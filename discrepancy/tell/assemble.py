@@ -364,6 +364,12 @@ def _doubts(search: "Search", rest: "Remainder", residuals: Sequence[Floats]) ->
         for name in sorted(search.refuted)
     ]
     found += _scaled(search)
+    hold = search.dataset.records[0].hold
+    if hold != search.measured.records[0].hold:
+        found.append(
+            f'the force ran on between samples, as what is left beside the model shows: taken with hold = "{hold}"; '
+            'state that in dataset.toml, or hold = "zero" where it was held'
+        )
     if rest.significant:
         found += [str(finding) for finding in modes(search.measured.fit)]
         known = list(mode_frequencies(search.at.parameters, search.dataset.axes))

@@ -1,0 +1,55 @@
+"""How the force ran between samples, by a model that has what bends the response.
+
+The response alone shows it of what is nearly linear (``data/hold.py``). A strong effect hides half a sample: the loss
+of a hysteresis is a phase too. Once the effect is in the model, what is left is that half, to which no other effect
+gives a name.
+"""
+
+from copy import copy
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+from discrepancy.data.hold import DECISIVE
+from discrepancy.data.record import Hold
+from discrepancy.fit.continuation import FEW, beginnings
+from discrepancy.fit.fitted import Fitted
+from discrepancy.fit.openings import parts
+from discrepancy.fit.refit import Fitter
+from discrepancy.name.columns import on_the_way
+from discrepancy.name.exchange import delete
+
+if TYPE_CHECKING:
+    from discrepancy.name.search import Search
+
+RUNS_ON: Final[Hold] = "band-limited"
+
+
+def let_run_on(search: "Search") -> None:
+    """Goes on with a force that ran on between samples where nobody has said that it was held, and the present model
+    then leaves plainly less: of the shortest openings, and of whole runs."""
+    data, before = search.dataset, copy(vars(search))
+    driven = any(record.u.any() for record in data.fit)
+    if data.held or not driven or data.fit[0].hold == RUNS_ON or search.fitter is not search.whole:
+        return
+    other = Fitter(search.simulator, [replace(record, hold=RUNS_ON) for record in data.fit], criteria=search.criteria)
+    if _plainly_less(search.whole, other, search.at):
+        search.take_hold(RUNS_ON)
+        search.go_on(search.at)
+        if search.fitter.off(search.at) ** 2 * DECISIVE < before["fitter"].off(before["at"]) ** 2:
+            search.progress("the force ran on between samples")
+            # What has made up for half a sample is needless.
+            delete(search, on_the_way)
+        else:
+            vars(search).update(before)
+
+
+def _plainly_less(held: Fitter, other: Fitter, at: Fitted) -> bool:
+    """Whether ``at``, a fit of ``held``, leaves so much less of the openings, fitted to those of ``other``."""
+    number = parts(held.records)[0]
+    openings = [beginnings(fitter, number) if number > 1 else fitter for fitter in (held, other)]
+    begun = [own.evaluated(replace(at, whiten=own.plain(at.parameters))) for own in openings]
+    found = openings[1].fit(begun[1], FEW)
+    left = [own.off(fit) ** 2 for own, fit in zip(openings, (begun[0], found), strict=True)]
+    for own in (*(openings if number > 1 else ()), other):
+        held.simulator.forget(own.records)
+    return left[1] * DECISIVE < left[0]
