@@ -395,6 +395,9 @@ class Fitter:
             right = total[own, -1] - total[np.ix_(own, held)] @ step[held]
             aim = inverse_scaled(total[np.ix_(own, own)], damping) @ right
             limits = np.array([self._limited(at.free[i], values[i], a) for i, a in zip(own, aim, strict=True)])
+            if not np.isfinite((aim, limits)).all():
+                # Columns or steps beyond all numbers say of no way how far it goes.
+                break
             stopped = limits != aim
             if not stopped.any():
                 step[own] = aim

@@ -48,3 +48,12 @@ def test_a_shape_at_its_bound_stays_and_does_not_hold_the_rest() -> None:
     columns, residual = np.eye(2, 40), np.zeros(40)
     residual[:2] = -1.0, 2.0
     assert step(columns, residual, [(0.0, 5.0), (-5.0, 5.0)]).tolist() == [0.0, 2.0]
+
+
+@pytest.mark.parametrize("scale", [np.nan, np.inf])
+def test_columns_beyond_all_numbers_move_nothing(scale: float) -> None:
+    rng = np.random.default_rng(2)
+    columns, residual = rng.normal(size=(2, 40)), rng.normal(size=40)
+    with np.errstate(all="ignore"):
+        taken = step(np.vstack((columns[0] * scale, columns[1])), residual, [(-1.0, 1.0), (-1.0, 1.0)])
+    assert taken.tolist() == [0.0, 0.0]
