@@ -1,7 +1,7 @@
 """How a search for a missing effect tries a shape parameter: what an effect file says beside the parameter."""
 
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from typing import ClassVar, Literal
 
 from gyro_model.errors import InputError, nearest
@@ -20,8 +20,8 @@ class Grid:
     times the highest mode's frequency, and ever finer about the best. quality: the quality factor ``low`` of such a
     resonance, as broad as its grid is coarse. instant: ``points`` over a run, likewise finer. usual: none but the
     parameter's own, which a fit moves once the effect is in the model and the data ask for it. rest: what moves so that
-    its sum with the shape ``of`` stays; where it may be ``alone``, within these bounds, it is tried so too, at twice
-    the nearer to zero, while ``of`` stays as usual.
+    its sum with the shape ``of`` stays; where it may be ``alone``, within these bounds, it is tried so too, in their
+    middle, while ``of`` stays as usual.
 
     Scales: ``itself``, the parameter's own typical value; ``1``, as it stands; ``duration`` of the longest run [s]; by
     how much a signal moves in the runs at most: ``x``, ``y`` and their rates count for either axis, an input for
@@ -44,8 +44,8 @@ class Grid:
             raise InputError(f"grid from {self.low} to {self.high}: give 0 < low <= high and a number of points")
         if self.kind != "rest" and self.of not in SCALES:
             raise InputError(f"grid of {self.of!r}: no such scale{nearest(self.of, SCALES)}")
-        if self.alone and not self.alone[0] <= 2 * self.alone[1] < 0:
-            raise InputError(f"grid alone within {self.alone}: give two negative bounds, twice the second within them")
+        if self.alone and not -inf < self.alone[0] < self.alone[1] < inf:
+            raise InputError(f"grid alone within {self.alone}: give two finite bounds, the lower one first")
 
     @classmethod
     def log(cls, low: float, high: float, of: str = "itself", points: int = 5) -> "Grid":
@@ -65,7 +65,7 @@ class Grid:
     @classmethod
     def rest(cls, of: str, alone: tuple[float, float] | None = None) -> "Grid":
         """What moves against the shape ``of`` of the same effect, so that their sum stays: where a scale that no sample
-        shows is held by it; ``alone``: bounds, both negative, within which no scale makes that sum what it is."""
+        shows is held by it; ``alone``: bounds within which no scale makes that sum what it is."""
         return cls("rest", of=of, alone=alone)
 
     @property

@@ -20,13 +20,14 @@ LENGTH = shape(
 )
 BETA = shape("hysteresis_beta", "1", 0.5, "share of the limit that dissipates", search=Grid.usual)
 # Of h, L, β and γ one is a scale of z that no sample shows: β + γ = 1 makes h the largest force.
-# Where β + γ is negative there is no limit, and no scale makes it 1: z grows ever faster.
+# Where β + γ is negative there is no limit, and no scale makes it 1: z grows ever faster. Beyond γ = -2 β it is hardly
+# more than a stiff spring without loss, which it would imitate.
 GAMMA = shape(
     "hysteresis_gamma",
     "1",
     0.5,
     "share of the limit that bends",
-    search=Grid.rest("hysteresis_beta", alone=(-500.0, -0.5)),
+    search=Grid.rest("hysteresis_beta", alone=(-1.0, -0.5)),
 )
 SHARPNESS = shape("hysteresis_n", "1", 1.0, "sharpness of the limit", low=1.0, high=100.0, search=Grid.usual)
 beta, gamma, n = BETA.symbol, GAMMA.symbol, SHARPNESS.symbol

@@ -76,7 +76,7 @@ def test_a_hysteresis_is_found_whatever_its_shares_and_its_sharpness(beta: float
         assert abs(own.value - value) < own.high - own.low, name
 
 
-@pytest.mark.parametrize(("beta", "gamma"), [(0.8, -1.1), (0.3, -1.5)])
+@pytest.mark.parametrize(("beta", "gamma"), [(0.8, -1.1), (0.3, -0.5)])
 def test_a_hysteresis_without_a_limit_is_named_alone(beta: float, gamma: float) -> None:
     # No scale of its state makes the shares sum to one; with beta as usual, by half over beta, it is this.
     found = answer(beta, gamma, 1.0)
