@@ -364,6 +364,13 @@ def _doubts(search: "Search", rest: "Remainder", residuals: Sequence[Floats]) ->
         for name in sorted(search.refuted)
     ]
     found += _scaled(search)
+    if not any(record.u.any() for record in search.dataset.fit):
+        found += [
+            f"{entry.id}: its values are those of states at rest at the start of each decay, since no free decay tells "
+            "how they began; a run under a known force tells both"
+            for entry in search.accepted
+            if isinstance(entry.candidate.effect, Effect) and entry.candidate.effect.starts
+        ]
     hold = search.dataset.records[0].hold
     if hold != search.measured.records[0].hold:
         found.append(

@@ -52,6 +52,8 @@ def test_a_mass_that_is_carried_is_named_by_a_decay_and_what_follows() -> None:
     assert found.verdict == "missing effects"
     assert [effect.id for effect in found.effects] == ["parasitic_mode"]
     assert found.misfit["final"] < 1.2 * found.misfit["noise_floor"]
+    # 47 Hz, had the other begun at rest.
+    assert any("parasitic_mode: its values are those of states at rest" in doubt for doubt in found.doubts)
 
 
 def test_the_improved_device_holds_no_effect_that_is_no_name() -> None:
