@@ -69,6 +69,12 @@ class Grid:
         return cls("rest", of=of, alone=alone)
 
     @property
+    def begins(self) -> float:
+        """Where what moves alone sets out."""
+        assert self.alone is not None
+        return sum(self.alone) / 2
+
+    @property
     def tried(self) -> bool:
         """Whether a search tries values of it."""
         return self.kind not in ("usual", "rest")

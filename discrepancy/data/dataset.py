@@ -37,7 +37,8 @@ class Dataset:
     """What a lab measured and believes. nominal: by FMU parameter name, SI, complete for the axes measured; notes:
     what was assumed, for the reader; model: whose parameters ``nominal`` may name; unknown: names of gains that no one
     states, to be fitted beside mass, stiffness and damping; estimated: names of nominal values that the lab does not
-    state, from the record's own response; held: whether they state how forces run between samples.
+    state, from the record's own response; hold_stated: whether they say how forces run
+    between samples.
 
     Raises InputError where runs differ in axes, one holds no motion, none is left to fit, or a nominal value is missing
     or impossible.
@@ -50,7 +51,7 @@ class Dataset:
     model: Model = field(default_factory=load_model, repr=False, compare=False)
     unknown: tuple[str, ...] = ()
     estimated: tuple[str, ...] = ()
-    held: bool = False
+    hold_stated: bool = False
 
     def __post_init__(self) -> None:
         if not self.records:
@@ -141,8 +142,8 @@ def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float],
     unknown = _unknown_gains(stated, records) if axes == 2 and "m" in complete else ()
     estimated = tuple(name for name in believed if name not in stated)
     notes = [*notes, *more, *(note for _, note in read if note)]
-    held = any("hold" in run for run in runs)
-    return Dataset(folder, complete, records, tuple(notes), model, unknown, estimated, held)
+    return Dataset(folder, complete, records, tuple(notes), model, unknown, estimated,
+                   any("hold" in run for run in runs))  # fmt: skip
 
 
 class _Entry(NamedTuple):

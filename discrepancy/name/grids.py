@@ -72,7 +72,7 @@ class Grids:
         usual, found = self.of(shapes, at), []
         for q in shapes:
             if q.search is not None and q.search.alone:
-                point = {**usual.values[len(usual.values) // 2], q.name: sum(q.search.alone) / 2}
+                point = {**usual.values[len(usual.values) // 2], q.name: q.search.begins}
                 found.append(replace(usual, values=(point,), moved=(*usual.moved, q)))
         return [usual, *found]
 

@@ -29,7 +29,7 @@ def let_run_on(search: "Search") -> None:
     then leaves plainly less: of the shortest openings, and of whole runs."""
     data, before = search.dataset, copy(vars(search))
     driven = any(record.u.any() for record in data.fit)
-    if data.held or not driven or data.fit[0].hold == RUNS_ON or search.fitter is not search.whole:
+    if data.hold_stated or not driven or data.fit[0].hold == RUNS_ON or search.fitter is not search.whole:
         return
     other = Fitter(search.simulator, [replace(record, hold=RUNS_ON) for record in data.fit], criteria=search.criteria)
     if _plainly_less(search.whole, other, search.at):

@@ -74,7 +74,7 @@ def _alone(at: Fitted, candidate: Candidate, moved: Quantity) -> list[tuple[Quan
     found = []
     for q in candidate.effect.parameters:
         if q.search is not None and q.search.alone and q.search.of == moved.name:
-            value = sum(q.search.alone) / 2
+            value = q.search.begins
             parameters = {**at.parameters, moved.name: moved.start, q.name: value}
             free = (*at.free, free_shape(q, value, 0.0, (value, value)))
             found.append((q, bare(replace(at, parameters=parameters, free=free))))
