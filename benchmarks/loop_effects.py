@@ -84,7 +84,9 @@ def cases() -> list[Case]:
         lab.setdefault(owner, {})[name] = pair
     # A pair that is unequal shows only where there is a gap, and a lag that follows temperature where there is a lag.
     hosts = {"pickoff_mismatch": lab["pickoff_nonlinearity"], "thermal_phase": lab["amplifier_bandwidth"]}
-    own = [Case(name, intervals) for name, intervals in lab.items()] + list(OWN)
+    # Samples tell the sum of delay and lag, the priors share it out. Alone, either leaves the other at an end of its.
+    late = Case("delay and lag together", {**lab["actuator_delay"], **lab["amplifier_bandwidth"]})
+    own = [*(Case(name, intervals) for name, intervals in lab.items()), late, *OWN]
     return [replace(case, intervals={**hosts.get(case.name, {}), **case.intervals}) for case in own]
 
 

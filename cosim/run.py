@@ -51,6 +51,7 @@ class Run:
     def __post_init__(self) -> None:
         if not 1e3 <= self.sample_rate <= 1e7:
             raise InputError(f"sample rate {self.sample_rate:g} Hz: give one from 1e3 to 1e7 Hz")
+        check_clock(self.device, self.sample_rate, self.seed)
         if not 1e-3 <= self.duration < 1e5:
             raise InputError(f"duration {self.duration:g} s: give one from 1e-3 to 1e5 s")
         if self.trace_rate is not None and not 0 < self.trace_rate <= self.sample_rate:
@@ -133,6 +134,19 @@ class Run:
 
 TONE_DEFLECTION: Final = 0.5e-6
 """Static deflection that a tone's amplitude makes of the isotropic oscillator [m]: the reference device's 32 uN."""
+
+
+def check_clock(device: Device, sample_rate: float, seed: int) -> None:
+    """Raises InputError where the device says other samples [Hz] or another seed than the run, which decides."""
+    period = device.parameters.get("sample_period")
+    if period is not None and abs(period * sample_rate - 1) > 1e-9:
+        raise InputError(
+            f"sample_period = {period:g} s: the run takes {sample_rate:g} samples a second; "
+            f"give --sample-rate {1 / period:g} instead"
+        )
+    own = device.parameters.get("seed")
+    if own is not None and own != seed:
+        raise InputError(f"seed = {own:g}: the run has seed {seed}; give --seed {own:g} instead")
 
 
 def plant_parameters(device: Device, period: float, seed: int) -> dict[str, float]:

@@ -1,6 +1,7 @@
 #include "descent.h"
 
 #include "block.h"
+#include "carried.h"
 #include "correction.h"
 #include "late.h"
 #include "prediction.h"
@@ -14,7 +15,7 @@
 #define WORTH 0.1      /* fall of the sum of squares that is worth another one */
 #define AHEAD 4        /* whole steps more that may bring what the first one has not */
 #define SHORTEST 0.003 /* part of a step that is worth a filtering */
-#define EARLY 0.25     /* part of a start that tells which of several lags it is: a filtering of all takes four times as long */
+#define EARLY 0.25     /* part of a start that tells which of several lags, or of couplings, it is: a filtering of all takes four times as long */
 #define TELLING 64     /* samples from which a fit beside whole periods, or that leaves more than noise, is looked for elsewhere */
 #define ASTRAY 5.0     /* deviations from what noise makes by which its sum of squares is then more */
 #define AGAIN 3        /* times that a look goes on where it has not come to rest */
@@ -180,10 +181,16 @@ static descent look_there(filter *f, int whole, double L[NP][NP], descent d, con
     double found[NP], lowest[NP], other[NP], b[NP];
     memcpy(found, f->eta, sizeof found);
     memcpy(lowest, f->lowest, sizeof lowest);
-    memcpy(f->lowest, f->first_lowest, sizeof f->lowest);
+    known target = f->k;
+    for (int i = 0; i < NP; i++) {
+        other[i] = found[i] + step[i];
+    }
+    for (int i = 0; i < NP; i++) {
+        target.p[i] = block_constant_at(f, other, i);
+    }
+    late_keep_side(f, &target);
     straight_step(f, found, step, other);
     const double cost = go_to(f, other);
-    late_keep_side(f);
     descent there = come_down(f, whole, L, cost);
     for (int more = 0; more < AGAIN && there.off > OFF && there.cost > d.cost - WORTH && there.cost < FAR_OFF * (double)f->rows; more++) {
         there = come_down(f, whole, L, there.cost);
@@ -200,7 +207,7 @@ static descent look_there(filter *f, int whole, double L[NP][NP], descent d, con
 /* Beside whole periods of delay: goes on from where the fit has come to rest, which may be at their kink, on this side of it, and looks on the other. */
 static descent look_on_both_sides(filter *f, int whole, double L[NP][NP], descent d, const double step[NP])
 {
-    late_keep_side(f);
+    late_keep_side(f, &f->k);
     d = come_down(f, whole, L, d.cost);
     return look_there(f, whole, L, d, step);
 }
@@ -228,6 +235,18 @@ descent descent_find(filter *f, double L[NP][NP])
     for (int which = 0; which < LATE_LAGS && (astray || is_early(f)); which++) {
         if (late_other_lag(f, which, step)) {
             d = look_there(f, whole, L, d, step);
+        }
+    }
+    for (int which = 0; which < LATE_WHOLES && (whole || is_early(f)); which++) {
+        if (late_whole_periods(f, which, step)) {
+            d = look_there(f, whole, L, d, step);
+        }
+    }
+    for (int i = 0; i < NP && is_early(f); i++) {
+        for (int which = 0; which < CARRIED_SIZES; which++) {
+            if (carried_other(f, i, which, step)) {
+                d = look_there(f, whole, L, d, step);
+            }
         }
     }
     if ((whole || f->in_block >= TELLING) && late_other_side(f, step)) {

@@ -74,16 +74,25 @@ int late_other_side(const filter *f, double step[NP])
     return more != 0.0;
 }
 
-void late_keep_side(filter *f)
+void late_keep_side(filter *f, const known *at)
 {
-    const lateness now = lateness_of(f, &f->k);
+    const lateness now = lateness_of(f, at);
     memcpy(f->lowest, f->first_lowest, sizeof f->lowest);
     const double beyond = now.delay_at < 0 ? HUGE_VAL : beyond_whole(now.delay, f->m.period);
     if (beyond != HUGE_VAL && beyond >= 0.0 && now.delay_by > 0.0) {
         /* By a rounding more, so that it is above. */
-        const double whole = f->k.p[now.delay_at] - (beyond - 1e-9) * f->m.period / now.delay_by;
+        const double whole = at->p[now.delay_at] - (beyond - 1e-9) * f->m.period / now.delay_by;
         f->lowest[now.delay_at] = larger(whole, f->lowest[now.delay_at]);
     }
+}
+
+/* The lag [s] that the design expects, and its deviation. */
+static void expected_lag(const filter *f, const lateness *now, double *lag, double *deviation)
+{
+    known design = f->k;
+    memcpy(design.p, f->first_p, sizeof design.p);
+    *lag = lateness_of(f, &design).lag;
+    *deviation = fabs(now->lag_by) * f->prior[now->lag_at];
 }
 
 int late_other_lag(const filter *f, int which, double step[NP])
@@ -92,13 +101,29 @@ int late_other_lag(const filter *f, int which, double step[NP])
     if (now.delay_at < 0 || now.lag_at < 0) {
         return 0;
     }
-    known design = f->k;
-    memcpy(design.p, f->first_p, sizeof design.p);
-    const double deviation = fabs(now.lag_by) * f->prior[now.lag_at], other = lateness_of(f, &design).lag + ELSEWHERE[which] * deviation;
-    const double less = now.lag - larger(other, 0.0);
+    double expected, deviation;
+    expected_lag(f, &now, &expected, &deviation);
+    const double less = now.lag - larger(expected + ELSEWHERE[which] * deviation, 0.0);
     if (fabs(less) < APART * deviation || now.delay + less < 0.0) {
         return 0;
     }
     change_to(f, &now, less, less, step);
+    return 1;
+}
+
+int late_whole_periods(const filter *f, int which, double step[NP])
+{
+    const lateness now = lateness_of(f, &f->k);
+    if (now.delay_at < 0 || now.lag_at < 0) {
+        return 0;
+    }
+    double expected, deviation;
+    expected_lag(f, &now, &expected, &deviation);
+    const double period = f->m.period, whole = floor((now.delay + now.lag) / period + BESIDE) - (double)which;
+    const double more = (whole + ABOVE) * period - now.delay, less = smaller(more, now.lag);
+    if (whole < 1.0 || fabs(more) < BESIDE * period || now.lag - less > expected + ELSEWHERE[LATE_LAGS - 1] * deviation) {
+        return 0;
+    }
+    change_to(f, &now, more, less, step);
     return 1;
 }

@@ -15,7 +15,7 @@ from cosim.rate.filters import delay
 from cosim.rate.loop import Blocks
 from cosim.rate.sense_record import check_sense_record
 from cosim.rate.settings import Nominal, Settings, at_bias, blocks_for, nominal, settings_of
-from cosim.run import plant_parameters
+from cosim.run import check_clock, plant_parameters
 from cosim.scenarios.scenario import INPUT_NAMES, QUANTITIES
 from gyro_model.device import Device
 from gyro_model.errors import InputError
@@ -73,6 +73,7 @@ class RateRun:
             raise InputError(f"output rate {self.output_rate:g} Hz: give one from 1 to 1e4 Hz")
         if not 1e3 <= self.sample_rate <= 1e8:
             raise InputError(f"sample rate {self.sample_rate:g} Hz: give one from 1e3 to 1e8 Hz")
+        check_clock(self.device, self.sample_rate, self.seed)
         if not self.duration < 1e6 or self.rows < 1:
             raise InputError(f"duration {self.duration:g} s: give one from {1 / self.output_rate:g} to 1e6 s")
         if self.settings.demodulator_bandwidth > 0.25 * self.nominal.calibration.frequency:

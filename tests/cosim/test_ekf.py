@@ -219,16 +219,16 @@ def test_lab_finds_what_hides_in_the_chain():
 
 
 # Where the mode might ring as far as the mass, these three and seven more of the seeds 401 to 420 ended at a coupling
-# of 0.05 and less, and fitted.
-@pytest.mark.parametrize("seed", [403, 407, 413])
-def test_a_mode_beside_the_oscillation_is_found(seed, tmp_path):
+# of 0.05 and less, and fitted. The last start came to rest at 0.50 where no other size was looked at.
+@pytest.mark.parametrize("coupling, seed", [(1.0, 403), (1.0, 407), (1.0, 413), (1.431, 1888)])
+def test_a_mode_beside_the_oscillation_is_found(coupling, seed, tmp_path):
     design = tmp_path / "design.toml"
     lab = packaged_designs()["lab"].read_text(encoding="utf-8")
     design.write_text(lab.replace("[intervals]\n", "[intervals]\nparasitic_coupling = [0.0, 2.0]\n", 1))
-    _, result = simulated("constant", "parasitic_coupling=1", design=str(design), duration=0.12, seed=seed)
-    # A coupling of the other sign is the same device. By 0.12 s it is known to 0.1 or so; of the seeds 401 to 440 the
-    # worst is off by 0.44.
-    assert abs(result.trace["est_parasitic_coupling"][-1]) == pytest.approx(1.0, abs=0.5)
+    _, result = simulated("constant", f"parasitic_coupling={coupling}", design=str(design), duration=0.17, seed=seed)
+    # A coupling of the other sign is the same device. By the end it is known to 0.1 or so; of the seeds 401 to 440 the
+    # worst was off by 0.44 at 0.12 s.
+    assert abs(result.trace["est_parasitic_coupling"][-1]) == pytest.approx(coupling, abs=0.5)
 
 
 @pytest.mark.parametrize("name", ["forgetting", "blocks"])

@@ -48,20 +48,35 @@ def worst_drift(trace: object) -> float:
     return worst
 
 
+# The last two are told apart from a lag of 2.1 us and another feedthrough by a whole start, and ended where both the
+# delay and the lag were at their lowest values.
 @pytest.mark.parametrize(
-    ("settings", "rate"),
-    [(("actuator_delay=5e-6", "feedthrough=10"), 200e3), (("actuator_delay=2.5e-6", "feedthrough=-6"), 400e3)],
-    ids=["200 kHz", "400 kHz"],
+    ("settings", "rate", "seed"),
+    [
+        (("actuator_delay=5e-6", "feedthrough=10"), 200e3, 880021),
+        (("actuator_delay=2.5e-6", "feedthrough=-6"), 400e3, 880021),
+        (("actuator_delay=2.5e-6", "feedthrough=-6"), 400e3, 880022),
+        (("actuator_delay=5e-6", "feedthrough=6"), 200e3, 880032),
+        (("actuator_delay=5e-6", "feedthrough=6"), 200e3, 880031),
+    ],
 )
-def test_a_delay_of_a_whole_period_is_found_on_its_side(settings: tuple[str, ...], rate: float) -> None:
+def test_a_delay_of_a_whole_period_is_found_on_its_side(settings: tuple[str, ...], rate: float, seed: int) -> None:
     """A command that the processor sends on at the next sample, without a lag: the feedthrough has a kink there."""
-    run = prepare(Request("constant", design="lab", settings=settings, sample_rate=rate, duration=0.4, seed=880021))
+    run = prepare(Request("constant", design="lab", settings=settings, sample_rate=rate, duration=0.4, seed=seed))
     result = simulate(run)
     delay = float(settings[0].partition("=")[2])
     # With the delay on the other side both drifted by 1.9 times what they may, and more.
     assert result.converged_at is not None and result.converged_at < 0.2
     assert result.trace["est_actuator_delay"][-1] == pytest.approx(delay, abs=2e-9)
     assert worst_drift(result.trace) < 1
+
+
+def test_a_device_without_delay_and_lag_is_valid_at_once() -> None:
+    """Both are at their lowest values, and only their sum is known."""
+    settings = ("pickoff_inverse_gap=13280", "pickoff_mismatch=-0.01527")
+    run = prepare(Request("constant", design="lab", settings=settings, duration=0.2, seed=1877))
+    # Starts that ended beside their fit were repeated until 0.51 s.
+    assert simulate(run).converged_at == pytest.approx(0.1, abs=0.02)
 
 
 def test_the_angle_of_a_device_that_was_lost_is_not_known(tmp_path: Path) -> None:

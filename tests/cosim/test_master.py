@@ -185,6 +185,8 @@ def test_a_plant_without_noise_is_observed() -> None:
         ({"settings": ("observer.settle=-1",)}, "settle"),
         ({"settings": ("monitor.drift_limits=1",)}, "drift_limit"),
         ({"settings": ("loop.x=1",)}, "observer, controller, monitor"),
+        ({"settings": ("sample_period=2.5e-6",)}, "--sample-rate 400000"),
+        ({"settings": ("seed=7",)}, "--seed 7"),
     ],
 )
 def test_a_run_that_cannot_be_is_refused(options: dict[str, Any], expected: str) -> None:

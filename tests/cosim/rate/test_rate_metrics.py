@@ -147,3 +147,8 @@ def test_a_device_that_shows_no_rate_is_refused(name: str) -> None:
 def test_an_amplitude_in_micrometres_is_asked_about() -> None:
     with pytest.raises(InputError, match="drive_amplitude = 4 m: in m; 4 µm are 4e-6"):
         run_of(constant(0.0, "rest"), 1.0, replace(QUIET, rate_mode={**QUIET.rate_mode, "drive_amplitude": 4.0}))
+
+
+def test_a_clock_that_the_run_does_not_take_is_refused() -> None:
+    with pytest.raises(InputError, match=r"give --sample-rate 1e\+06 instead"):
+        run_of(constant(0.0, "rest"), 1.0, QUIET.with_parameters({"sample_period": 1e-6}))
