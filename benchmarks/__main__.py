@@ -20,6 +20,7 @@ NAMES = (
     "loop_measures",
     "loop_effects",
     "loop_devices",
+    "loop_delays",
     "loop_rates",
     "loop_rest",
     "loop_circle",

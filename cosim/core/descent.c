@@ -205,11 +205,12 @@ static descent look_there(filter *f, int whole, double L[NP][NP], descent d, con
 }
 
 /* Beside whole periods of delay: goes on from where the fit has come to rest, which may be at their kink, on this side of it, and looks on the other. */
-static descent look_on_both_sides(filter *f, int whole, double L[NP][NP], descent d, const double step[NP])
+static descent look_on_both_sides(filter *f, int whole, double L[NP][NP], descent d)
 {
+    double step[NP];
     late_keep_side(f, &f->k);
     d = come_down(f, whole, L, d.cost);
-    return look_there(f, whole, L, d, step);
+    return late_other_side(f, step) ? look_there(f, whole, L, d, step) : d;
 }
 
 /* Whether this is the first fit that has an early part of the start; blocks double. */
@@ -237,6 +238,9 @@ descent descent_find(filter *f, double L[NP][NP])
             d = look_there(f, whole, L, d, step);
         }
     }
+    if ((whole || f->in_block >= TELLING) && late_other_side(f, step)) {
+        d = look_on_both_sides(f, whole, L, d);
+    }
     for (int which = 0; which < LATE_WHOLES && (whole || is_early(f)); which++) {
         if (late_whole_periods(f, which, step)) {
             d = look_there(f, whole, L, d, step);
@@ -248,9 +252,6 @@ descent descent_find(filter *f, double L[NP][NP])
                 d = look_there(f, whole, L, d, step);
             }
         }
-    }
-    if ((whole || f->in_block >= TELLING) && late_other_side(f, step)) {
-        d = look_on_both_sides(f, whole, L, d, step);
     }
     return d;
 }

@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from benchmarks import loop_circle, loop_devices, loop_drift, loop_effects, loop_rates, loop_rest
+from benchmarks import loop_circle, loop_delays, loop_devices, loop_drift, loop_effects, loop_rates, loop_rest
 from benchmarks.closed_loop import sample_rows
 from cosim.design import load_design
 from cosim.master import simulate
@@ -162,6 +162,19 @@ def test_runs_without_a_lie_are_a_report(monkeypatch):
     assert (line.values["of valid windows"], line.values["squared drift over prediction"]) == (11.0, 1 / 16)
     assert line.met == "yes"
     assert all(table.rows for table in report.tables)
+
+
+def test_a_delay_that_is_not_found_is_shown_beside_those_that_are(monkeypatch):
+    found = {"valid from [s]": 0.1, "angle C [°]": 0.02, "drift [°/s]": 0.1, "bound [°/s]": 0.04}
+    lost = found | {"drift [°/s]": 0.16}
+    monkeypatch.setattr(loop_delays, "in_processes", lambda f, items, jobs: [
+        loop_delays.Outcome(200e3, 5e-6, 6.0, 1, found | {"windows that lie": 0.0, "delay off [s]": 1e-12}),
+        loop_delays.Outcome(200e3, 5e-6, 6.0, 2, lost | {"windows that lie": 3.0, "delay off [s]": 2e-6}),
+        loop_delays.Outcome(200e3, 5e-6, 6.0, 3, {}, "InputError: no"),
+    ])  # fmt: skip
+    shares, _, wrong = loop_delays.make_report([1], 1).tables
+    assert [row.values["share"] for row in shares.rows] == [1 / 3, 1 / 3, 1.0, 1.0]
+    assert [row.note for row in wrong.rows] == ["", "InputError: no"]
 
 
 def test_hidden_effects_are_drawn_from_those_that_need_nothing_to_show():
