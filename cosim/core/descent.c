@@ -196,6 +196,7 @@ static descent look_there(filter *f, int whole, double L[NP][NP], descent d, con
         there = come_down(f, whole, L, there.cost);
     }
     if (there.cost < d.cost - WORTH) {
+        late_keep_side(f, &f->k);
         return there;
     }
     memcpy(f->lowest, lowest, sizeof lowest);

@@ -234,6 +234,15 @@ void unseen_leave_out(const filter *f, double x[NP])
     }
 }
 
+void unseen_leave_alone(const filter *f, double x[NP])
+{
+    for (int m = 0; m < f->hidden; m++) {
+        if (f->growing || f->shown[m] > 0) {
+            add(x, -dot(x, f->unseen_eta[m]), f->unseen_eta[m]);
+        }
+    }
+}
+
 static void swap(filter *f, int a, int b)
 {
     for (int i = 0; i < NP; i++) {
