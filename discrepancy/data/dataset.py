@@ -10,7 +10,7 @@ import numpy as np
 
 from discrepancy.data.linear_start import linear_start, sensor_gains
 from discrepancy.data.offset import levelled
-from discrepancy.data.record import Floats, Hold, Record, Role, Senses, make_record
+from discrepancy.data.record import Floats, Hold, Record, Role, Senses, is_driven, make_record
 from discrepancy.data.table import SUFFIXES, read_columns
 from gyro_model.device import check_passive
 from gyro_model.errors import InputError, nearest
@@ -267,7 +267,7 @@ def _unknown_gains(stated: Mapping[str, float], records: Sequence[Record]) -> tu
     """Gains of two sensors that are not stated: both axes move one mass, which fixes their ratio under a force; where
     neither is stated, that of x is the unit of length."""
     absent = [name for name in ("sense_gain_x", "sense_gain_y") if name not in stated]
-    return tuple(absent[-1:]) if any(record.u.any() for record in records) else ()
+    return tuple(absent[-1:]) if is_driven(records) else ()
 
 
 def _gains_text(found: Mapping[str, float], names: Sequence[str]) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from discrepancy.data.linear_fit import Complexes, fit, mode_frequencies, parameter_scale, weak_form
-from discrepancy.data.record import Floats, Record
+from discrepancy.data.record import Floats, Record, is_driven
 
 PARAMETERS: Final = {1: ("m", "kxx", "dxx"), 2: ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")}
 UNKNOWN: Final = 1e-11
@@ -25,7 +25,7 @@ def cramer_rao_bounds(records: tuple[Record, ...], nominal: Mapping[str, float])
     together; inf where they say nothing."""
     axes = records[0].axes
     names: tuple[str, ...] = PARAMETERS[axes]
-    if not any(record.u.any() for record in records):
+    if not is_driven(records):
         # Without a force no sample knows the mass: it is held.
         names = names[1:]
     point = working_point(records, nominal)

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple, get_args
 
 from discrepancy.data.linear_fit import LOWEST
 from discrepancy.data.linear_start import response
-from discrepancy.data.record import Hold, Record
+from discrepancy.data.record import Hold, Record, is_driven
 
 DECISIVE: Final = 3.0
 """Times less of the force that another hold must leave unexplained. Measured on 14 devices, ten of them not linear: a
@@ -31,7 +31,7 @@ class Better(NamedTuple):
 
 def better_hold(records: Sequence[Record], nominal: Mapping[str, float]) -> Better | None:
     """The hold that the runs show, where it is plainly another than they are given; None where it is not."""
-    if not records or not any(record.u.any() for record in records):
+    if not records or not is_driven(records):
         return None
     left: dict[Hold, float] = {}
     for hold in get_args(Hold):

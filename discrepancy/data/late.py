@@ -15,7 +15,7 @@ from scipy.optimize import minimize_scalar
 
 from discrepancy.data.linear_fit import LOWEST, mode_frequencies
 from discrepancy.data.linear_start import response
-from discrepancy.data.record import Floats, Record
+from discrepancy.data.record import Floats, Record, is_driven
 
 ASTRAY: Final = 0.1
 """Share of the force that a model without delay leaves, from which a fit of it may end astray: a phase of 0.3 rad."""
@@ -38,7 +38,7 @@ class Late(NamedTuple):
 
 def lateness(records: Sequence[Record], nominal: Mapping[str, float]) -> Late | None:
     """The delay that the runs show; None where a model without one does."""
-    if not any(record.u.any() for record in records):
+    if not is_driven(records):
         return None
 
     first = _first(records)

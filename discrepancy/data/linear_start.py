@@ -12,7 +12,7 @@ import numpy as np
 from scipy.signal import csd, welch
 
 from discrepancy.data.linear_fit import LOWEST, PERIODS, Complexes, axis_scales, equations, joined_form
-from discrepancy.data.record import Floats, Record
+from discrepancy.data.record import Floats, Record, is_driven
 from discrepancy.data.resisted import alternatives
 
 WINDOWS: Final = 8
@@ -37,7 +37,7 @@ QUALITY: Final = 1e5
 def linear_start(records: Sequence[Record], gains: Sequence[float]) -> dict[str, float] | None:
     """Nominal values by FMU name, SI, for sensors of so many ``gains`` [V/m]; None where no linear model explains the
     runs."""
-    driven = any(record.u.any() for record in records)
+    driven = is_driven(records)
     found = _held(records, gains, driven, WINDOWS, PERIODS)
     if found is None and driven:
         found = _hardly_held(records, gains)
@@ -65,7 +65,7 @@ def sensor_gains(records: Sequence[Record]) -> list[float]:
     """Gains [V/m] that nobody knows: that of x is 1 V/m, that of y such that one mass moves on both axes; negative
     where the response would otherwise be that of a negative mass and stiffness."""
     axes = records[0].axes
-    if not any(record.u.any() for record in records):
+    if not is_driven(records):
         return [1.0] * axes
     values = _values([_peak(records, axis, driven=True) for axis in range(axes)], [1.0] * axes)
     form = joined_form(records, values, LOWEST)
@@ -143,7 +143,7 @@ class Bent(NamedTuple):
 def bent_response(records: Sequence[Record], values: Mapping[str, float], periods: float = PERIODS) -> Bent | None:
     """That of runs by the weak form in windows of so many ``periods``, without a force for a mass that is known; None
     where it has no window."""
-    driven = any(record.u.any() for record in records)
+    driven = is_driven(records)
     told = _told(records, values, driven, 0, periods, bent=True)
     if told is None:
         return None

@@ -14,7 +14,7 @@ from scipy.signal import decimate
 from threadpoolctl import threadpool_limits
 
 from discrepancy.data.modal import Complexes, Modal, Runs, or_one, refined
-from discrepancy.data.record import Floats, Record
+from discrepancy.data.record import Floats, Record, is_driven
 
 MOST: Final = 6
 """Further modes that are looked for."""
@@ -199,7 +199,7 @@ def _in_band(records: Sequence[Record]) -> Runs:
     rate = records[0].sample_rate
     top = ABOVE * max(band_of(record) for record in records)
     number = max(1, int(rate / (RATE * top)))
-    decays = not any(record.u.any() for record in records)
+    decays = not is_driven(records)
     pairs = []
     for record in (r for r in records if r.sample_rate == rate):
         # What is held until the next sample acts half a step later.

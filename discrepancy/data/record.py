@@ -1,6 +1,6 @@
 """One measured run as arrays: what every later step of a diagnosis works on."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
@@ -146,6 +146,11 @@ def make_record(
             voltage = voltage - window @ voltage / window.sum()
         reference = _strongest(voltage, rate or measured_rate(time))
     return Record(name, role, hold, rate, time, force, voltage, given, valid, senses, reference)  # type: ignore[arg-type]
+
+
+def is_driven(records: Iterable[Record]) -> bool:
+    """Whether a force acts in any of the records; else all are free decays."""
+    return any(record.u.any() for record in records)
 
 
 def unheld(u: Floats, v: Floats) -> bool:

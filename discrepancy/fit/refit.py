@@ -17,7 +17,7 @@ from discrepancy.data.algebra import inverse_scaled
 from discrepancy.data.linear_fit import WeakForm, joined_form
 from discrepancy.data.linear_fit import fit as fit_weak_form
 from discrepancy.data.linear_start import BADLY, response
-from discrepancy.data.record import Floats, Record
+from discrepancy.data.record import Floats, Record, is_driven
 from discrepancy.fit.colour import autoregression
 from discrepancy.fit.fitted import Fitted, Free, bare
 from discrepancy.fit.quotients import Point, Quotients
@@ -111,7 +111,7 @@ class Fitter:
         self.simulator, self.records, self.blocks, self.criteria = simulator, tuple(records), blocks, criteria
         self.axes = self.records[0].axes
         self.period = 1 / self.records[0].sample_rate
-        self._driven = any(record.u.any() for record in self.records)
+        self._driven = is_driven(self.records)
         self._stateful = [e for e in simulator.model.effects if e.starts]
         self.signal = _rms(self.records) or _rms([simulator.run_of(record) for record in self.records])
         self.quotients = Quotients(simulator, self.signal)
@@ -129,7 +129,7 @@ class Fitter:
             parameters |= damped(_response(records, form, nominal), nominal)
         one = self.axes == 1
         names: tuple[str, ...] = ("m", "kxx", "dxx") if one else ("m", "kxx", "kyy", "kxy", "dxx", "dyy", "dxy")
-        if not any(r.u.any() for r in self.records):
+        if not is_driven(self.records):
             # A free decay is the same for every mass: it is held, as the gauge of all forces.
             names = names[1:]
         free = (*(_nominal(name, parameters) for name in names), *more)
@@ -476,7 +476,7 @@ def passive(p: Mapping[str, float], axes: int) -> dict[str, float]:
 def _response(records: Sequence[Record], form: WeakForm, nominal: Mapping[str, float]) -> Mapping[str, float]:
     """m, k, d by the weak form; beside forces that bend the response where a linear one explains next to nothing."""
     linear = fit_weak_form(form, nominal)
-    driven = any(r.u.any() for r in records)
+    driven = is_driven(records)
     if linear.unexplained > BADLY and driven:
         bent = response(records, nominal, driven, lowest=0, bent=True)
         if (

@@ -10,6 +10,7 @@ from sympy import sympify
 
 from discrepancy.data.linear_fit import PERIODS, fit, joined_form
 from discrepancy.data.linear_start import FEW_PERIODS, Bent, bent_response
+from discrepancy.data.record import is_driven
 from discrepancy.fit.continuation import ROUNDS, grown, shortest, with_starts
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
@@ -42,7 +43,7 @@ def bending(search: "Search") -> Taken | None:
     """The model with those effects that are forces of third order in the motion of one axis, where a weak form says
     that they bend the response and a fit with them leaves plainly less; None where not."""
     records, whole = search.dataset.fit, search.whole
-    driven = any(r.u.any() for r in records)
+    driven = is_driven(records)
     # In a decay, whose frequency goes with its amplitude, fewer periods are alike.
     periods = PERIODS if driven else FEW_PERIODS
     form, told = joined_form(records, search.nominal, periods=periods), bent_response(records, search.nominal, periods)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from discrepancy.data.hold import DECISIVE
-from discrepancy.data.record import Hold
+from discrepancy.data.record import Hold, is_driven
 from discrepancy.fit.continuation import FEW, beginnings
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.openings import parts
@@ -28,7 +28,7 @@ def let_run_on(search: "Search") -> None:
     """Goes on with a force that ran on between samples where nobody has said that it was held, and the present model
     then leaves plainly less: of the shortest openings, and of whole runs."""
     data, before = search.dataset, copy(vars(search))
-    driven = any(record.u.any() for record in data.fit)
+    driven = is_driven(data.fit)
     if data.hold_stated or not driven or data.fit[0].hold == RUNS_ON or search.fitter is not search.whole:
         return
     other = Fitter(search.simulator, [replace(record, hold=RUNS_ON) for record in data.fit], criteria=search.criteria)

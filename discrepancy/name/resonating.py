@@ -10,6 +10,7 @@ from sympy import Symbol, solve
 
 from discrepancy.data.absorbers import Absorber, Carried, carried
 from discrepancy.data.modes import ENOUGH
+from discrepancy.data.record import is_driven
 from discrepancy.fit.continuation import grown
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
@@ -39,7 +40,7 @@ def resonating(search: "Search") -> Taken | None:
     records, whole = search.dataset.fit, search.whole
     gains = [search.nominal[f"sense_gain_{axis}"] for axis in "xy"[: whole.axes]]
     first, further = search.modes
-    driven = any(r.u.any() for r in records)
+    driven = is_driven(records)
     told = carried(records, sorted([*first, *further]), gains) if driven and further else None
     if told is None:
         return None

@@ -9,7 +9,7 @@ from scipy.stats import chi2, norm
 
 from discrepancy.data.checks import modes
 from discrepancy.data.linear_fit import mode_frequencies
-from discrepancy.data.record import Floats
+from discrepancy.data.record import Floats, is_driven
 from discrepancy.data.repeats import repeated_noise
 from discrepancy.fit.colour import gain
 from discrepancy.fit.continuation import LAST_ROUNDS, unsprung
@@ -364,7 +364,7 @@ def _doubts(search: "Search", rest: "Remainder", residuals: Sequence[Floats]) ->
         for name in sorted(search.refuted)
     ]
     found += _scaled(search)
-    if not any(record.u.any() for record in search.dataset.fit):
+    if not is_driven(search.dataset.fit):
         found += [
             f"{entry.id}: its values are those of states at rest at the start of each decay, since no free decay tells "
             "how they began; a run under a known force tells both"
