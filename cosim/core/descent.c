@@ -191,6 +191,7 @@ static descent look_there(filter *f, int whole, double L[NP][NP], descent d, con
     late_keep_side(f, &target);
     straight_step(f, found, step, other);
     const double cost = go_to(f, other);
+    late_keep_side(f, &f->k);
     descent there = come_down(f, whole, L, cost);
     for (int more = 0; more < AGAIN && there.off > OFF && there.cost > d.cost - WORTH && there.cost < FAR_OFF * (double)f->rows; more++) {
         there = come_down(f, whole, L, there.cost);
@@ -242,7 +243,7 @@ descent descent_find(filter *f, double L[NP][NP])
     if ((whole || f->in_block >= TELLING) && late_other_side(f, step)) {
         d = look_on_both_sides(f, whole, L, d);
     }
-    for (int which = 0; which < LATE_WHOLES && (whole || is_early(f)); which++) {
+    for (int which = 0; which < LATE_WHOLES && (whole || astray || is_early(f)); which++) {
         if (late_whole_periods(f, which, step)) {
             d = look_there(f, whole, L, d, step);
         }
