@@ -7,7 +7,7 @@
 #define APART 0.3 /* of the design's deviation of the constant, from which on another size is looked at */
 
 /* Where other sizes are looked at: deviations of the design from the one that it expects. */
-static const double ELSEWHERE[CARRIED_SIZES] = {-1.0, 0.0, 1.5};
+static const double ELSEWHERE[CARRIED_EACH] = {-1.0, 0.0, 1.5};
 
 /* Whether the axes move the states of effects otherwise where constant i is `other`. */
 static int carries(const known *at, int i, double other)
@@ -27,10 +27,11 @@ static int carries(const known *at, int i, double other)
     return found;
 }
 
-int carried_other(const filter *f, int i, int which, double step[NP])
+int carried_other(const filter *f, int which, double step[NP])
 {
+    const int i = which / CARRIED_EACH;
     double change[NP] = {0.0};
-    const double other = larger(f->first_p[i] + ELSEWHERE[which] * f->prior[i], f->first_lowest[i]);
+    const double other = larger(f->first_p[i] + ELSEWHERE[which % CARRIED_EACH] * f->prior[i], f->first_lowest[i]);
     change[i] = other - f->k.p[i];
     if (i == INVERSE_MASS || fabs(change[i]) < APART * f->prior[i] || !carries(&f->k, i, other)) {
         return 0;

@@ -6,10 +6,11 @@
 
 #include "filter.h"
 
-#define CARRIED_SIZES 3 /* other sizes of a coupling that are looked at */
+#define CARRIED_EACH 3 /* other sizes of a coupling that are looked at */
+#define CARRIED_SIZES (NP * CARRIED_EACH)
 
-/* Whether constant i moves the states of effects with the axes and is not near that one of CARRIED_SIZES that the design allows; `step`: the change of
-   eta to there. */
-int carried_other(const filter *f, int i, int which, double step[NP]);
+/* Whether the constant of that one of CARRIED_SIZES moves the states of effects with the axes, is not near it, and the design allows it; `step`: the change
+   of eta to there. */
+int carried_other(const filter *f, int which, double step[NP]);
 
 #endif

@@ -206,10 +206,25 @@ static descent look_there(filter *f, int whole, double L[NP][NP], descent d, con
     return d;
 }
 
+/* Looks for a better fit at each of `count` other places: `place` gives the change of eta to one that is worth it. */
+static descent look_elsewhere(filter *f, int whole, double L[NP][NP], descent d, int (*place)(const filter *, int, double[NP]), int count)
+{
+    double step[NP];
+    for (int which = 0; which < count; which++) {
+        if (place(f, which, step)) {
+            d = look_there(f, whole, L, d, step);
+        }
+    }
+    return d;
+}
+
 /* Beside whole periods of delay: goes on from where the fit has come to rest, which may be at their kink, on this side of it, and looks on the other. */
 static descent look_on_both_sides(filter *f, int whole, double L[NP][NP], descent d)
 {
     double step[NP];
+    if (!late_other_side(f, step)) {
+        return d;
+    }
     late_keep_side(f, &f->k);
     d = come_down(f, whole, L, d.cost);
     return late_other_side(f, step) ? look_there(f, whole, L, d, step) : d;
@@ -225,7 +240,7 @@ static int is_early(const filter *f)
 descent descent_find(filter *f, double L[NP][NP])
 {
     const int whole = f->in_block >= (int64_t)f->settings.start;
-    double cost = block_squared(f->eta), step[NP];
+    double cost = block_squared(f->eta);
     if (whole) {
         /* As later rounds are: with the walk of the rate as it is by now. */
         (void)filter_again(f);
@@ -235,25 +250,18 @@ descent descent_find(filter *f, double L[NP][NP])
     }
     descent d = come_down(f, whole, L, cost);
     const int astray = !whole && f->in_block >= TELLING && d.cost > (double)f->rows + ASTRAY * sqrt(2.0 * (double)f->rows);
-    for (int which = 0; which < LATE_LAGS && (astray || is_early(f)); which++) {
-        if (late_other_lag(f, which, step)) {
-            d = look_there(f, whole, L, d, step);
-        }
+    const int early = is_early(f);
+    if (astray || early) {
+        d = look_elsewhere(f, whole, L, d, late_other_lag, LATE_LAGS);
     }
-    if ((whole || f->in_block >= TELLING) && late_other_side(f, step)) {
+    if (whole || f->in_block >= TELLING) {
         d = look_on_both_sides(f, whole, L, d);
     }
-    for (int which = 0; which < LATE_WHOLES && (whole || astray || is_early(f)); which++) {
-        if (late_whole_periods(f, which, step)) {
-            d = look_there(f, whole, L, d, step);
-        }
+    if (whole || astray || early) {
+        d = look_elsewhere(f, whole, L, d, late_whole_periods, LATE_WHOLES);
     }
-    for (int i = 0; i < NP && is_early(f); i++) {
-        for (int which = 0; which < CARRIED_SIZES; which++) {
-            if (carried_other(f, i, which, step)) {
-                d = look_there(f, whole, L, d, step);
-            }
-        }
+    if (early) {
+        d = look_elsewhere(f, whole, L, d, carried_other, CARRIED_SIZES);
     }
     return d;
 }
