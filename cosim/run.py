@@ -23,6 +23,8 @@ LONG_RUN: Final = 1.0
 """Runs over this use the energy loop [s]: damping that is a little wrong lets the energy wander."""
 LARGEST_STEP: Final = 5e-6
 """Internal step at most [s]: order 8 leaves 6e-11 rad after 1 s of the reference device, see benchmarks/."""
+SAMPLE_RATE: Final = 200e3
+"""Of a run for which nobody gives one, nor the device a sample period [Hz]."""
 TRACE_RATE: Final = 20e3
 """Rows of a trace a second, where it would not grow beyond TRACE_ROWS."""
 TRACE_ROWS: Final = 600_000
@@ -42,7 +44,7 @@ class Run:
     design: Design
     observer: Observer | CoreObserver
     controller: Controller | CoreController
-    sample_rate: float = 200e3
+    sample_rate: float = SAMPLE_RATE
     duration: float = 1.0
     seed: int = 0
     trace_rate: float | None = None
@@ -134,6 +136,14 @@ class Run:
 
 TONE_DEFLECTION: Final = 0.5e-6
 """Static deflection that a tone's amplitude makes of the isotropic oscillator [m]: the reference device's 32 uN."""
+
+
+def sample_rate_of(device: Device, asked: float | None = None) -> float:
+    """Samples a second of a run: as ``asked``, by default those of the device's own `sample_period`."""
+    if asked is not None:
+        return asked
+    period = device.parameters.get("sample_period")
+    return SAMPLE_RATE if period is None else 1 / period
 
 
 def check_clock(device: Device, sample_rate: float, seed: int) -> None:

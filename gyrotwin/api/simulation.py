@@ -25,7 +25,7 @@ def run(
     observer: str | Path = "ekf",
     controller: str | Path = "foucault",
     angle: str | None = None,
-    sample_rate: float = 200e3,
+    sample_rate: float | None = None,
     trace_rate: float | None = None,
     rate_profile: str | Path | None = None,
     rate_column: str | None = None,
@@ -56,7 +56,7 @@ def run(
     angle : {"A", "B", "C"}
         Angle unit; None: the scenario's.
     sample_rate : float
-        Samples a second [Hz], 1e3 to 1e7.
+        Samples a second [Hz], 1e3 to 1e7; None: the device's, or 200e3.
     trace_rate : float
         Rows of the trace a second [Hz]; None: 20,000, fewer in long runs.
     rate_profile, rate_column, rate_unit, rate_start
@@ -136,7 +136,7 @@ def rate(
     sense: str = "open",
     plant: str | None = None,
     duration: float | None = None,
-    sample_rate: float = 200e3,
+    sample_rate: float | None = None,
     output_rate: float | None = None,
     seed: int = 1,
     sense_record: float | None = None,
@@ -168,7 +168,7 @@ def rate(
     duration : float
         Seconds; None: what the courses last.
     sample_rate, output_rate : float
-        Of the converter and of the record [Hz].
+        Of the converter and of the record [Hz]; None: the device's or 200e3, and the plant's.
     seed : int
         Seed of the noises.
     split_estimate : float

@@ -49,7 +49,7 @@ class Request(NamedTuple):
     sense: str = "open"
     plant: str | None = None
     duration: float | None = None
-    sample_rate: float = 200e3
+    sample_rate: float | None = None
     output_rate: float | None = None
     seed: int = 1
     sense_record: float | None = None
@@ -93,7 +93,9 @@ def rate(
         str | None, typer.Option(help="full or envelope (hours); default: full up to 60 s, else envelope.")
     ] = None,
     duration: Annotated[float | None, typer.Option(help="Seconds; default: what the courses last.")] = None,
-    sample_rate: Annotated[float, typer.Option(help="Samples a second of the converter.")] = 200e3,
+    sample_rate: Annotated[
+        float | None, typer.Option(help="Samples a second of the converter; default: the device's, or 200000.")
+    ] = None,
     output_rate: Annotated[
         float | None, typer.Option(help="Rows of the record a second; default 100, envelope 10.")
     ] = None,
@@ -131,6 +133,7 @@ def rate(
 def prepare(request: Request) -> "RateRun":
     """The run that ``request`` asks for. Raises InputError, with a remedy, for whatever is wrong in it."""
     from cosim.rate.run import RateRun
+    from cosim.run import sample_rate_of
 
     choose("--sense", request.sense, ("open", "closed"))
     courses, length = courses_of_request(request)
@@ -149,7 +152,7 @@ def prepare(request: Request) -> "RateRun":
         closed=request.sense == "closed",
         duration=duration,
         seed=int(device.model.parameter("seed").check(request.seed)),
-        sample_rate=request.sample_rate,
+        sample_rate=sample_rate_of(device, request.sample_rate),
         output_rate=request.output_rate if request.output_rate is not None else OUTPUT_RATES[plant],
         envelope=plant == "envelope",
         sense_rate=request.sense_record,

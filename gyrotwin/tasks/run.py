@@ -15,7 +15,7 @@ from cosim.metrics import summarise
 from cosim.rate_profile import read_profile
 from cosim.recorder import Result
 from cosim.registry import find_controller, find_observer
-from cosim.run import Run
+from cosim.run import Run, sample_rate_of
 from cosim.scenarios import scenario
 from gyro_model.device import Device, load_device
 from gyro_model.errors import InputError, nearest
@@ -44,8 +44,8 @@ pair mismatch of 2 %, gain ratio 3 %, parasitic 5 %."""
 
 
 class Request(NamedTuple):
-    """A run as asked for; None where the scenario or the design decides. ``settings`` are texts ``name=value``; a
-    device or design is a name, a file, or the object itself."""
+    """A run as asked for; None where the scenario, the design or the device decides. ``settings`` are texts
+    ``name=value``; a device or design is a name, a file, or the object itself."""
 
     scenario: str
     device: str | Device = "reference"
@@ -59,7 +59,7 @@ class Request(NamedTuple):
     controller: str = "foucault"
     sensing_defects: bool = False
     angle: str | None = None
-    sample_rate: float = 200e3
+    sample_rate: float | None = None
     duration: float | None = None
     seed: int = 1
     trace_rate: float | None = None
@@ -100,7 +100,7 @@ def prepare(request: Request, folder: Path | None = None) -> Run:
         design=_through_file(design, device, seed, folder),
         observer=find_observer(request.observer),
         controller=find_controller(request.controller),
-        sample_rate=request.sample_rate,
+        sample_rate=sample_rate_of(device, request.sample_rate),
         duration=request.duration if request.duration is not None else chosen.duration,
         seed=seed,
         trace_rate=request.trace_rate,

@@ -185,7 +185,7 @@ def test_a_plant_without_noise_is_observed() -> None:
         ({"settings": ("observer.settle=-1",)}, "settle"),
         ({"settings": ("monitor.drift_limits=1",)}, "drift_limit"),
         ({"settings": ("loop.x=1",)}, "observer, controller, monitor"),
-        ({"settings": ("sample_period=2.5e-6",)}, "--sample-rate 400000"),
+        ({"settings": ("sample_period=2.5e-6",), "sample_rate": 200e3}, "--sample-rate 400000"),
         ({"settings": ("seed=7",)}, "--seed 7"),
     ],
 )
@@ -193,6 +193,11 @@ def test_a_run_that_cannot_be_is_refused(options: dict[str, Any], expected: str)
     changes = options.pop("settings", ())
     with pytest.raises(InputError, match=expected):
         run_of("constant", *changes, **options)
+
+
+def test_the_sample_period_of_a_device_is_that_of_its_run() -> None:
+    assert run_of("constant", "sample_period=2.5e-6").sample_rate == pytest.approx(400e3, rel=1e-15)
+    assert run_of("constant").sample_rate == 200e3
 
 
 def test_true_parameters_follow_the_laws() -> None:
