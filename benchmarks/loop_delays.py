@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from benchmarks import loop_drift
+from benchmarks.loop_devices import ANGLE, DRIFT, OVER_BOUND, SHARE, VALID_WITHIN, meets
 from benchmarks.loop_runs import finite, in_processes
 from benchmarks.report import Options, Report, Row, Table, row, spread
 from cosim.master import simulate
@@ -20,9 +21,6 @@ DELAYS: Final = ((200e3, 5e-6), (400e3, 2.5e-6), (400e3, 5e-6))
 """Sample rate [Hz] and delay [s], one or two periods."""
 FEEDTHROUGHS: Final = (6.0, -6.0, 10.0, -10.0)
 """[V/N]."""
-VALID_WITHIN_S: Final = 0.5
-DRIFT: Final = 0.15
-"""[deg/s], or twice the bound."""
 FOUND: Final = 1e-9
 """How far a delay that was found may be off [s]."""
 
@@ -60,8 +58,7 @@ def measure(what: tuple[float, float, float, int]) -> Outcome:
 
 
 def _is_right(o: Outcome) -> bool:
-    drift, bound = o.values.get("drift [°/s]", np.inf), o.values.get("bound [°/s]", 0.0)
-    return o.values.get("valid from [s]", np.inf) <= VALID_WITHIN_S and drift <= max(DRIFT, 2 * bound)
+    return bool(o.values) and meets(o.values)
 
 
 def _shares(outcomes: Sequence[Outcome]) -> list[Row]:
@@ -70,7 +67,14 @@ def _shares(outcomes: Sequence[Outcome]) -> list[Row]:
     found = sum(o.values.get("delay off [s]", np.inf) <= FOUND for o in outcomes) / count
     lies = float(sum(o.values.get("windows that lie", 0.0) > 0 for o in outcomes))
     return [
-        Row("valid in time and drift within its limit", "1", {"share": right}, 0.95, at_least=True, note=f"of {count}"),
+        Row(
+            "valid in time, angle and drift within their limits",
+            "1",
+            {"share": right},
+            SHARE,
+            at_least=True,
+            note=f"of {count}",
+        ),
         Row("delay found within a nanosecond", "1", {"share": found}),
         Row("runs with a lie", "runs", {"share": lies}, 0.0),
         Row("runs that abort", "runs", {"share": float(sum(not o.values for o in outcomes))}, 0.0),
@@ -91,8 +95,8 @@ def make_report(seeds: Sequence[int], jobs: int) -> Report:
     notes = [
         "Reference device, `constant`, 1 s, design `lab`; a command that the processor sends on at the next sample, or "
         "at the one after.",
-        f"Right: valid within {VALID_WITHIN_S:g} s, and drift over 0.5 to 1 s of no more than the larger of {DRIFT:g} "
-        "°/s and twice the bound.",
+        f"Right: valid within {VALID_WITHIN:g} s, angle within {ANGLE:g}° rms, drift over 0.5 to 1 s of no more than "
+        f"the larger of {DRIFT:g} °/s and {OVER_BOUND:g} times the bound.",
     ]
     data = {"runs": [o._asdict() | {"values": finite(o.values)} for o in outcomes]}
     title = f"Delays of whole sample periods, {len(seeds)} seeds from {seeds[0]}"

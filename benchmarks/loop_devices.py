@@ -5,7 +5,7 @@
 
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Final, NamedTuple
@@ -76,11 +76,12 @@ class Outcome(NamedTuple):
     why: str = ""
     aborted: bool = False
 
-    def good(self) -> bool:
-        """Whether it meets the targets."""
-        v = self.values
-        limit = max(DRIFT, OVER_BOUND * np.nan_to_num(v["bound [°/s]"]))
-        return v["valid from [s]"] <= VALID_WITHIN and v["angle C [°]"] <= ANGLE and abs(v["drift [°/s]"]) <= limit
+
+def meets(values: Mapping[str, float]) -> bool:
+    """Whether a run's ``values`` by COLUMNS meet the targets."""
+    limit = max(DRIFT, OVER_BOUND * np.nan_to_num(values["bound [°/s]"]))
+    in_time = values["valid from [s]"] <= VALID_WITHIN
+    return in_time and values["angle C [°]"] <= ANGLE and abs(values["drift [°/s]"]) <= limit
 
 
 def scaled_intervals(device: Device, name: str = "lab") -> dict[str, tuple[float, float]]:
@@ -235,9 +236,14 @@ def why(result: Result) -> str:
 def run_rows(outcomes: Sequence[Outcome], all_of_them: bool = True) -> list[Row]:
     """A row for each run."""
     return [
-        row(f"device {o.device} seed {o.seed}", "", o.values, note=f"{'' if o.good() else 'MISSED: '}{o.what}. {o.why}")
+        row(
+            f"device {o.device} seed {o.seed}",
+            "",
+            o.values,
+            note=f"{'' if meets(o.values) else 'MISSED: '}{o.what}. {o.why}",
+        )
         for o in outcomes
-        if all_of_them or not o.good()
+        if all_of_them or not meets(o.values)
     ]
 
 
@@ -257,7 +263,7 @@ def summary_rows(outcomes: Sequence[Outcome]) -> list[Row]:
     ratios = [ratio for ratio in ratios if np.isfinite(ratio)]
     middle = float(np.median(ratios)) if ratios else np.nan
     return [
-        share("valid in time, angle and drift within their limits", sum(o.good() for o in outcomes), SHARE),
+        share("valid in time, angle and drift within their limits", sum(meets(o.values) for o in outcomes), SHARE),
         share(f"valid within {VALID_WITHIN:g} s", sum(o.values[COLUMNS[0]] <= VALID_WITHIN for o in outcomes)),
         share("valid at some time", sum(np.isfinite(o.values[COLUMNS[0]]) for o in outcomes)),
         number("runs with a lie", sum(o.values["lies"] > 0 for o in outcomes)),

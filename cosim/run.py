@@ -23,8 +23,6 @@ LONG_RUN: Final = 1.0
 """Runs over this use the energy loop [s]: damping that is a little wrong lets the energy wander."""
 LARGEST_STEP: Final = 5e-6
 """Internal step at most [s]: order 8 leaves 6e-11 rad after 1 s of the reference device, see benchmarks/."""
-SAMPLE_RATE: Final = 200e3
-"""Of a run for which nobody gives one, nor the device a sample period [Hz]."""
 TRACE_RATE: Final = 20e3
 """Rows of a trace a second, where it would not grow beyond TRACE_ROWS."""
 TRACE_ROWS: Final = 600_000
@@ -44,7 +42,7 @@ class Run:
     design: Design
     observer: Observer | CoreObserver
     controller: Controller | CoreController
-    sample_rate: float = SAMPLE_RATE
+    sample_rate: float = 200e3
     duration: float = 1.0
     seed: int = 0
     trace_rate: float | None = None
@@ -139,17 +137,16 @@ TONE_DEFLECTION: Final = 0.5e-6
 
 
 def sample_rate_of(device: Device, asked: float | None = None) -> float:
-    """Samples a second of a run: as ``asked``, by default those of the device's own `sample_period`."""
-    if asked is not None:
-        return asked
-    period = device.parameters.get("sample_period")
-    return SAMPLE_RATE if period is None else 1 / period
+    """Samples a second of a run: as ``asked``, by default those of the device's `sample_period`."""
+    # Twelve digits: one over 5e-6 is a rounding below 200 kHz.
+    return asked if asked is not None else float(f"{1 / device.all_parameters['sample_period']:.12g}")
 
 
 def check_clock(device: Device, sample_rate: float, seed: int) -> None:
     """Raises InputError where the device says other samples [Hz] or another seed than the run, which decides."""
     period = device.parameters.get("sample_period")
-    if period is not None and abs(period * sample_rate - 1) > 1e-9:
+    # Twelve digits of either are the same clock.
+    if period is not None and abs(period * sample_rate - 1) > 1e-11:
         raise InputError(
             f"sample_period = {period:g} s: the run takes {sample_rate:g} samples a second; "
             f"give --sample-rate {1 / period:g} instead"

@@ -206,7 +206,7 @@ void block_keep_in_bounds(const filter *f, double L[NP][NP], double eta[NP])
                     w[j] = j >= i ? f->W[i][j] : 0.0;
                 }
                 block_solve(L, w, along[count], half);
-                unseen_leave_alone(f, along[count]);
+                unseen_leave_from_bounds(f, along[count]);
                 at[count++] = i;
                 grown = 1;
             }

@@ -5,6 +5,8 @@
 
 #include "filter.h"
 
+#define APART 0.3 /* of the design's deviation of a constant, from which on another value of it is looked at */
+
 /* A row of the block in eta, W' h, less what no sample shows. */
 void block_row_in_eta(const filter *f, const double row[NP], double g[NP]);
 

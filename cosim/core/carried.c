@@ -4,8 +4,6 @@
 #include "known_model.h"
 #include "linear.h"
 
-#define APART 0.3 /* of the design's deviation of the constant, from which on another size is looked at */
-
 /* Where other sizes are looked at: deviations of the design from the one that it expects. */
 static const double ELSEWHERE[CARRIED_EACH] = {-1.0, 0.0, 1.5};
 

@@ -188,6 +188,8 @@ static descent look_there(filter *f, int whole, double L[NP][NP], descent d, con
     for (int i = 0; i < NP; i++) {
         target.p[i] = block_constant_at(f, other, i);
     }
+    /* Straight in what the voltages see is not straight in the delay, which must not slip to the other side of whole periods; and where that has led
+       above them by itself, the fit stays above. */
     late_keep_side(f, &target);
     straight_step(f, found, step, other);
     const double cost = go_to(f, other);
@@ -197,6 +199,7 @@ static descent look_there(filter *f, int whole, double L[NP][NP], descent d, con
         there = come_down(f, whole, L, there.cost);
     }
     if (there.cost < d.cost - WORTH) {
+        /* From below it may have come up. */
         late_keep_side(f, &f->k);
         return there;
     }

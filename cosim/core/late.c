@@ -3,7 +3,6 @@
 #include "block.h"
 #include "known_model.h"
 
-#define APART 0.3 /* of the design's deviation of the lag, from which on another one is looked at */
 #define BESIDE 0.03 /* periods beside whole ones at which a delay may be on the wrong side, and how far below them it is looked for */
 #define ABOVE 0.002 /* periods above whole ones at which it is looked for there: a delay that is just whole is as good as there */
 
@@ -86,23 +85,26 @@ void late_keep_side(filter *f, const known *at)
     }
 }
 
-/* The lag [s] that the design expects, and its deviation. */
-static void expected_lag(const filter *f, const lateness *now, double *lag, double *deviation)
+/* Whether there are a delay and a lag to share what is late; the lag [s] that the design expects, and its deviation. */
+static int is_shared(const filter *f, const lateness *now, double *expected, double *deviation)
 {
+    if (now->delay_at < 0 || now->lag_at < 0) {
+        return 0;
+    }
     known design = f->k;
     memcpy(design.p, f->first_p, sizeof design.p);
-    *lag = lateness_of(f, &design).lag;
+    *expected = lateness_of(f, &design).lag;
     *deviation = fabs(now->lag_by) * f->prior[now->lag_at];
+    return 1;
 }
 
 int late_other_lag(const filter *f, int which, double step[NP])
 {
     const lateness now = lateness_of(f, &f->k);
-    if (now.delay_at < 0 || now.lag_at < 0) {
+    double expected, deviation;
+    if (!is_shared(f, &now, &expected, &deviation)) {
         return 0;
     }
-    double expected, deviation;
-    expected_lag(f, &now, &expected, &deviation);
     const double less = now.lag - larger(expected + ELSEWHERE[which] * deviation, 0.0);
     if (fabs(less) < APART * deviation || now.delay + less < 0.0) {
         return 0;
@@ -114,11 +116,10 @@ int late_other_lag(const filter *f, int which, double step[NP])
 int late_whole_periods(const filter *f, int which, double step[NP])
 {
     const lateness now = lateness_of(f, &f->k);
-    if (now.delay_at < 0 || now.lag_at < 0) {
+    double expected, deviation;
+    if (!is_shared(f, &now, &expected, &deviation)) {
         return 0;
     }
-    double expected, deviation;
-    expected_lag(f, &now, &expected, &deviation);
     const double period = f->m.period, whole = floor((now.delay + now.lag) / period + BESIDE) - (double)which;
     const double more = (whole + ABOVE) * period - now.delay, less = smaller(more, now.lag);
     if (whole < 1.0 || fabs(more) < BESIDE * period || now.lag - less > expected + ELSEWHERE[LATE_LAGS - 1] * deviation) {

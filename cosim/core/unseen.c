@@ -227,20 +227,24 @@ void unseen_scale(filter *f)
     }
 }
 
-void unseen_leave_out(const filter *f, double x[NP])
+/* Leaves out of x what is along the directions of which nothing is shown: all of them, or those that the last block showed. */
+static void leave_out(const filter *f, int all, double x[NP])
 {
     for (int m = 0; m < f->hidden; m++) {
-        add(x, -dot(x, f->unseen_eta[m]), f->unseen_eta[m]);
-    }
-}
-
-void unseen_leave_alone(const filter *f, double x[NP])
-{
-    for (int m = 0; m < f->hidden; m++) {
-        if (f->growing || f->shown[m] > 0) {
+        if (all || f->shown[m] > 0) {
             add(x, -dot(x, f->unseen_eta[m]), f->unseen_eta[m]);
         }
     }
+}
+
+void unseen_leave_out(const filter *f, double x[NP])
+{
+    leave_out(f, 1, x);
+}
+
+void unseen_leave_from_bounds(const filter *f, double x[NP])
+{
+    leave_out(f, f->growing, x);
 }
 
 static void swap(filter *f, int a, int b)

@@ -25,7 +25,7 @@ void unseen_leave_out(const filter *f, double x[NP]);
 
 /* Leaves out of x what can't hold a constant at its lowest value: in a start all that it does not show, which bends, so that a fit would creep along it;
    later what the last block showed, whose objections do not count yet. */
-void unseen_leave_alone(const filter *f, double x[NP]);
+void unseen_leave_from_bounds(const filter *f, double x[NP]);
 
 /* Their columns of W, one after another, the others zero. */
 void unseen_columns(const filter *f, double columns[NP][NP]);

@@ -56,7 +56,7 @@ def run(
     angle : {"A", "B", "C"}
         Angle unit; None: the scenario's.
     sample_rate : float
-        Samples a second [Hz], 1e3 to 1e7; None: the device's, or 200e3.
+        Samples a second [Hz], 1e3 to 1e7; None: those of the device's sample period.
     trace_rate : float
         Rows of the trace a second [Hz]; None: 20,000, fewer in long runs.
     rate_profile, rate_column, rate_unit, rate_start
@@ -168,7 +168,7 @@ def rate(
     duration : float
         Seconds; None: what the courses last.
     sample_rate, output_rate : float
-        Of the converter and of the record [Hz]; None: the device's or 200e3, and the plant's.
+        Of the converter and of the record [Hz]; None: the device's, and the plant's.
     seed : int
         Seed of the noises.
     split_estimate : float

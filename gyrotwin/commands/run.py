@@ -53,7 +53,7 @@ def run(
     ] = False,
     angle: Annotated[str | None, typer.Option(help="Angle unit A, B or C; default: the scenario's.")] = None,
     sample_rate: Annotated[
-        float | None, typer.Option(help="Samples a second; default: the device's, or 200000.")
+        float | None, typer.Option(help="Samples a second; default: those of the device's sample period.")
     ] = None,
     duration: Annotated[float | None, typer.Option(help="Seconds; default: the scenario's.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the noises and of the first estimates.")] = 1,

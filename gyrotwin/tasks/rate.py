@@ -94,7 +94,8 @@ def rate(
     ] = None,
     duration: Annotated[float | None, typer.Option(help="Seconds; default: what the courses last.")] = None,
     sample_rate: Annotated[
-        float | None, typer.Option(help="Samples a second of the converter; default: the device's, or 200000.")
+        float | None,
+        typer.Option(help="Samples a second of the converter; default: those of the device's sample period."),
     ] = None,
     output_rate: Annotated[
         float | None, typer.Option(help="Rows of the record a second; default 100, envelope 10.")

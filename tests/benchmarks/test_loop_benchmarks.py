@@ -101,7 +101,7 @@ def test_a_run_that_fails_is_a_row(monkeypatch):
     monkeypatch.setattr(loop_devices, "simulate", fail)
     outcome = loop_devices.measure((1, 2))
     assert outcome.aborted
-    assert not outcome.good()
+    assert not loop_devices.meets(outcome.values)
     assert "the plant broke" in outcome.why
     [line] = loop_devices.run_rows([outcome])
     assert line.what == "device 1 seed 2"
