@@ -1,9 +1,9 @@
 """Names the effects that a model lacks, and hands what no name explains to a further search."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -16,12 +16,17 @@ from discrepancy.clock import Clock, OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.modes import further_modes
+from discrepancy.fit.openings import Opening
 from discrepancy.fit.refit import DEFAULT
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name import checkpoint as store
-from discrepancy.name.further import Further
+from discrepancy.name.begin import begin, resume
+from discrepancy.name.exchange import finish
+from discrepancy.name.extend import extend, untracked, widen
+from discrepancy.name.further import Further, Wider
 from discrepancy.name.more_modes import copies, with_copies
-from discrepancy.name.search import Search
+from discrepancy.name.question import question
+from discrepancy.name.search import Given, Search, asked, attempt
 from discrepancy.tell.answer import Diagnosis
 from discrepancy.tell.assemble import assemble
 from discrepancy.tell.limits import Limits
@@ -32,6 +37,93 @@ from gyro_model.progress import Steps
 
 AGAIN: Final = 3
 """Times at most that effects are looked for anew beside names that questions have changed."""
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """What is asked of a search in turn. max_effects: at most so many are named; further: a search for terms that are
+    in no file, where there is one; simulator: of a model with terms."""
+
+    max_effects: int
+    further: Further | None
+    simulator: Callable[[Model, Iterable[Term]], Simulator]
+
+    def carried_out(self, search: Search) -> Search:
+        """The search with all in its model that is worth it, and every name put to the test."""
+        search = self._settled(search)
+        while self.further and len(search.terms) < self.max_effects and not search.in_vain:
+            before, search = search, self._other_terms(search)
+            if len(search.terms) == len(before.terms):
+                break
+        # Those that stayed because there was no time for the other term.
+        search = replace(search, refuted=search.refuted & search.names)
+        # What comes in after a question is questioned as well.
+        for again in range(AGAIN, -1, -1):
+            before, search = search, question(search)
+            if not again or search.late or not search.names < before.names:
+                break
+            search = self._settled(search)
+        return search
+
+    def _settled(self, search: Search) -> Search:
+        """With effects accepted and held against each other, again where what came in first may have hidden what is
+        seen once its place is taken or it is gone."""
+        for _ in range(AGAIN):
+            search = self._extended(search)
+            before, search = search, finish(search)
+            if search.names == before.names:
+                break
+        return search
+
+    def _extended(self, search: Search) -> Search:
+        search = extend(search, self.max_effects, patient=self.further is not None)
+        while search.weak:
+            # It may be a part of what a term explains in full; names are questioned in the end.
+            if len(search.terms) < self.max_effects:
+                search, wider = self._wider(search, (), search.weak)
+                search = self._widened(search, wider)
+            search = extend(search, self.max_effects, patient=True)
+        return search
+
+    def _other_terms(self, search: Search) -> Search:
+        """With a term in no file where one is missing, or in the place of names."""
+        against = [a.id for a in search.accepted if not a.of_record]
+        search, wider = self._wider(search, against)
+        if wider is None:
+            return search
+        search = replace(search, refuted=search.refuted | set(wider.wrong))
+
+        def replaced(before: Search) -> Search:
+            after = self._widened(before, wider)
+            if len(after.terms) == len(before.terms):
+                return after
+            after = self._settled(after)
+            # A name is not given up for one that there was no time to take in.
+            if after.late and after.astray > before.astray:
+                raise OutOfTime
+            return after
+
+        return attempt(search, "another term in the place of a name", replaced)
+
+    def _wider(self, search: Search, against: Sequence[str], least: float = 0.0) -> tuple[Search, Wider | None]:
+        """What a further search finds in the place of the names ``against``, or, where it is to take ``least``, before
+        a weak effect: on the openings that showed the effect, which leave more there."""
+        if self.further is None:
+            return search, None
+        room, further = self.max_effects - sum(not a.of_record for a in search.accepted), self.further
+
+        def ask(search: Search) -> Wider | None:
+            view = Opening(search.view.fitter, untracked(search.view)) if least else Opening(search.fitter, search.at)
+            return further(*view, against, room, least)
+
+        return asked(search, "terms that are in no file", ask)
+
+    def _widened(self, search: Search, wider: Wider | None) -> Search:
+        if wider is None:
+            return search
+        own = search.simulator
+        wide = self.simulator(own.model, wider.terms) if wider.terms else own
+        return attempt(search, "refit with a new term", partial(widen, wide=wide, wider=wider))
 
 
 def diagnose(
@@ -69,87 +161,26 @@ def diagnose(
         model = with_copies(model, more)
         settings = {"max_effects": max_effects, "seed": seed, "further": further is not None, **asdict(criteria)}
         key = store.digest(dataset, model, settings) if checkpoint else ""
-        tell = progress or (lambda _: None)
+        keep = partial(store.save, checkpoint, key) if checkpoint else None
+        given = Given(dataset, progress or (lambda _: None), criteria, more, modes, keep)
 
         def begun(state: Mapping[str, Any] | None) -> Search:
             terms = state["terms"] if state else []
-            search = Search(simulator(model, chain(*terms)), dataset, tell, terms, criteria)
-            search.copies, search.modes = more, modes
-            if checkpoint is not None:
-                search.keep = lambda state: store.save(checkpoint, key, state)
-            search.begin(state)
-            return search
+            own = simulator(model, chain(*terms))
+            return resume(given, own, terms, state) if state else begin(given, own)
 
         try:
             search = begun(store.load(checkpoint, key, dataset, model))
         except InputError as error:
             if checkpoint is None or not checkpoint.is_file():
                 raise
-            tell(f"{checkpoint.name} is not used: {error}")
+            given.progress(f"{checkpoint.name} is not used: {error}")
             checkpoint.unlink()
             search = begun(None)
         if further is not None:
             for term in chain(*search.terms):
                 term.write(further.folder)
-
-        refuted: set[str] = set()
-
-        def widened(against: Sequence[str], least: float) -> bool:
-            if further is None:
-                return False
-            room = max_effects - sum(not a.of_record for a in search.accepted)
-            if least:
-                # On the openings that showed the effect, which leave more there.
-                fitter, at = search.view.fitter, search.untracked(search.view)
-            else:
-                fitter, at = search.fitter, search.at
-            ask = partial(further, fitter, at, against, room, least)
-            wider = search.attempt("terms that are in no file", ask)
-            if wider is None:
-                return False
-            refuted.update(wider.wrong)
-            own = search.simulator
-            wide = simulator(own.model, wider.terms) if wider.terms else own
-            return bool(search.attempt("refit with a new term", partial(search.widen, wide, wider.terms, wider.wrong)))
-
-        def extended() -> None:
-            search.extend(max_effects, patient=further is not None)
-            while search.weak:
-                # It may be a part of what a term explains in full; names are questioned in the end.
-                if len(search.terms) < max_effects:
-                    widened((), search.weak)
-                search.extend(max_effects, patient=True)
-
-        def settled() -> None:
-            # What came in first may have hidden what is seen once its place is taken or it is gone.
-            for _ in range(AGAIN):
-                extended()
-                before = search.names
-                search.finish(max_effects)
-                if search.names == before:
-                    break
-
-        def replaced() -> bool:
-            before = search.astray
-            if not widened([a.id for a in search.accepted if not a.of_record], 0.0):
-                return False
-            settled()
-            # A name is not given up for one that there was no time to take in.
-            if search.late and search.astray > before:
-                raise OutOfTime
-            return True
-
-        settled()
-        while further and len(search.terms) < max_effects and not search.in_vain:
-            if not search.attempt("another term in the place of a name", replaced):
-                break
-        # Those that stayed because there was no time for the other term.
-        search.refuted = refuted & search.names
-        again = AGAIN
-        # What comes in after a question is questioned as well.
-        while search.question() and again:
-            again -= 1
-            settled()
+        search = _Plan(max_effects, further, simulator).carried_out(search)
         found = assemble(search, limits or Limits())
         used = more.keys() & found.spoken_of
         if further is not None:

@@ -83,9 +83,8 @@ class Instead(NamedTuple):
 
 
 class Dropped(NamedTuple):
-    """An effect that was accepted and then taken out: why, and its sizes with their deviations."""
+    """An effect that was accepted and then taken out, and its sizes with their deviations."""
 
     candidate: Candidate
-    reason: str
     sizes: Mapping[str, tuple[float, float]]
     share: float

@@ -4,7 +4,7 @@ fit ends at another mass, from where no column shows them."""
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from sympy import sympify
 
@@ -17,11 +17,9 @@ from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter, damped
 from discrepancy.name.accepted import Taken
 from discrepancy.name.columns import Candidate, Library
+from discrepancy.name.search import Search
 from gyro_model import symbols
 from gyro_model.anatomy import Effect, Force
-
-if TYPE_CHECKING:
-    from discrepancy.name.search import Search
 
 FAR: Final = 0.2
 """Share of the force that a linear model leaves unexplained, from which its fit may end at another mass: at 0.12 one
@@ -39,7 +37,7 @@ MONOMIALS: Final = tuple((x**3, x**2 * v) for x, v in ((symbols.x, symbols.x_dot
 """Of each axis, in the order of ``Bent.cubic``."""
 
 
-def bending(search: "Search") -> Taken | None:
+def bending(search: Search) -> Taken | None:
     """The model with those effects that are forces of third order in the motion of one axis, where a weak form says
     that they bend the response and a fit with them leaves plainly less; None where not."""
     records, whole = search.dataset.fit, search.whole
@@ -59,7 +57,7 @@ def bending(search: "Search") -> Taken | None:
     return _of_decays(search, told, plain)
 
 
-def _of_driven(search: "Search", told: Bent, plain: Fitted) -> Taken | None:
+def _of_driven(search: Search, told: Bent, plain: Fitted) -> Taken | None:
     whole, ends = search.whole, []
     for taken in _choices(search, whole, search.at, told):
         begun = replace(_begun(search, search.at, taken, told), whiten=plain.whiten)
@@ -68,7 +66,7 @@ def _of_driven(search: "Search", told: Bent, plain: Fitted) -> Taken | None:
     return best if best and whole.off(best.at) <= PLAINLY * whole.off(plain) else None
 
 
-def _of_decays(search: "Search", told: Bent, plain: Fitted) -> Taken | None:
+def _of_decays(search: Search, told: Bent, plain: Fitted) -> Taken | None:
     """The same of free decays, judged over the shortest pieces: what is left to a force of third order puts it out of
     step in longer ones, and a linear model is in none."""
     whole = search.whole
@@ -87,14 +85,14 @@ def _of_decays(search: "Search", told: Bent, plain: Fitted) -> Taken | None:
     return best._replace(at=whole.evaluated(replace(begun, starts=best.at.starts[::number])))
 
 
-def _choices(search: "Search", fitter: Fitter, at: Fitted, told: Bent) -> list[tuple[Candidate, ...]]:
+def _choices(search: Search, fitter: Fitter, at: Fitted, told: Bent) -> list[tuple[Candidate, ...]]:
     """The effects that are such forces, alone and together."""
     library = Library(fitter)
     known = library.candidates(fitter, at, search.present, lambda e: bool(_sizes(e, told)))
     return [own for count in range(1, len(known) + 1) for own in combinations(known, count)]
 
 
-def _begun(search: "Search", at: Fitted, taken: Sequence[Candidate], told: Bent) -> Fitted:
+def _begun(search: Search, at: Fitted, taken: Sequence[Candidate], told: Bent) -> Fitted:
     """``at`` with the forces of ``told``."""
     values, free = {**at.parameters, **damped(told.linear, search.nominal)}, [*at.free]
     for own in taken:

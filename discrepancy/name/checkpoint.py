@@ -22,6 +22,7 @@ from discrepancy.fit.defect import effect_of, quantity_of
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.refit import Fitter
 from discrepancy.fit.whitening import Setting
+from discrepancy.name.accepted import Dropped
 from discrepancy.name.checkpoint_schema import checked, term_from, term_state
 from discrepancy.name.columns import Candidate, Probe
 from discrepancy.name.score import Score, Step
@@ -32,7 +33,7 @@ from gyro_model.errors import InputError
 from gyro_model.model import Model
 from gyro_model.whole_file import whole_file
 
-FORMAT: Final = 4
+FORMAT: Final = 5
 LARGEST: Final = 50_000_000
 """Bytes of a file that is read: ten times that of a search of 100 runs with six effects."""
 
@@ -164,6 +165,17 @@ def candidate_from(model: Model, state: Mapping[str, Any]) -> Candidate:
     partner = candidate_from(model, state["partner"]) if state["partner"] else None
     searched = tuple(model.parameter(name) for name in state["searched"])
     return Candidate(effect_of(model, state["effect"]), probes, state["shapes"], searched, state["trials"], partner)
+
+
+def dropped_state(dropped: Dropped) -> list[Any]:
+    """What ``dropped_from`` needs."""
+    return [candidate_state(dropped.candidate), {n: list(size) for n, size in dropped.sizes.items()}, dropped.share]
+
+
+def dropped_from(model: Model, state: list[Any]) -> Dropped:
+    """What was taken out, of ``dropped_state``."""
+    candidate, sizes, share = state
+    return Dropped(candidate_from(model, candidate), {n: (v, d) for n, (v, d) in sizes.items()}, share)
 
 
 def step_state(step: Step) -> list[Any]:

@@ -81,6 +81,7 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
         if value not in openings:
             raise InputError(f"{where}: {value}: give one of {', '.join(map(str, openings))}")
 
+    spread = _row(_number(), _number(0.0, infinite=True))
     setting = _Table({"bandwidth": _number(0.0), "corner": _number(0.0), "colour": _list_of(_number(), max(ORDERS))})
     fit = _Table({
         "pieces": _whole(1, max(1, longest // MINIMUM_SAMPLES)),
@@ -100,6 +101,7 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
         "at": fit,
         "refitted": fit,
         "accepted": _list_of(_row(candidate, _number())),
+        "dropped": _list_of(_row(candidate, _mapping(settable, spread), _number())),
         "steps": _list_of(_row(_mapping(effects, score), _optional(_one_of(effects)))),
         "stages": _list_of(_row(_one_of({"nominal", "refit", *effects}), parameters)),
         "shortest": opening,

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from math import inf
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from scipy.stats import chi2
@@ -17,10 +17,8 @@ from discrepancy.fit.refit import AS_PROMISED, Fitter
 from discrepancy.name.accepted import RIVALS, Refit
 from discrepancy.name.columns import Candidate, Fading, Probe, fading, without_part
 from discrepancy.name.scan import Scored, next_peaks, other_forms, scanned
+from discrepancy.name.search import Search
 from gyro_model.anatomy import Force
-
-if TYPE_CHECKING:
-    from discrepancy.name.search import Search
 
 RIVAL_SHARE: Final = 0.5
 """A rival is refitted, where the simulation is not close, if it takes at least this part of the best one's share of the
@@ -34,7 +32,7 @@ PART: Final = 1e-2
 """Of its usual size, by which a part of an effect that may vanish is probed: so little that its square is no matter."""
 
 
-def rivals(search: "Search", worth: list[Scored]) -> list[Scored]:
+def rivals(search: Search, worth: list[Scored]) -> list[Scored]:
     """Those whose refit could be the best, all that the linear scores leave open, in the order of their refits.
 
     A plain one is soon fitted, and tells one that has shapes, which could imitate it, how far it has to come; of an
@@ -45,7 +43,7 @@ def rivals(search: "Search", worth: list[Scored]) -> list[Scored]:
                                                             isinstance(entry[0].effect, Force)))  # fmt: skip
 
 
-def _close(search: "Search", worth: list[Scored]) -> list[Scored]:
+def _close(search: Search, worth: list[Scored]) -> list[Scored]:
     even, simpler = search.criteria.even, search.criteria.simpler
     best = max((s for _, s in worth), key=lambda s: s.gain - simpler * s.freedom)
     top = best.gain - simpler * best.freedom
@@ -64,7 +62,7 @@ def _close(search: "Search", worth: list[Scored]) -> list[Scored]:
 
 
 def refitted(
-    search: "Search", view: Opening, begun: Sequence[Refit], *, elsewhere: bool = False, rounds: int = LAST_ROUNDS
+    search: Search, view: Opening, begun: Sequence[Refit], *, elsewhere: bool = False, rounds: int = LAST_ROUNDS
 ) -> list[Refit]:
     """Each fitted, or one of those that begin ``elsewhere``; one that can't come near the best so far, or be
     significant, is left where that shows. Where columns promise what a fit then brings, one without shapes that
@@ -95,7 +93,7 @@ def _simplest(criteria: Criteria, ends: Sequence[Fitted], inflation: float) -> F
     return min(ends, key=lambda at: at.cost + owed * len(at.free)) if best.cost < np.inf else best
 
 
-def _otherwise(search: "Search", view: Opening, fit: Refit, goal: float) -> list[Fitted]:
+def _otherwise(search: Search, view: Opening, fit: Refit, goal: float) -> list[Fitted]:
     """Fits that begin elsewhere, where one of all parameters at once may end in a wrong minimum: of a resonance
     from where it is broad, of a force with a part that may vanish from where it has."""
     part = fading(fit.candidate)
@@ -107,7 +105,7 @@ def _otherwise(search: "Search", view: Opening, fit: Refit, goal: float) -> list
     return [view.of(grown(view.fitter, fit.at), goal)]
 
 
-def _in_stages(search: "Search", view: Opening, fit: Refit, goal: float, part: Fading) -> list[Fitted]:
+def _in_stages(search: Search, view: Opening, fit: Refit, goal: float, part: Fading) -> list[Fitted]:
     """The effect without a part of it, then that part where it shows most beside."""
     candidate = fit.candidate
     plain = view.of(search.with_effect(view.fitter, view.at, without_part(candidate, part), fit.score))
@@ -125,7 +123,7 @@ def _in_stages(search: "Search", view: Opening, fit: Refit, goal: float, part: F
     return [plain, view.of(search.with_effect(view.fitter, plain, best[0], best[1]), goal)]
 
 
-def longer(search: "Search", view: Opening, *, sole: bool) -> Opening:
+def longer(search: Search, view: Opening, *, sole: bool) -> Opening:
     """Longer openings, or the whole runs, where rivals are told apart; for a ``sole`` one the whole."""
     number = len(search.whole.records[0].t) // len(view.fitter.records[0].t) // LONG
     if sole or number < 2 or search.fitter is not search.whole:
@@ -153,7 +151,7 @@ def _needed(criteria: Criteria, fit: Refit) -> float:
     return float(chi2.isf(chance, fit.score.freedom)) * fit.score.inflation
 
 
-def weak(search: "Search", view: Opening, best: Refit) -> float:
+def weak(search: Search, view: Opening, best: Refit) -> float:
     """The share of what is surely no noise that a term has to take to come before the best effect; 0 where that is no
     effect of a file, or takes nearly all of it. A motion that a filter tracks is no noise here: it may be what is
     missing."""

@@ -2,24 +2,22 @@
 
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from scipy.stats import chi2
 
 from discrepancy.fit.continuation import LAST_ROUNDS, ROUNDS, beginnings, leaves, nearly_settled
 from discrepancy.fit.defect import Defect
-from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.openings import opened, parts
 from discrepancy.name.accepted import RIVALS, Accepted, Instead
-from discrepancy.name.columns import Candidate, Kind, fading, without_part
+from discrepancy.name.columns import Kind, fading, without_part
 from discrepancy.name.competition import own_filter, price, price_of_shapes
+from discrepancy.name.look import look
 from discrepancy.name.resisting import alike, other_resistances
 from discrepancy.name.scan import Scored, best_of, other_forms
 from discrepancy.name.score import Score, score
-
-if TYPE_CHECKING:
-    from discrepancy.name.search import Search
+from discrepancy.name.search import Search, attempt
 
 CLEAR: Final = 30.0
 """Times the gain that an effect needs to stay, from which no refit without it is tried: what is not linear in it does
@@ -29,54 +27,62 @@ ALIKE: Final = 4.0
 other way round: where the mass sets out the friction of the model is smoother than that of a bearing."""
 
 
-def fade(search: "Search", place: int) -> None:
-    """Takes out of an effect the part that may vanish, where its interval holds that it has."""
+def finish(search: Search) -> Search:
+    """With all that was accepted held against others, as far as the time goes."""
+    for place in range(len(search.accepted)):
+        what = f"refit without a part of {search.accepted[place].id}"
+        search = attempt(search, what, partial(fade, place=place))
+    # A term in no file may make a name needless: first each is held against the others.
+    return delete(exchange(search)) if search.terms else exchange(delete(search))
+
+
+def fade(search: Search, place: int) -> Search:
+    """Without the part of an effect that may vanish, where its interval holds that it has."""
     entry = search.accepted[place]
     part = fading(entry.candidate)
     deviation = search.fitter.deviations(search.at).get(part.size.name, 0.0) if part else 0.0
     if part is None or search.at.parameters[part.size.name] >= 1.96 * deviation:
-        return
-    candidate = without_part(entry.candidate, part)
+        return search
     free = tuple(f for f in search.at.free if f.name not in part.names)
     begun = replace(search.at, parameters={**search.at.parameters, part.size.name: 0.0}, free=free)
-    search.go_on(search.fitter.evaluated(begun), nearly_settled)
-    search.accepted[place] = replace(entry, candidate=candidate)
+    search = search.fitted(search.fitter.evaluated(begun), nearly_settled)
+    return search.changed(place, replace(entry, candidate=without_part(entry.candidate, part)))
 
 
-def delete(search: "Search", among: Kind | None = None) -> None:
+def delete(search: Search, among: Kind | None = None) -> Search:
     """Backward deletion: without each effect that the others have made needless. among: of these alone."""
-    for entry in list(search.accepted):
+    for entry in search.accepted:
         if len(search.accepted) < 2 or search.late:
             break
         # It may have got the name of one that went.
-        if entry not in search.accepted or (among and not among(entry.candidate.effect)):
-            continue
-        search.attempt(f"refit without {entry.id}", partial(_delete_needless, search, entry, among))
+        if entry in search.accepted and (not among or among(entry.candidate.effect)):
+            without = partial(_without_needless, entry=entry, among=among)
+            search = attempt(search, f"refit without {entry.id}", without)
+    return search
 
 
-def _delete_needless(search: "Search", entry: Accepted, among: Kind | None) -> None:
+def _without_needless(search: Search, entry: Accepted, among: Kind | None) -> Search:
+    search = _looked(search, among)
     chance = search.criteria.effect_chance / entry.candidate.trials
     needed = chi2.isf(chance, len(entry.candidate.probes)) * search.at.variance
-    if _takes(search, entry, among).gain * search.at.variance > CLEAR * max(
-        needed, search.criteria.material * search.at.cost
-    ):
-        return
+    enough = CLEAR * max(needed, search.criteria.material * search.at.cost)
+    if _takes(search, entry).gain * search.at.variance > enough:
+        return search
     fitted = search.fitter.fit(search.without_effect(search.at, entry))
     search.simulator.clock.check()
     gain = fitted.cost - search.at.cost
     # Where a filter predicts a sample ahead the cost may hardly rise while the motion is lost.
     lost = leaves(search.fitter, fitted, search.at)
-    if not lost and (gain < needed or gain < search.criteria.material * fitted.cost):
-        search.progress(f"deleted {entry.id}")
-        search.accepted.remove(entry)
-        search.go_on(fitted)
-        first_of_its_kind(search, entry)
+    if lost or not (gain < needed or gain < search.criteria.material * fitted.cost):
+        return search
+    search.progress(f"deleted {entry.id}")
+    return first_of_its_kind(search.lacking(entry).fitted(fitted), entry)
 
 
-def first_of_its_kind(search: "Search", gone: Accepted) -> None:
+def first_of_its_kind(search: Search, gone: Accepted) -> Search:
     """Where ``gone`` was the first of two of a kind, the other has its name."""
     for place, entry in enumerate(search.accepted):
-        copy = search.copies.get(entry.id)
+        copy = search.given.copies.get(entry.id)
         if copy and copy.further and copy.after == gone.id:
             own = zip(entry.candidate.effect.parameters, gone.candidate.effect.parameters, strict=True)
             names = {mine.name: first.name for mine, first in own}
@@ -84,22 +90,27 @@ def first_of_its_kind(search: "Search", gone: Accepted) -> None:
             free = tuple(replace(f, name=names.get(f.name, f.name)) for f in search.at.free)
             moved = replace(search.at, parameters={names.get(n, n): v for n, v in p.items()}, free=free)
             search.fitter.forget()
-            search.at = replace(search.fitter.evaluated(moved), left=search.at.left)
-            search.accepted[place] = replace(entry, candidate=entry.candidate.renamed(gone.candidate.effect, names))
+            at = replace(search.fitter.evaluated(moved), left=search.at.left)
+            renamed = replace(entry, candidate=entry.candidate.renamed(gone.candidate.effect, names))
+            search = replace(search.changed(place, renamed), at=at)
+    return search
 
 
-def exchange(search: "Search", among: Kind | None = None) -> None:
+def exchange(search: Search, among: Kind | None = None) -> Search:
     """Could another effect stand in the place of each? One that fits better takes it, one that fits as well is its
     ``either``. among: of these alone, while the search goes on."""
     partners = search.partners
     for place, entry in enumerate(search.accepted):
-        if entry.id in partners or (among and not among(entry.candidate.effect)):
-            continue
-        search.attempt(f"rivals of {entry.id}", partial(_exchange_one, search, place, entry, among))
+        if entry.id not in partners and (not among or among(entry.candidate.effect)):
+            step = partial(_exchange_one, place=place, among=among)
+            search = attempt(search, f"rivals of {entry.id}", step)
+    return search
 
 
-def _exchange_one(search: "Search", place: int, entry: Accepted, among: Kind | None) -> None:
-    fits = {entry.id: (search.at, entry.candidate), **_refitted_instead(search, entry, among)}
+def _exchange_one(search: Search, place: int, among: Kind | None) -> Search:
+    search, entry = _looked(search, among), search.accepted[place]
+    instead = _refitted_instead(search, entry, among)
+    fits = {entry.id: (search.at, entry.candidate), **instead.fits}
     if len(fits) > 1:
         fits = {i: (own_filter(search.fitter, at), c) for i, (at, c) in fits.items()}
     search.simulator.clock.check()
@@ -111,30 +122,31 @@ def _exchange_one(search: "Search", place: int, entry: Accepted, among: Kind | N
     owed = 0.0 if entry.of_record and not isinstance(fits[head][1].effect, Defect) else search.criteria.even
     if plain[head] > plain[entry.id] - owed:
         head = entry.id
-    search.at, candidate = fits.pop(head)
-    if head != entry.id and entry.id in search.instead:
-        tried = [*search.instead[entry.id].tried, (entry.id, entry.candidate.shapes)]
-        search.instead = {**search.instead, head: Instead(search.at.parameters, tried, fits)}
+    at, candidate = fits.pop(head)
+    tried = {**search.instead, entry.id: instead}
+    if head != entry.id:
+        tried[head] = Instead(at.parameters, [*instead.tried, (entry.id, entry.candidate.shapes)], fits)
+    search = replace(search, at=at, instead=tried)
     close = costs[head] + search.criteria.even
     # One with fewer parameters that is as probable though it fits a little worse is told from the name by no data.
-    even = {i: dict(at.parameters) for i, (at, _) in fits.items() if costs[i] < close or prices[i] <= prices[head]}
+    even = {i: dict(own.parameters) for i, (own, _) in fits.items() if costs[i] < close or prices[i] <= prices[head]}
     behind = {i: prices[i] - prices[head] for i in fits}
     # How the smoothed friction of the model sets out tells it from none that is sharper.
     same = [i for i in fits if i in alike(search, {entry.id, *entry.rivals})]
     even |= {i: dict(fits[i][0].parameters) for i in same}
     behind |= {i: min(behind[i], 0.0) for i in same}
-    search.accepted[place] = Accepted(candidate, entry.share, even, behind, entry.asked or not among)
+    return search.changed(place, Accepted(candidate, entry.share, even, behind, entry.asked or not among))
 
 
-def _refitted_instead(search: "Search", entry: Accepted, among: Kind | None) -> dict[str, tuple[Fitted, Candidate]]:
-    """By id the effects that fit nearly as well in the place of ``entry``, or better."""
-    stand_ins, rounds = _stand_ins(search, entry, among), ROUNDS if among else LAST_ROUNDS
+def _refitted_instead(search: Search, entry: Accepted, among: Kind | None) -> Instead:
+    """What was tried in the place of ``entry``, with the effects that fit nearly as well, or better."""
+    stand_ins, rounds = _stand_ins(search, entry), ROUNDS if among else LAST_ROUNDS
     before = search.instead.get(entry.id)
     known = before if before and before.beside == search.at.parameters else Instead(search.at.parameters, [], {})
     stand_ins = [(c, s) for c, s in stand_ins if (c.effect.id, c.shapes) not in known.tried]
-    fits = dict(known.fits)
     if not stand_ins:
-        return fits
+        return known
+    fits = dict(known.fits)
     goal = search.at.cost + search.criteria.even * search.at.variance
     same = alike(search, {entry.id, *entry.rivals})
     base, number = search.without_effect(search.at, entry), parts(search.fitter.records)[0]
@@ -153,28 +165,34 @@ def _refitted_instead(search: "Search", entry: Accepted, among: Kind | None) -> 
     if trial:
         search.simulator.forget(trial.fitter.records)
     tried = [*known.tried, *((c.effect.id, c.shapes) for c, _ in stand_ins)]
-    search.instead = {**search.instead, entry.id: Instead(search.at.parameters, tried, fits)}
-    return dict(fits)
+    return Instead(search.at.parameters, tried, fits)
 
 
-def _takes(search: "Search", entry: Accepted, among: Kind | None) -> Score:
-    """What the present fit would lose without an effect, to first order, the other parameters taking up what they
-    can."""
-    if search.scan.at.parameters != search.at.parameters or search.among not in (None, among):
-        search.shortest = 1
-        search.look(among)
-    linear = search.scan.at
-    own = [i for i, f in enumerate(linear.free) if f.name in entry.names]
-    others = [i for i in range(linear.known) if i not in own]
-    return score(search.scan.grams(linear, search.accepted.index(entry)), others, own, search.at.count)
+def _looked(search: Search, among: Kind | None) -> Search:
+    """With scores at the present fit of all that is ``among`` those which are asked for."""
+    seen = search.seen
+    if seen and seen.scan.at.parameters == search.at.parameters and seen.look.among in (None, among):
+        return search
+    return look(replace(search, shortest=1), among)
 
 
-def _stand_ins(search: "Search", entry: Accepted, among: Kind | None) -> list[Scored]:
+def _takes(search: Search, entry: Accepted) -> Score:
+    """What the present fit, which was looked at, would lose without an effect, to first order, the other parameters
+    taking up what they can."""
+    assert search.seen
+    scan = search.seen.scan
+    own = [i for i, f in enumerate(scan.at.free) if f.name in entry.names]
+    others = [i for i in range(scan.at.known) if i not in own]
+    return score(scan.grams(scan.at, search.accepted.index(entry)), others, own, search.at.count)
+
+
+def _stand_ins(search: Search, entry: Accepted) -> list[Scored]:
     """Effects that explain what ``entry`` does nearly as well, by their columns at the present fit."""
-    least = _takes(search, entry, among)
-    others = [i for i, f in enumerate(search.scan.at.free) if f.name not in entry.names]
-    further = {name for name, copy in search.copies.items() if copy.further and copy.after == entry.id}
-    scored = search.scan.scores(others, search.accepted.index(entry))
+    assert search.seen
+    least, scan = _takes(search, entry), search.seen.scan
+    others = [i for i, f in enumerate(scan.at.free) if f.name not in entry.names]
+    further = {name for name, copy in search.given.copies.items() if copy.further and copy.after == entry.id}
+    scored = scan.scores(others, search.accepted.index(entry))
     enough = least.gain - 4 * search.criteria.even * least.inflation - 0.1 * least.gain
     near = [(c, s) for c, s in scored if s.gain > enough and c.effect.id not in further]
     best = best_of(near, search.criteria)[:RIVALS]

@@ -5,9 +5,8 @@ of a hysteresis is a phase too. Once the effect is in the model, what is left is
 gives a name.
 """
 
-from copy import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from discrepancy.data.hold import DECISIVE
 from discrepancy.data.record import Hold, is_driven
@@ -17,30 +16,27 @@ from discrepancy.fit.openings import parts
 from discrepancy.fit.refit import Fitter
 from discrepancy.name.columns import on_the_way
 from discrepancy.name.exchange import delete
-
-if TYPE_CHECKING:
-    from discrepancy.name.search import Search
+from discrepancy.name.search import Search
 
 RUNS_ON: Final[Hold] = "band-limited"
 
 
-def let_run_on(search: "Search") -> None:
-    """Goes on with a force that ran on between samples where nobody has said that it was held, and the present model
-    then leaves plainly less: of the shortest openings, and of whole runs."""
-    data, before = search.dataset, copy(vars(search))
-    driven = is_driven(data.fit)
-    if data.hold_stated or not driven or data.fit[0].hold == RUNS_ON or search.fitter is not search.whole:
-        return
+def let_run_on(search: Search) -> Search:
+    """With a force that ran on between samples where nobody has said that it was held, and the present model then
+    leaves plainly less: of the shortest openings, and of whole runs."""
+    data = search.dataset
+    told = data.hold_stated or not is_driven(data.fit) or data.fit[0].hold == RUNS_ON
+    if told or search.fitter is not search.whole:
+        return search
     other = Fitter(search.simulator, [replace(record, hold=RUNS_ON) for record in data.fit], criteria=search.criteria)
-    if _plainly_less(search.whole, other, search.at):
-        search.take_hold(RUNS_ON)
-        search.go_on(search.at)
-        if search.fitter.off(search.at) ** 2 * DECISIVE < before["fitter"].off(before["at"]) ** 2:
-            search.progress("the force ran on between samples")
-            # What has made up for half a sample is needless.
-            delete(search, on_the_way)
-        else:
-            vars(search).update(before)
+    if not _plainly_less(search.whole, other, search.at):
+        return search
+    run_on = search.held(RUNS_ON).fitted(search.at)
+    if run_on.fitter.off(run_on.at) ** 2 * DECISIVE >= search.fitter.off(search.at) ** 2:
+        return search
+    search.progress("the force ran on between samples")
+    # What has made up for half a sample is needless.
+    return delete(run_on, on_the_way)
 
 
 def _plainly_less(held: Fitter, other: Fitter, at: Fitted) -> bool:

@@ -1,43 +1,61 @@
 """What was accepted is put to the test by data that its fit did not see."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import Final, NamedTuple
 
 from discrepancy.fit.continuation import leaves
 from discrepancy.name.accepted import Accepted, Dropped
+from discrepancy.name.begin import NAME
 from discrepancy.name.exchange import first_of_its_kind
 from discrepancy.name.scan import sure
 from discrepancy.name.score import score
 from discrepancy.name.score import without as less
+from discrepancy.name.search import Search, attempt
 from discrepancy.name.unseen import unseen_gains
 
-if TYPE_CHECKING:
-    from discrepancy.name.search import Search
+QUESTION: Final = 0.9
+"""Share of the time after which no name is questioned."""
 
 
-def ask(search: "Search") -> bool:
-    """Takes out the weakest effect that data which its fit did not see do not support, or whose interval holds neutral,
-    the rest refitted; False where every one stands. Raises OutOfTime."""
-    for failing, neutral in _failing(search):
-        entry = next(a for a in search.accepted if a.candidate is failing.candidate)
+class _Failing(NamedTuple):
+    """What fails a test, and why; unseen: by data that its fit did not see."""
+
+    dropped: Dropped
+    reason: str
+    unseen: bool
+
+
+def question(search: Search) -> Search:
+    """With every name put to the test: those that fail are gone, and the rest is fitted for what may come in their
+    places, if there is time for that."""
+    first, before = search.names, None
+    search.until(QUESTION)
+    while before is None or search.accepted is not before.accepted:
+        before, search = search, attempt(search, "names held against data that no fit saw", ask)
+    search.until(NAME)
+    return search.fitted_or_kept(search.at) if search.names < first and not search.late else search
+
+
+def ask(search: Search) -> Search:
+    """Without the weakest effect that data which its fit did not see do not support, or whose interval holds neutral,
+    the rest refitted; ``questioned`` where every one stands. Raises OutOfTime."""
+    for failing in _failing(search):
+        entry = next(a for a in search.accepted if a.candidate is failing.dropped.candidate)
         fitted = search.fitter.fit(search.without_effect(search.at, entry))
         search.simulator.clock.check()
         # What a filter predicts a sample ahead it does not miss, though the motion is lost without it.
-        if not neutral and leaves(search.fitter, fitted, search.at):
+        if failing.unseen and leaves(search.fitter, fitted, search.at):
             continue
         search.progress(f"took out {entry.id}: {failing.reason}")
-        search.dropped.append(failing)
-        search.accepted.remove(entry)
-        search.at = fitted
-        first_of_its_kind(search, entry)
-        return True
+        search = replace(search.lacking(entry), dropped=(*search.dropped, failing.dropped), at=fitted)
+        return first_of_its_kind(search, entry)
     search.simulator.clock.check()
-    search.questioned = True
-    return False
+    return replace(search, questioned=True)
 
 
-def _failing(search: "Search") -> list[tuple[Dropped, bool]]:
-    """The effects that fail, the weakest first, and whether that is because their intervals hold neutral."""
+def _failing(search: Search) -> list[_Failing]:
+    """The effects that fail, the weakest first."""
     partners = search.partners
     entries = [a for a in search.accepted if a.id not in partners]
     if not entries:
@@ -48,15 +66,15 @@ def _failing(search: "Search") -> list[tuple[Dropped, bool]]:
     for entry, gain in zip(entries, gains, strict=True):
         weak = _neutral(search, entry, deviations)
         if weak is not None:
-            failing.append((gain, weak, True))
+            failing.append((gain, _Failing(weak, "its interval holds neutral", unseen=False)))
         elif gain < search.criteria.unseen:
             reason = f"data that its fit did not see improve by {gain:.1f} deviations only"
-            dropped = Dropped(entry.candidate, reason, _sizes(search, entry, deviations), entry.share)
-            failing.append((gain, dropped, False))
-    return [(dropped, neutral) for _, dropped, neutral in sorted(failing, key=lambda f: f[0])]
+            dropped = Dropped(entry.candidate, _sizes(search, entry, deviations), entry.share)
+            failing.append((gain, _Failing(dropped, reason, unseen=True)))
+    return [own for _, own in sorted(failing, key=lambda f: f[0])]
 
 
-def unasked(search: "Search") -> dict[str, Dropped]:
+def unasked(search: Search) -> dict[str, Dropped]:
     """By id, the effects whose interval holds neutral, of a search that had no time to put what it accepted to the
     test."""
     if search.questioned:
@@ -66,7 +84,7 @@ def unasked(search: "Search") -> dict[str, Dropped]:
     return {name: dropped for name, dropped in found.items() if dropped is not None}
 
 
-def _neutral(search: "Search", entry: Accepted, deviations: Mapping[str, float]) -> Dropped | None:
+def _neutral(search: Search, entry: Accepted, deviations: Mapping[str, float]) -> Dropped | None:
     """An effect whose sizes have 95 % intervals that all hold neutral, and that shows by no other parameter; None for
     another."""
     sizes = _sizes(search, entry, deviations)
@@ -74,16 +92,16 @@ def _neutral(search: "Search", entry: Accepted, deviations: Mapping[str, float])
     weak = all(abs(value - neutral[name]) < 1.96 * d for name, (value, d) in sizes.items())
     if not sizes or not weak or (len(entry.names) > 1 and _shows(search, entry)):
         return None
-    return Dropped(entry.candidate, "its interval holds neutral", sizes, entry.share)
+    return Dropped(entry.candidate, sizes, entry.share)
 
 
-def _sizes(search: "Search", entry: Accepted, deviations: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+def _sizes(search: Search, entry: Accepted, deviations: Mapping[str, float]) -> dict[str, tuple[float, float]]:
     """Value and standard deviation of the sizes of an effect that are fitted."""
     return {q.name: (search.at.parameters[q.name], deviations[q.name])
             for q in entry.candidate.effect.sizes if q.name in deviations}  # fmt: skip
 
 
-def _shows(search: "Search", entry: Accepted) -> bool:
+def _shows(search: Search, entry: Accepted) -> bool:
     """Whether all parameters of an effect together explain something significant, though each by itself may be
     what the others make up for: of a weak friction over a high speed the data show the ratio alone."""
     linear = search.fitter.with_grams(search.at, [entry.neutral])

@@ -3,7 +3,6 @@ the place of the other."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from discrepancy.data.resisted import PLAINLY, Resisted, alternatives, fewest, one_way
 from discrepancy.fit.continuation import unsprung
@@ -12,12 +11,10 @@ from discrepancy.name.accepted import Accepted, Taken
 from discrepancy.name.columns import Candidate, fading, nameable, without_part
 from discrepancy.name.resistance import Resistance, resistance
 from discrepancy.name.scan import Scored
-
-if TYPE_CHECKING:
-    from discrepancy.name.search import Search
+from discrepancy.name.search import Search
 
 
-def resisting(search: "Search") -> Taken | None:
+def resisting(search: Search) -> Taken | None:
     """The model with those of friction and a constant force that fit best, where integrals of the motion plainly show
     that there is such a force; None where they do not."""
     whole = search.whole
@@ -37,7 +34,7 @@ def resisting(search: "Search") -> Taken | None:
     return best if best and whole.off(best.at) <= PLAINLY * whole.off(plain) else None
 
 
-def alike(search: "Search", ids: Collection[str]) -> list[str]:
+def alike(search: Search, ids: Collection[str]) -> list[str]:
     """Ids of what no sample tells from a friction or a constant force that is among ``ids``, but where it sets out: of
     a mass that no spring holds, and that moves one way."""
     found = [e.id for e in nameable(search.simulator.model) if resistance(e)]
@@ -45,7 +42,7 @@ def alike(search: "Search", ids: Collection[str]) -> list[str]:
     return found if told and one_way(search.dataset.fit) else []
 
 
-def other_resistances(search: "Search", entry: Accepted, scored: Sequence[Scored]) -> list[Scored]:
+def other_resistances(search: Search, entry: Accepted, scored: Sequence[Scored]) -> list[Scored]:
     """Of a mass that no spring holds the friction that may stand for a constant force, and the other way round, as
     large: no sample of a motion one way tells them apart but where it sets out, where no column is linear."""
     if not unsprung(search.whole, search.at):
@@ -65,7 +62,7 @@ def other_resistances(search: "Search", entry: Accepted, scored: Sequence[Scored
     return list(others.values())
 
 
-def _fitted(search: "Search", forces: Mapping[Resistance, Candidate], told: Resisted, plain: Fitted) -> Taken | None:
+def _fitted(search: Search, forces: Mapping[Resistance, Candidate], told: Resisted, plain: Fitted) -> Taken | None:
     """The fit that begins with the forces of ``told``; None where it has none, or no file has one."""
     sizes = {Resistance.FRICTION: told.friction, Resistance.CONSTANT: told.constant}
     wanted = {kind: size for kind, size in sizes.items() if size}

@@ -4,7 +4,7 @@ one mode an axis, beside which no column shows another."""
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import pi, sqrt
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from sympy import Symbol, solve
 
@@ -17,12 +17,10 @@ from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import passive
 from discrepancy.name.accepted import Taken
 from discrepancy.name.columns import Candidate
+from discrepancy.name.search import Search
 from discrepancy.name.shaping import freed, unmoved
 from gyro_model import symbols
 from gyro_model.anatomy import Effect, Force
-
-if TYPE_CHECKING:
-    from discrepancy.name.search import Search
 
 
 class _Resonator(NamedTuple):
@@ -34,12 +32,12 @@ class _Resonator(NamedTuple):
     joint: float
 
 
-def resonating(search: "Search") -> Taken | None:
+def resonating(search: Search) -> Taken | None:
     """The model with a resonator for each further mode of the runs, as far as there are files for them, where these
     answer as a mass that carries them and a fit with them leaves plainly less; None where not."""
     records, whole = search.dataset.fit, search.whole
     gains = [search.nominal[f"sense_gain_{axis}"] for axis in "xy"[: whole.axes]]
-    first, further = search.modes
+    first, further = search.given.modes
     driven = is_driven(records)
     told = carried(records, sorted([*first, *further]), gains) if driven and further else None
     if told is None:
@@ -55,9 +53,7 @@ def resonating(search: "Search") -> Taken | None:
     return found if whole.off(found.at) ** 2 <= ENOUGH * whole.off(plain) ** 2 else None
 
 
-def _fitted(
-    search: "Search", told: Carried, resonators: Sequence[_Resonator], plain: Fitted, *, jointed: bool
-) -> Taken:
+def _fitted(search: Search, told: Carried, resonators: Sequence[_Resonator], plain: Fitted, *, jointed: bool) -> Taken:
     """The fit that begins with what is ``told``; ``jointed``: with usual shapes of the resonators free as well, since
     what couples them is no spring alone."""
     whole, now = search.whole, search.at
@@ -75,7 +71,7 @@ def _fitted(
     return Taken(whole.fit(grown(whole, at)), taken, plain)
 
 
-def _of_mass(search: "Search", told: Carried) -> dict[str, float]:
+def _of_mass(search: Search, told: Carried) -> dict[str, float]:
     """Stiffness and damping of the mass, damped at least as it is now."""
     now, found = search.at.parameters, {}
     for i, j, axes in ((0, 0, "xx"), (1, 1, "yy"), (0, 1, "xy"))[: 2 * search.whole.axes - 1]:
@@ -84,9 +80,9 @@ def _of_mass(search: "Search", told: Carried) -> dict[str, float]:
     return found
 
 
-def _resonators(search: "Search", told: Carried) -> list[_Resonator]:
+def _resonators(search: Search, told: Carried) -> list[_Resonator]:
     """Effects that are the absorbers; those that are coupled least are left out where there are fewer such effects."""
-    waiting = [name for name in search.copies if name in search.present]
+    waiting = [name for name in search.given.copies if name in search.present]
     present = [name for name in search.present if name not in waiting]
     known = search.library.candidates(search.whole, search.at, present, lambda e: _axis(e) is not None)
     ready = {c.effect.id: c for c in known}

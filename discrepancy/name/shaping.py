@@ -2,33 +2,30 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from discrepancy.fit.continuation import nearly_settled
 from discrepancy.fit.fitted import Fitted, bare
 from discrepancy.name.columns import Candidate
 from discrepancy.name.grids import free_shape, free_usual
 from discrepancy.name.score import score
+from discrepancy.name.search import Search
 from gyro_model.quantities import Quantity
 
-if TYPE_CHECKING:
-    from discrepancy.name.search import Search
 
-
-def movable(search: "Search") -> bool:
+def movable(search: Search) -> bool:
     """Whether an effect in the model has such shapes."""
     return any(unmoved(entry.candidate) for entry in search.accepted)
 
 
-def shaped(search: "Search") -> bool:
-    """Fits the shape of an effect in the model that takes most, where that is more than any effect which is not would
-    take: what only imitates a part of what is missing has shapes with which it imitates more. False where there is
-    none."""
+def shaped(search: Search) -> Search:
+    """With the shape of an effect in the model fitted that takes most, where that is more than any effect which is not
+    would take: what only imitates a part of what is missing has shapes with which it imitates more. Raises
+    OutOfTime."""
     others = max((result.gain for _, result in search.significant()), default=0.0)
     found = [(gain, place, q) for place in range(len(search.accepted)) for gain, q in _gains(search, place)
              if gain > others]  # fmt: skip
     if not found:
-        return False
+        return search
     _, place, moved = max(found, key=lambda own: own[0])
     return _fitted(search, place, moved)
 
@@ -49,7 +46,7 @@ def freed(at: Fitted, candidate: Candidate, moved: Sequence[Quantity]) -> Fitted
     return bare(replace(at, parameters={**at.parameters, **values}, free=free))
 
 
-def _gains(search: "Search", place: int) -> list[tuple[float, Quantity]]:
+def _gains(search: Search, place: int) -> list[tuple[float, Quantity]]:
     """What each shape of an effect that no fit has moved would take, to first order, where that is significant and
     material and its bounds let it."""
     candidate, (fitter, at), criteria = search.accepted[place].candidate, search.view, search.criteria
@@ -81,18 +78,17 @@ def _alone(at: Fitted, candidate: Candidate, moved: Quantity) -> list[tuple[Quan
     return found
 
 
-def _fitted(search: "Search", place: int, moved: Quantity) -> bool:
-    """Goes on with that shape fitted, or with what is the rest to it alone, unless it brings too little."""
+def _fitted(search: Search, place: int, moved: Quantity) -> Search:
+    """With that shape fitted, or what is the rest to it alone, unless it brings too little."""
     entry, at, criteria = search.accepted[place], search.at, search.criteria
     fits = [(moved, search.fitter.fit(freed(at, entry.candidate, [moved])))]
     fits += [(q, search.fitter.fit(search.fitter.evaluated(own))) for q, own in _alone(at, entry.candidate, moved)]
     moved, fitted = min(fits, key=lambda own: own[1].cost)
     search.simulator.clock.check()
     if at.cost - fitted.cost < max(criteria.simpler * fitted.variance, criteria.material * at.cost):
-        return False
+        return search
     search.progress(f"fitted {moved.name} of {entry.id}")
     candidate = replace(entry.candidate, searched=(*entry.candidate.searched, moved))
-    search.accepted[place] = replace(entry, candidate=candidate)
-    search.go_on(fitted, nearly_settled)
-    search.stages[-1] = search.stages[-1][0], dict(search.at.parameters)
-    return True
+    search = search.changed(place, replace(entry, candidate=candidate)).fitted(fitted, nearly_settled)
+    *before, (name, _) = search.stages
+    return replace(search, stages=tuple(before)).staged(name)

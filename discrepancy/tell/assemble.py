@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from scipy.stats import chi2, norm
@@ -21,10 +21,12 @@ from discrepancy.fit.measures import misfits, start_fitted
 from discrepancy.fit.noise import Noise, converter_step, noise_of
 from discrepancy.fit.noise import noises as all_noises
 from discrepancy.fit.refit import SETTLED
+from discrepancy.name.accepted import Accepted, Dropped
 from discrepancy.name.columns import Candidate, nameable
 from discrepancy.name.question import unasked
 from discrepancy.name.scan import best_of, sure
 from discrepancy.name.score import Score
+from discrepancy.name.search import Search
 from discrepancy.tell.answer import Diagnosis, Finding, Stage, Value, Verdict
 from discrepancy.tell.backbone import bent
 from discrepancy.tell.experiment import Experiment, next_experiment
@@ -34,10 +36,6 @@ from discrepancy.tell.limits import Limits
 from discrepancy.tell.run_gains import unlike_gains
 from discrepancy.tell.verdict import Remainder, imitating, improbable, probability, remainder, sane, worse_without
 from gyro_model.anatomy import Effect, Force, Map
-
-if TYPE_CHECKING:
-    from discrepancy.name.accepted import Accepted, Dropped
-    from discrepancy.name.search import Search
 
 TRACE: Final = 1e12
 """Steps of a probe, each of which the voltage shows well, from which an effect has no trace in these runs."""
@@ -49,12 +47,12 @@ values of 2 % each agree so by chance once in a thousand times."""
 POWER: Final = 0.95
 
 
-def assemble(search: "Search", limits: Limits) -> Diagnosis:
+def assemble(search: Search, limits: Limits) -> Diagnosis:
     """The answer of ``search``, with experiments within ``limits``. Opens the held-out runs."""
     search.progress("held-out runs")
     clock = search.simulator.clock
     clock.until = float("inf")
-    _clean_held_out(search)
+    search = _with_clean_held_out(search)
     setting = search.at.whiten.setting
     noise = noise_of(search.at.residuals, search.fitter.records, search.at.parameters, setting)
     clipped = _clipping(search)
@@ -79,7 +77,7 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
     known = _disturbances(search)
     noises, absurd = sane(_noises(search, noise, known), search)
     clock.until = search.criteria.time_limit
-    worse = worse_without(search, effects, stages, gaps)
+    search, worse = worse_without(search, effects, stages, gaps)
     clock.until = float("inf")
     rest = remainder(search, stages, gaps, absurd)
     against = search.refuted | worse.keys()
@@ -99,7 +97,7 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
     final = search.at.parameters
     withdrawn = {f.id for f in parts} | weak.keys()
     if withdrawn:
-        _withdraw(search, withdrawn)
+        search = _without(search, withdrawn)
         device = intervals(search)
         parameters = {**search.at.parameters, **{k: v.value for f in clipped for k, v in f.parameters.items()}}
         # What stands is as large as the improved device has it.
@@ -117,16 +115,14 @@ def assemble(search: "Search", limits: Limits) -> Diagnosis:
     )  # fmt: skip
 
 
-def _withdraw(search: "Search", ids: Collection[str]) -> None:
-    """Takes effects out of the model that are no names, and refits the rest: the improved device holds nothing that the
-    answer does not stand by. What others need to act stays with them."""
+def _without(search: Search, ids: Collection[str]) -> Search:
+    """Without effects that are no names, the rest refitted: the improved device holds nothing that the answer does not
+    stand by. What others need to act stays with them."""
     staying = {a.candidate.partner.effect.id for a in search.accepted if a.candidate.partner and a.id not in ids}
     gone = [a for a in search.accepted if a.id in ids and a.id not in staying]
     for entry in gone:
-        search.at = search.without_effect(search.at, entry)
-    search.accepted = [a for a in search.accepted if a not in gone]
-    if gone:
-        search.at = search.fitter.fit(search.at, LAST_ROUNDS)
+        search = replace(search.lacking(entry), at=search.without_effect(search.at, entry))
+    return replace(search, at=search.fitter.fit(search.at, LAST_ROUNDS)) if gone else search
 
 
 def _imitates(finding: Finding) -> str:
@@ -137,7 +133,7 @@ def _imitates(finding: Finding) -> str:
     )
 
 
-def _whole(search: "Search", at: Fitted) -> Sequence[Floats]:
+def _whole(search: Search, at: Fitted) -> Sequence[Floats]:
     """The residuals of a fit, maybe one of pieces, over whole runs."""
     runs = search.dataset.fit
     if [len(residual) for residual in at.residuals] == [len(run.t) for run in runs]:
@@ -145,13 +141,13 @@ def _whole(search: "Search", at: Fitted) -> Sequence[Floats]:
     return [start_fitted(search.simulator, run, at.parameters)[0] for run in runs]
 
 
-def _clean_held_out(search: "Search") -> None:
-    """Takes out of the held-out runs the blemishes that the runs to fit had, by their own residuals."""
-    for blemish, known in search.found:
+def _with_clean_held_out(search: Search) -> Search:
+    """With the blemishes that the runs to fit had taken out of the held-out runs, by their own residuals."""
+    for blemish, known in search.blemishes:
         runs = search.dataset.held_out
         residuals = [start_fitted(search.simulator, run, search.at.parameters)[0] for run in runs]
         if not all(np.isfinite(residual).all() for residual in residuals):
-            return
+            return search
         if blemish.again is not None:
             data = [blemish.again(known, run, residual) for run, residual in zip(runs, residuals, strict=True)]
         else:
@@ -160,10 +156,11 @@ def _clean_held_out(search: "Search") -> None:
         if data:
             cleaned = {run.name: blemish.without(run, own) for run, own in zip(runs, data, strict=True) if own}
             records = tuple(cleaned.get(record.name, record) for record in search.dataset.records)
-            search.dataset = replace(search.dataset, records=records)
+            search = replace(search, dataset=replace(search.dataset, records=records))
+    return search
 
 
-def _record(search: "Search", device: Mapping[str, Value]) -> tuple[Finding, ...]:
+def _record(search: Search, device: Mapping[str, Value]) -> tuple[Finding, ...]:
     """The defects of the record, as fitted or as found."""
     fitted = [
         Finding(a.id, tuple(a.rivals), _values(search, a.candidate.effect, device), {}, a.share)
@@ -171,7 +168,7 @@ def _record(search: "Search", device: Mapping[str, Value]) -> tuple[Finding, ...
         if a.of_record
     ]
     taken: dict[str, dict[str, Value]] = {}
-    for blemish, found in search.found:
+    for blemish, found in search.blemishes:
         values = {q.name: Value(*found.levels[q.name], q.unit) for q in blemish.parameters}
         before = taken.setdefault(blemish.id, values)
         # The first time a level is found it is whole; what a better model shows of it later is a rest.
@@ -184,7 +181,7 @@ def _sum(first: Value, second: Value) -> Value:
     return Value(first.value + second.value, first.low + second.low, first.high + second.high, first.unit)
 
 
-def _values(search: "Search", effect: Effect | Defect, device: Mapping[str, Value]) -> dict[str, Value]:
+def _values(search: Search, effect: Effect | Defect, device: Mapping[str, Value]) -> dict[str, Value]:
     """The parameters of an effect; a whole number is tried, not fitted, and has no interval."""
     now = search.at.parameters
     return {
@@ -192,7 +189,7 @@ def _values(search: "Search", effect: Effect | Defect, device: Mapping[str, Valu
     }
 
 
-def _disturbances(search: "Search") -> tuple[Finding, ...]:
+def _disturbances(search: Search) -> tuple[Finding, ...]:
     """What the likelihood of the final fit knows of the record beside its samples."""
     found = []
     for own in disturbances():
@@ -202,14 +199,14 @@ def _disturbances(search: "Search") -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def _total(search: "Search", white: float) -> float:
+def _total(search: Search, white: float) -> float:
     """Rms of a noise [V] whose white part is known."""
     colour = search.at.whiten.setting.colour
     return white * gain(colour) ** 0.5 if colour else white
 
 
 def _finding(
-    search: "Search", entry: "Accepted", device: Mapping[str, Value], experiments: Mapping[str, Experiment]
+    search: Search, entry: Accepted, device: Mapping[str, Value], experiments: Mapping[str, Experiment]
 ) -> Finding:
     effect, now = entry.candidate.effect, search.at.parameters
     # A shape that no fit moves says what the effect is all the same, where it is not the usual one.
@@ -224,12 +221,12 @@ def _finding(
     return Finding(effect.id, tuple(entry.rivals), values, forces(effect), entry.share, text)
 
 
-def _of_record(search: "Search", name: str) -> bool:
+def _of_record(search: Search, name: str) -> bool:
     """Whether an id is that of a defect of the record."""
     return isinstance(effect_of(search.simulator.model, name), Defect)
 
 
-def _experiments(search: "Search", noise: Noise | None, limits: Limits) -> dict[str, Experiment]:
+def _experiments(search: Search, noise: Noise | None, limits: Limits) -> dict[str, Experiment]:
     """By effect, what would tell it from its rivals."""
     asked = [entry for entry in search.accepted if entry.rivals and not entry.of_record and not search.undone]
     level = _total(search, noise.rms) if noise else float(np.sqrt(search.at.variance))
@@ -251,7 +248,7 @@ def forces(effect: Effect | Defect) -> dict[str, str]:
     return {f"force_{axis}": str(term) for axis, term in zip("xy", effect.force, strict=True)}
 
 
-def _clipping(search: "Search") -> list[Finding]:
+def _clipping(search: Search) -> list[Finding]:
     """The clip, if there is one: its level is exact but for the converter's step."""
     clips = [e for e in nameable(search.simulator.model, limits=True) if isinstance(e, Map) and e.slot == CLIP]
     if search.clip is None or not clips:
@@ -262,7 +259,7 @@ def _clipping(search: "Search") -> list[Finding]:
     return [Finding(clips[0].id, (), {quantity.name: value})]
 
 
-def _stages(search: "Search", final: Mapping[str, float], last: list[str]) -> tuple[Stage, ...]:
+def _stages(search: Search, final: Mapping[str, float], last: list[str]) -> tuple[Stage, ...]:
     """Every stage of the model on the held-out runs; the last one has the final parameters."""
     kept = {"nominal", "refit", *(a.id for a in search.accepted)}
     # Where what came in went again at once, a stage bears the name of the one before: it is that one, fitted further.
@@ -282,7 +279,7 @@ def _stages(search: "Search", final: Mapping[str, float], last: list[str]) -> tu
     return tuple(stages)
 
 
-def _misfit(search: "Search", stages: tuple[Stage, ...]) -> dict[str, Any]:
+def _misfit(search: Search, stages: tuple[Stage, ...]) -> dict[str, Any]:
     """The four numbers of each held-out run and of all; the floor by its own noise, which may grow with the motion."""
     runs, last = search.dataset.held_out, stages[-1]
     gaps = {"nominal": stages[0].misfit, "refit": stages[1].misfit, "final": last.misfit}
@@ -300,9 +297,7 @@ def _misfit(search: "Search", stages: tuple[Stage, ...]) -> dict[str, Any]:
     return {**table.pop(""), "runs": table}
 
 
-def _removed(
-    search: "Search", effects: tuple[Finding, ...], final: Mapping[str, float]
-) -> dict[str, dict[str, Floats]]:
+def _removed(search: Search, effects: tuple[Finding, ...], final: Mapping[str, float]) -> dict[str, dict[str, Floats]]:
     """What taking each effect out of the final model changes in the output of the held-out runs."""
     result: dict[str, dict[str, Floats]] = {}
     for record in search.dataset.held_out:
@@ -321,7 +316,7 @@ def _size(changes: Mapping[str, Floats]) -> float:
     return float(np.nan_to_num(rms, nan=np.inf))
 
 
-def _immaterial(search: "Search", weak: Mapping[str, "Dropped"]) -> tuple[Finding, ...]:
+def _immaterial(search: Search, weak: Mapping[str, Dropped]) -> tuple[Finding, ...]:
     """Effects that are significant beside the final model but not worth a parameter, those taken out again, and those
     that are in it though their interval holds neutral (``weak``)."""
     slight = [_slight(c, s) for c, s in best_of(search.scored, search.criteria)
@@ -333,7 +328,7 @@ def _immaterial(search: "Search", weak: Mapping[str, "Dropped"]) -> tuple[Findin
     return (*(f for f in slight if f.id not in {d.id for d in dropped}), *dropped)
 
 
-def _dropped(entry: "Dropped") -> Finding:
+def _dropped(entry: Dropped) -> Finding:
     effect, values = entry.candidate.effect, {}
     for q in effect.sizes:
         if q.name in entry.sizes:
@@ -352,7 +347,7 @@ def _slight(candidate: Candidate, result: Score) -> Finding:
     return Finding(candidate.effect.id, (), values, forces(candidate.effect), result.share)
 
 
-def _doubts(search: "Search", rest: "Remainder", residuals: Sequence[Floats]) -> tuple[str, ...]:
+def _doubts(search: Search, rest: Remainder, residuals: Sequence[Floats]) -> tuple[str, ...]:
     """What is wrong with the fit itself, and what it leaves open; residuals: of the whole runs to fit."""
     found = []
     for entry in search.accepted:
@@ -372,13 +367,13 @@ def _doubts(search: "Search", rest: "Remainder", residuals: Sequence[Floats]) ->
             if isinstance(entry.candidate.effect, Effect) and entry.candidate.effect.starts
         ]
     hold = search.dataset.records[0].hold
-    if hold != search.measured.records[0].hold:
+    if hold != search.given.dataset.records[0].hold:
         found.append(
             f'the force ran on between samples, as what is left beside the model shows: taken with hold = "{hold}"; '
             'state that in dataset.toml, or hold = "zero" where it was held'
         )
     if rest.significant:
-        found += [str(finding) for finding in modes(search.measured.fit)]
+        found += [str(finding) for finding in modes(search.given.dataset.fit)]
         known = list(mode_frequencies(search.at.parameters, search.dataset.axes))
         said = unlike_gains(search.dataset.fit, residuals), left_modes(search.dataset.fit, residuals, known)
         found += [text for text in said if text]
@@ -409,7 +404,7 @@ def _doubts(search: "Search", rest: "Remainder", residuals: Sequence[Floats]) ->
     return tuple(found)
 
 
-def _scaled(search: "Search") -> list[str]:
+def _scaled(search: Search) -> list[str]:
     """That the force may be other than recorded, where stated mass and stiffness all came out off by one factor."""
     # What the record itself gave first says nothing of its scale.
     stated = search.dataset.nominal.keys() - set(search.dataset.estimated)
@@ -425,7 +420,7 @@ def _scaled(search: "Search") -> list[str]:
             "gain that is off, or from nominal values that are"]  # fmt: skip
 
 
-def _detectable(search: "Search") -> dict[str, dict[str, float]]:
+def _detectable(search: Search) -> dict[str, dict[str, float]]:
     """The size of each effect that this data would show with 95 % power at the threshold used."""
     sizes: dict[str, dict[str, float]] = {}
     for candidate, result in search.scored:
@@ -442,7 +437,7 @@ def _detectable(search: "Search") -> dict[str, dict[str, float]]:
     return sizes
 
 
-def _absent(search: "Search") -> dict[str, dict[str, Value]]:
+def _absent(search: Search) -> dict[str, dict[str, Value]]:
     """The linear estimate of every size that acts in proportion, of effects without a search over shapes: with one,
     the best of many points is no fair estimate."""
     sizes: dict[str, dict[str, Value]] = {}
@@ -456,7 +451,7 @@ def _absent(search: "Search") -> dict[str, dict[str, Value]]:
     return sizes
 
 
-def _noises(search: "Search", white: Noise | None, known: Sequence[Finding]) -> dict[str, Value]:
+def _noises(search: Search, white: Noise | None, known: Sequence[Finding]) -> dict[str, Value]:
     """Those that the model has a name for, each with its unit, but for what is the record's."""
     names = {q.name: q.unit for e in search.simulator.model.effects if e.noise for q in e.sizes}
     found = all_noises(search.at, search.fitter.records, white)

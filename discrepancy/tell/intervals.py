@@ -5,24 +5,22 @@ Both are mixtures over what was not fitted (J. A. Hoeting et al., Bayesian model
 Science 14, 1999). An interval holds that of the fit and those of the mixtures.
 """
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from scipy.stats import norm
 
 from discrepancy.fit.defect import quantity_of
+from discrepancy.name.search import Search
 from discrepancy.tell.answer import Value
 from discrepancy.tell.left_out import beside_left_out
 from discrepancy.tell.mixture import TAIL, Mixture
 from discrepancy.tell.unmoved import beside_unmoved
 
-if TYPE_CHECKING:
-    from discrepancy.name.search import Search
-
 WIDTH: Final = float(norm.isf(TAIL))
 
 
-def intervals(search: "Search") -> dict[str, Value]:
+def intervals(search: Search) -> dict[str, Value]:
     """Every fitted parameter with its interval, within what its fit could reach."""
     at, result = search.at, {}
     reach = {free.name: free for free in at.free}

@@ -8,7 +8,7 @@ linearised at the fit.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,15 +16,13 @@ from discrepancy.data.algebra import inverse_scaled
 from discrepancy.data.record import Floats
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter
+from discrepancy.name.accepted import Accepted
 from discrepancy.name.columns import Candidate, Fading, Probe, fading
 from discrepancy.name.competition import PART
 from discrepancy.name.grids import ABOUT, Grids
 from discrepancy.name.scan import scanned
+from discrepancy.name.search import Search
 from discrepancy.tell.mixture import PLACES, Mixture, joined
-
-if TYPE_CHECKING:
-    from discrepancy.name.accepted import Accepted
-    from discrepancy.name.search import Search
 
 
 class _Beside(NamedTuple):
@@ -58,19 +56,19 @@ class _Beside(NamedTuple):
         return np.asarray(self.gain - (amounts - self.change[-1]) ** 2 / self.covariance[-1, -1]) / 2
 
 
-def _grids(search: "Search") -> Grids:
+def _grids(search: Search) -> Grids:
     """Those on the runs, or pieces, of the final fit: it may have ended while openings were searched."""
     return Grids(search.fitter.records, search.fitter.period)
 
 
-def left_out(search: "Search", entry: "Accepted") -> Fading | None:
+def left_out(search: Search, entry: Accepted) -> Fading | None:
     """The part of an effect in the model that was left out of it, None where there is none."""
     shapes = [q for q in entry.candidate.effect.parameters if q.role == "shape"]
     part = fading(replace(entry.candidate, searched=_grids(search).of(shapes, search.at).moved))
     return None if part is None or part.size.name in {free.name for free in search.at.free} else part
 
 
-def beside_left_out(search: "Search", entry: "Accepted") -> dict[str, Mixture]:
+def beside_left_out(search: Search, entry: Accepted) -> dict[str, Mixture]:
     """What each parameter of an effect may be beside a part of the effect that was left out."""
     part = left_out(search, entry)
     if part is None:
@@ -106,7 +104,7 @@ def _amounts(fit: _Beside, scales: Mapping[str, float], sizes: Floats) -> Floats
     return sizes[room > 0] * none / room[room > 0]
 
 
-def _fits(search: "Search", entry: "Accepted", part: Fading, middle: Mapping[str, float], scales: Mapping[str, float],
+def _fits(search: Search, entry: Accepted, part: Fading, middle: Mapping[str, float], scales: Mapping[str, float],
           sizes: Floats) -> list[_Beside]:  # fmt: skip
     """The model beside the part at places of its shapes about their ``middle``."""
     probe = Probe(part.size, part.size.typical * PART, 1)

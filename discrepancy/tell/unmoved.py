@@ -7,19 +7,17 @@ the likelihood of the model fitted with it there.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from discrepancy.data.record import Floats
 from discrepancy.fit.fitted import Fitted, bare
+from discrepancy.name.accepted import Accepted
 from discrepancy.name.grids import ABOUT, WIDER
+from discrepancy.name.search import Search
 from discrepancy.name.shaping import freed, unmoved
 from discrepancy.tell.mixture import PLACES, Mixture, joined
-
-if TYPE_CHECKING:
-    from discrepancy.name.accepted import Accepted
-    from discrepancy.name.search import Search
 
 UNLIKELY: Final = 20.0
 """Variances of an innovation that a fit takes more than the best, from which its place has no weight: exp(-10)."""
@@ -27,7 +25,7 @@ ROUNDS: Final = 4
 """Steps of a fit: one from a place beside it is linear but for the curvature between."""
 
 
-def beside_unmoved(search: "Search", entry: "Accepted") -> Iterator[tuple[str, Mixture]]:
+def beside_unmoved(search: Search, entry: Accepted) -> Iterator[tuple[str, Mixture]]:
     """What each parameter may be beside each shape of an effect that no fit has moved, by the parameter's name."""
     for q in unmoved(entry.candidate):
         at = freed(search.at, entry.candidate, [q])
@@ -35,7 +33,7 @@ def beside_unmoved(search: "Search", entry: "Accepted") -> Iterator[tuple[str, M
             yield from _over(search, at)
 
 
-def _over(search: "Search", at: Fitted) -> Iterator[tuple[str, Mixture]]:
+def _over(search: Search, at: Fitted) -> Iterator[tuple[str, Mixture]]:
     """The same over the last of the free parameters of ``at``."""
     fits = _fits(search, at)
     values = np.array(list(fits))
@@ -57,7 +55,7 @@ def _over(search: "Search", at: Fitted) -> Iterator[tuple[str, Mixture]]:
             yield free.name, joined([Mixture(weights, between(means), between(spread))])
 
 
-def _fits(search: "Search", at: Fitted) -> Mapping[float, Fitted]:
+def _fits(search: Search, at: Fitted) -> Mapping[float, Fitted]:
     """The model fitted at places of the last of its free parameters, in order: where it stands, where it fits best, and
     over a decade on both sides as far as that is likely."""
     shape, fitter = at.free[-1], search.fitter

@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -16,11 +16,9 @@ from discrepancy.fit.locate import noise_level
 from discrepancy.fit.measures import misfits, start_fitted, start_known
 from discrepancy.fit.noise import unlike_flicker
 from discrepancy.fit.whitening import coloured_power
+from discrepancy.name.accepted import Accepted
+from discrepancy.name.search import Search, asked
 from discrepancy.tell.answer import Finding, Stage, Value
-
-if TYPE_CHECKING:
-    from discrepancy.name.accepted import Accepted
-    from discrepancy.name.search import Search
 
 ROUNDS: Final = 8
 """Steps of a fit without an effect: enough to see whether held-out runs are better without it."""
@@ -47,7 +45,7 @@ class Remainder(NamedTuple):
     significant: bool
 
 
-def sane(noises: Mapping[str, Value], search: "Search") -> tuple[dict[str, Value], dict[str, str]]:
+def sane(noises: Mapping[str, Value], search: Search) -> tuple[dict[str, Value], dict[str, str]]:
     """The noises that can be such, and of the others, by name, what they are not."""
     limits, absurd = search.criteria, {}
     thermal, clock = noises.get("thermal_force"), noises.get("sampling_jitter")
@@ -74,7 +72,7 @@ def sane(noises: Mapping[str, Value], search: "Search") -> tuple[dict[str, Value
     return {name: value for name, value in noises.items() if name not in absurd}, absurd
 
 
-def _memory(search: "Search", without: Mapping[str, Any]) -> float:
+def _memory(search: Search, without: Mapping[str, Any]) -> float:
     """Power of flicker and motion over that of the noise beside, those set to 0 ``without`` left out."""
     at, run = search.at, search.dataset.held_out[0]
     setting = replace(at.whiten.setting, **without)
@@ -82,7 +80,7 @@ def _memory(search: "Search", without: Mapping[str, Any]) -> float:
 
 
 def remainder(
-    search: "Search", stages: tuple[Stage, ...], gaps: Mapping[str, Any], absurd: Mapping[str, str]
+    search: Search, stages: tuple[Stage, ...], gaps: Mapping[str, Any], absurd: Mapping[str, str]
 ) -> Remainder:
     """What the final model leaves. Noise is what is white, and what has a memory where it can be noise at all."""
     runs, last, limits = search.dataset.held_out, stages[-1], search.criteria
@@ -115,7 +113,7 @@ def remainder(
     return Remainder(share, float(ratio), ratio > limit, bool(significant))
 
 
-def _at_most(search: "Search") -> float:
+def _at_most(search: Search) -> float:
     """The most that noise [V rms] may be of runs as loud as those to fit: a model that lacks something which shows in
     louder ones alone leaves that over all frequencies, where it looks like noise."""
     at, fitter = search.at, search.fitter
@@ -125,16 +123,17 @@ def _at_most(search: "Search") -> float:
     return LOUDER * max(level, repeated_noise(search.dataset.records) or 0.0)
 
 
-def _with_starts_known(search: "Search", parameters: Mapping[str, float]) -> float:
+def _with_starts_known(search: Search, parameters: Mapping[str, float]) -> float:
     """The misfit on held-out runs whose initial states are fitted to all of them."""
     runs = search.dataset.held_out
     return misfits(runs, {run.name: start_known(search.simulator, run, parameters) for run in runs})[""]
 
 
-def worse_without(search: "Search", effects: Sequence[Finding], stages: tuple[Stage, ...], gaps: Mapping[str, Any]
-                  ) -> dict[str, str]:  # fmt: skip
-    """Of the ``effects`` named, those that make held-out runs worse, and by how much; each is refitted without. Where
-    none does by itself and held-out runs are worse than with no effect, all of them do."""
+def worse_without(search: Search, effects: Sequence[Finding], stages: tuple[Stage, ...], gaps: Mapping[str, Any]
+                  ) -> tuple[Search, dict[str, str]]:  # fmt: skip
+    """The search, with what there was no time for, and of the ``effects`` named those that make held-out runs worse,
+    and by how much; each is refitted without. Where none does by itself and held-out runs are worse than with no
+    effect, all of them do."""
     limit, worse, named = search.criteria.worse, {}, {finding.id for finding in effects}
     final = gaps["final"]
     steps = {b.name: b.misfit[""] > limit * a.misfit[""] for a, b in pairwise(stages)}
@@ -142,24 +141,26 @@ def worse_without(search: "Search", effects: Sequence[Finding], stages: tuple[St
         if entry.id not in named or not (steps.get(entry.id) or final > limit * gaps["refit"]):
             continue
         search.progress(f"held-out runs without {entry.id}")
-        compare = partial(_beside_without, search, entry, final, stages[-1].parameters)
-        beside = search.attempt(f"held-out runs without {entry.id}", compare)
+        compare = partial(_beside_without, entry=entry, final=final, parameters=stages[-1].parameters)
+        search, beside = asked(search, f"held-out runs without {entry.id}", compare)
         if beside is not None:
             worse[entry.id] = f"{entry.id} makes the held-out runs worse: {_compared(beside, final)}"
-    together = effects and not worse and not final <= limit * gaps["refit"]
-    also = partial(_also_known, search, stages[1].parameters, stages[-1].parameters)
-    if together and search.attempt("held-out runs without any effect", also):
+    together: bool | None = bool(effects) and not worse and not final <= limit * gaps["refit"]
+    if together:
+        also = partial(_also_known, without=stages[1].parameters, final=stages[-1].parameters)
+        search, together = asked(search, "held-out runs without any effect", also)
+    if together:
         names = ", ".join(finding.id for finding in effects)
         said = f"the held-out runs are worse with {names} than without: {_compared(gaps['refit'], final)}"
         worse = {finding.id: said for finding in effects}
-    return worse
+    return search, worse
 
 
 def _compared(without: float, final: float) -> str:
     return f"misfit {without:.4g} without, {final:.4g} with, {final / without - 1:+.2g} of it"
 
 
-def _beside_without(search: "Search", entry: "Accepted", final: float, parameters: Mapping[str, float]) -> float | None:
+def _beside_without(search: Search, entry: Accepted, final: float, parameters: Mapping[str, float]) -> float | None:
     """The held-out misfit without an effect, None where that is no better than ``final``, that of ``parameters``.
     Raises OutOfTime."""
     without = _without(search, entry)
@@ -168,19 +169,19 @@ def _beside_without(search: "Search", entry: "Accepted", final: float, parameter
     return beside if worse else None
 
 
-def _without(search: "Search", entry: "Accepted") -> Mapping[str, float]:
+def _without(search: Search, entry: Accepted) -> Mapping[str, float]:
     """The parameters of the model refitted without an effect. Raises OutOfTime."""
     hopeless = FAR_OFF * search.at.cost
     return search.fitter.fit(search.without_effect(search.at, entry), ROUNDS, hopeless).parameters
 
 
-def _with_starts_found(search: "Search", parameters: Mapping[str, float]) -> float:
+def _with_starts_found(search: Search, parameters: Mapping[str, float]) -> float:
     """The misfit on held-out runs whose first samples give their initial states."""
     runs = search.dataset.held_out
     return misfits(runs, {run.name: start_fitted(search.simulator, run, parameters) for run in runs})[""]
 
 
-def _also_known(search: "Search", without: Mapping[str, float], final: Mapping[str, float]) -> bool:
+def _also_known(search: Search, without: Mapping[str, float], final: Mapping[str, float]) -> bool:
     """Whether held-out runs are worse with the ``final`` parameters also where all of a run gives its initial state: of
     a mass that no spring holds the first samples tell the speed badly, which adds up beside any model."""
     if not unsprung(search.whole, search.at):
@@ -190,7 +191,7 @@ def _also_known(search: "Search", without: Mapping[str, float], final: Mapping[s
 
 
 def probability(
-    search: "Search", finding: Finding, rest: Remainder, stages: tuple[Stage, ...], against: bool = False
+    search: Search, finding: Finding, rest: Remainder, stages: tuple[Stage, ...], against: bool = False
 ) -> float:
     """Of a name against its rivals, each weighed by the likelihood of its refit, and against none of them.
 
@@ -210,12 +211,12 @@ def probability(
     return 0.2 * found if against else found
 
 
-def _weights(entry: "Accepted") -> dict[str, float]:
+def _weights(entry: Accepted) -> dict[str, float]:
     """Of each rival that was refitted, by id, how probable it is over the name."""
     return {name: float(np.exp(-0.5 * max(chi_square, 0.0))) for name, chi_square in entry.behind.items()}
 
 
-def improbable(search: "Search", effects: Sequence[Finding]) -> list[str]:
+def improbable(search: Search, effects: Sequence[Finding]) -> list[str]:
     """Of the names, with the probabilities that they have, those that are hardly what is missing, even together with
     those that the data can't tell from them: a line for each."""
     found = []

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 from hidden_sets import MODEL, SHORT, made, names
@@ -10,7 +11,9 @@ from discrepancy.clock import Clock, OutOfTime
 from discrepancy.diagnose import diagnose
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name import exchange
-from discrepancy.name.search import Search
+from discrepancy.name import extend as extending
+from discrepancy.name.begin import begin
+from discrepancy.name.search import Given, Search, attempt
 
 CUBIC = {"k3_x": 2e9, "k3_y": 2e9}
 
@@ -48,8 +51,8 @@ def test_a_simulation_after_the_end_is_refused() -> None:
 @pytest.mark.parametrize(
     ("owner", "part", "said", "hidden", "verdict"),
     [
-        (Search, "look", "scores of all effects", {}, "unexplained"),
-        (Search, "_accept", "refit with cubic_stiffness", CUBIC, "unexplained"),
+        (extending, "look", "scores of all effects", {}, "unexplained"),
+        (extending, "accept", "refit with cubic_stiffness", CUBIC, "unexplained"),
         (exchange, "_exchange_one", "rivals of cubic_stiffness", CUBIC, "partly explained"),
     ],
 )
@@ -57,7 +60,6 @@ def test_what_was_not_done_is_said_and_no_verdict_claims_it(
     owner: object, part: str, said: str, hidden: dict[str, float], verdict: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def ends(search: Search, *_: object, **__: object) -> None:
-        search.refused.add("half done")
         raise OutOfTime
 
     monkeypatch.setattr(owner, part, ends)
@@ -71,16 +73,14 @@ def test_what_was_not_done_is_said_and_no_verdict_claims_it(
 def test_a_step_that_does_not_end_is_undone() -> None:
     data, lines = made({}, samples=SHORT), list[str]()
     with Simulator(MODEL, jobs=1) as simulator:
-        search = Search(simulator, data, lines.append)
+        begun = begin(Given(data, lines.append), simulator)
+        lines.clear()
 
-        def half() -> None:
-            search.refused.add("cubic_stiffness")
-            search.full = True
+        def half(search: Search) -> Search:
+            search = replace(search, refused=frozenset({"cubic_stiffness"}), full=True)
             simulator.clock.until = 0.0
             simulator.run(data.records[0], {})
+            return search
 
-        assert search.attempt("all of it", half) is None
-    assert not search.refused
-    assert not search.full
-    assert search.undone == ["all of it"]
+        assert attempt(begun, "all of it", half) == replace(begun, undone=("all of it",))
     assert lines == ["out of time: all of it"]

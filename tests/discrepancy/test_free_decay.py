@@ -16,7 +16,7 @@ from discrepancy.fit.measures import start_fitted
 from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name.bending import bending
-from discrepancy.name.search import Search
+from discrepancy.name.search import Given, Search
 from gyro_model.model import load_model
 
 RATE, SAMPLES, FREQUENCY, Q = 100e3, 24_000, 5000.0, 1000.0
@@ -105,9 +105,8 @@ def test_a_pendulum_let_go_near_a_right_angle_softens() -> None:
     nominal = linear_start([record], (1.0,))
     assert nominal is not None
     with Simulator(load_model(), jobs=1) as simulator:
-        search = Search(simulator, Dataset(Path(), nominal, (record,)), lambda _: None)
-        search.at = search.whole.begin(search.nominal)
-        found = bending(search)
+        data, whole = Dataset(Path(), nominal, (record,)), Fitter(simulator, (record,))
+        found = bending(Search.of(Given(data), data, whole, whole.begin(nominal)))
     assert found is not None
     assert "cubic_stiffness" in [own.effect.id for own in found.taken]
     # Between the slope at rest, 1/6, and that of the best cubic up to 1.5, 0.145.

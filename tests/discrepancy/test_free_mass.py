@@ -11,7 +11,8 @@ from discrepancy.data.linear_start import linear_start
 from discrepancy.data.record import Record, Role, make_record
 from discrepancy.diagnose import diagnose
 from discrepancy.fit.simulate import Simulator
-from discrepancy.name.search import Search
+from discrepancy.name.begin import begin
+from discrepancy.name.search import Given
 from gyro_model.model import load_model
 
 RATE, SAMPLES, FINE = 1000.0, 8000, 10
@@ -87,8 +88,7 @@ def test_what_resists_a_motor_that_turns_one_way_is_in_the_model_first() -> None
     assert nominal is not None
     model = load_model()
     with Simulator(model, 1) as simulator:
-        search = Search(simulator, Dataset(Path(), nominal, runs), lambda _: None)
-        search.begin()
+        search = begin(Given(Dataset(Path(), nominal, runs)), simulator)
         [entry] = search.accepted
         # No sample of a motion one way tells friction from a constant force against it.
         assert entry.id in ("dry_friction", "constant_force")

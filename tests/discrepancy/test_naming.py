@@ -16,10 +16,13 @@ from discrepancy.fit import openings
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
-from discrepancy.name import search
+from discrepancy.name.begin import begin
 from discrepancy.name.checkpoint import digest, load, save
 from discrepancy.name.columns import is_gauge, nameable
+from discrepancy.name.extend import accept
 from discrepancy.name.further import Wider
+from discrepancy.name.look import look
+from discrepancy.name.search import Given
 from discrepancy.terms.effect_file import UNITS, Term
 from discrepancy.terms.library import forms
 from gyro_model import symbols
@@ -228,9 +231,8 @@ def test_mains_are_taken_out_though_a_filter_for_flicker_leaves_little_of_them()
     humming = [replace(r, v=r.v + 1e-4 * np.sin(2 * np.pi * 50 * t[:, None] + rng.uniform(0, 6.28, 2)))
                for r in data.records]  # fmt: skip
     with Simulator(MODEL) as simulator:
-        begun = search.Search(simulator, replace(data, records=tuple(humming)), lambda _: None)
-        begun.begin()
-    [(blemish, found)] = begun.found
+        begun = begin(Given(replace(data, records=tuple(humming))), simulator)
+    [(blemish, found)] = begun.blemishes
     assert blemish.id == "mains"
     # Noise of 2e-5 V over 14,000 samples leaves an amplitude to 2.4e-7 V, what the fit takes of it aside.
     assert found.levels["mains"].value == pytest.approx(1e-4, rel=0.02)
@@ -239,10 +241,7 @@ def test_mains_are_taken_out_though_a_filter_for_flicker_leaves_little_of_them()
 def accepted_first(hidden: dict[str, float]) -> tuple[str, dict[str, float]]:
     """What a search of data with ``hidden`` accepts first, and the parameters that it then has."""
     with Simulator(MODEL) as simulator:
-        begun = search.Search(simulator, made(hidden), lambda _: None)
-        begun.begin()
-        begun.look()
-        begun._accept(patient=False)
+        begun = accept(look(begin(Given(made(hidden)), simulator)), patient=False)
     return begun.accepted[0].id, dict(begun.at.parameters)
 
 

@@ -23,7 +23,10 @@ import gyrotwin as gt
 from discrepancy import diagnose as naming
 from discrepancy.data.dataset import Dataset, load_dataset
 from discrepancy.data.record import make_record
+from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
+from discrepancy.name.begin import believed
+from discrepancy.name.search import Given, Search, nominal_of
 from discrepancy.tell.answer import Value
 from gyro_model.build import token_of
 from gyro_model.device import load_device, write_device
@@ -163,10 +166,11 @@ def test_nominal_may_name_a_parameter_of_a_further_effect(
     dataset, _ = diagnose.load_nominal(diagnose.Request(data, tmp_path / "out"), model)
     assert dataset.nominal["k5"] == 1e18
     with Simulator(model, jobs=1) as simulator:
-        search = naming.Search(simulator, dataset, lambda _: None)
         # What the lab believes to be there is fitted, and not looked for.
-        assert [free.name for free in search._believed()] == ["k5"]
-        assert "quintic" in search.present
+        fitted = believed(model, dataset, nominal_of(model, dataset))
+        assert [free.name for free in fitted] == ["k5"]
+        whole = Fitter(simulator, dataset.fit)
+        assert "quintic" in Search.of(Given(dataset), dataset, whole, whole.begin(dataset.nominal, fitted)).present
     assert exit_code("diagnose", str(data), "--out", str(tmp_path / "out")) == 2
     assert "parameter 'k5' is unknown" in capsys.readouterr().err
     wrong = written(tmp_path / "wrong", runs, nominal={**TRUE, "k55": 1e18})

@@ -5,7 +5,8 @@ from hidden_sets import MODEL, SHORT, made
 
 from discrepancy.data.late import lateness
 from discrepancy.fit.simulate import Simulator
-from discrepancy.name.search import Search
+from discrepancy.name.begin import begin
+from discrepancy.name.search import Given
 
 FILTER = {"voltage_filter": 1.8e-5, "voltage_filter_order": 4.0}
 """Of fourth order at 8.8 kHz: a delay of 2.61 times that, 47 µs, an eighth to a sixth of a period of the modes."""
@@ -28,8 +29,7 @@ def test_what_is_no_delay_or_a_small_one_is_none(hidden: dict[str, float]) -> No
 def test_the_nominal_model_stays_in_step_with_it() -> None:
     data = made(FILTER, samples=SHORT)
     with Simulator(MODEL, jobs=1) as simulator:
-        search = Search(simulator, data, lambda _: None)
-        search.begin()
+        search = begin(Given(data), simulator)
     assert search.names == {"actuator_delay"}
     assert search.fitter is search.whole
     # Without the delay four fifths of the voltage are left.

@@ -15,7 +15,8 @@ from discrepancy.fit.continuation import beginnings, leaves, started
 from discrepancy.fit.measures import start_fitted
 from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
-from discrepancy.name.search import Search
+from discrepancy.name.begin import begin
+from discrepancy.name.search import Given
 
 RATE, SAMPLES, Q = 100.0, 800, 100.0
 OWN, OTHER, RESIDUE = 12.67, 5.82, -0.75
@@ -53,8 +54,7 @@ def test_a_mode_that_no_effect_can_be_is_left_without_spoiling_the_fit() -> None
     nominal = linear_start([record], (1.0,))
     assert nominal is not None
     with Simulator(MODEL, 1) as simulator:
-        search = Search(simulator, Dataset(Path(), nominal, (record,)), lambda _: None)
-        search.begin()
+        search = begin(Given(Dataset(Path(), nominal, (record,))), simulator)
         assert search.fitter is search.whole
         # What is left is the other mode; a fit that predicted a sample ahead left 1.67 times as much.
         assert search.fitter.off(search.at) < 1.1 * np.std(other) / np.std(own + other)

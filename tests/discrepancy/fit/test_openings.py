@@ -23,8 +23,8 @@ from discrepancy.fit.refit import SETTLED, Fitter
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name import competition
 from discrepancy.name.further import Wider
+from discrepancy.name.look import fewer_parts
 from discrepancy.name.score import Score
-from discrepancy.name.search import Search
 from discrepancy.tell.answer import Diagnosis
 
 WHOLE, SHORT = 10**9, 1_000
@@ -79,7 +79,7 @@ def test_openings_grow_to_those_that_may_show_something(statistic: float, share:
     runs = SimpleNamespace(fit=[SimpleNamespace(t=range(40_000))] * 30)
     scored = [(SimpleNamespace(trials=1), result)]
     search: Any = SimpleNamespace(dataset=runs, number=20, scored=scored, criteria=Criteria())
-    assert Search._fewer_parts(search) == expected
+    assert fewer_parts(search) == expected
 
 
 def test_a_first_fit_ends_at_its_share_of_the_cost() -> None:

@@ -8,7 +8,9 @@ from hidden_sets import MODEL, RATE, SAMPLES, made
 
 from discrepancy.fit.simulate import Simulator
 from discrepancy.fit.whitening import Setting
-from discrepancy.name.search import Search
+from discrepancy.name.begin import begin
+from discrepancy.name.extend import accept_behind_noise
+from discrepancy.name.search import Given
 
 TRACKED = 2e4
 """Bandwidth [1/s] of a filter that follows the motion within 50 us: it leaves little of what a damping changes."""
@@ -23,10 +25,9 @@ def test_an_effect_is_taken_in_where_the_residuals_are_likelier_with_it(
     hidden: Mapping[str, float], named: list[str]
 ) -> None:
     with Simulator(MODEL, 1) as simulator:
-        search = Search(simulator, made(dict(hidden)), lambda _: None)
-        search.begin()
+        search = begin(Given(made(dict(hidden))), simulator)
         strong = search.fitter.whitener(search.at.parameters, Setting(bandwidth=TRACKED))
-        search.at = before = search.fitter.evaluated(replace(search.at, whiten=strong))
-        assert search._accept_behind_noise() == bool(named)
-        assert [a.id for a in search.accepted] == named
-        assert (search.at is before) == (not named)
+        search = replace(search, at=search.fitter.evaluated(replace(search.at, whiten=strong)))
+        found = accept_behind_noise(search)
+        assert [a.id for a in found.accepted] == named
+        assert (found is search) == (not named)

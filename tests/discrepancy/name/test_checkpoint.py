@@ -20,8 +20,13 @@ from discrepancy.data.dataset import Dataset
 from discrepancy.diagnose import diagnose
 from discrepancy.discover.term_search import TermSearch
 from discrepancy.fit.simulate import Simulator
+from discrepancy.name.accepted import Dropped
+from discrepancy.name.begin import begin, resume
 from discrepancy.name.checkpoint import digest, load, terms_from, terms_state
-from discrepancy.name.search import Search
+from discrepancy.name.checkpoint_schema import checked
+from discrepancy.name.kept import saved
+from discrepancy.name.look import look
+from discrepancy.name.search import Given
 from discrepancy.terms.effect_file import UNITS, Term
 from discrepancy.terms.formula import parse
 from discrepancy.terms.library import SIGNALS, forms
@@ -148,18 +153,11 @@ def test_the_honest_one_is_taken_up(honest: SimpleNamespace, tmp_path: Path) -> 
 
 
 def test_200_hostile_folders(honest: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    own = Search.begin
-
-    def begin(search: Search, state: Any = None) -> None:
-        if state is None:
-            raise Stop
-        own(search, state)
-
-    def finish(*_: Any) -> None:
+    def stop(*_: Any) -> None:
         raise Stop
 
-    monkeypatch.setattr(naming.Search, "begin", begin)
-    monkeypatch.setattr(naming.Search, "finish", finish)
+    monkeypatch.setattr(naming, "begin", stop)
+    monkeypatch.setattr(naming, "finish", stop)
     taken = 0
     for number in range(200):
         folder = tmp_path / f"{number}" / "out"
@@ -222,17 +220,32 @@ def test_the_key_follows_the_code_and_the_options(honest: SimpleNamespace, monke
     assert digest(data, MODEL, {"max_effects": 6}) != key
 
 
+def test_a_resumed_search_is_the_one_that_was_interrupted() -> None:
+    kept: list[dict[str, Any]] = []
+    data = made({}, samples=SHORT)
+    with Simulator(MODEL, jobs=1) as simulator:
+        search = look(begin(Given(data, keep=kept.append), simulator))
+        candidate = next(c for c, _ in search.scored if c.effect.id == "cubic_stiffness")
+        # Infinite where the data show nothing.
+        gone = Dropped(candidate, {"k3_x": (1e9, 2e9), "k3_y": (0.0, float("inf"))}, 1e-3)
+        search = saved(replace(search, dropped=(gone,), refused=frozenset({"play"})))
+        state = json.loads(json.dumps(kept[-1]))
+        checked(state, MODEL, data)
+        again = resume(Given(data), simulator, (), state)
+    for name in ("accepted", "dropped", "refused", "steps", "stages", "probes", "number", "shortest", "clip"):
+        assert getattr(again, name) == getattr(search, name), name
+    assert again.dropped == (gone,)
+    assert (again.at.cost, again.at.parameters) == (search.at.cost, search.at.parameters)
+
+
 def test_what_is_taken_out_of_the_record_later_is_taken_out_of_what_is_kept() -> None:
     kept: list[dict[str, Any]] = []
     data = made({}, samples=SHORT)
     # Far out by the noise, 1e-4 of it and more: a square that says so is not the one that was kept.
     spiked = [replace(r, v=r.v + 0.05 * (np.arange(SHORT) % 977 == 976)[:, None]) for r in data.records]
     with Simulator(MODEL, jobs=1) as simulator:
-        search = Search(simulator, data, lambda _: None)
-        search.keep = kept.append
-        search.begin()
-        search._take(replace(data, records=tuple(spiked)))
-        search.go_on(search.at)
-        search._save()
+        search = begin(Given(data, keep=kept.append), simulator)
+        search = search.on(replace(data, records=tuple(spiked)))
+        saved(search.fitted(search.at))
     assert kept[1]["refitted"]["square"] > 2 * kept[0]["refitted"]["square"]
     assert kept[1]["refitted"]["parameters"] == kept[0]["refitted"]["parameters"]

@@ -1,30 +1,33 @@
 """What is said of names that there was no time to put to the test."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
+from blank_search import blank_search
 
 from discrepancy.name.question import ask, unasked
+from discrepancy.name.search import Search
 from gyro_model.model import load_model
 
 
-def accepted(effect_id: str) -> SimpleNamespace:
+def accepted(effect_id: str, partner: str = "") -> Any:
     effect = load_model().effect(effect_id)
     names = {q.name for q in effect.sizes}
-    return SimpleNamespace(id=effect_id, share=0.1, candidate=SimpleNamespace(effect=effect), names=names)
+    before = SimpleNamespace(effect=SimpleNamespace(id=partner)) if partner else None
+    candidate = SimpleNamespace(effect=effect, partner=before)
+    return SimpleNamespace(id=effect_id, share=0.1, candidate=candidate, names=names)
 
 
-def searched(*, questioned: bool, partners: frozenset[str] = frozenset()) -> SimpleNamespace:
-    """A search that found d2_x = 2 +- 1.5, d2_y = 1 +- 1 and k3_x = 8 +- 1, k3_y = 0 +- 1."""
-    values = {"d2_x": 2.0, "d2_y": 1.0, "k3_x": 8.0, "k3_y": 0.0}
-    spread = {"d2_x": 1.5, "d2_y": 1.0, "k3_x": 1.0, "k3_y": 1.0}
-    return SimpleNamespace(
-        questioned=questioned,
-        partners=partners,
-        at=SimpleNamespace(parameters=values),
-        fitter=SimpleNamespace(deviations=lambda at: spread),
-        accepted=[accepted("nonlinear_damping"), accepted("cubic_stiffness")],
-    )
+def searched(*names: str, questioned: bool, partner: str = "", **own: Any) -> Search:
+    """A search that found d2_x = 2 +- 1.5, d2_y = 1 +- 1 and k3_x = 8 +- 1, k3_y = 0 +- 1, and effects of further
+    ``names``, comb_fringe = -1.6e-7 +- 3.5e-6; partner: the effect without which others would change nothing."""
+    values = {"d2_x": 2.0, "d2_y": 1.0, "k3_x": 8.0, "k3_y": 0.0, "comb_fringe": -1.6e-7}
+    spread = {"d2_x": 1.5, "d2_y": 1.0, "k3_x": 1.0, "k3_y": 1.0, "comb_fringe": 3.5e-6}
+    entries = [accepted(name, partner) for name in ("nonlinear_damping", "cubic_stiffness", *names)]
+    fitter = SimpleNamespace(deviations=lambda at: spread, fit=lambda at: at)
+    at = SimpleNamespace(parameters=values)
+    return blank_search(questioned=questioned, at=at, fitter=fitter, accepted=tuple(entries), **own)
 
 
 def shows(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
@@ -48,13 +51,7 @@ def test_a_name_whose_parameters_show_together_stands_though_time_ran_out(monkey
 
 def test_a_single_size_that_may_be_neutral_shows_by_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
     shows(monkeypatch, "nonlinear_damping", "comb_fringe")
-    search = searched(questioned=False)
-    search.accepted.append(accepted("comb_fringe"))
-    search.at.parameters["comb_fringe"] = -1.6e-7
-    search.fitter = SimpleNamespace(
-        deviations=lambda at: {"d2_x": 1.5, "d2_y": 1.0, "k3_x": 1.0, "comb_fringe": 3.5e-6}
-    )
-    assert list(unasked(search)) == ["comb_fringe"]
+    assert list(unasked(searched("comb_fringe", questioned=False))) == ["comb_fringe"]
 
 
 @pytest.mark.parametrize(
@@ -64,19 +61,19 @@ def test_a_single_size_that_may_be_neutral_shows_by_nothing_else(monkeypatch: py
 def test_an_effect_without_which_the_motion_is_lost_is_not_taken_out(
     monkeypatch: pytest.MonkeyPatch, *, neutral: bool, lost: bool, stays: bool
 ) -> None:
-    search = searched(questioned=False)
-    search.fitter = SimpleNamespace(fit=lambda at: at)
-    search.simulator = SimpleNamespace(clock=SimpleNamespace(check=lambda: None))
-    search.without_effect = lambda at, entry: at
-    search.progress, search.dropped, search.copies = print, [], {}
-    failing = SimpleNamespace(candidate=search.accepted[0].candidate, reason="weak")
-    monkeypatch.setattr("discrepancy.name.question._failing", lambda search: [(failing, neutral)])
+    simulator: Any = SimpleNamespace(clock=SimpleNamespace(check=lambda: None))
+    search = searched(questioned=False, simulator=simulator)
+    monkeypatch.setattr(Search, "without_effect", lambda search, at, entry: at)
+    failing = SimpleNamespace(
+        dropped=SimpleNamespace(candidate=search.accepted[0].candidate), reason="", unseen=not neutral
+    )
+    monkeypatch.setattr("discrepancy.name.question._failing", lambda search: [failing])
     monkeypatch.setattr("discrepancy.name.question.leaves", lambda fitter, at, before: lost)
-    assert ask(search) is not stays
-    assert search.questioned is stays
-    assert [a.id for a in search.accepted] == ["nonlinear_damping", "cubic_stiffness"][not stays :]
+    found = ask(search)
+    assert found.questioned is stays
+    assert [a.id for a in found.accepted] == ["nonlinear_damping", "cubic_stiffness"][not stays :]
 
 
 def test_who_was_asked_or_stands_with_a_partner_is_not_asked_here() -> None:
     assert unasked(searched(questioned=True)) == {}
-    assert unasked(searched(questioned=False, partners=frozenset({"nonlinear_damping"}))) == {}
+    assert unasked(searched(questioned=False, partner="nonlinear_damping")) == {}

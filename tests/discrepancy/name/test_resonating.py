@@ -9,7 +9,7 @@ from structures import Structure, chain
 from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
 from discrepancy.diagnose import diagnose
-from discrepancy.name.search import FIRST
+from discrepancy.name.begin import FIRST
 from discrepancy.tell.answer import Diagnosis
 from gyro_model.model import load_model
 

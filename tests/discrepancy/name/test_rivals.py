@@ -6,22 +6,25 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
+from blank_search import blank_search
 from hidden_sets import MODEL, made
 
-from discrepancy.criteria import Criteria
 from discrepancy.data.record import Floats, Record
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name import competition
-from discrepancy.name import search as search_module
-from discrepancy.name.accepted import Accepted, Refit
+from discrepancy.name import look as looking
+from discrepancy.name.accepted import Accepted, Instead, Refit
+from discrepancy.name.begin import begin
 from discrepancy.name.columns import Candidate, Probe
 from discrepancy.name.competition import refitted
 from discrepancy.name.exchange import exchange
+from discrepancy.name.extend import extend
+from discrepancy.name.look import look
 from discrepancy.name.scan import Scan
 from discrepancy.name.score import Score
-from discrepancy.name.search import Search
+from discrepancy.name.search import Given, Search
 
 DELAY = 2e-8
 """Seconds, so few that a delay, a lag and a filter are alike to first order."""
@@ -43,35 +46,29 @@ def simulated(monkeypatch: pytest.MonkeyPatch) -> list[Mapping[str, float]]:
 
 def test_the_same_fit_is_not_scanned_twice(simulated: list[Mapping[str, float]]) -> None:
     with Simulator(MODEL, 1) as simulator:
-        search = Search(simulator, made({"actuator_delay": DELAY}), lambda _: None)
-        search.begin()
-        search.look()
+        search = look(begin(Given(made({"actuator_delay": DELAY})), simulator))
         simulated.clear()
         scored = search.scored
-        search.look()
-        assert search.scored is scored
+        assert look(search).scored is scored
         assert not simulated
         # Another model of the same runs, and other candidates, are another question.
-        for change in ({"at": replace(search.at)}, {"refused": {"play"}}):
-            vars(search).update(change)
-            search.look()
+        for other in (replace(search, at=replace(search.at)), replace(search, refused=frozenset({"play"}))):
+            look(other)
             assert simulated
             simulated.clear()
 
 
 def test_what_has_no_finer_grid_is_not_scanned_for_one(monkeypatch: pytest.MonkeyPatch) -> None:
     found = []
-    plain = search_module.scanned
+    plain = looking.scanned
 
     def noted(fitter: Fitter, at: Fitted, removals: Sequence[Mapping[str, float]], own: Sequence[Candidate]) -> Scan:
         found.append(len(own))
         return plain(fitter, at, removals, own)
 
-    monkeypatch.setattr(search_module, "scanned", noted)
+    monkeypatch.setattr(looking, "scanned", noted)
     with Simulator(MODEL, 1) as simulator:
-        search = Search(simulator, made({"actuator_delay": DELAY}), lambda _: None)
-        search.begin()
-        search.look()
+        search = look(begin(Given(made({"actuator_delay": DELAY})), simulator))
         assert search.significant()
         assert found
         assert all(found)
@@ -79,23 +76,19 @@ def test_what_has_no_finer_grid_is_not_scanned_for_one(monkeypatch: pytest.Monke
 
 def test_one_that_promises_no_more_waits_and_is_tried_in_the_end(simulated: list[Mapping[str, float]]) -> None:
     with Simulator(MODEL, 1) as simulator:
-        search = Search(simulator, made({"actuator_delay": DELAY}), lambda _: None)
-        search.begin()
-        search.look()
+        search = look(begin(Given(made({"actuator_delay": DELAY})), simulator))
         alike = [(c, s) for c, s in search.significant() if c.effect.id in ("actuator_delay", "amplifier_bandwidth")]
         begun = [Refit(search.with_effect(*search.view, c, s), c, s) for c, s in alike]
         [first] = refitted(search, search.view, begun)
         assert len(begun) == 2
         assert first.candidate is begun[0].candidate
-        search.extend(2)
-        exchange(search)
+        search = exchange(extend(search, 2))
         [entry] = search.accepted
         assert {entry.id, *entry.rivals} >= {"actuator_delay", "amplifier_bandwidth"}
         # Beside the same parameters no one is tried twice.
         before = dict(entry.rivals)
         simulated.clear()
-        exchange(search)
-        assert dict(search.accepted[0].rivals) == before
+        assert dict(exchange(search).accepted[0].rivals) == before
         assert not simulated
 
 
@@ -113,16 +106,12 @@ def test_a_rival_as_probable_as_the_name_is_its_either(
         return SimpleNamespace(count=1, unlikely=chi_square, parameters={})
 
     cubic, other = Accepted(candidate("cubic_stiffness"), 0.1, {}), candidate("actuator_misalignment")
-    monkeypatch.setattr(
-        "discrepancy.name.exchange._refitted_instead", lambda *_: {other.effect.id: (fit(worse), other)}
-    )
+    tried = Instead({}, [], {other.effect.id: (fit(worse), other)})
+    monkeypatch.setattr("discrepancy.name.exchange._refitted_instead", lambda *_: tried)
+    monkeypatch.setattr("discrepancy.name.exchange._looked", lambda search, _: search)
     monkeypatch.setattr("discrepancy.name.exchange.own_filter", lambda fitter, at: at)
     simulator = SimpleNamespace(clock=SimpleNamespace(check=lambda: None), model=MODEL)
-    search: Any = SimpleNamespace(at=fit(0.0), fitter=None, criteria=Criteria(), accepted=[cubic], partners=set(),
-                                  instead={}, simulator=simulator,
-                                  attempt=lambda what, work: work())  # fmt: skip
-    exchange(search)
-    [entry] = search.accepted
+    [entry] = exchange(blank_search(simulator=simulator, at=fit(0.0), accepted=(cubic,))).accepted
     assert entry.id == "cubic_stiffness"
     assert (other.effect.id in entry.rivals) == named
 

@@ -5,10 +5,12 @@ from hidden_sets import MODEL, made
 
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name.accepted import Refit
+from discrepancy.name.begin import begin
 from discrepancy.name.columns import Candidate, fading
 from discrepancy.name.competition import refitted
 from discrepancy.name.grids import ABOUT, WIDER, Grids
-from discrepancy.name.search import Search
+from discrepancy.name.look import look
+from discrepancy.name.search import Given
 
 
 def whole(name: str) -> Candidate:
@@ -43,9 +45,7 @@ def test_stribeck_is_found_beside_the_friction() -> None:
     hidden = {"friction_x": 3e-7, "friction_y": 3e-7, "friction_speed": 1e-3, "stribeck": 0.8, "stribeck_speed": 4e-3}
     data = made(hidden, samples=4000)
     with Simulator(MODEL, jobs=1) as simulator:
-        search = Search(simulator, data, lambda _: None)
-        search.begin()
-        search.look()
+        search = look(begin(Given(data), simulator))
         own = [(c, s) for c, s in search.scored if c.effect.id == "dry_friction"]
         candidate, scored = max(own, key=lambda entry: entry[1].gain)
         begun = Refit(search.with_effect(*search.view, candidate, scored), candidate, scored)

@@ -1,7 +1,6 @@
 """Intervals that count what was left out of an effect."""
 
 from collections.abc import Iterator
-from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +10,10 @@ from hidden_sets import MODEL, made
 from discrepancy.fit.fitted import Free
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name.accepted import Accepted
+from discrepancy.name.begin import begin
 from discrepancy.name.columns import fading, without_part
-from discrepancy.name.search import Search
+from discrepancy.name.look import look
+from discrepancy.name.search import Given, Search
 from discrepancy.tell.intervals import WIDTH, intervals
 from discrepancy.tell.left_out import _amounts, _Beside, left_out
 from discrepancy.tell.mixture import Mixture
@@ -25,16 +26,14 @@ HIDDEN = {"friction_x": 3e-8, "friction_y": 3e-8, "friction_speed": 2e-3, "strib
 def plain() -> Iterator[Search]:
     """A search that has dry friction without its Stribeck part in its model."""
     with Simulator(MODEL, jobs=1) as simulator:
-        search = Search(simulator, made(HIDDEN, samples=4000), lambda _: None)
-        search.begin()
-        search.look(lambda effect: effect.id == "dry_friction")
+        search = begin(Given(made(HIDDEN, samples=4000)), simulator)
+        search = look(search, lambda effect: effect.id == "dry_friction")
         candidate, scored = max(search.scored, key=lambda entry: entry[1].gain)
         part = fading(candidate)
         assert part is not None
         candidate = without_part(candidate, part)
-        search.go_on(search.with_effect(*search.view, candidate, scored))
-        search.accepted.append(Accepted(candidate, 0.1, {}))
-        yield search
+        search = search.fitted(search.with_effect(*search.view, candidate, scored))
+        yield replace(search, accepted=(Accepted(candidate, 0.1, {}),))
 
 
 def test_what_makes_up_for_a_part_that_was_left_out_has_an_interval_that_holds_the_truth(plain: Search) -> None:
@@ -61,8 +60,7 @@ def test_what_no_part_was_left_out_of_has_the_interval_of_the_fit(plain: Search)
 
 
 def test_a_part_that_is_fitted_is_not_left_out(plain: Search) -> None:
-    fitted = copy(plain)
-    fitted.at = replace(plain.at, free=(*plain.at.free, Free("stribeck", 1e-3)))
+    fitted = replace(plain, at=replace(plain.at, free=(*plain.at.free, Free("stribeck", 1e-3))))
     assert left_out(fitted, plain.accepted[0]) is None
 
 
