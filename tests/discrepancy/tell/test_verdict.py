@@ -1,14 +1,16 @@
 """What a name is worth: its probability by rivals, by what is left and by what it brought."""
 
-from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
+from blank_search import blank_search
 
 from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
+from discrepancy.data.dataset import Dataset
+from discrepancy.name.search import Given
 from discrepancy.tell import verdict
 from discrepancy.tell.answer import Finding, Stage
 from discrepancy.tell.assemble import _scaled, _stages
@@ -72,11 +74,13 @@ def judged(monkeypatch: pytest.MonkeyPatch, without: float, *misfits: float, **c
     monkeypatch.setattr("discrepancy.tell.verdict._with_starts_found", lambda search, parameters: without)
     # Of a mass that a spring holds.
     monkeypatch.setattr("discrepancy.tell.verdict.unsprung", lambda whole, at: False)
-    names = [SimpleNamespace(id=name, of_record=False) for name in ("large", "small")]
-    found: Any = SimpleNamespace(accepted=names, criteria=Criteria.of(criteria), progress=lambda text: None,
-                                 whole=None, at=None, attempt=lambda what, work: work())  # fmt: skip
+    names: Any = [SimpleNamespace(id=name, of_record=False) for name in ("large", "small")]
+    given = Given(cast("Dataset", None), criteria=Criteria.of(criteria))
+    simulator = SimpleNamespace(clock=SimpleNamespace(check=lambda: None))
     gaps = {"refit": misfits[0], "final": misfits[-1]}
-    return worse_without(found, [Finding(n.id, (), {}) for n in names], stages(*misfits), gaps)
+    found = blank_search(given=given, simulator=simulator, accepted=tuple(names))
+    _, worse = worse_without(found, [Finding(n.id, (), {}) for n in names], stages(*misfits), gaps)
+    return worse
 
 
 def test_an_effect_that_makes_held_out_runs_worse_is_in_doubt_however_little_it_is(
@@ -165,20 +169,12 @@ def test_a_comparison_for_which_there_is_no_time_leaves_the_name(monkeypatch: py
 
     monkeypatch.setattr(verdict, "_with_starts_found", late)
     monkeypatch.setattr(verdict, "_without", lambda *_: {})
-    undone: list[str] = []
-
-    def attempt(what: str, work: Callable[[], object]) -> object:
-        try:
-            return work()
-        except OutOfTime:
-            undone.append(what)
-            return None
-
-    stopped = search()
-    stopped.progress, stopped.attempt = (lambda _: None), attempt
+    simulator = SimpleNamespace(clock=SimpleNamespace(check=lambda: None))
+    stopped = blank_search(simulator=simulator, accepted=tuple(search().accepted))
     found = tuple(Finding(name, (), {}) for name in ("large", "small"))
-    assert worse_without(stopped, found, stages(1.0, 1.1, 1.2), {"final": 0.9, "refit": 1.0}) == {}
-    assert undone == ["held-out runs without large", "held-out runs without small"]
+    stopped, worse = worse_without(stopped, found, stages(1.0, 1.1, 1.2), {"final": 0.9, "refit": 1.0})
+    assert worse == {}
+    assert stopped.undone == ("held-out runs without large", "held-out runs without small")
 
 
 def test_a_stage_of_a_name_stands_once(monkeypatch: pytest.MonkeyPatch) -> None:
