@@ -14,7 +14,7 @@ from numba.extending import intrinsic
 from cosim.fmu import GET, INSTANCE, SET, STEP
 
 
-def _pointer_call(name: str, arguments: Sequence[ir.Type]) -> Any:
+def pointer_call(name: str, arguments: Sequence[ir.Type]) -> Any:
     """A compiled call of the C function at an address: int32 f(address, ...), every argument an integer, float64 or
     address."""
 
@@ -40,9 +40,9 @@ _SIZE: Final = ir.IntType(64)
 _REAL: Final = ir.DoubleType()
 _BOOL: Final = ir.IntType(1)
 
-_set_float64 = _pointer_call("fmi3SetFloat64", (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS, _SIZE))
-_get_float64 = _pointer_call("fmi3GetFloat64", (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS, _SIZE))
-_do_step = _pointer_call("fmi3DoStep", (_ADDRESS, _REAL, _REAL, _BOOL, _ADDRESS, _ADDRESS, _ADDRESS, _ADDRESS))
+_set_float64 = pointer_call("fmi3SetFloat64", (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS, _SIZE))
+_get_float64 = pointer_call("fmi3GetFloat64", (_ADDRESS, _ADDRESS, _SIZE, _ADDRESS, _SIZE))
+_do_step = pointer_call("fmi3DoStep", (_ADDRESS, _REAL, _REAL, _BOOL, _ADDRESS, _ADDRESS, _ADDRESS, _ADDRESS))
 
 
 @njit(cache=True)

@@ -17,10 +17,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from scipy.signal import cont2discrete, lfilter
 
 from discrepancy.data.modes import Mode
 from discrepancy.data.record import Floats, Record
+from discrepancy.data.residues import answered
 
 OF_ONE: Final = 0.3
 """Of what a mode answers with, that the product of one shape with itself may leave: no mode answers otherwise where
@@ -69,7 +69,7 @@ def carried(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[fl
     the mass would not be positive, as where a sensor is connected the other way round.
     """
     axes = len(gains)
-    residues = _residues(records, modes) / np.asarray(gains) if len(modes) > axes else None
+    residues = answered(records, modes).residues / np.asarray(gains) if len(modes) > axes else None
     shapes = None if residues is None else _shapes(residues)
     if residues is None or shapes is None:
         return None
@@ -159,42 +159,3 @@ def _shapes(residues: Floats) -> Floats | None:
             return None
         shapes.append(shape)
     return np.array(shapes)
-
-
-def _residues(records: Sequence[Record], modes: Sequence[Mode]) -> Floats:
-    """By how much each mode answers with each voltage to each force, (modes, forces, voltages) [V/(N.s²)], by least
-    squares beside how the runs begin and a mean."""
-    axes, made, told = records[0].axes, [], []
-    for record in records:
-        answers = np.hstack([_answers(record, mode) for mode in modes])
-        starts = np.linalg.qr(_starts(record, modes))[0]
-        columns = np.hstack((answers, record.v))
-        columns -= starts @ (starts.T @ columns)
-        made.append(columns[:, :-axes])
-        told.append(columns[:, -axes:])
-    found = np.linalg.lstsq(np.vstack(made), np.vstack(told), rcond=None)[0]
-    return np.asarray(found.reshape(len(modes), axes, axes))
-
-
-def _starts(record: Record, modes: Sequence[Mode]) -> Floats:
-    """What modes do by themselves, and a mean, (n, 2 * modes + 1)."""
-    t = np.arange(len(record.t)) / record.sample_rate
-    columns = [np.ones_like(t)]
-    for mode in modes:
-        w, loss = 2 * np.pi * mode.frequency, 0.5 / mode.quality
-        own = np.exp(w * complex(-loss, (1 - loss**2) ** 0.5) * t)
-        columns += [own.real, own.imag]
-    return np.column_stack(columns)
-
-
-def _answers(record: Record, mode: Mode) -> Floats:
-    """The motion (n, forces) of a mode of 1 kg under each force, as the sensors take it: its displacement, speed or
-    acceleration."""
-    w = 2 * np.pi * mode.frequency
-    pulled = [-(w**2), -w / mode.quality]
-    seen, through = [([1.0, 0.0], 0.0), ([0.0, 1.0], 0.0), (pulled, 1.0)][record.order]
-    system = np.array([[0.0, 1.0], pulled]), np.array([[0.0], [1.0]]), np.array([seen]), np.array([[through]])
-    method = "zoh" if record.hold == "zero" else "foh"
-    a, b, c, d, _ = cont2discrete(system, 1 / record.sample_rate, method)
-    numerator = np.poly(a - b @ c) + (d[0, 0] - 1) * np.poly(a)
-    return np.asarray(lfilter(numerator, np.poly(a), record.u, axis=0)) / record.reference**record.order

@@ -116,7 +116,7 @@ def hold(dataset: Dataset) -> Iterator[Finding]:
         given = dataset.fit[0].hold
         yield Finding(
             "hold", "",
-            f'hold = "{given}" leaves {found.given:.2g} of the force unexplained, "{found.hold}" {found.left:.2g}: if '
+            f'hold = "{given}" leaves {found.given:.2g} unexplained, "{found.hold}" {found.left:.2g}: if '
             f'the force was so, write hold = "{found.hold}" to every [[run]]; else v is early or late',
         )  # fmt: skip
 

@@ -10,19 +10,21 @@ from typing import Final, NamedTuple, get_args
 
 from discrepancy.data.linear_fit import LOWEST
 from discrepancy.data.linear_start import response
+from discrepancy.data.modes import answering
 from discrepancy.data.record import Hold, Record, is_driven
+from discrepancy.data.residues import answered
 
 DECISIVE: Final = 3.0
 """Times less of the force that another hold must leave unexplained. Measured on 14 devices, ten of them not linear: a
 wrong one leaves 9 times what the right one leaves where the right one explains nearly all, and 0.96 times at the least
 where a further mode or a strong effect covers it."""
 ENOUGH: Final = 0.05
-"""Share of the force above which the other hold explains too little to be believed."""
+"""Share above which the other hold explains too little to be believed."""
 
 
 class Better(NamedTuple):
-    """A hold that explains the response better than the one that is given, and the shares of the force that both leave
-    unexplained."""
+    """A hold that explains the response better than the one that is given, and the shares of the force, or, of more
+    modes than one an axis, of the voltage, that both leave unexplained."""
 
     hold: Hold
     left: float
@@ -33,14 +35,32 @@ def better_hold(records: Sequence[Record], nominal: Mapping[str, float]) -> Bett
     """The hold that the runs show, where it is plainly another than they are given; None where it is not."""
     if not records or not is_driven(records):
         return None
-    left: dict[Hold, float] = {}
-    for hold in get_args(Hold):
-        own = [replace(record, hold=hold) for record in records]
-        # Forces that bend a response hide half a sample, and are none themselves.
-        found = response(own, nominal, driven=True, lowest=LOWEST, bent=True)
-        if found is None:
-            return None
-        left[hold] = found[1]
+    return _better(records, _by_one_mode(records, nominal)) or _better(records, _by_modes(records))
+
+
+def _by_one_mode(records: Sequence[Record], nominal: Mapping[str, float]) -> dict[Hold, float]:
+    """By hold, the share of the force that one mode an axis and forces that bend its response leave: such forces hide
+    half a sample, and are none themselves."""
+    found = {hold: response(own, nominal, driven=True, lowest=LOWEST, bent=True) for hold, own in _held(records)}
+    return {hold: own[1] for hold, own in found.items() if own is not None}
+
+
+def _by_modes(records: Sequence[Record]) -> dict[Hold, float]:
+    """By hold, the share of the voltage that more modes than one an axis leave; none where it shows no more."""
+    modes = answering(records)
+    if len(modes) <= records[0].axes:
+        return {}
+    return {hold: answered(own, modes).left for hold, own in _held(records)}
+
+
+def _held(records: Sequence[Record]) -> list[tuple[Hold, list[Record]]]:
+    return [(hold, [replace(record, hold=hold) for record in records]) for hold in get_args(Hold)]
+
+
+def _better(records: Sequence[Record], left: Mapping[Hold, float]) -> Better | None:
+    """The hold that leaves plainly less, and little."""
+    if len(left) < len(get_args(Hold)):
+        return None
     given = records[0].hold
     best = min(left, key=lambda hold: left[hold])
     # A straight line and a smooth course differ little: the smooth one, unless the line is plainly better.

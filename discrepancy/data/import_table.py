@@ -186,7 +186,7 @@ def write_dataset(request: Request) -> tuple[Path, list[str]]:
     if seen:
         said.append(
             f'hold = "{seen.hold}": the force ran on between samples, as the response shows (it leaves '
-            f"{seen.left:.2g} of the force unexplained, held {seen.given:.2g}); --hold zero says otherwise"
+            f"{seen.left:.2g} unexplained, held {seen.given:.2g}); --hold zero says otherwise"
         )
         (request.out / FILE).write_text(_toml(pieces, rates, held_out, replace(request, hold=seen.hold)), "utf-8")
     return request.out / FILE, [*dict.fromkeys(said), line]

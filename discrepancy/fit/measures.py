@@ -9,7 +9,7 @@ import numpy as np
 from discrepancy.data.record import MINIMUM_SAMPLES, Floats, Record
 from discrepancy.fit.continuation import with_starts
 from discrepancy.fit.fitted import Fitted
-from discrepancy.fit.refit import Fitter
+from discrepancy.fit.refit import LINEAR, Fitter
 from discrepancy.fit.simulate import Simulator
 
 START_TIME, START_SAMPLES = 5e-3, 50
@@ -18,18 +18,45 @@ START_ROUNDS: Final = 12
 """Steps of its fit at most. A linear device is exact after one; beside a dry friction, which changes the slopes from
 rest on, 4 left a speed 2e-3 off, and 12 are as good as 20."""
 
+TOLD: Final = 0.01
+"""Of the signal, that initial states may move a run by within what the first samples leave open of them."""
+TINY: Final = 1e-300
+
 
 def start_fitted(simulator: Simulator, record: Record, parameters: Mapping[str, float]) -> tuple[Floats, int]:
-    """The residual (n, axes) [V] of a run whose first samples gave the initial state, and how many those were."""
+    """The residual (n, axes) [V] of a run whose first samples gave the initial state, and how many those were: as many
+    as it takes, where effects have states of their own."""
     n = _unscored(record)
-    # A record has a least length, so the head may be longer than what counts of it.
+    run = Fitter(simulator, [record])
+    while True:
+        head = Fitter(simulator, [_head(record, n)])
+        begun = _begun(head, parameters)
+        at = run.evaluated(replace(begun, whiten=run.plain(parameters)))
+        enough = len(head.state_names(begun)) == 2 * record.axes or 2 * n > len(record.t) // 2
+        enough = enough or _tells(head, begun, run, at)
+        simulator.forget(head.records)
+        if enough:
+            return at.residuals[0], n
+        n *= 2
+
+
+def _head(record: Record, n: int) -> Record:
+    """The first samples of a run, of which n count: a record has a least length."""
     own = slice(0, max(n, MINIMUM_SAMPLES))
     held = {name: values[own] for name, values in record.conditions.items()}
     counted = record.valid[own] & (np.arange(len(record.t))[own] < n)
-    head = replace(record, t=record.t[own], u=record.u[own], v=record.v[own], conditions=held, valid=counted)
-    start = _start(simulator, head, parameters)
-    simulator.forget([head])
-    return record.v - simulator.run(record, {**parameters, **start}), n
+    return replace(record, t=record.t[own], u=record.u[own], v=record.v[own], conditions=held, valid=counted)
+
+
+def _tells(head: Fitter, begun: Fitted, run: Fitter, at: Fitted) -> bool:
+    """Whether the first samples tell how a run began: what they leave open of the initial states, each of which may be
+    as large as the motion, moves the run by little."""
+    valid = head.records[0].valid
+    shown = head.by_states(begun, 0)[:, valid].reshape(-1, int(valid.sum()) * head.axes)
+    moved = run.by_states(at, 0).reshape(len(shown), -1)
+    told = shown @ shown.T / max(begun.cost / begun.count, TINY) + LINEAR**2 * np.eye(len(shown))
+    spread = np.trace(np.linalg.solve(told, moved @ moved.T)) / moved.shape[1]
+    return bool(spread < (TOLD * run.signal) ** 2)
 
 
 def start_known(simulator: Simulator, record: Record, parameters: Mapping[str, float]) -> tuple[Floats, int]:
@@ -44,9 +71,13 @@ def _unscored(record: Record) -> int:
 
 def _start(simulator: Simulator, record: Record, parameters: Mapping[str, float]) -> Mapping[str, float]:
     """The initial state that fits a record best."""
-    fitter = Fitter(simulator, [record])
+    return _begun(Fitter(simulator, [record]), parameters).starts[0]
+
+
+def _begun(fitter: Fitter, parameters: Mapping[str, float]) -> Fitted:
+    """The initial states that fit the runs of ``fitter`` best."""
     at = Fitted(dict(parameters), fitter.at_rest, (), fitter.plain(parameters), ())
-    return with_starts(fitter, at, START_ROUNDS).starts[0]
+    return with_starts(fitter, at, START_ROUNDS)
 
 
 def misfits(records: Sequence[Record], residuals: Mapping[str, tuple[Floats, int]]) -> dict[str, float]:

@@ -216,6 +216,11 @@ class Fitter:
         """What each set of changed parameters adds to the simulated voltage of a run: (probes, n, axes) [V]."""
         return self.quotients.columns(self._point(at, run), probes)
 
+    def by_states(self, at: Fitted, run: int) -> Floats:
+        """What initial states of a run add to its voltage, (states, n, axes) [V], each by LINEAR of the signal."""
+        here = self._point(at, run).parameters
+        return self.columns(at, run, self._changes(at, here, self._state_steps(at)))
+
     def _fill(self, at: Fitted, run: int, extra: Sequence[Mapping[str, float]], columns: Floats, *, near: bool) -> None:
         """Columns (p, n, axes) [V] by each state of this run and each free parameter, a full ``step`` of it, then of
         the ``extra`` probes; ``near``: those of the last point serve for the model's own."""

@@ -5,22 +5,18 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from functools import partial
-from math import ceil
 from queue import SimpleQueue
 from time import perf_counter, thread_time
 from types import TracebackType
-from typing import Any, Final, NamedTuple, Self, TypeVar
+from typing import Final, NamedTuple, Self, TypeVar
 
 import numpy as np
-from numba import njit
-from scipy.fft import irfft, next_fast_len, rfft
 
-from cosim.exchange import exchange
-from cosim.fmu import HANDLE_SIZE, INSTANCE, Plant
 from discrepancy.clock import Clock
-from discrepancy.data.record import CONDITIONS, Floats, Record
+from discrepancy.data.record import Floats, Record
+from discrepancy.fit.bench import Bench
 from discrepancy.fit.defect import Distortion, Timing, distortion_names, distortions
+from discrepancy.fit.forced import Forced, commands, distorted, forced
 from discrepancy.fit.variation import Driven, Motion, Seen, Traveller
 from gyro_model.anatomy import Delay, Lag
 from gyro_model.build import build_form
@@ -28,21 +24,9 @@ from gyro_model.errors import InputError
 from gyro_model.model import Model
 from gyro_model.varied import varied_model
 
-OVERSAMPLING: Final = 3
-"""Steps a sample where u runs between samples. What their hold shrinks is made up for (``between``); images of a force
-at f come back at f from about 3/T, f/(3/T - f) as strong and weaker by the square of that ratio in the motion: 1e-3 of
-what a force at a third of the rate does, 2e-5 of the Silverbox' output."""
 SPLIT: Final = 4
 """Times as many steps where a delay or a lag acts: what one of a part of a step does is then right to 2e-4 at a
 fortieth of the sample rate, where a lag and a delay are told apart by less than the steps of a sample would err."""
-LONGEST: Final = 1e-3
-"""Longest step [s] that the FMU takes."""
-MARGIN: Final = 256
-"""Samples by which a record is continued at both ends before it is interpolated band-limited."""
-INPUTS: Final = ("u_x", "u_y", *CONDITIONS)
-OUTPUTS: Final = ("v_x", "v_y")
-SPEEDS: Final = ("x_dot", "y_dot")
-"""Outputs for a sensor of velocity or acceleration: none of the model's, so that nothing acts on it."""
 BACKWARD: Final = np.array([25, -48, 36, -16, 3]) / 12
 """Of the last five points, the derivative at the last times their step: right to (w step)^4/5, 4e-5 of an acceleration
 at thirteen samples a period. The force changes at each sample, so that no point after it counts."""
@@ -60,57 +44,18 @@ MIRRORED: Final = {"kyy": "kxx", "dyy": "dxx", "sense_gain_y": "sense_gain_x"}
 Job = tuple[Record, Mapping[str, float]]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-_Distorted = tuple[tuple[str, float], ...]
-_Driven = tuple[Floats, tuple[str, ...], float]
-"""Inputs of each step (steps, inputs), their names, and the step [s]."""
+_Sizes = tuple[tuple[str, float], ...]
 
 
 class _Latest(NamedTuple):
-    """What the FMU gave for a record: under which values (steps, inputs), every how many steps."""
+    """What the FMU gave for a record: of which derivative, under which values (steps, inputs), every how many steps."""
 
     record: Record
+    order: int
     each: int
     device: Mapping[str, float]
     values: Floats
     v: Floats
-
-
-@njit(cache=True, nogil=True)
-def _run(handle, inputs, values, outputs, start, step, stride, v, first, last):  # type: ignore[no-untyped-def]
-    """Steps through values (steps, inputs) from sample first to last and puts v (samples, 2) after each; gives the
-    sample it failed at, or last."""
-    flags = np.zeros(HANDLE_SIZE)
-    for k in range(first, last):
-        for i in range(stride):
-            n = k * stride + i
-            if exchange(handle, inputs, values[n], outputs, v[k + 1], flags, start + n * step, step) > 0:
-                return k
-    return last
-
-
-class _Bench(Plant):
-    """A plant that starts anew without loading the FMU again."""
-
-    @property
-    def library(self) -> Any:
-        """The FMU's, with the functions of fmu_src/varied."""
-        return self._fmu.dll
-
-    @property
-    def instance(self) -> int:
-        """Its address."""
-        return int(self.handle[INSTANCE])
-
-    def restart(self, parameters: Mapping[str, float], start: float) -> None:
-        self._fmu.reset()
-        try:
-            self._set(parameters)
-            self._fmu.enterInitializationMode(startTime=start)
-            self._fmu.exitInitializationMode()
-        except InputError:
-            raise
-        except Exception as error:  # fmpy raises Exception itself
-            raise InputError(self.complaint() or str(error)) from None
 
 
 class Simulator:
@@ -125,8 +70,8 @@ class Simulator:
         count = jobs or os.cpu_count() or 1
         self.clock = clock or Clock(count)
         self.seen = Seen()
-        self._benches: SimpleQueue[_Bench] = SimpleQueue()
-        self._all = [_Bench(path, {}, form) for _ in range(count)]
+        self._benches: SimpleQueue[Bench] = SimpleQueue()
+        self._all = [Bench(path, {}, form) for _ in range(count)]
         for bench in self._all:
             self._benches.put(bench)
         self._pool, self._callers = ThreadPoolExecutor(count), ThreadPoolExecutor(count)
@@ -134,8 +79,8 @@ class Simulator:
         self._late = [q for e in held for switch in (e, *model.wakers(e)) for q in switch.sizes]
         own = [q for e in (*held, *_parting()) for q in e.parameters]
         self._refining = frozenset(q.name for q in (*self._late, *own))
-        self._driven: dict[tuple[int, int], tuple[Record, _Driven]] = {}
-        self._distorted: dict[tuple[int, int], tuple[_Distorted, _Driven]] = {}
+        self._driven: dict[tuple[int, int], tuple[Record, Forced]] = {}
+        self._distorted: dict[tuple[int, int], tuple[_Sizes, Forced]] = {}
         self._latest: dict[int, _Latest] = {}
         self._parts: dict[int, tuple[Record, Record, slice]] = {}
 
@@ -170,7 +115,7 @@ class Simulator:
             return self._on(bench, record, parameters, rough)
 
     @contextmanager
-    def _bench(self) -> Iterator[_Bench]:
+    def _bench(self) -> Iterator[Bench]:
         """A plant that no other thread uses."""
         bench = self._benches.get()
         try:
@@ -230,15 +175,15 @@ class Simulator:
         """The motion of a run, along which ``vary`` goes; None where more acts than that follows. Raises InputError as
         ``run`` does."""
         self.clock.check()
-        if record.order == 2 or self._held_back(parameters) or any(d.acts(parameters) for d in distortions()):
+        if self._held_back(parameters) or any(d.acts(parameters) for d in distortions()):
             return None
         driven = self._inputs(record, 1)
         values, names, step = driven
         with self._bench() as bench:
-            references = bench.value_references(names)
-            driven_by = Driven(references, values, float(record.t[0]), step, len(values) // len(record.t))
+            stride, start = len(values) // len(record.t), float(record.t[0])
+            driven_by = Driven(bench.value_references(names), values, start, step, stride, commands(record))
             motion = Motion(bench.library, driven_by)
-            _begin(bench, record, _device(record, parameters), driven, 1)
+            bench.begin(_device(record, parameters), driven, start)
             return motion if motion.follow(bench.instance) else None
 
     def vary(self, motion: Motion, jobs: Sequence[Job]) -> list[Floats | None]:
@@ -263,11 +208,11 @@ class Simulator:
                 device = _device(record, parameters)
                 gains.append(_speed_gains(record, device) if record.order else None)
                 if not acting:
-                    _begin(bench, record, device, self._inputs(record, 1), 1)
+                    bench.begin(device, self._inputs(record, 1), float(record.t[0]))
                     traveller = motion.depart(bench.instance)
                     travellers |= {number: traveller} if traveller is not None else {}
         result: list[Floats | None] = [None] * len(jobs)
-        columns = motion.varied(list(travellers.values()), speeds=jobs[0][0].order == 1)
+        columns = motion.varied(list(travellers.values()), jobs[0][0].order)
         for number, column in zip(travellers, columns, strict=True):
             if np.isfinite(column).all():
                 own, gain = np.ascontiguousarray(column[:, : jobs[number][0].axes]), gains[number]
@@ -307,27 +252,27 @@ class Simulator:
     def _held_back(self, parameters: Mapping[str, float]) -> bool:
         return any(parameters.get(q.name, q.start) != q.start for q in self._late)
 
-    def _inputs(self, record: Record, split: int, distorted: "_Distorted" = ()) -> _Driven:
+    def _inputs(self, record: Record, split: int, sizes: _Sizes = ()) -> Forced:
         """What drives each step of a record, ``split`` times as many as usual; kept, since a record is simulated many
-        times. distorted: sizes of what changes the force on its way."""
-        if distorted and id(record) not in self._parts:
+        times. sizes: of what changes the force on its way."""
+        if sizes and id(record) not in self._parts:
             last = self._distorted.get((id(record), split))
-            if last is None or last[0] != distorted:
-                last = distorted, _distorted(self._inputs(record, split), record.axes, dict(distorted))
+            if last is None or last[0] != sizes:
+                last = sizes, distorted(self._inputs(record, split), record.axes, dict(sizes))
                 self._distorted[id(record), split] = last
             return last[1]
-        if distorted:
-            return self._made(record, split, distorted)
+        if sizes:
+            return self._made(record, split, sizes)
         kept = self._driven.get((id(record), split))
         if kept is None:
             kept = self._driven[id(record), split] = record, self._made(record, split)
         return kept[1]
 
-    def _made(self, record: Record, split: int, distorted: "_Distorted" = ()) -> _Driven:
+    def _made(self, record: Record, split: int, sizes: _Sizes = ()) -> Forced:
         if id(record) not in self._parts:
-            return _driven(record, split)
+            return forced(record, split)
         _, whole, own = self._parts[id(record)]
-        values, names, step = self._inputs(whole, split, distorted)
+        values, names, step = self._inputs(whole, split, sizes)
         stride = len(values) // len(whole.t)
         return values[own.start * stride : own.stop * stride], names, step
 
@@ -347,50 +292,46 @@ class Simulator:
                 self._driven.pop((id(record), split), None)
                 self._distorted.pop((id(record), split), None)
 
-    def _on(self, bench: _Bench, record: Record, parameters: Mapping[str, float], rough: bool) -> Floats:
+    def _on(self, bench: Bench, record: Record, parameters: Mapping[str, float], rough: bool) -> Floats:
         acting = [d for d in distortions() if d.acts(parameters)]
         sizes = {q.name: parameters.get(q.name, q.start) for d in acting for q in d.parameters}
         timing = Timing(self._first(record), 1 / record.sample_rate)
-        forced = tuple((q.name, sizes[q.name]) for d in acting if d.force for q in d.parameters)
+        on_force = tuple((q.name, sizes[q.name]) for d in acting if d.force for q in d.parameters)
         fine = any(d.within for d in acting)
-        split = fine or any(d.split for d in acting) or record.order == 2
-        split |= self._held_back(parameters) and not rough
-        driven = self._inputs(record, SPLIT if split else 1, forced)
+        held_back = self._held_back(parameters)
+        # Behind a delay the force may change at a sample; what changes one that runs on leaves open what it is there.
+        derived = record.order == 2 and (fine or held_back or (record.hold != "zero" and bool(on_force)))
+        split = fine or derived or any(d.split for d in acting) or (held_back and not rough)
+        driven = self._inputs(record, SPLIT if split else 1, on_force)
         values, names, step = driven
         stride = len(values) // len(record.t)
         beyond = max((d.beyond(len(record.t), timing, sizes) for d in acting if d.beyond), default=0)
         values = np.concatenate((values, np.repeat(values[-1:], beyond * stride, axis=0))) if beyond else values
         # A held force bends the motion anew at each sample: no curve through the samples knows what is between.
-        each = 1 if fine or record.order == 2 else stride
+        each = 1 if fine or derived else stride
         device = _device(record, parameters)
-        v = self._simulated(bench, record, device, (values, names, step), each)
+        v = self._simulated(bench, record, device, (values, names, step), each, 1 if derived else record.order)
         v = v[:, : record.axes]
         if record.order:
             v = v * _speed_gains(record, device)
         if fine:
             v = _voltage(v, [d for d in acting if d.within], Timing(timing.first * stride, step), sizes)
-        v = v[:: stride // each] if record.order < 2 else _slope(v, stride, step)
+        v = _slope(v, stride, step) if derived else v[:: stride // each]
         v = _voltage(v, [d for d in acting if not d.within], timing, sizes)
         return np.array(v[: len(record.t)], order="C")
 
     def _simulated(
-        self, bench: _Bench, record: Record, device: Mapping[str, float], driven: _Driven, each: int
+        self, bench: Bench, record: Record, device: Mapping[str, float], driven: Forced, each: int, order: int
     ) -> Floats:
-        """What the FMU gives every ``each`` steps; the latest of a record is kept, since what is done to the voltage
-        alone is tried in many sizes."""
-        values, names, step = driven
+        """The voltage, or by ``order`` speeds or accelerations, that the FMU gives every ``each`` steps; the latest of
+        a record is kept, since what is done to the voltage alone is tried in many sizes."""
+        values = driven[0]
         kept = self._latest.get(id(record))
-        if kept and kept.each == each and kept.device == device and np.array_equal(kept.values, values):
+        if kept and kept[1:4] == (order, each, device) and np.array_equal(kept.values, values):
             return kept.v
-        outputs = OUTPUTS if record.order == 0 else SPEEDS
-        _begin(bench, record, device, driven, each)
-        v = np.full((len(values) // each, 2), np.nan)
-        v[0] = bench.get(outputs)
-        references = bench.value_references(names)
-        readings = bench.value_references(outputs)
-        start = float(record.t[0])
-        self._run_pieces(v, each, partial(_run, bench.handle, references, values, readings, start, step, each, v))
-        self._latest[id(record)] = _Latest(record, each, device, values, v)
+        v, piece = bench.play(device, driven, float(record.t[0]), each, order, commands(record))
+        self._run_pieces(v, each, piece)
+        self._latest[id(record)] = _Latest(record, order, each, device, values, v)
         return v
 
 
@@ -398,14 +339,6 @@ def _device(record: Record, parameters: Mapping[str, float]) -> Mapping[str, flo
     """The parameters of both axes without those that are no device's."""
     own = {name: value for name, value in parameters.items() if name not in distortion_names()}
     return both_axes(own) if record.axes == 1 else own
-
-
-def _begin(bench: _Bench, record: Record, device: Mapping[str, float], driven: _Driven, each: int) -> None:
-    """Initialises a plant for a run, sampled every ``each`` steps."""
-    values, names, step = driven
-    clock = {"internal_step": step, "sample_period": step * each}
-    first = dict(zip(names, values[0].tolist(), strict=True))
-    bench.restart({**device, **clock, **first}, float(record.t[0]))
 
 
 def _speed_gains(record: Record, whole: Mapping[str, float]) -> Floats:
@@ -433,57 +366,7 @@ def _voltage(v: Floats, acting: Sequence[Distortion], timing: Timing, sizes: Map
     return v
 
 
-def _distorted(driven: _Driven, axes: int, sizes: Mapping[str, float]) -> _Driven:
-    values, names, step = driven
-    u = values[:, :axes]
-    for distortion in distortions():
-        if distortion.force and distortion.acts(sizes):
-            u = distortion.force(u, step, sizes)
-    return np.ascontiguousarray(np.column_stack((u, values[:, axes:]))), names, step
-
-
 def both_axes(parameters: Mapping[str, float]) -> dict[str, float]:
     """``parameters`` of a one-axis record for an FMU, which has two: y, of which nothing is known, is like x, so that a
     step that is short enough for x is so for y, and uncoupled."""
     return {**parameters, **{own: parameters[other] for own, other in MIRRORED.items()}, "kxy": 0.0, "dxy": 0.0}
-
-
-def steps_a_sample(record: Record) -> int:
-    """Internal steps of the FMU in a sample period of ``record``."""
-    least = 1 if record.hold == "zero" else OVERSAMPLING
-    return max(least, ceil(1 / (record.sample_rate * LONGEST)))
-
-
-def _driven(record: Record, split: int) -> _Driven:
-    stride = split * steps_a_sample(record)
-    u = between(record.u, record.hold, stride)
-    columns = [u[:, i] for i in range(record.axes)]
-    columns += [np.repeat(values, stride) for values in record.conditions.values()]
-    names = (*INPUTS[: record.axes], *record.conditions)
-    return np.ascontiguousarray(np.column_stack(columns)), names, 1 / (record.sample_rate * stride)
-
-
-def between(u: Floats, hold: str, stride: int) -> Floats:
-    """Steps (n*stride, axes) that stand for u (n, axes) with so many a sample period: held over each, they drive what
-    is slow against a step as u does, whose frequencies a hold would shrink by sinc."""
-    n = len(u)
-    if hold == "zero":
-        return np.repeat(u, stride, axis=0)
-    if hold == "first":
-        at, longer = (np.arange(n * stride) + 0.5) / stride, np.concatenate((u, 2 * u[-1:] - u[-2:-1]))
-        middle = np.column_stack([np.interp(at, np.arange(n + 1), column) for column in longer.T])
-        # Between two knots the middle is the mean as well; mean and hold shrink by sinc(f h)^2 = 1 - (pi f h)^2/3, by
-        # h^2/12 times the second derivative.
-        middle[1:-1] -= np.diff(middle, 2, axis=0) / 12
-        return middle
-    # Continued by its point reflection, which keeps value and slope, so that the ends do not ring.
-    margin = min(MARGIN, n - 1)
-    longer = np.concatenate((2 * u[0] - u[margin:0:-1], u, 2 * u[-1] - u[-2 : -margin - 2 : -1]))
-    size = next_fast_len(len(longer), real=True)
-    longer = np.concatenate((longer, np.linspace(longer[-1], longer[0], size - len(longer) + 2)[1:-1]))
-    spectrum = rfft(longer, axis=0)
-    turns = np.arange(len(spectrum)) / (size * stride)
-    held = spectrum * (np.exp(1j * np.pi * turns) / np.sinc(turns))[:, None]
-    fine = irfft(np.concatenate((held, np.zeros((size * stride // 2 + 1 - len(held), u.shape[1])))),
-                 size * stride, axis=0) * stride  # fmt: skip
-    return np.ascontiguousarray(fine[margin * stride : (margin + n) * stride])

@@ -36,22 +36,26 @@ class _Run(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_int64) for name in ("steps", "stride", "n_inputs")),
-        *((name, ctypes.c_void_p) for name in ("inputs", "values")),
+        *((name, ctypes.c_void_p) for name in ("inputs", "values", "command")),
         *((name, ctypes.c_double) for name in ("start", "step")),
-        *((name, ctypes.c_void_p) for name in ("state", "voltage", "motion", "rate", "passage", "base", "weight")),
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("state", "voltage", "acceleration", "motion", "rate", "passage", "base", "weight")
+        ),
     ]
 
 
 @dataclass(frozen=True)
 class Driven:
     """What drives a run: values (steps, inputs) held over steps of ``step`` [s] from ``start`` [s], ``stride`` a
-    sample; inputs: value references."""
+    sample; inputs: value references; command: at samples (samples, 2) [N], where it is not held from one to another."""
 
     inputs: NDArray[np.uint32]
     values: Floats
     start: float
     step: float
     stride: int
+    command: Floats | None
 
     @property
     def samples(self) -> int:
@@ -72,6 +76,7 @@ class Motion:
         shapes: dict[str, tuple[int, ...]] = {
             "state": (steps + 1, MOTION),
             "voltage": (steps + 1, 2),
+            "acceleration": (steps + 1, 2),
             "motion": (steps, NODES, MOTION),
             "rate": (steps, NODES, 2),
             "passage": (steps, MOTION, MOTION),
@@ -81,6 +86,7 @@ class Motion:
         self._driven, self._found = driven, {name: np.empty(shape) for name, shape in shapes.items()}
         self._run = _Run(
             steps, driven.stride, len(driven.inputs), driven.inputs.ctypes.data, driven.values.ctypes.data,
+            driven.command.ctypes.data if driven.command is not None else None,
             driven.start, driven.step, *(found.ctypes.data for found in self._found.values()),
         )  # fmt: skip
 
@@ -101,12 +107,14 @@ class Motion:
         )
         return made if found else None
 
-    def varied(self, travellers: Sequence[Traveller], *, speeds: bool) -> Floats:
-        """What each adds to the voltage [V], or to ``speeds`` [m/s]: (travellers, samples, 2). It uses them up."""
+    def varied(self, travellers: Sequence[Traveller], order: int) -> Floats:
+        """What each adds to the voltage [V], or by ``order`` to speeds [m/s] or accelerations [m/s2]: (travellers,
+        samples, 2). It uses them up."""
         columns = np.empty((len(travellers), self._driven.samples, 2))
         addresses = ctypes.c_void_p * len(travellers)
         self._library.gyro_vary(
             ctypes.byref(self._run), ctypes.c_int64(len(travellers)),
-            addresses(*(t.ctypes.data for t in travellers)), int(speeds), addresses(*(c.ctypes.data for c in columns)),
+            addresses(*(t.ctypes.data for t in travellers)), ctypes.c_int(order),
+            addresses(*(c.ctypes.data for c in columns)),
         )  # fmt: skip
         return columns

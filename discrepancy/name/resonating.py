@@ -2,19 +2,22 @@
 one mode an axis, beside which no column shows another."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from math import pi, sqrt
 from typing import NamedTuple
 
+import numpy as np
 from sympy import Symbol, solve
 
+from discrepancy.clock import OutOfTime
 from discrepancy.data.absorbers import Absorber, Carried, carried
 from discrepancy.data.modes import ENOUGH
 from discrepancy.data.record import is_driven
-from discrepancy.fit.continuation import grown
+from discrepancy.fit.continuation import ASTRAY, grown
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
-from discrepancy.fit.refit import passive
+from discrepancy.fit.refit import Fitter, passive
 from discrepancy.name.accepted import Taken
 from discrepancy.name.columns import Candidate
 from discrepancy.name.search import Search
@@ -46,18 +49,34 @@ def resonating(search: Search) -> Taken | None:
     if not taken:
         return None
     plain = whole.fit(replace(search.at, whiten=whole.plain(search.at.parameters)))
-    stiff, jointed = (_fitted(search, told, taken, plain, jointed=own) for own in (False, True))
-    more = len(jointed.at.free) - len(stiff.at.free)
-    gained = stiff.at.count * (stiff.at.unlikely - jointed.at.unlikely)
-    found = jointed if gained > search.criteria.simpler * more else stiff
+    starts = [_begun(search, told, taken, plain, jointed=own) for own in (False, True)]
+    ends: list[Taken] = []
+    # Without the time for both, that which is nearer to begin with stands.
+    with suppress(OutOfTime):
+        for start in sorted(starts, key=lambda own: whole.off(own.at)):
+            ends.append(start._replace(at=_fitted(whole, start.at)))
+    if not ends:
+        raise OutOfTime
+    found = min(ends, key=lambda own: _price(search, own))
     return found if whole.off(found.at) ** 2 <= ENOUGH * whole.off(plain) ** 2 else None
 
 
-def _fitted(search: Search, told: Carried, resonators: Sequence[_Resonator], plain: Fitted, *, jointed: bool) -> Taken:
-    """The fit that begins with what is ``told``; ``jointed``: with usual shapes of the resonators free as well, since
-    what couples them is no spring alone."""
-    whole, now = search.whole, search.at
-    at = replace(now, parameters={**now.parameters, "m": told.m, **_of_mass(search, told)}, whiten=plain.whiten)
+def _price(search: Search, own: Taken) -> float:
+    """What a fit leaves, and what its parameters have to bring, as a chi-square."""
+    return own.at.count * own.at.unlikely + search.criteria.simpler * len(own.at.free)
+
+
+def _fitted(whole: Fitter, begun: Fitted) -> Fitted:
+    """The fit from there; by beginnings that grow where it is not in step with the motion yet."""
+    return whole.fit(grown(whole, begun) if whole.off(begun) > ASTRAY else begun)
+
+
+def _begun(search: Search, told: Carried, resonators: Sequence[_Resonator], plain: Fitted, *, jointed: bool) -> Taken:
+    """What is ``told``, not fitted; ``jointed``: with usual shapes of the resonators free as well, since what couples
+    them is no spring alone. The mass is damped as is told, or at least as in the plain fit, where less is left so."""
+    whole, now = search.whole, search.at.parameters
+    damped = {axes: max(d, now[f"d{axes}"]) for axes, d in zip(("xx", "yy"), np.diag(told.d), strict=False)}
+    at = replace(search.at, parameters={**now, "m": told.m, **_of_mass(told)}, whiten=plain.whiten)
     taken = []
     for own in resonators:
         candidate, joints = own.candidate, unmoved(own.candidate) if jointed else []
@@ -67,17 +86,16 @@ def _fitted(search: Search, told: Carried, resonators: Sequence[_Resonator], pla
             at = freed(at, candidate, joints)
             at = replace(at, parameters={**at.parameters, **dict.fromkeys((q.name for q in joints), own.joint)})
         taken.append(replace(candidate, searched=(*candidate.searched, *joints)))
-    at = replace(at, parameters=passive(at.parameters, whole.axes))
-    return Taken(whole.fit(grown(whole, at)), taken, plain)
+    more = {f"d{axes}": d for axes, d in damped.items()}
+    tried = [passive({**at.parameters, **own}, whole.axes) for own in ({}, more)]
+    fits = [whole.evaluated(replace(at, parameters=own)) for own in tried if all(own[name] > 0 for name in more)]
+    return Taken(min(fits, key=lambda fit: fit.cost), taken, plain)
 
 
-def _of_mass(search: Search, told: Carried) -> dict[str, float]:
-    """Stiffness and damping of the mass, damped at least as it is now."""
-    now, found = search.at.parameters, {}
-    for i, j, axes in ((0, 0, "xx"), (1, 1, "yy"), (0, 1, "xy"))[: 2 * search.whole.axes - 1]:
-        found[f"k{axes}"] = float(told.k[i, j])
-        found[f"d{axes}"] = float(told.d[i, j]) if i != j else max(float(told.d[i, j]), now[f"d{axes}"])
-    return found
+def _of_mass(told: Carried) -> dict[str, float]:
+    """Stiffness and damping of the mass, by name."""
+    places = [(0, 0, "xx"), (1, 1, "yy"), (0, 1, "xy")][: 2 * len(told.k) - 1]
+    return {f"{kind}{axes}": float(of[i, j]) for i, j, axes in places for kind, of in (("k", told.k), ("d", told.d))}
 
 
 def _resonators(search: Search, told: Carried) -> list[_Resonator]:

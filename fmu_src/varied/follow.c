@@ -20,6 +20,19 @@ static void find_rates(traveller *at, const gyro_run *run, int64_t step, double 
     found[1] = rate[GYRO_STATE_Y_DOT];
 }
 
+/* The accelerations at the end of a step, and at the start of the first; the view is at its end, and comes back there. */
+static void find_accelerations(traveller *at, const gyro_run *run, int64_t step)
+{
+    if (step == 0) {
+        look_from(at, run, step, 0.0, run->state);
+        find_acceleration(&at->view, run, 0, run->acceleration);
+        come_to(at, run, step);
+    }
+    look_from(at, run, step, 1.0, run->state + (step + 1) * MOTION);
+    find_acceleration(&at->view, run, step + 1, run->acceleration + 2 * (step + 1));
+    come_to(at, run, step);
+}
+
 /* The motion at the nodes of a step from its ends, shape (2, 4): displacements by quintics, speeds by cubics. rate shape (2, 2): of the speeds, by
    end and axis. */
 static void find_motion(const gyro_run *run, int64_t step, double rate[2][2])
@@ -106,6 +119,7 @@ static void linearise(const gyro_instance *g, const gyro_run *run)
         come_to(at, run, step);
         find_rates(at, run, step, 0.0, start, rate[0]);
         find_rates(at, run, step, 1.0, start + MOTION, rate[1]);
+        find_accelerations(at, run, step);
         find_motion(run, step, rate);
         for (int node = 0; node < NODES; node++) {
             find_rates(at, run, step, PLACE[node], motion + node * MOTION, run->rate + (step * NODES + node) * 2);
@@ -129,6 +143,14 @@ static void linearise(const gyro_instance *g, const gyro_run *run)
             run->weight[(node * MOTION + i) * 2 + 1] = whole.weight[node].of[i][GYRO_STATE_Y_DOT];
         }
     }
+}
+
+int32_t gyro_acceleration(void *instance, const double *of, double found[2])
+{
+    const gyro_run alone = {.stride = 1, .command = of};
+    gyro_view view = ((fmi_instance *)instance)->core->view;
+    find_acceleration(&view, &alone, 0, found);
+    return 0;
 }
 
 int gyro_follow(void *instance, const gyro_run *run)

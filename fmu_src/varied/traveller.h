@@ -106,4 +106,24 @@ static inline void look_from(traveller *at, const gyro_run *run, int64_t step, d
     }
 }
 
+/* The force of a command [N] in the view. */
+static inline void command(gyro_view *view, const double of[2])
+{
+    view->p[GYRO_U_X] = of[0];
+    view->p[GYRO_U_Y] = of[1];
+    bring_command(view);
+}
+
+/* The accelerations of the view after a step, under the force at that sample where it is another. */
+static inline void find_acceleration(gyro_view *view, const gyro_run *run, int64_t after, double found[2])
+{
+    double rate[GYRO_N_STATES];
+    if (run->command && after % run->stride == 0) {
+        command(view, run->command + 2 * (after / run->stride));
+    }
+    state_rate(view, rate);
+    found[0] = rate[GYRO_STATE_X_DOT];
+    found[1] = rate[GYRO_STATE_Y_DOT];
+}
+
 #endif

@@ -19,7 +19,8 @@ typedef struct {
     double force[TOGETHER * NODES][2], left[TOGETHER * NODES][2]; /* at nodes, N; then what they add to the rates of the speeds, m/s^2 */
     double rate[TOGETHER * NODES][GYRO_N_STATES];                 /* SI/s */
     double own[TOGETHER * NODES][MOST];                           /* states that effects add, SI */
-    double state[TOGETHER][MOTION];                               /* after each step, SI */
+    double own_after[TOGETHER][MOST];                             /* these after each step, SI */
+    double state[TOGETHER][MOTION];                               /* the motion there, SI */
 } part_of_run;
 
 static void set_own(gyro_view *view, const double own[])
@@ -140,6 +141,7 @@ static void drive_own(traveller *at, gyro_view *base, gyro_nodes *nodes, part_of
 {
     driven *own = &at->own;
     memset(part->own, 0, sizeof part->own);
+    memset(part->own_after, 0, sizeof part->own_after);
     find_forces(at, base, nodes, part);
     for (int64_t i = 0; i < nodes->n; i += NODES) {
         double rate[NODES][MOST], found[MOST];
@@ -156,6 +158,9 @@ static void drive_own(traveller *at, gyro_view *base, gyro_nodes *nodes, part_of
         }
         pass_own(own, &own->whole, rate, found);
         memcpy(own->state, found, (size_t)own->n * sizeof *found);
+        for (int j = 0; j < own->n; j++) {
+            part->own_after[i / NODES][own->place[j] - MOTION] = found[j];
+        }
     }
 }
 
@@ -192,30 +197,57 @@ static void go_along(traveller *at, gyro_view *base, const gyro_run *run, int64_
     pass_on(at, run, first, last, part);
 }
 
-/* A sample's part of the column, `step` steps after the start, by the difference there. */
-static void take_difference(traveller *at, const gyro_run *run, int64_t step, const double difference[MOTION], int speeds, double out[2])
+/* The view of a traveller at a sample, `step` steps after the start, by the difference there. */
+static void look_at_sample(traveller *at, const gyro_run *run, int64_t step, const double difference[MOTION], int forced)
 {
-    if (speeds) {
+    /* The inputs are those of the step before. */
+    const int64_t before = step > 0 ? step - 1 : 0;
+    double state[MOTION];
+    for (int i = 0; i < MOTION; i++) {
+        state[i] = run->state[step * MOTION + i] + difference[i];
+    }
+    if (forced) {
+        come_to(at, run, before);
+    }
+    look_from(at, run, before, (double)(step - before), state);
+}
+
+static void take_voltage(traveller *at, const gyro_run *run, int64_t step, const double difference[MOTION], double out[2])
+{
+    gyro_view *view = &at->view;
+    const double *base = run->voltage + 2 * step;
+    look_at_sample(at, run, step, difference, view->any_law || view->any_map);
+    pick_off(view);
+    amplify(view);
+    convert(view);
+    out[0] = view->v[0] - base[0];
+    out[1] = view->v[1] - base[1];
+}
+
+/* own: the traveller's own states there, where it has such. */
+static void take_acceleration(traveller *at, const gyro_run *run, int64_t step, const double difference[MOTION], const double own[], double out[2])
+{
+    const double *base = run->acceleration + 2 * step;
+    look_at_sample(at, run, step, difference, 1);
+    if (at->view.any_state) {
+        set_own(&at->view, own);
+    }
+    find_acceleration(&at->view, run, step, out);
+    out[0] -= base[0];
+    out[1] -= base[1];
+}
+
+/* A sample's part of the column, likewise. */
+static void take_difference(traveller *at, const gyro_run *run, int64_t step, const double difference[MOTION], const double own[], int of,
+                            double out[2])
+{
+    if (of == GYRO_OF_VOLTAGE) {
+        take_voltage(at, run, step, difference, out);
+    } else if (of == GYRO_OF_ACCELERATIONS) {
+        take_acceleration(at, run, step, difference, own, out);
+    } else {
         out[0] = difference[GYRO_STATE_X_DOT];
         out[1] = difference[GYRO_STATE_Y_DOT];
-    } else {
-        gyro_view *view = &at->view;
-        const double *base = run->voltage + 2 * step;
-        /* The inputs are those of the step before. */
-        const int64_t before = step > 0 ? step - 1 : 0;
-        double state[MOTION];
-        for (int i = 0; i < MOTION; i++) {
-            state[i] = run->state[step * MOTION + i] + difference[i];
-        }
-        if (view->any_law || view->any_map) {
-            come_to(at, run, before);
-        }
-        look_from(at, run, before, (double)(step - before), state);
-        pick_off(view);
-        amplify(view);
-        convert(view);
-        out[0] = view->v[0] - base[0];
-        out[1] = view->v[1] - base[1];
     }
 }
 
@@ -266,22 +298,25 @@ int gyro_depart(void *instance, const gyro_run *run, void *made)
     return followed;
 }
 
-void gyro_vary(const gyro_run *run, int64_t n, void *const travellers[], int speeds, double *const columns[])
+void gyro_vary(const gyro_run *run, int64_t n, void *const travellers[], int of, double *const columns[])
 {
     gyro_view base = ((const traveller *)run->base)->view;
     part_of_run part;
     for (int64_t i = 0; i < n; i++) {
         traveller *at = travellers[i];
-        take_difference(at, run, 0, at->difference, speeds, columns[i]);
+        double own[MOST];
+        memcpy(own, at->view.s + MOTION, OWN * sizeof *own);
+        take_difference(at, run, 0, at->difference, own, of, columns[i]);
     }
     /* All along a part of the run before any goes on, so that it stays near the processor. */
     for (int64_t first = 0; first < run->steps; first += TOGETHER) {
         const int64_t last = first + TOGETHER < run->steps ? first + TOGETHER : run->steps;
         for (int64_t i = 0; i < n; i++) {
-            go_along(travellers[i], &base, run, first, last, &part);
+            traveller *at = travellers[i];
+            go_along(at, &base, run, first, last, &part);
             for (int64_t sample = first / run->stride + 1; sample * run->stride <= last; sample++) {
-                const int64_t step = sample * run->stride;
-                take_difference(travellers[i], run, step, part.state[step - first - 1], speeds, columns[i] + 2 * sample);
+                const int64_t step = sample * run->stride, place = step - first - 1;
+                take_difference(at, run, step, part.state[place], part.own_after[place], of, columns[i] + 2 * sample);
             }
         }
     }

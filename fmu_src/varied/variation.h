@@ -20,10 +20,12 @@ typedef struct {
     int64_t n_inputs;
     const uint32_t *inputs; /* value references, shape (n_inputs) */
     const double *values;   /* held over each step, shape (steps, n_inputs), SI */
+    const double *command;  /* of which a step holds the mean, at samples, shape (steps / stride + 1, 2), N; NULL: it is held from sample to sample */
     double start;           /* s */
     double step;            /* s */
     double *state;          /* x, x', y, y' at the ends of steps, shape (steps + 1, 4), SI */
     double *voltage;        /* sampled there, shape (steps + 1, 2), V */
+    double *acceleration;   /* there, under the force of `command`, or that which acted before, shape (steps + 1, 2), m/s^2 */
     double *motion;         /* the states at two nodes within each step, shape (steps, 2, 4), SI */
     double *rate;           /* of x' and y' there, shape (steps, 2, 2), m/s^2 */
     double *passage;        /* of a difference over each step: after by before, shape (steps, 4, 4), SI */
@@ -41,8 +43,14 @@ GYRO_EXPORTED int64_t gyro_traveller_size(void);
 /* Makes a traveller of another initialised instance. Gives 0 where something acts as above, but for forces with states of their own. */
 GYRO_EXPORTED int gyro_depart(void *instance, const gyro_run *run, void *made);
 
-/* What the parameters of n travellers add to the voltage [V] of a run, or to the speeds [m/s], at samples: columns of shape (steps / stride + 1, 2).
-   It uses them up. */
-GYRO_EXPORTED void gyro_vary(const gyro_run *run, int64_t n, void *const travellers[], int speeds, double *const columns[]);
+/* What a column is of: voltage [V], speeds [m/s] or accelerations [m/s^2]. */
+enum { GYRO_OF_VOLTAGE, GYRO_OF_SPEEDS, GYRO_OF_ACCELERATIONS };
+
+/* What the parameters of n travellers add to a run, at samples: columns of shape (steps / stride + 1, 2). It uses them up. */
+GYRO_EXPORTED void gyro_vary(const gyro_run *run, int64_t n, void *const travellers[], int of, double *const columns[]);
+
+/* The accelerations [m/s^2] at present of an initialised instance of FMI 3.0, under the force of `command` [N], shape (2); NULL: under that which
+   acts. Gives 0. */
+GYRO_EXPORTED int32_t gyro_acceleration(void *instance, const double *command, double found[2]);
 
 #endif

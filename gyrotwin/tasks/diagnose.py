@@ -324,7 +324,7 @@ def improved_device(name: str, data: "Dataset", model: Model, found: "Diagnosis"
 def improved_model(data: "Dataset", model: Model, device: Device) -> Model:
     """The model whose FMU is the improved device where nobody sets a parameter; noise off, as in the fit, and the clock
     of the data."""
-    from discrepancy.fit.simulate import steps_a_sample
+    from discrepancy.fit.forced import steps_a_sample
 
     noise = {q.name for effect in model.effects if effect.noise for q in effect.sizes}
     first = data.fit[0]

@@ -9,7 +9,7 @@ from scipy.signal import butter, lsim
 
 from discrepancy.clock import Clock, OutOfTime
 from discrepancy.data.record import Record, make_record
-from discrepancy.fit import simulate
+from discrepancy.fit.bench import Bench
 from discrepancy.fit.simulate import Simulator
 from gyro_model.model import load_model
 
@@ -164,8 +164,8 @@ def test_a_part_of_a_part_lies_where_it_is_in_the_run(simulator: Simulator, rest
 
 def test_what_changes_the_voltage_alone_is_no_other_run(monkeypatch: pytest.MonkeyPatch) -> None:
     begun: list[int] = []
-    begin = simulate._begin
-    monkeypatch.setattr(simulate, "_begin", lambda *of: begun.append(1) or begin(*of))
+    begin = Bench.begin
+    monkeypatch.setattr(Bench, "begin", lambda *of: begun.append(1) or begin(*of))
     run, filtered = record("zero", 40.0), [OSCILLATOR | {"voltage_filter": tau} for tau in (1e-4, 2e-4)]
     with Simulator(load_model(), jobs=1) as own, Simulator(load_model(), jobs=1) as fresh:
         first, second = (own.run(run, p) for p in filtered)

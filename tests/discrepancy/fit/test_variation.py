@@ -36,7 +36,7 @@ def simulator() -> Iterator[Simulator]:
         yield made
 
 
-def record(samples: int = SAMPLES, hold: str = "zero", *, axes: int = 2) -> Record:
+def record(samples: int = SAMPLES, hold: str = "zero", senses: str = "position", *, axes: int = 2) -> Record:
     """Two tones on each axis, a rate, temperature and bias that change, and acceleration."""
     t = np.arange(samples) * PERIOD
     u = 2e-5 * np.sin(2 * np.pi * t[:, None] * [3100.0, 3350.0] + [0.0, 1.0])[:, :axes]
@@ -46,7 +46,8 @@ def record(samples: int = SAMPLES, hold: str = "zero", *, axes: int = 2) -> Reco
         "v_bias": 5.0 + np.sin(2 * np.pi * 300 * t),
         "a_x": np.full(samples, 9.81),
     }
-    return make_record("run", t, u, u, conditions=conditions, sample_rate=1 / PERIOD, hold=hold)
+    return make_record("run", t, u, u, conditions=conditions, sample_rate=1 / PERIOD, hold=hold,
+                       senses=senses)  # fmt: skip
 
 
 def probe(simulator: Simulator, run: Record, base: Mapping[str, float], q: Quantity, shapes: Mapping[str, float]
@@ -112,6 +113,29 @@ def test_every_nominal_parameter_is_as_by_simulation(simulator: Simulator, name:
     quotient, varied = both(simulator, run, DEVICE, changes)
     assert varied is not None
     assert np.linalg.norm(varied - quotient) < 1e-4 * np.linalg.norm(quotient)
+
+
+CORNERS = {"dry_friction", "contact_stop", "backlash"}
+"""Effects of which an acceleration shows the corner, where a quotient takes the one for the other."""
+
+
+@pytest.mark.parametrize(
+    ("senses", "hold"), [("velocity", "zero"), ("acceleration", "zero"), ("acceleration", "first")]
+)
+@pytest.mark.parametrize(("effect", "q"), SIZES, ids=[q.name for _, q in SIZES])
+def test_every_size_is_as_by_simulation_of_other_sensors(
+    simulator: Simulator, effect: Effect, q: Quantity, senses: str, hold: str
+) -> None:
+    run = record(1000, hold, senses)
+    shapes = {s.name: s.typical for s in effect.parameters if s.role == "shape" and s.typical}
+    if effect.id == "damping_step":
+        shapes["damping_step_time"] = 500 * PERIOD
+    changes = probe(simulator, run, DEVICE, q, shapes)
+    if changes is None or is_carried(effect) or simulator.late(changes) or effect.id in {"hysteresis", *CORNERS}:
+        pytest.skip("changes nothing here, or is not followed")
+    quotient, varied = both(simulator, run, DEVICE, changes)
+    assert varied is not None
+    assert np.linalg.norm(varied - quotient) < AGREES * np.linalg.norm(quotient)
 
 
 BEGUN = {"parasitic_start": -1e-6, "parasitic_dot_start": 0.1}

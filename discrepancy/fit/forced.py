@@ -1,0 +1,85 @@
+"""What drives each step of a run: the force of a record between its samples, and conditions."""
+
+from collections.abc import Mapping
+from math import ceil
+from typing import Final
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+
+from discrepancy.data.record import CONDITIONS, Floats, Record
+from discrepancy.fit.defect import distortions
+
+OVERSAMPLING: Final = 3
+"""Steps a sample where u runs between samples. What their hold shrinks is made up for (``between``); images of a force
+at f come back at f from about 3/T, f/(3/T - f) as strong and weaker by the square of that ratio in the motion: 1e-3 of
+what a force at a third of the rate does, 2e-5 of the Silverbox' output."""
+LONGEST: Final = 1e-3
+"""Longest step [s] that the FMU takes."""
+MARGIN: Final = 256
+"""Samples by which a record is continued at both ends before it is interpolated band-limited."""
+INPUTS: Final = ("u_x", "u_y", *CONDITIONS)
+
+Forced = tuple[Floats, tuple[str, ...], float]
+"""Inputs of each step (steps, inputs), their names, and the step [s]."""
+
+
+def distorted(driven: Forced, axes: int, sizes: Mapping[str, float]) -> Forced:
+    """``driven`` with the force as distortions of these ``sizes`` leave it on its way."""
+    values, names, step = driven
+    u = values[:, :axes]
+    for distortion in distortions():
+        if distortion.force and distortion.acts(sizes):
+            u = distortion.force(u, step, sizes)
+    return np.ascontiguousarray(np.column_stack((u, values[:, axes:]))), names, step
+
+
+def commands(record: Record) -> Floats | None:
+    """The force of both axes at samples (n, 2) [N]; None where it is held from one to another."""
+    if record.hold == "zero":
+        return None
+    found = np.zeros((len(record.t), 2))
+    found[:, : record.axes] = record.u
+    return found
+
+
+def steps_a_sample(record: Record) -> int:
+    """Internal steps of the FMU in a sample period of ``record``."""
+    least = 1 if record.hold == "zero" else OVERSAMPLING
+    return max(least, ceil(1 / (record.sample_rate * LONGEST)))
+
+
+def forced(record: Record, split: int) -> Forced:
+    """What drives a record, in ``split`` times as many steps as it takes."""
+    stride = split * steps_a_sample(record)
+    u = between(record.u, record.hold, stride)
+    columns = [u[:, i] for i in range(record.axes)]
+    columns += [np.repeat(values, stride) for values in record.conditions.values()]
+    names = (*INPUTS[: record.axes], *record.conditions)
+    return np.ascontiguousarray(np.column_stack(columns)), names, 1 / (record.sample_rate * stride)
+
+
+def between(u: Floats, hold: str, stride: int) -> Floats:
+    """Steps (n*stride, axes) that stand for u (n, axes) with so many a sample period: held over each, they drive what
+    is slow against a step as u does, whose frequencies a hold would shrink by sinc."""
+    n = len(u)
+    if hold == "zero":
+        return np.repeat(u, stride, axis=0)
+    if hold == "first":
+        at, longer = (np.arange(n * stride) + 0.5) / stride, np.concatenate((u, 2 * u[-1:] - u[-2:-1]))
+        middle = np.column_stack([np.interp(at, np.arange(n + 1), column) for column in longer.T])
+        # Between two knots the middle is the mean as well; mean and hold shrink by sinc(f h)^2 = 1 - (pi f h)^2/3, by
+        # h^2/12 times the second derivative.
+        middle[1:-1] -= np.diff(middle, 2, axis=0) / 12
+        return middle
+    # Continued by its point reflection, which keeps value and slope, so that the ends do not ring.
+    margin = min(MARGIN, n - 1)
+    longer = np.concatenate((2 * u[0] - u[margin:0:-1], u, 2 * u[-1] - u[-2 : -margin - 2 : -1]))
+    size = next_fast_len(len(longer), real=True)
+    longer = np.concatenate((longer, np.linspace(longer[-1], longer[0], size - len(longer) + 2)[1:-1]))
+    spectrum = rfft(longer, axis=0)
+    turns = np.arange(len(spectrum)) / (size * stride)
+    held = spectrum * (np.exp(1j * np.pi * turns) / np.sinc(turns))[:, None]
+    fine = irfft(np.concatenate((held, np.zeros((size * stride // 2 + 1 - len(held), u.shape[1])))),
+                 size * stride, axis=0) * stride  # fmt: skip
+    return np.ascontiguousarray(fine[margin * stride : (margin + n) * stride])
