@@ -53,7 +53,10 @@ def _answers(record: Record, mode: Mode) -> Floats:
     pulled = [-(w**2), -w / mode.quality]
     seen, through = [([1.0, 0.0], 0.0), ([0.0, 1.0], 0.0), (pulled, 1.0)][record.order]
     system = np.array([[0.0, 1.0], pulled]), np.array([[0.0], [1.0]]), np.array([seen]), np.array([[through]])
-    method = "zoh" if record.hold == "zero" else "foh"
-    a, b, c, d, _ = cont2discrete(system, 1 / record.sample_rate, method)
-    numerator = np.poly(a - b @ c) + (d[0, 0] - 1) * np.poly(a)
-    return np.asarray(lfilter(numerator, np.poly(a), record.u, axis=0)) / record.reference**record.order
+    held = record.hold == "zero"
+    a, b, c, d, _ = cont2discrete(system, 1 / record.sample_rate, "zoh" if held else "foh")
+    # What a held force makes at once is seen before it changes, a sample late; else it is no more than a share.
+    at_once = through * record.u
+    at_once = np.vstack((at_once[:1], at_once[:-1])) if held else at_once
+    numerator = np.poly(a - b @ c) + (d[0, 0] - through - 1) * np.poly(a)
+    return np.asarray(lfilter(numerator, np.poly(a), record.u, axis=0) + at_once) / record.reference**record.order

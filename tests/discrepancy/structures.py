@@ -25,10 +25,12 @@ class Structure:
         return np.asarray(np.sqrt(np.linalg.eigvalsh(scaled)) / (2 * np.pi))
 
     def record(
-        self, name: str, role: str, seed: int, noise: float, begin: int = 0, *, released: bool = False
-    ) -> Record:
+        self, name: str, role: str, seed: int, noise: float, begin: int = 0, *, released: bool = False,
+        accelerations: bool = False,
+    ) -> Record:  # fmt: skip
         """A run from rest under a multisine of its own, from the sample ``begin`` on, at which the force ends where the
-        structure is ``released``; noise over the motion, rms."""
+        structure is ``released``; noise over the motion, rms; accelerations: of these just before the force changes, by
+        sensors of 1 V s²/m."""
         rng, n, axes = np.random.default_rng(seed), len(self.masses), len(self.driven)
         own = np.block([[np.zeros((n, n)), np.eye(n)],
                         [-self.stiffness / self.masses[:, None], -DAMPING * np.eye(n)]])  # fmt: skip
@@ -45,11 +47,13 @@ class Structure:
             u[begin:] = 0.0
         state, v = np.zeros(2 * n), np.empty((count, axes))
         for i in range(count):
-            v[i] = state[self.sensed]
+            rates = own @ state + pushed @ u[max(i - 1, 0)]
+            v[i] = rates[n:][self.sensed] if accelerations else state[self.sensed]
             state = step @ np.concatenate((state, u[i]))
         v += noise * v.std(axis=0) * rng.standard_normal(v.shape)
         t, u, v = (a[begin:].squeeze() for a in (t - t[begin], u, v))
-        return make_record(name, t, u, v, role=role, sample_rate=RATE)
+        senses = "acceleration" if accelerations else "position"
+        return make_record(name, t, u, v, role=role, sample_rate=RATE, senses=senses)
 
 
 def chain(driven: int = 0, sensed: int = 0) -> Structure:

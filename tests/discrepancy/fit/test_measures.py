@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from discrepancy.data.record import make_record
-from discrepancy.fit.measures import misfits
+from discrepancy.fit.measures import START_SAMPLES, misfits, start_fitted
+from discrepancy.fit.simulate import Simulator
+from gyro_model.model import load_model
 
 
 def test_a_run_that_is_still_after_its_start_counts_by_its_start() -> None:
@@ -15,3 +17,23 @@ def test_a_run_that_is_still_after_its_start_counts_by_its_start() -> None:
     # 150 samples of 0.01 over 20 of 0.3.
     assert found["a"] == pytest.approx(np.sqrt(150 * 0.01**2 / (20 * 0.3**2)), rel=1e-12)
     assert found[""] == found["a"]
+
+
+@pytest.mark.parametrize("coupling", [0.0, 60.0])
+def test_as_much_of_a_run_as_tells_how_it_began_is_its_start(coupling: float) -> None:
+    # A mode of 3 Hz beside one of 4 Hz: 50 samples, an eighth of a second, hardly tell four states.
+    mode = {"parasitic_coupling": coupling, "parasitic_frequency": 3.0, "parasitic_q": 40.0}
+    device = {"m": 1.0, "kxx": (2 * np.pi * 4) ** 2, "dxx": 0.5, "sense_gain_x": 1.0, **mode}
+    rng, rate, n = np.random.default_rng(3), 400.0, 6000
+    t = np.arange(n) / rate
+    w = 2 * np.pi * rng.uniform(2, 6, 40)
+    u = np.cos(w * t[:, None] + rng.uniform(0, 6.28, 40)).sum(axis=1)[:, None]
+    record = make_record("a", t, u, u, sample_rate=rate, hold="zero")
+    with Simulator(load_model(), jobs=1) as simulator:
+        v = simulator.run(record, {**device, "x_start": 1e-3})
+        noisy = v + 3e-3 * v.std() * rng.standard_normal(v.shape)
+        residual, start = start_fitted(simulator, make_record("a", t, u, noisy, sample_rate=rate, hold="zero"), device)
+    assert (start > START_SAMPLES) == (coupling > 0)
+    assert start <= n // 2
+    # The noise, and what it leaves open of the start.
+    assert np.std(residual[start:]) < 1.2 * 3e-3 * v.std()

@@ -15,10 +15,12 @@ from gyro_model.model import load_model
 
 
 def answer(
-    structure: Structure, *, begin: int = 0, released: bool = False, sense_gain_x: float = 1.0, **more: Any
-) -> Diagnosis:
-    fit = structure.record("a", "fit", 1, 1e-3)
-    held_out = structure.record("b", "held-out", 2, 1e-3, begin, released=released)
+    structure: Structure, *, begin: int = 0, released: bool = False, sense_gain_x: float = 1.0,
+    accelerations: bool = False, **more: Any,
+) -> Diagnosis:  # fmt: skip
+    fit = structure.record("a", "fit", 1, 1e-3, accelerations=accelerations)
+    held_out = structure.record("b", "held-out", 2, 1e-3, begin, released=released, accelerations=accelerations)
+    sense_gain_x *= fit.reference**fit.order
     # Values of a fit of one mode, as the record's own response gives them where nobody believes any.
     nominal = {"m": 0.68, "kxx": 4.26e4, "dxx": 6.5, "sense_gain_x": sense_gain_x}
     dataset = Dataset(Path("here"), nominal, (fit, held_out), estimated=("m", "kxx", "dxx"))
@@ -54,6 +56,20 @@ def test_so_it_is_where_the_sensor_is_elsewhere_than_the_force(driven: int, sens
         assert own[name].low == own[name].value == own[name].high == found.parameters[name] != 0
     # Noise of 1e-3, whose rms over 6000 samples is known to 1 %.
     assert found.misfit["final"] < 1.05e-3
+
+
+def test_accelerometers_tell_it_as_well() -> None:
+    structure = chain()
+    found = answer(structure, accelerations=True)
+    assert found.verdict == "missing effects"
+    assert {effect.id for effect in found.effects} == {"parasitic_mode", "parasitic_mode_2"}
+    own = {name: value for effect in found.effects for name, value in effect.parameters.items()}
+    frequencies = sorted((own["parasitic_frequency"], own["parasitic_frequency_2"]), key=lambda f: f.value)
+    for told, true in zip(frequencies, structure.frequencies(held=[0]), strict=True):
+        assert abs(told.value - true) < told.high - told.low
+    assert found.device["m"].value == pytest.approx(1.0, rel=1e-3)
+    # Noise of 1e-3, whose rms over 6000 samples is known to 1 %.
+    assert found.misfit["final"] < 1.1e-3
 
 
 def test_a_run_may_begin_in_mid_motion() -> None:
