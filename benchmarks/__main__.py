@@ -30,6 +30,7 @@ NAMES = (
     "compensation",
     "compensation_memory",
     "compensation_as_built",
+    "structures",
     "diagnosis_speed",
     "next_experiment",
     "silverbox",
