@@ -182,7 +182,7 @@ class Simulator:
         with self._bench() as bench:
             stride, start = len(values) // len(record.t), float(record.t[0])
             driven_by = Driven(bench.value_references(names), values, start, step, stride, commands(record))
-            motion = Motion(bench.library, driven_by)
+            motion = Motion(bench.library, driven_by, accelerations=record.order == 2)
             bench.begin(_device(record, parameters), driven, start)
             return motion if motion.follow(bench.instance) else None
 

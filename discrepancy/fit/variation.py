@@ -68,15 +68,15 @@ Traveller = NDArray[np.float64]
 
 
 class Motion:
-    """A run's motion, as ``gyro_follow`` finds it."""
+    """A run's motion, as ``gyro_follow`` finds it, with its accelerations where columns are to be of these."""
 
-    def __init__(self, library: Any, driven: Driven) -> None:
+    def __init__(self, library: Any, driven: Driven, *, accelerations: bool = False) -> None:
         steps = (driven.samples - 1) * driven.stride
         self._library = library
         shapes: dict[str, tuple[int, ...]] = {
             "state": (steps + 1, MOTION),
             "voltage": (steps + 1, 2),
-            "acceleration": (steps + 1, 2),
+            "acceleration": (steps + 1 if accelerations else 0, 2),
             "motion": (steps, NODES, MOTION),
             "rate": (steps, NODES, 2),
             "passage": (steps, MOTION, MOTION),
@@ -87,7 +87,7 @@ class Motion:
         self._run = _Run(
             steps, driven.stride, len(driven.inputs), driven.inputs.ctypes.data, driven.values.ctypes.data,
             driven.command.ctypes.data if driven.command is not None else None,
-            driven.start, driven.step, *(found.ctypes.data for found in self._found.values()),
+            driven.start, driven.step, *(own.ctypes.data if own.size else None for own in self._found.values()),
         )  # fmt: skip
 
     def _size(self) -> int:

@@ -119,7 +119,9 @@ static void linearise(const gyro_instance *g, const gyro_run *run)
         come_to(at, run, step);
         find_rates(at, run, step, 0.0, start, rate[0]);
         find_rates(at, run, step, 1.0, start + MOTION, rate[1]);
-        find_accelerations(at, run, step);
+        if (run->acceleration) {
+            find_accelerations(at, run, step);
+        }
         find_motion(run, step, rate);
         for (int node = 0; node < NODES; node++) {
             find_rates(at, run, step, PLACE[node], motion + node * MOTION, run->rate + (step * NODES + node) * 2);

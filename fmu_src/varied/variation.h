@@ -25,7 +25,7 @@ typedef struct {
     double step;            /* s */
     double *state;          /* x, x', y, y' at the ends of steps, shape (steps + 1, 4), SI */
     double *voltage;        /* sampled there, shape (steps + 1, 2), V */
-    double *acceleration;   /* there, under the force of `command`, or that which acted before, shape (steps + 1, 2), m/s^2 */
+    double *acceleration;   /* there, under the force of `command`, or that which acted before, shape (steps + 1, 2), m/s^2; NULL: not asked for */
     double *motion;         /* the states at two nodes within each step, shape (steps, 2, 4), SI */
     double *rate;           /* of x' and y' there, shape (steps, 2, 2), m/s^2 */
     double *passage;        /* of a difference over each step: after by before, shape (steps, 4, 4), SI */
