@@ -11,7 +11,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.signal import csd, welch
 
+from discrepancy.data.absorbers import carried
 from discrepancy.data.linear_fit import LOWEST, PERIODS, Complexes, axis_scales, equations, joined_form
+from discrepancy.data.modes import answering
 from discrepancy.data.record import Floats, Record, is_driven
 from discrepancy.data.resisted import alternatives
 
@@ -41,7 +43,19 @@ def linear_start(records: Sequence[Record], gains: Sequence[float]) -> dict[str,
     found = _held(records, gains, driven, WINDOWS, PERIODS)
     if found is None and driven:
         found = _hardly_held(records, gains)
-    return found or _held(records, gains, driven, 1, FEW_PERIODS)
+    return found or _held(records, gains, driven, 1, FEW_PERIODS) or _of_modes(records, gains)
+
+
+def _of_modes(records: Sequence[Record], gains: Sequence[float]) -> dict[str, float] | None:
+    """The mass of a structure of more modes than one an axis, none of which explains the runs by itself, on springs
+    that hold it at the frequencies of its first modes."""
+    modes = answering(records) if is_driven(records) else []
+    told = carried(records, modes, gains) if len(modes) > records[0].axes else None
+    if told is None:
+        return None
+    values = _values([mode.frequency for mode in modes[: records[0].axes]], gains)
+    scaled = {name: told.m * value for name, value in values.items() if name[0] in "kd"}
+    return {**values, **scaled, "m": told.m}
 
 
 def _held(

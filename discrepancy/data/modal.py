@@ -29,9 +29,11 @@ SURE: Final = 1e-12
 
 
 class Runs(NamedTuple):
-    """forces and voltages: of each run in the band, (n, axes), without unit; step [s]."""
+    """forces and voltages: of each run in the band, (n, axes), without unit; at_once: the forces, as often as they are
+    seen at other times, as they are seen without a motion; step [s]."""
 
     pairs: list[tuple[Floats, Floats]]
+    at_once: list[Floats]
     step: float
 
 
@@ -46,7 +48,7 @@ class Modal:
         self._responses = [_responses(self.poles, u) for u, _ in runs.pairs]
         self._starts = [_starts(self.poles, len(u)) for u, _ in runs.pairs]
         self._without = [np.linalg.qr(start)[0] for start in self._starts]
-        made = [np.hstack((r.real, r.imag, u)) for r, (u, _) in zip(self._responses, runs.pairs, strict=True)]
+        made = [np.hstack((r.real, r.imag, u)) for r, u in zip(self._responses, runs.at_once, strict=True)]
         target = self._beside_starts([v for _, v in runs.pairs])
         basis = self._beside_starts(made)
         scale = or_one(np.linalg.norm(basis, axis=0))

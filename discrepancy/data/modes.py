@@ -200,15 +200,19 @@ def _in_band(records: Sequence[Record]) -> Runs:
     top = ABOVE * max(band_of(record) for record in records)
     number = max(1, int(rate / (RATE * top)))
     decays = not is_driven(records)
-    pairs = []
+    pairs, at_once = [], []
     for record in (r for r in records if r.sample_rate == rate):
-        # What is held until the next sample acts half a step later.
-        late = 0.5 * (record.u + np.vstack((record.u[:1], record.u[:-1]))) if record.hold == "zero" else record.u
-        u, v = (_fewer(a, number)[:SAMPLES] for a in (late, record.v))
+        before = np.vstack((record.u[:1], record.u[:-1]))
+        # What is held until the next sample acts half a step later; an acceleration shows it as it was just before,
+        # or, where it is not held, as it is.
+        late = 0.5 * (record.u + before) if record.hold == "zero" else record.u
+        seen = np.hstack((record.u, before)) if record.order == 2 else late
+        u, v, own = (_fewer(a, number)[:SAMPLES] for a in (late, record.v, seen))
         if len(u) > 4 * ROWS and (u.any() or decays):
             pairs.append((u, v - v.mean(axis=0)))
+            at_once.append(own)
     scales = [np.sqrt(np.mean([np.mean(a**2, axis=0) for a in side], axis=0)) for side in zip(*pairs, strict=True)]
-    return Runs([(u / or_one(scales[0]), v / or_one(scales[1])) for u, v in pairs], number / rate)
+    return Runs([(u / or_one(scales[0]), v / or_one(scales[1])) for u, v in pairs], at_once, number / rate)
 
 
 def band_of(record: Record) -> float:

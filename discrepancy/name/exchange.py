@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from discrepancy.fit.continuation import LAST_ROUNDS, ROUNDS, beginnings, leaves, nearly_settled
 from discrepancy.fit.defect import Defect
-from discrepancy.fit.openings import opened, parts
+from discrepancy.fit.openings import LEAST, LONG, opened, parts
 from discrepancy.name.accepted import RIVALS, Accepted, Instead
 from discrepancy.name.columns import Kind, fading, without_part
 from discrepancy.name.competition import own_filter, price, price_of_shapes
@@ -18,6 +18,7 @@ from discrepancy.name.resisting import alike, other_resistances
 from discrepancy.name.scan import Scored, best_of, other_forms
 from discrepancy.name.score import Score, score
 from discrepancy.name.search import Search, attempt
+from gyro_model.anatomy import Force
 
 CLEAR: Final = 30.0
 """Times the gain that an effect needs to stay, from which no refit without it is tried: what is not linear in it does
@@ -149,7 +150,7 @@ def _refitted_instead(search: Search, entry: Accepted, among: Kind | None) -> In
     fits = dict(known.fits)
     goal = search.at.cost + search.criteria.even * search.at.variance
     same = alike(search, {entry.id, *entry.rivals})
-    base, number = search.without_effect(search.at, entry), parts(search.fitter.records)[0]
+    base, number = search.without_effect(search.at, entry), _trial_parts(search, entry)
     trial = opened(beginnings(search.fitter, number), search.at) if number > 1 else None
     least = trial.at.cost + 4 * search.criteria.even * trial.at.variance if trial else np.inf
     for candidate, result in stand_ins:
@@ -166,6 +167,15 @@ def _refitted_instead(search: Search, entry: Accepted, among: Kind | None) -> In
         search.simulator.forget(trial.fitter.records)
     tried = [*known.tried, *((c.effect.id, c.shapes) for c, _ in stand_ins)]
     return Instead(search.at.parameters, tried, fits)
+
+
+def _trial_parts(search: Search, entry: Accepted) -> int:
+    """Into how many parts runs are cut, in the first of which others are tried in the place of an effect. Of one with
+    states of its own in a quarter: beside these each fit of whole runs is dear, and next to no other is near."""
+    number, shortest = parts(search.fitter.records)[0], min(len(record.t) for record in search.fitter.records)
+    effect = entry.candidate.effect
+    stateful = isinstance(effect, Force) and bool(effect.states)
+    return LONG if number == 1 and stateful and shortest >= LONG * LEAST else number
 
 
 def _looked(search: Search, among: Kind | None) -> Search:
