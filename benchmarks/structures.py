@@ -22,7 +22,7 @@ from discrepancy.diagnose import diagnose
 from gyro_model.model import load_model
 
 SEEDS: Final = 12
-FIRST: Final = 4501
+FIRST: Final = 4601
 """The first seed, of which nothing was chosen."""
 SAMPLES, NOISE = 8000, 3e-3
 """Of a run; over the motion, rms."""
@@ -140,7 +140,7 @@ def measure(seed: int) -> Outcome:
         "s of processor": time.process_time() - cpu,
     }
     names = [effect.id for effect in found.effects]
-    resonators = all(name.startswith("parasitic_mode") for name in names)
+    resonators = all(name.startswith("parasitic_mode") for name in names) and len(names) < len(structure.mass)
     right = found.verdict == "missing effects" and resonators and values["final"] < LEFT
     return Outcome(what, structure.modes.tolist(), f"{found.verdict}: {len(names)} resonators" if resonators else
                    f"{found.verdict}: {', '.join(names)}", right, values)  # fmt: skip
