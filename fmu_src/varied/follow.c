@@ -25,11 +25,11 @@ static void find_accelerations(traveller *at, const gyro_run *run, int64_t step)
 {
     if (step == 0) {
         look_from(at, run, step, 0.0, run->state);
-        find_acceleration(&at->view, run, 0, run->acceleration);
+        find_acceleration(&at->view, command_after(run, 0), run->acceleration);
         come_to(at, run, step);
     }
     look_from(at, run, step, 1.0, run->state + (step + 1) * MOTION);
-    find_acceleration(&at->view, run, step + 1, run->acceleration + 2 * (step + 1));
+    find_acceleration(&at->view, command_after(run, step + 1), run->acceleration + 2 * (step + 1));
     come_to(at, run, step);
 }
 
@@ -147,11 +147,10 @@ static void linearise(const gyro_instance *g, const gyro_run *run)
     }
 }
 
-int32_t gyro_acceleration(void *instance, const double *of, double found[2])
+int32_t gyro_acceleration(void *instance, const double *command, double found[2])
 {
-    const gyro_run alone = {.stride = 1, .command = of};
     gyro_view view = ((fmi_instance *)instance)->core->view;
-    find_acceleration(&view, &alone, 0, found);
+    find_acceleration(&view, command, found);
     return 0;
 }
 

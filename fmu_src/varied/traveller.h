@@ -106,20 +106,20 @@ static inline void look_from(traveller *at, const gyro_run *run, int64_t step, d
     }
 }
 
-/* The force of a command [N] in the view. */
-static inline void command(gyro_view *view, const double of[2])
+/* The command [N] after so many steps, where it is another than that which was held; else NULL. */
+static inline const double *command_after(const gyro_run *run, int64_t steps)
 {
-    view->p[GYRO_U_X] = of[0];
-    view->p[GYRO_U_Y] = of[1];
-    bring_command(view);
+    return run->command && steps % run->stride == 0 ? run->command + 2 * (steps / run->stride) : NULL;
 }
 
-/* The accelerations of the view after a step, under the force at that sample where it is another. */
-static inline void find_acceleration(gyro_view *view, const gyro_run *run, int64_t after, double found[2])
+/* The accelerations of the view, under the force of `command` [N]; NULL: under that which acts. */
+static inline void find_acceleration(gyro_view *view, const double *command, double found[2])
 {
     double rate[GYRO_N_STATES];
-    if (run->command && after % run->stride == 0) {
-        command(view, run->command + 2 * (after / run->stride));
+    if (command) {
+        view->p[GYRO_U_X] = command[0];
+        view->p[GYRO_U_Y] = command[1];
+        bring_command(view);
     }
     state_rate(view, rate);
     found[0] = rate[GYRO_STATE_X_DOT];

@@ -136,6 +136,14 @@ static void find_forces(traveller *at, gyro_view *base, const gyro_nodes *nodes,
     }
 }
 
+/* Puts own states where those of all effects stand. */
+static void put_own(const driven *own, const double states[], double all[MOST])
+{
+    for (int j = 0; j < own->n; j++) {
+        all[own->place[j] - MOTION] = states[j];
+    }
+}
+
 /* Own states at the nodes of a part of a run, from what drives them there, and at its end, which stay. */
 static void drive_own(traveller *at, gyro_view *base, gyro_nodes *nodes, part_of_run *part)
 {
@@ -152,15 +160,11 @@ static void drive_own(traveller *at, gyro_view *base, gyro_nodes *nodes, part_of
         }
         for (int node = 0; node < NODES; node++) {
             pass_own(own, &own->to[node], rate, found);
-            for (int j = 0; j < own->n; j++) {
-                part->own[i + node][own->place[j] - MOTION] = found[j];
-            }
+            put_own(own, found, part->own[i + node]);
         }
         pass_own(own, &own->whole, rate, found);
         memcpy(own->state, found, (size_t)own->n * sizeof *found);
-        for (int j = 0; j < own->n; j++) {
-            part->own_after[i / NODES][own->place[j] - MOTION] = found[j];
-        }
+        put_own(own, found, part->own_after[i / NODES]);
     }
 }
 
@@ -232,7 +236,7 @@ static void take_acceleration(traveller *at, const gyro_run *run, int64_t step, 
     if (at->view.any_state) {
         set_own(&at->view, own);
     }
-    find_acceleration(&at->view, run, step, out);
+    find_acceleration(&at->view, command_after(run, step), out);
     out[0] -= base[0];
     out[1] -= base[1];
 }
@@ -304,8 +308,10 @@ void gyro_vary(const gyro_run *run, int64_t n, void *const travellers[], int of,
     part_of_run part;
     for (int64_t i = 0; i < n; i++) {
         traveller *at = travellers[i];
-        double own[MOST];
-        memcpy(own, at->view.s + MOTION, OWN * sizeof *own);
+        double own[MOST] = {0.0};
+        if (at->view.any_state) {
+            put_own(&at->own, at->own.state, own);
+        }
         take_difference(at, run, 0, at->difference, own, of, columns[i]);
     }
     /* All along a part of the run before any goes on, so that it stays near the processor. */
