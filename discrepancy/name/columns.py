@@ -399,7 +399,9 @@ class _Scale:
         for v, b in zip(runs, beside, strict=True):
             if v is None:
                 return float("inf")
-            square += float(np.sum((v - b) ** 2))
+            # A device that swings ever more has no change, but infinity.
+            with np.errstate(over="ignore"):
+                square += float(np.sum((v - b) ** 2))
         return float(np.sqrt(square / sum(v.size for v in beside)))
 
     def _beside(self, base: Mapping[str, float], trials: list["_Trial"]) -> list[Floats]:

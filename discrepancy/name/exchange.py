@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from discrepancy.fit.continuation import LAST_ROUNDS, ROUNDS, beginnings, leaves, nearly_settled
 from discrepancy.fit.defect import Defect
-from discrepancy.fit.openings import LEAST, LONG, opened, parts
+from discrepancy.fit.openings import LEAST, opened, parts
 from discrepancy.name.accepted import RIVALS, Accepted, Instead
 from discrepancy.name.columns import Kind, fading, without_part
 from discrepancy.name.competition import own_filter, price, price_of_shapes
@@ -26,6 +26,9 @@ not make up for so much."""
 ALIKE: Final = 4.0
 """Times the square that a constant force leaves of a motion one way, up to which friction may be what it is, and the
 other way round: where the mass sets out the friction of the model is smoother than that of a bearing."""
+
+QUARTER: Final = 4
+"""Parts of a run in the first of which others are tried in the place of an effect with states of its own."""
 
 
 def finish(search: Search) -> Search:
@@ -175,7 +178,7 @@ def _trial_parts(search: Search, entry: Accepted) -> int:
     number, shortest = parts(search.fitter.records)[0], min(len(record.t) for record in search.fitter.records)
     effect = entry.candidate.effect
     stateful = isinstance(effect, Force) and bool(effect.states)
-    return LONG if number == 1 and stateful and shortest >= LONG * LEAST else number
+    return QUARTER if number == 1 and stateful and shortest >= QUARTER * LEAST else number
 
 
 def _looked(search: Search, among: Kind | None) -> Search:

@@ -50,13 +50,11 @@ def resonating(search: Search) -> Taken | None:
         return None
     plain = whole.fit(replace(search.at, whiten=whole.plain(search.at.parameters)))
     starts = [_begun(search, told, taken, plain, jointed=own) for own in (False, True)]
-    ends: list[Taken] = []
-    # Without the time for both, that which is nearer to begin with stands.
+    nearer, other = sorted(starts, key=lambda own: whole.off(own.at))
+    ends = [nearer._replace(at=_fitted(whole, nearer.at))]
+    # Without the time for both, that which was nearer to begin with stands.
     with suppress(OutOfTime):
-        for start in sorted(starts, key=lambda own: whole.off(own.at)):
-            ends.append(start._replace(at=_fitted(whole, start.at)))
-    if not ends:
-        raise OutOfTime
+        ends.append(other._replace(at=_fitted(whole, other.at)))
     found = min(ends, key=lambda own: _price(search, own))
     return found if whole.off(found.at) ** 2 <= ENOUGH * whole.off(plain) ** 2 else None
 
@@ -75,7 +73,7 @@ def _begun(search: Search, told: Carried, resonators: Sequence[_Resonator], plai
     """What is ``told``, not fitted; ``jointed``: with usual shapes of the resonators free as well, since what couples
     them is no spring alone. The mass is damped as is told, or at least as in the plain fit, where less is left so."""
     whole, now = search.whole, search.at.parameters
-    damped = {axes: max(d, now[f"d{axes}"]) for axes, d in zip(("xx", "yy"), np.diag(told.d), strict=False)}
+    more = {name: max(d, now[name]) for name, d in zip(("dxx", "dyy"), np.diag(told.d), strict=False)}
     at = replace(search.at, parameters={**now, "m": told.m, **_of_mass(told)}, whiten=plain.whiten)
     taken = []
     for own in resonators:
@@ -86,7 +84,6 @@ def _begun(search: Search, told: Carried, resonators: Sequence[_Resonator], plai
             at = freed(at, candidate, joints)
             at = replace(at, parameters={**at.parameters, **dict.fromkeys((q.name for q in joints), own.joint)})
         taken.append(replace(candidate, searched=(*candidate.searched, *joints)))
-    more = {f"d{axes}": d for axes, d in damped.items()}
     tried = [passive({**at.parameters, **own}, whole.axes) for own in ({}, more)]
     fits = [whole.evaluated(replace(at, parameters=own)) for own in tried if all(own[name] > 0 for name in more)]
     return Taken(min(fits, key=lambda fit: fit.cost), taken, plain)
