@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 
 from benchmarks import structures
 from benchmarks.structures import Outcome, drawn, make_report, motion
+from discrepancy.data.linear_start import linear_start
 
 
 @pytest.mark.parametrize("hold", ["zero", "first"])
@@ -26,6 +27,19 @@ def test_the_motion_is_that_of_masses_springs_and_dampers(hold):
         shown = z[own.sensed], z[n + own.sensed], rates(step, z)[n + own.sensed]
         # DOP853 keeps 1e-11 of a step.
         assert (np.abs(found[i + 1] - shown) < 1e-8 * np.abs(found).max(axis=0)).all()
+
+
+def test_a_structure_that_no_single_mode_explains_has_a_mass_all_the_same(monkeypatch):
+    rng = np.random.default_rng(4502)
+    own = drawn(rng)
+    records = structures.runs(own, rng, "acceleration", "first")[:2]
+    gains = (records[0].reference ** records[0].order,)
+    found = linear_start(records, gains)
+    assert found["m"] > 0
+    # Held at the frequency of the first mode, known to a hundredth of its width.
+    assert np.sqrt(found["kxx"] / found["m"]) / (2 * np.pi) == pytest.approx(own.modes[0], rel=1e-3)
+    monkeypatch.setattr("discrepancy.data.linear_start.answering", lambda records: [])
+    assert linear_start(records, gains) is None
 
 
 def test_what_is_not_named_is_shown_beside_what_is(monkeypatch):

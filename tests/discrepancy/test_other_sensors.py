@@ -90,7 +90,8 @@ def test_an_acceleration_behind_a_delay_is_found_by_differences() -> None:
             # A force that comes a sample late moves the mass a sample later, from rest.
             delayed = simulator.run(record, late)
             # Five points a quarter of a sample apart: (2 pi 1600 Hz/96 kHz)^4/5 = 2e-5.
-            accuracy = 4e-5 if record is held else 1e-3
+            # Of one that goes straight a twelfth of a sample at a time 3.5e-4 is left, as measured: twice that.
+            accuracy = 4e-5 if record is held else 7e-4
             assert np.abs(delayed[2:] - at_once[1:-1]).max() < accuracy * np.abs(at_once).max()
 
 

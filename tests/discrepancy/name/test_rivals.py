@@ -19,7 +19,7 @@ from discrepancy.name.accepted import Accepted, Instead, Refit
 from discrepancy.name.begin import begin
 from discrepancy.name.columns import Candidate, Probe
 from discrepancy.name.competition import refitted
-from discrepancy.name.exchange import exchange
+from discrepancy.name.exchange import _trial_parts, exchange
 from discrepancy.name.extend import extend
 from discrepancy.name.look import look
 from discrepancy.name.scan import Scan
@@ -114,6 +114,16 @@ def test_a_rival_as_probable_as_the_name_is_its_either(
     [entry] = exchange(blank_search(simulator=simulator, at=fit(0.0), accepted=(cubic,))).accepted
     assert entry.id == "cubic_stiffness"
     assert (other.effect.id in entry.rivals) == named
+
+
+@pytest.mark.parametrize(
+    ("name", "samples", "expected"),
+    [("parasitic_mode", 8000, 4), ("parasitic_mode", 7999, 1), ("cubic_stiffness", 8000, 1)],
+)
+def test_others_are_tried_on_a_quarter_where_whole_runs_are_dear(name: str, samples: int, expected: int) -> None:
+    fitter: Any = SimpleNamespace(records=[SimpleNamespace(t=range(samples))])
+    entry = Accepted(Candidate(MODEL.effect(name), (), {}), 0.1, {})
+    assert _trial_parts(blank_search(fitter=fitter), entry) == expected
 
 
 def test_of_what_promises_the_same_the_electronics_come_before_a_force(monkeypatch: pytest.MonkeyPatch) -> None:
