@@ -33,7 +33,7 @@ from gyro_model.effect_functions import (
     map_functions,
     memory_functions,
 )
-from gyro_model.linear_forces import is_linear, linear_parts, unsteady
+from gyro_model.linear_forces import is_linear, linear_parts, uneven, unsteady
 from gyro_model.model import Model, chain
 
 
@@ -136,6 +136,7 @@ typedef struct {
     unsigned char moving; /* laws change parameters within the present step */
     unsigned char any_curved; /* a force acts that is not linear in the motion, or has states of its own */
     unsigned char steady; /* the motion is linear, and nothing but the rate changes its slopes */
+    unsigned char even; /* the same where forces with states of their own act, of all states */
     unsigned char any_impulse;
     unsigned char any_map; /* an effect acts that changes force, displacement or voltage on their way */
     unsigned char any_rate; /* the converter asks for the rate of the voltage */
@@ -182,9 +183,13 @@ def _activity(model: Model) -> str:
     acting = "".join(guarded(e, f"g->acting[g->n_acting++] = {effect_macro(e)};\n") for e in added_forces(model))
     bent = " || ".join(f"g->active[{effect_macro(e)}]" for e in added_forces(model) if not is_linear(e, model)) or "0"
     changing = "".join(f" && !g->active[{effect_macro(e)}]" for e in unsteady(model))
+    crooked = "".join(f" && !g->active[{effect_macro(e)}]" for e in uneven(model))
     impulse = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.forces if e.impulse) or "0"
     rate = " || ".join(f"g->active[{effect_macro(e)}]" for e in model.effects if _asks_rate(e)) or "0"
+    owners = ", ".join(effect_macro(e) for e in model.forces for _ in e.states) or "GYRO_N_EFFECTS"
     return (
+        "/* The effects that own the states beside the motion, by state. */\n"
+        f"static const int gyro_owners[] = {{{owners}}};\n\n"
         "/* Marks the effects that a size parameter switches on, their own or that of a law which changes one. */\n"
         "static inline void find_active(gyro_view *g)\n{\n"
         + "".join(lines)
@@ -192,7 +197,8 @@ def _activity(model: Model) -> str:
         + f"    g->any_map = {mapped};\n    g->any_rate = {rate};\n"
         + f"    g->any_state = {state};\n    g->any_curved = {bent};\n"
         + f"    g->any_memory = {memory};\n    g->any_renewed = {renewed};\n"
-        + f"    g->steady = !g->any_curved{changing};\n    g->n_acting = 0;\n"
+        + f"    g->steady = !g->any_curved{changing};\n"
+        + f"    g->even = g->any_state{crooked};\n    g->n_acting = 0;\n"
         + textwrap.indent(acting, "    ")
         + "}\n"
     )

@@ -36,13 +36,42 @@ def _linear(model: Model) -> frozenset[str]:
     return frozenset(e.id for e in forces if not is_curved(e.force, model.state_symbols))
 
 
-def _is_steady(effect: Force, model: Model) -> bool:
-    """Whether the slopes of a linear force stay while parameters do, but for the rate, in which they are quadratic."""
+def _stay(slopes: Iterable[Expr], model: Model) -> bool:
+    """Whether slopes stay while parameters do, but for the rate, in which they are quadratic."""
     moving = {q.symbol for q in model.quantities if q.role == "input"} | set(model.followed) | set(symbols.SET_BY)
     moving |= {symbols.u_x, symbols.u_y}
-    slopes = [expr for row in _slopes(effect) for expr in row]
-    read = set().union(*(expr.free_symbols for expr in slopes))
-    return not read & (moving - {symbols.omega_z}) and all(diff(expr, symbols.omega_z, 3) == 0 for expr in slopes)
+    own = list(slopes)
+    read = set().union(*(expr.free_symbols for expr in own))
+    return not read & (moving - {symbols.omega_z}) and all(diff(expr, symbols.omega_z, 3) == 0 for expr in own)
+
+
+def _is_steady(effect: Force, model: Model) -> bool:
+    return _stay([expr for row in _slopes(effect) for expr in row], model)
+
+
+def bends(effect: Force, model: Model) -> bool:
+    """Whether what a force adds to the rates of all states has slopes that go with these, with the command or with
+    time."""
+    return effect.id in _bending(model)
+
+
+@lru_cache(maxsize=8)
+def _bending(model: Model) -> frozenset[str]:
+    signals = [*model.state_symbols, symbols.u_x, symbols.u_y]
+    return frozenset(e.id for e in model.forces if symbols.t in e.symbols or is_curved(_rates(e), signals))
+
+
+def _rates(effect: Force) -> list[Expr]:
+    """The force and the rates of its own states."""
+    return [sympify(expr) for expr in (*effect.force, *(state.rate for state in effect.states))]
+
+
+def uneven(model: Model) -> list[Effect]:
+    """The forces that bend or of which the slopes may change otherwise than with the rate, and all laws."""
+    even = (e for e in model.forces if not bends(e, model))
+    slopes = {e.id: [expr.diff(s) for expr in _rates(e) for s in model.state_symbols] for e in even}
+    straight = {name for name, own in slopes.items() if _stay(own, model)}
+    return [*(e for e in model.forces if e.id not in straight), *model.laws, *follows_of(model)]
 
 
 def unsteady(model: Model) -> list[Effect]:

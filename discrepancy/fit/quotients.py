@@ -9,7 +9,7 @@ import numpy as np
 from sympy import sympify
 
 from discrepancy.data.record import Floats, Record
-from discrepancy.fit.defect import distortion_names
+from discrepancy.fit.defect import distortion_names, distortions
 from discrepancy.fit.simulate import Simulator
 from discrepancy.fit.variation import Kind
 from gyro_model import symbols
@@ -174,8 +174,9 @@ class _Names:
         self._rough = rough | distortion_names()
 
     def acting(self, parameters: Mapping[str, float]) -> frozenset[str]:
-        """Names of the sizes that are not neutral."""
-        return frozenset(name for name, start in self._starts.items() if parameters.get(name, start) != start)
+        """Names of the sizes that are not neutral, and of what acts on the record."""
+        own = {name for name, start in self._starts.items() if parameters.get(name, start) != start}
+        return frozenset(own | {defect.id for defect in distortions() if defect.acts(parameters)})
 
     def kind(self, changes: Changes) -> Kind:
         """Of a column."""

@@ -40,6 +40,8 @@ minutes a run), and no data tell it from one that is less so."""
 TICKS: Final = 0.1
 """Processor time [s] that any run may take: some ticks of the coarsest clock."""
 MIRRORED: Final = {"kyy": "kxx", "dyy": "dxx", "sense_gain_y": "sense_gain_x"}
+OTHER_AXIS: Final = frozenset((*MIRRORED, "kxy", "dxy"))
+"""What a record of one axis leaves open."""
 
 Job = tuple[Record, Mapping[str, float]]
 Item = TypeVar("Item")

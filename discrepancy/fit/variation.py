@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from discrepancy.data.record import Floats
 
-MOTION, NODES = 4, 2
-"""States of the motion, and places in a step at which rates are known."""
-
+NODES = 2
+"""Places in a step at which rates are known."""
 
 Kind = tuple[tuple[str, float | None], ...]
 """Of a column: names of what it changes, and of shapes beside a size their values."""
@@ -24,8 +23,8 @@ Kind = tuple[tuple[str, float | None], ...]
 
 @dataclass(frozen=True)
 class Seen:
-    """Where the variation has given a column as a simulation does: ``kinds`` of columns, and ``bases``, sizes that act
-    in the motion; False where it has not."""
+    """Where the variation has given a column as a simulation does: ``kinds`` of columns, and ``bases``, what acts
+    in the motion and on the record; False where it has not."""
 
     kinds: dict[Kind, bool] = field(default_factory=dict)
     bases: dict[frozenset[str], bool] = field(default_factory=dict)
@@ -38,9 +37,10 @@ class _Run(ctypes.Structure):
         *((name, ctypes.c_int64) for name in ("steps", "stride", "n_inputs")),
         *((name, ctypes.c_void_p) for name in ("inputs", "values", "command")),
         *((name, ctypes.c_double) for name in ("start", "step")),
+        *((name, ctypes.c_int64) for name in ("states", "moving", "room", "passages", "size")),
         *(
             (name, ctypes.c_void_p)
-            for name in ("state", "voltage", "acceleration", "motion", "rate", "passage", "base", "weight")
+            for name in ("state", "voltage", "acceleration", "within", "rate", "passage", "base", "weight")
         ),
     ]
 
@@ -71,37 +71,47 @@ class Motion:
     """A run's motion, as ``gyro_follow`` finds it, with its accelerations where columns are to be of these."""
 
     def __init__(self, library: Any, driven: Driven, *, accelerations: bool = False) -> None:
-        steps = (driven.samples - 1) * driven.stride
-        self._library = library
-        shapes: dict[str, tuple[int, ...]] = {
-            "state": (steps + 1, MOTION),
-            "voltage": (steps + 1, 2),
-            "acceleration": (steps + 1 if accelerations else 0, 2),
-            "motion": (steps, NODES, MOTION),
-            "rate": (steps, NODES, 2),
-            "passage": (steps, MOTION, MOTION),
-            "base": (self._size(),),
-            "weight": (NODES, MOTION, 2),
-        }
-        self._driven, self._found = driven, {name: np.empty(shape) for name, shape in shapes.items()}
+        self._library, self._driven, self._accelerations = library, driven, accelerations
+        self._found: dict[str, Floats] = {}
         self._run = _Run(
-            steps, driven.stride, len(driven.inputs), driven.inputs.ctypes.data, driven.values.ctypes.data,
-            driven.command.ctypes.data if driven.command is not None else None,
-            driven.start, driven.step, *(own.ctypes.data if own.size else None for own in self._found.values()),
+            (driven.samples - 1) * driven.stride, driven.stride, len(driven.inputs), driven.inputs.ctypes.data,
+            driven.values.ctypes.data, driven.command.ctypes.data if driven.command is not None else None,
+            driven.start, driven.step,
         )  # fmt: skip
-
-    def _size(self) -> int:
-        """Of a traveller, in numbers."""
-        return -(-int(self._library.gyro_traveller_size()) // 8)
 
     def follow(self, instance: int) -> bool:
         """Runs an initialised instance; False where something acts that can't be followed."""
-        return bool(self._library.gyro_follow(ctypes.c_void_p(instance), ctypes.byref(self._run)))
+        own, run = ctypes.c_void_p(instance), ctypes.byref(self._run)
+        if not self._library.gyro_measure(own, run):
+            return False
+        self._make_room()
+        return bool(self._library.gyro_follow(own, run))
+
+    def _make_room(self) -> None:
+        run = self._run
+        shapes: dict[str, tuple[int, ...]] = {
+            "state": (run.steps + 1, run.states),
+            "voltage": (run.steps + 1, 2),
+            "acceleration": (run.steps + 1, 2) if self._accelerations else (0,),
+            "within": (run.steps, NODES, run.states),
+            "rate": (run.steps, NODES, run.states),
+            "passage": (run.passages, run.moving, run.room),
+            "base": (self._traveller,),
+            "weight": (NODES, run.moving, run.room),
+        }
+        self._found = {name: np.empty(shape) for name, shape in shapes.items()}
+        for name, own in self._found.items():
+            setattr(run, name, own.ctypes.data if own.size else None)
+
+    @property
+    def _traveller(self) -> int:
+        """Its size, in numbers."""
+        return -(-int(self._run.size) // 8)
 
     def depart(self, instance: int) -> Traveller | None:
         """What goes along it with the parameters of another initialised instance; None where something acts that can't
         be followed."""
-        made = np.zeros(self._size())
+        made = np.zeros(self._traveller)
         found = self._library.gyro_depart(
             ctypes.c_void_p(instance), ctypes.byref(self._run), ctypes.c_void_p(made.ctypes.data)
         )

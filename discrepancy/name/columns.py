@@ -19,6 +19,7 @@ from discrepancy.data.record import Floats, Record
 from discrepancy.fit.defect import Defect, Distortion, distortions
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.refit import Fitter
+from discrepancy.fit.simulate import OTHER_AXIS
 from discrepancy.name.grids import FINER, Grids, around, free_shape
 from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map
 from gyro_model.model import Model
@@ -155,6 +156,11 @@ def is_gauge(effect: Effect) -> bool:
     return bool(ratios[0] == ratios[1] and ratios[0].free_symbols <= own)
 
 
+def is_across(effect: Effect) -> bool:
+    """Whether an effect changes nothing of x alone, so that a record of one axis knows nothing of it."""
+    return isinstance(effect, Law) and {q.name for q in effect.changes} <= OTHER_AXIS
+
+
 Probes = dict[tuple[str, str], tuple[Probe, float]]
 """By a size's name and the id of the partner beside which it acts: a probe and the change [V rms] it is for."""
 Silent = dict[tuple[str, str], frozenset[str]]
@@ -184,7 +190,7 @@ class Library:
         silent: list[Effect | Defect] = []
         own_axes = self.records[0].axes
         tried: list[Effect | Defect] = [
-            *nameable(self.model),
+            *(e for e in nameable(self.model) if own_axes == 2 or not is_across(e)),
             *(d for d in distortions() if d.axes <= own_axes and not d.gauge),
         ]
         for effect in tried:

@@ -32,12 +32,15 @@ static void plan_effects(gyro_instance *g)
     }
     g->plan.any_lag = (unsigned char)lag_acts(&g->view);
     gyro_plan_series(g);
+    /* Most steps go from one point of the finer of the two beats to the next, in whole ticks: 1e-6 * 5 is not quite 5e-6. */
+    const int64_t grid = g->plan.cuts.grid.whole, sample = g->plan.cuts.sample.whole;
+    const gyro_instant start = {0, 0.0}, next = {grid < sample ? grid : sample, 0.0};
     g->plan.propagator.step = 0.0;
+    g->plan.coupled.step = 0.0;
     if (g->view.steady) {
-        /* Most steps go from one point of the finer of the two beats to the next, in whole ticks: 1e-6 * 5 is not quite 5e-6. */
-        const int64_t grid = g->plan.cuts.grid.whole, sample = g->plan.cuts.sample.whole;
-        const gyro_instant start = {0, 0.0}, next = {grid < sample ? grid : sample, 0.0};
         gyro_tabulate(&g->plan.propagator, &g->view, gyro_between(start, next));
+    } else if (g->view.even) {
+        gyro_tabulate_coupled(&g->plan.coupled, &g->view, gyro_between(start, next));
     }
 }
 

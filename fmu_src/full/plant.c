@@ -474,6 +474,8 @@ static void move_states(gyro_instance *g, gyro_instant to, int lags)
     view->moving = view->any_law && laws_move(view, g->value);
     if (!lags && view->steady && gyro_holds(&g->plan.propagator, view, h)) {
         gyro_apply(&g->plan.propagator, view);
+    } else if (!lags && view->even && gyro_coupled_holds(&g->plan.coupled, view, h)) {
+        gyro_apply_coupled(&g->plan.coupled, view);
     } else {
         laws_known = move_by(g, end, h, lags);
     }

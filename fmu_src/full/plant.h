@@ -5,6 +5,7 @@
 #define GYRO_PLANT_H
 
 #include "bouc_wen_table.h"
+#include "coupled.h"
 #include "generated/effects.h"
 #include "effect_memories.h"
 #include "events.h"
@@ -26,6 +27,7 @@ typedef struct {
     gyro_instant delay;  /* of the force, as if it came at the start */
     gyro_pink_plan pink; /* where any_draw */
     gyro_propagator propagator; /* of the steps between cuts of the grid, where steady */
+    gyro_coupled coupled;       /* of the same, where even */
     gyro_series_plan series; /* of the forces that bend the motion */
     gyro_followers followers; /* where they are all that do, and do it by values */
     gyro_bouc_wen_table *table; /* of them; NULL: there is none */

@@ -3,16 +3,15 @@
 #ifndef GYRO_NODES_H
 #define GYRO_NODES_H
 
-#include "matrices.h"
+#include "passing.h"
 #include "variation.h"
 
 /* Nodes of some steps of a run, as those come. */
 typedef struct {
     const gyro_run *run;
-    int64_t first;                             /* step */
-    int64_t n;                                 /* nodes */
-    const double (*motion)[MOTION];            /* shape (n, 4), SI */
-    const double (*own)[MOST];                 /* states that effects add, shape (n, OWN), SI; NULL: none moves */
+    int64_t first;                        /* step */
+    int64_t n;                            /* nodes */
+    const double (*state)[GYRO_N_STATES]; /* shape (n, GYRO_N_STATES), SI */
 } gyro_nodes;
 
 static inline void take_inputs(gyro_view *g, const gyro_run *run, int64_t step)

@@ -10,13 +10,22 @@
 #include "generated/tangent.h"
 #include "plant.h"
 
-/* The states that effects add, of which a small force on the motion comes: linear, driven by the motion of the run. */
+/* Numbers that a column of the states that move takes: a whole number of four, by which processors add them. */
+enum { ROOM = (GYRO_N_STATES + 3) / 4 * 4 };
+static inline int column_room(int n) { return (n + 3) / 4 * 4; }
+
+/* Some of the states. */
 typedef struct {
     int n;
-    int place[MOST];   /* of each in the states */
+    int place[GYRO_N_STATES];
+} chosen;
+
+/* States that move beside those of a run, of which a small force on its motion comes: linear, driven by the states of the run. */
+typedef struct {
+    chosen among;
     passing to[NODES]; /* the nodes of a step */
     passing whole;
-    double state[MOST];
+    double state[GYRO_N_STATES]; /* SI */
 } driven;
 
 /* A view of an instance that is taken along a run. */
@@ -26,11 +35,14 @@ typedef struct {
     int n_events;                   /* effects that switch */
     int switches[GYRO_N_EFFECTS];   /* these, by effect */
     double event[GYRO_N_EFFECTS];   /* when each does, s */
-    double difference[MOTION];      /* of its motion and that of the run, SI */
-    driven own;                     /* where a force with states acts */
+    chosen moving;                  /* states of the run that move, those of the motion first */
+    double difference[ROOM];        /* of its states and those of the run, by `moving`, SI */
+    driven own;                     /* where a force with states acts that does not in the run */
+    int n_forced;                   /* states of the run that effects add, of which the rates differ */
+    int forced[GYRO_N_STATES];      /* these, by `moving` */
     double lighter;                 /* mass of the run over its own, less 1 */
     int lawful;                     /* a law acts: each force may be another than that of the run */
-    int maps;                       /* a map acts, here or in the run */
+    int maps;                       /* the command changes on its way to the mass, here or in the run */
     int n_added, n_left;            /* forces here, and of the run, where they are not the same */
     int added[GYRO_N_FORCES], left[GYRO_N_FORCES];
 } traveller;
@@ -53,6 +65,21 @@ static inline int is_followed(const gyro_instance *g)
         lagging |= g->view.active[follow_effects[i]];
     }
     return !(g->plan.any_delay || g->plan.any_lag || g->view.any_memory || g->view.any_impulse || g->view.any_rate || lagging);
+}
+
+/* The states of the motion, and those which effects add that act in `view` and, where that is another, do not in `beside`. */
+static inline chosen states_of(const gyro_view *view, const gyro_view *beside)
+{
+    chosen made = {0, {0}};
+    for (int i = 0; i < MOTION && !beside; i++) {
+        made.place[made.n++] = i;
+    }
+    for (int i = 0; i < OWN; i++) {
+        if (view->active[gyro_owners[i]] && !(beside && beside->active[gyro_owners[i]])) {
+            made.place[made.n++] = MOTION + i;
+        }
+    }
+    return made;
 }
 
 static inline void set_off(const gyro_instance *g, traveller *at)
@@ -91,11 +118,11 @@ static inline void come_to(traveller *at, const gyro_run *run, int64_t step)
     }
 }
 
-/* The view at a part of a step, in a state of the motion. */
-static inline void look_from(traveller *at, const gyro_run *run, int64_t step, double part, const double state[MOTION])
+/* The view at a part of a step, in some states. */
+static inline void look_from(traveller *at, const gyro_run *run, int64_t step, double part, const double state[GYRO_N_STATES])
 {
     gyro_view *view = &at->view;
-    for (int i = 0; i < MOTION; i++) {
+    for (int i = 0; i < GYRO_N_STATES; i++) {
         view->s[i] = state[i];
     }
     view->t = run->start + ((double)step + part) * run->step;

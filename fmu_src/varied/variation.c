@@ -14,81 +14,74 @@
 /* Steps that all columns go before the next, so that what is found at their nodes stays near the processor. */
 enum { TOGETHER = 128 };
 
-/* A part of a run along which a traveller is taken. */
+/* A part of a run along which a traveller is taken; at nodes but where it says otherwise. */
 typedef struct {
-    double force[TOGETHER * NODES][2], left[TOGETHER * NODES][2]; /* at nodes, N; then what they add to the rates of the speeds, m/s^2 */
-    double rate[TOGETHER * NODES][GYRO_N_STATES];                 /* SI/s */
-    double own[TOGETHER * NODES][MOST];                           /* states that effects add, SI */
-    double own_after[TOGETHER][MOST];                             /* these after each step, SI */
-    double state[TOGETHER][MOTION];                               /* the motion there, SI */
+    double force[TOGETHER * NODES][2], left[TOGETHER * NODES][2]; /* N; then what they add to the rates of the speeds, m/s^2 */
+    double rate[TOGETHER * NODES][GYRO_N_STATES];                 /* of states that effects add, SI/s; then what is added to those of the run */
+    double rate_left[TOGETHER * NODES][GYRO_N_STATES];            /* likewise, of the run */
+    double state[TOGETHER * NODES][GYRO_N_STATES];                /* of the run, with states that move beside, SI */
+    double difference[TOGETHER][GYRO_N_STATES];                   /* after each step, by the states that move, SI */
+    double own_after[TOGETHER][GYRO_N_STATES];                    /* states that move beside those of the run, there, SI */
 } part_of_run;
 
-static void set_own(gyro_view *view, const double own[])
-{
-    for (int i = 0; i < OWN; i++) {
-        view->s[MOTION + i] = own[i];
-    }
-}
-
+/* In the view at the start. */
 static void begin_own(traveller *at, const gyro_run *run)
 {
     driven *own = &at->own;
-    double rest[GYRO_N_STATES], rate[GYRO_N_STATES], none[MOST] = {0.0};
-    own->n = 0;
-    for (int i = 0; i < OWN; i++) {
-        own->place[own->n] = MOTION + i;
-        own->state[own->n] = at->view.s[MOTION + i];
-        own->n += at->view.active[gyro_owners[i]];
+    const int n = own->among.n, *place = own->among.place;
+    double rest[GYRO_N_STATES], rate[GYRO_N_STATES];
+    for (int i = 0; i < n; i++) {
+        own->state[i] = at->view.s[place[i]];
     }
-    matrix slope = matrix_of(own->n, 0.0);
-    come_to(at, run, 0);
+    matrix slope;
     look_from(at, run, 0, 0.0, run->state);
-    set_own(&at->view, none);
     state_rate(&at->view, rest);
-    for (int j = 0; j < own->n; j++) {
-        double *state = &at->view.s[own->place[j]];
+    for (int j = 0; j < n; j++) {
+        double *state = &at->view.s[place[j]];
         *state = 1.0;
         state_rate(&at->view, rate);
         *state = 0.0;
-        for (int i = 0; i < own->n; i++) {
-            slope.of[i][j] = rate[own->place[i]] - rest[own->place[i]];
+        for (int i = 0; i < n; i++) {
+            slope.of[i][j] = rate[place[i]] - rest[place[i]];
         }
     }
     for (int node = 0; node < NODES; node++) {
-        own->to[node] = passing_of(own->n, &slope, run->step, PLACE[node]);
+        find_passing(n, &slope, run->step, PLACE[node], &own->to[node]);
     }
-    own->whole = passing_of(own->n, &slope, run->step, 1.0);
+    find_passing(n, &slope, run->step, 1.0, &own->whole);
 }
 
-/* Own states after a part of a step, by their rates at its nodes. */
-static void pass_own(const driven *own, const passing *over, double rate[NODES][MOST], double after[])
+/* Own states after a part of a step, by their rates at its nodes; put where they stand among all. */
+static void pass_own(const driven *own, const passing *over, double (*const rate)[GYRO_N_STATES], double all[GYRO_N_STATES])
 {
-    for (int i = 0; i < own->n; i++) {
+    const int n = own->among.n, *place = own->among.place;
+    for (int i = 0; i < n; i++) {
         double sum = 0.0;
-        for (int j = 0; j < own->n; j++) {
+        for (int j = 0; j < n; j++) {
             sum += over->passage.of[i][j] * own->state[j];
             for (int node = 0; node < NODES; node++) {
-                sum += over->weight[node].of[i][j] * rate[node][j];
+                sum += over->weight[node].of[i][j] * rate[node][place[j]];
             }
         }
-        after[i] = sum;
+        all[place[i]] = sum;
     }
 }
 
-/* What the forces and the mass of a traveller add to the rates of the speeds at nodes, and the rates of its own states. */
+/* What the forces and the mass of a traveller add to the rates of the speeds at nodes, and what its forces add to those of other states. */
 static void find_forcing(traveller *at, gyro_view *base, const gyro_nodes *nodes, part_of_run *part)
 {
-    const double *rate = nodes->run->rate + nodes->first * NODES * 2;
+    const double *rate = nodes->run->rate + nodes->first * NODES * GYRO_N_STATES;
     memset(part->force, 0, (size_t)nodes->n * sizeof *part->force);
     memset(part->left, 0, (size_t)nodes->n * sizeof *part->left);
-    if (at->view.any_state) {
+    if (at->n_forced > 0 || at->own.among.n > 0) {
         memset(part->rate, 0, (size_t)nodes->n * sizeof *part->rate);
+        memset(part->rate_left, 0, (size_t)nodes->n * sizeof *part->rate_left);
     }
     for (int i = 0; i < at->n_added; i++) {
         add_force(&at->view, nodes, at->added[i], part->force, part->rate);
     }
     for (int i = 0; i < at->n_left; i++) {
-        add_force(base, nodes, at->left[i], part->left, part->rate);
+        add_force(base, nodes, at->left[i], part->left, part->rate_left);
     }
     for (int64_t i = 0; i < nodes->n && at->maps; i++) {
         if (i % NODES == 0) {
@@ -102,7 +95,11 @@ static void find_forcing(traveller *at, gyro_view *base, const gyro_nodes *nodes
     for (int64_t i = 0; i < nodes->n; i++) {
         for (int axis = 0; axis < 2; axis++) {
             const double added = (part->force[i][axis] - part->left[i][axis]) * at->view.inverse_mass;
-            part->force[i][axis] = added + at->lighter * rate[2 * i + axis];
+            part->force[i][axis] = added + at->lighter * rate[i * GYRO_N_STATES + (axis == 0 ? GYRO_STATE_X_DOT : GYRO_STATE_Y_DOT)];
+        }
+        for (int k = 0; k < at->n_forced; k++) {
+            const int place = at->moving.place[at->forced[k]];
+            part->rate[i][place] -= part->rate_left[i][place];
         }
     }
 }
@@ -113,17 +110,18 @@ static void find_lawful_forcing(traveller *at, const gyro_nodes *nodes, part_of_
     const gyro_run *run = nodes->run;
     for (int64_t i = 0; i < nodes->n; i++) {
         const int64_t step = nodes->first + i / NODES;
-        const double *base = run->rate + (nodes->first * NODES + i) * 2;
+        const double *base = run->rate + (nodes->first * NODES + i) * GYRO_N_STATES;
         if (i % NODES == 0) {
             come_to(at, run, step);
         }
-        look_from(at, run, step, PLACE[i % NODES], nodes->motion[i]);
-        if (nodes->own) {
-            set_own(&at->view, nodes->own[i]);
-        }
+        look_from(at, run, step, PLACE[i % NODES], nodes->state[i]);
         state_rate(&at->view, part->rate[i]);
-        part->force[i][0] = part->rate[i][GYRO_STATE_X_DOT] - base[0];
-        part->force[i][1] = part->rate[i][GYRO_STATE_Y_DOT] - base[1];
+        part->force[i][0] = part->rate[i][GYRO_STATE_X_DOT] - base[GYRO_STATE_X_DOT];
+        part->force[i][1] = part->rate[i][GYRO_STATE_Y_DOT] - base[GYRO_STATE_Y_DOT];
+        for (int k = 0; k < at->n_forced; k++) {
+            const int place = at->moving.place[at->forced[k]];
+            part->rate[i][place] -= base[place];
+        }
     }
 }
 
@@ -136,79 +134,108 @@ static void find_forces(traveller *at, gyro_view *base, const gyro_nodes *nodes,
     }
 }
 
-/* Puts own states where those of all effects stand. */
-static void put_own(const driven *own, const double states[], double all[MOST])
-{
-    for (int j = 0; j < own->n; j++) {
-        all[own->place[j] - MOTION] = states[j];
-    }
-}
-
 /* Own states at the nodes of a part of a run, from what drives them there, and at its end, which stay. */
 static void drive_own(traveller *at, gyro_view *base, gyro_nodes *nodes, part_of_run *part)
 {
     driven *own = &at->own;
-    memset(part->own, 0, sizeof part->own);
-    memset(part->own_after, 0, sizeof part->own_after);
     find_forces(at, base, nodes, part);
+    memcpy(part->state, nodes->state, (size_t)nodes->n * sizeof *part->state);
+    memset(part->own_after, 0, sizeof part->own_after);
     for (int64_t i = 0; i < nodes->n; i += NODES) {
-        double rate[NODES][MOST], found[MOST];
+        double *after = part->own_after[i / NODES];
         for (int node = 0; node < NODES; node++) {
-            for (int j = 0; j < own->n; j++) {
-                rate[node][j] = part->rate[i + node][own->place[j]];
-            }
+            pass_own(own, &own->to[node], part->rate + i, part->state[i + node]);
         }
-        for (int node = 0; node < NODES; node++) {
-            pass_own(own, &own->to[node], rate, found);
-            put_own(own, found, part->own[i + node]);
+        pass_own(own, &own->whole, part->rate + i, after);
+        for (int j = 0; j < own->among.n; j++) {
+            own->state[j] = after[own->among.place[j]];
         }
-        pass_own(own, &own->whole, rate, found);
-        memcpy(own->state, found, (size_t)own->n * sizeof *found);
-        put_own(own, found, part->own_after[i / NODES]);
+    }
+    nodes->state = (const double (*)[GYRO_N_STATES])part->state;
+}
+
+/* Adds a column of n numbers so many times. */
+static inline void add_column(int n, double times, const double *column, double *to)
+{
+    for (int i = 0; i < n; i++) {
+        to[i] += times * column[i];
     }
 }
 
-/* The difference after each of some steps. */
-static void pass_on(traveller *at, const gyro_run *run, int64_t first, int64_t last, part_of_run *part)
+/* The difference after each of some steps; room: that of a column, which the compiler is to know. */
+static inline void pass_on(int room, traveller *at, const gyro_run *run, int64_t first, int64_t last, part_of_run *part)
 {
-    const double *w = run->weight;
-    double d[MOTION];
+    const int n = at->moving.n;
+    double d[ROOM];
     memcpy(d, at->difference, sizeof d);
     for (int64_t step = first; step < last; step++) {
-        const double *p = run->passage + step * MOTION * MOTION;
-        double (*const f)[2] = part->force + (step - first) * NODES, *after = part->state[step - first];
-        for (int i = 0; i < MOTION; i++) {
-            const double *q = p + MOTION * i, *v = w + 2 * i, *late = v + 2 * MOTION;
-            after[i] = (q[0] * d[0] + q[1] * d[1]) + (q[2] * d[2] + q[3] * d[3]) +
-                       ((v[0] * f[0][0] + v[1] * f[0][1]) + (late[0] * f[1][0] + late[1] * f[1][1]));
+        const double *p = run->passage + (run->passages == 1 ? 0 : step) * n * room;
+        double after[ROOM];
+        for (int i = 0; i < room; i++) {
+            after[i] = 0.0;
         }
-        for (int i = 0; i < MOTION; i++) {
+        for (int j = 0; j < n; j++) {
+            add_column(room, d[j], p + j * room, after);
+        }
+        for (int node = 0; node < NODES; node++) {
+            const int64_t i = (step - first) * NODES + node;
+            const double *w = run->weight + node * n * room;
+            add_column(room, part->force[i][0], w + GYRO_STATE_X_DOT * room, after);
+            add_column(room, part->force[i][1], w + GYRO_STATE_Y_DOT * room, after);
+            for (int k = 0; k < at->n_forced; k++) {
+                const int j = at->forced[k];
+                add_column(room, part->rate[i][at->moving.place[j]], w + j * room, after);
+            }
+        }
+        for (int i = 0; i < room; i++) {
             d[i] = after[i];
         }
+        memcpy(part->difference[step - first], after, (size_t)n * sizeof *after);
     }
     memcpy(at->difference, d, sizeof d);
+}
+
+/* Rooms that a model of so many states may ask for. */
+enum { EIGHT = ROOM < 8 ? ROOM : 8, TWELVE = ROOM < 12 ? ROOM : 12, SIXTEEN = ROOM < 16 ? ROOM : 16 };
+
+static void pass_on_by_room(traveller *at, const gyro_run *run, int64_t first, int64_t last, part_of_run *part)
+{
+    if (run->room == 4) {
+        pass_on(4, at, run, first, last, part);
+    } else if (run->room == EIGHT) {
+        pass_on(EIGHT, at, run, first, last, part);
+    } else if (run->room == TWELVE) {
+        pass_on(TWELVE, at, run, first, last, part);
+    } else if (run->room == SIXTEEN) {
+        pass_on(SIXTEEN, at, run, first, last, part);
+    } else {
+        pass_on((int)run->room, at, run, first, last, part);
+    }
 }
 
 /* Takes a traveller along some steps. */
 static void go_along(traveller *at, gyro_view *base, const gyro_run *run, int64_t first, int64_t last, part_of_run *part)
 {
-    gyro_nodes nodes = {run, first, (last - first) * NODES, (const double (*)[MOTION])run->motion + first * NODES, NULL};
-    if (at->view.any_state) {
-        nodes.own = (const double (*)[MOST])part->own;
+    gyro_nodes nodes = {run, first, (last - first) * NODES, (const double (*)[GYRO_N_STATES])run->within + first * NODES};
+    if (at->own.among.n > 0) {
         drive_own(at, base, &nodes, part);
     }
     find_forces(at, base, &nodes, part);
-    pass_on(at, run, first, last, part);
+    pass_on_by_room(at, run, first, last, part);
 }
 
-/* The view of a traveller at a sample, `step` steps after the start, by the difference there. */
-static void look_at_sample(traveller *at, const gyro_run *run, int64_t step, const double difference[MOTION], int forced)
+/* The view of a traveller at a sample, `step` steps after the start, by the difference there; own: states that move beside those of the run. */
+static void look_at_sample(traveller *at, const gyro_run *run, int64_t step, const double difference[], const double own[], int forced)
 {
     /* The inputs are those of the step before. */
     const int64_t before = step > 0 ? step - 1 : 0;
-    double state[MOTION];
-    for (int i = 0; i < MOTION; i++) {
-        state[i] = run->state[step * MOTION + i] + difference[i];
+    double state[GYRO_N_STATES];
+    memcpy(state, run->state + step * GYRO_N_STATES, sizeof state);
+    for (int k = 0; k < at->moving.n; k++) {
+        state[at->moving.place[k]] += difference[k];
+    }
+    for (int k = 0; k < at->own.among.n; k++) {
+        state[at->own.among.place[k]] = own[at->own.among.place[k]];
     }
     if (forced) {
         come_to(at, run, before);
@@ -216,11 +243,11 @@ static void look_at_sample(traveller *at, const gyro_run *run, int64_t step, con
     look_from(at, run, before, (double)(step - before), state);
 }
 
-static void take_voltage(traveller *at, const gyro_run *run, int64_t step, const double difference[MOTION], double out[2])
+static void take_voltage(traveller *at, const gyro_run *run, int64_t step, const double difference[], const double own[], double out[2])
 {
     gyro_view *view = &at->view;
     const double *base = run->voltage + 2 * step;
-    look_at_sample(at, run, step, difference, view->any_law || view->any_map);
+    look_at_sample(at, run, step, difference, own, view->any_law || view->any_map);
     pick_off(view);
     amplify(view);
     convert(view);
@@ -228,25 +255,20 @@ static void take_voltage(traveller *at, const gyro_run *run, int64_t step, const
     out[1] = view->v[1] - base[1];
 }
 
-/* own: the traveller's own states there, where it has such. */
-static void take_acceleration(traveller *at, const gyro_run *run, int64_t step, const double difference[MOTION], const double own[], double out[2])
+static void take_acceleration(traveller *at, const gyro_run *run, int64_t step, const double difference[], const double own[], double out[2])
 {
     const double *base = run->acceleration + 2 * step;
-    look_at_sample(at, run, step, difference, 1);
-    if (at->view.any_state) {
-        set_own(&at->view, own);
-    }
+    look_at_sample(at, run, step, difference, own, 1);
     find_acceleration(&at->view, command_after(run, step), out);
     out[0] -= base[0];
     out[1] -= base[1];
 }
 
 /* A sample's part of the column, likewise. */
-static void take_difference(traveller *at, const gyro_run *run, int64_t step, const double difference[MOTION], const double own[], int of,
-                            double out[2])
+static void take_difference(traveller *at, const gyro_run *run, int64_t step, const double difference[], const double own[], int of, double out[2])
 {
     if (of == GYRO_OF_VOLTAGE) {
-        take_voltage(at, run, step, difference, out);
+        take_voltage(at, run, step, difference, own, out);
     } else if (of == GYRO_OF_ACCELERATIONS) {
         take_acceleration(at, run, step, difference, own, out);
     } else {
@@ -255,9 +277,17 @@ static void take_difference(traveller *at, const gyro_run *run, int64_t step, co
     }
 }
 
-int64_t gyro_traveller_size(void) { return (int64_t)sizeof(traveller); }
+/* Whether something changes the command on its way to the mass. */
+static int is_mapped(const gyro_view *view)
+{
+    int mapped = 0;
+    for (int i = 0; i < GYRO_N_ON_FORCE; i++) {
+        mapped |= view->active[gyro_on_force[i]];
+    }
+    return mapped;
+}
 
-/* Finds which forces are others than those of the run. */
+/* Finds which forces are others than those of the run, where both are at its start. */
 static void compare_forces(traveller *at, const gyro_view *base)
 {
     const gyro_view *view = &at->view;
@@ -279,25 +309,43 @@ static void compare_forces(traveller *at, const gyro_view *base)
     }
 }
 
+/* Which states of the run, of those that effects add, have other rates: all where laws act, else those of forces that are not the same. */
+static void find_forced(traveller *at)
+{
+    at->n_forced = 0;
+    for (int k = MOTION; k < at->moving.n; k++) {
+        int other = at->lawful;
+        for (int i = 0; i < at->n_added && !other; i++) {
+            other = at->added[i] == gyro_owners[at->moving.place[k] - MOTION];
+        }
+        if (other) {
+            at->forced[at->n_forced++] = k;
+        }
+    }
+}
+
 int gyro_depart(void *instance, const gyro_run *run, void *made)
 {
     const gyro_instance *g = ((fmi_instance *)instance)->core;
     const gyro_view *base = &((const traveller *)run->base)->view;
-    const int followed = is_run(run) && is_followed(g);
+    const int followed = is_run(run) && is_followed(g) && states_of(base, &g->view).n == 0;
     if (followed) {
         traveller *at = made;
         set_off(g, at);
         at->lighter = at->view.inverse_mass / base->inverse_mass - 1.0;
         at->lawful = at->view.any_law || base->any_law;
-        at->maps = at->view.any_map || base->any_map;
+        at->maps = is_mapped(&at->view) || is_mapped(base);
+        at->moving = states_of(base, NULL);
+        at->own.among = states_of(&at->view, base);
+        come_to(at, run, 0);
         compare_forces(at, base);
-        for (int i = 0; i < MOTION; i++) {
-            at->difference[i] = at->view.s[i] - run->state[i];
+        find_forced(at);
+        for (int k = 0; k < at->moving.n; k++) {
+            at->difference[k] = at->view.s[at->moving.place[k]] - run->state[at->moving.place[k]];
         }
-        if (at->view.any_state) {
+        if (at->own.among.n > 0) {
             begin_own(at, run);
         }
-        come_to(at, run, 0);
     }
     return followed;
 }
@@ -308,9 +356,9 @@ void gyro_vary(const gyro_run *run, int64_t n, void *const travellers[], int of,
     part_of_run part;
     for (int64_t i = 0; i < n; i++) {
         traveller *at = travellers[i];
-        double own[MOST] = {0.0};
-        if (at->view.any_state) {
-            put_own(&at->own, at->own.state, own);
+        double own[GYRO_N_STATES];
+        for (int k = 0; k < at->own.among.n; k++) {
+            own[at->own.among.place[k]] = at->own.state[k];
         }
         take_difference(at, run, 0, at->difference, own, of, columns[i]);
     }
@@ -322,7 +370,7 @@ void gyro_vary(const gyro_run *run, int64_t n, void *const travellers[], int of,
             go_along(at, &base, run, first, last, &part);
             for (int64_t sample = first / run->stride + 1; sample * run->stride <= last; sample++) {
                 const int64_t step = sample * run->stride, place = step - first - 1;
-                take_difference(at, run, step, part.state[place], part.own_after[place], of, columns[i] + 2 * sample);
+                take_difference(at, run, step, part.difference[place], part.own_after[place], of, columns[i] + 2 * sample);
             }
         }
     }

@@ -13,7 +13,8 @@
 #define GYRO_EXPORTED
 #endif
 
-/* A run of `steps` steps, `stride` a sample. What stands below `step` is found by gyro_follow, for which there is room. */
+/* A run of `steps` steps, `stride` a sample. gyro_measure says how much room the rest takes, gyro_follow finds it. States are those of the
+   model, as they are numbered in it; of one that does not move the value is 0. */
 typedef struct {
     int64_t steps;
     int64_t stride;
@@ -23,24 +24,30 @@ typedef struct {
     const double *command;  /* of which a step holds the mean, at samples, shape (steps / stride + 1, 2), N; NULL: it is held from sample to sample */
     double start;           /* s */
     double step;            /* s */
-    double *state;          /* x, x', y, y' at the ends of steps, shape (steps + 1, 4), SI */
+    int64_t states;         /* all of the model */
+    int64_t moving;         /* of these, where the parameters are those of the run */
+    int64_t room;           /* of a column of these: a few numbers more, which are 0 */
+    int64_t passages;       /* 1: the passage over each step is the same; else steps */
+    int64_t size;           /* of what goes along a run, bytes */
+    double *state;          /* at the ends of steps, shape (steps + 1, states), SI */
     double *voltage;        /* sampled there, shape (steps + 1, 2), V */
     double *acceleration;   /* there, under the force of `command`, or that which acted before, shape (steps + 1, 2), m/s^2; NULL: not asked for */
-    double *motion;         /* the states at two nodes within each step, shape (steps, 2, 4), SI */
-    double *rate;           /* of x' and y' there, shape (steps, 2, 2), m/s^2 */
-    double *passage;        /* of a difference over each step: after by before, shape (steps, 4, 4), SI */
-    void *base;             /* the view of the run, with room for gyro_traveller_size() bytes */
-    double *weight;         /* what rates add to a difference over a step: by node, state and axis, shape (2, 4, 2), s^2 and s */
+    double *within;         /* the states at two nodes within each step, shape (steps, 2, states), SI */
+    double *rate;           /* of these there, likewise, SI/s */
+    double *passage;        /* of a difference over each step: before by after, shape (passages, moving, room), SI */
+    void *base;             /* the view of the run at its start, `size` bytes */
+    double *weight;         /* what rates add to a difference over a step: by node, rate and state, shape (2, moving, room), s in the units of the states */
 } gyro_run;
 
-/* Runs an initialised instance of FMI 3.0 whose sample period and internal step are `step`. Gives 0 where it fails, or where something acts that
-   carries more than the motion from step to step. */
+/* Says for an initialised instance of FMI 3.0, whose sample period and internal step are `step`, how much room its run takes. Gives 0 where
+   something acts that carries more than the states from step to step, or acts between them. */
+GYRO_EXPORTED int gyro_measure(void *instance, gyro_run *run);
+
+/* Runs that instance. Gives 0 where it fails. */
 GYRO_EXPORTED int gyro_follow(void *instance, const gyro_run *run);
 
-/* Bytes of what goes along a run with the parameters of another instance. */
-GYRO_EXPORTED int64_t gyro_traveller_size(void);
-
-/* Makes a traveller of another initialised instance. Gives 0 where something acts as above, but for forces with states of their own. */
+/* Makes what goes along a run of another initialised instance, a traveller. Gives 0 where something acts as above, or a state of the run does not
+   move. */
 GYRO_EXPORTED int gyro_depart(void *instance, const gyro_run *run, void *made);
 
 /* What a column is of: voltage [V], speeds [m/s] or accelerations [m/s^2]. */

@@ -27,11 +27,15 @@ FREQUENCY = shape(
     display="kHz",
 )
 QUALITY = shape("parasitic_q", "1", 1000.0, "quality factor of the parasitic mode", low=1e-3, search=Grid.quality())
+# Where damping goes as mass and stiffness do it is from 0 to 1. Far beyond, the damper of a mode is one of x: a stiff
+# motion, of which no sample shows the mode.
 JOINT = shape(
     "parasitic_joint",
     "1",
     0.0,
     "damping of the mode along its coupling, else to ground",
+    low=-10.0,
+    high=10.0,
     nominal=1.0,
     search=Grid.usual,
 )

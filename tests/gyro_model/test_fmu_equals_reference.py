@@ -141,6 +141,27 @@ def test_any_rate(plant: Runner, residual: Residual, rate: float, effects: dict[
         residual(name, np.max(np.abs(values - reference[name])) / np.max(np.abs(reference[name])), ROUNDING)
 
 
+MODE = {"parasitic_coupling": 5.0, "parasitic_frequency": 4200.0, "parasitic_q": 30.0, "parasitic_start": 1e-8}
+STIFF = {"parasitic_coupling": 40.0, "parasitic_frequency": 9e4, "parasitic_q": 30.0, "parasitic_drive": 0.3}
+
+
+# Likewise of the table with the states of effects; the last mode turns by 2.8 rad a step, which is halved before its
+# series.
+@pytest.mark.parametrize("rate", [1.0, 15.9, 300.0])
+@pytest.mark.parametrize(
+    "mode",
+    [MODE, MODE | {"parasitic_joint": 1.0, "parasitic_drive": 0.4, "frame_rotation": 1.0, "angular_gain": 0.3}, STIFF],
+    ids=["mode", "mode in a joint, turning frame", "stiff"],
+)
+def test_any_rate_beside_a_mode(plant: Runner, residual: Residual, rate: float, mode: dict[str, float]) -> None:
+    inputs = driven()
+    inputs["omega_z"] *= rate / np.max(np.abs(inputs["omega_z"]))
+    fmu = plant.run(START | mode, T, inputs)
+    reference = simulate(Device("test", START | mode), T, inputs, drawn(SEED, N))
+    for name, values in fmu.items():
+        residual(name, np.max(np.abs(values - reference[name])) / np.max(np.abs(reference[name])), ROUNDING)
+
+
 # On a sample, between two, anywhere, less than a tick after and before a sample, before the start, at it.
 @pytest.mark.parametrize("time", [4e-4, 4.03e-4, 4.0349e-4, 4e-4 + 4e-13, 4e-4 - 4e-13, -1.0, 0.0])
 def test_event_anywhere(plant: Runner, residual: Residual, time: float) -> None:

@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{ac06d1fc-0453-0a25-98c4-f1cc60ce32af}";
+const char gyro_token[] = "{c50e3a14-7dde-2f3a-0f12-94f61a34ce91}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},
@@ -131,7 +131,7 @@ const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {
     {"parasitic_coupling", GYRO_TUNABLE, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"parasitic_frequency", GYRO_PARAMETER, GYRO_REAL, 5000.0, 0.001, GYRO_UNBOUNDED},
     {"parasitic_q", GYRO_PARAMETER, GYRO_REAL, 1000.0, 0.001, GYRO_UNBOUNDED},
-    {"parasitic_joint", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
+    {"parasitic_joint", GYRO_PARAMETER, GYRO_REAL, 0.0, -10.0, 10.0},
     {"parasitic_drive", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"parasitic_start", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"parasitic_dot_start", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},

@@ -139,6 +139,7 @@
 #define gyro_swap_values GyroscopeClocked_gyro_swap_values
 #define gyro_tabulate GyroscopeClocked_gyro_tabulate
 #define gyro_tabulate_bouc_wen GyroscopeClocked_gyro_tabulate_bouc_wen
+#define gyro_tabulate_coupled GyroscopeClocked_gyro_tabulate_coupled
 #define gyro_take_inputs GyroscopeClocked_gyro_take_inputs
 #define gyro_take_values GyroscopeClocked_gyro_take_values
 #define gyro_tan GyroscopeClocked_gyro_tan

@@ -125,6 +125,7 @@ typedef struct {
     unsigned char moving; /* laws change parameters within the present step */
     unsigned char any_curved; /* a force acts that is not linear in the motion, or has states of its own */
     unsigned char steady; /* the motion is linear, and nothing but the rate changes its slopes */
+    unsigned char even; /* the same where forces with states of their own act, of all states */
     unsigned char any_impulse;
     unsigned char any_map; /* an effect acts that changes force, displacement or voltage on their way */
     unsigned char any_rate; /* the converter asks for the rate of the voltage */
@@ -1185,6 +1186,9 @@ static inline void effect_sense_noise(const gyro_view *g, double out[2])
     out[1] = normal_y*sense_noise + v_y;
 }
 
+/* The effects that own the states beside the motion, by state. */
+static const int gyro_owners[] = {GYRO_EFFECT_HYSTERESIS, GYRO_EFFECT_HYSTERESIS, GYRO_EFFECT_PARASITIC_MODE, GYRO_EFFECT_PARASITIC_MODE};
+
 /* Marks the effects that a size parameter switches on, their own or that of a law which changes one. */
 static inline void find_active(gyro_view *g)
 {
@@ -1248,6 +1252,7 @@ static inline void find_active(gyro_view *g)
     g->any_memory = g->active[GYRO_EFFECT_BIAS_WALK] || g->active[GYRO_EFFECT_PLAY] || g->active[GYRO_EFFECT_STRESS_RELAXATION] || g->active[GYRO_EFFECT_THERMAL_HYSTERESIS] || g->active[GYRO_EFFECT_TURN_ON_OFFSET];
     g->any_renewed = g->active[GYRO_EFFECT_BIAS_WALK];
     g->steady = !g->any_curved && !g->active[GYRO_EFFECT_COMB_FRINGE] && !g->active[GYRO_EFFECT_DAMPING_STEP] && !g->active[GYRO_EFFECT_STRESS_RELAXATION] && !g->active[GYRO_EFFECT_THERMAL_DAMPING] && !g->active[GYRO_EFFECT_THERMAL_STIFFNESS] && !g->active[GYRO_EFFECT_THERMAL_HYSTERESIS] && !g->active[GYRO_EFFECT_AGEING] && !g->active[GYRO_EFFECT_BIAS_WALK] && !g->active[GYRO_EFFECT_TURN_ON_OFFSET];
+    g->even = g->any_state && !g->active[GYRO_EFFECT_COMB_FRINGE] && !g->active[GYRO_EFFECT_CONTACT_STOP] && !g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS] && !g->active[GYRO_EFFECT_CUBIC_STIFFNESS] && !g->active[GYRO_EFFECT_DRY_FRICTION] && !g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] && !g->active[GYRO_EFFECT_HYSTERESIS] && !g->active[GYRO_EFFECT_NONLINEAR_DAMPING] && !g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] && !g->active[GYRO_EFFECT_SQUEEZE_FILM] && !g->active[GYRO_EFFECT_DAMPING_STEP] && !g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] && !g->active[GYRO_EFFECT_STRESS_RELAXATION] && !g->active[GYRO_EFFECT_THERMAL_DAMPING] && !g->active[GYRO_EFFECT_THERMAL_GAIN] && !g->active[GYRO_EFFECT_THERMAL_PHASE] && !g->active[GYRO_EFFECT_THERMAL_STIFFNESS] && !g->active[GYRO_EFFECT_THERMAL_HYSTERESIS] && !g->active[GYRO_EFFECT_AGEING] && !g->active[GYRO_EFFECT_BIAS_WALK] && !g->active[GYRO_EFFECT_TURN_ON_OFFSET] && !g->active[GYRO_EFFECT_THERMAL_LAG];
     g->n_acting = 0;
     if (g->active[GYRO_EFFECT_ANGULAR_GAIN]) {
         g->acting[g->n_acting++] = GYRO_EFFECT_ANGULAR_GAIN;

@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{9d9cc429-7418-11a9-f24d-c4392a0a8fc6}";
+const char gyro_token[] = "{cd1edb6c-2bc4-895f-e1f0-303b34836ea7}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {0u, 0u, 0.0},
@@ -104,7 +104,7 @@ const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {
     {"parasitic_coupling", GYRO_TUNABLE, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"parasitic_frequency", GYRO_PARAMETER, GYRO_REAL, 5000.0, 0.001, GYRO_UNBOUNDED},
     {"parasitic_q", GYRO_PARAMETER, GYRO_REAL, 1000.0, 0.001, GYRO_UNBOUNDED},
-    {"parasitic_joint", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
+    {"parasitic_joint", GYRO_PARAMETER, GYRO_REAL, 0.0, -10.0, 10.0},
     {"parasitic_drive", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"pickoff_gain_mismatch", GYRO_TUNABLE, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"pickoff_misalignment", GYRO_TUNABLE, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},

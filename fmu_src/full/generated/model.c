@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{527b4ada-58df-4b00-80c8-82306d210872}";
+const char gyro_token[] = "{c2a42005-219d-a967-6b3d-39878dfb07dc}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},
@@ -131,7 +131,7 @@ const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {
     {"parasitic_coupling", GYRO_TUNABLE, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"parasitic_frequency", GYRO_PARAMETER, GYRO_REAL, 5000.0, 0.001, GYRO_UNBOUNDED},
     {"parasitic_q", GYRO_PARAMETER, GYRO_REAL, 1000.0, 0.001, GYRO_UNBOUNDED},
-    {"parasitic_joint", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
+    {"parasitic_joint", GYRO_PARAMETER, GYRO_REAL, 0.0, -10.0, 10.0},
     {"parasitic_drive", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"parasitic_start", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"parasitic_dot_start", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},

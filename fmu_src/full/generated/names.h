@@ -139,6 +139,7 @@
 #define gyro_swap_values Gyroscope_gyro_swap_values
 #define gyro_tabulate Gyroscope_gyro_tabulate
 #define gyro_tabulate_bouc_wen Gyroscope_gyro_tabulate_bouc_wen
+#define gyro_tabulate_coupled Gyroscope_gyro_tabulate_coupled
 #define gyro_take_inputs Gyroscope_gyro_take_inputs
 #define gyro_take_values Gyroscope_gyro_take_values
 #define gyro_tan Gyroscope_gyro_tan

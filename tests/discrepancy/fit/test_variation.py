@@ -138,6 +138,49 @@ def test_a_mode_that_begins_in_motion_is_as_by_simulation(
     assert np.abs(varied[0] - quotient[0]).max() < 1e-6 * np.abs(quotient).max()
 
 
+MODE: Final = {
+    "parasitic_coupling": 5.0, "parasitic_frequency": 4100.0, "parasitic_q": 300.0, "parasitic_joint": 1.0,
+    "parasitic_start": 1e-9,
+}  # fmt: skip
+LOOP: Final = {"hysteresis_x": 1e-6, "hysteresis_length": 3e-7}
+BESIDE_MODE: Final = ["m", "kxx", "kyy", "kxy", "dxx", "x_start", "k3_x", "k3_y", *MODE]
+NATURAL: Final = {"kxy": DEVICE["kxx"], "x_start": 1e-6, "k3_y": 1e12, "parasitic_start": 1e-6}
+
+
+def moved(base: Mapping[str, float], name: str) -> dict[str, float]:
+    """``name`` by 1e-6 of what is natural for it."""
+    return {name: base.get(name, 0.0) + 1e-6 * NATURAL.get(name, base.get(name, 0.0))}
+
+
+@pytest.mark.parametrize(("senses", "hold"), SENSORS)
+@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("name", BESIDE_MODE)
+def test_beside_a_mode_every_parameter_is_as_by_simulation(
+    simulator: Simulator, name: str, linear: bool, senses: str, hold: str
+) -> None:
+    base = {**DEVICE, **MODE} | ({"k3_x": 0.0} if linear and name != "k3_x" else {})
+    quotient, varied = both(simulator, record(SAMPLES, hold, senses), base, moved(base, name))
+    assert varied is not None
+    # By the curvature of a quotient of 1e-6, at a mode of Q = 300.
+    assert np.linalg.norm(varied - quotient) < 3e-4 * np.linalg.norm(quotient)
+
+
+@pytest.mark.parametrize("name", ["m", "kxx", "dxx", "x_start", "k3_x", "hysteresis_x", "parasitic_frequency"])
+def test_beside_a_hysteresis_too(simulator: Simulator, name: str) -> None:
+    base = {**DEVICE, **MODE, **LOOP}
+    quotient, varied = both(simulator, record(), base, moved(base, name))
+    assert varied is not None
+    # A turning point, where it has a corner, lies anywhere in one of 60 steps a period.
+    assert np.linalg.norm(varied - quotient) < 5e-3 * np.linalg.norm(quotient)
+
+
+def test_a_mode_that_is_not_there_any_more_is_no_variation(simulator: Simulator) -> None:
+    run, base = record(300), {**DEVICE, **MODE}
+    motion = simulator.follow(run, base)
+    assert motion is not None
+    assert simulator.vary(motion, [(run, {**base, "parasitic_coupling": 0.0})]) == [None]
+
+
 def test_it_is_the_sensitivity_of_the_reference(simulator: Simulator) -> None:
     """By DOP853 on the variational equation, of which no line is C."""
     names, run = ("kxx", "dxy", "k3_x", "m"), record(300)
@@ -208,9 +251,7 @@ def test_a_speed_and_a_single_axis(simulator: Simulator) -> None:
     assert np.linalg.norm(varied - quotient) < 1e-4 * np.linalg.norm(quotient)
 
 
-@pytest.mark.parametrize(
-    "base", [{"actuator_delay": 1e-6}, {"play": 1e-6}, {"hysteresis_x": 1e-6}, {"clock_skew": 1e-6}]
-)
+@pytest.mark.parametrize("base", [{"actuator_delay": 1e-6}, {"play": 1e-6}, {"clock_skew": 1e-6}])
 def test_a_motion_that_carries_more_is_not_followed(simulator: Simulator, base: Mapping[str, float]) -> None:
     assert simulator.follow(record(), {**DEVICE, **base}) is None
 
@@ -239,6 +280,16 @@ def test_kinds_that_it_does_not_give_are_simulated(simulator: Simulator) -> None
     assert not np.array_equal(before[0], after[0])
     for one, other in zip(before, after, strict=True):
         assert np.linalg.norm(one - other) < AGREES * np.linalg.norm(one)
+
+
+def test_what_acts_on_the_record_is_another_base(simulator: Simulator) -> None:
+    run, filtered = record(), {**DEVICE, "voltage_filter": 2e-6}
+    with Simulator(MODEL, jobs=1) as fresh:
+        quotients = Quotients(fresh, 0.2)
+        for base in (filtered, DEVICE):
+            quotients.compare([Point(run, base, simulator.run(run, base))], probes())
+        served = {bool("voltage_filter" in base): good for base, good in fresh.seen.bases.items()}
+    assert served == {True: False, False: True}
 
 
 def test_a_large_change_is_simulated_and_no_test_of_a_kind(simulator: Simulator) -> None:

@@ -66,3 +66,9 @@ def test_only_what_may_have_woken_is_tried_again(begun: tuple[Fitter, Fitted], m
 )
 def test_wakers_share_a_symbol(begun: tuple[Fitter, Fitted], asleep: str, present: list[str], wakers: set[str]) -> None:
     assert Library(begun[0])._wakers([MODEL.effect(asleep)], present) == wakers
+
+
+def test_of_one_axis_no_law_of_the_other_is_tried() -> None:
+    across = {effect.id for effect in MODEL.effects if columns.is_across(effect)}
+    assert {"ageing"} <= across
+    assert not across & {"damping_step", "thermal_stiffness", "thermal_damping", "cubic_stiffness"}

@@ -1,0 +1,154 @@
+/* The Taylor series of linear.h for all states that move, with every number a polynomial in the rate. */
+
+#include "coupled.h"
+
+#include <string.h>
+
+#include "generated/tangent.h"
+#include "linear.h"
+#include "matrices.h"
+
+enum { SLOPES = 3, POWERS_KEPT = GYRO_RATE_POWERS };
+
+/* Halvings of a step, at most, until the series of its parts converges fast: each doubling after it is exact but for rounding. */
+enum { HALVINGS = 14 };
+
+/* A matrix by powers of the rate; powers from POWERS_KEPT on are left out. */
+typedef struct {
+    matrix power[POWERS_KEPT];
+} turning_matrix;
+
+static void choose_states(gyro_coupled *table, const gyro_view *view)
+{
+    table->n = 0;
+    for (int i = 0; i < GYRO_N_STATES; i++) {
+        table->place[table->n] = i;
+        table->n += i <= GYRO_STATE_Y_DOT || view->active[gyro_owners[i - GYRO_STATE_Y_DOT - 1]];
+    }
+}
+
+/* How the rates of the states that move go with them at a rate of rotation. */
+static void find_slope_at(const gyro_coupled *table, gyro_view *view, double turning, matrix *slope)
+{
+    gyro_tangent along;
+    double rate[GYRO_N_STATES];
+    memset(&along, 0, sizeof along);
+    view->p[GYRO_OMEGA_Z] = turning;
+    for (int j = 0; j < table->n; j++) {
+        along.s[table->place[j]] = 1.0;
+        tangent_rate(view, &along, rate);
+        along.s[table->place[j]] = 0.0;
+        for (int i = 0; i < table->n; i++) {
+            slope->of[i][j] = rate[table->place[i]];
+        }
+    }
+}
+
+/* The slopes are quadratic in the rate: what they are at 0, 1 and -1 rad/s is all of them. */
+static void find_turning_slopes(const gyro_coupled *table, const gyro_view *view, turning_matrix *slopes)
+{
+    gyro_view turned = *view;
+    matrix *const at = slopes->power;
+    find_slope_at(table, &turned, 0.0, &at[0]);
+    find_slope_at(table, &turned, 1.0, &at[1]);
+    find_slope_at(table, &turned, -1.0, &at[2]);
+    for (int i = 0; i < table->n; i++) {
+        for (int j = 0; j < table->n; j++) {
+            const double rest = at[0].of[i][j], up = at[1].of[i][j], down = at[2].of[i][j];
+            at[1].of[i][j] = 0.5 * (up - down);
+            at[2].of[i][j] = 0.5 * (up + down) - rest;
+        }
+    }
+}
+
+/* c = factor a b, of which a has the powers of slopes; c is another than both. */
+static void find_turning_product(int n, double factor, const turning_matrix *a, int powers, const turning_matrix *b, turning_matrix *c)
+{
+    for (int k = 0; k < POWERS_KEPT; k++) {
+        set_diagonal(n, 0.0, &c->power[k]);
+        for (int i = 0; i <= k && i < powers; i++) {
+            matrix product;
+            find_product(n, factor, &a->power[i], &b->power[k - i], &product);
+            add_scaled(n, 1.0, &product, &c->power[k]);
+        }
+    }
+}
+
+/* h (1 + h/2 A (1 + h/3 A (1 + ...))), by which a step h moves what has the rate 1 at its start. */
+static void find_change(int n, const turning_matrix *slopes, double h, int power, turning_matrix *change)
+{
+    turning_matrix product;
+    for (int k = 0; k < POWERS_KEPT; k++) {
+        set_diagonal(n, k == 0 ? 1.0 : 0.0, &change->power[k]);
+    }
+    for (int term = power; term > 1; term--) {
+        find_turning_product(n, h / term, slopes, SLOPES, change, &product);
+        *change = product;
+        for (int i = 0; i < n; i++) {
+            change->power[0].of[i][i] += 1.0;
+        }
+    }
+    for (int i = 0; i < n * POWERS_KEPT; i++) {
+        for (int j = 0; j < n; j++) {
+            change->power[i / n].of[i % n][j] *= h;
+        }
+    }
+}
+
+/* That of twice the step: the rates after the first are 1 + A D, where D is its change. */
+static void double_change(int n, const turning_matrix *slopes, turning_matrix *change)
+{
+    turning_matrix faster, further;
+    find_turning_product(n, 1.0, slopes, SLOPES, change, &faster);
+    find_turning_product(n, 1.0, change, POWERS_KEPT, &faster, &further);
+    for (int k = 0; k < POWERS_KEPT; k++) {
+        add_scaled(n, 1.0, &change->power[k], &change->power[k]);
+        add_scaled(n, 1.0, &further.power[k], &change->power[k]);
+    }
+}
+
+/* As in propagator.c, by the norm in units of the states. */
+static double largest_turning(int n, const turning_matrix *slopes, double step, const double unit[])
+{
+    const double turning = norm_of(n, &slopes->power[1], unit), flung = norm_of(n, &slopes->power[2], unit);
+    double rate = 1024.0, left;
+    do {
+        rate *= 0.5;
+        const double a = step * turning * rate, b = step * flung * rate * rate;
+        left = a * a * a * a / 24.0 + a * a * b / 2.0 + b * b / 2.0;
+    } while (left > GYRO_RATE_ERROR);
+    return rate;
+}
+
+void gyro_tabulate_coupled(gyro_coupled *table, const gyro_view *view, double step)
+{
+    turning_matrix slopes, change;
+    double unit[GYRO_N_STATES];
+    int halvings = 0;
+    memset(table, 0, sizeof *table);
+    choose_states(table, view);
+    find_turning_slopes(table, view, &slopes);
+    balance(table->n, &slopes.power[0], unit);
+    table->most = largest_turning(table->n, &slopes, step, unit);
+    matrix fastest = slopes.power[0];
+    add_scaled(table->n, table->most, &slopes.power[1], &fastest);
+    add_scaled(table->n, table->most * table->most, &slopes.power[2], &fastest);
+    double size = step * norm_of(table->n, &fastest, unit);
+    for (; size > 1.0 && halvings <= HALVINGS; halvings++) {
+        size *= 0.5;
+    }
+    if (halvings <= HALVINGS) {
+        table->step = step;
+        find_change(table->n, &slopes, ldexp(step, -halvings), power_for(size), &change);
+        for (int i = 0; i < halvings; i++) {
+            double_change(table->n, &slopes, &change);
+        }
+        for (int k = 0; k < POWERS_KEPT; k++) {
+            for (int j = 0; j < table->n; j++) {
+                for (int i = 0; i < table->n; i++) {
+                    table->part[k][j][i] = change.power[k].of[i][j];
+                }
+            }
+        }
+    }
+}
