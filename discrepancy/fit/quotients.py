@@ -147,7 +147,9 @@ class Quotients:
 
 
 def _rms(v: Floats) -> float:
-    return float(np.sqrt(np.mean(v**2)))
+    # A motion near all bounds has a size of infinity.
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(np.mean(v**2)))
 
 
 def is_smooth(effect: Effect) -> bool:

@@ -72,12 +72,11 @@ def _without_needless(search: Search, entry: Accepted, among: Kind | None) -> Se
     enough = CLEAR * max(needed, search.criteria.material * search.at.cost)
     if _takes(search, entry).gain * search.at.variance > enough:
         return search
-    fitted = search.fitter.fit(search.without_effect(search.at, entry))
+    goal = max(search.at.cost + needed, search.at.cost / (1 - search.criteria.material))
+    fitted = search.fitter.fit(search.without_effect(search.at, entry), goal=goal)
     search.simulator.clock.check()
-    gain = fitted.cost - search.at.cost
     # Where a filter predicts a sample ahead the cost may hardly rise while the motion is lost.
-    lost = leaves(search.fitter, fitted, search.at)
-    if lost or not (gain < needed or gain < search.criteria.material * fitted.cost):
+    if fitted.cost >= goal or leaves(search.fitter, fitted, search.at):
         return search
     search.progress(f"deleted {entry.id}")
     return first_of_its_kind(search.lacking(entry).fitted(fitted), entry)
