@@ -384,8 +384,8 @@ def _doubts(search: Search, rest: Remainder, residuals: Sequence[Floats]) -> tup
     if search.undone:
         limit, not_done = search.criteria.time_limit, "; ".join(dict.fromkeys(search.undone))
         found.append(f"stopped within the {limit:g} s of time_limit, not done: {not_done}; --criteria FILE allows more")
-    if search.full:
-        more = [(c.effect.id, s.share) for c, s in search.significant() if c.effect.id not in search.present]
+    more = [(c.effect.id, s.share) for c, s in search.significant() if c.effect.id not in search.present]
+    if search.full and (more or rest.above or rest.significant):
         others = f"; {more[0][0]} would take a further {more[0][1]:.1%} of the residual's square" if more else ""
         found.append(f"the search ended because --max-effects allows no more{others}")
     if search.fitter is not search.whole:

@@ -5,7 +5,7 @@
 
 #include "generated/effects.h"
 
-/* Rounds in which a matrix is balanced: each halves what is left to the power of two that serves. */
+/* Rounds in which a matrix is balanced: what is left unbalanced costs a series some terms, and takes nothing from what it gives. */
 enum { BALANCING = 6 };
 
 /* Of the first n rows and columns, the others being unset. */

@@ -1,7 +1,6 @@
 /* A run whose columns are wanted: its motion, and how that passes differences on. variation.c says what for. */
 
 #include "hermite.h"
-#include "linear.h"
 #include "traveller.h"
 
 /* Times h^2 the commutator's weight, sqrt(3)/12. */

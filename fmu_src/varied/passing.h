@@ -37,7 +37,7 @@ static inline void find_exponential(int n, const matrix *a, int terms, matrix *f
     set_diagonal(n, 1.0, &power[0]);
     set_diagonal(n, 1.0, found);
     for (int k = 1, more = 1; k <= terms && more; k++) {
-        find_product(n, 1.0 / k, &power[(k - 1) % 2], a, &power[k % 2]);
+        find_product(n, 1.0 / k, a, &power[(k - 1) % 2], &power[k % 2]);
         more = is_more(n, &power[k % 2], found);
     }
 }
@@ -64,7 +64,7 @@ static inline void find_passing(int n, const matrix *a, double h, double part, p
         set_diagonal(n, j == 0 ? end : 0.5 * end * part, &power[0]);
         set_diagonal(n, 0.0, &sum);
         for (int r = 0; r < TERMS && is_more(n, &power[r % 2], &sum); r++) {
-            find_product(n, 1.0 / (r + j + 2), &power[r % 2], &scaled, &power[(r + 1) % 2]);
+            find_product(n, 1.0 / (r + j + 2), &scaled, &power[r % 2], &power[(r + 1) % 2]);
         }
         for (int node = 0; node < NODES; node++) {
             add_scaled(n, LINE[node][j], &sum, &made->weight[node]);

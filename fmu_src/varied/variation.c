@@ -1,6 +1,6 @@
 /* The variation of a motion: what other parameters add to a run, to first order in what they add to its states.
 
-   With the motion s of the run, its rates f and those f* of the other parameters, the difference d obeys
+   With the states s of the run that move, their rates f and those f* of the other parameters, the difference d obeys
 
        d' = J d + f*(s) - f(s),   J = df/ds,
 

@@ -71,6 +71,12 @@ def test_two_effects() -> None:
     assert names(found) == {"cubic_stiffness", "drive_feedthrough"}
 
 
+@pytest.mark.parametrize("more", [{}, {"feedthrough": 8.0}], ids=["all that there is", "another is there"])
+def test_as_many_effects_as_are_allowed_are_a_doubt_where_more_is_left(more: dict[str, float]) -> None:
+    found = diagnose(made({"k3_x": 2e9, "k3_y": 2e9, **more}), MODEL, max_effects=1)
+    assert any("--max-effects allows no more" in doubt for doubt in found.doubts) is bool(more)
+
+
 def test_resonance_that_the_coupling_pulls_far() -> None:
     # c²/(m w²)/k = 20²/(1.8e-7 (2 pi 4983)²)/64 = 0.035: three hundred half-widths of the modes.
     hidden = {"parasitic_coupling": 20.0, "parasitic_frequency": 4983.0, "parasitic_q": 510.0}
