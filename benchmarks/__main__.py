@@ -21,6 +21,7 @@ NAMES = (
     "loop_effects",
     "loop_devices",
     "loop_delays",
+    "loop_periods",
     "loop_rates",
     "loop_rest",
     "loop_circle",

@@ -5,7 +5,7 @@
 
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Final, NamedTuple
@@ -168,19 +168,23 @@ def random_device(number: int, poor: bool = False) -> Device:
 
 def the_run(number: int, seed: int, poor: bool = False, design: str = "lab") -> Run:
     """The run of one device and one seed: 1 s of `constant`, as from the command line."""
-    device = random_device(number, poor)
+    return run_of(random_device(number, poor), seed, design)
+
+
+def run_of(device: Device, seed: int, design: str = "lab") -> Run:
+    """The same of any device."""
     with tempfile.TemporaryDirectory(prefix="gyrotwin-") as folder:
         path = Path(folder) / "device.toml"
         write_device(device, path)
         return prepare(Request("constant", str(path), design, sample_rate=sample_rate(device), seed=seed))
 
 
-def measure(what: tuple[int, int], poor: bool = False) -> Outcome:
-    """One run by the numbers of device and seed. Whatever goes wrong is an outcome."""
+def measure(what: tuple[int, int], made: Callable[[int], Device] = random_device) -> Outcome:
+    """One run by the numbers of device and seed. Whatever goes wrong is an outcome. made: the device of a number."""
     number, seed = what
     label = f"{number} {seed}"
     try:
-        run = the_run(number, seed, poor)
+        run = run_of(made(number), seed)
         label = describe(run.device)
         result = simulate(run)
         return Outcome(number, seed, label, reduced(run, result), why(result))
@@ -288,7 +292,7 @@ def spread_rows(outcomes: Sequence[Outcome]) -> list[Row]:
 def make_report(devices: Sequence[int], seeds: Sequence[int], jobs: int, poor: bool = False) -> Report:
     """Runs all devices with all seeds."""
     what = [(device, seed) for device in devices for seed in seeds]
-    outcomes = in_processes(partial(measure, poor=poor), what, jobs)
+    outcomes = in_processes(partial(measure, made=partial(random_device, poor=poor)), what, jobs)
     name = "loop_devices_poor" if poor else "loop_devices"
     converter = f", {CONVERTER['bits']:g} bit and {1e9 * CONVERTER['jitter']:g} ns of jitter" if poor else ""
     title = f"`--design lab` on {len(devices)} random devices as built, {len(seeds)} seeds each{converter}"
@@ -327,7 +331,7 @@ def main(
     """Run `--design lab` on random devices; or repeat one of the runs."""
     console = Console(width=None if sys.stdout.isatty() else 250)
     if replay is not None:
-        outcome = measure(replay, poor)
+        outcome = measure(replay, partial(random_device, poor=poor))
         show(Report("replay", "", [Table(outcome.what, run_rows([outcome]))], []), console)
         parameters = random_device(replay[0], poor).parameters
         console.print(", ".join(f"{name} = {value:.4g}" for name, value in parameters.items()), highlight=False)

@@ -7,7 +7,16 @@ import numpy as np
 import polars as pl
 import pytest
 
-from benchmarks import loop_circle, loop_delays, loop_devices, loop_drift, loop_effects, loop_rates, loop_rest
+from benchmarks import (
+    loop_circle,
+    loop_delays,
+    loop_devices,
+    loop_drift,
+    loop_effects,
+    loop_periods,
+    loop_rates,
+    loop_rest,
+)
 from benchmarks.closed_loop import sample_rows
 from cosim.design import load_design
 from cosim.master import simulate
@@ -175,6 +184,17 @@ def test_a_delay_that_is_not_found_is_shown_beside_those_that_are(monkeypatch):
     shares, _, wrong = loop_delays.make_report([1], 1).tables
     assert [row.values["share"] for row in shares.rows] == [1 / 3, 1 / 3, 1.0, 1.0]
     assert [row.note for row in wrong.rows] == ["", "InputError: no"]
+
+
+def test_late_commands_are_late_by_whole_periods_that_the_design_allows_for():
+    for number in range(1, 21):
+        device = loop_periods.late_device(number)
+        delay, rate = device.all_parameters["actuator_delay"], loop_devices.sample_rate(device)
+        assert round(delay * rate, 9) in (1.0, 2.0)
+        low, high = loop_devices.scaled_intervals(device)["actuator_delay"]
+        assert low < delay <= high
+        alike = loop_devices.random_device(number).all_parameters
+        assert {n for n, v in device.all_parameters.items() if v != alike[n]} == {"actuator_delay"}
 
 
 def test_hidden_effects_are_drawn_from_those_that_need_nothing_to_show():
