@@ -133,13 +133,14 @@ void gyro_tabulate_coupled(gyro_coupled *table, const gyro_view *view, double st
     matrix fastest = slopes.power[0];
     add_scaled(table->n, table->most, &slopes.power[1], &fastest);
     add_scaled(table->n, table->most * table->most, &slopes.power[2], &fastest);
-    double size = step * norm_of(table->n, &fastest, unit);
+    double size = step * norm_of(table->n, &fastest, unit), part = step;
     for (; size > 1.0 && halvings <= HALVINGS; halvings++) {
         size *= 0.5;
+        part *= 0.5;
     }
     if (halvings <= HALVINGS) {
         table->step = step;
-        find_change(table->n, &slopes, ldexp(step, -halvings), power_for(size), &change);
+        find_change(table->n, &slopes, part, power_for(size), &change);
         for (int i = 0; i < halvings; i++) {
             double_change(table->n, &slopes, &change);
         }

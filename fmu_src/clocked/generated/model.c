@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{c50e3a14-7dde-2f3a-0f12-94f61a34ce91}";
+const char gyro_token[] = "{bb10217a-a1a1-c71f-dc3c-b0be48cc5c07}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},

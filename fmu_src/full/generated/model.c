@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{c2a42005-219d-a967-6b3d-39878dfb07dc}";
+const char gyro_token[] = "{e1dd61ca-e6f8-0087-8283-45233c2762ba}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},
