@@ -4,9 +4,7 @@
 
 #include <string.h>
 
-#include "generated/tangent.h"
 #include "linear.h"
-#include "matrices.h"
 
 enum { SLOPES = 3, POWERS_KEPT = GYRO_RATE_POWERS };
 
@@ -18,42 +16,20 @@ typedef struct {
     matrix power[POWERS_KEPT];
 } turning_matrix;
 
-static void choose_states(gyro_coupled *table, const gyro_view *view)
-{
-    table->n = 0;
-    for (int i = 0; i < GYRO_N_STATES; i++) {
-        table->place[table->n] = i;
-        table->n += i <= GYRO_STATE_Y_DOT || view->active[gyro_owners[i - GYRO_STATE_Y_DOT - 1]];
-    }
-}
-
-/* How the rates of the states that move go with them at a rate of rotation. */
-static void find_slope_at(const gyro_coupled *table, gyro_view *view, double turning, matrix *slope)
-{
-    gyro_tangent along;
-    double rate[GYRO_N_STATES];
-    memset(&along, 0, sizeof along);
-    view->p[GYRO_OMEGA_Z] = turning;
-    for (int j = 0; j < table->n; j++) {
-        along.s[table->place[j]] = 1.0;
-        tangent_rate(view, &along, rate);
-        along.s[table->place[j]] = 0.0;
-        for (int i = 0; i < table->n; i++) {
-            slope->of[i][j] = rate[table->place[i]];
-        }
-    }
-}
-
 /* The slopes are quadratic in the rate: what they are at 0, 1 and -1 rad/s is all of them. */
-static void find_turning_slopes(const gyro_coupled *table, const gyro_view *view, turning_matrix *slopes)
+static void find_turning_slopes(const chosen *moving, const gyro_view *view, turning_matrix *slopes)
 {
+    static const double rates[SLOPES] = {0.0, 1.0, -1.0};
     gyro_view turned = *view;
+    gyro_tangent along;
     matrix *const at = slopes->power;
-    find_slope_at(table, &turned, 0.0, &at[0]);
-    find_slope_at(table, &turned, 1.0, &at[1]);
-    find_slope_at(table, &turned, -1.0, &at[2]);
-    for (int i = 0; i < table->n; i++) {
-        for (int j = 0; j < table->n; j++) {
+    memset(&along, 0, sizeof along);
+    for (int i = 0; i < SLOPES; i++) {
+        turned.p[GYRO_OMEGA_Z] = rates[i];
+        find_slope(&turned, moving, &along, &at[i]);
+    }
+    for (int i = 0; i < moving->n; i++) {
+        for (int j = 0; j < moving->n; j++) {
             const double rest = at[0].of[i][j], up = at[1].of[i][j], down = at[2].of[i][j];
             at[1].of[i][j] = 0.5 * (up - down);
             at[2].of[i][j] = 0.5 * (up + down) - rest;
@@ -107,46 +83,34 @@ static void double_change(int n, const turning_matrix *slopes, turning_matrix *c
     }
 }
 
-/* As in propagator.c, by the norm in units of the states. */
-static double largest_turning(int n, const turning_matrix *slopes, double step, const double unit[])
-{
-    const double turning = norm_of(n, &slopes->power[1], unit), flung = norm_of(n, &slopes->power[2], unit);
-    double rate = 1024.0, left;
-    do {
-        rate *= 0.5;
-        const double a = step * turning * rate, b = step * flung * rate * rate;
-        left = a * a * a * a / 24.0 + a * a * b / 2.0 + b * b / 2.0;
-    } while (left > GYRO_RATE_ERROR);
-    return rate;
-}
-
 void gyro_tabulate_coupled(gyro_coupled *table, const gyro_view *view, double step)
 {
     turning_matrix slopes, change;
     double unit[GYRO_N_STATES];
     int halvings = 0;
     memset(table, 0, sizeof *table);
-    choose_states(table, view);
-    find_turning_slopes(table, view, &slopes);
-    balance(table->n, &slopes.power[0], unit);
-    table->most = largest_turning(table->n, &slopes, step, unit);
+    table->moving = states_of(view, NULL);
+    const int n = table->moving.n;
+    find_turning_slopes(&table->moving, view, &slopes);
+    balance(n, &slopes.power[0], unit);
+    table->most = gyro_largest_rate(step, norm_of(n, &slopes.power[1], unit), norm_of(n, &slopes.power[2], unit));
     matrix fastest = slopes.power[0];
-    add_scaled(table->n, table->most, &slopes.power[1], &fastest);
-    add_scaled(table->n, table->most * table->most, &slopes.power[2], &fastest);
-    double size = step * norm_of(table->n, &fastest, unit), part = step;
+    add_scaled(n, table->most, &slopes.power[1], &fastest);
+    add_scaled(n, table->most * table->most, &slopes.power[2], &fastest);
+    double size = step * norm_of(n, &fastest, unit), part = step;
     for (; size > 1.0 && halvings <= HALVINGS; halvings++) {
         size *= 0.5;
         part *= 0.5;
     }
     if (halvings <= HALVINGS) {
         table->step = step;
-        find_change(table->n, &slopes, part, power_for(size), &change);
+        find_change(n, &slopes, part, power_for(size), &change);
         for (int i = 0; i < halvings; i++) {
-            double_change(table->n, &slopes, &change);
+            double_change(n, &slopes, &change);
         }
         for (int k = 0; k < POWERS_KEPT; k++) {
-            for (int j = 0; j < table->n; j++) {
-                for (int i = 0; i < table->n; i++) {
+            for (int j = 0; j < n; j++) {
+                for (int i = 0; i < n; i++) {
                     table->part[k][j][i] = change.power[k].of[i][j];
                 }
             }

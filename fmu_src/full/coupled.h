@@ -8,6 +8,7 @@
 #define GYRO_COUPLED_H
 
 #include "propagator.h"
+#include "slopes.h"
 
 /* Also where an importer compiles the sources without -fvisibility=hidden, two FMUs in one process keep to their own. */
 #if defined(__GNUC__)
@@ -15,10 +16,9 @@
 #endif
 
 typedef struct {
-    double step;              /* s; 0: there is no table */
-    double most;              /* up to this rate the powers left out are below GYRO_RATE_ERROR, rad/s */
-    int n;                    /* states that move */
-    int place[GYRO_N_STATES]; /* of each among all */
+    double step; /* s; 0: there is no table */
+    double most; /* up to this rate the powers left out are below GYRO_RATE_ERROR, rad/s */
+    chosen moving;
     double part[GYRO_RATE_POWERS][GYRO_N_STATES][GYRO_N_STATES]; /* by power, then by rate and state of those that move, s in their units */
 } gyro_coupled;
 
@@ -34,12 +34,12 @@ static inline int gyro_coupled_holds(const gyro_coupled *table, const gyro_view 
 /* What the rates at the start of a step change, by one power of the rate. */
 static inline void add_changes(const gyro_coupled *table, int power, const double rate[], double change[])
 {
-    for (int i = 0; i < table->n; i++) {
+    for (int i = 0; i < table->moving.n; i++) {
         change[i] = 0.0;
     }
-    for (int j = 0; j < table->n; j++) {
-        const double *column = table->part[power][j], own = rate[table->place[j]];
-        for (int i = 0; i < table->n; i++) {
+    for (int j = 0; j < table->moving.n; j++) {
+        const double *column = table->part[power][j], own = rate[table->moving.place[j]];
+        for (int i = 0; i < table->moving.n; i++) {
             change[i] += own * column[i];
         }
     }
@@ -55,13 +55,13 @@ static inline void gyro_apply_coupled(const gyro_coupled *table, gyro_view *g)
     double times = turning;
     for (int k = 1; k < GYRO_RATE_POWERS && times != 0.0; k++) {
         add_changes(table, k, rate, change);
-        for (int i = 0; i < table->n; i++) {
+        for (int i = 0; i < table->moving.n; i++) {
             sum[i] += times * change[i];
         }
         times *= turning;
     }
-    for (int i = 0; i < table->n; i++) {
-        g->s[table->place[i]] += sum[i];
+    for (int i = 0; i < table->moving.n; i++) {
+        g->s[table->moving.place[i]] += sum[i];
     }
 }
 

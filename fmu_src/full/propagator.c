@@ -86,22 +86,16 @@ static void tabulate_column(const gyro_slopes *slopes, double step, int power, i
     }
 }
 
-/* The largest rate [rad/s], by powers of two, of which the power POWERS adds less than GYRO_RATE_ERROR in a step: with a = h A_1 rate in velocities
-   and b = h A_2 rate^2 by the same norm as in bound_of, at most a^4/24 + a^2 b/2 + b^2/2. */
+/* By the same norm as in bound_of. */
 static double largest_rate(const gyro_slopes *slopes, double step, double frequency)
 {
-    double turning = 0.0, flung = 0.0, rate = 1024.0, left;
+    double turning = 0.0, flung = 0.0;
     for (int axis = 0; axis < 2; axis++) {
         const double *first = slopes->power[1][axis], *second = slopes->power[2][axis];
         turning = larger(turning, size_of(first[1]) + size_of(first[3]) + (size_of(first[0]) + size_of(first[2])) / frequency);
         flung = larger(flung, size_of(second[1]) + size_of(second[3]) + (size_of(second[0]) + size_of(second[2])) / frequency);
     }
-    do {
-        rate *= 0.5;
-        const double a = step * turning * rate, b = step * flung * rate * rate;
-        left = a * a * a * a / 24.0 + a * a * b / 2.0 + b * b / 2.0;
-    } while (left > GYRO_RATE_ERROR);
-    return rate;
+    return gyro_largest_rate(step, turning, flung);
 }
 
 void gyro_tabulate(gyro_propagator *table, const gyro_view *view, double step)

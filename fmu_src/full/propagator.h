@@ -26,6 +26,19 @@ typedef struct {
 /* What powers of the rate that are left out may add in one step, over the motion: 2e5 steps a second make 2e-11 rad of it. */
 static const double GYRO_RATE_ERROR = 1e-16;
 
+/* The largest rate [rad/s], by powers of two, of which the power GYRO_RATE_POWERS adds less than GYRO_RATE_ERROR in a step [s]: of slopes
+   A_1 rate + A_2 rate^2 with the norms `turning` and `flung` at most a^4/24 + a^2 b/2 + b^2/2, a = h |A_1| rate, b = h |A_2| rate^2. */
+static inline double gyro_largest_rate(double step, double turning, double flung)
+{
+    double rate = 1024.0, left;
+    do {
+        rate *= 0.5;
+        const double a = step * turning * rate, b = step * flung * rate * rate;
+        left = a * a * a * a / 24.0 + a * a * b / 2.0 + b * b / 2.0;
+    } while (left > GYRO_RATE_ERROR);
+    return rate;
+}
+
 /* Tabulates for a step [s] with the parameters of the view, whose motion is steady. */
 void gyro_tabulate(gyro_propagator *table, const gyro_view *view, double step);
 

@@ -88,22 +88,6 @@ static void find_within(const linearising *all, const ends *of, int node, double
     }
 }
 
-/* How the rates of the states go with them, in the view as it is. */
-static void find_slope(linearising *all, matrix *slope)
-{
-    const chosen *moving = &all->at->moving;
-    double rate[GYRO_N_STATES];
-    for (int j = 0; j < moving->n; j++) {
-        double *own = &all->along.s[moving->place[j]];
-        *own = 1.0;
-        tangent_rate(&all->at->view, &all->along, rate);
-        *own = 0.0;
-        for (int i = 0; i < moving->n; i++) {
-            slope->of[i][j] = rate[moving->place[i]];
-        }
-    }
-}
-
 /* The exponent by which a step h [s] passes differences on, by the slopes at its nodes. */
 static void find_exponent(int n, const matrix slope[NODES], double h, matrix *found)
 {
@@ -183,7 +167,7 @@ static void linearise(linearising *all)
             find_within(all, &of, node, state);
             find_rates(at, run, step, PLACE[node], state, run->rate + (step * NODES + node) * GYRO_N_STATES);
             if (!alike) {
-                find_slope(all, &all->slope[node]);
+                find_slope(&at->view, &at->moving, &all->along, &all->slope[node]);
             }
         }
         if (!alike) {

@@ -3,9 +3,9 @@
 #ifndef GYRO_PASSING_H
 #define GYRO_PASSING_H
 
-#include "matrices.h"
+#include "slopes.h"
 
-enum { MOTION = GYRO_STATE_Y_DOT + 1, OWN = GYRO_N_STATES - MOTION, NODES = 2 };
+enum { NODES = 2 };
 
 /* Parts of a step at which the nodes lie, 1/2 -+ sqrt(3)/6. */
 static const double PLACE[NODES] = {0.21132486540518713, 0.7886751345948129};

@@ -7,18 +7,11 @@
 
 #include "fmi_common.h"
 #include "generated/forces.h"
-#include "generated/tangent.h"
 #include "plant.h"
 
 /* Numbers that a column of the states that move takes: a whole number of four, by which processors add them. */
 enum { ROOM = (GYRO_N_STATES + 3) / 4 * 4 };
 static inline int column_room(int n) { return (n + 3) / 4 * 4; }
-
-/* Some of the states. */
-typedef struct {
-    int n;
-    int place[GYRO_N_STATES];
-} chosen;
 
 /* States that move beside those of a run, of which a small force on its motion comes: linear, driven by the states of the run. */
 typedef struct {
@@ -65,21 +58,6 @@ static inline int is_followed(const gyro_instance *g)
         lagging |= g->view.active[follow_effects[i]];
     }
     return !(g->plan.any_delay || g->plan.any_lag || g->view.any_memory || g->view.any_impulse || g->view.any_rate || lagging);
-}
-
-/* The states of the motion, and those which effects add that act in `view` and, where that is another, do not in `beside`. */
-static inline chosen states_of(const gyro_view *view, const gyro_view *beside)
-{
-    chosen made = {0, {0}};
-    for (int i = 0; i < MOTION && !beside; i++) {
-        made.place[made.n++] = i;
-    }
-    for (int i = 0; i < OWN; i++) {
-        if (view->active[gyro_owners[i]] && !(beside && beside->active[gyro_owners[i]])) {
-            made.place[made.n++] = MOTION + i;
-        }
-    }
-    return made;
 }
 
 static inline void set_off(const gyro_instance *g, traveller *at)

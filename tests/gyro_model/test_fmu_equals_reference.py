@@ -129,16 +129,21 @@ def test_laws_within_a_step(plant: Runner, residual: Residual, lag: float, cubic
     compare(plant, START | own, HALVED, residual)
 
 
-# Within what the tabulated propagator holds for, about its limit, far beyond.
-@pytest.mark.parametrize("rate", [1e-3, 1.0, 15.9, 16.1, 300.0])
-@pytest.mark.parametrize("effects", [{}, {"frame_rotation": 1.0, "angular_gain": 0.3}])
-def test_any_rate(plant: Runner, residual: Residual, rate: float, effects: dict[str, float]) -> None:
+def compare_turning(plant: Runner, effects: dict[str, float], rate: float, residual: Residual) -> None:
+    """At a largest ``rate`` [rad/s]."""
     inputs = driven()
     inputs["omega_z"] *= rate / np.max(np.abs(inputs["omega_z"]))
     fmu = plant.run(START | effects, T, inputs)
     reference = simulate(Device("test", START | effects), T, inputs, drawn(SEED, N))
     for name, values in fmu.items():
         residual(name, np.max(np.abs(values - reference[name])) / np.max(np.abs(reference[name])), ROUNDING)
+
+
+# Within what the tabulated propagator holds for, about its limit, far beyond.
+@pytest.mark.parametrize("rate", [1e-3, 1.0, 15.9, 16.1, 300.0])
+@pytest.mark.parametrize("effects", [{}, {"frame_rotation": 1.0, "angular_gain": 0.3}])
+def test_any_rate(plant: Runner, residual: Residual, rate: float, effects: dict[str, float]) -> None:
+    compare_turning(plant, effects, rate, residual)
 
 
 MODE = {"parasitic_coupling": 5.0, "parasitic_frequency": 4200.0, "parasitic_q": 30.0, "parasitic_start": 1e-8}
@@ -154,12 +159,7 @@ STIFF = {"parasitic_coupling": 40.0, "parasitic_frequency": 9e4, "parasitic_q": 
     ids=["mode", "mode in a joint, turning frame", "stiff"],
 )
 def test_any_rate_beside_a_mode(plant: Runner, residual: Residual, rate: float, mode: dict[str, float]) -> None:
-    inputs = driven()
-    inputs["omega_z"] *= rate / np.max(np.abs(inputs["omega_z"]))
-    fmu = plant.run(START | mode, T, inputs)
-    reference = simulate(Device("test", START | mode), T, inputs, drawn(SEED, N))
-    for name, values in fmu.items():
-        residual(name, np.max(np.abs(values - reference[name])) / np.max(np.abs(reference[name])), ROUNDING)
+    compare_turning(plant, mode, rate, residual)
 
 
 # On a sample, between two, anywhere, less than a tick after and before a sample, before the start, at it.

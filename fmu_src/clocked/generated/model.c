@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{bb10217a-a1a1-c71f-dc3c-b0be48cc5c07}";
+const char gyro_token[] = "{ef478352-b34e-a166-399e-e4668e8773b8}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},

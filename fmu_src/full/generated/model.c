@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{e1dd61ca-e6f8-0087-8283-45233c2762ba}";
+const char gyro_token[] = "{a3ba6b48-a3dc-a3ab-099b-5d24f8189c36}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},
