@@ -22,8 +22,9 @@ from discrepancy.data.linear_fit import (
     mode_frequencies,
     weak_form,
 )
-from discrepancy.data.modes import Mode, further_modes
+from discrepancy.data.modes import Mode
 from discrepancy.data.record import Record
+from discrepancy.data.weak_modes import all_modes
 from gyro_model.errors import InputError
 
 JITTER_REFUSED, JITTER_WARNED = 0.25, 0.01
@@ -99,7 +100,7 @@ def check(dataset: Dataset) -> list[Finding]:
 
 def modes(records: Sequence[Record]) -> Iterator[Finding]:
     """Says where the runs show more modes than the model has, one an axis."""
-    own, more = further_modes(records)
+    own, more = all_modes(records)
     if more:
         yield Finding(
             "modes", "",

@@ -42,14 +42,15 @@ def linear_start(records: Sequence[Record], gains: Sequence[float]) -> dict[str,
     driven = is_driven(records)
     found = _held(records, gains, driven, WINDOWS, PERIODS)
     if found is None and driven:
-        found = _hardly_held(records, gains)
-    return found or _held(records, gains, driven, 1, FEW_PERIODS) or _of_modes(records, gains)
+        # Of several modes, a mass that nothing holds may take up enough to pass for what moves.
+        found = _of_modes(records, gains) or _hardly_held(records, gains)
+    return found or _held(records, gains, driven, 1, FEW_PERIODS)
 
 
 def _of_modes(records: Sequence[Record], gains: Sequence[float]) -> dict[str, float] | None:
     """The mass of a structure of more modes than one an axis, none of which explains the runs by itself, on springs
     that hold it at the frequencies of its first modes."""
-    modes = answering(records) if is_driven(records) else []
+    modes = answering(records)
     told = carried(records, modes, gains) if len(modes) > records[0].axes else None
     if told is None:
         return None

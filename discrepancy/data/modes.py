@@ -101,9 +101,11 @@ def _counted(runs: Runs, axes: int) -> tuple[list[Mode], list[Mode]]:
     if decays:
         # One pole for all of them is broader than any.
         first = _own(runs, found, first, axes)
-    if decays and not first:
-        # What rings at no frequency of its own is no mode that others could stand beside.
-        return [], []
+        if not first:
+            # What rings at no frequency of its own is no mode that others could stand beside.
+            return [], []
+    else:
+        first = [_same(mode, _modes(found.both, runs.step)) for mode in first]
     known = [mode.frequency for mode in first]
     known += _of_one(runs, known) if decays else []
     beside = [p for p in found.both if (m := _mode(p, runs.step)) and all(apart(m.frequency, own) for own in known)]
@@ -126,6 +128,13 @@ def _fitted(runs: Runs, orders: Sequence[int]) -> Modal:
         if in_vain == PATIENCE:
             break
     return best
+
+
+def _same(rough: Mode, among: Sequence[Mode]) -> Mode:
+    """The nearest ``among`` the modes of a better model that is no other than a ``rough`` one; that itself where each
+    is."""
+    near = min(among, key=lambda mode: abs(np.log(mode.frequency / rough.frequency)), default=rough)
+    return rough if apart(near.frequency, rough.frequency) else near
 
 
 def _alike(model: Modal, step: float) -> int:

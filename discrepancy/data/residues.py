@@ -13,9 +13,11 @@ from discrepancy.data.record import Floats, Record
 
 class Answer(NamedTuple):
     """residues: by how much each mode answers with each voltage to each force, (modes, forces, voltages) [V/(N.s²)];
-    left: of the voltage beside how the runs begin and a mean, rms over it."""
+    residuals: what is left of the voltage of each run (n, voltages) [V], beside how it begins and a mean; left: rms of
+    that over the voltage."""
 
     residues: Floats
+    residuals: tuple[Floats, ...]
     left: float
 
 
@@ -31,8 +33,9 @@ def answered(records: Sequence[Record], modes: Sequence[Mode]) -> Answer:
         told.append(columns[:, -axes:])
     columns, shown = np.vstack(made), np.vstack(told)
     found = np.linalg.lstsq(columns, shown, rcond=None)[0]
-    left = float(np.linalg.norm(shown - columns @ found) / (np.linalg.norm(shown) + TINY))
-    return Answer(np.asarray(found.reshape(len(modes), axes, axes)), left)
+    residuals = tuple(v - of @ found for v, of in zip(told, made, strict=True))
+    left = float(np.linalg.norm(np.vstack(residuals)) / (np.linalg.norm(shown) + TINY))
+    return Answer(np.asarray(found.reshape(len(modes), axes, axes)), residuals, left)
 
 
 def _starts(record: Record, modes: Sequence[Mode]) -> Floats:

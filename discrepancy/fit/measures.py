@@ -20,6 +20,8 @@ rest on, 4 left a speed 2e-3 off, and 12 are as good as 20."""
 
 TOLD: Final = 0.01
 """Of the signal, that initial states may move a run by within what the first samples leave open of them."""
+UNTOLD: Final = 0.3
+"""The same of what the first samples leave: what is left of the run grows by less than a twentieth."""
 TINY: Final = 1e-300
 
 
@@ -54,9 +56,10 @@ def _tells(head: Fitter, begun: Fitted, run: Fitter, at: Fitted) -> bool:
     valid = head.records[0].valid
     shown = head.by_states(begun, 0)[:, valid].reshape(-1, int(valid.sum()) * head.axes)
     moved = run.by_states(at, 0).reshape(len(shown), -1)
-    told = shown @ shown.T / max(begun.cost / begun.count, TINY) + LINEAR**2 * np.eye(len(shown))
+    left = max(begun.cost / begun.count, TINY)
+    told = shown @ shown.T / left + LINEAR**2 * np.eye(len(shown))
     spread = np.trace(np.linalg.solve(told, moved @ moved.T)) / moved.shape[1]
-    return bool(spread < (TOLD * run.signal) ** 2)
+    return bool(spread < min((TOLD * run.signal) ** 2, UNTOLD**2 * left))
 
 
 def start_known(simulator: Simulator, record: Record, parameters: Mapping[str, float]) -> tuple[Floats, int]:
