@@ -8,7 +8,8 @@ from gyro_model.errors import InputError, nearest
 
 Kind = Literal["log", "resonance", "quality", "instant", "usual", "rest"]
 SCALES = (
-    "itself", "1", "duration", "x", "y", "x_dot", "y_dot", "u_x", "u_y", "temperature", "v_bias", "omega_z", "dxx",
+    "itself", "1", "duration", "radian", "x", "y", "x_dot", "y_dot", "u_x", "u_y", "temperature", "v_bias",
+    "omega_z", "dxx",
 )  # fmt: skip
 
 
@@ -23,9 +24,9 @@ class Grid:
     its sum with the shape ``of`` stays; where it may be ``alone``, within these bounds, it is tried so too, in their
     middle, while ``of`` stays as usual.
 
-    Scales: ``itself``, the parameter's own typical value; ``1``, as it stands; ``duration`` of the longest run [s]; by
-    how much a signal moves in the runs at most: ``x``, ``y`` and their rates count for either axis, an input for
-    itself; ``dxx``, the damping of the device.
+    Scales: ``itself``, the parameter's own typical value; ``1``, as it stands; ``duration`` of the longest run [s];
+    ``radian``, in which the highest mode goes through one [s]; by how much a signal moves in the runs at most: ``x``,
+    ``y`` and their rates count for either axis, an input for itself; ``dxx``, the damping of the device.
     """
 
     kind: Kind

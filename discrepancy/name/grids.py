@@ -90,12 +90,16 @@ class Grids:
         if grid.kind == "instant":
             return self.begin + self.duration * np.arange(grid.points) / grid.points
         if grid.kind == "resonance":
-            top = float(mode_frequencies(at.parameters, self.records[0].axes)[-1])
+            top = self._highest(at)
             return np.geomspace(grid.low * top, min(grid.high * top, 0.4 / self.period), grid.points)
         if grid.kind == "quality":
             return np.array([grid.low])
         values = np.clip(np.geomspace(grid.low, grid.high, grid.points) * self._scale(q, grid.of, at), q.low, q.high)
         return np.unique(np.round(values)) if q.integer else values
+
+    def _highest(self, at: Fitted) -> float:
+        """The frequency of the device's highest mode [Hz]."""
+        return float(mode_frequencies(at.parameters, self.records[0].axes)[-1])
 
     def _scale(self, q: Quantity, of: str, at: Fitted) -> float:
         if of in ("itself", "1"):
@@ -103,7 +107,7 @@ class Grids:
         if of == "duration":
             return self.duration
         if of not in self._scales:
-            size = at.parameters[of] if of == "dxx" else self._size(of, at)
+            size = self._size(of, at)
             # Two digits: the same grid whatever the fit at hand, so that what was found for it serves again.
             self._scales[of] = float(f"{size:.1e}") if size > 0 else q.typical
         return self._scales[of]
@@ -115,7 +119,11 @@ class Grids:
         return [v - e for v, e in zip(measured, at.residuals, strict=True)]
 
     def _size(self, of: str, at: Fitted) -> float:
-        """How far a signal goes at most in these runs, in its unit."""
+        """What the device has of such a name, or how far a signal goes at most in these runs; in its unit."""
+        if of == "dxx":
+            return at.parameters[of]
+        if of == "radian":
+            return 1 / (2 * np.pi * self._highest(at))
         gain = abs(at.parameters["sense_gain_x"])
         if of in ("x", "y"):
             return max(float(np.max(np.abs(r.v - np.median(r.v, axis=0))[r.valid])) for r in self.records) / gain

@@ -4,7 +4,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final, NamedTuple
 
+from scipy.stats import chi2
+
 from discrepancy.fit.continuation import leaves
+from discrepancy.fit.fitted import Fitted
 from discrepancy.name.accepted import Accepted, Dropped
 from discrepancy.name.begin import NAME
 from discrepancy.name.exchange import first_of_its_kind
@@ -12,18 +15,22 @@ from discrepancy.name.scan import sure
 from discrepancy.name.score import score
 from discrepancy.name.score import without as less
 from discrepancy.name.search import Search, attempt
-from discrepancy.name.unseen import unseen_gains
+from discrepancy.name.unseen import steady_gain, told
 
 QUESTION: Final = 0.9
 """Share of the time after which no name is questioned."""
+BENDS: Final = 4.0
+"""Times what a linear model foretells, by which a fit is worse without an effect, from which that model says nothing of
+it: a lag beside a delay, which makes up for it to first order."""
 
 
 class _Failing(NamedTuple):
-    """What fails a test, and why; unseen: by data that its fit did not see."""
+    """What fails a test, and why; unseen: by data that its fit did not see; seen: as in Told."""
 
     dropped: Dropped
     reason: str
     unseen: bool
+    seen: float = 0.0
 
 
 def question(search: Search) -> Search:
@@ -45,13 +52,22 @@ def ask(search: Search) -> Search:
         fitted = search.fitter.fit(search.without_effect(search.at, entry))
         search.simulator.clock.check()
         # What a filter predicts a sample ahead it does not miss, though the motion is lost without it.
-        if failing.unseen and leaves(search.fitter, fitted, search.at):
+        if failing.unseen and (leaves(search.fitter, fitted, search.at) or _bends(search, fitted, failing)):
             continue
         search.progress(f"took out {entry.id}: {failing.reason}")
         search = replace(search.lacking(entry), dropped=(*search.dropped, failing.dropped), at=fitted)
         return first_of_its_kind(search, entry)
     search.simulator.clock.check()
     return replace(search, questioned=True)
+
+
+def _bends(search: Search, without: Fitted, failing: _Failing) -> bool:
+    """Whether the fit without what fails is worse than a linear model, by which it fails, foretells, in every run."""
+    lost = search.at.count * (without.unlikely - search.at.unlikely)
+    needed = float(chi2.isf(search.criteria.effect_chance, len(failing.dropped.sizes)))
+    if lost < BENDS * max(failing.seen, needed):
+        return False
+    return steady_gain(search.fitter, without, search.at) >= search.criteria.unseen
 
 
 def _failing(search: Search) -> list[_Failing]:
@@ -61,16 +77,17 @@ def _failing(search: Search) -> list[_Failing]:
     if not entries:
         return []
     deviations = search.fitter.deviations(search.at)
-    gains = unseen_gains(search.fitter, search.at, [(a.names, a.neutral) for a in entries])
     failing = []
-    for entry, gain in zip(entries, gains, strict=True):
+    for entry, (gain, seen) in zip(
+        entries, told(search.fitter, search.at, [(a.names, a.neutral) for a in entries]), strict=True
+    ):
         weak = _neutral(search, entry, deviations)
         if weak is not None:
             failing.append((gain, _Failing(weak, "its interval holds neutral", unseen=False)))
         elif gain < search.criteria.unseen:
             reason = f"data that its fit did not see improve by {gain:.1f} deviations only"
             dropped = Dropped(entry.candidate, _sizes(search, entry, deviations), entry.share)
-            failing.append((gain, _Failing(dropped, reason, unseen=True)))
+            failing.append((gain, _Failing(dropped, reason, unseen=True, seen=seen)))
     return [own for _, own in sorted(failing, key=lambda f: f[0])]
 
 

@@ -33,19 +33,34 @@ CONTRADICTS: Final = 9.0
 deviations."""
 
 
-def unseen_gains(
-    fitter: Fitter, at: Fitted, effects: Sequence[tuple[Collection[str], Mapping[str, float]]]
-) -> list[float]:
-    """By effect (its parameters' names, and the values that switch it off), the gain on blocks left out over its
-    standard deviation, of runs or of their pieces."""
+class Told(NamedTuple):
+    """Of an effect: the gain on blocks left out over its standard deviation, of runs or of their pieces; seen: what its
+    fit gains by it, in variances of an innovation, as far as the model is linear."""
+
+    unseen: float
+    seen: float
+
+
+def told(fitter: Fitter, at: Fitted, effects: Sequence[tuple[Collection[str], Mapping[str, float]]]) -> list[Told]:
+    """That of each effect: its parameters' names, and the values that switch it off."""
     linear = fitter.with_grams(at, [off for _, off in effects])
     assert linear.grams is not None
-    runs, gains = len(fitter.records), []
+    runs, found = len(fitter.records), []
     for number, (names, _) in enumerate(effects):
         rest = [i for i, free in enumerate(linear.free) if free.name not in names]
         less, more = Linear(rest, linear.known + number), Linear(range(linear.known))
-        gains.append(unseen_gain(linear.grams, less, more, at.variance, runs))
-    return gains
+        seen = _left(linear.grams, less) - _left(linear.grams, more)
+        found.append(Told(unseen_gain(linear.grams, less, more, at.variance, runs), seen / at.variance))
+    return found
+
+
+def steady_gain(fitter: Fitter, without: Fitted, at: Fitted) -> float:
+    """By how much the squares of blocks fall from a fit to another, the mean over its deviation; of the run that is
+    clear about it least."""
+    before, after = (fitter.with_grams(own, []).grams for own in (without, at))
+    assert before is not None and after is not None
+    gains = before[:, -1, -1] - after[:, -1, -1]
+    return min(_deviations(own) for own in np.array_split(gains, len(fitter.records)))
 
 
 class Linear(NamedTuple):
@@ -99,6 +114,22 @@ def _gain(grams: Floats, less: Linear, more: Linear, variance: float, folds: Seq
     return _Gain(total, variance * (within.spread - without.spread), steady, total / (2 * scatter**0.5))
 
 
+def _left(grams: Floats, model: Linear) -> float:
+    """The squares that a fit to all blocks leaves [V²]."""
+    total, own, residual = grams.sum(axis=0), list(model.columns), _residual(model, grams.shape[1])
+    right = total[own] @ residual
+    return float(residual @ total @ residual - right @ inverse_scaled(total[np.ix_(own, own)]) @ right)
+
+
+def _residual(model: Linear, columns: int) -> Floats:
+    """What of each column makes the residual before anything is fitted."""
+    residual = np.zeros(columns)
+    residual[-1] = 1.0
+    if model.out is not None:
+        residual[model.out] = -1.0
+    return residual
+
+
 def _deviations(gain: Floats) -> float:
     """The mean over its standard deviation; 0 where there is none."""
     if len(gain) < 2 or not np.isfinite(gain).all():
@@ -116,11 +147,7 @@ class _Predicted(NamedTuple):
 
 def _predicted(grams: Floats, model: Linear, folds: Sequence[Ints]) -> _Predicted:
     """Every block from those that are not in its fold."""
-    own, last = list(model.columns), grams.shape[1] - 1
-    residual = np.zeros(last + 1)
-    residual[last] = 1.0
-    if model.out is not None:
-        residual[model.out] = -1.0
+    own, residual = list(model.columns), _residual(model, grams.shape[1])
     total, steps, spread = grams.sum(axis=0), np.empty(grams.shape[:2]), 0.0
     for fold in folds:
         out = grams[fold].sum(axis=0)

@@ -6,10 +6,17 @@ A model with one pole. The update is exact, so that τ may lie far below the ste
 """
 
 from gyro_model.anatomy import Lag, Limit
-from gyro_model.quantities import size
+from gyro_model.quantities import Grid, size
 
+# A small lag is a delay: beside one, it shows by its square alone.
 TIME_CONSTANT = size(
-    "amplifier_time_constant", "s", "time constant of the charge amplifier", low=0.0, nominal=1e-6, display="µs"
+    "amplifier_time_constant",
+    "s",
+    "time constant of the charge amplifier",
+    low=0.0,
+    nominal=1e-6,
+    display="µs",
+    search=Grid.log(0.02, 0.2, of="radian", points=2),
 )
 
 EFFECT = Lag(
