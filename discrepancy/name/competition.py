@@ -153,14 +153,15 @@ def _needed(criteria: Criteria, fit: Refit) -> float:
 
 def weak(search: Search, view: Opening, best: Refit) -> float:
     """The share of what is surely no noise that a term has to take to come before the best effect; 0 where that is no
-    effect of a file, or takes nearly all of it. A motion that a filter tracks is no noise here: it may be what is
-    missing."""
+    effect of a file, or takes nearly all of it, alone or with another: beside an offset |x| takes more than x² does. A
+    motion that a filter tracks is no noise here: it may be what is missing."""
     if best.candidate.effect.id in {term.id for own in search.terms for term in own}:
         return 0.0
     before, after = view.fitter.still(view.at), view.fitter.still(best.at)
     surely = no_noise(before, view.fitter.records)
     taken = (before.cost - after.cost) / surely if surely > 0 else 1.0
-    return taken + HALF * (1 - taken) if taken < WEAK else 0.0
+    together = search.seen.scan.together(best.candidate) if search.seen and taken < WEAK else 0.0
+    return max(taken + HALF * (1 - taken), together) if max(taken, together) < WEAK else 0.0
 
 
 def near(criteria: Criteria, fits: Sequence[Refit], chi_square: float) -> list[Refit]:

@@ -56,6 +56,21 @@ class Scan:
                     scored.append((candidate, replace(result, moves=moves)))
         return scored
 
+    def together(self, candidate: Candidate) -> float:
+        """The largest share of the residual's square that a candidate takes with another effect, each of them with
+        signs that it can take; 0 where it stands in no batch with others."""
+        for at, found in self.batches:
+            ends = at.known + self.removals + np.cumsum([0, *(len(c.all_probes) for c in found)])
+            columns = {i: range(ends[i], ends[i + 1]) for i in range(len(found))}
+            own = next((i for i, c in enumerate(found) if c == candidate), None)
+            if own is not None:
+                others = [i for i, c in enumerate(found) if c.effect.id != candidate.effect.id]
+                pairs = [(replace(candidate, probes=(*candidate.all_probes, *found[i].all_probes), partner=None),
+                          [*columns[own], *columns[i]]) for i in others]  # fmt: skip
+                scores = [signed_score(self.grams(at), range(at.known), both, pair, at.count) for pair, both in pairs]
+                return max((s.share for s in scores if s is not None), default=0.0)
+        return 0.0
+
 
 def scanned(fitter: Fitter, at: Fitted, removals: Sequence[Mapping[str, float]], found: Sequence[Candidate]) -> Scan:
     """The columns of ``found`` at a fit; removals: parameters that take each accepted effect out."""
