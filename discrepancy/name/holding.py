@@ -11,19 +11,21 @@ from typing import Final
 from discrepancy.data.hold import DECISIVE
 from discrepancy.data.record import Hold, is_driven
 from discrepancy.fit.continuation import FEW, beginnings
+from discrepancy.fit.defect import Distortion
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.openings import parts
 from discrepancy.fit.refit import Fitter
 from discrepancy.name.columns import on_the_way
 from discrepancy.name.exchange import delete
 from discrepancy.name.search import Search
+from gyro_model.anatomy import Delay, Lag
 
 RUNS_ON: Final[Hold] = "band-limited"
 
 
 def let_run_on(search: Search) -> Search:
     """With a force that ran on between samples where nobody has said that it was held, and the present model then
-    leaves plainly less: of the shortest openings, and of whole runs."""
+    leaves plainly less, of the shortest openings and of whole runs, without a delay or a filter."""
     data = search.dataset
     told = data.hold_stated or not is_driven(data.fit) or data.fit[0].hold == RUNS_ON
     if told or search.fitter is not search.whole:
@@ -35,8 +37,12 @@ def let_run_on(search: Search) -> Search:
     if run_on.fitter.off(run_on.at) ** 2 * DECISIVE >= search.fitter.off(search.at) ** 2:
         return search
     search.progress("the force ran on between samples")
-    # What has made up for half a sample is needless.
-    return delete(run_on, on_the_way)
+    # What has made up for half a sample is needless. What is late still may be so by half a sample more, or not.
+    found = delete(run_on, on_the_way)
+    late = [a.id for a in found.accepted if isinstance(a.candidate.effect, Delay | Lag | Distortion)]
+    if late:
+        search.progress(f"or not: {', '.join(late)} would be late by more")
+    return search if late else found
 
 
 def _plainly_less(held: Fitter, other: Fitter, at: Fitted) -> bool:
