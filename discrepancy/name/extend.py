@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from typing import Final
 
 from scipy.stats import chi2
 
@@ -23,6 +24,10 @@ from discrepancy.name.score import Step
 from discrepancy.name.search import Search, attempt
 from discrepancy.name.shaping import movable, shaped
 from discrepancy.terms.effect_file import Term
+
+AT_ONCE: Final = 3
+"""Effects behind a noise of the motion that may come in together: beside the large offset of an amplifier a delay alone
+leaves as much for noise as before."""
 
 
 def extend(search: Search, max_effects: int, *, patient: bool = False) -> Search:
@@ -140,19 +145,22 @@ def untracked(view: Opening) -> Fitted:
 
 def accept_behind_noise(search: Search) -> Search:
     """The same where the filter takes a part of the motion for noise, which may be what is missing: the best beside no
-    such noise, if the residuals are then likelier. Raises OutOfTime."""
+    such noise, if the residuals are then likelier, or with the best beside that. Raises OutOfTime."""
     if search.fitter is not search.whole or not search.at.whiten.setting.bandwidth:
         return search
-    still = look(replace(search, at=untracked(Opening(search.fitter, search.at))))
-    found = accept(still, patient=False)
-    if found.accepted is search.accepted:
-        return search
-    candidate = found.accepted[-1].candidate
-    chance = search.criteria.effect_chance / candidate.trials
-    needed = float(chi2.isf(chance, len(candidate.all_probes) + len(candidate.searched)))
-    if found.at.count * (search.at.unlikely - found.at.unlikely) > needed:
-        return found
-    search.progress(f"took {candidate.effect.id} back: residuals are no likelier with it")
+    found, needed = search, 0.0
+    for _ in range(AT_ONCE):
+        before = found
+        found = accept(look(replace(before, at=untracked(Opening(before.fitter, before.at)))), patient=False)
+        if found.accepted is before.accepted:
+            break
+        candidate = found.accepted[-1].candidate
+        chance = search.criteria.effect_chance / candidate.trials
+        needed += float(chi2.isf(chance, len(candidate.all_probes) + len(candidate.searched)))
+        if found.at.count * (search.at.unlikely - found.at.unlikely) > needed:
+            return found
+    for entry in found.accepted[len(search.accepted) :]:
+        search.progress(f"took {entry.id} back: residuals are no likelier with it")
     return search
 
 

@@ -12,6 +12,7 @@ from hidden_sets import MODEL, QUINTIC, RATE, SHORT, made, names, quintic
 
 from discrepancy.data.dataset import Dataset, load_dataset
 from discrepancy.diagnose import diagnose
+from discrepancy.discover.term_search import TermSearch
 from discrepancy.fit import openings
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter
@@ -75,6 +76,24 @@ def test_two_effects() -> None:
 def test_as_many_effects_as_are_allowed_are_a_doubt_where_more_is_left(more: dict[str, float]) -> None:
     found = diagnose(made({"k3_x": 2e9, "k3_y": 2e9, **more}), MODEL, max_effects=1)
     assert any("--max-effects allows no more" in doubt for doubt in found.doubts) is bool(more)
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        {"actuator_delay": 4.6e-6, "amplifier_time_constant": 1.12e-6, "feedthrough": -6.3},
+        {"actuator_delay": 3.92e-6, "k2_x": -9.6e4, "k2_y": -1.36e5, "offset_x": 4.4e-3, "offset_y": 4.2e-3},
+    ],
+    ids=["a lag beside a delay", "an offset beside forces that are even"],
+)
+def test_effects_that_others_take_the_place_of_to_first_order(hidden: dict[str, float], tmp_path: Path) -> None:
+    found = diagnose(made(hidden), MODEL, further=TermSearch(tmp_path))
+    assert found.verdict == "missing effects"
+    assert {name for effect in found.effects for name in effect.parameters} == set(hidden)
+    for name, value in hidden.items():
+        [interval] = [effect.parameters[name] for effect in found.effects if name in effect.parameters]
+        # Four deviations, where the interval has two.
+        assert abs(interval.value - value) < interval.high - interval.low, name
 
 
 def test_resonance_that_the_coupling_pulls_far() -> None:

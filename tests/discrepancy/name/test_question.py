@@ -1,13 +1,19 @@
 """What is said of names that there was no time to put to the test."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from blank_search import blank_search
+from hidden_sets import MODEL, TRUE, made
 
-from discrepancy.name.question import ask, unasked
+from discrepancy.fit.fitted import Free
+from discrepancy.fit.refit import Fitter
+from discrepancy.fit.simulate import Simulator
+from discrepancy.name.question import _bends, ask, unasked
 from discrepancy.name.search import Search
+from discrepancy.name.unseen import told
 from gyro_model.model import load_model
 
 
@@ -68,6 +74,7 @@ def test_an_effect_without_which_the_motion_is_lost_is_not_taken_out(
         dropped=SimpleNamespace(candidate=search.accepted[0].candidate), reason="", unseen=not neutral
     )
     monkeypatch.setattr("discrepancy.name.question._failing", lambda search: [failing])
+    monkeypatch.setattr("discrepancy.name.question._bends", lambda search, without, failing: False)
     monkeypatch.setattr("discrepancy.name.question.leaves", lambda fitter, at, before: lost)
     found = ask(search)
     assert found.questioned is stays
@@ -77,3 +84,22 @@ def test_an_effect_without_which_the_motion_is_lost_is_not_taken_out(
 def test_who_was_asked_or_stands_with_a_partner_is_not_asked_here() -> None:
     assert unasked(searched(questioned=True)) == {}
     assert unasked(searched(questioned=False, partner="nonlinear_damping")) == {}
+
+
+@pytest.mark.parametrize("lag", [1e-6, 0.0])
+def test_a_lag_beside_a_delay_stands_though_a_linear_model_does_not_miss_it(lag: float) -> None:
+    delay = {"actuator_delay": 4e-6}
+    data = made({**delay, "amplifier_time_constant": lag})
+    with Simulator(MODEL, jobs=1) as simulator:
+        fitter = Fitter(simulator, data.fit)
+        free = [Free(name, 1e-9, 0.0) for name in (*delay, "amplifier_time_constant")]
+        begun = fitter.begin({**TRUE, **delay, "amplifier_time_constant": 1e-6})
+        at = fitter.fit(fitter.evaluated(replace(begun, free=(*begun.free, *free))))
+        still = replace(at, free=at.free[:-1], parameters={**at.parameters, "amplifier_time_constant": 0.0})
+        without = fitter.fit(fitter.evaluated(still))
+        [found] = told(fitter, at, [({"amplifier_time_constant"}, {"amplifier_time_constant": 0.0})])
+        search = blank_search(at=at, fitter=fitter)
+        size = {"amplifier_time_constant": (at.parameters["amplifier_time_constant"], 1e-9)}
+        failing: Any = SimpleNamespace(dropped=SimpleNamespace(sizes=size), seen=found.seen)
+        assert found.unseen < search.criteria.unseen
+        assert _bends(search, without, failing) is (lag > 0)
