@@ -194,5 +194,7 @@ def _of_record(candidate: Candidate) -> bool:
 
 
 def _linear(candidate: Candidate) -> bool:
-    """Whether the voltage changes in proportion to all that a fit moves, where that is small."""
-    return not candidate.searched and not candidate.partner and all(p.power == 1 for p in candidate.probes)
+    """Whether the voltage changes in proportion to all that a fit moves, where that is small. Of a size that is tried
+    far from neutral too the columns promise more than small steps do, and say nothing of what those of others do."""
+    near = all(p.power == 1 and p.quantity.search is None for p in candidate.probes)
+    return near and not candidate.searched and not candidate.partner
