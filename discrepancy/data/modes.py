@@ -192,8 +192,10 @@ def _modes(poles: Complexes, step: float) -> list[Mode]:
 
 def _mode(pole: complex, step: float) -> Mode | None:
     """The mode of one of a pair of poles; None of the other, where there is no peak, and beyond the band."""
+    if not (np.isfinite(pole) and pole.imag > 0):
+        return None
     rate = complex(np.log(pole)) / step
-    if pole.imag <= 0 or abs(rate) * step > 2 * np.pi / RATE or not 0 < -2 * BROAD * rate.real < abs(rate):
+    if abs(rate) * step > 2 * np.pi / RATE or not 0 < -2 * BROAD * rate.real < abs(rate):
         return None
     return Mode(abs(rate) / (2 * np.pi), abs(rate) / (-2 * rate.real))
 
