@@ -54,7 +54,8 @@ def extend(search: Search, max_effects: int, *, patient: bool = False) -> Search
         if search.weak:
             return search
         if _nothing(search, before) and search.number == 1:
-            search = attempt(search, "effects behind a noise of the motion", accept_behind_noise)
+            behind = partial(accept_behind_noise, most=max_effects - len(search.accepted))
+            search = attempt(search, "effects behind a noise of the motion", behind)
         if search.accepted is before.accepted:
             if search.number == 1 or not _nothing(search, before):
                 break
@@ -143,13 +144,13 @@ def untracked(view: Opening) -> Fitted:
     return still if still is view.at else view.fitter.fit(still)
 
 
-def accept_behind_noise(search: Search) -> Search:
+def accept_behind_noise(search: Search, most: int) -> Search:
     """The same where the filter takes a part of the motion for noise, which may be what is missing: the best beside no
-    such noise, if the residuals are then likelier, or with the best beside that. Raises OutOfTime."""
+    such noise, if the residuals are then likelier, or with the best beside that, ``most`` in all. Raises OutOfTime."""
     if search.fitter is not search.whole or not search.at.whiten.setting.bandwidth:
         return search
     found, needed = search, 0.0
-    for _ in range(AT_ONCE):
+    for _ in range(min(AT_ONCE, most)):
         before = found
         found = accept(look(replace(before, at=untracked(Opening(before.fitter, before.at)))), patient=False)
         if found.accepted is before.accepted:

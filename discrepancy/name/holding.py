@@ -36,13 +36,12 @@ def let_run_on(search: Search) -> Search:
     run_on = search.held(RUNS_ON).fitted(search.at)
     if run_on.fitter.off(run_on.at) ** 2 * DECISIVE >= search.fitter.off(search.at) ** 2:
         return search
-    search.progress("the force ran on between samples")
     # What has made up for half a sample is needless. What is late still may be so by half a sample more, or not.
     found = delete(run_on, on_the_way)
-    late = [a.id for a in found.accepted if isinstance(a.candidate.effect, Delay | Lag | Distortion)]
-    if late:
-        search.progress(f"or not: {', '.join(late)} would be late by more")
-    return search if late else found
+    if any(isinstance(entry.candidate.effect, Delay | Lag | Distortion) for entry in found.accepted):
+        return search
+    search.progress("the force ran on between samples")
+    return found
 
 
 def _plainly_less(held: Fitter, other: Fitter, at: Fitted) -> bool:

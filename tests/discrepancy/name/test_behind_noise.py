@@ -28,6 +28,6 @@ def test_an_effect_is_taken_in_where_the_residuals_are_likelier_with_it(
         search = begin(Given(made(dict(hidden))), simulator)
         strong = search.fitter.whitener(search.at.parameters, Setting(bandwidth=TRACKED))
         search = replace(search, at=search.fitter.evaluated(replace(search.at, whiten=strong)))
-        found = accept_behind_noise(search)
+        found = accept_behind_noise(search, 1)
         assert [a.id for a in found.accepted] == named
         assert (found is search) == (not named)
