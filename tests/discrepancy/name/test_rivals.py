@@ -77,14 +77,22 @@ def test_what_has_no_finer_grid_is_not_scanned_for_one(monkeypatch: pytest.Monke
 def test_one_that_promises_no_more_waits_and_is_tried_in_the_end(simulated: list[Mapping[str, float]]) -> None:
     with Simulator(MODEL, 1) as simulator:
         search = look(begin(Given(made({"actuator_delay": DELAY})), simulator))
-        alike = [(c, s) for c, s in search.significant() if c.effect.id in ("actuator_delay", "amplifier_bandwidth")]
-        begun = [Refit(search.with_effect(*search.view, c, s), c, s) for c, s in alike]
-        [first] = refitted(search, search.view, begun)
-        assert len(begun) == 2
-        assert first.candidate is begun[0].candidate
+
+        def fitted(*ids: str) -> list[str]:
+            begun = [
+                Refit(search.with_effect(*search.view, c, s), c, s)
+                for c, s in search.significant()
+                if c.effect.id in ids
+            ]
+            assert {fit.candidate.effect.id for fit in begun} == set(ids)
+            return [fit.candidate.effect.id for fit in refitted(search, search.view, begun)]
+
+        assert fitted("actuator_delay", "voltage_filter") == ["actuator_delay"]
+        # Columns say nothing of a lag, whose size is tried far from neutral too.
+        assert fitted("actuator_delay", "amplifier_bandwidth") == ["actuator_delay", "amplifier_bandwidth"]
         search = exchange(extend(search, 2))
         [entry] = search.accepted
-        assert {entry.id, *entry.rivals} >= {"actuator_delay", "amplifier_bandwidth"}
+        assert {entry.id, *entry.rivals} >= {"actuator_delay", "voltage_filter", "amplifier_bandwidth"}
         # Beside the same parameters no one is tried twice.
         before = dict(entry.rivals)
         simulated.clear()
