@@ -73,6 +73,9 @@ HELD: Final = 1e-2
 SHORTER: Final = (0.3, 0.1, 0.03, 0.01)
 """Where so many larger dampings have not helped either, shares of a step of damping HELD are tried: they hold the
 initial states too, which no damping does."""
+JAGGED, STEPS = 0.02, 3
+"""A fit is given up after so many of those in all that brought less than this share of the cost: an acceleration jumps
+where friction changes its sign, and a sample beside the jump that goes to its other side is in no column."""
 ALIKE: Final = 3.0
 """By which a difference quotient's step may be off and its column, scaled, still serve."""
 SETTLED: Final = 0.02
@@ -87,6 +90,15 @@ class _Linear(NamedTuple):
     grams: list[Floats]
     fill: Floats
     square: Floats
+
+
+class _Lower(NamedTuple):
+    """A model of lower cost, None where no step led to one; the damping for the next step; whether only a share of a
+    step that also holds the initial states did."""
+
+    at: Fitted | None
+    damping: float
+    held: bool = False
 
 
 class _Kept(NamedTuple):
@@ -335,10 +347,10 @@ class Fitter:
 
     def fit(self, at: Fitted, rounds: int = 30, goal: float = np.inf, share: float = 0.0) -> Fitted:
         """The minimum near ``at``, linearised there, to a ``share`` of the cost. ``left`` says how far it is from a
-        minimum: above SETTLED that was enough, the rounds were used up, no step helped, steps crept, the time was over,
-        or none could reach the ``goal``, a cost below which alone the fit matters."""
+        minimum: above SETTLED that was enough, the rounds were used up, no step helped, steps crept or were jagged, the
+        time was over, or none could reach the ``goal``, a cost below which alone the fit matters."""
         enough = max(SETTLED, share * at.count)
-        damping, creeping, slow, near = 0.0, 0, 0, False
+        damping, creeping, slow, jagged, near = 0.0, 0, 0, 0, False
         try:
             at = self.with_grams(at) if at.cost < np.inf else at
             for _ in range(rounds):
@@ -346,9 +358,10 @@ class Fitter:
                     # Old columns show no end and no hope.
                     at, near = self.with_grams(at), False
                 far = self._far(at, goal)
-                if creeping == CREEPING or slow == SLOW or at.left < enough or at.grams is None or far:
+                given_up = creeping == CREEPING or slow == SLOW or jagged == STEPS
+                if given_up or at.left < enough or at.grams is None or far:
                     break
-                moved, after = self._lower(at, damping, attempts=1 if near else ATTEMPTS)
+                moved, after, held = self._lower(at, damping, attempts=1 if near else ATTEMPTS)
                 if moved is None:
                     if not near:
                         break
@@ -358,6 +371,7 @@ class Fitter:
                 gained = (at.cost - moved.cost) / (at.left * at.variance)
                 creeping = creeping + 1 if gained < CREEP else 0
                 slow = slow + 1 if moved.cost - goal > NEARER * (at.cost - goal) > 0 else 0
+                jagged += held and moved.cost > (1 - JAGGED) * at.cost
                 exact = abs(gained - 1) < EXACTLY and self.off(at) < PART
                 near = abs(gained - 1) < AS_PROMISED and not exact
                 if exact:
@@ -372,20 +386,20 @@ class Fitter:
     def _far(at: Fitted, goal: float) -> bool:
         return at.cost - HOPE * at.left * at.variance > goal
 
-    def _lower(self, at: Fitted, damping: float, attempts: int) -> tuple[Fitted | None, float]:
-        """A step that lowers the cost, None where none of so many attempts does, and the damping for the next one."""
+    def _lower(self, at: Fitted, damping: float, attempts: int) -> _Lower:
+        """A step that lowers the cost, where one of so many attempts does."""
         for attempt in range(attempts):
             moved = self.evaluated(self._moved(at, damping))
             if moved.cost < at.cost:
-                return moved, damping / 10 if damping > 1e-6 else 0.0
+                return _Lower(moved, damping / 10 if damping > 1e-6 else 0.0)
             damping = max(1e-5, 10 * damping)
             if attempt == PATIENT:
                 # A force at rest is far from linear in the states.
                 for share in SHORTER:
                     moved = self.evaluated(self._moved(at, HELD, share))
                     if moved.cost < at.cost:
-                        return moved, HELD
-        return None, damping
+                        return _Lower(moved, HELD, held=True)
+        return _Lower(None, damping)
 
     def _step(self, at: Fitted, damping: float) -> Floats:
         """Changes of the free parameters in their steps: towards the minimum as far as the first bound, on from there

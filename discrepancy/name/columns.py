@@ -295,10 +295,22 @@ def fading(candidate: Candidate) -> Fading | None:
     return None
 
 
+def part_of(effect: Effect | Defect) -> Fading | None:
+    """The part of an effect that may vanish, where all its shapes that are searched move."""
+    searched = tuple(q for q in effect.parameters if q.search is not None and q.search.tried)
+    return fading(Candidate(effect, (), {}, searched))
+
+
 def without_part(candidate: Candidate, part: Fading) -> Candidate:
     """``candidate`` with that part of it gone for good."""
     searched = tuple(q for q in candidate.searched if q.name not in part.names)
     return replace(candidate, shapes={**candidate.shapes, part.size.name: 0.0}, searched=searched)
+
+
+def with_part(candidate: Candidate, part: Fading, values: Mapping[str, float]) -> Candidate:
+    """``candidate`` with that part of it, at these ``values`` of its parameters."""
+    others = (q for q in candidate.searched if q.name not in part.names)
+    return replace(candidate, shapes={**candidate.shapes, **values}, searched=(*others, part.size, *part.shapes))
 
 
 def finer(candidate: Candidate) -> list[Candidate]:

@@ -75,7 +75,8 @@ def refitted(
             continue
         enough = view.at.cost - _needed(search.criteria, fit) * view.at.variance
         goal = min((f.at.cost + 4 * search.criteria.even * f.at.variance for f in fits), default=enough)
-        ends = [view.of(fit.at, goal, rounds), *(_otherwise(search, view, fit, goal) if elsewhere else ())]
+        others = _otherwise(search, view, fit, goal, fits) if elsewhere else []
+        ends = [view.of(fit.at, goal, rounds), *others]
         fits.append(fit._replace(at=_simplest(search.criteria, ends, fit.score.inflation)))
         gained = (view.at.cost - fits[-1].at.cost) / fits[-1].at.variance
         if _linear(fit.candidate) and abs(gained / fit.score.gain - 1) < AS_PROMISED:
@@ -93,12 +94,13 @@ def _simplest(criteria: Criteria, ends: Sequence[Fitted], inflation: float) -> F
     return min(ends, key=lambda at: at.cost + owed * len(at.free)) if best.cost < np.inf else best
 
 
-def _otherwise(search: Search, view: Opening, fit: Refit, goal: float) -> list[Fitted]:
+def _otherwise(search: Search, view: Opening, fit: Refit, goal: float, before: Sequence[Refit]) -> list[Fitted]:
     """Fits that begin elsewhere, where one of all parameters at once may end in a wrong minimum: of a resonance
-    from where it is broad, of a force with a part that may vanish from where it has."""
+    from where it is broad, of a force with a part that may vanish from where it has, unless one ``before`` did."""
     part = fading(fit.candidate)
     if part is not None:
-        return _in_stages(search, view, fit, goal, part)
+        begun = fit.candidate.effect.id in {other.candidate.effect.id for other in before}
+        return [] if begun else _in_stages(search, view, fit, goal, part)
     resonant = any(q.search is not None and q.search.kind == "resonance" for q in fit.candidate.searched)
     if search.fitter is not search.whole or not resonant:
         return []
@@ -107,20 +109,26 @@ def _otherwise(search: Search, view: Opening, fit: Refit, goal: float) -> list[F
 
 def _in_stages(search: Search, view: Opening, fit: Refit, goal: float, part: Fading) -> list[Fitted]:
     """The effect without a part of it, then that part where it shows most beside."""
-    candidate = fit.candidate
-    plain = view.of(search.with_effect(view.fitter, view.at, without_part(candidate, part), fit.score))
+    plain = view.of(search.with_effect(view.fitter, view.at, without_part(fit.candidate, part), fit.score))
+    best = most_of_part(search, Opening(view.fitter, plain), fit.candidate, part)
+    if best is None or best[1].gain < search.criteria.simpler * (1 + len(part.shapes)):
+        return [plain]
+    return [plain, view.of(search.with_effect(view.fitter, plain, *best), goal)]
+
+
+def most_of_part(search: Search, view: Opening, candidate: Candidate, part: Fading) -> Scored | None:
+    """Where on its grid a part of the effect that may vanish shows most, beside a fit that has none; None where it
+    shows nowhere."""
     points = search.library.grids.wider(part.shapes, candidate.shapes)
     probe = Probe(part.size, part.size.typical * PART, 1)
     found = [Candidate(candidate.effect, (probe,), point, part.shapes, len(points)) for point in points]
-    scan = scanned(view.fitter, plain, [], found)
     # A damping that stands in for what is missing has gone to its bound: it can take nothing up.
-    stuck = {f.name for f in plain.free if plain.parameters[f.name] in (f.low, f.high)}
+    stuck = {f.name for f in view.at.free if view.at.parameters[f.name] in (f.low, f.high)}
     stuck |= {"dxy"} if stuck & {"dxx", "dyy"} else set()
-    scored = scan.scores([i for i, f in enumerate(plain.free) if f.name not in stuck])
-    best = max(scored, key=lambda entry: entry[1].gain, default=None)
-    if best is None or best[1].gain < search.criteria.simpler * (1 + len(part.shapes)):
-        return [plain]
-    return [plain, view.of(search.with_effect(view.fitter, plain, best[0], best[1]), goal)]
+    scored = scanned(view.fitter, view.at, [], found).scores(
+        [i for i, f in enumerate(view.at.free) if f.name not in stuck]
+    )
+    return max(scored, key=lambda entry: entry[1].gain, default=None)
 
 
 def longer(search: Search, view: Opening, *, sole: bool) -> Opening:

@@ -1,33 +1,41 @@
-"""Shapes of an effect in the model that stand at their usual values until the data ask for others."""
+"""Shapes of an effect in the model that stand at their usual values until the data ask for others, and parts of one
+that were left out of it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from discrepancy.fit.continuation import nearly_settled
 from discrepancy.fit.fitted import Fitted, bare
-from discrepancy.name.columns import Candidate
+from discrepancy.name.columns import Candidate, Fading, part_of, with_part
+from discrepancy.name.competition import most_of_part
 from discrepancy.name.grids import free_shape, free_usual
+from discrepancy.name.scan import Scored
 from discrepancy.name.score import score
 from discrepancy.name.search import Search
 from gyro_model.quantities import Quantity
 
+Gain = tuple[float, Callable[[Search], Search]]
+"""What a shape or a part would take, and the search with it fitted."""
+
 
 def movable(search: Search) -> bool:
-    """Whether an effect in the model has such shapes."""
-    return any(unmoved(entry.candidate) for entry in search.accepted)
+    """Whether an effect in the model has such shapes or parts."""
+    return any(unmoved(entry.candidate) or left_out(search.at, entry.candidate) for entry in search.accepted)
 
 
 def shaped(search: Search) -> Search:
-    """With the shape of an effect in the model fitted that takes most, where that is more than any effect which is not
-    would take: what only imitates a part of what is missing has shapes with which it imitates more. Raises
-    OutOfTime."""
+    """With the shape of an effect in the model fitted that takes most, or the part, where that is more than any effect
+    which is not would take: what only imitates a part of what is missing has shapes with which it imitates more.
+    Raises OutOfTime."""
     others = max((result.gain for _, result in search.significant()), default=0.0)
-    found = [(gain, place, q) for place in range(len(search.accepted)) for gain, q in _gains(search, place)
-             if gain > others]  # fmt: skip
-    if not found:
-        return search
-    _, place, moved = max(found, key=lambda own: own[0])
-    return _fitted(search, place, moved)
+    found = [own for place in range(len(search.accepted)) for own in (*_shapes(search, place), *_part(search, place))]
+    gain, fitted = max(found, key=lambda own: own[0], default=(0.0, _as_it_is))
+    return fitted(search) if gain > others else search
+
+
+def _as_it_is(search: Search) -> Search:
+    return search
 
 
 def unmoved(candidate: Candidate) -> list[Quantity]:
@@ -38,6 +46,12 @@ def unmoved(candidate: Candidate) -> list[Quantity]:
             if q.search is not None and q.search.kind == "usual" and q.name not in moved]  # fmt: skip
 
 
+def left_out(at: Fitted, candidate: Candidate) -> Fading | None:
+    """The part of an effect that may vanish, where a fit has none of it."""
+    part = part_of(candidate.effect)
+    return part if part and not part.names & {free.name for free in at.free} else None
+
+
 def freed(at: Fitted, candidate: Candidate, moved: Sequence[Quantity]) -> Fitted:
     """``at`` with shapes of an effect free too, the last, not fitted."""
     own = candidate.effect.parameters
@@ -46,7 +60,7 @@ def freed(at: Fitted, candidate: Candidate, moved: Sequence[Quantity]) -> Fitted
     return bare(replace(at, parameters={**at.parameters, **values}, free=free))
 
 
-def _gains(search: Search, place: int) -> list[tuple[float, Quantity]]:
+def _shapes(search: Search, place: int) -> list[Gain]:
     """What each shape of an effect that no fit has moved would take, to first order, where that is significant and
     material and its bounds let it."""
     candidate, (fitter, at), criteria = search.accepted[place].candidate, search.view, search.criteria
@@ -55,15 +69,27 @@ def _gains(search: Search, place: int) -> list[tuple[float, Quantity]]:
         return []
     linear = fitter.with_grams(freed(at, candidate, usual))
     assert linear.grams is not None
-    found = []
+    found: list[Gain] = []
     for i, q in enumerate(usual, at.known):
         result, free = score(linear.grams, at.known, [i], at.count), linear.free[i]
         value = linear.parameters[q.name]
         aim = value + free.step * sum(result.amplitudes)
         sure = result.probability < criteria.effect_chance and result.share >= criteria.material
         if sure and free.bounded(value, aim) != value:
-            found.append((result.gain, q))
+            found.append((result.gain, partial(_with_shape, place=place, moved=q)))
     return found
+
+
+def _part(search: Search, place: int) -> list[Gain]:
+    """The same of the part that was left out of an effect: when that came in a filter may have taken for noise what
+    shows now."""
+    candidate, view, criteria = search.accepted[place].candidate, search.view, search.criteria
+    part = left_out(search.at, candidate)
+    best = most_of_part(search, view, candidate, part) if part else None
+    if part is None or best is None:
+        return []
+    sure = best[1].probability * best[0].trials < criteria.effect_chance and best[1].share >= criteria.material
+    return [(best[1].gain, partial(_with_part, place=place, part=part, best=best))] if sure else []
 
 
 def _alone(at: Fitted, candidate: Candidate, moved: Quantity) -> list[tuple[Quantity, Fitted]]:
@@ -78,17 +104,32 @@ def _alone(at: Fitted, candidate: Candidate, moved: Quantity) -> list[tuple[Quan
     return found
 
 
-def _fitted(search: Search, place: int, moved: Quantity) -> Search:
+def _with_shape(search: Search, place: int, moved: Quantity) -> Search:
     """With that shape fitted, or what is the rest to it alone, unless it brings too little."""
-    entry, at, criteria = search.accepted[place], search.at, search.criteria
+    entry, at = search.accepted[place], search.at
     fits = [(moved, search.fitter.fit(freed(at, entry.candidate, [moved])))]
     fits += [(q, search.fitter.fit(search.fitter.evaluated(own))) for q, own in _alone(at, entry.candidate, moved)]
     moved, fitted = min(fits, key=lambda own: own[1].cost)
-    search.simulator.clock.check()
-    if at.cost - fitted.cost < max(criteria.simpler * fitted.variance, criteria.material * at.cost):
-        return search
-    search.progress(f"fitted {moved.name} of {entry.id}")
     candidate = replace(entry.candidate, searched=(*entry.candidate.searched, moved))
+    return _changed(search, place, candidate, fitted, (moved,))
+
+
+def _with_part(search: Search, place: int, part: Fading, best: Scored) -> Search:
+    """With that part fitted, begun where it shows most, unless it brings too little."""
+    fitted = search.fitter.fit(search.with_effect(search.fitter, search.at, *best))
+    values = {name: fitted.parameters[name] for name in part.names}
+    candidate = with_part(search.accepted[place].candidate, part, values)
+    return _changed(search, place, candidate, fitted, (part.size, *part.shapes))
+
+
+def _changed(search: Search, place: int, candidate: Candidate, fitted: Fitted, moved: Sequence[Quantity]) -> Search:
+    """With that candidate for an effect in the model, ``fitted`` with what it has ``moved``, unless that brings too
+    little."""
+    at, criteria, entry = search.at, search.criteria, search.accepted[place]
+    search.simulator.clock.check()
+    if at.cost - fitted.cost < max(criteria.simpler * len(moved) * fitted.variance, criteria.material * at.cost):
+        return search
+    search.progress(f"fitted {moved[0].name} of {entry.id}")
     search = search.changed(place, replace(entry, candidate=candidate)).fitted(fitted, nearly_settled)
     *before, (name, _) = search.stages
     return replace(search, stages=tuple(before)).staged(name)
