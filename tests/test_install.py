@@ -6,6 +6,10 @@ import sys
 import venv
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.minutes(4)
+
 ROOT = Path(__file__).parents[1]
 
 

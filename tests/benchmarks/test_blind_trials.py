@@ -28,6 +28,8 @@ from benchmarks.blind.summary import summarise
 from benchmarks.blind.terms import TERMS, extra_force
 from benchmarks.blind.trial import make_effects, make_null, make_unknown, rng_of, scale_of
 
+pytestmark = pytest.mark.minutes(3)
+
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "blind"
 GENERATOR = ("terms", "physics", "effects", "experiment", "noise", "detect", "trial", "inseparable", "store",
              "difficulties")  # fmt: skip

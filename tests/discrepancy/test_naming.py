@@ -30,6 +30,8 @@ from discrepancy.terms.library import forms
 from gyro_model import symbols
 from gyro_model.model import EFFECTS_FOLDER, load_model, read_model
 
+pytestmark = pytest.mark.minutes(15)
+
 EXAMPLES = Path(__file__).parents[2].parent / "shared" / "examples"
 
 

@@ -11,6 +11,8 @@ from discrepancy.data.record import Record, Role
 from discrepancy.diagnose import diagnose
 from gyro_model.model import load_model
 
+pytestmark = pytest.mark.minutes(3)
+
 SET = Path(__file__).parents[2].parent / "shared" / "examples" / "silverbox"
 FITTED, HELD_OUT = slice(0, 10_000), slice(10_000, 16_000)
 

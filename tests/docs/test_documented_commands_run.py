@@ -14,6 +14,8 @@ import pytest
 from gyrotwin.tasks.run import NOT_VALID
 from tests.docs.documented import PAGES, ROOT, commands
 
+pytestmark = pytest.mark.minutes(29)
+
 # What a page asks of its reader, or of a machine, that a test can't give.
 ELSEWHERE = {
     "gyrotwin build --platforms all": "minutes of zig: tests/gyro_model/test_platforms.py builds them",

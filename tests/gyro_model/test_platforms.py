@@ -30,6 +30,8 @@ from gyro_model.model import Model
 from gyro_model.platforms import NAMES, PLATFORMS, WASM, chosen_platforms, own_platform, platform_of
 from gyro_model.sensor import SensorModel
 
+pytestmark = pytest.mark.minutes(12)
+
 HERE = Path(__file__).parent
 FORMS: dict[str, Form] = {"full": MODEL, "envelope": envelope_model(), "sensor": SensorModel()}
 STEPS = 300

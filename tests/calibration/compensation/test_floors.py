@@ -9,6 +9,8 @@ from calibration.compensation.methods.method import Asked
 from calibration.compensation.record import joined
 from calibration.compensation.trial import Trial, trial
 
+pytestmark = pytest.mark.minutes(4)
+
 BLOCK_NOISE = NOISE / np.sqrt(10)
 
 

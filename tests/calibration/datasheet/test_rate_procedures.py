@@ -14,6 +14,8 @@ from cosim.rate.transfer import expected_transfer
 from gyro_model.device import Device, load_device
 from gyro_model.errors import InputError
 
+pytestmark = pytest.mark.minutes(3)
+
 F_X, SPLIT, MASS, Q_X, Q_Y, GAIN, NOISE, SWING = 4000.0, 40.0, 1e-8, 3000.0, 800.0, 1e6, 2e-5, 3e-6
 PERIOD = 5e-6
 PLAN = Plan(4, 400.0, 4, 5.0, 2, 4, (-20.0, 25.0, 60.0), 2.0, 0.0)

@@ -13,6 +13,8 @@ from cosim.rate.steady_state import calibrate, left_out, output_at, parameters_a
 from gyro_model.device import load_device
 from tests.cosim.rate.one_harmonic import Held, settled
 
+pytestmark = pytest.mark.minutes(3)
+
 DEVICE = load_device("rate-mode")
 QUIET = DEVICE.with_parameters({"sense_noise": 0.0, "thermal_force": 0.0})
 P = DEVICE.all_parameters

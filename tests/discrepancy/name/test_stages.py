@@ -1,16 +1,19 @@
 """A part of a force that may vanish: what it is, and that a refit finds it where one from the grid alone does not."""
 
+from dataclasses import replace
+
 import pytest
 from hidden_sets import MODEL, made
 
 from discrepancy.fit.simulate import Simulator
-from discrepancy.name.accepted import Refit
+from discrepancy.name.accepted import Accepted, Refit
 from discrepancy.name.begin import begin
-from discrepancy.name.columns import Candidate, fading
+from discrepancy.name.columns import Candidate, fading, without_part
 from discrepancy.name.competition import refitted
 from discrepancy.name.grids import ABOUT, WIDER, Grids
 from discrepancy.name.look import look
 from discrepancy.name.search import Given
+from discrepancy.name.shaping import movable, shaped
 
 
 def whole(name: str) -> Candidate:
@@ -54,3 +57,26 @@ def test_stribeck_is_found_beside_the_friction() -> None:
     for name in ("friction_x", "friction_y", "friction_speed", "stribeck_speed"):
         assert found.parameters[name] == pytest.approx(hidden[name], rel=0.25)
     assert found.parameters["stribeck"] == pytest.approx(hidden["stribeck"], rel=0.4)
+
+
+def test_a_part_that_was_left_out_is_asked_for_again() -> None:
+    hidden = {"friction_x": 3e-7, "friction_y": 3e-7, "friction_speed": 1e-3, "stribeck": 0.8, "stribeck_speed": 4e-3}
+    with Simulator(MODEL, jobs=1) as simulator:
+        search = look(begin(Given(made(hidden, samples=4000)), simulator))
+        own = [(c, s) for c, s in search.scored if c.effect.id == "dry_friction"]
+        candidate, scored = max(own, key=lambda entry: entry[1].gain)
+        part = fading(candidate)
+        assert part is not None
+        without = search.with_effect(*search.view, without_part(candidate, part), scored)
+        accepted = Accepted(candidate, 0.5, {})
+        search = look(
+            replace(search, accepted=(accepted,)).fitted(search.fitter.fit(without)).staged(candidate.effect.id)
+        )
+        assert movable(search)
+        assert not part.names & {free.name for free in search.at.free}
+        again = shaped(search)
+        assert part.names <= {free.name for free in again.at.free}
+        assert part.names <= set(again.accepted[0].names)
+        assert again.at.cost < 0.9 * search.at.cost
+        # Nothing is left out any more, so that it is not asked for without end.
+        assert shaped(look(again)).at is again.at

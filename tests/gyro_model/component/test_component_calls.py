@@ -15,6 +15,8 @@ from test_platforms import played as played_native
 from tests.fmu.fmu_importer import Fmu
 from tests.fmu.fmu_importer import Instance as Native
 
+pytestmark = pytest.mark.minutes(4)
+
 
 @pytest.mark.skipif(sys.platform != "linux" or shutil.which("cc") is None, reason="plays a library on Linux")
 @pytest.mark.parametrize(
