@@ -12,7 +12,7 @@ from discrepancy.fit.continuation import LAST_ROUNDS
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter
 
-TRIED: Final = 8_000
+TRIED: Final = 4_000
 """Samples of the shortest openings, all together."""
 LEAST: Final = 2_000
 """Samples of a run that an opening has at least: shorter ones show a run's initial state more than any effect, and what
