@@ -5,7 +5,7 @@ line of it is the FMU's.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple, get_args
@@ -19,6 +19,7 @@ from discrepancy.data.dataset import Dataset
 from discrepancy.data.linear_start import linear_start
 from discrepancy.data.record import Floats, Hold, Record, Senses, make_record
 from discrepancy.diagnose import diagnose
+from discrepancy.tell.answer import Diagnosis
 from gyro_model.model import load_model
 
 SEEDS: Final = 12
@@ -64,8 +65,15 @@ class Outcome(NamedTuple):
 
 
 def drawn(rng: np.random.Generator) -> Structure:
-    """A chain of two to five masses, the first on the ground, damped against the ground and along its springs."""
+    """A chain of two to five masses, forced and sensed anywhere."""
     n = int(rng.integers(2, 6))
+    own = chain(rng, n)
+    return own._replace(driven=int(rng.integers(n)), sensed=int(rng.integers(n)))
+
+
+def chain(rng: np.random.Generator, n: int) -> Structure:
+    """``n`` masses, the first on the ground, damped against the ground and along its springs; forced and sensed at the
+    first."""
     mass, k = np.exp(rng.uniform(np.log(0.5), np.log(2.0), n)), np.exp(rng.uniform(np.log(0.5), np.log(2.0), n))
     # The spring of each mass to the one before, the first to the ground.
     between = np.eye(n) - np.eye(n, k=-1)
@@ -74,7 +82,7 @@ def drawn(rng: np.random.Generator) -> Structure:
     scale = lowest**2 / eigh(stiffness, np.diag(mass), eigvals_only=True)[0]
     along = rng.uniform(0, 2e-2) / lowest
     damping = rng.uniform(5e-3, 3e-2) * lowest * np.diag(mass) + along * scale * stiffness
-    return Structure(np.diag(mass), damping, scale * stiffness, int(rng.integers(n)), int(rng.integers(n)))
+    return Structure(np.diag(mass), damping, scale * stiffness, 0, 0)
 
 
 def motion(structure: Structure, u: Floats, step: float, hold: Hold) -> Floats:
@@ -100,7 +108,13 @@ def motion(structure: Structure, u: Floats, step: float, hold: Hold) -> Floats:
 
 def runs(structure: Structure, rng: np.random.Generator, senses: Senses, hold: Hold) -> list[Record]:
     """Two runs to fit and one held out, each under a multisine of its own over the modes."""
-    modes = structure.modes
+    return runs_of(structure.modes, rng, senses, hold, NOISE, lambda u, step: motion(structure, u, step, hold))
+
+
+def runs_of(modes: Floats, rng: np.random.Generator, senses: Senses, hold: Hold, noise: float,
+            moved: Callable[[Floats, float], Floats]) -> list[Record]:  # fmt: skip
+    """The same of anything with such ``modes`` [Hz]: ``moved`` gives displacement, speed and acceleration (samples, 3)
+    at the sensor under forces [N] so many seconds apart."""
     rate = PER_PERIOD * float(modes[-1])
     t = np.arange(SAMPLES) / rate
     order, found = get_args(Senses).index(senses), []
@@ -108,13 +122,31 @@ def runs(structure: Structure, rng: np.random.Generator, senses: Senses, hold: H
         f = np.arange(1, SAMPLES // 2) * rate / SAMPLES
         lines = f[(f > 0.5 * modes[0]) & (f < 1.2 * modes[-1])]
         u = np.cos(2 * np.pi * np.outer(t, lines) + rng.uniform(0, 2 * np.pi, len(lines))).sum(axis=1)
-        v = motion(structure, u / u.std(), 1 / rate, hold)[:, order]
-        v = v + NOISE * v.std() * rng.standard_normal(len(v))
+        v = moved(u / u.std(), 1 / rate)[:, order]
+        v = v + noise * v.std() * rng.standard_normal(len(v))
         role = "held-out" if name == "c" else "fit"
         found.append(make_record(name, t, (u / u.std())[:, None], v[:, None], role=role, sample_rate=rate, hold=hold,
                                  senses=senses))  # fmt: skip
     # Gains are those of one frequency.
     return [replace(record, reference=found[0].reference) for record in found]
+
+
+def diagnosed(records: Sequence[Record], noise: float) -> tuple[Diagnosis, dict[str, float]] | None:
+    """What the diagnosis says of runs of one axis without nominal values, with misfits and time; None where it finds no
+    linear start."""
+    nominal = linear_start(records[:2], (records[0].reference ** records[0].order,))
+    if nominal is None:
+        return None
+    data = Dataset(Path("here"), nominal, tuple(records), estimated=("m", "kxx", "dxx"), hold_stated=True)
+    begun, cpu = time.perf_counter(), time.process_time()
+    found = diagnose(data, load_model(), jobs=1)
+    return found, {
+        "refit": float(found.misfit["refit"]),
+        "final": float(found.misfit["final"]),
+        "over noise": float(found.misfit["final"]) / noise,
+        "s": time.perf_counter() - begun,
+        "s of processor": time.process_time() - cpu,
+    }
 
 
 def measure(seed: int) -> Outcome:
@@ -125,20 +157,10 @@ def measure(seed: int) -> Outcome:
     hold: Hold = ("zero", "first")[int(rng.integers(2))]
     at = "at the sensor" if structure.driven == structure.sensed else "elsewhere"
     what = f"{len(structure.mass)} masses, force {at}, {senses}, hold {hold}, seed {seed}"
-    records = runs(structure, rng, senses, hold)
-    nominal = linear_start(records[:2], (records[0].reference ** records[0].order,))
-    if nominal is None:
+    answer = diagnosed(runs(structure, rng, senses, hold), NOISE)
+    if answer is None:
         return Outcome(what, structure.modes.tolist(), "no linear start", False, {})
-    data = Dataset(Path("here"), nominal, tuple(records), estimated=("m", "kxx", "dxx"), hold_stated=True)
-    begun, cpu = time.perf_counter(), time.process_time()
-    found = diagnose(data, load_model(), jobs=1)
-    values = {
-        "refit": float(found.misfit["refit"]),
-        "final": float(found.misfit["final"]),
-        "over noise": float(found.misfit["final"]) / NOISE,
-        "s": time.perf_counter() - begun,
-        "s of processor": time.process_time() - cpu,
-    }
+    found, values = answer
     names = [effect.id for effect in found.effects]
     resonators = all(name.startswith("parasitic_mode") for name in names) and len(names) < len(structure.mass)
     right = found.verdict == "missing effects" and resonators and values["final"] < LEFT

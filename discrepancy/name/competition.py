@@ -125,9 +125,8 @@ def most_of_part(search: Search, view: Opening, candidate: Candidate, part: Fadi
     # A damping that stands in for what is missing has gone to its bound: it can take nothing up.
     stuck = {f.name for f in view.at.free if view.at.parameters[f.name] in (f.low, f.high)}
     stuck |= {"dxy"} if stuck & {"dxx", "dyy"} else set()
-    scored = scanned(view.fitter, view.at, [], found).scores(
-        [i for i, f in enumerate(view.at.free) if f.name not in stuck]
-    )
+    beside = [i for i, f in enumerate(view.at.free) if f.name not in stuck]
+    scored = scanned(view.fitter, view.at, [], found).scores(beside)
     return max(scored, key=lambda entry: entry[1].gain, default=None)
 
 

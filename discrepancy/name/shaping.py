@@ -30,12 +30,8 @@ def shaped(search: Search) -> Search:
     Raises OutOfTime."""
     others = max((result.gain for _, result in search.significant()), default=0.0)
     found = [own for place in range(len(search.accepted)) for own in (*_shapes(search, place), *_part(search, place))]
-    gain, fitted = max(found, key=lambda own: own[0], default=(0.0, _as_it_is))
-    return fitted(search) if gain > others else search
-
-
-def _as_it_is(search: Search) -> Search:
-    return search
+    best = max(found, key=lambda own: own[0], default=None)
+    return best[1](search) if best and best[0] > others else search
 
 
 def unmoved(candidate: Candidate) -> list[Quantity]:
