@@ -82,7 +82,10 @@ def autoregression(
     begin = best = _unlikely(density, weight, np.full(cells, flat))
     chosen: tuple[float, ...] = ()
     for order in ORDERS:
-        numbers, modelled = _fitted(density, seen, order)
+        fitted = _fitted(density, seen, order)
+        if fitted is None:
+            break
+        numbers, modelled = fitted
         cost = _unlikely(density, weight, modelled) + PRICE * order
         if cost < min(best, begin - EARNED):
             best, chosen = cost, numbers
@@ -130,8 +133,9 @@ def _densities(v: Floats, cells: int) -> tuple[Floats, Floats]:
     return median_filter(middle, (3, 1), mode="nearest"), np.array([float(len(part)) for part in parts])
 
 
-def _fitted(density: Floats, seen: Bools, order: int) -> tuple[tuple[float, ...], Floats]:
-    """The autoregression of a density of which ``seen`` is known, and its own density."""
+def _fitted(density: Floats, seen: Bools, order: int) -> tuple[tuple[float, ...], Floats] | None:
+    """The autoregression of a density of which ``seen`` is known, and its own density; None where that is so sharp that
+    fewer numbers leave nothing white."""
     cells = len(density)
     turns = np.pi * (np.arange(cells) + 0.5) / cells
     places = np.arange(cells)
@@ -140,8 +144,13 @@ def _fitted(density: Floats, seen: Bools, order: int) -> tuple[tuple[float, ...]
     numbers, modelled = np.zeros(order), filled
     for _ in range(ROUNDS):
         correlation = waves @ filled
-        numbers = solve_toeplitz(correlation[:-1], correlation[1:])
+        try:
+            numbers = solve_toeplitz(correlation[:-1], correlation[1:])
+        except np.linalg.LinAlgError:
+            return None
         variance = float(correlation[0] - numbers @ correlation[1:])
+        if not variance > 0:
+            return None
         modelled = variance / np.abs(response(numbers, turns)) ** 2
         filled = np.where(seen, density, modelled)
     return tuple(numbers.tolist()), modelled

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
-from discrepancy.fit.colour import autoregression, gain, predicted_out, response
+from discrepancy.fit.colour import ORDERS, _fitted, autoregression, gain, predicted_out, response
 from discrepancy.fit.whitening import Setting, likeliest
 
 N, RUNS, PERIOD = 8000, 3, 5e-6
@@ -102,3 +102,14 @@ def test_colour_and_flicker_are_told_apart() -> None:
         setting: Setting = likeliest(DEVICE, PERIOD, [noise], [VALID], colour=colour).setting
         assert (setting.colour != ()) == expected
         assert (setting.corner > 0) != expected
+
+
+@pytest.mark.parametrize("lines", [(64,), (64, 128), (1, 64, 128, 192)])
+def test_a_density_of_lines_has_no_autoregression(lines: tuple[int, ...]) -> None:
+    density = np.full(256, 1e-30)
+    density[list(lines)] = 1.0
+    # A line is predicted by two numbers, so that nothing white is left for more.
+    assert [order for order in ORDERS if _fitted(density, np.ones(256, np.bool_), order) is None]
+    for order in ORDERS:
+        fitted = _fitted(density, np.ones(256, np.bool_), order)
+        assert fitted is None or (np.isfinite(fitted[1]).all() and (fitted[1] > 0).all())
