@@ -19,15 +19,15 @@ SEEDS: Final = 20
 FIRST: Final = 7101
 """The first seed, of which nothing was chosen."""
 STEPS: Final = 1000
-"""Of a sample: a step costs a thousandth of what a held force does in a sample at most."""
+"""Of a sample. With 200 effects were looked for in what the steps left beside 1e-3 of noise."""
 FRICTION, NOISES = (0.02, 0.3), (1e-3, 1e-2)
 """Of the force, rms; of the motion, rms."""
 BREAKAWAY: Final = (0.0, 0.0, 0.3)
 """By which friction at rest exceeds that at speed."""
 FADED: Final = 0.1
-"""Of the speed without friction, rms, at which that excess is down to 1/e."""
+"""Of about the speed without friction, rms, at which that excess is down to 1/e."""
 CLOSE: Final = 0.05
-"""Of the friction, by which what is found may be off: ten times the widest interval that was met."""
+"""Of the friction, by which what is found may be off: a judgement."""
 SHARE: Final = 0.9
 
 

@@ -8,7 +8,7 @@ effect files give: each grid point is a column, and each counts as a trial. An e
 nothing alone, but reads or feeds another, is tried together with that one.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
@@ -295,10 +295,12 @@ def fading(candidate: Candidate) -> Fading | None:
     return None
 
 
-def part_of(effect: Effect | Defect) -> Fading | None:
-    """The part of an effect that may vanish, where all its shapes that are searched move."""
-    searched = tuple(q for q in effect.parameters if q.search is not None and q.search.tried)
-    return fading(Candidate(effect, (), {}, searched))
+def left_out(effect: Effect | Defect, free: Collection[str]) -> Fading | None:
+    """The part of an effect that may vanish, where none of it is among what is ``free``; None where the effect has none
+    or a fit has it."""
+    searched = tuple(q for q in effect.parameters if q.search is not None and q.search.tried and not q.integer)
+    part = fading(Candidate(effect, (), {}, searched))
+    return part if part and part.names.isdisjoint(free) else None
 
 
 def without_part(candidate: Candidate, part: Fading) -> Candidate:

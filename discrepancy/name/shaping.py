@@ -7,7 +7,7 @@ from functools import partial
 
 from discrepancy.fit.continuation import nearly_settled
 from discrepancy.fit.fitted import Fitted, bare
-from discrepancy.name.columns import Candidate, Fading, part_of, with_part
+from discrepancy.name.columns import Candidate, Fading, left_out, with_part
 from discrepancy.name.competition import most_of_part
 from discrepancy.name.grids import free_shape, free_usual
 from discrepancy.name.scan import Scored
@@ -21,7 +21,8 @@ Gain = tuple[float, Callable[[Search], Search]]
 
 def movable(search: Search) -> bool:
     """Whether an effect in the model has such shapes or parts."""
-    return any(unmoved(entry.candidate) or left_out(search.at, entry.candidate) for entry in search.accepted)
+    free = {own.name for own in search.at.free}
+    return any(unmoved(entry.candidate) or left_out(entry.candidate.effect, free) for entry in search.accepted)
 
 
 def shaped(search: Search) -> Search:
@@ -40,12 +41,6 @@ def unmoved(candidate: Candidate) -> list[Quantity]:
     moved = {name for q in candidate.searched for name in (q.name, q.search.of if q.search else "")}
     return [q for q in candidate.effect.parameters
             if q.search is not None and q.search.kind == "usual" and q.name not in moved]  # fmt: skip
-
-
-def left_out(at: Fitted, candidate: Candidate) -> Fading | None:
-    """The part of an effect that may vanish, where a fit has none of it."""
-    part = part_of(candidate.effect)
-    return part if part and not part.names & {free.name for free in at.free} else None
 
 
 def freed(at: Fitted, candidate: Candidate, moved: Sequence[Quantity]) -> Fitted:
@@ -80,7 +75,7 @@ def _part(search: Search, place: int) -> list[Gain]:
     """The same of the part that was left out of an effect: when that came in a filter may have taken for noise what
     shows now."""
     candidate, view, criteria = search.accepted[place].candidate, search.view, search.criteria
-    part = left_out(search.at, candidate)
+    part = left_out(candidate.effect, {free.name for free in search.at.free})
     best = most_of_part(search, view, candidate, part) if part else None
     if part is None or best is None:
         return []

@@ -17,7 +17,7 @@ from discrepancy.data.record import Floats
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter
 from discrepancy.name.accepted import Accepted
-from discrepancy.name.columns import Candidate, Fading, Probe, fading
+from discrepancy.name.columns import Candidate, Fading, Probe, left_out
 from discrepancy.name.competition import PART
 from discrepancy.name.grids import ABOUT, Grids
 from discrepancy.name.scan import scanned
@@ -61,16 +61,9 @@ def _grids(search: Search) -> Grids:
     return Grids(search.fitter.records, search.fitter.period)
 
 
-def left_out(search: Search, entry: Accepted) -> Fading | None:
-    """The part of an effect in the model that was left out of it, None where there is none."""
-    shapes = [q for q in entry.candidate.effect.parameters if q.role == "shape"]
-    part = fading(replace(entry.candidate, searched=_grids(search).of(shapes, search.at).moved))
-    return None if part is None or part.size.name in {free.name for free in search.at.free} else part
-
-
 def beside_left_out(search: Search, entry: Accepted) -> dict[str, Mixture]:
     """What each parameter of an effect may be beside a part of the effect that was left out."""
-    part = left_out(search, entry)
+    part = left_out(entry.candidate.effect, {free.name for free in search.at.free})
     if part is None:
         return {}
     now, effect = search.at.parameters, entry.candidate.effect

@@ -48,8 +48,9 @@ def test_while_it_slides_one_way_it_is_a_constant_force(hold):
 
         z = solve_ivp(rates, (0, step), z, method="DOP853", rtol=1e-11, atol=1e-16).y[:, -1]
         shown = z[0], z[n], rates(step, z)[n]
-        # Steps of a thousandth of a sample, of first order in the damping.
-        assert (np.abs(found[i + 1] - shown) < 2e-3 * np.abs(found).max(axis=0)).all()
+        # Steps of a thousandth of a sample, of first order: the acceleration is that of the middle of the last one. Of
+        # eight drawn chains 7e-6 of the motion and 1.04e-4 of the acceleration were the most.
+        assert (np.abs(found[i + 1] - shown) < [2e-5, 2e-5, 2e-4] * np.abs(found).max(axis=0)).all()
     assert (found[1:, 1] > 0).all()
 
 

@@ -11,11 +11,11 @@ from discrepancy.fit.fitted import Free
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name.accepted import Accepted
 from discrepancy.name.begin import begin
-from discrepancy.name.columns import fading, without_part
+from discrepancy.name.columns import fading, left_out, without_part
 from discrepancy.name.look import look
 from discrepancy.name.search import Given, Search
 from discrepancy.tell.intervals import WIDTH, intervals
-from discrepancy.tell.left_out import _amounts, _Beside, left_out
+from discrepancy.tell.left_out import _amounts, _Beside
 from discrepancy.tell.mixture import Mixture
 
 HIDDEN = {"friction_x": 3e-8, "friction_y": 3e-8, "friction_speed": 2e-3, "stribeck": 0.6, "stribeck_speed": 6e-3}
@@ -37,7 +37,7 @@ def plain() -> Iterator[Search]:
 
 
 def test_what_makes_up_for_a_part_that_was_left_out_has_an_interval_that_holds_the_truth(plain: Search) -> None:
-    part = left_out(plain, plain.accepted[0])
+    part = left_out(plain.accepted[0].candidate.effect, {free.name for free in plain.at.free})
     assert part is not None
     assert part.size.name == "stribeck"
     told, deviations = intervals(plain), plain.fitter.deviations(plain.at)
@@ -61,7 +61,7 @@ def test_what_no_part_was_left_out_of_has_the_interval_of_the_fit(plain: Search)
 
 def test_a_part_that_is_fitted_is_not_left_out(plain: Search) -> None:
     fitted = replace(plain, at=replace(plain.at, free=(*plain.at.free, Free("stribeck", 1e-3))))
-    assert left_out(fitted, plain.accepted[0]) is None
+    assert left_out(plain.accepted[0].candidate.effect, {free.name for free in fitted.at.free}) is None
 
 
 def test_a_mixture_lies_between_its_parts() -> None:
