@@ -12,7 +12,7 @@ from numba import njit
 
 from benchmarks.loop_runs import in_processes
 from benchmarks.report import Options, Report, Row, Table, row, spread
-from benchmarks.structures import NOISE_REACHED, Structure, chain, diagnosed, runs_of
+from benchmarks.structures import NOISE_REACHED, Outcome, Structure, chain, diagnosed, runs_of
 from discrepancy.data.record import Floats, Hold, Senses
 
 SEEDS: Final = 20
@@ -38,15 +38,6 @@ class Rubbing(NamedTuple):
     friction: float
     excess: float
     speed: float
-
-
-class Outcome(NamedTuple):
-    """Of one structure: what it is, the verdict with its names, and misfits, friction and time."""
-
-    what: str
-    said: str
-    right: bool
-    values: dict[str, float]
 
 
 @njit(cache=True)
@@ -108,14 +99,14 @@ def measure(seed: int) -> Outcome:
     records = runs_of(own.structure.modes, rng, senses, hold, noise, lambda u, step: motion(own, u, step, hold))
     answer = diagnosed(records, noise)
     if answer is None:
-        return Outcome(what, "no linear start", False, {})
+        return Outcome(what, own.structure.modes.tolist(), "no linear start", False, {})
     found, values = answer
     friction = (e.parameters["friction_x"].value for e in found.effects if "friction_x" in e.parameters)
     values["friction off"] = abs(next(friction, np.inf) / own.friction - 1)
     names = sorted(effect.id for effect in found.effects)
     wanted = ["dry_friction", *(("parasitic_mode", "parasitic_mode_2")[: n - 1])]
     right = found.verdict == "missing effects" and names == wanted and values["friction off"] < CLOSE
-    return Outcome(what, f"{found.verdict}: {', '.join(names)}", right, values)
+    return Outcome(what, own.structure.modes.tolist(), f"{found.verdict}: {', '.join(names)}", right, values)
 
 
 def make_report(seeds: Sequence[int], jobs: int) -> Report:

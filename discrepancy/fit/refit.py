@@ -20,6 +20,7 @@ from discrepancy.data.linear_start import BADLY, response
 from discrepancy.data.record import Floats, Record, is_driven
 from discrepancy.fit.colour import autoregression
 from discrepancy.fit.fitted import Fitted, Free, bare
+from discrepancy.fit.patience import Patience
 from discrepancy.fit.quotients import Point, Quotients
 from discrepancy.fit.simulate import Job, Simulator
 from discrepancy.fit.whitening import Setting, Whitener, likeliest, whitener
@@ -51,9 +52,6 @@ CLOSE: Final = 0.05
 alike at too many frequencies."""
 HOPE: Final = 10.0
 """Times what the next step promises, that all steps together may bring."""
-CREEP, CREEPING = 0.05, 5
-"""A fit is given up after so many steps in a row that each brought less than this share of what was promised: along a
-bound, or far from a minimum, where a fit of shorter pieces goes on."""
 AS_PROMISED: Final = 0.05
 """Of what a step promised, by which what it brought may be off where columns serve once more: those were then right to
 about as much, and what is left after the next step is the square of it."""
@@ -62,9 +60,6 @@ EXACTLY: Final = 1e-3
 PART: Final = 0.1
 """Residual over signal from which they do not: columns are in proportion to the motion, and from rest, where a decay
 shows neither stiffness nor damping, a fit of the initial states brings all that it promised."""
-NEARER, SLOW = 0.5, 4
-"""A fit that has a goal is given up after so many steps in a row that each left more than this share of the way to
-it: near a minimum what is left falls by its square."""
 ATTEMPTS: Final = 10
 """Dampings tried until a step lowers the cost. With columns of an earlier point one is: new ones cost as much as a few
 tries, and are what a step that fails lacks."""
@@ -73,9 +68,6 @@ HELD: Final = 1e-2
 SHORTER: Final = (0.3, 0.1, 0.03, 0.01)
 """Where so many larger dampings have not helped either, shares of a step of damping HELD are tried: they hold the
 initial states too, which no damping does."""
-JAGGED, STEPS = 0.02, 3
-"""A fit is given up after so many of those in all that brought less than this share of the cost: an acceleration jumps
-where friction changes its sign, and a sample beside the jump that goes to its other side is in no column."""
 ALIKE: Final = 3.0
 """By which a difference quotient's step may be off and its column, scaled, still serve."""
 SETTLED: Final = 0.02
@@ -350,7 +342,7 @@ class Fitter:
         minimum: above SETTLED that was enough, the rounds were used up, no step helped, steps crept or were jagged, the
         time was over, or none could reach the ``goal``, a cost below which alone the fit matters."""
         enough = max(SETTLED, share * at.count)
-        damping, creeping, slow, jagged, near = 0.0, 0, 0, 0, False
+        damping, near, patience = 0.0, False, Patience(goal)
         try:
             at = self.with_grams(at) if at.cost < np.inf else at
             for _ in range(rounds):
@@ -358,8 +350,7 @@ class Fitter:
                     # Old columns show no end and no hope.
                     at, near = self.with_grams(at), False
                 far = self._far(at, goal)
-                given_up = creeping == CREEPING or slow == SLOW or jagged == STEPS
-                if given_up or at.left < enough or at.grams is None or far:
+                if patience.is_over or at.left < enough or at.grams is None or far:
                     break
                 moved, after, held = self._lower(at, damping, attempts=1 if near else ATTEMPTS)
                 if moved is None:
@@ -369,9 +360,7 @@ class Fitter:
                     continue
                 damping = after
                 gained = (at.cost - moved.cost) / (at.left * at.variance)
-                creeping = creeping + 1 if gained < CREEP else 0
-                slow = slow + 1 if moved.cost - goal > NEARER * (at.cost - goal) > 0 else 0
-                jagged += held and moved.cost > (1 - JAGGED) * at.cost
+                patience.count(at.cost, moved.cost, gained, held=held)
                 exact = abs(gained - 1) < EXACTLY and self.off(at) < PART
                 near = abs(gained - 1) < AS_PROMISED and not exact
                 if exact:

@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from benchmarks import rubbing
-from benchmarks.rubbing import Outcome, Rubbing, drawn, make_report, motion
-from benchmarks.structures import Structure
+from benchmarks.rubbing import Rubbing, drawn, make_report, motion
+from benchmarks.structures import Outcome, Structure
 
 
 def one(m: float, k: float, d: float, friction: float) -> Rubbing:
@@ -56,8 +56,8 @@ def test_while_it_slides_one_way_it_is_a_constant_force(hold):
 
 def test_shares_are_of_all(monkeypatch):
     monkeypatch.setattr(rubbing, "in_processes", lambda f, seeds, jobs: [
-        Outcome("one", "missing effects: dry_friction", True, {"over noise": 1.0}),
-        Outcome("other", "unexplained: ", False, {"over noise": 8.0}),
+        Outcome("one", [], "missing effects: dry_friction", True, {"over noise": 1.0}),
+        Outcome("other", [], "unexplained: ", False, {"over noise": 8.0}),
     ])  # fmt: skip
     rows = make_report([1, 2], 1).tables[0].rows
     assert [row.values["share"] for row in rows] == [0.5, 0.5]

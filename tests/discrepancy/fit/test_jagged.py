@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from discrepancy.fit.fitted import Fitted, Free
-from discrepancy.fit.refit import JAGGED, STEPS, Fitter
+from discrepancy.fit.patience import JAGGED, STEPS
+from discrepancy.fit.refit import Fitter
 
 
 def costs(share: float, monkeypatch: pytest.MonkeyPatch) -> list[float]:
