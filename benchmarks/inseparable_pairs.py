@@ -89,7 +89,7 @@ def draw_pair(simulator: Simulator, situation: Situation, rng: np.random.Generat
     names = situation.pair if rng.random() < 0.5 else situation.pair[::-1]
     clean = [replace(r, v=simulator.run(r, device)) for r in blank]
     fitter = Fitter(simulator, clean)
-    at = Fitted(device, fitter.at_rest, fitter.begin(device).free, fitter.plain(device), ())
+    at = Fitted(device, fitter.starts(device), fitter.begin(device).free, fitter.plain(device), ())
     linear = fitter.with_grams(fitter.evaluated(at))
     effects = [effect_of(simulator.model, name) for name in names]
     units = [_unit(fitter, linear, effect) for effect in effects]
@@ -145,7 +145,7 @@ def fit(simulator: Simulator, records: Sequence[Record], device: Mapping[str, fl
         quantity = quantity_of(simulator.model, name)
         free.append(Free(name, 0.1 * abs(size), quantity.low, quantity.high))
     values = {name: start + 3 * size for name, (start, size) in unit.items()}
-    begun = Fitted({**nominal.parameters, **values}, fitter.at_rest, tuple(free), fitter.plain(device), ())
+    begun = Fitted({**nominal.parameters, **values}, fitter.starts(device), tuple(free), fitter.plain(device), ())
     return fitter.fit(fitter.evaluated(begun), rounds=15)
 
 

@@ -148,7 +148,7 @@ def _cost(simulator: Simulator, records: Sequence[Record], rival: Rival) -> floa
     fitter = Fitter(simulator, records)
     known = [quantity_of(simulator.model, own.name) for own in rival.free]
     free = tuple(Free(q.name, own.step, q.low, q.high) for q, own in zip(known, rival.free, strict=True))
-    at = Fitted(rival.values, fitter.at_rest, free, fitter.plain(rival.values), ())
+    at = Fitted(rival.values, fitter.starts(rival.values), free, fitter.plain(rival.values), ())
     return fitter.fit(fitter.evaluated(at), rounds=6).cost
 
 

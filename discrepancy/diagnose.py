@@ -141,11 +141,11 @@ def diagnose(
 ) -> Diagnosis:
     """Finds what ``model`` lacks to explain ``dataset``; held-out runs are simulated once, at the end.
 
-    max_effects: at most so many are named; jobs: threads; seed: names the search (it draws nothing at random);
-    progress: called with one line a step; checkpoint: a file that holds the search after each step, from which an
-    interrupted one resumes, removed at the end; further: called with the answer, at most ``max_effects`` times, until
-    it finds no more; what it adds to the model is scored, refitted and questioned beside all effects; criteria: every
-    threshold; limits: of the laboratory, for the experiment that it proposes.
+    max_effects: at most so many are named, beside the further modes that the runs show; jobs: threads; seed: names the
+    search (it draws nothing at random); progress: called with one line a step; checkpoint: a file that holds the search
+    after each step, from which an interrupted one resumes, removed at the end; further: called with the answer, at most
+    ``max_effects`` times, until it finds no more; what it adds to the model is scored, refitted and questioned beside
+    all effects; criteria: every threshold; limits: of the laboratory, for the experiment that it proposes.
     Raises InputError where the FMU can't be built or refuses the nominal values.
     """
     with ExitStack() as stack:
@@ -180,7 +180,9 @@ def diagnose(
         if further is not None:
             for term in chain(*search.terms):
                 term.write(further.folder)
-        search = _Plan(max_effects, further, simulator).carried_out(search)
+        # A resonator for each mode that the runs show takes no other's place.
+        most = max_effects + len(modes[1]) if max_effects else 0
+        search = _Plan(most, further, simulator).carried_out(search)
         found = assemble(search, limits or Limits())
         used = more.keys() & found.spoken_of
         if further is not None:

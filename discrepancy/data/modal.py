@@ -24,6 +24,10 @@ FURTHEST: Final = 4.0
 """Factor by which a step changes how fast a pole dies away at most."""
 TINY: Final = 1e-300
 """Added to poles, which may be none."""
+PEAK: Final = 2.0
+"""Half widths of a peak to either side of it that are around it."""
+BINS: Final = 3
+"""Bins of a run's spectrum to either side of a peak that are around it at least."""
 SURE: Final = 1e-12
 """Singular value over the largest from which a response is another than the rest."""
 
@@ -59,6 +63,16 @@ class Modal:
         self._error = target - self._span @ (self._span.T @ target)
         self._made = made
         self.left = float(np.mean(self._error**2) / np.mean(np.vstack([v for _, v in runs.pairs]) ** 2))
+
+    def left_around(self, pole: complex) -> float:
+        """The power that it leaves around the peak of a ``pole``, to compare with that of another model."""
+        rate, begin, found = np.log(pole), 0, 0.0
+        for _, v in self._runs.pairs:
+            own, begin = self._error[begin : begin + len(v)], begin + len(v)
+            w = 2 * np.pi * np.fft.rfftfreq(len(own))
+            near = np.abs(w - np.abs(rate)) <= max(-PEAK * rate.real, BINS * w[1])
+            found += float(np.sum(np.abs(np.fft.rfft(own * np.hanning(len(own))[:, None], axis=0)[near]) ** 2))
+        return found
 
     def step(self) -> Floats:
         """By how much frequencies and decays [1/sample] of the modes are to change, (2, modes)."""

@@ -41,7 +41,9 @@ class Record:
     name: the file's; sample_rate [Hz]; t (n,) [s]; u (n, axes) [N]; v (n, axes) [V]; conditions by FMU name, each (n,),
     SI; valid (n,): False where a sample is clipped. ``hold`` says how u runs between samples; ``senses``: what v shows;
     ``reference``: where that is no position, the frequency w [rad/s] at which gains are those of one
-    (docs/theory/records.md, eq. 8). Built by ``make_record``, or raises InputError where the arrays make no record.
+    (docs/theory/records.md, eq. 8); ``begun``: place [m] and speed [m/s] of x at its start, each times the gain, where
+    these are known and no fit finds them. Built by ``make_record``, or raises InputError where the arrays make no
+    record.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Record:
     valid: Bools
     senses: Senses = "position"
     reference: float = 1.0
+    begun: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         try:

@@ -1,15 +1,21 @@
-"""A mass that hardly any spring holds, by integrals of its motion.
+"""A mass that hardly any spring holds, by what its forces make of its motion.
 
-x = ∬(u - f sign x' + c)/m - d/m ∫x + a + b t is linear in 1/m, d/m, f/m, c/m and each run's a, b. No derivative of what
-was measured is taken, and no window is needed, of which so short a motion has none. While friction holds the mass at
-rest it takes up all of the force. Of a sensor of velocity it is the derivative of this.
+With a = d/m the speed is v' = -a v + (u - f sign x' + c)/m, so that the motion of a given a is linear in 1/m, f/m, c/m
+and in each run's own start; a itself is found by trial (variable projection: G. Golub and V. Pereyra, SIAM Journal on
+Numerical Analysis 10, 1973). Of what was measured only the sign of its speed is taken: a motion that differs from run
+to run by a tenth, as bearings do, led an equation of its integrals to twenty times the inertia. While friction holds
+the mass at rest it takes up all of the force. Of a sensor of velocity it is the speed itself.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
+from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
 
 from discrepancy.data.record import Floats, Record
 
@@ -19,10 +25,13 @@ SMOOTHED: Final = 200
 """Parts of a run over two of which its speed is smoothed before its sign is taken: noise has none."""
 AT_REST: Final = 0.02
 """Of the highest speed, over which the sign changes: below, a smoothed speed is as well at rest."""
-
-
 BACK: Final = 0.02
 """Share of the way that smoothed noise goes back while a mass moves one way."""
+SLOWEST, FASTEST, TRIALS = 0.05, 1e3, 24
+"""Times that damping takes the speed away within a run, and how many are tried besides none: each is half as much again
+as the one before, and no run has two minima so near each other."""
+SETTLED: Final = 1e-4
+"""Of the logarithm of that, to which the best is found."""
 
 
 class Resisted(NamedTuple):
@@ -42,11 +51,12 @@ def alternatives(records: Sequence[Record], gain: float) -> list[Resisted]:
     axes, a sensor of acceleration, and where no force acted."""
     if any(record.axes > 1 or record.order > 1 or not record.u.any() for record in records):
         return []
-    columns, target = _joined(records, gain)
-    found = (
-        _solved(columns[:, [not friction, friction, True, friction, constant]], target, friction, constant)
-        for friction, constant in ((False, False), (True, False), (False, True), (True, True))
-    )
+    motions = [_Motion(record, gain) for record in records]
+    length = max(len(record.t) / record.sample_rate for record in records)
+    rates = [0.0, *np.geomspace(SLOWEST / length, FASTEST / length, TRIALS).tolist()]
+    tried = [(rate, _products(motions, rate)) for rate in rates]
+    kinds = ((False, False), (True, False), (False, True), (True, True))
+    found = (_best(motions, tried, friction, constant) for friction, constant in kinds)
     return [own for own in found if own is not None]
 
 
@@ -57,57 +67,113 @@ def fewest(found: Sequence[Resisted]) -> Resisted | None:
 
 
 def one_way(records: Sequence[Record]) -> bool:
-    """Whether no run turns round, so that a friction is a constant force against the motion while it moves."""
+    """Whether no run turns round and all go the same way, so that a friction is a constant force against the motion
+    while it moves."""
+    ahead = back = 0.0
     for record in records:
         part = max(len(record.t) // SMOOTHED, 1)
         way = np.cumsum(record.v, axis=0) if record.order else record.v
         steps = np.diff(uniform_filter1d(way, 2 * part + 1, axis=0, mode="nearest")[::part], axis=0)
-        ahead, back = np.clip(steps, 0, None).sum(axis=0), np.clip(-steps, 0, None).sum(axis=0)
-        if (np.minimum(ahead, back) > BACK * (ahead + back)).any():
+        own = np.clip(steps, 0, None).sum(axis=0), np.clip(-steps, 0, None).sum(axis=0)
+        if (np.minimum(*own) > BACK * (own[0] + own[1])).any():
             return False
-    return True
+        ahead, back = ahead + own[0], back + own[1]
+    return bool((np.minimum(ahead, back) <= BACK * (ahead + back)).all())
 
 
-def _joined(records: Sequence[Record], gain: float) -> tuple[Floats, Floats]:
-    """Columns of the force, of the force while the mass moves, of damping, friction and constant, and the motion, with
-    each run's own start taken out."""
-    columns, targets = [], []
-    for record in records:
-        n, step, position = len(record.t), 1 / record.sample_rate, record.order == 0
-        moved: Floats = record.v[:, 0] * record.reference**record.order / gain
-        t: Floats = step * np.arange(n, dtype=np.float64)
-        smooth = uniform_filter1d(moved, 2 * (n // SMOOTHED) + 1, mode="nearest")
-        speed = np.gradient(smooth) if position else smooth
+HELD: Final = [1, 2, 4]
+"""Forces that rest acts on, of those of a motion."""
+
+
+class _Motion:
+    """What a run shows of a mass [m or m/s], and the forces [N] on it: that of the record, the same while the mass
+    moves, friction of 1 N, and a constant force of 1 N, also while it moves."""
+
+    def __init__(self, record: Record, gain: float) -> None:
+        self.count, self.step, self.position = len(record.t), 1 / record.sample_rate, record.order == 0
+        self.valid = record.valid
+        self.moved: Floats = record.v[:, 0] * record.reference**record.order / gain
+        smooth = uniform_filter1d(self.moved, 2 * (self.count // SMOOTHED) + 1, mode="nearest")
+        speed = np.gradient(smooth) if self.position else smooth
         sign = np.tanh(speed / max(AT_REST * float(np.abs(speed).max()), 1e-300))
         u = record.u[:, 0] if record.hold == "zero" else 0.5 * (record.u[:, 0] + np.append(record.u[1:, 0], 0.0))
-        way = moved - moved[0] if position else _integral(moved, step)
-        push, moving = (np.concatenate(([0.0], np.cumsum(f[:-1]) * step)) for f in (u, u * np.abs(sign)))
-        # What each gives to the speed, or to the position.
-        given = (push, moving, -way, -_integral(sign, step), t)
-        own = np.column_stack([_integral(column, step) for column in given] if position else given)
-        start = np.linalg.qr(np.column_stack((np.ones(n), t))[:, : 1 + position])[0]
-        columns.append((own - start @ (start.T @ own))[record.valid])
-        targets.append((moved - start @ (start.T @ moved))[record.valid])
-    return np.vstack(columns), np.concatenate(targets)
+        moves = np.abs(sign)
+        self.forces = np.vstack((u, u * moves, -sign, np.ones(self.count), moves))
+        at_rest = moves < np.tanh(1.0)
+        self.rests = bool(at_rest[0])
+        self.strokes = _strokes(at_rest, 2 * (self.count // SMOOTHED) + 1)
+
+    def columns(self, rate: float) -> Floats:
+        """What each force makes of the motion of 1 kg whose speed is taken away at that ``rate`` [1/s], and the motion,
+        (n, 6), without what the run's start makes."""
+        kept = np.exp(-rate * self.step)
+        given = (1 - kept) / rate if rate > 0 else self.step
+        made = lfilter([0.0, given], [1.0, -kept], self.forces, axis=1)
+        # What friction has stopped begins anew.
+        for begin, end in self.strokes:
+            stroke = self.forces[HELD, begin:end]
+            made[HELD, begin:end] = lfilter([0.0, given], [1.0, -kept], stroke, axis=1)
+        begun = [] if self.rests else [kept ** np.arange(self.count, dtype=np.float64)]
+        if self.position:
+            made = _integral(made, self.step)
+            begun = [np.ones(self.count), *(_integral(own, self.step) for own in begun)]
+        columns = np.column_stack((*made, self.moved))
+        if begun:
+            start = np.linalg.qr(np.column_stack(begun))[0]
+            columns -= start @ (start.T @ columns)
+        return np.asarray(columns[self.valid])
 
 
-def _solved(columns: Floats, target: Floats, friction: bool, constant: bool) -> Resisted | None:
-    size = np.linalg.norm(columns, axis=0)
-    if not (size > 0).all():
-        return None
-    found = np.linalg.lstsq(columns / size, target, rcond=None)[0] / size
-    if found[1] < 0:
-        # Friction alone slows it: a damping then comes out on either side of zero.
-        undamped = np.array([True, False, *[True] * (columns.shape[1] - 2)])
-        found[~undamped] = 0.0
-        found[undamped] = np.linalg.lstsq((columns / size)[:, undamped], target, rcond=None)[0] / size[undamped]
-    left = float(np.linalg.norm(target - columns @ found) / np.linalg.norm(target))
-    if found[0] <= 0:
-        return None
-    m, more = 1 / found[0], list(found[2:] / found[0])
-    f, c = more.pop(0) if friction else 0.0, more.pop(0) if constant else 0.0
-    return Resisted(float(m), float(found[1] * m), float(f), float(c), left) if f >= 0 else None
+def _strokes(at_rest: NDArray[np.bool_], least: int) -> list[tuple[int, int]]:
+    """Where the samples between rests of so many samples at ``least`` begin and end, and the rests."""
+    turns = np.flatnonzero(np.diff(at_rest)) + 1
+    edges = [0, *turns.tolist(), len(at_rest)]
+    long = {edge for begin, end in pairwise(edges) if at_rest[begin] and end - begin >= least for edge in (begin, end)}
+    return list(pairwise(sorted({0, *long, len(at_rest)})))
+
+
+def _products(motions: Sequence[_Motion], rate: float) -> Floats:
+    """Products of all columns over all runs, (6, 6)."""
+    return np.asarray(sum((c.T @ c for c in (own.columns(rate) for own in motions)), np.zeros((6, 6))))
+
+
+def _best(motions: Sequence[_Motion], tried: Sequence[tuple[float, Floats]], friction: bool, constant: bool
+          ) -> Resisted | None:  # fmt: skip
+    """The damping, of those ``tried`` and between the best and its neighbours, that leaves least."""
+    found = [_solved(products, rate, friction, constant) for rate, products in tried]
+    best = min(range(len(found)), key=lambda i: found[i].left)
+    between = [np.log(max(tried[i][0], tried[1][0] / 10)) for i in (max(best - 1, 0), min(best + 1, len(found) - 1))]
+    if between[0] < between[1]:
+
+        def at(log: float) -> Resisted:
+            rate = float(np.exp(log))
+            return _solved(_products(motions, rate), rate, friction, constant)
+
+        end = minimize_scalar(lambda log: at(log).left, bounds=between, method="bounded", options={"xatol": SETTLED})
+        found.append(at(float(end.x)))
+    least = min(found, key=lambda own: own.left)
+    return least if least.left < np.inf else None
+
+
+def _solved(products: Floats, rate: float, friction: bool, constant: bool) -> Resisted:
+    """The forces that leave least; all is left where the mass or the friction would be negative."""
+    none = Resisted(np.inf, np.inf, 0.0, 0.0, np.inf)
+    own = [1 if friction else 0, *([2] if friction else []), *([4 if friction else 3] if constant else [])]
+    size = np.sqrt(np.diag(products))
+    if not (size[own] > 0).all():
+        return none
+    scaled = products / np.outer(size, size)
+    found = np.linalg.lstsq(scaled[np.ix_(own, own)], scaled[own, -1], rcond=None)[0]
+    left = float(np.sqrt(max(1 - found @ scaled[own, -1], 0.0)))
+    pushed, *more = found * size[-1] / size[own]
+    if pushed <= 0:
+        return none
+    m, f = float(1 / pushed), float(more.pop(0) / pushed) if friction else 0.0
+    c = float(more.pop(0) / pushed) if constant else 0.0
+    return Resisted(m, rate * m, f, c, left) if f >= 0 else none
 
 
 def _integral(y: Floats, step: float) -> Floats:
-    return np.concatenate(([0.0], np.cumsum(0.5 * (y[1:] + y[:-1])) * step))
+    """Along the last axis, from zero."""
+    between = 0.5 * step * (y[..., 1:] + y[..., :-1])
+    return np.concatenate((np.zeros((*y.shape[:-1], 1)), np.cumsum(between, axis=-1)), axis=-1)

@@ -1,4 +1,8 @@
-"""Modes that hardly answer beside others: what these leave is looked at as a record of its own, in its own band."""
+"""Modes that hardly answer beside others: what these leave is looked at as a record of its own, in its own band.
+
+Below the band no peak shows a mode, but an accelerometer sees the structure move as a whole on its suspension: the
+residual mass of modal analysis (D. J. Ewins, Modal Testing, 2000, section 4.5).
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,7 +11,7 @@ from typing import Final
 import numpy as np
 from scipy.signal import coherence, welch
 
-from discrepancy.data.modes import APART, ENOUGH, LEAST, MOST, Mode, answering, apart, further_modes
+from discrepancy.data.modes import APART, ENOUGH, LEAST, MOST, POWER, Mode, answering, apart, further_modes
 from discrepancy.data.record import Record, is_driven
 from discrepancy.data.residues import answered
 
@@ -16,6 +20,10 @@ WINDOWS: Final = 8
 FOLLOWS: Final = 0.3
 """Share of a voltage's power that follows the force apart from known modes, below which no mode is looked for in it:
 0.06 of noise, 0.8 and more where a mode is left."""
+BELOW: Final = (0.1, 0.2, 0.4, 0.8)
+"""Of the lowest frequency of the force, where a structure moves as a whole."""
+SUSPENDED: Final = 10.0
+"""Quality factor there, which hardly shows."""
 LOBE: Final = 2
 """Bins to either side of a frequency that a window spreads it to."""
 
@@ -29,7 +37,26 @@ def all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
         if not new:
             break
         further = sorted([*further, *new])[:MOST]
+    if further and len(further) < MOST and is_driven(records):
+        further = [*_as_a_whole(records, sorted([*first, *further])), *further]
     return first, further
+
+
+def _as_a_whole(records: Sequence[Record], known: Sequence[Mode]) -> list[Mode]:
+    """The mode below the force's band without which the ``known`` ones leave much more; none where there is none."""
+    lowest = min(known[0].frequency, *(_driven_from(record) for record in records))
+    tried = [Mode(share * lowest, SUSPENDED) for share in BELOW]
+    left = {mode: answered(records, [mode, *known]).left for mode in tried}
+    best = min(tried, key=left.__getitem__)
+    return [best] if left[best] ** 2 < ENOUGH * answered(records, known).left ** 2 else []
+
+
+def _driven_from(record: Record) -> float:
+    """The frequency [Hz] above which almost all of the forces' power is."""
+    count = len(record.u)
+    force = (record.u - record.u.mean(axis=0)) * np.hanning(count)[:, None]
+    share = np.cumsum(np.abs(np.fft.rfft(force, axis=0)) ** 2 @ np.ones(record.u.shape[1]))
+    return max(int((share < POWER * share[-1]).sum()), 1) * record.sample_rate / count
 
 
 def _hidden(records: Sequence[Record], known: Sequence[Mode]) -> list[Mode]:

@@ -104,7 +104,9 @@ def with_starts(fitter: Fitter, at: Fitted, rounds: int) -> Fitted:
     """The parameters of ``at``, held, with initial states fitted to the runs of ``fitter``: from rest, or, where that
     ends astray, from how a linear device sets out and to beginnings that grow: a frequency that depends on the
     amplitude is far off at rest, and a friction lets nothing go there."""
-    rest = fitter.evaluated(replace(at, starts=fitter.at_rest, free=(), whiten=fitter.plain(at.parameters)))
+    rest = fitter.evaluated(
+        replace(at, starts=fitter.starts(at.parameters), free=(), whiten=fitter.plain(at.parameters))
+    )
     if not fitter.signal:
         # What shows no motion at all is at rest.
         return rest
@@ -125,7 +127,7 @@ def _set_out(fitter: Fitter, at: Fitted, rounds: int) -> tuple[Mapping[str, floa
     linear = {name: value for name, value in at.parameters.items() if name not in own}
     length = max(FIRST_PERIODS * _period(fitter, at), FEWEST)
     part = beginnings(fitter, max(int(min(len(r.t) for r in fitter.records) / length), 1))
-    found = part.fit(part.evaluated(replace(at, parameters=linear, starts=part.at_rest)), rounds)
+    found = part.fit(part.evaluated(replace(at, parameters=linear, starts=part.starts(linear))), rounds)
     fitter.simulator.forget(part.records)
     return found.starts
 

@@ -79,7 +79,7 @@ def _start(simulator: Simulator, record: Record, parameters: Mapping[str, float]
 
 def _begun(fitter: Fitter, parameters: Mapping[str, float]) -> Fitted:
     """The initial states that fit the runs of ``fitter`` best."""
-    at = Fitted(dict(parameters), fitter.at_rest, (), fitter.plain(parameters), ())
+    at = Fitted(dict(parameters), fitter.starts(parameters), (), fitter.plain(parameters), ())
     return with_starts(fitter, at, START_ROUNDS)
 
 

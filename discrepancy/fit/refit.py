@@ -137,7 +137,9 @@ class Fitter:
             # A free decay is the same for every mass: it is held, as the gauge of all forces.
             names = names[1:]
         free = (*(_nominal(name, parameters) for name in names), *more)
-        return self.whitened(self.evaluated(Fitted(parameters, self.at_rest, free, self.plain(parameters), ())))
+        return self.whitened(
+            self.evaluated(Fitted(parameters, self.starts(parameters), free, self.plain(parameters), ()))
+        )
 
     def plain(self, parameters: Mapping[str, float]) -> Whitener:
         """No whitening."""
@@ -147,10 +149,10 @@ class Fitter:
         """The filter of a setting for these runs."""
         return whitener(parameters, self.axes, self.period, setting, max(len(r.t) for r in self.records))
 
-    @property
-    def at_rest(self) -> tuple[Mapping[str, float], ...]:
-        """Initial states of zero for every run."""
-        return tuple(dict.fromkeys(STATES[: 2 * self.axes], 0.0) for _ in self.records)
+    def starts(self, parameters: Mapping[str, float]) -> tuple[Mapping[str, float], ...]:
+        """Initial states of every run: as known, or zero."""
+        names, gain = STATES[: 2 * self.axes], parameters["sense_gain_x"]
+        return tuple({**dict.fromkeys(names, 0.0), **_known(record, gain)} for record in self.records)
 
     def state_names(self, at: Fitted) -> list[str]:
         """Of the initial states that a fit of ``at`` finds: those of the device, and of effects that act."""
@@ -308,7 +310,9 @@ class Fitter:
         edges = np.linspace(0, n, self.blocks + 1).astype(int) * axes
         grams = [flat[:, begin:end] @ flat[:, begin:end].T for begin, end in pairwise(edges)]
         total = np.sum(grams, axis=0)
-        fill = inverse_scaled(total[:states, :states]) @ total[:states, states:]
+        # Those of the device come first, and may be known.
+        known, fill = 2 * axes if self.records[run].begun else 0, np.zeros((states, len(columns) - states))
+        fill[known:] = inverse_scaled(total[known:states, known:states]) @ total[known:states, states:]
         # Each column without what the states do of it.
         lift = np.hstack((-fill.T, np.eye(len(columns) - states)))
         return _Linear([lift @ gram @ lift.T for gram in grams], fill, square)
@@ -465,6 +469,11 @@ class Fitter:
         size = np.sqrt(np.diag(self.covariance(linear)))
         size = np.where(square > UNSEEN * np.max(square, initial=0.0), size, np.inf)
         return {free.name: float(value) for free, value in zip(at.free, size, strict=True)}
+
+
+def _known(record: Record, gain: float) -> dict[str, float]:
+    """The initial states that a run is known to have, for a sensor of that ``gain`` [V/m]."""
+    return dict(zip(STATES, (own / gain for own in record.begun), strict=False)) if record.begun else {}
 
 
 def _rms(records: Sequence[Record]) -> float:

@@ -243,7 +243,7 @@ class Simulator:
         own = slice(begin, end)
         held = {name: column[own] for name, column in record.conditions.items()}
         part = replace(record, t=record.t[own], u=record.u[own], v=record.v[own], conditions=held,
-                       valid=record.valid[own])  # fmt: skip
+                       valid=record.valid[own], begun=record.begun if begin == 0 else None)  # fmt: skip
         self._parts[id(part)] = part, record, own
         return part
 

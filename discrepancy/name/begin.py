@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.late import lateness
+from discrepancy.data.setting_out import contradicted
 from discrepancy.fit.continuation import roughly_settled, settled, unsprung
 from discrepancy.fit.fitted import Free
 from discrepancy.fit.refit import Fitter
@@ -96,9 +97,16 @@ def _with_first(search: Search) -> Search:
     )
     for kind in kinds:
         search, found = asked(search, FIRST, kind)
+        if found and kind is resisting and _begun_elsewhere(search, found):
+            # From starts that never were a fit goes another way.
+            search, found = asked(search.begun(), FIRST, kind)
         if found:
             return _taken(search, found)
     return search
+
+
+def _begun_elsewhere(search: Search, found: Taken) -> bool:
+    return contradicted(search.dataset.fit, found.at.starts, found.at.parameters["sense_gain_x"])
 
 
 def _taken(search: Search, found: Taken) -> Search:

@@ -107,7 +107,8 @@ def _neutral(search: Search, entry: Accepted, deviations: Mapping[str, float]) -
     sizes = _sizes(search, entry, deviations)
     neutral = {q.name: q.start for q in entry.candidate.effect.sizes}
     weak = all(abs(value - neutral[name]) < 1.96 * d for name, (value, d) in sizes.items())
-    if not sizes or not weak or (len(entry.names) > 1 and _shows(search, entry)):
+    gone = all(value == neutral[name] for name, (value, _) in sizes.items())
+    if not sizes or not weak or (not gone and len(entry.names) > 1 and _shows(search, entry)):
         return None
     return Dropped(entry.candidate, sizes, entry.share)
 

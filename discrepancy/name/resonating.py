@@ -14,7 +14,7 @@ from discrepancy.clock import OutOfTime
 from discrepancy.data.absorbers import Absorber, Carried, carried
 from discrepancy.data.modes import ENOUGH
 from discrepancy.data.record import is_driven
-from discrepancy.fit.continuation import ASTRAY, grown
+from discrepancy.fit.continuation import ASTRAY, beginnings, grown
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter, passive
@@ -37,7 +37,8 @@ class _Resonator(NamedTuple):
 
 def resonating(search: Search) -> Taken | None:
     """The model with a resonator for each further mode of the runs, as far as there are files for them, where these
-    answer as a mass that carries them and a fit with them leaves plainly less; None where not."""
+    answer as a mass that carries them and a fit with them leaves plainly less; None where not. Long runs are fitted by
+    their openings, from where a fit of the whole goes on."""
     records, whole = search.dataset.fit, search.whole
     gains = [search.nominal[f"sense_gain_{axis}"] for axis in "xy"[: whole.axes]]
     first, further = search.given.modes
@@ -49,14 +50,21 @@ def resonating(search: Search) -> Taken | None:
     if not taken:
         return None
     plain = whole.fit(replace(search.at, whiten=whole.plain(search.at.parameters)))
-    starts = [_begun(search, told, taken, plain, jointed=own) for own in (False, True)]
-    nearer, other = sorted(starts, key=lambda own: whole.off(own.at))
-    ends = [nearer._replace(at=_fitted(whole, nearer.at))]
+    near = whole if search.shortest == 1 else beginnings(whole, search.shortest)
+    without = plain if near is whole else near.fit(near.evaluated(plain))
+    starts = [_begun(search, near, told, taken, without, jointed=own) for own in (False, True)]
+    nearer, other = sorted(starts, key=lambda own: near.off(own.at))
+    ends = [nearer._replace(at=_fitted(near, nearer.at))]
     # Without the time for both, that which was nearer to begin with stands.
     with suppress(OutOfTime):
-        ends.append(other._replace(at=_fitted(whole, other.at)))
+        ends.append(other._replace(at=_fitted(near, other.at)))
     found = min(ends, key=lambda own: _price(search, own))
-    return found if whole.off(found.at) ** 2 <= ENOUGH * whole.off(plain) ** 2 else None
+    if near.off(found.at) ** 2 > ENOUGH * near.off(without) ** 2:
+        return None
+    if near is whole:
+        return found
+    search.simulator.forget(near.records)
+    return Taken(whole.evaluated(replace(found.at, whiten=plain.whiten)), found.taken, plain)
 
 
 def _price(search: Search, own: Taken) -> float:
@@ -64,28 +72,29 @@ def _price(search: Search, own: Taken) -> float:
     return own.at.count * own.at.unlikely + search.criteria.simpler * len(own.at.free)
 
 
-def _fitted(whole: Fitter, begun: Fitted) -> Fitted:
+def _fitted(fitter: Fitter, begun: Fitted) -> Fitted:
     """The fit from there; by beginnings that grow where it is not in step with the motion yet."""
-    return whole.fit(grown(whole, begun) if whole.off(begun) > ASTRAY else begun)
+    return fitter.fit(grown(fitter, begun) if fitter.off(begun) > ASTRAY else begun)
 
 
-def _begun(search: Search, told: Carried, resonators: Sequence[_Resonator], plain: Fitted, *, jointed: bool) -> Taken:
+def _begun(search: Search, fitter: Fitter, told: Carried, resonators: Sequence[_Resonator], plain: Fitted, *,
+           jointed: bool) -> Taken:  # fmt: skip
     """What is ``told``, not fitted; ``jointed``: with usual shapes of the resonators free as well, since what couples
     them is no spring alone. The mass is damped as is told, or at least as in the plain fit, where less is left so."""
-    whole, now = search.whole, search.at.parameters
+    now = search.at.parameters
     more = {name: max(d, now[name]) for name, d in zip(("dxx", "dyy"), np.diag(told.d), strict=False)}
-    at = replace(search.at, parameters={**now, "m": told.m, **_of_mass(told)}, whiten=plain.whiten)
+    at = replace(plain, free=search.at.free, parameters={**now, "m": told.m, **_of_mass(told)})
     taken = []
     for own in resonators:
         candidate, joints = own.candidate, unmoved(own.candidate) if jointed else []
         at = replace(at, parameters={**at.parameters, **candidate.shapes, **own.values},
-                     free=(*at.free, *candidate.free(whole.period)))  # fmt: skip
+                     free=(*at.free, *candidate.free(fitter.period)))  # fmt: skip
         if joints:
             at = freed(at, candidate, joints)
             at = replace(at, parameters={**at.parameters, **dict.fromkeys((q.name for q in joints), own.joint)})
         taken.append(replace(candidate, searched=(*candidate.searched, *joints)))
-    tried = [passive({**at.parameters, **own}, whole.axes) for own in ({}, more)]
-    fits = [whole.evaluated(replace(at, parameters=own)) for own in tried if all(own[name] > 0 for name in more)]
+    tried = [passive({**at.parameters, **own}, fitter.axes) for own in ({}, more)]
+    fits = [fitter.evaluated(replace(at, parameters=own)) for own in tried if all(own[name] > 0 for name in more)]
     return Taken(min(fits, key=lambda fit: fit.cost), taken, plain)
 
 

@@ -9,6 +9,7 @@ from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.modes import Mode
 from discrepancy.data.record import Hold
+from discrepancy.data.setting_out import as_shown
 from discrepancy.fit.continuation import beginnings, settled
 from discrepancy.fit.defect import Blemish, Data, Found
 from discrepancy.fit.fitted import Fitted
@@ -220,6 +221,12 @@ class Search:
         """Goes on without samples at or beyond ``level`` [V]."""
         return replace(self.on(clipped(self.dataset, level)), clip=level)
 
+    def begun(self) -> "Search":
+        """Goes on with runs that begin as their first samples show; what is fitted is as it was."""
+        search = self.on(begun(self.dataset))
+        starts = search.whole.starts(self.at.parameters)
+        return replace(search, fitter=search.whole, at=search.whole.evaluated(replace(self.at, starts=starts)))
+
     def held(self, hold: Hold) -> "Search":
         """Goes on with forces that ran so between samples."""
         return self.on(held(self.dataset, hold))
@@ -300,6 +307,11 @@ def clipped(dataset: Dataset, level: float) -> Dataset:
 def held(dataset: Dataset, hold: Hold) -> Dataset:
     """The runs with forces that ran so between samples."""
     return replace(dataset, records=tuple(replace(record, hold=hold) for record in dataset.records))
+
+
+def begun(dataset: Dataset) -> Dataset:
+    """The runs, each of which begins as its first samples show."""
+    return replace(dataset, records=tuple(map(as_shown, dataset.records)))
 
 
 def cleaned(dataset: Dataset, blemish: Blemish, data: Sequence[Data]) -> Dataset:

@@ -45,6 +45,9 @@ SCALED, ONE_FACTOR = 5e-3, 0.05
 """Mass and stiffness off nominal by more than a mass is known to, and all by one factor, to this share of it: three
 values of 2 % each agree so by chance once in a thousand times."""
 POWER: Final = 0.95
+AGAIN: Final = 10.0
+"""Seconds of work, beside ``time_limit``, for a fit without what is no name: few of its steps are needed, and of long
+runs with many resonators a step takes a second."""
 
 
 def assemble(search: Search, limits: Limits) -> Diagnosis:
@@ -122,7 +125,13 @@ def _without(search: Search, ids: Collection[str]) -> Search:
     gone = [a for a in search.accepted if a.id in ids and a.id not in staying]
     for entry in gone:
         search = replace(search.lacking(entry), at=search.without_effect(search.at, entry))
-    return replace(search, at=search.fitter.fit(search.at, LAST_ROUNDS)) if gone else search
+    if not gone:
+        return search
+    clock = search.simulator.clock
+    clock.until = max(clock.now, search.criteria.time_limit) + AGAIN
+    fitted = search.fitter.fit(search.at, LAST_ROUNDS)
+    clock.until = float("inf")
+    return replace(search, at=fitted)
 
 
 def _imitates(finding: Finding) -> str:

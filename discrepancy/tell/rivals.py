@@ -42,7 +42,7 @@ class Rival:
         fitter = Fitter(simulator, records)
         own = {n: values[n] for n in values if quantity_of(simulator.model, n).role == "parameter"}
         nominal = fitter.begin(own)
-        begun = fitter.evaluated(Fitted(self.values, fitter.at_rest, (), fitter.plain(values), ()))
+        begun = fitter.evaluated(Fitted(self.values, fitter.starts(self.values), (), fitter.plain(values), ()))
         free = (*nominal.free, *self._sizes(name))
         at = fitter.with_grams(replace(fitter.fit(begun, rounds=2), free=free))
         assert at.grams is not None

@@ -26,6 +26,11 @@ FAR_OFF: Final = 100.0
 """Times the square that the fit leaves: a fit without an effect that can't come below it is not finished, since what is
 ten times as far off on the runs to fit is no better on others."""
 
+SLIGHT: Final = 0.25
+"""Share of the way from the noise to where a gap is significant, that a stopped search may leave: a null under thermal
+motion, whose level a run shows to some per cent, was left 1.05 times its noise, a tenth of the
+way."""
+
 FAR_FROM_THERMAL: Final = 1000.0
 """Times the thermal force beyond which by how much is not told."""
 
@@ -108,7 +113,7 @@ def remainder(
     enough = share > limits.left or ratio > limits.far_above
     # What has the memory of a noise, and can be none, is there however little it stands out of the white noise.
     beyond = ratio > limit or bool(without)
-    stopped = bool(search.undone) and share > limits.left
+    stopped = bool(search.undone) and share > limits.left and ratio > 1 + SLIGHT * (limit - 1)
     significant = (beyond and enough) or stopped or search.fitter is not search.whole
     return Remainder(share, float(ratio), ratio > limit, bool(significant))
 

@@ -125,7 +125,7 @@ def diagnose(
     effects : sequence of str or Path
         Folders of further effect files.
     max_effects : int
-        Name at most so many.
+        Name at most so many, beside the further modes that the runs show.
     jobs : int
         Simulations at a time; None: one a core.
     seed : int

@@ -69,7 +69,9 @@ def diagnose(
         list[Path] | None, typer.Option(metavar="DIR", help="Folder of further effect files; repeatable.")
     ] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder to write; default results/NAME.")] = None,
-    max_effects: Annotated[int, typer.Option(help="Name at most so many effects.")] = MOST_EFFECTS,
+    max_effects: Annotated[
+        int, typer.Option(help="Name at most so many effects, beside the further modes that the runs show.")
+    ] = MOST_EFFECTS,
     jobs: Annotated[int | None, typer.Option(help="Simulations at a time; default one a core.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of whatever the search draws.")] = 0,
     criteria: Annotated[
