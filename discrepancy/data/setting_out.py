@@ -35,8 +35,8 @@ def shown(record: Record) -> Start:
     """What the first samples of a run of one axis show, whose sensor is of position or velocity."""
     first = record.valid[:SAMPLES]
     t, v = record.t[:SAMPLES][first] - record.t[0], record.v[:SAMPLES, 0][first]
-    # The force changes little over so few samples, and the acceleration with it.
-    powers = np.vander(t, 3 - record.order, increasing=True)
+    # Over so few samples force and speed change little, and what follows from them is a parabola.
+    powers = np.vander(t, 3, increasing=True)
     scale = np.abs(powers).max(axis=0)
     found, *_ = np.linalg.lstsq(powers / scale, v, rcond=None)
     error = v - powers / scale @ found

@@ -13,7 +13,7 @@ from discrepancy.data.dataset import Dataset
 from discrepancy.data.excitation import cramer_rao_bounds
 from discrepancy.data.linear_start import linear_start
 from discrepancy.data.record import Record, make_record
-from discrepancy.data.resisted import Resisted, alternatives, fewest
+from discrepancy.data.resisted import Resisted, alternatives, fewest, one_way
 
 RATE, SAMPLES, FINE = 1000.0, 10_000, 20
 MASS, DAMPING = 1.4e-4, 1.4e-4
@@ -95,6 +95,21 @@ def test_while_friction_holds_a_mass_no_force_moves_it(senses: str) -> None:
     # Where it stops and sets out the speed is smoothed over a hundredth of the run.
     assert found.friction == pytest.approx(0.03, rel=0.3)
     assert abs(found.constant) < 0.1 * found.friction
+
+
+def test_an_inertia_is_found_where_its_bearings_rub_more_in_one_run_than_in_another() -> None:
+    # An equation of integrals of the motion had 13 times the inertia.
+    shares = (0.9, 1.0, 1.1, 0.95, 1.08)
+    runs = [motor(stairs if i % 2 else lambda t: -stairs(t), 0.02 * own, -0.004) for i, own in enumerate(shares)]
+    *_, both = alternatives(runs, 1.0)
+    assert both.m == pytest.approx(MASS, rel=0.2)
+    assert both.d == pytest.approx(DAMPING, rel=0.2)
+    assert (both.friction, both.constant) == pytest.approx((0.02, -0.004), rel=0.2)
+
+
+def test_runs_that_go_either_way_tell_friction_from_a_constant_force() -> None:
+    there, back = motor(stairs, 0.02), motor(lambda t: -stairs(t), 0.02)
+    assert one_way([there]) and one_way([back]) and not one_way([there, back])
 
 
 def test_the_mean_speed_of_a_mass_that_nothing_holds_is_its_own() -> None:

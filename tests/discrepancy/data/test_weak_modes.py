@@ -5,8 +5,10 @@ from typing import get_args
 import numpy as np
 import pytest
 from hidden_sets import made
+from structures import Structure as Hung
 
-from benchmarks.structures import Structure, drawn, runs
+from benchmarks.rubbing import Rubbing, motion
+from benchmarks.structures import Structure, chain, drawn, runs, runs_of
 from discrepancy.data.linear_start import linear_start
 from discrepancy.data.modes import further_modes
 from discrepancy.data.record import Record, Senses
@@ -29,6 +31,31 @@ def test_modes_beyond_the_band_of_almost_all_power_are_found_in_what_the_others_
     first, further = all_modes(records)
     # Poles of noise of 0.003 of the motion, the weakest a hundredth of that motion.
     np.testing.assert_allclose([mode.frequency for mode in sorted([*first, *further])], own.modes, rtol=3e-3)
+
+
+# Seeds of which a model of the whole band leaves no mode out, but what the friction leaves had hidden one or two.
+@pytest.mark.parametrize(("seed", "friction", "missed"), [(1, 0.2, 1), (3, 0.4, 0), (6, 0.2, 0)])
+def test_a_mode_stands_out_around_its_peak_where_the_mass_rubs(seed: int, friction: float, missed: int) -> None:
+    rng = np.random.default_rng(seed)
+    own = chain(rng, 4)
+    rubbing = Rubbing(own, friction, 0.0, 1.0)
+    records = runs_of(own.modes, rng, "velocity", "zero", 1e-3, lambda u, step: motion(rubbing, u, step, "zero"))[:2]
+    first, further = further_modes(records)
+    found = sorted(mode.frequency for mode in (*first, *further))
+    # A friction of a fifth of the force and more shifts what a linear model sees.
+    np.testing.assert_allclose(found, own.modes[: 4 - missed], rtol=5e-3)
+
+
+def test_an_accelerometer_sees_a_structure_on_a_soft_suspension_as_a_whole() -> None:
+    stiffness = np.array([[3e4 + 300.0, -3e4, 0], [-3e4, 8e4, -5e4], [0, -5e4, 5e4]])
+    hung = Hung(np.array([1.0, 0.8, 1.2]), stiffness, [0], [0])
+    own = hung.frequencies(held=[])
+    records = [hung.record(name, "fit", seed, 1e-3, accelerations=True) for name, seed in (("a", 1), ("b", 2))]
+    first, further = all_modes(records)
+    lowest, *above = sorted(mode.frequency for mode in (*first, *further))
+    # The force begins at 5 Hz; below, only a mass shows, and no frequency.
+    assert own[0] < 5 and lowest < 5
+    np.testing.assert_allclose(above, own[1:], rtol=1e-3)
 
 
 def test_the_first_mode_is_that_of_the_model_with_all() -> None:

@@ -60,6 +60,13 @@ def test_a_single_size_that_may_be_neutral_shows_by_nothing_else(monkeypatch: py
     assert list(unasked(searched("comb_fringe", questioned=False))) == ["comb_fringe"]
 
 
+def test_what_the_fit_has_put_to_neutral_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    shows(monkeypatch, "nonlinear_damping")
+    search = searched(questioned=False)
+    search.at.parameters.update(d2_x=0.0, d2_y=0.0)
+    assert list(unasked(search)) == ["nonlinear_damping"]
+
+
 @pytest.mark.parametrize(
     ("neutral", "lost", "stays"),
     [(False, False, False), (False, True, True), (True, False, False), (True, True, False)],

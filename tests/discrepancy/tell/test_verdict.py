@@ -163,6 +163,25 @@ def test_a_stopped_search_does_not_stand_by_names_beside_what_it_leaves(
     assert (name > 0.9) == believed and (name <= 0.5) != believed
 
 
+def test_what_a_stopped_search_leaves_within_what_is_known_of_the_noise_is_noise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(verdict, "_memory", lambda *_: 1.0)
+    monkeypatch.setattr(verdict, "_at_most", lambda _: np.inf)
+    monkeypatch.setattr(verdict, "repeated_noise", lambda _: None)
+    run = SimpleNamespace(v=np.ones((4, 2)), valid=np.ones(4, bool))
+    stopped = search()
+    stopped.dataset = SimpleNamespace(held_out=(run,), records=())
+    stopped.fitter = stopped.whole = SimpleNamespace(signal=1.0)
+    stopped.undone = ["effects behind a noise of the motion"]
+    # Noise of 2 with its memory, known to a quarter of the half that it may be more.
+    for final, left in ((1.05 * 2**0.5, False), (1.2 * 2**0.5, True)):
+        gaps = {"noise_floor": 1.0, "final": final, "refit": final}
+        rest = verdict.remainder(stopped, stages(2.4, final, final), gaps, {})
+        assert rest.share > Criteria().left
+        assert rest.significant == left
+
+
 def test_a_comparison_for_which_there_is_no_time_leaves_the_name(monkeypatch: pytest.MonkeyPatch) -> None:
     def late(*_: object) -> float:
         raise OutOfTime
