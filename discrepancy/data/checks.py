@@ -352,10 +352,11 @@ def excitation(dataset: Dataset) -> Iterator[Finding]:
 
 def _none(dataset: Dataset, name: str, bound: float) -> bool:
     """Whether a stiffness or damping is known to be none over these runs: how much of itself it is known to says
-    nothing then."""
+    nothing then. A spring that nobody has stated, and that the record does not show, is none."""
     duration = max(len(record.t) / record.sample_rate for record in dataset.fit)
     least = {"k": (2 * np.pi * NO_SPRING / duration) ** 2, "d": NO_DAMPING / duration}
     direct = name in ("kxx", "kyy", "dxx", "dyy")
+    bound = 0.0 if name[0] == "k" and name in dataset.estimated else bound
     return direct and (1 + bound) * dataset.nominal[name] < least[name[0]] * dataset.nominal["m"]
 
 
