@@ -15,7 +15,6 @@ from discrepancy import MOST_EFFECTS
 from discrepancy.clock import Clock, OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
-from discrepancy.data.weak_modes import all_modes
 from discrepancy.fit.openings import Opening
 from discrepancy.fit.refit import DEFAULT
 from discrepancy.fit.simulate import Simulator
@@ -156,7 +155,7 @@ def diagnose(
             return stack.enter_context(Simulator(joined(model, [term.effect for term in terms]), jobs, clock))
 
         clock = Clock(jobs or os.cpu_count() or 1)
-        modes = all_modes(dataset.fit)
+        modes = dataset.modes
         more = copies(model, dataset.fit[0].axes, len(modes[1]))
         model = with_copies(model, more)
         settings = {"max_effects": max_effects, "seed": seed, "further": further is not None, **asdict(criteria)}

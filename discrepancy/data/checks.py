@@ -24,7 +24,6 @@ from discrepancy.data.linear_fit import (
 )
 from discrepancy.data.modes import Mode
 from discrepancy.data.record import Record
-from discrepancy.data.weak_modes import all_modes
 from gyro_model.errors import InputError
 
 JITTER_REFUSED, JITTER_WARNED = 0.25, 0.01
@@ -82,7 +81,7 @@ class Finding(NamedTuple):
 
 def check(dataset: Dataset) -> list[Finding]:
     """What the reader should know about ``dataset``. Raises InputError, one line, where it must not be fitted."""
-    beside = list(modes(dataset.fit))
+    beside = list(modes(*dataset.modes))
     findings = [*beside, *(Finding("assumed", "", note) for note in dataset.notes)]
     for record in dataset.records:
         try:
@@ -98,9 +97,8 @@ def check(dataset: Dataset) -> list[Finding]:
     return [*findings, *hold(dataset), *excitation(dataset)]
 
 
-def modes(records: Sequence[Record]) -> Iterator[Finding]:
-    """Says where the runs show more modes than the model has, one an axis."""
-    own, more = all_modes(records)
+def modes(own: Sequence[Mode], more: Sequence[Mode]) -> Iterator[Finding]:
+    """Says where runs show more modes than the model has, one an axis."""
     if more:
         yield Finding(
             "modes", "",
@@ -123,7 +121,10 @@ def hold(dataset: Dataset) -> Iterator[Finding]:
 
 
 def _at(found: Sequence[Mode]) -> str:
-    return ", ".join(f"{mode.frequency:.4g} Hz (Q {mode.quality:.2g})" for mode in found)
+    return ", ".join(
+        f"{mode.frequency:.4g} Hz (Q {mode.quality:.2g})" if mode.seen else "one below the band of the force"
+        for mode in found
+    )
 
 
 def record_findings(record: Record, nominal: Mapping[str, float]) -> list[Finding]:

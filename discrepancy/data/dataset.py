@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import inf
 from pathlib import Path
 from typing import Any, Final, NamedTuple, get_args
@@ -9,9 +10,11 @@ from typing import Any, Final, NamedTuple, get_args
 import numpy as np
 
 from discrepancy.data.linear_start import linear_start, sensor_gains
+from discrepancy.data.modes import Mode
 from discrepancy.data.offset import levelled
 from discrepancy.data.record import Floats, Hold, Record, Role, Senses, is_driven, make_record
 from discrepancy.data.table import SUFFIXES, read_columns
+from discrepancy.data.weak_modes import all_modes
 from gyro_model.device import check_passive
 from gyro_model.errors import InputError, nearest
 from gyro_model.model import Model, load_model
@@ -87,6 +90,11 @@ class Dataset:
     def held_out(self) -> tuple[Record, ...]:
         """The runs that no fit or choice sees."""
         return tuple(record for record in self.records if record.role == "held-out")
+
+    @cached_property
+    def modes(self) -> tuple[list[Mode], list[Mode]]:
+        """The modes that the runs to fit show, one an axis and further ones."""
+        return all_modes(self.fit)
 
     def _check_nominal(self) -> None:
         model = self.model

@@ -62,10 +62,11 @@ PATIENCE: Final = 2
 
 
 class Mode(NamedTuple):
-    """frequency [Hz] and quality factor."""
+    """frequency [Hz] and quality factor; seen: whether a peak shows it, or these are a guess."""
 
     frequency: float
     quality: float
+    seen: bool = True
 
 
 def further_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:

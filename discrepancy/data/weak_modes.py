@@ -45,7 +45,7 @@ def all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
 def _as_a_whole(records: Sequence[Record], known: Sequence[Mode]) -> list[Mode]:
     """The mode below the force's band without which the ``known`` ones leave much more; none where there is none."""
     lowest = min(known[0].frequency, *(_driven_from(record) for record in records))
-    tried = [Mode(share * lowest, SUSPENDED) for share in BELOW]
+    tried = [Mode(share * lowest, SUSPENDED, seen=False) for share in BELOW]
     left = {mode: answered(records, [mode, *known]).left for mode in tried}
     best = min(tried, key=left.__getitem__)
     return [best] if left[best] ** 2 < ENOUGH * answered(records, known).left ** 2 else []

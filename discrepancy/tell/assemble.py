@@ -382,7 +382,7 @@ def _doubts(search: Search, rest: Remainder, residuals: Sequence[Floats]) -> tup
             'state that in dataset.toml, or hold = "zero" where it was held'
         )
     if rest.significant:
-        found += [str(finding) for finding in modes(search.given.dataset.fit)]
+        found += [str(finding) for finding in modes(*search.given.modes)]
         known = list(mode_frequencies(search.at.parameters, search.dataset.axes))
         said = unlike_gains(search.dataset.fit, residuals), left_modes(search.dataset.fit, residuals, known)
         found += [text for text in said if text]
