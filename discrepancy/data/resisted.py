@@ -29,7 +29,7 @@ BACK: Final = 0.02
 """Share of the way that smoothed noise goes back while a mass moves one way."""
 SLOWEST, FASTEST, TRIALS = 0.05, 1e3, 24
 """Times that damping takes the speed away within a run, and how many are tried besides none: each is half as much again
-as the one before, and no run has two minima so near each other."""
+as the one before."""
 SETTLED: Final = 1e-4
 """Of the logarithm of that, to which the best is found."""
 

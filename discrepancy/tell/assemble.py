@@ -390,6 +390,9 @@ def _doubts(search: Search, rest: Remainder, residuals: Sequence[Floats]) -> tup
         found.append(
             f"{rest.share:.2g} of the refit's residual power is left: {rest.ratio:.3g} times the noise on held-out runs"
         )
+    if not search.questioned:
+        found += [f"{a.id} of the record was not held against data that no fit saw" for a in search.accepted
+                  if a.of_record]  # fmt: skip
     if search.undone:
         limit, not_done = search.criteria.time_limit, "; ".join(dict.fromkeys(search.undone))
         found.append(f"stopped within the {limit:g} s of time_limit, not done: {not_done}; --criteria FILE allows more")
