@@ -31,6 +31,9 @@ Settle = Callable[[Fitter, Fitted], tuple[Fitter, Fitted]]
 Result = TypeVar("Result")
 
 WHOLE_RUNS: Final = "fit over whole runs"
+BEYOND: Final = 10.0
+"""Seconds of work, beside ``time_limit``, for what an answer is the better for but can do without: of long runs with
+many resonators a step of a fit takes a second, and with a hysteresis beside them seven."""
 
 
 @dataclass(frozen=True)
@@ -195,6 +198,11 @@ class Search:
     def until(self, share: float) -> None:
         """Gives the present part the time to this share of all."""
         self.simulator.clock.until = share * self.criteria.time_limit
+
+    def beyond(self) -> None:
+        """Gives the present part a little more than is left."""
+        clock = self.simulator.clock
+        clock.until = max(clock.now, self.criteria.time_limit) + BEYOND
 
     def significant(self) -> list[Scored]:
         """What is significant and material beside the present model, best first."""

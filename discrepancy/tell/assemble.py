@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from math import inf
 from typing import Any, Final
 
 import numpy as np
@@ -45,23 +46,19 @@ SCALED, ONE_FACTOR = 5e-3, 0.05
 """Mass and stiffness off nominal by more than a mass is known to, and all by one factor, to this share of it: three
 values of 2 % each agree so by chance once in a thousand times."""
 POWER: Final = 0.95
-AGAIN: Final = 10.0
-"""Seconds of work, beside ``time_limit``, for a fit without what is no name: few of its steps are needed, and of long
-runs with many resonators a step takes a second."""
 
 
 def assemble(search: Search, limits: Limits) -> Diagnosis:
     """The answer of ``search``, with experiments within ``limits``. Opens the held-out runs."""
     search.progress("held-out runs")
-    clock = search.simulator.clock
-    clock.until = float("inf")
+    search.until(inf)
     search = _with_clean_held_out(search)
     setting = search.at.whiten.setting
     noise = noise_of(search.at.residuals, search.fitter.records, search.at.parameters, setting)
     clipped = _clipping(search)
     parameters = {**search.at.parameters, **{k: v.value for f in clipped for k, v in f.parameters.items()}}
     stages = _stages(search, parameters, [f.id for f in clipped])
-    device = intervals(search)
+    search, device = intervals(search)
     experiments = _experiments(search, noise, limits)
     weak = unasked(search)
     named = [
@@ -79,9 +76,9 @@ def assemble(search: Search, limits: Limits) -> Diagnosis:
     places = located(whole, runs, refitted.parameters, setting)
     known = _disturbances(search)
     noises, absurd = sane(_noises(search, noise, known), search)
-    clock.until = search.criteria.time_limit
+    search.until(1.0)
     search, worse = worse_without(search, effects, stages, gaps)
-    clock.until = float("inf")
+    search.until(inf)
     rest = remainder(search, stages, gaps, absurd)
     against = search.refuted | worse.keys()
     effects = tuple(replace(f, probability=probability(search, f, rest, stages, f.id in against)) for f in effects)
@@ -100,8 +97,7 @@ def assemble(search: Search, limits: Limits) -> Diagnosis:
     final = search.at.parameters
     withdrawn = {f.id for f in parts} | weak.keys()
     if withdrawn:
-        search = _without(search, withdrawn)
-        device = intervals(search)
+        search, device = intervals(_without(search, withdrawn))
         parameters = {**search.at.parameters, **{k: v.value for f in clipped for k, v in f.parameters.items()}}
         # What stands is as large as the improved device has it.
         effects = tuple(replace(f, parameters={n: device.get(n, own) for n, own in f.parameters.items()})
@@ -127,11 +123,10 @@ def _without(search: Search, ids: Collection[str]) -> Search:
         search = replace(search.lacking(entry), at=search.without_effect(search.at, entry))
     if not gone:
         return search
-    clock = search.simulator.clock
-    clock.until = max(clock.now, search.criteria.time_limit) + AGAIN
-    fitted = search.fitter.fit(search.at, LAST_ROUNDS)
-    clock.until = float("inf")
-    return replace(search, at=fitted)
+    search.beyond()
+    search = replace(search, at=search.fitter.fit(search.at, LAST_ROUNDS))
+    search.until(inf)
+    return search
 
 
 def _imitates(finding: Finding) -> str:

@@ -40,7 +40,7 @@ def test_what_makes_up_for_a_part_that_was_left_out_has_an_interval_that_holds_t
     part = left_out(plain.accepted[0].candidate.effect, {free.name for free in plain.at.free})
     assert part is not None
     assert part.size.name == "stribeck"
-    told, deviations = intervals(plain), plain.fitter.deviations(plain.at)
+    told, deviations = intervals(plain)[1], plain.fitter.deviations(plain.at)
     for name in ("friction_x", "friction_y"):
         value = told[name].value
         # By the fit alone, which takes the friction near rest for that at speed, it is too large for the truth.
@@ -50,8 +50,18 @@ def test_what_makes_up_for_a_part_that_was_left_out_has_an_interval_that_holds_t
     assert told["friction_speed"].low < HIDDEN["friction_speed"] < told["friction_speed"].high
 
 
+def test_what_there_is_no_time_for_is_said(plain: Search, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("discrepancy.name.search.BEYOND", -1e9)
+    after, told = intervals(plain)
+    assert after.undone == (*plain.undone, "dry_friction beside what was not fitted")
+    deviations = plain.fitter.deviations(plain.at)
+    for name in ("m", "friction_x"):
+        now = plain.at.parameters[name]
+        assert told[name].high == pytest.approx(now + WIDTH * deviations[name])
+
+
 def test_what_no_part_was_left_out_of_has_the_interval_of_the_fit(plain: Search) -> None:
-    told, deviations = intervals(plain), plain.fitter.deviations(plain.at)
+    told, deviations = intervals(plain)[1], plain.fitter.deviations(plain.at)
     for name in ("m", "kxx", "dxy"):
         now = plain.at.parameters[name]
         assert (told[name].low, told[name].high) == pytest.approx(
