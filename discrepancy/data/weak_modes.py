@@ -12,7 +12,7 @@ import numpy as np
 from scipy.signal import coherence, welch
 
 from discrepancy.data.modes import APART, ENOUGH, LEAST, MOST, POWER, Mode, answering, apart, further_modes
-from discrepancy.data.record import Record, is_driven
+from discrepancy.data.record import Floats, Record, is_driven
 from discrepancy.data.residues import answered
 
 WINDOWS: Final = 8
@@ -73,6 +73,12 @@ def _hidden(records: Sequence[Record], known: Sequence[Mode]) -> list[Mode]:
     return new if better else []
 
 
+def _coherence(u: Floats, v: Floats, window: int) -> Floats:
+    """Of a force and a voltage; none where there is no force."""
+    with np.errstate(invalid="ignore"):
+        return np.nan_to_num(coherence(u, v, nperseg=window)[1])
+
+
 def _following(records: Sequence[Record], known: Sequence[Mode]) -> float:
     """The share of the voltage's power that goes with the forces, by their coherence, beside the peaks of ``known``
     modes: an effect that changes one leaves most there."""
@@ -86,6 +92,6 @@ def _following(records: Sequence[Record], known: Sequence[Mode]) -> float:
             beside &= np.abs(f - mode.frequency) > wide
         for v in record.v.T:
             own = welch(v, nperseg=window)[1]
-            told += sum(float(coherence(u, v, nperseg=window)[1][beside] @ own[beside]) for u in record.u.T if u.any())
+            told += sum(float(_coherence(u, v, window)[beside] @ own[beside]) for u in record.u.T if u.any())
             power += float(own.sum())
     return told / power if power else 0.0
