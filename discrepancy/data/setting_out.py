@@ -15,6 +15,8 @@ from discrepancy.data.record import Record
 
 SAMPLES: Final = 50
 """First ones, that show it."""
+FEWEST: Final = 10
+"""Of these that must be valid."""
 SURE, PLAINLY = 0.005, 0.01
 """Of the highest speed: deviation up to which these know the speed, and by how much another is plainly not that."""
 DEVIATIONS: Final = 5.0
@@ -35,6 +37,8 @@ def shown(record: Record) -> Start:
     """What the first samples of a run of one axis show, whose sensor is of position or velocity."""
     first = record.valid[:SAMPLES]
     t, v = record.t[:SAMPLES][first] - record.t[0], record.v[:SAMPLES, 0][first]
+    if len(t) < FEWEST:
+        return Start(0.0, 0.0, np.inf)
     # Over so few samples force and speed change little, and what follows from them is a parabola.
     powers = np.vander(t, 3, increasing=True)
     scale = np.abs(powers).max(axis=0)
@@ -53,15 +57,20 @@ def contradicted(records: Sequence[Record], starts: Sequence[Mapping[str, float]
     off = False
     for record, start in zip(records, starts, strict=True):
         told, top = shown(record), _highest(record)
-        if told.deviation > SURE * top:
+        if not _known(record, told):
             return False
         off = off or abs(gain * start["x_dot_start"] - told.speed) > max(DEVIATIONS * told.deviation, PLAINLY * top)
     return off
 
 
 def as_shown(record: Record) -> Record:
-    """The run with that start, which no fit changes."""
-    return replace(record, begun=shown(record)[:2])
+    """The run with that start, which no fit changes; as it is where its first samples do not know it."""
+    told = shown(record)
+    return replace(record, begun=told[:2]) if _known(record, told) else record
+
+
+def _known(record: Record, told: Start) -> bool:
+    return told.deviation <= SURE * _highest(record)
 
 
 def _highest(record: Record) -> float:

@@ -47,7 +47,7 @@ def _state(search: Search) -> dict[str, Any]:
         "refused": sorted(search.refused),
         "clip": search.clip,
         "hold": search.dataset.records[0].hold,
-        "begun": int(search.dataset.records[0].begun is not None),
+        "begun": int(any(record.begun for record in search.dataset.records)),
         "blemishes": [[b.id, list(map(list, f.data)), {k: list(v) for k, v in f.levels.items()}] for b, f in found],
         "at": store.fit_state(search.whole, search.fitter, search.at),
         "refitted": search.refitted_state or store.fit_state(search.whole, search.fitter, search.refitted),

@@ -1,6 +1,8 @@
 """A mass that no spring holds, with dry friction, moved by a position controller: its own simulation, in fine steps."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from discrepancy.data.linear_start import linear_start
 from discrepancy.data.record import Record, Role, make_record
 from discrepancy.diagnose import diagnose
 from discrepancy.fit.simulate import Simulator
-from discrepancy.name.begin import begin
+from discrepancy.name.begin import begin, resume
 from discrepancy.name.search import Given
 from gyro_model.model import load_model
 
@@ -106,8 +108,12 @@ def test_bearings_that_rub_more_in_one_run_than_in_another_lead_no_fit_to_a_star
     nominal = linear_start(runs, (1.0,))
     assert nominal is not None
     dataset = Dataset(Path(), nominal, (*runs, _motor((0.06, 0.055), "held-out")))
+    states: list[Mapping[str, Any]] = []
     with Simulator(load_model(), 1) as simulator:
-        search = begin(Given(dataset), simulator)
+        search = begin(Given(dataset, keep=states.append), simulator)
+        again = resume(Given(dataset), simulator, (), states[-1])
+    assert [run.begun for run in again.dataset.records] == [run.begun for run in search.dataset.records]
+    assert again.at.starts == search.at.starts
     assert {entry.id for entry in search.accepted} >= {"dry_friction"}
     # At 1 ms from rest; a fit with starts free ended at up to 290 rad/s.
     assert all(abs(start["x_dot_start"]) < 1.0 for start in search.at.starts)

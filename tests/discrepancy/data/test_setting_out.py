@@ -46,6 +46,10 @@ def test_what_noise_hides_contradicts_nothing() -> None:
     run = thrown(0.0, 0.0, "position")
     noisy = replace(run, v=run.v + np.random.default_rng(2).standard_normal(run.v.shape))
     assert not contradicted([run, noisy], [{"x_dot_start": 1.0}, {"x_dot_start": 1.0}], GAIN)
+    assert as_shown(noisy).begun is None
+    clipped = replace(run, valid=np.arange(SAMPLES) > 45)
+    assert not contradicted([clipped], [{"x_dot_start": 1.0}], GAIN)
+    assert as_shown(clipped).begun is None
 
 
 def test_a_run_is_held_to_what_it_shows() -> None:
