@@ -52,7 +52,7 @@ TWICE: Final = 2.0
 """Times what all leave, that is left without one that counts."""
 AT_ITS_PEAK: Final = 20.0
 """The same around its peak, in driven runs: 33 to 450 with six modes of an aircraft whose joints rub, of which the
-weakest answers with 6 % of the motion while rubbing leaves 8 %; 5.2 with what stands for a spring that bends."""
+weakest takes 6 % of the motion where 11 % are left; 5.2 with what stands for a spring that bends."""
 BETTER: Final = 1.2
 """Times what a model of more states leaves, that is left without these: 1.2 to 2.5 with each pair of states while modes
 of a chain of four masses were still missing, 1.01 at most with those after the last of a decay."""

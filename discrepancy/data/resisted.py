@@ -2,8 +2,9 @@
 
 With a = d/m the speed is v' = -a v + (u - f sign x' + c)/m, so that the motion of a given a is linear in 1/m, f/m, c/m
 and in each run's own start; a itself is found by trial (variable projection: G. Golub and V. Pereyra, SIAM Journal on
-Numerical Analysis 10, 1973). Of what was measured only the sign of its speed is taken: a motion that differs from run
-to run by a tenth, as bearings do, led an equation of its integrals to twenty times the inertia. While friction holds
+Numerical Analysis 10, 1973). Of what was measured only the sign of its speed is taken: where
+the same torque turned a motor a tenth faster in one run than in another, an equation of integrals of the motion gave
+sixteen times the inertia. While friction holds
 the mass at rest it takes up all of the force. Of a sensor of velocity it is the speed itself.
 """
 
@@ -32,6 +33,8 @@ SLOWEST, FASTEST, TRIALS = 0.05, 1e3, 24
 as the one before."""
 SETTLED: Final = 1e-4
 """Of the logarithm of that, to which the best is found."""
+HELD: Final = [1, 2, 4]
+"""Forces that rest acts on, of those of a motion."""
 
 
 class Resisted(NamedTuple):
@@ -79,10 +82,6 @@ def one_way(records: Sequence[Record]) -> bool:
             return False
         ahead, back = ahead + own[0], back + own[1]
     return bool((np.minimum(ahead, back) <= BACK * (ahead + back)).all())
-
-
-HELD: Final = [1, 2, 4]
-"""Forces that rest acts on, of those of a motion."""
 
 
 class _Motion:

@@ -28,8 +28,8 @@ ten times as far off on the runs to fit is no better on others."""
 
 SLIGHT: Final = 0.25
 """Share of the way from the noise to where a gap is significant, that a stopped search may leave: a null under thermal
-motion, whose level a run shows to some per cent, was left 1.05 times its noise, a tenth of the
-way."""
+motion, whose level a run shows to some per cent, was left 1.05 times its noise, a tenth
+of the way."""
 
 FAR_FROM_THERMAL: Final = 1000.0
 """Times the thermal force beyond which by how much is not told."""

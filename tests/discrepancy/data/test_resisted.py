@@ -98,7 +98,6 @@ def test_while_friction_holds_a_mass_no_force_moves_it(senses: str) -> None:
 
 
 def test_an_inertia_is_found_where_its_bearings_rub_more_in_one_run_than_in_another() -> None:
-    # An equation of integrals of the motion had 13 times the inertia.
     shares = (0.9, 1.0, 1.1, 0.95, 1.08)
     runs = [motor(stairs if i % 2 else lambda t: -stairs(t), 0.02 * own, -0.004) for i, own in enumerate(shares)]
     *_, both = alternatives(runs, 1.0)

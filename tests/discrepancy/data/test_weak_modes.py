@@ -33,7 +33,7 @@ def test_modes_beyond_the_band_of_almost_all_power_are_found_in_what_the_others_
     np.testing.assert_allclose([mode.frequency for mode in sorted([*first, *further])], own.modes, rtol=3e-3)
 
 
-# Seeds of which a model of the whole band leaves no mode out, but what the friction leaves had hidden one or two.
+# Seeds of which what the friction leaves had hidden the first mode; of one, another is not found either.
 @pytest.mark.parametrize(("seed", "friction", "missed"), [(1, 0.2, 1), (3, 0.4, 0), (6, 0.2, 0)])
 def test_a_mode_stands_out_around_its_peak_where_the_mass_rubs(seed: int, friction: float, missed: int) -> None:
     rng = np.random.default_rng(seed)

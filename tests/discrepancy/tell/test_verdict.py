@@ -142,11 +142,8 @@ def test_only_values_that_a_laboratory_states_say_that_the_force_is_off() -> Non
         assert any("force_scale were -9.09%" in doubt for doubt in _scaled(found)) == said
 
 
-@pytest.mark.parametrize(("undone", "believed"), [([], True), (["another term in the place of a name"], False)])
-def test_a_stopped_search_does_not_stand_by_names_beside_what_it_leaves(
-    monkeypatch: pytest.MonkeyPatch, undone: list[str], believed: bool
-) -> None:
-    """Noise with a memory may be 1.4 times as much; of a search that ended, not of one that has not tried all."""
+def stopped_search(monkeypatch: pytest.MonkeyPatch, undone: list[str]) -> Any:
+    """A search that had no time for what is ``undone``, under noise of which half has a memory."""
     monkeypatch.setattr(verdict, "_memory", lambda *_: 1.0)
     monkeypatch.setattr(verdict, "_at_most", lambda _: np.inf)
     monkeypatch.setattr(verdict, "repeated_noise", lambda _: None)
@@ -155,6 +152,15 @@ def test_a_stopped_search_does_not_stand_by_names_beside_what_it_leaves(
     stopped.dataset = SimpleNamespace(held_out=(run,), records=())
     stopped.fitter = stopped.whole = SimpleNamespace(signal=1.0)
     stopped.undone = undone
+    return stopped
+
+
+@pytest.mark.parametrize(("undone", "believed"), [([], True), (["another term in the place of a name"], False)])
+def test_a_stopped_search_does_not_stand_by_names_beside_what_it_leaves(
+    monkeypatch: pytest.MonkeyPatch, undone: list[str], believed: bool
+) -> None:
+    """Noise with a memory may be 1.4 times as much; of a search that ended, not of one that has not tried all."""
+    stopped = stopped_search(monkeypatch, undone)
     found = stages(2.4, 2.2, 2.0)
     rest = verdict.remainder(stopped, found, {"noise_floor": 1.0, "final": 2.0, "refit": 2.4}, {})
     assert rest.share == pytest.approx(2.0 / 2.4**2) and not rest.above
@@ -166,14 +172,7 @@ def test_a_stopped_search_does_not_stand_by_names_beside_what_it_leaves(
 def test_what_a_stopped_search_leaves_within_what_is_known_of_the_noise_is_noise(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(verdict, "_memory", lambda *_: 1.0)
-    monkeypatch.setattr(verdict, "_at_most", lambda _: np.inf)
-    monkeypatch.setattr(verdict, "repeated_noise", lambda _: None)
-    run = SimpleNamespace(v=np.ones((4, 2)), valid=np.ones(4, bool))
-    stopped = search()
-    stopped.dataset = SimpleNamespace(held_out=(run,), records=())
-    stopped.fitter = stopped.whole = SimpleNamespace(signal=1.0)
-    stopped.undone = ["effects behind a noise of the motion"]
+    stopped = stopped_search(monkeypatch, ["effects behind a noise of the motion"])
     # Noise of 2 with its memory, known to a quarter of the half that it may be more.
     for final, left in ((1.05 * 2**0.5, False), (1.2 * 2**0.5, True)):
         gaps = {"noise_floor": 1.0, "final": final, "refit": final}
