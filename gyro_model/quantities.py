@@ -233,10 +233,8 @@ PARAMETERS = (
     _parameter("x_dot_start", "m/s", 0.0, "x velocity at the start", nominal=0.02, display="mm/s"),
     _parameter("y_start", "m", 0.0, "y displacement at the start", nominal=1e-6, display="µm"),
     _parameter("y_dot_start", "m/s", 0.0, "y velocity at the start", nominal=0.02, display="mm/s"),
-    _parameter(
-        "internal_step", "s", 5e-6, "longest step of the integrator, whose grid it is", 1e-9, 1e-3, display="µs"
-    ),
-    _parameter("sample_period", "s", 5e-6, "time between samples and between draws of noise", 1e-9, 1.0, display="µs"),
+    _parameter("internal_step", "s", 5e-6, "longest step of the integrator, whose grid it is", 1e-9, 1e3, display="µs"),
+    _parameter("sample_period", "s", 5e-6, "time between samples and between draws of noise", 1e-9, 1e3, display="µs"),
     Quantity("seed", "1", 0, "seed of all noises", "parameter", 0, 2**31 - 1, integer=True),
     Quantity(
         "step_limit",

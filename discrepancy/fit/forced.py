@@ -9,12 +9,13 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from discrepancy.data.record import CONDITIONS, Floats, Record
 from discrepancy.fit.defect import distortions
+from gyro_model.quantities import PARAMETERS
 
 OVERSAMPLING: Final = 3
 """Steps a sample where u runs between samples. What their hold shrinks is made up for (``between``); images of a force
 at f come back at f from about 3/T, f/(3/T - f) as strong and weaker by the square of that ratio in the motion: 1e-3 of
 what a force at a third of the rate does, 2e-5 of the Silverbox' output."""
-LONGEST: Final = 1e-3
+LONGEST: Final = next(q.high for q in PARAMETERS if q.name == "internal_step")
 """Longest step [s] that the FMU takes."""
 MARGIN: Final = 256
 """Samples by which a record is continued at both ends before it is interpolated band-limited."""

@@ -25,16 +25,18 @@ UNTOLD: Final = 0.3
 TINY: Final = 1e-300
 
 
-def start_fitted(simulator: Simulator, record: Record, parameters: Mapping[str, float]) -> tuple[Floats, int]:
-    """The residual (n, axes) [V] of a run whose first samples gave the initial state, and how many those were: as many
-    as it takes, where effects have states of their own."""
-    n = _unscored(record)
+def start_fitted(
+    simulator: Simulator, record: Record, parameters: Mapping[str, float], start: int | None = None
+) -> tuple[Floats, int]:
+    """The residual (n, axes) [V] of a run whose first samples gave the initial state, and how many those were:
+    ``start`` where that is known, else as many as it takes, where effects have states of their own."""
+    n = start or _unscored(record)
     run = Fitter(simulator, [record])
     while True:
         head = Fitter(simulator, [_head(record, n)])
         begun = _begun(head, parameters)
         at = run.evaluated(replace(begun, whiten=run.plain(parameters)))
-        enough = len(head.state_names(begun)) == 2 * record.axes or 2 * n > len(record.t) // 2
+        enough = bool(start) or len(head.state_names(begun)) == 2 * record.axes or 2 * n > len(record.t) // 2
         enough = enough or _tells(head, begun, run, at)
         simulator.forget(head.records)
         if enough:

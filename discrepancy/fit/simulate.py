@@ -16,6 +16,7 @@ from discrepancy.clock import Clock
 from discrepancy.data.record import Floats, Record
 from discrepancy.fit.bench import Bench
 from discrepancy.fit.defect import Distortion, Timing, distortion_names, distortions
+from discrepancy.fit.distorted import Distorted, Sizes
 from discrepancy.fit.forced import Forced, commands, distorted, forced
 from discrepancy.fit.variation import Driven, Motion, Seen, Traveller
 from gyro_model.anatomy import Delay, Lag
@@ -46,7 +47,6 @@ OTHER_AXIS: Final = frozenset((*MIRRORED, "kxy", "dxy"))
 Job = tuple[Record, Mapping[str, float]]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-_Sizes = tuple[tuple[str, float], ...]
 
 
 class _Latest(NamedTuple):
@@ -58,6 +58,40 @@ class _Latest(NamedTuple):
     device: Mapping[str, float]
     values: Floats
     v: Floats
+
+
+class Played(NamedTuple):
+    """How a record is simulated. driven: what acts in each step, beyond its end where the voltage reaches there;
+    stride: steps a sample; derived: whether accelerations are those of its speeds."""
+
+    record: Record
+    distorted: Distorted
+    timing: Timing
+    driven: Forced
+    stride: int
+    derived: bool
+
+    @property
+    def commands(self) -> Floats | None:
+        """The force at samples (n, 2) [N]; None where it is held."""
+        found = commands(self.record)
+        beyond = len(self.driven[0]) // self.stride - len(self.record.t)
+        return found if found is None else np.concatenate((found, np.repeat(found[-1:], beyond, axis=0)))
+
+
+class Followed(NamedTuple):
+    """A run whose motion is known; v: its voltage (n, axes) [V] before it is recorded."""
+
+    motion: Motion
+    played: Played
+    v: Floats
+
+    def recorded(self, column: Floats) -> Floats:
+        """What is recorded of what is added to the voltage."""
+        record, own, timing, _, _, _ = self.played
+        if own.acting:
+            column = own.at_samples(self.v + column, timing) - own.at_samples(self.v, timing)
+        return np.array(column[: len(record.t)], order="C")
 
 
 class Simulator:
@@ -82,7 +116,7 @@ class Simulator:
         own = [q for e in (*held, *_parting()) for q in e.parameters]
         self._refining = frozenset(q.name for q in (*self._late, *own))
         self._driven: dict[tuple[int, int], tuple[Record, Forced]] = {}
-        self._distorted: dict[tuple[int, int], tuple[_Sizes, Forced]] = {}
+        self._distorted: dict[tuple[int, int], tuple[Sizes, Forced]] = {}
         self._latest: dict[int, _Latest] = {}
         self._parts: dict[int, tuple[Record, Record, slice]] = {}
 
@@ -173,52 +207,55 @@ class Simulator:
 
         return self._on_threads(self._pool, attempt, jobs)
 
-    def follow(self, record: Record, parameters: Mapping[str, float]) -> Motion | None:
+    def follow(self, record: Record, parameters: Mapping[str, float]) -> Followed | None:
         """The motion of a run, along which ``vary`` goes; None where more acts than that follows. Raises InputError as
         ``run`` does."""
         self.clock.check()
-        if self._held_back(parameters) or any(d.acts(parameters) for d in distortions()):
+        played = self._played(record, parameters, rough=False)
+        if self._held_back(parameters) or played.distorted.within or played.derived:
             return None
-        driven = self._inputs(record, 1)
-        values, names, step = driven
+        values, names, step = driven = played.driven
+        device = _device(record, parameters)
         with self._bench() as bench:
-            stride, start = len(values) // len(record.t), float(record.t[0])
-            driven_by = Driven(bench.value_references(names), values, start, step, stride, commands(record))
+            start = float(record.t[0])
+            driven_by = Driven(bench.value_references(names), values, start, step, played.stride, played.commands)
             motion = Motion(bench.library, driven_by, accelerations=record.order == 2)
-            bench.begin(_device(record, parameters), driven, start)
-            return motion if motion.follow(bench.instance) else None
+            bench.begin(device, driven, start)
+            if not motion.follow(bench.instance):
+                return None
+        return Followed(motion, played, motion.found(record.order)[:, : record.axes] * _speed_gains(record, device))
 
-    def vary(self, motion: Motion, jobs: Sequence[Job]) -> list[Floats | None]:
+    def vary(self, followed: Followed, jobs: Sequence[Job]) -> list[Floats | None]:
         """What the parameters of each job add to the voltage [V] (n, axes) of the run that was followed, to first order
-        in what they add to its motion, in parallel; None where the FMU refuses them, more acts than is followed, or the
-        motion leaves all bounds."""
+        in what they add to its motion, in parallel; None where the FMU refuses them, more acts than is followed, a
+        defect of the record acts in another way, or the motion leaves all bounds."""
 
         def some(own: Sequence[Job]) -> list[Floats | None]:
             self.clock.check()
-            return self._vary(motion, own)
+            return self._vary(followed, own)
 
         each = -(-len(jobs) // len(self._all))
         parts = [jobs[i : i + each] for i in range(0, len(jobs), each)] if jobs else []
         return [column for part in self._on_threads(self._pool, some, parts) for column in part]
 
-    def _vary(self, motion: Motion, jobs: Sequence[Job]) -> list[Floats | None]:
-        gains: list[Floats | None] = []
+    def _vary(self, followed: Followed, jobs: Sequence[Job]) -> list[Floats | None]:
+        motion, played = followed.motion, followed.played
+        gains: list[Floats] = []
         travellers: dict[int, Traveller] = {}
         for number, (record, parameters) in enumerate(jobs):
-            acting = self._held_back(parameters) or any(d.acts(parameters) for d in distortions())
+            alike = Distorted.at(parameters) == played.distorted
             with self._bench() as bench, suppress(InputError):
                 device = _device(record, parameters)
-                gains.append(_speed_gains(record, device) if record.order else None)
-                if not acting:
-                    bench.begin(device, self._inputs(record, 1), float(record.t[0]))
+                gains.append(_speed_gains(record, device))
+                if alike and not self._held_back(parameters):
+                    bench.begin(device, played.driven, float(record.t[0]))
                     traveller = motion.depart(bench.instance)
                     travellers |= {number: traveller} if traveller is not None else {}
         result: list[Floats | None] = [None] * len(jobs)
         columns = motion.varied(list(travellers.values()), jobs[0][0].order)
         for number, column in zip(travellers, columns, strict=True):
             if np.isfinite(column).all():
-                own, gain = np.ascontiguousarray(column[:, : jobs[number][0].axes]), gains[number]
-                result[number] = own if gain is None else own * gain
+                result[number] = followed.recorded(column[:, : jobs[number][0].axes] * gains[number])
         return result
 
     def each(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
@@ -231,7 +268,8 @@ class Simulator:
         if len(self._all) == 1:
             # Handing a short run to another thread costs a third of it.
             return [work(item) for item in items]
-        return list(pool.map(self.clock.shared(work), items))
+        with self.clock.side_by_side() as batch:
+            return list(pool.map(batch.part(work), items))
 
     def cut(self, record: Record, number: int) -> tuple[Record, ...]:
         """``record`` in ``number`` records of equal length, each under the force that it has in the whole."""
@@ -254,7 +292,7 @@ class Simulator:
     def _held_back(self, parameters: Mapping[str, float]) -> bool:
         return any(parameters.get(q.name, q.start) != q.start for q in self._late)
 
-    def _inputs(self, record: Record, split: int, sizes: _Sizes = ()) -> Forced:
+    def _inputs(self, record: Record, split: int, sizes: Sizes = ()) -> Forced:
         """What drives each step of a record, ``split`` times as many as usual; kept, since a record is simulated many
         times. sizes: of what changes the force on its way."""
         if sizes and id(record) not in self._parts:
@@ -270,7 +308,7 @@ class Simulator:
             kept = self._driven[id(record), split] = record, self._made(record, split)
         return kept[1]
 
-    def _made(self, record: Record, split: int, sizes: _Sizes = ()) -> Forced:
+    def _made(self, record: Record, split: int, sizes: Sizes = ()) -> Forced:
         if id(record) not in self._parts:
             return forced(record, split)
         _, whole, own = self._parts[id(record)]
@@ -294,46 +332,43 @@ class Simulator:
                 self._driven.pop((id(record), split), None)
                 self._distorted.pop((id(record), split), None)
 
-    def _on(self, bench: Bench, record: Record, parameters: Mapping[str, float], rough: bool) -> Floats:
-        acting = [d for d in distortions() if d.acts(parameters)]
-        sizes = {q.name: parameters.get(q.name, q.start) for d in acting for q in d.parameters}
-        timing = Timing(self._first(record), 1 / record.sample_rate)
-        on_force = tuple((q.name, sizes[q.name]) for d in acting if d.force for q in d.parameters)
-        fine = any(d.within for d in acting)
+    def _played(self, record: Record, parameters: Mapping[str, float], rough: bool) -> Played:
+        own = Distorted.at(parameters)
         held_back = self._held_back(parameters)
         # Behind a delay the force may change at a sample; what changes one that runs on leaves open what it is there.
-        derived = record.order == 2 and (fine or held_back or (record.hold != "zero" and bool(on_force)))
-        split = fine or derived or any(d.split for d in acting) or (held_back and not rough)
-        driven = self._inputs(record, SPLIT if split else 1, on_force)
-        values, names, step = driven
-        stride = len(values) // len(record.t)
-        beyond = max((d.beyond(len(record.t), timing, sizes) for d in acting if d.beyond), default=0)
-        values = np.concatenate((values, np.repeat(values[-1:], beyond * stride, axis=0))) if beyond else values
-        # A held force bends the motion anew at each sample: no curve through the samples knows what is between.
-        each = 1 if fine or derived else stride
-        device = _device(record, parameters)
-        v = self._simulated(bench, record, device, (values, names, step), each, 1 if derived else record.order)
-        v = v[:, : record.axes]
-        if record.order:
-            v = v * _speed_gains(record, device)
-        if fine:
-            v = _voltage(v, [d for d in acting if d.within], Timing(timing.first * stride, step), sizes)
-        v = _slope(v, stride, step) if derived else v[:: stride // each]
-        v = _voltage(v, [d for d in acting if not d.within], timing, sizes)
-        return np.array(v[: len(record.t)], order="C")
+        fine = own.within or held_back or (record.hold != "zero" and bool(own.on_force))
+        derived = record.order == 2 and fine
+        split = derived or own.within or own.split or (held_back and not rough)
+        values, names, step = self._inputs(record, SPLIT if split else 1, own.on_force)
+        timing = Timing(self._first(record), 1 / record.sample_rate)
+        samples = len(record.t)
+        driven = own.lengthened(values, samples, timing), names, step
+        return Played(record, own, timing, driven, len(values) // samples, derived)
 
-    def _simulated(
-        self, bench: Bench, record: Record, device: Mapping[str, float], driven: Forced, each: int, order: int
-    ) -> Floats:
+    def _on(self, bench: Bench, record: Record, parameters: Mapping[str, float], rough: bool) -> Floats:
+        played = self._played(record, parameters, rough)
+        own, derived, stride, timing = played.distorted, played.derived, played.stride, played.timing
+        step = played.driven[2]
+        # A held force bends the motion anew at each sample: no curve through the samples knows what is between.
+        each = 1 if own.within or derived else stride
+        device = _device(record, parameters)
+        v = self._simulated(bench, played, device, each, 1 if derived else record.order)
+        v = v[:, : record.axes] * _speed_gains(record, device)
+        if own.within:
+            v = own.between_samples(v, Timing(timing.first * stride, step))
+        v = _slope(v, stride, step) if derived else v[:: stride // each]
+        return np.array(own.at_samples(v, timing)[: len(record.t)], order="C")
+
+    def _simulated(self, bench: Bench, played: Played, device: Mapping[str, float], each: int, order: int) -> Floats:
         """The voltage, or by ``order`` speeds or accelerations, that the FMU gives every ``each`` steps; the latest of
         a record is kept, since what is done to the voltage alone is tried in many sizes."""
-        values = driven[0]
+        record, driven = played.record, played.driven
         kept = self._latest.get(id(record))
-        if kept and kept[1:4] == (order, each, device) and np.array_equal(kept.values, values):
+        if kept and kept[1:4] == (order, each, device) and np.array_equal(kept.values, driven[0]):
             return kept.v
-        v, piece = bench.play(device, driven, float(record.t[0]), each, order, commands(record))
+        v, piece = bench.play(device, driven, float(record.t[0]), each, order, played.commands)
         self._run_pieces(v, each, piece)
-        self._latest[id(record)] = _Latest(record, order, each, device, values, v)
+        self._latest[id(record)] = _Latest(record, order, each, device, driven[0], v)
         return v
 
 
@@ -344,7 +379,9 @@ def _device(record: Record, parameters: Mapping[str, float]) -> Mapping[str, flo
 
 
 def _speed_gains(record: Record, whole: Mapping[str, float]) -> Floats:
-    """Voltage per speed or acceleration of each axis."""
+    """Voltage per speed or acceleration of each axis; 1 where the model gives the voltage."""
+    if not record.order:
+        return np.ones(record.axes)
     gains = [whole[f"sense_gain_{axis}"] / record.reference**record.order for axis in "xy"[: record.axes]]
     return np.array(gains)
 
@@ -359,13 +396,6 @@ def _slope(v: Floats, stride: int, step: float) -> Floats:
     at, back = np.arange(0, len(v), stride), range(len(BACKWARD))
     first = -sum(BACKWARD[k] * v[k] for k in back)
     return np.vstack((first, sum(BACKWARD[k] * v[at[1:] - k] for k in back))) / step
-
-
-def _voltage(v: Floats, acting: Sequence[Distortion], timing: Timing, sizes: Mapping[str, float]) -> Floats:
-    for distortion in acting:
-        if distortion.voltage and np.isfinite(v).all():
-            v = distortion.voltage(v, timing, sizes)
-    return v
 
 
 def both_axes(parameters: Mapping[str, float]) -> dict[str, float]:

@@ -13,9 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from discrepancy.data.record import Floats
+from gyro_model.symbols import STATES, x_dot, y_dot
 
 NODES = 2
 """Places in a step at which rates are known."""
+
+SPEEDS = [STATES.index(own) for own in (x_dot, y_dot)]
+"""Places among the states, of which those of every model come first."""
 
 Kind = tuple[tuple[str, float | None], ...]
 """Of a column: names of what it changes, and of shapes beside a size their values."""
@@ -40,7 +44,7 @@ class _Run(ctypes.Structure):
         *((name, ctypes.c_int64) for name in ("states", "moving", "room", "passages", "size")),
         *(
             (name, ctypes.c_void_p)
-            for name in ("state", "voltage", "acceleration", "within", "rate", "passage", "base", "weight")
+            for name in ("state", "voltage", "acceleration", "slope", "within", "rate", "passage", "base", "weight")
         ),
     ]
 
@@ -89,10 +93,12 @@ class Motion:
 
     def _make_room(self) -> None:
         run = self._run
+        samples = 1 if run.passages == 1 else self._driven.samples
         shapes: dict[str, tuple[int, ...]] = {
             "state": (run.steps + 1, run.states),
             "voltage": (run.steps + 1, 2),
             "acceleration": (run.steps + 1, 2) if self._accelerations else (0,),
+            "slope": (samples, run.moving, 2) if self._accelerations else (0,),
             "within": (run.steps, NODES, run.states),
             "rate": (run.steps, NODES, run.states),
             "passage": (run.passages, run.moving, run.room),
@@ -102,6 +108,12 @@ class Motion:
         self._found = {name: np.empty(shape) for name, shape in shapes.items()}
         for name, own in self._found.items():
             setattr(run, name, own.ctypes.data if own.size else None)
+
+    def found(self, order: int) -> Floats:
+        """The voltage [V] at samples (n, 2), or by ``order`` speeds [m/s] or accelerations [m/s2]."""
+        if order == 1:
+            return np.asarray(self._found["state"][:: self._driven.stride, SPEEDS])
+        return self._found["acceleration" if order else "voltage"][:: self._driven.stride]
 
     @property
     def _traveller(self) -> int:

@@ -3,11 +3,12 @@
 A copy acts on the other axis, or is a second one of its kind, which gets its turn when the one before is in the model.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from discrepancy.fit.defect import Defect
 from discrepancy.terms.effect_file import joined
 from gyro_model.anatomy import Effect, Force
 from gyro_model.copies import copied
@@ -57,6 +58,15 @@ class Copy:
         except OSError as error:
             raise InputError(f"effect file {path}: can't be written ({error}); choose another folder") from None
         return path
+
+
+def resonator_axis(effect: Effect | Defect) -> int | None:
+    """The axis on which it is a resonator and nothing else; None where it is none."""
+    if not isinstance(effect, Force) or len(effect.sizes) != 1 or not effect.states:
+        return None
+    kinds = [q.search.kind for q in effect.parameters if q.search is not None and q.search.tried]
+    acting: Sequence[int] = [axis for axis, term in enumerate(effect.force) if term != 0]
+    return acting[0] if sorted(kinds) == ["quality", "resonance"] and len(acting) == 1 else None
 
 
 def copies(model: Model, axes: int, seen: int) -> Mapping[str, Copy]:

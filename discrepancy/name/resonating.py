@@ -20,6 +20,7 @@ from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter, passive
 from discrepancy.name.accepted import Taken
 from discrepancy.name.columns import Candidate
+from discrepancy.name.more_modes import resonator_axis
 from discrepancy.name.search import Search
 from discrepancy.name.shaping import freed, unmoved
 from gyro_model import symbols
@@ -108,11 +109,11 @@ def _resonators(search: Search, told: Carried) -> list[_Resonator]:
     """Effects that are the absorbers; those that are coupled least are left out where there are fewer such effects."""
     waiting = [name for name in search.given.copies if name in search.present]
     present = [name for name in search.present if name not in waiting]
-    known = search.library.candidates(search.whole, search.at, present, lambda e: _axis(e) is not None)
+    known = search.library.candidates(search.whole, search.at, present, lambda e: resonator_axis(e) is not None)
     ready = {c.effect.id: c for c in known}
     found = []
     for absorber in told.absorbers:
-        fitting = [c for c in ready.values() if _axis(c.effect) == absorber.axis]
+        fitting = [c for c in ready.values() if resonator_axis(c.effect) == absorber.axis]
         if fitting:
             own = ready.pop(fitting[0].effect.id)
             values = _as(own.effect, absorber, told.m)
@@ -120,15 +121,6 @@ def _resonators(search: Search, told: Carried) -> list[_Resonator]:
             joint = float(absorber.joint[absorber.axis])
             found.append(_Resonator(replace(own, shapes=shapes), values, joint))
     return found
-
-
-def _axis(effect: Effect | Defect) -> int | None:
-    """The axis on which it is a resonator and nothing else; None where it is none."""
-    if not isinstance(effect, Force) or len(effect.sizes) != 1 or not effect.states:
-        return None
-    kinds = [q.search.kind for q in effect.parameters if q.search is not None and q.search.tried]
-    acting: Sequence[int] = [axis for axis, term in enumerate(effect.force) if term != 0]
-    return acting[0] if sorted(kinds) == ["quality", "resonance"] and len(acting) == 1 else None
 
 
 def _as(effect: Effect | Defect, absorber: Absorber, mass: float) -> dict[str, float]:

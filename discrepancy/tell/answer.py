@@ -48,13 +48,15 @@ class Finding:
 class Stage:
     """The model at one stage ("nominal", "refit", then an effect's id) on the held-out runs.
 
-    parameters: all of them; misfit by run, ``""`` for all; residuals by run, (n, axes) [V].
+    parameters: all of them; misfit by run, ``""`` for all; residuals by run, (n, axes) [V]; starts:
+    how many first samples of each gave its initial state.
     """
 
     name: str
     parameters: Mapping[str, float]
     misfit: Mapping[str, float]
     residuals: Mapping[str, Floats] = field(repr=False)
+    starts: Mapping[str, int] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,16 @@ from discrepancy.tell.intervals import WIDTH, intervals
 from discrepancy.tell.left_modes import left_modes
 from discrepancy.tell.limits import Limits
 from discrepancy.tell.run_gains import unlike_gains
-from discrepancy.tell.verdict import Remainder, imitating, improbable, probability, remainder, sane, worse_without
+from discrepancy.tell.verdict import (
+    Remainder,
+    imitating,
+    improbable,
+    probability,
+    remainder,
+    sane,
+    shown,
+    worse_without,
+)
 from gyro_model.anatomy import Effect, Force, Map
 
 TRACE: Final = 1e12
@@ -67,7 +76,7 @@ def assemble(search: Search, limits: Limits) -> Diagnosis:
         if not (entry.of_record or entry.id in weak)
     ]
     effects = (*named, *clipped)
-    removed = _removed(search, effects, parameters)
+    removed = _removed(search, effects, stages[-1])
     effects = tuple(sorted(effects, key=lambda finding: -_size(removed[finding.id])))
     gaps = _misfit(search, stages)
     refitted = search.refitted
@@ -81,7 +90,11 @@ def assemble(search: Search, limits: Limits) -> Diagnosis:
     search.until(inf)
     rest = remainder(search, stages, gaps, absurd)
     against = search.refuted | worse.keys()
-    effects = tuple(replace(f, probability=probability(search, f, rest, stages, f.id in against)) for f in effects)
+    modes = shown(search)
+    effects = tuple(
+        replace(f, probability=probability(search, f, rest, stages, f.id in against, shown=f.id in modes))
+        for f in effects
+    )
     # A clip is seen in the samples themselves, and takes nothing away.
     seen = {f.id for f in clipped}
     parts = imitating([f for f in effects if f.id not in seen], rest, worse, search.criteria)
@@ -279,7 +292,8 @@ def _stages(search: Search, final: Mapping[str, float], last: list[str]) -> tupl
     for name, parameters in named:
         residuals = {r.name: start_fitted(search.simulator, r, parameters) for r in search.dataset.held_out}
         stages.append(Stage(name, parameters, misfits(search.dataset.held_out, residuals),
-                            {run: residual for run, (residual, _) in residuals.items()}))  # fmt: skip
+                            {run: residual for run, (residual, _) in residuals.items()},
+                            {run: start for run, (_, start) in residuals.items()}))  # fmt: skip
     return tuple(stages)
 
 
@@ -301,15 +315,15 @@ def _misfit(search: Search, stages: tuple[Stage, ...]) -> dict[str, Any]:
     return {**table.pop(""), "runs": table}
 
 
-def _removed(search: Search, effects: tuple[Finding, ...], final: Mapping[str, float]) -> dict[str, dict[str, Floats]]:
+def _removed(search: Search, effects: tuple[Finding, ...], final: Stage) -> dict[str, dict[str, Floats]]:
     """What taking each effect out of the final model changes in the output of the held-out runs."""
     result: dict[str, dict[str, Floats]] = {}
     for record in search.dataset.held_out:
-        full, _ = start_fitted(search.simulator, record, final)
+        full, start = final.residuals[record.name], final.starts[record.name]
         for finding in effects:
             effect = search.simulator.model.effect(finding.id)
-            less = {**final, **{q.name: q.start for q in effect.sizes}}
-            changed, _ = start_fitted(search.simulator, record, less)
+            less = {**final.parameters, **{q.name: q.start for q in effect.sizes}}
+            changed, _ = start_fitted(search.simulator, record, less, start)
             result.setdefault(finding.id, {})[record.name] = full - changed
     return result
 

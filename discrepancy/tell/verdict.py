@@ -17,6 +17,7 @@ from discrepancy.fit.measures import misfits, start_fitted, start_known
 from discrepancy.fit.noise import unlike_flicker
 from discrepancy.fit.whitening import coloured_power
 from discrepancy.name.accepted import Accepted
+from discrepancy.name.more_modes import resonator_axis
 from discrepancy.name.search import Search, asked
 from discrepancy.tell.answer import Finding, Stage, Value
 
@@ -195,23 +196,30 @@ def _also_known(search: Search, without: Mapping[str, float], final: Mapping[str
     return not _with_starts_known(search, final) <= limit * _with_starts_known(search, without)
 
 
+def shown(search: Search) -> set[str]:
+    """Ids of resonators in the model, where the runs to fit show a further mode for each."""
+    found = {a.id for a in search.accepted if resonator_axis(a.candidate.effect) is not None}
+    return found if len(found) <= len(search.given.modes[1]) else set()
+
+
 def probability(
-    search: Search, finding: Finding, rest: Remainder, stages: tuple[Stage, ...], against: bool = False
-) -> float:
+    search: Search, finding: Finding, rest: Remainder, stages: tuple[Stage, ...], against: bool = False,
+    *, shown: bool = False,
+) -> float:  # fmt: skip
     """Of a name against its rivals, each weighed by the likelihood of its refit, and against none of them.
 
     Where the rivals were not tried, one as good as the name is reckoned with. What is left when all is named may be
     what the name only imitates, and one that unseen data or a better term speak ``against`` is likely wrong: both take
-    from it.
+    from it. Neither is so of a resonator whose mode is ``shown`` by the response itself.
     """
     entry = next((a for a in search.accepted if a.id == finding.id), None)
     weights = list(_weights(entry).values()) if entry else []
-    if entry and not entry.asked and entry.id not in search.partners:
+    if entry and not (entry.asked or shown or entry.id in search.partners):
         weights.append(1.0)
     found = (1 - search.criteria.prior_none) / (1 + sum(weights))
-    if rest.significant:
+    if rest.significant and not shown:
         found *= 1 - max(rest.share, 0.5)
-    if rest.above or rest.significant:
+    if (rest.above or rest.significant) and not shown:
         found *= _brought(finding.id, rest, stages)
     return 0.2 * found if against else found
 

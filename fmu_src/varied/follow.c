@@ -27,16 +27,24 @@ static void find_rates(traveller *at, const gyro_run *run, int64_t step, double 
     state_rate(&at->view, rate);
 }
 
-/* The accelerations at the end of a step, and at the start of the first; the view is at its end, and comes back there. */
-static void find_accelerations(traveller *at, const gyro_run *run, int64_t step)
+/* The accelerations a number of steps after the start, `part` of `step`, and where wanted how they go with the states that move. */
+static void find_accelerations(linearising *all, int64_t step, int part)
 {
-    if (step == 0) {
-        look_from(at, run, step, 0.0, run->state);
-        find_acceleration(&at->view, command_after(run, 0), run->acceleration);
-        come_to(at, run, step);
+    const gyro_run *run = all->run;
+    traveller *at = all->at;
+    const int64_t end = step + part;
+    const int n = at->moving.n;
+    look_from(at, run, step, part, run->state + end * GYRO_N_STATES);
+    find_acceleration(&at->view, command_after(run, end), run->acceleration + 2 * end);
+    if (end % run->stride == 0 && (run->passages > 1 || end == 0)) {
+        double *slope = run->slope + end / run->stride * 2 * n;
+        matrix all_slopes;
+        find_slope(&at->view, &at->moving, &all->along, &all_slopes);
+        for (int k = 0; k < n; k++) {
+            slope[2 * k] = all_slopes.of[GYRO_STATE_X_DOT][k];
+            slope[2 * k + 1] = all_slopes.of[GYRO_STATE_Y_DOT][k];
+        }
     }
-    look_from(at, run, step, 1.0, run->state + (step + 1) * GYRO_N_STATES);
-    find_acceleration(&at->view, command_after(run, step + 1), run->acceleration + 2 * (step + 1));
     come_to(at, run, step);
 }
 
@@ -160,7 +168,10 @@ static void linearise(linearising *all)
         come_to(at, run, step);
         const ends of = find_ends(all, step);
         if (run->acceleration) {
-            find_accelerations(at, run, step);
+            if (step == 0) {
+                find_accelerations(all, step, 0);
+            }
+            find_accelerations(all, step, 1);
         }
         for (int node = 0; node < NODES; node++) {
             double *state = run->within + (step * NODES + node) * GYRO_N_STATES;

@@ -10,9 +10,16 @@
 typedef struct {
     const gyro_run *run;
     int64_t first;                        /* step */
+    int64_t apart;                        /* steps from one to the next */
+    int each;                             /* nodes a step */
+    const double *place;                  /* of these in it, shape (each) */
     int64_t n;                            /* nodes */
     const double (*state)[GYRO_N_STATES]; /* shape (n, GYRO_N_STATES), SI */
+    const double (*rate)[GYRO_N_STATES];  /* of the run, likewise, SI/s */
+    const double *command;                /* where it is another than that of the step, shape (n, 2), N; else NULL */
 } gyro_nodes;
+
+static inline int64_t step_of(const gyro_nodes *at, int64_t i) { return at->first + i / at->each * at->apart; }
 
 static inline void take_inputs(gyro_view *g, const gyro_run *run, int64_t step)
 {
@@ -30,11 +37,23 @@ static inline void bring_command(gyro_view *g)
     actuate(g);
 }
 
+/* Another command [N] than that of the step; NULL: none. */
+static inline void take_command(gyro_view *g, const double *command)
+{
+    if (command) {
+        g->p[GYRO_U_X] = command[0];
+        g->p[GYRO_U_Y] = command[1];
+    }
+}
+
+static inline const double *command_of(const gyro_nodes *at, int64_t i) { return at->command ? at->command + 2 * i : NULL; }
+
 /* Inputs at a node, which stay over its step, where no law acts. */
 static inline void bring_inputs(gyro_view *g, const gyro_nodes *at, int64_t i)
 {
-    if (i % NODES == 0) {
-        take_inputs(g, at->run, at->first + i / NODES);
+    if (i % at->each == 0) {
+        take_inputs(g, at->run, step_of(at, i));
+        take_command(g, command_of(at, i));
         take_made(g, g->p);
     }
 }
@@ -42,7 +61,7 @@ static inline void bring_inputs(gyro_view *g, const gyro_nodes *at, int64_t i)
 /* Time, inputs and command at a node, where no law acts. */
 static inline void bring_all(gyro_view *g, const gyro_nodes *at, int64_t i)
 {
-    g->t = at->run->start + ((double)(at->first + i / NODES) + PLACE[i % NODES]) * at->run->step;
+    g->t = at->run->start + ((double)step_of(at, i) + at->place[i % at->each]) * at->run->step;
     bring_inputs(g, at, i);
     bring_command(g);
 }

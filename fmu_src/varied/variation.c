@@ -9,6 +9,7 @@
    order (A. Iserles, H. Z. Munthe-Kaas, S. P. Norsett, A. Zanna, Lie-group methods, Acta Numerica 9, 2000, sections 4 and 5). Voltages follow from
    s + d as those of the FMU do. */
 
+#include "pair.h"
 #include "traveller.h"
 
 /* Steps that all columns go before the next, so that what is found at their nodes stays near the processor. */
@@ -22,6 +23,8 @@ typedef struct {
     double state[TOGETHER * NODES][GYRO_N_STATES];                /* of the run, with states that move beside, SI */
     double difference[TOGETHER][GYRO_N_STATES];                   /* after each step, by the states that move, SI */
     double own_after[TOGETHER][GYRO_N_STATES];                    /* states that move beside those of the run, there, SI */
+    double sample_state[TOGETHER][GYRO_N_STATES];                 /* of the run at samples, with states that move beside, SI */
+    double sample_rate[TOGETHER][GYRO_N_STATES];                  /* of the run there, of the speeds alone, m/s^2 */
 } part_of_run;
 
 /* In the view at the start. */
@@ -70,7 +73,6 @@ static void pass_own(const driven *own, const passing *over, double (*const rate
 /* What the forces and the mass of a traveller add to the rates of the speeds at nodes, and what its forces add to those of other states. */
 static void find_forcing(traveller *at, gyro_view *base, const gyro_nodes *nodes, part_of_run *part)
 {
-    const double *rate = nodes->run->rate + nodes->first * NODES * GYRO_N_STATES;
     memset(part->force, 0, (size_t)nodes->n * sizeof *part->force);
     memset(part->left, 0, (size_t)nodes->n * sizeof *part->left);
     if (at->n_forced > 0 || at->own.among.n > 0) {
@@ -84,7 +86,7 @@ static void find_forcing(traveller *at, gyro_view *base, const gyro_nodes *nodes
         add_force(base, nodes, at->left[i], part->left, part->rate_left);
     }
     for (int64_t i = 0; i < nodes->n && at->maps; i++) {
-        if (i % NODES == 0) {
+        if (i % nodes->each == 0) {
             bring_all(&at->view, nodes, i);
             bring_all(base, nodes, i);
         }
@@ -95,7 +97,7 @@ static void find_forcing(traveller *at, gyro_view *base, const gyro_nodes *nodes
     for (int64_t i = 0; i < nodes->n; i++) {
         for (int axis = 0; axis < 2; axis++) {
             const double added = (part->force[i][axis] - part->left[i][axis]) * at->view.inverse_mass;
-            part->force[i][axis] = added + at->lighter * rate[i * GYRO_N_STATES + (axis == 0 ? GYRO_STATE_X_DOT : GYRO_STATE_Y_DOT)];
+            part->force[i][axis] = added + at->lighter * nodes->rate[i][axis == 0 ? GYRO_STATE_X_DOT : GYRO_STATE_Y_DOT];
         }
         for (int k = 0; k < at->n_forced; k++) {
             const int place = at->moving.place[at->forced[k]];
@@ -107,14 +109,15 @@ static void find_forcing(traveller *at, gyro_view *base, const gyro_nodes *nodes
 /* Likewise where laws act. */
 static void find_lawful_forcing(traveller *at, const gyro_nodes *nodes, part_of_run *part)
 {
-    const gyro_run *run = nodes->run;
     for (int64_t i = 0; i < nodes->n; i++) {
-        const int64_t step = nodes->first + i / NODES;
-        const double *base = run->rate + (nodes->first * NODES + i) * GYRO_N_STATES;
-        if (i % NODES == 0) {
-            come_to(at, run, step);
+        const int64_t step = step_of(nodes, i);
+        const double *base = nodes->rate[i];
+        if (i % nodes->each == 0) {
+            come_to(at, nodes->run, step);
         }
-        look_from(at, run, step, PLACE[i % NODES], nodes->state[i]);
+        look_from(at, nodes->run, step, nodes->place[i % nodes->each], nodes->state[i]);
+        take_command(&at->view, command_of(nodes, i));
+        bring_command(&at->view);
         state_rate(&at->view, part->rate[i]);
         part->force[i][0] = part->rate[i][GYRO_STATE_X_DOT] - base[GYRO_STATE_X_DOT];
         part->force[i][1] = part->rate[i][GYRO_STATE_Y_DOT] - base[GYRO_STATE_Y_DOT];
@@ -154,43 +157,44 @@ static void drive_own(traveller *at, gyro_view *base, gyro_nodes *nodes, part_of
     nodes->state = (const double (*)[GYRO_N_STATES])part->state;
 }
 
-/* Adds a column of n numbers so many times. */
-static inline void add_column(int n, double times, const double *column, double *to)
+/* Adds a column of 2 n numbers so many times. */
+static inline void add_column(int n, double times, const double *column, gyro_pair *to)
 {
     for (int i = 0; i < n; i++) {
-        to[i] += times * column[i];
+        to[i] = pair_sum(to[i], pair_scaled(times, pair_of(column[2 * i], column[2 * i + 1])));
     }
 }
 
 /* The difference after each of some steps; room: that of a column, which the compiler is to know. */
 static inline void pass_on(int room, traveller *at, const gyro_run *run, int64_t first, int64_t last, part_of_run *part)
 {
-    const int n = at->moving.n;
+    const int n = at->moving.n, half = room / 2;
     double d[ROOM];
     memcpy(d, at->difference, sizeof d);
     for (int64_t step = first; step < last; step++) {
         const double *p = run->passage + (run->passages == 1 ? 0 : step) * n * room;
-        double after[ROOM];
-        for (int i = 0; i < room; i++) {
-            after[i] = 0.0;
+        gyro_pair after[ROOM / 2];
+        for (int i = 0; i < half; i++) {
+            after[i] = both(0.0);
         }
         for (int j = 0; j < n; j++) {
-            add_column(room, d[j], p + j * room, after);
+            add_column(half, d[j], p + j * room, after);
         }
         for (int node = 0; node < NODES; node++) {
             const int64_t i = (step - first) * NODES + node;
             const double *w = run->weight + node * n * room;
-            add_column(room, part->force[i][0], w + GYRO_STATE_X_DOT * room, after);
-            add_column(room, part->force[i][1], w + GYRO_STATE_Y_DOT * room, after);
+            add_column(half, part->force[i][0], w + GYRO_STATE_X_DOT * room, after);
+            add_column(half, part->force[i][1], w + GYRO_STATE_Y_DOT * room, after);
             for (int k = 0; k < at->n_forced; k++) {
                 const int j = at->forced[k];
-                add_column(room, part->rate[i][at->moving.place[j]], w + j * room, after);
+                add_column(half, part->rate[i][at->moving.place[j]], w + j * room, after);
             }
         }
-        for (int i = 0; i < room; i++) {
-            d[i] = after[i];
+        for (int i = 0; i < half; i++) {
+            d[2 * i] = lane_of(after[i], 0);
+            d[2 * i + 1] = lane_of(after[i], 1);
         }
-        memcpy(part->difference[step - first], after, (size_t)n * sizeof *after);
+        memcpy(part->difference[step - first], d, (size_t)n * sizeof *d);
     }
     memcpy(at->difference, d, sizeof d);
 }
@@ -216,7 +220,16 @@ static void pass_on_by_room(traveller *at, const gyro_run *run, int64_t first, i
 /* Takes a traveller along some steps. */
 static void go_along(traveller *at, gyro_view *base, const gyro_run *run, int64_t first, int64_t last, part_of_run *part)
 {
-    gyro_nodes nodes = {run, first, (last - first) * NODES, (const double (*)[GYRO_N_STATES])run->within + first * NODES};
+    gyro_nodes nodes = {
+        .run = run,
+        .first = first,
+        .apart = 1,
+        .each = NODES,
+        .place = PLACE,
+        .n = (last - first) * NODES,
+        .state = (const double (*)[GYRO_N_STATES])run->within + first * NODES,
+        .rate = (const double (*)[GYRO_N_STATES])run->rate + first * NODES,
+    };
     if (at->own.among.n > 0) {
         drive_own(at, base, &nodes, part);
     }
@@ -224,30 +237,43 @@ static void go_along(traveller *at, gyro_view *base, const gyro_run *run, int64_
     pass_on_by_room(at, run, first, last, part);
 }
 
-/* The view of a traveller at a sample, `step` steps after the start, by the difference there; own: states that move beside those of the run. */
-static void look_at_sample(traveller *at, const gyro_run *run, int64_t step, const double difference[], const double own[], int forced)
+/* Samples of a run: n from the first on, of which a part of it that began after so many steps knows the differences. */
+typedef struct {
+    int64_t first;
+    int64_t n;
+    int64_t begin;
+    part_of_run *part;
+} samples_of_run;
+
+static inline int64_t step_of_sample(const gyro_run *run, const samples_of_run *of, int64_t i) { return (of->first + i) * run->stride; }
+static inline int64_t place_of_sample(const gyro_run *run, const samples_of_run *of, int64_t i) { return step_of_sample(run, of, i) - of->begin - 1; }
+
+/* The states of the run at a sample, and those that move beside. */
+static void find_states(const traveller *at, const gyro_run *run, const samples_of_run *of, int64_t i, double state[GYRO_N_STATES])
 {
+    const double *own = of->part->own_after[place_of_sample(run, of, i)];
+    memcpy(state, run->state + step_of_sample(run, of, i) * GYRO_N_STATES, GYRO_N_STATES * sizeof *state);
+    for (int k = 0; k < at->own.among.n; k++) {
+        const int place = at->own.among.place[k];
+        state[place] = own[place];
+    }
+}
+
+static void take_voltage(traveller *at, const gyro_run *run, const samples_of_run *of, int64_t i, double out[2])
+{
+    gyro_view *view = &at->view;
     /* The inputs are those of the step before. */
-    const int64_t before = step > 0 ? step - 1 : 0;
+    const int64_t step = step_of_sample(run, of, i), before = step > 0 ? step - 1 : 0;
+    const double *base = run->voltage + 2 * step, *difference = of->part->difference[place_of_sample(run, of, i)];
     double state[GYRO_N_STATES];
-    memcpy(state, run->state + step * GYRO_N_STATES, sizeof state);
+    find_states(at, run, of, i, state);
     for (int k = 0; k < at->moving.n; k++) {
         state[at->moving.place[k]] += difference[k];
     }
-    for (int k = 0; k < at->own.among.n; k++) {
-        state[at->own.among.place[k]] = own[at->own.among.place[k]];
-    }
-    if (forced) {
+    if (view->any_law || view->any_map) {
         come_to(at, run, before);
     }
     look_from(at, run, before, (double)(step - before), state);
-}
-
-static void take_voltage(traveller *at, const gyro_run *run, int64_t step, const double difference[], const double own[], double out[2])
-{
-    gyro_view *view = &at->view;
-    const double *base = run->voltage + 2 * step;
-    look_at_sample(at, run, step, difference, own, view->any_law || view->any_map);
     pick_off(view);
     amplify(view);
     convert(view);
@@ -255,25 +281,58 @@ static void take_voltage(traveller *at, const gyro_run *run, int64_t step, const
     out[1] = view->v[1] - base[1];
 }
 
-static void take_acceleration(traveller *at, const gyro_run *run, int64_t step, const double difference[], const double own[], double out[2])
+/* To first order; what forces the part of the run is overwritten. */
+static void take_accelerations(traveller *at, gyro_view *base, const gyro_run *run, const samples_of_run *of, double (*out)[2])
 {
-    const double *base = run->acceleration + 2 * step;
-    look_at_sample(at, run, step, difference, own, 1);
-    find_acceleration(&at->view, command_after(run, step), out);
-    out[0] -= base[0];
-    out[1] -= base[1];
+    part_of_run *part = of->part;
+    const int64_t step = step_of_sample(run, of, 0), before = step > 0 ? step - 1 : 0;
+    const double end = (double)(step - before);
+    for (int64_t i = 0; i < of->n; i++) {
+        const double *acceleration = run->acceleration + 2 * step_of_sample(run, of, i);
+        find_states(at, run, of, i, part->sample_state[i]);
+        memset(part->sample_rate[i], 0, sizeof part->sample_rate[i]);
+        part->sample_rate[i][GYRO_STATE_X_DOT] = acceleration[0];
+        part->sample_rate[i][GYRO_STATE_Y_DOT] = acceleration[1];
+    }
+    const gyro_nodes there = {
+        .run = run,
+        .first = before,
+        .apart = run->stride,
+        .each = 1,
+        .place = &end,
+        .n = of->n,
+        .state = (const double (*)[GYRO_N_STATES])part->sample_state,
+        .rate = (const double (*)[GYRO_N_STATES])part->sample_rate,
+        .command = run->command ? run->command + 2 * of->first : NULL,
+    };
+    find_forces(at, base, &there, part);
+    for (int64_t i = 0; i < of->n; i++) {
+        const double *slope = run->slope + (run->passages == 1 ? 0 : of->first + i) * 2 * run->moving;
+        const double *difference = part->difference[place_of_sample(run, of, i)];
+        gyro_pair sum = pair_of(part->force[i][0], part->force[i][1]);
+        for (int k = 0; k < at->moving.n; k++) {
+            sum = pair_sum(sum, pair_scaled(difference[k], pair_of(slope[2 * k], slope[2 * k + 1])));
+        }
+        out[i][0] = lane_of(sum, 0);
+        out[i][1] = lane_of(sum, 1);
+    }
 }
 
-/* A sample's part of the column, likewise. */
-static void take_difference(traveller *at, const gyro_run *run, int64_t step, const double difference[], const double own[], int of, double out[2])
+/* A part of a column, at samples. */
+static void take_differences(traveller *at, gyro_view *base, const gyro_run *run, const samples_of_run *of, int order, double (*out)[2])
 {
-    if (of == GYRO_OF_VOLTAGE) {
-        take_voltage(at, run, step, difference, own, out);
-    } else if (of == GYRO_OF_ACCELERATIONS) {
-        take_acceleration(at, run, step, difference, own, out);
+    if (order == GYRO_OF_ACCELERATIONS) {
+        take_accelerations(at, base, run, of, out);
     } else {
-        out[0] = difference[GYRO_STATE_X_DOT];
-        out[1] = difference[GYRO_STATE_Y_DOT];
+        for (int64_t i = 0; i < of->n; i++) {
+            const double *difference = of->part->difference[place_of_sample(run, of, i)];
+            if (order == GYRO_OF_VOLTAGE) {
+                take_voltage(at, run, of, i, out[i]);
+            } else {
+                out[i][0] = difference[GYRO_STATE_X_DOT];
+                out[i][1] = difference[GYRO_STATE_Y_DOT];
+            }
+        }
     }
 }
 
@@ -356,22 +415,21 @@ void gyro_vary(const gyro_run *run, int64_t n, void *const travellers[], int of,
     part_of_run part;
     for (int64_t i = 0; i < n; i++) {
         traveller *at = travellers[i];
-        double own[GYRO_N_STATES];
+        const samples_of_run start = {0, 1, -1, &part};
+        memcpy(part.difference[0], at->difference, sizeof part.difference[0]);
         for (int k = 0; k < at->own.among.n; k++) {
-            own[at->own.among.place[k]] = at->own.state[k];
+            part.own_after[0][at->own.among.place[k]] = at->own.state[k];
         }
-        take_difference(at, run, 0, at->difference, own, of, columns[i]);
+        take_differences(at, &base, run, &start, of, (double (*)[2])columns[i]);
     }
     /* All along a part of the run before any goes on, so that it stays near the processor. */
     for (int64_t first = 0; first < run->steps; first += TOGETHER) {
         const int64_t last = first + TOGETHER < run->steps ? first + TOGETHER : run->steps;
+        const int64_t sample = first / run->stride + 1;
+        const samples_of_run samples = {sample, last / run->stride + 1 - sample, first, &part};
         for (int64_t i = 0; i < n; i++) {
-            traveller *at = travellers[i];
-            go_along(at, &base, run, first, last, &part);
-            for (int64_t sample = first / run->stride + 1; sample * run->stride <= last; sample++) {
-                const int64_t step = sample * run->stride, place = step - first - 1;
-                take_difference(at, run, step, part.difference[place], part.own_after[place], of, columns[i] + 2 * sample);
-            }
+            go_along(travellers[i], &base, run, first, last, &part);
+            take_differences(travellers[i], &base, run, &samples, of, (double (*)[2])(columns[i] + 2 * sample));
         }
     }
 }

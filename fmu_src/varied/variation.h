@@ -32,6 +32,7 @@ typedef struct {
     double *state;          /* at the ends of steps, shape (steps + 1, states), SI */
     double *voltage;        /* sampled there, shape (steps + 1, 2), V */
     double *acceleration;   /* there, under the force of `command`, or that which acted before, shape (steps + 1, 2), m/s^2; NULL: not asked for */
+    double *slope;          /* of these by the states that move, at samples, or by passages == 1 at any, shape (samples or 1, moving, 2), SI */
     double *within;         /* the states at two nodes within each step, shape (steps, 2, states), SI */
     double *rate;           /* of these there, likewise, SI/s */
     double *passage;        /* of a difference over each step: before by after, shape (passages, moving, room), SI */

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import pytest
@@ -33,11 +34,28 @@ def test_waiting_is_no_work() -> None:
     assert float(told.stdout) < 0.02
 
 
-def test_work_side_by_side_counts_by_the_number_of_threads() -> None:
+@pytest.mark.parametrize(("parts", "counted"), [([0.2] * 4, 0.2), ([0.1] * 8, 0.2), ([0.2], 0.2), ([0.2, 0.05], 0.2)])
+def test_work_side_by_side_counts_as_on_threads_that_have_a_core_each(parts: list[float], counted: float) -> None:
     alone, shared = Clock(4), Clock(4)
-    shared.shared(work)(0.2)
-    # A quarter of 0.2 s; both see what else the process does.
-    assert alone.now - shared.now == pytest.approx(0.15, abs=0.03)
+    with shared.side_by_side() as batch, ThreadPoolExecutor(1) as pool:
+        list(pool.map(batch.part(work), parts))
+    # Both see what else the process does.
+    assert alone.now - shared.now == pytest.approx(sum(parts) - counted, abs=0.03)
+
+
+@pytest.mark.parametrize(("callers", "counted"), [(1, 0.13), (4, 0.37)])
+def test_a_part_that_works_side_by_side_itself(callers: int, counted: float) -> None:
+    """Alone it has all threads; four that do so share them."""
+    alone, shared = Clock(4), Clock(4)
+
+    def nested(_: int) -> None:
+        work(0.05)
+        with shared.side_by_side() as batch, ThreadPoolExecutor(1) as inner:
+            list(inner.map(batch.part(work), [0.08] * 4))
+
+    with shared.side_by_side() as batch, ThreadPoolExecutor(1) as pool:
+        list(pool.map(batch.part(nested), range(callers)))
+    assert alone.now - shared.now == pytest.approx(callers * 0.37 - counted, abs=0.03)
 
 
 def test_a_simulation_after_the_end_is_refused() -> None:

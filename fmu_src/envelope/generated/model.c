@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{cd1edb6c-2bc4-895f-e1f0-303b34836ea7}";
+const char gyro_token[] = "{19151962-acb9-f3b4-44c2-b29a14fd9339}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {0u, 0u, 0.0},
@@ -49,7 +49,7 @@ const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {
     {"y_start_i", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"y_start_q", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"internal_step", GYRO_PARAMETER, GYRO_REAL, 0.001, 1e-06, 10.0},
-    {"sample_period", GYRO_PARAMETER, GYRO_REAL, 5e-06, 1e-09, 1.0},
+    {"sample_period", GYRO_PARAMETER, GYRO_REAL, 5e-06, 1e-09, 1000.0},
     {"seed", GYRO_PARAMETER, GYRO_INTEGER, 0.0, 0.0, 2147483647.0},
     {"step_limit", GYRO_PARAMETER, GYRO_INTEGER, 0.0, 0.0, 2147483647.0},
     {"actuator_delay", GYRO_PARAMETER, GYRO_REAL, 0.0, 0.0, 0.001},

@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{a3ba6b48-a3dc-a3ab-099b-5d24f8189c36}";
+const char gyro_token[] = "{ecdd8d5f-c63c-e8ba-6a93-615c6008a657}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},
@@ -75,8 +75,8 @@ const gyro_variable gyro_variables[GYRO_N_VARIABLES] = {
     {"x_dot_start", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"y_start", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
     {"y_dot_start", GYRO_PARAMETER, GYRO_REAL, 0.0, -GYRO_UNBOUNDED, GYRO_UNBOUNDED},
-    {"internal_step", GYRO_PARAMETER, GYRO_REAL, 5e-06, 1e-09, 0.001},
-    {"sample_period", GYRO_PARAMETER, GYRO_REAL, 5e-06, 1e-09, 1.0},
+    {"internal_step", GYRO_PARAMETER, GYRO_REAL, 5e-06, 1e-09, 1000.0},
+    {"sample_period", GYRO_PARAMETER, GYRO_REAL, 5e-06, 1e-09, 1000.0},
     {"seed", GYRO_PARAMETER, GYRO_INTEGER, 0.0, 0.0, 2147483647.0},
     {"step_limit", GYRO_PARAMETER, GYRO_INTEGER, 0.0, 0.0, 2147483647.0},
     {"actuator_delay", GYRO_PARAMETER, GYRO_REAL, 0.0, 0.0, 0.001},

@@ -251,7 +251,32 @@ def test_a_speed_and_a_single_axis(simulator: Simulator) -> None:
     assert np.linalg.norm(varied - quotient) < 1e-4 * np.linalg.norm(quotient)
 
 
-@pytest.mark.parametrize("base", [{"actuator_delay": 1e-6}, {"play": 1e-6}, {"clock_skew": 1e-6}])
+DISTORTED = [{"clock_skew": 2e-5}, {"channel_delay": 3e-6}, {"force_scale": 0.05}, {"force_filter": 2e-6},
+             {"clock_skew": 1e-4, "force_scale": -0.02}]  # fmt: skip
+
+
+@pytest.mark.parametrize(("senses", "hold"), SENSORS)
+@pytest.mark.parametrize("base", DISTORTED, ids="-".join)
+def test_what_a_defect_of_the_record_leaves_of_it(
+    simulator: Simulator, base: Mapping[str, float], senses: str, hold: str
+) -> None:
+    run, own = record(SAMPLES, hold, senses), {**DEVICE, **base}
+    if hold != "zero" and any(name.startswith("force") for name in base):
+        # Its force at a sample is not known.
+        assert simulator.follow(run, own) is None
+        return
+    quotient, varied = both(simulator, run, own, {"k3_x": 2.0001e8})
+    assert varied is not None and np.linalg.norm(varied - quotient) < 1e-4 * np.linalg.norm(quotient)
+
+
+def test_a_defect_that_is_another_is_no_variation(simulator: Simulator) -> None:
+    run, base = record(300), {**DEVICE, "clock_skew": 2e-5}
+    followed = simulator.follow(run, base)
+    assert followed is not None
+    assert simulator.vary(followed, [(run, {**base, "clock_skew": 3e-5})]) == [None]
+
+
+@pytest.mark.parametrize("base", [{"actuator_delay": 1e-6}, {"play": 1e-6}, {"voltage_filter": 1e-6}])
 def test_a_motion_that_carries_more_is_not_followed(simulator: Simulator, base: Mapping[str, float]) -> None:
     assert simulator.follow(record(), {**DEVICE, **base}) is None
 

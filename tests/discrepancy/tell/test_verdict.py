@@ -10,11 +10,13 @@ from blank_search import blank_search
 from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
+from discrepancy.name.more_modes import copies
 from discrepancy.name.search import Given
 from discrepancy.tell import verdict
 from discrepancy.tell.answer import Finding, Stage
 from discrepancy.tell.assemble import _scaled, _stages
-from discrepancy.tell.verdict import Remainder, imitating, improbable, probability, worse_without
+from discrepancy.tell.verdict import Remainder, imitating, improbable, probability, shown, worse_without
+from gyro_model.model import load_model
 
 CLEAN = Remainder(share=0.0, ratio=1.0, above=False, significant=False)
 
@@ -42,6 +44,27 @@ def test_rivals_take_by_their_likelihood() -> None:
     # Unseen data, or a better term, speak against it.
     doubted = probability(search(), Finding("large", (), {}), CLEAN, stages(1.0, 0.1, 0.01), True)
     assert doubted == pytest.approx(0.2 * sure) and doubted < Criteria().improbable
+
+
+def test_what_is_left_takes_nothing_from_a_mode_that_the_response_shows() -> None:
+    rest = Remainder(share=0.4, ratio=9.0, above=True, significant=True)
+    sure = 1 - Criteria().prior_none
+    args = search(asked=False), Finding("large", (), {}), rest, stages(1.0, 0.1, 0.09)
+    assert probability(*args) < sure / 4
+    assert probability(*args, shown=True) == pytest.approx(sure)
+
+
+@pytest.mark.parametrize(("modes", "ids"), [(1, set()), (2, {"parasitic_mode", "parasitic_mode_2"})])
+def test_resonators_are_shown_where_there_are_as_many_modes(modes: int, ids: set[str]) -> None:
+    more = copies(load_model(), 1, 2)
+    effects = [
+        load_model().effect("parasitic_mode"),
+        more["parasitic_mode_2"].effect,
+        load_model().effect("cubic_stiffness"),
+    ]
+    names = [SimpleNamespace(id=e.id, candidate=SimpleNamespace(effect=e)) for e in effects]
+    own: Any = SimpleNamespace(accepted=names, given=SimpleNamespace(modes=([], [None] * modes)))
+    assert shown(own) == ids
 
 
 def test_of_what_stays_above_noise_the_one_that_brought_little_is_in_doubt() -> None:
