@@ -237,15 +237,16 @@ def _in_band(records: Sequence[Record]) -> Runs:
     return Runs([(u / or_one(scales[0]), v / or_one(scales[1])) for u, v in pairs], at_once, number / rate)
 
 
-def band_of(record: Record) -> float:
-    """The frequency [Hz] below which almost all of the voltage's power is."""
-    count = len(record.v)
+def band_of(record: Record, signal: Floats | None = None) -> float:
+    """The frequency [Hz] below which almost all of the power of a signal (n, axes) is, by default the voltage's."""
+    own = record.v if signal is None else signal
+    count = len(own)
     # What dies away first is at the beginning of a free decay.
     window = np.hanning(count) if record.u.any() else np.hanning(2 * count)[count:]
-    power = np.abs(np.fft.rfft((record.v - record.v.mean(axis=0)) * window[:, None], axis=0)) ** 2
+    power = np.abs(np.fft.rfft((own - own.mean(axis=0)) * window[:, None], axis=0)) ** 2
     share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
     last = int((share < 1 - POWER).sum(axis=0).max())
-    return max(last, 1) * record.sample_rate / len(record.v)
+    return max(last, 1) * record.sample_rate / count
 
 
 def _fewer(signal: Floats, number: int) -> Floats:

@@ -43,9 +43,9 @@ def _starts(record: Record, modes: Sequence[Mode]) -> Floats:
     t = np.arange(len(record.t)) / record.sample_rate
     columns = [np.ones_like(t)]
     for mode in modes:
-        w, loss = 2 * np.pi * mode.frequency, 0.5 / mode.quality
-        own = np.exp(w * complex(-loss, (1 - loss**2) ** 0.5) * t)
-        columns += [own.real, own.imag]
+        w = 2 * np.pi * mode.frequency
+        one, other = np.exp(np.outer(np.roots([1.0, w / mode.quality, w**2]), t))
+        columns += [one.real, one.imag] if np.iscomplexobj(one) else [one, other]
     return np.column_stack(columns)
 
 

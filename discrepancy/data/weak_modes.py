@@ -1,7 +1,7 @@
 """Modes that hardly answer beside others: what these leave is looked at as a record of its own, in its own band.
 
-Below the band no peak shows a mode, but an accelerometer sees the structure move as a whole on its suspension: the
-residual mass of modal analysis (D. J. Ewins, Modal Testing, 2000, section 4.5).
+Below the band no peak shows a mode, but sensors see the structure move as a whole, on its suspension or held by
+nothing, as the shaft of a drive: the residual mass of modal analysis (D. J. Ewins, Modal Testing, 2000, section 4.5).
 """
 
 from collections.abc import Sequence
@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 from scipy.signal import coherence, welch
 
 from discrepancy.data.modes import APART, ENOUGH, LEAST, MOST, POWER, Mode, answering, apart, further_modes
@@ -24,6 +25,14 @@ BELOW: Final = (0.1, 0.2, 0.4, 0.8)
 """Of the lowest frequency of the force, where a structure moves as a whole."""
 SUSPENDED: Final = 10.0
 """Quality factor there, which hardly shows."""
+FREE: Final = 3e-3
+"""Likewise of what nothing holds: its spring is 1e-5 of what its mass takes in the band."""
+RATES: Final = np.geomspace(3e-3, 3.0, 7)
+"""Of the same, over 2 pi: damping over mass of what nothing holds."""
+WHOLE: Final = 0.8
+"""Share of what the modes in the band leave, below which a mode below it brings it: 0.02 to 0.6 of drives that carry
+masses, the last beside strong dry friction; 0.91 and more of single masses with any other effect or defect, and of
+chains of masses on the ground."""
 LOBE: Final = 2
 """Bins to either side of a frequency that a window spreads it to."""
 
@@ -37,18 +46,41 @@ def all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
         if not new:
             break
         further = sorted([*further, *new])[:MOST]
-    if further and len(further) < MOST and is_driven(records):
+    if (first or further) and len(further) < MOST and is_driven(records):
         further = [*_as_a_whole(records, sorted([*first, *further])), *further]
     return first, further
 
 
 def _as_a_whole(records: Sequence[Record], known: Sequence[Mode]) -> list[Mode]:
     """The mode below the force's band without which the ``known`` ones leave much more; none where there is none."""
+    before = answered(records, known).left
+    if before**2 < LEAST:
+        return []
     lowest = min(known[0].frequency, *(_driven_from(record) for record in records))
     tried = [Mode(share * lowest, SUSPENDED, seen=False) for share in BELOW]
+    tried += [_free(lowest, rate) for rate in RATES]
     left = {mode: answered(records, [mode, *known]).left for mode in tried}
     best = min(tried, key=left.__getitem__)
-    return [best] if left[best] ** 2 < ENOUGH * answered(records, known).left ** 2 else []
+    if left[best] ** 2 > WHOLE * before**2:
+        return []
+    return [best if best.quality == SUSPENDED else _damped(records, known, lowest, best)]
+
+
+def _free(lowest: float, rate: float) -> Mode:
+    """Of what nothing holds, by what damps it over ``lowest`` [Hz]."""
+    return Mode(FREE * lowest, FREE / rate, seen=False)
+
+
+def _damped(records: Sequence[Record], known: Sequence[Mode], lowest: float, near: Mode) -> Mode:
+    """What nothing holds, damped as leaves least, from ``near`` it on."""
+    about = np.log(FREE / near.quality) + np.log(RATES[1] / RATES[0]) * np.array([-1.0, 1.0])
+
+    def left(rate: float) -> float:
+        return answered(records, [_free(lowest, float(np.exp(rate))), *known]).left
+
+    return _free(
+        lowest, float(np.exp(minimize_scalar(left, bounds=about, method="bounded", options={"xatol": 0.01}).x))
+    )
 
 
 def _driven_from(record: Record) -> float:

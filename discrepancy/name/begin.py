@@ -93,7 +93,7 @@ def _with_first(search: Search) -> Search:
     """With effects in the model before anything else is scored, without which the linear parameters go astray, so that
     all else would imitate what they do."""
     kinds: Sequence[Callable[[Search], Taken | None]] = (
-        (resisting,) if unsprung(search.whole, search.at) else (resonating, bending)
+        (resonating, resisting) if unsprung(search.whole, search.at) else (resonating, bending)
     )
     for kind in kinds:
         search, found = asked(search, FIRST, kind)

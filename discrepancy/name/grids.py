@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from discrepancy.data.linear_fit import mode_frequencies
+from discrepancy.data.modes import band_of
 from discrepancy.data.record import Floats, Record
 from discrepancy.fit.fitted import Fitted, Free
 from gyro_model.quantities import Quantity
@@ -98,8 +99,10 @@ class Grids:
         return np.unique(np.round(values)) if q.integer else values
 
     def _highest(self, at: Fitted) -> float:
-        """The frequency of the device's highest mode [Hz]."""
-        return float(mode_frequencies(at.parameters, self.records[0].axes)[-1])
+        """The frequency of the device's highest mode [Hz]; of a mass that no spring holds the middle of what drives
+        it."""
+        found = float(mode_frequencies(at.parameters, self.records[0].axes)[-1])
+        return found if found * self.duration > 1 else 0.5 * max(band_of(r, r.u) for r in self.records)
 
     def _scale(self, q: Quantity, of: str, at: Fitted) -> float:
         if of in ("itself", "1"):

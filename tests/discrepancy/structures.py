@@ -22,7 +22,8 @@ class Structure:
         """Of the structure [Hz], masses ``held``."""
         free = [i for i in range(len(self.masses)) if i not in held]
         scaled = self.stiffness[np.ix_(free, free)] / np.sqrt(np.outer(self.masses[free], self.masses[free]))
-        return np.asarray(np.sqrt(np.linalg.eigvalsh(scaled)) / (2 * np.pi))
+        # That of what nothing holds is zero, but for its rounding.
+        return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(scaled), 0.0)) / (2 * np.pi))
 
     def record(
         self, name: str, role: str, seed: int, noise: float, begin: int = 0, *, released: bool = False,
@@ -60,6 +61,13 @@ def chain(driven: int = 0, sensed: int = 0) -> Structure:
     """Three masses one behind the other, the first on the ground."""
     k = [4e4, 3e4, 5e4]
     stiffness = np.array([[k[0] + k[1], -k[1], 0], [-k[1], k[1] + k[2], -k[2]], [0, -k[2], k[2]]])
+    return Structure(np.array([1.0, 0.8, 1.2]), stiffness, [driven], [sensed])
+
+
+def drive(driven: int = 0, sensed: int = 0) -> Structure:
+    """A shaft that drives two masses one behind the other, which nothing holds."""
+    k = [3e4, 5e4]
+    stiffness = np.array([[k[0], -k[0], 0], [-k[0], k[0] + k[1], -k[1]], [0, -k[1], k[1]]])
     return Structure(np.array([1.0, 0.8, 1.2]), stiffness, [driven], [sensed])
 
 

@@ -5,6 +5,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from hidden_sets import made
+from structures import DAMPING, drive
 from structures import Structure as Hung
 
 from benchmarks.rubbing import Rubbing, motion
@@ -56,6 +57,18 @@ def test_an_accelerometer_sees_a_structure_on_a_soft_suspension_as_a_whole() -> 
     # The force begins at 5 Hz; below, only a mass shows, and no frequency.
     assert own[0] < 5 and lowest < 5
     np.testing.assert_allclose(above, own[1:], rtol=1e-3)
+
+
+@pytest.mark.parametrize("sensed", [0, 2])
+@pytest.mark.parametrize("accelerations", [False, True])
+def test_a_drive_that_nothing_holds_moves_as_a_whole(sensed: int, accelerations: bool) -> None:
+    own = drive(sensed=sensed)
+    records = [own.record(name, "fit", seed, 1e-3, accelerations=accelerations) for name, seed in (("a", 1), ("b", 2))]
+    whole, *further = sorted([mode for modes in all_modes(records) for mode in modes])
+    np.testing.assert_allclose([mode.frequency for mode in further], own.frequencies(held=[])[1:], rtol=1e-3)
+    # A mass with a damper forgets its speed at the rate of damping over mass.
+    assert not whole.seen
+    assert 2 * np.pi * whole.frequency / whole.quality == pytest.approx(DAMPING, rel=0.1)
 
 
 def test_the_first_mode_is_that_of_the_model_with_all() -> None:

@@ -5,11 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from structures import Structure, chain
+from structures import Structure, chain, drive
 
 from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
+from discrepancy.data.linear_start import linear_start
 from discrepancy.diagnose import diagnose
 from discrepancy.fit.continuation import ASTRAY
 from discrepancy.name import resonating
@@ -73,6 +74,25 @@ def test_accelerometers_tell_it_as_well() -> None:
     for told, true in zip(resonators(found), structure.frequencies(held=[0]), strict=True):
         assert abs(told.value - true) < told.high - told.low
     assert found.device["m"].value == pytest.approx(1.0, rel=1e-3)
+    # Noise of 1e-3, whose rms over 6000 samples is known to 1 %.
+    assert found.misfit["final"] < 1.1e-3
+
+
+@pytest.mark.parametrize(("sensed", "accelerations"), [(0, False), (0, True), (2, False)])
+def test_a_drive_that_nothing_holds_carries_resonators_as_well(sensed: int, accelerations: bool) -> None:
+    structure = drive(sensed=sensed)
+    fit, held_out = (structure.record(name, role, seed, 1e-3, accelerations=accelerations)
+                     for name, role, seed in (("a", "fit", 1), ("b", "held-out", 2)))  # fmt: skip
+    held_out = replace(held_out, reference=fit.reference)
+    nominal = linear_start([fit], (fit.reference**fit.order,))
+    assert nominal is not None
+    found = diagnose(Dataset(Path("here"), nominal, (fit, held_out), estimated=("m", "kxx", "dxx")), load_model())
+    told = resonators(found)
+    if not sensed:
+        # Where force and sensor are one mass, these are what the others do while it is held.
+        for value, true in zip(told, structure.frequencies(held=[0]), strict=True):
+            assert abs(value.value - true) < value.high - value.low
+        assert found.device["m"].value == pytest.approx(1.0, rel=2e-3)
     # Noise of 1e-3, whose rms over 6000 samples is known to 1 %.
     assert found.misfit["final"] < 1.1e-3
 
