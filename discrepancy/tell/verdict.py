@@ -210,7 +210,8 @@ def probability(
 
     Where the rivals were not tried, one as good as the name is reckoned with. What is left when all is named may be
     what the name only imitates, and one that unseen data or a better term speak ``against`` is likely wrong: both take
-    from it. Where nothing speaks against it, neither is so of a resonator whose mode the response itself shows (``shown``).
+    from it. Neither is so of a resonator whose mode is ``shown`` by the response itself, where nothing speaks against
+    it.
     """
     shown = shown and not against
     entry = next((a for a in search.accepted if a.id == finding.id), None)
