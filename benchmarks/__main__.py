@@ -32,6 +32,7 @@ NAMES = (
     "compensation_memory",
     "compensation_as_built",
     "structures",
+    "drives",
     "rubbing",
     "diagnosis_speed",
     "next_experiment",

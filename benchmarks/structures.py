@@ -51,7 +51,9 @@ class Structure(NamedTuple):
     @property
     def modes(self) -> Floats:
         """Frequencies [Hz]."""
-        return np.asarray(np.sqrt(eigh(self.stiffness, self.mass, eigvals_only=True)) / (2 * np.pi))
+        # That of what nothing holds is zero, but for its rounding.
+        squares = eigh(self.stiffness, self.mass, eigvals_only=True)
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi))
 
 
 class Outcome(NamedTuple):
@@ -149,15 +151,22 @@ def diagnosed(records: Sequence[Record], noise: float) -> tuple[Diagnosis, dict[
     }
 
 
-def measure(seed: int) -> Outcome:
-    """The diagnosis of one structure. Whatever goes wrong is an outcome."""
-    rng = np.random.default_rng(seed)
-    structure = drawn(rng)
+def drawn_record(rng: np.random.Generator) -> tuple[Senses, Hold]:
+    """What the sensor shows, and how the force runs between samples."""
     senses: Senses = get_args(Senses)[int(rng.integers(3))]
     hold: Hold = ("zero", "first")[int(rng.integers(2))]
+    return senses, hold
+
+
+def told(structure: Structure, senses: Senses, hold: Hold) -> str:
+    """What is measured, in words."""
     at = "at the sensor" if structure.driven == structure.sensed else "elsewhere"
-    what = f"{len(structure.mass)} masses, force {at}, {senses}, hold {hold}, seed {seed}"
-    answer = diagnosed(runs(structure, rng, senses, hold), NOISE)
+    return f"{len(structure.mass)} masses, force {at}, {senses}, hold {hold}"
+
+
+def outcome(structure: Structure, what: str, records: Sequence[Record]) -> Outcome:
+    """The diagnosis of a structure's records."""
+    answer = diagnosed(records, NOISE)
     if answer is None:
         return Outcome(what, structure.modes.tolist(), "no linear start", False, {})
     found, values = answer
@@ -168,8 +177,17 @@ def measure(seed: int) -> Outcome:
                    f"{found.verdict}: {', '.join(names)}", right, values)  # fmt: skip
 
 
-def make_report(seeds: Sequence[int], jobs: int) -> Report:
-    """Draws and diagnoses a structure for each seed."""
+def measure(seed: int) -> Outcome:
+    """The diagnosis of one structure. Whatever goes wrong is an outcome."""
+    rng = np.random.default_rng(seed)
+    structure = drawn(rng)
+    senses, hold = drawn_record(rng)
+    return outcome(structure, f"{told(structure, senses, hold)}, seed {seed}", runs(structure, rng, senses, hold))
+
+
+def reported(name: str, title: str, kind: str, measure: Callable[[int], Outcome], seeds: Sequence[int],
+             jobs: int) -> Report:  # fmt: skip
+    """The report of what ``measure`` says of each seed."""
     outcomes = in_processes(measure, list(seeds), jobs)
     share = {"share": sum(o.right for o in outcomes) / len(outcomes)}
     clean = {"share": sum(o.values.get("over noise", np.inf) < NOISE_REACHED for o in outcomes) / len(outcomes)}
@@ -182,12 +200,17 @@ def make_report(seeds: Sequence[int], jobs: int) -> Report:
     spreads = [row(name, "", spread(o.values.get(name, np.inf) for o in outcomes)) for name in names]
     each = [row(o.what, "", o.values, note=f"{', '.join(f'{f:.3g}' for f in o.modes)} Hz: {o.said}") for o in outcomes]
     notes = [
-        f"Chains of two to five masses, {NOISE:g} of noise, {SAMPLES:,} samples a run, {PER_PERIOD:g} in a period of "
-        "the highest mode; two runs to fit, one held out, from rest. Final: misfit on the held-out run.",
+        f"{kind}, {NOISE:g} of noise, {SAMPLES:,} samples a run, {PER_PERIOD:g} in a period of the highest mode; two "
+        "runs to fit, one held out, from rest. Final: misfit on the held-out run.",
     ]
+    tables = [Table("all", overall), Table("spread", spreads), Table("each", each)]
+    return Report(name, title, tables, notes)
+
+
+def make_report(seeds: Sequence[int], jobs: int) -> Report:
+    """Draws and diagnoses a structure for each seed."""
     title = f"Structures of several masses, seeds from {seeds[0]}"
-    tables = [Table("all structures", overall), Table("spread", spreads), Table("structures", each)]
-    return Report("structures", title, tables, notes)
+    return reported("structures", title, "Chains of two to five masses", measure, seeds, jobs)
 
 
 def run(options: Options) -> Report:
