@@ -1,6 +1,7 @@
 """A diagnosis as tables in the terminal."""
 
 from collections.abc import Mapping, Sequence
+from math import inf
 from typing import Any, Final
 
 from rich.console import Group, RenderableType
@@ -40,7 +41,8 @@ def verdict(report: Mapping[str, Any]) -> str:
         listed = ids[0] if len(ids) == 1 else f"{', '.join(ids[:-1])} and {ids[-1]}"
         before = significant(report["misfit"]["refit"])
         them = "it" if len(ids) == 1 else "them"
-        goes = "falls" if gap <= report["misfit"]["refit"] else "rises"
+        # A model that leaves all bounds has no misfit.
+        goes = "falls" if gap is not None and gap <= (report["misfit"]["refit"] or inf) else "rises"
         share = f"{report['left']:.1%}" if report["left"] >= LEAST else f"Less than {LEAST:.1%}"
         rest = f" {share} of the residual's power is left." if report["verdict"] == PARTLY else ""
         part = "In part, the" if report["verdict"] == PARTLY else "The"

@@ -29,10 +29,9 @@ FREE: Final = 3e-3
 """Likewise of what nothing holds: its spring is 1e-5 of what its mass takes in the band."""
 RATES: Final = np.geomspace(3e-3, 3.0, 7)
 """Of the same, over 2 pi: damping over mass of what nothing holds."""
-WHOLE: Final = 0.8
-"""Share of what the modes in the band leave, below which a mode below it brings it: 0.02 to 0.6 of drives that carry
-masses, the last beside strong dry friction; 0.91 and more of single masses with any other effect or defect, and of
-chains of masses on the ground."""
+HELD: Final = 0.5
+"""Share of the power that a suspended structure leaves, below which it is one that nothing holds: the fit of one may
+have loads that push it away."""
 LOBE: Final = 2
 """Bins to either side of a frequency that a window spreads it to."""
 
@@ -57,13 +56,15 @@ def _as_a_whole(records: Sequence[Record], known: Sequence[Mode]) -> list[Mode]:
     if before**2 < LEAST:
         return []
     lowest = min(known[0].frequency, *(_driven_from(record) for record in records))
-    tried = [Mode(share * lowest, SUSPENDED, seen=False) for share in BELOW]
-    tried += [_free(lowest, rate) for rate in RATES]
-    left = {mode: answered(records, [mode, *known]).left for mode in tried}
-    best = min(tried, key=left.__getitem__)
-    if left[best] ** 2 > WHOLE * before**2:
+    kinds = [
+        [Mode(share * lowest, SUSPENDED, seen=False) for share in BELOW],
+        [_free(lowest, rate) for rate in RATES],
+    ]
+    left = {mode: answered(records, [mode, *known]).left for kind in kinds for mode in kind}
+    suspended, free = (min(kind, key=left.__getitem__) for kind in kinds)
+    if min(left[suspended], left[free]) ** 2 > ENOUGH * before**2:
         return []
-    return [best if best.quality == SUSPENDED else _damped(records, known, lowest, best)]
+    return [_damped(records, known, lowest, free) if left[free] ** 2 < HELD * left[suspended] ** 2 else suspended]
 
 
 def _free(lowest: float, rate: float) -> Mode:

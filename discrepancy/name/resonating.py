@@ -12,8 +12,8 @@ from sympy import Symbol, solve
 
 from discrepancy.clock import OutOfTime
 from discrepancy.data.absorbers import Absorber, Carried, carried
+from discrepancy.data.modes import ENOUGH
 from discrepancy.data.record import is_driven
-from discrepancy.data.weak_modes import WHOLE
 from discrepancy.fit.continuation import ASTRAY, beginnings, grown
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
@@ -60,7 +60,7 @@ def resonating(search: Search) -> Taken | None:
     with suppress(OutOfTime):
         ends.append(other._replace(at=_fitted(near, other.at)))
     found = min(ends, key=lambda own: _price(search, own))
-    if near.off(found.at) ** 2 > WHOLE * near.off(without) ** 2:
+    if near.off(found.at) ** 2 > ENOUGH * near.off(without) ** 2:
         return None
     if near is whole:
         return found

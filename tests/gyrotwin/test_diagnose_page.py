@@ -14,6 +14,7 @@ from discrepancy.data.record import make_record
 from discrepancy.tell.answer import Stage
 from gyro_model.model import load_model
 from gyrotwin import diagnosis_figures, diagnosis_report
+from gyrotwin.diagnosis_console import verdict
 from gyrotwin.numbers import hertz, uncertain
 
 VOID = {"area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "track", "wbr"}
@@ -115,3 +116,10 @@ def test_the_page_says_what_an_effect_cannot_be_told_from(tmp_path: Path) -> Non
     shown = diagnosis_report._rivals(load_model(tmp_path), ["quintic", "drive_feedthrough"], 2)
     # A feedthrough is no force.
     assert shown == {"quintic": "F_x = -k5·x^5", "drive_feedthrough": ""}
+
+
+@pytest.mark.parametrize(("refit", "final", "goes"), [(0.5, 0.1, "falls"), (None, 0.1, "falls"), (0.5, None, "rises")])
+def test_a_model_that_leaves_all_bounds_has_a_verdict(refit: float | None, final: float | None, goes: str) -> None:
+    misfit = {"refit": refit, "final": final, "noise_floor": 0.01}
+    said = verdict({"verdict": "partly explained", "left": 0.2, "misfit": misfit, "effects": [{"id": "play"}]})
+    assert f"held-out runs {goes} from" in said
