@@ -42,7 +42,8 @@ def verdict(report: Mapping[str, Any]) -> str:
         before = significant(report["misfit"]["refit"])
         them = "it" if len(ids) == 1 else "them"
         # A model that leaves all bounds has no misfit.
-        goes = "falls" if gap is not None and gap <= (report["misfit"]["refit"] or inf) else "rises"
+        final, refit = (inf if left is None else left for left in (gap, report["misfit"]["refit"]))
+        goes = "falls" if final <= refit else "rises"
         share = f"{report['left']:.1%}" if report["left"] >= LEAST else f"Less than {LEAST:.1%}"
         rest = f" {share} of the residual's power is left." if report["verdict"] == PARTLY else ""
         part = "In part, the" if report["verdict"] == PARTLY else "The"

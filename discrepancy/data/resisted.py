@@ -2,10 +2,9 @@
 
 With a = d/m the speed is v' = -a v + (u - f sign x' + c)/m, so that the motion of a given a is linear in 1/m, f/m, c/m
 and in each run's own start; a itself is found by trial (variable projection: G. Golub and V. Pereyra, SIAM Journal on
-Numerical Analysis 10, 1973). Of what was measured only the sign of its speed is taken: where
-the same torque turned a motor a tenth faster in one run than in another, an equation of integrals of the motion gave
-sixteen times the inertia. While friction holds
-the mass at rest it takes up all of the force. Of a sensor of velocity it is the speed itself.
+Numerical Analysis 10, 1973). Of what was measured only the sign of its speed is taken: where the same torque turned a
+motor a tenth faster in one run than in another, an equation of integrals of the motion gave sixteen times the inertia.
+While friction holds the mass at rest it takes up all of the force. Of a sensor of velocity it is the speed itself.
 """
 
 from collections.abc import Sequence

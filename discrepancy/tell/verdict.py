@@ -197,9 +197,10 @@ def _also_known(search: Search, without: Mapping[str, float], final: Mapping[str
 
 
 def shown(search: Search) -> set[str]:
-    """Ids of resonators in the model, where the runs to fit show a further mode for each."""
+    """Ids of resonators in the model, where the runs to fit show a mode for each beside one an axis."""
     found = {a.id for a in search.accepted if resonator_axis(a.candidate.effect) is not None}
-    return found if len(found) <= len(search.given.modes[1]) else set()
+    modes = sum(map(len, search.given.modes))
+    return found if len(found) <= modes - search.whole.axes else set()
 
 
 def probability(

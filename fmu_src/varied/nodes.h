@@ -46,6 +46,15 @@ static inline void take_command(gyro_view *g, const double *command)
     }
 }
 
+/* The same where the force has been brought. */
+static inline void press(gyro_view *g, const double *command)
+{
+    if (command) {
+        take_command(g, command);
+        bring_command(g);
+    }
+}
+
 static inline const double *command_of(const gyro_nodes *at, int64_t i) { return at->command ? at->command + 2 * i : NULL; }
 
 /* Inputs at a node, which stay over its step, where no law acts. */

@@ -121,8 +121,7 @@ static inline const double *command_after(const gyro_run *run, int64_t steps)
 static inline void find_acceleration(gyro_view *view, const double *command, double found[2])
 {
     double rate[GYRO_N_STATES];
-    take_command(view, command);
-    bring_command(view);
+    press(view, command);
     state_rate(view, rate);
     found[0] = rate[GYRO_STATE_X_DOT];
     found[1] = rate[GYRO_STATE_Y_DOT];

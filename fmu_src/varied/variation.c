@@ -116,8 +116,7 @@ static void find_lawful_forcing(traveller *at, const gyro_nodes *nodes, part_of_
             come_to(at, nodes->run, step);
         }
         look_from(at, nodes->run, step, nodes->place[i % nodes->each], nodes->state[i]);
-        take_command(&at->view, command_of(nodes, i));
-        bring_command(&at->view);
+        press(&at->view, command_of(nodes, i));
         state_rate(&at->view, part->rate[i]);
         part->force[i][0] = part->rate[i][GYRO_STATE_X_DOT] - base[GYRO_STATE_X_DOT];
         part->force[i][1] = part->rate[i][GYRO_STATE_Y_DOT] - base[GYRO_STATE_Y_DOT];

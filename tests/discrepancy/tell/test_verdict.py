@@ -54,8 +54,15 @@ def test_what_is_left_takes_nothing_from_a_mode_that_the_response_shows() -> Non
     assert probability(*args, shown=True) == pytest.approx(sure)
 
 
-@pytest.mark.parametrize(("modes", "ids"), [(1, set()), (2, {"parasitic_mode", "parasitic_mode_2"})])
-def test_resonators_are_shown_where_there_are_as_many_modes(modes: int, ids: set[str]) -> None:
+@pytest.mark.parametrize(
+    ("modes", "ids"),
+    # A shaft that moves as a whole may stand among further modes, with none before them.
+    [((1, 1), set()), ((0, 2), set()), ((1, 2), {"parasitic_mode", "parasitic_mode_2"}),
+     ((0, 3), {"parasitic_mode", "parasitic_mode_2"})],
+)  # fmt: skip
+def test_resonators_are_shown_where_there_are_as_many_modes_beside_that_of_the_mass(
+    modes: tuple[int, int], ids: set[str]
+) -> None:
     more = copies(load_model(), 1, 2)
     effects = [
         load_model().effect("parasitic_mode"),
@@ -63,7 +70,8 @@ def test_resonators_are_shown_where_there_are_as_many_modes(modes: int, ids: set
         load_model().effect("cubic_stiffness"),
     ]
     names = [SimpleNamespace(id=e.id, candidate=SimpleNamespace(effect=e)) for e in effects]
-    own: Any = SimpleNamespace(accepted=names, given=SimpleNamespace(modes=([], [None] * modes)))
+    given = SimpleNamespace(modes=[[None] * n for n in modes])
+    own: Any = SimpleNamespace(accepted=names, given=given, whole=SimpleNamespace(axes=1))
     assert shown(own) == ids
 
 
