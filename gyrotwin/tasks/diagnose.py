@@ -289,7 +289,7 @@ def writers_of(result: DiagnosisResult) -> dict[str, Writer]:
             shutil.copy(fmus.fmi3, path.with_name("fmi3.fmu"))
 
     def write_page(path: Path) -> None:
-        render(device.name, data, found.model, report, found, [*result.warnings, *found.doubts], path)
+        render(device.name, data, found.model, report, found, [*dict.fromkeys((*result.warnings, *found.doubts))], path)
 
     return {
         "fmi2.fmu": write_fmus,
