@@ -33,6 +33,8 @@ NAMES = (
     "compensation_as_built",
     "structures",
     "drives",
+    "drives_damped",
+    "drives_rubbing",
     "rubbing",
     "diagnosis_speed",
     "next_experiment",

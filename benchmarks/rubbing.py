@@ -13,7 +13,7 @@ from numba import njit
 from benchmarks.loop_runs import in_processes
 from benchmarks.report import Options, Report, Row, Table, row, spread
 from benchmarks.structures import NOISE_REACHED, Outcome, Structure, chain, diagnosed, runs_of
-from discrepancy.data.record import Floats, Hold, Senses
+from discrepancy.data.record import Floats, Hold, Record, Senses
 
 SEEDS: Final = 20
 FIRST: Final = 7101
@@ -97,6 +97,11 @@ def measure(seed: int) -> Outcome:
     what = (f"{n} masses, {own.friction:.3f} N, excess {own.excess:g}, {senses}, hold {hold}, noise {noise:.1e}, "
             f"seed {seed}")  # fmt: skip
     records = runs_of(own.structure.modes, rng, senses, hold, noise, lambda u, step: motion(own, u, step, hold))
+    return outcome(own, what, records, noise)
+
+
+def outcome(own: Rubbing, what: str, records: Sequence[Record], noise: float) -> Outcome:
+    """The diagnosis of records of what rubs."""
     answer = diagnosed(records, noise)
     if answer is None:
         return Outcome(what, own.structure.modes.tolist(), "no linear start", False, {})
@@ -104,7 +109,7 @@ def measure(seed: int) -> Outcome:
     friction = (e.parameters["friction_x"].value for e in found.effects if "friction_x" in e.parameters)
     values["friction off"] = abs(next(friction, np.inf) / own.friction - 1)
     names = sorted(effect.id for effect in found.effects)
-    wanted = ["dry_friction", *(("parasitic_mode", "parasitic_mode_2")[: n - 1])]
+    wanted = ["dry_friction", *(("parasitic_mode", "parasitic_mode_2")[: len(own.structure.mass) - 1])]
     right = found.verdict == "missing effects" and names == wanted and values["friction off"] < CLOSE
     return Outcome(what, own.structure.modes.tolist(), f"{found.verdict}: {', '.join(names)}", right, values)
 

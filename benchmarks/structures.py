@@ -186,14 +186,14 @@ def measure(seed: int) -> Outcome:
 
 
 def reported(name: str, title: str, kind: str, measure: Callable[[int], Outcome], seeds: Sequence[int],
-             jobs: int) -> Report:  # fmt: skip
-    """The report of what ``measure`` says of each seed."""
+             jobs: int, said: str = f"resonators alone named, less than {LEFT:.0%} of the motion left"
+             ) -> Report:  # fmt: skip
+    """The report of what ``measure`` says of each seed; ``said``: what is right."""
     outcomes = in_processes(measure, list(seeds), jobs)
     share = {"share": sum(o.right for o in outcomes) / len(outcomes)}
     clean = {"share": sum(o.values.get("over noise", np.inf) < NOISE_REACHED for o in outcomes) / len(outcomes)}
     overall = [
-        Row(f"resonators alone named, less than {LEFT:.0%} of the motion left", "1", share, SHARE, at_least=True,
-            note=f"of {len(outcomes)}"),
+        Row(said, "1", share, SHARE, at_least=True, note=f"of {len(outcomes)}"),
         Row("nothing but noise left", "1", clean),
     ]  # fmt: skip
     names = ("refit", "final", "over noise", "s", "s of processor")

@@ -20,7 +20,7 @@ from scipy.linalg import eigh
 
 from discrepancy.data.modes import Mode
 from discrepancy.data.record import Floats, Record
-from discrepancy.data.residues import answered
+from discrepancy.data.residues import Answer, answered
 
 OF_ONE: Final = 0.3
 """Of what a mode answers with, that the product of one shape with itself may leave: no mode answers otherwise where
@@ -54,13 +54,14 @@ class Absorber(NamedTuple):
 
 
 class Carried(NamedTuple):
-    """m [kg], stiffness [N/m] and damping [N.s/m] (axes, axes) of the mass without joints, and its resonators, that
-    which is coupled most first."""
+    """m [kg], stiffness [N/m] and damping [N.s/m] (axes, axes) of the mass without joints; its resonators, that which
+    is coupled most first; friction [N] at each sensor, 0 where records have none."""
 
     m: float
     k: Floats
     d: Floats
     absorbers: tuple[Absorber, ...]
+    friction: Floats
 
 
 def carried(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[float]) -> Carried | None:
@@ -69,15 +70,19 @@ def carried(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[fl
     the mass would not be positive, as where a sensor is connected the other way round.
     """
     axes = len(gains)
-    residues = answered(records, modes).residues / np.asarray(gains) if len(modes) > axes else None
+    answer = answered(records, modes) if len(modes) > axes else None
+    residues = answer.residues / np.asarray(gains) if answer else None
     shapes = None if residues is None else _shapes(residues)
-    if residues is None or shapes is None:
+    if answer is None or residues is None or shapes is None:
         return None
+    friction = _friction(answer)
     if axes > 1 or (residues > 0).all():
-        return _turned(modes, residues, shapes, apart=False)
+        found = _turned(modes, residues, shapes, apart=False)
+        return found and found._replace(friction=friction)
     against = residues[:, :, 0] < 0
-    found = [_turned(modes, residues, np.where(against, own, 1.0) * shapes, apart=True) for own in OPPOSED]
-    return max((own for own in found if own is not None), key=lambda own: _told(modes, own), default=None)
+    tried = (_turned(modes, residues, np.where(against, own, 1.0) * shapes, apart=True) for own in OPPOSED)
+    found = max((own for own in tried if own is not None), key=lambda own: _told(modes, own), default=None)
+    return found and found._replace(friction=friction)
 
 
 def _turned(modes: Sequence[Mode], residues: Floats, shapes: Floats, *, apart: bool) -> Carried | None:
@@ -108,7 +113,17 @@ def _turned(modes: Sequence[Mode], residues: Floats, shapes: Floats, *, apart: b
     ]
     absorbers.sort(key=lambda a: -float(np.abs(a.coupling).max()))
     own_damping = damping[:axes, :axes] - dragged * losses @ dragged.T
-    return Carried(m, m * stiffness[:axes, :axes], m * own_damping, tuple(absorbers))
+    return Carried(m, m * stiffness[:axes, :axes], m * own_damping, tuple(absorbers), np.zeros(axes))
+
+
+def _friction(answer: Answer) -> Floats:
+    """Of each axis what makes all modes answer to the course of its friction as they do to a force."""
+    axes = answer.residues.shape[1]
+    if not answer.rubbing.size:
+        return np.zeros(axes)
+    found = [answer.rubbing[:, i].ravel() @ answer.residues[:, i].ravel() / np.sum(answer.residues[:, i] ** 2)
+             for i in range(axes)]  # fmt: skip
+    return np.maximum(found, 0.0)
 
 
 def _told(modes: Sequence[Mode], found: Carried) -> float:

@@ -109,7 +109,7 @@ def _counted(runs: Runs, axes: int) -> tuple[list[Mode], list[Mode]]:
             # What rings at no frequency of its own is no mode that others could stand beside.
             return [], []
     else:
-        first = [_same(mode, _modes(found.both, runs.step)) for mode in first]
+        first = [near for mode in first if (near := _same(mode, _modes(found.both, runs.step)))]
     known = [mode.frequency for mode in first]
     known += _of_one(runs, known) if decays else []
     beside = [p for p in found.both if (m := _mode(p, runs.step)) and all(apart(m.frequency, own) for own in known)]
@@ -134,11 +134,10 @@ def _fitted(runs: Runs, orders: Sequence[int]) -> Modal:
     return best
 
 
-def _same(rough: Mode, among: Sequence[Mode]) -> Mode:
-    """The nearest ``among`` the modes of a better model that is no other than a ``rough`` one; that itself where each
-    is."""
+def _same(rough: Mode, among: Sequence[Mode]) -> Mode | None:
+    """The one ``among`` the modes of a better model that is no other than a ``rough`` one; None where each is."""
     near = min(among, key=lambda mode: abs(np.log(mode.frequency / rough.frequency)), default=rough)
-    return rough if apart(near.frequency, rough.frequency) else near
+    return None if apart(near.frequency, rough.frequency) else near
 
 
 def _alike(model: Modal, step: float) -> int:
@@ -226,10 +225,12 @@ def _in_band(records: Sequence[Record]) -> Runs:
     for record in (r for r in records if r.sample_rate == rate):
         before = np.vstack((record.u[:1], record.u[:-1]))
         # What is held until the next sample acts half a step later; an acceleration shows it as it was just before,
-        # or, where it is not held, as it is.
+        # or, where it is not held, as it is. A friction runs on as the motion does.
         late = 0.5 * (record.u + before) if record.hold == "zero" else record.u
-        seen = np.hstack((record.u, before)) if record.order == 2 else late
-        u, v, own = (_fewer(a, number)[:SAMPLES] for a in (late, record.v, seen))
+        rubs = record.u[:, :0] if record.rubs is None else record.rubs
+        acting = np.hstack((late, rubs))
+        seen = np.hstack((record.u, before, rubs)) if record.order == 2 else acting
+        u, v, own = (_fewer(a, number)[:SAMPLES] for a in (acting, record.v, seen))
         if len(u) > 4 * ROWS and (u.any() or decays):
             pairs.append((u, v - v.mean(axis=0)))
             at_once.append(own)
@@ -267,9 +268,9 @@ def _poles(runs: Runs, orders: Sequence[int]) -> list[Complexes]:
         window = np.arange(0, len(u) - 2 * ROWS + 1, stride)[:, None] + np.arange(2 * ROWS)
         past, future = window[:, :ROWS], window[:, ROWS:]
         rows.append(np.hstack([a.reshape(len(window), -1) for a in (u[future], u[past], v[past], v[future])]))
-    axes = runs.pairs[0][1].shape[1]
+    forces, axes = (signal.shape[1] for signal in runs.pairs[0])
     triangle = np.asarray(np.linalg.qr(np.vstack(rows), mode="r"))
-    known, told = ROWS * axes, 3 * ROWS * axes
+    known, told = ROWS * forces, ROWS * (2 * forces + axes)
     vectors, sizes, _ = np.linalg.svd(triangle[known:told, told:].T, full_matrices=False)
     found = []
     for order in orders:

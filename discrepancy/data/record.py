@@ -42,8 +42,8 @@ class Record:
     SI; valid (n,): False where a sample is clipped. ``hold`` says how u runs between samples; ``senses``: what v shows;
     ``reference``: where that is no position, the frequency w [rad/s] at which gains are those of one
     (docs/theory/records.md, eq. 8); ``begun``: place [m] and speed [m/s] of x at its start, each times the gain, where
-    these are known and no fit finds them. Built by ``make_record``, or raises InputError where the arrays make no
-    record.
+    these are known and no fit finds them; ``rubs`` (n, axes): the course of a friction, within -1 and 1, where one acts
+    beside u (``rubbed``). Built by ``make_record``, or raises InputError where the arrays make no record.
     """
 
     name: str
@@ -58,6 +58,7 @@ class Record:
     senses: Senses = "position"
     reference: float = 1.0
     begun: tuple[float, float] | None = None
+    rubs: Floats | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -93,6 +94,8 @@ class Record:
             raise InputError(f"{n} samples: a run needs at least {MINIMUM_SAMPLES}, 50 of which give its initial state")
         if self.u.shape != self.v.shape or self.v.shape not in ((n, 1), (n, 2)):
             raise InputError(f"t has shape ({n},), u {self.u.shape}, v {self.v.shape}: give (n,), (n, axes), (n, axes)")
+        if self.rubs is not None and self.rubs.shape != self.u.shape:
+            raise InputError(f"rubs has shape {self.rubs.shape}, u {self.u.shape}: give the course of each axis")
         for name, values in self.conditions.items():
             if name not in CONDITIONS:
                 raise InputError(f"condition {name!r} is unknown{nearest(name, CONDITIONS)}")

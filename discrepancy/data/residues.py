@@ -1,32 +1,47 @@
 """How much each of some modes answers to each force, and what of the voltage that leaves."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
 from discrepancy.data.modal import TINY
-from discrepancy.data.modes import Mode
+from discrepancy.data.modes import LEAST, Mode
 from discrepancy.data.record import Floats, Record
+from discrepancy.data.rubbed import rubbed
+
+RUBBING: Final = 0.8
+"""Of what modes leave without a friction (rms), that they leave at most with one that is plain."""
+SOMEWHAT: Final = 0.985
+"""Of what modes leave (rms), that they leave with the course of a friction beside them, where it is worth while to look
+for others beside it: 0.88 to 0.96 where a mass rubs, since their damping has made up for most of it; 1.00 of chains
+that do not."""
+MUCH: Final = 0.1
+"""Of the voltage (rms), that modes leave where that is worth while in any case: a strong friction may leave none that a
+shaft's turns with."""
 
 
 class Answer(NamedTuple):
     """residues: by how much each mode answers with each voltage to each force, (modes, forces, voltages) [V/(N.s²)];
-    residuals: what is left of the voltage of each run (n, voltages) [V], beside how it begins and a mean; left: rms of
-    that over the voltage."""
+    rubbing: the same to the friction of each axis, where the records have one; residuals: what is left of the voltage
+    of each run (n, voltages) [V], beside how it begins and a mean; left: rms of that over the voltage."""
 
     residues: Floats
+    rubbing: Floats
     residuals: tuple[Floats, ...]
     left: float
 
 
-def answered(records: Sequence[Record], modes: Sequence[Mode]) -> Answer:
-    """What driven records show of ``modes``, by least squares."""
+def answered(records: Sequence[Record], modes: Sequence[Mode], *, higher: bool = False) -> Answer:
+    """What driven records show of ``modes``, by least squares; ``higher``: beside such whose frequencies are higher, of
+    which an accelerometer sees the mass that they take with them."""
     axes, made, told = records[0].axes, [], []
     for record in records:
-        answers = np.hstack([_answers(record, mode) for mode in modes])
-        starts = np.linalg.qr(_starts(record, modes))[0]
+        answers = np.hstack([answer for mode in modes for answer in _answers(record, mode)])
+        count, starts = answers.shape[1], np.linalg.qr(_starts(record, modes))[0]
+        if higher and record.order == 2:
+            answers = np.hstack((answers, _at_once(record.u, held=record.hold == "zero")))
         columns = np.hstack((answers, record.v))
         columns -= starts @ (starts.T @ columns)
         made.append(columns[:, :-axes])
@@ -35,7 +50,21 @@ def answered(records: Sequence[Record], modes: Sequence[Mode]) -> Answer:
     found = np.linalg.lstsq(columns, shown, rcond=None)[0]
     residuals = tuple(v - of @ found for v, of in zip(told, made, strict=True))
     left = float(np.linalg.norm(np.vstack(residuals)) / (np.linalg.norm(shown) + TINY))
-    return Answer(np.asarray(found.reshape(len(modes), axes, axes)), residuals, left)
+    answers = np.asarray(found[:count].reshape(len(modes), -1, axes))
+    return Answer(answers[:, :axes], answers[:, axes:], residuals, left)
+
+
+def may_rub(records: Sequence[Record], modes: Sequence[Mode]) -> bool:
+    """Whether it is worth while to look for others than these ``modes``, which may be none, beside a friction."""
+    left = answered(records, modes).left if modes else 1.0
+    return left > MUCH or (left**2 > LEAST and answered(rubbed(records), modes).left < SOMEWHAT * left)
+
+
+def plainly_rub(records: Sequence[Record], without: Sequence[Mode], modes: Sequence[Mode]) -> bool:
+    """Whether ``modes`` beside the course of a friction leave plainly less than those ``without``, which may be
+    none."""
+    left = answered(records, without).left if without else 1.0
+    return answered(rubbed(records), modes).left < RUBBING * left
 
 
 def _starts(record: Record, modes: Sequence[Mode]) -> Floats:
@@ -49,17 +78,25 @@ def _starts(record: Record, modes: Sequence[Mode]) -> Floats:
     return np.column_stack(columns)
 
 
-def _answers(record: Record, mode: Mode) -> Floats:
-    """The motion (n, forces) of a mode of 1 kg under each force, as the sensors take it: its displacement, speed or
-    acceleration."""
+def _answers(record: Record, mode: Mode) -> list[Floats]:
+    """The motion (n, forces) of a mode of 1 kg under each force, and under each friction."""
+    forced = _motion(record, mode, record.u, held=record.hold == "zero")
+    return [forced] if record.rubs is None else [forced, _motion(record, mode, record.rubs, held=False)]
+
+
+def _motion(record: Record, mode: Mode, force: Floats, *, held: bool) -> Floats:
+    """The motion of a mode of 1 kg under forces (n, forces), ``held`` or running on between samples, as the sensors
+    take it: its displacement, speed or acceleration."""
     w = 2 * np.pi * mode.frequency
     pulled = [-(w**2), -w / mode.quality]
     seen, through = [([1.0, 0.0], 0.0), ([0.0, 1.0], 0.0), (pulled, 1.0)][record.order]
     system = np.array([[0.0, 1.0], pulled]), np.array([[0.0], [1.0]]), np.array([seen]), np.array([[through]])
-    held = record.hold == "zero"
     a, b, c, d, _ = cont2discrete(system, 1 / record.sample_rate, "zoh" if held else "foh")
-    # What a held force makes at once is seen before it changes, a sample late; else it is no more than a share.
-    at_once = through * record.u
-    at_once = np.vstack((at_once[:1], at_once[:-1])) if held else at_once
     numerator = np.poly(a - b @ c) + (d[0, 0] - through - 1) * np.poly(a)
-    return np.asarray(lfilter(numerator, np.poly(a), record.u, axis=0) + at_once) / record.reference**record.order
+    at_once = through * _at_once(force, held=held)
+    return np.asarray(lfilter(numerator, np.poly(a), force, axis=0) + at_once) / record.reference**record.order
+
+
+def _at_once(force: Floats, *, held: bool) -> Floats:
+    """A force as an accelerometer sees it: what is held is seen before it changes, a sample late."""
+    return np.vstack((force[:1], force[:-1])) if held else force

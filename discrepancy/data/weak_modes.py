@@ -14,7 +14,8 @@ from scipy.signal import coherence, welch
 
 from discrepancy.data.modes import APART, ENOUGH, LEAST, MOST, POWER, Mode, answering, apart, further_modes
 from discrepancy.data.record import Floats, Record, is_driven
-from discrepancy.data.residues import answered
+from discrepancy.data.residues import answered, may_rub, plainly_rub
+from discrepancy.data.rubbed import rubbed
 
 WINDOWS: Final = 8
 """Of a run, for the coherence of force and voltage."""
@@ -38,24 +39,39 @@ LOBE: Final = 2
 
 def all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
     """As ``further_modes``, with those besides that driven ``records`` show only in what the others leave: a sensor of
-    displacement sees a mode at three times the frequency with a thirtieth of the power, beyond where almost all is."""
+    displacement sees a mode at three times the frequency with a thirtieth of the power, beyond where almost all is. Of
+    records that plainly show a friction beside them those that they show with it."""
+    found = _all_modes(records)
+    known = sorted([*found[0], *found[1]])
+    if not is_driven(records) or not may_rub(records, known):
+        return found
+    beside = _all_modes(rubbed(records))
+    return beside if beside[1] and plainly_rub(records, known, sorted([*beside[0], *beside[1]])) else found
+
+
+def _all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
     first, further = further_modes(records)
-    while first and len(further) < MOST and is_driven(records):
+    if not is_driven(records):
+        return first, further
+    # Where a place that goes far hides all else, what hardly answers is looked for beside that.
+    whole = [] if first or further else _as_a_whole(records, [])
+    further = [*whole, *further]
+    while (first or further) and len(further) < MOST:
         new = _hidden(records, sorted([*first, *further]))
         if not new:
             break
         further = sorted([*further, *new])[:MOST]
-    if (first or further) and len(further) < MOST and is_driven(records):
+    if (first or further) and len(further) < MOST and not whole:
         further = [*_as_a_whole(records, sorted([*first, *further])), *further]
-    return first, further
+    return (first, further) if further != whole else (first, [])
 
 
 def _as_a_whole(records: Sequence[Record], known: Sequence[Mode]) -> list[Mode]:
     """The mode below the force's band without which the ``known`` ones leave much more; none where there is none."""
-    before = answered(records, known).left
+    before = answered(records, known).left if known else 1.0
     if before**2 < LEAST:
         return []
-    lowest = min(known[0].frequency, *(_driven_from(record) for record in records))
+    lowest = min([*(mode.frequency for mode in known[:1]), *(_driven_from(record) for record in records)])
     kinds = [
         [Mode(share * lowest, SUSPENDED, seen=False) for share in BELOW],
         [_free(lowest, rate) for rate in RATES],
@@ -103,7 +119,9 @@ def _hidden(records: Sequence[Record], known: Sequence[Mode]) -> list[Mode]:
         return []
     new = [mode for mode in answering(left) if all(apart(mode.frequency, own.frequency) for own in known)]
     better = new and answered(records, [*known, *new]).left ** 2 < ENOUGH * before.left**2
-    return new if better else []
+    # What no force drives shows no peak.
+    lowest = min(_driven_from(record) for record in records)
+    return [mode for mode in new if mode.frequency > lowest] if better else []
 
 
 def _coherence(u: Floats, v: Floats, window: int) -> Floats:

@@ -5,8 +5,10 @@ size does not grow with the number of runs (G. H. Golub, V. Pereyra, SIAM J. Num
 """
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from itertools import pairwise
+from math import inf
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -20,6 +22,7 @@ from discrepancy.data.linear_start import BADLY, response
 from discrepancy.data.record import Floats, Record, is_driven
 from discrepancy.fit.colour import autoregression
 from discrepancy.fit.fitted import Fitted, Free, bare
+from discrepancy.fit.passive import passive
 from discrepancy.fit.patience import Patience
 from discrepancy.fit.quotients import Point, Quotients
 from discrepancy.fit.simulate import Job, Simulator
@@ -41,9 +44,6 @@ UNSEEN: Final = 1e-10
 alike to a factor of 1e3 after the noise filter; what a step of rounding leaves is 1e-7 of one and less."""
 LINEAR: Final = 1e-5
 """The same over the signal where the residual is far above the noise."""
-PASSIVE: Final = 0.999
-"""Of the largest cross damping or stiffness that a passive device has: a search that reaches the bound goes on along
-it."""
 FAINT: Final = 2e-3
 """Residual over signal below which it may be a flicker of the sensor: above, a model is wrong, and a filter for flicker
 would take an offset for a part of it."""
@@ -115,6 +115,7 @@ class Fitter:
         self.simulator, self.records, self.blocks, self.criteria = simulator, tuple(records), blocks, criteria
         self.axes = self.records[0].axes
         self.period = 1 / self.records[0].sample_rate
+        self._longest = self.period * max(len(record.t) for record in self.records)
         self._driven = is_driven(self.records)
         self._stateful = [e for e in simulator.model.effects if e.starts]
         self.signal = _rms(self.records) or _rms([simulator.run_of(record) for record in self.records])
@@ -153,6 +154,17 @@ class Fitter:
         """Initial states of every run: as known, or zero."""
         names, gain = STATES[: 2 * self.axes], parameters["sense_gain_x"]
         return tuple({**dict.fromkeys(names, 0.0), **_known(record, gain)} for record in self.records)
+
+    def passive(self, parameters: Mapping[str, float]) -> dict[str, float]:
+        """``parameters`` of a device that makes no energy, as far as these runs are long."""
+        return passive(parameters, self.axes, self.simulator.model, self._longest)
+
+    def held(self) -> "Fitter":
+        """The same of a device that nothing makes run away, however slowly: far from the minimum a fit that may use
+        that ends there."""
+        found = copy(self)
+        found._longest = inf
+        return found
 
     def state_names(self, at: Fitted) -> list[str]:
         """Of the initial states that a fit of ``at`` finds: those of the device, and of effects that act."""
@@ -436,7 +448,7 @@ class Fitter:
             # A step to a bound may miss it by a rounding.
             value = float(np.clip(parameters[free.name] + free.step * change, free.low, free.high))
             parameters.update(free.at(value, parameters))
-        parameters = passive(parameters, self.axes)
+        parameters = self.passive(parameters)
         # What passivity took back counts for the states as well.
         step = np.array([(parameters[f.name] - at.parameters[f.name]) / f.step for f in at.free])
         sizes, starts = self._state_steps(at), []
@@ -478,16 +490,6 @@ def _known(record: Record, gain: float) -> dict[str, float]:
 
 def _rms(records: Sequence[Record]) -> float:
     return float(np.sqrt(np.mean([np.mean(r.v**2) for r in records])))
-
-
-def passive(p: Mapping[str, float], axes: int) -> dict[str, float]:
-    """``p`` with the cross damping and stiffness of a passive device."""
-    result = dict(p)
-    if axes == 2:
-        for kind in "kd":
-            room = PASSIVE * float(np.sqrt(max(p[kind + "xx"] * p[kind + "yy"], 0.0)))
-            result[kind + "xy"] = float(np.clip(p[kind + "xy"], -room, room))
-    return result
 
 
 def _response(records: Sequence[Record], form: WeakForm, nominal: Mapping[str, float]) -> Mapping[str, float]:

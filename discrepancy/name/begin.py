@@ -15,9 +15,10 @@ from discrepancy.fit.simulate import Simulator
 from discrepancy.name import checkpoint as store
 from discrepancy.name.accepted import Accepted, Taken
 from discrepancy.name.bending import bending
+from discrepancy.name.carrying import carrying
 from discrepancy.name.cleaning import clean, mask_clipped
 from discrepancy.name.columns import nameable
-from discrepancy.name.holding import let_run_on
+from discrepancy.name.holding import as_shown, let_run_on
 from discrepancy.name.kept import resumed, saved
 from discrepancy.name.resisting import resisting
 from discrepancy.name.resonating import resonating
@@ -36,7 +37,10 @@ FIRST: Final = "effects without which a linear fit goes astray"
 def begin(given: Given, simulator: Simulator) -> Search:
     """The search with the nominal model fitted, and blemishes of the record taken out."""
     given.progress("nominal parameters and initial states")
-    data, whole = given.dataset, Fitter(simulator, given.dataset.fit, criteria=given.criteria)
+    data = as_shown(given.dataset)
+    if data is not given.dataset:
+        given.progress("the force ran on between samples")
+    whole = Fitter(simulator, data.fit, criteria=given.criteria)
     nominal = nominal_of(simulator.model, data)
     late = lateness(data.fit, nominal)
     at = whole.begin(nominal, believed(simulator.model, data, nominal), late.records if late else None)
@@ -93,7 +97,7 @@ def _with_first(search: Search) -> Search:
     """With effects in the model before anything else is scored, without which the linear parameters go astray, so that
     all else would imitate what they do."""
     kinds: Sequence[Callable[[Search], Taken | None]] = (
-        (resonating, resisting) if unsprung(search.whole, search.at) else (resonating, bending)
+        (resonating, resisting, carrying) if unsprung(search.whole, search.at) else (resonating, bending)
     )
     for kind in kinds:
         search, found = asked(search, FIRST, kind)

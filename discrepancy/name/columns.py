@@ -20,7 +20,7 @@ from discrepancy.fit.defect import Defect, Distortion, distortions
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import OTHER_AXIS
-from discrepancy.name.grids import FINER, Grids, around, free_shape
+from discrepancy.name.grids import FINER, Grids, around, free_shape, swing
 from gyro_model.anatomy import SLOTS, Delay, Effect, Follow, Force, Lag, Law, Map
 from gyro_model.model import Model
 from gyro_model.quantities import Quantity
@@ -353,8 +353,12 @@ class _Scale:
         p = at.parameters
         w, volt = float(np.sqrt(p["kxx"] / p["m"])), fitter.signal
         length = volt / abs(p["sense_gain_x"])
-        # Natural units of kg, m, s, A, K, 1: a probe's first guess is 1e-4 of them.
-        self.natural = np.array([p["m"], length, 1 / w, p["m"] * length**2 * w**3 / volt, 1.0, 1.0])
+        # Natural units of kg, m, s, A, K, 1: a probe's first guess is 1e-4 of them. Of a mass that no spring holds they
+        # are small beside what acts in the force's band.
+        self.natural, self.driven = (
+            np.array([p["m"], length, 1 / rate, p["m"] * length**2 * rate**3 / volt, 1.0, 1.0])
+            for rate in (w, 2 * np.pi * swing(fitter.records, w / (2 * np.pi)))
+        )
         longest = max(len(r.t) for r in fitter.records)
         self.whole, self.longer = self._trials(at, longest), longest > LONGER * HEAD
         self.head = self._trials(at, HEAD)
@@ -384,7 +388,7 @@ class _Scale:
                   room: float) -> Probe | None:  # fmt: skip
         """The probe from ``first``, whose power is 0 where it is not known."""
         q, step, power = first.quantity, abs(first.step), first.power
-        farthest = min(room, FARTHEST * self._natural(q))
+        farthest = min(room, FARTHEST * max(self._natural(q), self._in_units(q, self.driven)))
         sign = np.sign(first.step)
         # Of pairs few show anything: the largest step says so at once.
         if base and self._change(q, shapes, base, sign * farthest, trials) < 1e-6 * self.target:
@@ -406,8 +410,12 @@ class _Scale:
         return Probe(q, sign * min(step, room), power or 1) if 0 < change < np.inf else None
 
     def _natural(self, q: Quantity) -> float:
+        return self._in_units(q, self.natural)
+
+    @staticmethod
+    def _in_units(q: Quantity, units: Floats) -> float:
         exponents = [float(e) for e in dimension(q.unit).exponents]
-        return 1e-4 * float(np.prod(self.natural**exponents))
+        return 1e-4 * float(np.prod(units**exponents))
 
     def _change(self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float], step: float,
                 trials: list["_Trial"]) -> float:  # fmt: skip

@@ -42,6 +42,13 @@ class Points:
     ends: Mapping[str, tuple[float, float]]
 
 
+def swing(records: Sequence[Record], frequency: float) -> float:
+    """The ``frequency`` of a mode [Hz]; of one that no run is as long as a period of, since no spring holds the mass,
+    the middle of what drives it."""
+    longest = max(len(r.t) / r.sample_rate for r in records)
+    return frequency if frequency * longest > 1 else 0.5 * max(band_of(r, r.u) for r in records)
+
+
 class Grids:
     """Grids on ``records``; what the scales of signals are is found once, at the first fit."""
 
@@ -99,10 +106,8 @@ class Grids:
         return np.unique(np.round(values)) if q.integer else values
 
     def _highest(self, at: Fitted) -> float:
-        """The frequency of the device's highest mode [Hz]; of a mass that no spring holds the middle of what drives
-        it."""
-        found = float(mode_frequencies(at.parameters, self.records[0].axes)[-1])
-        return found if found * self.duration > 1 else 0.5 * max(band_of(r, r.u) for r in self.records)
+        """The frequency of the device's highest mode [Hz], as ``swing`` has it."""
+        return swing(self.records, float(mode_frequencies(at.parameters, self.records[0].axes)[-1]))
 
     def _scale(self, q: Quantity, of: str, at: Fitted) -> float:
         if of in ("itself", "1"):

@@ -8,7 +8,8 @@ gives a name.
 from dataclasses import replace
 from typing import Final
 
-from discrepancy.data.hold import DECISIVE
+from discrepancy.data.dataset import Dataset
+from discrepancy.data.hold import DECISIVE, better_hold
 from discrepancy.data.record import Hold, is_driven
 from discrepancy.fit.continuation import FEW, beginnings
 from discrepancy.fit.defect import Distortion
@@ -17,10 +18,16 @@ from discrepancy.fit.openings import parts
 from discrepancy.fit.refit import Fitter
 from discrepancy.name.columns import on_the_way
 from discrepancy.name.exchange import delete
-from discrepancy.name.search import Search
+from discrepancy.name.search import Search, held
 from gyro_model.anatomy import Delay, Lag
 
 RUNS_ON: Final[Hold] = "band-limited"
+
+
+def as_shown(dataset: Dataset) -> Dataset:
+    """With a force that ran on between samples where nobody has said that it was held, and the response shows it."""
+    better = None if dataset.hold_stated else better_hold(dataset.fit, dataset.nominal)
+    return held(dataset, RUNS_ON) if better and better.hold != "zero" else dataset
 
 
 def let_run_on(search: Search) -> Search:

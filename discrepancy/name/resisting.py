@@ -8,7 +8,7 @@ from discrepancy.data.resisted import PLAINLY, Resisted, alternatives, fewest, o
 from discrepancy.fit.continuation import unsprung
 from discrepancy.fit.fitted import Fitted
 from discrepancy.name.accepted import Accepted, Taken
-from discrepancy.name.columns import Candidate, fading, nameable, without_part
+from discrepancy.name.columns import Candidate, Kind, fading, nameable, without_part
 from discrepancy.name.resistance import Resistance, resistance
 from discrepancy.name.scan import Scored
 from discrepancy.name.search import Search
@@ -23,15 +23,20 @@ def resisting(search: Search) -> Taken | None:
     if told is None or not (told.friction or told.constant):
         return None
     plain = whole.fit(replace(search.at, whiten=whole.plain(search.at.parameters)))
-    known = search.library.candidates(whole, search.at, search.present, lambda e: bool(resistance(e)))
-    # The first point of a grid is the steepest friction, which no damping imitates.
-    forces = {resistance(c.effect): _whole(c) for c in reversed(known)}
+    forces = steepest(search, lambda e: bool(resistance(e)))
     # Integrals smooth the speed, so that they do not tell where the mass sets out; a simulation does.
     if one_way(search.dataset.fit):
         found = [told for told in found if not (told.friction and told.constant)]
     ends = [end for told in found if (end := _fitted(search, forces, told, plain)) is not None]
     best = min(ends, key=lambda end: end.price(search.criteria), default=None)
     return best if best and whole.off(best.at) <= PLAINLY * whole.off(plain) else None
+
+
+def steepest(search: Search, among: Kind) -> dict[Resistance, Candidate]:
+    """Of each kind of resistance one ``among`` those of the files."""
+    known = search.library.candidates(search.whole, search.at, search.present, among)
+    # The first point of a grid is the steepest friction, which no damping imitates.
+    return {resistance(c.effect): _whole(c) for c in reversed(known)}
 
 
 def alike(search: Search, ids: Collection[str]) -> list[str]:

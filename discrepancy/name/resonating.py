@@ -1,39 +1,19 @@
 """Resonators that a mass carries: in its model before anything else is scored, since a linear fit ends at the mass of
 one mode an axis, beside which no column shows another."""
 
-from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from math import pi, sqrt
-from typing import NamedTuple
-
-import numpy as np
-from sympy import Symbol, solve
 
 from discrepancy.clock import OutOfTime
-from discrepancy.data.absorbers import Absorber, Carried, carried
+from discrepancy.data.absorbers import carried
 from discrepancy.data.modes import ENOUGH
 from discrepancy.data.record import is_driven
-from discrepancy.fit.continuation import ASTRAY, beginnings, grown
-from discrepancy.fit.defect import Defect
-from discrepancy.fit.fitted import Fitted
-from discrepancy.fit.refit import Fitter, passive
+from discrepancy.data.residues import may_rub
+from discrepancy.data.rubbed import rubbed
+from discrepancy.fit.continuation import beginnings
 from discrepancy.name.accepted import Taken
-from discrepancy.name.columns import Candidate
-from discrepancy.name.more_modes import resonator_axis
+from discrepancy.name.resonators import begun_with, fitted_from, price, resonators
 from discrepancy.name.search import Search
-from discrepancy.name.shaping import freed, unmoved
-from gyro_model import symbols
-from gyro_model.anatomy import Effect, Force
-
-
-class _Resonator(NamedTuple):
-    """An effect with its shapes, values of sizes and of shapes that nothing moves, by name, and how much of its damping
-    lies along its spring."""
-
-    candidate: Candidate
-    values: Mapping[str, float]
-    joint: float
 
 
 def resonating(search: Search) -> Taken | None:
@@ -43,108 +23,29 @@ def resonating(search: Search) -> Taken | None:
     records, whole = search.dataset.fit, search.whole
     gains = [search.nominal[f"sense_gain_{axis}"] for axis in "xy"[: whole.axes]]
     first, further = search.given.modes
-    driven = is_driven(records)
-    told = carried(records, sorted([*first, *further]), gains) if driven and further else None
-    if told is None:
+    modes = sorted([*first, *further])
+    if not (is_driven(records) and len(modes) > whole.axes):
         return None
-    taken = _resonators(search, told)
-    if not taken:
+    shown = [records, rubbed(records)] if may_rub(records, modes) else [records]
+    answers = [told for own in shown if (told := carried(own, modes, gains))]
+    found = [(told, taken) for told in answers if (taken := resonators(search, told))]
+    if not found:
         return None
     plain = whole.fit(replace(search.at, whiten=whole.plain(search.at.parameters)))
     near = whole if search.shortest == 1 else beginnings(whole, search.shortest)
     without = plain if near is whole else near.fit(near.evaluated(plain))
-    starts = [_begun(search, near, told, taken, without, jointed=own) for own in (False, True)]
-    nearer, other = sorted(starts, key=lambda own: near.off(own.at))
-    ends = [nearer._replace(at=_fitted(near, nearer.at))]
+    starts = [
+        begun_with(search, near, told, taken, without, jointed=own) for told, taken in found for own in (False, True)
+    ]
+    nearer, other, *_ = sorted(starts, key=lambda own: near.off(own.at))
+    ends = [nearer._replace(at=fitted_from(near, nearer.at))]
     # Without the time for both, that which was nearer to begin with stands.
     with suppress(OutOfTime):
-        ends.append(other._replace(at=_fitted(near, other.at)))
-    found = min(ends, key=lambda own: _price(search, own))
-    if near.off(found.at) ** 2 > ENOUGH * near.off(without) ** 2:
+        ends.append(other._replace(at=fitted_from(near, other.at)))
+    best = min(ends, key=lambda own: price(search, own))
+    if near.off(best.at) ** 2 > ENOUGH * near.off(without) ** 2:
         return None
     if near is whole:
-        return found
+        return best
     search.simulator.forget(near.records)
-    return Taken(whole.evaluated(replace(found.at, whiten=plain.whiten)), found.taken, plain)
-
-
-def _price(search: Search, own: Taken) -> float:
-    """What a fit leaves, and what its parameters have to bring, as a chi-square."""
-    return own.at.count * own.at.unlikely + search.criteria.simpler * len(own.at.free)
-
-
-def _fitted(fitter: Fitter, begun: Fitted) -> Fitted:
-    """The fit from there; by beginnings that grow where it is not in step with the motion yet."""
-    return fitter.fit(grown(fitter, begun) if fitter.off(begun) > ASTRAY else begun)
-
-
-def _begun(search: Search, fitter: Fitter, told: Carried, resonators: Sequence[_Resonator], plain: Fitted, *,
-           jointed: bool) -> Taken:  # fmt: skip
-    """What is ``told``, not fitted; ``jointed``: with usual shapes of the resonators free as well, since what couples
-    them is no spring alone. The mass is damped as is told, or at least as in the plain fit, where less is left so."""
-    now = search.at.parameters
-    more = {name: max(d, now[name]) for name, d in zip(("dxx", "dyy"), np.diag(told.d), strict=False)}
-    at = replace(plain, free=search.at.free, parameters={**now, "m": told.m, **_of_mass(told)})
-    taken = []
-    for own in resonators:
-        candidate, joints = own.candidate, unmoved(own.candidate) if jointed else []
-        at = replace(at, parameters={**at.parameters, **candidate.shapes, **own.values},
-                     free=(*at.free, *candidate.free(fitter.period)))  # fmt: skip
-        if joints:
-            at = freed(at, candidate, joints)
-            at = replace(at, parameters={**at.parameters, **dict.fromkeys((q.name for q in joints), own.joint)})
-        taken.append(replace(candidate, searched=(*candidate.searched, *joints)))
-    tried = [passive({**at.parameters, **own}, fitter.axes) for own in ({}, more)]
-    fits = [fitter.evaluated(replace(at, parameters=own)) for own in tried if all(own[name] > 0 for name in more)]
-    return Taken(min(fits, key=lambda fit: fit.cost), taken, plain)
-
-
-def _of_mass(told: Carried) -> dict[str, float]:
-    """Stiffness and damping of the mass, by name."""
-    places = [(0, 0, "xx"), (1, 1, "yy"), (0, 1, "xy")][: 2 * len(told.k) - 1]
-    return {f"{kind}{axes}": float(of[i, j]) for i, j, axes in places for kind, of in (("k", told.k), ("d", told.d))}
-
-
-def _resonators(search: Search, told: Carried) -> list[_Resonator]:
-    """Effects that are the absorbers; those that are coupled least are left out where there are fewer such effects."""
-    waiting = [name for name in search.given.copies if name in search.present]
-    present = [name for name in search.present if name not in waiting]
-    known = search.library.candidates(search.whole, search.at, present, lambda e: resonator_axis(e) is not None)
-    ready = {c.effect.id: c for c in known}
-    found = []
-    for absorber in told.absorbers:
-        fitting = [c for c in ready.values() if resonator_axis(c.effect) == absorber.axis]
-        if fitting:
-            own = ready.pop(fitting[0].effect.id)
-            values = _as(own.effect, absorber, told.m)
-            shapes = {name: values.pop(name) for name in own.shapes}
-            joint = float(absorber.joint[absorber.axis])
-            found.append(_Resonator(replace(own, shapes=shapes), values, joint))
-    return found
-
-
-def _as(effect: Effect | Defect, absorber: Absorber, mass: float) -> dict[str, float]:
-    """The size and the shapes of such an effect with which it is the ``absorber`` of a ``mass`` [kg], by name."""
-    assert isinstance(effect, Force)
-    axis, of = absorber.axis, {"resonance": absorber.frequency, "quality": absorber.quality}
-    shapes = {q.name: of[q.search.kind] for q in effect.parameters if q.search is not None and q.search.tried}
-    given = {q.symbol: shapes.get(q.name, 1.0 if q.role == "size" else q.start) for q in effect.parameters}
-    given |= dict.fromkeys((symbols.u_x, symbols.u_y, symbols.x_dot, symbols.y_dot), 0.0)
-    given |= {symbols.m: mass, symbols.x: 1.0, symbols.y: 1.0}
-    # At rest it takes from the stiffness of the mass, in proportion to the square of its size, which acts both ways.
-    at_rest = solve([s.rate.subs(given) for s in effect.states], [s.symbol for s in effect.states])
-    of_one = float(effect.force[axis].subs(given).subs(at_rest))
-    coupling = float(absorber.coupling[axis])
-    size = coupling / sqrt(mass * of_one) / (2 * pi * absorber.frequency)
-    return {**shapes, effect.sizes[0].name: size, **_driven(effect, absorber, given | {effect.sizes[0].symbol: size})}
-
-
-def _driven(effect: Force, absorber: Absorber, given: Mapping[Symbol, float]) -> dict[str, float]:
-    """The shape, by name, that says how much of the drive acts on such an effect, where it has one and the ``absorber``
-    is driven; it takes as much from the mass as it is."""
-    command = (symbols.u_x, symbols.u_y)[absorber.axis]
-    taken = -effect.force[absorber.axis].diff(command)
-    shares = [q for q in effect.parameters if taken.has(q.symbol) and q.role == "shape" and q.search is None]
-    if not shares or not absorber.drive:
-        return {}
-    return {shares[0].name: absorber.drive / float(taken.subs({**given, shares[0].symbol: 1.0}))}
+    return Taken(whole.evaluated(replace(best.at, whiten=plain.whiten)), best.taken, plain)

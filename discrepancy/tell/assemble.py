@@ -387,7 +387,7 @@ def _doubts(search: Search, rest: Remainder, residuals: Sequence[Floats]) -> tup
     hold = search.dataset.records[0].hold
     if hold != search.given.dataset.records[0].hold:
         found.append(
-            f'the force ran on between samples, as what is left beside the model shows: taken with hold = "{hold}"; '
+            f'the force ran on between samples, as the motion shows: taken with hold = "{hold}"; '
             'state that in dataset.toml, or hold = "zero" where it was held'
         )
     if rest.significant:

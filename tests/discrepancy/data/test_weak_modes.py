@@ -1,5 +1,6 @@
 """Modes that stand in what others leave, held against the eigenvalues of the structures that made the records."""
 
+from collections.abc import Sequence
 from typing import get_args
 
 import numpy as np
@@ -10,9 +11,12 @@ from structures import Structure as Hung
 
 from benchmarks.rubbing import Rubbing, motion
 from benchmarks.structures import Structure, chain, drawn, runs, runs_of
+from discrepancy.data.absorbers import carried
 from discrepancy.data.linear_start import linear_start
 from discrepancy.data.modes import further_modes
 from discrepancy.data.record import Record, Senses
+from discrepancy.data.residues import may_rub, plainly_rub
+from discrepancy.data.rubbed import rubbed
 from discrepancy.data.weak_modes import all_modes
 
 
@@ -45,6 +49,52 @@ def test_a_mode_stands_out_around_its_peak_where_the_mass_rubs(seed: int, fricti
     found = sorted(mode.frequency for mode in (*first, *further))
     # A friction of a fifth of the force and more shifts what a linear model sees.
     np.testing.assert_allclose(found, own.modes[: 4 - missed], rtol=5e-3)
+
+
+def rubbing(own: Structure, friction: float, senses: Senses, band: Sequence[float]) -> list[Record]:
+    """Of what rubs on the ground where it is forced and sensed; no line of the motion is the FMU's."""
+    rubs = Rubbing(own, friction, 0.0, 1.0)
+    rng = np.random.default_rng(1)
+    return runs_of(band, rng, senses, "zero", 1e-3, lambda u, step: motion(rubs, u, step, "zero"))[:2]
+
+
+def of_poles(own: Structure) -> list[tuple[float, float]]:
+    """Frequency [Hz] and quality factor of each mode, lowest first, by the eigenvalues of the damped motion."""
+    inverse, n = np.linalg.inv(own.mass), len(own.mass)
+    rates = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ own.stiffness, -inverse @ own.damping]])
+    upper = sorted((s for s in np.linalg.eigvals(rates) if s.imag > 0), key=abs)
+    return [(abs(s) / (2 * np.pi), abs(s) / (-2 * s.real)) for s in upper]
+
+
+@pytest.mark.parametrize("senses", ["position", "velocity", "acceleration"])
+def test_a_friction_is_no_damping_of_the_modes_beside_it(senses: Senses) -> None:
+    own = chain(np.random.default_rng(2), 3)
+    records = rubbing(own, 0.15, senses, own.modes)
+    found = sorted([mode for modes in all_modes(records) for mode in modes])
+    # Taken for damping it makes quality factors of 77, 138 and 116 ones of 40, 42 and 74.
+    for mode, (frequency, quality) in zip(found, of_poles(own), strict=True):
+        assert mode.frequency == pytest.approx(frequency, rel=5e-3)
+        assert mode.quality == pytest.approx(quality, rel=0.05)
+    told = carried(rubbed(records), found, [records[0].reference ** records[0].order])
+    assert told is not None
+    assert told.friction == pytest.approx(0.15, rel=0.1)
+
+
+def test_no_friction_is_seen_where_none_is() -> None:
+    for seed in (4601, 4602, 4610):
+        _, records = structure(seed)
+        modes = sorted([mode for own in all_modes(records) for mode in own])
+        assert not may_rub(records, modes)
+        assert not plainly_rub(records, modes, modes)
+
+
+def test_a_place_that_drifts_far_hides_no_mode() -> None:
+    between = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    own = Structure(np.diag([1.7, 0.4]), 0.2 * between + np.diag([1.5, 0.1]), 1800 * between, 0, 0)
+    records = rubbing(own, 0.03, "position", np.array([1.0, of_poles(own)[-1][0]]))
+    whole, mode = sorted([mode for modes in all_modes(records) for mode in modes])
+    assert not whole.seen
+    assert mode.frequency == pytest.approx(of_poles(own)[-1][0], rel=5e-3)
 
 
 def test_an_accelerometer_sees_a_structure_on_a_soft_suspension_as_a_whole() -> None:

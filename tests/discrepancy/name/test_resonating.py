@@ -114,7 +114,7 @@ def test_a_free_decay_from_there_tells_how_the_modes_began() -> None:
 
 def test_what_there_was_time_for_stands(monkeypatch: pytest.MonkeyPatch) -> None:
     """One of two fits, with joints and without."""
-    fitted, own = [], resonating._fitted
+    fitted, own = [], resonating.fitted_from
 
     def once(whole: Any, begun: Any) -> Any:
         if fitted:
@@ -122,7 +122,7 @@ def test_what_there_was_time_for_stands(monkeypatch: pytest.MonkeyPatch) -> None
         fitted.append(whole.off(begun))
         return own(whole, begun)
 
-    monkeypatch.setattr(resonating, "_fitted", once)
+    monkeypatch.setattr(resonating, "fitted_from", once)
     # A damping of fifty times the true one, as a fit of one mode may end at, is not taken for that of the mass.
     found = answer(chain(), dxx=250.0)
     assert fitted[0] < ASTRAY

@@ -1,0 +1,134 @@
+"""Resonators that a mass carries as effects of a model: their values, and where a fit with them begins."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import inf, pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from sympy import Symbol, solve
+
+from discrepancy.data.absorbers import Absorber, Carried
+from discrepancy.fit.continuation import ASTRAY, grown
+from discrepancy.fit.defect import Defect
+from discrepancy.fit.fitted import Fitted
+from discrepancy.fit.refit import Fitter
+from discrepancy.name.accepted import Taken
+from discrepancy.name.columns import Candidate
+from discrepancy.name.more_modes import resonator_axis
+from discrepancy.name.resistance import Resistance, resistance
+from discrepancy.name.resisting import steepest
+from discrepancy.name.search import Search
+from discrepancy.name.shaping import freed, unmoved
+from gyro_model import symbols
+from gyro_model.anatomy import Effect, Force
+
+
+class Resonator(NamedTuple):
+    """An effect with its shapes, values of sizes and of shapes that nothing moves, by name, and how much of its damping
+    lies along its spring."""
+
+    candidate: Candidate
+    values: Mapping[str, float]
+    joint: float
+
+
+def price(search: Search, own: Taken) -> float:
+    """What a fit leaves, and what its parameters have to bring, as a chi-square."""
+    return own.at.count * own.at.unlikely + search.criteria.simpler * len(own.at.free)
+
+
+def fitted_from(fitter: Fitter, begun: Fitted, goal: float = inf) -> Fitted:
+    """The fit from there, as far as it may cost less than ``goal``; by beginnings that grow where it is not in step
+    with the motion yet."""
+    return fitter.fit(grown(fitter, begun) if fitter.off(begun) > ASTRAY else begun, goal=goal)
+
+
+def begun_with(search: Search, fitter: Fitter, told: Carried, resonators: Sequence[Resonator], plain: Fitted, *,
+           jointed: bool) -> Taken:  # fmt: skip
+    """What is ``told``, not fitted; ``jointed``: with usual shapes of the resonators free as well, since what couples
+    them is no spring alone. The mass is damped as is told, or at least as in the plain fit, where less is left so."""
+    now = search.at.parameters
+    more = {name: max(d, now[name]) for name, d in zip(("dxx", "dyy"), np.diag(told.d), strict=False)}
+    # Where no sensor shows the place of a mass that nothing holds, a fit without them may have put it anywhere.
+    at = replace(
+        plain, free=search.at.free, parameters={**now, "m": told.m, **_of_mass(told)}, starts=fitter.starts(now)
+    )
+    taken = []
+    for own in resonators:
+        candidate, joints = own.candidate, unmoved(own.candidate) if jointed else []
+        at = replace(at, parameters={**at.parameters, **candidate.shapes, **own.values},
+                     free=(*at.free, *candidate.free(fitter.period)))  # fmt: skip
+        if joints:
+            at = freed(at, candidate, joints)
+            at = replace(at, parameters={**at.parameters, **dict.fromkeys((q.name for q in joints), own.joint)})
+        taken.append(replace(candidate, searched=(*candidate.searched, *joints)))
+    for rubs in _frictions(search, told):
+        at = replace(at, parameters={**at.parameters, **rubs.candidate.shapes, **rubs.values},
+                     free=(*at.free, *rubs.candidate.free(fitter.period)))  # fmt: skip
+        taken.append(rubs.candidate)
+    tried = [fitter.passive({**at.parameters, **own}) for own in ({}, more)]
+    fits = [fitter.evaluated(replace(at, parameters=own)) for own in tried if all(own[name] > 0 for name in more)]
+    return Taken(min(fits, key=lambda fit: fit.cost), taken, plain)
+
+
+def _frictions(search: Search, told: Carried) -> list[Resonator]:
+    """The effect that is the friction, if any is ``told`` and there is a file for it."""
+    if not told.friction.any():
+        return []
+    found = steepest(search, lambda e: resistance(e) is Resistance.FRICTION)
+    sizes = [
+        {p.quantity.name: float(f) for p, f in zip(own.probes, told.friction, strict=True)} for own in found.values()
+    ]
+    return [Resonator(own, values, 0.0) for own, values in zip(found.values(), sizes, strict=True)]
+
+
+def _of_mass(told: Carried) -> dict[str, float]:
+    """Stiffness and damping of the mass, by name."""
+    places = [(0, 0, "xx"), (1, 1, "yy"), (0, 1, "xy")][: 2 * len(told.k) - 1]
+    return {f"{kind}{axes}": float(of[i, j]) for i, j, axes in places for kind, of in (("k", told.k), ("d", told.d))}
+
+
+def resonators(search: Search, told: Carried) -> list[Resonator]:
+    """Effects that are the absorbers; those that are coupled least are left out where there are fewer such effects."""
+    waiting = [name for name in search.given.copies if name in search.present]
+    present = [name for name in search.present if name not in waiting]
+    known = search.library.candidates(search.whole, search.at, present, lambda e: resonator_axis(e) is not None)
+    ready = {c.effect.id: c for c in known}
+    found = []
+    for absorber in told.absorbers:
+        fitting = [c for c in ready.values() if resonator_axis(c.effect) == absorber.axis]
+        if fitting:
+            own = ready.pop(fitting[0].effect.id)
+            values = _as(own.effect, absorber, told.m)
+            shapes = {name: values.pop(name) for name in own.shapes}
+            joint = float(absorber.joint[absorber.axis])
+            found.append(Resonator(replace(own, shapes=shapes), values, joint))
+    return found
+
+
+def _as(effect: Effect | Defect, absorber: Absorber, mass: float) -> dict[str, float]:
+    """The size and the shapes of such an effect with which it is the ``absorber`` of a ``mass`` [kg], by name."""
+    assert isinstance(effect, Force)
+    axis, of = absorber.axis, {"resonance": absorber.frequency, "quality": absorber.quality}
+    shapes = {q.name: of[q.search.kind] for q in effect.parameters if q.search is not None and q.search.tried}
+    given = {q.symbol: shapes.get(q.name, 1.0 if q.role == "size" else q.start) for q in effect.parameters}
+    given |= dict.fromkeys((symbols.u_x, symbols.u_y, symbols.x_dot, symbols.y_dot), 0.0)
+    given |= {symbols.m: mass, symbols.x: 1.0, symbols.y: 1.0}
+    # At rest it takes from the stiffness of the mass, in proportion to the square of its size, which acts both ways.
+    at_rest = solve([s.rate.subs(given) for s in effect.states], [s.symbol for s in effect.states])
+    of_one = float(effect.force[axis].subs(given).subs(at_rest))
+    coupling = float(absorber.coupling[axis])
+    size = coupling / sqrt(mass * of_one) / (2 * pi * absorber.frequency)
+    return {**shapes, effect.sizes[0].name: size, **_driven(effect, absorber, given | {effect.sizes[0].symbol: size})}
+
+
+def _driven(effect: Force, absorber: Absorber, given: Mapping[Symbol, float]) -> dict[str, float]:
+    """The shape, by name, that says how much of the drive acts on such an effect, where it has one and the ``absorber``
+    is driven; it takes as much from the mass as it is."""
+    command = (symbols.u_x, symbols.u_y)[absorber.axis]
+    taken = -effect.force[absorber.axis].diff(command)
+    shares = [q for q in effect.parameters if taken.has(q.symbol) and q.role == "shape" and q.search is None]
+    if not shares or not absorber.drive:
+        return {}
+    return {shares[0].name: absorber.drive / float(taken.subs({**given, shares[0].symbol: 1.0}))}
