@@ -21,7 +21,7 @@ where a further mode or a strong effect covers it."""
 ENOUGH: Final = 0.05
 """Share above which the other hold explains too little to be believed."""
 OF_MODES, MOST_OF_MODES = 1.25, 0.2
-"""The same two where several modes explain the response: of 44 structures, 18 of which rub, the wrong hold leaves 1.07
+"""The same two where several modes explain the response: of 47 structures, 18 of which rub, the wrong hold leaves 1.07
 to 36 times what the right one leaves, which is 0.003 to 0.2."""
 
 

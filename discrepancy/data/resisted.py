@@ -18,13 +18,12 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
 from discrepancy.data.record import Floats, Record
+from discrepancy.data.rubbed import sign
 
 PLAINLY: Final = 0.5
 """Of what is left without it (rms), that is left at most with a force which resists plainly."""
 SMOOTHED: Final = 200
 """Parts of a run over two of which its speed is smoothed before its sign is taken: noise has none."""
-AT_REST: Final = 0.02
-"""Of the highest speed, over which the sign changes: below, a smoothed speed is as well at rest."""
 BACK: Final = 0.02
 """Share of the way that smoothed noise goes back while a mass moves one way."""
 SLOWEST, FASTEST, TRIALS = 0.05, 1e3, 24
@@ -93,10 +92,10 @@ class _Motion:
         self.moved: Floats = record.v[:, 0] * record.reference**record.order / gain
         smooth = uniform_filter1d(self.moved, 2 * (self.count // SMOOTHED) + 1, mode="nearest")
         speed = np.gradient(smooth) if self.position else smooth
-        sign = np.tanh(speed / max(AT_REST * float(np.abs(speed).max()), 1e-300))
+        way = sign(speed)
         u = record.u[:, 0] if record.hold == "zero" else 0.5 * (record.u[:, 0] + np.append(record.u[1:, 0], 0.0))
-        moves = np.abs(sign)
-        self.forces = np.vstack((u, u * moves, -sign, np.ones(self.count), moves))
+        moves = np.abs(way)
+        self.forces = np.vstack((u, u * moves, -way, np.ones(self.count), moves))
         at_rest = moves < np.tanh(1.0)
         self.rests = bool(at_rest[0])
         self.strokes = _strokes(at_rest, 2 * (self.count // SMOOTHED) + 1)

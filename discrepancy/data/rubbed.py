@@ -15,19 +15,19 @@ from scipy.signal import butter, sosfiltfilt
 from discrepancy.data.record import Floats, Record
 
 AT_REST: Final = 0.02
-"""Of the highest speed, over which the sign changes."""
+"""Of the highest speed, over which its sign changes: below, a smoothed speed is as well at rest."""
 SLOWEST: Final = 8.0
 """Periods of a run below which what is integrated is no motion."""
 
 
 def rubbed(records: Sequence[Record]) -> list[Record]:
     """The records with the course of a friction at the sensors."""
-    return [replace(record, rubs=-_sign(record)) for record in records]
+    return [replace(record, rubs=-sign(_speed(record))) for record in records]
 
 
-def _sign(record: Record) -> Floats:
-    speed = _speed(record)
-    return np.asarray(np.tanh(speed / (AT_REST * np.abs(speed).max(axis=0) + 1e-300)))
+def sign(speed: Floats) -> Floats:
+    """That of a speed (n,) or (n, axes), which fades at rest."""
+    return np.asarray(np.tanh(speed / np.maximum(AT_REST * np.abs(speed).max(axis=0), 1e-300)))
 
 
 def _speed(record: Record) -> Floats:

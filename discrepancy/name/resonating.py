@@ -2,24 +2,20 @@
 one mode an axis, beside which no column shows another."""
 
 from contextlib import suppress
-from dataclasses import replace
 
 from discrepancy.clock import OutOfTime
 from discrepancy.data.absorbers import carried
-from discrepancy.data.modes import ENOUGH
 from discrepancy.data.record import is_driven
 from discrepancy.data.residues import may_rub
 from discrepancy.data.rubbed import rubbed
-from discrepancy.fit.continuation import beginnings
 from discrepancy.name.accepted import Taken
-from discrepancy.name.resonators import begun_with, fitted_from, price, resonators
+from discrepancy.name.resonators import begun_with, beside, fitted_from, price, resonators
 from discrepancy.name.search import Search
 
 
 def resonating(search: Search) -> Taken | None:
     """The model with a resonator for each further mode of the runs, as far as there are files for them, where these
-    answer as a mass that carries them and a fit with them leaves plainly less; None where not. Long runs are fitted by
-    their openings, from where a fit of the whole goes on."""
+    answer as a mass that carries them and a fit with them leaves plainly less; None where not."""
     records, whole = search.dataset.fit, search.whole
     gains = [search.nominal[f"sense_gain_{axis}"] for axis in "xy"[: whole.axes]]
     first, further = search.given.modes
@@ -31,9 +27,8 @@ def resonating(search: Search) -> Taken | None:
     found = [(told, taken) for told in answers if (taken := resonators(search, told))]
     if not found:
         return None
-    plain = whole.fit(replace(search.at, whiten=whole.plain(search.at.parameters)))
-    near = whole if search.shortest == 1 else beginnings(whole, search.shortest)
-    without = plain if near is whole else near.fit(near.evaluated(plain))
+    against = beside(search)
+    near, without = against.near, against.without
     starts = [
         begun_with(search, near, told, taken, without, jointed=own) for told, taken in found for own in (False, True)
     ]
@@ -42,10 +37,4 @@ def resonating(search: Search) -> Taken | None:
     # Without the time for both, that which was nearer to begin with stands.
     with suppress(OutOfTime):
         ends.append(other._replace(at=fitted_from(near, other.at)))
-    best = min(ends, key=lambda own: price(search, own))
-    if near.off(best.at) ** 2 > ENOUGH * near.off(without) ** 2:
-        return None
-    if near is whole:
-        return best
-    search.simulator.forget(near.records)
-    return Taken(whole.evaluated(replace(best.at, whiten=plain.whiten)), best.taken, plain)
+    return against.taken(search, min(ends, key=lambda own: price(search, own)))

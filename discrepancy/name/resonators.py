@@ -9,7 +9,8 @@ import numpy as np
 from sympy import Symbol, solve
 
 from discrepancy.data.absorbers import Absorber, Carried
-from discrepancy.fit.continuation import ASTRAY, grown
+from discrepancy.data.modes import ENOUGH
+from discrepancy.fit.continuation import ASTRAY, beginnings, grown
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter
@@ -31,6 +32,33 @@ class Resonator(NamedTuple):
     candidate: Candidate
     values: Mapping[str, float]
     joint: float
+
+
+class Beside(NamedTuple):
+    """The plain fit of whole runs, and a fitter of those or of their openings with its fit without resonators."""
+
+    plain: Fitted
+    near: Fitter
+    without: Fitted
+
+    def taken(self, search: Search, best: Taken | None) -> Taken | None:
+        """The ``best`` that was found near, over whole runs, where it leaves plainly less; else None."""
+        near, whole = self.near, search.whole
+        if best is None or near.off(best.at) ** 2 > ENOUGH * near.off(self.without) ** 2:
+            return None
+        if near is whole:
+            return best
+        search.simulator.forget(near.records)
+        return Taken(whole.evaluated(replace(best.at, whiten=self.plain.whiten)), best.taken, self.plain)
+
+
+def beside(search: Search) -> Beside:
+    """What resonators are held against. Long runs are fitted by their openings, from where a fit of the whole goes
+    on."""
+    whole = search.whole
+    plain = whole.fit(replace(search.at, whiten=whole.plain(search.at.parameters)))
+    near = whole if search.shortest == 1 else beginnings(whole, search.shortest)
+    return Beside(plain, near, plain if near is whole else near.fit(near.evaluated(plain)))
 
 
 def price(search: Search, own: Taken) -> float:

@@ -10,7 +10,7 @@ from gyro_model.model import load_model
 
 MODEL = load_model()
 LONG = 1e12
-"""s"""
+"""Duration [s] over which nothing may run away."""
 ONE_AXIS = {"m": 2.0, "kxx": 10.0, "dxx": 0.1}
 TWO_AXES = {**ONE_AXIS, "kyy": 40.0, "dyy": 0.4, "kxy": 0.0, "dxy": 0.0}
 
