@@ -354,11 +354,13 @@ class _Scale:
         w, volt = float(np.sqrt(p["kxx"] / p["m"])), fitter.signal
         length = volt / abs(p["sense_gain_x"])
         # Natural units of kg, m, s, A, K, 1: a probe's first guess is 1e-4 of them. Of a mass that no spring holds they
-        # are small beside what acts in the force's band.
-        self.natural, self.driven = (
-            np.array([p["m"], length, 1 / rate, p["m"] * length**2 * rate**3 / volt, 1.0, 1.0])
-            for rate in (w, 2 * np.pi * swing(fitter.records, w / (2 * np.pi)))
-        )
+        # are small beside what acts in the force's band, whose units are tried then.
+        frequency = w / (2 * np.pi)
+        driven = swing(fitter.records, frequency)
+        rates = [w] if driven == frequency else [w, 2 * np.pi * driven]
+        self.units = [
+            np.array([p["m"], length, 1 / rate, p["m"] * length**2 * rate**3 / volt, 1.0, 1.0]) for rate in rates
+        ]
         longest = max(len(r.t) for r in fitter.records)
         self.whole, self.longer = self._trials(at, longest), longest > LONGER * HEAD
         self.head = self._trials(at, HEAD)
@@ -375,20 +377,24 @@ class _Scale:
 
     def probe(self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float]) -> Probe | None:
         """A probe of ``q``; None where nothing changes. base: changes beside which it acts."""
+        found = (self._probe(q, shapes, base, _in_units(q, units)) for units in self.units)
+        return next((probe for probe in found if probe), None)
+
+    def _probe(self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float], guess: float) -> Probe | None:
         sign = -1.0 if q.high <= q.start else 1.0
         room = abs((q.high if sign > 0 else q.low) - q.start)
-        first = Probe(q, sign * min(self._natural(q), 0.5 * room), 0)
-        roughly = self._searched(first, shapes, base, self.head, room)
+        farthest = min(room, FARTHEST * guess)
+        first = Probe(q, sign * min(guess, 0.5 * room), 0)
+        roughly = self._searched(first, shapes, base, self.head, room, farthest)
         enough = self.steady if roughly is None else not self.longer
         if enough:
             return roughly
-        return self._searched(roughly or first, shapes, base, self.whole, room)
+        return self._searched(roughly or first, shapes, base, self.whole, room, farthest)
 
     def _searched(self, first: Probe, shapes: Mapping[str, float], base: Mapping[str, float], trials: list["_Trial"],
-                  room: float) -> Probe | None:  # fmt: skip
+                  room: float, farthest: float) -> Probe | None:  # fmt: skip
         """The probe from ``first``, whose power is 0 where it is not known."""
         q, step, power = first.quantity, abs(first.step), first.power
-        farthest = min(room, FARTHEST * max(self._natural(q), self._in_units(q, self.driven)))
         sign = np.sign(first.step)
         # Of pairs few show anything: the largest step says so at once.
         if base and self._change(q, shapes, base, sign * farthest, trials) < 1e-6 * self.target:
@@ -408,14 +414,6 @@ class _Scale:
             step *= float((self.target / change) ** (1 / power))
         change = self._change(q, shapes, base, sign * min(step, room), trials)
         return Probe(q, sign * min(step, room), power or 1) if 0 < change < np.inf else None
-
-    def _natural(self, q: Quantity) -> float:
-        return self._in_units(q, self.natural)
-
-    @staticmethod
-    def _in_units(q: Quantity, units: Floats) -> float:
-        exponents = [float(e) for e in dimension(q.unit).exponents]
-        return 1e-4 * float(np.prod(units**exponents))
 
     def _change(self, q: Quantity, shapes: Mapping[str, float], base: Mapping[str, float], step: float,
                 trials: list["_Trial"]) -> float:  # fmt: skip
@@ -444,6 +442,11 @@ class _Scale:
         if trials is self.head:
             self._heads[key] = beside
         return beside
+
+
+def _in_units(q: Quantity, units: Floats) -> float:
+    """The first guess of a probe of ``q``, of units of kg, m, s, A, K, 1."""
+    return 1e-4 * float(np.prod(units ** [float(e) for e in dimension(q.unit).exponents]))
 
 
 @dataclass(frozen=True)

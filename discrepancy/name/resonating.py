@@ -28,13 +28,13 @@ def resonating(search: Search) -> Taken | None:
     if not found:
         return None
     against = beside(search)
-    near, without = against.near, against.without
+    near, held, without = against.near, against.near.held(), against.without
     starts = [
         begun_with(search, near, told, taken, without, jointed=own) for told, taken in found for own in (False, True)
     ]
     nearer, other, *_ = sorted(starts, key=lambda own: near.off(own.at))
-    ends = [nearer._replace(at=fitted_from(near, nearer.at))]
+    ends = [nearer._replace(at=fitted_from(held, nearer.at))]
     # Without the time for both, that which was nearer to begin with stands.
     with suppress(OutOfTime):
-        ends.append(other._replace(at=fitted_from(near, other.at)))
+        ends.append(other._replace(at=fitted_from(held, other.at)))
     return against.taken(search, min(ends, key=lambda own: price(search, own)))
