@@ -151,8 +151,12 @@ def _fitted(density: Floats, seen: Bools, order: int) -> tuple[tuple[float, ...]
         variance = float(correlation[0] - numbers @ correlation[1:])
         if not variance > 0:
             return None
-        modelled = variance / np.abs(response(numbers, turns)) ** 2
+        # What nobody sees has no end where what is seen falls away from it as from a line.
+        with np.errstate(divide="ignore", over="ignore"):
+            modelled = variance / np.abs(response(numbers, turns)) ** 2
         filled = np.where(seen, density, modelled)
+        if not np.isfinite(filled).all():
+            return None
     return tuple(numbers.tolist()), modelled
 
 
