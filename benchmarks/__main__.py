@@ -24,6 +24,7 @@ NAMES = (
     "loop_periods",
     "loop_rates",
     "loop_rest",
+    "loop_pace",
     "loop_circle",
     "mode_split",
     "matching",

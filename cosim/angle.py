@@ -25,7 +25,7 @@ of 32 uN on the reference device reach 0.73 um. Below that B errs, by up to 0.5 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from math import atan2, nan
+from math import atan2, nan, sqrt
 from typing import Final, Protocol, TypeVar
 
 import numpy as np
@@ -283,6 +283,15 @@ class Pattern:
         return angle
 
 
+def unwrapped(raw: Floats) -> Floats:
+    """Phi without jumps of half turns [rad], shape (n,), of its values ``raw`` within +-pi/2; what is no number stays
+    so, and changes no other."""
+    jumps = np.rint((raw[1:] - raw[:-1]) / np.pi)
+    if not jumps.any():
+        return raw
+    return raw - np.pi * np.concatenate(([0.0], np.cumsum(np.nan_to_num(jumps))))
+
+
 def ripple(phi: Floats, cycle: int) -> float:
     """Root mean square [rad] of what ``phi``, shape (n,), has beside its mean over ``cycle`` samples; NaN of fewer.
 
@@ -292,10 +301,10 @@ def ripple(phi: Floats, cycle: int) -> float:
     width = max(cycle, 2) // 2 * 2 + 1
     if len(phi) < width:
         return nan
-    sums = np.cumsum(np.concatenate(([0.0], phi - phi[0])))
-    mean = (sums[width:] - sums[:-width]) / width
-    beside = phi[width // 2 : len(phi) - width // 2] - phi[0] - mean
-    return float(np.sqrt(np.mean(beside**2)))
+    since = phi - phi[0]
+    sums = np.concatenate(([0.0], np.cumsum(since)))
+    beside = since[width // 2 : len(phi) - width // 2] - (sums[width:] - sums[:-width]) / width
+    return sqrt(np.dot(beside, beside) / len(beside))
 
 
 def sine_lag(t: Floats, angle: Floats, angle_true: Floats, frequency_hz: float = 20.0) -> float:

@@ -161,6 +161,15 @@ class KnownModel:
         return Matrix([*self._own(self.dynamics.picked_off), *self._pickoff_rate, *curve])
 
     @cached_property
+    def _jets_by_parameter(self) -> Matrix:
+        return self._jets.jacobian(Matrix(self.parameters))
+
+    @cached_property
+    def _shown(self) -> list[int]:
+        """Places of the parameters that a voltage at the pickoff, or how it moves, has a slope by."""
+        return [q for q in range(len(self.parameters)) if any(self._jets_by_parameter[:, q])]
+
+    @cached_property
     def constants(self) -> tuple[Symbol, ...]:
         """The parameters that are known, by name in the model's order, as far as an expression uses them."""
         used = frozenset().union(*(expr.free_symbols for exprs in self._functions.values() for expr in exprs[1]))
@@ -197,8 +206,8 @@ class KnownModel:
             "pick_off_rate": ("[2]", tuple(pickoff_rate)),
             "rate_by_force": ("[NS * 2]", tuple(rates.jacobian(force))),
             "rate_by_omega": ("[NS]", tuple(rates.diff(symbols.omega_z).subs(dict.fromkeys(force, 0)))),
-            # But for what the force does by way of one over the mass alone, which the filter knows beforehand.
-            "rate_by_parameter": ("[NS * NP]", tuple(rates.jacobian(parameters) - self._by_inverse_mass)),
+            # By the parameters of `driving`, row by row.
+            "rate_by_parameter": ("[NS * NR]", tuple(self._rate_by_parameter[:, self._driving])),
             "actuate": ("[2]", tuple(actuated)),
             "actuate_by_command": ("[2 * 2]", tuple(actuated.jacobian(force))),
             "actuate_by_parameter": ("[2 * NP]", tuple(actuated.jacobian(parameters))),
@@ -221,13 +230,19 @@ class KnownModel:
         }
 
     @cached_property
-    def _by_inverse_mass(self) -> Matrix:
-        """The slopes of the rates by the parameters where forces act as one over the mass."""
-        slopes = Matrix.zeros(len(self.states), len(self.parameters))
+    def _rate_by_parameter(self) -> Matrix:
+        """Slopes of the rates by the parameters, but for what the force does by way of one over the mass alone, which
+        the filter knows beforehand."""
+        slopes = Matrix(self.rates).jacobian(Matrix(self.parameters))
         for row, rate in enumerate(self.rates):
             forced = rate - rate.subs(dict.fromkeys(_COMMANDS, 0))
-            slopes[row, -1] = expand(forced / self.parameters[-1])
+            slopes[row, -1] -= expand(forced / self.parameters[-1])
         return slopes
+
+    @cached_property
+    def _driving(self) -> list[int]:
+        """Places of the parameters that a rate has a slope by, most of the electronics' not among them."""
+        return [q for q in range(len(self.parameters)) if any(self._rate_by_parameter[:, q])]
 
     def _seen(
         self, linear: Matrix, by_force: Matrix, actuated: Matrix, pickoff: Matrix, amplified: Matrix, late: Matrix
@@ -335,6 +350,8 @@ class KnownModel:
         return {
             "NS": len(self.states),
             "NP": len(self.parameters),
+            "NR": len(self._driving),
+            "NV": len(self._shown),
             "NC": max(len(self.constants), 1),
             "HAS_LAG": int(any(isinstance(e, Lag) for e in effects)),
             "LAG_ENDS": int(self.dynamics.time_constant.has(Max)),
@@ -353,7 +370,10 @@ class KnownModel:
             "#ifndef KNOWN_MODEL_H",
             "#define KNOWN_MODEL_H",
         ]
-        lines += ['#include "known.h"', self._flat()]
+        lines.append('#include "known.h"')
+        for name, size, places in (("driving", "NR", self._driving), ("shown", "NV", self._shown)):
+            lines.append(f"static const int known_{name}[{size}] = {{{', '.join(map(str, places))}}};")
+        lines.append(self._flat())
         for name, (shape, exprs) in self._functions.items():
             lines.append(self._spread(name, exprs) if name in _SPREAD else self._function(name, shape, exprs))
         lines.append(self._jet())
@@ -399,18 +419,19 @@ class KnownModel:
         return "\n".join([*body, "}"])
 
     def _jet(self) -> str:
-        """The function that writes the jets and their derivatives by the states, and adds to ``by_p``, a row an axis,
-        those by the parameters times the ``weight`` of value, slope and curvature: in one, they share their terms. It
-        does so at POINTS points side by side: of each number an array has that of every point, one after another."""
+        """The function that writes the jets and their derivatives by the states, and to ``by_p``, a row an axis, those
+        by the parameters of `shown` times the ``weight`` of value, slope and curvature: in one, they share their
+        terms. It does so at POINTS points side by side: of each number an array has that of every point, one after
+        another."""
         plain = [*self._jets, *self._jets.jacobian(Matrix(self.states))]
-        slopes = list(self._jets.jacobian(Matrix(self.parameters)))
+        slopes, shown = list(self._jets_by_parameter[:, self._shown]), len(self._shown)
         present = [i for i, expr in enumerate(slopes) if expr != 0]
         pairs, reduced = cse([*plain, *(slopes[i] for i in present)], numbered_symbols("w"), optimizations="basic")
-        adds: dict[int, list[str]] = {}
+        terms: dict[int, list[str]] = {place: [] for place in range(2 * shown)}
         for i, expr in zip(present, reduced[len(plain) :], strict=True):
-            row, q = divmod(i, len(self.parameters))
-            place = row % 2 * len(self.parameters) + q
-            adds.setdefault(place, []).append(f"weight[{row // 2} * POINTS + i]*({c_expression(expr)})")
+            row, q = divmod(i, shown)
+            terms[row % 2 * shown + q].append(f"weight[{row // 2} * POINTS + i]*({c_expression(expr)})")
+        sums = {place: " + ".join(own) or "0.0" for place, own in terms.items()}
         used = frozenset().union(*(e.free_symbols for e in (*reduced, *(e for _, e in pairs))))
         sources = {symbol.name: text for symbol, text in self._sources().items() if symbol in used}
         own = {name: text[:-1] + " * POINTS + i]" for name, text in sources.items() if text[:2] in ("s[", "f[")}
@@ -425,7 +446,7 @@ class KnownModel:
             *(f"        const double {name} = {text};" for name, text in own.items()),
             *(f"        const double {symbol.name} = {c_expression(expr)};" for symbol, expr in pairs),
             *(f"        out[{i} * POINTS + i] = {c_expression(expr)};" for i, expr in enumerate(reduced[: len(plain)])),
-            *(f"        by_p[{place} * POINTS + i] += {' + '.join(terms)};" for place, terms in adds.items()),
+            *(f"        by_p[{place} * POINTS + i] = {total};" for place, total in sums.items()),
             "    }",
             "}",
         ])  # fmt: skip

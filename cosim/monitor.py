@@ -4,10 +4,10 @@ Valid is the angle while the seven constants are steady and sure, the innovation
 filter takes them for, and the pattern's turning that the uncertainty of all unknowns allows is within a limit. Where
 that stops, the flag is withdrawn and says why."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import hypot, isfinite, pi, sqrt
+from math import degrees, hypot, inf, isfinite, isnan, pi, sqrt
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -120,7 +120,7 @@ class Monitor:
     _strayed: list[tuple[float, float]] = field(default_factory=list)
     _behind: list[tuple[float, float]] = field(default_factory=list)
     _lately: list[tuple[float, tuple[float, float, float]]] = field(default_factory=list)
-    _previous: list[tuple[float, Floats]] = field(default_factory=list)
+    _previous: list[tuple[float, list[float]]] = field(default_factory=list)
 
     def judge(self, t: float, estimate: Floats, deviation: Floats, inputs: Floats, orbit: Orbit) -> Verdict:
         """The verdict at ``t`` [s] on the last estimates of a block and their deviations, with the measured inputs and
@@ -144,7 +144,7 @@ class Monitor:
         if reason and not reason.startswith((DRIFTS, INNOVATIONS)):
             self._lately.clear()
         reason = reason or self._lasting_doubt(t, health)
-        self._previous.append((t, estimate[KXX : M + 1].copy()))
+        self._previous.append((t, estimate[KXX : M + 1].tolist()))
         self._doubts = self._doubts + 1 if reason else 0
         if self.valid and 0 < self._doubts < DOUBTS and reason.startswith(INNOVATIONS):
             # A jump of the rate shows in the innovations for a moment.
@@ -168,12 +168,12 @@ class Monitor:
         """The size of the innovations as a displacement [m]; of an observer of one's own, what they are of what it
         takes its positions for; infinite for one that has lost the device."""
         if reason.startswith(LOST):
-            return float("inf")
+            return inf
         values = self.design.all_values
         found = health["innovation"] / abs(values["sense_gain_x"])
-        if np.isnan(found) and not isinstance(self.observer, CoreObserver):
+        if isnan(found) and not isinstance(self.observer, CoreObserver):
             found = sqrt(max(health["chi2"], 1.0)) * float(np.max(deviation[[0, 2]]))
-        return found if isfinite(found) else float("inf")
+        return found if isfinite(found) else inf
 
     def _mending(self, t: float, bending: float) -> float:
         """Deviation of the rate at which the reading of the angle moves while it is learnt how it bends [rad/s]: what a
@@ -212,7 +212,7 @@ class Monitor:
         unseen: float,
     ) -> str:
         set_ = self.settings
-        if not np.isfinite(estimate).all():
+        if not all(map(isfinite, estimate.tolist())):
             return "an estimate is no number"
         if health["restarted_at"] >= 0 and t - health["restarted_at"] < set_["patience"]:
             return "the observer lost the device and began again from the design"
@@ -224,36 +224,36 @@ class Monitor:
             return f"{INNOVATIONS} are {sqrt(max(health['chi2'], 0)):.3g} times what they should be{self._hint()}"
         if not health["start"] <= set_["start_high"] + pink:
             left = f": it left innovations {sqrt(health['start']):.3g} times what they should be"
-            return "the start has not found its fit" + (left if np.isfinite(health["start"]) else " yet")
+            return "the start has not found its fit" + (left if isfinite(health["start"]) else " yet")
         for axis in ("x", "y"):
             if not abs(health[f"white_{axis}"]) <= set_["whiteness"] + pink:
                 return f"{INNOVATIONS} of {axis} are not white: neighbours correlate by {health[f'white_{axis}']:.2g}"
-        seven, sigma = estimate[KXX : M + 1], deviation[KXX : M + 1]
+        # Lists: of seven numbers an array takes several times as long.
+        seven, sigma = estimate[KXX : M + 1].tolist(), deviation[KXX : M + 1].tolist()
         tolerance = self._tolerance(seven)
-        unsure = sigma > tolerance
-        if unsure.any():
-            i = int(np.argmax(sigma / tolerance))
-            share = sigma[i] / self._size(seven)[i]
-            return f"{PARAMETER_NAMES[i]} is not sure: its standard deviation is {share:.2g} of it"
+        i, share = _largest(sigma, tolerance)
+        if share > 1:
+            relative = sigma[i] / self._size(seven)[i]
+            return f"{PARAMETER_NAMES[i]} is not sure: its standard deviation is {relative:.2g} of it"
         while len(self._previous) > 1 and self._previous[1][0] <= t - set_["patience"]:
             self._previous.pop(0)
-        moved = np.abs(seven - self._previous[0][1]) if self._previous else np.full(7, np.inf)
-        if not (moved <= tolerance).all():
-            i = int(np.argmax(moved / tolerance))
+        was = self._previous[0][1] if self._previous else [inf] * len(seven)
+        i, share = _largest([abs(now - then) for now, then in zip(seven, was, strict=True)], tolerance)
+        if share > 1:
             return f"{PARAMETER_NAMES[i]} is not steady"
         if not turning <= set_["drift_limit"]:
             most = "gauge: turn the device or the pattern" if unseen > 0.5 * turning else "weak tones"
-            return f"{DRIFTS} by {np.rad2deg(turning):.2g} deg/s (1 sigma): {most}"
+            return f"{DRIFTS} by {degrees(turning):.2g} deg/s (1 sigma): {most}"
         return ""
 
     def _force_doubt(self, orbit: Orbit, lagging: float) -> str:
         """What is wrong of the force; empty where nothing is."""
         if not orbit.pushed <= self.settings["drift_limit"]:
-            by = f"what it lacks may turn the pattern by {np.rad2deg(orbit.pushed):.2g} deg/s"
+            by = f"what it lacks may turn the pattern by {degrees(orbit.pushed):.2g} deg/s"
             return f"the force meets its limit, {by}: raise controller.force_limit, or use weaker tones"
         if not lagging <= self.settings["drift_limit"]:
             return (
-                f"the force lags what the observer knows and turns the pattern by {np.rad2deg(lagging):.2g} deg/s: "
+                f"the force lags what the observer knows and turns the pattern by {degrees(lagging):.2g} deg/s: "
                 "give a shorter controller.update_period"
             )
         own = sqrt(max(orbit.omega_squared, 0.0)) / (2 * pi)
@@ -305,17 +305,18 @@ class Monitor:
         floored = known[names.index("sense_noise")] > values["sense_noise"]
         return 0.0 if floored else self.settings["chi2_low"]
 
-    def _size(self, seven: Floats) -> Floats:
-        size = np.abs(seven)
+    def _size(self, seven: Sequence[float]) -> list[float]:
+        size = [abs(value) for value in seven]
         size[2] = sqrt(abs(seven[0] * seven[1]))
         size[5] = sqrt(abs(seven[3] * seven[4]))
-        return np.maximum(size, 1e-300)
+        return [max(value, 1e-300) for value in size]
 
-    def _tolerance(self, seven: Floats) -> Floats:
-        tolerance = self.settings["agreement"] * self._size(seven)
+    def _tolerance(self, seven: Sequence[float]) -> list[float]:
+        tolerance = [self.settings["agreement"] * size for size in self._size(seven)]
         # At a high Q a share of the damping would ask for more than the record can tell, and than the angle needs.
         turning_mass = abs(seven[-1]) * self.settings["turn_limit"]
-        tolerance[3:6] = np.maximum(tolerance[3:6], turning_mass * np.array([4.0, 4.0, 2.0]))
+        for i, factor in ((3, 4.0), (4, 4.0), (5, 2.0)):
+            tolerance[i] = max(tolerance[i], turning_mass * factor)
         return tolerance
 
     def _drift(self, estimate: Floats, deviation: Floats, inputs: Floats, orbit: Orbit) -> dict[str, float]:
@@ -327,10 +328,17 @@ class Monitor:
             known = known_values(self.design.without_estimates(), self.lib, self.period)
             found = estimate_drift(self.lib, known, estimate, deviation, inputs, stiffness, phi)
         if not all(map(isfinite, found.values())):
-            return dict.fromkeys(found, float("inf")) | {"unseen": 0.0}
+            return dict.fromkeys(found, inf) | {"unseen": 0.0}
         return {name: value / self._gain for name, value in found.items()}
 
     @cached_property
     def _gain(self) -> float:
         """The angle is read as the pattern's over the angular gain."""
         return max(abs(self.design.all_values["angular_gain"]), 1e-300)
+
+
+def _largest(values: Sequence[float], allowed: Sequence[float]) -> tuple[int, float]:
+    """Which value is most of what it may be, and how much of it; what is no number is too much."""
+    shares = [inf if isnan(value) else value / most for value, most in zip(values, allowed, strict=True)]
+    share = max(shares)
+    return shares.index(share), share

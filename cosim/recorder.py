@@ -1,5 +1,6 @@
 """What is kept of a run: the trace, its first samples at full rate, and what the Cramer-Rao bound needs."""
 
+from collections.abc import Sequence
 from math import isfinite, nan, pi, sqrt
 from typing import Any, Final, NamedTuple
 
@@ -7,7 +8,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from cosim.angle import UNIT_NAMES, AngleUnit, Block, make_units, orientation_at, ripple
+from cosim.angle import UNIT_NAMES, AngleUnit, Block, make_units, orientation_at, ripple, unwrapped
 from cosim.bound import Bound, Motion, at_the_truth, bound
 from cosim.core.library import CONTROL_NAMES, Library
 from cosim.layout import KXX, OMEGA_Z, PARAMETER_NAMES, STATE_NAMES
@@ -32,17 +33,18 @@ BOUND_TIMES: Final = 60
 
 class _Judged(NamedTuple):
     """A block that has been judged: its samples, and what had been said until then and held throughout: whether the
-    angle is valid, the standard deviations of ``Verdict`` [rad/s, rad] and that of the angle [rad]."""
+    angle is valid, the standard deviations of ``Verdict`` [rad/s, rad], and the variance of the angle without the
+    ripple of its readings [rad^2], NaN where there is no angle yet."""
 
     samples: int
     converged: bool
     drift_sigma: float
     drift_sigma_now: float
     stray_sigma: float
-    angle_sigma: float
+    angle_variance: float
 
 
-_SAID: Final = _Judged._fields[1:]
+_SAID: Final = ("converged", "drift_sigma", "drift_sigma_now", "stray_sigma")
 
 
 class Validity(NamedTuple):
@@ -101,7 +103,8 @@ class Recorder:
         self._valid_samples = self._samples = 0
         self._angle_deviation = 0.0
         self._strayed_before = np.inf
-        self._ripple = self._ripple_before = 0.0
+        self._ripple = 0.0
+        self._ripple_before: float | None = None
         self._turned = 0.0
         self._zero = np.nan
         self._judged_at = 0.0
@@ -112,18 +115,16 @@ class Recorder:
         inputs held over each, as cosim.scenarios.INPUT_NAMES."""
         verdict, count = self._verdict, len(self.names)
         sigmas = verdict.drift_sigma, verdict.drift_sigma_now, verdict.stray_sigma
-        self._judged.append(_Judged(len(rows), verdict.valid, *sigmas, self._angle_sigma()))
+        self._judged.append(_Judged(len(rows), verdict.valid, *sigmas, self._angle_variance()))
         t, end = (first + len(rows) - 1) * self.run.period, (first + len(rows)) * self.run.period
         estimate, deviation = rows[-1, :count].copy(), rows[-1, count : 2 * count].copy()
         measured = np.array([*held[-1, 1:], held[-1, 1], held[-1, 1]])
         orbit = self._orbit(rows)
-        self._ripple = self._rippled(rows)
         self._verdict = self.monitor.judge(t, estimate, deviation, measured, orbit)
         if self._verdict.valid and self.converged_at is None:
             # The flag holds from the next sample on.
             self.converged_at = end
             self._strayed_before = self._verdict.stray_sigma
-            self._ripple_before = self._ripple
         if self.converged_at is not None and np.isfinite(self._verdict.drift_sigma_now):
             self._angle_deviation += self._verdict.drift_sigma_now * (end - max(self._judged_at, self.converged_at))
         if self.converged_at is not None:
@@ -154,6 +155,7 @@ class Recorder:
         _, controls, plant = self._parts(rows)
         estimate, control = rows[-1, : len(STATE_NAMES)], controls[-1]
         free, omega_squared = (estimate - control[2:6]).tolist(), float(control[CONTROL_NAMES.index("omega_squared")])
+        # One by one: a mean of neighbouring columns takes ten times as long.
         lacking, behind = (float(np.mean(controls[:, CONTROL_NAMES.index(name)])) for name in ("lacking", "behind"))
         pushed = self._turning(lacking, self._amplitude(plant)) if lacking else 0.0
         return Orbit(orientation_at(free, omega_squared), omega_squared, pushed, behind)
@@ -167,7 +169,9 @@ class Recorder:
         estimate, control, plant = self._parts(rows)
         counts = [block.samples for block in judged]
         said = {name: np.repeat([getattr(block, name) for block in judged], counts) for name in _SAID}
-        angles = self._angles(t, estimate, control, said["converged"])
+        read = self._block(t, estimate, control, said["converged"])
+        angles = {name: unit.process(read) for name, unit in self.units.items()}
+        said["angle_sigma"] = np.repeat(self._angle_sigmas(read, judged), counts)
         true_states = plant[:, -len(STATE_NAMES) :]
         if first * run.period < START_DURATION:
             count = round(START_DURATION * run.sample_rate)
@@ -213,16 +217,30 @@ class Recorder:
             rows[:, 2 * count + len(CONTROL_NAMES) :],
         )
 
-    def _angle_sigma(self) -> float:
-        """Deviation of the angle [rad]: what drift, reading and straying since it was first valid leave, and the ripple
-        of the two readings that an angle is the difference of; NaN before, when there is no angle."""
+    def _angle_variance(self) -> float:
+        """What drift, reading and straying since the angle was first valid leave of it [rad^2]; NaN before, when there
+        is no angle."""
         if self.converged_at is None:
             return nan
         # Within a cycle the variance may fall.
         strayed = max(self._verdict.stray_sigma**2 - self._strayed_before**2, 0.0)
-        rippled = self._ripple**2 + self._ripple_before**2
-        found = sqrt(self._angle_deviation**2 + self._verdict.bend_sigma**2 + strayed + rippled)
-        return min(found, UNKNOWN)
+        return self._angle_deviation**2 + self._verdict.bend_sigma**2 + strayed
+
+    def _angle_sigmas(self, read: Block, judged: Sequence[_Judged]) -> list[float]:
+        """Deviation of the angle through each block [rad]: beside its variance the ripple of the two readings that an
+        angle is the difference of, as unit C read them at the end of the block before and where it was first valid."""
+        phi, cycle = unwrapped(read.free[0]), round(self.run.sample_rate / self.run.oscillation_hz)
+        sigmas, first = [], 0
+        for block in judged:
+            if self._ripple_before is None and isfinite(block.angle_variance):
+                self._ripple_before = self._ripple
+            rippled = self._ripple**2 + (self._ripple_before or 0.0) ** 2
+            sigmas.append(min(sqrt(block.angle_variance + rippled), UNKNOWN))
+            found = ripple(phi[first : first + block.samples], cycle)
+            # As before where it reads no number.
+            self._ripple = found if isfinite(found) else self._ripple
+            first += block.samples
+        return sigmas
 
     def _angle_true(self, converged: NDArray[np.bool_], omega_z: Floats) -> Floats:
         """Integral of exactly the held rate [rad], zero where the angle was valid first and NaN before."""
@@ -236,13 +254,6 @@ class Recorder:
         angle[:first] = np.nan
         return angle
 
-    def _angles(
-        self, t: Floats, estimate: Floats, control: Floats, converged: NDArray[np.bool_]
-    ) -> dict[str, tuple[Floats, Floats]]:
-        """Angle [rad] and quality of each unit."""
-        block = self._block(t, estimate, control, converged)
-        return {name: unit.process(block) for name, unit in self.units.items()}
-
     def _block(self, t: Floats, estimate: Floats, control: Floats, converged: NDArray[np.bool_]) -> Block:
         """What the angle units read."""
         states = np.ascontiguousarray(estimate[:, : len(STATE_NAMES)].T)
@@ -252,14 +263,6 @@ class Recorder:
         omega_squared, turned = (controls[CONTROL_NAMES.index(name)] for name in ("omega_squared", "turned"))
         turn = self.angular_gain * estimate[:, OMEGA_Z] + controls[CONTROL_NAMES.index("own_rate")]
         return Block(t, states, forced, near, omega_squared, converged, self.angular_gain, turned, turn)
-
-    def _rippled(self, rows: Floats) -> float:
-        """Ripple of what unit C reads in a block [rad]; as before where it reads no number."""
-        estimate, control, _ = self._parts(rows)
-        block = self._block(np.zeros(len(rows)), estimate, control, np.zeros(len(rows), dtype=np.bool_))
-        cycle = self.run.sample_rate / self.run.oscillation_hz
-        found = ripple(np.unwrap(block.free[0], period=pi), round(cycle))
-        return found if isfinite(found) else self._ripple
 
     def _columns(
         self,

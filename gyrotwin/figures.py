@@ -6,7 +6,6 @@ panel into a Plotly plot; colours and dashes follow the role of a line.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -287,14 +286,19 @@ def envelope(x: Floats, y: Floats, log: bool = False) -> tuple[Floats, Floats]:
     """
     if len(y) <= POINTS:
         return x[log:], y[log:]
-    kept: list[int] = []
-    for low, high in pairwise([*_bin_starts(len(y), POINTS // 2, log), len(y)]):
-        part = y[low:high]
-        if np.isfinite(part).any():
-            kept += sorted({low + int(np.nanargmin(part)), low + int(np.nanargmax(part))})
-        else:
-            kept.append(low)
-    return x[kept], y[kept]
+    starts = np.array(_bin_starts(len(y), POINTS // 2, log))
+    x, y, starts = x[starts[0] :], y[starts[0] :], starts - starts[0]
+    lacking, counts = np.isnan(y), np.diff([*starts, len(y)])
+    empty = ~np.logical_or.reduceat(np.isfinite(y), starts)
+    kept = [starts[empty]]
+    for extreme, beyond in ((np.minimum, np.inf), (np.maximum, -np.inf)):
+        values = np.where(lacking, beyond, y)
+        places = np.flatnonzero(values == np.repeat(extreme.reduceat(values, starts), counts))
+        # The first of each bin, all of which have one.
+        first = places[np.searchsorted(places, starts)]
+        kept.append(first[~empty])
+    shown = np.unique(np.concatenate(kept))
+    return x[shown], y[shown]
 
 
 def rms_in_bins(t: Floats, error: Floats, log: bool = False) -> tuple[Floats, Floats]:

@@ -6,18 +6,36 @@
    4e-11, of which the elimination keeps five digits. */
 #define PARALLEL 1e-13
 #define BOUNDS 4 /* lowest values that may be reached at once */
+#define TOGETHER 4 /* rows of a product that are added up before their sum is stored */
 
 void block_row_in_eta(const filter *f, const double row[NP], double g[NP])
 {
     double sum[NP] = {0.0};
+    int i = 0;
     /* Over whole rows, zeros too: loops of one length run several numbers at a time. */
-    for (int i = 0; i < NP; i++) {
+    for (; i + TOGETHER <= NP; i += TOGETHER) {
+        const double *w = f->W[i], *at = row + i;
+        for (int j = 0; j < NP; j++) {
+            sum[j] += w[j] * at[0] + w[NP + j] * at[1] + w[2 * NP + j] * at[2] + w[3 * NP + j] * at[3];
+        }
+    }
+    for (; i < NP; i++) {
         for (int j = 0; j < NP; j++) {
             sum[j] += f->W[i][j] * row[i];
         }
     }
     memcpy(g, sum, sizeof sum);
     unseen_leave_out(f, g);
+}
+
+/* L += g g' of TOGETHER rows g. */
+static void add_products(double L[NP][NP], double g[TOGETHER][NP])
+{
+    for (int i = 0; i < NP; i++) {
+        for (int j = 0; j < NP; j++) {
+            L[i][j] += g[0][i] * g[0][j] + g[1][i] * g[1][j] + g[2][i] * g[2][j] + g[3][i] * g[3][j];
+        }
+    }
 }
 
 /* L of J + g g' where it was that of J, by rotations. A start is told 1e13 times more of k/m than it knew; in a sum of g g' the rounding of
@@ -62,21 +80,20 @@ double block_information(const filter *f, double L[NP][NP], double b[NP])
             L[i][j] = i == j ? 1.0 : 0.0;
         }
     }
+    double g[TOGETHER][NP];
+    memset(g, 0, sizeof g);
     for (int64_t r = 0; r < f->rows; r++) {
-        double g[NP];
-        block_row_in_eta(f, f->H[r], g);
+        double *own = g[r % TOGETHER];
+        block_row_in_eta(f, f->H[r], own);
         for (int i = 0; i < NP; i++) {
-            b[i] += g[i] * f->r[r];
-            trace += g[i] * g[i];
+            b[i] += own[i] * f->r[r];
+            trace += own[i] * own[i];
         }
         if (f->growing) {
-            rotate_in(L, g);
-        } else {
-            for (int i = 0; i < NP; i++) {
-                for (int j = 0; j < NP; j++) {
-                    L[i][j] += g[i] * g[j];
-                }
-            }
+            rotate_in(L, own);
+        } else if (r % TOGETHER == TOGETHER - 1 || r == f->rows - 1) {
+            add_products(L, g);
+            memset(g, 0, sizeof g);
         }
     }
     if (!f->growing) {

@@ -25,8 +25,12 @@ from gyro_model.whole_file import whole_file
 Floats = NDArray[np.float64]
 
 FOLDER: Final = Path(__file__).parent
-# A product or quotient of complex numbers is not looked at for infinities: none is near the ends of the numbers.
-FLAGS: Final = ("-O3", "-fno-math-errno", "-ffp-contract=fast", "-fcx-limited-range", "-Wno-unused-function")
+# A product or quotient of complex numbers is not looked at for infinities: none is near the ends of the numbers. A sum
+# may be taken in any order, several numbers at a time: none relies on its own. What is no number stays none.
+FLAGS: Final = (
+    *("-O3", "-fno-math-errno", "-ffp-contract=fast", "-fcx-limited-range", "-Wno-unused-function"),
+    *("-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"),
+)
 VECTORS: Final = ("avx2", "fma")
 """Instructions that are used where the processor has them; the library is named after the flags, so that another
 processor makes its own."""

@@ -86,7 +86,7 @@ static void find_slopes(const known *k, double h, const passage *way, double ome
 static void move_slopes(const frame *w, const passage *way, double omega_z, const double f[2], const slopes *d, double from[NS][NP])
 {
     const double *turn = w->Y[OMEGA];
-    double rates[NODES][NS][NP];
+    double rates[NODES][NS][NR];
     for (int n = 0; n < NODES; n++) {
         known_rate_by_parameter(w->k, way->s[n], f, omega_z, &rates[n][0][0]);
     }
@@ -97,14 +97,21 @@ static void move_slopes(const frame *w, const passage *way, double omega_z, cons
             for (int j = 0; j < NS; j++) {
                 total += d->phi[i][j] * from[j][q];
             }
+            w->Y[i][q] = total;
+        }
+        double driven[NR];
+        for (int q = 0; q < NR; q++) {
+            driven[q] = 0.0;
             for (int n = 0; n < NODES; n++) {
                 for (int r = 0; r < NS; r++) {
                     if (!MOVES(r)) {
-                        total += d->by_rate[n][i][r] * rates[n][r][q];
+                        driven[q] += d->by_rate[n][i][r] * rates[n][r][q];
                     }
                 }
             }
-            w->Y[i][q] = total;
+        }
+        for (int q = 0; q < NR; q++) {
+            w->Y[i][known_driving[q]] += driven[q];
         }
     }
 }
@@ -123,15 +130,14 @@ static void add_force_in_voltage(const known *k, const double *s, const acting *
 }
 
 /* What the ends of the pieces contribute to the lagging voltages, side by side: start and end of the first piece, then of the second. Value and its
-   derivatives by tau, by the states and by p, a row an axis. */
+   derivatives by tau, by the states and by those p that show, a row an axis. */
 typedef struct {
-    double value[2 * POINTS], by_tau[2 * POINTS], by_state[2 * NS * POINTS], by_p[2 * NP * POINTS];
+    double value[2 * POINTS], by_tau[2 * POINTS], by_state[2 * NS * POINTS], by_p[2 * NV * POINTS];
 } contributions;
 
 static void find_contributions(const frame *w, int first, const passage ways[2], const acting forces[2], contributions *e)
 {
     double s[NS * POINTS], f[2 * POINTS], weight[3 * POINTS], by_tau[3 * POINTS], jet[(6 + 6 * NS) * POINTS];
-    memset(e, 0, sizeof *e);
     for (int i = 0; i < POINTS; i++) {
         /* Without a first piece the second stands in its place, unused. */
         const int n = i / 2 < first ? first : i / 2, ends = i % 2;
@@ -145,17 +151,18 @@ static void find_contributions(const frame *w, int first, const passage ways[2],
         }
     }
     known_jet(w->k, s, f, w->z[OMEGA], weight, jet, e->by_p);
-    for (int r = 0; r < 3; r++) {
-        for (int a = 0; a < 2; a++) {
-            const int row = 2 * r + a;
+    /* The rows of value, slope and curvature of an axis lie two apart. */
+    for (int a = 0; a < 2; a++) {
+        for (int i = 0; i < POINTS; i++) {
+            const double *own = jet + a * POINTS + i;
+            e->value[a * POINTS + i] = weight[i] * own[0] + weight[POINTS + i] * own[2 * POINTS] + weight[2 * POINTS + i] * own[4 * POINTS];
+            e->by_tau[a * POINTS + i] = by_tau[i] * own[0] + by_tau[POINTS + i] * own[2 * POINTS] + by_tau[2 * POINTS + i] * own[4 * POINTS];
+        }
+        for (int j = 0; j < NS; j++) {
             for (int i = 0; i < POINTS; i++) {
-                e->value[a * POINTS + i] += weight[r * POINTS + i] * jet[row * POINTS + i];
-                e->by_tau[a * POINTS + i] += by_tau[r * POINTS + i] * jet[row * POINTS + i];
-            }
-            for (int j = 0; j < NS; j++) {
-                for (int i = 0; i < POINTS; i++) {
-                    e->by_state[(a * NS + j) * POINTS + i] += weight[r * POINTS + i] * jet[(6 + row * NS + j) * POINTS + i];
-                }
+                const double *own = jet + (6 + a * NS + j) * POINTS + i;
+                e->by_state[(a * NS + j) * POINTS + i] =
+                    weight[i] * own[0] + weight[POINTS + i] * own[2 * NS * POINTS] + weight[2 * POINTS + i] * own[4 * NS * POINTS];
             }
         }
     }
@@ -169,16 +176,19 @@ static void move_lag(const frame *w, int n, const passage *way, const acting *fo
     const double omega_z = w->z[OMEGA];
     double *z = w->z + LAG, *Y = w->Y[LAG];
     for (int a = 0; a < 2; a++) {
-        const double *by_state = e->by_state + a * NS * POINTS + 2 * n, *by_p = e->by_p + a * NP * POINTS + 2 * n;
+        const double *by_state = e->by_state + a * NS * POINTS + 2 * n, *by_p = e->by_p + a * NV * POINTS + 2 * n;
         const double by_tau = l->stay_by_tau * z[a] + e->by_tau[a * POINTS + 2 * n] + e->by_tau[a * POINTS + 2 * n + 1];
         z[a] = l->stay * z[a] + e->value[a * POINTS + 2 * n] + e->value[a * POINTS + 2 * n + 1];
         F[LAG + a][LAG + a] = l->stay;
         for (int q = 0; q < NP; q++) {
-            double total = l->stay * Y[a * NP + q] + by_tau * tau_by_p[q] + by_p[q * POINTS] + by_p[q * POINTS + 1];
+            double total = l->stay * Y[a * NP + q] + by_tau * tau_by_p[q];
             for (int j = 0; j < NS; j++) {
                 total += by_state[j * POINTS] * from[j][q] + by_state[j * POINTS + 1] * w->Y[j][q];
             }
             Y[a * NP + q] = total;
+        }
+        for (int v = 0; v < NV; v++) {
+            Y[a * NP + known_shown[v]] += by_p[v * POINTS] + by_p[v * POINTS + 1];
         }
         for (int j = 0; j < NS; j++) {
             F[LAG + a][j] += by_state[j * POINTS];

@@ -22,53 +22,69 @@ typedef struct {
     double seen[SEEN], by_p[SEEN][NP]; /* in units of look_from */
 } view;
 
-/* Rotates `row` into the upper triangular R, and with it the right-hand sides, `count` of them. Changes what is rotated in. */
-static void rotate_in(double R[NP][NP], double sides[NP][NP], double row[NP], double *side, int count)
+/* What is to be solved by least squares, column by column: what is known of p, upper triangular and 1 before, above what is seen. */
+typedef struct {
+    double known[NP], seen[SEEN];
+} column;
+
+/* Reflects `of` as the reflection along (first, rest) does, `size` being 2 over its square; its row `k` is what that changes beside the rest. */
+static void reflect(column *of, int k, double first, const double rest[SEEN], double size)
+{
+    double along = first * of->known[k];
+    for (int a = 0; a < SEEN; a++) {
+        along += rest[a] * of->seen[a];
+    }
+    along *= size;
+    of->known[k] -= along * first;
+    for (int a = 0; a < SEEN; a++) {
+        of->seen[a] -= along * rest[a];
+    }
+}
+
+/* Makes the columns R [NP] upper triangular, by reflections, which the right-hand sides, `count` of them, take part in. */
+static void make_triangular(column R[NP], column *sides, int count)
 {
     for (int k = 0; k < NP; k++) {
-        const double inverse = 1.0 / sqrt(R[k][k] * R[k][k] + row[k] * row[k]), c = R[k][k] * inverse, t = row[k] * inverse;
-        for (int j = k; j < NP; j++) {
-            const double own = R[k][j], other = row[j];
-            R[k][j] = c * own + t * other;
-            row[j] = c * other - t * own;
+        double rest[SEEN], squared = 0.0;
+        memcpy(rest, R[k].seen, sizeof rest);
+        for (int a = 0; a < SEEN; a++) {
+            squared += rest[a] * rest[a];
+        }
+        /* Its own entry is 1 until here: the root is added, so that nothing cancels. */
+        const double root = sqrt(1.0 + squared), first = 1.0 + root, size = 2.0 / (first * first + squared);
+        R[k].known[k] = -root;
+        for (int j = k + 1; j < NP; j++) {
+            reflect(&R[j], k, first, rest, size);
         }
         for (int n = 0; n < count; n++) {
-            const double own = sides[k][n], other = side[n];
-            sides[k][n] = c * own + t * other;
-            side[n] = c * other - t * own;
+            reflect(&sides[n], k, first, rest, size);
         }
     }
 }
 
 /* The most likely changes of p, but for what is `held`, where what is seen at `v` is found to have changed by the columns of `by` [SEEN * count]; out
-   [NP * count]. By rotations, p in units of its prior: in J' J what is seen least would be lost. */
+   [NP * count]. By reflections, p in units of its prior: in J' J what is seen least would be lost. */
 static void likely_change(const filter *f, const view *v, const int held[NP], const double *by, int count, double *out)
 {
-    double R[NP][NP], sides[NP][NP];
+    column R[NP], sides[NP];
+    memset(R, 0, sizeof R);
     memset(sides, 0, sizeof sides);
-    for (int i = 0; i < NP; i++) {
-        for (int j = 0; j < NP; j++) {
-            R[i][j] = i == j ? 1.0 : 0.0;
-        }
-    }
     for (int a = 0; a < SEEN; a++) {
-        double row[NP], side[NP];
         for (int q = 0; q < NP; q++) {
-            row[q] = held[q] ? 0.0 : v->by_p[a][q] * f->prior[q] * SURE[a / 8];
+            R[q].seen[a] = held[q] ? 0.0 : v->by_p[a][q] * f->prior[q] * SURE[a / 8];
         }
         for (int n = 0; n < count; n++) {
-            side[n] = by[a * count + n] * SURE[a / 8];
+            sides[n].seen[a] = by[a * count + n] * SURE[a / 8];
         }
-        rotate_in(R, sides, row, side, count);
     }
+    make_triangular(R, sides, count);
     for (int n = 0; n < count; n++) {
-        double x[NP];
+        double *x = sides[n].known;
         for (int q = NP - 1; q >= 0; q--) {
-            x[q] = sides[q][n];
-            for (int j = q + 1; j < NP; j++) {
-                x[q] -= R[q][j] * x[j];
+            x[q] /= R[q].known[q];
+            for (int i = 0; i < q; i++) {
+                x[i] -= R[q].known[i] * x[q];
             }
-            x[q] /= R[q][q];
             out[q * count + n] = f->prior[q] * x[q];
         }
     }

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from cosim.angle import UNIT_NAMES, AngleUnit, Block, make_units, ripple, sine_lag
+from cosim.angle import UNIT_NAMES, AngleUnit, Block, make_units, ripple, sine_lag, unwrapped
 from cosim.angle_filters import Filter, band_pass, low_pass
 from gyro_model.errors import InputError
 
@@ -274,6 +274,22 @@ def test_filters_follow_the_oscillation_that_the_observer_found(name, off):
     lag = sine_lag(block.t[settled], angle[settled], theta[settled])
     # As for the filter designed there at once; away from its centre the same filter is 0.6 ms off.
     assert lag == pytest.approx(unit.filter.swing_lag(20.0), abs=2e-6)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_an_angle_is_unwrapped_as_numpy_does_whatever_is_no_number(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    phi = np.cumsum(rng.normal(0.0, 0.2, 400))
+    raw = np.mod(phi + np.pi / 2, np.pi) - np.pi / 2
+    lost = rng.random(400) < 0.1
+    begins = np.flatnonzero(lost[:-1]) + 1
+    found = unwrapped(np.where(lost, np.nan, raw))
+    assert (np.isnan(found) == lost).all()
+    for stretch in np.split(np.arange(400), begins):
+        kept = stretch[~lost[stretch]]
+        if len(kept):
+            expected = np.unwrap(raw[kept], period=np.pi)
+            np.testing.assert_allclose(found[kept] - found[kept[0]], expected - expected[0], atol=1e-12)
 
 
 def test_the_ripple_is_what_goes_with_twice_the_oscillation() -> None:

@@ -213,6 +213,16 @@ def test_envelope_keeps_extremes():
     assert (np.diff(x) > 0).all()
 
 
+def test_an_envelope_leaves_a_gap_where_there_are_no_numbers():
+    t = np.arange(100_000.0)
+    y = np.cos(t / 7.0)
+    y[:40_000], y[70_000::3], y[80_000] = np.nan, np.nan, 5.0
+    x, kept = figures.envelope(t, y)
+    assert np.isnan(kept[x < 39_000]).all() and len(kept[x < 39_000]) > 100
+    assert np.isfinite(kept[x > 40_000]).all()
+    assert kept[x > 40_000].max() == 5.0
+
+
 def test_rms_in_bins_by_hand():
     middle, rms = figures.rms_in_bins(np.arange(1000.0), np.tile([3.0, -3.0, 4.0, 4.0, 0.0], 200))
     assert len(middle) == figures.BINS
