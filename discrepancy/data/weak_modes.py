@@ -16,6 +16,7 @@ from discrepancy.data.modes import APART, ENOUGH, LEAST, MOST, POWER, Mode, answ
 from discrepancy.data.record import Floats, Record, is_driven
 from discrepancy.data.residues import answered, may_rub, plainly_rub
 from discrepancy.data.rubbed import rubbed
+from discrepancy.data.speeds import are_displacements, as_speeds
 
 WINDOWS: Final = 8
 """Of a run, for the coherence of force and voltage."""
@@ -40,7 +41,15 @@ LOBE: Final = 2
 def all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
     """As ``further_modes``, with those besides that driven ``records`` show only in what the others leave: a sensor of
     displacement sees a mode at three times the frequency with a thirtieth of the power, beyond where almost all is. Of
-    records that plainly show a friction beside them those that they show with it."""
+    records that plainly show a friction beside them those that they show with it. Where displacements show none their
+    speeds are asked."""
+    found = _with_friction(records)
+    if any(found) or not is_driven(records) or not are_displacements(records):
+        return found
+    return _with_friction(as_speeds(records))
+
+
+def _with_friction(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
     found = _all_modes(records)
     known = sorted([*found[0], *found[1]])
     if not is_driven(records) or not may_rub(records, known):
@@ -57,12 +66,14 @@ def _all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
     whole = [] if first or further else _as_a_whole(records, [])
     further = [*whole, *further]
     while (first or further) and len(further) < MOST:
-        new = _hidden(records, sorted([*first, *further]))
+        known = sorted([*first, *further])
+        new = _hidden(records, known)
+        if not (new or whole):
+            # The motion as a whole hides others as well.
+            new = whole = _as_a_whole(records, known)
         if not new:
             break
         further = sorted([*further, *new])[:MOST]
-    if (first or further) and len(further) < MOST and not whole:
-        further = [*_as_a_whole(records, sorted([*first, *further])), *further]
     return (first, further) if further != whole else (first, [])
 
 

@@ -22,6 +22,8 @@ TOLD: Final = 0.01
 """Of the signal, that initial states may move a run by within what the first samples leave open of them."""
 UNTOLD: Final = 0.3
 """The same of what the first samples leave: what is left of the run grows by less than a twentieth."""
+TWICE: Final = 0.5
+"""Of what a run is off by, that twice as many samples for its start leave at most where the first were too few."""
 TINY: Final = 1e-300
 
 
@@ -30,18 +32,26 @@ def start_fitted(
 ) -> tuple[Floats, int]:
     """The residual (n, axes) [V] of a run whose first samples gave the initial state, and how many those were:
     ``start`` where that is known, else as many as it takes, where effects have states of their own."""
-    n = start or _unscored(record)
-    run = Fitter(simulator, [record])
-    while True:
-        head = Fitter(simulator, [_head(record, n)])
-        begun = _begun(head, parameters)
-        at = run.evaluated(replace(begun, whiten=run.plain(parameters)))
-        enough = bool(start) or len(head.state_names(begun)) == 2 * record.axes or 2 * n > len(record.t) // 2
-        enough = enough or _tells(head, begun, run, at)
-        simulator.forget(head.records)
-        if enough:
-            return at.residuals[0], n
-        n *= 2
+    n, run = start or _unscored(record), Fitter(simulator, [record])
+    begun, told = _begun_by(run, parameters, n)
+    stateful = not start and len(run.state_names(begun)) > 2 * record.axes
+    while stateful and 2 * n <= len(record.t) // 2:
+        later, more = _begun_by(run, parameters, 2 * n)
+        # Beside a friction, which holds what is at rest, no slope says what the first samples leave open.
+        if told and run.off(later) > TWICE * run.off(begun):
+            break
+        begun, told, n = later, more, 2 * n
+    return begun.residuals[0], n
+
+
+def _begun_by(run: Fitter, parameters: Mapping[str, float], n: int) -> tuple[Fitted, bool]:
+    """The run with the initial state that its first ``n`` samples give, and whether these tell it."""
+    head = Fitter(run.simulator, [_head(run.records[0], n)])
+    begun = _begun(head, parameters)
+    at = run.evaluated(replace(begun, whiten=run.plain(parameters)))
+    tells = _tells(head, begun, run, at)
+    run.simulator.forget(head.records)
+    return at, tells
 
 
 def _head(record: Record, n: int) -> Record:

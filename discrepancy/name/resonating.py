@@ -8,8 +8,9 @@ from discrepancy.data.absorbers import carried
 from discrepancy.data.record import is_driven
 from discrepancy.data.residues import may_rub
 from discrepancy.data.rubbed import rubbed
+from discrepancy.data.speeds import are_displacements, as_speeds
 from discrepancy.name.accepted import Taken
-from discrepancy.name.resonators import begun_with, beside, fitted_from, price, resonators
+from discrepancy.name.resonators import begun_with, beside, fitted_from, price, resonators, with_all_shapes
 from discrepancy.name.search import Search
 
 
@@ -22,7 +23,8 @@ def resonating(search: Search) -> Taken | None:
     modes = sorted([*first, *further])
     if not (is_driven(records) and len(modes) > whole.axes):
         return None
-    shown = [records, rubbed(records)] if may_rub(records, modes) else [records]
+    views = [records, as_speeds(records)] if are_displacements(records) else [records]
+    shown = [own for view in views for own in ((view, rubbed(view)) if may_rub(view, modes) else (view,))]
     answers = [told for own in shown if (told := carried(own, modes, gains))]
     found = [(told, taken) for told in answers if (taken := resonators(search, told))]
     if not found:
@@ -37,4 +39,7 @@ def resonating(search: Search) -> Taken | None:
     # Without the time for both, that which was nearer to begin with stands.
     with suppress(OutOfTime):
         ends.append(other._replace(at=fitted_from(held, other.at)))
-    return against.taken(search, min(ends, key=lambda own: price(search, own)))
+    best = min(ends, key=lambda own: price(search, own))
+    with suppress(OutOfTime):
+        best = with_all_shapes(held, best)
+    return against.taken(search, best)

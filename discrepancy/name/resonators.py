@@ -72,6 +72,14 @@ def fitted_from(fitter: Fitter, begun: Fitted, goal: float = inf) -> Fitted:
     return fitter.fit(grown(fitter, begun) if fitter.off(begun) > ASTRAY else begun, goal=goal)
 
 
+def with_all_shapes(fitter: Fitter, own: Taken) -> Taken:
+    """The fit with those shapes of what it has taken free too that were held."""
+    free = {known.name for known in own.at.free}
+    late = [replace(c, searched=tuple(q for q in c.searched if q.name not in free)) for c in own.taken]
+    held = [shape for c in late for shape in c.free(fitter.period) if shape.name not in free]
+    return own._replace(at=fitter.fit(replace(own.at, free=(*own.at.free, *held)))) if held else own
+
+
 def begun_with(search: Search, fitter: Fitter, told: Carried, resonators: Sequence[Resonator], plain: Fitted, *,
            jointed: bool) -> Taken:  # fmt: skip
     """What is ``told``, not fitted; ``jointed``: with usual shapes of the resonators free as well, since what couples
@@ -92,8 +100,9 @@ def begun_with(search: Search, fitter: Fitter, told: Carried, resonators: Sequen
             at = replace(at, parameters={**at.parameters, **dict.fromkeys((q.name for q in joints), own.joint)})
         taken.append(replace(candidate, searched=(*candidate.searched, *joints)))
     for rubs in _frictions(search, told):
+        # As steep as it is: while the rest is far off a fit would smooth it, and end there.
         at = replace(at, parameters={**at.parameters, **rubs.candidate.shapes, **rubs.values},
-                     free=(*at.free, *rubs.candidate.free(fitter.period)))  # fmt: skip
+                     free=(*at.free, *(probe.free() for probe in rubs.candidate.probes)))  # fmt: skip
         taken.append(rubs.candidate)
     tried = [fitter.passive({**at.parameters, **own}) for own in ({}, more)]
     fits = [fitter.evaluated(replace(at, parameters=own)) for own in tried if all(own[name] > 0 for name in more)]
