@@ -14,9 +14,8 @@ void block_row_in_eta(const filter *f, const double row[NP], double g[NP])
     int i = 0;
     /* Over whole rows, zeros too: loops of one length run several numbers at a time. */
     for (; i + TOGETHER <= NP; i += TOGETHER) {
-        const double *w = f->W[i], *at = row + i;
         for (int j = 0; j < NP; j++) {
-            sum[j] += w[j] * at[0] + w[NP + j] * at[1] + w[2 * NP + j] * at[2] + w[3 * NP + j] * at[3];
+            sum[j] += f->W[i][j] * row[i] + f->W[i + 1][j] * row[i + 1] + f->W[i + 2][j] * row[i + 2] + f->W[i + 3][j] * row[i + 3];
         }
     }
     for (; i < NP; i++) {

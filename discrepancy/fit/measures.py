@@ -1,6 +1,6 @@
 """Measures of a fitted model: misfit on held-out runs (docs/theory/records.md, eqs. 1 and 2)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -33,23 +33,28 @@ def start_fitted(
     """The residual (n, axes) [V] of a run whose first samples gave the initial state, and how many those were:
     ``start`` where that is known, else as many as it takes, where effects have states of their own."""
     n, run = start or _unscored(record), Fitter(simulator, [record])
-    begun, told = _begun_by(run, parameters, n)
+    begun, tells = _begun_by(run, parameters, n)
     stateful = not start and len(run.state_names(begun)) > 2 * record.axes
     while stateful and 2 * n <= len(record.t) // 2:
-        later, more = _begun_by(run, parameters, 2 * n)
+        later, tell_later = _begun_by(run, parameters, 2 * n)
         # Beside a friction, which holds what is at rest, no slope says what the first samples leave open.
-        if told and run.off(later) > TWICE * run.off(begun):
+        if run.off(later) > TWICE * run.off(begun) and tells():
             break
-        begun, told, n = later, more, 2 * n
+        begun, tells, n = later, tell_later, 2 * n
     return begun.residuals[0], n
 
 
-def _begun_by(run: Fitter, parameters: Mapping[str, float], n: int) -> tuple[Fitted, bool]:
-    """The run with the initial state that its first ``n`` samples give, and whether these tell it."""
+def _begun_by(run: Fitter, parameters: Mapping[str, float], n: int) -> tuple[Fitted, Callable[[], bool]]:
+    """The run with the initial state that its first ``n`` samples give, and what says whether these tell it."""
     head = Fitter(run.simulator, [_head(run.records[0], n)])
     begun = _begun(head, parameters)
     at = run.evaluated(replace(begun, whiten=run.plain(parameters)))
-    tells = _tells(head, begun, run, at)
+
+    def tells() -> bool:
+        told = _tells(head, begun, run, at)
+        run.simulator.forget(head.records)
+        return told
+
     run.simulator.forget(head.records)
     return at, tells
 

@@ -438,7 +438,9 @@ class Fitter:
         """A change of a parameter, in its steps, as far as its bounds let it."""
         aim = value + free.step * step
         bounded = free.bounded(value, aim)
-        return step if bounded == aim else (bounded - value) / free.step
+        # Of a step that is next to none a bound may be beyond all numbers.
+        with np.errstate(over="ignore"):
+            return step if bounded == aim else (bounded - value) / free.step
 
     def _moved(self, at: Fitted, damping: float, share: float = 1.0) -> Fitted:
         """A ``share`` of the way to the minimum of what is linear at ``at``."""
