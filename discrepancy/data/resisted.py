@@ -31,6 +31,8 @@ SLOWEST, FASTEST, TRIALS = 0.05, 1e3, 24
 as the one before."""
 SETTLED: Final = 1e-4
 """Of the logarithm of that, to which the best is found."""
+BEYOND: Final = 1e9
+"""Share of the motion, that a place leaves at most where no force will do."""
 HELD: Final = [1, 2, 4]
 """Forces that rest acts on, of those of a motion."""
 
@@ -146,7 +148,11 @@ def _best(motions: Sequence[_Motion], tried: Sequence[tuple[float, Floats]], fri
             rate = float(np.exp(log))
             return _solved(_products(motions, rate), rate, friction, constant)
 
-        end = minimize_scalar(lambda log: at(log).left, bounds=between, method="bounded", options={"xatol": SETTLED})
+        def left(log: float) -> float:
+            # Between two places at which no force will do a search has no difference of infinities to go by.
+            return min(at(log).left, BEYOND)
+
+        end = minimize_scalar(left, bounds=between, method="bounded", options={"xatol": SETTLED})
         found.append(at(float(end.x)))
     least = min(found, key=lambda own: own.left)
     return least if least.left < np.inf else None

@@ -72,7 +72,11 @@ def _fits(search: Search, at: Fitted) -> Mapping[float, Fitted]:
             # Places go outwards: the outermost found so far is the nearest.
             beside = found[max(found) if value > now else min(found)]
             begun = replace(beside, parameters={**beside.parameters, **shape.at(value, beside.parameters)})
-            found[value] = fitter.fit(fitter.evaluated(begun), ROUNDS, likely)
-            if found[value].cost > likely:
+            fit = fitter.fit(fitter.evaluated(begun), ROUNDS, likely)
+            if not np.isfinite(fit.cost):
+                # There the motion leaves all bounds.
+                break
+            found[value] = fit
+            if fit.cost > likely:
                 break
     return dict(sorted(found.items()))
