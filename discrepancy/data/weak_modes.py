@@ -74,7 +74,8 @@ def _all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
         if not new:
             break
         further = sorted([*further, *new])[:MOST]
-    return (first, further) if further != whole else (first, [])
+    # Alone it is no mode.
+    return first, further if first or further != whole else []
 
 
 def _as_a_whole(records: Sequence[Record], known: Sequence[Mode]) -> list[Mode]:

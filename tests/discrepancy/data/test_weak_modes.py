@@ -97,6 +97,19 @@ def test_a_place_that_drifts_far_hides_no_mode() -> None:
     assert mode.frequency == pytest.approx(of_poles(own)[-1][0], rel=5e-3)
 
 
+@pytest.mark.parametrize("senses", ["velocity", "acceleration"])
+@pytest.mark.parametrize("friction", [0.0, 0.1])
+def test_a_shaft_moves_as_a_whole_beside_one_load(senses: Senses, friction: float) -> None:
+    between = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    own = Structure(np.diag([1.5, 0.5]), 0.3 * between + np.diag([2.4, 0.5]), 5700 * between, 0, 0)
+    (frequency, quality) = of_poles(own)[-1]
+    records = rubbing(own, friction, senses, np.array([0.1 * frequency, frequency]))
+    whole, mode = sorted([mode for modes in all_modes(records) for mode in modes])
+    assert not whole.seen
+    assert mode.frequency == pytest.approx(frequency, rel=5e-3)
+    assert mode.quality == pytest.approx(quality, rel=0.1)
+
+
 @pytest.mark.parametrize(("friction", "mass"), [(0.15, 1.3), (0.3, 0.5)])
 def test_where_displacements_hide_a_mode_their_speeds_show_it(friction: float, mass: float) -> None:
     # A shaft at whose turns a friction leaves its place to add up is where no linear model says.
