@@ -263,9 +263,7 @@ class Pattern:
         """Return phi [rad], shape (n,), which goes on from the last one, of its values ``raw`` within +-pi/2."""
         if not len(raw):
             return raw
-        first = raw[0] if np.isnan(self._last) else self._last
-        jumps = np.rint(np.diff(raw, prepend=first) / np.pi)
-        phi = raw - np.pi * np.cumsum(jumps) if jumps.any() else raw
+        phi = unwrapped(raw) if np.isnan(self._last) else unwrapped(np.concatenate(([self._last], raw)))[1:]
         self._last = float(phi[-1])
         return phi
 

@@ -44,7 +44,7 @@ class _Judged(NamedTuple):
     angle_variance: float
 
 
-_SAID: Final = ("converged", "drift_sigma", "drift_sigma_now", "stray_sigma")
+_SAID: Final = _Judged._fields[1:-1]
 
 
 class Validity(NamedTuple):
