@@ -25,6 +25,7 @@ from gyro_model import (
     generate_envelope,
     generate_forces,
     generate_package,
+    generate_rooms,
     generate_series,
     generate_starts,
     generate_tangent,
@@ -54,6 +55,7 @@ WRITERS: dict[str, dict[str, Callable[[Any], str]]] = {
     "device": {EFFECTS: generate_effects.effects},
     "full": {
         f"{GENERATED}/expansions.h": generate_series.expansions,
+        f"{GENERATED}/rooms.h": generate_rooms.rooms,
         f"{GENERATED}/starts.h": generate_starts.starts,
         f"{GENERATED}/tangent.h": generate_tangent.tangent,
     },

@@ -24,9 +24,9 @@ from gyro_model.effect_functions import Places
 from gyro_model.model import Model
 
 _SMOOTH: Final = ("exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh")
-_SATURATING: Final = {"tanh": "fabs({}) - 19.0", "exp": "-{} - 40.0"}
-"""By how much an argument may change and leave the function at its end within rounding of 1. There it says nothing of
-what comes beyond."""
+_SATURATING: Final = {"tanh": ("fabs({}) - 19.0", "-{}"), "exp": ("-{} - 40.0", "1.0")}
+"""By how much an argument may change and leave the function at its end within rounding of 1, and which way: there it
+says nothing of what comes beyond."""
 _OF_PAIRS: Final = {
     "gyro_exp(value)": "exp_of_pair({row}[0])",
     "gyro_tanh(value)": "tanh_of_pair({row}[0])",
@@ -341,7 +341,7 @@ class Series:
         at_first = self._at(base, expr, of)
         power = "series_power" if exponent.is_Number else "series_any_power"
         if not exponent.is_Number:
-            self._bound(of, lambda lane: f"room_of_power(lane_of({of}[0], {lane}), lane_of({to}, {lane}))")
+            self._bound(of, lambda lane: f"room_of_power(lane_of({of}[0], {lane}), lane_of({to}, {lane})), 0.0")
         return self._row(expr, lambda row: f"k == 0 ? {at_first} : {power}({of}, {row}, {to}, k)")
 
     def _function(self, expr: Expr) -> str:
@@ -349,8 +349,9 @@ class Series:
         of = self._series(argument)
         at_first = self._at(argument, expr, of)
         if type(expr).__name__ in _SATURATING:
-            room = _SATURATING[type(expr).__name__]
-            self._bound(of, lambda lane: f"larger(GYRO_SHOWN, {room.format(f'lane_of({of}[0], {lane})')})")
+            room, way = _SATURATING[type(expr).__name__]
+            first = [f"lane_of({of}[0], {lane})" for lane in range(self.lanes)]
+            self._bound(of, lambda lane: f"larger(GYRO_SHOWN, {room.format(first[lane])}), {way.format(first[lane])}")
         u = Symbol("u", real=True)
         slope = expr.func(u).diff(u).subs(u, argument)
         rate = self._rate_of(argument, of)

@@ -124,6 +124,7 @@ typedef struct {{
     gyro_lane corner[GYRO_SERIES_CORNERS];       /* what changes its sign where a force has a corner */
     gyro_lane bounded[GYRO_SERIES_BOUNDS];       /* what may change only by `room`; no row: nothing does */
     double room[GYRO_SERIES_BOUNDS];
+    double way[GYRO_SERIES_BOUNDS];              /* positive: it may rise by no more, negative: fall, 0: neither */
     double change[GYRO_SERIES_READ];             /* by what laws change what is read in the whole step [SI] */
     double begin;                                /* of the whole step has been done */
     gyro_given given[GYRO_BOUC_WENS + 1];        /* states beside their zeros */
@@ -159,12 +160,13 @@ static inline gyro_pair following(const gyro_series *s, gyro_pair c, gyro_pair c
     return k == 0 ? now : pair_sum(now, pair_product(pair_scaled(1.0 - s->begin, change), a[k - 1]));
 }}
 
-/* Lets a lane of a row change by `room`, if that is finite. */
-static inline void bound_change(gyro_series *s, int bound, const gyro_pair *row, int lane, double room)
+/* Lets a lane of a row change one way by `room`, if that is finite. */
+static inline void bound_change(gyro_series *s, int bound, const gyro_pair *row, int lane, double room, double way)
 {{
     s->bounded[bound].row = gyro_finite(room) ? row : NULL;
     s->bounded[bound].lane = lane;
     s->room[bound] = room;
+    s->way[bound] = way;
 }}
 
 /* The sides on which the motion is of so many corners, the lanes of `row` changing their signs there. */

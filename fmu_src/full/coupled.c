@@ -86,7 +86,7 @@ static void double_change(int n, const turning_matrix *slopes, turning_matrix *c
 void gyro_tabulate_coupled(gyro_coupled *table, const gyro_view *view, double step)
 {
     turning_matrix slopes, change;
-    double unit[GYRO_N_STATES];
+    double *const unit = table->unit;
     int halvings = 0;
     memset(table, 0, sizeof *table);
     table->moving = states_of(view, NULL);
@@ -98,6 +98,9 @@ void gyro_tabulate_coupled(gyro_coupled *table, const gyro_view *view, double st
     add_scaled(n, table->most, &slopes.power[1], &fastest);
     add_scaled(n, table->most * table->most, &slopes.power[2], &fastest);
     double size = step * norm_of(n, &fastest, unit), part = step;
+    /* No rate grows faster. The fourth derivative makes step^4/384 of it, and is a rate by a matrix of which the third power is bounded by this. */
+    table->within = step * gyro_exp(size);
+    table->beside = table->within * size * size * size / 384.0;
     for (; size > 1.0 && halvings <= HALVINGS; halvings++) {
         size *= 0.5;
         part *= 0.5;

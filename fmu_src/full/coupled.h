@@ -19,6 +19,9 @@ typedef struct {
     double step; /* s; 0: there is no table */
     double most; /* up to this rate the powers left out are below GYRO_RATE_ERROR, rad/s */
     chosen moving;
+    double unit[GYRO_N_STATES]; /* of those that move, in which they move alike, SI */
+    double within;              /* how far they may go in a step, over their units and the largest rate, s */
+    double beside;              /* by how much they may be beside cubics through its ends, likewise, s */
     double part[GYRO_RATE_POWERS][GYRO_N_STATES][GYRO_N_STATES]; /* by power, then by rate and state of those that move, s in their units */
 } gyro_coupled;
 
@@ -45,14 +48,11 @@ static inline void add_changes(const gyro_coupled *table, int power, const doubl
     }
 }
 
-/* Moves the states of the view by the step of the table. */
-static inline void gyro_apply_coupled(const gyro_coupled *table, gyro_view *g)
+/* What the step of the table changes, of the states that move, by all rates at its start and the rate that the device turns at [rad/s]. */
+static inline void find_changes(const gyro_coupled *table, double turning, const double rate[], double sum[])
 {
-    const double turning = g->p[GYRO_OMEGA_Z];
-    double rate[GYRO_N_STATES], change[GYRO_N_STATES], sum[GYRO_N_STATES];
-    state_rate(g, rate);
+    double change[GYRO_N_STATES], times = turning;
     add_changes(table, 0, rate, sum);
-    double times = turning;
     for (int k = 1; k < GYRO_RATE_POWERS && times != 0.0; k++) {
         add_changes(table, k, rate, change);
         for (int i = 0; i < table->moving.n; i++) {
@@ -60,8 +60,16 @@ static inline void gyro_apply_coupled(const gyro_coupled *table, gyro_view *g)
         }
         times *= turning;
     }
+}
+
+/* Moves the states of the view by the step of the table. */
+static inline void gyro_apply_coupled(const gyro_coupled *table, gyro_view *g)
+{
+    double rate[GYRO_N_STATES], change[GYRO_N_STATES];
+    state_rate(g, rate);
+    find_changes(table, g->p[GYRO_OMEGA_Z], rate, change);
     for (int i = 0; i < table->moving.n; i++) {
-        g->s[table->moving.place[i]] += sum[i];
+        g->s[table->moving.place[i]] += change[i];
     }
 }
 

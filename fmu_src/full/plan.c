@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "level.h"
 #include "plant.h"
 
 static void drop_late(gyro_instance *g)
@@ -20,7 +21,28 @@ void gyro_drop(gyro_instance *g)
     g->plan.table = NULL;
 }
 
-/* Which noises and lags there are, and how the motion goes on where nothing bends it. */
+/* How the motion goes on over the steps between cuts, where nothing bends it. */
+static void tabulate(gyro_instance *g)
+{
+    /* Most steps go from one point of the finer of the two beats to the next, in whole ticks: 1e-6 * 5 is not quite 5e-6. */
+    const gyro_beat *grid = &g->plan.cuts.grid, *sample = &g->plan.cuts.sample, *finer = grid->whole < sample->whole ? grid : sample;
+    const gyro_instant start = {0, 0.0};
+    const gyro_view between = view_between(&g->view);
+    for (int i = 0; i < GYRO_LENGTHS; i++) {
+        const double step = gyro_between(start, (gyro_instant){finer->whole + i, 0.0});
+        g->plan.propagator[i].step = 0.0;
+        g->plan.coupled[i].step = 0.0;
+        if (i > 0 && !(finer->part > 0.0)) {
+            /* All are as long. */
+        } else if (g->view.steady) {
+            gyro_tabulate(&g->plan.propagator[i], &g->view, step);
+        } else if (g->view.even || g->plan.between) {
+            gyro_tabulate_coupled(&g->plan.coupled[i], g->plan.between ? &between : &g->view, step);
+        }
+    }
+}
+
+/* Which noises and lags there are, and how the motion goes on. */
 static void plan_effects(gyro_instance *g)
 {
     g->plan.any_draw = 0;
@@ -32,16 +54,8 @@ static void plan_effects(gyro_instance *g)
     }
     g->plan.any_lag = (unsigned char)lag_acts(&g->view);
     gyro_plan_series(g);
-    /* Most steps go from one point of the finer of the two beats to the next, in whole ticks: 1e-6 * 5 is not quite 5e-6. */
-    const int64_t grid = g->plan.cuts.grid.whole, sample = g->plan.cuts.sample.whole;
-    const gyro_instant start = {0, 0.0}, next = {grid < sample ? grid : sample, 0.0};
-    g->plan.propagator.step = 0.0;
-    g->plan.coupled.step = 0.0;
-    if (g->view.steady) {
-        gyro_tabulate(&g->plan.propagator, &g->view, gyro_between(start, next));
-    } else if (g->view.even) {
-        gyro_tabulate_coupled(&g->plan.coupled, &g->view, gyro_between(start, next));
-    }
+    g->plan.between = (unsigned char)(!g->view.even && is_even_between(&g->view));
+    tabulate(g);
 }
 
 void gyro_before_tuning(gyro_instance *g)

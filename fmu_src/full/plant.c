@@ -8,6 +8,7 @@
 #include "collocation.h"
 #include "generated/starts.h"
 #include "hermite.h"
+#include "level.h"
 #include "noise.h"
 #include "taylor.h"
 
@@ -416,19 +417,55 @@ static void move_by_series(gyro_instance *g, const gyro_course *course, double t
     }
 }
 
+/* The table of the motion over a step h [s] where it is steady; NULL: there is none. */
+static const gyro_propagator *steady_table(const gyro_instance *g, double h)
+{
+    const gyro_propagator *found = NULL;
+    for (int i = 0; i < GYRO_LENGTHS && g->view.steady; i++) {
+        found = gyro_holds(&g->plan.propagator[i], &g->view, h) ? &g->plan.propagator[i] : found;
+    }
+    return found;
+}
+
+/* The same where forces with states act, or those that bend it in places alone. */
+static const gyro_coupled *coupled_table(const gyro_instance *g, double h)
+{
+    const gyro_coupled *found = NULL;
+    for (int i = 0; i < GYRO_LENGTHS && (g->view.even || g->plan.between); i++) {
+        found = gyro_coupled_holds(&g->plan.coupled[i], &g->view, h) ? &g->plan.coupled[i] : found;
+    }
+    return found;
+}
+
+/* Moves the states of the view over h [s] where there is a table for that; gives whether it has. */
+static int move_by_table(gyro_instance *g, double h)
+{
+    const gyro_propagator *steady = steady_table(g, h);
+    const gyro_coupled *coupled = steady ? NULL : coupled_table(g, h);
+    int moved = steady || coupled;
+    if (steady) {
+        gyro_apply(steady, &g->view);
+    } else if (coupled && g->plan.between) {
+        moved = move_between(coupled, &g->view);
+    } else if (coupled) {
+        gyro_apply_coupled(coupled, &g->view);
+    }
+    return moved;
+}
+
 /* The same while the motion is linear, or by stages. */
 static void move_by_halves(gyro_instance *g, double t, double h, int lags)
 {
     gyro_view *view = &g->view;
-    const int tabulated = view->steady && gyro_holds(&g->plan.propagator, view, h);
+    const gyro_propagator *table = steady_table(g, h);
     for (gyro_progress at = {0, GYRO_WHOLE}; at.done < GYRO_WHOLE;) {
         const double begin = h * at.done / GYRO_WHOLE;
         gyro_end start;
         if (lags) {
             start = end_here(view);
         }
-        if (tabulated) {
-            gyro_apply(&g->plan.propagator, view);
+        if (table) {
+            gyro_apply(table, view);
             at.done = GYRO_WHOLE;
         } else if (!view->any_curved && !view->moving && at.done == 0 && propagate_linear(view, h)) {
             at.done = GYRO_WHOLE;
@@ -472,11 +509,7 @@ static void move_states(gyro_instance *g, gyro_instant to, int lags)
     const double end = gyro_time_of(g, to), h = gyro_between(g->memory.clock.settled, to);
     int laws_known = 0;
     view->moving = view->any_law && laws_move(view, g->value);
-    if (!lags && view->steady && gyro_holds(&g->plan.propagator, view, h)) {
-        gyro_apply(&g->plan.propagator, view);
-    } else if (!lags && view->even && gyro_coupled_holds(&g->plan.coupled, view, h)) {
-        gyro_apply_coupled(&g->plan.coupled, view);
-    } else {
+    if (lags || !move_by_table(g, h)) {
         laws_known = move_by(g, end, h, lags);
     }
     view->t = end;

@@ -20,18 +20,22 @@
 #pragma GCC visibility push(hidden)
 #endif
 
+/* Lengths of the steps between cuts of a grid: a number of ticks, and one more where its beat is no whole number of them. */
+enum { GYRO_LENGTHS = 2 };
+
 /* Follows from the parameters and stays during a run, but for the next instants of the cuts. */
 typedef struct {
     gyro_cuts cuts;
     gyro_events events;
     gyro_instant delay;  /* of the force, as if it came at the start */
     gyro_pink_plan pink; /* where any_draw */
-    gyro_propagator propagator; /* of the steps between cuts of the grid, where steady */
-    gyro_coupled coupled;       /* of the same, where even */
+    gyro_propagator propagator[GYRO_LENGTHS]; /* of the steps between cuts of the grid, where steady */
+    gyro_coupled coupled[GYRO_LENGTHS];       /* of the same, where even, or but for forces that bend the motion in places */
     gyro_series_plan series; /* of the forces that bend the motion */
     gyro_followers followers; /* where they are all that do, and do it by values */
     gyro_bouc_wen_table *table; /* of them; NULL: there is none */
     gyro_lag lag;        /* weights for the latest step and time constants; where any_lag */
+    unsigned char between; /* a force acts that bends the motion in places alone, and none elsewhere */
     unsigned char any_delay;
     unsigned char any_lag;
     unsigned char any_draw;

@@ -271,6 +271,18 @@ static inline double change_within(const gyro_lane *c, int power, double reach)
     }
     return sum;
 }
+
+/* By how much it may change one way there, 0: both. */
+static inline double change_towards(const gyro_lane *c, double way, int power, double reach)
+{
+    double sum = 0.0;
+    for (int j = power; j > 0; j--) {
+        const double own = coefficient(c, j);
+        sum = (sum + (own * way < 0.0 ? 0.0 : fabs(own))) * reach;
+    }
+    return sum;
+}
+
 /* The part of `reach` in which every row that is bounded changes by no more than its room. A saturated function says nothing of where it turns
    over. */
 static inline double within_bounds(const gyro_series *s, int power, double reach)
@@ -284,7 +296,7 @@ static inline double within_bounds(const gyro_series *s, int power, double reach
             most = row != NULL ? most_change(row, power) : most;
         }
         if (row != NULL && lane_of(most, c->lane) > s->room[bound]) {
-            const double change = change_within(c, power, reach);
+            const double change = change_towards(c, s->way[bound], power, reach);
             /* Without a constant the sum falls at least as fast as the reach. */
             reach = change > s->room[bound] ? reach * (s->room[bound] / change) : reach;
         }

@@ -86,6 +86,40 @@ def test_hysteresis_that_nothing_bends_is_a_spring(
     residual("states", difference(found, wanted), SAME)
 
 
+# Forces that bend the motion in places alone; in between a table moves it.
+PLACES = {
+    "friction": {"friction_x": 2e-6, "friction_y": 1e-6, "friction_speed": 1e-5},
+    "friction with an excess at rest": {
+        "friction_x": 2e-6, "friction_speed": 1e-5, "stribeck": 0.5, "stribeck_speed": 1e-3,
+    },
+    "friction over all speeds": {"friction_x": 2e-6, "friction_speed": 0.3},
+    "stops": {"stop_stiffness": 500.0, "stop_gap": 3e-7, "stop_damping": 1e-5},
+    "stops that are never met": {"stop_stiffness": 500.0, "stop_gap": 1e-3},
+    "friction and stops": {"friction_x": 2e-6, "friction_speed": 1e-5, "stop_stiffness": 500.0, "stop_gap": 4e-7},
+}  # fmt: skip
+MODE = {"parasitic_coupling": 5.0, "parasitic_frequency": 4200.0, "parasitic_q": 30.0, "parasitic_start": 1e-8}
+
+
+@pytest.mark.parametrize("mode", [{}, MODE], ids=["alone", "beside a mode"])
+@pytest.mark.parametrize("case", PLACES)
+def test_between_what_bends_it_a_motion_is_that_of_series(
+    case: str, mode: dict[str, float], fmus: dict[int, Fmu], residual: Residual
+) -> None:
+    device = PLACES[case] | mode
+    found, wanted = motion(fmus[3], **device), motion(fmus[3], **device, k3_x=1.0)
+    residual(case, difference(found, wanted), SAME)
+
+
+# Steps of 5.0000005 µs are by turns as long and a picosecond longer. A friction of which nothing shows keeps its table
+# busy too.
+@pytest.mark.parametrize("device", [{}, MODE, {"friction_x": 1e-30}], ids=["steady", "mode", "friction"])
+def test_steps_of_no_whole_number_of_picoseconds(
+    device: dict[str, float], fmus: dict[int, Fmu], residual: Residual
+) -> None:
+    found, wanted = (motion(fmus[3], **device, internal_step=5.0000005e-6, k3_x=k3) for k3 in (0.0, 1.0))
+    residual("states", difference(found, wanted), SAME)
+
+
 def test_a_stribeck_speed_that_is_never_left_is_more_friction(fmus: dict[int, Fmu], residual: Residual) -> None:
     # exp(-(v/v_s)²) is 1 - 1e-12 at 0.01 m/s; friction is a thirtieth of the force.
     friction = {"friction_x": 2e-6, "friction_y": 1e-6}

@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{58110e2f-e650-418a-f79a-ef88f1f70b23}";
+const char gyro_token[] = "{8572e6c3-bf4e-dcf6-d01b-26717c34bb8a}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},

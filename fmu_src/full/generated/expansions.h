@@ -72,6 +72,7 @@ typedef struct {
     gyro_lane corner[GYRO_SERIES_CORNERS];       /* what changes its sign where a force has a corner */
     gyro_lane bounded[GYRO_SERIES_BOUNDS];       /* what may change only by `room`; no row: nothing does */
     double room[GYRO_SERIES_BOUNDS];
+    double way[GYRO_SERIES_BOUNDS];              /* positive: it may rise by no more, negative: fall, 0: neither */
     double change[GYRO_SERIES_READ];             /* by what laws change what is read in the whole step [SI] */
     double begin;                                /* of the whole step has been done */
     gyro_given given[GYRO_BOUC_WENS + 1];        /* states beside their zeros */
@@ -123,12 +124,13 @@ static inline gyro_pair following(const gyro_series *s, gyro_pair c, gyro_pair c
     return k == 0 ? now : pair_sum(now, pair_product(pair_scaled(1.0 - s->begin, change), a[k - 1]));
 }
 
-/* Lets a lane of a row change by `room`, if that is finite. */
-static inline void bound_change(gyro_series *s, int bound, const gyro_pair *row, int lane, double room)
+/* Lets a lane of a row change one way by `room`, if that is finite. */
+static inline void bound_change(gyro_series *s, int bound, const gyro_pair *row, int lane, double room, double way)
 {
     s->bounded[bound].row = gyro_finite(room) ? row : NULL;
     s->bounded[bound].lane = lane;
     s->room[bound] = room;
+    s->way[bound] = way;
 }
 
 /* The sides on which the motion is of so many corners, the lanes of `row` changing their signs there. */
@@ -337,8 +339,8 @@ static GYRO_INLINE void series_effect_dry_friction(const gyro_view *g, gyro_seri
         }
         w[1][k] = pair_product(c[1], x_dot[k]);
         if (k == 0) {
-            bound_change(s, at->bound + 0, w[1], 0, larger(GYRO_SHOWN, fabs(lane_of(w[1][0], 0)) - 19.0));
-            bound_change(s, at->bound + 1, w[1], 1, larger(GYRO_SHOWN, fabs(lane_of(w[1][0], 1)) - 19.0));
+            bound_change(s, at->bound + 0, w[1], 0, larger(GYRO_SHOWN, fabs(lane_of(w[1][0], 0)) - 19.0), -lane_of(w[1][0], 0));
+            bound_change(s, at->bound + 1, w[1], 1, larger(GYRO_SHOWN, fabs(lane_of(w[1][0], 1)) - 19.0), -lane_of(w[1][0], 1));
         }
         w[2][k] = pair_scaled(k, w[1][k]);
         w[3][k] = k == 0 ? tanh_of_pair(w[1][0]) : series_integral(w[2], w[1], w[4], k);
@@ -355,8 +357,8 @@ static GYRO_INLINE void series_effect_dry_friction(const gyro_view *g, gyro_seri
             w[7][k] = series_square(x_dot, k);
             w[6][k] = pair_product(c[3], w[7][k]);
             if (k == 0) {
-                bound_change(s, at->bound + 2, w[6], 0, larger(GYRO_SHOWN, -lane_of(w[6][0], 0) - 40.0));
-                bound_change(s, at->bound + 3, w[6], 1, larger(GYRO_SHOWN, -lane_of(w[6][0], 1) - 40.0));
+                bound_change(s, at->bound + 2, w[6], 0, larger(GYRO_SHOWN, -lane_of(w[6][0], 0) - 40.0), 1.0);
+                bound_change(s, at->bound + 3, w[6], 1, larger(GYRO_SHOWN, -lane_of(w[6][0], 1) - 40.0), 1.0);
             }
             w[8][k] = pair_scaled(k, w[6][k]);
             w[9][k] = k == 0 ? exp_of_pair(w[6][0]) : series_integral(w[8], w[6], w[9], k);
@@ -431,8 +433,8 @@ static GYRO_INLINE void series_effect_hysteresis(const gyro_view *g, gyro_series
     w[0][k] = first_size(k, pair_sum(pair_product(c[2], hysteresis_z_x[k]), first_only(k, c[3])));
     if (k == 0) {
         c[4] = both(hysteresis_n - 1);
-        bound_change(s, at->bound + 0, w[0], 0, room_of_power(lane_of(w[0][0], 0), lane_of(c[4], 0)));
-        bound_change(s, at->bound + 1, w[0], 1, room_of_power(lane_of(w[0][0], 1), lane_of(c[4], 1)));
+        bound_change(s, at->bound + 0, w[0], 0, room_of_power(lane_of(w[0][0], 0), lane_of(c[4], 0)), 0.0);
+        bound_change(s, at->bound + 1, w[0], 1, room_of_power(lane_of(w[0][0], 1), lane_of(c[4], 1)), 0.0);
     }
     w[1][k] = k == 0 ? power_of_pair(w[0][0], c[4]) : series_any_power(w[0], w[1], c[4], k);
     if (k == 0) {
