@@ -88,8 +88,9 @@ def _stays(call: Expr, states: frozenset[Symbol]) -> Iterator[tuple[Expr, Side]]
                 yield own, Side(state, within / Abs(slope), slope)
     elif isinstance(call, tanh):
         for state, slope in _straight(call.args[0], states):
-            steep = call.args[0]
-            yield Dummy(real=True), Side(state, (Abs(steep) - STEEP) / Abs(slope), steep * slope)
+            # From where it turns over, without a quotient at each step.
+            place = (call.args[0] / slope).expand()
+            yield Dummy(real=True), Side(state, Abs(place) - STEEP * Abs(1 / slope), place)
     else:
         power = call.args[0]
         for state in sorted(power.free_symbols & states, key=str):

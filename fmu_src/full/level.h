@@ -68,24 +68,12 @@ static inline int stays_within(const gyro_coupled *table, const double room[GYRO
     return within;
 }
 
-/* Whether none of the states that move is near a place where a force bends the motion. */
-static inline int is_level(const gyro_coupled *table, const double room[GYRO_N_STATES][2])
-{
-    int level = 1;
-    for (int i = 0; i < table->moving.n && level; i++) {
-        const double *own = room[table->moving.place[i]];
-        level = smaller(own[0], own[1]) > 0.0;
-    }
-    return level;
-}
-
 /* Moves the states of the view by the step of the table where no force bends the motion in it; gives 0 where one may, and then has moved nothing. */
 static inline int move_between(const gyro_coupled *table, gyro_view *g)
 {
     double room[GYRO_N_STATES][2], rate[2][GYRO_N_STATES], change[GYRO_N_STATES], before[GYRO_N_STATES];
     const double(*rooms)[2] = (const double(*)[2])room;
-    find_room(g, room);
-    int moves = is_level(table, rooms);
+    int moves = find_room(g, room);
     if (moves) {
         memcpy(before, g->s, sizeof before);
         state_rate(g, rate[0]);

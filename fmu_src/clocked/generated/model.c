@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{8572e6c3-bf4e-dcf6-d01b-26717c34bb8a}";
+const char gyro_token[] = "{7edb2efe-c8b1-865f-3271-2fd5dea81d8a}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},

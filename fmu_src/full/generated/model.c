@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{0874254a-15c2-c88a-913a-8cb5cabf7272}";
+const char gyro_token[] = "{5679c330-d885-9644-4e24-a3759277b100}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},

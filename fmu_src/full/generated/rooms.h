@@ -6,14 +6,15 @@
 #include "effects.h"
 
 /* How far a state may fall and rise until a force changes with it, in its unit: less, where `distance` is, on the side
-   that `direction` says. */
-static inline void limit_room(double room[2], double distance, double direction)
+   that `direction` says. Gives 0 where the force does so already. */
+static inline int limit_room(double room[2], double distance, double direction)
 {
     double *side = &room[direction < 0.0];
     *side = smaller(*side, distance);
+    return distance > 0.0;
 }
 
-static inline void room_effect_contact_stop(const gyro_view *g, double room[GYRO_N_STATES][2])
+static inline int room_effect_contact_stop(const gyro_view *g, double room[GYRO_N_STATES][2])
 {
     const double kxx = g->p[GYRO_KXX];
     const double stop_damping = g->p[GYRO_STOP_DAMPING];
@@ -21,17 +22,11 @@ static inline void room_effect_contact_stop(const gyro_view *g, double room[GYRO
     const double stop_stiffness = g->p[GYRO_STOP_STIFFNESS];
     const double x = g->s[GYRO_STATE_X];
     const double y = g->s[GYRO_STATE_Y];
-    if (-stop_stiffness != 0.0 || -stop_damping*smaller(1, stop_stiffness/kxx) != 0.0 || -3.0/4096.0*stop_damping*stop_gap*stop_gap*smaller(1, stop_stiffness/kxx) != 0.0) {
-        limit_room(room[GYRO_STATE_X], stop_gap - x, -1);
-        limit_room(room[GYRO_STATE_X], stop_gap + x, 1);
-    }
-    if (-stop_stiffness != 0.0 || -stop_damping*smaller(1, stop_stiffness/kxx) != 0.0 || -3.0/4096.0*stop_damping*stop_gap*stop_gap*smaller(1, stop_stiffness/kxx) != 0.0) {
-        limit_room(room[GYRO_STATE_Y], stop_gap - y, -1);
-        limit_room(room[GYRO_STATE_Y], stop_gap + y, 1);
-    }
+    return ((-stop_stiffness == 0.0 && -stop_damping*smaller(1, stop_stiffness/kxx) == 0.0 && -3.0/4096.0*stop_damping*stop_gap*stop_gap*smaller(1, stop_stiffness/kxx) == 0.0) || (limit_room(room[GYRO_STATE_X], stop_gap - x, -1) && limit_room(room[GYRO_STATE_X], stop_gap + x, 1)))
+        && ((-stop_stiffness == 0.0 && -stop_damping*smaller(1, stop_stiffness/kxx) == 0.0 && -3.0/4096.0*stop_damping*stop_gap*stop_gap*smaller(1, stop_stiffness/kxx) == 0.0) || (limit_room(room[GYRO_STATE_Y], stop_gap - y, -1) && limit_room(room[GYRO_STATE_Y], stop_gap + y, 1)));
 }
 
-static inline void room_effect_dry_friction(const gyro_view *g, double room[GYRO_N_STATES][2])
+static inline int room_effect_dry_friction(const gyro_view *g, double room[GYRO_N_STATES][2])
 {
     const double friction_speed = g->p[GYRO_FRICTION_SPEED];
     const double friction_x = g->p[GYRO_FRICTION_X];
@@ -40,18 +35,10 @@ static inline void room_effect_dry_friction(const gyro_view *g, double room[GYRO
     const double stribeck_speed = g->p[GYRO_STRIBECK_SPEED];
     const double x_dot = g->s[GYRO_STATE_X_DOT];
     const double y_dot = g->s[GYRO_STATE_Y_DOT];
-    if (-friction_x != 0.0) {
-        limit_room(room[GYRO_STATE_X_DOT], (gyro_fabs(x_dot/friction_speed) - 19.0)*gyro_fabs(friction_speed), x_dot/(friction_speed*friction_speed));
-    }
-    if (-friction_x*stribeck != 0.0) {
-        limit_room(room[GYRO_STATE_X_DOT], -6.0827625302982193*gyro_fabs(stribeck_speed) + gyro_fabs(x_dot), x_dot);
-    }
-    if (-friction_y != 0.0) {
-        limit_room(room[GYRO_STATE_Y_DOT], (gyro_fabs(y_dot/friction_speed) - 19.0)*gyro_fabs(friction_speed), y_dot/(friction_speed*friction_speed));
-    }
-    if (-friction_y*stribeck != 0.0) {
-        limit_room(room[GYRO_STATE_Y_DOT], -6.0827625302982193*gyro_fabs(stribeck_speed) + gyro_fabs(y_dot), y_dot);
-    }
+    return ((-friction_x == 0.0) || (limit_room(room[GYRO_STATE_X_DOT], -19.0*gyro_fabs(friction_speed) + gyro_fabs(x_dot), x_dot)))
+        && ((-friction_x*stribeck == 0.0) || (limit_room(room[GYRO_STATE_X_DOT], -6.0827625302982193*gyro_fabs(stribeck_speed) + gyro_fabs(x_dot), x_dot)))
+        && ((-friction_y == 0.0) || (limit_room(room[GYRO_STATE_Y_DOT], -19.0*gyro_fabs(friction_speed) + gyro_fabs(y_dot), y_dot)))
+        && ((-friction_y*stribeck == 0.0) || (limit_room(room[GYRO_STATE_Y_DOT], -6.0827625302982193*gyro_fabs(stribeck_speed) + gyro_fabs(y_dot), y_dot)));
 }
 
 /* The forces that bend the motion in places alone, by effect. */
@@ -64,24 +51,26 @@ static inline int is_even_between(const gyro_view *g)
     return (g->active[GYRO_EFFECT_CONTACT_STOP] || g->active[GYRO_EFFECT_DRY_FRICTION]) && !g->active[GYRO_EFFECT_COMB_FRINGE] && !g->active[GYRO_EFFECT_CROSS_CUBIC_STIFFNESS] && !g->active[GYRO_EFFECT_CUBIC_STIFFNESS] && !g->active[GYRO_EFFECT_ELECTROSTATIC_SOFTENING] && !g->active[GYRO_EFFECT_HYSTERESIS] && !g->active[GYRO_EFFECT_NONLINEAR_DAMPING] && !g->active[GYRO_EFFECT_QUADRATIC_STIFFNESS] && !g->active[GYRO_EFFECT_SQUEEZE_FILM] && !g->active[GYRO_EFFECT_DAMPING_STEP] && !g->active[GYRO_EFFECT_DIELECTRIC_CHARGING] && !g->active[GYRO_EFFECT_STRESS_RELAXATION] && !g->active[GYRO_EFFECT_THERMAL_DAMPING] && !g->active[GYRO_EFFECT_THERMAL_GAIN] && !g->active[GYRO_EFFECT_THERMAL_PHASE] && !g->active[GYRO_EFFECT_THERMAL_STIFFNESS] && !g->active[GYRO_EFFECT_THERMAL_HYSTERESIS] && !g->active[GYRO_EFFECT_AGEING] && !g->active[GYRO_EFFECT_BIAS_WALK] && !g->active[GYRO_EFFECT_TURN_ON_OFFSET] && !g->active[GYRO_EFFECT_THERMAL_LAG];
 }
 
-/* How far each state may fall and rise until one of them changes with it; less than 0 where one does. */
-static inline void find_room(const gyro_view *g, double room[GYRO_N_STATES][2])
+/* How far each state may fall and rise until one of them changes with it; gives 0, and not all, where one does. */
+static inline int find_room(const gyro_view *g, double room[GYRO_N_STATES][2])
 {
+    int level = 1;
     for (int i = 0; i < GYRO_N_STATES; i++) {
         room[i][0] = room[i][1] = INFINITY;
     }
-    for (int i = 0; i < g->n_acting; i++) {
+    for (int i = 0; i < g->n_acting && level; i++) {
         switch (g->acting[i]) {
         case GYRO_EFFECT_CONTACT_STOP:
-            room_effect_contact_stop(g, room);
+            level = room_effect_contact_stop(g, room);
             break;
         case GYRO_EFFECT_DRY_FRICTION:
-            room_effect_dry_friction(g, room);
+            level = room_effect_dry_friction(g, room);
             break;
         default:
             break;
         }
     }
+    return level;
 }
 
 #endif
