@@ -10,7 +10,7 @@ from sympy import sympify
 
 from discrepancy.data.record import Floats, Record
 from discrepancy.fit.defect import distortion_names, distortions
-from discrepancy.fit.simulate import Simulator
+from discrepancy.fit.simulate import Followed, Simulator
 from discrepancy.fit.variation import Kind
 from gyro_model import symbols
 from gyro_model.anatomy import Effect, Force, Law, Map
@@ -29,6 +29,12 @@ FIRST_ORDER: Final = 1e-3
 ALIKE: Final = 3e-3
 """Share of a column's rms by which the two ways may differ: a quotient's own curvature and rounding make 1e-3 of it,
 and a share of this size costs a score its square."""
+JUMPS: Final = 1e-3
+"""Share of the samples at which they may differ by more: an acceleration taken while dry friction turns round goes from
+one side to the other within a millionth of the motion, and no slope says how far."""
+SHARES: Final = (1.0, 1e-2)
+"""Of a change by which the two ways are compared, until they are alike: beside dry friction samples jump where the
+motion turns round, and a change that moves that place makes 2e-2 of a quotient of 3e-5 of the signal."""
 
 Changes = Mapping[str, float]
 
@@ -84,20 +90,31 @@ class Quotients:
             if new:
                 self._bases[base] = False
             return {}
+        found: dict[Kind, bool] = {}
+        for share in SHARES:
+            left = {kind: own for kind, own in new.items() if not found.get(kind, False)}
+            shorter = {kind: self._names.shortened(point.parameters, own, share) for kind, own in left.items()}
+            found |= self._compared(point, motion, shorter)
+        for kind, alike in found.items():
+            self._kinds.setdefault(kind, alike)
+            self._bases[base] = self._bases.get(base, False) or alike
+        return {kind: own for kind, own in new.items() if kind not in self._kinds}
+
+    def _compared(self, point: Point, motion: Followed, new: Mapping[Kind, Changes]) -> Mapping[Kind, bool]:
+        """Whether both ways are alike, of those of which one run shows it; what can't be varied is known at once."""
         varied = self.simulator.vary(motion, [point.changed(own) for own in new.values()])
         columns = dict(zip(new, varied, strict=True))
         self._kinds.update({kind: False for kind, column in columns.items() if column is None})
         shown = {kind: column for kind, column in columns.items() if column is not None}
         simulated = self.simulator.try_all([point.changed(new[kind]) for kind in shown])
+        found = {}
         for (kind, column), v in zip(shown.items(), simulated, strict=True):
             quotient = v - point.v if v is not None else np.full_like(column, np.inf)
             size = _rms(quotient)
             # What is too large for the first order, as the first guess of a step, is no test.
             if size > SHOWN * self.signal and self._small(quotient):
-                alike = _rms(column - quotient) <= ALIKE * size
-                self._kinds.setdefault(kind, alike)
-                self._bases[base] = self._bases.get(base, False) or alike
-        return {kind: own for kind, own in new.items() if kind not in self._kinds}
+                found[kind] = _rms(_without_jumps(column - quotient)) <= ALIKE * size
+        return found
 
     def _small(self, column: Floats) -> bool:
         return bool(np.abs(column).max() <= FIRST_ORDER * self.signal)
@@ -152,6 +169,13 @@ def _rms(v: Floats) -> float:
         return float(np.sqrt(np.mean(v**2)))
 
 
+def _without_jumps(error: Floats) -> Floats:
+    """All but the largest JUMPS of an error (n, axes), one at least."""
+    size = np.abs(error).ravel()
+    kept = size.size - max(1, int(JUMPS * size.size))
+    return np.asarray(np.partition(size, kept)[:kept])
+
+
 def is_smooth(effect: Effect) -> bool:
     """Whether an effect acts without a corner, an event or anything that it carries along, so that what it changes is
     as smooth as the motion."""
@@ -184,6 +208,14 @@ class _Names:
         """Of a column."""
         alone = self._shapes.issuperset(changes)
         return tuple(sorted((n, v if n in self._shapes and not alone else None) for n, v in changes.items()))
+
+    def shortened(self, parameters: Mapping[str, float], changes: Changes, share: float) -> Changes:
+        """A share of what they change; shapes beside a size stay."""
+        if share == 1.0:
+            return changes
+        alone = self._shapes.issuperset(changes)
+        own = {name: parameters.get(name, self._starts.get(name, 0.0)) for name in changes}
+        return {n: own[n] + share * (v - own[n]) if alone or n not in self._shapes else v for n, v in changes.items()}
 
     def smooth(self, changes: Changes) -> bool:
         """Whether what they change is as smooth as the motion."""

@@ -44,7 +44,7 @@ static const double GYRO_AIM = 1.0 - 1e-6;
 enum { GYRO_MOST_GIVEN = 4 };
 
 /* Corners met so soon after the last part that a step need not wait; then the stages take over there too. */
-enum { GYRO_MOST_CLOSE = 16 };
+enum { GYRO_MOST_CLOSE = 32 };
 
 /* The part of a step that is left to the stages at once, where they estimate no larger error than this, over the size of a state, squared:
    1e-10. Elsewhere it is 1/GYRO_WHOLE. */
@@ -588,7 +588,7 @@ static inline int advance_by_series(gyro_view *g, const gyro_course *course, dou
                                      : expand_to_corner(g, s, from, powers, pairs, at->size, &reach, &met);
     /* Part of the rest of the step, and so of the whole. */
     const double part = reach * (1.0 - at->done);
-    const int close = part * GYRO_WHOLE < 1.0 && reach < 1.0, moves = reach > 0.0 && (!close || (met >= 0 && at->close < GYRO_MOST_CLOSE));
+    const int close = part * GYRO_WHOLE < 1.0 && reach < 1.0, moves = reach > 0.0 && (!close || at->close < GYRO_MOST_CLOSE);
     if (moves) {
         at->close += close;
         at->power = power;

@@ -6,20 +6,19 @@
 #include "passing.h"
 #include "variation.h"
 
-/* Nodes of some steps of a run, as those come. */
+/* Nodes of some pieces of a run, or its samples. */
 typedef struct {
     const gyro_run *run;
-    int64_t first;                        /* step */
-    int64_t apart;                        /* steps from one to the next */
-    int each;                             /* nodes a step */
-    const double *place;                  /* of these in it, shape (each) */
+    int each;                             /* nodes a piece */
+    const int64_t *lies;                  /* the step that each piece lies in, shape (n / each) */
+    const double *place;                  /* of each node in it, shape (n) */
     int64_t n;                            /* nodes */
     const double (*state)[GYRO_N_STATES]; /* shape (n, GYRO_N_STATES), SI */
     const double (*rate)[GYRO_N_STATES];  /* of the run, likewise, SI/s */
     const double *command;                /* where it is another than that of the step, shape (n, 2), N; else NULL */
 } gyro_nodes;
 
-static inline int64_t step_of(const gyro_nodes *at, int64_t i) { return at->first + i / at->each * at->apart; }
+static inline int64_t step_of(const gyro_nodes *at, int64_t i) { return at->lies[i / at->each]; }
 
 static inline void take_inputs(gyro_view *g, const gyro_run *run, int64_t step)
 {
@@ -70,7 +69,7 @@ static inline void bring_inputs(gyro_view *g, const gyro_nodes *at, int64_t i)
 /* Time, inputs and command at a node, where no law acts. */
 static inline void bring_all(gyro_view *g, const gyro_nodes *at, int64_t i)
 {
-    g->t = at->run->start + ((double)step_of(at, i) + at->place[i % at->each]) * at->run->step;
+    g->t = at->run->start + ((double)step_of(at, i) + at->place[i]) * at->run->step;
     bring_inputs(g, at, i);
     bring_command(g);
 }

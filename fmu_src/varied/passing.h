@@ -1,4 +1,4 @@
-/* What states that move by a matrix pass on over a part of a step. Used by follow.c and variation.c. */
+/* What states that move by a matrix pass on over a part of a step. Used by linearise.c and variation.c. */
 
 #ifndef GYRO_PASSING_H
 #define GYRO_PASSING_H
@@ -12,6 +12,9 @@ static const double PLACE[NODES] = {0.21132486540518713, 0.7886751345948129};
 
 /* The line that is 1 at a node and 0 at the other: at the start of a step, and how it rises over it. */
 static const double LINE[NODES][2] = {{1.3660254037844386, -1.7320508075688772}, {-0.3660254037844386, 1.7320508075688772}};
+
+/* Times h^2 the commutator's weight, sqrt(3)/12. */
+static const double TURNED = 0.14433756729740643;
 
 /* Terms of a series, at most: enough for a mode at ten times the rate of the steps. */
 enum { TERMS = 200 };
@@ -69,6 +72,48 @@ static inline void find_passing(int n, const matrix *a, double h, double part, p
         for (int node = 0; node < NODES; node++) {
             add_scaled(n, LINE[node][j], &sum, &made->weight[node]);
         }
+    }
+}
+
+/* The exponent by which a piece of h [s] passes differences on, by the slopes at its nodes. */
+static inline void find_exponent(int n, const matrix slope[NODES], double h, matrix *found)
+{
+    matrix product;
+    set_diagonal(n, 0.0, found);
+    add_scaled(n, 0.5 * h, &slope[0], found);
+    add_scaled(n, 0.5 * h, &slope[1], found);
+    find_product(n, -TURNED * h * h, &slope[0], &slope[1], &product);
+    add_scaled(n, 1.0, &product, found);
+    find_product(n, TURNED * h * h, &slope[1], &slope[0], &product);
+    add_scaled(n, 1.0, &product, found);
+}
+
+/* The same of h [s] by exponents that are not much more than 1, in so many terms of series; slope: at the nodes. */
+static inline void find_short_passing(int n, const matrix slope[NODES], const matrix *exponents, int terms, double h, passing *made)
+{
+    matrix power[2] = {{{{0.0}}}}, more, weight[NODES];
+    set_diagonal(n, 0.0, &made->passage);
+    for (int node = 0; node < NODES; node++) {
+        set_diagonal(n, 0.0, &weight[node]);
+    }
+    for (int k = 0; k <= terms; k++) {
+        matrix *latest = &power[k % 2];
+        if (k == 0) {
+            set_diagonal(n, 1.0, latest);
+        } else {
+            find_product(n, 1.0 / k, exponents, &power[(k - 1) % 2], latest);
+        }
+        add_scaled(n, 1.0, latest, &made->passage);
+        for (int node = 0; node < NODES; node++) {
+            add_scaled(n, h / (k + 1) * (LINE[node][0] + LINE[node][1] / (k + 2)), latest, &weight[node]);
+        }
+    }
+    /* The exponents from a node to the end are more than their share of the whole, by as much from both nodes. */
+    set_diagonal(n, 1.0, &more);
+    add_scaled(n, -TURNED * h, &slope[0], &more);
+    add_scaled(n, TURNED * h, &slope[1], &more);
+    for (int node = 0; node < NODES; node++) {
+        find_product(n, 1.0, &more, &weight[node], &made->weight[node]);
     }
 }
 

@@ -1,4 +1,4 @@
-/* What is taken along a run: a view of an instance. Used by follow.c and variation.c. */
+/* What is taken along a run: a view of an instance. Used by follow.c, linearise.c and variation.c. */
 
 #ifndef GYRO_TRAVELLER_H
 #define GYRO_TRAVELLER_H
@@ -7,6 +7,7 @@
 
 #include "fmi_common.h"
 #include "generated/forces.h"
+#include "level.h"
 #include "plant.h"
 
 /* Numbers that a column of the states that move takes: a whole number of four, by which processors add them. */
@@ -16,7 +17,8 @@ static inline int column_room(int n) { return (n + 3) / 4 * 4; }
 /* States that move beside those of a run, of which a small force on its motion comes: linear, driven by the states of the run. */
 typedef struct {
     chosen among;
-    passing to[NODES]; /* the nodes of a step */
+    matrix slope;      /* how their rates go with them, 1/s in their units */
+    passing to[NODES]; /* the nodes of a whole step */
     passing whole;
     double state[GYRO_N_STATES]; /* SI */
 } driven;
@@ -49,6 +51,31 @@ static inline int is_run(const gyro_run *run)
     }
     return good;
 }
+
+/* Whether no input but the force is another in a step than in the one before. */
+static inline int is_alike(const gyro_run *run, int64_t step)
+{
+    int alike = step > 0;
+    const double *now = run->values + step * run->n_inputs;
+    for (int64_t i = 0; i < run->n_inputs && alike; i++) {
+        const uint32_t vr = run->inputs[i];
+        alike = vr == GYRO_U_X || vr == GYRO_U_Y || now[i] == now[i - run->n_inputs];
+    }
+    return alike;
+}
+
+/* Whether nothing bends the motion, so that its slopes go with the inputs beside the force alone. */
+static inline int is_straight(const gyro_view *view)
+{
+    int straight = !view->any_law;
+    for (int i = 0; i < GYRO_N_BENDING; i++) {
+        straight &= !view->active[gyro_bending[i]];
+    }
+    return straight;
+}
+
+/* The same in between, where forces bend it in places alone. */
+static inline int is_straight_between(const gyro_view *view) { return is_straight(view) || (!view->any_law && is_even_between(view)); }
 
 /* 0 where something acts that carries more than the states from step to step, or acts between them. */
 static inline int is_followed(const gyro_instance *g)

@@ -4,15 +4,15 @@
 
        d' = J d + f*(s) - f(s),   J = df/ds,
 
-   so that no other motion need be found: a step is s, f and J at two nodes of Gauss. J passes d on by the exponential of Magnus' series with two
-   terms; the difference of the rates is the line through the nodes, whose exponential integral is tabulated for the mean of J. Both are of fourth
-   order (A. Iserles, H. Z. Munthe-Kaas, S. P. Norsett, A. Zanna, Lie-group methods, Acta Numerica 9, 2000, sections 4 and 5). Voltages follow from
-   s + d as those of the FMU do. */
+   so that no other motion need be found: a piece, a step or a part of one, is s, f and J at two nodes of Gauss. J passes d on by the exponential of
+   Magnus' series with two terms; the difference of the rates is the line through the nodes, whose exponential integral is tabulated for the mean of J
+   over whole steps, or in parts of steps follows by Gauss' quadrature. All are of fourth order (A. Iserles, H. Z. Munthe-Kaas, S. P. Norsett, A. Zanna,
+   Lie-group methods, Acta Numerica 9, 2000, sections 4 and 5). Voltages follow from s + d as those of the FMU do. */
 
 #include "pair.h"
 #include "traveller.h"
 
-/* Steps that all columns go before the next, so that what is found at their nodes stays near the processor. */
+/* Pieces that all columns go before the next, so that what is found at their nodes stays near the processor. */
 enum { TOGETHER = 128 };
 
 /* A part of a run along which a traveller is taken; at nodes but where it says otherwise. */
@@ -21,11 +21,22 @@ typedef struct {
     double rate[TOGETHER * NODES][GYRO_N_STATES];                 /* of states that effects add, SI/s; then what is added to those of the run */
     double rate_left[TOGETHER * NODES][GYRO_N_STATES];            /* likewise, of the run */
     double state[TOGETHER * NODES][GYRO_N_STATES];                /* of the run, with states that move beside, SI */
-    double difference[TOGETHER][GYRO_N_STATES];                   /* after each step, by the states that move, SI */
+    double difference[TOGETHER][GYRO_N_STATES];                   /* after each piece, by the states that move, SI */
     double own_after[TOGETHER][GYRO_N_STATES];                    /* states that move beside those of the run, there, SI */
     double sample_state[TOGETHER][GYRO_N_STATES];                 /* of the run at samples, with states that move beside, SI */
     double sample_rate[TOGETHER][GYRO_N_STATES];                  /* of the run there, of the speeds alone, m/s^2 */
+    int64_t sample_lies[TOGETHER];                                /* the step that ends at each sample */
+    double sample_place[TOGETHER];                                /* of it there */
 } part_of_run;
+
+/* What own states pass on over a piece of h [s], to its nodes and its end. */
+static void find_own_passings(const driven *own, double h, passing to[NODES], passing *whole)
+{
+    for (int node = 0; node < NODES; node++) {
+        find_passing(own->among.n, &own->slope, h, PLACE[node], &to[node]);
+    }
+    find_passing(own->among.n, &own->slope, h, 1.0, whole);
+}
 
 /* In the view at the start. */
 static void begin_own(traveller *at, const gyro_run *run)
@@ -36,7 +47,6 @@ static void begin_own(traveller *at, const gyro_run *run)
     for (int i = 0; i < n; i++) {
         own->state[i] = at->view.s[place[i]];
     }
-    matrix slope;
     look_from(at, run, 0, 0.0, run->state);
     state_rate(&at->view, rest);
     for (int j = 0; j < n; j++) {
@@ -45,16 +55,13 @@ static void begin_own(traveller *at, const gyro_run *run)
         state_rate(&at->view, rate);
         *state = 0.0;
         for (int i = 0; i < n; i++) {
-            slope.of[i][j] = rate[place[i]] - rest[place[i]];
+            own->slope.of[i][j] = rate[place[i]] - rest[place[i]];
         }
     }
-    for (int node = 0; node < NODES; node++) {
-        find_passing(n, &slope, run->step, PLACE[node], &own->to[node]);
-    }
-    find_passing(n, &slope, run->step, 1.0, &own->whole);
+    find_own_passings(own, run->step, own->to, &own->whole);
 }
 
-/* Own states after a part of a step, by their rates at its nodes; put where they stand among all. */
+/* Own states after a part of a piece, by their rates at its nodes; put where they stand among all. */
 static void pass_own(const driven *own, const passing *over, double (*const rate)[GYRO_N_STATES], double all[GYRO_N_STATES])
 {
     const int n = own->among.n, *place = own->among.place;
@@ -69,6 +76,12 @@ static void pass_own(const driven *own, const passing *over, double (*const rate
         all[place[i]] = sum;
     }
 }
+
+/* Pieces of a run from the first on, before the last. */
+typedef struct {
+    const gyro_run *run;
+    int64_t first, last;
+} pieces_of_run;
 
 /* What the forces and the mass of a traveller add to the rates of the speeds at nodes, and what its forces add to those of other states. */
 static void find_forcing(traveller *at, gyro_view *base, const gyro_nodes *nodes, part_of_run *part)
@@ -115,7 +128,7 @@ static void find_lawful_forcing(traveller *at, const gyro_nodes *nodes, part_of_
         if (i % nodes->each == 0) {
             come_to(at, nodes->run, step);
         }
-        look_from(at, nodes->run, step, nodes->place[i % nodes->each], nodes->state[i]);
+        look_from(at, nodes->run, step, nodes->place[i], nodes->state[i]);
         press(&at->view, command_of(nodes, i));
         state_rate(&at->view, part->rate[i]);
         part->force[i][0] = part->rate[i][GYRO_STATE_X_DOT] - base[GYRO_STATE_X_DOT];
@@ -137,18 +150,26 @@ static void find_forces(traveller *at, gyro_view *base, const gyro_nodes *nodes,
 }
 
 /* Own states at the nodes of a part of a run, from what drives them there, and at its end, which stay. */
-static void drive_own(traveller *at, gyro_view *base, gyro_nodes *nodes, part_of_run *part)
+static void drive_own(traveller *at, gyro_view *base, const pieces_of_run *of, gyro_nodes *nodes, part_of_run *part)
 {
     driven *own = &at->own;
     find_forces(at, base, nodes, part);
     memcpy(part->state, nodes->state, (size_t)nodes->n * sizeof *part->state);
     memset(part->own_after, 0, sizeof part->own_after);
     for (int64_t i = 0; i < nodes->n; i += NODES) {
+        const int64_t piece = of->first + i / NODES;
         double *after = part->own_after[i / NODES];
-        for (int node = 0; node < NODES; node++) {
-            pass_own(own, &own->to[node], part->rate + i, part->state[i + node]);
+        passing to_nodes[NODES], to_end;
+        const passing *to = own->to, *whole = &own->whole;
+        if (of->run->part[piece] > 0) {
+            find_own_passings(own, of->run->length[piece] * of->run->step, to_nodes, &to_end);
+            to = to_nodes;
+            whole = &to_end;
         }
-        pass_own(own, &own->whole, part->rate + i, after);
+        for (int node = 0; node < NODES; node++) {
+            pass_own(own, &to[node], part->rate + i, part->state[i + node]);
+        }
+        pass_own(own, whole, part->rate + i, after);
         for (int j = 0; j < own->among.n; j++) {
             own->state[j] = after[own->among.place[j]];
         }
@@ -164,14 +185,16 @@ static inline void add_column(int n, double times, const double *column, gyro_pa
     }
 }
 
-/* The difference after each of some steps; room: that of a column, which the compiler is to know. */
-static inline void pass_on(int room, traveller *at, const gyro_run *run, int64_t first, int64_t last, part_of_run *part)
+/* The difference after each of some pieces; room: that of a column, which the compiler is to know. */
+static inline void pass_on(int room, traveller *at, const pieces_of_run *of, part_of_run *part)
 {
+    const gyro_run *run = of->run;
     const int n = at->moving.n, half = room / 2;
     double d[ROOM];
     memcpy(d, at->difference, sizeof d);
-    for (int64_t step = first; step < last; step++) {
-        const double *p = run->passage + (run->passages == 1 ? 0 : step) * n * room;
+    for (int64_t piece = of->first; piece < of->last; piece++) {
+        const double *p = run->passage + (run->shared ? run->part[piece] : piece) * n * room;
+        const double *weight = run->weight + run->part[piece] * NODES * n * room;
         gyro_pair after[ROOM / 2];
         for (int i = 0; i < half; i++) {
             after[i] = both(0.0);
@@ -180,8 +203,8 @@ static inline void pass_on(int room, traveller *at, const gyro_run *run, int64_t
             add_column(half, d[j], p + j * room, after);
         }
         for (int node = 0; node < NODES; node++) {
-            const int64_t i = (step - first) * NODES + node;
-            const double *w = run->weight + node * n * room;
+            const int64_t i = (piece - of->first) * NODES + node;
+            const double *w = weight + node * n * room;
             add_column(half, part->force[i][0], w + GYRO_STATE_X_DOT * room, after);
             add_column(half, part->force[i][1], w + GYRO_STATE_Y_DOT * room, after);
             for (int k = 0; k < at->n_forced; k++) {
@@ -193,7 +216,7 @@ static inline void pass_on(int room, traveller *at, const gyro_run *run, int64_t
             d[2 * i] = lane_of(after[i], 0);
             d[2 * i + 1] = lane_of(after[i], 1);
         }
-        memcpy(part->difference[step - first], d, (size_t)n * sizeof *d);
+        memcpy(part->difference[piece - of->first], d, (size_t)n * sizeof *d);
     }
     memcpy(at->difference, d, sizeof d);
 }
@@ -201,42 +224,43 @@ static inline void pass_on(int room, traveller *at, const gyro_run *run, int64_t
 /* Rooms that a model of so many states may ask for. */
 enum { EIGHT = ROOM < 8 ? ROOM : 8, TWELVE = ROOM < 12 ? ROOM : 12, SIXTEEN = ROOM < 16 ? ROOM : 16 };
 
-static void pass_on_by_room(traveller *at, const gyro_run *run, int64_t first, int64_t last, part_of_run *part)
+static void pass_on_by_room(traveller *at, const pieces_of_run *of, part_of_run *part)
 {
-    if (run->room == 4) {
-        pass_on(4, at, run, first, last, part);
-    } else if (run->room == EIGHT) {
-        pass_on(EIGHT, at, run, first, last, part);
-    } else if (run->room == TWELVE) {
-        pass_on(TWELVE, at, run, first, last, part);
-    } else if (run->room == SIXTEEN) {
-        pass_on(SIXTEEN, at, run, first, last, part);
+    const int64_t room = of->run->room;
+    if (room == 4) {
+        pass_on(4, at, of, part);
+    } else if (room == EIGHT) {
+        pass_on(EIGHT, at, of, part);
+    } else if (room == TWELVE) {
+        pass_on(TWELVE, at, of, part);
+    } else if (room == SIXTEEN) {
+        pass_on(SIXTEEN, at, of, part);
     } else {
-        pass_on((int)run->room, at, run, first, last, part);
+        pass_on((int)room, at, of, part);
     }
 }
 
-/* Takes a traveller along some steps. */
-static void go_along(traveller *at, gyro_view *base, const gyro_run *run, int64_t first, int64_t last, part_of_run *part)
+/* Takes a traveller along some pieces. */
+static void go_along(traveller *at, gyro_view *base, const pieces_of_run *of, part_of_run *part)
 {
+    const gyro_run *run = of->run;
     gyro_nodes nodes = {
         .run = run,
-        .first = first,
-        .apart = 1,
         .each = NODES,
-        .place = PLACE,
-        .n = (last - first) * NODES,
-        .state = (const double (*)[GYRO_N_STATES])run->within + first * NODES,
-        .rate = (const double (*)[GYRO_N_STATES])run->rate + first * NODES,
+        .lies = run->lies + of->first,
+        .place = run->place + of->first * NODES,
+        .n = (of->last - of->first) * NODES,
+        .state = (const double (*)[GYRO_N_STATES])run->within + of->first * NODES,
+        .rate = (const double (*)[GYRO_N_STATES])run->rate + of->first * NODES,
     };
     if (at->own.among.n > 0) {
-        drive_own(at, base, &nodes, part);
+        drive_own(at, base, of, &nodes, part);
     }
     find_forces(at, base, &nodes, part);
-    pass_on_by_room(at, run, first, last, part);
+    pass_on_by_room(at, of, part);
 }
 
-/* Samples of a run: n from the first on, of which a part of it that began after so many steps knows the differences. */
+/* Samples of a run: n from the first on, of which a part of it that began after so many pieces knows the differences. */
 typedef struct {
     int64_t first;
     int64_t n;
@@ -245,7 +269,7 @@ typedef struct {
 } samples_of_run;
 
 static inline int64_t step_of_sample(const gyro_run *run, const samples_of_run *of, int64_t i) { return (of->first + i) * run->stride; }
-static inline int64_t place_of_sample(const gyro_run *run, const samples_of_run *of, int64_t i) { return step_of_sample(run, of, i) - of->begin - 1; }
+static inline int64_t place_of_sample(const gyro_run *run, const samples_of_run *of, int64_t i) { return run->until[of->first + i] - of->begin - 1; }
 
 /* The states of the run at a sample, and those that move beside. */
 static void find_states(const traveller *at, const gyro_run *run, const samples_of_run *of, int64_t i, double state[GYRO_N_STATES])
@@ -284,10 +308,11 @@ static void take_voltage(traveller *at, const gyro_run *run, const samples_of_ru
 static void take_accelerations(traveller *at, gyro_view *base, const gyro_run *run, const samples_of_run *of, double (*out)[2])
 {
     part_of_run *part = of->part;
-    const int64_t step = step_of_sample(run, of, 0), before = step > 0 ? step - 1 : 0;
-    const double end = (double)(step - before);
     for (int64_t i = 0; i < of->n; i++) {
-        const double *acceleration = run->acceleration + 2 * step_of_sample(run, of, i);
+        const int64_t step = step_of_sample(run, of, i);
+        const double *acceleration = run->acceleration + 2 * step;
+        part->sample_lies[i] = step > 0 ? step - 1 : 0;
+        part->sample_place[i] = step > 0 ? 1.0 : 0.0;
         find_states(at, run, of, i, part->sample_state[i]);
         memset(part->sample_rate[i], 0, sizeof part->sample_rate[i]);
         part->sample_rate[i][GYRO_STATE_X_DOT] = acceleration[0];
@@ -295,10 +320,9 @@ static void take_accelerations(traveller *at, gyro_view *base, const gyro_run *r
     }
     const gyro_nodes there = {
         .run = run,
-        .first = before,
-        .apart = run->stride,
         .each = 1,
-        .place = &end,
+        .lies = part->sample_lies,
+        .place = part->sample_place,
         .n = of->n,
         .state = (const double (*)[GYRO_N_STATES])part->sample_state,
         .rate = (const double (*)[GYRO_N_STATES])part->sample_rate,
@@ -306,7 +330,7 @@ static void take_accelerations(traveller *at, gyro_view *base, const gyro_run *r
     };
     find_forces(at, base, &there, part);
     for (int64_t i = 0; i < of->n; i++) {
-        const double *slope = run->slope + (run->passages == 1 ? 0 : of->first + i) * 2 * run->moving;
+        const double *slope = run->slope + (run->even ? 0 : of->first + i) * 2 * run->moving;
         const double *difference = part->difference[place_of_sample(run, of, i)];
         gyro_pair sum = pair_of(part->force[i][0], part->force[i][1]);
         for (int k = 0; k < at->moving.n; k++) {
@@ -422,13 +446,18 @@ void gyro_vary(const gyro_run *run, int64_t n, void *const travellers[], int of,
         take_differences(at, &base, run, &start, of, (double (*)[2])columns[i]);
     }
     /* All along a part of the run before any goes on, so that it stays near the processor. */
-    for (int64_t first = 0; first < run->steps; first += TOGETHER) {
-        const int64_t last = first + TOGETHER < run->steps ? first + TOGETHER : run->steps;
-        const int64_t sample = first / run->stride + 1;
-        const samples_of_run samples = {sample, last / run->stride + 1 - sample, first, &part};
+    const int64_t n_samples = run->steps / run->stride + 1, n_pieces = run->until[n_samples - 1];
+    int64_t sample = 1;
+    for (int64_t first = 0; first < n_pieces; first += TOGETHER) {
+        const pieces_of_run pieces = {run, first, first + TOGETHER < n_pieces ? first + TOGETHER : n_pieces};
+        samples_of_run samples = {sample, 0, first, &part};
+        while (samples.first + samples.n < n_samples && run->until[samples.first + samples.n] <= pieces.last) {
+            samples.n++;
+        }
         for (int64_t i = 0; i < n; i++) {
-            go_along(travellers[i], &base, run, first, last, &part);
+            go_along(travellers[i], &base, &pieces, &part);
             take_differences(travellers[i], &base, run, &samples, of, (double (*)[2])(columns[i] + 2 * sample));
         }
+        sample += samples.n;
     }
 }

@@ -13,8 +13,9 @@
 #define GYRO_EXPORTED
 #endif
 
-/* A run of `steps` steps, `stride` a sample. gyro_measure says how much room the rest takes, gyro_follow finds it. States are those of the
-   model, as they are numbered in it; of one that does not move the value is 0. */
+/* A run of `steps` steps, `stride` a sample. gyro_measure says how much room the rest takes, gyro_follow finds the motion and gyro_linearise what
+   lies along it. That is known by pieces: most are whole steps, and where a force bends the motion in a place, parts of one. States are those of
+   the model, as they are numbered in it; of one that does not move the value is 0. */
 typedef struct {
     int64_t steps;
     int64_t stride;
@@ -27,25 +28,37 @@ typedef struct {
     int64_t states;         /* all of the model */
     int64_t moving;         /* of these, where the parameters are those of the run */
     int64_t room;           /* of a column of these: a few numbers more, which are 0 */
-    int64_t passages;       /* 1: the passage over each step is the same; else steps */
+    int64_t even;           /* 1: nothing bends the motion */
+    int64_t shared;         /* 1: the passage over each whole step is the same */
+    int64_t parts;          /* of steps, for which there is room; 0: there can be none */
     int64_t size;           /* of what goes along a run, bytes */
     double *state;          /* at the ends of steps, shape (steps + 1, states), SI */
     double *voltage;        /* sampled there, shape (steps + 1, 2), V */
     double *acceleration;   /* there, under the force of `command`, or that which acted before, shape (steps + 1, 2), m/s^2; NULL: not asked for */
-    double *slope;          /* of these by the states that move, at samples, or by passages == 1 at any, shape (samples or 1, moving, 2), SI */
-    double *within;         /* the states at two nodes within each step, shape (steps, 2, states), SI */
+    double *slope;          /* of these by the states that move, at samples, or where nothing bends at any, shape (samples or 1, moving, 2), SI */
+    int64_t *until;         /* pieces until each sample, shape (steps / stride + 1) */
+    int64_t *lies;          /* the step that a piece lies in, shape (steps + parts) */
+    int64_t *part;          /* which part of a step it is, from 1 on; 0: a whole one; likewise */
+    double *length;         /* of a piece, likewise, steps */
+    double *place;          /* of two nodes in each piece, shape (steps + parts, 2), in steps from where that begins which it lies in */
+    double *within;         /* the states at nodes, shape (steps + parts, 2, states), SI */
     double *rate;           /* of these there, likewise, SI/s */
-    double *passage;        /* of a difference over each step: before by after, shape (passages, moving, room), SI */
+    double *passage;        /* of a difference over each piece, or `shared` over whole steps and by `part`: before by after, shape (steps or 1 and parts,
+                               moving, room), SI */
     void *base;             /* the view of the run at its start, `size` bytes */
-    double *weight;         /* what rates add to a difference over a step: by node, rate and state, shape (2, moving, room), s in the units of the states */
+    double *weight;         /* what rates add to a difference over a piece, by `part`, node, rate and state, shape (1 + parts, 2, moving, room), s in the
+                               units of the states */
 } gyro_run;
 
 /* Says for an initialised instance of FMI 3.0, whose sample period and internal step are `step`, how much room its run takes. Gives 0 where
    something acts that carries more than the states from step to step, or acts between them. */
 GYRO_EXPORTED int gyro_measure(void *instance, gyro_run *run);
 
-/* Runs that instance. Gives 0 where it fails. */
+/* Runs that instance: states and voltage. Gives 0 where it fails. */
 GYRO_EXPORTED int gyro_follow(void *instance, const gyro_run *run);
+
+/* All else along the run of that instance. Gives 0 where it has more parts than there is room for. */
+GYRO_EXPORTED int gyro_linearise(void *instance, const gyro_run *run);
 
 /* Makes what goes along a run of another initialised instance, a traveller. Gives 0 where something acts as above, or a state of the run does not
    move. */

@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{7edb2efe-c8b1-865f-3271-2fd5dea81d8a}";
+const char gyro_token[] = "{3ff5ad2f-c1df-cac9-da65-c27f8f77ff3e}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},

@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{5679c330-d885-9644-4e24-a3759277b100}";
+const char gyro_token[] = "{b9bb25da-4d7d-115e-990a-e2079bd22a0f}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},
