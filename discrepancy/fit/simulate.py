@@ -217,13 +217,16 @@ class Simulator:
         values, names, step = driven = played.driven
         device = _device(record, parameters)
         with self._bench() as bench:
-            start = float(record.t[0])
-            driven_by = Driven(bench.value_references(names), values, start, step, played.stride, played.commands)
-            motion = Motion(bench.library, driven_by, accelerations=record.order == 2)
-            bench.begin(device, driven, start)
-            if not motion.follow(bench.instance):
-                return None
-        return Followed(motion, played, motion.found(record.order)[:, : record.axes] * _speed_gains(record, device))
+            start, inputs = float(record.t[0]), bench.value_references(names)
+            # Of a record of one axis the other may move all the same, by what its parameters say.
+            for axes in range(record.axes, 3):
+                driven_by = Driven(inputs, values, start, step, played.stride, axes, played.commands)
+                motion = Motion(bench.library, driven_by, accelerations=record.order == 2)
+                bench.begin(device, driven, start)
+                if motion.follow(bench.instance):
+                    v = motion.found(record.order)[:, : record.axes] * _speed_gains(record, device)
+                    return Followed(motion, played, v)
+        return None
 
     def vary(self, followed: Followed, jobs: Sequence[Job]) -> list[Floats | None]:
         """What the parameters of each job add to the voltage [V] (n, axes) of the run that was followed, to first order

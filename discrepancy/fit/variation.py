@@ -46,7 +46,7 @@ class _Run(ctypes.Structure):
     """``gyro_run`` of fmu_src/varied/variation.h."""
 
     _fields_ = [
-        *((name, ctypes.c_int64) for name in ("steps", "stride", "n_inputs")),
+        *((name, ctypes.c_int64) for name in ("steps", "stride", "axes", "n_inputs")),
         *((name, ctypes.c_void_p) for name in ("inputs", "values", "command")),
         *((name, ctypes.c_double) for name in ("start", "step")),
         *((name, ctypes.c_int64) for name in ("states", "moving", "room", "even", "shared", "parts", "size")),
@@ -59,13 +59,15 @@ class _Run(ctypes.Structure):
 @dataclass(frozen=True)
 class Driven:
     """What drives a run: values (steps, inputs) held over steps of ``step`` [s] from ``start`` [s], ``stride`` a
-    sample; inputs: value references; command: at samples (samples, 2) [N], where it is not held from one to another."""
+    sample; axes: 1 where y rests; inputs: value references; command: at samples (samples, 2) [N], where it is not held
+    from one to another."""
 
     inputs: NDArray[np.uint32]
     values: Floats
     start: float
     step: float
     stride: int
+    axes: int
     command: Floats | None
 
     @property
@@ -84,9 +86,10 @@ class Motion:
     def __init__(self, library: Any, driven: Driven, *, accelerations: bool = False) -> None:
         self._library, self._driven, self._accelerations = library, driven, accelerations
         self._found: dict[str, NDArray[Any]] = {}
+        steps, command = (driven.samples - 1) * driven.stride, driven.command
         self._run = _Run(
-            (driven.samples - 1) * driven.stride, driven.stride, len(driven.inputs), driven.inputs.ctypes.data,
-            driven.values.ctypes.data, driven.command.ctypes.data if driven.command is not None else None,
+            steps, driven.stride, driven.axes, len(driven.inputs),
+            driven.inputs.ctypes.data, driven.values.ctypes.data, command.ctypes.data if command is not None else None,
             driven.start, driven.step,
         )  # fmt: skip
 

@@ -31,7 +31,7 @@ int gyro_measure(void *instance, gyro_run *run)
         alike = is_alike(run, step);
     }
     run->states = GYRO_N_STATES;
-    run->moving = states_of(&g->view, NULL).n;
+    run->moving = moving_of(&g->view, run).n;
     run->room = column_room((int)run->moving);
     run->even = alike && is_straight(&g->view);
     run->shared = alike && is_straight_between(&g->view);
@@ -58,11 +58,12 @@ int gyro_follow(void *instance, const gyro_run *run)
     traveller *base = run->base;
     const size_t n = (size_t)run->n_inputs;
     int followed = 1;
-    base->moving = states_of(&g->view, NULL);
+    base->moving = moving_of(&g->view, run);
     keep(g, &base->moving, run, 0);
     for (int64_t step = 0; step < run->steps && followed; step++) {
         const double *values = run->values + step * run->n_inputs, from = run->start + (double)step * run->step;
         followed = fmi_set(f, "gyro_follow", GYRO_REAL, run->inputs, n, values, n) == FMI_OK && fmi_step(f, "gyro_follow", from, run->step) == FMI_OK;
+        followed = followed && (run->axes > 1 || (g->view.s[GYRO_STATE_Y] == 0.0 && g->view.s[GYRO_STATE_Y_DOT] == 0.0));
         keep(g, &base->moving, run, step + 1);
     }
     if (followed) {

@@ -56,7 +56,7 @@ static void find_accelerations(linearising *all, int64_t step, int part)
         find_slope(&at->view, &at->moving, &all->along, &all_slopes);
         for (int k = 0; k < n; k++) {
             slope[2 * k] = all_slopes.of[GYRO_STATE_X_DOT][k];
-            slope[2 * k + 1] = all_slopes.of[GYRO_STATE_Y_DOT][k];
+            slope[2 * k + 1] = run->axes > 1 ? all_slopes.of[GYRO_STATE_Y_DOT][k] : 0.0;
         }
     }
     come_to(at, run, step);
@@ -76,7 +76,7 @@ static void find_ends(linearising *all, piece *of)
     const double place[2] = {of->from, of->to};
     for (int end = 0; end < 2; end++) {
         find_rates(all->at, all->run, of->step, place[end], of->state[end], of->rate[end]);
-        if (all->at->moving.n > MOTION) {
+        if (all->at->moving.n > motion_of(all->run)) {
             find_second(all, of->rate[end], of->second[end]);
         }
     }
@@ -90,13 +90,13 @@ static void find_within(const linearising *all, const piece *of, int node, doubl
     const chosen *moving = &all->at->moving;
     const double h = length_of(all, of), *a = of->state[0], *b = of->state[1], *a_rate = of->rate[0], *b_rate = of->rate[1];
     memset(state, 0, GYRO_N_STATES * sizeof *state);
-    for (int x = GYRO_STATE_X; x <= GYRO_STATE_Y; x += GYRO_STATE_Y - GYRO_STATE_X) {
+    for (int x = GYRO_STATE_X; x < motion_of(all->run); x += GYRO_STATE_Y - GYRO_STATE_X) {
         const int v = x + 1;
         const gyro_jet from = {a[x], a[v], a_rate[v]}, to = {b[x], b[v], b_rate[v]};
         state[x] = quintic(from, to, h, PLACE[node]);
         state[v] = cubic(a[v], a_rate[v], b[v], b_rate[v], h, PLACE[node]);
     }
-    for (int k = MOTION; k < moving->n; k++) {
+    for (int k = motion_of(all->run); k < moving->n; k++) {
         const int i = moving->place[k];
         const gyro_jet from = {a[i], a_rate[i], of->second[0][i]}, to = {b[i], b_rate[i], of->second[1][i]};
         state[i] = quintic(from, to, h, PLACE[node]);

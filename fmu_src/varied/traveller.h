@@ -42,10 +42,25 @@ typedef struct {
     int added[GYRO_N_FORCES], left[GYRO_N_FORCES];
 } traveller;
 
+/* The first of the states that move: displacement and speed of each axis that a run has. */
+static inline int motion_of(const gyro_run *run) { return 2 * (int)run->axes; }
+
+/* The states of a run that move, with the parameters of the view. */
+static inline chosen moving_of(const gyro_view *view, const gyro_run *run)
+{
+    chosen all = states_of(view, NULL);
+    const int left_out = MOTION - motion_of(run);
+    all.n -= left_out;
+    for (int k = motion_of(run); k < all.n; k++) {
+        all.place[k] = all.place[k + left_out];
+    }
+    return all;
+}
+
 /* Whether the sizes of a run can be those of one, and its inputs are inputs. */
 static inline int is_run(const gyro_run *run)
 {
-    int good = run->steps >= 0 && run->stride >= 1 && run->n_inputs >= 0 && run->n_inputs <= GYRO_N_INPUTS;
+    int good = run->steps >= 0 && run->stride >= 1 && run->axes >= 1 && run->axes <= 2 && run->n_inputs >= 0 && run->n_inputs <= GYRO_N_INPUTS;
     for (int64_t i = 0; good && i < run->n_inputs; i++) {
         good = run->inputs[i] < GYRO_N_INPUTS;
     }

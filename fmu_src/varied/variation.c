@@ -206,7 +206,9 @@ static inline void pass_on(int room, traveller *at, const pieces_of_run *of, par
             const int64_t i = (piece - of->first) * NODES + node;
             const double *w = weight + node * n * room;
             add_column(half, part->force[i][0], w + GYRO_STATE_X_DOT * room, after);
-            add_column(half, part->force[i][1], w + GYRO_STATE_Y_DOT * room, after);
+            if (run->axes > 1) {
+                add_column(half, part->force[i][1], w + GYRO_STATE_Y_DOT * room, after);
+            }
             for (int k = 0; k < at->n_forced; k++) {
                 const int j = at->forced[k];
                 add_column(half, part->rate[i][at->moving.place[j]], w + j * room, after);
@@ -353,7 +355,7 @@ static void take_differences(traveller *at, gyro_view *base, const gyro_run *run
                 take_voltage(at, run, of, i, out[i]);
             } else {
                 out[i][0] = difference[GYRO_STATE_X_DOT];
-                out[i][1] = difference[GYRO_STATE_Y_DOT];
+                out[i][1] = run->axes > 1 ? difference[GYRO_STATE_Y_DOT] : 0.0;
             }
         }
     }
@@ -392,10 +394,10 @@ static void compare_forces(traveller *at, const gyro_view *base)
 }
 
 /* Which states of the run, of those that effects add, have other rates: all where laws act, else those of forces that are not the same. */
-static void find_forced(traveller *at)
+static void find_forced(traveller *at, const gyro_run *run)
 {
     at->n_forced = 0;
-    for (int k = MOTION; k < at->moving.n; k++) {
+    for (int k = motion_of(run); k < at->moving.n; k++) {
         int other = at->lawful;
         for (int i = 0; i < at->n_added && !other; i++) {
             other = at->added[i] == gyro_owners[at->moving.place[k] - MOTION];
@@ -417,11 +419,11 @@ int gyro_depart(void *instance, const gyro_run *run, void *made)
         at->lighter = at->view.inverse_mass / base->inverse_mass - 1.0;
         at->lawful = at->view.any_law || base->any_law;
         at->maps = is_mapped(&at->view) || is_mapped(base);
-        at->moving = states_of(base, NULL);
+        at->moving = moving_of(base, run);
         at->own.among = states_of(&at->view, base);
         come_to(at, run, 0);
         compare_forces(at, base);
-        find_forced(at);
+        find_forced(at, run);
         for (int k = 0; k < at->moving.n; k++) {
             at->difference[k] = at->view.s[at->moving.place[k]] - run->state[at->moving.place[k]];
         }

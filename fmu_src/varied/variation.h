@@ -19,6 +19,7 @@
 typedef struct {
     int64_t steps;
     int64_t stride;
+    int64_t axes; /* 2, or 1: y rests, and no force couples x with it */
     int64_t n_inputs;
     const uint32_t *inputs; /* value references, shape (n_inputs) */
     const double *values;   /* held over each step, shape (steps, n_inputs), SI */
