@@ -29,6 +29,10 @@ MOST_MISSING: Final = 0.2
 DRIVEN: Final = 1e-3
 """Of the force in the band where it is strongest, each two octaves wide, from which a band counts as driven."""
 
+LEVELS: Final = ("v_x_level", "v_y_level")
+"""Names of what the mean that was taken out of a velocity had of the motion [V], by axis: a shaft that turns freely
+keeps one from its start on, which no sample tells from an offset of the sensor."""
+
 RATE_TOLERANCE: Final = 1e-3
 """Relative. A crystal is good to 1e-4 and a time column printed with a few digits to less over a whole record; 1e-3
 would already shift k/m by 2e-3."""
@@ -43,7 +47,8 @@ class Record:
     ``reference``: where that is no position, the frequency w [rad/s] at which gains are those of one
     (docs/theory/records.md, eq. 8); ``begun``: place [m] and speed [m/s] of x at its start, each times the gain, where
     these are known and no fit finds them; ``rubs`` (n, axes): the course of a friction, within -1 and 1, where one acts
-    beside u (``rubbed``). Built by ``make_record``, or raises InputError where the arrays make no record.
+    beside u (``rubbed``); ``centred``: whether v is a velocity of which the mean was taken out. Built by
+    ``make_record``, or raises InputError where the arrays make no record.
     """
 
     name: str
@@ -59,6 +64,7 @@ class Record:
     reference: float = 1.0
     begun: tuple[float, float] | None = None
     rubs: Floats | None = None
+    centred: bool = False
 
     def __post_init__(self) -> None:
         try:
@@ -144,14 +150,16 @@ def make_record(
         k = np.arange(len(gaps))
         voltage = np.column_stack([np.interp(k, k[~gaps], column[~gaps]) for column in voltage.T])
     valid: Bools = np.logical_not(flat_tops(voltage).any(axis=1) | (gaps & masked))
-    reference = 1.0
+    reference, centred = 1.0, False
     if senses != "position":
         # Under a window that no oscillation of a few periods has a mean in.
         window = valid * np.sin(np.pi * (np.arange(len(time)) + 0.5) / len(time)) ** 6
-        if senses == "acceleration" or not unheld(force, voltage):
+        centred = senses == "velocity" and not unheld(force, voltage)
+        if centred or senses == "acceleration":
             voltage = voltage - window @ voltage / window.sum()
         reference = _strongest(voltage, rate or measured_rate(time))
-    return Record(name, role, hold, rate, time, force, voltage, given, valid, senses, reference)  # type: ignore[arg-type]
+    return Record(name, role, hold, rate, time, force, voltage, given, valid, senses, reference,  # type: ignore[arg-type]
+                  centred=centred)  # fmt: skip
 
 
 def is_driven(records: Iterable[Record]) -> bool:

@@ -24,6 +24,9 @@ UNTOLD: Final = 0.3
 """The same of what the first samples leave: what is left of the run grows by less than a twentieth."""
 TWICE: Final = 0.5
 """Of what a run is off by, that twice as many samples for its start leave at most where the first were too few."""
+OFF_LEVEL: Final = 0.03
+"""Mean of a residual over its deviation, above which the mean that was taken out of a run was the motion's in part: as
+much as a thousand independent samples leave."""
 TINY: Final = 1e-300
 
 
@@ -31,7 +34,20 @@ def start_fitted(
     simulator: Simulator, record: Record, parameters: Mapping[str, float], start: int | None = None
 ) -> tuple[Floats, int]:
     """The residual (n, axes) [V] of a run whose first samples gave the initial state, and how many those were:
-    ``start`` where that is known, else as many as it takes, where effects have states of their own."""
+    ``start`` where that is known, else as many as it takes, where effects have states of their own. Where a mean was
+    taken out of the run that was the motion's, the whole run says how it begins: its first samples don't tell a level
+    from a speed."""
+    residual, n = _start_fitted(simulator, replace(record, centred=False), parameters, start)
+    left = residual[record.valid]
+    if record.centred and (np.abs(left.mean(axis=0)) > OFF_LEVEL * left.std(axis=0)).any():
+        return start_known(simulator, record, parameters)
+    return residual, n
+
+
+def _start_fitted(
+    simulator: Simulator, record: Record, parameters: Mapping[str, float], start: int | None
+) -> tuple[Floats, int]:
+    """The same of a run as it is."""
     n, run = start or _unscored(record), Fitter(simulator, [record])
     begun, tells = _begun_by(run, parameters, n)
     stateful = not start and len(run.state_names(begun)) > 2 * record.axes

@@ -19,7 +19,7 @@ from discrepancy.data.algebra import inverse_scaled
 from discrepancy.data.linear_fit import WeakForm, joined_form
 from discrepancy.data.linear_fit import fit as fit_weak_form
 from discrepancy.data.linear_start import BADLY, response
-from discrepancy.data.record import Floats, Record, is_driven
+from discrepancy.data.record import LEVELS, Floats, Record, is_driven
 from discrepancy.fit.colour import autoregression
 from discrepancy.fit.fitted import Fitted, Free, bare
 from discrepancy.fit.passive import passive
@@ -167,12 +167,14 @@ class Fitter:
         return found
 
     def state_names(self, at: Fitted) -> list[str]:
-        """Of the initial states that a fit of ``at`` finds: those of the device, and of effects that act."""
+        """Of the initial states that a fit of ``at`` finds: those of the device, and of effects that act; and of the
+        levels of runs of which the mean was taken out."""
         now, free = at.parameters, {own.name for own in at.free}
         acting = (e for e in self._stateful if any(now.get(q.name, q.start) != q.start for q in e.sizes))
         # Of a free decay the start of a mode makes up for how it is coupled, which no sample shows then.
         shown = (e for e in acting if self._driven or free.isdisjoint(q.name for q in e.sizes))
-        return [*STATES[: 2 * self.axes], *(q.name for e in shown for q in e.starts)]
+        levels = LEVELS[: self.axes] if any(record.centred for record in self.records) else ()
+        return [*STATES[: 2 * self.axes], *(q.name for e in shown for q in e.starts), *levels]
 
     def evaluated(self, at: Fitted) -> Fitted:
         """``at`` with residuals and cost of its parameters."""
@@ -289,7 +291,8 @@ class Fitter:
     def _state_steps(self, at: Fitted) -> dict[str, float]:
         size = LINEAR * self.signal / abs(at.parameters["sense_gain_x"])
         speed = size * float(np.sqrt(at.parameters["kxx"] / at.parameters["m"]))
-        return {name: speed if "dot" in name else size for name in self.state_names(at)}
+        level = dict.fromkeys(LEVELS, LINEAR * self.signal)
+        return {name: level.get(name, speed if "dot" in name else size) for name in self.state_names(at)}
 
     def with_grams(self, at: Fitted, extra: Sequence[Mapping[str, float]] = (), *, near: bool = False) -> Fitted:
         """``at`` linearised, with columns in the order: free, ``extra`` probes (changed parameters), residual; the

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple, Self, TypeVar
 import numpy as np
 
 from discrepancy.clock import Clock
-from discrepancy.data.record import Floats, Record
+from discrepancy.data.record import LEVELS, Floats, Record
 from discrepancy.fit.bench import Bench
 from discrepancy.fit.defect import Distortion, Timing, distortion_names, distortions
 from discrepancy.fit.distorted import Distorted, Sizes
@@ -80,11 +80,12 @@ class Played(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """A run whose motion is known; v: its voltage (n, axes) [V] before it is recorded."""
+    """A run whose motion is known; v: its voltage (n, axes) [V] before it is recorded; level: what is added to that."""
 
     motion: Motion
     played: Played
     v: Floats
+    level: Floats
 
     def recorded(self, column: Floats) -> Floats:
         """What is recorded of what is added to the voltage."""
@@ -225,7 +226,7 @@ class Simulator:
                 bench.begin(device, driven, start)
                 if motion.follow(bench.instance):
                     v = motion.found(record.order)[:, : record.axes] * _speed_gains(record, device)
-                    return Followed(motion, played, v)
+                    return Followed(motion, played, v, _level(record, parameters))
         return None
 
     def vary(self, followed: Followed, jobs: Sequence[Job]) -> list[Floats | None]:
@@ -258,7 +259,9 @@ class Simulator:
         columns = motion.varied(list(travellers.values()), jobs[0][0].order)
         for number, column in zip(travellers, columns, strict=True):
             if np.isfinite(column).all():
-                result[number] = followed.recorded(column[:, : jobs[number][0].axes] * gains[number])
+                record, parameters = jobs[number]
+                own = followed.recorded(column[:, : record.axes] * gains[number])
+                result[number] = own + (_level(record, parameters) - followed.level)
         return result
 
     def each(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
@@ -360,7 +363,7 @@ class Simulator:
         if own.within:
             v = own.between_samples(v, Timing(timing.first * stride, step))
         v = _slope(v, stride, step) if derived else v[:: stride // each]
-        return np.array(own.at_samples(v, timing)[: len(record.t)], order="C")
+        return np.array(own.at_samples(v, timing)[: len(record.t)] + _level(record, parameters), order="C")
 
     def _simulated(self, bench: Bench, played: Played, device: Mapping[str, float], each: int, order: int) -> Floats:
         """The voltage, or by ``order`` speeds or accelerations, that the FMU gives every ``each`` steps; the latest of
@@ -377,8 +380,13 @@ class Simulator:
 
 def _device(record: Record, parameters: Mapping[str, float]) -> Mapping[str, float]:
     """The parameters of both axes without those that are no device's."""
-    own = {name: value for name, value in parameters.items() if name not in distortion_names()}
+    own = {name: value for name, value in parameters.items() if name not in distortion_names() and name not in LEVELS}
     return both_axes(own) if record.axes == 1 else own
+
+
+def _level(record: Record, parameters: Mapping[str, float]) -> Floats:
+    """What is added to the voltage of each axis [V]."""
+    return np.array([parameters.get(name, 0.0) for name in LEVELS[: record.axes]])
 
 
 def _speed_gains(record: Record, whole: Mapping[str, float]) -> Floats:

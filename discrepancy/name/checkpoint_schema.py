@@ -6,7 +6,7 @@ from math import isfinite, isnan
 from typing import Any, Final, get_args
 
 from discrepancy.data.dataset import Dataset
-from discrepancy.data.record import MINIMUM_SAMPLES, Hold
+from discrepancy.data.record import LEVELS, MINIMUM_SAMPLES, Hold
 from discrepancy.fit.colour import ORDERS
 from discrepancy.fit.defect import defects, distortion_names, quantity_of
 from discrepancy.fit.openings import parts
@@ -86,7 +86,7 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
     fit = _Table({
         "pieces": _whole(1, max(1, longest // MINIMUM_SAMPLES)),
         "parameters": parameters,
-        "starts": _list_of(_mapping(settable, _number()), longest * len(dataset.fit)),
+        "starts": _list_of(_mapping(settable | set(LEVELS), _number()), longest * len(dataset.fit)),
         "free": _list_of(free),
         "setting": setting,
         "square": _number(0.0),

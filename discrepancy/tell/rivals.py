@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from discrepancy.data.algebra import inverse_scaled
-from discrepancy.data.record import Floats, Record
+from discrepancy.data.record import LEVELS, Floats, Record
 from discrepancy.fit.defect import effect_of, quantity_of
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.refit import Fitter
@@ -46,7 +46,8 @@ class Rival:
         free = (*nominal.free, *self._sizes(name))
         at = fitter.with_grams(replace(fitter.fit(begun, rounds=2), free=free))
         assert at.grams is not None
-        self.free, self.states = at.free, fitter.state_names(at)
+        self.free = at.free
+        self.states = [name for name in fitter.state_names(at) if name not in LEVELS]
         step = np.array([own.step for own in at.free])
         # A linearisation chooses its own steps: only by the unit are two of them alike.
         known = at.grams.sum(axis=0)[:-1, :-1] / np.outer(step, step) / noise**2
