@@ -1,10 +1,13 @@
 """Misfits against their definition."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from discrepancy.data.record import make_record
 from discrepancy.fit.measures import START_SAMPLES, misfits, start_fitted
+from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
 from gyro_model.model import load_model
 
@@ -56,3 +59,27 @@ def test_what_is_open_of_a_start_is_little_beside_the_noise() -> None:
         residual, start = start_fitted(simulator, noisy, device)
     # Of n numbers the deviation is known to 1 %; 0.3 of it beside it make 4 %.
     assert np.std(residual[start:]) < 1.07 * noise * v.std()
+
+
+def test_the_mean_that_was_taken_out_of_a_velocity_is_found_again_where_it_was_the_motions() -> None:
+    # Nothing but a damper holds the shaft: what the first cosine pushes it to goes within a fifth of the run.
+    device = {"m": 1.0, "kxx": 1e-6, "dxx": 1.0, "sense_gain_x": 1.0}
+    rng, rate, n, noise, offset = np.random.default_rng(7), 250.0, 6000, 3e-3, 0.7
+    t = np.arange(n) / rate
+    u = np.cos(2 * np.pi * rng.uniform(2, 9, 40) * t[:, None] + rng.uniform(0, 6.28, 40)).sum(axis=1)[:, None]
+    shown = make_record("a", t, u, u, sample_rate=rate, senses="velocity")
+    with Simulator(load_model(), jobs=1) as simulator:
+        v = simulator.run(shown, device)
+        noisy = v + offset + noise * v.std() * rng.standard_normal(v.shape)
+        record = make_record("a", t, u, noisy, sample_rate=rate, senses="velocity")
+        assert record.centred
+        left = {**device, "sense_gain_x": record.reference / shown.reference}
+        residual, _ = start_fitted(simulator, record, left)
+        fitter = Fitter(simulator, [record])
+        begun = fitter.begin({**left, "dxx": 1.2})
+        at = fitter.fit(replace(begun, free=tuple(own for own in begun.free if own.name == "dxx")))
+    # The noise, and no level; by a mean under a window the motion is 0.02 and more off it.
+    assert np.std(residual) < 1.02 * noise * v.std() and abs(residual.mean()) < 0.05 * noise * v.std()
+    assert abs(v.mean() + offset - (noisy - record.v).mean()) > 3 * noise * v.std()
+    assert fitter.off(at) < 1.02 * noise
+    assert at.parameters["dxx"] == pytest.approx(1.0, rel=3e-3)
