@@ -32,9 +32,10 @@ and a share of this size costs a score its square."""
 JUMPS: Final = 1e-3
 """Share of the samples at which they may differ by more: an acceleration taken while dry friction turns round goes from
 one side to the other within a millionth of the motion, and no slope says how far."""
-SHARES: Final = (1.0, 1e-2)
+SHARES: Final = (1.0, 1e-2, 1e-4)
 """Of a change by which the two ways are compared, until they are alike: beside dry friction samples jump where the
-motion turns round, and a change that moves that place makes 2e-2 of a quotient of 3e-5 of the signal."""
+motion turns round, and a change that moves that place makes 2e-2 of a quotient of 3e-5 of the signal; a first guess of
+a step may be far too large."""
 
 Changes = Mapping[str, float]
 
