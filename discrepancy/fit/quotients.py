@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from sympy import sympify
 
-from discrepancy.data.record import Floats, Record
+from discrepancy.data.record import Bools, Floats, Record
 from discrepancy.fit.defect import distortion_names, distortions
 from discrepancy.fit.simulate import Followed, Simulator
 from discrepancy.fit.variation import Kind
@@ -30,8 +30,8 @@ ALIKE: Final = 3e-3
 """Share of a column's rms by which the two ways may differ: a quotient's own curvature and rounding make 1e-3 of it,
 and a share of this size costs a score its square."""
 JUMPS: Final = 1e-3
-"""Share of the samples at which they may differ by more: an acceleration taken while dry friction turns round goes from
-one side to the other within a millionth of the motion, and no slope says how far."""
+"""Share of the samples, where forces bend the motion in places, that are no test: an acceleration taken while dry
+friction turns round goes from one side to the other within a thousandth of the motion, and no slope says how far."""
 SHARES: Final = (1.0, 1e-2, 1e-4)
 """Of a change by which the two ways are compared, until they are alike: beside dry friction samples jump where the
 motion turns round, and a change that moves that place makes 2e-2 of a quotient of 3e-5 of the signal; a first guess of
@@ -93,7 +93,7 @@ class Quotients:
             return {}
         found: dict[Kind, bool] = {}
         for share in SHARES:
-            left = {kind: own for kind, own in new.items() if not found.get(kind, False)}
+            left = {k: own for k, own in new.items() if k not in self._kinds and not found.get(k, False)}
             shorter = {kind: self._names.shortened(point.parameters, own, share) for kind, own in left.items()}
             found |= self._compared(point, motion, shorter)
         for kind, alike in found.items():
@@ -114,7 +114,9 @@ class Quotients:
             size = _rms(quotient)
             # What is too large for the first order, as the first guess of a step, is no test.
             if size > SHOWN * self.signal and self._small(quotient):
-                found[kind] = _rms(_without_jumps(column - quotient)) <= ALIKE * size
+                error = column - quotient
+                shows = _without_jumps(error) if motion.motion.is_bent else np.ones(error.shape, bool)
+                found[kind] = _rms(error[shows]) <= ALIKE * _rms(quotient[shows])
         return found
 
     def _small(self, column: Floats) -> bool:
@@ -170,11 +172,11 @@ def _rms(v: Floats) -> float:
         return float(np.sqrt(np.mean(v**2)))
 
 
-def _without_jumps(error: Floats) -> Floats:
-    """All but the largest JUMPS of an error (n, axes), one at least."""
-    size = np.abs(error).ravel()
+def _without_jumps(error: Floats) -> Bools:
+    """Where an error (n, axes) is not among the largest JUMPS, one at least."""
+    size = np.abs(error)
     kept = size.size - max(1, int(JUMPS * size.size))
-    return np.asarray(np.partition(size, kept)[:kept])
+    return np.asarray(size < np.partition(size.ravel(), kept)[kept])
 
 
 def is_smooth(effect: Effect) -> bool:

@@ -140,6 +140,11 @@ class Motion:
             self._found[name] = own
             setattr(self._run, name, own.ctypes.data if own.size else None)
 
+    @property
+    def is_bent(self) -> bool:
+        """Whether forces bend it in places."""
+        return bool(self._run.parts)
+
     def found(self, order: int) -> Floats:
         """The voltage [V] at samples (n, 2), or by ``order`` speeds [m/s] or accelerations [m/s2]."""
         if order == 1:

@@ -33,6 +33,12 @@ static inline double beside_line(double h, double change, const double rate[2])
     return 4.0 / 27.0 * h * (fabs(rate[0] - along) + fabs(rate[1] - along));
 }
 
+/* Whether a state that changes by so much, and lies so far beside the line at most, stays in its room, in its unit. */
+static inline int goes_within(const double room[2], double change, double beside)
+{
+    return beside + larger(-change, 0.0) < room[0] && beside + larger(change, 0.0) < room[1];
+}
+
 /* The largest rate, in the units of the table. */
 static inline double largest_rate_of(const gyro_coupled *table, const double rate[])
 {
@@ -63,7 +69,7 @@ static inline int stays_within(const gyro_coupled *table, const double room[GYRO
         const int place = table->moving.place[i];
         const double ends[2] = {rate[0][place], rate[1][place]};
         const double beside = beside_line(table->step, change[i], ends) + table->beside * fastest * table->unit[i];
-        within = beside + larger(-change[i], 0.0) < room[place][0] && beside + larger(change[i], 0.0) < room[place][1];
+        within = goes_within(room[place], change[i], beside);
     }
     return within;
 }

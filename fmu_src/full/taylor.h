@@ -43,7 +43,8 @@ static const double GYRO_AIM = 1.0 - 1e-6;
 /* So often states are given before the step goes on without: each time they are 1e-3 or less as far off. */
 enum { GYRO_MOST_GIVEN = 4 };
 
-/* Corners met so soon after the last part that a step need not wait; then the stages take over there too. */
+/* Series in a step that go less than a part of GYRO_WHOLE of it, as to a corner or through a friction that turns round at once, which takes some
+   fifteen; then the stages take over there too. */
 enum { GYRO_MOST_CLOSE = 32 };
 
 /* The part of a step that is left to the stages at once, where they estimate no larger error than this, over the size of a state, squared:
@@ -513,7 +514,7 @@ static inline int find_course(gyro_view *g, const double *value, double t, doubl
 typedef struct {
     double done;               /* 1: all of it */
     gyro_pair size[GYRO_STATE_PAIRS]; /* of each state, SI */
-    int close;                  /* corners met within a part of GYRO_WHOLE */
+    int close;                  /* series that went less than a part of GYRO_WHOLE */
     int stages;                 /* parts of GYRO_WHOLE that are left to the stages where the next series does not do */
     int power;                  /* the last of the latest series; 0: the latest part was left to the stages */
     double reach;               /* of what was left, the part that it has gone */

@@ -2,8 +2,8 @@
 
 #include "traveller.h"
 
-/* Room for parts at first: one step in so many. A drive that rubs turns round in one of 25, by some fifteen parts. */
-enum { FIRST_PARTS = 64, FEW = 1 };
+/* Room for parts at first, beside one for each step: a drive that rubs turns round in one of 25, by some fifteen parts. */
+enum { FIRST_PARTS = 64 };
 
 int32_t gyro_acceleration(void *instance, const double *command, double found[2])
 {
@@ -35,7 +35,7 @@ int gyro_measure(void *instance, gyro_run *run)
     run->room = column_room((int)run->moving);
     run->even = alike && is_straight(&g->view);
     run->shared = alike && is_straight_between(&g->view);
-    run->parts = is_cut(g) ? FIRST_PARTS + run->steps / FEW : 0;
+    run->parts = is_cut(g) ? FIRST_PARTS + run->steps : 0;
     run->size = (int64_t)sizeof(traveller);
     return followed;
 }

@@ -214,8 +214,7 @@ static int is_bent(const linearising *all, const piece *of)
     for (int k = 0; k < at->moving.n && level; k++) {
         const int i = at->moving.place[k];
         const double change = of->state[1][i] - of->state[0][i], rate[2] = {of->rate[0][i], of->rate[1][i]};
-        const double beside = beside_line(all->run->step, change, rate);
-        level = beside + larger(-change, 0.0) < room[i][0] && beside + larger(change, 0.0) < room[i][1];
+        level = goes_within(room[i], change, beside_line(all->run->step, change, rate));
     }
     return !level;
 }

@@ -55,7 +55,7 @@ typedef struct {
    something acts that carries more than the states from step to step, or acts between them. */
 GYRO_EXPORTED int gyro_measure(void *instance, gyro_run *run);
 
-/* Runs that instance: states and voltage. Gives 0 where it fails. */
+/* Runs that instance: states and voltage. Gives 0 where it fails, or where y moves and the run has one axis. */
 GYRO_EXPORTED int gyro_follow(void *instance, const gyro_run *run);
 
 /* All else along the run of that instance. Gives 0 where it has more parts than there is room for. */

@@ -26,7 +26,7 @@ SHORTER = {
     "gyrotwin datasheet rate-mode --mode rate-closed": "--quick",
     "gyrotwin datasheet whole_angle": "--quick",
     "gyrotwin datasheet rate-mode --design": "--quick",
-    # In full it runs on the page of the datasheet, which takes eight minutes.
+    # In full it runs on the page of the datasheet, which takes some minutes.
     "gyrotwin datasheet rate-mode --out results/datasheet": "--quick",
     "gyrotwin datasheet disk_serrano_2016": "--quick",
 }

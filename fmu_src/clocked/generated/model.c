@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{3ff5ad2f-c1df-cac9-da65-c27f8f77ff3e}";
+const char gyro_token[] = "{600b2286-ea71-d29b-688d-6bca9cc2cd3b}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},

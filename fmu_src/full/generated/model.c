@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{b9bb25da-4d7d-115e-990a-e2079bd22a0f}";
+const char gyro_token[] = "{82101228-3bfe-806d-0801-a8bd0c2fdf74}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},

@@ -78,7 +78,7 @@ def test_the_mean_that_was_taken_out_of_a_velocity_is_found_again_where_it_was_t
         fitter = Fitter(simulator, [record])
         begun = fitter.begin({**left, "dxx": 1.2})
         at = fitter.fit(replace(begun, free=tuple(own for own in begun.free if own.name == "dxx")))
-    # The noise, and no level; by a mean under a window the motion is 0.02 and more off it.
+    # The noise, and no level; the mean under a window is off it by a hundredth of the motion.
     assert np.std(residual) < 1.02 * noise * v.std() and abs(residual.mean()) < 0.05 * noise * v.std()
     assert abs(v.mean() + offset - (noisy - record.v).mean()) > 3 * noise * v.std()
     assert fitter.off(at) < 1.02 * noise
