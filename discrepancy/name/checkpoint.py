@@ -21,6 +21,7 @@ from discrepancy.fit.continuation import cut
 from discrepancy.fit.defect import effect_of, quantity_of
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.refit import Fitter
+from discrepancy.fit.variation import Seen
 from discrepancy.fit.whitening import Setting
 from discrepancy.name.accepted import Dropped
 from discrepancy.name.checkpoint_schema import checked, term_from, term_state
@@ -33,7 +34,7 @@ from gyro_model.errors import InputError
 from gyro_model.model import Model
 from gyro_model.whole_file import whole_file
 
-FORMAT: Final = 5
+FORMAT: Final = 6
 LARGEST: Final = 50_000_000
 """Bytes of a file that is read: ten times that of a search of 100 runs with six effects."""
 
@@ -124,6 +125,22 @@ def _evaluated(whole: Fitter, state: Mapping[str, Any]) -> tuple[Fitter, Fitted]
     whiten = fitter.whitener(parameters, setting)
     free = tuple(Free(**entry) for entry in state["free"])
     return fitter, fitter.evaluated(Fitted(parameters, tuple(state["starts"]), free, whiten, ()))
+
+
+def columns_state(columns: Seen) -> dict[str, Any]:
+    """What ``columns_into`` needs: of kinds of columns, and of what they stand beside, which the variation serves."""
+    return {
+        "kinds": [[list(map(list, kind)), int(alike)] for kind, alike in columns.kinds.items()],
+        "bases": [[sorted(base), int(alike)] for base, alike in columns.bases.items()],
+    }
+
+
+def columns_into(columns: Seen, state: Mapping[str, Any]) -> None:
+    """Has ``columns`` know what ``state`` says, and no more."""
+    columns.kinds.clear()
+    columns.bases.clear()
+    columns.kinds.update({tuple((n, v) for n, v in kind): bool(alike) for kind, alike in state["kinds"]})
+    columns.bases.update({frozenset(base): bool(alike) for base, alike in state["bases"]})
 
 
 def _square(at: Fitted) -> float:

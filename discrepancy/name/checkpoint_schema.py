@@ -109,11 +109,18 @@ def checked(state: Mapping[str, Any], model: Model, dataset: Dataset) -> None:
         "opening": opening,
         "offered": _whole(0, 1),
         "probes": _list_of(_row(_one_of(settable), _one_of({"", *effects}), _number(), power, _number(0.0))),
+        "columns": _columns({*settable, *LEVELS, *(d.id for d in defects())}),
     })(state, "state")  # fmt: skip
     for name in ("at", "refitted"):
         expected = len(dataset.fit) * state[name]["pieces"]
         if len(state[name]["starts"]) != expected:
             raise InputError(f"state: {name}: starts: {len(state[name]['starts'])} entries, give {expected}")
+
+
+def _columns(names: Collection[str]) -> Check:
+    own, alike = _one_of(names), _whole(0, 1)
+    kind = _list_of(_row(own, _optional(_number(infinite=True))))
+    return _Table({"kinds": _list_of(_row(kind, alike), MOST_TRIALS), "bases": _list_of(_row(_list_of(own), alike))})
 
 
 class _Table:

@@ -35,6 +35,7 @@ def resumed(given: Given, simulator: Simulator, terms: Sequence[tuple[Term, ...]
     of these runs."""
     dataset, blemishes = _record(given.dataset, simulator.model, state)
     whole = Fitter(simulator, dataset.fit, criteria=given.criteria)
+    store.columns_into(simulator.seen, state["columns"])
     search = Search.of(given, dataset, whole, store.fit_from(whole, state["at"])[1])
     return _restored(replace(search, terms=tuple(terms), blemishes=blemishes, clip=state["clip"]), state)
 
@@ -59,12 +60,14 @@ def _state(search: Search) -> dict[str, Any]:
         "opening": search.number,
         "offered": int(search.offered),
         "probes": store.probes_state(search.probes),
+        "columns": store.columns_state(search.simulator.seen),
     }
 
 
 def _restored(search: Search, state: Mapping[str, Any]) -> Search:
     """A search of the same runs with what ``state`` says of it."""
     model, whole = search.simulator.model, search.whole
+    store.columns_into(search.simulator.seen, state["columns"])
     fitter, at = store.fit_from(whole, state["at"])
     return replace(
         search,
