@@ -7,8 +7,7 @@ from math import factorial
 from typing import Final
 
 import numpy as np
-from scipy.linalg import expm
-from scipy.signal import butter, cont2discrete, lfilter, lfilter_zi, ss2tf, tf2ss
+from scipy.signal import butter, lfilter
 
 from discrepancy.data.record import Floats
 from gyro_model.quantities import Grid, Quantity, shape
@@ -41,7 +40,7 @@ def held(u: Floats, turns: float, number: int) -> Floats:
     if turns > SETTLED:
         # What a step of u lacks until the filter has settled.
         return np.asarray(u - np.vstack((np.zeros_like(u[:1]), np.diff(u, axis=0))) * delay(number) / turns)
-    mean = _filtered(*_held(turns, number), u)
+    mean = _filtered(u, turns, number, held=True)
     return _curved(mean) if turns < 1 else mean
 
 
@@ -53,7 +52,7 @@ def sampled(v: Floats, turns: float, number: int) -> Floats:
     for part in range(FINE):
         own = between[part::FINE]
         own[:] = _along(v, [1.0], part / FINE)[: len(own)]
-    return _filtered(*_straight(turns / FINE, number), _curved(between))[::FINE]
+    return _filtered(_curved(between), turns / FINE, number, held=False)[::FINE]
 
 
 def _along(v: Floats, factors: Sequence[float], ahead: float) -> Floats:
@@ -84,9 +83,21 @@ def _curved(signal: Floats) -> Floats:
     return more
 
 
-def _filtered(b: Floats, a: Floats, signal: Floats) -> Floats:
-    start = lfilter_zi(b, a)
-    return np.column_stack([lfilter(b, a, column, zi=start * column[0])[0] for column in signal.T])
+def _filtered(signal: Floats, turns: float, number: int, *, held: bool) -> Floats:
+    """What comes out at each step of straight lines from one point of ``signal`` (n, axes) to the next, or the mean
+    over it of what comes out where it is held; at rest before. By partial fractions: a recursion of all poles at once
+    rounds by 1e-16 over turns to the number of poles."""
+    found = np.zeros_like(signal)
+    for pole, share in _fractions(number):
+        z = pole * turns
+        passed, first = np.exp(z), np.expm1(z) / z
+        # What the point at the end of a step adds, and that at its start; or the force of the step, and that before.
+        second = (first - 1) / z
+        b = turns * np.array([second, first**2 - passed * second if held else first - second])
+        for own, column in zip(found.T, signal.T, strict=True):
+            start = (-1 / pole - b[0]) * column[:1]
+            own += (share * lfilter(b, [1, -passed], column, zi=start)[0]).real
+    return found
 
 
 @lru_cache
@@ -99,20 +110,9 @@ def _series(number: int) -> tuple[float, ...]:
     return tuple(made)
 
 
-@lru_cache(64)
-def _held(turns: float, number: int) -> tuple[Floats, Floats]:
-    own, into, out, _ = tf2ss(*butter(number, 1.0, analog=True))
-    # States, the integral of what comes out, and u, in time constants.
-    rate = np.zeros((number + 2, number + 2))
-    rate[:number, :number], rate[:number, -1:], rate[number, :number] = own, into, out
-    moved = expm(rate * turns)
-    mean, direct = moved[number : number + 1, :number] / turns, moved[number : number + 1, -1:] / turns
-    b, a = ss2tf(moved[:number, :number], moved[:number, -1:], mean, direct)
-    return b.ravel(), a
-
-
-@lru_cache(64)
-def _straight(turns: float, number: int) -> tuple[Floats, Floats]:
-    own, into, out, direct = tf2ss(*butter(number, 1.0, analog=True))
-    b, a = ss2tf(*cont2discrete((own, into, out, direct), turns, "foh")[:4])
-    return b.ravel(), a
+@lru_cache
+def _fractions(number: int) -> list[tuple[complex, complex]]:
+    """Poles in time constants, of two that are conjugate one, and their residues; the real part of all is the whole."""
+    _, poles, gain = butter(number, 1.0, analog=True, output="zpk")
+    shares = [gain / np.prod([pole - other for other in poles if other != pole]) for pole in poles]
+    return [(p, s * (2 if p.imag > 0 else 1)) for p, s in zip(poles, shares, strict=True) if p.imag >= 0]

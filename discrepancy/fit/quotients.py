@@ -66,12 +66,13 @@ class Quotients:
         base = self._names.acting(points[0].parameters)
         if len(probes) < FEWEST or not self._bases.get(base, True):
             return
-        new: Mapping[Kind, Changes] = {self._names.kind(own): own for own in probes}
-        new = {kind: own for kind, own in new.items() if kind not in self._kinds and not self._names.smooth(own)}
+        own = {self._names.kind(changes): changes for changes in probes}
+        new = [kind for kind, changes in own.items() if kind not in self._kinds and not self._names.smooth(changes)]
         if base not in self._bases:
-            new = {**new, self._names.kind(probes[0]): probes[0]}
+            new += [kind for kind in own if self._kinds.get(kind, True)][:1]
+        left: Mapping[Kind, Changes] = {kind: own[kind] for kind in new}
         for point in points:
-            new = self._tried(point, base, self._tried_early(point, base, new))
+            left = self._tried(point, base, self._tried_early(point, base, left))
 
     def _tried_early(self, point: Point, base: frozenset[str], new: Mapping[Kind, Changes]) -> Mapping[Kind, Changes]:
         """``_tried`` on the first HEAD samples."""
@@ -93,13 +94,13 @@ class Quotients:
             return {}
         found: dict[Kind, bool] = {}
         for share in SHARES:
-            left = {k: own for k, own in new.items() if k not in self._kinds and not found.get(k, False)}
-            shorter = {kind: self._names.shortened(point.parameters, own, share) for kind, own in left.items()}
+            left = [kind for kind in new if self._kinds.get(kind, True) and not found.get(kind, False)]
+            shorter = {kind: self._names.shortened(point.parameters, new[kind], share) for kind in left}
             found |= self._compared(point, motion, shorter)
         for kind, alike in found.items():
             self._kinds.setdefault(kind, alike)
             self._bases[base] = self._bases.get(base, False) or alike
-        return {kind: own for kind, own in new.items() if kind not in self._kinds}
+        return {kind: own for kind, own in new.items() if kind not in found and self._kinds.get(kind, True)}
 
     def _compared(self, point: Point, motion: Followed, new: Mapping[Kind, Changes]) -> Mapping[Kind, bool]:
         """Whether both ways are alike, of those of which one run shows it; what can't be varied is known at once."""
@@ -107,10 +108,13 @@ class Quotients:
         columns = dict(zip(new, varied, strict=True))
         self._kinds.update({kind: False for kind, column in columns.items() if column is None})
         shown = {kind: column for kind, column in columns.items() if column is not None}
-        simulated = self.simulator.try_all([point.changed(new[kind]) for kind in shown])
+        # Of what is late both ways go in whole steps.
+        rough = self.simulator.late(point.parameters)
+        beside = self._rough(point) if rough else point.v
+        simulated = self.simulator.try_all([point.changed(new[kind]) for kind in shown], rough=rough)
         found = {}
         for (kind, column), v in zip(shown.items(), simulated, strict=True):
-            quotient = v - point.v if v is not None else np.full_like(column, np.inf)
+            quotient = v - beside if v is not None else np.full_like(column, np.inf)
             size = _rms(quotient)
             # What is too large for the first order, as the first guess of a step, is no test.
             if size > SHOWN * self.signal and self._small(quotient):

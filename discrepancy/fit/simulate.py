@@ -18,6 +18,7 @@ from discrepancy.fit.bench import Bench
 from discrepancy.fit.defect import Distortion, Timing, distortion_names, distortions
 from discrepancy.fit.distorted import Distorted, Sizes
 from discrepancy.fit.forced import Forced, commands, distorted, forced
+from discrepancy.fit.lagged import lagged
 from discrepancy.fit.variation import Driven, Motion, Seen, Traveller
 from gyro_model.anatomy import Delay, Lag
 from gyro_model.build import build_form
@@ -80,19 +81,27 @@ class Played(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """A run whose motion is known; v: its voltage (n, axes) [V] before it is recorded; level: what is added to that."""
+    """A run whose motion is known; v: its voltage (n, axes) [V] before the amplifier's lag; time_constant: of that [s];
+    level: what is added to what is recorded."""
 
     motion: Motion
     played: Played
     v: Floats
+    time_constant: float
     level: Floats
 
     def recorded(self, column: Floats) -> Floats:
-        """What is recorded of what is added to the voltage."""
+        """What is recorded of what is added to the voltage before the lag."""
         record, own, timing, _, _, _ = self.played
+        column = lagged(column, timing.period, self.time_constant)
         if own.acting:
-            column = own.at_samples(self.v + column, timing) - own.at_samples(self.v, timing)
+            v = lagged(self.v, timing.period, self.time_constant)
+            column = self._distorted(v + column) - self._distorted(v)
         return np.array(column[: len(record.t)], order="C")
+
+    def _distorted(self, v: Floats) -> Floats:
+        own, timing = self.played.distorted, self.played.timing
+        return own.at_samples(own.between_samples(v, timing), timing)
 
 
 class Simulator:
@@ -113,6 +122,9 @@ class Simulator:
             self._benches.put(bench)
         self._pool, self._callers = ThreadPoolExecutor(count), ThreadPoolExecutor(count)
         held = [e for e in model.effects if isinstance(e, Delay | Lag)]
+        lags = [e for e in held if isinstance(e, Lag)]
+        self._lags = [e.time_constant.name for e in lags]
+        self._lag_movers = [q for e in lags for switch in model.wakers(e) for q in switch.sizes]
         self._late = [q for e in held for switch in (e, *model.wakers(e)) for q in switch.sizes]
         own = [q for e in (*held, *_parting()) for q in e.parameters]
         self._refining = frozenset(q.name for q in (*self._late, *own))
@@ -141,9 +153,9 @@ class Simulator:
     def run(self, record: Record, parameters: Mapping[str, float], *, rough: bool = False) -> Floats:
         """The voltage [V] (n, axes) that the model gives under the record's inputs, noise off.
 
-        parameters: by FMU name, SI, initial state included; rough: in whole steps though a delay or a lag acts. What
-        they do is then off by the staircase of the force, which cancels in the difference of two runs in which they are
-        alike: 1e-6 of a column is left at most.
+        parameters: by FMU name, SI, initial state included; rough: in whole steps though something acts within them.
+        What that does is then off by the staircase of the force, which cancels in the difference of two runs in which
+        it is alike: up to 1e-3 of a column is left where the force runs on between samples.
         Raises InputError where the FMU refuses one; NaN from the sample on at which the motion left all bounds, or its
         steps took too long (STIFFEST). Raises OutOfTime where the clock says so.
         """
@@ -184,8 +196,10 @@ class Simulator:
         return not self._refining.isdisjoint(parameters)
 
     def late(self, parameters: Mapping[str, float]) -> bool:
-        """Whether a delay or a lag acts, and nothing else that asks for parts of a step."""
-        return self._held_back(parameters) and not any(d.acts(parameters) for d in _parting())
+        """Whether something acts within a step of which two runs in whole steps know the difference: a delay, a lag or
+        a filter of the voltage, and not one of the force."""
+        own = Distorted.at(parameters)
+        return (self._held_back(parameters) or own.within) and not own.split
 
     def run_all(self, jobs: Sequence[Job]) -> list[Floats]:
         """``run`` of each job, in parallel."""
@@ -212,11 +226,12 @@ class Simulator:
         """The motion of a run, along which ``vary`` goes; None where more acts than that follows. Raises InputError as
         ``run`` does."""
         self.clock.check()
-        played = self._played(record, parameters, rough=False)
-        if self._held_back(parameters) or played.distorted.within or played.derived:
+        played = self._played(record, parameters, rough=self.late(parameters))
+        time_constant = self._time_constant(record, parameters)
+        if played.derived or time_constant is None:
             return None
         values, names, step = driven = played.driven
-        device = _device(record, parameters)
+        device = self._without_lag(record, parameters)
         with self._bench() as bench:
             start, inputs = float(record.t[0]), bench.value_references(names)
             # Of a record of one axis the other may move all the same, by what its parameters say.
@@ -226,7 +241,7 @@ class Simulator:
                 bench.begin(device, driven, start)
                 if motion.follow(bench.instance):
                     v = motion.found(record.order)[:, : record.axes] * _speed_gains(record, device)
-                    return Followed(motion, played, v, _level(record, parameters))
+                    return Followed(motion, played, v, time_constant, _level(record, parameters))
         return None
 
     def vary(self, followed: Followed, jobs: Sequence[Job]) -> list[Floats | None]:
@@ -248,10 +263,11 @@ class Simulator:
         travellers: dict[int, Traveller] = {}
         for number, (record, parameters) in enumerate(jobs):
             alike = Distorted.at(parameters) == played.distorted
+            alike = alike and self._time_constant(record, parameters) == followed.time_constant
             with self._bench() as bench, suppress(InputError):
-                device = _device(record, parameters)
+                device = self._without_lag(record, parameters)
                 gains.append(_speed_gains(record, device))
-                if alike and not self._held_back(parameters):
+                if alike:
                     bench.begin(device, played.driven, float(record.t[0]))
                     traveller = motion.depart(bench.instance)
                     travellers |= {number: traveller} if traveller is not None else {}
@@ -297,6 +313,17 @@ class Simulator:
 
     def _held_back(self, parameters: Mapping[str, float]) -> bool:
         return any(parameters.get(q.name, q.start) != q.start for q in self._late)
+
+    def _time_constant(self, record: Record, parameters: Mapping[str, float]) -> float | None:
+        """Of the amplifier's lag [s], 0 where nothing goes through it; None where it moves."""
+        if record.order:
+            return 0.0
+        if any(parameters.get(q.name, q.start) != q.start for q in self._lag_movers):
+            return None
+        return sum(parameters.get(name, 0.0) for name in self._lags)
+
+    def _without_lag(self, record: Record, parameters: Mapping[str, float]) -> Mapping[str, float]:
+        return {**_device(record, parameters), **dict.fromkeys(self._lags, 0.0)}
 
     def _inputs(self, record: Record, split: int, sizes: Sizes = ()) -> Forced:
         """What drives each step of a record, ``split`` times as many as usual; kept, since a record is simulated many
@@ -344,7 +371,9 @@ class Simulator:
         # Behind a delay the force may change at a sample; what changes one that runs on leaves open what it is there.
         fine = own.within or held_back or (record.hold != "zero" and bool(own.on_force))
         derived = record.order == 2 and fine
-        split = derived or own.within or own.split or (held_back and not rough)
+        # A force that is held is so behind a delay, and needs no parts.
+        staircase = held_back and not rough and record.hold != "zero"
+        split = derived or own.split or staircase or (own.within and not rough)
         values, names, step = self._inputs(record, SPLIT if split else 1, own.on_force)
         timing = Timing(self._first(record), 1 / record.sample_rate)
         samples = len(record.t)
@@ -356,12 +385,12 @@ class Simulator:
         own, derived, stride, timing = played.distorted, played.derived, played.stride, played.timing
         step = played.driven[2]
         # A held force bends the motion anew at each sample: no curve through the samples knows what is between.
-        each = 1 if own.within or derived else stride
+        each = 1 if derived or (own.within and not rough) else stride
         device = _device(record, parameters)
         v = self._simulated(bench, played, device, each, 1 if derived else record.order)
         v = v[:, : record.axes] * _speed_gains(record, device)
         if own.within:
-            v = own.between_samples(v, Timing(timing.first * stride, step))
+            v = own.between_samples(v, Timing(timing.first * stride // each, step * each))
         v = _slope(v, stride, step) if derived else v[:: stride // each]
         return np.array(own.at_samples(v, timing)[: len(record.t)] + _level(record, parameters), order="C")
 

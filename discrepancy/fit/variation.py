@@ -48,8 +48,8 @@ class _Run(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_int64) for name in ("steps", "stride", "axes", "n_inputs")),
         *((name, ctypes.c_void_p) for name in ("inputs", "values", "command")),
-        *((name, ctypes.c_double) for name in ("start", "step")),
-        *((name, ctypes.c_int64) for name in ("states", "moving", "room", "even", "shared", "parts", "size")),
+        *((name, ctypes.c_double) for name in ("start", "step", "late")),
+        *((name, ctypes.c_int64) for name in ("states", "moving", "room", "even", "shared", "kinds", "parts", "size")),
         *((name, ctypes.c_void_p) for name in ("state", "voltage", "acceleration", "slope", "until")),
         *((name, ctypes.c_void_p) for name in ("lies", "part", "length", "place")),
         *((name, ctypes.c_void_p) for name in ("within", "rate", "passage", "base", "weight")),
@@ -124,14 +124,15 @@ class Motion:
     def _by_pieces(self) -> Shapes:
         """What is known by pieces."""
         run = self._run
-        pieces = run.steps + run.parts
+        kept = run.steps if run.kinds == 1 else 2 * run.steps
+        pieces = kept + run.parts
         return {
             **{name: (pieces,) for name in ("lies", "part", "length")},
             "place": (pieces, NODES),
             "within": (pieces, NODES, run.states),
             "rate": (pieces, NODES, run.states),
-            "passage": ((1 if run.shared else run.steps) + run.parts, run.moving, run.room),
-            "weight": (1 + run.parts, NODES, run.moving, run.room),
+            "passage": ((run.kinds if run.shared else kept) + run.parts, run.moving, run.room),
+            "weight": (run.kinds + run.parts, NODES, run.moving, run.room),
         }
 
     def _make_room(self, shapes: Shapes) -> None:

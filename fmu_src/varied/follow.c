@@ -13,7 +13,7 @@ int32_t gyro_acceleration(void *instance, const double *command, double found[2]
 }
 
 /* Whether a force acts that bends the motion in places, where the series of the plant can say in which part of a step. */
-static int is_cut(const gyro_instance *g)
+static int is_bent_in_places(const gyro_instance *g)
 {
     int cut = 0;
     for (int i = 0; i < GYRO_N_LEVEL; i++) {
@@ -25,8 +25,11 @@ static int is_cut(const gyro_instance *g)
 int gyro_measure(void *instance, gyro_run *run)
 {
     const gyro_instance *g = ((fmi_instance *)instance)->core;
-    const int followed = is_run(run) && is_followed(g);
-    int alike = followed;
+    int followed = is_run(run) && is_followed(g), alike = followed;
+    run->late = followed ? late_of(g, run) : 0.0;
+    const int cut = late_part(run) > 0.0;
+    /* The motion up to where a late force comes is found by the plant's series. */
+    followed = followed && (!cut || g->plan.series.holds);
     for (int64_t step = 1; step < run->steps && alike; step++) {
         alike = is_alike(run, step);
     }
@@ -35,7 +38,8 @@ int gyro_measure(void *instance, gyro_run *run)
     run->room = column_room((int)run->moving);
     run->even = alike && is_straight(&g->view);
     run->shared = alike && is_straight_between(&g->view);
-    run->parts = is_cut(g) ? FIRST_PARTS + run->steps : 0;
+    run->kinds = cut ? KINDS : 1;
+    run->parts = is_bent_in_places(g) ? FIRST_PARTS + run->steps : 0;
     run->size = (int64_t)sizeof(traveller);
     return followed;
 }

@@ -1,7 +1,7 @@
 /* What lies along a run whose motion is known: its pieces, and how they pass differences on. variation.c says what for.
 
-   A piece is a step, or where a force bends the motion in a place, the part of it that a series of the plant goes: a friction that turns round within a
-   tenth of a step is even in none of the nodes of that step. */
+   A piece is a step, or its part before or after a late force comes, or where a force bends the motion in a place, the part of these that a series of
+   the plant goes: a friction that turns round within a tenth of a step is even in none of the nodes of that step. */
 
 #include "hermite.h"
 #include "taylor.h"
@@ -15,19 +15,20 @@ typedef struct {
     const gyro_instance *g;
     const gyro_run *run;
     traveller *at;
-    int alike;                  /* the slopes of a whole step would be those of the latest */
     int64_t pieces, parts;      /* found so far */
     gyro_tangent along;         /* zero, which takes as long to make */
     double unit[GYRO_N_STATES]; /* in which the states move alike */
-    matrix exponents, passage;  /* of the latest whole step with slopes of its own */
-    matrix sum;                 /* of the exponents of whole steps */
-    int64_t whole;              /* number of these */
+    int alike[KINDS];           /* the slopes of a piece of that kind would be those of the latest */
+    matrix exponents[KINDS];    /* of that */
+    matrix passage[KINDS];      /* of that */
+    matrix sum;                 /* of the exponents of all */
+    double length;              /* of these together, steps */
 } linearising;
 
 /* A piece of a step, from and to which part of it, and the states at its ends. */
 typedef struct {
     int64_t step;
-    int bent; /* a force may bend the motion in the step in a place */
+    int kind; /* KINDS: a part in which a force may bend the motion in a place */
     double from, to;
     const double *state[2];
     double rate[2][GYRO_N_STATES];
@@ -48,6 +49,7 @@ static void find_accelerations(linearising *all, int64_t step, int part)
     traveller *at = all->at;
     const int64_t end = step + part;
     const int n = at->moving.n;
+    come_to(at, run, step, part);
     look_from(at, run, step, part, run->state + end * GYRO_N_STATES);
     find_acceleration(&at->view, command_after(run, end), run->acceleration + 2 * end);
     if (end % run->stride == 0 && (!run->even || end == 0)) {
@@ -59,7 +61,6 @@ static void find_accelerations(linearising *all, int64_t step, int part)
             slope[2 * k + 1] = run->axes > 1 ? all_slopes.of[GYRO_STATE_Y_DOT][k] : 0.0;
         }
     }
-    come_to(at, run, step);
 }
 
 /* How the rates of states that effects add change along the run, in the view as it is: by `rate` of all states. */
@@ -149,11 +150,11 @@ static void find_exponents(linearising *all, const piece *of, const matrix slope
     }
 }
 
-/* How a part of a step passes differences on, and what rates at its nodes add. */
+/* How a part of no kind passes differences on, and what rates at its nodes add. */
 static void pass_part_on(linearising *all, const piece *of, const matrix slope[NODES])
 {
     const int n = all->at->moving.n;
-    const int64_t part = all->parts + 1;
+    const int64_t part = all->run->kinds + all->parts;
     matrix exponents;
     passing made;
     find_exponents(all, of, slope, &exponents);
@@ -162,25 +163,27 @@ static void pass_part_on(linearising *all, const piece *of, const matrix slope[N
     put_weight(all, made.weight, part);
 }
 
-/* The same of a whole step; slope: NULL where they are those of the latest. Weights are found of all whole steps together. */
-static void pass_step_on(linearising *all, const piece *of, const matrix *slope)
+/* The same of a kind; slope: NULL where they are those of the latest. Weights are found of all kinds together. */
+static void pass_kind_on(linearising *all, const piece *of, const matrix *slope)
 {
     const int n = all->at->moving.n;
+    matrix *exponents = &all->exponents[of->kind], *passage = &all->passage[of->kind];
     if (slope) {
-        find_exponents(all, of, slope, &all->exponents);
-        find_exponential(n, &all->exponents, terms_of(all, n, &all->exponents), &all->passage);
+        find_exponents(all, of, slope, exponents);
+        find_exponential(n, exponents, terms_of(all, n, exponents), passage);
     }
-    add_scaled(n, 1.0, &all->exponents, &all->sum);
-    all->whole++;
+    add_scaled(n, 1.0, exponents, &all->sum);
+    all->length += of->to - of->from;
     if (slope || !all->run->shared) {
-        put_passage(all, &all->passage, all->run->shared ? 0 : all->pieces);
+        put_passage(all, passage, all->run->shared ? of->kind : all->pieces);
     }
 }
 
-/* Adds a piece of which the ends are known; alike: its slopes are those of the latest whole step, which it is one of. */
-static void add_piece(linearising *all, const piece *of, int alike)
+/* Adds a piece of which the ends are known. */
+static void add_piece(linearising *all, const piece *of)
 {
     const gyro_run *run = all->run;
+    const int bent = of->kind == KINDS, alike = !bent && all->alike[of->kind];
     matrix slope[NODES];
     for (int node = 0; node < NODES; node++) {
         const int64_t i = all->pieces * NODES + node;
@@ -192,19 +195,20 @@ static void add_piece(linearising *all, const piece *of, int alike)
             find_slope(&all->at->view, &all->at->moving, &all->along, &slope[node]);
         }
     }
-    if (of->bent) {
+    run->lies[all->pieces] = of->step;
+    run->part[all->pieces] = bent ? run->kinds + all->parts : of->kind;
+    if (bent) {
         pass_part_on(all, of, slope);
         all->parts++;
     } else {
-        pass_step_on(all, of, alike ? NULL : slope);
+        pass_kind_on(all, of, alike ? NULL : slope);
+        all->alike[of->kind] = is_straight_between(&all->at->view);
     }
-    run->lies[all->pieces] = of->step;
-    run->part[all->pieces] = of->bent ? all->parts : 0;
     run->length[all->pieces] = of->to - of->from;
     all->pieces++;
 }
 
-/* Whether a force may bend the motion of a step in a place, by its ends. */
+/* Whether a force may bend the motion of a piece in a place, by its ends. */
 static int is_bent(const linearising *all, const piece *of)
 {
     traveller *at = all->at;
@@ -214,71 +218,145 @@ static int is_bent(const linearising *all, const piece *of)
     for (int k = 0; k < at->moving.n && level; k++) {
         const int i = at->moving.place[k];
         const double change = of->state[1][i] - of->state[0][i], rate[2] = {of->rate[0][i], of->rate[1][i]};
-        level = goes_within(room[i], change, beside_line(all->run->step, change, rate));
+        level = goes_within(room[i], change, beside_line(length_of(all, of), change, rate));
     }
     return !level;
 }
 
-/* Adds a step by the parts that the plant's series go; gives 0 where there is no room for them. */
-static int add_parts(linearising *all, const piece *whole)
-{
-    const gyro_run *run = all->run;
-    const double from = run->start + (double)whole->step * run->step;
+/* The motion over a piece as the plant's series go it. */
+typedef struct {
+    gyro_view view;
     gyro_course course;
     gyro_passage along;
-    look_from(all->at, run, whole->step, 0.0, whole->state[0]);
-    gyro_view view = all->at->view;
-    find_course(&view, all->at->value, from, from + run->step, run->step, &course);
-    begin_passage(&along, &all->g->plan.series, &course);
-    const int pairs = view.any_state ? GYRO_STATE_PAIRS : GYRO_MOTION_PAIRS;
+    double begin, length; /* s */
+    int pairs;            /* of states */
+} by_series;
+
+static void begin_series(linearising *all, const piece *of, by_series *motion)
+{
+    const gyro_run *run = all->run;
+    look_from(all->at, run, of->step, of->from, of->state[0]);
+    motion->view = all->at->view;
+    motion->begin = motion->view.t;
+    motion->length = length_of(all, of);
+    motion->pairs = motion->view.any_state ? GYRO_STATE_PAIRS : GYRO_MOTION_PAIRS;
+    find_course(&motion->view, all->at->value, motion->begin, motion->begin + motion->length, motion->length, &motion->course);
+    begin_passage(&motion->along, &all->g->plan.series, &motion->course);
+}
+
+static void go_on(const linearising *all, by_series *motion)
+{
+    advance_next(&motion->view, all->at->value, &motion->course, motion->begin, motion->length, motion->pairs, &motion->along);
+}
+
+/* The states at the end of a piece. */
+static void find_last(linearising *all, const piece *of, double state[GYRO_N_STATES])
+{
+    by_series motion;
+    begin_series(all, of, &motion);
+    while (motion.along.done < 1.0) {
+        go_on(all, &motion);
+    }
+    memcpy(state, motion.view.s, sizeof motion.view.s);
+}
+
+/* Adds a piece by the parts that the plant's series go; gives 0 where there is no room for them. */
+static int add_parts(linearising *all, const piece *of)
+{
+    by_series motion;
     int fits = 1;
-    while (along.done < 1.0 && fits) {
+    begin_series(all, of, &motion);
+    while (motion.along.done < 1.0 && fits) {
         double before[GYRO_N_STATES];
-        piece part = {.step = whole->step, .bent = 1, .from = along.done, .state = {before, view.s}};
-        memcpy(before, view.s, sizeof before);
+        piece part = {.step = of->step, .kind = KINDS, .state = {before, motion.view.s}};
+        part.from = of->from + motion.along.done * (of->to - of->from);
+        memcpy(before, motion.view.s, sizeof before);
         /* Where no series serves, the shortest part alone, as cubics have to follow the speed in it. */
-        along.stages = 1;
-        advance_next(&view, all->at->value, &course, from, run->step, pairs, &along);
-        part.to = along.done;
-        fits = all->parts < run->parts;
+        motion.along.stages = 1;
+        go_on(all, &motion);
+        part.to = of->from + motion.along.done * (of->to - of->from);
+        fits = all->parts < all->run->parts;
         if (fits) {
             find_ends(all, &part);
-            add_piece(all, &part, 0);
+            add_piece(all, &part);
         }
     }
     return fits;
+}
+
+/* Adds a piece, or the parts that it needs; gives 0 where there is no room for them. */
+static int add_pieces(linearising *all, piece *of)
+{
+    const gyro_run *run = all->run;
+    int fits = 1;
+    come_to(all->at, run, of->step, of->from);
+    find_ends(all, of);
+    if (run->parts > 0 && is_bent(all, of)) {
+        fits = add_parts(all, of);
+    } else {
+        add_piece(all, of);
+    }
+    return fits;
+}
+
+/* Whether another command comes within a step. */
+static int is_cut(const gyro_run *run, int64_t step)
+{
+    const double *before = run->values + acting_step(run, step, 0.0) * run->n_inputs, *after = run->values + acting_step(run, step, 1.0) * run->n_inputs;
+    int cut = 0;
+    for (int64_t i = 0; i < run->n_inputs; i++) {
+        cut = cut || (is_command(run->inputs[i]) && before[i] != after[i]);
+    }
+    return cut;
 }
 
 /* The pieces of a step; gives 0 where there is no room for them. */
 static int add_step(linearising *all, int64_t step)
 {
     const gyro_run *run = all->run;
-    const double *state = run->state + step * GYRO_N_STATES;
-    piece whole = {.step = step, .from = 0.0, .to = 1.0, .state = {state, state + GYRO_N_STATES}};
+    const double *state = run->state + step * GYRO_N_STATES, cut = late_part(run);
     int fits = 1;
-    all->alike = all->alike && is_alike(run, step);
-    come_to(all->at, run, step);
-    find_ends(all, &whole);
+    for (int kind = 0; kind < run->kinds; kind++) {
+        all->alike[kind] = all->alike[kind] && is_alike(run, step);
+    }
     if (run->acceleration) {
         if (step == 0) {
             find_accelerations(all, step, 0);
         }
         find_accelerations(all, step, 1);
     }
-    if (run->parts > 0 && is_bent(all, &whole)) {
-        fits = add_parts(all, &whole);
+    if (is_cut(run, step)) {
+        double middle[GYRO_N_STATES];
+        piece before = {.step = step, .kind = KIND_BEFORE, .from = 0.0, .to = cut, .state = {state, middle}};
+        piece after = {.step = step, .kind = KIND_AFTER, .from = cut, .to = 1.0, .state = {middle, state + GYRO_N_STATES}};
+        come_to(all->at, run, step, 0.0);
+        find_last(all, &before, middle);
+        fits = add_pieces(all, &before) && add_pieces(all, &after);
     } else {
-        add_piece(all, &whole, all->alike);
-        all->alike = is_straight_between(&all->at->view);
+        piece whole = {.step = step, .kind = KIND_WHOLE, .from = 0.0, .to = 1.0, .state = {state, state + GYRO_N_STATES}};
+        fits = add_pieces(all, &whole);
     }
     return fits;
+}
+
+/* What rates add over pieces of the kinds, by the mean of all slopes. */
+static void weigh_kinds(linearising *all)
+{
+    const gyro_run *run = all->run;
+    const int n = all->at->moving.n;
+    matrix mean = {{{0.0}}};
+    add_scaled(n, all->length > 0.0 ? 1.0 / (run->step * all->length) : 0.0, &all->sum, &mean);
+    for (int kind = 0; kind < run->kinds; kind++) {
+        passing over;
+        find_passing(n, &mean, run->step * length_of_kind(run, kind), 1.0, &over);
+        put_weight(all, over.weight, kind);
+    }
 }
 
 int gyro_linearise(void *instance, const gyro_run *run)
 {
     const gyro_instance *g = ((fmi_instance *)instance)->core;
     linearising all = {.g = g, .run = run, .at = run->base};
-    const int n = all.at->moving.n;
     int fits = 1;
     run->until[0] = 0;
     for (int64_t step = 0; step < run->steps && fits; step++) {
@@ -287,11 +365,7 @@ int gyro_linearise(void *instance, const gyro_run *run)
             run->until[(step + 1) / run->stride] = all.pieces;
         }
     }
-    passing step;
-    matrix mean = {{{0.0}}};
-    add_scaled(n, 1.0 / (run->step * (double)(all.whole > 0 ? all.whole : 1)), &all.sum, &mean);
-    find_passing(n, &mean, run->step, 1.0, &step);
-    put_weight(&all, step.weight, 0);
-    come_to(all.at, run, 0);
+    weigh_kinds(&all);
+    come_to(all.at, run, 0, 0.0);
     return fits;
 }

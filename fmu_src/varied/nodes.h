@@ -20,11 +20,27 @@ typedef struct {
 
 static inline int64_t step_of(const gyro_nodes *at, int64_t i) { return at->lies[i / at->each]; }
 
-static inline void take_inputs(gyro_view *g, const gyro_run *run, int64_t step)
+/* Steps that pass before a command acts, but for a part of one. */
+static inline int64_t late_steps(const gyro_run *run) { return (int64_t)run->late; }
+
+/* The part of a step in which a late command comes. */
+static inline double late_part(const gyro_run *run) { return run->late - (double)late_steps(run); }
+
+/* The step whose command acts at a part of `step`. */
+static inline int64_t acting_step(const gyro_run *run, int64_t step, double part)
 {
-    const double *values = run->values + step * run->n_inputs;
+    const int64_t from = step - late_steps(run) - (part < late_part(run));
+    return from > 0 ? from : 0;
+}
+
+static inline int is_command(uint32_t input) { return input == GYRO_U_X || input == GYRO_U_Y; }
+
+/* Inputs at a part of a step. */
+static inline void take_inputs(gyro_view *g, const gyro_run *run, int64_t step, double part)
+{
+    const double *values = run->values + step * run->n_inputs, *acting = run->values + acting_step(run, step, part) * run->n_inputs;
     for (int64_t i = 0; i < run->n_inputs; i++) {
-        g->p[run->inputs[i]] = values[i];
+        g->p[run->inputs[i]] = is_command(run->inputs[i]) ? acting[i] : values[i];
     }
 }
 
@@ -56,11 +72,11 @@ static inline void press(gyro_view *g, const double *command)
 
 static inline const double *command_of(const gyro_nodes *at, int64_t i) { return at->command ? at->command + 2 * i : NULL; }
 
-/* Inputs at a node, which stay over its step, where no law acts. */
+/* Inputs at a node, which stay over its piece, where no law acts. */
 static inline void bring_inputs(gyro_view *g, const gyro_nodes *at, int64_t i)
 {
     if (i % at->each == 0) {
-        take_inputs(g, at->run, step_of(at, i));
+        take_inputs(g, at->run, step_of(at, i), at->place[i]);
         take_command(g, command_of(at, i));
         take_made(g, g->p);
     }

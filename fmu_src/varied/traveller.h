@@ -10,16 +10,22 @@
 #include "level.h"
 #include "plant.h"
 
+/* Pieces that pass differences on alike: whole steps, and their parts before and after a late force comes. */
+enum { KIND_WHOLE, KIND_BEFORE, KIND_AFTER, KINDS };
+
 /* Numbers that a column of the states that move takes: a whole number of four, by which processors add them. */
 enum { ROOM = (GYRO_N_STATES + 3) / 4 * 4 };
 static inline int column_room(int n) { return (n + 3) / 4 * 4; }
 
+/* A part of a step that is none. */
+static const double NO_PART = 1e-9;
+
 /* States that move beside those of a run, of which a small force on its motion comes: linear, driven by the states of the run. */
 typedef struct {
     chosen among;
-    matrix slope;      /* how their rates go with them, 1/s in their units */
-    passing to[NODES]; /* the nodes of a whole step */
-    passing whole;
+    matrix slope;             /* how their rates go with them, 1/s in their units */
+    passing to[KINDS][NODES]; /* the nodes of a piece, by its kind */
+    passing whole[KINDS];
     double state[GYRO_N_STATES]; /* SI */
 } driven;
 
@@ -74,7 +80,7 @@ static inline int is_alike(const gyro_run *run, int64_t step)
     const double *now = run->values + step * run->n_inputs;
     for (int64_t i = 0; i < run->n_inputs && alike; i++) {
         const uint32_t vr = run->inputs[i];
-        alike = vr == GYRO_U_X || vr == GYRO_U_Y || now[i] == now[i - run->n_inputs];
+        alike = is_command(vr) || now[i] == now[i - run->n_inputs];
     }
     return alike;
 }
@@ -99,7 +105,20 @@ static inline int is_followed(const gyro_instance *g)
     for (int i = 0; i < GYRO_N_LAGGING; i++) {
         lagging |= g->view.active[follow_effects[i]];
     }
-    return !(g->plan.any_delay || g->plan.any_lag || g->view.any_memory || g->view.any_impulse || g->view.any_rate || lagging);
+    return !(g->plan.any_lag || g->view.any_memory || g->view.any_impulse || g->view.any_rate || lagging);
+}
+
+/* Steps of a run that the force of an instance is late. */
+static inline double late_of(const gyro_instance *g, const gyro_run *run)
+{
+    const double late = gyro_between((gyro_instant){0, 0.0}, g->plan.delay) / run->step, nearest = (double)(int64_t)(late + 0.5);
+    return late - nearest > -NO_PART && late - nearest < NO_PART ? nearest : late;
+}
+
+/* The length of a piece by its kind, steps. */
+static inline double length_of_kind(const gyro_run *run, int kind)
+{
+    return kind == KIND_WHOLE ? 1.0 : kind == KIND_BEFORE ? late_part(run) : 1.0 - late_part(run);
 }
 
 static inline void set_off(const gyro_instance *g, traveller *at)
@@ -118,11 +137,11 @@ static inline void set_off(const gyro_instance *g, traveller *at)
     }
 }
 
-/* Inputs and events of a step; an event within it counts from its nearer end. */
-static inline void come_to(traveller *at, const gyro_run *run, int64_t step)
+/* Inputs and events of a part of a step; an event within the step counts from its nearer end. */
+static inline void come_to(traveller *at, const gyro_run *run, int64_t step, double part)
 {
     gyro_view *view = &at->view;
-    take_inputs(view, run, step);
+    take_inputs(view, run, step, part);
     if (view->any_law) {
         const double *values = run->values + step * run->n_inputs, middle = run->start + ((double)step + 0.5) * run->step;
         for (int64_t i = 0; i < run->n_inputs; i++) {

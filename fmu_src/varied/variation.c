@@ -58,7 +58,9 @@ static void begin_own(traveller *at, const gyro_run *run)
             own->slope.of[i][j] = rate[place[i]] - rest[place[i]];
         }
     }
-    find_own_passings(own, run->step, own->to, &own->whole);
+    for (int kind = 0; kind < run->kinds; kind++) {
+        find_own_passings(own, run->step * length_of_kind(run, kind), own->to[kind], &own->whole[kind]);
+    }
 }
 
 /* Own states after a part of a piece, by their rates at its nodes; put where they stand among all. */
@@ -126,7 +128,7 @@ static void find_lawful_forcing(traveller *at, const gyro_nodes *nodes, part_of_
         const int64_t step = step_of(nodes, i);
         const double *base = nodes->rate[i];
         if (i % nodes->each == 0) {
-            come_to(at, nodes->run, step);
+            come_to(at, nodes->run, step, nodes->place[i]);
         }
         look_from(at, nodes->run, step, nodes->place[i], nodes->state[i]);
         press(&at->view, command_of(nodes, i));
@@ -160,11 +162,13 @@ static void drive_own(traveller *at, gyro_view *base, const pieces_of_run *of, g
         const int64_t piece = of->first + i / NODES;
         double *after = part->own_after[i / NODES];
         passing to_nodes[NODES], to_end;
-        const passing *to = own->to, *whole = &own->whole;
-        if (of->run->part[piece] > 0) {
+        const int64_t kind = of->run->part[piece];
+        const passing *to = to_nodes, *whole = &to_end;
+        if (kind < of->run->kinds) {
+            to = own->to[kind];
+            whole = &own->whole[kind];
+        } else {
             find_own_passings(own, of->run->length[piece] * of->run->step, to_nodes, &to_end);
-            to = to_nodes;
-            whole = &to_end;
         }
         for (int node = 0; node < NODES; node++) {
             pass_own(own, &to[node], part->rate + i, part->state[i + node]);
@@ -295,10 +299,11 @@ static void take_voltage(traveller *at, const gyro_run *run, const samples_of_ru
     for (int k = 0; k < at->moving.n; k++) {
         state[at->moving.place[k]] += difference[k];
     }
+    const double part = (double)(step - before);
     if (view->any_law || view->any_map) {
-        come_to(at, run, before);
+        come_to(at, run, before, part);
     }
-    look_from(at, run, before, (double)(step - before), state);
+    look_from(at, run, before, part, state);
     pick_off(view);
     amplify(view);
     convert(view);
@@ -412,7 +417,7 @@ int gyro_depart(void *instance, const gyro_run *run, void *made)
 {
     const gyro_instance *g = ((fmi_instance *)instance)->core;
     const gyro_view *base = &((const traveller *)run->base)->view;
-    const int followed = is_run(run) && is_followed(g) && states_of(base, &g->view).n == 0;
+    const int followed = is_run(run) && is_followed(g) && late_of(g, run) == run->late && states_of(base, &g->view).n == 0;
     if (followed) {
         traveller *at = made;
         set_off(g, at);
@@ -421,7 +426,7 @@ int gyro_depart(void *instance, const gyro_run *run, void *made)
         at->maps = is_mapped(&at->view) || is_mapped(base);
         at->moving = moving_of(base, run);
         at->own.among = states_of(&at->view, base);
-        come_to(at, run, 0);
+        come_to(at, run, 0, 0.0);
         compare_forces(at, base);
         find_forced(at, run);
         for (int k = 0; k < at->moving.n; k++) {

@@ -14,8 +14,8 @@
 #endif
 
 /* A run of `steps` steps, `stride` a sample. gyro_measure says how much room the rest takes, gyro_follow finds the motion and gyro_linearise what
-   lies along it. That is known by pieces: most are whole steps, and where a force bends the motion in a place, parts of one. States are those of
-   the model, as they are numbered in it; of one that does not move the value is 0. */
+   lies along it. That is known by pieces: most are whole steps, or their parts before and after a late force comes, and where a force bends the
+   motion in a place, parts of these. States are those of the model, as they are numbered in it; of one that does not move the value is 0. */
 typedef struct {
     int64_t steps;
     int64_t stride;
@@ -26,28 +26,30 @@ typedef struct {
     const double *command;  /* of which a step holds the mean, at samples, shape (steps / stride + 1, 2), N; NULL: it is held from sample to sample */
     double start;           /* s */
     double step;            /* s */
+    double late;            /* the command acts so many steps later; the first has acted before */
     int64_t states;         /* all of the model */
     int64_t moving;         /* of these, where the parameters are those of the run */
     int64_t room;           /* of a column of these: a few numbers more, which are 0 */
     int64_t even;           /* 1: nothing bends the motion */
     int64_t shared;         /* 1: the passage over each whole step is the same */
-    int64_t parts;          /* of steps, for which there is room; 0: there can be none */
+    int64_t kinds;          /* of pieces that pass differences on alike: 1, whole steps; or 3, and their parts before and after a late force comes */
+    int64_t parts;          /* other parts, for which there is room; 0: there can be none */
     int64_t size;           /* of what goes along a run, bytes */
     double *state;          /* at the ends of steps, shape (steps + 1, states), SI */
     double *voltage;        /* sampled there, shape (steps + 1, 2), V */
     double *acceleration;   /* there, under the force of `command`, or that which acted before, shape (steps + 1, 2), m/s^2; NULL: not asked for */
     double *slope;          /* of these by the states that move, at samples, or where nothing bends at any, shape (samples or 1, moving, 2), SI */
     int64_t *until;         /* pieces until each sample, shape (steps / stride + 1) */
-    int64_t *lies;          /* the step that a piece lies in, shape (steps + parts) */
-    int64_t *part;          /* which part of a step it is, from 1 on; 0: a whole one; likewise */
+    int64_t *lies;          /* the step that a piece lies in, shape (pieces): a step each, of 3 kinds two, and `parts` */
+    int64_t *part;          /* its kind, or from `kinds` on which other part it is; likewise */
     double *length;         /* of a piece, likewise, steps */
-    double *place;          /* of two nodes in each piece, shape (steps + parts, 2), in steps from where that begins which it lies in */
-    double *within;         /* the states at nodes, shape (steps + parts, 2, states), SI */
+    double *place;          /* of two nodes in each piece, shape (pieces, 2), in steps from where that begins which it lies in */
+    double *within;         /* the states at nodes, shape (pieces, 2, states), SI */
     double *rate;           /* of these there, likewise, SI/s */
-    double *passage;        /* of a difference over each piece, or `shared` over whole steps and by `part`: before by after, shape (steps or 1 and parts,
-                               moving, room), SI */
+    double *passage;        /* of a difference over each piece, or `shared` by `part`: before by after, shape (pieces or kinds + parts, moving, room),
+                               SI */
     void *base;             /* the view of the run at its start, `size` bytes */
-    double *weight;         /* what rates add to a difference over a piece, by `part`, node, rate and state, shape (1 + parts, 2, moving, room), s in the
+    double *weight;         /* what rates add to a difference over a piece, by `part`, node, rate and state, shape (kinds + parts, 2, moving, room), s in the
                                units of the states */
 } gyro_run;
 

@@ -117,6 +117,21 @@ def test_force_filter_holds_the_mean_of_butterworth(tau: float, order: int) -> N
     assert abs(ratio - gain) < 0.01 * abs(1 - gain) + 1e-5
 
 
+@pytest.mark.parametrize("name", ["voltage_filter", "force_filter"])
+def test_a_slow_filter_shows_a_small_change(name: str) -> None:
+    own = distortion(name)
+    p = {name: 100 / RATE, f"{name}_order": 4}
+
+    def passed(signal: Floats) -> Floats:
+        made = own.voltage(signal, Timing(0, 1 / RATE), p) if own.voltage else None
+        return own.force(signal, 1 / RATE, p) if own.force else np.asarray(made)
+
+    change = 1e-6 * SINE[::-1]
+    error = passed(SINE + change) - passed(SINE) - passed(change)
+    # The sum is rounded to 1e-10 of the change, which the filter leaves 1e-6 of.
+    assert np.abs(error).max() < 1e-3 * np.abs(passed(change)).max()
+
+
 def test_force_saturation_cuts() -> None:
     own = distortion("force_saturation")
     assert own.force is not None

@@ -252,7 +252,9 @@ def test_a_speed_and_a_single_axis(simulator: Simulator) -> None:
 
 
 DISTORTED = [{"clock_skew": 2e-5}, {"channel_delay": 3e-6}, {"force_scale": 0.05}, {"force_filter": 2e-6},
-             {"clock_skew": 1e-4, "force_scale": -0.02}]  # fmt: skip
+             {"clock_skew": 1e-4, "force_scale": -0.02}, {"voltage_filter": 2e-6}, {"voltage_filter": 2e-5},
+             {"voltage_filter": 3e-6, "actuator_delay": 7e-6, "amplifier_time_constant": 2e-6},
+             {"force_filter": 3e-6, "actuator_delay": 7e-6, "amplifier_time_constant": 2e-6}]  # fmt: skip
 
 
 @pytest.mark.parametrize(("senses", "hold"), SENSORS)
@@ -261,6 +263,10 @@ def test_what_a_defect_of_the_record_leaves_of_it(
     simulator: Simulator, base: Mapping[str, float], senses: str, hold: str
 ) -> None:
     run, own = record(SAMPLES, hold, senses), {**DEVICE, **base}
+    if senses == "acceleration" and (simulator.late(own) or "actuator_delay" in base):
+        # It is the slope of speeds in parts of a step.
+        assert simulator.follow(run, own) is None
+        return
     if hold != "zero" and any(name.startswith("force") for name in base):
         # Its force at a sample is not known.
         assert simulator.follow(run, own) is None
@@ -276,9 +282,8 @@ def test_a_defect_that_is_another_is_no_variation(simulator: Simulator) -> None:
     assert simulator.vary(followed, [(run, {**base, "clock_skew": 3e-5})]) == [None]
 
 
-@pytest.mark.parametrize("base", [{"actuator_delay": 1e-6}, {"play": 1e-6}, {"voltage_filter": 1e-6}])
-def test_a_motion_that_carries_more_is_not_followed(simulator: Simulator, base: Mapping[str, float]) -> None:
-    assert simulator.follow(record(), {**DEVICE, **base}) is None
+def test_a_motion_that_carries_more_is_not_followed(simulator: Simulator) -> None:
+    assert simulator.follow(record(), {**DEVICE, "play": 1e-6}) is None
 
 
 def probes() -> list[dict[str, float]]:
@@ -314,7 +319,7 @@ def test_what_acts_on_the_record_is_another_base(simulator: Simulator) -> None:
         for base in (filtered, DEVICE):
             quotients.compare([Point(run, base, simulator.run(run, base))], probes())
         served = {bool("voltage_filter" in base): good for base, good in fresh.seen.bases.items()}
-    assert served == {True: False, False: True}
+    assert served == {True: True, False: True}
 
 
 def test_a_large_change_is_simulated_and_no_test_of_a_kind(simulator: Simulator) -> None:
