@@ -52,12 +52,17 @@ def let_run_on(search: Search) -> Search:
 
 
 def _plainly_less(held: Fitter, other: Fitter, at: Fitted) -> bool:
-    """Whether ``at``, a fit of ``held``, leaves so much less of the openings, fitted to those of ``other``."""
+    """Whether ``at``, a fit of ``held``, leaves so much less of the openings, fitted to those of ``other``: than it
+    leaves there, and than it does where it is fitted to them as well."""
     number = parts(held.records)[0]
     openings = [beginnings(fitter, number) if number > 1 else fitter for fitter in (held, other)]
     begun = [own.evaluated(replace(at, whiten=own.plain(at.parameters))) for own in openings]
-    found = openings[1].fit(begun[1], FEW)
-    left = [own.off(fit) ** 2 for own, fit in zip(openings, (begun[0], found), strict=True)]
+
+    def fitted(which: int) -> float:
+        return openings[which].off(openings[which].fit(begun[which], FEW)) ** 2
+
+    limit = fitted(1) * DECISIVE
+    less = limit < openings[0].off(begun[0]) ** 2 and (number == 1 or limit < fitted(0))
     for own in (*(openings if number > 1 else ()), other):
         held.simulator.forget(own.records)
-    return left[1] * DECISIVE < left[0]
+    return less
