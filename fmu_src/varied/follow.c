@@ -19,7 +19,7 @@ static int is_bent_in_places(const gyro_instance *g)
     for (int i = 0; i < GYRO_N_LEVEL; i++) {
         cut |= g->view.active[gyro_level[i]];
     }
-    return cut && !g->view.any_law && g->plan.series.holds;
+    return cut && g->plan.series.holds;
 }
 
 int gyro_measure(void *instance, gyro_run *run)

@@ -24,6 +24,8 @@ BASES: Final = {
     "excess at rest": {**STEEP, "stribeck": 0.4, "stribeck_speed": 1e-5},
     "beside a mode": {**STEEP, **MODE},
     "beside a cubic stiffness": {**STEEP, "k3_x": 2e9},
+    "beside a step of the damping": {**STEEP, "damping_step_factor": 0.5, "damping_step_time": 0.0071223},
+    "beside a law": {**STEEP, "ageing": 0.05},
     "stops": {"stop_stiffness": 300.0, "stop_gap": 4e-8, "stop_damping": 1e-3},
 }
 STEP: Final = {"x_start": 2e-14, "k3_x": 1e5, "force_x": 1e-13}
