@@ -325,6 +325,10 @@ static int add_step(linearising *all, int64_t step)
         }
         find_accelerations(all, step, 1);
     }
+    if (run->late > 0.0) {
+        /* As travellers find it: a force that comes at a sample may do so a picosecond earlier in the plant. */
+        find_voltage(all->at, run, step, 1.0, state + GYRO_N_STATES, run->voltage + 2 * (step + 1));
+    }
     if (is_cut(run, step)) {
         double middle[GYRO_N_STATES];
         piece before = {.step = step, .kind = KIND_BEFORE, .from = 0.0, .to = cut, .state = {state, middle}};

@@ -172,6 +172,21 @@ static inline void look_from(traveller *at, const gyro_run *run, int64_t step, d
     }
 }
 
+/* The voltage at a part of a step, in some states. */
+static inline void find_voltage(traveller *at, const gyro_run *run, int64_t step, double part, const double state[GYRO_N_STATES], double found[2])
+{
+    gyro_view *view = &at->view;
+    if (view->any_law || view->any_map) {
+        come_to(at, run, step, part);
+    }
+    look_from(at, run, step, part, state);
+    pick_off(view);
+    amplify(view);
+    convert(view);
+    found[0] = view->v[0];
+    found[1] = view->v[1];
+}
+
 /* The command [N] after so many steps, where it is another than that which was held; else NULL. */
 static inline const double *command_after(const gyro_run *run, int64_t steps)
 {

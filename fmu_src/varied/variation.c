@@ -290,7 +290,6 @@ static void find_states(const traveller *at, const gyro_run *run, const samples_
 
 static void take_voltage(traveller *at, const gyro_run *run, const samples_of_run *of, int64_t i, double out[2])
 {
-    gyro_view *view = &at->view;
     /* The inputs are those of the step before. */
     const int64_t step = step_of_sample(run, of, i), before = step > 0 ? step - 1 : 0;
     const double *base = run->voltage + 2 * step, *difference = of->part->difference[place_of_sample(run, of, i)];
@@ -299,16 +298,10 @@ static void take_voltage(traveller *at, const gyro_run *run, const samples_of_ru
     for (int k = 0; k < at->moving.n; k++) {
         state[at->moving.place[k]] += difference[k];
     }
-    const double part = (double)(step - before);
-    if (view->any_law || view->any_map) {
-        come_to(at, run, before, part);
-    }
-    look_from(at, run, before, part, state);
-    pick_off(view);
-    amplify(view);
-    convert(view);
-    out[0] = view->v[0] - base[0];
-    out[1] = view->v[1] - base[1];
+    double voltage[2];
+    find_voltage(at, run, before, (double)(step - before), state, voltage);
+    out[0] = voltage[0] - base[0];
+    out[1] = voltage[1] - base[1];
 }
 
 /* To first order; what forces the part of the run is overwritten. */

@@ -120,6 +120,20 @@ def test_they_are_those_of_the_exact_solution(simulator: Simulator, late: str) -
     assert np.abs(varied[:, 0] / step - slope).max() < 2e-6 * np.abs(slope).max()
 
 
+def test_a_force_that_comes_at_a_sample(simulator: Simulator) -> None:
+    # Periods of no whole number of picoseconds: the plant's clock has the force a picosecond earlier at some samples.
+    t = np.arange(2000) / 473_888
+    u = 2e-5 * np.sin(2 * np.pi * 3100 * t)[:, None]
+    run = make_record("run", t, u, u, sample_rate=473_888, hold="first")
+    base = {**DEVICE, "feedthrough": 8.0, "actuator_delay": 1 / 473_888}
+    followed = simulator.follow(run, base)
+    assert followed is not None
+    job = run, {**base, "kxx": base["kxx"] * (1 + 1e-7)}
+    [varied] = simulator.vary(followed, [job])
+    quotient = simulator.run(*job, rough=True) - simulator.run(run, base, rough=True)
+    assert varied is not None and np.linalg.norm(varied - quotient) < 1e-4 * np.linalg.norm(quotient)
+
+
 def test_what_is_late_by_another_time_is_no_variation(simulator: Simulator) -> None:
     run, base = record(), {**DEVICE, "actuator_delay": 2e-6, "amplifier_time_constant": 1e-6}
     followed = simulator.follow(run, base)
