@@ -35,13 +35,27 @@ def distorted(driven: Forced, axes: int, sizes: Mapping[str, float]) -> Forced:
     return np.ascontiguousarray(np.column_stack((u, values[:, axes:]))), names, step
 
 
-def commands(record: Record) -> Floats | None:
-    """The force of both axes at samples (n, 2) [N]; None where it is held from one to another."""
+def commands(record: Record, late: float = 0.0) -> Floats | None:
+    """The force of both axes that acts at samples (n, 2) [N], ``late`` [s] after it was sent; None where it is held
+    from one to another."""
     if record.hold == "zero":
         return None
     found = np.zeros((len(record.t), 2))
-    found[:, : record.axes] = record.u
+    found[:, : record.axes] = _delayed(record.u, record.hold, late * record.sample_rate) if late else record.u
     return found
+
+
+def _delayed(u: Floats, hold: str, samples: float) -> Floats:
+    """What runs through u (n, axes), so many samples later, its first value before."""
+    n = len(u)
+    if hold == "first":
+        return np.column_stack([np.interp(np.arange(n) - samples, np.arange(n), column) for column in u.T])
+    longer, margin = _continued(u)
+    spectrum = rfft(longer, axis=0)
+    turns = np.arange(len(spectrum)) / len(longer)
+    found = irfft(spectrum * np.exp(-2j * np.pi * samples * turns)[:, None], len(longer), axis=0)
+    found[margin : margin + ceil(samples)] = u[0]
+    return np.asarray(found[margin : margin + n])
 
 
 def steps_a_sample(record: Record) -> int:
@@ -73,14 +87,20 @@ def between(u: Floats, hold: str, stride: int) -> Floats:
         # h^2/12 times the second derivative.
         middle[1:-1] -= np.diff(middle, 2, axis=0) / 12
         return middle
-    # Continued by its point reflection, which keeps value and slope, so that the ends do not ring.
-    margin = min(MARGIN, n - 1)
-    longer = np.concatenate((2 * u[0] - u[margin:0:-1], u, 2 * u[-1] - u[-2 : -margin - 2 : -1]))
-    size = next_fast_len(len(longer), real=True)
-    longer = np.concatenate((longer, np.linspace(longer[-1], longer[0], size - len(longer) + 2)[1:-1]))
+    longer, margin = _continued(u)
+    size = len(longer)
     spectrum = rfft(longer, axis=0)
     turns = np.arange(len(spectrum)) / (size * stride)
     held = spectrum * (np.exp(1j * np.pi * turns) / np.sinc(turns))[:, None]
     fine = irfft(np.concatenate((held, np.zeros((size * stride // 2 + 1 - len(held), u.shape[1])))),
                  size * stride, axis=0) * stride  # fmt: skip
     return np.ascontiguousarray(fine[margin * stride : (margin + n) * stride])
+
+
+def _continued(u: Floats) -> tuple[Floats, int]:
+    """A force u (n, axes) continued at both ends to a ring, and by how many samples before the first: by its point
+    reflection, which keeps value and slope, so that the ends do not ring."""
+    margin = min(MARGIN, len(u) - 1)
+    longer = np.concatenate((2 * u[0] - u[margin:0:-1], u, 2 * u[-1] - u[-2 : -margin - 2 : -1]))
+    size = next_fast_len(len(longer), real=True)
+    return np.concatenate((longer, np.linspace(longer[-1], longer[0], size - len(longer) + 2)[1:-1])), margin

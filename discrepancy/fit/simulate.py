@@ -63,19 +63,21 @@ class _Latest(NamedTuple):
 
 class Played(NamedTuple):
     """How a record is simulated. driven: what acts in each step, beyond its end where the voltage reaches there;
-    stride: steps a sample; derived: whether accelerations are those of its speeds."""
+    stride: steps a sample; late: by how much the force acts later [s]; derived: whether accelerations are those of its
+    speeds."""
 
     record: Record
     distorted: Distorted
     timing: Timing
     driven: Forced
     stride: int
+    late: float
     derived: bool
 
     @property
     def commands(self) -> Floats | None:
         """The force at samples (n, 2) [N]; None where it is held."""
-        found = commands(self.record)
+        found = commands(self.record, self.late)
         beyond = len(self.driven[0]) // self.stride - len(self.record.t)
         return found if found is None else np.concatenate((found, np.repeat(found[-1:], beyond, axis=0)))
 
@@ -92,7 +94,7 @@ class Followed(NamedTuple):
 
     def recorded(self, column: Floats) -> Floats:
         """What is recorded of what is added to the voltage before the lag."""
-        record, own, timing, _, _, _ = self.played
+        record, own, timing, *_ = self.played
         column = lagged(column, timing.period, self.time_constant)
         if own.acting:
             v = lagged(self.v, timing.period, self.time_constant)
@@ -123,6 +125,7 @@ class Simulator:
         self._pool, self._callers = ThreadPoolExecutor(count), ThreadPoolExecutor(count)
         held = [e for e in model.effects if isinstance(e, Delay | Lag)]
         lags = [e for e in held if isinstance(e, Lag)]
+        self._delays = [e.delay.name for e in held if isinstance(e, Delay)]
         self._lags = [e.time_constant.name for e in lags]
         self._lag_movers = [q for e in lags for switch in model.wakers(e) for q in switch.sizes]
         self._late = [q for e in held for switch in (e, *model.wakers(e)) for q in switch.sizes]
@@ -367,18 +370,18 @@ class Simulator:
 
     def _played(self, record: Record, parameters: Mapping[str, float], rough: bool) -> Played:
         own = Distorted.at(parameters)
-        held_back = self._held_back(parameters)
-        # Behind a delay the force may change at a sample; what changes one that runs on leaves open what it is there.
-        fine = own.within or held_back or (record.hold != "zero" and bool(own.on_force))
-        derived = record.order == 2 and fine
+        # What changes a force that runs on leaves open what it is at a sample.
+        derived = record.order == 2 and (own.within or (record.hold != "zero" and bool(own.on_force)))
+        late = sum(parameters.get(name, 0.0) for name in self._delays)
         # A force that is held is so behind a delay, and needs no parts.
+        held_back = bool(late) if record.order else self._held_back(parameters)
         staircase = held_back and not rough and record.hold != "zero"
         split = derived or own.split or staircase or (own.within and not rough)
         values, names, step = self._inputs(record, SPLIT if split else 1, own.on_force)
         timing = Timing(self._first(record), 1 / record.sample_rate)
         samples = len(record.t)
         driven = own.lengthened(values, samples, timing), names, step
-        return Played(record, own, timing, driven, len(values) // samples, derived)
+        return Played(record, own, timing, driven, len(values) // samples, late, derived)
 
     def _on(self, bench: Bench, record: Record, parameters: Mapping[str, float], rough: bool) -> Floats:
         played = self._played(record, parameters, rough)

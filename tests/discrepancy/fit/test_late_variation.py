@@ -152,6 +152,46 @@ def test_a_speed_does_not_go_through_the_lag(simulator: Simulator) -> None:
     assert varied is not None and np.linalg.norm(varied - quotient) < 1e-4 * np.linalg.norm(quotient)
 
 
+@pytest.mark.parametrize("hold", ["zero", "first", "band-limited"])
+@pytest.mark.parametrize("late", ["a part of a step", "whole steps", "steps and a part", "both"])
+def test_an_acceleration_is_that_under_the_force_that_acts(simulator: Simulator, late: str, hold: str) -> None:
+    base = {**DEVICE, **LATE[late], "kxy": 0.0, "dxy": 0.0}
+    delay = base["actuator_delay"]
+    t, w = np.arange(SAMPLES) * PERIOD, 2 * np.pi * 3100
+    u = 2e-5 * np.cos(w * t)[:, None]
+    made = {senses: make_record("run", t, u, u, sample_rate=1 / PERIOD, hold=hold, senses=senses)
+            for senses in ("position", "velocity", "acceleration")}  # fmt: skip
+    x, v, a = (
+        simulator.run(own, {**base, "amplifier_time_constant": 0.0})[:, 0] * own.reference**own.order
+        for own in made.values()
+    )
+    x, v, a = (own / base["sense_gain_x"] for own in (x, v, a))
+    # Sent before the first sample of the force that comes at one.
+    sent = {
+        "zero": u[np.maximum(np.ceil(np.arange(SAMPLES) - delay / PERIOD - 1e-9).astype(int) - 1, 0), 0],
+        "first": np.interp(t - delay, t, u[:, 0]),
+        "band-limited": np.where(t > delay, 2e-5 * np.cos(w * (t - delay)), u[0, 0]),
+    }[hold]
+    force = sent - base["dxx"] * v - base["kxx"] * x
+    error = (a - force / base["m"])[100:]
+    # A force between samples comes by a Fourier series of a record that does not close.
+    assert np.abs(error).max() < (1e-3 if hold == "band-limited" else 1e-9) * np.abs(a).max()
+
+
+@pytest.mark.parametrize("hold", ["zero", "first", "band-limited"])
+@pytest.mark.parametrize("beside", ["linear", "a mode", "friction"])
+def test_columns_of_accelerations(simulator: Simulator, beside: str, hold: str) -> None:
+    run, base = record(hold, "acceleration"), {**DEVICE, **BASES[beside], **LATE["both"]}
+    followed = simulator.follow(run, base)
+    assert followed is not None
+    v = simulator.run(run, base, rough=True)
+    jobs = [(run, {**base, name: base[name] + NAMES[name]}) for name in ("m", "kxx", "dxy", "x_start")]
+    for job, varied in zip(jobs, simulator.vary(followed, jobs), strict=True):
+        quotient = simulator.run(*job, rough=True) - v
+        assert varied is not None
+        assert np.linalg.norm(varied - quotient) < 1e-3 * np.linalg.norm(quotient)
+
+
 def test_a_lag_that_the_temperature_moves_is_not_followed(simulator: Simulator) -> None:
     base = {**DEVICE, "amplifier_time_constant": 1e-6, "tcp": 1e-9}
     assert simulator.follow(record(), base) is None
