@@ -265,8 +265,8 @@ class Simulator:
         gains: list[Floats] = []
         travellers: dict[int, Traveller] = {}
         for number, (record, parameters) in enumerate(jobs):
-            alike = Distorted.at(parameters) == played.distorted
-            alike = alike and self._time_constant(record, parameters) == followed.time_constant
+            time_constant = self._time_constant(record, parameters)
+            alike = (Distorted.at(parameters), time_constant) == (played.distorted, followed.time_constant)
             with self._bench() as bench, suppress(InputError):
                 device = self._without_lag(record, parameters)
                 gains.append(_speed_gains(record, device))

@@ -368,7 +368,7 @@ static inline void set_states(const gyro_series *s, int power, double part, int 
 {
     const gyro_pair once = both(part), square = both(part * part);
     const int last = power / 2;
-    gyro_pair value[GYRO_STATE_PAIRS];
+    gyro_pair value[GYRO_STATE_PAIRS] = {{0.0}};
     for (int i = 0; i < pairs; i++) {
         const gyro_pair *c = s->of[i];
         gyro_pair even = c[2 * last], odd = power % 2 ? c[power] : both(0.0);

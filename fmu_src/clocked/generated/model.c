@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{600b2286-ea71-d29b-688d-6bca9cc2cd3b}";
+const char gyro_token[] = "{99f491ce-7fb7-ecb8-1809-d71c7b37b349}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},

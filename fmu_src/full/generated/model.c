@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{82101228-3bfe-806d-0801-a8bd0c2fdf74}";
+const char gyro_token[] = "{769ccda2-661b-305c-95ab-e2e9e566b4d3}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},
