@@ -19,6 +19,8 @@ LONGEST: Final = next(q.high for q in PARAMETERS if q.name == "internal_step")
 """Longest step [s] that the FMU takes."""
 MARGIN: Final = 256
 """Samples by which a record is continued at both ends before it is interpolated band-limited."""
+AT_SAMPLE: Final = 1e-6
+"""Of a period, up to which a late force comes at a sample: the plant's clock has it a picosecond earlier or later."""
 INPUTS: Final = ("u_x", "u_y", *CONDITIONS)
 
 Forced = tuple[Floats, tuple[str, ...], float]
@@ -36,9 +38,9 @@ def distorted(driven: Forced, axes: int, sizes: Mapping[str, float]) -> Forced:
 
 
 def commands(record: Record, late: float = 0.0) -> Floats | None:
-    """The force of both axes that acts at samples (n, 2) [N], ``late`` [s] after it was sent; None where it is held
-    from one to another."""
-    if record.hold == "zero":
+    """The force of both axes that acts at samples (n, 2) [N], ``late`` [s] after it was sent, that before where it
+    changes at one; None where that is the force of the last step."""
+    if record.hold == "zero" and not late:
         return None
     found = np.zeros((len(record.t), 2))
     found[:, : record.axes] = _delayed(record.u, record.hold, late * record.sample_rate) if late else record.u
@@ -48,6 +50,8 @@ def commands(record: Record, late: float = 0.0) -> Floats | None:
 def _delayed(u: Floats, hold: str, samples: float) -> Floats:
     """What runs through u (n, axes), so many samples later, its first value before."""
     n = len(u)
+    if hold == "zero":
+        return u[np.maximum(np.ceil(np.arange(n) - samples - AT_SAMPLE).astype(int) - 1, 0)]
     if hold == "first":
         return np.column_stack([np.interp(np.arange(n) - samples, np.arange(n), column) for column in u.T])
     longer, margin = _continued(u)

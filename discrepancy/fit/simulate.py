@@ -370,9 +370,10 @@ class Simulator:
 
     def _played(self, record: Record, parameters: Mapping[str, float], rough: bool) -> Played:
         own = Distorted.at(parameters)
-        # What changes a force that runs on leaves open what it is at a sample.
-        derived = record.order == 2 and (own.within or (record.hold != "zero" and bool(own.on_force)))
         late = sum(parameters.get(name, 0.0) for name in self._delays)
+        # What changes a force that runs on, or comes late, leaves open what it is at a sample.
+        open_at_samples = bool(own.on_force) and (record.hold != "zero" or late > 0)
+        derived = record.order == 2 and (own.within or open_at_samples)
         # A force that is held is so behind a delay, and needs no parts.
         held_back = bool(late) if record.order else self._held_back(parameters)
         staircase = held_back and not rough and record.hold != "zero"
