@@ -94,12 +94,14 @@ class Followed(NamedTuple):
 
     def recorded(self, column: Floats) -> Floats:
         """What is recorded of what is added to the voltage before the lag."""
-        record, own, timing, *_ = self.played
-        column = lagged(column, timing.period, self.time_constant)
-        if own.acting:
-            v = lagged(self.v, timing.period, self.time_constant)
+        column = self._lagged(column)
+        if self.played.distorted.acting:
+            v = self._lagged(self.v)
             column = self._distorted(v + column) - self._distorted(v)
-        return np.array(column[: len(record.t)], order="C")
+        return np.array(column[: len(self.played.record.t)], order="C")
+
+    def _lagged(self, v: Floats) -> Floats:
+        return lagged(v, self.played.timing.period, self.time_constant)
 
     def _distorted(self, v: Floats) -> Floats:
         own, timing = self.played.distorted, self.played.timing

@@ -17,8 +17,8 @@ enum { KIND_WHOLE, KIND_BEFORE, KIND_AFTER, KINDS };
 enum { ROOM = (GYRO_N_STATES + 3) / 4 * 4 };
 static inline int column_room(int n) { return (n + 3) / 4 * 4; }
 
-/* A part of a step that is none. */
-static const double NO_PART = 1e-9;
+/* Of a step, what a late force may be off an end of one and come there: less than a millionth of it changes a column by no more. */
+static const double NO_PART = 1e-6;
 
 /* States that move beside those of a run, of which a small force on its motion comes: linear, driven by the states of the run. */
 typedef struct {

@@ -94,12 +94,11 @@ def exact(device: Mapping[str, float], run: Record, delay: float, time_constant:
     state, out = np.zeros(7), []
     state[0] = device["x_start"]
     state[4] = gain * state[0]
-    for k_sample in range(len(run.t)):
-        out.append(state[4:6] if time_constant else gain * state[[0, 2]])
-        for passage, sample in zip(passages, (k_sample - steps - 1, k_sample - steps), strict=True):
+    for number in range(len(run.t)):
+        out.append(np.array(state[4:6] if time_constant else gain * state[[0, 2]]))
+        for passage, sample in zip(passages, (number - steps - 1, number - steps), strict=True):
             state[6] = run.u[max(sample, 0), 0]
             state = passage @ state
-        out[-1] = np.array(out[-1])
     found = np.array(out)
     return found[:, 0], found[:, 1]
 
@@ -166,7 +165,7 @@ def test_an_acceleration_is_that_under_the_force_that_acts(simulator: Simulator,
         for own in made.values()
     )
     x, v, a = (own / base["sense_gain_x"] for own in (x, v, a))
-    # Sent before the first sample of the force that comes at one.
+    # Of a force that comes at a sample that which acted before.
     sent = {
         "zero": u[np.maximum(np.ceil(np.arange(SAMPLES) - delay / PERIOD - 1e-9).astype(int) - 1, 0), 0],
         "first": np.interp(t - delay, t, u[:, 0]),
@@ -189,7 +188,9 @@ def test_columns_of_accelerations(simulator: Simulator, beside: str, hold: str) 
     for job, varied in zip(jobs, simulator.vary(followed, jobs), strict=True):
         quotient = simulator.run(*job, rough=True) - v
         assert varied is not None
-        assert np.linalg.norm(varied - quotient) < 1e-3 * np.linalg.norm(quotient)
+        # A friction that turns round within a step of 60 a period: as of speeds and voltages.
+        limit = 1e-3 if beside == "friction" else 2e-4
+        assert np.linalg.norm(varied - quotient) < limit * np.linalg.norm(quotient)
 
 
 def test_a_lag_that_the_temperature_moves_is_not_followed(simulator: Simulator) -> None:
@@ -220,7 +221,8 @@ def test_a_tone_behind_the_lag(time_constant: float) -> None:
     settled = np.column_stack(((response * np.exp(1j * w * t)).imag, (response * np.exp(1j * w * t)).real))
     # It begins where the tone does.
     expected = settled + (tone[0] - settled[0]) * np.exp(-t / time_constant)[:, None]
-    assert np.abs(lagged(tone, PERIOD, time_constant) - expected).max() < 1e-7
+    # Of a polynomial through six samples of 67 a period, 4e-9, and four times that at the ends.
+    assert np.abs(lagged(tone, PERIOD, time_constant) - expected).max() < 5e-8
 
 
 def test_a_constant_stays_and_a_short_voltage_is_left() -> None:
