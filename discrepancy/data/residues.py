@@ -9,7 +9,6 @@ from scipy.signal import cont2discrete, lfilter
 from discrepancy.data.modal import TINY
 from discrepancy.data.modes import LEAST, Mode
 from discrepancy.data.record import Floats, Record
-from discrepancy.data.rubbed import rubbed
 
 RUBBING: Final = 0.8
 """Of what modes leave without a friction (rms), that they leave at most with one that is plain: 0.05 to 0.53 where
@@ -56,17 +55,20 @@ def answered(records: Sequence[Record], modes: Sequence[Mode], *, higher: bool =
     return Answer(answers[:, :axes], answers[:, axes:], residuals, left)
 
 
-def may_rub(records: Sequence[Record], modes: Sequence[Mode]) -> bool:
-    """Whether it is worth while to look for others than these ``modes``, which may be none, beside a friction."""
+def may_rub(records: Sequence[Record], rubbing: Sequence[Record], modes: Sequence[Mode]) -> bool:
+    """Whether it is worth while to look for others than these ``modes``, which may be none, beside a friction, whose
+    course the same records ``rubbing`` have."""
     left = answered(records, modes).left if modes else 1.0
-    return left > MUCH or (left**2 > LEAST and answered(rubbed(records), modes).left < SOMEWHAT * left)
+    return left > MUCH or (left**2 > LEAST and answered(rubbing, modes).left < SOMEWHAT * left)
 
 
-def plainly_rub(records: Sequence[Record], without: Sequence[Mode], modes: Sequence[Mode]) -> bool:
-    """Whether ``modes`` beside the course of a friction leave plainly less than those ``without``, which may be
-    none."""
+def plainly_rub(
+    records: Sequence[Record], without: Sequence[Mode], rubbing: Sequence[Record], modes: Sequence[Mode]
+) -> bool:
+    """Whether ``modes`` beside the course of a friction, which the same records ``rubbing`` have, leave plainly less
+    than those ``without``, which may be none."""
     left = answered(records, without).left if without else 1.0
-    return answered(rubbed(records), modes).left < RUBBING * left
+    return answered(rubbing, modes).left < RUBBING * left
 
 
 def _starts(record: Record, modes: Sequence[Mode]) -> Floats:

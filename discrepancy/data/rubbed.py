@@ -10,12 +10,20 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import butter, sosfiltfilt, welch
 
+from discrepancy.data.modal import TINY
 from discrepancy.data.record import Floats, Record
 
 AT_REST: Final = 0.02
 """Of the highest speed, over which its sign changes: below, a smoothed speed is as well at rest."""
+WINDOWS: Final = 8
+"""Of a run, for its spectrum."""
+TOP: Final = 0.25
+"""Of the sample rate, from which a voltage is noise."""
+BINS: Final = 5
+"""Of a spectrum, over which what is no noise is smoothed."""
 SLOWEST: Final = 8.0
 """Periods of a run below which what is integrated is no motion."""
 
@@ -31,10 +39,23 @@ def sign(speed: Floats) -> Floats:
 
 
 def _speed(record: Record) -> Floats:
-    """The speed (n, axes), without unit."""
-    if record.order == 1:
-        return record.v
+    """The speed (n, axes), without unit and as far as noise lets see it."""
     if record.order == 0:
-        return np.asarray(np.gradient(record.v, axis=0))
-    slow = butter(2, 2 * SLOWEST / len(record.v), "highpass", output="sos")
-    return np.asarray(sosfiltfilt(slow, np.cumsum(record.v - record.v.mean(axis=0), axis=0), axis=0))
+        speed = np.gradient(record.v, axis=0)
+    elif record.order == 1:
+        speed = record.v
+    else:
+        slow = butter(2, 2 * SLOWEST / len(record.v), "highpass", output="sos")
+        speed = sosfiltfilt(slow, np.cumsum(record.v - record.v.mean(axis=0), axis=0), axis=0)
+    return np.column_stack([_quiet(own, v) for own, v in zip(speed.T, record.v.T, strict=True)])
+
+
+def _quiet(speed: Floats, v: Floats) -> Floats:
+    """A speed (n,) without what the white noise of the voltage (n,) makes of it (N. Wiener, Extrapolation,
+    Interpolation, and Smoothing of Stationary Time Series, 1949, chapter III)."""
+    f, power = welch(v, nperseg=len(v) // WINDOWS)
+    noise = float(np.median(power[f > TOP]))
+    share = uniform_filter1d(1 - noise / np.maximum(power, max(noise, TINY)), BINS)
+    both = np.concatenate((speed, speed[::-1]))
+    spectrum = np.fft.rfft(both) * np.interp(np.fft.rfftfreq(len(both)), f, share)
+    return np.asarray(np.fft.irfft(spectrum, len(both))[: len(speed)])

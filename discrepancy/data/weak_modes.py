@@ -41,21 +41,28 @@ LOBE: Final = 2
 def all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
     """As ``further_modes``, with those besides that driven ``records`` show only in what the others leave: a sensor of
     displacement sees a mode at three times the frequency with a thirtieth of the power, beyond where almost all is. Of
-    records that plainly show a friction beside them those that they show with it. Where displacements show none their
-    speeds are asked."""
-    found = _with_friction(records)
-    if any(found) or not is_driven(records) or not are_displacements(records):
-        return found
-    return _with_friction(as_speeds(records))
+    records that plainly show a friction beside them those that they show with it. Where displacements show none, or one
+    of a place that nothing holds, whose way hides what answers quickly, their speeds are asked too."""
+    rubbing = rubbed(records)
+    first, further = _with_friction(records, rubbing)
+    known = [*first, *further]
+    if not (is_driven(records) and are_displacements(records)) or (known and all(mode.seen for mode in known)):
+        return first, further
+    own, beside = _with_friction(as_speeds(records), as_speeds(rubbing))
+    if not known:
+        return own, beside
+    new = [m for m in (*own, *beside) if m.seen and all(apart(m.frequency, k.frequency) for k in known)]
+    return first, sorted([*further, *new])[:MOST]
 
 
-def _with_friction(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
+def _with_friction(records: Sequence[Record], rubbing: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
     found = _all_modes(records)
     known = sorted([*found[0], *found[1]])
-    if not is_driven(records) or not may_rub(records, known):
+    if not is_driven(records) or not may_rub(records, rubbing, known):
         return found
-    beside = _all_modes(rubbed(records))
-    return beside if beside[1] and plainly_rub(records, known, sorted([*beside[0], *beside[1]])) else found
+    beside = _all_modes(rubbing)
+    plainly = beside[1] and plainly_rub(records, known, rubbing, sorted([*beside[0], *beside[1]]))
+    return beside if plainly else found
 
 
 def _all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:

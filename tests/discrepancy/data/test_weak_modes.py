@@ -84,8 +84,8 @@ def test_no_friction_is_seen_where_none_is() -> None:
     for seed in (4601, 4602, 4610):
         _, records = structure(seed)
         modes = sorted([mode for own in all_modes(records) for mode in own])
-        assert not may_rub(records, modes)
-        assert not plainly_rub(records, modes, modes)
+        assert not may_rub(records, rubbed(records), modes)
+        assert not plainly_rub(records, modes, rubbed(records), modes)
 
 
 def test_a_place_that_drifts_far_hides_no_mode() -> None:
