@@ -80,7 +80,8 @@ def forced(record: Record, split: int) -> Forced:
 
 def between(u: Floats, hold: str, stride: int) -> Floats:
     """Steps (n*stride, axes) that stand for u (n, axes) with so many a sample period: held over each, they drive what
-    is slow against a step as u does, whose frequencies a hold would shrink by sinc."""
+    is slow against a step as u does, whose frequencies a hold would shrink by sinc. What that takes from a step its
+    neighbours have, so that all together push as u does: a mass that nothing holds keeps the speed of every push."""
     n = len(u)
     if hold == "zero":
         return np.repeat(u, stride, axis=0)
@@ -89,7 +90,7 @@ def between(u: Floats, hold: str, stride: int) -> Floats:
         middle = np.column_stack([np.interp(at, np.arange(n + 1), column) for column in longer.T])
         # Between two knots the middle is the mean as well; mean and hold shrink by sinc(f h)^2 = 1 - (pi f h)^2/3, by
         # h^2/12 times the second derivative.
-        middle[1:-1] -= np.diff(middle, 2, axis=0) / 12
+        middle -= np.diff(np.pad(middle, ((1, 1), (0, 0)), "edge"), 2, axis=0) / 12
         return middle
     longer, margin = _continued(u)
     size = len(longer)
@@ -98,7 +99,10 @@ def between(u: Floats, hold: str, stride: int) -> Floats:
     held = spectrum * (np.exp(1j * np.pi * turns) / np.sinc(turns))[:, None]
     fine = irfft(np.concatenate((held, np.zeros((size * stride // 2 + 1 - len(held), u.shape[1])))),
                  size * stride, axis=0) * stride  # fmt: skip
-    return np.ascontiguousarray(fine[margin * stride : (margin + n) * stride])
+    found = np.ascontiguousarray(fine[margin * stride : (margin + n) * stride])
+    found[0] -= (fine[margin * stride] - fine[margin * stride - 1]) / 12
+    found[-1] += (fine[(margin + n) * stride] - fine[(margin + n) * stride - 1]) / 12
+    return found
 
 
 def _continued(u: Floats) -> tuple[Floats, int]:

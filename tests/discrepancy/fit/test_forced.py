@@ -1,0 +1,49 @@
+"""The force that drives the steps of a run, against the motion of a free mass by formula."""
+
+import numpy as np
+import pytest
+
+from discrepancy.data.record import make_record
+from discrepancy.fit.simulate import Simulator
+from gyro_model.model import load_model
+
+RATE, SAMPLES, LOSS = 2000.0, 4000, 0.4
+"""Hz; none; damping over mass [1/s]."""
+T = np.arange(SAMPLES) / RATE
+
+
+def place(w: np.ndarray, phase: np.ndarray) -> np.ndarray:
+    """Of 1 kg that a damper alone slows down, from rest under forces cos(w t + phase)."""
+    z = np.exp(1j * phase) / (1j * w * (1j * w + LOSS))
+    swing = (z * np.exp(1j * np.outer(T, w))).sum(axis=1).real
+    at, speed = z.sum().real, (1j * w * z).sum().real
+    return swing - at - speed * (1 - np.exp(-LOSS * T)) / LOSS
+
+
+def simulated(u: np.ndarray, hold: str, more: dict[str, float]) -> np.ndarray:
+    record = make_record("run", T, u, np.sin(T), sample_rate=RATE, hold=hold)
+    parameters = {"m": 1.0, "kxx": 1e-9, "dxx": LOSS, "sense_gain_x": 1.0, **more}
+    with Simulator(load_model(), jobs=1) as simulator:
+        return simulator.run(record, parameters)[:, 0]
+
+
+# Behind a delay of next to nothing the force goes in steps a quarter as long.
+@pytest.mark.parametrize("more", [{}, {"actuator_delay": 1e-12}], ids=["plain", "late"])
+def test_a_free_mass_keeps_the_speed_of_every_push(more: dict[str, float]) -> None:
+    # Sines, which go on before the first sample as a record is continued there.
+    w, phase = 2 * np.pi * np.array([7.0, 31.0, 300.0]), np.full(3, -np.pi / 2)
+    u, true = np.cos(np.outer(T, w) + phase).sum(axis=1), place(w, phase)
+    # The third order of a hold of 1/6000 s at 300 Hz; 1.3e-5 where the first push lacks what its neighbours have of it.
+    assert np.abs(simulated(u, "band-limited", more) - true).max() < 5e-6 * np.abs(true).max()
+
+
+def test_a_force_on_straight_lines_pushes_as_their_corners_say() -> None:
+    u, fine = np.random.default_rng(1).standard_normal(SAMPLES), 100
+    t = np.arange(SAMPLES * fine) / (RATE * fine)
+    force = np.interp(t, T, u)
+    # Speed and place by the trapezium rule, a hundred steps a sample.
+    kept, step = np.exp(-LOSS * t), t[1]
+    speed = kept * np.concatenate(([0.0], np.cumsum(0.5 * step * (force[1:] / kept[1:] + force[:-1] / kept[:-1]))))
+    true = np.concatenate(([0.0], np.cumsum(0.5 * step * (speed[1:] + speed[:-1]))))[::fine]
+    # The rule is off by 1e-7; a first push that is short makes 1.6e-4.
+    assert np.abs(simulated(u, "first", {}) - true).max() < 1e-6 * np.abs(true).max()
