@@ -36,6 +36,9 @@ FARTHEST: Final = 1e6
 """Times the first guess, at which a probe is no size of anything: what changes nothing there never does."""
 ATTEMPTS: Final = 8
 """Tries at a probe of the right size."""
+GROWS: Final = 1.1
+"""By how much twice a step changes more at least. What grows by less, and is too small, is no change of the device: the
+plant's steps are shorter beside what acts within them."""
 Kind = Callable[[Effect | Defect], bool]
 """Says of an effect whether it is one of those that are asked for."""
 HEAD: Final = 2000
@@ -409,8 +412,12 @@ class _Scale:
                 step = farthest if change < self.target else 1e-3 * step
                 continue
             if not power:
-                larger = self._change(q, shapes, base, sign * 2 * step, trials)
-                power = int(np.clip(round(np.log2(larger / change)), 1, 4)) if 0 < larger < np.inf else 1
+                within = 2 * step <= room
+                other = self._change(q, shapes, base, sign * step * (2.0 if within else 0.5), trials)
+                smaller, larger = (change, other) if within else (other, change)
+                if change < self.target and larger < GROWS * smaller:
+                    return None
+                power = int(np.clip(round(np.log2(larger / smaller)), 1, 4)) if smaller > 0 and larger < np.inf else 1
             step *= float((self.target / change) ** (1 / power))
         change = self._change(q, shapes, base, sign * min(step, room), trials)
         return Probe(q, sign * min(step, room), power or 1) if 0 < change < np.inf else None

@@ -1,6 +1,7 @@
 """What changes nothing on given runs is probed once, and again only when something could have woken it."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
@@ -42,6 +43,14 @@ def probed(
         patched.setattr(columns._Scale, "probe", noted)
         library.candidates(*begun, present)
     return found
+
+
+def test_what_changes_the_same_whatever_its_size_is_no_candidate(begun: tuple[Fitter, Fitted]) -> None:
+    # Beside a lag the force goes in shorter steps, whatever lag a temperature that stays at its reference makes.
+    records = [replace(record, hold="first") for record in begun[0].records]
+    fitter = Fitter(begun[0].simulator, records)
+    at = fitter.evaluated(begun[1])
+    assert not Library(fitter).candidates(fitter, at, [], lambda effect: effect.id == "thermal_phase")
 
 
 def test_only_what_may_have_woken_is_tried_again(begun: tuple[Fitter, Fitted], monkeypatch: pytest.MonkeyPatch) -> None:
