@@ -109,7 +109,7 @@ class Quotients:
         self._kinds.update({kind: False for kind, column in columns.items() if column is None})
         shown = {kind: column for kind, column in columns.items() if column is not None}
         # Of what is late both ways go in whole steps.
-        rough = self.simulator.late(point.record, point.parameters)
+        rough = self.simulator.late(point.parameters)
         beside = self._rough(point) if rough else point.v
         simulated = self.simulator.try_all([point.changed(new[kind]) for kind in shown], rough=rough)
         found = {}
@@ -137,7 +137,7 @@ class Quotients:
         refuses one or the motion leaves all bounds."""
         left = self._vary(point, probes, found)
         simulator, limit = self.simulator, FAR * self.signal
-        rough = simulator.late(point.record, point.parameters)
+        rough = simulator.late(point.parameters)
         near = [rough and not simulator.refines(probes[i]) for i in left]
         for which, beside in ((False, point.v), (True, self._rough(point) if any(near) else point.v)):
             chosen = [i for i, own in zip(left, near, strict=True) if own is which]

@@ -5,14 +5,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from functools import cached_property
 from queue import SimpleQueue
 from time import perf_counter, thread_time
 from types import TracebackType
 from typing import Final, NamedTuple, Self, TypeVar
 
 import numpy as np
-from sympy import sympify
 
 from discrepancy.clock import Clock
 from discrepancy.data.record import LEVELS, Floats, Record
@@ -25,9 +23,7 @@ from discrepancy.fit.variation import Driven, Motion, Seen, Traveller
 from gyro_model.anatomy import Delay, Lag
 from gyro_model.build import build_form
 from gyro_model.errors import InputError
-from gyro_model.level import regions
 from gyro_model.model import Model
-from gyro_model.quantities import Quantity
 from gyro_model.varied import varied_model
 
 SPLIT: Final = 4
@@ -204,12 +200,11 @@ class Simulator:
         """Whether one of the parameters asks for parts of a step where it is not neutral."""
         return not self._refining.isdisjoint(parameters)
 
-    def late(self, record: Record, parameters: Mapping[str, float]) -> bool:
+    def late(self, parameters: Mapping[str, float]) -> bool:
         """Whether something acts within a step of which two runs in whole steps know the difference: a delay, a lag or
-        a filter of the voltage, and not one of the force; what accelerometers see bend the motion in places, while the
-        force runs on."""
+        a filter of the voltage, and not one of the force."""
         own = Distorted.at(parameters)
-        return (self._held_back(parameters) or own.within or self._bent(record, parameters)) and not own.split
+        return (self._held_back(parameters) or own.within) and not own.split
 
     def run_all(self, jobs: Sequence[Job]) -> list[Floats]:
         """``run`` of each job, in parallel."""
@@ -236,7 +231,7 @@ class Simulator:
         """The motion of a run, along which ``vary`` goes; None where more acts than that follows. Raises InputError as
         ``run`` does."""
         self.clock.check()
-        played = self._played(record, parameters, rough=self.late(record, parameters))
+        played = self._played(record, parameters, rough=self.late(parameters))
         time_constant = self._time_constant(record, parameters)
         if played.derived or time_constant is None:
             return None
@@ -324,20 +319,6 @@ class Simulator:
     def _held_back(self, parameters: Mapping[str, float]) -> bool:
         return any(parameters.get(q.name, q.start) != q.start for q in self._late)
 
-    def _bent(self, record: Record, parameters: Mapping[str, float]) -> bool:
-        """Whether accelerometers see a force that runs on meet what bends the motion in places, as a dry friction does
-        at rest: the staircase of the force moves the jumps past samples, by 0.4 of a noise of 0.003 of the motion,
-        which any delay, with its shorter steps, would seem to mend."""
-        if record.hold == "zero" or record.order < 2:
-            return False
-        return any(parameters.get(q.name, q.start) != q.start for q in self._bending[record.axes - 1])
-
-    @cached_property
-    def _bending(self) -> tuple[list[Quantity], list[Quantity]]:
-        """Sizes of what bends the motion in places, of x and of both axes."""
-        bends = [(q, e) for e in self.model.forces if regions(e, self.model) for q in e.sizes]
-        return [q for q, e in bends if sympify(e.force[0]).has(q.symbol)], [q for q, _ in bends]
-
     def _time_constant(self, record: Record, parameters: Mapping[str, float]) -> float | None:
         """Of the amplifier's lag [s], 0 where nothing goes through it; None where it moves."""
         if record.order:
@@ -397,7 +378,7 @@ class Simulator:
         derived = record.order == 2 and (own.within or open_at_samples)
         # A force that is held is so behind a delay, and needs no parts.
         held_back = bool(late) if record.order else self._held_back(parameters)
-        staircase = (held_back or self._bent(record, parameters)) and not rough and record.hold != "zero"
+        staircase = held_back and not rough and record.hold != "zero"
         split = derived or own.split or staircase or (own.within and not rough)
         values, names, step = self._inputs(record, SPLIT if split else 1, own.on_force)
         timing = Timing(self._first(record), 1 / record.sample_rate)

@@ -28,7 +28,7 @@ def test_they_agree_with_those_in_parts_of_a_step(
         begun = fitter.begin(dataset.nominal)
         at = fitter.evaluated(replace(begun, parameters={**begun.parameters, **held_back}))
         probes = [{name: at.parameters.get(name, 0.0) + step} for name, step in PROBES.items()]
-        assert simulator.late(dataset.fit[0], at.parameters) and not any(map(simulator.refines, probes))
+        assert simulator.late(at.parameters) and not any(map(simulator.refines, probes))
         rough = fitter.columns(at, 0, probes)
         monkeypatch.setattr(simulator, "refines", lambda names: True)
         fine = fitter.columns(at, 0, probes)

@@ -7,8 +7,6 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import butter, lsim
 
-from benchmarks.rubbing import Rubbing, motion
-from benchmarks.structures import Structure
 from discrepancy.clock import Clock, OutOfTime
 from discrepancy.data.record import Record, make_record
 from discrepancy.fit.bench import Bench
@@ -198,21 +196,3 @@ def test_what_changes_the_voltage_alone_is_no_other_run(monkeypatch: pytest.Monk
         assert np.std(first - second) > 1e-3 * np.std(second)
         # Another device is another run.
         assert not np.array_equal(own.run(run, OSCILLATOR | {"kxx": 1.01}), own.run(run, OSCILLATOR))
-
-
-def test_jumps_of_a_friction_that_accelerometers_see_are_where_they_are(simulator: Simulator) -> None:
-    own = Rubbing(Structure(np.eye(1), 2.0 * np.eye(1), (2 * np.pi * 5) ** 2 * np.eye(1), 0, 0), 0.2, 0.0, 1.0)
-    t, rng, f = np.arange(4000) / 600.0, np.random.default_rng(1), np.arange(1, 60) * 0.5
-    u = np.cos(2 * np.pi * np.outer(t, f) + rng.uniform(0, 2 * np.pi, len(f))).sum(axis=1)
-    u /= u.std()
-    true = motion(own, u, 1 / 600.0, "first")[:, 2]
-    run = make_record("run", t, u, true, sample_rate=600.0, hold="first", senses="acceleration")
-    device = {"m": 1.0, "kxx": (2 * np.pi * 5) ** 2, "dxx": 2.0, "sense_gain_x": 1.0, "friction_x": own.friction,
-              "friction_speed": 1e-6}  # fmt: skip
-    plain, late = (
-        simulator.run(run, {**device, "actuator_delay": delay})[:, 0] * run.reference**2 for delay in (0.0, 1e-12)
-    )
-    # Two samples beside a jump: 1.5e-3. In three steps of a held force a sample it is 7.6e-3.
-    assert np.std(plain - true) < 2e-3 * np.std(true)
-    # No delay may seem to bring what shorter steps do; one of 1e-12 s moves a jump by 1e-6 of them.
-    assert np.std(plain - late) < 1e-5 * np.std(true)
