@@ -53,7 +53,8 @@ def _speed(record: Record) -> Floats:
 def _quiet(speed: Floats, v: Floats) -> Floats:
     """A speed (n,) without what the white noise of the voltage (n,) makes of it (N. Wiener, Extrapolation,
     Interpolation, and Smoothing of Stationary Time Series, 1949, chapter III)."""
-    f, power = welch(v, nperseg=len(v) // WINDOWS)
+    # With its mean: without, the slowest speeds pass for noise, and a shaft that turns one way for one at rest.
+    f, power = welch(v, nperseg=len(v) // WINDOWS, detrend=False)
     noise = float(np.median(power[f > TOP]))
     share = uniform_filter1d(1 - noise / np.maximum(power, max(noise, TINY)), BINS)
     both = np.concatenate((speed, speed[::-1]))

@@ -37,8 +37,8 @@ FARTHEST: Final = 1e6
 ATTEMPTS: Final = 8
 """Tries at a probe of the right size."""
 GROWS: Final = 1.1
-"""By how much twice a step changes more at least. What grows by less, and is too small, is no change of the device: the
-plant's steps are shorter beside what acts within them."""
+"""By how much twice a step changes more at least. What grows by less, and is too small, is no change of the device, but
+rounding, or shorter steps of the plant beside what acts within them."""
 Kind = Callable[[Effect | Defect], bool]
 """Says of an effect whether it is one of those that are asked for."""
 HEAD: Final = 2000
@@ -406,18 +406,20 @@ class _Scale:
             change = self._change(q, shapes, base, sign * step, trials)
             if 0.3 < change / self.target < 3 and power:
                 return Probe(q, sign * min(step, room), power)
+            if not power and 1e-6 * self.target <= change < np.inf:
+                within = 2 * step <= room
+                other = self._change(q, shapes, base, sign * step * (2.0 if within else 0.5), trials)
+                smaller, larger = (change, other) if within else (other, change)
+                if change < self.target and larger < GROWS * smaller:
+                    change = 0.0
+                else:
+                    finite = smaller > 0 and larger < np.inf
+                    power = int(np.clip(round(np.log2(larger / smaller)), 1, 4)) if finite else 1
             if change < 1e-6 * self.target and step >= farthest:
                 return None
             if change < 1e-6 * self.target or not np.isfinite(change):
                 step = farthest if change < self.target else 1e-3 * step
                 continue
-            if not power:
-                within = 2 * step <= room
-                other = self._change(q, shapes, base, sign * step * (2.0 if within else 0.5), trials)
-                smaller, larger = (change, other) if within else (other, change)
-                if change < self.target and larger < GROWS * smaller:
-                    return None
-                power = int(np.clip(round(np.log2(larger / smaller)), 1, 4)) if smaller > 0 and larger < np.inf else 1
             step *= float((self.target / change) ** (1 / power))
         change = self._change(q, shapes, base, sign * min(step, room), trials)
         return Probe(q, sign * min(step, room), power or 1) if 0 < change < np.inf else None

@@ -14,9 +14,6 @@ from discrepancy.name.accepted import Taken
 from discrepancy.name.resonators import begun_with, beside, fitted_from, price, resonators, with_all_shapes
 from discrepancy.name.search import Search
 
-Pair = tuple[Sequence[Record], Sequence[Record]]
-"""Records, and the same with the course of a friction."""
-
 
 def resonating(search: Search) -> Taken | None:
     """The model with a resonator for each further mode of the runs, as far as there are files for them, where these
@@ -27,7 +24,7 @@ def resonating(search: Search) -> Taken | None:
     modes = sorted([*first, *further])
     if not (is_driven(records) and len(modes) > whole.axes):
         return None
-    views: list[Pair] = [(records, rubbed(records))]
+    views: list[tuple[Sequence[Record], Sequence[Record]]] = [(records, rubbed(records))]
     if are_displacements(records):
         views += [(as_speeds(plain), as_speeds(rubbing)) for plain, rubbing in views]
     shown = [own for view in views for own in (view if may_rub(*view, modes) else view[:1])]
