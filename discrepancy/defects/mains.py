@@ -17,7 +17,7 @@ from scipy.stats import f as f_distribution
 from discrepancy.criteria import Criteria
 from discrepancy.data.algebra import inverse_scaled
 from discrepancy.data.record import Floats, Record
-from discrepancy.fit.defect import Blemish, Data, Found, Level
+from discrepancy.fit.defect import Blemish, Data, Found, Left, Level
 from gyro_model.quantities import size
 
 FREQUENCIES: Final = (50.0, 60.0)
@@ -54,8 +54,9 @@ of the voltage."""
 AMPLITUDE = size("mains", "V", "amplitude of the strongest line")
 
 
-def find(records: Sequence[Record], residuals: Sequence[Floats], criteria: Criteria) -> Found | None:
+def find(left: Left, criteria: Criteria) -> Found | None:
     """The frequency whose harmonics stand out of the residuals most, and its lines."""
+    records, residuals = left.records, left.residuals
     periods = min(len(r.t) / r.sample_rate for r in records) * min(FREQUENCIES)
     if periods < FEWEST:
         return None
@@ -66,8 +67,8 @@ def find(records: Sequence[Record], residuals: Sequence[Floats], criteria: Crite
         if sure:
             # In a short record the lines of both grids are in the same bins: that which leaves less is it.
             grid = np.linspace(centre - TOLERANCE, centre + TOLERANCE, 41)
-            left = [sum(_rest(r, e, f, sure) for r, e in zip(records, residuals, strict=True)) for f in grid]
-            best = min(best, (min(left), float(grid[int(np.argmin(left))]), sure))
+            rests = [sum(_rest(r, e, f, sure) for r, e in zip(records, residuals, strict=True)) for f in grid]
+            best = min(best, (min(rests), float(grid[int(np.argmin(rests))]), sure))
     _, f0, sure = best
     if not sure:
         return None

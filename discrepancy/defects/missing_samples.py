@@ -7,7 +7,6 @@ v_k = v(t_k + n T) differs by n (v_k+1 - v_k) from some k on; the k that explain
 Biometrika 41, 1954).
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -16,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from discrepancy.criteria import Criteria
 from discrepancy.data.record import Bools, Floats, Record
-from discrepancy.fit.defect import Blemish, Data, Found, Level
+from discrepancy.fit.defect import Blemish, Data, Found, Left, Level
 from gyro_model.quantities import size
 
 SHARE: Final = 0.5
@@ -68,11 +67,11 @@ class _Prediction(NamedTuple):
     far: Floats
 
 
-def find(records: Sequence[Record], residuals: Sequence[Floats], criteria: Criteria) -> Found | None:
+def find(left: Left, criteria: Criteria) -> Found | None:
     """The jumps that runs show by themselves, or, where none does, the largest in each run's residual."""
-    data = tuple(map(_jumps, records))
+    data = tuple(map(_jumps, left.records))
     if not any(data):
-        data = tuple(_jump(record, residual) for record, residual in zip(records, residuals, strict=True))
+        data = tuple(_jump(record, residual) for record, residual in zip(left.records, left.residuals, strict=True))
     total = float(sum(sum(own[1::2]) for own in data))
     return Found(data, {"missing_samples": Level(total, total, total)}) if any(data) else None
 

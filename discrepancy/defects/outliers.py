@@ -4,7 +4,6 @@ Found by their distance from the mean of their neighbours, over the median of su
 influence curve and its role in robust estimation, Journal of the American Statistical Association 69, 1974.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -13,7 +12,7 @@ from scipy.ndimage import binary_opening, maximum_filter, percentile_filter, ran
 
 from discrepancy.criteria import Criteria
 from discrepancy.data.record import Bools, Floats, Record
-from discrepancy.fit.defect import Blemish, Data, Found, Level
+from discrepancy.fit.defect import Blemish, Data, Found, Left, Level
 from gyro_model.quantities import size
 
 FAR: Final = 9.0
@@ -38,10 +37,10 @@ MEDIAN, UPPER = 0.6745, 1.2816
 SHARE = size("outliers", "1", "share of the samples that are far off", low=0.0, high=1.0)
 
 
-def find(records: Sequence[Record], residuals: Sequence[Floats], criteria: Criteria) -> Found | None:
+def find(left: Left, criteria: Criteria) -> Found | None:
     """The samples of each run whose residual stands alone."""
-    data = tuple(_far(record, residual) for record, residual in zip(records, residuals, strict=True))
-    total, count = sum(len(r.t) for r in records), sum(len(own) for own in data)
+    data = tuple(_far(record, residual) for record, residual in zip(left.records, left.residuals, strict=True))
+    total, count = sum(len(r.t) for r in left.records), sum(len(own) for own in data)
     if count == 0 or count > MOST * total:
         return None
     share, width = count / total, 1.96 * count**0.5 / total

@@ -52,6 +52,16 @@ class Found(NamedTuple):
     levels: Mapping[str, Level]
 
 
+class Left(NamedTuple):
+    """What a model leaves of runs. residuals: (n, axes) [V]; between: of a run, by its number, what its sensor gives in
+    the model in PARTS of each sample, (n, PARTS, axes) [V], beginning with the sample itself; None where nothing makes
+    it jump."""
+
+    records: Sequence[Record]
+    residuals: Sequence[Floats]
+    between: Callable[[int], Floats | None] = lambda run: None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Defect:
     """What every defect states. parameters: SI, neutral where it is absent; signature: what it looks like; source:
@@ -101,11 +111,11 @@ class Distortion(Defect):
 
 @dataclass(frozen=True, kw_only=True)
 class Blemish(Defect):
-    """find: the blemish in runs by the residuals (n, axes) [V] of a fit, None where there is none; without: a run
+    """find: the blemish in runs by what a fit leaves of them, None where there is none; without: a run
     without what its data say; again: the data of another run, by what was found, where it need not be found there;
     counted: whether what a better model shows of it later adds to what was found."""
 
-    find: Callable[[Sequence[Record], Sequence[Floats], Criteria], Found | None]
+    find: Callable[[Left, Criteria], Found | None]
     without: Callable[[Record, Data], Record]
     again: Callable[[Found, Record, Floats], Data] | None = None
     counted: bool = False

@@ -37,17 +37,23 @@ def start_fitted(
     ``start`` where that is known, else as many as it takes, where effects have states of their own. Where a mean was
     taken out of the run that was the motion's, the whole run says how it begins: its first samples don't tell a level
     from a speed."""
-    residual, n = _start_fitted(simulator, replace(record, centred=False), parameters, start)
+    begun, n = _start_fitted(simulator, replace(record, centred=False), parameters, start)
+    [residual] = begun.residuals
     left = residual[record.valid]
     if record.centred and (np.abs(left.mean(axis=0)) > OFF_LEVEL * left.std(axis=0)).any():
         return start_known(simulator, record, parameters)
     return residual, n
 
 
+def started(simulator: Simulator, record: Record, parameters: Mapping[str, float]) -> Mapping[str, float]:
+    """The initial state that the first samples of a run give."""
+    return _start_fitted(simulator, record, parameters, None)[0].starts[0]
+
+
 def _start_fitted(
     simulator: Simulator, record: Record, parameters: Mapping[str, float], start: int | None
-) -> tuple[Floats, int]:
-    """The same of a run as it is."""
+) -> tuple[Fitted, int]:
+    """A run as it is, with the initial state that its first samples give, and how many these were."""
     n, run = start or _unscored(record), Fitter(simulator, [record])
     begun, tells = _begun_by(run, parameters, n)
     stateful = not start and len(run.state_names(begun)) > 2 * record.axes
@@ -57,7 +63,7 @@ def _start_fitted(
         if run.off(later) > TWICE * run.off(begun) and tells():
             break
         begun, tells, n = later, tell_later, 2 * n
-    return begun.residuals[0], n
+    return begun, n
 
 
 def _begun_by(run: Fitter, parameters: Mapping[str, float], n: int) -> tuple[Fitted, Callable[[], bool]]:

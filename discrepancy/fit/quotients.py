@@ -108,10 +108,9 @@ class Quotients:
         columns = dict(zip(new, varied, strict=True))
         self._kinds.update({kind: False for kind, column in columns.items() if column is None})
         shown = {kind: column for kind, column in columns.items() if column is not None}
-        # Of what is late both ways go in whole steps.
-        rough = self.simulator.late(point.parameters)
-        beside = self._rough(point) if rough else point.v
-        simulated = self.simulator.try_all([point.changed(new[kind]) for kind in shown], rough=rough)
+        # A motion is followed in whole steps.
+        beside = self._beside(point, parts=False)
+        simulated = self.simulator.try_all([point.changed(new[kind]) for kind in shown], parts=False)
         found = {}
         for (kind, column), v in zip(shown.items(), simulated, strict=True):
             quotient = v - beside if v is not None else np.full_like(column, np.inf)
@@ -137,20 +136,21 @@ class Quotients:
         refuses one or the motion leaves all bounds."""
         left = self._vary(point, probes, found)
         simulator, limit = self.simulator, FAR * self.signal
-        rough = simulator.late(point.parameters)
-        near = [rough and not simulator.refines(probes[i]) for i in left]
-        for which, beside in ((False, point.v), (True, self._rough(point) if any(near) else point.v)):
-            chosen = [i for i, own in zip(left, near, strict=True) if own is which]
+        # Both runs of a difference go in the same steps.
+        for parts in (False, True):
+            chosen = [i for i in left if simulator.refines(probes[i]) is parts]
+            beside = self._beside(point, parts) if chosen else point.v
             jobs = [point.changed(probes[i]) for i in chosen]
-            for i, v in zip(chosen, simulator.try_all(jobs, rough=which), strict=True):
+            for i, v in zip(chosen, simulator.try_all(jobs, parts=parts), strict=True):
                 if v is None or np.abs(v).max() > limit:
                     found[i][:] = 0
                 else:
                     np.subtract(v, beside, out=found[i])
 
-    def _rough(self, point: Point) -> Floats:
-        """The voltage of a run in whole steps."""
-        return self.simulator.run(point.record, point.parameters, rough=True)
+    def _beside(self, point: Point, parts: bool) -> Floats:
+        """The voltage at a point, in whole steps or in parts of these."""
+        own = point.record, point.parameters
+        return self.simulator.run(*own, parts=parts) if self.simulator.differs(*own, parts) else point.v
 
     def _vary(self, point: Point, probes: Sequence[Changes], found: Sequence[Floats]) -> list[int]:
         """Fills in the columns that the variation gives; numbers of the others."""

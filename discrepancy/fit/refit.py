@@ -42,6 +42,9 @@ DEAD: Final = 1e-15
 UNSEEN: Final = 1e-10
 """Square of a column over that of the largest, below which a parameter shows nowhere: steps are set so that all are
 alike to a factor of 1e3 after the noise filter; what a step of rounding leaves is 1e-7 of one and less."""
+FURTHEST: Final = 300.0
+"""Times the signal, over the gain, by which a step moves the place at which a run begins where the sensor does not see
+places: of a mass that nothing holds they are worth nothing but beside a spring that is found in the same step."""
 LINEAR: Final = 1e-5
 """The same over the signal where the residual is far above the noise."""
 FAINT: Final = 2e-3
@@ -325,6 +328,9 @@ class Fitter:
         edges = np.linspace(0, n, self.blocks + 1).astype(int) * axes
         grams = [flat[:, begin:end] @ flat[:, begin:end].T for begin, end in pairwise(edges)]
         total = np.sum(grams, axis=0)
+        if self.records[run].order:
+            places = np.arange(0, 2 * axes, 2)
+            total[places, places] += at.variance * (LINEAR / FURTHEST) ** 2
         # Those of the device come first, and may be known.
         known, fill = 2 * axes if self.records[run].begun else 0, np.zeros((states, len(columns) - states))
         fill[known:] = inverse_scaled(total[known:states, known:states]) @ total[known:states, states:]

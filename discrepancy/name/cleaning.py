@@ -4,8 +4,9 @@ from dataclasses import replace
 from functools import reduce
 from typing import Final
 
+from discrepancy.data.record import Floats
 from discrepancy.fit.continuation import nearly_settled
-from discrepancy.fit.defect import Blemish, blemishes
+from discrepancy.fit.defect import Blemish, Left, blemishes
 from discrepancy.fit.limits import clip_level
 from discrepancy.fit.whitening import EARNED
 from discrepancy.name.search import Search
@@ -43,9 +44,18 @@ def clean(search: Search) -> Search:
     return search.fitted(search.at) if len(search.blemishes) > known else search
 
 
+def _left(search: Search) -> Left:
+    runs, at = search.dataset.fit, search.at
+
+    def between(run: int) -> Floats | None:
+        return search.simulator.between_samples(runs[run], {**at.parameters, **at.starts[run]})
+
+    return Left(runs, at.residuals, between)
+
+
 def _cleaned(search: Search, blemish: Blemish) -> Search:
     """Without those of one kind, where they are found beside the present model."""
-    found = blemish.find(search.dataset.fit, search.at.residuals, search.criteria)
+    found = blemish.find(_left(search), search.criteria)
     if found is None:
         return search
     # Worth a line of the report, and beyond what its numbers take away by chance.

@@ -368,7 +368,7 @@ class _Scale:
         self.whole, self.longer = self._trials(at, longest), longest > LONGER * HEAD
         self.head = self._trials(at, HEAD)
         self.steady = _steady(fitter.records)
-        self._heads: dict[tuple[tuple[str, float], ...], list[Floats]] = {}
+        self._heads: dict[tuple[bool, tuple[tuple[str, float], ...]], list[Floats]] = {}
 
     def _trials(self, at: Fitted, samples: int) -> list["_Trial"]:
         """The fit on the first samples of each run."""
@@ -428,9 +428,11 @@ class _Scale:
                 trials: list["_Trial"]) -> float:  # fmt: skip
         """What the step changes, rms over all runs [V]; inf where the FMU refuses it."""
         value = float(np.clip(q.start + step, q.low, q.high))
-        simulate = self.fitter.simulator.try_all
-        runs = simulate([(t.record, {**t.parameters, **base, **shapes, q.name: value}) for t in trials])
-        square, beside = 0.0, self._beside(base, trials)
+        simulator = self.fitter.simulator
+        # Both runs of a difference go in the same steps.
+        parts = simulator.refines({q.name, *base, *shapes})
+        jobs = [(t.record, {**t.parameters, **base, **shapes, q.name: value}) for t in trials]
+        runs, square, beside = simulator.try_all(jobs, parts=parts), 0.0, self._beside(base, trials, parts)
         for v, b in zip(runs, beside, strict=True):
             if v is None:
                 return float("inf")
@@ -439,14 +441,15 @@ class _Scale:
                 square += float(np.sum((v - b) ** 2))
         return float(np.sqrt(square / sum(v.size for v in beside)))
 
-    def _beside(self, base: Mapping[str, float], trials: list["_Trial"]) -> list[Floats]:
+    def _beside(self, base: Mapping[str, float], trials: list["_Trial"], parts: bool) -> list[Floats]:
         """The voltage with the changes ``base`` alone; that of the starts of runs is kept for the next step."""
-        if not base:
+        simulator = self.fitter.simulator
+        if not (base or any(simulator.differs(t.record, t.parameters, parts) for t in trials)):
             return [t.v for t in trials]
-        key = tuple(base.items())
+        key = parts, tuple(base.items())
         if trials is self.head and key in self._heads:
             return self._heads[key]
-        found = self.fitter.simulator.try_all([(t.record, {**t.parameters, **base}) for t in trials])
+        found = simulator.try_all([(t.record, {**t.parameters, **base}) for t in trials], parts=parts)
         beside = [t.v if v is None else v for t, v in zip(trials, found, strict=True)]
         if trials is self.head:
             self._heads[key] = beside

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from math import inf
 from typing import Any, Final
 
@@ -14,11 +15,11 @@ from discrepancy.data.record import Floats, is_driven
 from discrepancy.data.repeats import repeated_noise
 from discrepancy.fit.colour import gain
 from discrepancy.fit.continuation import LAST_ROUNDS, unsprung
-from discrepancy.fit.defect import Defect, distortion_names, disturbances, effect_of
+from discrepancy.fit.defect import Defect, Left, distortion_names, disturbances, effect_of
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.limits import SAME
 from discrepancy.fit.locate import located
-from discrepancy.fit.measures import misfits, start_fitted
+from discrepancy.fit.measures import misfits, start_fitted, started
 from discrepancy.fit.noise import Noise, converter_step, noise_of
 from discrepancy.fit.noise import noises as all_noises
 from discrepancy.fit.refit import SETTLED
@@ -168,13 +169,20 @@ def _with_clean_held_out(search: Search) -> Search:
         if blemish.again is not None:
             data = [blemish.again(known, run, residual) for run, residual in zip(runs, residuals, strict=True)]
         else:
-            found = blemish.find(runs, residuals, search.criteria)
+            found = blemish.find(Left(runs, residuals, partial(_between, search)), search.criteria)
             data = [*found.data] if found is not None else []
         if data:
             cleaned = {run.name: blemish.without(run, own) for run, own in zip(runs, data, strict=True) if own}
             records = tuple(cleaned.get(record.name, record) for record in search.dataset.records)
             search = replace(search, dataset=replace(search.dataset, records=records))
     return search
+
+
+def _between(search: Search, run: int) -> Floats | None:
+    """What the model gives between the samples of a held-out run."""
+    record, parameters = search.dataset.held_out[run], search.at.parameters
+    start = started(search.simulator, record, parameters)
+    return search.simulator.between_samples(record, {**parameters, **start})
 
 
 def _record(search: Search, device: Mapping[str, Value]) -> tuple[Finding, ...]:

@@ -16,6 +16,7 @@ from discrepancy.fit.defect import (
     Distortion,
     Disturbance,
     Found,
+    Left,
     Timing,
     blemishes,
     defects,
@@ -167,13 +168,13 @@ def blemish(name: str) -> Blemish:
 @pytest.mark.parametrize("smooth", [0.0, 1e-3, 0.1])
 def test_nothing_is_found_where_nothing_is(name: str, smooth: float) -> None:
     runs, residuals = records([np.zeros((N, 2))] * 3, smooth)
-    assert blemish(name).find(runs, residuals, Criteria()) is None
+    assert blemish(name).find(Left(runs, residuals), Criteria()) is None
 
 
 def test_mains_are_found_and_taken_out() -> None:
     lines = [5 * NOISE * np.cos(2 * np.pi * 50.03 * T + phase)[:, None] * np.array([1.0, 0.5]) for phase in (0.3, 1.9)]
     runs, residuals = records(lines)
-    found = blemish("mains").find(runs, residuals, Criteria())
+    found = blemish("mains").find(Left(runs, residuals), Criteria())
     assert found is not None
     level = found.levels["mains"]
     assert level.low < 5 * NOISE < level.high
@@ -187,17 +188,17 @@ def test_a_drive_on_the_lines_is_no_mains() -> None:
     runs, residuals = records([5 * NOISE * np.cos(2 * np.pi * 50 * T)[:, None] * np.ones(2)] * 2)
     tones = np.cos(2 * np.pi * 50 * T)[:, None] * np.ones(2)
     driven = [replace(run, u=tones) for run in runs]
-    assert blemish("mains").find(driven, residuals, Criteria()) is None
+    assert blemish("mains").find(Left(driven, residuals), Criteria()) is None
 
 
 def test_a_line_that_the_drive_has_is_no_mains() -> None:
     # Among other tones, one of which is a hundredth of the power.
     runs, residuals = records([5 * NOISE * np.cos(2 * np.pi * 100 * T)[:, None] * np.ones(2)] * 2)
-    assert blemish("mains").find(runs, residuals, Criteria()) is not None
+    assert blemish("mains").find(Left(runs, residuals), Criteria()) is not None
     f = np.array([333.0, 1210.0, 2333.0, 3141.0])
     tones = np.sin(2 * np.pi * f * T[:, None]).sum(axis=1) + 0.2 * np.cos(2 * np.pi * 100 * T)
     driven = [replace(run, u=tones[:, None] * np.ones(2)) for run in runs]
-    assert blemish("mains").find(driven, residuals, Criteria()) is None
+    assert blemish("mains").find(Left(driven, residuals), Criteria()) is None
 
 
 def test_mains_beside_a_slow_drive_are_found_and_what_follows_the_drive_is_none() -> None:
@@ -208,7 +209,7 @@ def test_mains_beside_a_slow_drive_are_found_and_what_follows_the_drive_is_none(
     for hum, wrong, shown in ((line, 0.5 * NOISE, True), (0 * line, 5 * NOISE, False)):
         runs, residuals = records([hum + wrong * slow] * 2)
         driven = [replace(run, u=slow) for run in runs]
-        assert (blemish("mains").find(driven, residuals, Criteria()) is not None) is shown
+        assert (blemish("mains").find(Left(driven, residuals), Criteria()) is not None) is shown
 
 
 def test_outliers_are_masked() -> None:
@@ -217,7 +218,7 @@ def test_outliers_are_masked() -> None:
     change = np.zeros((N, 2))
     change[places] = rng.choice([-1, 1], (12, 2)) * 50 * NOISE
     runs, residuals = records([change])
-    found = blemish("outliers").find(runs, residuals, Criteria())
+    found = blemish("outliers").find(Left(runs, residuals), Criteria())
     assert found is not None
     assert list(found.data[0]) == places.tolist()
     clean = blemish("outliers").without(runs[0], found.data[0])
@@ -230,7 +231,7 @@ def test_outliers_near_each_other_are_masked(far: list[tuple[int, int]]) -> None
     for place, deviations in far:
         change[3000 + place, 0] = deviations * NOISE
     runs, residuals = records([change])
-    found = blemish("outliers").find(runs, residuals, Criteria())
+    found = blemish("outliers").find(Left(runs, residuals), Criteria())
     assert found is not None
     assert {3000 + place for place, _ in far} <= set(found.data[0])
     # Two that touch make their neighbours seem far.
@@ -241,7 +242,7 @@ def test_a_transient_at_the_start_is_no_outlier() -> None:
     change = np.zeros((N, 2))
     change[:40] = 300 * NOISE * np.exp(-np.arange(40) / 2)[:, None] * [1, -0.5]
     runs, residuals = records([change])
-    assert blemish("outliers").find(runs, residuals, Criteria()) is None
+    assert blemish("outliers").find(Left(runs, residuals), Criteria()) is None
 
 
 def test_noise_that_grows_with_the_motion_has_no_outliers() -> None:
@@ -249,7 +250,7 @@ def test_noise_that_grows_with_the_motion_has_no_outliers() -> None:
     # A timer's: 30 times the noise where the motion of a decay is fastest.
     slope = SINE[:, ::-1] * np.exp(-T / T[-1] * 4)[:, None]
     runs, residuals = records([30 * NOISE * slope * rng.standard_normal((N, 1)) for _ in range(3)])
-    assert blemish("outliers").find(runs, residuals, Criteria()) is None
+    assert blemish("outliers").find(Left(runs, residuals), Criteria()) is None
 
 
 @pytest.mark.parametrize("lost", [1, 3, -2])
@@ -349,7 +350,7 @@ def test_mains_of_short_runs_are_found_though_one_is_driven_there() -> None:
         residual = NOISE * (rng.standard_normal((n, 2)) + np.asarray(hum)[:, None])
         runs.append(make_record(f"run-{len(runs)}", t, u, residual, sample_rate=rate))
         residuals.append(residual)
-    found = blemish("mains").find(runs, residuals, Criteria())
+    found = blemish("mains").find(Left(runs, residuals), Criteria())
     assert found is not None
     assert found.levels["mains"].low < 5 * NOISE < found.levels["mains"].high
     for run, lines in zip(runs, found.data, strict=True):

@@ -66,12 +66,12 @@ def test_columns_are_as_by_simulation(simulator: Simulator, beside: str, late: s
     followed = simulator.follow(run, base)
     assert followed is not None
     # In whole steps, as it is followed: where the force runs between samples, that is 1e-3 of a column beside friction.
-    v = simulator.run(run, base, rough=True)
+    v = simulator.run(run, base, parts=False)
     assert np.abs(lagged(followed.v, PERIOD, followed.time_constant) - v).max() < 1e-4 * np.abs(v).max()
     present = [n for n in NAMES if n in BASES[beside] or n not in ("parasitic_frequency", "friction_x")]
     jobs = [(run, {**base, name: base.get(name, 0.0) + NAMES[name]}) for name in present]
     for name, job, varied in zip(present, jobs, simulator.vary(followed, jobs), strict=True):
-        quotient = simulator.run(*job, rough=True) - v
+        quotient = simulator.run(*job, parts=False) - v
         assert varied is not None
         # At 60 samples a period: fourth order leaves 1e-5, a friction that turns round within a step of it 1e-3.
         limit = 2e-3 if beside == "friction" else 2e-4
@@ -129,7 +129,7 @@ def test_a_force_that_comes_at_a_sample(simulator: Simulator) -> None:
     assert followed is not None
     job = run, {**base, "kxx": base["kxx"] * (1 + 1e-7)}
     [varied] = simulator.vary(followed, [job])
-    quotient = simulator.run(*job, rough=True) - simulator.run(run, base, rough=True)
+    quotient = simulator.run(*job, parts=False) - simulator.run(run, base, parts=False)
     assert varied is not None and np.linalg.norm(varied - quotient) < 1e-4 * np.linalg.norm(quotient)
 
 
@@ -183,10 +183,10 @@ def test_columns_of_accelerations(simulator: Simulator, beside: str, hold: str) 
     run, base = record(hold, "acceleration"), {**DEVICE, **BASES[beside], **LATE["both"]}
     followed = simulator.follow(run, base)
     assert followed is not None
-    v = simulator.run(run, base, rough=True)
+    v = simulator.run(run, base, parts=False)
     jobs = [(run, {**base, name: base[name] + NAMES[name]}) for name in ("m", "kxx", "dxy", "x_start")]
     for job, varied in zip(jobs, simulator.vary(followed, jobs), strict=True):
-        quotient = simulator.run(*job, rough=True) - v
+        quotient = simulator.run(*job, parts=False) - v
         assert varied is not None
         # A friction that turns round within a step of 60 a period: as of speeds and voltages.
         limit = 1e-3 if beside == "friction" else 2e-4

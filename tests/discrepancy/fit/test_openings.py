@@ -49,10 +49,12 @@ def test_two_effects_are_found_with_less_simulated(monkeypatch: pytest.MonkeyPat
     simulated = 0
     plain = Simulator.run
 
-    def counted(self: Simulator, record: Record, parameters: Mapping[str, float], *, rough: bool = False) -> Floats:
+    def counted(
+        self: Simulator, record: Record, parameters: Mapping[str, float], *, parts: bool | None = None
+    ) -> Floats:
         nonlocal simulated
         simulated += len(record.t)
-        return plain(self, record, parameters, rough=rough)
+        return plain(self, record, parameters, parts=parts)
 
     monkeypatch.setattr(Simulator, "run", counted)
     samples = {}

@@ -53,12 +53,12 @@ def record(samples: int = SAMPLES, hold: str = "zero", senses: str = "position",
 def probe(simulator: Simulator, run: Record, base: Mapping[str, float], q: Quantity, shapes: Mapping[str, float]
           ) -> dict[str, float] | None:  # fmt: skip
     """A change of ``q`` that moves the voltage by SMALL; None where none does."""
-    v = simulator.run(run, base)
+    v = simulator.run(run, base, parts=False)
     step = 1e-3 * (q.typical if q.typical else 1.0)
     for _ in range(8):
         sign = -1.0 if q.start + step > q.high else 1.0
         changes = {**shapes, q.name: base.get(q.name, q.start) + sign * step}
-        change = np.linalg.norm(simulator.run(run, {**base, **changes}) - v) / np.linalg.norm(v)
+        change = np.linalg.norm(simulator.run(run, {**base, **changes}, parts=False) - v) / np.linalg.norm(v)
         if not np.isfinite(change) or change > 10 * SMALL:
             step *= 0.1 if not np.isfinite(change) else SMALL / change
         elif change < 0.1 * SMALL:
@@ -72,7 +72,7 @@ def both(simulator: Simulator, run: Record, base: Mapping[str, float], changes: 
          ) -> tuple[np.ndarray, np.ndarray | None]:  # fmt: skip
     motion = simulator.follow(run, base)
     assert motion is not None
-    quotient = simulator.run(run, {**base, **changes}) - simulator.run(run, base)
+    quotient = simulator.run(run, {**base, **changes}, parts=False) - simulator.run(run, base, parts=False)
     [varied] = simulator.vary(motion, [(run, {**base, **changes})])
     return quotient, varied
 
@@ -102,7 +102,7 @@ def test_every_size_is_as_by_simulation_or_is_not_followed(
     if changes is None:
         pytest.skip("changes nothing here alone")
     quotient, varied = both(simulator, run, DEVICE, changes)
-    if is_carried(effect) or simulator.late(changes):
+    if is_carried(effect) or simulator.refines(changes):
         assert varied is None
     elif effect.id == "hysteresis":
         # Its states are far from linear in what drives them, so that it is no variation of anything: a kind to refuse.

@@ -36,9 +36,9 @@ def simulated(monkeypatch: pytest.MonkeyPatch) -> list[Mapping[str, float]]:
     runs: list[Mapping[str, float]] = []
     plain = Simulator.run
 
-    def noted(self: Simulator, record: Record, parameters: Mapping[str, float], *, rough: bool = False) -> Floats:
+    def noted(self: Simulator, record: Record, parameters: Mapping[str, float], *, parts: bool | None = None) -> Floats:
         runs.append(parameters)
-        return plain(self, record, parameters, rough=rough)
+        return plain(self, record, parameters, parts=parts)
 
     monkeypatch.setattr(Simulator, "run", noted)
     return runs
