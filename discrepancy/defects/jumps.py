@@ -82,4 +82,5 @@ DEFECT = Blemish(
     find=find,
     without=without,
     counted=True,
+    by_motion=True,
 )

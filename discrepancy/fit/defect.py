@@ -113,12 +113,14 @@ class Distortion(Defect):
 class Blemish(Defect):
     """find: the blemish in runs by what a fit leaves of them, None where there is none; without: a run
     without what its data say; again: the data of another run, by what was found, where it need not be found there;
-    counted: whether what a better model shows of it later adds to what was found."""
+    counted: whether what a better model shows of it later adds to what was found; by_motion: whether its data
+    follow from the motion, so that no noise is among them by chance."""
 
     find: Callable[[Left, Criteria], Found | None]
     without: Callable[[Record, Data], Record]
     again: Callable[[Found, Record, Floats], Data] | None = None
     counted: bool = False
+    by_motion: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

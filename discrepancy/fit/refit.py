@@ -22,8 +22,8 @@ from discrepancy.data.linear_start import BADLY, response
 from discrepancy.data.record import LEVELS, Floats, Record, is_driven
 from discrepancy.fit.colour import autoregression
 from discrepancy.fit.fitted import Fitted, Free, bare
-from discrepancy.fit.passive import passive
-from discrepancy.fit.patience import Patience
+from discrepancy.fit.passive import as_slow, passive
+from discrepancy.fit.patience import CREEP, Patience
 from discrepancy.fit.quotients import Point, Quotients
 from discrepancy.fit.simulate import Job, Simulator
 from discrepancy.fit.whitening import Setting, Whitener, likeliest, whitener
@@ -71,6 +71,8 @@ HELD: Final = 1e-2
 SHORTER: Final = (0.3, 0.1, 0.03, 0.01)
 """Where so many larger dampings have not helped either, shares of a step of damping HELD are tried: they hold the
 initial states too, which no damping does."""
+PARTLY: Final = (0.3, 0.1)
+"""Shares of a step without damping that are tried before one with it."""
 ALIKE: Final = 3.0
 """By which a difference quotient's step may be off and its column, scaled, still serve."""
 SETTLED: Final = 0.02
@@ -383,8 +385,8 @@ class Fitter:
                         break
                     at, near = self.with_grams(at), False
                     continue
-                damping = after
                 gained = (at.cost - moved.cost) / (at.left * at.variance)
+                damping = after if gained > CREEP else 0.0
                 patience.count(at.cost, moved.cost, gained, held=held)
                 exact = abs(gained - 1) < EXACTLY and self.off(at) < PART
                 near = abs(gained - 1) < AS_PROMISED and not exact
@@ -406,6 +408,11 @@ class Fitter:
             moved = self.evaluated(self._moved(at, damping))
             if moved.cost < at.cost:
                 return _Lower(moved, damping / 10 if damping > 1e-6 else 0.0)
+            # Of a bent valley a share of a step leads on where a damping leaves nothing of it.
+            for share in PARTLY if damping == 0.0 < attempts - 1 else ():
+                moved = self.evaluated(self._moved(at, damping, share))
+                if moved.cost < at.cost:
+                    return _Lower(moved, damping)
             damping = max(1e-5, 10 * damping)
             if attempt == PATIENT:
                 # A force at rest is far from linear in the states.
@@ -459,9 +466,13 @@ class Fitter:
             # A step to a bound may miss it by a rounding.
             value = float(np.clip(parameters[free.name] + free.step * change, free.low, free.high))
             parameters.update(free.at(value, parameters))
-        parameters = self.passive(parameters)
+        straight, bounds = parameters, {free.name: (free.low, free.high) for free in at.free}
+        bent = as_slow(at.parameters, straight, bounds.keys(), self.simulator.model)
+        bent |= {name: float(np.clip(bent[name], *own)) for name, own in bounds.items()}
+        parameters = self.passive(bent)
         # What passivity took back counts for the states as well.
-        step = np.array([(parameters[f.name] - at.parameters[f.name]) / f.step for f in at.free])
+        step = np.array([(straight[f.name] + parameters[f.name] - bent[f.name] - at.parameters[f.name]) / f.step
+                         for f in at.free])  # fmt: skip
         sizes, starts = self._state_steps(at), []
         for run, start in enumerate(at.starts):
             change = share * at.fill[run][:, -1] - at.fill[run][:, : at.known] @ step

@@ -59,7 +59,8 @@ def _cleaned(search: Search, blemish: Blemish) -> Search:
     if found is None:
         return search
     # Worth a line of the report, and beyond what its numbers take away by chance.
-    needed = max(search.criteria.material, (2 * sum(map(len, found.data)) + EARNED) / search.at.count)
+    chosen = 0 if blemish.by_motion else sum(map(len, found.data))
+    needed = max(search.criteria.material, (2 * chosen + EARNED) / search.at.count)
     without = search.cleaned(blemish, found.data)
     beside = without.whole.evaluated(search.at).unlikely
     search.simulator.forget(without.whole.records)
