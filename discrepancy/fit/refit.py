@@ -22,10 +22,11 @@ from discrepancy.data.linear_start import BADLY, response
 from discrepancy.data.record import LEVELS, Floats, Record, is_driven
 from discrepancy.fit.colour import autoregression
 from discrepancy.fit.fitted import Fitted, Free, bare
-from discrepancy.fit.passive import as_slow, passive
+from discrepancy.fit.passive import passive
 from discrepancy.fit.patience import CREEP, Patience
 from discrepancy.fit.quotients import Point, Quotients
 from discrepancy.fit.simulate import Job, Simulator
+from discrepancy.fit.slow import adrift, as_slow, moved_along
 from discrepancy.fit.whitening import Setting, Whitener, likeliest, whitener
 from gyro_model.errors import InputError
 
@@ -42,9 +43,6 @@ DEAD: Final = 1e-15
 UNSEEN: Final = 1e-10
 """Square of a column over that of the largest, below which a parameter shows nowhere: steps are set so that all are
 alike to a factor of 1e3 after the noise filter; what a step of rounding leaves is 1e-7 of one and less."""
-FURTHEST: Final = 300.0
-"""Times the signal, over the gain, by which a step moves the place at which a run begins where the sensor does not see
-places: of a mass that nothing holds they are worth nothing but beside a spring that is found in the same step."""
 LINEAR: Final = 1e-5
 """The same over the signal where the residual is far above the noise."""
 FAINT: Final = 2e-3
@@ -71,8 +69,11 @@ HELD: Final = 1e-2
 SHORTER: Final = (0.3, 0.1, 0.03, 0.01)
 """Where so many larger dampings have not helped either, shares of a step of damping HELD are tried: they hold the
 initial states too, which no damping does."""
-PARTLY: Final = (0.3, 0.1)
-"""Shares of a step without damping that are tried before one with it."""
+NEXT: Final = 2.0
+"""Times the cost: what more a fit takes back in a step or two, as it finds a spring anew that has no other end to
+lead to."""
+PARTLY: Final = (1.0, 0.3, 0.1)
+"""Shares of a step without damping that are tried where one with it creeps."""
 ALIKE: Final = 3.0
 """By which a difference quotient's step may be off and its column, scaled, still serve."""
 SETTLED: Final = 0.02
@@ -330,12 +331,11 @@ class Fitter:
         edges = np.linspace(0, n, self.blocks + 1).astype(int) * axes
         grams = [flat[:, begin:end] @ flat[:, begin:end].T for begin, end in pairwise(edges)]
         total = np.sum(grams, axis=0)
-        if self.records[run].order:
-            places = np.arange(0, 2 * axes, 2)
-            total[places, places] += at.variance * (LINEAR / FURTHEST) ** 2
         # Those of the device come first, and may be known.
         known, fill = 2 * axes if self.records[run].begun else 0, np.zeros((states, len(columns) - states))
-        fill[known:] = inverse_scaled(total[known:states, known:states]) @ total[known:states, states:]
+        adrift = self._adrift(at)
+        sought = [i for i, name in enumerate(self.state_names(at)) if i >= known and name not in adrift]
+        fill[sought] = inverse_scaled(total[np.ix_(sought, sought)]) @ total[sought, states:]
         # Each column without what the states do of it.
         lift = np.hstack((-fill.T, np.eye(len(columns) - states)))
         return _Linear([lift @ gram @ lift.T for gram in grams], fill, square)
@@ -368,7 +368,7 @@ class Fitter:
         """The minimum near ``at``, linearised there, to a ``share`` of the cost. ``left`` says how far it is from a
         minimum: above SETTLED that was enough, the rounds were used up, no step helped, steps crept or were jagged, the
         time was over, or none could reach the ``goal``, a cost below which alone the fit matters."""
-        enough = max(SETTLED, share * at.count)
+        at, enough = self._from_zero(at), max(SETTLED, share * at.count)
         damping, near, patience = 0.0, False, Patience(goal)
         try:
             at = self.with_grams(at) if at.cost < np.inf else at
@@ -385,8 +385,7 @@ class Fitter:
                         break
                     at, near = self.with_grams(at), False
                     continue
-                gained = (at.cost - moved.cost) / (at.left * at.variance)
-                damping = after if gained > CREEP else 0.0
+                damping, gained = after, self._gained(at, moved)
                 patience.count(at.cost, moved.cost, gained, held=held)
                 exact = abs(gained - 1) < EXACTLY and self.off(at) < PART
                 near = abs(gained - 1) < AS_PROMISED and not exact
@@ -398,6 +397,23 @@ class Fitter:
             pass
         return at
 
+    def _adrift(self, at: Fitted) -> tuple[str, ...]:
+        """Initial displacements that no sample shows: of a mass that nothing holds, where sensors do not see places. A
+        fit of them goes as far as what is found of a spring beside them is too little."""
+        if not all(record.order for record in self.records):
+            return ()
+        duration = self.period * max(len(self.simulator.run_of(record).t) for record in self.records)
+        return adrift(at.parameters, self.axes, self.simulator.model, duration)
+
+    def _from_zero(self, at: Fitted) -> Fitted:
+        """``at`` with these displacements zero, where the motion is next to the same."""
+        moved = at
+        for name in self._adrift(at):
+            if any(start.get(name) for start in moved.starts):
+                starts = (moved_along(start, name, at.parameters, self.simulator.model) for start in moved.starts)
+                moved = self.evaluated(replace(moved, starts=tuple(starts)))
+        return moved if moved.cost < NEXT * at.cost else at
+
     @staticmethod
     def _far(at: Fitted, goal: float) -> bool:
         return at.cost - HOPE * at.left * at.variance > goal
@@ -407,12 +423,8 @@ class Fitter:
         for attempt in range(attempts):
             moved = self.evaluated(self._moved(at, damping))
             if moved.cost < at.cost:
-                return _Lower(moved, damping / 10 if damping > 1e-6 else 0.0)
-            # Of a bent valley a share of a step leads on where a damping leaves nothing of it.
-            for share in PARTLY if damping == 0.0 < attempts - 1 else ():
-                moved = self.evaluated(self._moved(at, damping, share))
-                if moved.cost < at.cost:
-                    return _Lower(moved, damping)
+                lower = _Lower(moved, damping / 10 if damping > 1e-6 else 0.0)
+                return self._along_valley(at, lower) if damping and self._gained(at, moved) < CREEP else lower
             damping = max(1e-5, 10 * damping)
             if attempt == PATIENT:
                 # A force at rest is far from linear in the states.
@@ -421,6 +433,21 @@ class Fitter:
                     if moved.cost < at.cost:
                         return _Lower(moved, HELD, held=True)
         return _Lower(None, damping)
+
+    def _along_valley(self, at: Fitted, lower: _Lower) -> _Lower:
+        """``lower``, a damped step that brought next to nothing, or what leads further: of a bent valley a damping
+        leaves nothing of the way along it, a share of a whole step goes it."""
+        assert lower.at is not None
+        for share in PARTLY:
+            moved = self.evaluated(self._moved(at, 0.0, share))
+            if moved.cost < lower.at.cost:
+                return _Lower(moved, 0.0)
+        return lower
+
+    @staticmethod
+    def _gained(at: Fitted, moved: Fitted) -> float:
+        """Of what a step promised, what it brought."""
+        return (at.cost - moved.cost) / (at.left * at.variance)
 
     def _step(self, at: Fitted, damping: float) -> Floats:
         """Changes of the free parameters in their steps: towards the minimum as far as the first bound, on from there

@@ -261,7 +261,7 @@ def test_lost_and_doubled_samples_are_put_back(lost: int) -> None:
     runs, _ = records([np.zeros((N, 2))])
     noise = runs[0].v - SINE
     late = replace(runs[0], v=SINE[rows] + noise)
-    found = blemish("missing_samples").find([late], [late.v - SINE], Criteria())
+    found = blemish("missing_samples").find(Left([late], [late.v - SINE]), Criteria())
     assert found is not None
     assert abs(found.data[0][0] - k) <= 3
     assert found.data[0][1] == lost
@@ -389,7 +389,7 @@ def test_mains_of_runs_of_two_periods_are_found_and_taken_out(f0: float) -> None
         return np.asarray(sum(a * np.sin(2 * np.pi * n * f0 * SHORT + p) for n, a, p in parts))
 
     runs = _short([hum() for _ in range(3)])
-    found = blemish("mains").find(runs, [run.v for run in runs], Criteria())
+    found = blemish("mains").find(Left(runs, [run.v for run in runs]), Criteria())
     assert found is not None
     for run, data in zip(runs, found.data, strict=True):
         # Six numbers of 16,000 samples, and what the frequency is off by: a part in a hundred of the noise.
@@ -399,7 +399,7 @@ def test_mains_of_runs_of_two_periods_are_found_and_taken_out(f0: float) -> None
 @pytest.mark.parametrize("f", [33.0, 55.0, 76.0, 171.0, 335.0])
 def test_a_line_of_another_frequency_is_no_mains_of_short_runs(f: float) -> None:
     runs = _short([20 * np.sin(2 * np.pi * f * SHORT + phase) for phase in (0.1, 1.3, 4.0)])
-    assert blemish("mains").find(runs, [run.v for run in runs], Criteria()) is None
+    assert blemish("mains").find(Left(runs, [run.v for run in runs]), Criteria()) is None
 
 
 def test_what_wanders_or_follows_a_condition_is_no_mains_of_short_runs() -> None:
@@ -409,15 +409,15 @@ def test_what_wanders_or_follows_a_condition_is_no_mains_of_short_runs() -> None
     tilts = [np.sin(2 * np.pi * 50 * SHORT + phase) for phase in (0.2, 2.0, 3.1)]
     asked = [_short(walks), _short(drifts), _short([20 * own for own in tilts], [{"a_x": own} for own in tilts])]
     for runs in asked:
-        assert blemish("mains").find(runs, [run.v for run in runs], Criteria()) is None
+        assert blemish("mains").find(Left(runs, [run.v for run in runs]), Criteria()) is None
     hum = _short([20 * own for own in tilts])
-    assert blemish("mains").find(hum, [run.v for run in hum], Criteria()) is not None
+    assert blemish("mains").find(Left(hum, [run.v for run in hum]), Criteria()) is not None
 
 
 def test_short_runs_that_are_driven_on_the_lines_show_no_mains() -> None:
     lines = [sum(np.sin(2 * np.pi * 50 * n * SHORT + n * phase) for n in range(1, 8)) for phase in (0.3, 1.0, 2.2)]
     runs = [replace(run, u=own[:, None] * np.ones(2)) for run, own in zip(_short(lines), lines, strict=True)]
-    assert blemish("mains").find(runs, [run.v for run in runs], Criteria()) is None
+    assert blemish("mains").find(Left(runs, [run.v for run in runs]), Criteria()) is None
 
 
 def _vibrating(seed: int = 0, samples: int = 6000) -> Record:
@@ -444,7 +444,7 @@ def test_each_loss_shows_in_the_record_itself(lost: dict[int, int]) -> None:
     source = source[source < len(whole.t)][: len(whole.t)]
     v = np.vstack((whole.v[source], np.repeat(whole.v[-1:], len(whole.t) - len(source), axis=0)))
     late = replace(whole, v=v)
-    found = blemish("missing_samples").find([late], [np.zeros_like(v)], Criteria())
+    found = blemish("missing_samples").find(Left([late], [np.zeros_like(v)]), Criteria())
     assert found is not None
     assert found.levels["missing_samples"].value == sum(lost.values())
     clean = blemish("missing_samples").without(late, found.data[0])
@@ -461,7 +461,7 @@ def test_a_loss_is_seen_behind_what_bends_the_motion() -> None:
     # Knocks of the mass, a little before: not predicted, and no loss.
     v[2990:3030:9] += 3e-3
     late = replace(whole, v=np.vstack((v[:3000], v[3001:], v[-1:])))
-    assert blemish("missing_samples").find([late], [np.zeros_like(v)], Criteria()) is not None
+    assert blemish("missing_samples").find(Left([late], [np.zeros_like(v)]), Criteria()) is not None
 
 
 # Behind where a sweep begins anew, which is not predicted either; and where the voltage turns, in so much noise that
@@ -474,7 +474,7 @@ def test_a_loss_is_seen_beside_a_jump_of_the_force_and_noise(place: int, noise: 
     v = v / np.std(v) + noise * np.random.default_rng(0).standard_normal(6000)
     v = np.concatenate((v[:place], v[place + 1 :], v[-1:]))
     late = make_record("run", k / RATE, u[:, None], v[:, None], sample_rate=RATE)
-    found = blemish("missing_samples").find([late], [np.zeros((6000, 1))], Criteria())
+    found = blemish("missing_samples").find(Left([late], [np.zeros((6000, 1))]), Criteria())
     assert found is not None
     assert found.levels["missing_samples"].value == 1
 
@@ -489,7 +489,7 @@ def test_no_loss_is_seen_where_none_is(kind: str) -> None:
         v = np.clip(v, -1.5, 1.5)
     if kind == "bent":
         v = v + 0.05 * v**3
-    assert blemish("missing_samples").find([replace(whole, v=v)], [np.zeros_like(v)], Criteria()) is None
+    assert blemish("missing_samples").find(Left([replace(whole, v=v)], [np.zeros_like(v)]), Criteria()) is None
 
 
 def test_a_model_that_is_late_from_an_instant_on_is_no_loss() -> None:
@@ -497,7 +497,7 @@ def test_a_model_that_is_late_from_an_instant_on_is_no_loss() -> None:
     # What a wrong model leaves where the motion leads it by two samples from the middle on; the record is whole.
     model = whole.v.copy()
     model[len(model) // 2 :] = np.roll(whole.v, 2, axis=0)[len(model) // 2 :]
-    assert blemish("missing_samples").find([whole], [whole.v - model], Criteria()) is None
+    assert blemish("missing_samples").find(Left([whole], [whole.v - model]), Criteria()) is None
 
 
 @pytest.mark.parametrize(("other", "seen"), [(0.5, True), (1.5, False)])
@@ -509,7 +509,7 @@ def test_a_jump_beside_a_larger_misfit_waits(other: float, seen: bool) -> None:
     rest = other * np.sqrt(np.mean(slope**2)) * np.sqrt(2) * np.column_stack([np.sin(2.3 * W * T)] * 2)
     hidden = replace(runs[0], v=SINE + 0.01 * np.random.default_rng(3).standard_normal((N, 2)))
     residual = jump + rest
-    found = blemish("missing_samples").find([hidden], [residual], Criteria())
+    found = blemish("missing_samples").find(Left([hidden], [residual]), Criteria())
     assert (found is not None) == seen
 
 

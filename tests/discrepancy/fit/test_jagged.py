@@ -20,7 +20,7 @@ def costs(share: float, monkeypatch: pytest.MonkeyPatch) -> list[float]:
         return at
 
     def moved(self: Fitter, at: Fitted, damping: float, part: float = 1.0) -> Fitted:
-        return replace(at, cost=at.cost * (1 - share if part < 1 else 2.0))
+        return replace(at, cost=at.cost * (1 - share if damping and part < 1 else 2.0))
 
     def linearised(self: Fitter, at: Fitted, *_: Any, **__: Any) -> Fitted:
         found.append(at.cost)
