@@ -7,8 +7,10 @@ mass. What is left of these moves a mass that nothing holds, and far.
 
 from collections.abc import Callable, Collection, Mapping
 from functools import lru_cache
+from math import isfinite
 from typing import Final, NamedTuple
 
+import numpy as np
 from sympy import Expr, Matrix, lambdify, simplify
 
 from gyro_model import symbols
@@ -35,7 +37,11 @@ class _Formula(NamedTuple):
 
     def at(self, p: Mapping[str, float]) -> float:
         """At parameters ``p``; of an effect that is not in the model no value is known, and it takes nothing."""
-        return float(self.of(*(p[name] for name in self.names))) if p.keys() >= set(self.names) else 0.0
+        if not p.keys() >= set(self.names):
+            return 0.0
+        # At a bound, as a quality of zero, it may be beyond all numbers.
+        with np.errstate(all="ignore"):
+            return float(self.of(*(np.float64(p[name]) for name in self.names)))
 
 
 class _Slow(NamedTuple):
@@ -59,16 +65,17 @@ def taken(p: Mapping[str, float], model: Model) -> dict[str, float]:
 def as_slow(
     before: Mapping[str, float], after: Mapping[str, float], free: Collection[str], model: Model
 ) -> dict[str, float]:
-    """``after``, a straight step from ``before``, with those ``free`` of mass, dampings and stiffnesses by which slow
-    motion changes as it does to first order. To second order a straight step leaves far more of a spring than samples
-    allow where nothing holds the mass."""
+    """``after``, a straight step from ``before``, with those ``free`` of dampings and stiffnesses by which slow motion
+    changes as it does to first order. To second order a straight step leaves far more of a spring than samples allow
+    where nothing holds the mass."""
     result = dict(after)
     nearby = {name: value + NEARBY * (after.get(name, value) - value) for name, value in before.items()}
     then, near = taken(before, model), taken(nearby, model)
-    # The mass comes first: what is taken at rest and from a damping depends on it.
-    for name in ("m", "kxx", "dxx", "kyy", "dyy"):
+    now = taken(after, model)
+    for name in ("kxx", "dxx", "kyy", "dyy"):
         if name in free and then[name]:
-            result[name] += taken(result, model)[name] - then[name] - (near[name] - then[name]) / NEARBY
+            bend = now[name] - then[name] - (near[name] - then[name]) / NEARBY
+            result[name] += bend if isfinite(bend) else 0.0
     return result
 
 
