@@ -7,9 +7,12 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import butter, lsim
 
+from benchmarks.rubbing import Rubbing, motion
+from benchmarks.structures import Structure
 from discrepancy.clock import Clock, OutOfTime
 from discrepancy.data.record import Record, make_record
 from discrepancy.fit.bench import Bench
+from discrepancy.fit.quotients import Point, Quotients
 from discrepancy.fit.simulate import Simulator
 from gyro_model.model import load_model
 
@@ -196,3 +199,42 @@ def test_what_changes_the_voltage_alone_is_no_other_run(monkeypatch: pytest.Monk
         assert np.std(first - second) > 1e-3 * np.std(second)
         # Another device is another run.
         assert not np.array_equal(own.run(run, OSCILLATOR | {"kxx": 1.01}), own.run(run, OSCILLATOR))
+
+
+RUBBING = {"m": 1.0, "kxx": (2 * np.pi * 5) ** 2, "dxx": 2.0, "friction_x": 0.2, "friction_speed": 1e-6}
+
+
+def rubbed() -> tuple[Record, dict[str, float]]:
+    """A mass that rubs, under a force that runs on, as an accelerometer sees it."""
+    own = Rubbing(Structure(np.eye(1), 2.0 * np.eye(1), RUBBING["kxx"] * np.eye(1), 0, 0), 0.2, 0.0, 1.0)
+    t, rng, f = np.arange(4000) / 600.0, np.random.default_rng(1), np.arange(1, 60) * 0.5
+    u = np.cos(2 * np.pi * np.outer(t, f) + rng.uniform(0, 2 * np.pi, len(f))).sum(axis=1)
+    u /= u.std()
+    true = motion(own, u, 1 / 600.0, "first")[:, 2]
+    run = make_record("run", t, u, true, sample_rate=600.0, hold="first", senses="acceleration")
+    return run, RUBBING | {"sense_gain_x": run.reference**2}
+
+
+def test_jumps_of_a_friction_that_accelerometers_see_are_where_they_are(simulator: Simulator) -> None:
+    run, device = rubbed()
+    plain, late = (simulator.run(run, {**device, "actuator_delay": delay}) for delay in (0.0, 1e-12))
+    # Two samples beside a jump: 1.5e-3. In three steps of a held force a sample it is 7.6e-3.
+    assert np.std(plain - run.v) < 2e-3 * np.std(run.v)
+    assert np.std(simulator.run(run, device, parts=False) - run.v) > 4e-3 * np.std(run.v)
+    # No delay may seem to bring what shorter steps do; one of 1e-12 s moves a jump by 1e-6 of them.
+    assert np.std(plain - late) < 1e-5 * np.std(run.v)
+
+
+def test_columns_are_differences_of_runs_in_the_same_steps(simulator: Simulator) -> None:
+    run, device = rubbed()
+    linear = {**device, "friction_x": 0.0}
+    own = Quotients(simulator, float(np.std(run.v)))
+    for base, name, step in ((linear, "actuator_delay", 1e-9), (linear, "friction_x", 1e-7), (device, "kxx", 1e-4)):
+        begun = base.get(name, 0.0)
+        point = Point(run, base, simulator.run(run, base))
+        [column] = own.columns(point, [{name: begun + step}])
+        # Away from where the parameter begins to act all runs go in steps of one kind by themselves.
+        first, second = (simulator.run(run, {**base, name: begun + k * step}) for k in (1, 2))
+        error = np.sort(np.abs(column - (second - first)).ravel())
+        # But for samples beside a jump; a staircase would leave 1e-3 of the motion, a thousand times all of a column.
+        assert error[:-20].max() < 0.02 * np.abs(second - first).max(), name
