@@ -26,7 +26,8 @@ def costs(share: float, monkeypatch: pytest.MonkeyPatch) -> list[float]:
         found.append(at.cost)
         return replace(at, grams=np.eye(2)[None], left=2 * share * at.cost / at.variance)
 
-    for name, own in {"evaluated": evaluated, "_moved": moved, "with_grams": linearised}.items():
+    own_methods = {"evaluated": evaluated, "_moved": moved, "with_grams": linearised, "_adrift": lambda *_: ()}
+    for name, own in own_methods.items():
         monkeypatch.setattr(Fitter, name, own)
     at = Fitted({"p": 1.0}, (), (Free("p", 1.0),), Any, (), cost=1.0, count=1000)  # type: ignore[arg-type]
     fitter = Fitter.__new__(Fitter)
