@@ -29,6 +29,9 @@ def main(
     kind: Annotated[str, typer.Option(help=f"Of {','.join(KINDS)}.")] = ",".join(KINDS),
     limit: Annotated[int | None, typer.Option(min=1, help="At most so many trials of each kind.")] = None,
     every: Annotated[int, typer.Option(min=1, help="Of each kind one trial in so many, drawn by a fixed seed.")] = 1,
+    beyond: Annotated[
+        int | None, typer.Option(min=2, help="Without those that --every N draws, for so large an N.")
+    ] = None,
     only: Annotated[str, typer.Option(help="Trials whose name contains this.")] = "",
     seed_block: Annotated[str, typer.Option(help="tune, to choose thresholds on, or report.")] = "report",
     jobs: Annotated[int, typer.Option(min=1, help="Processes at a time.")] = 2,
@@ -42,7 +45,7 @@ def main(
         if seed_block not in BLOCKS:
             raise InputError(f"--seed-block {seed_block!r}: use {', '.join(BLOCKS)}{nearest(seed_block, BLOCKS)}")
         kinds = tuple(kind.split(","))
-        chosen = [entry for own in kinds for entry in _drawn(own, seed_block, only, every, limit)]
+        chosen = [entry for own in kinds for entry in _drawn(own, seed_block, only, (beyond, every), limit)]
         if not chosen:
             raise InputError(f"--only {only!r} leaves no trial: their names begin with {', '.join(KINDS)}")
         told = seed_block == "report" and not only and limit is None and set(kinds) == set(KINDS)
@@ -52,13 +55,14 @@ def main(
         sys.exit(2)
 
 
-def _drawn(kind: str, block: str, only: str, every: int, limit: int | None) -> Iterator[Entry]:
-    """One trial in ``every``. Drawn: the plan goes through effects and difficulties in turn, and equal strides from
-    trial to trial would always meet the same ones. A larger share holds every smaller one."""
+def _drawn(kind: str, block: str, only: str, shares: tuple[int | None, int], limit: int | None) -> Iterator[Entry]:
+    """One trial in the second of ``shares``, without one in the first. Drawn: the plan goes through effects and
+    difficulties in turn, and equal strides from trial to trial would always meet the same ones. A larger share holds
+    every smaller one."""
     named = [entry for entry in entries((kind,), block) if only in entry.name]
-    share = -(-len(named) // every)
-    drawn = np.random.default_rng(1).permutation(len(named))[:share] if every > 1 else range(share)
-    return islice((named[i] for i in drawn), limit)
+    known, end = (-(-len(named) // share) if share else 0 for share in shares)
+    drawn = np.random.default_rng(1).permutation(len(named)) if shares[1] > 1 else range(len(named))
+    return islice((named[i] for i in drawn[known:end]), limit)
 
 
 def run(chosen: Sequence[Entry], jobs: int, ask: Ask, target: Path) -> None:

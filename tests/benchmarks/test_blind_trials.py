@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.signal import welch
 
+from benchmarks import blind_trials
 from benchmarks.blind.detect import Projector
 from benchmarks.blind.effects import BY_ID, EFFECTS
 from benchmarks.blind.experiment import TOLERANCE, Device, Plan, draw_runs
@@ -396,3 +397,11 @@ def test_the_code_of_an_answer_is_also_what_it_imports_of_the_loop():
     assert "bound.py" not in found
     # All that the loop's master needs is reached by way of others, too.
     assert "design.py" in {path.name for path in imported("cosim", [ROOT / "gyrotwin" / "tasks"])}
+
+
+def test_trials_beyond_a_share_are_those_that_it_does_not_draw() -> None:
+    def names(*shares: int | None) -> set[str]:
+        return {entry.name for entry in blind_trials._drawn("single", "report", "", shares, None)}  # type: ignore[arg-type]
+
+    assert names(10, 6) == names(None, 6) - names(None, 10)
+    assert len(names(10, 6)) + len(names(None, 10)) == len(names(None, 6))
