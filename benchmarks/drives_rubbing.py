@@ -15,7 +15,7 @@ from benchmarks.rubbing import Rubbing, motion, outcome
 from benchmarks.structures import NOISE, Outcome, drawn_record, runs_of
 
 SEEDS: Final = 20
-FIRST: Final = 5701
+FIRST: Final = 5721
 """The first seed, of which nothing was chosen."""
 FRICTION: Final = (0.05, 0.5)
 """Of the force, rms."""

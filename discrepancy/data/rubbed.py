@@ -46,8 +46,21 @@ def _speed(record: Record) -> Floats:
         speed = record.v
     else:
         slow = butter(2, 2 * SLOWEST / len(record.v), "highpass", output="sos")
-        speed = sosfiltfilt(slow, np.cumsum(record.v - record.v.mean(axis=0), axis=0), axis=0)
+        speed = sosfiltfilt(slow, _integral(record), axis=0)
     return np.column_stack([_quiet(own, v) for own, v in zip(speed.T, record.v.T, strict=True)])
+
+
+def _integral(record: Record) -> Floats:
+    """Of what is measured (n, axes), by the mean over each sample period: a sum has it half a period late, which turns
+    the sign of one sample in twenty at the end of a band."""
+    v = record.v - record.v.mean(axis=0)
+    begins, ends = v[:-1], v[1:]
+    if record.hold == "zero":
+        # A held force jumps after a sample, and the acceleration with it.
+        jumps = np.diff(record.u, axis=0)[:-1]
+        begins = begins.copy()
+        begins[1:] += jumps @ np.linalg.lstsq(jumps, np.diff(v, axis=0)[1:], rcond=None)[0]
+    return np.concatenate((np.zeros((1, v.shape[1])), np.cumsum(0.5 * (begins + ends), axis=0)))
 
 
 def _quiet(speed: Floats, v: Floats) -> Floats:
