@@ -70,8 +70,8 @@ SHORTER: Final = (0.3, 0.1, 0.03, 0.01)
 """Where so many larger dampings have not helped either, shares of a step of damping HELD are tried: they hold the
 initial states too, which no damping does."""
 NEXT: Final = 2.0
-"""Times the cost: what more a fit takes back in a step or two, as it finds a spring anew that has no other end to
-lead to."""
+"""Times its cost, up to which a fit begins with places at zero: it has found a spring that goes with others, and finds
+that for these in a step or two."""
 PARTLY: Final = (1.0, 0.3, 0.1)
 """Shares of a step without damping that are tried where one with it creeps."""
 ALIKE: Final = 3.0

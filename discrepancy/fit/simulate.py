@@ -234,7 +234,7 @@ class Simulator:
             return True
         if parts is not None:
             return parts and (runs_on or own.within)
-        # Of places and speeds a delayed force knows the ends of its steps.
+        # Speeds and accelerations do not go through the amplifier's lag.
         held_back = self._delay(parameters) > 0 if record.order else self._held_back(parameters)
         return own.within or (runs_on and (held_back or self._bent(record, parameters)))
 

@@ -20,8 +20,8 @@ from gyro_model.model import Model
 NEARBY: Final = 1e-6
 """Of a step, for its slope: errors of rounding and of second order are both below 1e-6 of it."""
 ADRIFT: Final = 0.4
-"""A spring shows over a run by this share of the motion at most, (2π/10)² times a tenth of a period of it, squared,
-where nothing holds the mass."""
+"""Stiffness over mass, times the square of a run, up to which the spring does not show: (2π/10)², of a run that is a
+tenth of a period long."""
 AXES: Final = (
     (symbols.x, symbols.x_dot, ("kxx", "dxx", "m")),
     (symbols.y, symbols.y_dot, ("kyy", "dyy", "")),
@@ -85,7 +85,7 @@ def adrift(p: Mapping[str, float], axes: int, model: Model, duration: float) -> 
     own = taken(p, model)
     mass = p["m"] - own["m"]
     held = {axis: p[f"k{axis}{axis}"] - own[f"k{axis}{axis}"] for axis in "xy"[:axes]}
-    return tuple(f"{axis}_start" for axis, stiffness in held.items() if stiffness * duration**2 < ADRIFT * mass)
+    return tuple(f"{axis}_start" for axis, stiffness in held.items() if abs(stiffness) * duration**2 < ADRIFT * mass)
 
 
 def moved_along(start: Mapping[str, float], place: str, p: Mapping[str, float], model: Model) -> dict[str, float]:
