@@ -15,7 +15,7 @@ from benchmarks.structures import NOISE, Outcome, Structure, drawn_record, motio
 from discrepancy.data.record import Floats
 
 SEEDS: Final = 20
-FIRST: Final = 5221
+FIRST: Final = 6001
 """The first seed, of which nothing was chosen."""
 LOWEST: Final = (5.0, 40.0)
 """Hz, of the lowest mode of what swings."""
