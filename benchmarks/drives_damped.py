@@ -14,7 +14,7 @@ from benchmarks.structures import NOISE, Outcome, Structure, drawn_record, motio
 from discrepancy.data.record import Floats
 
 SEEDS: Final = 20
-FIRST: Final = 5521
+FIRST: Final = 6001
 """The first seed, of which nothing was chosen."""
 ALONE: Final = (2.0, 20.0)
 """Hz, of the load while the motor is held."""
