@@ -1,4 +1,4 @@
-"""Least squares from gram matrices whose columns have any size."""
+"""Least squares from gram matrices whose columns have any size, and a deviation that few far values do not move."""
 
 import numpy as np
 
@@ -17,3 +17,9 @@ def inverse_scaled(matrix: Floats, damping: float = 0.0) -> Floats:
     kept = values > DEAD * values[-1] if len(values) else np.zeros(0, np.bool_)
     inverse = (vectors[:, kept] / (values[kept] + damping)) @ vectors[:, kept].T
     return np.asarray(inverse / np.outer(size, size))
+
+
+def median_deviation(values: Floats) -> Floats:
+    """The standard deviation (channels,) of values (n, channels) or (n,) about zero, by the median of their size, which
+    is 0.6745 of it for a normal distribution: few that are far off don't count."""
+    return np.asarray(np.median(np.abs(values), axis=0) / 0.6745)

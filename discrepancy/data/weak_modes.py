@@ -32,9 +32,9 @@ FREE: Final = 3e-3
 RATES: Final = np.geomspace(3e-3, 3.0, 7)
 """Of the same, over 2 pi: damping over mass of what nothing holds."""
 BESIDE_FRICTION: Final = 0.85
-"""Share of the power that modes leave beside a friction, below which it moves as a whole: what an accelerometer sees of
-that is less than what the jumps of a friction leave. 0.01 to 0.77 of ten motors, 0.93 and more of ten masses that
-springs hold."""
+"""Share of the power that modes leave beside a friction of what an accelerometer sees, below which it moves as a whole:
+it sees less of that than of the jumps of a friction. 0.01 to 0.77 of ten motors, 0.93 and more of ten masses that
+springs hold. Other sensors see no jumps: of seven such masses by their place or speed one has 0.87."""
 HELD: Final = 0.5
 """Share of the power that a suspended structure leaves, below which it is one that nothing holds: the fit of one may
 have loads that push it away."""
@@ -101,7 +101,7 @@ def _as_a_whole(records: Sequence[Record], known: Sequence[Mode]) -> list[Mode]:
     ]
     left = {mode: answered(records, [mode, *known]).left for kind in kinds for mode in kind}
     suspended, free = (min(kind, key=left.__getitem__) for kind in kinds)
-    enough = ENOUGH if records[0].rubs is None else BESIDE_FRICTION
+    enough = BESIDE_FRICTION if records[0].rubs is not None and records[0].order == 2 else ENOUGH
     if min(left[suspended], left[free]) ** 2 > enough * before**2:
         return []
     return [_damped(records, known, lowest, free) if left[free] ** 2 < HELD * left[suspended] ** 2 else suspended]

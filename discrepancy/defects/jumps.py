@@ -7,15 +7,15 @@ fit that has one on the wrong side stays where the others are on the right one (
 squares: P. J. Huber, Robust Statistics, 1981, section 7.1).
 """
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from discrepancy.criteria import Criteria
+from discrepancy.data.algebra import median_deviation
 from discrepancy.data.record import Bools, Floats, Record
-from discrepancy.fit.defect import Blemish, Data, Found, Left, Level
+from discrepancy.fit.defect import Blemish, Data, Found, Left, Level, without_samples
 from gyro_model.quantities import size
 
 BESIDE: Final = 0.1
@@ -24,8 +24,6 @@ JUMP: Final = 6.0
 """Deviations of the noise, and of what the second difference of the motion is without jumps."""
 MOST: Final = 0.1
 """Share of a run above which nothing jumps, but everything moves so fast."""
-MEDIAN: Final = 0.6745
-"""Of a normal deviation's size."""
 
 SHARE = size("jumps", "1", "share of the samples that lie beside a jump", low=0.0, high=1.0)
 
@@ -40,21 +38,14 @@ def find(left: Left, criteria: Criteria) -> Found | None:
     return Found(data, {"jumps": Level(count / total, count / total, count / total)})
 
 
-def without(record: Record, data: Data) -> Record:
-    """The run with these samples masked."""
-    valid = record.valid.copy()
-    valid[[int(k) for k in data if 0 <= k < len(valid)]] = False
-    return replace(record, valid=valid)
-
-
 def _beside(record: Record, residual: Floats, between: Floats | None) -> Data:
     if between is None or not np.isfinite(between).all():
         return ()
     samples, parts, axes = between.shape
     bend = np.zeros((samples * parts, axes))
     bend[1:-1] = np.abs(np.diff(_without_force(record, between).reshape(-1, axes), 2, axis=0))
-    noise = np.median(np.abs(residual[record.valid]), axis=0) / MEDIAN
-    jumps = _nearby(bend > JUMP * np.maximum(noise, np.median(bend, axis=0) / MEDIAN), max(1, round(BESIDE * parts)))
+    usual = np.maximum(median_deviation(residual[record.valid]), median_deviation(bend))
+    jumps = _nearby(bend > JUMP * usual, max(1, round(BESIDE * parts)))
     return tuple(float(k) for k in np.flatnonzero(jumps[::parts] & record.valid))
 
 
@@ -80,7 +71,7 @@ DEFECT = Blemish(
     signature="samples off by all of a jump, where a mass turns round against dry friction",
     source="P. J. Huber, Robust Statistics, 1981, section 7.1",
     find=find,
-    without=without,
+    without=without_samples,
     counted=True,
     by_motion=True,
 )

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from discrepancy.criteria import Criteria
+from discrepancy.data.algebra import median_deviation
 from discrepancy.data.record import Bools, Floats, Record
 from discrepancy.fit.defect import Blemish, Data, Found, Left, Level
 from gyro_model.quantities import size
@@ -137,7 +138,7 @@ def _predicted(record: Record) -> _Prediction | None:
         numbers = np.linalg.lstsq(past[few][kept] / scale, now[few][kept], rcond=1e-13)[0]
         error = now[few] - past[few] / scale @ numbers
         # The median of a normal deviation's size.
-        deviation = np.median(np.abs(error), axis=0) / 0.6745
+        deviation = median_deviation(error)
         if not (deviation > 0).all():
             return None
         kept = (np.abs(error) < NORMAL * deviation).all(axis=1)

@@ -4,15 +4,15 @@ Found by their distance from the mean of their neighbours, over the median of su
 influence curve and its role in robust estimation, Journal of the American Statistical Association 69, 1974.
 """
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from scipy.ndimage import binary_opening, maximum_filter, percentile_filter, rank_filter
 
 from discrepancy.criteria import Criteria
+from discrepancy.data.algebra import median_deviation
 from discrepancy.data.record import Bools, Floats, Record
-from discrepancy.fit.defect import Blemish, Data, Found, Left, Level
+from discrepancy.fit.defect import Blemish, Data, Found, Left, Level, without_samples
 from gyro_model.quantities import size
 
 FAR: Final = 9.0
@@ -31,8 +31,8 @@ LONGEST: Final = 3
 """Outliers next to each other."""
 MOST: Final = 0.02
 """Share of a run above which they are no outliers."""
-MEDIAN, UPPER = 0.6745, 1.2816
-"""Of a normal deviation's size, and what four in five are below: the more certain of few that vary."""
+UPPER: Final = 1.2816
+"""Normal deviations that four in five are below: more certain than their median of few that vary."""
 
 SHARE = size("outliers", "1", "share of the samples that are far off", low=0.0, high=1.0)
 
@@ -45,13 +45,6 @@ def find(left: Left, criteria: Criteria) -> Found | None:
         return None
     share, width = count / total, 1.96 * count**0.5 / total
     return Found(data, {"outliers": Level(share, max(share - width, 0.0), share + width)})
-
-
-def without(record: Record, data: Data) -> Record:
-    """The run with these samples masked."""
-    valid = record.valid.copy()
-    valid[[int(k) for k in data if 0 <= k < len(valid)]] = False
-    return replace(record, valid=valid)
 
 
 def _far(record: Record, residual: Floats) -> Data:
@@ -75,7 +68,7 @@ def _alone(residual: Floats, usable: Bools) -> Bools:
     filled = np.column_stack([np.interp(np.arange(len(usable)), places, channel[places]) for channel in residual.T])
     off = np.zeros_like(residual)
     off[1:-1] = filled[1:-1] - 0.5 * (filled[2:] + filled[:-2])
-    deviation = np.median(np.abs(off[usable]), axis=0) / MEDIAN
+    deviation = median_deviation(off[usable])
     if not (deviation > 0).all() or not (np.abs(off) > FAR * deviation).any():
         return np.zeros_like(usable)
     # Noise may grow with the motion: where it has, an outlier is one beside its own.
@@ -95,6 +88,6 @@ DEFECT = Blemish(
     signature="single samples far from both neighbours",
     source="F. R. Hampel, Journal of the American Statistical Association 69, 1974",
     find=find,
-    without=without,
+    without=without_samples,
     counted=True,
 )

@@ -10,7 +10,7 @@ One file each in ``defects/``, found by a scan of that folder. Three kinds:
 
 import importlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import ClassVar, Final, NamedTuple
@@ -121,6 +121,13 @@ class Blemish(Defect):
     again: Callable[[Found, Record, Floats], Data] | None = None
     counted: bool = False
     by_motion: bool = False
+
+
+def without_samples(record: Record, data: Data) -> Record:
+    """The run with the samples of these numbers masked."""
+    valid = record.valid.copy()
+    valid[[int(k) for k in data if 0 <= k < len(valid)]] = False
+    return replace(record, valid=valid)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import chi2
 
+from discrepancy.data.algebra import median_deviation
 from discrepancy.data.clipping import flat_tops
 from discrepancy.data.record import Floats, Record
 
@@ -37,8 +38,7 @@ def clip_level(
     off = np.concatenate([e.ravel() for e in residuals])
     missing = -off[top] * np.sign(v[top])
     rest = np.abs(off[~top & np.concatenate([np.repeat(r.valid, r.axes) for r in records])])
-    # The median of a normal distribution's size is 0.6745 deviations.
-    deviation = max(float(np.median(rest)) / 0.6745, 1e-300)
+    deviation = max(float(median_deviation(rest)), 1e-300)
     cut_off = float(np.sum((np.maximum(missing, 0.0) / deviation) ** 2))
     sure = missing.max() > rest.max() and cut_off > chi2.isf(chance, len(missing))
     return level if sure else None

@@ -47,7 +47,7 @@ def start_fitted(
 
 def started(simulator: Simulator, record: Record, parameters: Mapping[str, float]) -> Mapping[str, float]:
     """The initial state that the first samples of a run give."""
-    return _start_fitted(simulator, record, parameters, None)[0].starts[0]
+    return _start_fitted(simulator, replace(record, centred=False), parameters, None)[0].starts[0]
 
 
 def _start_fitted(

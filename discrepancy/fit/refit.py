@@ -333,8 +333,8 @@ class Fitter:
         total = np.sum(grams, axis=0)
         # Those of the device come first, and may be known.
         known, fill = 2 * axes if self.records[run].begun else 0, np.zeros((states, len(columns) - states))
-        adrift = self._adrift(at)
-        sought = [i for i, name in enumerate(self.state_names(at)) if i >= known and name not in adrift]
+        unseen = self._adrift(at)
+        sought = [i for i, name in enumerate(self.state_names(at)) if i >= known and name not in unseen]
         fill[sought] = inverse_scaled(total[np.ix_(sought, sought)]) @ total[sought, states:]
         # Each column without what the states do of it.
         lift = np.hstack((-fill.T, np.eye(len(columns) - states)))
