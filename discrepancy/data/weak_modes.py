@@ -34,7 +34,7 @@ RATES: Final = np.geomspace(3e-3, 3.0, 7)
 BESIDE_FRICTION: Final = 0.85
 """Share of the power that modes leave beside a friction of what an accelerometer sees, below which it moves as a whole:
 it sees less of that than of the jumps of a friction. 0.01 to 0.77 of ten motors, 0.93 and more of ten masses that
-springs hold. Other sensors see no jumps: of seven such masses by their place or speed one has 0.87."""
+springs hold. Other sensors see no jumps: of six such masses by their place or speed one has 0.87."""
 HELD: Final = 0.5
 """Share of the power that a suspended structure leaves, below which it is one that nothing holds: the fit of one may
 have loads that push it away."""
