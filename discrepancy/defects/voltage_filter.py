@@ -16,7 +16,8 @@ ORDER = order("voltage", 4)
 
 def voltage(v: Floats, timing: Timing, p: Mapping[str, float]) -> Floats:
     """The filtered voltage."""
-    return sampled(v, timing.period / p["voltage_filter"], int(p["voltage_filter_order"]))
+    columns = v.reshape(len(v), -1)
+    return sampled(columns, timing.period / p["voltage_filter"], int(p["voltage_filter_order"])).reshape(v.shape)
 
 
 DEFECT = Distortion(

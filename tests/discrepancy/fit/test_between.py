@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from discrepancy.fit.between import DEGREE, FEW, between
+from discrepancy.fit.between import DEGREE, between
 
 
-@pytest.mark.parametrize("n", [DEGREE + 1, FEW - 1, FEW, FEW + 1, FEW + 2, 2 * FEW, 3001])
+@pytest.mark.parametrize("n", [DEGREE + 1, DEGREE + 2, 31, 64, 3001])
 @pytest.mark.parametrize("axes", [(), (1,), (2,)])
 def test_it_is_the_spline_through_the_samples(n: int, axes: tuple[int, ...]) -> None:
     v = np.random.default_rng(n).normal(size=(n, *axes))

@@ -48,6 +48,18 @@ def test_contract(defect: Defect) -> None:
     assert any(year in defect.source for year in map(str, range(1900, 2027)))
 
 
+@pytest.mark.parametrize("own", [d for d in distortions() if d.voltage], ids=lambda own: own.id)
+def test_columns_go_through_a_distortion_of_the_voltage_alone_and_together(own: Distortion) -> None:
+    assert own.voltage is not None
+    p = {q.name: 0.01 * q.high if q in own.sizes else q.start for q in own.parameters}
+    v = np.random.default_rng(1).standard_normal((500, own.axes, 3))
+    apart = np.stack([own.voltage(v[..., i], Timing(40, 1 / RATE), p) for i in range(3)], axis=-1)
+    assert np.abs(apart - v).max() > 1e-3
+    # Rounding, of a signal of one.
+    np.testing.assert_allclose(own.voltage(v, Timing(40, 1 / RATE), p), apart, atol=1e-12)
+    np.testing.assert_allclose(own.voltage(v.sum(axis=-1), Timing(40, 1 / RATE), p), apart.sum(axis=-1), atol=1e-12)
+
+
 def test_ids_are_distinct_from_effects() -> None:
     ids = [d.id for d in defects()]
     assert len(set(ids)) == len(ids)
