@@ -91,10 +91,10 @@ class Defect:
 class Distortion(Defect):
     """force: what acted, (n, axes) [N], of what the record says, on steps of ``step`` [s]; voltage: what was recorded,
     (n, axes, ...) [V], of what the sensor gave, which may reach ``beyond`` samples further, and of a sum the sum, so
-    that columns go through it alone; both get the sizes by name. split: whether it acts within a step; within: whether it acts on the voltage before it is sampled, which it
-    gets between samples too; gauge: whether no sample tells it from another mass, stiffness and
-    damping, so that it is never named. levels: of some runs, sizes at which its first parameter is tried, where a small
-    one changes nothing."""
+    that columns go through it alone; both get the sizes by name. split: whether it acts within a step; within: whether
+    it acts on the voltage before it is sampled, which it gets between samples too; gauge: whether no sample tells it
+    from another mass, stiffness and damping, so that it is never named. levels: of some runs, sizes at which its first
+    parameter is tried, where a small one changes nothing."""
 
     force: Callable[[Floats, float, Mapping[str, float]], Floats] | None = None
     voltage: Callable[[Floats, Timing, Mapping[str, float]], Floats] | None = None

@@ -463,7 +463,7 @@ def _level(record: Record, parameters: Mapping[str, float]) -> Floats:
 
 
 def _raised(v: Floats, level: Floats) -> Floats:
-    """v (n, axes) with a level of each axis added."""
+    """The voltage (n, axes) with a level of each axis added."""
     return v + level if level.any() else v
 
 
