@@ -34,21 +34,43 @@ class Answer(NamedTuple):
     left: float
 
 
-def answered(records: Sequence[Record], modes: Sequence[Mode], *, higher: bool = False) -> Answer:
-    """What driven records show of ``modes``, by least squares; ``higher``: beside such whose frequencies are higher, of
-    which an accelerometer sees the mass that they take with them."""
-    axes, made, told = records[0].axes, [], []
-    for record in records:
-        answers = np.hstack([answer for mode in modes for answer in _answers(record, mode)])
-        count, starts = answers.shape[1], np.linalg.qr(_starts(record, modes))[0]
+class Columns(NamedTuple):
+    """What modes may do in a run: their answers (n, ...) to its forces and frictions, and what they do by themselves (n,
+    ...)."""
+
+    answers: Floats
+    starts: Floats
+
+
+def columns_of(records: Sequence[Record], modes: Sequence[Mode]) -> list[Columns]:
+    """What ``modes`` may do in each record."""
+    return [
+        Columns(
+            np.hstack([np.empty((len(record.t), 0)), *(a for mode in modes for a in _answers(record, mode))]),
+            np.hstack([np.empty((len(record.t), 0)), *(_starts(record, mode) for mode in modes)]),
+        )
+        for record in records
+    ]
+
+
+def answered(
+    records: Sequence[Record], modes: Sequence[Mode], *, beside: Sequence[Columns] = (), higher: bool = False
+) -> Answer:
+    """What driven records show of ``modes``, by least squares; beside: of each record, what others may do that it is
+    beside; ``higher``: beside such whose frequencies are higher, of which an accelerometer sees the mass that they take
+    with them."""
+    axes, count, made, told = records[0].axes, 0, [], []
+    for record, own, others in zip(records, columns_of(records, modes), beside or columns_of(records, ()), strict=True):
+        count, taken = own.answers.shape[1], [record.v]
         if higher and record.order == 2:
-            answers = np.hstack((answers, _at_once(record.u, held=record.hold == "zero")))
-        columns = np.hstack((answers, record.v))
+            taken.insert(0, _at_once(record.u, held=record.hold == "zero"))
+        columns = np.hstack((own.answers, others.answers, *taken))
+        starts = np.linalg.qr(np.hstack((np.ones((len(columns), 1)), own.starts, others.starts)))[0]
         columns -= starts @ (starts.T @ columns)
         made.append(columns[:, :-axes])
         told.append(columns[:, -axes:])
-    columns, shown = np.vstack(made), np.vstack(told)
-    found = np.linalg.lstsq(columns, shown, rcond=None)[0]
+    shown = np.vstack(told)
+    found = np.linalg.lstsq(np.vstack(made), shown, rcond=None)[0]
     residuals = tuple(v - of @ found for v, of in zip(told, made, strict=True))
     left = float(np.linalg.norm(np.vstack(residuals)) / (np.linalg.norm(shown) + TINY))
     answers = np.asarray(found[:count].reshape(len(modes), -1, axes))
@@ -71,15 +93,15 @@ def plainly_rub(
     return answered(rubbing, modes).left < RUBBING * left
 
 
-def _starts(record: Record, modes: Sequence[Mode]) -> Floats:
-    """What modes do by themselves, and a mean, (n, 2 * modes + 1)."""
-    t = np.arange(len(record.t)) / record.sample_rate
-    columns = [np.ones_like(t)]
-    for mode in modes:
-        w = 2 * np.pi * mode.frequency
-        one, other = np.exp(np.outer(np.roots([1.0, w / mode.quality, w**2]), t))
-        columns += [one.real, one.imag] if np.iscomplexobj(one) else [one, other]
-    return np.column_stack(columns)
+def _starts(record: Record, mode: Mode) -> Floats:
+    """What a mode does by itself, (n, 2)."""
+    w = 2 * np.pi * mode.frequency
+    rates = np.roots([1.0, w / mode.quality, w**2])
+    if np.iscomplexobj(rates):
+        # The other one's is its conjugate.
+        rates = rates[:1]
+    alone = np.exp(np.outer(np.arange(len(record.t)) / record.sample_rate, rates))
+    return alone.view(np.float64) if np.iscomplexobj(alone) else alone
 
 
 def _answers(record: Record, mode: Mode) -> list[Floats]:

@@ -14,7 +14,7 @@ from scipy.signal import coherence, welch
 
 from discrepancy.data.modes import APART, ENOUGH, LEAST, MOST, POWER, Mode, answering, apart, further_modes
 from discrepancy.data.record import Floats, Record, is_driven
-from discrepancy.data.residues import answered, may_rub, plainly_rub
+from discrepancy.data.residues import Columns, answered, columns_of, may_rub, plainly_rub
 from discrepancy.data.rubbed import rubbed
 from discrepancy.data.speeds import are_displacements, as_speeds
 
@@ -99,12 +99,13 @@ def _as_a_whole(records: Sequence[Record], known: Sequence[Mode]) -> list[Mode]:
         [Mode(share * lowest, SUSPENDED, seen=False) for share in BELOW],
         [_free(lowest, rate) for rate in RATES],
     ]
-    left = {mode: answered(records, [mode, *known]).left for kind in kinds for mode in kind}
+    beside = columns_of(records, known)
+    left = {mode: answered(records, [mode], beside=beside).left for kind in kinds for mode in kind}
     suspended, free = (min(kind, key=left.__getitem__) for kind in kinds)
     enough = BESIDE_FRICTION if records[0].rubs is not None and records[0].order == 2 else ENOUGH
     if min(left[suspended], left[free]) ** 2 > enough * before**2:
         return []
-    return [_damped(records, known, lowest, free) if left[free] ** 2 < HELD * left[suspended] ** 2 else suspended]
+    return [_damped(records, beside, lowest, free) if left[free] ** 2 < HELD * left[suspended] ** 2 else suspended]
 
 
 def _free(lowest: float, rate: float) -> Mode:
@@ -112,12 +113,12 @@ def _free(lowest: float, rate: float) -> Mode:
     return Mode(FREE * lowest, FREE / rate, seen=False)
 
 
-def _damped(records: Sequence[Record], known: Sequence[Mode], lowest: float, near: Mode) -> Mode:
-    """What nothing holds, damped as leaves least, from ``near`` it on."""
+def _damped(records: Sequence[Record], beside: Sequence[Columns], lowest: float, near: Mode) -> Mode:
+    """What nothing holds, ``beside`` others, damped as leaves least, from ``near`` it on."""
     about = np.log(FREE / near.quality) + np.log(RATES[1] / RATES[0]) * np.array([-1.0, 1.0])
 
     def left(rate: float) -> float:
-        return answered(records, [_free(lowest, float(np.exp(rate))), *known]).left
+        return answered(records, [_free(lowest, float(np.exp(rate)))], beside=beside).left
 
     return _free(
         lowest, float(np.exp(minimize_scalar(left, bounds=about, method="bounded", options={"xatol": 0.01}).x))
