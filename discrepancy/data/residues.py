@@ -35,8 +35,8 @@ class Answer(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """What modes may do in a run: their answers (n, ...) to its forces and frictions, and what they do by themselves (n,
-    ...)."""
+    """What modes may do in a run: their answers (n, ...) to its forces and frictions, and what they do by themselves
+    (n, ...)."""
 
     answers: Floats
     starts: Floats
