@@ -8,12 +8,15 @@ continuity, which nothing needs in the end, when a piece is a run).
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
+
+import numpy as np
 
 from discrepancy.clock import OutOfTime
 from discrepancy.data.linear_fit import mode_frequencies
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import BLOCKS, Fitter
+from discrepancy.fit.sampled import sampled_start
 
 IN_STEP: Final = 0.02
 """Residual over signal below which a simulation is in step with the motion: an error of phase of 0.02 rad, where what
@@ -28,6 +31,12 @@ SHORTEST: Final = 12.0
 """Periods of the lowest mode in the shortest piece: four states a piece, eight shared parameters."""
 FIRST_PERIODS: Final = 2.0
 """Over which a device of any damping is followed by a linear one."""
+BRIEF, FINEST = 3.0, 400
+"""Periods of a piece, and pieces of all runs, to which they are cut further where no fit to pieces of
+SHORTEST stays in step: of a spring that doubles its stiffness, that of a weak form is a few per cent off, and where the
+motion goes its own way after the least change, as in chaos, it does so within ten periods."""
+STUCK: Final = 10.0
+"""Variances that another step promises where a fit has stopped, from which it is in no minimum."""
 FEWEST, MOST = 100, 64
 """Samples of a piece, and pieces of a run of few periods: of a mass that hardly any spring holds."""
 GROWTH: Final = 4
@@ -54,12 +63,15 @@ def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, 
     # Under the filter of an earlier, larger gap a fit would predict a sample ahead and not care where the motion goes.
     at = replace(at, whiten=whole.plain(at.parameters))
     direct = whitened(whole, whole.fit(started(whole, at)))
-    if whole.off(direct) < min(enough, _astray(whole, direct)):
+    stuck = direct.left > STUCK and whole.off(direct) > IN_STEP
+    if whole.off(direct) < min(enough, _astray(whole, direct)) and not stuck:
         return whole, direct
     best = whole, direct
     now: Fitted | None = None
-    for number in reversed(_numbers(whole, at)):
-        fitter = cut(whole, number)
+    lengths, lost = [_Length(number) for number in _numbers(whole, at)], False
+    while lengths:
+        number, counted = lengths.pop()
+        fitter = cut(whole, number, counted)
         before = now
         try:
             now = fitter.fit(started(fitter, before or at), _rounds(number))
@@ -68,6 +80,9 @@ def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, 
             now = fitter.whitened(now) if number > 1 and fitter.off(now) > IN_STEP else whitened(fitter, now)
         except OutOfTime:
             break
+        if before is None and not lost and fitter.off(now) > ASTRAY:
+            lengths, lost, now = [*lengths, _Length(number), *_finer(whole, at)], True, None
+            continue
         if before is None or fitter.off(now) < max(IN_STEP, SLIP * best[0].off(best[1])):
             best = fitter, now
         else:
@@ -102,8 +117,8 @@ def started(fitter: Fitter, at: Fitted) -> Fitted:
 
 def with_starts(fitter: Fitter, at: Fitted, rounds: int) -> Fitted:
     """The parameters of ``at``, held, with initial states fitted to the runs of ``fitter``: from rest, or, where that
-    ends astray, from how a linear device sets out and to beginnings that grow: a frequency that depends on the
-    amplitude is far off at rest, and a friction lets nothing go there."""
+    ends astray, from what the samples show, or from how a linear device sets out and to beginnings that grow: a
+    frequency that depends on the amplitude is far off at rest, and a friction lets nothing go there."""
     rest = fitter.evaluated(
         replace(at, starts=fitter.starts(at.parameters), free=(), whiten=fitter.plain(at.parameters))
     )
@@ -111,6 +126,8 @@ def with_starts(fitter: Fitter, at: Fitted, rounds: int) -> Fitted:
         # What shows no motion at all is at rest.
         return rest
     found = fitter.fit(rest, rounds)
+    if max(_each_off(fitter, found)) >= ASTRAY:
+        found = _from_samples(fitter, found, rounds)
     if fitter.off(found) < ASTRAY:
         return found
     now = replace(rest, starts=_set_out(fitter, rest, rounds))
@@ -119,6 +136,30 @@ def with_starts(fitter: Fitter, at: Fitted, rounds: int) -> Fitted:
         now = part.fit(part.evaluated(now), rounds)
         fitter.simulator.forget(part.records if number > 1 else ())
     return min((found, now), key=lambda end: end.cost)
+
+
+def _from_samples(fitter: Fitter, at: Fitted, rounds: int) -> Fitted:
+    """``at``, or with initial states fitted from those that the samples show to ever more samples, run by run."""
+    period, known, simulator = _period(fitter, at), fitter.starts(at.parameters), fitter.simulator
+    shown = [sampled_start(*simulator.place_of(r), period, at.parameters) for r in fitter.records]
+    if not any(shown):
+        return at
+    other = replace(at, starts=tuple({**own, **(new or {})} for own, new in zip(known, shown, strict=True)))
+    for counted in _first_samples(period, min(len(r.t) for r in fitter.records)):
+        part = Fitter(simulator, [simulator.part(r, 0, len(r.t), counted) for r in fitter.records], fitter.blocks)
+        other = part.fit(part.evaluated(other), rounds)
+        simulator.forget(part.records)
+    other = fitter.fit(fitter.evaluated(other), rounds)
+    if not np.isfinite(other.cost):
+        return at
+    ends = zip(other.starts, at.starts, _each_off(fitter, other), _each_off(fitter, at), strict=True)
+    return fitter.evaluated(replace(at, starts=tuple(new if now < before else old for new, old, now, before in ends)))
+
+
+def _each_off(fitter: Fitter, at: Fitted) -> list[float]:
+    """Of each run the residual over the signal of all, rms."""
+    pairs = zip(at.residuals, fitter.records, strict=True)
+    return [float(np.sqrt(np.mean(e[r.valid] ** 2))) / fitter.signal for e, r in pairs]
 
 
 def _set_out(fitter: Fitter, at: Fitted, rounds: int) -> tuple[Mapping[str, float], ...]:
@@ -178,11 +219,33 @@ def shortest(whole: Fitter, at: Fitted) -> tuple[int, Fitter]:
     return number, cut(whole, number)
 
 
-def cut(whole: Fitter, number: int) -> Fitter:
-    """A fitter of the runs of ``whole``, each in ``number`` pieces."""
-    if number == 1:
+class _Length(NamedTuple):
+    """Of pieces: into how many a run is cut, and how many samples of each count, all where None."""
+
+    number: int
+    counted: int | None = None
+
+
+def _finer(whole: Fitter, at: Fitted) -> list[_Length]:
+    """The pieces, longest first, into which runs may be cut where no longer ones stay in step."""
+    length = min(len(record.t) for record in whole.records)
+    shortest = max(BRIEF * _period(whole, at), FEWEST)
+    number = max(min(int(length / shortest), FINEST // len(whole.records)), 1)
+    # A record has a least length, of which fewer samples may count.
+    counted = _first_samples(_period(whole, at), length // number)
+    return [_Length(number), *(_Length(number, samples) for samples in reversed(counted))]
+
+
+def _first_samples(period: float, length: int) -> list[int]:
+    """How many of the first samples of pieces of some ``length`` count before all do, fewest first."""
+    return [int(share * BRIEF * period) for share in (0.5, 1.0) if share * BRIEF * period < length]
+
+
+def cut(whole: Fitter, number: int, counted: int | None = None) -> Fitter:
+    """A fitter of the runs of ``whole``, each in ``number`` pieces, of which the first ``counted`` samples count."""
+    if number == 1 and counted is None:
         return whole
-    pieces = [piece for record in whole.records for piece in whole.simulator.cut(record, number)]
+    pieces = [piece for record in whole.records for piece in whole.simulator.cut(record, number, counted)]
     return Fitter(whole.simulator, pieces, max(1, BLOCKS // number), whole.criteria)
 
 

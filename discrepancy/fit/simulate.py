@@ -323,23 +323,28 @@ class Simulator:
         with self.clock.side_by_side() as batch:
             return list(pool.map(batch.part(work), items))
 
-    def cut(self, record: Record, number: int) -> tuple[Record, ...]:
-        """``record`` in ``number`` records of equal length, each under the force that it has in the whole."""
+    def cut(self, record: Record, number: int, counted: int | None = None) -> tuple[Record, ...]:
+        """``record`` in ``number`` records of equal length, each under the force that it has in the whole; counted: of
+        each the first samples that are not masked."""
         rows = np.array_split(np.arange(len(record.t)), number)
-        return tuple(self.part(record, int(own[0]), int(own[-1]) + 1) for own in rows)
+        return tuple(self.part(record, int(own[0]), int(own[-1]) + 1, counted) for own in rows)
 
-    def part(self, record: Record, begin: int, end: int) -> Record:
-        """Samples ``begin`` to ``end`` of ``record``, under the force that they have in the whole."""
+    def part(self, record: Record, begin: int, end: int, counted: int | None = None) -> Record:
+        """Samples ``begin`` to ``end`` of ``record``, under the force that they have in the whole, all but the first
+        ``counted`` masked."""
         own = slice(begin, end)
+        valid = record.valid[own]
+        if counted is not None:
+            valid = valid & (np.arange(len(valid)) < counted)
         held = {name: column[own] for name, column in record.conditions.items()}
         part = replace(record, t=record.t[own], u=record.u[own], v=record.v[own], conditions=held,
-                       valid=record.valid[own], begun=record.begun if begin == 0 else None)  # fmt: skip
+                       valid=valid, begun=record.begun if begin == 0 else None)  # fmt: skip
         self._parts[id(part)] = part, record, own
         return part
 
     def run_of(self, record: Record) -> Record:
         """The run that ``record`` is a part of, itself where it is none."""
-        return self.run_of(self._parts[id(record)][1]) if id(record) in self._parts else record
+        return self.place_of(record)[0]
 
     def _held_back(self, parameters: Mapping[str, float]) -> bool:
         return any(parameters.get(q.name, q.start) != q.start for q in self._late)
@@ -399,12 +404,13 @@ class Simulator:
         stride = len(values) // len(whole.t)
         return values[own.start * stride : own.stop * stride], names, step
 
-    def _first(self, record: Record) -> int:
-        """Which sample of its run a record begins with."""
+    def place_of(self, record: Record) -> tuple[Record, int]:
+        """The run that ``record`` is a part of, itself where it is none, and with which sample of it it begins."""
         if id(record) not in self._parts:
-            return 0
+            return record, 0
         _, whole, own = self._parts[id(record)]
-        return own.start + self._first(whole)
+        run, first = self.place_of(whole)
+        return run, first + int(own.start)
 
     def forget(self, records: Sequence[Record]) -> None:
         """Frees what is kept of records that will not be simulated again."""
@@ -419,7 +425,7 @@ class Simulator:
         own = Distorted.at(parameters)
         split = self._in_parts(record, parameters, parts)
         values, names, step = self._inputs(record, SPLIT if split else 1, own.on_force)
-        timing = Timing(self._first(record), 1 / record.sample_rate)
+        timing = Timing(self.place_of(record)[1], 1 / record.sample_rate)
         samples = len(record.t)
         driven = own.lengthened(values, samples, timing), names, step
         late, derived = self._delay(parameters), self._derived(record, parameters, own)

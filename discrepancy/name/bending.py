@@ -11,7 +11,7 @@ from sympy import sympify
 from discrepancy.data.linear_fit import PERIODS, fit, joined_form
 from discrepancy.data.linear_start import FEW_PERIODS, Bent, bent_response
 from discrepancy.data.record import is_driven
-from discrepancy.fit.continuation import ROUNDS, grown, shortest, with_starts
+from discrepancy.fit.continuation import ROUNDS, grown, settled, shortest, started, with_starts
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter, damped
@@ -32,6 +32,9 @@ PLAINLY: Final = 0.25
 scored."""
 STRAIGHTER: Final = 0.25
 """Share of that which forces of third order may leave, to be what bends the response."""
+
+AS_LITTLE: Final = 1.5
+"""Times the least that a model leaves of pieces, that one of fewer effects may leave."""
 
 MONOMIALS: Final = tuple((x**3, x**2 * v) for x, v in ((symbols.x, symbols.x_dot), (symbols.y, symbols.y_dot)))
 """Of each axis, in the order of ``Bent.cubic``."""
@@ -63,7 +66,29 @@ def _of_driven(search: Search, told: Bent, plain: Fitted) -> Taken | None:
         begun = replace(_begun(search, search.at, taken, told), whiten=plain.whiten)
         ends.append(Taken(whole.fit(grown(whole, begun)), taken, plain))
     best = min(ends, key=lambda end: end.price(search.criteria), default=None)
-    return best if best and whole.off(best.at) <= PLAINLY * whole.off(plain) else None
+    if best and whole.off(best.at) <= PLAINLY * whole.off(plain):
+        return best
+    return _in_step(search, told, plain) if ends else None
+
+
+def _in_step(search: Search, told: Bent, plain: Fitted) -> Taken | None:
+    """The same where no model follows the whole runs, as in chaos: judged over the pieces that stay in step with it,
+    and of those models that leave next to the least the one of fewest effects."""
+    whole, choices = search.whole, _choices(search, search.whole, search.at, told)
+    for number, first in enumerate(choices):
+        pieces, at = settled(whole, _begun(search, search.at, first, told))
+        linear = pieces.fit(started(pieces, plain), ROUNDS)
+        if pieces.off(at) > PLAINLY * pieces.off(linear):
+            continue
+        ends = [(at, first)]
+        for taken in choices[number + 1 :]:
+            begun = started(pieces, _begun(search, search.at, taken, told))
+            ends.append((pieces.fit(begun, ROUNDS), taken))
+        least = min(pieces.off(at) for at, _ in ends)
+        at, taken = next((at, taken) for at, taken in ends if pieces.off(at) <= AS_LITTLE * least)
+        starts = at.starts[:: len(pieces.records) // len(whole.records)]
+        return Taken(whole.evaluated(replace(at, starts=starts)), taken, plain)
+    return None
 
 
 def _of_decays(search: Search, told: Bent, plain: Fitted) -> Taken | None:

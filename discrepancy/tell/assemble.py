@@ -259,11 +259,20 @@ def _experiments(search: Search, noise: Noise | None, limits: Limits) -> dict[st
     for entry in asked:
         search.progress(f"experiment to tell {entry.id} from {', '.join(entry.rivals)}")
         sets = {entry.id: search.at.parameters, **entry.rivals}
+        # Fitted to pieces of a motion that no model follows, one may leave all bounds over a whole run.
+        sets = {name: own for name, own in sets.items() if _stays_bounded(search, own)}
+        if len(sets) < 2 or entry.id not in sets:
+            continue
         seconds = search.criteria.design_time / len(asked)
         experiment = next_experiment(search.simulator, search.dataset.fit, sets, level, limits, seconds)
         if experiment is not None:
             found[entry.id] = experiment
     return found
+
+
+def _stays_bounded(search: Search, parameters: Mapping[str, float]) -> bool:
+    jobs = [(run, parameters) for run in search.dataset.fit]
+    return all(v is not None for v in search.simulator.try_all(jobs))
 
 
 def forces(effect: Effect | Defect) -> dict[str, str]:

@@ -11,10 +11,12 @@ import numpy as np
 from discrepancy.criteria import Criteria
 from discrepancy.data.repeats import repeated_noise
 from discrepancy.fit.colour import gain
-from discrepancy.fit.continuation import unsprung
+from discrepancy.fit.continuation import unsprung, with_starts
+from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.locate import noise_level
 from discrepancy.fit.measures import misfits, start_fitted, start_known
 from discrepancy.fit.noise import unlike_flicker
+from discrepancy.fit.refit import Fitter
 from discrepancy.fit.whitening import coloured_power
 from discrepancy.name.accepted import Accepted
 from discrepancy.name.more_modes import resonator_axis
@@ -109,13 +111,16 @@ def remainder(
     limit = limits.open_coloured if memory > 0 else limits.open_white
     if final > limit * noise:
         final = min(final, _with_starts_known(search, last.parameters))
+    if final > limit * noise and search.fitter is not search.whole:
+        final = min(final, _piece_by_piece(search, last.parameters))
     share = float(np.clip((final**2 - noise**2) / max(refit**2, 1e-300), 0.0, 1.0))
     ratio = final / max(noise, 1e-300)
     enough = share > limits.left or ratio > limits.far_above
     # What has the memory of a noise, and can be none, is there however little it stands out of the white noise.
     beyond = ratio > limit or bool(without)
     stopped = bool(search.undone) and share > limits.left and ratio > 1 + SLIGHT * (limit - 1)
-    significant = (beyond and enough) or stopped or search.fitter is not search.whole
+    # Runs that no model follows from end to end, as in chaos, may be explained piece by piece, and others whole.
+    significant = (beyond and (enough or search.fitter is not search.whole)) or stopped
     return Remainder(share, float(ratio), ratio > limit, bool(significant))
 
 
@@ -133,6 +138,19 @@ def _with_starts_known(search: Search, parameters: Mapping[str, float]) -> float
     """The misfit on held-out runs whose initial states are fitted to all of them."""
     runs = search.dataset.held_out
     return misfits(runs, {run.name: start_known(search.simulator, run, parameters) for run in runs})[""]
+
+
+def _piece_by_piece(search: Search, parameters: Mapping[str, float]) -> float:
+    """The misfit on pieces of held-out runs, as long as those to which the model is fitted since none follows a whole
+    run: beyond them nobody can say where a chaotic motion goes."""
+    length, simulator = len(search.fitter.records[0].t), search.simulator
+    pieces = [p for run in search.dataset.held_out for p in simulator.cut(run, max(len(run.t) // length, 1))]
+    try:
+        fitter = Fitter(simulator, pieces)
+        begun = Fitted(dict(parameters), fitter.starts(parameters), (), fitter.plain(parameters), ())
+        return fitter.off(with_starts(fitter, begun, ROUNDS))
+    finally:
+        simulator.forget(pieces)
 
 
 def worse_without(search: Search, effects: Sequence[Finding], stages: tuple[Stage, ...], gaps: Mapping[str, Any]
