@@ -151,8 +151,8 @@ def make_report(seeds: Sequence[int], jobs: int) -> Report:
     names = ("refit", "final", "size off", "s", "s of processor")
     spreads = [row(name, "", spread(o.values.get(name, np.inf) for o in outcomes)) for name in names]
     each = [row(o.what, "", o.values, note=o.said) for o in outcomes]
-    notes = [f"Chaotic: another first place is {CHAOTIC:g} times as far off later. No model follows such a run from its "
-             "start to its end; the misfit on the held-out run, final, is over all of it."]  # fmt: skip
+    notes = [f"Chaotic: another first place is {CHAOTIC:g} times as far off later. No model follows such a run from "
+             "start to end; the misfit on the held-out run, final, is over all of it."]  # fmt: skip
     title = f"A spring that bends far, seeds from {seeds[0]}"
     return Report("bent", title, [Table("all", rows), Table("spread", spreads), Table("each", each)], notes)
 

@@ -226,13 +226,17 @@ class _Length(NamedTuple):
     counted: int | None = None
 
 
-def _finer(whole: Fitter, at: Fitted) -> list[_Length]:
-    """The pieces, longest first, into which runs may be cut where no longer ones stay in step."""
+def finest(whole: Fitter, at: Fitted) -> int:
+    """Into how many pieces runs are cut where no longer ones stay in step."""
     length = min(len(record.t) for record in whole.records)
-    shortest = max(BRIEF * _period(whole, at), FEWEST)
-    number = max(min(int(length / shortest), FINEST // len(whole.records)), 1)
-    # A record has a least length, of which fewer samples may count.
-    counted = _first_samples(_period(whole, at), length // number)
+    pieces = int(length / max(BRIEF * _period(whole, at), FEWEST))
+    return max(min(pieces, FINEST // len(whole.records)), 1)
+
+
+def _finer(whole: Fitter, at: Fitted) -> list[_Length]:
+    """Those pieces, and before them ever fewer of their first samples: a record has a least length."""
+    number = finest(whole, at)
+    counted = _first_samples(_period(whole, at), min(len(record.t) for record in whole.records) // number)
     return [_Length(number), *(_Length(number, samples) for samples in reversed(counted))]
 
 

@@ -42,5 +42,6 @@ def _at(samples: Floats, here: int) -> tuple[float, float]:
     far = max(here, len(samples) - 1 - here)
     # Scaled, since powers of what is far are large.
     places = (np.arange(len(samples)) - here) / far
-    curve = np.polynomial.Polynomial.fit(places, samples, DEGREE, domain=[-1, 1], window=[-1, 1])
+    degree = min(DEGREE, len(samples) - 1)
+    curve = np.polynomial.Polynomial.fit(places, samples, degree, domain=[-1, 1], window=[-1, 1])
     return float(curve(0.0)), float(curve.deriv()(0.0)) / far

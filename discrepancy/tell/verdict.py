@@ -11,7 +11,7 @@ import numpy as np
 from discrepancy.criteria import Criteria
 from discrepancy.data.repeats import repeated_noise
 from discrepancy.fit.colour import gain
-from discrepancy.fit.continuation import unsprung, with_starts
+from discrepancy.fit.continuation import finest, unsprung, with_starts
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.locate import noise_level
 from discrepancy.fit.measures import misfits, start_fitted, start_known
@@ -141,9 +141,10 @@ def _with_starts_known(search: Search, parameters: Mapping[str, float]) -> float
 
 
 def _piece_by_piece(search: Search, parameters: Mapping[str, float]) -> float:
-    """The misfit on pieces of held-out runs, as long as those to which the model is fitted since none follows a whole
-    run: beyond them nobody can say where a chaotic motion goes."""
-    length, simulator = len(search.fitter.records[0].t), search.simulator
+    """The misfit on short pieces of held-out runs, for a model fitted to pieces since none follows a whole run: farther
+    on nobody can say where a chaotic motion goes, and those that are fitted have moved its parameters."""
+    length = len(search.whole.records[0].t) // finest(search.whole, search.at)
+    simulator = search.simulator
     pieces = [p for run in search.dataset.held_out for p in simulator.cut(run, max(len(run.t) // length, 1))]
     try:
         fitter = Fitter(simulator, pieces)
