@@ -16,7 +16,7 @@ from discrepancy.clock import OutOfTime
 from discrepancy.data.linear_fit import mode_frequencies
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import BLOCKS, Fitter
-from discrepancy.fit.sampled import sampled_start
+from discrepancy.fit.sampled import sampled_starts
 
 IN_STEP: Final = 0.02
 """Residual over signal below which a simulation is in step with the motion: an error of phase of 0.02 rad, where what
@@ -37,6 +37,8 @@ SHORTEST stays in step: of a spring that doubles its stiffness, that of a weak f
 motion goes its own way after the least change, as in chaos, it does so within ten periods."""
 STUCK: Final = 10.0
 """Variances that another step promises where a fit has stopped, from which it is in no minimum."""
+LEAST: Final = 12
+"""Samples of a piece that count at least: three a state."""
 FEWEST, MOST = 100, 64
 """Samples of a piece, and pieces of a run of few periods: of a mass that hardly any spring holds."""
 GROWTH: Final = 4
@@ -63,8 +65,7 @@ def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, 
     # Under the filter of an earlier, larger gap a fit would predict a sample ahead and not care where the motion goes.
     at = replace(at, whiten=whole.plain(at.parameters))
     direct = whitened(whole, whole.fit(started(whole, at)))
-    stuck = direct.left > STUCK and whole.off(direct) > IN_STEP
-    if whole.off(direct) < min(enough, _astray(whole, direct)) and not stuck:
+    if whole.off(direct) < min(enough, _astray(whole, direct)) and not is_stuck(whole, direct):
         return whole, direct
     best = whole, direct
     now: Fitted | None = None
@@ -92,6 +93,11 @@ def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, 
         ends = [direct, *([now] if best[0] is whole and now is not None else [])]
         return whole, min(ends, key=lambda end: end.variance)
     return best
+
+
+def is_stuck(fitter: Fitter, at: Fitted) -> bool:
+    """Whether a fit has stopped out of step, in no minimum."""
+    return at.left > STUCK and fitter.off(at) > IN_STEP
 
 
 def roughly_settled(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
@@ -141,19 +147,32 @@ def with_starts(fitter: Fitter, at: Fitted, rounds: int) -> Fitted:
 def _from_samples(fitter: Fitter, at: Fitted, rounds: int) -> Fitted:
     """``at``, or with initial states fitted from those that the samples show to ever more samples, run by run."""
     period, known, simulator = _period(fitter, at), fitter.starts(at.parameters), fitter.simulator
-    shown = [sampled_start(*simulator.place_of(r), period, at.parameters) for r in fitter.records]
+    shown = [sampled_starts(*simulator.place_of(r), period, at.parameters) for r in fitter.records]
     if not any(shown):
         return at
-    other = replace(at, starts=tuple({**own, **(new or {})} for own, new in zip(known, shown, strict=True)))
-    for counted in _first_samples(period, min(len(r.t) for r in fitter.records)):
-        part = Fitter(simulator, [simulator.part(r, 0, len(r.t), counted) for r in fitter.records], fitter.blocks)
+    other: Fitted | None = None
+    for counted in (*_first_samples(period, min(len(r.t) for r in fitter.records)), None):
+        records = [simulator.part(r, 0, len(r.t), counted) for r in fitter.records]
+        if not any(r.valid.any() for r in records):
+            continue
+        part = Fitter(simulator, records, fitter.blocks)
+        for number in range(max(map(len, shown)) if other is None else 0):
+            # What a run shows less of than another, it shows again.
+            new = (some[number % len(some)] if some else {} for some in shown)
+            starts = tuple({**own, **other} for own, other in zip(known, new, strict=True))
+            tried = part.evaluated(replace(at, starts=starts, whiten=part.plain(at.parameters)))
+            other = tried if other is None else _better(part, tried, other)
+        assert other is not None
         other = part.fit(part.evaluated(other), rounds)
-        simulator.forget(part.records)
-    other = fitter.fit(fitter.evaluated(other), rounds)
-    if not np.isfinite(other.cost):
-        return at
-    ends = zip(other.starts, at.starts, _each_off(fitter, other), _each_off(fitter, at), strict=True)
-    return fitter.evaluated(replace(at, starts=tuple(new if now < before else old for new, old, now, before in ends)))
+        simulator.forget(records)
+    assert other is not None
+    return _better(fitter, fitter.evaluated(other), at) if np.isfinite(other.cost) else at
+
+
+def _better(fitter: Fitter, one: Fitted, other: Fitted) -> Fitted:
+    """Of two fits that differ by their initial states, those of each run that leave less of it."""
+    ends = zip(one.starts, other.starts, _each_off(fitter, one), _each_off(fitter, other), strict=True)
+    return fitter.evaluated(replace(other, starts=tuple(a if near < far else b for a, b, near, far in ends)))
 
 
 def _each_off(fitter: Fitter, at: Fitted) -> list[float]:
@@ -240,9 +259,18 @@ def _finer(whole: Fitter, at: Fitted) -> list[_Length]:
     return [_Length(number), *(_Length(number, samples) for samples in reversed(counted))]
 
 
+def in_pieces(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
+    """``at`` fitted to those pieces, with their fitter."""
+    fitter, now = whole, at
+    for length in reversed(_finer(whole, at)):
+        fitter = cut(whole, *length)
+        now = fitter.fit(started(fitter, now), ROUNDS)
+    return fitter, now
+
+
 def _first_samples(period: float, length: int) -> list[int]:
     """How many of the first samples of pieces of some ``length`` count before all do, fewest first."""
-    return [int(share * BRIEF * period) for share in (0.5, 1.0) if share * BRIEF * period < length]
+    return [n for n in (max(int(share * BRIEF * period), LEAST) for share in (0.5, 1.0)) if n < length]
 
 
 def cut(whole: Fitter, number: int, counted: int | None = None) -> Fitter:

@@ -333,9 +333,10 @@ class Simulator:
         """Samples ``begin`` to ``end`` of ``record``, under the force that they have in the whole, all but the first
         ``counted`` masked."""
         own = slice(begin, end)
-        valid = record.valid[own]
-        if counted is not None:
-            valid = valid & (np.arange(len(valid)) < counted)
+        valid = record.valid[own] & (np.arange(end - begin) < (end if counted is None else counted))
+        if begin and record.order == 2 and record.hold == "zero":
+            # An accelerometer sees the force before it changes, and that is another part's.
+            valid[0] = False
         held = {name: column[own] for name, column in record.conditions.items()}
         part = replace(record, t=record.t[own], u=record.u[own], v=record.v[own], conditions=held,
                        valid=valid, begun=record.begun if begin == 0 else None)  # fmt: skip

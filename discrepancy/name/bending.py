@@ -11,7 +11,7 @@ from sympy import sympify
 from discrepancy.data.linear_fit import PERIODS, fit, joined_form
 from discrepancy.data.linear_start import FEW_PERIODS, Bent, bent_response
 from discrepancy.data.record import is_driven
-from discrepancy.fit.continuation import ROUNDS, grown, settled, shortest, started, with_starts
+from discrepancy.fit.continuation import ROUNDS, grown, in_pieces, is_stuck, shortest, started, with_starts
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter, damped
@@ -30,8 +30,10 @@ of a turn. Of a decay the inertia is the force, of which a spring that bends lea
 PLAINLY: Final = 0.25
 """Times the residual of the fit without, that one with effects leaves at most, to be taken before anything else is
 scored."""
-STRAIGHTER: Final = 0.25
-"""Share of that which forces of third order may leave, to be what bends the response."""
+STRAIGHTER, MUCH_STRAIGHTER = 0.6, 0.25
+"""Share of that which forces of third order may leave, to be what bends the response; of decays. A sensor of speed or
+acceleration loses the slow part of the place, and its cube is wrong by much more: of chaotic motions 0.3 to 0.5 were
+left, from where the fit of short pieces found them exactly."""
 
 AS_LITTLE: Final = 1.5
 """Times the least that a model leaves of pieces, that one of fewer effects may leave."""
@@ -52,7 +54,8 @@ def bending(search: Search) -> Taken | None:
         return None
     linear = fit(form, search.nominal)
     upright = all(told.linear[name] > 0 for name in ("m", "kxx", "kyy") if name in told.linear)
-    if (driven and linear.unexplained < FAR) or told.left > STRAIGHTER * linear.unexplained or not upright:
+    straighter = STRAIGHTER if driven else MUCH_STRAIGHTER
+    if (driven and linear.unexplained < FAR) or told.left > straighter * linear.unexplained or not upright:
         return None
     plain = whole.fit(replace(search.at, whiten=whole.plain(search.at.parameters)))
     if driven:
@@ -66,29 +69,34 @@ def _of_driven(search: Search, told: Bent, plain: Fitted) -> Taken | None:
         begun = replace(_begun(search, search.at, taken, told), whiten=plain.whiten)
         ends.append(Taken(whole.fit(grown(whole, begun)), taken, plain))
     best = min(ends, key=lambda end: end.price(search.criteria), default=None)
-    if best and whole.off(best.at) <= PLAINLY * whole.off(plain):
-        return best
-    return _in_step(search, told, plain) if ends else None
+    plainly = best if best and whole.off(best.at) <= PLAINLY * whole.off(plain) else None
+    if not ends or (plainly and not is_stuck(whole, plainly.at)):
+        return plainly
+    # Of fits that are stuck the one of more effects leaves less, needed or not.
+    return _in_step(search, told, plain) or plainly
 
 
 def _in_step(search: Search, told: Bent, plain: Fitted) -> Taken | None:
-    """The same where no model follows the whole runs, as in chaos: judged over the pieces that stay in step with it,
-    and of those models that leave next to the least the one of fewest effects."""
+    """The same where no model follows the whole runs, as in chaos: judged over the shortest pieces, and of those models
+    that leave next to the least of them the one of fewest effects."""
     whole, choices = search.whole, _choices(search, search.whole, search.at, told)
-    for number, first in enumerate(choices):
-        pieces, at = settled(whole, _begun(search, search.at, first, told))
-        linear = pieces.fit(started(pieces, plain), ROUNDS)
-        if pieces.off(at) > PLAINLY * pieces.off(linear):
-            continue
-        ends = [(at, first)]
-        for taken in choices[number + 1 :]:
-            begun = started(pieces, _begun(search, search.at, taken, told))
-            ends.append((pieces.fit(begun, ROUNDS), taken))
-        least = min(pieces.off(at) for at, _ in ends)
-        at, taken = next((at, taken) for at, taken in ends if pieces.off(at) <= AS_LITTLE * least)
-        starts = at.starts[:: len(pieces.records) // len(whole.records)]
-        return Taken(whole.evaluated(replace(at, starts=starts)), taken, plain)
-    return None
+    pieces, most = in_pieces(whole, _begun(search, search.at, choices[-1], told))
+    linear = pieces.fit(started(pieces, plain), ROUNDS)
+    if pieces.off(most) > PLAINLY * pieces.off(linear):
+        return None
+    fewer = [(pieces.evaluated(_with_only(most, taken, choices[-1])), taken) for taken in choices[:-1]]
+    ends = [*((pieces.fit(at, ROUNDS), taken) for at, taken in fewer), (most, choices[-1])]
+    least = min(pieces.off(at) for at, _ in ends)
+    at, taken = next((at, taken) for at, taken in ends if pieces.off(at) <= AS_LITTLE * least)
+    starts = at.starts[:: len(pieces.records) // len(whole.records)]
+    return Taken(whole.evaluated(replace(at, starts=starts)), taken, plain)
+
+
+def _with_only(at: Fitted, taken: Sequence[Candidate], among: Sequence[Candidate]) -> Fitted:
+    """``at``, without the sizes of those effects ``among`` its own that are not ``taken``."""
+    gone = {p.quantity.name for own in among if own not in taken for p in own.probes}
+    parameters = {name: value for name, value in at.parameters.items() if name not in gone}
+    return replace(at, parameters=parameters, free=tuple(own for own in at.free if own.name not in gone))
 
 
 def _of_decays(search: Search, told: Bent, plain: Fitted) -> Taken | None:

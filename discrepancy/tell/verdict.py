@@ -29,6 +29,10 @@ FAR_OFF: Final = 100.0
 """Times the square that the fit leaves: a fit without an effect that can't come below it is not finished, since what is
 ten times as far off on the runs to fit is no better on others."""
 
+NUDGE, GROWN, FIRST_PART = 1e-7, 10.0, 20
+"""Of the motion, by which another first place is off; and how many times as far as over so small a part of a run at its
+start it is off later, where runs go their own way after the least change. It fades where they do not."""
+
 SLIGHT: Final = 0.25
 """Share of the way from the noise to where a gap is significant, that a stopped search may leave: a null under thermal
 motion, whose level a run shows to some per cent, was left 1.05 times its noise, a tenth
@@ -109,9 +113,10 @@ def remainder(
     if not np.isfinite(final):
         return Remainder(1.0, float("inf"), True, True)
     limit = limits.open_coloured if memory > 0 else limits.open_white
+    in_pieces = search.fitter is not search.whole
     if final > limit * noise:
         final = min(final, _with_starts_known(search, last.parameters))
-    if final > limit * noise and search.fitter is not search.whole:
+    if final > limit * noise and (in_pieces or _goes_its_own_way(search, last.parameters)):
         final = min(final, _piece_by_piece(search, last.parameters))
     share = float(np.clip((final**2 - noise**2) / max(refit**2, 1e-300), 0.0, 1.0))
     ratio = final / max(noise, 1e-300)
@@ -120,7 +125,7 @@ def remainder(
     beyond = ratio > limit or bool(without)
     stopped = bool(search.undone) and share > limits.left and ratio > 1 + SLIGHT * (limit - 1)
     # Runs that no model follows from end to end, as in chaos, may be explained piece by piece, and others whole.
-    significant = (beyond and (enough or search.fitter is not search.whole)) or stopped
+    significant = (beyond and enough) or stopped or (in_pieces and ratio > limit)
     return Remainder(share, float(ratio), ratio > limit, bool(significant))
 
 
@@ -140,9 +145,22 @@ def _with_starts_known(search: Search, parameters: Mapping[str, float]) -> float
     return misfits(runs, {run.name: start_known(search.simulator, run, parameters) for run in runs})[""]
 
 
+def _goes_its_own_way(search: Search, parameters: Mapping[str, float]) -> bool:
+    """Whether held-out runs do so after the least change, as in chaos."""
+    nudge = NUDGE * search.fitter.signal / abs(parameters["sense_gain_x"])
+    for run in search.dataset.held_out:
+        one, other = search.simulator.try_all([(run, parameters), (run, {**parameters, "x_start": nudge})])
+        if one is None or other is None:
+            return False
+        off = np.abs(other - one).max(axis=1)
+        if off.max() > GROWN * off[: len(off) // FIRST_PART].max():
+            return True
+    return False
+
+
 def _piece_by_piece(search: Search, parameters: Mapping[str, float]) -> float:
-    """The misfit on short pieces of held-out runs, for a model fitted to pieces since none follows a whole run: farther
-    on nobody can say where a chaotic motion goes, and those that are fitted have moved its parameters."""
+    """The misfit on short pieces of held-out runs whose motion no model follows whole: farther on nobody can say where
+    it goes."""
     length = len(search.whole.records[0].t) // finest(search.whole, search.at)
     simulator = search.simulator
     pieces = [p for run in search.dataset.held_out for p in simulator.cut(run, max(len(run.t) // length, 1))]

@@ -179,7 +179,7 @@ def test_a_run_ends_with_the_time(resting: Record) -> None:
 
 def test_a_part_of_a_part_lies_where_it_is_in_the_run(simulator: Simulator, resting: Record) -> None:
     inner = simulator.part(simulator.part(resting, 200, 600), 100, 250)
-    assert simulator._first(inner) == 300
+    assert simulator.place_of(inner)[1] == 300
     np.testing.assert_array_equal(inner.t, resting.t[300:450])
 
 
