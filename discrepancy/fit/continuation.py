@@ -35,6 +35,8 @@ BRIEF, FINEST = 3.0, 400
 """Periods of a piece, and pieces of all runs, to which they are cut further where no fit to pieces of
 SHORTEST stays in step: of a spring that doubles its stiffness, that of a weak form is a few per cent off, and where the
 motion goes its own way after the least change, as in chaos, it does so within ten periods."""
+ENOUGH: Final = 32
+"""Pieces of all runs from which a first model is found."""
 STUCK: Final = 10.0
 """Variances that another step promises where a fit has stopped, from which it is in no minimum."""
 LEAST: Final = 12
@@ -178,7 +180,7 @@ def _better(fitter: Fitter, one: Fitted, other: Fitted) -> Fitted:
 def _each_off(fitter: Fitter, at: Fitted) -> list[float]:
     """Of each run the residual over the signal of all, rms."""
     pairs = zip(at.residuals, fitter.records, strict=True)
-    return [float(np.sqrt(np.mean(e[r.valid] ** 2))) / fitter.signal for e, r in pairs]
+    return [float(np.sqrt(np.sum(e[r.valid] ** 2) / max(e[r.valid].size, 1))) / fitter.signal for e, r in pairs]
 
 
 def _set_out(fitter: Fitter, at: Fitted, rounds: int) -> tuple[Mapping[str, float], ...]:
@@ -260,10 +262,11 @@ def _finer(whole: Fitter, at: Fitted) -> list[_Length]:
 
 
 def in_pieces(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:
-    """``at`` fitted to those pieces, with their fitter."""
+    """``at`` fitted to some of those pieces, the first of each run among them, with their fitter."""
     fitter, now = whole, at
+    every = max(finest(whole, at) * len(whole.records) // ENOUGH, 1)
     for length in reversed(_finer(whole, at)):
-        fitter = cut(whole, *length)
+        fitter = cut(whole, *length, every)
         now = fitter.fit(started(fitter, now), ROUNDS)
     return fitter, now
 
@@ -273,11 +276,12 @@ def _first_samples(period: float, length: int) -> list[int]:
     return [n for n in (max(int(share * BRIEF * period), LEAST) for share in (0.5, 1.0)) if n < length]
 
 
-def cut(whole: Fitter, number: int, counted: int | None = None) -> Fitter:
-    """A fitter of the runs of ``whole``, each in ``number`` pieces, of which the first ``counted`` samples count."""
+def cut(whole: Fitter, number: int, counted: int | None = None, every: int = 1) -> Fitter:
+    """A fitter of the runs of ``whole``, each in ``number`` pieces, of which the first ``counted`` samples count; of
+    these one in ``every`` so many."""
     if number == 1 and counted is None:
         return whole
-    pieces = [piece for record in whole.records for piece in whole.simulator.cut(record, number, counted)]
+    pieces = [piece for record in whole.records for piece in whole.simulator.cut(record, number, counted)[::every]]
     return Fitter(whole.simulator, pieces, max(1, BLOCKS // number), whole.criteria)
 
 

@@ -6,11 +6,13 @@ from dataclasses import replace
 from itertools import combinations
 from typing import Final
 
+import numpy as np
 from sympy import sympify
 
 from discrepancy.data.linear_fit import PERIODS, fit, joined_form
 from discrepancy.data.linear_start import FEW_PERIODS, Bent, bent_response
 from discrepancy.data.record import is_driven
+from discrepancy.fit.chaos import go_their_own_way
 from discrepancy.fit.continuation import ROUNDS, grown, in_pieces, is_stuck, shortest, started, with_starts
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
@@ -65,7 +67,11 @@ def bending(search: Search) -> Taken | None:
 
 def _of_driven(search: Search, told: Bent, plain: Fitted) -> Taken | None:
     whole, ends = search.whole, []
-    for taken in _choices(search, whole, search.at, told):
+    choices = _choices(search, whole, search.at, told)
+    likely = [_begun(search, search.at, taken, told).parameters for taken in choices[:1]]
+    if any(go_their_own_way(whole.simulator, whole.records, own) for own in likely):
+        return _in_step(search, told, plain, choices)
+    for taken in choices:
         begun = replace(_begun(search, search.at, taken, told), whiten=plain.whiten)
         ends.append(Taken(whole.fit(grown(whole, begun)), taken, plain))
     best = min(ends, key=lambda end: end.price(search.criteria), default=None)
@@ -73,23 +79,29 @@ def _of_driven(search: Search, told: Bent, plain: Fitted) -> Taken | None:
     if not ends or (plainly and not is_stuck(whole, plainly.at)):
         return plainly
     # Of fits that are stuck the one of more effects leaves less, needed or not.
-    return _in_step(search, told, plain) or plainly
+    return _in_step(search, told, plain, choices) or plainly
 
 
-def _in_step(search: Search, told: Bent, plain: Fitted) -> Taken | None:
-    """The same where no model follows the whole runs, as in chaos: judged over the shortest pieces, and of those models
-    that leave next to the least of them the one of fewest effects."""
-    whole, choices = search.whole, _choices(search, search.whole, search.at, told)
-    pieces, most = in_pieces(whole, _begun(search, search.at, choices[-1], told))
-    linear = pieces.fit(started(pieces, plain), ROUNDS)
-    if pieces.off(most) > PLAINLY * pieces.off(linear):
-        return None
-    fewer = [(pieces.evaluated(_with_only(most, taken, choices[-1])), taken) for taken in choices[:-1]]
-    ends = [*((pieces.fit(at, ROUNDS), taken) for at, taken in fewer), (most, choices[-1])]
-    least = min(pieces.off(at) for at, _ in ends)
-    at, taken = next((at, taken) for at, taken in ends if pieces.off(at) <= AS_LITTLE * least)
-    starts = at.starts[:: len(pieces.records) // len(whole.records)]
-    return Taken(whole.evaluated(replace(at, starts=starts)), taken, plain)
+def _in_step(search: Search, told: Bent, plain: Fitted, choices: Sequence[tuple[Candidate, ...]]) -> Taken | None:
+    """Of ``choices`` the same where no model follows the whole runs, as in chaos: judged over the shortest pieces, and
+    of those models that leave next to the least of them the one of fewest effects."""
+    whole = search.whole
+    for all_taken in reversed(choices):
+        pieces, most = in_pieces(whole, _begun(search, search.at, all_taken, told))
+        # What the weak form takes for a damping may make a device that leaves all bounds.
+        if not np.isfinite(most.cost):
+            continue
+        linear = pieces.fit(started(pieces, plain), ROUNDS)
+        if pieces.off(most) > PLAINLY * pieces.off(linear):
+            continue
+        some = [taken for taken in choices if all(own in all_taken for own in taken) and taken != all_taken]
+        fewer = [(pieces.evaluated(_with_only(most, taken, all_taken)), taken) for taken in some]
+        ends = [*((pieces.fit(at, ROUNDS), taken) for at, taken in fewer), (most, all_taken)]
+        enough = AS_LITTLE * min(pieces.off(at) for at, _ in ends)
+        at, taken = next((at, taken) for at, taken in ends if pieces.off(at) <= enough)
+        starts = at.starts[:: len(pieces.records) // len(whole.records)]
+        return Taken(whole.evaluated(replace(at, starts=starts)), taken, plain)
+    return None
 
 
 def _with_only(at: Fitted, taken: Sequence[Candidate], among: Sequence[Candidate]) -> Fitted:

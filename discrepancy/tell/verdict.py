@@ -10,6 +10,7 @@ import numpy as np
 
 from discrepancy.criteria import Criteria
 from discrepancy.data.repeats import repeated_noise
+from discrepancy.fit.chaos import go_their_own_way
 from discrepancy.fit.colour import gain
 from discrepancy.fit.continuation import finest, unsprung, with_starts
 from discrepancy.fit.fitted import Fitted
@@ -28,10 +29,6 @@ ROUNDS: Final = 8
 FAR_OFF: Final = 100.0
 """Times the square that the fit leaves: a fit without an effect that can't come below it is not finished, since what is
 ten times as far off on the runs to fit is no better on others."""
-
-NUDGE, GROWN, FIRST_PART = 1e-7, 10.0, 20
-"""Of the motion, by which another first place is off; and how many times as far as over so small a part of a run at its
-start it is off later, where runs go their own way after the least change. It fades where they do not."""
 
 SLIGHT: Final = 0.25
 """Share of the way from the noise to where a gap is significant, that a stopped search may leave: a null under thermal
@@ -116,7 +113,7 @@ def remainder(
     in_pieces = search.fitter is not search.whole
     if final > limit * noise:
         final = min(final, _with_starts_known(search, last.parameters))
-    if final > limit * noise and (in_pieces or _goes_its_own_way(search, last.parameters)):
+    if final > limit * noise and (in_pieces or go_their_own_way(search.simulator, runs, last.parameters)):
         final = min(final, _piece_by_piece(search, last.parameters))
     share = float(np.clip((final**2 - noise**2) / max(refit**2, 1e-300), 0.0, 1.0))
     ratio = final / max(noise, 1e-300)
@@ -143,19 +140,6 @@ def _with_starts_known(search: Search, parameters: Mapping[str, float]) -> float
     """The misfit on held-out runs whose initial states are fitted to all of them."""
     runs = search.dataset.held_out
     return misfits(runs, {run.name: start_known(search.simulator, run, parameters) for run in runs})[""]
-
-
-def _goes_its_own_way(search: Search, parameters: Mapping[str, float]) -> bool:
-    """Whether held-out runs do so after the least change, as in chaos."""
-    nudge = NUDGE * search.fitter.signal / abs(parameters["sense_gain_x"])
-    for run in search.dataset.held_out:
-        one, other = search.simulator.try_all([(run, parameters), (run, {**parameters, "x_start": nudge})])
-        if one is None or other is None:
-            return False
-        off = np.abs(other - one).max(axis=1)
-        if off.max() > GROWN * off[: len(off) // FIRST_PART].max():
-            return True
-    return False
 
 
 def _piece_by_piece(search: Search, parameters: Mapping[str, float]) -> float:

@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.bent import Bent, runs
+from benchmarks.structures import diagnosed
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.linear_start import bent_response
 from discrepancy.data.record import Floats, Record, make_record
@@ -68,3 +70,15 @@ def test_a_cubic_spring_far_from_linear_is_named(dataset: Dataset) -> None:
     assert value["low"] * 0.999 <= K3 <= value["high"] * 1.001
     assert value["value"] == pytest.approx(K3, rel=5e-3)
     assert found["verdict"] == "missing effects"
+
+
+def test_a_cubic_spring_is_named_where_the_motion_is_chaotic() -> None:
+    rng, own = np.random.default_rng(5), Bent(1.0, 0.628, 158.0, 7.2e6, 0.0)
+    records, grown = runs(own, 2.0, rng, "velocity", "zero", 2e-3)
+    assert grown > 1e4
+    answer = diagnosed(records, 2e-3)
+    assert answer is not None
+    found = answer[0].report()
+    assert found["verdict"] == "missing effects"
+    assert [e["id"] for e in found["effects"]] == ["cubic_stiffness"]
+    assert found["effects"][0]["parameters"]["k3_x"]["value"] == pytest.approx(own.k3, rel=1e-2)

@@ -1,0 +1,28 @@
+"""Motions that go their own way after the least change, as in chaos: no model follows them from end to end."""
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from discrepancy.data.record import Record
+from discrepancy.fit.simulate import Simulator
+
+NUDGE: Final = 1e-7
+"""Of the motion, rms, by which another first place is off."""
+GROWN, FIRST_PART = 10.0, 20
+"""Times as far as over so small a part of a run at its start, that it is off later, where runs go their own way. It
+fades where they do not."""
+
+
+def go_their_own_way(simulator: Simulator, records: Sequence[Record], parameters: Mapping[str, float]) -> bool:
+    """Whether one of the records, simulated from rest with these parameters, does. Raises OutOfTime as ``run``."""
+    for record in records:
+        nudge = NUDGE * float(np.std(record.v)) / abs(parameters["sense_gain_x"])
+        one, other = simulator.try_all([(record, parameters), (record, {**parameters, "x_start": nudge})])
+        if one is None or other is None:
+            continue
+        off = np.abs(other - one).max(axis=1)
+        if off.max() > GROWN * off[: max(len(off) // FIRST_PART, 1)].max():
+            return True
+    return False
