@@ -429,6 +429,10 @@ def _doubts(search: Search, rest: Remainder, residuals: Sequence[Floats]) -> tup
     if search.fitter is not search.whole:
         number = len(search.fitter.records) // len(search.whole.records)
         found.append(f"no model stays in step with a whole run: the fit is one of pieces, {number} a run")
+    if rest.piece:
+        found.append("held-out runs go their own way after the least change, so that no model follows them whole: what "
+                     f"is left of them was judged over pieces of {rest.piece} samples, each from a state of its own"
+                     )  # fmt: skip
     if search.at.left > 10 * SETTLED:
         gain = f": a further step would gain {search.at.left:.2g} variances" if np.isfinite(search.at.left) else ""
         found.append(f"the fit stopped short of a minimum{gain}")

@@ -46,12 +46,14 @@ noise of held-out runs. Chosen, not measured: one clipped run showed 36 times.""
 class Remainder(NamedTuple):
     """What the final model leaves of the held-out runs: share of the refit's residual power, noise taken off; ratio of
     the final misfit to that of the noise; above: whether that is more than noise; significant: whether it is also
-    enough to say that something is left, or more than a stopped search may leave and still stand by its names."""
+    enough to say that something is left, or more than a stopped search may leave and still stand by its names; piece:
+    samples of the pieces over which that was judged, 0 where it was over whole runs."""
 
     share: float
     ratio: float
     above: bool
     significant: bool
+    piece: int = 0
 
 
 def sane(noises: Mapping[str, Value], search: Search) -> tuple[dict[str, Value], dict[str, str]]:
@@ -110,20 +112,21 @@ def remainder(
     if not np.isfinite(final):
         return Remainder(1.0, float("inf"), True, True)
     limit = limits.open_coloured if memory > 0 else limits.open_white
-    in_pieces = search.fitter is not search.whole
+    piece = 0
     if final > limit * noise:
         final = min(final, _with_starts_known(search, last.parameters))
-    if final > limit * noise and (in_pieces or go_their_own_way(search.simulator, runs, last.parameters)):
-        final = min(final, _piece_by_piece(search, last.parameters))
+    if final > limit * noise and go_their_own_way(search.simulator, runs, last.parameters):
+        piece = len(search.whole.records[0].t) // finest(search.whole, search.at)
+        final = min(final, _piece_by_piece(search, last.parameters, piece))
     share = float(np.clip((final**2 - noise**2) / max(refit**2, 1e-300), 0.0, 1.0))
     ratio = final / max(noise, 1e-300)
     enough = share > limits.left or ratio > limits.far_above
     # What has the memory of a noise, and can be none, is there however little it stands out of the white noise.
     beyond = ratio > limit or bool(without)
     stopped = bool(search.undone) and share > limits.left and ratio > 1 + SLIGHT * (limit - 1)
-    # Runs that no model follows from end to end, as in chaos, may be explained piece by piece, and others whole.
-    significant = (beyond and enough) or stopped or (in_pieces and ratio > limit)
-    return Remainder(share, float(ratio), ratio > limit, bool(significant))
+    # Beside runs that no model follows, others may be explained whole, and those of chaos piece by piece.
+    significant = (beyond and enough) or stopped or (search.fitter is not search.whole and ratio > limit)
+    return Remainder(share, float(ratio), ratio > limit, bool(significant), piece)
 
 
 def _at_most(search: Search) -> float:
@@ -142,10 +145,9 @@ def _with_starts_known(search: Search, parameters: Mapping[str, float]) -> float
     return misfits(runs, {run.name: start_known(search.simulator, run, parameters) for run in runs})[""]
 
 
-def _piece_by_piece(search: Search, parameters: Mapping[str, float]) -> float:
-    """The misfit on short pieces of held-out runs whose motion no model follows whole: farther on nobody can say where
-    it goes."""
-    length = len(search.whole.records[0].t) // finest(search.whole, search.at)
+def _piece_by_piece(search: Search, parameters: Mapping[str, float], length: int) -> float:
+    """The misfit on pieces of so many samples of held-out runs whose motion no model follows whole: farther on nobody
+    can say where it goes."""
     simulator = search.simulator
     pieces = [p for run in search.dataset.held_out for p in simulator.cut(run, max(len(run.t) // length, 1))]
     try:

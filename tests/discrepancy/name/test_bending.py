@@ -80,5 +80,6 @@ def test_a_cubic_spring_is_named_where_the_motion_is_chaotic() -> None:
     assert answer is not None
     found = answer[0].report()
     assert found["verdict"] == "missing effects"
+    assert any("go their own way" in doubt for doubt in found["doubts"])
     assert [e["id"] for e in found["effects"]] == ["cubic_stiffness"]
     assert found["effects"][0]["parameters"]["k3_x"]["value"] == pytest.approx(own.k3, rel=1e-2)
