@@ -83,8 +83,9 @@ def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, 
             now = fitter.whitened(now) if number > 1 and fitter.off(now) > IN_STEP else whitened(fitter, now)
         except OutOfTime:
             break
-        if before is None and not lost and fitter.off(now) > ASTRAY:
-            lengths, lost, now = [*lengths, _Length(number), *_finer(whole, at)], True, None
+        shorter = [] if lost or before is not None or fitter.off(now) <= ASTRAY else _finer(whole, at)
+        if len(shorter) > 1 or any(own.number > number for own in shorter):
+            lengths, lost, now = [*lengths, _Length(number), *shorter], True, None
             continue
         if before is None or fitter.off(now) < max(IN_STEP, SLIP * best[0].off(best[1])):
             best = fitter, now
