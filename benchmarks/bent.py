@@ -21,7 +21,7 @@ SEEDS: Final = 20
 FIRST: Final = 8101
 """The first seed, of which nothing was chosen."""
 STEPS: Final = 60
-"""Of a sample, each right to 1e-14 of the motion."""
+"""Of a sample, each right to 1e-12 of the motion by its error term, (w h)^5/120."""
 RATES, QUALITIES, PER_PERIOD = (0.02, 1e4), (5.0, 100.0), (24.0, 60.0)
 """Frequency of the spring without its bend [Hz]; quality factor; samples in a period of that frequency."""
 BENDS: Final = (0.05, 2.0)
@@ -35,7 +35,7 @@ TONES, BAND = 60, (0.1, 3.0)
 CLOSE: Final = 0.05
 """Of a size, by which what is found may be off: a judgement."""
 CHAOTIC: Final = 1e3
-"""Times a change of the first place that a motion is changed by at its end, from which it counts as chaotic."""
+"""Times a change of the first place that a motion is changed by later, from which it counts as chaotic."""
 SHARE: Final = 0.9
 
 
@@ -95,8 +95,7 @@ def drawn(rng: np.random.Generator) -> tuple[Bent, float]:
 
 def runs(own: Bent, f: float, rng: np.random.Generator, senses: Senses, hold: Hold, noise: float
          ) -> tuple[list[Record], float]:  # fmt: skip
-    """Two runs to fit and one held out; and how much more the last of them is off at its end than at its start by
-    another place there."""
+    """Two runs to fit and one held out; and how many times another first place is as far off later, in any of them."""
     rate = f * float(rng.uniform(*PER_PERIOD))
     t, order, found, grown = np.arange(SAMPLES) / rate, get_args(Senses).index(senses), [], 0.0
     for name in ("a", "b", "c"):

@@ -11,15 +11,18 @@ from discrepancy.fit.simulate import Simulator
 NUDGE: Final = 1e-7
 """Of the motion, rms, by which another first place is off."""
 GROWN, FIRST_PART = 10.0, 20
-"""Times as far as over so small a part of a run at its start, that it is off later, where runs go their own way. It
-fades where they do not."""
+"""Times as far as over so small a part of a run at its start, that it is off later, where runs go their own way. Of 21
+springs that bend far, of three runs each, it is 4,000 and more in one run of each of ten that are chaotic, 27 of one
+that is not, 7 at most of the others."""
 
 
 def go_their_own_way(simulator: Simulator, records: Sequence[Record], parameters: Mapping[str, float]) -> bool:
-    """Whether one of the records, simulated from rest with these parameters, does. Raises OutOfTime as ``run``."""
+    """Whether one of the records, simulated from rest with these parameters, does: each axis begins elsewhere. Raises
+    OutOfTime as ``run``."""
     for record in records:
-        nudge = NUDGE * float(np.std(record.v)) / abs(parameters["sense_gain_x"])
-        one, other = simulator.try_all([(record, parameters), (record, {**parameters, "x_start": nudge})])
+        scales = zip("xy", record.v.std(axis=0), strict=False)
+        nudged = {f"{axis}_start": NUDGE * float(v) / abs(parameters[f"sense_gain_{axis}"]) for axis, v in scales}
+        one, other = simulator.try_all([(record, parameters), (record, {**parameters, **nudged})])
         if one is None or other is None:
             continue
         off = np.abs(other - one).max(axis=1)

@@ -32,13 +32,14 @@ SHORTEST: Final = 12.0
 FIRST_PERIODS: Final = 2.0
 """Over which a device of any damping is followed by a linear one."""
 BRIEF, FINEST = 3.0, 400
-"""Periods of a piece, and pieces of all runs, to which they are cut further where no fit to pieces of
-SHORTEST stays in step: of a spring that doubles its stiffness, that of a weak form is a few per cent off, and where the
-motion goes its own way after the least change, as in chaos, it does so within ten periods."""
+"""Periods of a piece, and pieces of all runs, to which they are cut further where no fit to pieces of SHORTEST stays in
+step: where the motion goes its own way after the least change, as in chaos, it does so within ten periods, and a weak
+form is a tenth and more off."""
 ENOUGH: Final = 32
 """Pieces of all runs from which a first model is found."""
 STUCK: Final = 10.0
-"""Variances that another step promises where a fit has stopped, from which it is in no minimum."""
+"""Variances that another step promises where a fit has stopped, from which it is in no minimum: a judgement. Those that
+a chaotic run held up had 40 to 1,600 left."""
 LEAST: Final = 12
 """Samples of a piece that count at least: three a state."""
 FEWEST, MOST = 100, 64
@@ -83,8 +84,8 @@ def settled(whole: Fitter, at: Fitted, enough: float = ASTRAY) -> tuple[Fitter, 
             now = fitter.whitened(now) if number > 1 and fitter.off(now) > IN_STEP else whitened(fitter, now)
         except OutOfTime:
             break
-        shorter = [] if lost or before is not None or fitter.off(now) <= ASTRAY else _finer(whole, at)
-        if len(shorter) > 1 or any(own.number > number for own in shorter):
+        shorter = _shorter(whole, at, number) if before is None and not lost and fitter.off(now) > ASTRAY else []
+        if shorter:
             lengths, lost, now = [*lengths, _Length(number), *shorter], True, None
             continue
         if before is None or fitter.off(now) < max(IN_STEP, SLIP * best[0].off(best[1])):
@@ -158,7 +159,7 @@ def _from_samples(fitter: Fitter, at: Fitted, rounds: int) -> Fitted:
         records = [simulator.part(r, 0, len(r.t), counted) for r in fitter.records]
         if not any(r.valid.any() for r in records):
             continue
-        part = Fitter(simulator, records, fitter.blocks)
+        part = Fitter(simulator, records, fitter.blocks, fitter.criteria)
         for number in range(max(map(len, shown)) if other is None else 0):
             # What a run shows less of than another, it shows again.
             new = (some[number % len(some)] if some else {} for some in shown)
@@ -260,6 +261,12 @@ def _finer(whole: Fitter, at: Fitted) -> list[_Length]:
     number = finest(whole, at)
     counted = _first_samples(_period(whole, at), min(len(record.t) for record in whole.records) // number)
     return [_Length(number), *(_Length(number, samples) for samples in reversed(counted))]
+
+
+def _shorter(whole: Fitter, at: Fitted, number: int) -> list[_Length]:
+    """The same, where they are shorter than those of so many."""
+    found = _finer(whole, at)
+    return found if len(found) > 1 or found[0].number > number else []
 
 
 def in_pieces(whole: Fitter, at: Fitted) -> tuple[Fitter, Fitted]:

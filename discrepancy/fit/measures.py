@@ -107,6 +107,18 @@ def start_known(simulator: Simulator, record: Record, parameters: Mapping[str, f
     return record.v - simulator.run(record, {**parameters, **_start(simulator, record, parameters)}), _unscored(record)
 
 
+def misfit_by_pieces(
+    simulator: Simulator, records: Sequence[Record], length: int, parameters: Mapping[str, float]
+) -> float:
+    """rms(v - v_sim)/rms(v) over pieces of about so many samples of runs whose motion no model follows whole, each from
+    the initial state that fits it best: farther on nobody can say where it goes."""
+    pieces = [piece for run in records for piece in simulator.cut(run, max(len(run.t) // length, 1))]
+    fitter = Fitter(simulator, pieces)
+    found = fitter.off(_begun(fitter, parameters))
+    simulator.forget(pieces)
+    return found
+
+
 def _unscored(record: Record) -> int:
     return max(START_SAMPLES, round(START_TIME * record.sample_rate))
 

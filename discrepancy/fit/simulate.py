@@ -333,7 +333,9 @@ class Simulator:
         """Samples ``begin`` to ``end`` of ``record``, under the force that they have in the whole, all but the first
         ``counted`` masked."""
         own = slice(begin, end)
-        valid = record.valid[own] & (np.arange(end - begin) < (end if counted is None else counted))
+        valid = record.valid[own].copy()
+        if counted is not None:
+            valid[counted:] = False
         if begin and record.order == 2 and record.hold == "zero":
             # An accelerometer sees the force before it changes, and that is another part's.
             valid[0] = False

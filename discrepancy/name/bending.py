@@ -68,15 +68,18 @@ def bending(search: Search) -> Taken | None:
 def _of_driven(search: Search, told: Bent, plain: Fitted) -> Taken | None:
     whole, ends = search.whole, []
     choices = _choices(search, whole, search.at, told)
-    likely = [_begun(search, search.at, taken, told).parameters for taken in choices[:1]]
-    if any(go_their_own_way(whole.simulator, whole.records, own) for own in likely):
-        return _in_step(search, told, plain, choices)
+    if not choices:
+        return None
+    likely = _begun(search, search.at, choices[0], told).parameters
+    chaotic = go_their_own_way(whole.simulator, whole.records, likely)
+    if chaotic and (found := _in_step(search, told, plain, choices)):
+        return found
     for taken in choices:
         begun = replace(_begun(search, search.at, taken, told), whiten=plain.whiten)
         ends.append(Taken(whole.fit(grown(whole, begun)), taken, plain))
-    best = min(ends, key=lambda end: end.price(search.criteria), default=None)
-    plainly = best if best and whole.off(best.at) <= PLAINLY * whole.off(plain) else None
-    if not ends or (plainly and not is_stuck(whole, plainly.at)):
+    best = min(ends, key=lambda end: end.price(search.criteria))
+    plainly = best if whole.off(best.at) <= PLAINLY * whole.off(plain) else None
+    if chaotic or (plainly and not is_stuck(whole, plainly.at)):
         return plainly
     # Of fits that are stuck the one of more effects leaves less, needed or not.
     return _in_step(search, told, plain, choices) or plainly

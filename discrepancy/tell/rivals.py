@@ -32,7 +32,8 @@ QUOTIENT: Final = 1e-5
 class Rival:
     """An effect as fitted to ``records``: simulates a run, and follows what another effect shows as far as it can.
 
-    values: all parameters (FMU names, SI); noise: rms of a sample [V]. Raises InputError where no size is fitted.
+    values: all parameters (FMU names, SI); noise: rms of a sample [V]. Raises InputError where no size is fitted, or
+    its motion leaves all bounds.
     """
 
     def __init__(
@@ -43,6 +44,8 @@ class Rival:
         own = {n: values[n] for n in values if quantity_of(simulator.model, n).role == "parameter"}
         nominal = fitter.begin(own)
         begun = fitter.evaluated(Fitted(self.values, fitter.starts(self.values), (), fitter.plain(values), ()))
+        if not np.isfinite(begun.cost):
+            raise InputError(f"rival {name}: its motion leaves all bounds on a run; leave it out")
         free = (*nominal.free, *self._sizes(name))
         at = fitter.with_grams(replace(fitter.fit(begun, rounds=2), free=free))
         assert at.grams is not None

@@ -12,12 +12,10 @@ from discrepancy.criteria import Criteria
 from discrepancy.data.repeats import repeated_noise
 from discrepancy.fit.chaos import go_their_own_way
 from discrepancy.fit.colour import gain
-from discrepancy.fit.continuation import finest, unsprung, with_starts
-from discrepancy.fit.fitted import Fitted
+from discrepancy.fit.continuation import finest, unsprung
 from discrepancy.fit.locate import noise_level
-from discrepancy.fit.measures import misfits, start_fitted, start_known
+from discrepancy.fit.measures import misfit_by_pieces, misfits, start_fitted, start_known
 from discrepancy.fit.noise import unlike_flicker
-from discrepancy.fit.refit import Fitter
 from discrepancy.fit.whitening import coloured_power
 from discrepancy.name.accepted import Accepted
 from discrepancy.name.more_modes import resonator_axis
@@ -117,7 +115,7 @@ def remainder(
         final = min(final, _with_starts_known(search, last.parameters))
     if final > limit * noise and go_their_own_way(search.simulator, runs, last.parameters):
         piece = len(search.whole.records[0].t) // finest(search.whole, search.at)
-        final = min(final, _piece_by_piece(search, last.parameters, piece))
+        final = min(final, misfit_by_pieces(search.simulator, runs, piece, last.parameters))
     share = float(np.clip((final**2 - noise**2) / max(refit**2, 1e-300), 0.0, 1.0))
     ratio = final / max(noise, 1e-300)
     enough = share > limits.left or ratio > limits.far_above
@@ -143,19 +141,6 @@ def _with_starts_known(search: Search, parameters: Mapping[str, float]) -> float
     """The misfit on held-out runs whose initial states are fitted to all of them."""
     runs = search.dataset.held_out
     return misfits(runs, {run.name: start_known(search.simulator, run, parameters) for run in runs})[""]
-
-
-def _piece_by_piece(search: Search, parameters: Mapping[str, float], length: int) -> float:
-    """The misfit on pieces of so many samples of held-out runs whose motion no model follows whole: farther on nobody
-    can say where it goes."""
-    simulator = search.simulator
-    pieces = [p for run in search.dataset.held_out for p in simulator.cut(run, max(len(run.t) // length, 1))]
-    try:
-        fitter = Fitter(simulator, pieces)
-        begun = Fitted(dict(parameters), fitter.starts(parameters), (), fitter.plain(parameters), ())
-        return fitter.off(with_starts(fitter, begun, ROUNDS))
-    finally:
-        simulator.forget(pieces)
 
 
 def worse_without(search: Search, effects: Sequence[Finding], stages: tuple[Stage, ...], gaps: Mapping[str, Any]

@@ -37,6 +37,11 @@ def test_what_hardly_bends_is_regular_and_the_change_of_a_place_fades():
     assert grown <= 1.0
 
 
+def test_a_spring_that_is_mostly_cube_is_chaotic():
+    _, grown = runs(Bent(1.0, 0.628, 158.0, 7.2e6, 0.0), 2.0, np.random.default_rng(7), "position", "zero", 1e-3)
+    assert grown > bent.CHAOTIC
+
+
 def test_shares_are_of_all_and_of_each_kind(monkeypatch):
     monkeypatch.setattr(bent, "in_processes", lambda f, seeds, jobs: [
         Outcome("one, chaotic", [], "missing effects: cubic_stiffness", True, {"over noise": 1.0}),

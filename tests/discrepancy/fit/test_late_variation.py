@@ -67,10 +67,8 @@ def test_columns_are_as_by_simulation(simulator: Simulator, beside: str, late: s
     assert followed is not None
     # In whole steps, as it is followed: where the force runs between samples, that is 1e-3 of a column beside friction.
     v = simulator.run(run, base, parts=False)
-    assert (
-        np.abs(lagged(followed.motion.found(0)[:, : run.axes], PERIOD, followed.time_constant) - v).max()
-        < 1e-4 * np.abs(v).max()
-    )
+    seen = lagged(followed.motion.found(0)[:, : run.axes], PERIOD, followed.time_constant)
+    assert np.abs(seen - v).max() < 1e-4 * np.abs(v).max()
     present = [n for n in NAMES if n in BASES[beside] or n not in ("parasitic_frequency", "friction_x")]
     jobs = [(run, {**base, name: base.get(name, 0.0) + NAMES[name]}) for name in present]
     for name, job, varied in zip(present, jobs, simulator.vary(followed, jobs), strict=True):
