@@ -152,7 +152,9 @@ def diagnose(
         stack.enter_context(threadpool_limits(1, "blas"))
 
         def simulator(model: Model, terms: Iterable[Term]) -> Simulator:
-            return stack.enter_context(Simulator(joined(model, [term.effect for term in terms]), jobs, clock))
+            own = joined(model, [term.effect for term in terms])
+            # A term that is in no file comes when half of the time is over.
+            return stack.enter_context(Simulator(own, jobs, clock, brief=own.effects != model.effects))
 
         clock = Clock(jobs or os.cpu_count() or 1)
         modes = dataset.modes

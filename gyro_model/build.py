@@ -362,7 +362,7 @@ def _build_one(
                 compile_for(platform, sources, whole, library)
             else:
                 made = Path(name) / "whole.o"
-                compile_object(sources, whole[0], TABLE, made, begin)
+                compile_object(sources, whole[0], TABLE, made, begin, model.compiler_flags)
                 compile_library(sources, [str(made), TABLE], library)
             compiled()
         pack({p.relative_to(root).as_posix(): p.read_bytes() for p in root.rglob("*") if p.is_file()}, path)

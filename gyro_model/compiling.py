@@ -73,12 +73,14 @@ def compile_library(sources: Path, files: Sequence[str], library: Path, extra: S
     _compile([*find_compiler(), *FLAGS, *extra, *_POSITION, "-shared"], sources, files, library, math)
 
 
-def compile_object(sources: Path, file: str, besides: str, made: Path, begin: Callable[[], None]) -> None:
+def compile_object(
+    sources: Path, file: str, besides: str, made: Path, begin: Callable[[], None], extra: Sequence[str] = ()
+) -> None:
     """Makes the object of a C ``file`` in ``sources`` that does not include ``besides``: one that is kept of the same
     texts by the same compiler, else compiled after ``begin`` was called, which is most of the time of a library. Raises
     InputError as ``compile_library`` does."""
     compiler = find_compiler()
-    command = [*compiler, *FLAGS, *_POSITION, "-c"]
+    command = [*compiler, *FLAGS, *extra, *_POSITION, "-c"]
     digest = hashlib.sha256(repr((command, _version(tuple(compiler)), file)).encode())
     for root in (sources, fmi_headers()):
         for path in sorted(root.rglob("*.[ch]")):

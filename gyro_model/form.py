@@ -41,6 +41,11 @@ class Form:
     effects: tuple[Effect, ...]
     starts: tuple[tuple[str, float], ...]
 
+    @property
+    def compiler_flags(self) -> tuple[str, ...]:
+        """For its library on this machine, beside those of all; the last of a kind counts."""
+        return ()
+
     @cached_property
     def quantities(self) -> tuple[Quantity, ...]:
         """Every FMI variable; the index is its value reference, inputs come first."""

@@ -32,7 +32,11 @@ def init(
     out: Annotated[Path, typer.Option(help="Folder for dataset.toml and the tables in SI.")] = Path("dataset"),
     maps: Annotated[
         list[str] | None,
-        typer.Option("--map", metavar="COLUMN=HEADING", help='As in --map v_x="Ch 1 \\[mV]", u_x=none; repeatable.'),
+        typer.Option(
+            "--map",
+            metavar="COLUMN=HEADING",
+            help='As in --map v_x="Ch 1 \\[mV]", v_x=2, the second column, u_x=none; repeatable.',
+        ),
     ] = None,
     scales: Annotated[
         list[str] | None,

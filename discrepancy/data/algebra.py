@@ -9,14 +9,17 @@ DEAD = 1e-13
 
 
 def inverse_scaled(matrix: Floats, damping: float = 0.0) -> Floats:
-    """The inverse of a gram matrix; dead columns and directions get zero. damping: added to the unit diagonal."""
+    """The inverse of a gram matrix; dead columns and directions get zero, and so does what is beyond all numbers.
+    damping: added to the unit diagonal."""
     # Rounding may leave less than nothing of a dead column.
     size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    size = np.where(size > 0, size, 1.0)
-    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    size = np.where((size > 0) & np.isfinite(size), size, 1.0)
+    # One size after the other: their product may be beyond all numbers where they are not.
+    scaled = matrix / size[:, None] / size
+    values, vectors = np.linalg.eigh(np.where(np.isfinite(scaled), scaled, 0.0))
     kept = values > DEAD * values[-1] if len(values) else np.zeros(0, np.bool_)
     inverse = (vectors[:, kept] / (values[kept] + damping)) @ vectors[:, kept].T
-    return np.asarray(inverse / np.outer(size, size))
+    return np.asarray(inverse / size[:, None] / size)
 
 
 def median_deviation(values: Floats) -> Floats:

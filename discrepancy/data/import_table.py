@@ -26,10 +26,10 @@ SI: Final = {"t": "s", "u_x": "N", "u_y": "N", "v_x": "V", "v_y": "V", "omega_z"
              "a_x": "m/s2", "a_y": "m/s2", "v_bias": "V"}  # fmt: skip
 
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
-    "t": ("t", "time", "zeit", "timestamp", "x_value", "elapsed_time", *MEASURED["s"]),
-    "u_x": ("u_x", "ux", "fx", "f_x", "force_x", "drive_x", "u1", "u", "force", "input", "v1"),
+    "t": ("t", "time", "zeit", "timestamp", "x_value", "elapsed_time", "sampling_time", *MEASURED["s"]),
+    "u_x": ("u_x", "ux", "fx", "f_x", "force_x", "drive_x", "u1", "u", "force", "input", "v1", "torque", "tau"),
     "u_y": ("u_y", "uy", "fy", "f_y", "force_y", "drive_y", "u2"),
-    "v_x": ("v_x", "vx", "sense_x", "out_x", "y1", "output", "v2", "position", "displacement", "angle", "theta"),
+    "v_x": ("v_x", "vx", "sense_x", "out_x", "y1", "output", "v2", "position", "displacement", "angle", "theta", "pos"),
     "v_y": ("v_y", "vy", "sense_y", "out_y", "y2"),
     "omega_z": ("omega_z", "omega", "wz", "rate", "rate_z", "gyro_z"),
     "temperature": ("temperature", "temp", "t_amb"),
@@ -77,9 +77,9 @@ class Source(NamedTuple):
 
 @dataclass(frozen=True)
 class Request:
-    """What is asked for. maps: column to heading; scales: column to a number or a unit; sample_rate [Hz] where the
-    tables have no time; hold and senses as in dataset.toml, empty for what the response and the units say; nominal by
-    FMU name; held_out: one of ``files``."""
+    """What is asked for. maps: column to heading, or to its number from 1; scales: column to a number or a unit;
+    sample_rate [Hz] where the tables have no time; hold and senses as in dataset.toml, empty for what the response and
+    the units say; nominal by FMU name; held_out: one of ``files``."""
 
     files: tuple[Path, ...]
     out: Path
@@ -111,10 +111,11 @@ def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source
             if column not in COLUMNS:
                 raise InputError(f"{option} {column}: no such column{nearest(column, COLUMNS)}")
     sources: dict[str, Source] = {}
+    maps = {column: _numbered(heading, headings) for column, heading in request.maps.items()}
     for column in COLUMNS:
-        heading = request.maps.get(column)
+        heading = maps.get(column)
         if heading is None:
-            taken = set(request.maps.values())
+            taken = set(maps.values())
             fitting = [h for h in headings if h not in taken and _bare(h, column) in ALIASES[column]]
             # The column's own name goes before its other names.
             fitting = [h for h in fitting if _bare(h, column) == column] or fitting
@@ -145,6 +146,13 @@ def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source
     if missing_columns(sources, request.sample_rate) == ["v_x"] and "v_x" not in request.maps and len(left) == 1:
         sources["v_x"] = Source(left[0], *_scale("v_x", left[0], request.scales.get("v_x")))
     return sources
+
+
+def _numbered(heading: str, headings: Sequence[str]) -> str:
+    """A heading that is given, by its number from 1 where none is called so: of tables whose headings differ."""
+    if heading in headings or not heading.isdecimal() or not 1 <= int(heading) <= len(headings):
+        return heading
+    return headings[int(heading) - 1]
 
 
 def _left(headings: Sequence[str], sources: Mapping[str, Source]) -> list[str]:

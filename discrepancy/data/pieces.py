@@ -23,7 +23,8 @@ NONE: Final = "none"
 that the table has none."""
 OFF_GRID, UNEVEN = 0.25, 0.05
 """Of a sample period, beyond which a step between samples is no multiple of it, and share of all steps that are such
-from which on the stamps are uneven: lost rows leave multiples, and the jitter of a timer is less."""
+from which on the stamps are uneven: lost rows leave multiples, and the jitter of a timer is less. Also of a sample
+period, how far (rms) stamps may stand off an even grid where small steps have added up."""
 WITHIN, FAR = 0.99, 3.0
 """Share of the steps that are at most the even one put in their place, and times that one, from which on no sample lies
 near."""
@@ -157,8 +158,7 @@ def _even(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[M
     step = np.diff(t)
     if not (len(t) > 2 * LEFT_OUT * MINIMUM_SAMPLES and np.isfinite(t).all() and (step > 0).all()):
         return columns, said
-    periods = step / np.median(step)
-    if np.mean(np.abs(periods - np.rint(periods)) > OFF_GRID) < UNEVEN:
+    if _near_grid(t, step):
         return columns, said
     period = float(f"{np.quantile(step, WITHIN):.3g}")
     even = t[0] + period * np.arange(int((t[-1] - t[0]) / period) + 1)
@@ -173,6 +173,16 @@ def _even(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[M
         resampled[column] = np.where(far, np.nan, own) if column in ("v_x", "v_y") else own
     return resampled, [*said, f"{path.name}: its stamps are uneven, {step.min():.3g} to {step.max():.3g} s apart: "
                               f"interpolated to every {period:g} s"]  # fmt: skip
+
+
+def _near_grid(t: Floats, step: Floats) -> bool:
+    """Whether the stamps lie near an even grid, of which rows may be missing."""
+    periods = step / np.median(step)
+    if np.mean(np.abs(periods - np.rint(periods)) > OFF_GRID) >= UNEVEN:
+        return False
+    places = np.concatenate(([0.0], np.cumsum(np.rint(periods))))
+    straight = np.polynomial.Polynomial.fit(places, t, 1)
+    return float(np.std(t - straight(places))) <= OFF_GRID * float(np.median(step))
 
 
 def _filled(path: Path, columns: Mapping[str, Floats], said: list[str]) -> tuple[Mapping[str, Floats], list[str]]:

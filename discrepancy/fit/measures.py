@@ -14,6 +14,8 @@ from discrepancy.fit.simulate import Simulator
 
 START_TIME, START_SAMPLES = 5e-3, 50
 """Length of the start that gives the initial state: the longer of the two."""
+START_SHARE: Final = 0.25
+"""Of a run, that its start is at most: of a fast device 5 ms may be all there is."""
 START_ROUNDS: Final = 12
 """Steps of its fit at most. A linear device is exact after one; beside a dry friction, which changes the slopes from
 rest on, 4 left a speed 2e-3 off, and 12 are as good as 20."""
@@ -120,7 +122,8 @@ def misfit_by_pieces(
 
 
 def _unscored(record: Record) -> int:
-    return max(START_SAMPLES, round(START_TIME * record.sample_rate))
+    duration = min(START_TIME, START_SHARE * len(record.t) / record.sample_rate)
+    return max(START_SAMPLES, round(duration * record.sample_rate))
 
 
 def _start(simulator: Simulator, record: Record, parameters: Mapping[str, float]) -> Mapping[str, float]:

@@ -116,11 +116,13 @@ class Followed(NamedTuple):
 
 class Simulator:
     """Runs of a model under measured inputs; a context manager. ``jobs``: threads, by default one a core; clock: of the
-    diagnosis that they are for."""
+    diagnosis that they are for; brief: whether they are few, as in VariedModel."""
 
-    def __init__(self, model: Model, jobs: int | None = None, clock: Clock | None = None) -> None:
+    def __init__(
+        self, model: Model, jobs: int | None = None, clock: Clock | None = None, *, brief: bool = False
+    ) -> None:
         """Builds the FMU where that has not been done. Raises InputError as ``build`` does."""
-        form = varied_model(model)
+        form = varied_model(model, brief=brief)
         path = build_form(form)["fmi3"]
         self.model = model
         count = jobs or os.cpu_count() or 1
@@ -156,8 +158,8 @@ class Simulator:
             bench.close()
 
     def like(self, model: Model) -> "Simulator":
-        """One of another model, with as many threads, the same clock and the same parts of runs."""
-        other = Simulator(model, len(self._all), self.clock)
+        """One of another model for few runs, with as many threads, the same clock and the same parts of runs."""
+        other = Simulator(model, len(self._all), self.clock, brief=True)
         other._parts.update(self._parts)
         return other
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import inf
 from typing import Final, NamedTuple
 
 from scipy.stats import chi2
@@ -63,6 +64,8 @@ def ask(search: Search) -> Search:
 
 def _bends(search: Search, without: Fitted, failing: _Failing) -> bool:
     """Whether the fit without what fails is worse than a linear model, by which it fails, foretells, in every run."""
+    if without.cost == inf:
+        return True
     lost = search.at.count * (without.unlikely - search.at.unlikely)
     needed = float(chi2.isf(search.criteria.effect_chance, len(failing.dropped.sizes)))
     if lost < BENDS * max(failing.seen, needed):

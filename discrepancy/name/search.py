@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple, TypeVar
 
+import numpy as np
+
 from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
 from discrepancy.data.dataset import Dataset
@@ -87,7 +89,8 @@ class Search:
     candidates there; probes, silent: what libraries have found so far, which all states of a search share; full:
     whether no more effects are allowed; questioned: whether each name has stood a test by data that no fit saw; weak:
     what a term has to take to come before the best effect, one of those ``waiting``; offered: whether that was asked;
-    instead: by id what was tried in the place of an effect; undone: what there was no time for.
+    instead: by id what was tried in the place of an effect; undone: what there was no time for; failed: what ended
+    without numbers.
     """
 
     given: Given
@@ -122,6 +125,7 @@ class Search:
     steps: tuple[Step, ...] = ()
     stages: tuple[tuple[str, Mapping[str, float]], ...] = ()
     undone: tuple[str, ...] = ()
+    failed: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, given: Given, dataset: Dataset, whole: Fitter, at: Fitted) -> "Search":
@@ -285,18 +289,21 @@ class Search:
 
 
 def asked(search: Search, what: str, question: Callable[[Search], Result]) -> tuple[Search, Result | None]:
-    """The search, and what ``question`` gives; None where the time ends within it, and ``what`` is noted as not
-    done."""
+    """The search, and what ``question`` gives; None where the time ends within it, or where its numbers run out of all
+    bounds, and ``what`` is noted as not done."""
     try:
         search.simulator.clock.check()
         return search, question(search)
     except OutOfTime:
         search.progress(f"out of time: {what}")
         return replace(search, undone=(*search.undone, what)), None
+    except np.linalg.LinAlgError:
+        search.progress(f"gave up, its numbers run out of all bounds: {what}")
+        return replace(search, failed=(*search.failed, what)), None
 
 
 def attempt(search: Search, what: str, step: Callable[[Search], Search]) -> Search:
-    """The search after ``step``; as it was, with ``what`` noted as not done, where the time ends within it."""
+    """The search after ``step``; as it was, with ``what`` noted as not done, where ``asked`` gives nothing."""
     before, after = asked(search, what, step)
     return before if after is None else after
 

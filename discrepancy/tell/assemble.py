@@ -253,7 +253,11 @@ def _of_record(search: Search, name: str) -> bool:
 
 def _experiments(search: Search, noise: Noise | None, limits: Limits) -> dict[str, Experiment]:
     """By effect, what would tell it from its rivals."""
-    asked = [entry for entry in search.accepted if entry.rivals and not entry.of_record and not search.undone]
+    asked = [
+        entry
+        for entry in search.accepted
+        if entry.rivals and not entry.of_record and not (search.undone or search.failed)
+    ]
     level = _total(search, noise.rms) if noise else float(np.sqrt(search.at.variance))
     found = {}
     for entry in asked:
@@ -422,6 +426,9 @@ def _doubts(search: Search, rest: Remainder, residuals: Sequence[Floats]) -> tup
     if search.undone:
         limit, not_done = search.criteria.time_limit, "; ".join(dict.fromkeys(search.undone))
         found.append(f"stopped within the {limit:g} s of time_limit, not done: {not_done}; --criteria FILE allows more")
+    if search.failed:
+        failed = "; ".join(dict.fromkeys(search.failed))
+        found.append(f"given up, since its numbers ran out of all bounds: {failed}")
     more = [(c.effect.id, s.share) for c, s in search.significant() if c.effect.id not in search.present]
     if search.full and (more or rest.above or rest.significant):
         others = f"; {more[0][0]} would take a further {more[0][1]:.1%} of the residual's square" if more else ""

@@ -121,7 +121,7 @@ def remainder(
     enough = share > limits.left or ratio > limits.far_above
     # What has the memory of a noise, and can be none, is there however little it stands out of the white noise.
     beyond = ratio > limit or bool(without)
-    stopped = bool(search.undone) and share > limits.left and ratio > 1 + SLIGHT * (limit - 1)
+    stopped = bool(search.undone or search.failed) and share > limits.left and ratio > 1 + SLIGHT * (limit - 1)
     # Beside runs that no model follows, others may be explained whole, and those of chaos piece by piece.
     significant = (beyond and enough) or stopped or (search.fitter is not search.whole and ratio > limit)
     return Remainder(share, float(ratio), ratio > limit, bool(significant), piece)
@@ -220,9 +220,9 @@ def probability(
     Where the rivals were not tried, one as good as the name is reckoned with. What is left when all is named may be
     what the name only imitates, and one that unseen data or a better term speak ``against`` is likely wrong: both take
     from it. Neither is so of a resonator whose mode is ``shown`` by the response itself, where nothing speaks against
-    it.
+    it and it has taken something away.
     """
-    shown = shown and not against
+    shown = shown and not against and _brought(finding.id, rest, stages) >= search.criteria.believed
     entry = next((a for a in search.accepted if a.id == finding.id), None)
     weights = list(_weights(entry).values()) if entry else []
     if entry and not (entry.asked or shown or entry.id in search.partners):

@@ -36,6 +36,16 @@ def test_it_exports_its_functions_beside_those_of_fmi(fmu: Path, tmp_path: Path)
     assert {name for name in exported if not name.startswith("fmi3")} == own
 
 
+def test_one_that_serves_briefly_is_compiled_otherwise_and_gives_the_same_bits(tmp_path: Path) -> None:
+    brief = varied_model(brief=True)
+    assert brief.compiler_flags != varied_model().compiler_flags
+    assert building.model_token(brief) == building.model_token(varied_model())
+    own = building.build_form(brief, tmp_path)["fmi3"]
+    residuals = verify(own)
+    assert residuals
+    assert all(r.met for r in residuals)
+
+
 def test_its_c_compiles_without_a_warning(tmp_path: Path) -> None:
     building.write_sources(varied_model(), tmp_path)
     strict = ("-Werror", "-Wshadow", "-Wstrict-prototypes", "-Wvla", "-O1")

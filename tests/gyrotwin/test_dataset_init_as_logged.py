@@ -93,6 +93,30 @@ def test_uneven_stamps_are_put_on_an_even_grid(tmp_path: Path, capsys: pytest.Ca
     assert record.valid.mean() > 0.99
 
 
+def test_small_steps_that_add_up_are_put_on_an_even_grid(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    # A timer that is 3 % slow for half of the time: no step is off by much, the last stamp by 60 of them.
+    steps = np.where(np.arange(4000) < 2000, 1.0, 1.03) / RATE
+    t = np.cumsum(steps) - steps[0]
+    motion = np.exp(-0.02 * t) * np.cos(2 * np.pi * 0.9 * t)
+    data = load_dataset(swing(tmp_path, {"t": t, "angle": motion}))
+    assert "its stamps are uneven" in capsys.readouterr().out
+    [record] = data.fit
+    true = np.exp(-0.02 * record.t) * np.cos(2 * np.pi * 0.9 * record.t)
+    # A spline of the fifth degree through 111 samples a period.
+    assert np.abs(record.v[:, 0] - true)[record.valid].max() < 1e-6
+
+
+def test_columns_go_by_their_number_where_headings_differ(tmp_path: Path) -> None:
+    for number in (1, 2):
+        np.savetxt(tmp_path / f"{number}.csv", np.stack((T, SWING), axis=1), "%.9g", ",",
+                   header=f"time {number},angle {number}", comments="")  # fmt: skip
+    files = [tmp_path / f"{number}.csv" for number in (1, 2)]
+    init(*files, "--out", tmp_path / "set", "--map", "t=1", "--map", "u_x=none", "--map", "v_x=2")
+    assert len(load_dataset(tmp_path / "set").records) == 2
+    with pytest.raises(InputError, match="--map v_x='3': no such heading"):
+        init(files[0], "--out", tmp_path / "other", "--map", "t=1", "--map", "u_x=none", "--map", "v_x=3")
+
+
 def test_what_is_held_out_of_a_decay_moves(tmp_path: Path) -> None:
     ended = np.where(T < 8, SWING, 0.0)
     data = load_dataset(swing(tmp_path, {"t": T, "angle": ended}))

@@ -22,6 +22,21 @@ def test_a_run_that_is_still_after_its_start_counts_by_its_start() -> None:
     assert found[""] == found["a"]
 
 
+@pytest.mark.parametrize(("rate", "samples", "start"), [(2e6, 4000, 1000), (2e6, 100_000, 10_000), (100.0, 120, 50)])
+def test_a_start_is_5_ms_or_50_samples_and_no_more_than_a_quarter_of_a_longer_run(
+    rate: float, samples: int, start: int
+) -> None:
+    device = {"m": 1.0, "kxx": (0.1 * rate) ** 2, "dxx": 0.02 * rate, "sense_gain_x": 1.0}
+    t = np.arange(samples) / rate
+    v = np.cos(0.1 * np.arange(samples))[:, None]
+    record = make_record("a", t, np.zeros_like(v), v, sample_rate=rate, hold="zero")
+    with Simulator(load_model(), jobs=1) as simulator:
+        residual, n = start_fitted(simulator, record, device)
+    assert n == start
+    # What is off by all of the motion has a misfit.
+    assert misfits([record], {"a": (residual, n)})["a"] > 0.1
+
+
 @pytest.mark.parametrize("coupling", [0.0, 60.0])
 def test_as_much_of_a_run_as_tells_how_it_began_is_its_start(coupling: float) -> None:
     # A mode of 3 Hz beside one of 4 Hz: 50 samples, an eighth of a second, hardly tell four states.

@@ -4,6 +4,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from blank_search import blank_search
 from hidden_sets import MODEL, TRUE, made
@@ -12,7 +13,7 @@ from discrepancy.fit.fitted import Free
 from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name.question import _bends, ask, unasked
-from discrepancy.name.search import Search
+from discrepancy.name.search import Search, attempt
 from discrepancy.name.unseen import told
 from gyro_model.model import load_model
 
@@ -110,3 +111,14 @@ def test_a_lag_beside_a_delay_stands_though_a_linear_model_does_not_miss_it(lag:
         failing: Any = SimpleNamespace(dropped=SimpleNamespace(sizes=size), seen=found.seen)
         assert found.unseen < search.criteria.unseen
         assert _bends(search, without, failing) is (lag > 0)
+
+
+def test_a_step_whose_numbers_run_out_leaves_the_search_and_is_told() -> None:
+    def broken(_: Search) -> Search:
+        raise np.linalg.LinAlgError
+
+    clock = SimpleNamespace(check=lambda: None)
+    before = blank_search(simulator=SimpleNamespace(clock=clock))
+    after = attempt(before, "names held against data", broken)
+    assert after.failed == ("names held against data",)
+    assert replace(after, failed=()) == before

@@ -54,6 +54,12 @@ def test_what_is_left_takes_nothing_from_a_mode_that_the_response_shows() -> Non
     assert probability(*args, shown=True) == pytest.approx(sure)
 
 
+def test_a_mode_that_takes_nothing_away_where_all_is_left_is_no_name() -> None:
+    rest = Remainder(share=0.999, ratio=54.0, above=True, significant=True)
+    args = search(asked=False), Finding("large", (), {}), rest, stages(0.999, 0.9985, 0.9985)
+    assert probability(*args, shown=True) < Criteria().believed
+
+
 @pytest.mark.parametrize(
     ("modes", "ids"),
     # A shaft that moves as a whole may stand among further modes, with none before them.
@@ -182,7 +188,7 @@ def stopped_search(monkeypatch: pytest.MonkeyPatch, undone: list[str]) -> Any:
     stopped = search()
     stopped.dataset = SimpleNamespace(held_out=(run,), records=())
     stopped.fitter = stopped.whole = SimpleNamespace(signal=1.0)
-    stopped.undone = undone
+    stopped.undone, stopped.failed = undone, ()
     return stopped
 
 
