@@ -72,7 +72,7 @@ class Criteria:
     believed: float = 0.05
     """Probability below which an effect is not named where something is left: what leaves most of what it was to
     explain is one of many that imitate a part. Chosen on two measured sets, whose wrong names had 0.03 and 0.01."""
-    time_limit: float = 110.0
+    time_limit: float = 100.0
     """Seconds after which a diagnosis ends with what it knows, and says what it has not tried: as they pass on cores
     that do nothing else, so that no load of the machine changes an answer (``Clock``). 120 are bearable; the last part,
     which is not cut short, and the FMUs that are built took 57 s more on an electronic oscillator."""

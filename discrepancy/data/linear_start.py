@@ -16,6 +16,7 @@ from discrepancy.data.linear_fit import LOWEST, PERIODS, Complexes, axis_scales,
 from discrepancy.data.modes import answering
 from discrepancy.data.record import Floats, Record, is_driven
 from discrepancy.data.resisted import alternatives
+from discrepancy.data.sticking import sticking
 
 WINDOWS: Final = 8
 """Of a run, for its spectra."""
@@ -26,6 +27,8 @@ ROUNDS: Final = 3
 """Of the fit, whose weights follow the values found."""
 BADLY: Final = 0.7
 """Share of the force that is left, from which there is no linear model to start from."""
+STICKING: Final = 0.3
+"""The same of the force while a mass moves that friction holds otherwise: with the friction only noise is left."""
 PARTS: Final = 4
 """Of a run without a mode, for its windows."""
 LEAST: Final = 0.01
@@ -44,7 +47,8 @@ def linear_start(records: Sequence[Record], gains: Sequence[float]) -> dict[str,
     if found is None and driven:
         # Of several modes, a mass that nothing holds may take up enough to pass for what moves.
         found = _of_modes(records, gains) or _hardly_held(records, gains)
-    return found or _held(records, gains, driven, 1, FEW_PERIODS)
+    found = found or _held(records, gains, driven, 1, FEW_PERIODS)
+    return found or (_while_it_moves(records, gains) if driven else None)
 
 
 def _of_modes(records: Sequence[Record], gains: Sequence[float]) -> dict[str, float] | None:
@@ -74,6 +78,15 @@ def _held(
             return None
         values |= _passive(found, values)
     return values
+
+
+def _while_it_moves(records: Sequence[Record], gains: Sequence[float]) -> dict[str, float] | None:
+    """The same of a mass on a spring that a friction holds for most of the time."""
+    told = sticking(records, gains[0])
+    if told is None or told.left > STICKING:
+        return None
+    values = _values([0.0], gains)
+    return values | _passive({"m": told.m, "kxx": told.k, "dxx": told.d}, values)
 
 
 def sensor_gains(records: Sequence[Record]) -> list[float]:

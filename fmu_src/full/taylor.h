@@ -18,6 +18,7 @@
 #include "generated/expansions.h"
 #include "integrator.h"
 #include "linear.h"
+#include "rest.h"
 
 /* Largest last term, over the size of a state, of which those left out are a tenth or less; the one before may be GYRO_BEFORE_LAST times as
    large. */
@@ -515,6 +516,9 @@ typedef struct {
     double done;               /* 1: all of it */
     gyro_pair size[GYRO_STATE_PAIRS]; /* of each state, SI */
     int close;                  /* series that went less than a part of GYRO_WHOLE */
+    int rests;                  /* series after which it is looked whether a mass rests */
+    int count;                  /* of series so far */
+    int rested;                 /* 1: a steep force held the mass at the end */
     int stages;                 /* parts of GYRO_WHOLE that are left to the stages where the next series does not do */
     int power;                  /* the last of the latest series; 0: the latest part was left to the stages */
     double reach;               /* of what was left, the part that it has gone */
@@ -526,6 +530,9 @@ static inline void begin_passage(gyro_passage *at, const gyro_series_plan *plan,
     memcpy(at->series.change, course->read, sizeof at->series.change);
     at->done = 0.0;
     at->close = 0;
+    at->rests = GYRO_REST_AFTER;
+    at->count = 0;
+    at->rested = 0;
     at->stages = 1;
     at->series.plan = plan;
     memset(at->size, 0, sizeof at->size);
@@ -621,14 +628,30 @@ static inline double integrate_some(gyro_view *g, const double *value, double t,
     return part;
 }
 
-/* Moves so many pairs of states of the view on by the next part of the step h [s] from time t: by one series, or else by stages. */
+/* Moves the view to the end of the step h [s] where it is time to look whether a mass rests, and one does. */
+static inline int end_at_rest(gyro_view *g, double h, gyro_passage *at)
+{
+    if (at->count >= at->rests && !g->moving) {
+        at->rests = at->count + GYRO_REST_AGAIN;
+        at->rested = move_at_rest(g, h * (1.0 - at->done));
+    }
+    return at->rested;
+}
+
+/* Moves so many pairs of states of the view on by the next part of the step h [s] from time t: by one series, at once to the end where a mass rests, or
+   else by stages. */
 static inline void advance_next(gyro_view *g, const double *value, const gyro_course *course, double t, double h, int pairs, gyro_passage *at)
 {
     g->t = t + at->done * h;
     g->since = at->done * h;
-    if (advance_by_series(g, course, h, pairs, at)) {
+    if (end_at_rest(g, h, at)) {
+        at->power = 0;
+        at->done = 1.0;
+    } else if (advance_by_series(g, course, h, pairs, at)) {
+        at->count++;
         at->stages = 1;
     } else {
+        at->count++;
         at->power = 0;
         for (int i = 0; i < at->stages && at->done < 1.0; i++) {
             at->done += integrate_some(g, value, t + at->done * h, at->done * h, h, 1.0 - at->done);

@@ -10,6 +10,9 @@
 /* Size of the first term that the passage of a piece leaves out: over a million steps all of them make 1e-5. */
 static const double PASSAGE_LEAVES = 1e-11;
 
+/* Size of an exponent from which a part is one at rest: a series goes a part of some three. */
+static const double STEEP = 20.0;
+
 /* What a run is linearised by; of matrices the states are those that move. */
 typedef struct {
     const gyro_instance *g;
@@ -158,7 +161,12 @@ static void pass_part_on(linearising *all, const piece *of, const matrix slope[N
     matrix exponents;
     passing made;
     find_exponents(all, of, slope, &exponents);
-    find_short_passing(n, slope, &exponents, terms_of(all, n, &exponents), length_of(all, of), &made);
+    const double norm = norm_of(n, &exponents, all->unit);
+    if (norm > STEEP) {
+        find_steep_passing(n, &exponents, length_of(all, of), norm, &made);
+    } else {
+        find_short_passing(n, slope, &exponents, terms_of(all, n, &exponents), length_of(all, of), &made);
+    }
     put_passage(all, &made.passage, all->run->shared ? part : all->pieces);
     put_weight(all, made.weight, part);
 }
@@ -260,6 +268,37 @@ static void find_last(linearising *all, const piece *of, double state[GYRO_N_STA
     memcpy(state, motion.view.s, sizeof motion.view.s);
 }
 
+/* Whether a steep force holds the mass all through a piece. */
+static int stays_at_rest(linearising *all, const piece *of)
+{
+    by_series motion;
+    chosen moving;
+    matrix slope;
+    begin_series(all, of, &motion);
+    const int begins = is_steep(&motion.view, motion.length, &moving, &slope);
+    while (begins && motion.along.done < 1.0) {
+        go_on(all, &motion);
+    }
+    return begins && motion.along.rested && is_steep(&motion.view, motion.length, &moving, &slope);
+}
+
+/* Adds a piece at rest as one part: what a jump of the force sets going in it has settled before it has gone anywhere. */
+static int add_rest(linearising *all, const piece *of)
+{
+    const int fits = all->parts < all->run->parts;
+    double begin[GYRO_N_STATES];
+    piece part = *of;
+    part.kind = KINDS;
+    part.state[0] = begin;
+    memcpy(begin, of->state[0], sizeof begin);
+    memcpy(begin, of->state[1], MOTION * sizeof *begin);
+    memcpy(part.rate[0], of->rate[1], MOTION * sizeof *part.rate[0]);
+    if (fits) {
+        add_piece(all, &part);
+    }
+    return fits;
+}
+
 /* Adds a piece by the parts that the plant's series go; gives 0 where there is no room for them. */
 static int add_parts(linearising *all, const piece *of)
 {
@@ -292,7 +331,7 @@ static int add_pieces(linearising *all, piece *of)
     come_to(all->at, run, of->step, of->from);
     find_ends(all, of);
     if (run->parts > 0 && is_bent(all, of)) {
-        fits = add_parts(all, of);
+        fits = stays_at_rest(all, of) ? add_rest(all, of) : add_parts(all, of);
     } else {
         add_piece(all, of);
     }

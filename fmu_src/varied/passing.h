@@ -3,7 +3,7 @@
 #ifndef GYRO_PASSING_H
 #define GYRO_PASSING_H
 
-#include "slopes.h"
+#include "rest.h"
 
 enum { NODES = 2 };
 
@@ -114,6 +114,19 @@ static inline void find_short_passing(int n, const matrix slope[NODES], const ma
     add_scaled(n, TURNED * h, &slope[1], &more);
     for (int node = 0; node < NODES; node++) {
         find_product(n, 1.0, &more, &weight[node], &made->weight[node]);
+    }
+}
+
+/* The same of any h [s] where the slopes at both nodes are alike, and too steep for a series; norm: of the exponent. */
+static inline void find_steep_passing(int n, const matrix *exponent, double h, double norm, passing *made)
+{
+    settling over;
+    find_settling(n, exponent, 1.0, norm, &over);
+    made->passage = over.passage;
+    for (int node = 0; node < NODES; node++) {
+        set_diagonal(n, 0.0, &made->weight[node]);
+        add_scaled(n, h * LINE[node][0], &over.steady, &made->weight[node]);
+        add_scaled(n, h * LINE[node][1], &over.rising, &made->weight[node]);
     }
 }
 

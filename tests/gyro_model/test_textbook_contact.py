@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from gyro_runner import Runner
-from scipy.integrate import quad
+from scipy.integrate import quad, solve_ivp
 
 Residual = Callable[[str, float, float], None]
 
@@ -43,6 +43,31 @@ def test_friction_holds_what_the_spring_can_not_pull_off(plant: Runner) -> None:
     t = np.arange(401) * STEP
     x = plant.run({**LOSSLESS, "x_start": A, "friction_x": f, "friction_speed": 1e-6}, t, outputs=("x",))["x"]
     assert A - 1e-6 * np.arctanh(0.5) * t[-1] - 1e-12 <= x[-1] < A
+
+
+@pytest.mark.parametrize("speed", [1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("pushes", [0.95, 1.4])
+def test_what_friction_holds_creeps_and_breaks_away_as_an_implicit_method_says(
+    plant: Runner, residual: Residual, speed: float, pushes: float
+) -> None:
+    """Time constants m v/f from a 30th to a 300,000th of a step, by Radau's method of fifth order."""
+    f, steps, rng = 1e-4, 60, np.random.default_rng(7)
+    u = pushes * f * rng.uniform(-1, 1, steps)
+    t = np.arange(steps + 1) * STEP
+    own = {**LOSSLESS, "dxx": 1e-6, "friction_x": f, "friction_speed": speed}
+    out = plant.run(own, t, {"u_x": np.append(u, 0.0)}, outputs=("x", "x_dot"))
+    state, found = np.zeros(2), [np.zeros(2)]
+    for force in u:
+
+        def rates(_: float, s: np.ndarray, force: float = force) -> list[float]:
+            return [s[1], (force - K * s[0] - 1e-6 * s[1] - f * np.tanh(s[1] / speed)) / M]
+
+        scale = speed * STEP
+        state = solve_ivp(rates, (0, STEP), state, "Radau", rtol=1e-11, atol=[1e-11 * scale, 1e-11 * speed]).y[:, -1]
+        found.append(state)
+    place = np.array(found)[:, 0]
+    # Radau's own tolerance over sixty steps: 7e-11 is reached.
+    residual("place", np.abs(out["x"] - place).max() / np.ptp(place), 1e-9)
 
 
 def test_stribeck_adds_to_friction_near_rest(plant: Runner, residual: Residual) -> None:

@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{99f491ce-7fb7-ecb8-1809-d71c7b37b349}";
+const char gyro_token[] = "{1be1e89e-3918-8f82-b75b-6b988f86b3bb}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},

@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{769ccda2-661b-305c-95ab-e2e9e566b4d3}";
+const char gyro_token[] = "{8a9ced79-1cdc-8ebc-189e-76e5255030a7}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},
