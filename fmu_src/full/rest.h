@@ -11,10 +11,13 @@
    fifteen, and what settles is there to 1e-10 after eight of three time constants. */
 enum { GYRO_REST_AFTER = 8, GYRO_REST_AGAIN = 4 };
 
+/* Where the rest of the step is too long for that, parts of it that are tried, each of the one before, down to the least. */
+static const double GYRO_REST_SHORTER = 1.0 / 8, GYRO_REST_LEAST = 1.0 / 512;
+
 /* Time constants that the rest of the step must be at least: of fewer, series make short work. */
 static const double GYRO_REST_STEEP = 30.0;
 
-/* What may be left out of the speed of a creep, over that: so much then is also left out of the way that it goes. */
+/* What may be left out of a state, over its size, which of a speed or a place is that of both axes: so much then is also left out of the way of a creep. */
 static const double GYRO_REST_LEFT = 1e-9;
 
 /* h |J| up to which GYRO_REST_TERMS terms of phi_1 are all that rounding leaves. */
@@ -66,6 +69,13 @@ static inline void find_settling(int n, const matrix *slope, double h, double no
     }
 }
 
+/* The size of a state, of which those of the motion go by both axes. */
+static inline double size_at_rest(const double s[GYRO_N_STATES], int own)
+{
+    const int other = own < MOTION ? (own + GYRO_STATE_Y - GYRO_STATE_X) % MOTION : own;
+    return larger(fabs(s[own]), fabs(s[other]));
+}
+
 /* Whether what the linear motion leaves out of the rates at its end is nothing, over a step h [s] from `before` to the states of the view. */
 static inline int has_rested(const gyro_view *g, const chosen *moving, const matrix *slope, double h, const double before[GYRO_N_STATES],
                              const double rate[GYRO_N_STATES])
@@ -80,19 +90,22 @@ static inline int has_rested(const gyro_view *g, const chosen *moving, const mat
             left -= slope->of[i][j] * (g->s[moving->place[j]] - before[moving->place[j]]);
         }
         const double steep = larger(-slope->of[i][i], 0.0);
-        rested = rested && fabs(left) <= GYRO_REST_LEFT * (1.0 / h + steep) * (fabs(g->s[own]) + fabs(before[own]));
+        rested = rested && fabs(left) <= GYRO_REST_LEFT * (1.0 / h + steep) * larger(size_at_rest(g->s, own), size_at_rest(before, own));
     }
     return rested;
 }
 
-/* Finds how the rates of the states that move go with them; gives whether some force is so steep that what it holds settles well within h [s]. */
-static inline int is_steep(const gyro_view *g, double h, chosen *moving, matrix *slope)
+/* Finds how the rates of the states that move go with them; gives the axes, 1 for x, 2 for y and 3 for both, on which a force is so steep that
+   what it holds settles well within h [s]. */
+static inline int find_steep(const gyro_view *g, double h, chosen *moving, matrix *slope)
 {
     gyro_tangent along;
     memset(&along, 0, sizeof along);
     *moving = states_of(g, NULL);
     find_slope(g, moving, &along, slope);
-    return h * larger(-slope->of[GYRO_STATE_X_DOT][GYRO_STATE_X_DOT], -slope->of[GYRO_STATE_Y_DOT][GYRO_STATE_Y_DOT]) > GYRO_REST_STEEP;
+    const int x = -h * slope->of[GYRO_STATE_X_DOT][GYRO_STATE_X_DOT] > GYRO_REST_STEEP;
+    const int y = -h * slope->of[GYRO_STATE_Y_DOT][GYRO_STATE_Y_DOT] > GYRO_REST_STEEP;
+    return x + 2 * y;
 }
 
 /* Moves the view over h [s] if a steep force holds the mass; else gives 0, and has moved nothing. */
@@ -100,7 +113,7 @@ static inline int move_at_rest(gyro_view *g, double h)
 {
     chosen moving;
     matrix slope;
-    int moves = is_steep(g, h, &moving, &slope);
+    int moves = find_steep(g, h, &moving, &slope);
     if (moves) {
         settling over;
         double rate[GYRO_N_STATES], before[GYRO_N_STATES], unit[GYRO_N_STATES];

@@ -628,25 +628,32 @@ static inline double integrate_some(gyro_view *g, const double *value, double t,
     return part;
 }
 
-/* Moves the view to the end of the step h [s] where it is time to look whether a mass rests, and one does. */
-static inline int end_at_rest(gyro_view *g, double h, gyro_passage *at)
+/* Moves the view on where it is time to look whether a mass rests in what is left of the step h [s], and one does; gives whether it has. Where all of that
+   is too much, as the other axis turns round in it, some is not. */
+static inline int rest_some(gyro_view *g, double h, gyro_passage *at)
 {
+    double part = 0.0;
     if (at->count >= at->rests && !g->moving) {
-        at->rests = at->count + GYRO_REST_AGAIN;
-        at->rested = move_at_rest(g, h * (1.0 - at->done));
+        for (double tried = 1.0; part == 0.0 && tried >= GYRO_REST_LEAST; tried *= GYRO_REST_SHORTER) {
+            part = move_at_rest(g, tried * h * (1.0 - at->done)) ? tried : 0.0;
+        }
+        at->rested = part == 1.0;
+        at->done = at->rested ? 1.0 : at->done + part * (1.0 - at->done);
+        at->rests = at->count + (part > 0.0 ? 0 : GYRO_REST_AGAIN);
     }
-    return at->rested;
+    return part > 0.0;
 }
 
-/* Moves so many pairs of states of the view on by the next part of the step h [s] from time t: by one series, at once to the end where a mass rests, or
-   else by stages. */
+/* Moves so many pairs of states of the view on by the next part of the step h [s] from time t: as far as a mass rests, by one series, or else by
+   stages. */
 static inline void advance_next(gyro_view *g, const double *value, const gyro_course *course, double t, double h, int pairs, gyro_passage *at)
 {
     g->t = t + at->done * h;
     g->since = at->done * h;
-    if (end_at_rest(g, h, at)) {
+    if (rest_some(g, h, at)) {
         at->power = 0;
-        at->done = 1.0;
+        at->stages = 1;
+        memset(at->series.side, 0, sizeof at->series.side);
     } else if (advance_by_series(g, course, h, pairs, at)) {
         at->count++;
         at->stages = 1;

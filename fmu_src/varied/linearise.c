@@ -268,18 +268,19 @@ static void find_last(linearising *all, const piece *of, double state[GYRO_N_STA
     memcpy(state, motion.view.s, sizeof motion.view.s);
 }
 
-/* Whether a steep force holds the mass all through a piece. */
+/* Whether steep forces hold the mass all through a piece, on every axis that moves. */
 static int stays_at_rest(linearising *all, const piece *of)
 {
+    const int wanted = all->run->axes > 1 ? 3 : 1;
     by_series motion;
     chosen moving;
     matrix slope;
     begin_series(all, of, &motion);
-    const int begins = is_steep(&motion.view, motion.length, &moving, &slope);
+    const int begins = (find_steep(&motion.view, motion.length, &moving, &slope) & wanted) == wanted;
     while (begins && motion.along.done < 1.0) {
         go_on(all, &motion);
     }
-    return begins && motion.along.rested && is_steep(&motion.view, motion.length, &moving, &slope);
+    return begins && motion.along.rested && (find_steep(&motion.view, motion.length, &moving, &slope) & wanted) == wanted;
 }
 
 /* Adds a piece at rest as one part: what a jump of the force sets going in it has settled before it has gone anywhere. */

@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{1be1e89e-3918-8f82-b75b-6b988f86b3bb}";
+const char gyro_token[] = "{d9019e1e-de7b-315d-7e22-9bc0b6892a56}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},

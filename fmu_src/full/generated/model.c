@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{8a9ced79-1cdc-8ebc-189e-76e5255030a7}";
+const char gyro_token[] = "{23776052-50af-2766-31c7-bc9d393c0aff}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},

@@ -337,3 +337,20 @@ def test_smooth_effects_are_those_without_corner_event_or_memory() -> None:
     smooth = {e.id for e in MODEL.effects if is_smooth(e)}
     assert {"cubic_stiffness", "thermal_stiffness", "pickoff_nonlinearity", "electrostatic_softening"} <= smooth
     assert not smooth & {"dry_friction", "contact_stop", "damping_step", "play", "parasitic_mode", "frame_rotation"}
+
+
+@pytest.mark.parametrize("speed", [1e-6, 1e-7])
+@pytest.mark.parametrize("mode", [{}, {"parasitic_coupling": 3.0, "parasitic_frequency": 5000.0, "parasitic_q": 50.0}])
+def test_columns_go_through_rests(simulator: Simulator, speed: float, mode: dict[str, float]) -> None:
+    """Of an axis that friction holds for two fifths of the time, and lets go again."""
+    run = record(axes=1)
+    run = replace(run, u=run.u * np.where(run.t[:, None] % 5e-3 < 2.5e-3, 1.0, 0.3))
+    held = DEVICE | mode | {"friction_x": 1.2e-5, "friction_speed": speed, "kxy": 0.0, "dxy": 0.0, "y_start": 0.0}
+    steps = np.abs(np.diff(simulator.run(run, held, parts=False), axis=0))
+    assert 0.3 < np.mean(steps < 1e-2 * steps.max(axis=0)) < 0.5
+    for name in ("m", "kxx", "dxx", "friction_x", "k3_x", *mode):
+        quotient, varied = both(simulator, run, held, {name: held[name] * (1 + 1e-7)})
+        assert varied is not None
+        error = np.abs(varied - quotient).max(axis=1)
+        # A sample that a jump of the quotient falls on is off by all of it.
+        assert np.sort(error)[: -len(error) // 100].max() < AGREES * np.abs(quotient).max(), name
