@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Iterator
 
 import pytest
+from hypothesis import settings
 
 from gyro_model.build import Fmus, build
 from gyrotwin import notice
@@ -15,6 +16,10 @@ from gyrotwin import notice
 # For the workers and the commands that they run: their matrices are thin, and threads that wait for each other took a
 # quarter of the processor time of the tests of modes.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# An example may take long where the machine is busy, which says nothing of what it tests.
+settings.register_profile("suite", deadline=None)
+settings.load_profile("suite")
 
 _KEY = "residual"
 

@@ -30,43 +30,41 @@ typedef struct {
     matrix passage, steady, rising;
 } settling;
 
-static inline void double_settling(int n, settling *over)
+static inline void double_settling(int n, const settling *half, settling *whole)
 {
-    matrix product;
-    find_product(n, 1.0, &over->passage, &over->rising, &product);
-    add_scaled(n, 1.0, &product, &over->rising);
-    add_scaled(n, 1.0, &over->steady, &over->rising);
-    set_diagonal(n, 0.5, &product);
-    const matrix rising = over->rising, passage = over->passage;
-    find_product(n, 1.0, &product, &rising, &over->rising);
-    find_product(n, 1.0, &passage, &over->steady, &product);
-    add_scaled(n, 1.0, &product, &over->steady);
-    find_product(n, 1.0, &passage, &passage, &over->passage);
+    find_product(n, 0.5, &half->passage, &half->rising, &whole->rising);
+    add_scaled(n, 0.5, &half->rising, &whole->rising);
+    add_scaled(n, 0.5, &half->steady, &whole->rising);
+    find_product(n, 1.0, &half->passage, &half->steady, &whole->steady);
+    add_scaled(n, 1.0, &half->steady, &whole->steady);
+    find_product(n, 1.0, &half->passage, &half->passage, &whole->passage);
 }
 
-static inline void find_settling(int n, const matrix *slope, double h, double norm, settling *over)
+/* Finds that in one of two, which it gives. */
+static inline const settling *find_settling(int n, const matrix *slope, double h, double norm, settling over[2])
 {
     double part = h;
     int doublings = 0;
-    matrix power[2] = {{{{0.0}}}}, product;
+    matrix power[2] = {{{{0.0}}}};
     while (part * norm > GYRO_REST_SMALL && doublings < GYRO_REST_DOUBLINGS) {
         part *= 0.5;
         doublings++;
     }
     set_diagonal(n, part, &power[0]);
-    over->steady = power[0];
-    set_diagonal(n, 0.5 * part, &over->rising);
+    set_diagonal(n, part, &over[0].steady);
+    set_diagonal(n, 0.5 * part, &over[0].rising);
+    set_diagonal(n, 1.0, &over[0].passage);
     for (int k = 1; k < GYRO_REST_TERMS; k++) {
         find_product(n, part / (k + 1), slope, &power[(k - 1) % 2], &power[k % 2]);
-        add_scaled(n, 1.0, &power[k % 2], &over->steady);
-        add_scaled(n, 1.0 / (k + 2), &power[k % 2], &over->rising);
+        add_scaled(n, 1.0, &power[k % 2], &over[0].steady);
+        add_scaled(n, 1.0 / (k + 2), &power[k % 2], &over[0].rising);
     }
-    set_diagonal(n, 1.0, &over->passage);
-    find_product(n, 1.0, slope, &over->steady, &product);
-    add_scaled(n, 1.0, &product, &over->passage);
+    find_product(n, 1.0, slope, &over[0].steady, &power[0]);
+    add_scaled(n, 1.0, &power[0], &over[0].passage);
     for (int k = 0; k < doublings; k++) {
-        double_settling(n, over);
+        double_settling(n, &over[k % 2], &over[(k + 1) % 2]);
     }
+    return &over[doublings % 2];
 }
 
 /* The size of a state, of which those of the motion go by both axes. */
@@ -101,6 +99,7 @@ static inline int find_steep(const gyro_view *g, double h, chosen *moving, matri
 {
     gyro_tangent along;
     memset(&along, 0, sizeof along);
+    memset(slope, 0, sizeof *slope);
     *moving = states_of(g, NULL);
     find_slope(g, moving, &along, slope);
     const int x = -h * slope->of[GYRO_STATE_X_DOT][GYRO_STATE_X_DOT] > GYRO_REST_STEEP;
@@ -115,15 +114,15 @@ static inline int move_at_rest(gyro_view *g, double h)
     matrix slope;
     int moves = find_steep(g, h, &moving, &slope);
     if (moves) {
-        settling over;
+        settling two[2];
         double rate[GYRO_N_STATES], before[GYRO_N_STATES], unit[GYRO_N_STATES];
         balance(moving.n, &slope, unit);
-        find_settling(moving.n, &slope, h, norm_of(moving.n, &slope, unit), &over);
+        const settling *over = find_settling(moving.n, &slope, h, norm_of(moving.n, &slope, unit), two);
         state_rate(g, rate);
         memcpy(before, g->s, sizeof before);
         for (int i = 0; i < moving.n; i++) {
             for (int j = 0; j < moving.n; j++) {
-                g->s[moving.place[i]] += over.steady.of[i][j] * rate[moving.place[j]];
+                g->s[moving.place[i]] += over->steady.of[i][j] * rate[moving.place[j]];
             }
         }
         moves = has_rested(g, &moving, &slope, h, before, rate);

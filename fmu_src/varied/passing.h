@@ -120,13 +120,13 @@ static inline void find_short_passing(int n, const matrix slope[NODES], const ma
 /* The same of any h [s] where the slopes at both nodes are alike, and too steep for a series; norm: of the exponent. */
 static inline void find_steep_passing(int n, const matrix *exponent, double h, double norm, passing *made)
 {
-    settling over;
-    find_settling(n, exponent, 1.0, norm, &over);
-    made->passage = over.passage;
+    settling two[2];
+    const settling *over = find_settling(n, exponent, 1.0, norm, two);
+    made->passage = over->passage;
     for (int node = 0; node < NODES; node++) {
         set_diagonal(n, 0.0, &made->weight[node]);
-        add_scaled(n, h * LINE[node][0], &over.steady, &made->weight[node]);
-        add_scaled(n, h * LINE[node][1], &over.rising, &made->weight[node]);
+        add_scaled(n, h * LINE[node][0], &over->steady, &made->weight[node]);
+        add_scaled(n, h * LINE[node][1], &over->rising, &made->weight[node]);
     }
 }
 

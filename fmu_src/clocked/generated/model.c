@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{d9019e1e-de7b-315d-7e22-9bc0b6892a56}";
+const char gyro_token[] = "{22f7e6a2-2bec-e14d-86aa-3b9eca2a97bd}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},

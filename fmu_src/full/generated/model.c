@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{23776052-50af-2766-31c7-bc9d393c0aff}";
+const char gyro_token[] = "{849a7411-78bb-1932-fab7-d8c34cdb5908}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},
