@@ -37,6 +37,7 @@ NAMES = (
     "drives_damped",
     "drives_rubbing",
     "rubbing",
+    "resting",
     "bent",
     "diagnosis_speed",
     "next_experiment",

@@ -116,7 +116,14 @@ def outcome(own: Rubbing, what: str, records: Sequence[Record], noise: float) ->
 
 def make_report(seeds: Sequence[int], jobs: int) -> Report:
     """Draws and diagnoses a structure for each seed."""
+    note = ("An accelerometer sees friction jump where a mass turns; between samples nobody knows where. Two runs to "
+            "fit, one held out, from rest. Final: misfit on the held-out run.")  # fmt: skip
     outcomes = in_processes(measure, list(seeds), jobs)
+    return report_of("rubbing", f"Dry friction beside modes, seeds from {seeds[0]}", outcomes, note)
+
+
+def report_of(name: str, title: str, outcomes: Sequence[Outcome], note: str) -> Report:
+    """What came out, over all and of each."""
     of = f"of {len(outcomes)}"
     right = {"share": sum(o.right for o in outcomes) / len(outcomes)}
     clean = {"share": sum(o.values.get("over noise", np.inf) < NOISE_REACHED for o in outcomes) / len(outcomes)}
@@ -125,13 +132,10 @@ def make_report(seeds: Sequence[int], jobs: int) -> Report:
             note=of),
         Row("nothing but noise left", "1", clean, note=of),
     ]  # fmt: skip
-    names = ("refit", "final", "over noise", "friction off", "s", "s of processor")
-    spreads = [row(name, "", spread(o.values.get(name, np.inf) for o in outcomes)) for name in names]
+    kinds = ("refit", "final", "over noise", "friction off", "s", "s of processor")
+    spreads = [row(kind, "", spread(o.values.get(kind, np.inf) for o in outcomes)) for kind in kinds]
     each = [row(o.what, "", o.values, note=o.said) for o in outcomes]
-    notes = ["An accelerometer sees friction jump where a mass turns; between samples nobody knows where. Two runs to "
-             "fit, one held out, from rest. Final: misfit on the held-out run."]  # fmt: skip
-    title = f"Dry friction beside modes, seeds from {seeds[0]}"
-    return Report("rubbing", title, [Table("all", overall), Table("spread", spreads), Table("each", each)], notes)
+    return Report(name, title, [Table("all", overall), Table("spread", spreads), Table("each", each)], [note])
 
 
 def run(options: Options) -> Report:
