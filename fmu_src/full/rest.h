@@ -1,6 +1,6 @@
 /* The motion where a steep force holds a mass: a dry friction near rest takes up whatever pushes, and leaves a creep whose speed follows within
    microseconds. No series goes much further than these. Once the speed has settled the motion is linear about where it is, and goes any way at once:
-   s(h) = s + h phi_1(h J) s', J being the slope of the rates (M. Hochbruck, A. Ostermann, Exponential integrators, Acta Numerica 19, 2010, eq. 2.42). */
+   s(h) = s + h phi_1(h J) s', J being the slope of the rates (M. Hochbruck, A. Ostermann, Exponential integrators, Acta Numerica 19, 2010). */
 
 #ifndef GYRO_REST_H
 #define GYRO_REST_H
@@ -17,7 +17,8 @@ static const double GYRO_REST_SHORTER = 1.0 / 8, GYRO_REST_LEAST = 1.0 / 512;
 /* Time constants that the rest of the step must be at least: of fewer, series make short work. */
 static const double GYRO_REST_STEEP = 30.0;
 
-/* What may be left out of a state, over its size, which of a speed or a place is that of both axes: so much then is also left out of the way of a creep. */
+/* What may be left out of a state, over its size, which of a speed or a place is that of both axes: so much then is also left out of the way of a
+   creep. */
 static const double GYRO_REST_LEFT = 1e-9;
 
 /* h |J| up to which GYRO_REST_TERMS terms of phi_1 are all that rounding leaves. */

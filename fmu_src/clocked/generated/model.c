@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{22f7e6a2-2bec-e14d-86aa-3b9eca2a97bd}";
+const char gyro_token[] = "{292e299f-2074-54ba-0149-c75d75ea7312}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},
