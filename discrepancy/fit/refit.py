@@ -340,8 +340,8 @@ class Fitter:
         unseen = self._adrift(at)
         names = self.state_names(at)
         sought = [i for i, name in enumerate(names) if i >= known and name not in unseen]
-        held = [self._held(at, run, names[i]) for i in sought]
-        fill[sought] = inverse_scaled(total[np.ix_(sought, sought)] + np.diag(held)) @ total[sought, states:]
+        unsure = [self._held_back(at, run, names[i]) for i in sought]
+        fill[sought] = inverse_scaled(total[np.ix_(sought, sought)] + np.diag(unsure)) @ total[sought, states:]
         # Each column without what the states do of it.
         lift = np.hstack((-fill.T, np.eye(len(columns) - states)))
         return _Linear([lift @ gram @ lift.T for gram in grams], fill, square)
@@ -403,7 +403,7 @@ class Fitter:
             pass
         return at
 
-    def _held(self, at: Fitted, run: int, state: str) -> float:
+    def _held_back(self, at: Fitted, run: int, state: str) -> float:
         """What is added to the square of a state's column, which holds a step back along a place that no sample
         shows: beside a spring that is nearly none it goes anywhere, and the spring with it."""
         if not self.records[run].order or "dot" in state or state in LEVELS:

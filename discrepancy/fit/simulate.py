@@ -45,8 +45,8 @@ PIECE, QUICK = 500, 2e-3
 is twice as long: so that asking is nothing beside, and stiff runs are asked in time."""
 STIFFEST: Final = 2e-5
 """Processor time [s] a step of a run that is followed to its end. Linear steps take 0.1 µs, those of forces with
-corners 2 µs; what takes more is stiff, as a stop a million times as stiff as the suspension (minutes a run), and no
-data tell it from one that is less so."""
+corners 2 µs; what takes more is stiff, as a stop a million times as stiff as the suspension (1.5 ms), and no data
+tell it from one that is less so."""
 AT_ONCE: Final = 8
 """Columns that go through the defects of a record together: what these do at each sample is found once for all."""
 TICKS: Final = 0.1

@@ -25,8 +25,8 @@ static const double GYRO_REST_LEFT = 1e-9;
 static const double GYRO_REST_SMALL = 0.25;
 enum { GYRO_REST_TERMS = 9, GYRO_REST_DOUBLINGS = 60 };
 
-/* How n states of a slope J pass differences on over a step h [s], exp(h J), and what rates add that stay, h phi_1(h J), and that rise along a line from
-   zero to one, h phi_2(h J): those of a part of the step, doubled. */
+/* How n states of a slope J pass differences on over a step h [s], exp(h J), and what rates add that stay, h phi_1(h J), and that rise along a line
+   from zero to one, h phi_2(h J): those of a part of the step, doubled. */
 typedef struct {
     matrix passage, steady, rising;
 } settling;

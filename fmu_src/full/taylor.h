@@ -628,8 +628,8 @@ static inline double integrate_some(gyro_view *g, const double *value, double t,
     return part;
 }
 
-/* Moves the view on where it is time to look whether a mass rests in what is left of the step h [s], and one does; gives whether it has. Where all of that
-   is too much, as the other axis turns round in it, some is not. */
+/* Moves the view on where it is time to look whether a mass rests in what is left of the step h [s], and one does; gives whether it has. Where all of
+   that is too much, as the other axis turns round in it, some is not. */
 static inline int rest_some(gyro_view *g, double h, gyro_passage *at)
 {
     double part = 0.0;

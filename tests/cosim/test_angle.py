@@ -167,7 +167,7 @@ def test_quality_by_hand(minor):
         np.testing.assert_allclose(quality[block.converged], expected, atol=1e-8)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.lists(st.integers(0, 12000), max_size=8))
 def test_blocks_change_no_bit(cuts):
     block, _ = swing(20.0, 0.3, 0.06)

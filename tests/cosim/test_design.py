@@ -29,7 +29,7 @@ def written(folder: Path, text: str) -> str:
     return str(path)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(SEEDS)
 def test_first_estimates_are_10_to_50_percent_off_and_follow_the_seed(seed: int) -> None:
     device = device_with()

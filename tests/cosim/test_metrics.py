@@ -5,7 +5,7 @@ import json
 import numpy as np
 import polars as pl
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.angle import sine_lag
@@ -128,7 +128,6 @@ def test_reference_leaves_out_what_follows_an_edge():
         assert found["reference_deg"] == pytest.approx(expected)
 
 
-@settings(deadline=None)
 @given(st.floats(-1e-3, 1e-3), st.floats(-0.1, 0.1))
 def test_run_lag_agrees_with_the_sine_definition(lag, drift):
     t = np.arange(20_000) * PERIOD

@@ -67,7 +67,7 @@ def test_the_unit_is_that_of_the_heading_and_is_never_guessed(table, tmp_path):
         read_profile(named, "rate_z [rad/s]", "deg/s")
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.integers(0, 90_000), st.integers(1, 5000))
 def test_blocks_change_no_bit(first, count):
     profile = packaged_profile()

@@ -40,7 +40,6 @@ def test_varying_by_hand():
     np.testing.assert_allclose(rate[110_000:], 5 * np.sin(20 * np.pi * middle), atol=1e-7)
 
 
-@settings(deadline=None)
 @given(st.floats(20e3, 400e3))
 def test_angle_does_not_depend_on_the_sample_rate(sample_rate):
     period = 1 / sample_rate
@@ -52,7 +51,7 @@ def test_angle_does_not_depend_on_the_sample_rate(sample_rate):
     np.testing.assert_allclose(angle, square_angle(np.arange(count) * period), atol=2.5e-9)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.sampled_from(sorted(DESCRIPTIONS)), st.integers(0, 190_000), st.integers(1, 10_000))
 def test_blocks_change_no_bit(name, first, count):
     chosen = scenario(name)

@@ -60,7 +60,7 @@ def span_of(course: Course) -> float:
     return float(inner.integral.x[-1]) if hasattr(inner, "integral") else np.inf
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(COURSES, st.floats(0, 1), st.floats(0.01, 2), PERIODS, st.integers(0, 30))
 def test_a_held_value_is_the_mean_of_the_course(
     inner: Course, begin: float, length: float, period: float, first: int
@@ -74,7 +74,6 @@ def test_a_held_value_is_the_mean_of_the_course(
         assert mean == pytest.approx(by_quadrature, abs=1e-7, rel=1e-7)
 
 
-@settings(deadline=None)
 @given(COURSES, st.floats(0, 0.2), st.integers(0, 40), st.integers(1, 40))
 def test_blocks_change_no_bit(inner: Course, begin: float, first: int, count: int) -> None:
     assume(span_of(inner) >= 80 * 1e-3)

@@ -212,7 +212,7 @@ FILES = st.dictionaries(
 )
 
 
-@settings(deadline=None, max_examples=400)
+@settings(max_examples=400)
 @given(FILES, st.booleans())
 def test_whatever_stands_in_a_file_is_a_scenario_or_an_input_error(data: dict[str, object], whole: bool) -> None:
     head = {"format": 1, "name": "n", "description": "d", "duration": 1.0} if whole else {"format": 1}

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim import trace
@@ -19,7 +19,6 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("small")
-@settings(deadline=None)
 @given(blocks=st.lists(st.integers(0, 30), min_size=1, max_size=12).filter(any))
 def test_all_rows_are_written_and_memory_holds_every_nth(
     blocks: list[int], tmp_path_factory: pytest.TempPathFactory

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gyro_model.device import (
@@ -57,7 +57,6 @@ names = st.text(st.characters(codec="utf-8"), max_size=20)
 notes = st.text(st.characters(codec="utf-8", exclude_categories=["C"]), max_size=20)
 
 
-@settings(deadline=None)
 @given(name=names, parameters=parameters, intervals=intervals, controller=controllers, note=notes)
 def test_round_trip_to_the_last_bit(tmp_path_factory, name, parameters, intervals, controller, note) -> None:
     path = tmp_path_factory.mktemp("device") / "device.toml"

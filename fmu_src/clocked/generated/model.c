@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{292e299f-2074-54ba-0149-c75d75ea7312}";
+const char gyro_token[] = "{cbff8524-84ab-2785-7a25-8d4554fe4a57}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},

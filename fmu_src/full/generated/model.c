@@ -2,7 +2,7 @@
 
 #include "model.h"
 
-const char gyro_token[] = "{3787c090-7a2d-1d5d-9789-08e69f6cfb02}";
+const char gyro_token[] = "{5ed0cbbf-edc5-4060-488f-0232d527520e}";
 
 const gyro_state gyro_states[GYRO_N_CONTINUOUS] = {
     {9u, 126u, 1e-06},

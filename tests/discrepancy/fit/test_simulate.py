@@ -144,7 +144,7 @@ def test_a_held_force_bends_what_the_filter_of_the_voltage_sees(simulator: Simul
 
 
 STIFF = {**OSCILLATOR, "stop_stiffness": 1e6, "stop_gap": 1e-9}
-"""In touch it swings at 70 kHz: a run of twenty thousand samples took minutes."""
+"""In touch it swings at 70 kHz: a run of twenty thousand samples takes half a minute."""
 
 
 @pytest.fixture
