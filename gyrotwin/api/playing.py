@@ -35,7 +35,7 @@ def play(device: DeviceSource = "pendulum", *, effects: Sequence[str | Path] = (
     --------
     >>> import gyrotwin as gt
     >>> page = gt.play()
-    >>> page.summary["bytes"] < 450_000
+    >>> page.summary["bytes"] < 300_000
     True
 
     """

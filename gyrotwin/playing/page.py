@@ -1,6 +1,7 @@
 """The page: module, sliders and game in one HTML file."""
 
 import base64
+import gzip
 import html
 import math
 import shlex
@@ -115,7 +116,8 @@ def play_page(device: Device, named: str) -> PlayResult:
     page = template("play.html.j2").render(
         device=device,
         data=as_json(data),
-        module=base64.b64encode(module).decode(),
+        # A third of its bytes; without a time, so that a page made twice is the same page.
+        module=base64.b64encode(gzip.compress(module, mtime=0)).decode(),
         groups=_OUTER,
         stages=stages,
         effects=sum(len(stage.effects) for stage in stages),

@@ -4,8 +4,10 @@
 const OK = 0;
 
 class FmuModule {
-  static async load(bytes, token) {
-    const {instance} = await WebAssembly.instantiate(bytes, {});
+  // The module's bytes are packed by gzip.
+  static async load(packed, token) {
+    const unpacked = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+    const {instance} = await WebAssembly.instantiate(await new Response(unpacked).arrayBuffer(), {});
     instance.exports._initialize();
     return new FmuModule(instance.exports, token);
   }

@@ -312,8 +312,8 @@ function bindSliders(scene) {
 }
 
 async function open() {
-  const bytes = Uint8Array.from(atob(at("module").textContent), c => c.charCodeAt(0));
-  const module = await FmuModule.load(bytes, data.token);
+  const packed = Uint8Array.from(atob(at("module").textContent), c => c.charCodeAt(0));
+  const module = await FmuModule.load(packed, data.token);
   const {hash, steps} = fingerprint(module, data.fingerprint);
   const same = hash === data.fingerprint.hash && steps === data.fingerprint.done;
   at("hash").textContent = hash, at("same").textContent = same ? "the same bits as the native FMU" : `not the bits of the native FMU, ${data.fingerprint.hash}`;

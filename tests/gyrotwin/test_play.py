@@ -57,8 +57,8 @@ def in_node(page: Path, first: int, last: int) -> Any:
 
 def test_the_page_is_small_and_asks_no_network(page: Path) -> None:
     text = page.read_text()
-    # 414 kB with the method of values for a hysteresis in the module; a page that is opened at once.
-    assert page.stat().st_size <= 450_000
+    # 247 kB, with the module packed; a page that is opened at once.
+    assert page.stat().st_size <= 300_000
     assert "://" not in text
     assert not re.search(r"<link|<img|@import|url\(|fetch\(|XMLHttpRequest|import\(", text)
 
