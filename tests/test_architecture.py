@@ -1,0 +1,18 @@
+"""ARCHITECTURE.md stays true: what it names is there."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+TEXT = (ROOT / "ARCHITECTURE.md").read_text()
+TOPS = re.findall(r"^\| `(\w+/)` \|", TEXT, re.M)
+NAMED = sorted(set(re.findall(r"`([\w./*]+(?:/|\.py|\.c|\.h))`", TEXT)))
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_every_room_and_file_that_it_names_is_there(name: str) -> None:
+    # Where a part of one's own goes.
+    name = name.removesuffix("ID.py")
+    assert any(ROOT.glob(name)) or any(any((ROOT / top).glob(f"**/{name}")) for top in TOPS)
