@@ -110,9 +110,9 @@ def modes(own: Sequence[Mode], more: Sequence[Mode]) -> Iterator[Finding]:
 
 def hold(dataset: Dataset) -> Iterator[Finding]:
     """Says where the force looks to run otherwise between samples than the runs to fit state."""
-    found = better_hold(dataset.fit, dataset.nominal)
+    found = better_hold([record for record in dataset.measured if record.role == "fit"], dataset.nominal)
     if found:
-        given = dataset.fit[0].hold
+        given = dataset.hold
         yield Finding(
             "hold", "",
             f'hold = "{given}" leaves {found.given:.2g} unexplained, "{found.hold}" {found.left:.2g}: if '

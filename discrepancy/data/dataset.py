@@ -9,11 +9,13 @@ from typing import Any, Final, NamedTuple, get_args
 
 import numpy as np
 
+from discrepancy.data.hold import better_hold
 from discrepancy.data.linear_start import linear_start, sensor_gains
 from discrepancy.data.modes import Mode
 from discrepancy.data.offset import levelled
 from discrepancy.data.record import Floats, Hold, Record, Role, Senses, is_driven, make_record
 from discrepancy.data.table import SUFFIXES, read_columns
+from discrepancy.data.thinning import spare, thinned
 from discrepancy.data.weak_modes import all_modes
 from gyro_model.device import check_passive
 from gyro_model.errors import InputError, nearest
@@ -41,7 +43,7 @@ class Dataset:
     what was assumed, for the reader; model: whose parameters ``nominal`` may name; unknown: names of gains that no one
     states, to be fitted beside mass, stiffness and damping; estimated: names of nominal values that the lab does not
     state, from the record's own response; hold_stated: whether they say how forces run
-    between samples.
+    between samples; sampled: the runs as measured, where ``records`` have but one of ``every`` samples of each.
 
     Raises InputError where runs differ in axes, one holds no motion, none is left to fit, or a nominal value is missing
     or impossible.
@@ -55,6 +57,8 @@ class Dataset:
     unknown: tuple[str, ...] = ()
     estimated: tuple[str, ...] = ()
     hold_stated: bool = False
+    sampled: tuple[Record, ...] = ()
+    every: int = 1
 
     def __post_init__(self) -> None:
         if not self.records:
@@ -91,6 +95,33 @@ class Dataset:
         """The runs that no fit or choice sees."""
         return tuple(record for record in self.records if record.role == "held-out")
 
+    @property
+    def measured(self) -> tuple[Record, ...]:
+        """The runs with every sample that was measured."""
+        return self.sampled or self.records
+
+    @property
+    def hold(self) -> Hold:
+        """How the forces are taken to run between the samples that were measured."""
+        return self.measured[0].hold
+
+    def held(self, hold: Hold) -> "Dataset":
+        """With forces that ran so between samples."""
+        return self._of(tuple(replace(record, hold=hold) for record in self.measured))
+
+    def thinned(self, every: int) -> "Dataset":
+        """With one of ``every`` samples."""
+        return replace(self, every=every)._of(self.measured)
+
+    def _of(self, measured: tuple[Record, ...]) -> "Dataset":
+        if self.every == 1:
+            return replace(self, records=measured)
+        fewer = (
+            replace(thinned(record, self.every), begun=own.begun)
+            for record, own in zip(measured, self.records, strict=True)
+        )
+        return replace(self, records=tuple(fewer), sampled=measured)
+
     @cached_property
     def modes(self) -> tuple[list[Mode], list[Mode]]:
         """The modes that the runs to fit show, one an axis and further ones."""
@@ -120,7 +151,7 @@ def load_dataset(path: Path, device: Mapping[str, float] | None = None, model: M
         raise InputError(f"data set {path}: there is no {FILE}; `gyrotwin dataset init` writes one")
     try:
         content = read_toml_file(file)
-        return _dataset(file.parent, content, dict(device or {}), model or load_model())
+        return _thinned(_dataset(file.parent, content, dict(device or {}), model or load_model()))
     except InputError as error:
         raise InputError(f"data set {file}: {error}") from None
 
@@ -152,6 +183,21 @@ def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float],
     notes = [*notes, *more, *(note for _, note in read if note)]
     return Dataset(folder, complete, records, tuple(notes), model, unknown, estimated,
                    any("hold" in run for run in runs))  # fmt: skip
+
+
+def _thinned(data: Dataset) -> Dataset:
+    """With no more samples than what moves asks for, and a note that says so where that leaves samples out."""
+    number = spare(data.records)
+    if number == 1:
+        return data
+    # Half a sample of the record is less than a step of what is left, and is looked for before.
+    better = None if data.hold_stated else better_hold(data.fit, data.nominal)
+    rate = data.records[0].sample_rate / number
+    note = (
+        f"sampled far more often than anything moves: one of {number} samples is taken, {rate:.6g} Hz, forces as means"
+    )
+    own = replace(data, notes=(*data.notes, note)).thinned(number)
+    return own.held(better.hold) if better else own
 
 
 class _Entry(NamedTuple):

@@ -18,7 +18,7 @@ from discrepancy.fit.openings import parts
 from discrepancy.fit.refit import Fitter
 from discrepancy.name.columns import on_the_way
 from discrepancy.name.exchange import delete
-from discrepancy.name.search import Search, held
+from discrepancy.name.search import Search
 from gyro_model.anatomy import Delay, Lag
 
 RUNS_ON: Final[Hold] = "band-limited"
@@ -26,18 +26,19 @@ RUNS_ON: Final[Hold] = "band-limited"
 
 def as_shown(dataset: Dataset) -> Dataset:
     """With a force that ran on between samples where nobody has said that it was held, and the response shows it."""
-    better = None if dataset.hold_stated else better_hold(dataset.fit, dataset.nominal)
-    return held(dataset, RUNS_ON) if better and better.hold != "zero" else dataset
+    # Where samples were left out it has been looked for among all of them.
+    better = None if dataset.hold_stated or dataset.sampled else better_hold(dataset.fit, dataset.nominal)
+    return dataset.held(RUNS_ON) if better and better.hold != "zero" else dataset
 
 
 def let_run_on(search: Search) -> Search:
     """With a force that ran on between samples where nobody has said that it was held, and the present model then
     leaves plainly less, of the shortest openings and of whole runs, without a delay or a filter."""
     data = search.dataset
-    told = data.hold_stated or not is_driven(data.fit) or data.fit[0].hold == RUNS_ON
+    told = data.hold_stated or not is_driven(data.fit) or data.hold != "zero"
     if told or search.fitter is not search.whole:
         return search
-    other = Fitter(search.simulator, [replace(record, hold=RUNS_ON) for record in data.fit], criteria=search.criteria)
+    other = Fitter(search.simulator, data.held(RUNS_ON).fit, criteria=search.criteria)
     if not _plainly_less(search.whole, other, search.at):
         return search
     run_on = search.held(RUNS_ON).fitted(search.at)

@@ -11,7 +11,7 @@ from discrepancy.fit.refit import Fitter
 from discrepancy.fit.simulate import Simulator
 from discrepancy.name import checkpoint as store
 from discrepancy.name.accepted import Accepted
-from discrepancy.name.search import Given, Search, begun, cleaned, clipped, held
+from discrepancy.name.search import Given, Search, begun, cleaned, clipped
 from discrepancy.terms.effect_file import Term
 from gyro_model.errors import InputError
 from gyro_model.model import Model
@@ -47,7 +47,7 @@ def _state(search: Search) -> dict[str, Any]:
         "terms": store.terms_state(search.terms),
         "refused": sorted(search.refused),
         "clip": search.clip,
-        "hold": search.dataset.records[0].hold,
+        "hold": search.dataset.hold,
         "begun": int(any(record.begun for record in search.dataset.records)),
         "blemishes": [[b.id, list(map(list, f.data)), {k: list(v) for k, v in f.levels.items()}] for b, f in found],
         "at": store.fit_state(search.whole, search.fitter, search.at),
@@ -90,8 +90,8 @@ def _record(
     dataset: Dataset, model: Model, state: Mapping[str, Any]
 ) -> tuple[Dataset, tuple[tuple[Blemish, Found], ...]]:
     """The runs without what ``state`` has found to be the record's, and that."""
-    if state["hold"] != dataset.records[0].hold:
-        dataset = held(dataset, state["hold"])
+    if state["hold"] != dataset.hold:
+        dataset = dataset.held(state["hold"])
     if state["begun"]:
         dataset = begun(dataset)
     if state["clip"] is not None:

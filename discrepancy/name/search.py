@@ -241,7 +241,7 @@ class Search:
 
     def held(self, hold: Hold) -> "Search":
         """Goes on with forces that ran so between samples."""
-        return self.on(held(self.dataset, hold))
+        return self.on(self.dataset.held(hold))
 
     def cleaned(self, blemish: Blemish, data: Sequence[Data]) -> "Search":
         """Goes on with the runs to fit without what ``data`` say."""
@@ -317,11 +317,6 @@ def nominal_of(model: Model, dataset: Dataset) -> dict[str, float]:
 def clipped(dataset: Dataset, level: float) -> Dataset:
     """The runs without samples at or beyond ``level`` [V]."""
     return replace(dataset, records=tuple(masked(record, level) for record in dataset.records))
-
-
-def held(dataset: Dataset, hold: Hold) -> Dataset:
-    """The runs with forces that ran so between samples."""
-    return replace(dataset, records=tuple(replace(record, hold=hold) for record in dataset.records))
 
 
 def begun(dataset: Dataset) -> Dataset:

@@ -405,8 +405,8 @@ def _doubts(search: Search, rest: Remainder, residuals: Sequence[Floats]) -> tup
             for entry in search.accepted
             if isinstance(entry.candidate.effect, Effect) and entry.candidate.effect.starts
         ]
-    hold = search.dataset.records[0].hold
-    if hold != search.given.dataset.records[0].hold:
+    hold = search.dataset.hold
+    if hold != search.given.dataset.hold:
         found.append(
             f'the force ran on between samples, as the motion shows: taken with hold = "{hold}"; '
             'state that in dataset.toml, or hold = "zero" where it was held'
