@@ -38,6 +38,8 @@ over a run whose motion grew saw 4/5 of the noise of a jittering clock. No piece
 GROUPS: Final = 1000
 """Of samples that move about as fast, each taken as one: the size of a jitter changed by less than 1e-4 of it in a
 sine, a beat and a motion that grew."""
+FEWEST: Final = 50
+"""Such groups of a channel, however many there are."""
 NO_MEMORY: Final = Setting()
 
 
@@ -188,32 +190,43 @@ def unlike_flicker(at: Fitted, records: Sequence[Record], chance: float, times: 
 
 
 def jitter(at: Fitted, records: Sequence[Record]) -> Level | None:
-    """Deviation [s] of the sampling instants: innovations whose variance grows with the square of v'."""
-    slopes, errors = [], []
+    """Deviation [s] of the sampling instants: innovations whose variance grows with the square of v'. The white noise
+    beside it is another one in each channel of each run: a range may have been switched between them."""
+    each = GROUPS // sum(record.axes for record in records)
+    channels = []
     for residual, record in zip(at.residuals, records, strict=True):
-        slope = np.gradient(record.v, 1 / record.sample_rate, axis=0)
+        slope = np.gradient(record.v, 1 / record.sample_rate, axis=0)[record.valid]
+        error = at.whiten(residual[None], record.valid)[0][record.valid]
         # White noise of v makes a slope of its own; two of four neighbours' mean is far below that of the motion.
-        slopes.append(slope[record.valid].ravel() ** 2)
-        errors.append(at.whiten(residual[None], record.valid)[0][record.valid].ravel() ** 2)
-    slope, error, count = _alike(np.concatenate(slopes), np.concatenate(errors))
-    unit = float(np.average(error, weights=count) / np.average(slope, weights=count))
-    top = float(np.log(np.average(error, weights=count)))
+        channels += [_alike(s**2, e**2, max(each, FEWEST)) for s, e in zip(slope.T, error.T, strict=True)]
+    squares = [float(np.average(error, weights=count)) for _, error, count in channels]
+    slopes = [float(np.average(slope, weights=count)) for slope, _, count in channels]
 
     def cost(a: float) -> float:
-        # The white part is whatever fits best beside it.
-        def beside(log_white: float) -> float:
-            variance = np.exp(log_white) + a**2 * slope
-            return float(count @ (np.log(variance) + error / variance))
+        return sum(
+            _beside(a**2 * slope, error, count, square)
+            for (slope, error, count), square in zip(channels, squares, strict=True)
+        )
 
-        return float(minimize_scalar(beside, bounds=(top - 8, top + 1), method="bounded", options={"xatol": 1e-4}).fun)
-
-    return _likeliest(cost, float(np.sqrt(unit)))
+    return _likeliest(cost, float(np.sqrt(np.mean(squares) / np.mean(slopes))))
 
 
-def _alike(slope: Floats, error: Floats) -> tuple[Floats, Floats, Floats]:
+def _beside(told: Floats, error: Floats, count: Floats, square: float) -> float:
+    """Twice the negative log likelihood of squared innovations whose variance is ``told`` and a white part, that which
+    fits best; ``square`` is their mean."""
+    top = float(np.log(square))
+
+    def under(log_white: float) -> float:
+        variance = np.exp(log_white) + told
+        return float(count @ (np.log(variance) + error / variance))
+
+    return float(minimize_scalar(under, bounds=(top - 8, top + 1), method="bounded", options={"xatol": 1e-4}).fun)
+
+
+def _alike(slope: Floats, error: Floats, groups: int) -> tuple[Floats, Floats, Floats]:
     """Means over groups of nearly equal ``slope``, and how many each has: all that the likelihood asks for."""
     order = np.argsort(slope)
-    begins = np.unique(np.linspace(0, len(slope), GROUPS, endpoint=False).astype(int))
+    begins = np.unique(np.linspace(0, len(slope), groups, endpoint=False).astype(int))
     count = np.diff(begins, append=len(slope)).astype(float)
     return np.add.reduceat(slope[order], begins) / count, np.add.reduceat(error[order], begins) / count, count
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from discrepancy.criteria import Criteria
-from discrepancy.fit.noise import flicker, noise_of, unlike_flicker
+from discrepancy.fit.noise import flicker, jitter, noise_of, unlike_flicker
 from discrepancy.fit.whitening import Setting, likeliest, whitener
 
 PERIOD, SAMPLES, WHITE = 5e-6, 8000, 2e-5
@@ -102,3 +102,36 @@ def test_white_noise_beside_strong_flicker_is_that_of_the_sensor() -> None:
     assert found is not None
     # Above 20 kHz there is up to 100 times as much flicker; the lags that stand for it are within 4 %.
     assert found.rms == pytest.approx(WHITE, rel=0.05)
+
+
+def sweeps(rng: np.random.Generator, noise: np.ndarray, late: float) -> tuple[Any, list[Any]]:
+    """Three runs of two axes, each as much larger than the one before, with so much white noise [V] in each channel
+    and instants that are off by ``late`` [s]."""
+    t = np.arange(SAMPLES) * PERIOD
+    made, runs = [], []
+    for size, own in zip((0.01, 0.1, 1.0), noise, strict=True):
+        turns = 2 * np.pi * (3e3 * t + 2e4 * t**2)
+        v = size * np.stack((np.sin(turns), 0.3 * np.cos(turns)), 1) * np.sin(np.pi * t[:, None] / t[-1])
+        slope = np.gradient(v, PERIOD, axis=0)
+        made.append(own * rng.standard_normal((SAMPLES, 2)) + late * slope * rng.standard_normal((SAMPLES, 1)))
+        runs.append(SimpleNamespace(valid=np.ones(SAMPLES, np.bool_), sample_rate=1 / PERIOD, axes=2, v=v + made[-1]))
+    at: Any = SimpleNamespace(parameters=DEVICE, residuals=made, whiten=whitener(DEVICE, 2, PERIOD, Setting(), SAMPLES))
+    return at, runs
+
+
+def test_channels_of_unlike_noise_are_no_jitter() -> None:
+    # As a range that is switched makes: a thousandth of each channel's motion.
+    noise = 1e-3 * np.outer((0.01, 0.1, 1.0), (0.5, 0.15))
+    for seed in range(20):
+        assert jitter(*sweeps(np.random.default_rng(seed), noise, 0.0)) is None
+
+
+@pytest.mark.parametrize("share", [0.1, 1.0])
+def test_jitter_beside_channels_of_unlike_noise(share: float) -> None:
+    late = 5e-8
+    noise = share * late * 2e4 * np.outer((0.01, 0.1, 1.0), (0.5, 0.15))
+    for seed in range(5):
+        found = jitter(*sweeps(np.random.default_rng(seed), noise, late))
+        assert found is not None
+        # Five 95 % intervals, doubled: one in 5,000 of normal numbers is beyond.
+        assert abs(found.value - late) < found.high - found.low
