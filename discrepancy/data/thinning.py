@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from discrepancy.data.record import Floats, Record
+from discrepancy.data.top import top_of_force, top_of_motion
 
 MANY: Final = 100_000
 """Samples of all runs up to which none is left out. Of 1,500,000 samples, 10,000 a period, of a mass that rubs on a
@@ -18,13 +19,6 @@ bent spring, nothing was named rightly in 190 s, and both effects in less than a
 ENOUGH: Final = 50.0
 """Samples a period of the fastest that moves or drives: what such a force drives is right to 1e-5 of the motion, and
 corners of the motion are between few."""
-POWER: Final = 1e-4
-"""Share of the power beside noise that may be faster than that."""
-SCATTER: Final = 5.0
-"""Of a sum of noise, in its standard deviations."""
-BROAD: Final = 0.2
-"""Share of a force's power from which noise is no noise but the force, as of a generator of noise: a mean does as it
-does."""
 
 
 def spare(records: Sequence[Record]) -> int:
@@ -35,28 +29,10 @@ def spare(records: Sequence[Record]) -> int:
     asked = sum(len(record.t) for record in records) // MANY
     if asked < 2:
         return 1
-    most = [int(record.sample_rate / (ENOUGH * _top(record))) for record in records]
+    # Of a force that is noise a mean does as it does.
+    tops = [(record.sample_rate, max(top_of_motion(record), top_of_force(record) or 0.0)) for record in records]
+    most = [int(rate / (ENOUGH * top)) for rate, top in tops]
     return max(min(asked, *most), 1)
-
-
-def _top(record: Record) -> float:
-    """The frequency [Hz] above which hardly anything but noise is in voltage and force."""
-    found = [_top_of(column, record.sample_rate, broad=1.0) for column in record.v.T]
-    found += [_top_of(column, record.sample_rate, broad=BROAD) for column in record.u.T if column.any()]
-    return max(found)
-
-
-def _top_of(signal: Floats, rate: float, *, broad: float) -> float:
-    """The same of ``signal`` (n,), of which noise is what the upper half of its frequencies has of it on average; the
-    lowest of all for one that is noise to the share ``broad``."""
-    power = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(len(signal)))) ** 2
-    noise = float(power[len(power) // 2 :].mean())
-    if noise * len(power) >= broad * power.sum():
-        return rate / len(signal)
-    rest = np.cumsum(power - noise)
-    # Sums of noise scatter as the root of their number, and so does what is taken for its mean.
-    beside = max(POWER * rest[-1], SCATTER * noise * np.sqrt(len(power)))
-    return float(np.argmax(rest >= rest[-1] - beside) + 1) * rate / len(signal)
 
 
 def thinned(record: Record, every: int) -> Record:

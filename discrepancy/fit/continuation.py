@@ -8,6 +8,7 @@ continuity, which nothing needs in the end, when a piece is a run).
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import inf
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -122,7 +123,7 @@ def started(fitter: Fitter, at: Fitted) -> Fitted:
     """``at`` on the runs of ``fitter``; where these are others, with initial states fitted to them first."""
     if [len(residual) for residual in at.residuals] == [len(record.t) for record in fitter.records]:
         return fitter.evaluated(at)
-    return replace(with_starts(fitter, at, FEW), free=at.free, grams=None, fill=(), left=float("inf"))
+    return replace(with_starts(fitter, at, FEW), free=at.free, grams=None, fill=(), left=inf)
 
 
 def with_starts(fitter: Fitter, at: Fitted, rounds: int) -> Fitted:
@@ -308,8 +309,9 @@ def _numbers(whole: Fitter, at: Fitted) -> list[int]:
 
 
 def _period(whole: Fitter, at: Fitted) -> float:
-    """Samples in a period of the lowest mode."""
-    return whole.records[0].sample_rate / float(mode_frequencies(at.parameters, whole.axes)[0])
+    """Samples in a period of the lowest mode; of a device that no spring brings back there is none."""
+    lowest = float(mode_frequencies(at.parameters, whole.axes)[0])
+    return whole.records[0].sample_rate / lowest if lowest else inf
 
 
 def _hardly_held(whole: Fitter, at: Fitted) -> bool:

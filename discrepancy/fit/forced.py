@@ -8,6 +8,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
 from discrepancy.data.record import CONDITIONS, Floats, Record
+from discrepancy.data.top import top_of_force
 from discrepancy.fit.defect import distortions
 from gyro_model.quantities import PARAMETERS
 
@@ -15,6 +16,10 @@ OVERSAMPLING: Final = 3
 """Steps a sample where u runs between samples. What their hold shrinks is made up for (``between``); images of a force
 at f come back at f from about 3/T, f/(3/T - f) as strong and weaker by the square of that ratio in the motion: 1e-3 of
 what a force at a third of the rate does, 2e-5 of the Silverbox' output."""
+DENSE: Final = (50.0, 350.0)
+"""Samples a period of the fastest that drives from which one step a sample does, of places and of speeds:
+images of a force at f are 1/T - f fast, and f T as strong; in a place that is less by the square of f T, 8e-6 of what
+the force does at rest, in a speed by f T itself, and in an acceleration by nothing."""
 LONGEST: Final = next(q.high for q in PARAMETERS if q.name == "internal_step")
 """Longest step [s] that the FMU takes."""
 MARGIN: Final = 256
@@ -64,8 +69,14 @@ def _delayed(u: Floats, hold: str, samples: float) -> Floats:
 
 def steps_a_sample(record: Record) -> int:
     """Internal steps of the FMU in a sample period of ``record``."""
-    least = 1 if record.hold == "zero" else OVERSAMPLING
+    least = 1 if record.hold == "zero" or _dense(record) else OVERSAMPLING
     return max(least, ceil(1 / (record.sample_rate * LONGEST)))
+
+
+def _dense(record: Record) -> bool:
+    """Whether the force changes little from sample to sample."""
+    top = top_of_force(record)
+    return top is not None and record.order < 2 and record.sample_rate >= DENSE[record.order] * top
 
 
 def forced(record: Record, split: int) -> Forced:

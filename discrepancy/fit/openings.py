@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from discrepancy.data.record import Record
 from discrepancy.fit.continuation import LAST_ROUNDS
 from discrepancy.fit.fitted import Fitted
@@ -17,6 +19,9 @@ TRIED: Final = 4_000
 LEAST: Final = 2_000
 """Samples of a run that an opening has at least: shorter ones show a run's initial state more than any effect, and what
 they promise the whole does not keep."""
+MOVING: Final = 0.1
+"""Mean power of the voltages in openings, over that in whole runs, that shows what they do: of noise and of tones 0.5
+and more, and 1e-4 below the resonance of a sweep, which shows no friction and no bent spring there."""
 LONG: Final = 4
 """By which runs must be longer than their openings, and these than the next shorter ones."""
 
@@ -34,13 +39,21 @@ class Opening(NamedTuple):
 
 
 def parts(records: Sequence[Record]) -> list[int]:
-    """Into how many parts runs are cut for each opening, the shortest first; the last is 1, the whole."""
+    """Into how many parts runs are cut for each opening, the shortest first; the last is 1, the whole. Openings in
+    which hardly anything moves are none."""
     lengths = [len(r.t) for r in records]
     number, found = min(sum(lengths) // TRIED, min(lengths) // LEAST), []
     while number >= LONG:
-        found.append(number)
+        if _power(records, number) >= MOVING * _power(records, 1):
+            found.append(number)
         number //= LONG
     return [*found, 1]
+
+
+def _power(records: Sequence[Record], number: int) -> float:
+    """Mean square of the voltages of the first of so many parts of all runs."""
+    openings = [record.v[: len(record.t) // number] for record in records]
+    return float(np.mean(np.concatenate(openings) ** 2))
 
 
 def opened(fitter: Fitter, at: Fitted) -> Opening:

@@ -192,7 +192,7 @@ class Fitter:
             simulated = self.simulator.run_all(self._jobs(at, {}))
         except InputError:
             # Parameters that the FMU refuses: no better than a motion out of bounds.
-            return replace(at, residuals=tuple(np.full_like(r.v, np.nan) for r in self.records), cost=np.inf, count=1)
+            simulated = [np.full_like(r.v, np.nan) for r in self.records]
         residuals = tuple(r.v - v for r, v in zip(self.records, simulated, strict=True))
         return self._costed(replace(at, residuals=residuals))
 

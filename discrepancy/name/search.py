@@ -297,7 +297,7 @@ def asked(search: Search, what: str, question: Callable[[Search], Result]) -> tu
     except OutOfTime:
         search.progress(f"out of time: {what}")
         return replace(search, undone=(*search.undone, what)), None
-    except np.linalg.LinAlgError:
+    except (np.linalg.LinAlgError, ArithmeticError):
         search.progress(f"gave up, its numbers run out of all bounds: {what}")
         return replace(search, failed=(*search.failed, what)), None
 

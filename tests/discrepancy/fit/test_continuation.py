@@ -1,5 +1,6 @@
 """Fits of runs that hold more than the model: they stay with the motion, whatever a noise filter takes for noise."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,7 +13,7 @@ from benchmarks.bent import Bent, runs
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.linear_start import linear_start
 from discrepancy.data.record import Senses, make_record
-from discrepancy.fit.continuation import beginnings, in_pieces, leaves, started
+from discrepancy.fit.continuation import beginnings, grown, in_pieces, leaves, started, unsprung
 from discrepancy.fit.fitted import Fitted, Free
 from discrepancy.fit.measures import start_fitted
 from discrepancy.fit.refit import Fitter
@@ -46,6 +47,35 @@ def test_a_run_that_stands_still_at_first_begins_at_rest() -> None:
         still = beginnings(whole, 4)
         assert not still.records[0].v.any()
         assert still.fit(started(still, whole.begin(device))).cost < 1e-12 * still.signal**2
+
+
+def test_parameters_that_the_fmu_refuses_are_a_place_to_go_on_from() -> None:
+    u = np.random.default_rng(2).standard_normal(SAMPLES)
+    record = make_record("1", np.arange(SAMPLES) / RATE, u[:, None], _answer(u, OWN)[:, None], sample_rate=RATE)
+    w = 2 * np.pi * OWN
+    device = {"m": w**-2, "kxx": 1.0, "dxx": 1 / (w * Q), "sense_gain_x": 1.0}
+    with Simulator(MODEL, 1) as simulator:
+        whole = Fitter(simulator, (record,))
+        linear = whole.with_grams(whole.begin(device))
+        refused = whole.evaluated(replace(linear, parameters={**device, "m": -1.0}))
+        assert refused.cost == np.inf
+        # What was linearised elsewhere is no slope here, least of all of other runs.
+        assert (refused.grams, refused.fill) == (None, ())
+        assert whole.fit(refused).cost == np.inf
+
+
+def test_a_device_that_no_spring_brings_back_has_no_period() -> None:
+    u = np.random.default_rng(2).standard_normal((SAMPLES, 2))
+    v = np.stack([_answer(column, OWN) for column in u.T], axis=1)
+    record = make_record("1", np.arange(SAMPLES) / RATE, u, v, sample_rate=RATE)
+    w = 2 * np.pi * OWN
+    device = {"m": w**-2, "kxx": 1.0, "kyy": 1.0, "kxy": 1.5, "dxx": 1 / (w * Q), "dyy": 1 / (w * Q), "dxy": 0.0,
+              "sense_gain_x": 1.0, "sense_gain_y": 1.0}  # fmt: skip
+    with Simulator(MODEL, 1) as simulator:
+        whole = Fitter(simulator, (record,))
+        at = whole.evaluated(Fitted(device, whole.starts(device), (), whole.plain(device), ()))
+        assert unsprung(whole, at)
+        assert not np.isnan(grown(whole, at).cost)
 
 
 def test_a_mode_that_no_effect_can_be_is_left_without_spoiling_the_fit() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from hidden_sets import MODEL, RATE, made, names
 from hypothesis import given
@@ -36,12 +37,23 @@ def test_parts_end_with_the_whole_and_openings_are_no_shorter_than_worth_it(runs
     @dataclass
     class Run:
         t: range
+        v: Floats
 
-    numbers = parts([Run(range(n)) for n in runs])  # type: ignore[misc]
+    numbers = parts([Run(range(n), np.ones((n, 1))) for n in runs])  # type: ignore[misc]
     assert numbers[-1] == 1
     assert all(long * LONG <= short for short, long in pairwise(numbers))
     assert sum(runs) / numbers[0] >= min(TRIED, sum(runs))
     assert numbers == [1] or min(runs) / numbers[0] >= LEAST
+
+
+def test_openings_have_what_moves_in_them() -> None:
+    n = 64_000
+    t = np.arange(n) / n
+    # A sweep that comes to its resonance after so much of the run, a hundredth as wide.
+    for passed, most in ((0.02, 32), (0.1, 8), (0.3, 1), (0.9, 1)):
+        v = 0.01 * np.sin(2 * np.pi * 400 * t) + np.exp(-(((t - passed) / 0.01) ** 2))
+        run = SimpleNamespace(t=t, v=v[:, None])
+        assert parts([run, run])[0] == most  # type: ignore[list-item]
 
 
 def test_two_effects_are_found_with_less_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,7 +90,7 @@ def test_two_effects_are_found_with_less_simulated(monkeypatch: pytest.MonkeyPat
 def test_openings_grow_to_those_that_may_show_something(statistic: float, share: float, expected: int) -> None:
     result = Score(statistic, 1, share, (1.0,), (1.0,), 1.0, 1.0)
     # 30 runs of 40,000 samples are cut into 20 parts, 5, and 1.
-    runs = SimpleNamespace(fit=[SimpleNamespace(t=range(40_000))] * 30)
+    runs = SimpleNamespace(fit=[SimpleNamespace(t=range(40_000), v=np.ones((40_000, 1)))] * 30)
     scored = [(SimpleNamespace(trials=1), result)]
     search: Any = SimpleNamespace(dataset=runs, number=20, scored=scored, criteria=Criteria())
     assert fewer_parts(search) == expected

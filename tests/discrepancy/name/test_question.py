@@ -113,9 +113,10 @@ def test_a_lag_beside_a_delay_stands_though_a_linear_model_does_not_miss_it(lag:
         assert _bends(search, without, failing) is (lag > 0)
 
 
-def test_a_step_whose_numbers_run_out_leaves_the_search_and_is_told() -> None:
+@pytest.mark.parametrize("error", [np.linalg.LinAlgError, ZeroDivisionError, OverflowError])
+def test_a_step_whose_numbers_run_out_leaves_the_search_and_is_told(error: type[Exception]) -> None:
     def broken(_: Search) -> Search:
-        raise np.linalg.LinAlgError
+        raise error
 
     clock = SimpleNamespace(check=lambda: None)
     before = blank_search(simulator=SimpleNamespace(clock=clock))
