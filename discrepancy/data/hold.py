@@ -43,9 +43,12 @@ def better_hold(records: Sequence[Record], nominal: Mapping[str, float]) -> Bett
 
 
 def _by_one_mode(records: Sequence[Record], nominal: Mapping[str, float]) -> dict[Hold, float]:
-    """By hold, the share of the force that one mode an axis and forces that bend its response leave: such forces hide
-    half a sample, and are none themselves."""
-    found = {hold: response(own, nominal, driven=True, lowest=LOWEST, bent=True) for hold, own in _held(records)}
+    """By hold, the share of the force that one mode an axis, forces that bend its response and a friction leave: such
+    forces hide half a sample, and are none themselves."""
+    found = {
+        hold: response(own, nominal, driven=True, lowest=LOWEST, bent=True, rubbing=True)
+        for hold, own in _held(records)
+    }
     return {hold: own[1] for hold, own in found.items() if own is not None}
 
 

@@ -45,13 +45,15 @@ def mode_frequencies(nominal: Mapping[str, float], axes: int) -> Floats:
 @dataclass(frozen=True)
 class WeakForm:
     """Windowed harmonics of a run: force (axes, rows) [N], and of q, q', q'' likewise; ``turning`` is 2 w q' with the
-    window's mean rate w (0 where the run has none). Rows are weighted so that a resonance does not lose to the rest."""
+    window's mean rate w (0 where the run has none); ``course``: that of a friction (``Record.rubs``), 0 where there is
+    none. Rows are weighted so that a resonance does not lose to the rest."""
 
     force: Complexes
     q: Complexes
     velocity: Complexes
     acceleration: Complexes
     turning: Complexes
+    course: Complexes
 
 
 def weak_form(
@@ -82,7 +84,8 @@ def weak_form(
     # As an error of the output, q = force/(k - m w²), but with the room that the nominal frequency has.
     k = nominal["kxx"]
     weight = 1 / (np.abs(k - nominal["m"] * w**2) + 0.1 * k)
-    arrays = (force, q, velocity, acceleration, turning)
+    course = np.zeros_like(force) if record.rubs is None else _course(record.rubs, record, window, starts)
+    arrays = (force, q, velocity, acceleration, turning, course)
     return WeakForm(*((weight * values).reshape(record.axes, -1) for values in arrays))
 
 
@@ -97,7 +100,13 @@ def _from_rest(record: Record, n: int) -> Record:
     u, v = (np.vstack((np.tile(a[:lead].mean(axis=0), (n, 1)), a)) for a in (record.u, record.v))
     before = {name: np.concatenate((np.repeat(a[:1], n), a)) for name, a in record.conditions.items()}
     valid = np.concatenate((np.ones(n, np.bool_), record.valid))
-    return replace(record, t=np.concatenate((t, record.t)), u=u, v=v, valid=valid, conditions=before)
+    rubs = None if record.rubs is None else np.vstack((np.zeros((n, record.axes)), record.rubs))
+    return replace(record, t=np.concatenate((t, record.t)), u=u, v=v, valid=valid, conditions=before, rubs=rubs)
+
+
+def _course(rubs: Floats, record: Record, window: "_Window", starts: NDArray[np.int_]) -> Complexes:
+    """What the course of a friction drives v by, no sample of which is held."""
+    return np.asarray(window.derivatives(rubs, starts)[record.order] / record.reference**record.order)
 
 
 def _force(record: Record, window: "_Window", starts: NDArray[np.int_], square: float) -> Complexes:
@@ -124,7 +133,7 @@ def joined_form(
     """The weak form of all runs, as ``weak_form``; None where not one window is left."""
     runs = (weak_form(record, nominal, lowest, power, periods) for record in records)
     forms = [form for form in runs if form is not None]
-    arrays = zip(*((f.force, f.q, f.velocity, f.acceleration, f.turning) for f in forms), strict=True)
+    arrays = zip(*((f.force, f.q, f.velocity, f.acceleration, f.turning, f.course) for f in forms), strict=True)
     return WeakForm(*(np.concatenate(parts, axis=1) for parts in arrays)) if forms else None
 
 
@@ -168,8 +177,10 @@ class Arrangement:
         """The run as it would be with this arrangement, and then v of each axis times ``factors``."""
         order = slice(None, None, -1) if self.swapped else slice(None)
         sign = (np.array(self.signs) * factors[: len(self.signs)])[:, None]
-        moved = [sign * values[order] for values in (form.q, form.velocity, form.acceleration, form.turning)]
-        return WeakForm(form.force, *moved)
+        q, velocity, acceleration, turning, course = (
+            sign * own[order] for own in (form.q, form.velocity, form.acceleration, form.turning, form.course)
+        )
+        return WeakForm(form.force, q, velocity, acceleration, turning, course)
 
     @property
     def text(self) -> str:

@@ -12,10 +12,11 @@ import numpy as np
 from scipy.signal import csd, welch
 
 from discrepancy.data.absorbers import carried
-from discrepancy.data.linear_fit import LOWEST, PERIODS, Complexes, axis_scales, equations, joined_form
+from discrepancy.data.linear_fit import LOWEST, PERIODS, Complexes, WeakForm, axis_scales, equations, joined_form
 from discrepancy.data.modes import answering
 from discrepancy.data.record import Floats, Record, is_driven
 from discrepancy.data.resisted import alternatives
+from discrepancy.data.rubbed import rubbed
 from discrepancy.data.sticking import sticking
 
 WINDOWS: Final = 8
@@ -25,6 +26,8 @@ FEW_PERIODS: Final = 8
 LOWEST is the half width of a window's lobe."""
 ROUNDS: Final = 3
 """Of the fit, whose weights follow the values found."""
+RUBS: Final = 0.5
+"""Share of what forces of third order leave of the force, that a friction beside them leaves at most."""
 BADLY: Final = 0.7
 """Share of the force that is left, from which there is no linear model to start from."""
 STICKING: Final = 0.3
@@ -151,34 +154,51 @@ def response(
     periods: float = PERIODS,
     *,
     bent: bool = False,
+    rubbing: bool = False,
 ) -> tuple[dict[str, float], float] | None:
     """m, k, d by the weak form in windows as for ``values`` from the harmonic ``lowest`` on, and the share of the force
     that they leave unexplained; None where there is no such window. ``bent``: beside forces x³ and x² x' of each axis,
-    without which a device that swings by itself, or is far from linear, has hardly a response."""
-    told = _told(records, values, driven, lowest, periods, bent=bent)
+    without which a device that swings by itself, or is far from linear, has hardly a response; ``rubbing``: beside a
+    friction of each."""
+    told = _told(records, values, driven, lowest, periods, bent=bent, rubbing=rubbing)
     return told and (dict(zip(told.names, told.solution, strict=False)), told.left)
 
 
 class Bent(NamedTuple):
     """m, k, d beside forces -k3 x³ and -d2 x² x' of each axis, (k3, d2) [N/m³, N.s/m³], and the share of the force that
-    all leave unexplained."""
+    all leave unexplained; friction: of each axis [N], zero where none plainly shows."""
 
     linear: dict[str, float]
     cubic: tuple[tuple[float, float], ...]
     left: float
+    friction: tuple[float, ...]
 
 
 def bent_response(records: Sequence[Record], values: Mapping[str, float], periods: float = PERIODS) -> Bent | None:
     """That of runs by the weak form in windows of so many ``periods``, without a force for a mass that is known; None
     where it has no window."""
-    driven = is_driven(records)
-    told = _told(records, values, driven, 0, periods, bent=True)
+    axes = records[0].axes
+    told = _least_told(records, values, periods, rubbing=False)
     if told is None:
         return None
+    friction = (0.0,) * axes
+    beside = _least_told(records, values, periods, rubbing=True)
+    if beside and beside.left < RUBS * told.left and min(beside.solution[-axes:]) > 0:
+        told, friction = beside, tuple(beside.solution[-axes:])
     count = len(told.names)
     # The second column is the derivative of the first, 3 x² x'.
-    cubic = tuple((k3, 3 * d2) for k3, d2 in zip(told.solution[count::2], told.solution[count + 1 :: 2], strict=True))
-    return Bent(dict(zip(told.names, told.solution, strict=False)), cubic, told.left)
+    own = told.solution[count : count + 2 * axes]
+    cubic = tuple((k3, 3 * d2) for k3, d2 in zip(own[::2], own[1::2], strict=True))
+    return Bent(dict(zip(told.names, told.solution, strict=False)), cubic, told.left, friction)
+
+
+def _least_told(
+    records: Sequence[Record], values: Mapping[str, float], periods: float, *, rubbing: bool
+) -> "_Told | None":
+    """By all harmonics, or by those which an offset of the sensor or a constant force has no part in."""
+    driven = is_driven(records)
+    found = [_told(records, values, driven, lowest, periods, bent=True, rubbing=rubbing) for lowest in (0, LOWEST)]
+    return min((own for own in found if own), key=lambda own: own.left, default=None)
 
 
 class _Told(NamedTuple):
@@ -197,7 +217,9 @@ def _told(
     periods: float = PERIODS,
     *,
     bent: bool,
+    rubbing: bool = False,
 ) -> _Told | None:
+    records = rubbed(records) if rubbing else records
     form = joined_form(records, values, lowest, periods=periods)
     if form is None:
         return None
@@ -213,6 +235,8 @@ def _told(
         columns, target, names = columns[:, 1:], target - values["m"] * columns[:, 0], names[1:]
     if bent:
         columns = np.column_stack((columns, _cubes(records, values, lowest, periods)))
+    if rubbing:
+        columns = np.column_stack((columns, _frictions(form)))
     a, b = np.vstack((columns.real, columns.imag)), np.concatenate((target.real, target.imag))
     size = np.linalg.norm(a, axis=0)
     if not (size > 0).all() or not np.isfinite(a).all():
@@ -231,6 +255,15 @@ def _cubes(records: Sequence[Record], values: Mapping[str, float], lowest: int, 
     for axis in range(axes):
         columns[axis, :, 2 * axis], columns[axis, :, 2 * axis + 1] = form.q[axis], form.velocity[axis]
     return columns.reshape(axes * rows, 2 * axes)
+
+
+def _frictions(form: WeakForm) -> Complexes:
+    """Columns of a friction of 1 N in the equation of each axis."""
+    axes, rows = form.course.shape
+    columns = np.zeros((axes, rows, axes), np.complex128)
+    for axis in range(axes):
+        columns[axis, :, axis] = -form.course[axis]
+    return columns.reshape(axes * rows, axes)
 
 
 def _passive(found: dict[str, float], values: Mapping[str, float]) -> dict[str, float]:

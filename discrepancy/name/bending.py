@@ -1,7 +1,8 @@
-"""Forces that bend the response of a mass far from a linear one: in its model before anything is fitted, since a linear
-fit ends at another mass, from where no column shows them."""
+"""Forces that bend the response of a mass far from a linear one, and a friction beside them: in its model before
+anything is fitted, since a linear fit ends at another mass, from where no column shows them."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import combinations
 from typing import Final
@@ -9,16 +10,20 @@ from typing import Final
 import numpy as np
 from sympy import sympify
 
+from discrepancy.clock import OutOfTime
 from discrepancy.data.linear_fit import PERIODS, fit, joined_form
 from discrepancy.data.linear_start import FEW_PERIODS, Bent, bent_response
 from discrepancy.data.record import is_driven
 from discrepancy.fit.chaos import go_their_own_way
-from discrepancy.fit.continuation import ROUNDS, grown, in_pieces, is_stuck, shortest, started, with_starts
+from discrepancy.fit.continuation import ROUNDS, in_pieces, is_stuck, shortest, started, with_starts
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter, damped
 from discrepancy.name.accepted import Taken
 from discrepancy.name.columns import Candidate, Library
+from discrepancy.name.resistance import is_friction
+from discrepancy.name.resisting import steepest
+from discrepancy.name.resonators import fitted_from, with_all_shapes
 from discrepancy.name.search import Search
 from gyro_model import symbols
 from gyro_model.anatomy import Effect, Force
@@ -45,8 +50,8 @@ MONOMIALS: Final = tuple((x**3, x**2 * v) for x, v in ((symbols.x, symbols.x_dot
 
 
 def bending(search: Search) -> Taken | None:
-    """The model with those effects that are forces of third order in the motion of one axis, where a weak form says
-    that they bend the response and a fit with them leaves plainly less; None where not."""
+    """The model with those effects that are forces of third order in the motion of one axis, and a friction if there is
+    one, where a weak form says that they bend the response and a fit with them leaves plainly less; None where not."""
     records, whole = search.dataset.fit, search.whole
     driven = is_driven(records)
     # In a decay, whose frequency goes with its amplitude, fewer periods are alike.
@@ -74,11 +79,20 @@ def _of_driven(search: Search, told: Bent, plain: Fitted) -> Taken | None:
     chaotic = go_their_own_way(whole.simulator, whole.records, likely)
     if chaotic and (found := _in_step(search, told, plain, choices)):
         return found
-    for taken in choices:
-        begun = replace(_begun(search, search.at, taken, told), whiten=plain.whiten)
-        ends.append(Taken(whole.fit(grown(whole, begun)), taken, plain))
+    *fewer, most = choices
+    begun = whole.evaluated(replace(_begun(search, search.at, most, told), whiten=plain.whiten))
+    ends.append(Taken(fitted_from(whole, begun), most, plain))
+    goal = AS_LITTLE * ends[0].at.cost
+    for taken in fewer:
+        near = whole.evaluated(_with_only(ends[0].at, taken, most))
+        ends.append(Taken(whole.fit(near, goal=goal), taken, plain))
     best = min(ends, key=lambda end: end.price(search.criteria))
-    plainly = best if whole.off(best.at) <= PLAINLY * whole.off(plain) else None
+    plainly = None
+    if whole.off(best.at) <= PLAINLY * whole.off(plain):
+        plainly = best
+        # A friction as steep as it may be is smoother only now.
+        with suppress(OutOfTime):
+            plainly = with_all_shapes(whole, best)
     if chaotic or (plainly and not is_stuck(whole, plainly.at)):
         return plainly
     # Of fits that are stuck the one of more effects leaves less, needed or not.
@@ -134,23 +148,33 @@ def _of_decays(search: Search, told: Bent, plain: Fitted) -> Taken | None:
 
 
 def _choices(search: Search, fitter: Fitter, at: Fitted, told: Bent) -> list[tuple[Candidate, ...]]:
-    """The effects that are such forces, alone and together."""
+    """The effects that are such forces, alone and together, each with the friction if there is one, or that alone."""
     library = Library(fitter)
-    known = library.candidates(fitter, at, search.present, lambda e: bool(_sizes(e, told)))
-    return [own for count in range(1, len(known) + 1) for own in combinations(known, count)]
+    known = library.candidates(fitter, at, search.present, lambda e: bool(_cubic_sizes(e, told)))
+    rubs = tuple(steepest(search, is_friction).values()) if any(told.friction) else ()
+    counts = range(0 if rubs else 1, len(known) + 1)
+    return [(*own, *rubs) for count in counts for own in combinations(known, count)]
 
 
 def _begun(search: Search, at: Fitted, taken: Sequence[Candidate], told: Bent) -> Fitted:
     """``at`` with the forces of ``told``."""
     values, free = {**at.parameters, **damped(told.linear, search.nominal)}, [*at.free]
     for own in taken:
-        sizes = _sizes(own.effect, told)
-        values |= {p.quantity.name: sizes[p.quantity.name] for p in own.probes}
-        free += own.free(search.whole.period)
+        values |= {**own.shapes, **_sizes(own, told)}
+        # As steep as it is: while the rest is far off a fit would smooth a friction, and end there.
+        free += [probe.free() for probe in own.probes]
     return replace(at, parameters=values, free=tuple(free))
 
 
-def _sizes(effect: Effect | Defect, told: Bent) -> dict[str, float]:
+def _sizes(own: Candidate, told: Bent) -> dict[str, float]:
+    """Sizes of what is ``told``, by name."""
+    if is_friction(own.effect):
+        return {p.quantity.name: size for p, size in zip(own.probes, told.friction, strict=True)}
+    sizes = _cubic_sizes(own.effect, told)
+    return {p.quantity.name: sizes[p.quantity.name] for p in own.probes}
+
+
+def _cubic_sizes(effect: Effect | Defect, told: Bent) -> dict[str, float]:
     """Sizes of an effect that is such a force and nothing else, by name; none of another."""
     if not isinstance(effect, Force) or effect.states or effect.nominal:
         return {}

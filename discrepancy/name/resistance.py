@@ -24,6 +24,11 @@ class Resistance(Enum):
         return self is not Resistance.NONE
 
 
+def is_friction(effect: Effect | Defect) -> bool:
+    """Whether it is one."""
+    return resistance(effect) is Resistance.FRICTION
+
+
 def resistance(effect: Effect | Defect) -> Resistance:
     """What the force of an effect on x is by its formula, at the usual sizes of its parameters."""
     if not isinstance(effect, Force) or effect.states or effect.impulse:

@@ -17,7 +17,7 @@ from discrepancy.fit.refit import Fitter
 from discrepancy.name.accepted import Taken
 from discrepancy.name.columns import Candidate
 from discrepancy.name.more_modes import resonator_axis
-from discrepancy.name.resistance import Resistance, resistance
+from discrepancy.name.resistance import is_friction
 from discrepancy.name.resisting import steepest
 from discrepancy.name.search import Search
 from discrepancy.name.shaping import freed, unmoved
@@ -113,7 +113,7 @@ def _frictions(search: Search, told: Carried) -> list[Resonator]:
     """The effect that is the friction, if any is ``told`` and there is a file for it."""
     if not told.friction.any():
         return []
-    found = steepest(search, lambda e: resistance(e) is Resistance.FRICTION)
+    found = steepest(search, is_friction)
     sizes = [
         {p.quantity.name: float(f) for p, f in zip(own.probes, told.friction, strict=True)} for own in found.values()
     ]

@@ -4,11 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rubbing_sweeps import FRICTION, STEEP, sweep
+from rubbing_sweeps import K3 as BENT
+from rubbing_sweeps import M as MASS
 
 from benchmarks.bent import Bent, runs
 from benchmarks.structures import diagnosed
 from discrepancy.data.dataset import Dataset
-from discrepancy.data.linear_start import bent_response
+from discrepancy.data.hold import better_hold
+from discrepancy.data.linear_start import bent_response, linear_start
 from discrepancy.data.record import Floats, Record, make_record
 from discrepancy.diagnose import diagnose
 from gyro_model.model import load_model
@@ -83,3 +87,42 @@ def test_a_cubic_spring_is_named_where_the_motion_is_chaotic() -> None:
     assert any("go their own way" in doubt for doubt in found["doubts"])
     assert [e["id"] for e in found["effects"]] == ["cubic_stiffness"]
     assert found["effects"][0]["parameters"]["k3_x"]["value"] == pytest.approx(own.k3, rel=1e-2)
+
+
+@pytest.fixture(scope="module")
+def rubbing() -> Dataset:
+    runs = (sweep("a", 2.0), sweep("bb", 4.0), sweep("ccc", 3.0, "held-out"))
+    nominal = linear_start(runs[:2], [1.0])
+    assert nominal is not None
+    # A line through a spring that bends as far is the spring of another device.
+    assert nominal["m"] < 0.1 * MASS * 1e-6
+    return Dataset(Path("here"), nominal, runs)
+
+
+def test_a_friction_beside_a_bent_spring_hides_no_hold(rubbing: Dataset) -> None:
+    found = better_hold(rubbing.fit, rubbing.nominal)
+    assert found is not None
+    assert found.hold == "band-limited"
+
+
+def test_the_weak_form_finds_friction_beside_a_cube(rubbing: Dataset) -> None:
+    told = bent_response(rubbing.held("band-limited").fit, rubbing.nominal)
+    assert told is not None
+    # Volts are micrometres. The sign of a measured speed is that of the true one but for where it turns round.
+    assert told.linear["m"] == pytest.approx(MASS * 1e-6, rel=1e-2)
+    assert told.cubic[0][0] == pytest.approx(BENT * 1e-18, rel=1e-2)
+    assert told.friction[0] == pytest.approx(FRICTION, rel=0.1)
+    smooth = bent_response([sweep("a", 2.0, friction=0.0), sweep("bb", 4.0, friction=0.0)], rubbing.nominal)
+    assert smooth is not None
+    assert smooth.friction == (0.0,)
+
+
+def test_a_bent_spring_that_rubs_is_named_under_sweeps(rubbing: Dataset) -> None:
+    found = diagnose(rubbing, load_model(), jobs=1).report()
+    assert found["verdict"] == "missing effects"
+    values = {n: p["value"] for e in found["effects"] for n, p in e["parameters"].items()}
+    assert {e["id"] for e in found["effects"]} == {"cubic_stiffness", "dry_friction"}
+    # The midpoint rule of 16 steps a sample, 1,280 a period of the resonance.
+    assert values["k3_x"] == pytest.approx(BENT * 1e-18, rel=1e-3)
+    assert values["friction_x"] == pytest.approx(FRICTION, rel=1e-3)
+    assert values["friction_speed"] == pytest.approx(STEEP * 1e6, rel=0.1)
