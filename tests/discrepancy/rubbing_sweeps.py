@@ -8,8 +8,7 @@ from numba import njit
 from discrepancy.data.record import Floats, Record, make_record
 
 M, FREQUENCY, Q, K3, FRICTION = 0.4, 20.0, 40.0, 5e7, 0.3
-"""kg; Hz; none; N/m³, a tenth of the spring's force at the largest motion, and its stiffness a third more; N, a tenth of
-the force."""
+"""kg; Hz; none; N/m³, at the largest motion 1.4 times as strong as the spring; N, a tenth of the force."""
 K: Final = M * (2 * np.pi * FREQUENCY) ** 2
 D: Final = M * 2 * np.pi * FREQUENCY / Q
 STEEP: Final = 1e-4
@@ -41,8 +40,8 @@ def _moved(u: Floats, step: float, every: int, k3: float, friction: float) -> Fl
 
 
 def sweep(name: str, amplitude: float, role: str = "fit", *, k3: float = K3, friction: float = FRICTION) -> Record:
-    """A run under a force of that amplitude [N] from 5 Hz to 45 Hz, which runs on between samples though nobody says so,
-    in micrometres, with noise of 1e-3."""
+    """A run under a force of that amplitude [N] from 5 Hz to 45 Hz, in micrometres, with noise of 1e-3. The force runs on
+    between samples, which the record does not say."""
     fine = RATE * PARTS
     t = np.arange(SAMPLES * PARTS + 1) / fine
     phase = 2 * np.pi * (5 * t + 0.5 * 40 * t**2 / t[-1])
