@@ -22,7 +22,8 @@ class Grid:
     resonance, as broad as its grid is coarse. instant: ``points`` over a run, likewise finer. usual: none but the
     parameter's own, which a fit moves once the effect is in the model and the data ask for it. rest: what moves so that
     its sum with the shape ``of`` stays; where it may be ``alone``, within these bounds, it is tried so too, in their
-    middle, while ``of`` stays as usual.
+    middle, while ``of`` stays as usual. ``below``: by how many times a fit may go below the lowest of a grid, where an
+    effect is mostly at its limit to 1e-3, as a hysteresis at dry friction.
 
     Scales: ``itself``, the parameter's own typical value; ``1``, as it stands; ``duration`` of the longest run [s];
     ``radian``, in which the highest mode goes through one [s]; by how much a signal moves in the runs at most: ``x``,
@@ -35,6 +36,7 @@ class Grid:
     points: int = 1
     of: str = "itself"
     alone: tuple[float, float] | None = None
+    below: float = 30.0
 
     instant: ClassVar["Grid"]
     usual: ClassVar["Grid"]
@@ -43,15 +45,18 @@ class Grid:
     def __post_init__(self) -> None:
         if not (isfinite(self.high) and 0 < self.low <= self.high and self.points >= 1):
             raise InputError(f"grid from {self.low} to {self.high}: give 0 < low <= high and a number of points")
+        if not 1 <= self.below < inf:
+            raise InputError(f"grid that may go {self.below} times below its lowest: give 1 or more")
         if self.kind != "rest" and self.of not in SCALES:
             raise InputError(f"grid of {self.of!r}: no such scale{nearest(self.of, SCALES)}")
         if self.alone and not -inf < self.alone[0] < self.alone[1] < inf:
             raise InputError(f"grid alone within {self.alone}: give two finite bounds, the lower one first")
 
     @classmethod
-    def log(cls, low: float, high: float, of: str = "itself", points: int = 5) -> "Grid":
-        """``points`` in equal ratios from ``low`` to ``high`` times the scale ``of``."""
-        return cls("log", low, high, points, of)
+    def log(cls, low: float, high: float, of: str = "itself", points: int = 5, below: float = below) -> "Grid":
+        """``points`` in equal ratios from ``low`` to ``high`` times the scale ``of``; a fit may go ``below`` times
+        lower."""
+        return cls("log", low, high, points, of, below=below)
 
     @classmethod
     def resonance(cls, low: float = 0.2, high: float = 3.0, points: int = 30) -> "Grid":

@@ -14,6 +14,7 @@ from discrepancy.clock import OutOfTime
 from discrepancy.data.linear_fit import PERIODS, fit, joined_form
 from discrepancy.data.linear_start import FEW_PERIODS, Bent, bent_response
 from discrepancy.data.record import is_driven
+from discrepancy.data.resisted import PLAINLY as RESISTS
 from discrepancy.fit.chaos import go_their_own_way
 from discrepancy.fit.continuation import ROUNDS, in_pieces, is_stuck, shortest, started, with_starts
 from discrepancy.fit.defect import Defect
@@ -22,8 +23,8 @@ from discrepancy.fit.refit import Fitter, damped
 from discrepancy.name.accepted import Taken
 from discrepancy.name.columns import Candidate, Library
 from discrepancy.name.resistance import is_friction
-from discrepancy.name.resisting import steepest
-from discrepancy.name.resonators import fitted_from, with_all_shapes
+from discrepancy.name.resisting import steepest_of
+from discrepancy.name.resonators import all_free, fitted_from, with_all_shapes
 from discrepancy.name.search import Search
 from gyro_model import symbols
 from gyro_model.anatomy import Effect, Force
@@ -134,24 +135,28 @@ def _of_decays(search: Search, told: Bent, plain: Fitted) -> Taken | None:
     whole = search.whole
     number, pieces = shortest(whole, search.at)
     linear = with_starts(pieces, search.at, ROUNDS)
-    if pieces.off(linear) < LOST:
+    if pieces.off(linear) < LOST and not any(told.friction):
         return None
     ends = []
     for taken in _choices(search, pieces, linear, told):
         # The weak form has fitted all but the initial states.
         ends.append(Taken(with_starts(pieces, _begun(search, search.at, taken, told), ROUNDS), taken, plain))
     best = min(ends, key=lambda end: end.price(search.criteria), default=None)
-    if best is None or pieces.off(best.at) > PLAINLY * pieces.off(linear):
+    # What a weak form shows of a friction no offset of the sensor hides, as it does here.
+    enough = RESISTS if any(told.friction) else PLAINLY
+    if best is None or pieces.off(best.at) > enough * pieces.off(linear):
         return None
     begun = _begun(search, search.at, best.taken, told)
-    return best._replace(at=whole.evaluated(replace(begun, starts=best.at.starts[::number])))
+    found = best._replace(at=whole.evaluated(replace(begun, starts=best.at.starts[::number])))
+    return found._replace(at=all_free(whole, found))
 
 
 def _choices(search: Search, fitter: Fitter, at: Fitted, told: Bent) -> list[tuple[Candidate, ...]]:
     """The effects that are such forces, alone and together, each with the friction if there is one, or that alone."""
     library = Library(fitter)
     known = library.candidates(fitter, at, search.present, lambda e: bool(_cubic_sizes(e, told)))
-    rubs = tuple(steepest(search, is_friction).values()) if any(told.friction) else ()
+    frictions = library.candidates(fitter, at, search.present, is_friction) if any(told.friction) else []
+    rubs = tuple(steepest_of(frictions).values())
     counts = range(0 if rubs else 1, len(known) + 1)
     return [(*own, *rubs) for count in counts for own in combinations(known, count)]
 

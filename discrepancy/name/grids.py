@@ -18,10 +18,9 @@ FINER: Final = 4.0
 STRIDE: Final = 3.0
 """By which a positive shape changes at most in one step of a refit: one that shows nowhere yet would leave for
 infinity."""
-SHORTEST, FARTHEST = 30.0, 1000.0
-"""Times the ends of its grid, below and beyond which a refit does not follow a shape. Below, an effect is at its limit
-to 1e-3, as a hysteresis at dry friction, and what is so abrupt takes long to simulate; a quality factor, whose grid is
-one point, may go far up."""
+FARTHEST: Final = 1000.0
+"""Times the upper end of its grid, beyond which a refit does not follow a shape: a quality factor, whose grid is one
+point, may go far up."""
 ABOUT, WIDER = 5.0, 7
 """Of a grid for a part of an effect that may vanish: how far it reaches about its usual point, and its points; 1.7 from
 one to the next."""
@@ -155,7 +154,7 @@ def free_shape(q: Quantity, value: float, period: float, ends: tuple[float, floa
     if q.low == 0.0:
         # One that may vanish is moved as a size is.
         return Free(q.name, 1e-3 * value, 0.0, q.high)
-    return Free(q.name, 1e-3 * value, max(q.low, ends[0] / SHORTEST), min(q.high, ends[1] * FARTHEST), STRIDE)
+    return Free(q.name, 1e-3 * value, max(q.low, ends[0] / q.search.below), min(q.high, ends[1] * FARTHEST), STRIDE)
 
 
 def free_usual(q: Quantity, shapes: Sequence[Quantity], values: Mapping[str, float]) -> Free:

@@ -34,7 +34,11 @@ def resisting(search: Search) -> Taken | None:
 
 def steepest(search: Search, among: Kind) -> dict[Resistance, Candidate]:
     """Of each kind of resistance one ``among`` those of the files."""
-    known = search.library.candidates(search.whole, search.at, search.present, among)
+    return steepest_of(search.library.candidates(search.whole, search.at, search.present, among))
+
+
+def steepest_of(known: Sequence[Candidate]) -> dict[Resistance, Candidate]:
+    """The same of candidates that are ``known``."""
     # The first point of a grid is the steepest friction, which no damping imitates.
     return {resistance(c.effect): _whole(c) for c in reversed(known)}
 

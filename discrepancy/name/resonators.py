@@ -12,7 +12,7 @@ from discrepancy.data.absorbers import Absorber, Carried
 from discrepancy.data.modes import ENOUGH
 from discrepancy.fit.continuation import ASTRAY, beginnings, grown
 from discrepancy.fit.defect import Defect
-from discrepancy.fit.fitted import Fitted
+from discrepancy.fit.fitted import Fitted, bare
 from discrepancy.fit.refit import Fitter
 from discrepancy.name.accepted import Taken
 from discrepancy.name.columns import Candidate
@@ -74,10 +74,16 @@ def fitted_from(fitter: Fitter, begun: Fitted, goal: float = inf) -> Fitted:
 
 def with_all_shapes(fitter: Fitter, own: Taken) -> Taken:
     """The fit with those shapes of what it has taken free too that were held."""
+    at = all_free(fitter, own)
+    return own._replace(at=fitter.fit(at)) if at.free != own.at.free else own
+
+
+def all_free(fitter: Fitter, own: Taken) -> Fitted:
+    """The same, not fitted."""
     free = {known.name for known in own.at.free}
     late = [replace(c, searched=tuple(q for q in c.searched if q.name not in free)) for c in own.taken]
     held = [shape for c in late for shape in c.free(fitter.period) if shape.name not in free]
-    return own._replace(at=fitter.fit(replace(own.at, free=(*own.at.free, *held)))) if held else own
+    return bare(replace(own.at, free=(*own.at.free, *held))) if held else own.at
 
 
 def begun_with(search: Search, fitter: Fitter, told: Carried, resonators: Sequence[Resonator], plain: Fitted, *,

@@ -22,7 +22,8 @@ SPEED = shape(
     1e-3,
     "speed over which the friction changes its sign",
     low=1e-12,
-    search=Grid.log(1e-3, 1, of="x_dot"),
+    # What rests creeps all the same: to stay for a hundred periods where it stopped it needs a millionth.
+    search=Grid.log(1e-3, 1, of="x_dot", below=1e3),
 )
 STRIBECK = shape(
     "stribeck",

@@ -40,8 +40,8 @@ def _moved(u: Floats, step: float, every: int, k3: float, friction: float) -> Fl
 
 
 def sweep(name: str, amplitude: float, role: str = "fit", *, k3: float = K3, friction: float = FRICTION) -> Record:
-    """A run under a force of that amplitude [N] from 5 Hz to 45 Hz, in micrometres, with noise of 1e-3. The force runs on
-    between samples, which the record does not say."""
+    """A run under a force of that amplitude [N] from 5 Hz to 45 Hz, in micrometres, with noise of 1e-3. The force runs
+    on between samples, which the record does not say."""
     fine = RATE * PARTS
     t = np.arange(SAMPLES * PARTS + 1) / fine
     phase = 2 * np.pi * (5 * t + 0.5 * 40 * t**2 / t[-1])
