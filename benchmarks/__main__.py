@@ -39,6 +39,7 @@ NAMES = (
     "rubbing",
     "resting",
     "bent",
+    "sweeps",
     "diagnosis_speed",
     "next_experiment",
     "silverbox",

@@ -133,13 +133,15 @@ def runs_of(modes: Floats, rng: np.random.Generator, senses: Senses, hold: Hold,
     return [replace(record, reference=found[0].reference) for record in found]
 
 
-def diagnosed(records: Sequence[Record], noise: float) -> tuple[Diagnosis, dict[str, float]] | None:
+def diagnosed(
+    records: Sequence[Record], noise: float, *, hold_stated: bool = True
+) -> tuple[Diagnosis, dict[str, float]] | None:
     """What the diagnosis says of runs of one axis without nominal values, with misfits and time; None where it finds no
-    linear start."""
+    linear start. hold_stated: whether it may trust them in how the force ran between samples."""
     nominal = linear_start(records[:2], (records[0].reference ** records[0].order,))
     if nominal is None:
         return None
-    data = Dataset(Path("here"), nominal, tuple(records), estimated=("m", "kxx", "dxx"), hold_stated=True)
+    data = Dataset(Path("here"), nominal, tuple(records), estimated=("m", "kxx", "dxx"), hold_stated=hold_stated)
     begun, cpu = time.perf_counter(), time.process_time()
     found = diagnose(data, load_model(), jobs=1)
     return found, {

@@ -133,7 +133,9 @@ def _of_mass(told: Carried) -> dict[str, float]:
 
 
 def resonators(search: Search, told: Carried) -> list[Resonator]:
-    """Effects that are the absorbers; those that are coupled least are left out where there are fewer such effects."""
+    """Effects that are the absorbers; those that are coupled least are left out where there are fewer such effects, and
+    those whose damping along their spring none of these can have: no load has it, but what a friction or a loop around
+    the mass makes of a tone."""
     waiting = [name for name in search.given.copies if name in search.present]
     present = [name for name in search.present if name not in waiting]
     known = search.library.candidates(search.whole, search.at, present, lambda e: resonator_axis(e) is not None)
@@ -142,10 +144,12 @@ def resonators(search: Search, told: Carried) -> list[Resonator]:
     for absorber in told.absorbers:
         fitting = [c for c in ready.values() if resonator_axis(c.effect) == absorber.axis]
         if fitting:
+            joint = float(absorber.joint[absorber.axis])
+            if not all(q.low <= joint <= q.high for q in unmoved(fitting[0])):
+                continue
             own = ready.pop(fitting[0].effect.id)
             values = _as(own.effect, absorber, told.m)
             shapes = {name: values.pop(name) for name in own.shapes}
-            joint = float(absorber.joint[absorber.axis])
             found.append(Resonator(replace(own, shapes=shapes), values, joint))
     return found
 

@@ -2,19 +2,28 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
+from blank_search import blank_search
 from structures import Structure, chain, drive
 
 from discrepancy.clock import OutOfTime
 from discrepancy.criteria import Criteria
+from discrepancy.data.absorbers import Absorber, Carried
 from discrepancy.data.dataset import Dataset
 from discrepancy.data.linear_start import linear_start
+from discrepancy.data.record import make_record
 from discrepancy.diagnose import diagnose
 from discrepancy.fit.continuation import ASTRAY
+from discrepancy.fit.refit import Fitter
+from discrepancy.fit.simulate import Simulator
 from discrepancy.name import resonating
 from discrepancy.name.begin import FIRST
+from discrepancy.name.columns import Library
+from discrepancy.name.resonators import resonators as told_resonators
 from discrepancy.tell.answer import Diagnosis, Value
 from gyro_model.model import load_model
 
@@ -135,3 +144,34 @@ def test_without_the_time_for_it_the_model_stays_as_it_was() -> None:
     assert f"out of time: {FIRST}" in lines
     assert found.verdict == "unexplained"
     assert any(FIRST in doubt for doubt in found.doubts)
+
+
+def test_no_load_is_damped_as_the_tone_of_a_loop_would_be() -> None:
+    rng = np.random.default_rng(1)
+    record = make_record(
+        "1", np.arange(800) / 100, rng.standard_normal(800), rng.standard_normal(800), sample_rate=100.0
+    )
+    device = {"m": 1.0, "kxx": 6e3, "dxx": 1.0, "sense_gain_x": 1.0}
+    one = np.array([3e3])
+
+    def told(*joints: float) -> Carried:
+        absorbers = tuple(Absorber(10.0 + k, 50.0, one, np.array([joint]), 0.0) for k, joint in enumerate(joints))
+        return Carried(1.0, np.array([[6e3]]), np.array([[1.0]]), absorbers, np.zeros(1))
+
+    with Simulator(load_model(), jobs=1) as simulator:
+        whole = Fitter(simulator, (record,))
+        search = blank_search(
+            whole=whole,
+            at=whole.begin(device),
+            library=Library(whole),
+            simulator=simulator,
+            nominal=device,
+            terms=(),
+            given=SimpleNamespace(copies={}),
+        )
+        [own] = told_resonators(search, told(0.99))
+        assert own.joint == 0.99
+        # Damped along its spring by a hundred times all of its damping, the other way.
+        assert told_resonators(search, told(-120.0)) == []
+        [own] = told_resonators(search, told(-120.0, 0.3))
+        assert own.joint == 0.3
