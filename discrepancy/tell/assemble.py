@@ -35,7 +35,7 @@ from discrepancy.tell.experiment import Experiment, next_experiment
 from discrepancy.tell.intervals import WIDTH, intervals
 from discrepancy.tell.left_modes import left_modes
 from discrepancy.tell.limits import Limits
-from discrepancy.tell.run_gains import unlike_gains
+from discrepancy.tell.unlike_runs import unlike_runs
 from discrepancy.tell.verdict import (
     Remainder,
     imitating,
@@ -414,7 +414,7 @@ def _doubts(search: Search, rest: Remainder, residuals: Sequence[Floats]) -> tup
     if rest.significant:
         found += [str(finding) for finding in modes(*search.given.modes)]
         known = list(mode_frequencies(search.at.parameters, search.dataset.axes))
-        said = unlike_gains(search.dataset.fit, residuals), left_modes(search.dataset.fit, residuals, known)
+        said = unlike_runs(search.dataset.fit, residuals), left_modes(search.dataset.fit, residuals, known)
         found += [text for text in said if text]
     if rest.above or rest.significant:
         found.append(
