@@ -27,7 +27,8 @@ LOWEST is the half width of a window's lobe."""
 ROUNDS: Final = 3
 """Of the fit, whose weights follow the values found."""
 RUBS: Final = 0.5
-"""Share of what forces of third order leave of the force, that a friction beside them leaves at most."""
+"""Share of what forces of third order leave of the force, that a friction beside them leaves at most: 0.02 to 0.22 of
+twelve sets that rub, 0.98 and more of three that do not, or not on their axis."""
 BADLY: Final = 0.7
 """Share of the force that is left, from which there is no linear model to start from."""
 STICKING: Final = 0.3

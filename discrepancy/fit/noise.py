@@ -198,7 +198,10 @@ def jitter(at: Fitted, records: Sequence[Record]) -> Level | None:
         slope = np.gradient(record.v, 1 / record.sample_rate, axis=0)[record.valid]
         error = at.whiten(residual[None], record.valid)[0][record.valid]
         # White noise of v makes a slope of its own; two of four neighbours' mean is far below that of the motion.
-        channels += [_alike(s**2, e**2, max(each, FEWEST)) for s, e in zip(slope.T, error.T, strict=True)]
+        moving = [(s, e) for s, e in zip(slope.T, error.T, strict=True) if s.any() and e.any()]
+        channels += [_alike(s**2, e**2, max(each, FEWEST)) for s, e in moving]
+    if not channels:
+        return None
     squares = [float(np.average(error, weights=count)) for _, error, count in channels]
     slopes = [float(np.average(slope, weights=count)) for slope, _, count in channels]
 

@@ -142,7 +142,7 @@ def _of_decays(search: Search, told: Bent, plain: Fitted) -> Taken | None:
         # The weak form has fitted all but the initial states.
         ends.append(Taken(with_starts(pieces, _begun(search, search.at, taken, told), ROUNDS), taken, plain))
     best = min(ends, key=lambda end: end.price(search.criteria), default=None)
-    # What a weak form shows of a friction no offset of the sensor hides, as it does here.
+    # An offset of the sensor, which is left either way here, hides no friction from the weak form.
     enough = RESISTS if any(told.friction) else PLAINLY
     if best is None or pieces.off(best.at) > enough * pieces.off(linear):
         return None

@@ -61,7 +61,7 @@ def _taken(kind: _Kind, runs: Sequence[Record], residuals: Sequence[Floats]) -> 
     # What all runs share is no difference.
     left = sum(float(np.sum(rest**2)) for rest in rests) - float(products.sum() ** 2 / squares.sum())
     after = left + float(products.sum() ** 2 / squares.sum() - products @ sizes)
-    if left <= 0 or after > (1 - MOST) * left:
+    if not 0 < left < np.inf or after > (1 - MOST) * left:
         return None
     share = 1 - after / left
     each = ", ".join(f"{run.name} {kind.text(size)}" for run, size in zip(runs, sizes, strict=True))
