@@ -15,7 +15,8 @@ from discrepancy.data.top import top_of_force, top_of_motion
 
 MANY: Final = 100_000
 """Samples of all runs up to which none is left out. Of 1,500,000 samples, 10,000 a period, of a mass that rubs on a
-bent spring, the friction alone was named in 190 s, with 142 times the noise left; of a fifteenth of them both are in 41 s."""
+bent spring the friction alone was named in 190 s, with 142 times the noise left; of a fifteenth of them both were named
+in 41 s."""
 ENOUGH: Final = 50.0
 """Samples a period of the fastest that moves or drives: what such a force drives is right to 1e-5 of the motion, and
 corners of the motion are between few."""
