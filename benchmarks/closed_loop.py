@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from benchmarks.fmpy_plant import fmpy_slave
 from benchmarks.report import Row, row
-from cosim.compiled_loop import PLANT_INPUTS, CompiledLoop
+from cosim.compiled_loop import PLANT_INPUTS, CompiledLoop, parts_of
 from cosim.core.library import CONTROL_NAMES, pointer
 from cosim.fmu import OUTPUT_NAMES, Plant, open_plant
 from cosim.master import simulate
@@ -138,17 +138,11 @@ class SteppedLoop:
     def __init__(self, run: Run, plant: Plant) -> None:
         self.run, self.plant = run, plant
         self.loop = CompiledLoop(run, plant)
-        self.size = len(self.loop.lib.estimate_names)
         self.first = 0
-
-    def parts(self, rows: Floats) -> tuple[Floats, Floats, Floats]:
-        """Estimates, what the controller gives, and outputs of the plant, of ``rows``."""
-        first = 2 * self.size
-        return rows[:, : self.size], rows[:, first : first + len(CONTROL_NAMES)], rows[:, first + len(CONTROL_NAMES) :]
 
     def step(self, count: int) -> tuple[Floats, float]:
         """The rows of the next ``count`` samples, and the time that they took [s]."""
-        rows = np.zeros((count, self.loop.width))
+        rows = self.loop.rows(count)
         held = np.ascontiguousarray(self.run.scenario.inputs(self.first, count, self.run.period))
         began = time.perf_counter()
         done = self.loop.step(self.first, held, rows)
@@ -178,9 +172,9 @@ def share_of(run: Run, timed: int, settling: int) -> Share:
     """
     with stepped_plant(run) as plant:
         loop = SteppedLoop(run, plant)
-        last = loop.step(settling)[0][-1].copy()
+        last = parts_of(loop.step(settling)[0])[0][-1]
         whole = loop.step(timed)[1]
-        observer = _repeating_observer(last[: 2 * loop.size])
+        observer = _repeating_observer(np.concatenate((last, loop.loop.deviation())))
         loop.loop.start(observer, loop.loop.controller)
         no_observer = loop.step(timed)[1]
         loop.loop.start(observer, _repeating_controller(np.zeros(len(CONTROL_NAMES))))
@@ -250,7 +244,7 @@ def _python_loop(
         measured[4:] = measured[0]
         observe(own, at[0], at[1], at[2], at[3], at[4])
         act(own_controller, k * period, at[3], at[4], at[2], at[5])
-        rows[k] = (*estimate, *deviation, *control, *out)
+        rows[k] = (*estimate, *control, *out)
         u[:] = control[:2]
         slave.setFloat64(inputs, [*u.tolist(), *values.tolist()])
         slave.doStep(k * period, period)

@@ -17,6 +17,7 @@ from benchmarks.report import RESULTS, Options, Report, Row, Table, row, show, s
 from calibration.analysis.allan import OCTAVE, angle_allan
 from cosim.angle import Block, UnitC
 from cosim.bound import GrowingBound, Motion, at_the_truth
+from cosim.compiled_loop import parts_of
 from cosim.core.library import CONTROL_NAMES
 from cosim.layout import OMEGA_Z
 from cosim.master import BLOCK_DURATION
@@ -80,16 +81,15 @@ def _measured(design: str, seed: int, run: Run, loop: SteppedLoop) -> Outcome:
     for first in range(0, run.samples - size + 1, size):
         rows, _ = loop.step(size)
         held = run.scenario.inputs(first, size, run.period)
-        estimate, control, plant = loop.parts(rows)
+        estimate, control, plant = parts_of(rows)
         growing.extend(Motion(plant[:, 2:], control[:, :2], held[:, 0], held[:, 1:], run.period))
         angle = _angle(unit, run, first, estimate, control)
         angles.append(angle.reshape(-1, every).mean(axis=1))
         phi = unit.zero - run.design.all_values["angular_gain"] * float(angle[-1])
-        last = rows[-1]
         measured = np.array([*held[-1, 1:], held[-1, 1], held[-1, 1]])
         t = (first + size - 1) * run.period
         orbit = Orbit(phi, float(control[-1, CONTROL_NAMES.index("omega_squared")]))
-        verdict = monitor.judge(t, last[: loop.size].copy(), last[loop.size : 2 * loop.size].copy(), measured, orbit)
+        verdict = monitor.judge(t, estimate[-1].copy(), loop.loop.deviation(), measured, orbit)
         growing.stiffness = orbit.omega_squared * run.device.all_parameters["m"]
         bounds.append(growing.deviations()[2])
         sigmas.append(verdict.drift_sigma)

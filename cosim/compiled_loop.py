@@ -18,13 +18,15 @@ Floats = NDArray[np.float64]
 
 PLANT_INPUTS: Final = ("u_x", "u_y", *INPUT_NAMES)
 """What the loop sets at a sample, in its order: the commands and the inputs of the scenario."""
+CACHE_LINE: Final = 64
+"""Bytes of a line of the cache of usual processors."""
 
 
 class CompiledLoop:
     """The loop of a run over its plant, which must stay open.
 
     ``lib``: the compiled library; ``observer`` and ``controller`` at work; ``width``: length of a row, which holds
-    estimates, their deviations, what the controller gives (CONTROL_NAMES) and the plant's outputs (OUTPUT_NAMES).
+    estimates, what the controller gives (CONTROL_NAMES) and the plant's outputs (OUTPUT_NAMES).
     """
 
     def __init__(self, run: Run, plant: Plant) -> None:
@@ -35,7 +37,7 @@ class CompiledLoop:
         self.controller = begin_controller(
             run.controller, self._design, self.lib, run.period, run.controller_settings()
         )
-        self.width = 2 * len(self.lib.estimate_names) + len(CONTROL_NAMES) + len(OUTPUT_NAMES)
+        self.width = len(self.lib.estimate_names) + len(CONTROL_NAMES) + len(OUTPUT_NAMES)
         self._memory = self.lib.memory("loop")
         self.start(self.observer, self.controller)
 
@@ -59,20 +61,42 @@ class CompiledLoop:
             pointer(lags),
         )
 
+    def rows(self, count: int) -> Floats:
+        """Room for ``count`` rows, shape (count, width), which stands column after column: what reads them reads
+        columns."""
+        lines = -(-count * 8 // CACHE_LINE)
+        # An odd number: the columns of a sample would share a few places of the cache, and push each other out.
+        return np.empty((self.width, (lines | 1) * CACHE_LINE // 8))[:, :count].T
+
     def step(self, first: int, held: Floats, rows: Floats) -> int:
-        """Runs the samples from ``first`` on and fills ``rows`` (n, width); returns after how many the plant went on.
+        """Runs the samples from ``first`` on and fills ``rows``, of those that ``rows`` makes; returns after how many
+        the plant went on.
 
         ``held`` (n, 5): the inputs besides the force. Fewer than n samples: the plant refused the next. Raises
         InputError where an observer or controller of one's own has raised.
         """
-        count = len(held)
-        if rows.shape[0] < count or rows.shape[1] != self.width:
-            raise ValueError(f"rows: shape {rows.shape}, give ({count}, {self.width})")
+        count, (along, apart) = len(held), rows.strides
+        if rows.shape[0] < count or rows.shape[1] != self.width or along != rows.itemsize:
+            raise ValueError(f"rows: shape {rows.shape}, strides {rows.strides}; take them from CompiledLoop.rows")
         samples = ctypes.c_int64(first), ctypes.c_int64(count)
-        done = int(self.lib.call.core_loop_run(pointer(self._memory), *samples, pointer(held), pointer(rows)))
+        place = ctypes.c_void_p(rows.ctypes.data), ctypes.c_int64(apart // rows.itemsize)
+        done = int(self.lib.call.core_loop_run(pointer(self._memory), *samples, pointer(held), *place))
         self.observer.complain()
         self.controller.complain()
         return done
+
+    def deviation(self) -> Floats:
+        """Standard deviations of the last estimates, by ``Library.estimate_names``."""
+        found = np.empty(len(self.lib.estimate_names))
+        self.lib.call.core_loop_deviation(pointer(self._memory), pointer(found))
+        return found
+
+
+def parts_of(rows: Floats) -> tuple[Floats, Floats, Floats]:
+    """Estimates, what the controller gives, and outputs of the plant, of rows of a loop."""
+    last = rows.shape[1] - len(OUTPUT_NAMES)
+    first = last - len(CONTROL_NAMES)
+    return rows[:, :first], rows[:, first:last], rows[:, last:]
 
 
 def _temperature_lags(run: Run) -> Floats:

@@ -4,8 +4,6 @@ each block."""
 import time
 from typing import Final
 
-import numpy as np
-
 from cosim.compiled_loop import CompiledLoop
 from cosim.fmu import Plant, open_plant
 from cosim.monitor import Monitor
@@ -17,7 +15,7 @@ BLOCK_DURATION: Final = 0.005
 """Length of a block [s]: the flag is set and withdrawn at its end; Ctrl-C is heard and progress told."""
 GATHERED: Final = 16_000
 """Samples whose inputs are made at once, and which are recorded at once, in whole blocks: of a few, calls would take
-longer than what they do; of more, the rows, of some 100 numbers, would take more than 13 MB."""
+longer than what they do; of more, the rows, of some 60 numbers, would take more than 8 MB."""
 
 
 def simulate(run: Run, progress: Progress | None = None) -> Result:
@@ -36,7 +34,7 @@ def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
     monitor = Monitor(run.observer, run.design, loop.lib, loop.observer, run.period, settings, tones)
     recorder = Recorder(run, loop.lib, monitor)
     size = max(round(BLOCK_DURATION * run.sample_rate), 1)
-    rows = np.empty((min(max(GATHERED // size, 1) * size, run.samples), loop.width))
+    rows = loop.rows(min(max(GATHERED // size, 1) * size, run.samples))
     clock = _Clock()
     for begun in range(0, run.samples, len(rows)):
         inputs = run.scenario.inputs(begun, min(len(rows), run.samples - begun), run.period)
@@ -46,7 +44,7 @@ def _simulate(run: Run, plant: Plant, progress: Progress | None) -> Result:
             done = loop.step(first, held, rows[place : place + count])
             # The sample before a step that the plant refuses was still taken, even the first of the run.
             taken = min(done + 1, count)
-            recorder.judge(first, rows[place : place + taken], held[:taken])
+            recorder.judge(first, rows[place : place + taken], held[:taken], loop.deviation())
             clock.tick(taken)
             if done < count:
                 recorder.stop((first + done) * run.period, plant.complaint())

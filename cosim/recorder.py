@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cosim.angle import UNIT_NAMES, AngleUnit, Block, make_units, orientation_at, ripple, unwrapped
 from cosim.bound import Bound, Motion, at_the_truth, bound
+from cosim.compiled_loop import parts_of
 from cosim.core.library import CONTROL_NAMES, Library
 from cosim.layout import KXX, OMEGA_Z, PARAMETER_NAMES, STATE_NAMES
 from cosim.metrics import Bounds
@@ -110,14 +111,14 @@ class Recorder:
         self._judged_at = 0.0
         self._stopped = ""
 
-    def judge(self, first: int, rows: Floats, held: Floats) -> None:
-        """Lets the monitor judge at the end of a block: its rows, one at least, the samples from ``first`` on, and the
-        inputs held over each, as cosim.scenarios.INPUT_NAMES."""
-        verdict, count = self._verdict, len(self.names)
+    def judge(self, first: int, rows: Floats, held: Floats, deviation: Floats) -> None:
+        """Lets the monitor judge at the end of a block: its rows, one at least, the samples from ``first`` on, the
+        inputs held over each, as cosim.scenarios.INPUT_NAMES, and the standard deviations of the last estimates."""
+        verdict = self._verdict
         sigmas = verdict.drift_sigma, verdict.drift_sigma_now, verdict.stray_sigma
         self._judged.append(_Judged(len(rows), verdict.valid, *sigmas, self._angle_variance()))
         t, end = (first + len(rows) - 1) * self.run.period, (first + len(rows)) * self.run.period
-        estimate, deviation = rows[-1, :count].copy(), rows[-1, count : 2 * count].copy()
+        estimate = rows[-1, : len(self.names)].copy()
         measured = np.array([*held[-1, 1:], held[-1, 1], held[-1, 1]])
         orbit = self._orbit(rows)
         self._verdict = self.monitor.judge(t, estimate, deviation, measured, orbit)
@@ -136,7 +137,7 @@ class Recorder:
         amplitude that it is."""
         if not self._verdict.astray:
             return 0.0
-        _, control, plant = self._parts(rows)
+        _, control, plant = parts_of(rows)
         amplitude = self._amplitude(plant)
         share = min(self._verdict.astray / amplitude, 1.0) if amplitude > 0 else 1.0
         return share * self._turning(_swing(control[:, :2]), amplitude)
@@ -152,21 +153,20 @@ class Recorder:
 
     def _orbit(self, rows: Floats) -> Orbit:
         """Where the pattern stands at the end of a block, and how fast what the force has lacked in it may turn it."""
-        _, controls, plant = self._parts(rows)
+        _, controls, plant = parts_of(rows)
         estimate, control = rows[-1, : len(STATE_NAMES)], controls[-1]
         free, omega_squared = (estimate - control[2:6]).tolist(), float(control[CONTROL_NAMES.index("omega_squared")])
-        # One by one: a mean of neighbouring columns takes ten times as long.
         lacking, behind = (float(np.mean(controls[:, CONTROL_NAMES.index(name)])) for name in ("lacking", "behind"))
         pushed = self._turning(lacking, self._amplitude(plant)) if lacking else 0.0
         return Orbit(orientation_at(free, omega_squared), omega_squared, pushed, behind)
 
     def keep(self, first: int, rows: Floats, held: Floats) -> None:
-        """Keeps the rows (estimates, deviations, control, outputs of the plant) of the samples from ``first`` on, all
+        """Keeps the rows (estimates, control, outputs of the plant) of the samples from ``first`` on, all
         judged by now, with the inputs held over each."""
         run, judged = self.run, self._judged
         self._judged = []
         t: Floats = np.arange(first, first + len(rows), dtype=np.float64) * np.float64(run.period)
-        estimate, control, plant = self._parts(rows)
+        estimate, control, plant = parts_of(rows)
         counts = [block.samples for block in judged]
         said = {name: np.repeat([getattr(block, name) for block in judged], counts) for name in _SAID}
         read = self._block(t, estimate, control, said["converged"])
@@ -209,14 +209,6 @@ class Recorder:
             self.extra_names,
         )
 
-    def _parts(self, rows: Floats) -> tuple[Floats, Floats, Floats]:
-        count = len(self.names)
-        return (
-            rows[:, :count],
-            rows[:, 2 * count : 2 * count + len(CONTROL_NAMES)],
-            rows[:, 2 * count + len(CONTROL_NAMES) :],
-        )
-
     def _angle_variance(self) -> float:
         """What drift, reading and straying since the angle was first valid leave of it [rad^2]; NaN before, when there
         is no angle."""
@@ -256,8 +248,7 @@ class Recorder:
 
     def _block(self, t: Floats, estimate: Floats, control: Floats, converged: NDArray[np.bool_]) -> Block:
         """What the angle units read."""
-        states = np.ascontiguousarray(estimate[:, : len(STATE_NAMES)].T)
-        controls = np.ascontiguousarray(control.T)
+        states, controls = estimate[:, : len(STATE_NAMES)].T, control.T
         first = CONTROL_NAMES.index("near_x")
         forced, near = controls[2:6], controls[first : first + len(STATE_NAMES)]
         omega_squared, turned = (controls[CONTROL_NAMES.index(name)] for name in ("omega_squared", "turned"))
@@ -274,7 +265,7 @@ class Recorder:
         said: dict[str, NDArray[Any]],
         kept: slice,
     ) -> dict[str, NDArray[Any]]:
-        estimate, control, plant = self._parts(rows)
+        estimate, control, plant = parts_of(rows)
         true = true_parameters(self.run.device, t, held)
         angle, quality = angles[self.run.scenario.angle_unit]
         extra = [self.names.index(name) for name in self.extra_names]

@@ -31,9 +31,9 @@ FLAGS: Final = (
     *("-O3", "-fno-math-errno", "-ffp-contract=fast", "-fcx-limited-range", "-Wno-unused-function"),
     *("-fassociative-math", "-fno-signed-zeros", "-fno-trapping-math"),
 )
-VECTORS: Final = ("avx2", "fma")
-"""Instructions that are used where the processor has them; the library is named after the flags, so that another
-processor makes its own."""
+VECTORS: Final = (("avx2", "fma"), ("avx512f", "avx512dq", "avx512vl"))
+"""Instructions that are used where the processor has them: kinds of them, each whole or not at all. The library is
+named after the flags, so that another processor makes its own."""
 CONTROL_NAMES: Final = (
     *("u_x", "u_y", "forced_x", "forced_x_dot", "forced_y", "forced_y_dot", "omega_squared", "turned"),
     *("near_x", "near_x_dot", "near_y", "near_y_dot", "lacking", "own_rate", "behind"),
@@ -122,7 +122,7 @@ def _flags() -> tuple[str, ...]:
         present = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").split()
     except OSError:
         present = []
-    return (*FLAGS, *(f"-m{name}" for name in VECTORS if set(VECTORS) <= set(present)))
+    return (*FLAGS, *(f"-m{name}" for kind in VECTORS if set(kind) <= set(present) for name in kind))
 
 
 @lru_cache(maxsize=64)

@@ -236,9 +236,21 @@ static int exchange(plant *p, const double *input, double *output, double t, dou
     return status;
 }
 
-/* Runs the samples first .. first + count - 1; `held` [count * 5] are the inputs besides the force, rows [count * ROW_SIZE] what is recorded.
-   Returns the number of samples after which the plant went on: less than `count` where it could not. */
-EXPORT int64_t core_loop_run(loop *l, int64_t first, int64_t count, const double *held, double *rows)
+/* Writes numbers into a row of a table that stands column after column, `apart` from one to the next. Returns where the next number goes. */
+static double *put_row(double *to, int64_t apart, const double *values, int count)
+{
+    for (int i = 0; i < count; i++) {
+        to[i * apart] = values[i];
+    }
+    return to + count * apart;
+}
+
+EXPORT void core_loop_deviation(const loop *l, double *deviation) { memcpy(deviation, l->deviation, sizeof l->deviation); }
+
+/* Runs the samples first .. first + count - 1; `held` [count * 5] are the inputs besides the force. What is recorded goes to `rows`, column after column
+   that begin `apart` numbers from each other: estimates, what the controller gives, outputs of the plant. Returns the number of samples after which the
+   plant went on: less than `count` where it could not. */
+EXPORT int64_t core_loop_run(loop *l, int64_t first, int64_t count, const double *held, double *rows, int64_t apart)
 {
     int64_t done = 0;
     int status = 0;
@@ -254,9 +266,8 @@ EXPORT int64_t core_loop_run(loop *l, int64_t first, int64_t count, const double
             l->made[i] += share * (in[0] - l->made[i]);
             in[4 + i] = l->made[i];
         }
-        double *row = rows + done * ROW_SIZE;
+        double control[CONTROL_SIZE], *row = rows + done;
         l->observer(l->observer_memory, l->input, l->output, in, l->estimate, l->deviation);
-        double *control = row + 2 * ESTIMATE_SIZE;
         l->controller(l->controller_memory, t, l->estimate, l->deviation, in, control);
         filter *own = l->observer == core_filter_step ? l->observer_memory : NULL;
         if (own != NULL && l->controller == core_foucault_step) {
@@ -264,9 +275,9 @@ EXPORT int64_t core_loop_run(loop *l, int64_t first, int64_t count, const double
         }
         edge_follow(&l->edge, l->estimate, in, control + 2, control + 8, control[6], control[7], own);
         control[7] += l->edge.turned;
-        memcpy(row, l->estimate, sizeof l->estimate);
-        memcpy(row + ESTIMATE_SIZE, l->deviation, sizeof l->deviation);
-        memcpy(control + CONTROL_SIZE, l->output, sizeof l->output);
+        row = put_row(row, apart, l->estimate, ESTIMATE_SIZE);
+        row = put_row(row, apart, control, CONTROL_SIZE);
+        (void)put_row(row, apart, l->output, PLANT_OUTPUTS);
         memcpy(l->input, control, 2 * sizeof *control);
         memcpy(l->input + 2, held + 5 * done, 5 * sizeof *held);
         status = exchange(&l->plant, l->input, l->output, t, l->period);

@@ -13,7 +13,6 @@
 #define PLANT_INPUTS 7  /* u_x, u_y, omega_z, temperature, a_x, a_y, v_bias */
 #define PLANT_OUTPUTS 6 /* v_x, v_y, x, x_dot, y, y_dot */
 #define CONTROL_SIZE 15 /* u_x, u_y, forced x, x', y, y', omega squared, turned, near x, x', y, y', lacking, own rate, behind */
-#define ROW_SIZE (2 * ESTIMATE_SIZE + CONTROL_SIZE + PLANT_OUTPUTS)
 
 typedef int (*set_function)(void *, const uint32_t *, size_t, const double *, size_t);
 typedef int (*get_function)(void *, const uint32_t *, size_t, double *, size_t);
