@@ -157,7 +157,8 @@ def diagnose(
             return stack.enter_context(Simulator(own, jobs, clock, brief=own.effects != model.effects))
 
         clock = Clock(jobs or os.cpu_count() or 1)
-        modes = dataset.modes
+        # Of forces that run on, taken for held ones, sensors see what no mode of the structure makes.
+        modes = dataset.shown.modes
         more = copies(model, dataset.fit[0].axes, len(modes[1]))
         model = with_copies(model, more)
         settings = {"max_effects": max_effects, "seed": seed, "further": further is not None, **asdict(criteria)}

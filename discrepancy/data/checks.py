@@ -81,7 +81,7 @@ class Finding(NamedTuple):
 
 def check(dataset: Dataset) -> list[Finding]:
     """What the reader should know about ``dataset``. Raises InputError, one line, where it must not be fitted."""
-    beside = list(modes(*dataset.modes))
+    beside = list(modes(*dataset.shown.modes))
     findings = [*beside, *(Finding("assumed", "", note) for note in dataset.notes)]
     for record in dataset.records:
         try:

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple, get_args
 
 import numpy as np
 
-from discrepancy.data.hold import better_hold
+from discrepancy.data.hold import RUNS_ON, better_hold
 from discrepancy.data.linear_start import linear_start, sensor_gains
 from discrepancy.data.modes import Mode
 from discrepancy.data.offset import levelled
@@ -121,6 +121,14 @@ class Dataset:
             for record, own in zip(measured, self.records, strict=True)
         )
         return replace(self, records=tuple(fewer), sampled=measured)
+
+    @cached_property
+    def shown(self) -> "Dataset":
+        """With forces that ran on between samples where nobody has said that they were held, and the response shows
+        it."""
+        # Where samples were left out it has been looked for among all of them.
+        better = None if self.hold_stated or self.sampled else better_hold(self.fit, self.nominal)
+        return self.held(RUNS_ON) if better and better.hold != "zero" else self
 
     @cached_property
     def modes(self) -> tuple[list[Mode], list[Mode]]:

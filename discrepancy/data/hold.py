@@ -14,6 +14,8 @@ from discrepancy.data.modes import answering
 from discrepancy.data.record import Hold, Record, is_driven
 from discrepancy.data.residues import answered
 
+RUNS_ON: Final[Hold] = "band-limited"
+"""How a force runs on between samples that nobody has said a word about."""
 DECISIVE: Final = 3.0
 """Times less of the force that another hold must leave unexplained. Measured on 14 devices, ten of them not linear: a
 wrong one leaves 9 times what the right one leaves where the right one explains nearly all, and 0.96 times at the least

@@ -18,7 +18,7 @@ from discrepancy.name.bending import bending
 from discrepancy.name.carrying import carrying
 from discrepancy.name.cleaning import clean, mask_clipped
 from discrepancy.name.columns import nameable
-from discrepancy.name.holding import as_shown, let_run_on
+from discrepancy.name.holding import let_run_on
 from discrepancy.name.kept import resumed, saved
 from discrepancy.name.resisting import resisting
 from discrepancy.name.resonating import resonating
@@ -37,7 +37,7 @@ FIRST: Final = "effects without which a linear fit goes astray"
 def begin(given: Given, simulator: Simulator) -> Search:
     """The search with the nominal model fitted, and blemishes of the record taken out."""
     given.progress("nominal parameters and initial states")
-    data = as_shown(given.dataset)
+    data = given.dataset.shown
     if data is not given.dataset:
         given.progress("the force ran on between samples")
     whole = Fitter(simulator, data.fit, criteria=given.criteria)

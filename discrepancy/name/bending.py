@@ -16,7 +16,7 @@ from discrepancy.data.linear_start import FEW_PERIODS, Bent, bent_response
 from discrepancy.data.record import is_driven
 from discrepancy.data.resisted import PLAINLY as RESISTS
 from discrepancy.fit.chaos import go_their_own_way
-from discrepancy.fit.continuation import ROUNDS, in_pieces, is_stuck, shortest, started, with_starts
+from discrepancy.fit.continuation import ASTRAY, ROUNDS, in_pieces, is_stuck, shortest, started, with_starts
 from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter, damped
@@ -76,12 +76,12 @@ def _of_driven(search: Search, told: Bent, plain: Fitted) -> Taken | None:
     choices = _choices(search, whole, search.at, told)
     if not choices:
         return None
-    likely = _begun(search, search.at, choices[0], told).parameters
-    chaotic = go_their_own_way(whole.simulator, whole.records, likely)
-    if chaotic and (found := _in_step(search, told, plain, choices)):
-        return found
     *fewer, most = choices
     begun = whole.evaluated(replace(_begun(search, search.at, most, told), whiten=plain.whiten))
+    likely = _begun(search, search.at, choices[0], told).parameters
+    astray = whole.off(begun) > ASTRAY or go_their_own_way(whole.simulator, whole.records, likely)
+    if astray and (found := _in_step(search, told, plain, choices)):
+        return found
     ends.append(Taken(fitted_from(whole, begun), most, plain))
     goal = AS_LITTLE * ends[0].at.cost
     for taken in fewer:
@@ -94,7 +94,7 @@ def _of_driven(search: Search, told: Bent, plain: Fitted) -> Taken | None:
         # A friction as steep as it may be is smoother only now.
         with suppress(OutOfTime):
             plainly = with_all_shapes(whole, best)
-    if chaotic or (plainly and not is_stuck(whole, plainly.at)):
+    if astray or (plainly and not is_stuck(whole, plainly.at)):
         return plainly
     # Of fits that are stuck the one of more effects leaves less, needed or not.
     return _in_step(search, told, plain, choices) or plainly
@@ -114,7 +114,8 @@ def _in_step(search: Search, told: Bent, plain: Fitted, choices: Sequence[tuple[
             continue
         some = [taken for taken in choices if all(own in all_taken for own in taken) and taken != all_taken]
         fewer = [(pieces.evaluated(_with_only(most, taken, all_taken)), taken) for taken in some]
-        ends = [*((pieces.fit(at, ROUNDS), taken) for at, taken in fewer), (most, all_taken)]
+        goal = AS_LITTLE**2 * most.cost
+        ends = [*((pieces.fit(at, ROUNDS, goal), taken) for at, taken in fewer), (most, all_taken)]
         enough = AS_LITTLE * min(pieces.off(at) for at, _ in ends)
         at, taken = next((at, taken) for at, taken in ends if pieces.off(at) <= enough)
         starts = at.starts[:: len(pieces.records) // len(whole.records)]

@@ -6,11 +6,9 @@ gives a name.
 """
 
 from dataclasses import replace
-from typing import Final
 
-from discrepancy.data.dataset import Dataset
-from discrepancy.data.hold import DECISIVE, better_hold
-from discrepancy.data.record import Hold, is_driven
+from discrepancy.data.hold import DECISIVE, RUNS_ON
+from discrepancy.data.record import is_driven
 from discrepancy.fit.continuation import FEW, beginnings
 from discrepancy.fit.defect import Distortion
 from discrepancy.fit.fitted import Fitted
@@ -20,15 +18,6 @@ from discrepancy.name.columns import on_the_way
 from discrepancy.name.exchange import delete
 from discrepancy.name.search import Search
 from gyro_model.anatomy import Delay, Lag
-
-RUNS_ON: Final[Hold] = "band-limited"
-
-
-def as_shown(dataset: Dataset) -> Dataset:
-    """With a force that ran on between samples where nobody has said that it was held, and the response shows it."""
-    # Where samples were left out it has been looked for among all of them.
-    better = None if dataset.hold_stated or dataset.sampled else better_hold(dataset.fit, dataset.nominal)
-    return dataset.held(RUNS_ON) if better and better.hold != "zero" else dataset
 
 
 def let_run_on(search: Search) -> Search:

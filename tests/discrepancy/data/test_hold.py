@@ -13,7 +13,6 @@ from discrepancy.data.dataset import Dataset
 from discrepancy.data.hold import better_hold
 from discrepancy.data.linear_start import linear_start
 from discrepancy.data.record import Floats, Record, make_record
-from discrepancy.name.holding import as_shown
 
 RATE, N, M, F, Q = 8e3, 12_000, 2e-3, 900.0, 60.0
 NOMINAL = {"m": M, "kxx": M * (2 * np.pi * F) ** 2, "dxx": M * 2 * np.pi * F / Q, "sense_gain_x": 1.0}
@@ -84,9 +83,9 @@ def test_so_does_that_of_several_modes(true: str, above: float) -> None:
 @pytest.mark.parametrize("true", ["zero", "band-limited"])
 def test_a_diagnosis_begins_with_what_nobody_has_stated(true: str) -> None:
     data = Dataset(Path(), NOMINAL, (run(true, "zero"), run(true, "zero", role="held-out")))
-    assert {record.hold for record in as_shown(data).records} == {true}
+    assert {record.hold for record in data.shown.records} == {true}
     stated = replace(data, hold_stated=True)
-    assert as_shown(stated) is stated
+    assert stated.shown is stated
 
 
 def test_noise_that_hides_it_says_nothing() -> None:
