@@ -18,7 +18,7 @@ from benchmarks.structures import Outcome, diagnosed
 from discrepancy.data.record import Floats, Hold, Record, Senses, make_record
 
 SEEDS: Final = 20
-FIRST: Final = 8101
+FIRST: Final = 8201
 """The first seed, of which nothing was chosen."""
 STEPS: Final = 60
 """Of a sample, each right to 1e-12 of the motion by its error term, (w h)^5/120."""

@@ -7,7 +7,8 @@ periods of the lowest mode.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from math import comb
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -56,11 +57,26 @@ class WeakForm:
     course: Complexes
 
 
-def weak_form(
-    record: Record, nominal: Mapping[str, float], lowest: int = 0, power: int = 1, periods: float = PERIODS
-) -> WeakForm | None:
-    """The weak form of a run from the harmonic ``lowest`` of a window of so many ``periods`` of the lowest mode on,
-    windows with clipped samples out; q is the displacement to a ``power``. None where not one window is left."""
+class Windows(NamedTuple):
+    """Where a run is looked at. record: with a lead where it begins at rest; starts: first samples of the windows;
+    gains [V/m], one an axis; weight: of each harmonic [m/N]."""
+
+    record: Record
+    window: "_Window"
+    starts: NDArray[np.int_]
+    gains: list[float]
+    weight: Floats
+
+    def weighted(self, harmonics: Complexes) -> Complexes:
+        """Rows (axes, windows * bins) of ``harmonics`` (axes, windows, bins)."""
+        return (self.weight * harmonics).reshape(self.record.axes, -1)
+
+
+def windows(
+    record: Record, nominal: Mapping[str, float], lowest: int, periods: float, top_hz: float = 0.0
+) -> Windows | None:
+    """Those of so many ``periods`` of the lowest mode, from the harmonic ``lowest`` on, windows with clipped samples
+    out; None where not one is left. top_hz: where the motion is strongest, if that is above the modes."""
     modes = mode_frequencies(nominal, record.axes)
     n = int(periods * record.sample_rate / modes[0])
     if n < 2 * PERIODS or n > len(record.t):
@@ -72,21 +88,30 @@ def weak_form(
     if len(starts) == 0:
         return None
     gains = [nominal["sense_gain_x"], nominal.get("sense_gain_y", 1.0)][: record.axes]
-    bins = np.arange(lowest, int(BAND * modes[-1] * n / record.sample_rate) + 1)
+    bins = np.arange(lowest, int(BAND * max(float(modes[-1]), top_hz) * n / record.sample_rate) + 1)
     bins = bins[bins < n // 2]
     w = 2 * np.pi * bins * record.sample_rate / n
-    window = _Window(n, record.sample_rate, bins, w)
-    force = _force(record, window, starts, nominal["kxx"] / nominal["m"])
-    q, velocity, acceleration = window.derivatives((record.v / gains) ** power, starts)
-    omega = record.conditions.get("omega_z")
-    mean_rate = np.zeros(len(starts)) if omega is None else sliding_window_view(omega, n)[starts].mean(axis=1)
-    turning = 2 * mean_rate[:, None] * velocity
     # As an error of the output, q = force/(k - m w²), but with the room that the nominal frequency has.
-    k = nominal["kxx"]
+    k = nominal["m"] * (2 * np.pi * top_hz) ** 2 if top_hz else nominal["kxx"]
     weight = 1 / (np.abs(k - nominal["m"] * w**2) + 0.1 * k)
+    return Windows(record, _Window(n, record.sample_rate, bins, w), starts, gains, weight)
+
+
+def weak_form(
+    record: Record, nominal: Mapping[str, float], lowest: int = 0, periods: float = PERIODS, top_hz: float = 0.0
+) -> WeakForm | None:
+    """The weak form of a run in ``windows`` of it; None where there is none."""
+    own = windows(record, nominal, lowest, periods, top_hz)
+    if own is None:
+        return None
+    record, window, starts = own.record, own.window, own.starts
+    force = _force(record, window, starts, nominal["kxx"] / nominal["m"])
+    q, velocity, acceleration = window.derivatives(record.v / own.gains, starts)
+    omega = record.conditions.get("omega_z")
+    mean_rate = np.zeros(len(starts)) if omega is None else sliding_window_view(omega, window.n)[starts].mean(axis=1)
+    turning = 2 * mean_rate[:, None] * velocity
     course = np.zeros_like(force) if record.rubs is None else _course(record.rubs, record, window, starts)
-    arrays = (force, q, velocity, acceleration, turning, course)
-    return WeakForm(*((weight * values).reshape(record.axes, -1) for values in arrays))
+    return WeakForm(*map(own.weighted, (force, q, velocity, acceleration, turning, course)))
 
 
 def _from_rest(record: Record, n: int) -> Record:
@@ -127,11 +152,11 @@ def joined_form(
     records: Sequence[Record],
     nominal: Mapping[str, float],
     lowest: int = 0,
-    power: int = 1,
     periods: float = PERIODS,
+    top_hz: float = 0.0,
 ) -> WeakForm | None:
     """The weak form of all runs, as ``weak_form``; None where not one window is left."""
-    runs = (weak_form(record, nominal, lowest, power, periods) for record in records)
+    runs = (weak_form(record, nominal, lowest, periods, top_hz) for record in records)
     forms = [form for form in runs if form is not None]
     arrays = zip(*((f.force, f.q, f.velocity, f.acceleration, f.turning, f.course) for f in forms), strict=True)
     return WeakForm(*(np.concatenate(parts, axis=1) for parts in arrays)) if forms else None
@@ -146,19 +171,28 @@ def held(hold: str, phase: Floats) -> Complexes:
 
 
 class _Window:
-    """The window sin⁶ over n samples and its two derivatives; harmonics at whole ``bins`` of its length."""
+    """The window sin⁶ over n samples and its derivatives; harmonics at whole ``bins`` of its length."""
 
     def __init__(self, n: int, sample_rate: float, bins: NDArray[np.int_], w: Floats) -> None:
         a = np.pi * (np.arange(n) + 0.5) / n
         rate = np.pi * sample_rate / n
         s, c = np.sin(a), np.cos(a)
-        self.shapes = (s**6, 6 * rate * s**5 * c, rate**2 * (30 * s**4 * c**2 - 6 * s**6))
+        self.shapes = (
+            s**6,
+            6 * rate * s**5 * c,
+            rate**2 * (30 * s**4 * c**2 - 6 * s**6),
+            rate**3 * (120 * s**3 * c**3 - 96 * s**5 * c),
+        )
         self.n, self.bins, self.w = n, bins, w
 
-    def derivatives(self, signal: Floats, starts: NDArray[np.int_]) -> tuple[Complexes, Complexes, Complexes]:
-        """Harmonics of a signal and its first two derivatives, by parts."""
-        plain, slope, curve = (self.harmonics(signal, starts, order) for order in (0, 1, 2))
-        return plain, -(slope - 1j * self.w * plain), curve - 2j * self.w * slope - self.w**2 * plain
+    def derivatives(self, signal: Floats, starts: NDArray[np.int_], most: int = 2) -> list[Complexes]:
+        """Harmonics of a signal and its derivatives up to that of order ``most``, 3 at the highest, by parts."""
+        under = [self.harmonics(signal, starts, order) for order in range(most + 1)]
+        # Those of the window times exp(-iwt), by the rule of Leibniz.
+        return [
+            sum(comb(n, k) * (-1) ** n * (-1j * self.w) ** (n - k) * under[k] for k in range(n + 1))
+            for n in range(most + 1)
+        ]
 
     def harmonics(self, signal: Floats, starts: NDArray[np.int_], order: int) -> Complexes:
         """Of signal (samples, axes) in each window, under the derivative ``order`` of it: (axes, windows, bins)."""

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.signal import csd, welch
 
 from discrepancy.data.absorbers import carried
+from discrepancy.data.cubes import cubes
 from discrepancy.data.linear_fit import LOWEST, PERIODS, Complexes, WeakForm, axis_scales, equations, joined_form
 from discrepancy.data.modes import answering
 from discrepancy.data.record import Floats, Record, is_driven
@@ -31,6 +32,9 @@ RUBS: Final = 0.5
 twelve sets that rub, 0.98 and more of three that do not, or not on their axis."""
 BADLY: Final = 0.7
 """Share of the force that is left, from which there is no linear model to start from."""
+STRAIGHTER: Final = 0.25
+"""Share of what a linear model leaves, below which forces of third order are beside it from the start: a sixth of the
+mass was left of one that a spring bends far. They leave 1e-3 to 0.05 of that of 20 such devices."""
 STICKING: Final = 0.3
 """The same of the force while a mass moves that friction holds otherwise: with the friction only noise is left."""
 PARTS: Final = 4
@@ -137,11 +141,11 @@ def _solved(
     records: Sequence[Record], values: Mapping[str, float], driven: bool, lowest: int, periods: float = PERIODS
 ) -> dict[str, float] | None:
     """m, k, d as ``response``; None where they explain too little."""
-    for bent in (False, True):
-        told = response(records, values, driven, lowest, periods, bent=bent)
-        if told is None:
-            return None
-        found, left = told
+    plain, bent = (response(records, values, driven, lowest, periods, bent=own) for own in (False, True))
+    if plain is None or bent is None:
+        return None
+    straighter = driven and bent[1] < STRAIGHTER * plain[1]
+    for found, left in (bent, plain) if straighter else (plain, bent):
         if left <= BADLY and found.get("m", values["m"]) > 0:
             return found
     return None
@@ -221,7 +225,9 @@ def _told(
     rubbing: bool = False,
 ) -> _Told | None:
     records = rubbed(records) if rubbing else records
-    form = joined_form(records, values, lowest, periods=periods)
+    # A spring that bends answers where no mode is.
+    top_hz = max(_peak(records, axis, driven) for axis in range(records[0].axes)) if bent else 0.0
+    form = joined_form(records, values, lowest, periods, top_hz)
     if form is None:
         return None
     one = len(form.force) == 1
@@ -235,7 +241,7 @@ def _told(
     if not driven:
         columns, target, names = columns[:, 1:], target - values["m"] * columns[:, 0], names[1:]
     if bent:
-        columns = np.column_stack((columns, _cubes(records, values, lowest, periods)))
+        columns = np.column_stack((columns, cubes(records, values, lowest, periods, top_hz)))
     if rubbing:
         columns = np.column_stack((columns, _frictions(form)))
     a, b = np.vstack((columns.real, columns.imag)), np.concatenate((target.real, target.imag))
@@ -245,17 +251,6 @@ def _told(
     solution = np.linalg.lstsq(a / size, b, rcond=None)[0]
     left = float(np.sum((b - a / size @ solution) ** 2) / np.sum(b**2))
     return _Told(names, (solution / size).tolist(), left)
-
-
-def _cubes(records: Sequence[Record], values: Mapping[str, float], lowest: int, periods: float) -> Complexes:
-    """Columns of x³ and 3 x² x' in the equation of each axis."""
-    form = joined_form(records, values, lowest, 3, periods)
-    assert form is not None
-    axes, rows = form.q.shape
-    columns = np.zeros((axes, rows, 2 * axes), np.complex128)
-    for axis in range(axes):
-        columns[axis, :, 2 * axis], columns[axis, :, 2 * axis + 1] = form.q[axis], form.velocity[axis]
-    return columns.reshape(axes * rows, 2 * axes)
 
 
 def _frictions(form: WeakForm) -> Complexes:

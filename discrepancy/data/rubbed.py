@@ -46,11 +46,11 @@ def _speed(record: Record) -> Floats:
         speed = record.v
     else:
         slow = butter(2, 2 * SLOWEST / len(record.v), "highpass", output="sos")
-        speed = sosfiltfilt(slow, _integral(record), axis=0)
+        speed = sosfiltfilt(slow, integral(record), axis=0)
     return np.column_stack([_quiet(own, v) for own, v in zip(speed.T, record.v.T, strict=True)])
 
 
-def _integral(record: Record) -> Floats:
+def integral(record: Record) -> Floats:
     """Of what is measured (n, axes), by the mean over each sample period: a sum has it half a period late, which turns
     the sign of one sample in twenty at the end of a band."""
     v = record.v - record.v.mean(axis=0)

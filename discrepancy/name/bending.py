@@ -38,10 +38,8 @@ of a turn. Of a decay the inertia is the force, of which a spring that bends lea
 PLAINLY: Final = 0.25
 """Times the residual of the fit without, that one with effects leaves at most, to be taken before anything else is
 scored."""
-STRAIGHTER, MUCH_STRAIGHTER = 0.6, 0.25
-"""Share of that which forces of third order may leave, to be what bends the response; of decays. A sensor of speed or
-acceleration loses the slow part of the place, and its cube is wrong by much more: of chaotic motions 0.3 to 0.5 were
-left, from where the fit of short pieces found them exactly."""
+STRAIGHTER: Final = 0.25
+"""Share of that which forces of third order may leave, to be what bends the response."""
 
 AS_LITTLE: Final = 1.5
 """Times the least that a model leaves of pieces, that one of fewer effects may leave."""
@@ -62,8 +60,7 @@ def bending(search: Search) -> Taken | None:
         return None
     linear = fit(form, search.nominal)
     upright = all(told.linear[name] > 0 for name in ("m", "kxx", "kyy") if name in told.linear)
-    straighter = STRAIGHTER if driven else MUCH_STRAIGHTER
-    if (driven and linear.unexplained < FAR) or told.left > straighter * linear.unexplained or not upright:
+    if (driven and linear.unexplained < FAR) or told.left > STRAIGHTER * linear.unexplained or not upright:
         return None
     plain = whole.fit(replace(search.at, whiten=whole.plain(search.at.parameters)))
     if driven:
