@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from discrepancy.data.modes import Mode
-from discrepancy.data.record import Floats, Record
+from discrepancy.data.record import Course, Floats, Record
 from discrepancy.data.residues import Answer, answered
 
 OF_ONE: Final = 0.3
@@ -55,13 +55,15 @@ class Absorber(NamedTuple):
 
 class Carried(NamedTuple):
     """m [kg], stiffness [N/m] and damping [N.s/m] (axes, axes) of the mass without joints; its resonators, that which
-    is coupled most first; friction [N] at each sensor, 0 where records have none."""
+    is coupled most first; friction [N] and cubic [N/m³], by which the spring bends, at each sensor, 0 where records
+    have no such course."""
 
     m: float
     k: Floats
     d: Floats
     absorbers: tuple[Absorber, ...]
     friction: Floats
+    cubic: Floats
 
 
 def carried(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[float]) -> Carried | None:
@@ -75,14 +77,15 @@ def carried(records: Sequence[Record], modes: Sequence[Mode], gains: Sequence[fl
     shapes = None if residues is None else _shapes(residues)
     if answer is None or residues is None or shapes is None:
         return None
-    friction = _friction(answer)
+    cubic = _pushing(answer, "cube") * np.asarray(gains) ** 3
+    made = {"friction": np.maximum(_pushing(answer, "friction"), 0.0), "cubic": cubic}
     if axes > 1 or (residues > 0).all():
         found = _turned(modes, residues, shapes, apart=False)
-        return found and found._replace(friction=friction)
+        return found and found._replace(**made)
     against = residues[:, :, 0] < 0
     tried = (_turned(modes, residues, np.where(against, own, 1.0) * shapes, apart=True) for own in OPPOSED)
     found = max((own for own in tried if own is not None), key=lambda own: _told(modes, own), default=None)
-    return found and found._replace(friction=friction)
+    return found and found._replace(**made)
 
 
 def _turned(modes: Sequence[Mode], residues: Floats, shapes: Floats, *, apart: bool) -> Carried | None:
@@ -113,17 +116,16 @@ def _turned(modes: Sequence[Mode], residues: Floats, shapes: Floats, *, apart: b
     ]
     absorbers.sort(key=lambda a: -float(np.abs(a.coupling).max()))
     own_damping = damping[:axes, :axes] - dragged * losses @ dragged.T
-    return Carried(m, m * stiffness[:axes, :axes], m * own_damping, tuple(absorbers), np.zeros(axes))
+    return Carried(m, m * stiffness[:axes, :axes], m * own_damping, tuple(absorbers), np.zeros(axes), np.zeros(axes))
 
 
-def _friction(answer: Answer) -> Floats:
-    """Of each axis what makes all modes answer to the course of its friction as they do to a force."""
+def _pushing(answer: Answer, kind: Course) -> Floats:
+    """Of each axis that force [N] which makes all modes answer as they do to the course of a ``kind``."""
     axes = answer.residues.shape[1]
-    if not answer.rubbing.size:
+    if kind not in answer.to:
         return np.zeros(axes)
-    found = [answer.rubbing[:, i].ravel() @ answer.residues[:, i].ravel() / np.sum(answer.residues[:, i] ** 2)
-             for i in range(axes)]  # fmt: skip
-    return np.maximum(found, 0.0)
+    pairs = [(answer.to[kind][:, i].ravel(), answer.residues[:, i].ravel()) for i in range(axes)]
+    return np.array([course @ force / np.sum(force**2) for course, force in pairs])
 
 
 def _told(modes: Sequence[Mode], found: Carried) -> float:

@@ -46,6 +46,15 @@ def _cubes(own: Windows, slow_hz: float) -> tuple[Complexes, Complexes]:
     return own.weighted(force), own.weighted(slope)
 
 
+def bowed(records: Sequence[Record]) -> list[Record]:
+    """The records with the course of the force -x³ at the sensors, as if they had 1 V/m [V³]."""
+    return [replace(record, courses={**record.courses, "cube": -(_shown(record) ** 3)}) for record in records]
+
+
+def _shown(record: Record) -> Floats:
+    return places(record, [1.0] * record.axes, SLOW * record.reference / (2 * np.pi))
+
+
 def places(record: Record, gains: Sequence[float], slow_hz: float) -> Floats:
     """The place [m] (n, axes) that sensors of so many ``gains`` [V/m] show, of speeds and accelerations without what is
     slower than ``slow_hz``."""

@@ -46,8 +46,8 @@ def mode_frequencies(nominal: Mapping[str, float], axes: int) -> Floats:
 @dataclass(frozen=True)
 class WeakForm:
     """Windowed harmonics of a run: force (axes, rows) [N], and of q, q', q'' likewise; ``turning`` is 2 w q' with the
-    window's mean rate w (0 where the run has none); ``course``: that of a friction (``Record.rubs``), 0 where there is
-    none. Rows are weighted so that a resonance does not lose to the rest."""
+    window's mean rate w (0 where the run has none); ``course``: that of a friction, 0 where there is none. Rows are
+    weighted so that a resonance does not lose to the rest."""
 
     force: Complexes
     q: Complexes
@@ -110,7 +110,7 @@ def weak_form(
     omega = record.conditions.get("omega_z")
     mean_rate = np.zeros(len(starts)) if omega is None else sliding_window_view(omega, window.n)[starts].mean(axis=1)
     turning = 2 * mean_rate[:, None] * velocity
-    course = np.zeros_like(force) if record.rubs is None else _course(record.rubs, record, window, starts)
+    course = _course(record.courses["friction"], own) if "friction" in record.courses else np.zeros_like(force)
     return WeakForm(*map(own.weighted, (force, q, velocity, acceleration, turning, course)))
 
 
@@ -125,13 +125,14 @@ def _from_rest(record: Record, n: int) -> Record:
     u, v = (np.vstack((np.tile(a[:lead].mean(axis=0), (n, 1)), a)) for a in (record.u, record.v))
     before = {name: np.concatenate((np.repeat(a[:1], n), a)) for name, a in record.conditions.items()}
     valid = np.concatenate((np.ones(n, np.bool_), record.valid))
-    rubs = None if record.rubs is None else np.vstack((np.zeros((n, record.axes)), record.rubs))
-    return replace(record, t=np.concatenate((t, record.t)), u=u, v=v, valid=valid, conditions=before, rubs=rubs)
+    courses = {kind: np.vstack((np.zeros((n, record.axes)), course)) for kind, course in record.courses.items()}
+    return replace(record, t=np.concatenate((t, record.t)), u=u, v=v, valid=valid, conditions=before, courses=courses)
 
 
-def _course(rubs: Floats, record: Record, window: "_Window", starts: NDArray[np.int_]) -> Complexes:
-    """What the course of a friction drives v by, no sample of which is held."""
-    return np.asarray(window.derivatives(rubs, starts)[record.order] / record.reference**record.order)
+def _course(course: Floats, own: Windows) -> Complexes:
+    """What the course of a force drives v by, no sample of which is held."""
+    order = own.record.order
+    return np.asarray(own.window.derivatives(course, own.starts)[order] / own.record.reference**order)
 
 
 def _force(record: Record, window: "_Window", starts: NDArray[np.int_], square: float) -> Complexes:

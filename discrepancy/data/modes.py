@@ -225,11 +225,11 @@ def _in_band(records: Sequence[Record]) -> Runs:
     for record in (r for r in records if r.sample_rate == rate):
         before = np.vstack((record.u[:1], record.u[:-1]))
         # What is held until the next sample acts half a step later; an acceleration shows it as it was just before,
-        # or, where it is not held, as it is. A friction runs on as the motion does.
+        # or, where it is not held, as it is. What the motion makes runs on as it does.
         late = 0.5 * (record.u + before) if record.hold == "zero" else record.u
-        rubs = record.u[:, :0] if record.rubs is None else record.rubs
-        acting = np.hstack((late, rubs))
-        seen = np.hstack((record.u, before, rubs)) if record.order == 2 else acting
+        courses = tuple(record.courses.values())
+        acting = np.hstack((late, *courses))
+        seen = np.hstack((record.u, before, *courses)) if record.order == 2 else acting
         u, v, own = (_fewer(a, number)[:SAMPLES] for a in (acting, record.v, seen))
         if len(u) > 4 * ROWS and (u.any() or decays):
             pairs.append((u, v - v.mean(axis=0)))

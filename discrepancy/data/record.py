@@ -1,7 +1,7 @@
 """One measured run as arrays: what every later step of a diagnosis works on."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Literal, get_args
 
 import numpy as np
@@ -15,6 +15,7 @@ Bools = NDArray[np.bool_]
 Role = Literal["fit", "held-out"]
 Hold = Literal["zero", "first", "band-limited"]
 Senses = Literal["position", "velocity", "acceleration"]
+Course = Literal["friction", "cube"]
 SENSES: Final[tuple[Senses, ...]] = get_args(Senses)
 
 CONDITIONS: Final = ("omega_z", "temperature", "a_x", "a_y", "v_bias")
@@ -46,8 +47,8 @@ class Record:
     SI; valid (n,): False where a sample is clipped. ``hold`` says how u runs between samples; ``senses``: what v shows;
     ``reference``: where that is no position, the frequency w [rad/s] at which gains are those of one
     (docs/theory/records.md, eq. 8); ``begun``: place [m] and speed [m/s] of x at its start, each times the gain, where
-    these are known and no fit finds them; ``rubs`` (n, axes): the course of a friction, within -1 and 1, where one acts
-    beside u (``rubbed``); ``centred``: whether v is a velocity of which the mean was taken out. Built by
+    these are known and no fit finds them; ``courses``: by kind, of forces that the motion makes itself beside u, each
+    (n, axes) (``courses.py``); ``centred``: whether v is a velocity of which the mean was taken out. Built by
     ``make_record``, or raises InputError where the arrays make no record.
     """
 
@@ -63,7 +64,7 @@ class Record:
     senses: Senses = "position"
     reference: float = 1.0
     begun: tuple[float, float] | None = None
-    rubs: Floats | None = None
+    courses: Mapping[Course, Floats] = field(default_factory=dict)
     centred: bool = False
 
     def __post_init__(self) -> None:
@@ -100,8 +101,9 @@ class Record:
             raise InputError(f"{n} samples: a run needs at least {MINIMUM_SAMPLES}, 50 of which give its initial state")
         if self.u.shape != self.v.shape or self.v.shape not in ((n, 1), (n, 2)):
             raise InputError(f"t has shape ({n},), u {self.u.shape}, v {self.v.shape}: give (n,), (n, axes), (n, axes)")
-        if self.rubs is not None and self.rubs.shape != self.u.shape:
-            raise InputError(f"rubs has shape {self.rubs.shape}, u {self.u.shape}: give the course of each axis")
+        for kind, course in self.courses.items():
+            if course.shape != self.u.shape:
+                raise InputError(f"{kind} has shape {course.shape}, u {self.u.shape}: give the course of each axis")
         for name, values in self.conditions.items():
             if name not in CONDITIONS:
                 raise InputError(f"condition {name!r} is unknown{nearest(name, CONDITIONS)}")

@@ -1,41 +1,29 @@
 """How much each of some modes answers to each force, and what of the voltage that leaves."""
 
-from collections.abc import Sequence
-from typing import Final, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
 from discrepancy.data.modal import TINY
-from discrepancy.data.modes import LEAST, Mode
-from discrepancy.data.record import Floats, Record
-
-RUBBING: Final = 0.8
-"""Of what modes leave without a friction (rms), that they leave at most with one that is plain: 0.05 to 0.53 where
-chains and shafts rub, 0.76 where an accelerometer sees friction jump between samples; 1.00 of chains that do not, 0.93
-and 0.95 of a measured arm and wing, whose joints are elsewhere."""
-SOMEWHAT: Final = 0.985
-"""Of what modes leave (rms), that they leave with the course of a friction beside them, where it is worth while to look
-for others beside it: 0.70 to 0.96 where a mass rubs, since their damping has made up for most of it; 1.00 of chains
-that do not."""
-MUCH: Final = 0.1
-"""Of the voltage (rms), that modes leave where that is worth while in any case: a strong friction may leave none that a
-shaft's turns with."""
+from discrepancy.data.modes import Mode
+from discrepancy.data.record import Course, Floats, Record
 
 
 class Answer(NamedTuple):
     """residues: by how much each mode answers with each voltage to each force, (modes, forces, voltages) [V/(N.s²)];
-    rubbing: the same to the friction of each axis, where the records have one; residuals: what is left of the voltage
+    to: the same by kind of course that the records have, to that of each axis; residuals: what is left of the voltage
     of each run (n, voltages) [V], beside how it begins and a mean; left: rms of that over the voltage."""
 
     residues: Floats
-    rubbing: Floats
+    to: Mapping[Course, Floats]
     residuals: tuple[Floats, ...]
     left: float
 
 
 class Columns(NamedTuple):
-    """What modes may do in a run: their answers (n, ...) to its forces and frictions, and what they do by themselves
+    """What modes may do in a run: their answers (n, ...) to its forces and courses, and what they do by themselves
     (n, ...)."""
 
     answers: Floats
@@ -70,27 +58,14 @@ def answered(
         made.append(columns[:, :-axes])
         told.append(columns[:, -axes:])
     shown = np.vstack(told)
-    found = np.linalg.lstsq(np.vstack(made), shown, rcond=None)[0]
+    answers = np.vstack(made)
+    # A force in newtons and a cube of volts are of any size.
+    size = np.maximum(np.linalg.norm(answers, axis=0), TINY)
+    found = np.linalg.lstsq(answers / size, shown, rcond=None)[0] / size[:, None]
     residuals = tuple(v - of @ found for v, of in zip(told, made, strict=True))
     left = float(np.linalg.norm(np.vstack(residuals)) / (np.linalg.norm(shown) + TINY))
-    answers = np.asarray(found[:count].reshape(len(modes), -1, axes))
-    return Answer(answers[:, :axes], answers[:, axes:], residuals, left)
-
-
-def may_rub(records: Sequence[Record], rubbing: Sequence[Record], modes: Sequence[Mode]) -> bool:
-    """Whether it is worth while to look for others than these ``modes``, which may be none, beside a friction, whose
-    course the same records ``rubbing`` have."""
-    left = answered(records, modes).left if modes else 1.0
-    return left > MUCH or (left**2 > LEAST and answered(rubbing, modes).left < SOMEWHAT * left)
-
-
-def plainly_rub(
-    records: Sequence[Record], without: Sequence[Mode], rubbing: Sequence[Record], modes: Sequence[Mode]
-) -> bool:
-    """Whether ``modes`` beside the course of a friction, which the same records ``rubbing`` have, leave plainly less
-    than those ``without``, which may be none."""
-    left = answered(records, without).left if without else 1.0
-    return answered(rubbing, modes).left < RUBBING * left
+    residues, *courses = np.split(found[:count].reshape(len(modes), -1, axes), 1 + len(records[0].courses), axis=1)
+    return Answer(residues, dict(zip(records[0].courses, courses, strict=True)), residuals, left)
 
 
 def _starts(record: Record, mode: Mode) -> Floats:
@@ -105,9 +80,9 @@ def _starts(record: Record, mode: Mode) -> Floats:
 
 
 def _answers(record: Record, mode: Mode) -> list[Floats]:
-    """The motion (n, forces) of a mode of 1 kg under each force, and under each friction."""
+    """The motion (n, forces) of a mode of 1 kg under each force, and under each course of those that it makes."""
     forced = _motion(record, mode, record.u, held=record.hold == "zero")
-    return [forced] if record.rubs is None else [forced, _motion(record, mode, record.rubs, held=False)]
+    return [forced, *(_motion(record, mode, course, held=False) for course in record.courses.values())]
 
 
 def _motion(record: Record, mode: Mode, force: Floats, *, held: bool) -> Floats:

@@ -1,9 +1,4 @@
-"""Dry friction beside modes: its course as a further force, in which the motion is linear.
-
-The sign of the speed where the sensors are is known from what they measured, so that a friction is an input of unknown
-size of a linear structure (S. Marchesiello, L. Garibaldi, A time domain approach for identifying nonlinear vibrating
-structures by subspace methods, Mechanical Systems and Signal Processing 22, 2008).
-"""
+"""The course of a dry friction: the sign of the speed where the sensors are."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -29,8 +24,8 @@ SLOWEST: Final = 8.0
 
 
 def rubbed(records: Sequence[Record]) -> list[Record]:
-    """The records with the course of a friction at the sensors."""
-    return [replace(record, rubs=-sign(_speed(record))) for record in records]
+    """The records with the course of a friction of 1 N at the sensors."""
+    return [replace(record, courses={**record.courses, "friction": -sign(_speed(record))}) for record in records]
 
 
 def sign(speed: Floats) -> Floats:

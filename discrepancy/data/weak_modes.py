@@ -12,10 +12,10 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import coherence, welch
 
+from discrepancy.data.courses import KINDS, beside, may_act, plainly_act
 from discrepancy.data.modes import APART, ENOUGH, LEAST, MOST, POWER, Mode, answering, apart, further_modes
 from discrepancy.data.record import Floats, Record, is_driven
-from discrepancy.data.residues import Columns, answered, columns_of, may_rub, plainly_rub
-from discrepancy.data.rubbed import rubbed
+from discrepancy.data.residues import Columns, answered, columns_of
 from discrepancy.data.speeds import are_displacements, as_speeds
 
 WINDOWS: Final = 8
@@ -45,28 +45,35 @@ LOBE: Final = 2
 def all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
     """As ``further_modes``, with those besides that driven ``records`` show only in what the others leave: a sensor of
     displacement sees a mode at three times the frequency with a thirtieth of the power, beyond where almost all is. Of
-    records that plainly show a friction beside them those that they show with it. Where displacements show none, or one
-    of a place that nothing holds, whose way hides what answers quickly, their speeds are asked too."""
-    rubbing = rubbed(records)
-    first, further = _with_friction(records, rubbing)
+    records that plainly show a friction beside them, or a spring that bends, those that they show with it. Where
+    displacements show none, or one of a place that nothing holds, whose way hides what answers quickly, their speeds
+    are asked too."""
+    first, further = _beside_courses(records)
     known = [*first, *further]
     if not (is_driven(records) and are_displacements(records)) or (known and all(mode.seen for mode in known)):
         return first, further
-    own, beside = _with_friction(as_speeds(records), as_speeds(rubbing))
+    own, more = _beside_courses(as_speeds(records))
     if not known:
-        return own, beside
-    new = [m for m in (*own, *beside) if m.seen and all(apart(m.frequency, k.frequency) for k in known)]
+        return own, more
+    new = [m for m in (*own, *more) if m.seen and all(apart(m.frequency, k.frequency) for k in known)]
     return first, sorted([*further, *new])[:MOST]
 
 
-def _with_friction(records: Sequence[Record], rubbing: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
-    found = _all_modes(records)
+def _beside_courses(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
+    found, before = _all_modes(records), records
     known = sorted([*found[0], *found[1]])
-    if not is_driven(records) or not may_rub(records, rubbing, known):
-        return found
-    beside = _all_modes(rubbing)
-    plainly = beside[1] and plainly_rub(records, known, rubbing, sorted([*beside[0], *beside[1]]))
-    return beside if plainly else found
+    for kinds in KINDS if is_driven(records) else ():
+        # Where neither shows alone, both do not.
+        if len(kinds) > 1 and before is records:
+            break
+        acting = beside(records, kinds)
+        if not may_act(before, acting, known):
+            continue
+        new = _all_modes(acting)
+        modes = sorted([*new[0], *new[1]])
+        if plainly_act(before, known, acting, modes):
+            found, before, known = new, acting, modes
+    return found
 
 
 def _all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
@@ -99,13 +106,13 @@ def _as_a_whole(records: Sequence[Record], known: Sequence[Mode]) -> list[Mode]:
         [Mode(share * lowest, SUSPENDED, seen=False) for share in BELOW],
         [_free(lowest, rate) for rate in RATES],
     ]
-    beside = columns_of(records, known)
-    left = {mode: answered(records, [mode], beside=beside).left for kind in kinds for mode in kind}
+    others = columns_of(records, known)
+    left = {mode: answered(records, [mode], beside=others).left for kind in kinds for mode in kind}
     suspended, free = (min(kind, key=left.__getitem__) for kind in kinds)
-    enough = BESIDE_FRICTION if records[0].rubs is not None and records[0].order == 2 else ENOUGH
+    enough = BESIDE_FRICTION if "friction" in records[0].courses and records[0].order == 2 else ENOUGH
     if min(left[suspended], left[free]) ** 2 > enough * before**2:
         return []
-    return [_damped(records, beside, lowest, free) if left[free] ** 2 < HELD * left[suspended] ** 2 else suspended]
+    return [_damped(records, others, lowest, free) if left[free] ** 2 < HELD * left[suspended] ** 2 else suspended]
 
 
 def _free(lowest: float, rate: float) -> Mode:
@@ -113,12 +120,12 @@ def _free(lowest: float, rate: float) -> Mode:
     return Mode(FREE * lowest, FREE / rate, seen=False)
 
 
-def _damped(records: Sequence[Record], beside: Sequence[Columns], lowest: float, near: Mode) -> Mode:
-    """What nothing holds, ``beside`` others, damped as leaves least, from ``near`` it on."""
+def _damped(records: Sequence[Record], others: Sequence[Columns], lowest: float, near: Mode) -> Mode:
+    """What nothing holds, beside ``others``, damped as leaves least, from ``near`` it on."""
     about = np.log(FREE / near.quality) + np.log(RATES[1] / RATES[0]) * np.array([-1.0, 1.0])
 
     def left(rate: float) -> float:
-        return answered(records, [_free(lowest, float(np.exp(rate)))], beside=beside).left
+        return answered(records, [_free(lowest, float(np.exp(rate)))], beside=others).left
 
     return _free(
         lowest, float(np.exp(minimize_scalar(left, bounds=about, method="bounded", options={"xatol": 0.01}).x))

@@ -8,7 +8,6 @@ from itertools import combinations
 from typing import Final
 
 import numpy as np
-from sympy import sympify
 
 from discrepancy.clock import OutOfTime
 from discrepancy.data.linear_fit import PERIODS, fit, joined_form
@@ -17,17 +16,15 @@ from discrepancy.data.record import is_driven
 from discrepancy.data.resisted import PLAINLY as RESISTS
 from discrepancy.fit.chaos import go_their_own_way
 from discrepancy.fit.continuation import ASTRAY, ROUNDS, in_pieces, is_stuck, shortest, started, with_starts
-from discrepancy.fit.defect import Defect
 from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.refit import Fitter, damped
 from discrepancy.name.accepted import Taken
 from discrepancy.name.columns import Candidate, Library
+from discrepancy.name.cubic import cubic_sizes
 from discrepancy.name.resistance import is_friction
 from discrepancy.name.resisting import steepest_of
 from discrepancy.name.resonators import all_free, fitted_from, with_all_shapes
 from discrepancy.name.search import Search
-from gyro_model import symbols
-from gyro_model.anatomy import Effect, Force
 
 FAR: Final = 0.2
 """Share of the force that a linear model leaves unexplained, from which its fit may end at another mass: at 0.12 one
@@ -43,9 +40,6 @@ STRAIGHTER: Final = 0.25
 
 AS_LITTLE: Final = 1.5
 """Times the least that a model leaves of pieces, that one of fewer effects may leave."""
-
-MONOMIALS: Final = tuple((x**3, x**2 * v) for x, v in ((symbols.x, symbols.x_dot), (symbols.y, symbols.y_dot)))
-"""Of each axis, in the order of ``Bent.cubic``."""
 
 
 def bending(search: Search) -> Taken | None:
@@ -152,7 +146,7 @@ def _of_decays(search: Search, told: Bent, plain: Fitted) -> Taken | None:
 def _choices(search: Search, fitter: Fitter, at: Fitted, told: Bent) -> list[tuple[Candidate, ...]]:
     """The effects that are such forces, alone and together, each with the friction if there is one, or that alone."""
     library = Library(fitter)
-    known = library.candidates(fitter, at, search.present, lambda e: bool(_cubic_sizes(e, told)))
+    known = library.candidates(fitter, at, search.present, lambda e: bool(cubic_sizes(e, told.cubic)))
     frictions = library.candidates(fitter, at, search.present, is_friction) if any(told.friction) else []
     rubs = tuple(steepest_of(frictions).values())
     counts = range(0 if rubs else 1, len(known) + 1)
@@ -173,20 +167,5 @@ def _sizes(own: Candidate, told: Bent) -> dict[str, float]:
     """Sizes of what is ``told``, by name."""
     if is_friction(own.effect):
         return {p.quantity.name: size for p, size in zip(own.probes, told.friction, strict=True)}
-    sizes = _cubic_sizes(own.effect, told)
+    sizes = cubic_sizes(own.effect, told.cubic)
     return {p.quantity.name: sizes[p.quantity.name] for p in own.probes}
-
-
-def _cubic_sizes(effect: Effect | Defect, told: Bent) -> dict[str, float]:
-    """Sizes of an effect that is such a force and nothing else, by name; none of another."""
-    if not isinstance(effect, Force) or effect.states or effect.nominal:
-        return {}
-    found: dict[str, float] = {}
-    for term, monomials, cubic in zip(effect.force, MONOMIALS, told.cubic, strict=False):
-        for q in effect.sizes:
-            slope = sympify(term).diff(q.symbol)
-            found.update((q.name, c) for monomial, c in zip(monomials, cubic, strict=True) if slope + monomial == 0)
-    # Of the axes that are measured: one that has another size is not known by these.
-    acting = set().union(*(sympify(term).free_symbols for term in effect.force[: len(told.cubic)]))
-    known = {q.name for q in effect.sizes if q.symbol in acting} == found.keys()
-    return found if known else {}

@@ -66,4 +66,5 @@ def _carried(parameters: Mapping[str, float], frequency: float, load: float, hol
     ``holds`` the mass by so much of the spring between them."""
     m, stiffness = parameters["m"], parameters["m"] * load * (2 * pi * frequency) ** 2
     one = Absorber(frequency, QUALITY, np.array([stiffness / sqrt(load)]), np.array([0.0]), 0.0)
-    return Carried(m, np.array([[(1 + holds) * stiffness]]), np.array([[parameters["dxx"]]]), (one,), np.zeros(1))
+    none = np.zeros(1)
+    return Carried(m, np.array([[(1 + holds) * stiffness]]), np.array([[parameters["dxx"]]]), (one,), none, none)

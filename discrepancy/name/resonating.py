@@ -1,14 +1,12 @@
 """Resonators that a mass carries: in its model before anything else is scored, since a linear fit ends at the mass of
 one mode an axis, beside which no column shows another."""
 
-from collections.abc import Sequence
 from contextlib import suppress
 
 from discrepancy.clock import OutOfTime
 from discrepancy.data.absorbers import carried
-from discrepancy.data.record import Record, is_driven
-from discrepancy.data.residues import may_rub
-from discrepancy.data.rubbed import rubbed
+from discrepancy.data.courses import views
+from discrepancy.data.record import is_driven
 from discrepancy.data.speeds import are_displacements, as_speeds
 from discrepancy.name.accepted import Taken
 from discrepancy.name.resonators import begun_with, beside, fitted_from, price, resonators, with_all_shapes
@@ -24,10 +22,7 @@ def resonating(search: Search) -> Taken | None:
     modes = sorted([*first, *further])
     if not (is_driven(records) and len(modes) > whole.axes):
         return None
-    views: list[tuple[Sequence[Record], Sequence[Record]]] = [(records, rubbed(records))]
-    if are_displacements(records):
-        views += [(as_speeds(plain), as_speeds(rubbing)) for plain, rubbing in views]
-    shown = [own for view in views for own in (view if may_rub(*view, modes) else view[:1])]
+    shown = [*views(records, modes), *(views(as_speeds(records), modes) if are_displacements(records) else ())]
     answers = [told for own in shown if (told := carried(own, modes, gains))]
     found = [(told, taken) for told in answers if (taken := resonators(search, told))]
     if not found:

@@ -16,6 +16,7 @@ from discrepancy.fit.fitted import Fitted, bare
 from discrepancy.fit.refit import Fitter
 from discrepancy.name.accepted import Taken
 from discrepancy.name.columns import Candidate
+from discrepancy.name.cubic import cubic_sizes
 from discrepancy.name.more_modes import resonator_axis
 from discrepancy.name.resistance import is_friction
 from discrepancy.name.resisting import steepest
@@ -105,25 +106,32 @@ def begun_with(search: Search, fitter: Fitter, told: Carried, resonators: Sequen
             at = freed(at, candidate, joints)
             at = replace(at, parameters={**at.parameters, **dict.fromkeys((q.name for q in joints), own.joint)})
         taken.append(replace(candidate, searched=(*candidate.searched, *joints)))
-    for rubs in _frictions(search, told):
-        # As steep as it is: while the rest is far off a fit would smooth it, and end there.
-        at = replace(at, parameters={**at.parameters, **rubs.candidate.shapes, **rubs.values},
-                     free=(*at.free, *(probe.free() for probe in rubs.candidate.probes)))  # fmt: skip
-        taken.append(rubs.candidate)
+    for made in _made(search, told):
+        # A friction as steep as it is: while the rest is far off a fit would smooth it, and end there.
+        at = replace(at, parameters={**at.parameters, **made.candidate.shapes, **made.values},
+                     free=(*at.free, *(probe.free() for probe in made.candidate.probes)))  # fmt: skip
+        taken.append(made.candidate)
     tried = [fitter.passive({**at.parameters, **own}) for own in ({}, more)]
     fits = [fitter.evaluated(replace(at, parameters=own)) for own in tried if all(own[name] > 0 for name in more)]
     return Taken(min(fits, key=lambda fit: fit.cost), taken, plain)
 
 
-def _frictions(search: Search, told: Carried) -> list[Resonator]:
-    """The effect that is the friction, if any is ``told`` and there is a file for it."""
-    if not told.friction.any():
-        return []
-    found = steepest(search, is_friction)
-    sizes = [
-        {p.quantity.name: float(f) for p, f in zip(own.probes, told.friction, strict=True)} for own in found.values()
-    ]
-    return [Resonator(own, values, 0.0) for own, values in zip(found.values(), sizes, strict=True)]
+def _made(search: Search, told: Carried) -> list[Resonator]:
+    """The effects that are the friction and the cube, if any are ``told`` and there are files for them."""
+    found = []
+    if told.friction.any():
+        for own in steepest(search, is_friction).values():
+            sizes = {p.quantity.name: float(f) for p, f in zip(own.probes, told.friction, strict=True)}
+            found.append(Resonator(own, sizes, 0.0))
+    cubic = [(float(k3), 0.0) for k3 in told.cubic]
+    for own in search.library.candidates(search.whole, search.at, search.present, lambda e: _bends(e, cubic)):
+        sizes = cubic_sizes(own.effect, cubic)
+        found.append(Resonator(own, {p.quantity.name: sizes[p.quantity.name] for p in own.probes}, 0.0))
+    return found
+
+
+def _bends(effect: Effect | Defect, cubic: Sequence[tuple[float, float]]) -> bool:
+    return any(cubic_sizes(effect, cubic).values())
 
 
 def _of_mass(told: Carried) -> dict[str, float]:

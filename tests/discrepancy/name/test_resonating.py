@@ -156,7 +156,7 @@ def test_no_load_is_damped_as_the_tone_of_a_loop_would_be() -> None:
 
     def told(*joints: float) -> Carried:
         absorbers = tuple(Absorber(10.0 + k, 50.0, one, np.array([joint]), 0.0) for k, joint in enumerate(joints))
-        return Carried(1.0, np.array([[6e3]]), np.array([[1.0]]), absorbers, np.zeros(1))
+        return Carried(1.0, np.array([[6e3]]), np.array([[1.0]]), absorbers, np.zeros(1), np.zeros(1))
 
     with Simulator(load_model(), jobs=1) as simulator:
         whole = Fitter(simulator, (record,))

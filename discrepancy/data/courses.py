@@ -1,0 +1,67 @@
+"""Forces that the motion makes itself where the sensors are: a friction, what a spring bends by.
+
+Their courses are known from what the sensors measured, and so they are inputs of unknown size of a structure that is
+linear in them (S. Marchesiello, L. Garibaldi, A time domain approach for identifying nonlinear vibrating structures by
+subspace methods, Mechanical Systems and Signal Processing 22, 2008).
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Final
+
+from discrepancy.data.cubes import bowed
+from discrepancy.data.modes import LEAST, Mode
+from discrepancy.data.record import Course, Record
+from discrepancy.data.residues import answered
+from discrepancy.data.rubbed import rubbed
+
+MADE: Final[Mapping[Course, Callable[[Sequence[Record]], list[Record]]]] = {"friction": rubbed, "cube": bowed}
+KINDS: Final[tuple[tuple[Course, ...], ...]] = (("friction",), ("cube",), ("friction", "cube"))
+"""What is tried, in this order."""
+PLAINLY: Final = 0.8
+"""Of what modes leave without a course (rms), that they leave at most with one that is plain: 0.05 to 0.53 where
+chains and shafts rub, 0.76 where an accelerometer sees friction jump between samples; 1.00 of chains that do not, 0.93
+and 0.95 of a measured arm and wing, whose joints are elsewhere. With the cube of a spring that bends 0.02 and 0.18."""
+SOMEWHAT: Final = 0.985
+"""Of what modes leave (rms), that they leave with a course beside them, where it is worth while to look for others
+beside it: 0.70 to 0.96 where a mass rubs, since their damping has made up for most of it; 1.00 of chains that do
+not."""
+MUCH: Final = 0.1
+"""Of the voltage (rms), that modes leave where that is worth while in any case: a strong friction may leave none that a
+shaft's turns with."""
+
+
+def beside(records: Sequence[Record], kinds: Sequence[Course]) -> list[Record]:
+    """The records with the courses of those ``kinds``."""
+    found = list(records)
+    for kind in kinds:
+        found = MADE[kind](found)
+    return found
+
+
+def left(records: Sequence[Record], modes: Sequence[Mode]) -> float:
+    """Of the voltage (rms), that ``modes`` leave, which may be none."""
+    return answered(records, modes).left if modes else 1.0
+
+
+def may_act(records: Sequence[Record], acting: Sequence[Record], modes: Sequence[Mode]) -> bool:
+    """Whether it is worth while to look for others than these ``modes``, which may be none, beside the courses that the
+    same records ``acting`` have."""
+    before = left(records, modes)
+    return before > MUCH or (before**2 > LEAST and left(acting, modes) < SOMEWHAT * before)
+
+
+def plainly_act(
+    records: Sequence[Record], without: Sequence[Mode], acting: Sequence[Record], modes: Sequence[Mode]
+) -> bool:
+    """Whether ``modes`` beside the courses that the same records ``acting`` have leave plainly less than those
+    ``without``, which may be none."""
+    return bool(modes) and left(acting, modes) < PLAINLY * left(records, without)
+
+
+def views(records: Sequence[Record], modes: Sequence[Mode]) -> Iterator[Sequence[Record]]:
+    """The records, and the same with courses that may act beside ``modes``."""
+    yield records
+    for kinds in KINDS:
+        acting = beside(records, kinds)
+        if may_act(records, acting, modes):
+            yield acting
