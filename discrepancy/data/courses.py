@@ -10,7 +10,7 @@ from typing import Final
 
 from discrepancy.data.cubes import bowed
 from discrepancy.data.modes import LEAST, Mode
-from discrepancy.data.record import Course, Record
+from discrepancy.data.record import Course, Record, is_driven
 from discrepancy.data.residues import answered
 from discrepancy.data.rubbed import rubbed
 
@@ -28,6 +28,9 @@ not."""
 MUCH: Final = 0.1
 """Of the voltage (rms), that modes leave where that is worth while in any case: a strong friction may leave none that a
 shaft's turns with."""
+HARDLY: Final = 1.25
+"""Times what more modes leave (rms), up to which fewer are enough: what a course is off by looks like another mode. 1.01
+of a spring that bends and rubs, 9 and more of structures of two to five modes."""
 
 
 def beside(records: Sequence[Record], kinds: Sequence[Course]) -> list[Record]:
@@ -56,6 +59,14 @@ def plainly_act(
     """Whether ``modes`` beside the courses that the same records ``acting`` have leave plainly less than those
     ``without``, which may be none."""
     return bool(modes) and left(acting, modes) < PLAINLY * left(records, without)
+
+
+def leave_as_little(records: Sequence[Record], few: Sequence[Mode], more: Sequence[Mode]) -> bool:
+    """Whether driven ``records`` with the courses of all kinds show hardly ``more`` than those ``few`` modes."""
+    if not is_driven(records):
+        return False
+    acting = beside(records, KINDS[-1])
+    return left(acting, few) < HARDLY * min(left(own, more) for own in views(records, more))
 
 
 def views(records: Sequence[Record], modes: Sequence[Mode]) -> Iterator[Sequence[Record]]:

@@ -9,8 +9,9 @@ from typing import Any, Final, NamedTuple, get_args
 
 import numpy as np
 
+from discrepancy.data.courses import leave_as_little
 from discrepancy.data.hold import RUNS_ON, better_hold
-from discrepancy.data.linear_start import linear_start, sensor_gains
+from discrepancy.data.linear_start import linear_start, one_an_axis, sensor_gains
 from discrepancy.data.modes import Mode
 from discrepancy.data.offset import levelled
 from discrepancy.data.record import Floats, Hold, Record, Role, Senses, is_driven, make_record
@@ -133,7 +134,9 @@ class Dataset:
     @cached_property
     def modes(self) -> tuple[list[Mode], list[Mode]]:
         """The modes that the runs to fit show, one an axis and further ones."""
-        return all_modes(self.fit)
+        first, further = all_modes(self.fit)
+        alone = one_an_axis(self.fit, self.nominal) if further else None
+        return (alone, []) if alone and leave_as_little(self.fit, alone, [*first, *further]) else (first, further)
 
     def _check_nominal(self) -> None:
         model = self.model

@@ -29,6 +29,8 @@ from discrepancy.name.search import Search
 FAR: Final = 0.2
 """Share of the force that a linear model leaves unexplained, from which its fit may end at another mass: at 0.12 one
 was found, at 0.28 none."""
+BOTH: Final = 0.02
+"""The same where a friction shows beside what bends: each hides the other from a score. At 0.05 neither was found."""
 LOST: Final = 0.5
 """Residual over signal, rms, from which a linear fit to pieces of a decay has lost the motion: out of step by a twelfth
 of a turn. Of a decay the inertia is the force, of which a spring that bends leaves little to see."""
@@ -54,7 +56,8 @@ def bending(search: Search) -> Taken | None:
         return None
     linear = fit(form, search.nominal)
     upright = all(told.linear[name] > 0 for name in ("m", "kxx", "kyy") if name in told.linear)
-    if (driven and linear.unexplained < FAR) or told.left > STRAIGHTER * linear.unexplained or not upright:
+    far = BOTH if any(told.friction) else FAR
+    if (driven and linear.unexplained < far) or told.left > STRAIGHTER * linear.unexplained or not upright:
         return None
     plain = whole.fit(replace(search.at, whiten=whole.plain(search.at.parameters)))
     if driven:
