@@ -21,6 +21,8 @@ Floats = NDArray[np.float64]
 
 MAP_TIMES, MAP_BANDS = 120, 140
 """Cells of a time-frequency map: about one for three pixels of half the page."""
+FEWEST_BANDS: Final = 4
+"""Of these, below which a map shows nothing."""
 SPECTRUM_POINTS: Final = 500
 BACKBONE_POINTS: Final = 60
 RESOLUTION: Final = 80
@@ -108,6 +110,8 @@ def map_figure(data: Dataset, found: Diagnosis, noise: float | None) -> Figure:
     ]
     stands_out = [float(f[np.median(z, axis=1) > STANDS_OUT_DB].max(initial=0.0)) for *_, f, z in maps]
     top = max(harmonics, 1.1 * max(stands_out))
+    # Of what no spring holds no frequency is of interest before another, where none stands out.
+    top = top if np.sum(maps[0][3] <= top) >= FEWEST_BANDS else np.inf
     maps = [(axis, title, t, f[f <= top], z[f <= top]) for axis, title, t, f, z in maps]
     z_range = [0.0, float(np.clip(max(z.max() for *_, z in maps), LEAST_DB, MOST_DB))]
     panels: list[Panel] = []

@@ -29,8 +29,8 @@ MUCH: Final = 0.1
 """Of the voltage (rms), that modes leave where that is worth while in any case: a strong friction may leave none that a
 shaft's turns with."""
 HARDLY: Final = 1.25
-"""Times what more modes leave (rms), up to which fewer are enough: what a course is off by looks like another mode. 1.01
-of a spring that bends and rubs, 9 and more of structures of two to five modes."""
+"""Times what more modes leave (rms), up to which fewer are enough: what a course is off by looks like another mode.
+1.01 of a spring that bends and rubs, 9 and more of structures of two to five modes."""
 
 
 def beside(records: Sequence[Record], kinds: Sequence[Course]) -> list[Record]:

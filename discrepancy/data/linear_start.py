@@ -142,11 +142,17 @@ def _solved(
     records: Sequence[Record], values: Mapping[str, float], driven: bool, lowest: int, periods: float = PERIODS
 ) -> dict[str, float] | None:
     """m, k, d as ``response``; None where they explain too little."""
-    plain, bent = (response(records, values, driven, lowest, periods, bent=own) for own in (False, True))
-    if plain is None or bent is None:
+    plain = response(records, values, driven, lowest, periods)
+    bent = response(records, values, driven, lowest, periods, bent=True)
+    # A line through the same rows: a wider band tells more by itself.
+    line = response(records, values, driven, lowest, periods, wide=True)
+    if plain is None or bent is None or line is None:
         return None
-    straighter = driven and bent[1] < STRAIGHTER * plain[1]
-    for found, left in (bent, plain) if straighter else (plain, bent):
+    straighter = bent[1] < STRAIGHTER * line[1]
+    told = [bent] if driven and straighter else [plain]
+    if straighter or plain[1] > BADLY:
+        told.append(bent)
+    for found, left in told:
         if left <= BADLY and found.get("m", values["m"]) > 0:
             return found
     return None
@@ -161,12 +167,13 @@ def response(
     *,
     bent: bool = False,
     rubbing: bool = False,
+    wide: bool = False,
 ) -> tuple[dict[str, float], float] | None:
     """m, k, d by the weak form in windows as for ``values`` from the harmonic ``lowest`` on, and the share of the force
     that they leave unexplained; None where there is no such window. ``bent``: beside forces x³ and x² x' of each axis,
     without which a device that swings by itself, or is far from linear, has hardly a response; ``rubbing``: beside a
-    friction of each."""
-    told = _told(records, values, driven, lowest, periods, bent=bent, rubbing=rubbing)
+    friction of each; ``wide``: up to where the motion is strongest, as for ``bent``, if no mode is as high."""
+    told = _told(records, values, driven, lowest, periods, bent=bent, rubbing=rubbing, wide=wide)
     return told and (dict(zip(told.names, told.solution, strict=False)), told.left)
 
 
@@ -199,8 +206,8 @@ def bent_response(records: Sequence[Record], values: Mapping[str, float], period
 
 
 def one_an_axis(records: Sequence[Record], values: Mapping[str, float]) -> list[Mode] | None:
-    """The modes of the linear part of ``bent_response``, of what nothing holds at the frequency of hardly any spring; None
-    where that is none."""
+    """The modes of the linear part of ``bent_response``, of what nothing holds at the frequency of hardly any spring;
+    None where that is none."""
     told = bent_response(records, values)
     if told is None or told.linear.get("m", values["m"]) <= 0:
         return None
@@ -240,10 +247,11 @@ def _told(
     *,
     bent: bool,
     rubbing: bool = False,
+    wide: bool = False,
 ) -> _Told | None:
     records = rubbed(records) if rubbing else records
     # A spring that bends answers where no mode is.
-    top_hz = max(_peak(records, axis, driven) for axis in range(records[0].axes)) if bent else 0.0
+    top_hz = max(_peak(records, axis, driven) for axis in range(records[0].axes)) if bent or wide else 0.0
     form = joined_form(records, values, lowest, periods, top_hz)
     if form is None:
         return None

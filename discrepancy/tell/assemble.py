@@ -411,8 +411,9 @@ def _doubts(search: Search, rest: Remainder, residuals: Sequence[Floats]) -> tup
             f'the force ran on between samples, as the motion shows: taken with hold = "{hold}"; '
             'state that in dataset.toml, or hold = "zero" where it was held'
         )
-    if rest.significant:
+    if rest.share > search.criteria.left:
         found += [str(finding) for finding in modes(*search.given.modes)]
+    if rest.significant:
         known = list(mode_frequencies(search.at.parameters, search.dataset.axes))
         said = unlike_runs(search.dataset.fit, residuals), left_modes(search.dataset.fit, residuals, known)
         found += [text for text in said if text]

@@ -4,6 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
+from math import isfinite, isnan
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -237,7 +238,9 @@ def probability(
 
 def _weights(entry: Accepted) -> dict[str, float]:
     """Of each rival that was refitted, by id, how probable it is over the name."""
-    return {name: float(np.exp(-0.5 * max(chi_square, 0.0))) for name, chi_square in entry.behind.items()}
+    # One whose refit has left all bounds is none.
+    behind = {name: chi_square for name, chi_square in entry.behind.items() if not isnan(chi_square)}
+    return {name: float(np.exp(-0.5 * max(chi_square, 0.0))) for name, chi_square in behind.items()}
 
 
 def improbable(search: Search, effects: Sequence[Finding]) -> list[str]:
@@ -268,6 +271,9 @@ def _brought(name: str, rest: Remainder, stages: tuple[Stage, ...]) -> float:
     """The share of what was no noise before an effect was named that the final model has taken away: one that brings
     little where much is left fits what another would fit better."""
     final = stages[-1].misfit[""]
+    if not isfinite(final):
+        # A model that leaves all bounds has taken nothing away.
+        return 0.0
     noise = final / max(rest.ratio, 1.0)
     # One that came in the place of another has no stage of its own.
     before = next((a.misfit[""] for a, b in pairwise(stages) if b.name == name), stages[1].misfit[""])

@@ -112,10 +112,11 @@ def execute(request: Request, out: Console, *, force: bool = False) -> dict[str,
         out.print(f"warning: {warning}", style="yellow", soft_wrap=True, highlight=False, markup=False)
     with _kept_search(request, out) as (checkpoint, progress):
         found = find(request, data, model, progress, checkpoint, warnings)
+        # What took minutes to find is said whatever becomes of the files.
+        out.print(results(found.report, found.raw))
         with out.status("report and FMU"):
             found.save(request.out, force=force)
     (request.out / CHECKPOINT).unlink(missing_ok=True)
-    out.print(results(found.report, found.raw))
     out.print(f"report: {request.out / 'report.html'}", soft_wrap=True, highlight=False)
     return dict(found.report)
 

@@ -103,6 +103,17 @@ def test_figures_of_a_motion_that_leaves_all_bounds_are_drawn() -> None:
     assert bars.data()[0]["names"] == ["nominal", "refit<br>left all bounds", "+ k3<br>left all bounds"]
 
 
+def test_a_map_of_what_no_spring_holds_shows_all_frequencies() -> None:
+    t = np.arange(2000) / 1e3
+    v = np.random.default_rng(1).standard_normal((2000, 1))
+    run = make_record("held.csv", t, np.cos(t)[:, None], v, sample_rate=1e3)
+    free = {"m": 1.0, "kxx": 1e-9}
+    stages = [Stage(name, free, {"": 1.0, "held.csv": 1.0}, {"held.csv": v}) for name in ("nominal", "refit")]
+    data, found = SimpleNamespace(held_out=(run,), axes=1), SimpleNamespace(stages=stages)
+    figure = diagnosis_figures.map_figure(data, found, 1.0)  # type: ignore[arg-type]
+    assert max(figure.data()[0]["rows"]) > 400
+
+
 def test_numbers() -> None:
     assert uncertain(7.99, 7.934, 8.046) == "7.990 ± 0.056"
     assert uncertain(2.0000012e10, 2e10, 2.0000024e10) == "2.0000012e+10 ± 1.2e+04"

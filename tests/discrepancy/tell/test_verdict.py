@@ -46,6 +46,13 @@ def test_rivals_take_by_their_likelihood() -> None:
     assert doubted == pytest.approx(0.2 * sure) and doubted < Criteria().improbable
 
 
+def test_a_model_that_leaves_all_bounds_has_brought_nothing() -> None:
+    rest = Remainder(share=1.0, ratio=np.inf, above=True, significant=True)
+    assert of("large", search(), rest, 1.0, np.nan, np.nan) == 0.0
+    # A rival whose refit has left them is none.
+    assert of("large", search(rival=np.nan), CLEAN, 1.0, 0.1, 0.01) == pytest.approx(1 - Criteria().prior_none)
+
+
 def test_what_is_left_takes_nothing_from_a_mode_that_the_response_shows() -> None:
     rest = Remainder(share=0.4, ratio=9.0, above=True, significant=True)
     sure = 1 - Criteria().prior_none
