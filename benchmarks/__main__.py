@@ -40,6 +40,7 @@ NAMES = (
     "resting",
     "bent",
     "sweeps",
+    "bowed",
     "diagnosis_speed",
     "next_experiment",
     "silverbox",

@@ -13,7 +13,8 @@ import numpy as np
 from numba import njit
 
 from benchmarks.loop_runs import in_processes
-from benchmarks.report import Options, Report, Row, Table, row, spread
+from benchmarks.named import CLOSE, report_of
+from benchmarks.report import Options, Report
 from benchmarks.structures import Outcome, diagnosed
 from discrepancy.data.record import Floats, Hold, Record, Senses, make_record
 
@@ -32,11 +33,8 @@ NOISES: Final = (1e-3, 1e-2)
 SAMPLES: Final = 4000
 TONES, BAND = 60, (0.1, 3.0)
 """Of the force, over the frequency of the spring."""
-CLOSE: Final = 0.05
-"""Of a size, by which what is found may be off: a judgement."""
 CHAOTIC: Final = 1e3
 """Times a change of the first place that a motion is changed by later, from which it counts as chaotic."""
-SHARE: Final = 0.9
 
 
 class Bent(NamedTuple):
@@ -141,19 +139,11 @@ def measure(seed: int) -> Outcome:
 def make_report(seeds: Sequence[int], jobs: int) -> Report:
     """Draws and diagnoses a spring for each seed."""
     outcomes = in_processes(measure, list(seeds), jobs)
-    rows = []
-    for kind in ("", "regular", "chaotic"):
-        own = [outcome for outcome in outcomes if kind in outcome.what]
-        right = {"share": sum(outcome.right for outcome in own) / max(len(own), 1)}
-        what = f"named alone, sizes to {CLOSE:.0%}{', ' if kind else ''}{kind}"
-        rows.append(Row(what, "1", right, None if kind else SHARE, at_least=True, note=f"of {len(own)}"))
-    names = ("refit", "final", "size off", "s", "s of processor")
-    spreads = [row(name, "", spread(o.values.get(name, np.inf) for o in outcomes)) for name in names]
-    each = [row(o.what, "", o.values, note=o.said) for o in outcomes]
-    notes = [f"Chaotic: another first place is {CHAOTIC:g} times as far off later. No model follows such a run from "
-             "start to end; the misfit on the held-out run, final, is over all of it."]  # fmt: skip
-    title = f"A spring that bends far, seeds from {seeds[0]}"
-    return Report("bent", title, [Table("all", rows), Table("spread", spreads), Table("each", each)], notes)
+    note = (
+        f"Chaotic: another first place is {CHAOTIC:g} times as far off later. No model follows such a run from start "
+        "to end; the misfit on the held-out run, final, is over all of it."
+    )
+    return report_of("bent", f"A spring that bends far, seeds from {seeds[0]}", outcomes, ("regular", "chaotic"), note)
 
 
 def run(options: Options) -> Report:

@@ -32,20 +32,22 @@ SHARE: Final = 0.9
 
 
 class Rubbing(NamedTuple):
-    """friction [N] at speed; ``excess`` of that at rest, relative, which fades over ``speed`` [m/s]."""
+    """friction [N] at speed; ``excess`` of that at rest, relative, which fades over ``speed`` [m/s]; ``k3`` [N/m³]: of
+    the spring of the first mass."""
 
     structure: Structure
     friction: float
     excess: float
     speed: float
+    k3: float = 0.0
 
 
 @njit(cache=True)
-def _moved(own: tuple[Floats, Floats, Floats], resistance: tuple[float, float, float], state: Floats, u: Floats,
+def _moved(own: tuple[Floats, Floats, Floats], resistance: tuple[float, float, float, float], state: Floats, u: Floats,
            step: float, first: bool, count: int) -> Floats:  # fmt: skip
     """``motion``, from displacements and speeds (2, n), which change."""
     mass, damping, stiffness = own
-    friction, excess, speed = resistance
+    friction, excess, speed, k3 = resistance
     n, h, found = len(mass), step / count, np.zeros((len(u), 3))
     rates = np.zeros(n)
     found[0] = state[0, 0], state[1, 0], u[0] / mass[0]
@@ -57,6 +59,7 @@ def _moved(own: tuple[Floats, Floats, Floats], resistance: tuple[float, float, f
                 rates[k] = (force if k == 0 else 0.0) / mass[k]
                 for j in range(n):
                     rates[k] -= (stiffness[k, j] * state[0, j] + damping[k, j] * state[1, j]) / mass[k]
+            rates[0] -= k3 * state[0, 0] ** 3 / mass[0]
             own_speed = state[1, 0]
             most = h * friction * (1 + excess * np.exp(-((own_speed / speed) ** 2))) / mass[0]
             free = own_speed + h * rates[0]
@@ -74,7 +77,8 @@ def motion(own: Rubbing, u: Floats, step: float, hold: Hold, begin: Floats | Non
     structure = own.structure
     matrices = np.diag(structure.mass).copy(), structure.damping, structure.stiffness
     state = np.zeros((2, len(structure.mass))) if begin is None else begin.copy()
-    found: Floats = _moved(matrices, (own.friction, own.excess, own.speed), state, u, step, hold == "first", STEPS)
+    resistance = own.friction, own.excess, own.speed, own.k3
+    found: Floats = _moved(matrices, resistance, state, u, step, hold == "first", STEPS)
     return found
 
 

@@ -12,7 +12,8 @@ import numpy as np
 from numba import njit
 
 from benchmarks.loop_runs import in_processes
-from benchmarks.report import Options, Report, Row, Table, row, spread
+from benchmarks.named import CLOSE, report_of
+from benchmarks.report import Options, Report
 from benchmarks.structures import Outcome, diagnosed
 from discrepancy.data.record import Floats, Hold, Record, Senses, make_record
 
@@ -35,9 +36,6 @@ AMPLITUDES: Final = (0.6, 1.0, 0.8)
 """Of the three runs, the last of which is held out [N]."""
 NOISES: Final = (1e-3, 1e-2)
 SAMPLES: Final = 12_000
-CLOSE: Final = 0.05
-"""Of a size, by which what is found may be off: a judgement."""
-SHARE: Final = 0.9
 
 
 class Swept(NamedTuple):
@@ -151,18 +149,10 @@ def measure(seed: int) -> Outcome:
 def make_report(seeds: Sequence[int], jobs: int) -> Report:
     """Draws and diagnoses a mass for each seed."""
     outcomes = in_processes(measure, list(seeds), jobs)
-    rows = []
-    for kind in ("", "straight", "bent"):
-        own = [outcome for outcome in outcomes if kind in outcome.what]
-        right = {"share": sum(outcome.right for outcome in own) / max(len(own), 1)}
-        what = f"named alone, sizes to {CLOSE:.0%}{', ' if kind else ''}{kind}"
-        rows.append(Row(what, "1", right, None if kind else SHARE, at_least=True, note=f"of {len(own)}"))
-    names = ("refit", "final", "over noise", "size off", "s", "s of processor")
-    spreads = [row(name, "", spread(o.values.get(name, np.inf) for o in outcomes)) for name in names]
-    each = [row(o.what, "", o.values, note=o.said) for o in outcomes]
-    notes = [f"Two runs to fit, one held out, {SAMPLES:,} samples each, from rest. Final: misfit on the held-out run."]
-    title = f"Sweeps of a mass that rubs, seeds from {seeds[0]}"
-    return Report("sweeps", title, [Table("all", rows), Table("spread", spreads), Table("each", each)], notes)
+    note = f"Two runs to fit, one held out, {SAMPLES:,} samples each, from rest. Final: misfit on the held-out run."
+    return report_of(
+        "sweeps", f"Sweeps of a mass that rubs, seeds from {seeds[0]}", outcomes, ("straight", "bent"), note
+    )
 
 
 def run(options: Options) -> Report:

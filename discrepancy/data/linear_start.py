@@ -149,10 +149,10 @@ def _solved(
     if plain is None or bent is None or line is None:
         return None
     straighter = bent[1] < STRAIGHTER * line[1]
-    told = [bent] if driven and straighter else [plain]
+    tried = [plain]
     if straighter or plain[1] > BADLY:
-        told.append(bent)
-    for found, left in told:
+        tried.insert(0 if driven and straighter else 1, bent)
+    for found, left in tried:
         if left <= BADLY and found.get("m", values["m"]) > 0:
             return found
     return None
