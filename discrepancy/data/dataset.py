@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple, get_args
 
 import numpy as np
 
+from discrepancy.data.blow import windowed
 from discrepancy.data.courses import leave_as_little
 from discrepancy.data.hold import RUNS_ON, better_hold
 from discrepancy.data.linear_start import linear_start, one_an_axis, sensor_gains
@@ -180,7 +181,7 @@ def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float],
         raise InputError("run is no list of tables: write [[run]] with double brackets")
     entries, notes = _with_roles([_entry(number, run) for number, run in enumerate(runs, 1)])
     read = [_read_run(folder, entry) for entry in entries]
-    records = tuple(record for record, _ in read)
+    records, blows = windowed([record for record, _ in read])
     if records:
         records = tuple(replace(record, reference=records[0].reference) for record in records)
     records, offset, offsets = levelled(records, device | nominal, model)
@@ -191,7 +192,7 @@ def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float],
     more = [*sensed, *offsets, *found, *more]
     unknown = _unknown_gains(stated, records) if axes == 2 and "m" in complete else ()
     estimated = tuple(name for name in believed if name not in stated)
-    notes = [*notes, *more, *(note for _, note in read if note)]
+    notes = [*notes, *more, *(note for _, note in read if note), *blows]
     return Dataset(folder, complete, records, tuple(notes), model, unknown, estimated,
                    any("hold" in run for run in runs))  # fmt: skip
 

@@ -60,8 +60,10 @@ TURNING: Final = (TORQUE, *(unit for unit in SENSED if unit.startswith("rad")))
 BY_UNIT: Final[Mapping[str, frozenset[str]]] = {
     "u_x": frozenset(unit for si in ("N", TORQUE) for unit in MEASURED[si]),
     "v_x": frozenset(unit for si in ("V", *SENSED) for unit in MEASURED[si]),
+    "omega_z": frozenset(MEASURED["rad/s"]),
 }
-"""Where no heading tells force or voltage of a single axis, the only column left with such a unit is taken for it."""
+"""Where no heading tells a force, the voltage of a single axis or the turn rate of two, the only column left with such
+a unit is taken for it."""
 
 
 class Source(NamedTuple):
@@ -137,7 +139,9 @@ def guess_sources(headings: Sequence[str], request: Request) -> dict[str, Source
             )
         sources[column] = Source(heading, *_scale(column, heading, request.scales.get(column)))
     for column, units in BY_UNIT.items():
-        if column in {*sources, *request.maps} or _two_axes(sources):
+        # Of one axis a rate of turn is the motion itself.
+        asked = {"v_x": not _two_axes(sources), "omega_z": _two_axes(sources)}.get(column, True)
+        if column in {*sources, *request.maps} or not asked:
             continue
         left = [h for h in _left(headings, sources) if _parts(h, column)[1] in units]
         if len(left) == 1:
@@ -214,12 +218,9 @@ def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
     """The runs in one table, cut at holes, and what was decided."""
     table = read_lab_table(path)
     sources = guess_sources(table.columns, request)
-    for column in missing_columns(sources, request.sample_rate):
-        other = ", or --sample-rate HZ" if column == "t" else ""
-        other = f", or --map {column}={NONE} if no force acted" if column in FORCES else other
-        raise InputError(
-            f"{path}: which heading is {column}? Give --map {column}=HEADING{other} ({_all(table.columns)})"
-        )
+    missing = missing_columns(sources, request.sample_rate)
+    if missing:
+        raise InputError(f"{path}: {_which(missing)} ({_all(table.columns)})")
     said = [
         f"{column} = 0: no force acted" if not source.heading else
         f"{column} = {source.heading!r}" + (f" * {source.factor:g}" if source.factor != 1 else "")
@@ -245,6 +246,15 @@ def _pieces(path: Path, request: Request) -> tuple[list[Piece], list[str]]:
         pieces, said = triggered(pieces, said, SENSES.index(senses))
     moved = {c: source.unit for c, source in sources.items() if c in MOTIONS and source.unit in SENSED}
     return [piece._replace(moved=moved) for piece in pieces], said
+
+
+def _which(missing: Sequence[str]) -> str:
+    """The question which headings are the columns that are ``missing``, all at once, and how to answer it."""
+    given = " ".join(f"--map {column}=HEADING" for column in missing)
+    others = [f"--map {column}={NONE} if no force acted" for column in missing if column in FORCES]
+    others += ["--sample-rate HZ"] if "t" in missing else []
+    which = "which heading is" if len(missing) == 1 else "which headings are"
+    return f"{which} {', '.join(missing)}? Give {', or '.join([given, *others])}"
 
 
 def _numbers(table: pl.DataFrame, heading: str, path: Path) -> Floats:

@@ -8,6 +8,7 @@ import pytest
 import typer
 
 from discrepancy.data.dataset import load_dataset
+from discrepancy.data.import_table import Request, guess_sources, write_dataset
 from gyro_model.device import load_device
 from gyro_model.errors import InputError
 from gyrotwin.dataset import dataset_app
@@ -100,6 +101,26 @@ def test_of_two_columns_with_a_unit_of_motion_none_is_taken(tmp_path: Path) -> N
         init(tmp_path / "one.csv", "--out", tmp_path / "set")
 
 
+def test_units_tell_a_drive_and_a_turn_rate_beside_two_voltages() -> None:
+    headings = ["Time [s]", "Drive [uN]", "Vx [mV]", "Vy [mV]", "Drehrate [deg/s]"]
+    request = Request((), Path("out"), maps={"u_y": "none"})
+    sources = guess_sources(headings, request)
+    assert (sources["u_x"].heading, sources["u_x"].factor) == ("Drive [uN]", 1e-6)
+    assert sources["omega_z"].heading == "Drehrate [deg/s]"
+    assert sources["omega_z"].factor == pytest.approx(np.pi / 180)
+    # Of one axis it is the motion.
+    alone = Request((), Path("out"))
+    assert guess_sources(["Time [s]", "Torque [Nm]", "Drehrate [deg/s]"], alone)["v_x"].heading == "Drehrate [deg/s]"
+
+
+def test_all_that_is_not_told_is_asked_at_once(tmp_path: Path) -> None:
+    columns = {"t [s]": T, "Shaker force [N]": WAVE, "Vib1 [mm/s]": WAVE, "Vib2 [mm/s]": WAVE}
+    pl.DataFrame(columns).write_csv(tmp_path / "two.csv")
+    request = Request((tmp_path / "two.csv",), tmp_path / "out", maps={"u_y": "none", "u_x": "2"})
+    with pytest.raises(InputError, match=r"which headings are v_x, v_y\? Give --map v_x=HEADING --map v_y=HEADING"):
+        write_dataset(request)
+
+
 def test_the_only_heading_left_is_the_voltage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pl.DataFrame({"time": T, "force": WAVE, "disp": WAVE}).write_csv(tmp_path / "one.csv")
     init(tmp_path / "one.csv", "--out", tmp_path / "set")
@@ -107,7 +128,7 @@ def test_the_only_heading_left_is_the_voltage(tmp_path: Path, capsys: pytest.Cap
     # Neither a table whose time or force is not known nor one with two such headings says which it is.
     for headings in (["when", "force", "disp"], ["time", "push", "disp"], ["time", "force", "disp", "other"]):
         pl.DataFrame({name: T if i == 0 else WAVE for i, name in enumerate(headings)}).write_csv(tmp_path / "two.csv")
-        with pytest.raises(InputError, match="which heading is"):
+        with pytest.raises(InputError, match=r"which headings? (is|are)"):
             init(tmp_path / "two.csv", "--out", tmp_path / "other")
 
 
