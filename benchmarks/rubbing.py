@@ -67,7 +67,14 @@ def _moved(own: tuple[Floats, Floats, Floats], resistance: tuple[float, float, f
             rates[0] = (0.0 if abs(free) <= most else free - most * np.sign(free)) / h - own_speed / h
             state[1] += h * rates
             state[0] += 0.5 * h * state[1]
-        found[i] = state[0, 0], state[1, 0], rates[0]
+        # At the sample, just before a held force changes: the rate over the last step is that of half a step before.
+        force = u[i] if first else u[i - 1]
+        own_speed = state[1, 0]
+        acting = force - k3 * state[0, 0] ** 3
+        for j in range(n):
+            acting -= stiffness[0, j] * state[0, j] + damping[0, j] * state[1, j]
+        acting -= friction * (1 + excess * np.exp(-((own_speed / speed) ** 2))) * np.sign(own_speed)
+        found[i] = state[0, 0], own_speed, acting / mass[0] if own_speed != 0.0 or friction == 0.0 else 0.0
     return found
 
 

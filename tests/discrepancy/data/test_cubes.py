@@ -51,9 +51,9 @@ def test_a_spring_that_bends_is_known_by_any_sensor(motion: tuple[Floats, Floats
     assert nominal["m"] == pytest.approx(M, rel=0.03)
     found = bent_response([own], nominal)
     assert found is not None
-    # What is lost of the place by its slow part, and rounds a sample's integral, is some percent of its cube.
-    assert found.cubic[0][0] == pytest.approx(K3, rel=0.06)
-    assert found.left < 5e-3
+    # What is lost of the place by its slow part is a percent or two of its cube.
+    assert found.cubic[0][0] == pytest.approx(K3, rel=0.03)
+    assert found.left < 2e-3
     assert not any(found.friction)
 
 
@@ -62,6 +62,6 @@ def test_a_place_is_that_of_the_motion(motion: tuple[Floats, Floats, Floats], se
     own = record(motion, senses)
     shown = places(own, [own.reference**own.order], 1.0)[:, 0]
     x = motion[2][0]
-    # At its ends a filter that runs both ways has not settled; an acceleration has the noise of its slow part.
-    inside = slice(1_000, -1_000)
-    assert np.std(shown[inside] - x[inside]) < 0.05 * np.std(x)
+    # An acceleration has the noise of its slow part; at its ends a filter that runs both ways has not settled.
+    assert np.std(shown[1_000:-1_000] - x[1_000:-1_000]) < 0.04 * np.std(x)
+    assert np.abs(shown - x).max() < 0.5 * np.std(x)
