@@ -183,7 +183,9 @@ def _better(fitter: Fitter, one: Fitted, other: Fitted) -> Fitted:
 def _each_off(fitter: Fitter, at: Fitted) -> list[float]:
     """Of each run the residual over the signal of all, rms."""
     pairs = zip(at.residuals, fitter.records, strict=True)
-    return [float(np.sqrt(np.sum(e[r.valid] ** 2) / max(e[r.valid].size, 1))) / fitter.signal for e, r in pairs]
+    # One that has left all bounds is off by more than any.
+    with np.errstate(over="ignore"):
+        return [float(np.sqrt(np.sum(e[r.valid] ** 2) / max(e[r.valid].size, 1))) / fitter.signal for e, r in pairs]
 
 
 def _set_out(fitter: Fitter, at: Fitted, rounds: int) -> tuple[Mapping[str, float], ...]:

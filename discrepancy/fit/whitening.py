@@ -231,7 +231,9 @@ def misfit_under(
         return np.inf, np.inf
     square, count, logs = 0.0, 0, 0.0
     for residual, usable in zip(residuals, valid, strict=True):
-        square += float(np.sum(filtered(residual[None], usable) ** 2))
+        # A motion that leaves all bounds is as unlikely as any.
+        with np.errstate(over="ignore"):
+            square += float(np.sum(filtered(residual[None], usable) ** 2))
         count += int(usable.sum()) * axes
         logs += filtered.log_determinants(len(residual))
     return float(count * np.log(square / count) - 2 * logs), square / count
