@@ -41,24 +41,21 @@ def beside(records: Sequence[Record], kinds: Sequence[Course]) -> list[Record]:
     return found
 
 
-def left(records: Sequence[Record], modes: Sequence[Mode]) -> float:
+def left_by(records: Sequence[Record], modes: Sequence[Mode]) -> float:
     """Of the voltage (rms), that ``modes`` leave, which may be none."""
     return answered(records, modes).left if modes else 1.0
 
 
-def may_act(records: Sequence[Record], acting: Sequence[Record], modes: Sequence[Mode]) -> bool:
-    """Whether it is worth while to look for others than these ``modes``, which may be none, beside the courses that the
-    same records ``acting`` have."""
-    before = left(records, modes)
-    return before > MUCH or (before**2 > LEAST and left(acting, modes) < SOMEWHAT * before)
+def may_act(before: float, acting: Sequence[Record], modes: Sequence[Mode]) -> bool:
+    """Whether it is worth while to look for others than these ``modes``, which may be none and leave ``before``, beside
+    the courses that the same records ``acting`` have."""
+    return before > MUCH or (before**2 > LEAST and left_by(acting, modes) < SOMEWHAT * before)
 
 
-def plainly_act(
-    records: Sequence[Record], without: Sequence[Mode], acting: Sequence[Record], modes: Sequence[Mode]
-) -> bool:
-    """Whether ``modes`` beside the courses that the same records ``acting`` have leave plainly less than those
-    ``without``, which may be none."""
-    return bool(modes) and left(acting, modes) < PLAINLY * left(records, without)
+def plainly_act(before: float, acting: Sequence[Record], modes: Sequence[Mode]) -> bool:
+    """Whether ``modes`` beside the courses that records ``acting`` have leave plainly less than ``before``, what others
+    leave without."""
+    return bool(modes) and left_by(acting, modes) < PLAINLY * before
 
 
 def leave_as_little(records: Sequence[Record], few: Sequence[Mode], more: Sequence[Mode]) -> bool:
@@ -66,13 +63,14 @@ def leave_as_little(records: Sequence[Record], few: Sequence[Mode], more: Sequen
     if not is_driven(records):
         return False
     acting = beside(records, KINDS[-1])
-    return left(acting, few) < HARDLY * min(left(own, more) for own in views(records, more))
+    return left_by(acting, few) < HARDLY * min(left_by(own, more) for own in views(records, more))
 
 
 def views(records: Sequence[Record], modes: Sequence[Mode]) -> Iterator[Sequence[Record]]:
     """The records, and the same with courses that may act beside ``modes``."""
     yield records
+    before = left_by(records, modes)
     for kinds in KINDS:
         acting = beside(records, kinds)
-        if may_act(records, acting, modes):
+        if may_act(before, acting, modes):
             yield acting

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import coherence, welch
 
-from discrepancy.data.courses import KINDS, beside, may_act, plainly_act
+from discrepancy.data.courses import KINDS, beside, left_by, may_act, plainly_act
 from discrepancy.data.modes import APART, ENOUGH, LEAST, MOST, POWER, Mode, answering, apart, further_modes
 from discrepancy.data.record import Floats, Record, is_driven
 from discrepancy.data.residues import Columns, answered, columns_of
@@ -60,19 +60,22 @@ def all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
 
 
 def _beside_courses(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
-    found, before = _all_modes(records), records
+    found, plain = _all_modes(records), True
+    if not is_driven(records):
+        return found
     known = sorted([*found[0], *found[1]])
-    for kinds in KINDS if is_driven(records) else ():
+    before = left_by(records, known)
+    for kinds in KINDS:
         # Where neither shows alone, both do not.
-        if len(kinds) > 1 and before is records:
+        if len(kinds) > 1 and plain:
             break
         acting = beside(records, kinds)
         if not may_act(before, acting, known):
             continue
         new = _all_modes(acting)
         modes = sorted([*new[0], *new[1]])
-        if plainly_act(before, known, acting, modes):
-            found, before, known = new, acting, modes
+        if plainly_act(before, acting, modes):
+            found, plain, known, before = new, False, modes, left_by(acting, modes)
     return found
 
 
@@ -98,7 +101,7 @@ def _all_modes(records: Sequence[Record]) -> tuple[list[Mode], list[Mode]]:
 
 def _as_a_whole(records: Sequence[Record], known: Sequence[Mode]) -> list[Mode]:
     """The mode below the force's band without which the ``known`` ones leave much more; none where there is none."""
-    before = answered(records, known).left if known else 1.0
+    before = left_by(records, known)
     if before**2 < LEAST:
         return []
     lowest = min([*(mode.frequency for mode in known[:1]), *(_driven_from(record) for record in records)])

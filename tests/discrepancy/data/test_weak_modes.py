@@ -12,7 +12,7 @@ from structures import Structure as Hung
 from benchmarks.rubbing import Rubbing, motion
 from benchmarks.structures import Structure, chain, drawn, runs, runs_of
 from discrepancy.data.absorbers import carried
-from discrepancy.data.courses import may_act, plainly_act
+from discrepancy.data.courses import left_by, may_act, plainly_act
 from discrepancy.data.linear_start import linear_start
 from discrepancy.data.modes import further_modes
 from discrepancy.data.record import Record, Senses
@@ -84,8 +84,9 @@ def test_no_friction_is_seen_where_none_is() -> None:
     for seed in (4601, 4602, 4610):
         _, records = structure(seed)
         modes = sorted([mode for own in all_modes(records) for mode in own])
-        assert not may_act(records, rubbed(records), modes)
-        assert not plainly_act(records, modes, rubbed(records), modes)
+        before = left_by(records, modes)
+        assert not may_act(before, rubbed(records), modes)
+        assert not plainly_act(before, rubbed(records), modes)
 
 
 def test_a_place_that_drifts_far_hides_no_mode() -> None:
