@@ -4,7 +4,7 @@ Each check is one function with its rule; ``check`` runs them in the order in wh
 Held-out runs are checked as far as that needs no model: nothing is ever fitted to them.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -67,6 +67,9 @@ ACCELERATION_LIMIT: Final = 1e5
 
 DEGREES: Final = 180 / np.pi
 
+ALIKE: Final = 3
+"""Runs of which each is told what a rule finds of it."""
+
 
 class Finding(NamedTuple):
     """A warning. check: the name of the rule; run: the file, or "" for all; message: one line."""
@@ -95,6 +98,19 @@ def check(dataset: Dataset) -> list[Finding]:
             more = "".join(f"; {finding}" for finding in beside)
             raise InputError(f"run {record.name}: {error}{more}") from None
     return [*findings, *hold(dataset), *excitation(dataset)]
+
+
+def lines(findings: Iterable[Finding]) -> list[str]:
+    """A line for each, and one for what more than ALIKE runs are told by the same rule."""
+    told: dict[tuple[str, str], list[Finding]] = {}
+    for finding in findings:
+        told.setdefault((finding.check, finding.message if not finding.run else ""), []).append(finding)
+    found = []
+    for own in told.values():
+        few = own if len(own) <= ALIKE else own[:1]
+        found += [str(finding) for finding in few[:-1]]
+        found.append(str(few[-1]) + (f" (and {len(own) - 1} further runs likewise)" if few is not own else ""))
+    return found
 
 
 def modes(own: Sequence[Mode], more: Sequence[Mode]) -> Iterator[Finding]:

@@ -149,7 +149,7 @@ def diagnose(
         If an argument or the data are wrong.
 
     """
-    from discrepancy.data.checks import check
+    from discrepancy.data.checks import check, lines
     from discrepancy.data.dataset import Dataset
     from discrepancy.tell.limits import Limits
     from gyrotwin.tasks.diagnose import Request, find, with_nominal
@@ -164,7 +164,7 @@ def diagnose(
     data, notes = with_nominal(data, given, "that was given")
     able = Limits.of(limits) if isinstance(limits, Mapping) else Path(limits) if limits is not None else None
     request = Request(place, place, None, folders, max_effects, jobs, seed, limits=able)
-    warnings = [*notes, *map(str, check(data))]
+    warnings = [*notes, *lines(check(data))]
     kept = None if checkpoint is None else Path(checkpoint)
     return find(request, data, data.model, progress or (lambda line: None), kept, warnings)
 

@@ -99,7 +99,7 @@ def execute(request: Request, out: Console, *, force: bool = False) -> dict[str,
 
     Raises InputError for anything wrong in the request or in the data. An interrupted search leaves its checkpoint.
     """
-    from discrepancy.data.checks import check
+    from discrepancy.data.checks import check, lines
     from gyrotwin.diagnosis_console import results
     from gyrotwin.output import check_writable
 
@@ -107,7 +107,7 @@ def execute(request: Request, out: Console, *, force: bool = False) -> dict[str,
     check_writable(request.out, force=force)
     model = load_model(*request.effects)
     data, notes = load_nominal(request, model)
-    warnings = [*notes, *map(str, check(data))]
+    warnings = [*notes, *lines(check(data))]
     for warning in warnings:
         out.print(f"warning: {warning}", style="yellow", soft_wrap=True, highlight=False, markup=False)
     with _kept_search(request, out) as (checkpoint, progress):

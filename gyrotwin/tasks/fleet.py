@@ -79,7 +79,7 @@ def _columns(folder: Path, names: Sequence[str]) -> dict[str, dict[str, float]]:
 
 def _row(folder: Path, name: str, request: one.Request, said: str, tell: Steps) -> Row:
     """What the device shows; found before, or now."""
-    from discrepancy.data.checks import check
+    from discrepancy.data.checks import check, lines
     from discrepancy.name.checkpoint import digest
 
     own = replace_request(request, folder / name, request.out / DEVICES / name)
@@ -99,7 +99,7 @@ def _row(folder: Path, name: str, request: one.Request, said: str, tell: Steps) 
     tell(said)
     try:
         own.out.mkdir(parents=True, exist_ok=True)
-        warnings = [*notes, *map(str, check(data))]
+        warnings = [*notes, *lines(check(data))]
         found = one.find(own, data, model, lambda line: tell(f"{said}: {line}"), own.out / one.CHECKPOINT, warnings)
     except InputError as error:
         return Row(name, error=str(error))

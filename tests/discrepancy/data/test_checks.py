@@ -305,3 +305,10 @@ def test_weak_excitation_is_said(runs: tuple[Record, ...]) -> None:
     noisy = tuple(replace(r, v=r.v + 0.06 * np.random.default_rng(6).standard_normal(r.v.shape)) for r in runs)
     found = list(checks.excitation(data(noisy)))
     assert [finding.check for finding in found] == ["excitation"]
+
+
+def test_many_runs_are_told_alike_in_one_line() -> None:
+    short = [checks.Finding("short", f"run{n}", f"short: {n} periods") for n in range(12)]
+    whole = [checks.Finding("assumed", "", text) for text in ("one", "other")]
+    assert checks.lines([*whole, *short]) == ["one", "other", "run0: short: 0 periods (and 11 further runs likewise)"]
+    assert checks.lines(short[:3]) == [str(finding) for finding in short[:3]]
