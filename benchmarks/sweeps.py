@@ -18,7 +18,7 @@ from benchmarks.structures import Outcome, diagnosed
 from discrepancy.data.record import Floats, Hold, Record, Senses, make_record
 
 SEEDS: Final = 20
-FIRST: Final = 7401
+FIRST: Final = 7601
 """The first seed, of which nothing was chosen."""
 PARTS: Final = 24
 """Steps of a sample, 1,200 a period and more: what the rule shifts a frequency by is 2e-6 of it."""
