@@ -6,7 +6,7 @@ sample, by no line of the FMU.
 """
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple, get_args
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -15,8 +15,7 @@ from benchmarks.loop_runs import in_processes
 from benchmarks.named import CLOSE, report_of
 from benchmarks.report import Options, Report
 from benchmarks.rubbing import Rubbing, motion
-from benchmarks.structures import Outcome, Structure, chain, diagnosed, runs_of
-from discrepancy.data.record import Hold, Senses
+from benchmarks.structures import Outcome, Structure, chain, diagnosed, drawn_record, runs_of
 
 SEEDS: Final = 20
 FIRST: Final = 7501
@@ -50,8 +49,7 @@ def measure(seed: int) -> Outcome:
     """The diagnosis of one. Whatever goes wrong is an outcome."""
     rng = np.random.default_rng(seed)
     own = drawn(rng)
-    senses: Senses = get_args(Senses)[int(rng.integers(3))]
-    hold: Hold = ("zero", "first")[int(rng.integers(2))]
+    senses, hold = drawn_record(rng)
     noise, n = float(np.exp(rng.uniform(*np.log(NOISES)))), len(own.structure.mass)
     device = Rubbing(own.structure, own.friction, 0.0, 1.0, own.k3)
     records = runs_of(own.structure.modes, rng, senses, hold, noise, lambda u, step: motion(device, u, step, hold))

@@ -6,11 +6,10 @@ from typing import Final
 import numpy as np
 
 from benchmarks.report import Report, Row, Table, row, spread
-from benchmarks.structures import Outcome
+from benchmarks.structures import SHARE, Outcome
 
 CLOSE: Final = 0.05
 """Of a size, by which what is found may be off: a judgement."""
-SHARE: Final = 0.9
 VALUES: Final = ("refit", "final", "over noise", "size off", "s", "s of processor")
 
 

@@ -5,15 +5,16 @@ a thousandth of a sample in which the friction stops a mass or holds it, by no l
 """
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple, get_args
+from typing import Final, NamedTuple
 
 import numpy as np
 from numba import njit
 
 from benchmarks.loop_runs import in_processes
+from benchmarks.named import CLOSE
 from benchmarks.report import Options, Report, Row, Table, row, spread
-from benchmarks.structures import NOISE_REACHED, Outcome, Structure, chain, diagnosed, runs_of
-from discrepancy.data.record import Floats, Hold, Record, Senses
+from benchmarks.structures import NOISE_REACHED, SHARE, Outcome, Structure, chain, diagnosed, drawn_record, runs_of
+from discrepancy.data.record import Floats, Hold, Record
 
 SEEDS: Final = 20
 FIRST: Final = 7201
@@ -26,9 +27,6 @@ BREAKAWAY: Final = (0.0, 0.0, 0.3)
 """By which friction at rest exceeds that at speed."""
 FADED: Final = 0.1
 """Of about the speed without friction, rms, at which that excess is down to 1/e."""
-CLOSE: Final = 0.05
-"""Of the friction, by which what is found may be off: a judgement."""
-SHARE: Final = 0.9
 
 
 class Rubbing(NamedTuple):
@@ -102,8 +100,7 @@ def measure(seed: int) -> Outcome:
     """The diagnosis of one. Whatever goes wrong is an outcome."""
     rng = np.random.default_rng(seed)
     own = drawn(rng)
-    senses: Senses = get_args(Senses)[int(rng.integers(3))]
-    hold: Hold = ("zero", "first")[int(rng.integers(2))]
+    senses, hold = drawn_record(rng)
     noise, n = float(np.exp(rng.uniform(*np.log(NOISES)))), len(own.structure.mass)
     what = (f"{n} masses, {own.friction:.3f} N, excess {own.excess:g}, {senses}, hold {hold}, noise {noise:.1e}, "
             f"seed {seed}")  # fmt: skip

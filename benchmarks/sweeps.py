@@ -14,7 +14,7 @@ from numba import njit
 from benchmarks.loop_runs import in_processes
 from benchmarks.named import CLOSE, report_of
 from benchmarks.report import Options, Report
-from benchmarks.structures import Outcome, diagnosed
+from benchmarks.structures import Outcome, diagnosed, drawn_record
 from discrepancy.data.record import Floats, Hold, Record, Senses, make_record
 
 SEEDS: Final = 20
@@ -122,8 +122,7 @@ def measure(seed: int) -> Outcome:
     """The diagnosis of one. Whatever goes wrong is an outcome."""
     rng = np.random.default_rng(seed)
     own, rate = drawn(rng)
-    senses: Senses = get_args(Senses)[int(rng.integers(3))]
-    hold: Hold = ("zero", "first")[int(rng.integers(2))]
+    senses, hold = drawn_record(rng)
     noise = float(np.exp(rng.uniform(*np.log(NOISES))))
     records = runs(own, rate, rng, senses, hold, noise)
     f = float(np.sqrt(own.k / own.m)) / (2 * np.pi)

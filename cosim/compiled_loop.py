@@ -64,9 +64,9 @@ class CompiledLoop:
     def rows(self, count: int) -> Floats:
         """Room for ``count`` rows, shape (count, width), which stands column after column: what reads them reads
         columns."""
-        lines = -(-count * 8 // CACHE_LINE)
-        # An odd number: the columns of a sample would share a few places of the cache, and push each other out.
-        return np.empty((self.width, (lines | 1) * CACHE_LINE // 8))[:, :count].T
+        line = CACHE_LINE // np.dtype(float).itemsize
+        # Odd: the columns of a sample would share a few places of the cache, and push each other out.
+        return np.empty((self.width, (-(-count // line) | 1) * line))[:, :count].T
 
     def step(self, first: int, held: Floats, rows: Floats) -> int:
         """Runs the samples from ``first`` on and fills ``rows``, of those that ``rows`` makes; returns after how many

@@ -1,5 +1,5 @@
 """A force that is blows, as of a hammer: between them its record is nothing but the noise of its own channel, which
-drives no device. The force window of modal testing (D. J. Ewins, Modal Testing, 2000, section 3.9) takes it out."""
+drives no device. The force window of modal testing (D. J. Ewins, Modal Testing, 2000) takes it out."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,16 +11,18 @@ from scipy.ndimage import binary_dilation
 from discrepancy.data.record import Floats, Record
 
 BEYOND, PEAK = 8.0, 50.0
-"""Deviations of the noise, from which a force is no noise, and that a blow reaches."""
+"""Deviations of the noise, from which a force is no noise, and that a blow reaches: judgements. Of 60,000 samples of
+white noise none is 8 off."""
 SHORT: Final = 0.2
-"""Of a run, in which blows are over; of a tone half would be."""
+"""Of a run, that blows take at most: a judgement. A tone is loud for most of a run."""
 AROUND: Final = 0.25
-"""Of a blow's length, before and after what stands out of the noise: at its ends a half sine is below BEYOND of PEAK
-for a tenth of it."""
+"""Of a blow's length, before and after what stands out of the noise: a half sine of PEAK is below BEYOND for a
+twentieth of its length at each end, and one that dies away for longer."""
 LEAST: Final = 4
 """Samples of that, at least."""
 WHITE: Final = 0.1
-"""Correlation of neighbours up to which a noise is white, that of a drive being more."""
+"""Correlation of neighbours up to which a noise is white: a judgement. 400 samples know it to 0.05, and a tone of
+thirty samples a period has 0.98."""
 OF_MEDIAN: Final = 1.4826
 """Deviation of a normal distribution over the median of what is off."""
 

@@ -21,8 +21,6 @@ SLOW: Final = 0.1
 their speed or acceleration forces of third order left 0.015 of the force at most, with k3 to 4 %; with half of it 0.10
 of accelerations, whose noise grows with the inverse of the square, with k3 to 27 %, and with three times as much 0.012,
 with k3 to 11 %."""
-
-
 CURVED: Final = 3
 """Degree of what is taken out of an integral before it is filtered."""
 

@@ -5,8 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from benchmarks import bent
-from benchmarks.bent import Bent, drawn, make_report, motion, runs
-from benchmarks.structures import Outcome
+from benchmarks.bent import Bent, drawn, motion, runs
 
 
 @pytest.mark.parametrize("hold", ["zero", "first"])
@@ -40,12 +39,3 @@ def test_what_hardly_bends_is_regular_and_the_change_of_a_place_fades():
 def test_a_spring_that_is_mostly_cube_is_chaotic():
     _, grown = runs(Bent(1.0, 0.628, 158.0, 7.2e6, 0.0), 2.0, np.random.default_rng(7), "position", "zero", 1e-3)
     assert grown > bent.CHAOTIC
-
-
-def test_shares_are_of_all_and_of_each_kind(monkeypatch):
-    monkeypatch.setattr(bent, "in_processes", lambda f, seeds, jobs: [
-        Outcome("one, chaotic", [], "missing effects: cubic_stiffness", True, {"over noise": 1.0}),
-        Outcome("other, regular", [], "unexplained: ", False, {"over noise": 8.0}),
-    ])  # fmt: skip
-    rows = make_report([1, 2], 1).tables[0].rows
-    assert [row.values["share"] for row in rows] == [0.5, 0.0, 1.0]

@@ -1,13 +1,11 @@
 """The motion that a benchmark of springs that bend is judged by, and what it counts."""
 
 import numpy as np
-import pytest
 from scipy.integrate import solve_ivp
 
-from benchmarks import bowed
-from benchmarks.bowed import drawn, make_report
+from benchmarks.bowed import drawn
 from benchmarks.rubbing import Rubbing, motion
-from benchmarks.structures import Outcome, Structure
+from benchmarks.structures import Structure
 
 
 def test_two_masses_on_a_spring_that_bends_move_as_by_another_integrator() -> None:
@@ -36,12 +34,3 @@ def test_springs_bend_as_far_as_they_are_drawn() -> None:
     found = [drawn(np.random.default_rng(seed)) for seed in range(4)]
     assert all(own.k3 > 0 and len(own.structure.mass) in (2, 3) for own in found)
     assert 0 < sum(own.friction > 0 for own in found) < 4
-
-
-def test_shares_are_of_all_and_of_each_kind(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bowed, "in_processes", lambda f, seeds, jobs: [
-        Outcome("one, smooth", [], "missing effects: cubic_stiffness", True, {"over noise": 1.0}),
-        Outcome("other, rubs with 1 N", [], "unexplained: ", False, {"over noise": 8.0}),
-    ])  # fmt: skip
-    rows = make_report([1, 2], 1).tables[0].rows
-    assert [row.values["share"] for row in rows] == [0.5, 1.0, 0.0]

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from benchmarks import sweeps
-from benchmarks.structures import Outcome
-from benchmarks.sweeps import PARTS, Swept, drawn, make_report, motion, runs
+from benchmarks.sweeps import PARTS, Swept, drawn, motion, runs
 
 
 def test_the_motion_is_that_of_another_integrator():
@@ -41,12 +39,3 @@ def test_runs_pass_the_resonance_and_say_nothing_of_the_hold(senses):
     assert {record.hold for record in records} == {"zero"}
     moved = np.abs(records[0].v[:, 0])
     assert moved[2000:10_000].max() > 2 * max(moved[:200].max(), moved[-200:].max())
-
-
-def test_shares_are_of_all_and_of_each_kind(monkeypatch):
-    monkeypatch.setattr(sweeps, "in_processes", lambda f, seeds, jobs: [
-        Outcome("one, bent", [], "missing effects: dry_friction", True, {"over noise": 1.0}),
-        Outcome("other, straight", [], "unexplained: ", False, {"over noise": 8.0}),
-    ])  # fmt: skip
-    rows = make_report([1, 2], 1).tables[0].rows
-    assert [row.values["share"] for row in rows] == [0.5, 0.0, 1.0]
