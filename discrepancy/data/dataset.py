@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import inf
+from math import ceil, inf
 from pathlib import Path
 from typing import Any, Final, NamedTuple, get_args
 
@@ -18,6 +18,7 @@ from discrepancy.data.offset import levelled
 from discrepancy.data.record import Floats, Hold, Record, Role, Senses, is_driven, make_record
 from discrepancy.data.table import SUFFIXES, read_columns
 from discrepancy.data.thinning import spare, thinned
+from discrepancy.data.wander import steadied
 from discrepancy.data.weak_modes import all_modes
 from gyro_model.device import check_passive
 from gyro_model.errors import InputError, nearest
@@ -29,6 +30,10 @@ __all__ = ["Dataset", "Record", "load_dataset", "make_record"]
 FORMAT: Final = 1
 FILE: Final = "dataset.toml"
 RUN_KEYS: Final = ("file", "sample_rate", "role", "hold", "senses")
+
+LATEST, FIRST = 1e-3, 8
+"""Time [s] by which forces and voltages may be late, and samples that are left out at most for it: a hundredth of a run
+and more is too much of what says how it begins."""
 
 NEEDED: Final = {1: ("m", "kxx", "dxx", "sense_gain_x"),
                  2: ("m", "kxx", "kyy", "dxx", "dyy", "sense_gain_x", "sense_gain_y")}  # fmt: skip
@@ -111,6 +116,11 @@ class Dataset:
         """With forces that ran so between samples."""
         return self._of(tuple(replace(record, hold=hold) for record in self.measured))
 
+    def since_start(self) -> "Dataset":
+        """Without the first samples of driven runs, in which what acted before them, and is in no record, still acts
+        where the force comes late."""
+        return replace(self, records=tuple(map(_since_start, self.records)))
+
     def thinned(self, every: int) -> "Dataset":
         """With one of ``every`` samples."""
         return replace(self, every=every)._of(self.measured)
@@ -185,16 +195,22 @@ def _dataset(folder: Path, content: Mapping[str, Any], device: dict[str, float],
     if records:
         records = tuple(replace(record, reference=records[0].reference) for record in records)
     records, offset, offsets = levelled(records, device | nominal, model)
+    records, drifts = steadied(records)
     axes = records[0].axes if records else 2
     stated, sensed = _as_position(device | nominal, records)
     believed, found = _believed(stated, records)
     complete, more = _completed(believed | offset, axes)
-    more = [*sensed, *offsets, *found, *more]
+    more = [*sensed, *offsets, *drifts, *found, *more]
     unknown = _unknown_gains(stated, records) if axes == 2 and "m" in complete else ()
     estimated = tuple(name for name in believed if name not in stated)
     notes = [*notes, *more, *(note for _, note in read if note), *blows]
     return Dataset(folder, complete, records, tuple(notes), model, unknown, estimated,
                    any("hold" in run for run in runs))  # fmt: skip
+
+
+def _since_start(record: Record) -> Record:
+    late = min(ceil(LATEST * record.sample_rate), FIRST, len(record.t) // 100) if record.u.any() else 0
+    return replace(record, valid=record.valid & (np.arange(len(record.t)) >= late))
 
 
 def _thinned(data: Dataset) -> Dataset:

@@ -2,7 +2,8 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Final, Literal, get_args
+from functools import cached_property, lru_cache
+from typing import Final, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,6 +40,13 @@ RATE_TOLERANCE: Final = 1e-3
 would already shift k/m by 2e-3."""
 
 
+class Drift(NamedTuple):
+    """What a sensor wanders by: taken out of a voltage [V] (n, axes), polynomials over the run to an ``order``."""
+
+    taken: Floats
+    order: int
+
+
 @dataclass(frozen=True)
 class Record:
     """One run. Sample k of ``v`` is taken at t_k, just before the force changes to u_k.
@@ -48,7 +56,8 @@ class Record:
     ``reference``: where that is no position, the frequency w [rad/s] at which gains are those of one
     (docs/theory/records.md, eq. 8); ``begun``: place [m] and speed [m/s] of x at its start, each times the gain, where
     these are known and no fit finds them; ``courses``: by kind, of forces that the motion makes itself beside u, each
-    (n, axes) (``courses.py``); ``centred``: whether v is a velocity of which the mean was taken out. Built by
+    (n, axes) (``courses.py``); ``centred``: whether v is a velocity of which the mean was taken out; ``drift``: what a
+    sensor wandered by, which was taken out of v, and beside which nothing slow counts (``wander.py``). Built by
     ``make_record``, or raises InputError where the arrays make no record.
     """
 
@@ -66,6 +75,7 @@ class Record:
     begun: tuple[float, float] | None = None
     courses: Mapping[Course, Floats] = field(default_factory=dict)
     centred: bool = False
+    drift: Drift | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -95,6 +105,23 @@ class Record:
                  for i, axis in enumerate("xy"[: self.axes])}  # fmt: skip
         return pairs | dict(self.conditions)
 
+    def steady(self, values: Floats) -> Floats:
+        """``values`` (n, axes) [V] without the curves that a drift may be; as they are where v has none."""
+        if self.drift is None:
+            return values
+        slow: Floats = curves(len(values), self.drift.order) @ (self._slow @ values[self.valid])
+        return values - slow
+
+    @cached_property
+    def _slow(self) -> Floats:
+        """What gives the numbers of the curves, (curves, valid samples): by weights that fall to nothing at both ends,
+        so that a motion of some turns leaves less in them there."""
+        assert self.drift
+        n = len(self.t)
+        weights = np.sqrt(np.sin(np.pi * (np.arange(n) + 0.5) / n))[self.valid]
+        own = curves(n, self.drift.order)[self.valid]
+        return np.asarray(np.linalg.pinv(own * weights[:, None]) * weights, np.float64)
+
     def _check_shapes(self) -> None:
         n = len(self.t)
         if n < MINIMUM_SAMPLES:
@@ -121,6 +148,12 @@ class Record:
                     f"column {name} holds no finite number in data row {row + 1} ({len(finite) - int(finite.sum())} "
                     "such rows): cut the run there into two files, or mend the rows"
                 )
+
+
+@lru_cache(maxsize=16)
+def curves(n: int, order: int) -> Floats:
+    """What is slow over a run of n samples: Legendre polynomials to that order, (n, order + 1)."""
+    return np.asarray(np.polynomial.legendre.legvander(np.linspace(-1, 1, n), order), np.float64)
 
 
 def make_record(

@@ -41,8 +41,10 @@ def thinned(record: Record, every: int) -> Record:
     kept = slice(None, None, every)
     held = {name: _means(column, every) for name, column in record.conditions.items()}
     u = np.column_stack([_as_held(column, every, runs=record.hold != "zero") for column in record.u.T])
+    drift = record.drift and record.drift._replace(taken=record.drift.taken[kept].copy())
     return replace(record, sample_rate=record.sample_rate / every, hold="zero", t=record.t[kept].copy(), u=u,
-                   v=record.v[kept].copy(), valid=record.valid[kept].copy(), conditions=held)  # fmt: skip
+                   v=record.v[kept].copy(), valid=record.valid[kept].copy(), conditions=held,
+                   drift=drift)  # fmt: skip
 
 
 def _as_held(u: Floats, every: int, *, runs: bool) -> Floats:

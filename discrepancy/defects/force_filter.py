@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from discrepancy.data.record import Floats
 from discrepancy.fit.defect import Distortion
-from discrepancy.fit.low_pass import held, order
+from discrepancy.fit.low_pass import delay, held, order
 from gyro_model.quantities import size
 
 TIME = size("force_filter", "s", "1/(2 pi f_c) of the force's low-pass filter", low=0.0, high=1e-3)
@@ -19,6 +19,11 @@ def force(u: Floats, step: float, p: Mapping[str, float]) -> Floats:
     return held(u, step / p["force_filter"], int(p["force_filter_order"]))
 
 
+def late(p: Mapping[str, float]) -> float:
+    """The group delay at rest [s]."""
+    return p["force_filter"] * delay(int(p["force_filter_order"]))
+
+
 DEFECT = Distortion(
     id="force_filter",
     parameters=(TIME, ORDER),
@@ -26,4 +31,5 @@ DEFECT = Distortion(
     source="A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 2010, section 4.8.4",
     force=force,
     split=True,
+    late=late,
 )

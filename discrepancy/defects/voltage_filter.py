@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from discrepancy.data.record import Floats
 from discrepancy.fit.defect import Distortion, Timing
-from discrepancy.fit.low_pass import order, sampled
+from discrepancy.fit.low_pass import delay, order, sampled
 from gyro_model.quantities import size
 
 TIME = size("voltage_filter", "s", "1/(2 pi f_c) of the voltage's low-pass filter", low=0.0, high=1e-3)
@@ -20,6 +20,11 @@ def voltage(v: Floats, timing: Timing, p: Mapping[str, float]) -> Floats:
     return sampled(columns, timing.period / p["voltage_filter"], int(p["voltage_filter_order"])).reshape(v.shape)
 
 
+def late(p: Mapping[str, float]) -> float:
+    """The group delay at rest [s]."""
+    return p["voltage_filter"] * delay(int(p["voltage_filter_order"]))
+
+
 DEFECT = Distortion(
     id="voltage_filter",
     parameters=(TIME, ORDER),
@@ -27,4 +32,5 @@ DEFECT = Distortion(
     source="A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 2010, section 4.8.1",
     voltage=voltage,
     within=True,
+    late=late,
 )

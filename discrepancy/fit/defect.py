@@ -94,12 +94,13 @@ class Distortion(Defect):
     that columns go through it alone; both get the sizes by name. split: whether it acts within a step; within: whether
     it acts on the voltage before it is sampled, which it gets between samples too; gauge: whether no sample tells it
     from another mass, stiffness and damping, so that it is never named. levels: of some runs, sizes at which its first
-    parameter is tried, where a small one changes nothing."""
+    parameter is tried, where a small one changes nothing; late: of one that delays a slow signal, by how much [s]."""
 
     force: Callable[[Floats, float, Mapping[str, float]], Floats] | None = None
     voltage: Callable[[Floats, Timing, Mapping[str, float]], Floats] | None = None
     beyond: Callable[[int, Timing, Mapping[str, float]], int] | None = None
     levels: Callable[[Sequence[Record]], Sequence[float]] | None = None
+    late: Callable[[Mapping[str, float]], float] | None = None
     split: bool = False
     within: bool = False
     gauge: bool = False

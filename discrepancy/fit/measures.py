@@ -37,8 +37,10 @@ def start_fitted(
 ) -> tuple[Floats, int]:
     """The residual (n, axes) [V] of a run whose first samples gave the initial state, and how many those were:
     ``start`` where that is known, else as many as it takes, where effects have states of their own. Where a mean was
-    taken out of the run that was the motion's, the whole run says how it begins: its first samples don't tell a level
-    from a speed."""
+    taken out of the run that was the motion's, or a drift, the whole run says how it begins: its first samples don't
+    tell a level from a speed."""
+    if record.drift:
+        return start_known(simulator, record, parameters)
     begun, n = _start_fitted(simulator, replace(record, centred=False), parameters, start)
     [residual] = begun.residuals
     left = residual[record.valid]
@@ -88,7 +90,9 @@ def _head(record: Record, n: int) -> Record:
     own = slice(0, max(n, MINIMUM_SAMPLES))
     held = {name: values[own] for name, values in record.conditions.items()}
     counted = record.valid[own] & (np.arange(len(record.t))[own] < n)
-    return replace(record, t=record.t[own], u=record.u[own], v=record.v[own], conditions=held, valid=counted)
+    return replace(
+        record, t=record.t[own], u=record.u[own], v=record.v[own], conditions=held, valid=counted, drift=None
+    )
 
 
 def _tells(head: Fitter, begun: Fitted, run: Fitter, at: Fitted) -> bool:

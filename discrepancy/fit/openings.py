@@ -40,7 +40,10 @@ class Opening(NamedTuple):
 
 def parts(records: Sequence[Record]) -> list[int]:
     """Into how many parts runs are cut for each opening, the shortest first; the last is 1, the whole. Openings in
-    which hardly anything moves are none."""
+    which hardly anything moves are none, nor are those of runs with a drift: what was taken out of these is slow over
+    the whole alone."""
+    if any(record.drift for record in records):
+        return [1]
     lengths = [len(r.t) for r in records]
     number, found = min(sum(lengths) // TRIED, min(lengths) // LEAST), []
     while number >= LONG:

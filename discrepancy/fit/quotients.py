@@ -77,7 +77,7 @@ class Quotients:
     def _tried_early(self, point: Point, base: frozenset[str], new: Mapping[Kind, Changes]) -> Mapping[Kind, Changes]:
         """``_tried`` on the first HEAD samples."""
         record, parameters, v = point
-        if not new or len(v) <= HEAD:
+        if not new or len(v) <= HEAD or record.drift:
             return new
         head = self.simulator.part(record, 0, HEAD)
         try:

@@ -309,7 +309,7 @@ class Simulator:
         result: list[Floats | None] = [None] * len(jobs)
         for number, column in zip(bounded, followed.recorded(sensed), strict=True):
             record, parameters = jobs[number]
-            result[number] = _raised(column, _level(record, parameters) - followed.level)
+            result[number] = record.steady(_raised(column, _level(record, parameters) - followed.level))
         return result
 
     def each(self, function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
@@ -342,7 +342,9 @@ class Simulator:
             # An accelerometer sees the force before it changes, and that is another part's.
             valid[0] = False
         held = {name: column[own] for name, column in record.conditions.items()}
-        part = replace(record, t=record.t[own], u=record.u[own], v=record.v[own], conditions=held,
+        # What is slow over a run is not over a part.
+        drift = record.drift if end - begin == len(record.t) else None
+        part = replace(record, t=record.t[own], u=record.u[own], v=record.v[own], conditions=held, drift=drift,
                        valid=valid, begun=record.begun if begin == 0 else None)  # fmt: skip
         self._parts[id(part)] = part, record, own
         return part
@@ -447,7 +449,8 @@ class Simulator:
         if own.within:
             v = own.between_samples(v, Timing(timing.first * stride // each, step * each))
         v = _slope(v, stride, step) if derived else v[:: stride // each]
-        return np.array(_raised(own.at_samples(v, timing)[: len(record.t)], _level(record, parameters)), order="C")
+        v = np.array(_raised(own.at_samples(v, timing)[: len(record.t)], _level(record, parameters)), order="C")
+        return record.steady(v)
 
     def _simulated(self, bench: Bench, played: Played, device: Mapping[str, float], each: int, order: int) -> Floats:
         """The voltage, or by ``order`` speeds or accelerations, that the FMU gives every ``each`` steps; the latest of

@@ -37,9 +37,9 @@ FIRST: Final = "effects without which a linear fit goes astray"
 def begin(given: Given, simulator: Simulator) -> Search:
     """The search with the nominal model fitted, and blemishes of the record taken out."""
     given.progress("nominal parameters and initial states")
-    data = given.dataset.shown
-    if data is not given.dataset:
+    if given.dataset.shown is not given.dataset:
         given.progress("the force ran on between samples")
+    data = given.dataset.shown.since_start()
     whole = Fitter(simulator, data.fit, criteria=given.criteria)
     nominal = nominal_of(simulator.model, data)
     late = lateness(data.fit, nominal)

@@ -366,7 +366,8 @@ class _Scale:
         ]
         longest = max(len(r.t) for r in fitter.records)
         self.whole, self.longer = self._trials(at, longest), longest > LONGER * HEAD
-        self.head = self._trials(at, HEAD)
+        # Of a run that drifts the whole alone is what a simulation gives.
+        self.head = self._trials(at, longest if any(r.drift for r in fitter.records) else HEAD)
         self.steady = _steady(fitter.records)
         self._heads: dict[tuple[bool, tuple[tuple[str, float], ...]], list[Floats]] = {}
 

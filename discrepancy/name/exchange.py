@@ -9,14 +9,16 @@ from scipy.stats import chi2
 
 from discrepancy.fit.continuation import LAST_ROUNDS, ROUNDS, beginnings, leaves, nearly_settled
 from discrepancy.fit.defect import Defect
+from discrepancy.fit.fitted import Fitted
 from discrepancy.fit.openings import LEAST, opened, parts
 from discrepancy.name.accepted import RIVALS, Accepted, Instead
 from discrepancy.name.columns import Kind, fading, without_part
 from discrepancy.name.competition import own_filter, price, price_of_shapes
+from discrepancy.name.lagging import other_lags
 from discrepancy.name.look import look
 from discrepancy.name.resisting import alike, other_resistances
 from discrepancy.name.scan import Scored, best_of, other_forms
-from discrepancy.name.score import Score, score
+from discrepancy.name.score import Score, score, taken_up
 from discrepancy.name.search import Search, attempt
 from gyro_model.anatomy import Force
 
@@ -73,7 +75,7 @@ def _without_needless(search: Search, entry: Accepted, among: Kind | None) -> Se
     if _takes(search, entry).gain * search.at.variance > enough:
         return search
     goal = max(search.at.cost + needed, search.at.cost / (1 - search.criteria.material))
-    fitted = search.fitter.fit(search.without_effect(search.at, entry), goal=goal)
+    fitted = search.fitter.fit(_begun_without(search, entry), goal=goal)
     search.simulator.clock.check()
     # Where a filter predicts a sample ahead the cost may hardly rise while the motion is lost.
     if fitted.cost >= goal or leaves(search.fitter, fitted, search.at):
@@ -198,6 +200,21 @@ def _takes(search: Search, entry: Accepted) -> Score:
     return score(scan.grams(scan.at, search.accepted.index(entry)), others, own, search.at.count)
 
 
+def _begun_without(search: Search, entry: Accepted) -> Fitted:
+    """The present fit, which was looked at, without an effect, to be fitted: as it is, or where others have taken up
+    what they can, to first order: a delay what a filter has delayed."""
+    begun = search.without_effect(search.at, entry)
+    assert search.seen
+    scan = search.seen.scan
+    others = [i for i, f in enumerate(scan.at.free) if f.name not in entry.names]
+    total = scan.grams(scan.at, search.accepted.index(entry)).sum(axis=0)
+    moved = dict(begun.parameters)
+    for i, step in zip(others, taken_up(total, others, (), ()), strict=True):
+        own = scan.at.free[i]
+        moved[own.name] = own.bounded(moved[own.name], moved[own.name] + float(step) * own.step)
+    return min(begun, search.fitter.evaluated(replace(begun, parameters=moved)), key=lambda at: at.cost)
+
+
 def _stand_ins(search: Search, entry: Accepted) -> list[Scored]:
     """Effects that explain what ``entry`` does nearly as well, by their columns at the present fit."""
     assert search.seen
@@ -209,4 +226,4 @@ def _stand_ins(search: Search, entry: Accepted) -> list[Scored]:
     near = [(c, s) for c, s in scored if s.gain > enough and c.effect.id not in further]
     best = best_of(near, search.criteria)[:RIVALS]
     forms = [form for c, _ in best for form in other_forms(c, near)]
-    return [*other_resistances(search, entry, scored), *best, *forms]
+    return [*other_resistances(search, entry, scored), *best, *forms, *other_lags(search, entry, scored)]

@@ -92,6 +92,7 @@ def _record(
     """The runs without what ``state`` has found to be the record's, and that."""
     if state["hold"] != dataset.hold:
         dataset = dataset.held(state["hold"])
+    dataset = dataset.since_start()
     if state["begun"]:
         dataset = begun(dataset)
     if state["clip"] is not None:

@@ -241,7 +241,7 @@ class Search:
 
     def held(self, hold: Hold) -> "Search":
         """Goes on with forces that ran so between samples."""
-        return self.on(self.dataset.held(hold))
+        return self.on(self.dataset.held(hold).since_start())
 
     def cleaned(self, blemish: Blemish, data: Sequence[Data]) -> "Search":
         """Goes on with the runs to fit without what ``data`` say."""

@@ -148,7 +148,8 @@ class Asked:
 
 def asked(folder: Path) -> tuple[Diagnosis, list[float]]:
     further = Asked(folder)
-    return diagnose(made({"k3_x": 2e9, "k3_y": 2e9, "feedthrough": 8.0}), MODEL, further=further), further.least
+    # Of 8 V/N the spring takes 0.9989 or 0.9990 of both, of 4 it takes 0.9997: plainly no weak name.
+    return diagnose(made({"k3_x": 2e9, "k3_y": 2e9, "feedthrough": 4.0}), MODEL, further=further), further.least
 
 
 def test_before_a_weak_name_a_term_that_takes_more_is_asked_for(
